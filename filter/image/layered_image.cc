@@ -1,0 +1,58 @@
+#include "filter/image/layered_image.h"
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/layers.h"
+
+namespace lumifold {
+
+FloatView LayeredImage::Add(std::string_view name) { return Add(name, Plane(width_, height_)); }
+
+FloatView LayeredImage::Add(std::string_view name, Plane plane) {
+  LUMIFOLD_CHECK(!Has(name));
+  LUMIFOLD_CHECK(plane.width() == width_ && plane.height() == height_);
+  channels_.push_back({std::string(name), std::move(plane)});
+  return channels_.back().plane.view();
+}
+
+ColorView LayeredImage::AddColor(std::string_view layer) {
+  const auto names = layers::ColorChannels(layer);
+  return {Add(names[0]), Add(names[1]), Add(names[2])};
+}
+
+bool LayeredImage::HasColor(std::string_view layer) const {
+  const auto names = layers::ColorChannels(layer);
+  return Has(names[0]) && Has(names[1]) && Has(names[2]);
+}
+
+const LayeredImage::Channel* LayeredImage::Find(std::string_view name) const {
+  for (const Channel& channel : channels_) {
+    if (channel.name == name) return &channel;
+  }
+  return nullptr;
+}
+
+ConstFloatView LayeredImage::Get(std::string_view name) const {
+  const Channel* channel = Find(name);
+  LUMIFOLD_CHECK(channel != nullptr);
+  return channel->plane.view();
+}
+
+FloatView LayeredImage::Get(std::string_view name) {
+  const Channel* channel = Find(name);
+  LUMIFOLD_CHECK(channel != nullptr);
+  return const_cast<Channel*>(channel)->plane.view();  // found in our own non-const vector
+}
+
+ConstColorView LayeredImage::GetColor(std::string_view layer) const {
+  const auto names = layers::ColorChannels(layer);
+  return {Get(names[0]), Get(names[1]), Get(names[2])};
+}
+
+ColorView LayeredImage::GetColor(std::string_view layer) {
+  const auto names = layers::ColorChannels(layer);
+  return {Get(names[0]), Get(names[1]), Get(names[2])};
+}
+
+}  // namespace lumifold

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "filter/image/plane.h"
+
+namespace lumifold {
+
+/// A picture of many named channels and its metadata: what a unit's sums, a film and an OpenEXR file are
+/// alike. Channels keep the order they were added in. Names follow OpenEXR ("direct_a.R");
+/// filter/image/layers.h spells ours.
+class LayeredImage {
+ public:
+  struct Channel {
+    std::string name;
+    Plane plane;
+  };
+
+  LayeredImage() = default;
+  LayeredImage(int width, int height) : width_(width), height_(height) {}
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  Rect bounds() const { return {0, 0, width_, height_}; }
+
+  /// Adds a channel of zeros; its name must be new.
+  FloatView Add(std::string_view name);
+  /// Adds a channel that takes over `plane`, which must have the picture's size; its name must be new.
+  FloatView Add(std::string_view name, Plane plane);
+  /// Adds LAYER.R, LAYER.G, LAYER.B (an empty layer gives plain R, G, B).
+  ColorView AddColor(std::string_view layer);
+
+  bool Has(std::string_view name) const { return Find(name) != nullptr; }
+  bool HasColor(std::string_view layer) const;
+  /// The channel, which must exist: ask Has() first where the name comes from outside.
+  FloatView Get(std::string_view name);
+  ConstFloatView Get(std::string_view name) const;
+  ColorView GetColor(std::string_view layer);
+  ConstColorView GetColor(std::string_view layer) const;
+
+  const std::vector<Channel>& channels() const { return channels_; }
+  std::vector<Channel>& channels() { return channels_; }
+
+  std::map<std::string, std::string>& metadata() { return metadata_; }
+  const std::map<std::string, std::string>& metadata() const { return metadata_; }
+
+ private:
+  const Channel* Find(std::string_view name) const;
+
+  int width_ = 0;
+  int height_ = 0;
+  std::vector<Channel> channels_;
+  std::map<std::string, std::string> metadata_;
+};
+
+}  // namespace lumifold

@@ -1,0 +1,35 @@
+#include "filter/image/plane.h"
+
+#include <algorithm>
+#include <cstring>
+#include <new>
+
+namespace lumifold {
+
+Plane::Plane(int width, int height) : width_(width), height_(height) {
+  LUMIFOLD_CHECK(width >= 0 && height >= 0);
+  constexpr std::ptrdiff_t kFloatsPerLine = kAlignment / sizeof(float);
+  stride_ = (width + kFloatsPerLine - 1) / kFloatsPerLine * kFloatsPerLine;
+  const size_t bytes = static_cast<size_t>(stride_) * static_cast<size_t>(height) * sizeof(float);
+  if (bytes == 0) return;
+  data_.reset(static_cast<float*>(std::aligned_alloc(kAlignment, bytes)));
+  if (data_ == nullptr) throw std::bad_alloc();
+  std::memset(data_.get(), 0, bytes);
+}
+
+Plane Plane::Clone() const {
+  Plane copy(width_, height_);
+  CopyPlane(view(), copy.view());
+  return copy;
+}
+
+void Plane::Fill(float value) {
+  for (int y = 0; y < height_; ++y) std::fill_n(Row(y), width_, value);
+}
+
+void CopyPlane(ConstFloatView src, FloatView dst) {
+  LUMIFOLD_CHECK(src.width() == dst.width() && src.height() == dst.height());
+  for (int y = 0; y < src.height(); ++y) std::copy_n(src.Row(y), src.width(), dst.Row(y));
+}
+
+}  // namespace lumifold

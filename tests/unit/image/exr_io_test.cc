@@ -1,0 +1,103 @@
+#include "filter/image/exr_io.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "filter/image/file_io.h"
+
+namespace lumifold {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string TestPath(const std::string& name) {
+  const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
+  return ::testing::TempDir() + "lumifold_exr_" + test->name() + "_" + name;
+}
+
+LayeredImage SampleImage(int width, int height) {
+  LayeredImage image(width, height);
+  int64_t count = 0;
+  for (const char* layer : {"direct_a", ""}) {
+    for (const FloatView& channel : image.AddColor(layer)) {
+      for (int y = 0; y < height; ++y) {
+        for (int x = 0; x < width; ++x) channel.At(x, y) = static_cast<float>(++count % 977) * 0.37f - 3.0f;
+      }
+    }
+  }
+  image.metadata()["lumifold:job"] = "j-42";
+  return image;
+}
+
+TEST(Exr, ReadsBackEveryFloatAndTheMetadata) {
+  const std::string path = TestPath("a.exr");
+  LayeredImage image = SampleImage(37, 21);
+  image.Get("R").At(0, 0) = std::numeric_limits<float>::denorm_min();
+  image.Get("R").At(1, 0) = std::numeric_limits<float>::infinity();
+  ASSERT_TRUE(WriteExr(path, image).ok());
+  const auto read = ReadExr(path);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->bounds(), image.bounds());
+  EXPECT_EQ(read->channels().size(), image.channels().size());
+  EXPECT_EQ(read->metadata().at("lumifold:job"), "j-42");
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    ASSERT_TRUE(read->Has(channel.name)) << channel.name;
+    for (int y = 0; y < image.height(); ++y) {
+      for (int x = 0; x < image.width(); ++x) {
+        ASSERT_EQ(read->Get(channel.name).At(x, y), channel.plane.At(x, y))
+            << channel.name << " " << x << "," << y;
+      }
+    }
+  }
+}
+
+TEST(Exr, WritesTheSameBytesForTheSamePicture) {
+  ASSERT_TRUE(WriteExr(TestPath("a.exr"), SampleImage(64, 40)).ok());
+  ASSERT_TRUE(WriteExr(TestPath("b.exr"), SampleImage(64, 40)).ok());
+  EXPECT_EQ(ReadFile(TestPath("a.exr"), 1 << 24).value(), ReadFile(TestPath("b.exr"), 1 << 24).value());
+}
+
+TEST(Exr, RefusesAPictureWithoutPixelsOrChannels) {
+  EXPECT_EQ(WriteExr(TestPath("a.exr"), LayeredImage(4, 4)).code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(WriteExr(TestPath("a.exr"), LayeredImage()).code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(Exr, RefusesAFileCutShortAnywhere) {
+  const std::string path = TestPath("a.exr");
+  ASSERT_TRUE(WriteExr(path, SampleImage(64, 64)).ok());
+  const std::string bytes = ReadFile(path, 1 << 24).value();
+  for (const size_t keep :
+       {size_t{0}, size_t{3}, size_t{40}, bytes.size() / 3, bytes.size() / 2, bytes.size() - 1}) {
+    ASSERT_TRUE(WriteFileAtomically(path, bytes.substr(0, keep)).ok());
+    const auto read = ReadExr(path);
+    EXPECT_EQ(read.status().code(), absl::StatusCode::kInvalidArgument) << keep << " of " << bytes.size();
+    EXPECT_THAT(std::string(read.status().message()), HasSubstr(path));
+  }
+}
+
+TEST(Exr, RefusesAHugeDataWindowBeforeAllocating) {
+  const std::string path = TestPath("a.exr");
+  ASSERT_TRUE(WriteExr(path, SampleImage(8, 8)).ok());
+  std::string bytes = ReadFile(path, 1 << 24).value();
+  const std::string attribute("dataWindow\0box2i\0", 17);
+  const size_t at = bytes.find(attribute);
+  ASSERT_NE(at, std::string::npos);
+  const size_t max_x = at + attribute.size() + 4 + 8;  // size, min.x, min.y
+  for (const size_t corner : {max_x, max_x + 4}) bytes.replace(corner, 4, std::string("\xff\xff\x0f\x00", 4));
+  ASSERT_TRUE(WriteFileAtomically(path, bytes).ok());
+  EXPECT_EQ(ReadExr(path).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(Exr, TellsMissingFromNotAPicture) {
+  EXPECT_EQ(ReadExr(TestPath("missing.exr")).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(ReadExr(::testing::TempDir()).status().code(), absl::StatusCode::kInvalidArgument);
+  ASSERT_TRUE(WriteFileAtomically(TestPath("text.exr"), "hello, I am text\n").ok());
+  EXPECT_EQ(ReadExr(TestPath("text.exr")).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace lumifold

@@ -1,0 +1,157 @@
+#include "proto/rpc/byte_stream.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "proto/rpc/checksum.h"
+#include "proto/rpc/limits.h"
+
+namespace lumifold::rpc {
+namespace {
+
+absl::Status SystemError(const std::string& path) {
+  const int error = errno;
+  const std::string text = absl::StrCat(path, ": ", std::strerror(error));
+  return error == ENOENT ? absl::NotFoundError(text) : absl::UnavailableError(text);
+}
+
+absl::StatusOr<uint64_t> SizeOf(const FileHandle& file, const std::string& path) {
+  struct stat info = {};
+  if (fstat(file.get(), &info) != 0) return SystemError(path);
+  if (!S_ISREG(info.st_mode)) return absl::InvalidArgumentError(absl::StrCat(path, ": not a regular file"));
+  return static_cast<uint64_t>(info.st_size);
+}
+
+absl::Status WriteAt(const FileHandle& file, const std::string& path, std::string_view bytes,
+                     uint64_t offset) {
+  while (!bytes.empty()) {
+    const ssize_t n = pwrite(file.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return SystemError(path);
+    bytes.remove_prefix(static_cast<size_t>(n));
+    offset += static_cast<uint64_t>(n);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ReadAt(const FileHandle& file, const std::string& path, char* out, size_t size,
+                    uint64_t offset) {
+  while (size > 0) {
+    const ssize_t n = pread(file.get(), out, size, static_cast<off_t>(offset));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return SystemError(path);
+    if (n == 0) return absl::DataLossError(absl::StrCat(path, ": became shorter while it was read"));
+    out += n;
+    size -= static_cast<size_t>(n);
+    offset += static_cast<uint64_t>(n);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+FileHandle::FileHandle(FileHandle&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+
+FileHandle& FileHandle::operator=(FileHandle&& other) noexcept {
+  std::swap(fd_, other.fd_);
+  return *this;
+}
+
+FileHandle::~FileHandle() {
+  if (fd_ >= 0) close(fd_);
+}
+
+ByteSender::ByteSender(std::string path, FileHandle file, uint64_t offset, uint64_t size)
+    : path_(std::move(path)), file_(std::move(file)), offset_(offset), size_(size) {}
+
+absl::StatusOr<ByteSender> ByteSender::Open(const std::string& path, uint64_t offset) {
+  FileHandle file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.get() < 0) return SystemError(path);
+  const absl::StatusOr<uint64_t> size = SizeOf(file, path);
+  if (!size.ok()) return size.status();
+  if (offset > *size) {
+    return absl::OutOfRangeError(absl::StrCat(path, ": offset ", offset, " is past its ", *size, " bytes"));
+  }
+  return ByteSender(path, std::move(file), offset, *size);
+}
+
+absl::StatusOr<bool> ByteSender::Next(v1::ByteChunk* chunk) {
+  if (started_ && offset_ == size_) return false;
+  started_ = true;
+  chunk->Clear();
+  chunk->set_offset(offset_);
+  chunk->set_total_size(size_);
+  std::string* data = chunk->mutable_data();
+  data->resize(std::min<uint64_t>(kMaxChunkBytes, size_ - offset_));
+  if (absl::Status status = ReadAt(file_, path_, data->data(), data->size(), offset_); !status.ok())
+    return status;
+  chunk->set_checksum(Checksum(*data));
+  offset_ += data->size();
+  return true;
+}
+
+ByteReceiver::ByteReceiver(std::string path, FileHandle file, uint64_t offset)
+    : path_(std::move(path)), file_(std::move(file)), offset_(offset) {}
+
+absl::StatusOr<ByteReceiver> ByteReceiver::Open(const std::string& path, uint64_t offset) {
+  FileHandle file(open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
+  if (file.get() < 0) return SystemError(path);
+  const absl::StatusOr<uint64_t> size = SizeOf(file, path);
+  if (!size.ok()) return size.status();
+  if (*size < offset) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": cannot go on at ", offset, ", it has ", *size, " bytes"));
+  }
+  if (ftruncate(file.get(), static_cast<off_t>(offset)) != 0) return SystemError(path);
+  return ByteReceiver(path, std::move(file), offset);
+}
+
+absl::Status ByteReceiver::CheckChunk(const v1::ByteChunk& chunk) const {
+  if (chunk.offset() != offset_) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path_, ": piece at ", chunk.offset(), " where ", offset_, " is due"));
+  }
+  if (started_ && chunk.total_size() != total_size_) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path_, ": total size changed from ", total_size_, " to ", chunk.total_size()));
+  }
+  if (offset_ > chunk.total_size() || chunk.data().size() > kMaxChunkBytes ||
+      chunk.data().size() > chunk.total_size() - offset_) {
+    return absl::InvalidArgumentError(absl::StrCat(path_, ": piece at ", offset_, " is too long"));
+  }
+  if (chunk.data().empty() && offset_ != chunk.total_size()) {
+    return absl::InvalidArgumentError(absl::StrCat(path_, ": piece at ", offset_, " is empty"));
+  }
+  if (chunk.checksum() != Checksum(chunk.data())) {
+    return absl::DataLossError(
+        absl::StrCat(path_, ": checksum of the piece at ", offset_, " does not agree"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status ByteReceiver::Add(const v1::ByteChunk& chunk) {
+  if (absl::Status status = CheckChunk(chunk); !status.ok()) return status;
+  if (absl::Status status = WriteAt(file_, path_, chunk.data(), offset_); !status.ok()) return status;
+  started_ = true;
+  total_size_ = chunk.total_size();
+  offset_ += chunk.data().size();
+  return absl::OkStatus();
+}
+
+absl::Status ByteReceiver::Sync() {
+  if (!IsComplete()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(path_, ": only ", offset_, " of ", total_size_, " bytes arrived"));
+  }
+  if (fsync(file_.get()) != 0) return SystemError(path_);
+  return absl::OkStatus();
+}
+
+}  // namespace lumifold::rpc

@@ -1,0 +1,72 @@
+#include "proto/rpc/credentials.h"
+
+#include <arpa/inet.h>
+#include <grpcpp/create_channel.h>
+#include <grpcpp/security/credentials.h>
+#include <grpcpp/security/server_credentials.h>
+
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "proto/rpc/limits.h"
+
+namespace lumifold::rpc {
+namespace {
+
+constexpr int kKeepAliveMs = 20'000;
+constexpr int kKeepAliveTimeoutMs = 10'000;
+
+// HOST:PORT with a port of 0 to 65535; an IPv6 host stands in brackets.
+bool IsHostAndPort(const std::string& address) {
+  const size_t colon = address.rfind(':');
+  if (colon == std::string_view::npos || colon == 0) return false;
+  const std::string host = address.substr(0, colon);
+  const bool bracketed = host.front() == '[' && host.back() == ']';
+  if (!bracketed && absl::StrContains(host, ":")) return false;
+  int port = -1;
+  return absl::SimpleAtoi(address.substr(colon + 1), &port) && port >= 0 && port <= 65535;
+}
+
+}  // namespace
+
+bool IsLoopback(const std::string& address) {
+  if (absl::StartsWith(address, "unix:")) return true;
+  const std::string host = address.substr(0, address.rfind(':'));
+  in_addr ip4 = {};
+  // Only a literal address counts: "127.example.org" is a name that may lead anywhere.
+  const bool is_ip4_loopback = inet_pton(AF_INET, host.c_str(), &ip4) == 1 && absl::StartsWith(host, "127.");
+  return is_ip4_loopback || host == "localhost" || host == "[::1]";
+}
+
+absl::Status CheckListenAddress(const std::string& address, const Security& security) {
+  if (!absl::StartsWith(address, "unix:") && !IsHostAndPort(address)) {
+    return absl::InvalidArgumentError(absl::StrCat("'", address, "' is not HOST:PORT"));
+  }
+  if (!IsLoopback(address) && !security.insecure) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("listening on ", address,
+                     " would let other machines in without encryption; give --insecure if that is meant"));
+  }
+  return absl::OkStatus();
+}
+
+std::shared_ptr<grpc::ServerCredentials> MakeServerCredentials(const Security&) {
+  return grpc::InsecureServerCredentials();
+}
+
+std::shared_ptr<grpc::ChannelCredentials> MakeChannelCredentials(const Security&) {
+  return grpc::InsecureChannelCredentials();
+}
+
+std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security) {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  arguments.SetMaxSendMessageSize(kMaxMessageBytes);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepAliveMs);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepAliveTimeoutMs);
+  // A channel of its own per caller: two workers in one test process must not share a connection.
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return grpc::CreateCustomChannel(address, MakeChannelCredentials(security), arguments);
+}
+
+}  // namespace lumifold::rpc

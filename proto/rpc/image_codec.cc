@@ -1,0 +1,207 @@
+#include "proto/rpc/image_codec.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <set>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "proto/rpc/checksum.h"
+#include "proto/rpc/limits.h"
+
+namespace lumifold::rpc {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "planes are sent as they lie in memory");
+static_assert(kMaxChunkBytes % sizeof(float) == 0, "a value never straddles two chunks");
+
+// Calls run(plane, y, x, n) for each stretch of values within one row that values [first, first + count) fall
+// into.
+template <typename Run>
+void ForEachRun(int width, int height, uint64_t first, uint64_t count, Run run) {
+  const uint64_t area = static_cast<uint64_t>(width) * static_cast<uint64_t>(height);
+  while (count > 0) {
+    const uint64_t in_plane = first % area;
+    const int y = static_cast<int>(in_plane / static_cast<uint64_t>(width));
+    const int x = static_cast<int>(in_plane % static_cast<uint64_t>(width));
+    const uint64_t n = std::min(count, static_cast<uint64_t>(width - x));
+    run(static_cast<size_t>(first / area), y, x, static_cast<size_t>(n));
+    first += n;
+    count -= n;
+  }
+}
+
+void AppendBytes(const LayeredImage& image, uint64_t first_byte, uint64_t byte_count, std::string* out) {
+  out->reserve(out->size() + byte_count);
+  ForEachRun(image.width(), image.height(), first_byte / sizeof(float), byte_count / sizeof(float),
+             [&](size_t plane, int y, int x, size_t n) {
+               const float* values = image.channels()[plane].plane.Row(y) + x;
+               out->append(reinterpret_cast<const char*>(values), n * sizeof(float));
+             });
+}
+
+uint64_t BytesOf(const LayeredImage& image) {
+  return static_cast<uint64_t>(image.width()) * static_cast<uint64_t>(image.height()) * sizeof(float) *
+         image.channels().size();
+}
+
+bool IsPrintable(std::string_view name) {
+  return std::all_of(name.begin(), name.end(), [](char c) { return c > ' ' && c <= '~'; });
+}
+
+absl::Status CheckNames(const v1::PixelLayout& layout, const PixelLimits& limits) {
+  std::set<std::string_view> seen;
+  for (const std::string& name : layout.channels()) {
+    if (name.empty() || name.size() > static_cast<size_t>(limits.max_name_length) || !IsPrintable(name)) {
+      return absl::InvalidArgumentError(absl::StrCat("pixel layout: the name of channel ", seen.size(),
+                                                     " is not 1 to ", limits.max_name_length,
+                                                     " printable characters"));
+    }
+    if (!seen.insert(name).second) {
+      return absl::InvalidArgumentError(absl::StrCat("pixel layout: channel ", name, " appears twice"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+v1::PixelLayout LayoutOf(const LayeredImage& image) {
+  v1::PixelLayout layout;
+  layout.set_width(image.width());
+  layout.set_height(image.height());
+  for (const LayeredImage::Channel& channel : image.channels()) layout.add_channels(channel.name);
+  return layout;
+}
+
+absl::Status CheckLayout(const v1::PixelLayout& layout, const PixelLimits& limits) {
+  if (layout.width() < 1 || layout.height() < 1 || layout.width() > limits.max_width ||
+      layout.height() > limits.max_height) {
+    return absl::InvalidArgumentError(absl::StrCat("pixel layout: size ", layout.width(), "x",
+                                                   layout.height(), " is not within 1x1 to ",
+                                                   limits.max_width, "x", limits.max_height));
+  }
+  if (layout.channels_size() < 1 || layout.channels_size() > limits.max_channels) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("pixel layout: ", layout.channels_size(), " channels, not 1 to ", limits.max_channels));
+  }
+  if (BytesOf(layout) > limits.max_bytes) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "pixel layout: ", BytesOf(layout), " bytes are more than the ", limits.max_bytes, " allowed"));
+  }
+  return CheckNames(layout, limits);
+}
+
+uint64_t BytesOf(const v1::PixelLayout& layout) {
+  return static_cast<uint64_t>(layout.width()) * static_cast<uint64_t>(layout.height()) * sizeof(float) *
+         static_cast<uint64_t>(layout.channels_size());
+}
+
+std::string BytesFromImage(const LayeredImage& image) {
+  std::string bytes;
+  AppendBytes(image, 0, BytesOf(image), &bytes);
+  return bytes;
+}
+
+absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
+                                            const PixelLimits& limits) {
+  if (absl::Status status = CheckLayout(layout, limits); !status.ok()) return status;
+  if (bytes.size() != BytesOf(layout)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("pixels: ", bytes.size(), " bytes where the layout needs ", BytesOf(layout)));
+  }
+  LayeredImage image(layout.width(), layout.height());
+  for (const std::string& name : layout.channels()) image.Add(name);
+  const char* next = bytes.data();
+  ForEachRun(layout.width(), layout.height(), 0, bytes.size() / sizeof(float),
+             [&](size_t plane, int y, int x, size_t n) {
+               std::memcpy(image.channels()[plane].plane.Row(y) + x, next, n * sizeof(float));
+               next += n * sizeof(float);
+             });
+  return image;
+}
+
+PixelChunker::PixelChunker(const LayeredImage& image) : image_(image), total_bytes_(BytesOf(image)) {}
+
+bool PixelChunker::Next(v1::PixelChunk* chunk) {
+  if (done_) return false;
+  chunk->Clear();
+  chunk->set_index(index_);
+  if (index_ == 0) *chunk->mutable_layout() = LayoutOf(image_);
+  const uint64_t size = std::min<uint64_t>(kMaxChunkBytes, total_bytes_ - sent_bytes_);
+  AppendBytes(image_, sent_bytes_, size, chunk->mutable_data());
+  sent_bytes_ += size;
+  done_ = sent_bytes_ == total_bytes_;
+  chunk->set_checksum(Checksum(chunk->data()));
+  chunk->set_last(done_);
+  ++index_;
+  return true;
+}
+
+uint64_t PixelAssembler::HeldBytes() const {
+  if (!layout_.has_value()) return 0;
+  return planes_.size() * (BytesOf(*layout_) / static_cast<uint64_t>(layout_->channels_size()));
+}
+
+absl::Status PixelAssembler::CheckChunk(const v1::PixelChunk& chunk) {
+  if (complete_) return absl::InvalidArgumentError("pixel chunk: one more after the last");
+  if (chunk.index() != next_index_) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("pixel chunk: number ", chunk.index(), " where ", next_index_, " is due"));
+  }
+  if (chunk.has_layout() != (next_index_ == 0)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("pixel chunk ", chunk.index(), ": the layout belongs to chunk 0 alone"));
+  }
+  if (chunk.has_layout()) {
+    if (absl::Status status = CheckLayout(chunk.layout(), limits_); !status.ok()) return status;
+    layout_ = chunk.layout();
+  }
+  const uint64_t due = std::min<uint64_t>(kMaxChunkBytes, BytesOf(*layout_) - received_bytes_);
+  if (chunk.data().size() != due) {
+    return absl::InvalidArgumentError(absl::StrCat("pixel chunk ", chunk.index(), ": ", chunk.data().size(),
+                                                   " bytes where ", due, " are due"));
+  }
+  if (chunk.last() != (received_bytes_ + due == BytesOf(*layout_))) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("pixel chunk ", chunk.index(), ": the mark of the last chunk is at the wrong place"));
+  }
+  if (chunk.checksum() != Checksum(chunk.data())) {
+    return absl::DataLossError(absl::StrCat("pixel chunk ", chunk.index(), ": the checksum does not agree"));
+  }
+  return absl::OkStatus();
+}
+
+void PixelAssembler::Append(std::string_view bytes) {
+  const char* next = bytes.data();
+  ForEachRun(layout_->width(), layout_->height(), received_bytes_ / sizeof(float),
+             bytes.size() / sizeof(float), [&](size_t plane, int y, int x, size_t n) {
+               if (plane == planes_.size()) planes_.emplace_back(layout_->width(), layout_->height());
+               std::memcpy(planes_[plane].Row(y) + x, next, n * sizeof(float));
+               next += n * sizeof(float);
+             });
+  received_bytes_ += bytes.size();
+}
+
+absl::Status PixelAssembler::Add(const v1::PixelChunk& chunk) {
+  if (!failure_.ok()) return failure_;
+  failure_ = CheckChunk(chunk);
+  if (!failure_.ok()) return failure_;
+  Append(chunk.data());
+  ++next_index_;
+  complete_ = chunk.last();
+  return absl::OkStatus();
+}
+
+LayeredImage PixelAssembler::Take() {
+  LUMIFOLD_CHECK(complete_);
+  LayeredImage image(layout_->width(), layout_->height());
+  for (int i = 0; i < layout_->channels_size(); ++i) {
+    image.Add(layout_->channels(i), std::move(planes_[static_cast<size_t>(i)]));
+  }
+  *this = PixelAssembler(limits_);
+  return image;
+}
+
+}  // namespace lumifold::rpc

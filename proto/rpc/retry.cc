@@ -1,0 +1,43 @@
+#include "proto/rpc/retry.h"
+
+#include <grpcpp/client_context.h>
+
+#include <algorithm>
+#include <memory>
+#include <random>
+
+#include "absl/time/clock.h"
+
+namespace lumifold::rpc {
+
+RetryEnvironment RetryEnvironment::Real() {
+  auto engine = std::make_shared<std::mt19937>(std::random_device{}());
+  return {.now = [] { return absl::Now(); },
+          .sleep = [](absl::Duration pause) { absl::SleepFor(pause); },
+          .jitter = [engine] { return std::uniform_real_distribution<double>(0.0, 1.0)(*engine); }};
+}
+
+bool IsTransient(const absl::Status& status) {
+  return absl::IsUnavailable(status) || absl::IsAborted(status) || absl::IsDeadlineExceeded(status);
+}
+
+absl::Status CallWithRetry(const RetryPolicy& policy, Idempotency idempotency,
+                           const RetryEnvironment& environment,
+                           absl::FunctionRef<absl::Status(grpc::ClientContext&)> call) {
+  const int max_tries = idempotency == Idempotency::kIdempotent ? policy.max_tries : 1;
+  const absl::Time last_start = environment.now() + policy.total_timeout;
+  absl::Duration pause = policy.first_pause;
+  for (int tries = 1;; ++tries) {
+    grpc::ClientContext context;
+    // gRPC measures deadlines by the machine's clock, whatever clock the loop itself is given.
+    context.set_deadline(absl::ToChronoTime(absl::Now() + policy.try_timeout));
+    absl::Status status = call(context);
+    if (status.ok() || !IsTransient(status) || tries >= max_tries) return status;
+    const absl::Duration shortened = pause * (1.0 - 0.5 * environment.jitter());
+    if (environment.now() + shortened > last_start) return status;
+    environment.sleep(shortened);
+    pause = std::min(pause * 2, policy.max_pause);
+  }
+}
+
+}  // namespace lumifold::rpc

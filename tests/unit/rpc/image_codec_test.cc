@@ -1,0 +1,178 @@
+#include "proto/rpc/image_codec.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "proto/rpc/limits.h"
+
+namespace lumifold::rpc {
+namespace {
+
+using ::testing::HasSubstr;
+
+LayeredImage RandomImage(int width, int height, int channels, uint32_t seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<float> value;
+  LayeredImage image(width, height);
+  for (int c = 0; c < channels; ++c) {
+    const FloatView view = image.Add("layer" + std::to_string(c) + ".R");
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) view.At(x, y) = value(random);
+    }
+  }
+  return image;
+}
+
+std::vector<v1::PixelChunk> ChunksOf(const LayeredImage& image) {
+  std::vector<v1::PixelChunk> chunks;
+  PixelChunker chunker(image);
+  while (chunker.Next(&chunks.emplace_back())) {
+  }
+  chunks.pop_back();
+  return chunks;
+}
+
+absl::Status AddAll(const std::vector<v1::PixelChunk>& chunks, PixelAssembler* assembler) {
+  for (const v1::PixelChunk& chunk : chunks) {
+    if (absl::Status status = assembler->Add(chunk); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+void ExpectSame(const LayeredImage& a, const LayeredImage& b) {
+  EXPECT_EQ(LayoutOf(a).SerializeAsString(), LayoutOf(b).SerializeAsString());
+  EXPECT_EQ(BytesFromImage(a), BytesFromImage(b));
+}
+
+TEST(ImageCodec, RoundTripsPicturesOfOddSizes) {
+  for (const int width : {1, 3, 32, 257, 1031}) {
+    for (const int height : {1, 7, 300}) {
+      const LayeredImage image = RandomImage(width, height, 5, 1);
+      PixelAssembler assembler;
+      ASSERT_TRUE(AddAll(ChunksOf(image), &assembler).ok());
+      ASSERT_TRUE(assembler.IsComplete());
+      ExpectSame(assembler.Take(), image);
+    }
+  }
+}
+
+TEST(ImageCodec, ChunksAreFullButTheLast) {
+  const LayeredImage image = RandomImage(700, 300, 3, 2);
+  const std::vector<v1::PixelChunk> chunks = ChunksOf(image);
+  ASSERT_EQ(chunks.size(), 3u);
+  EXPECT_EQ(chunks[0].data().size(), kMaxChunkBytes);
+  EXPECT_EQ(chunks[1].data().size(), kMaxChunkBytes);
+  EXPECT_EQ(chunks[2].data().size(), 700u * 300 * 3 * 4 - 2 * kMaxChunkBytes);
+  EXPECT_TRUE(chunks[0].has_layout());
+  EXPECT_FALSE(chunks[1].has_layout());
+  EXPECT_TRUE(chunks[2].last());
+}
+
+TEST(ImageCodec, KeepsNanAndSignedZero) {
+  LayeredImage image(2, 1);
+  const FloatView view = image.Add("A");
+  view.At(0, 0) = std::numeric_limits<float>::quiet_NaN();
+  view.At(1, 0) = -0.0f;
+  const absl::StatusOr<LayeredImage> copy = ImageFromBytes(LayoutOf(image), BytesFromImage(image), {});
+  ASSERT_TRUE(copy.ok());
+  ExpectSame(*copy, image);
+}
+
+TEST(ImageCodec, EveryFlippedBitOfTheDataIsFound) {
+  const LayeredImage image = RandomImage(5, 3, 2, 3);
+  const v1::PixelChunk good = ChunksOf(image).front();
+  for (size_t bit = 0; bit < good.data().size() * 8; ++bit) {
+    v1::PixelChunk bad = good;
+    (*bad.mutable_data())[bit / 8] ^= static_cast<char>(1 << bit % 8);
+    PixelAssembler assembler;
+    ASSERT_EQ(assembler.Add(bad).code(), absl::StatusCode::kDataLoss) << bit;
+  }
+}
+
+TEST(ImageCodec, AnyDamageOfTheSerialisedChunkEndsInAStatus) {
+  const LayeredImage image = RandomImage(4, 4, 3, 4);
+  const std::string good = ChunksOf(image).front().SerializeAsString();
+  std::mt19937 random(5);
+  for (size_t at = 0; at < good.size(); ++at) {
+    for (int repeat = 0; repeat < 8; ++repeat) {
+      std::string bad = good;
+      bad[at] = static_cast<char>(random());
+      v1::PixelChunk chunk;
+      if (!chunk.ParseFromString(bad)) continue;
+      PixelAssembler assembler(PixelLimits{.max_bytes = 1 << 20});
+      if (!assembler.Add(chunk).ok() || !assembler.IsComplete()) continue;
+      // What passes must be the same pixels: only names of channels are not under the checksum.
+      EXPECT_EQ(BytesFromImage(assembler.Take()), BytesFromImage(image));
+    }
+  }
+}
+
+struct Misuse {
+  const char* name;
+  std::function<void(std::vector<v1::PixelChunk>&)> spoil;
+  const char* message;
+};
+
+TEST(ImageCodec, MisuseIsNamed) {
+  const LayeredImage image = RandomImage(700, 300, 3, 6);
+  const std::vector<Misuse> misuses = {
+      {"gap", [](auto& c) { c.erase(c.begin() + 1); }, "number 2 where 1 is due"},
+      {"repeat", [](auto& c) { c.insert(c.begin(), c.front()); }, "number 0 where 1 is due"},
+      {"after last", [](auto& c) { c.push_back(c.back()); }, "one more after the last"},
+      {"no layout", [](auto& c) { c[0].clear_layout(); }, "layout belongs to chunk 0"},
+      {"second layout", [](auto& c) { *c[1].mutable_layout() = c[0].layout(); }, "layout belongs to chunk 0"},
+      {"short", [](auto& c) { c[0].mutable_data()->resize(100); }, "100 bytes where 1048576 are due"},
+      {"early last", [](auto& c) { c[0].set_last(true); }, "mark of the last chunk"},
+      {"no last", [](auto& c) { c[2].set_last(false); }, "mark of the last chunk"},
+      {"checksum", [](auto& c) { c[1].set_checksum(1); }, "checksum does not agree"},
+      {"width", [](auto& c) { c[0].mutable_layout()->set_width(0); }, "size 0x300"},
+      {"negative", [](auto& c) { c[0].mutable_layout()->set_height(-1); }, "size 700x-1"},
+      {"huge", [](auto& c) { c[0].mutable_layout()->set_width(2000000000); }, "size 2000000000x300"},
+      {"no channels", [](auto& c) { c[0].mutable_layout()->clear_channels(); }, "0 channels"},
+      {"twice", [](auto& c) { c[0].mutable_layout()->set_channels(1, c[0].layout().channels(0)); },
+       "appears twice"},
+      {"empty name", [](auto& c) { c[0].mutable_layout()->set_channels(1, ""); }, "name of channel 1"},
+      {"long name", [](auto& c) { c[0].mutable_layout()->set_channels(1, std::string(65, 'x')); },
+       "name of channel 1"},
+      {"control", [](auto& c) { c[0].mutable_layout()->set_channels(1, "a\nb"); }, "name of channel 1"},
+      {"bytes",
+       [](auto& c) { c[0].mutable_layout()->set_width(16384), c[0].mutable_layout()->set_height(16384); },
+       "bytes are more than"},
+  };
+  for (const Misuse& misuse : misuses) {
+    std::vector<v1::PixelChunk> chunks = ChunksOf(image);
+    misuse.spoil(chunks);
+    PixelAssembler assembler(PixelLimits{.max_bytes = 1 << 30});
+    const absl::Status status = AddAll(chunks, &assembler);
+    EXPECT_FALSE(status.ok()) << misuse.name;
+    EXPECT_THAT(std::string(status.message()), HasSubstr(misuse.message)) << misuse.name;
+  }
+}
+
+TEST(ImageCodec, AfterAnErrorEveryCallFails) {
+  const LayeredImage image = RandomImage(700, 300, 3, 7);
+  const std::vector<v1::PixelChunk> chunks = ChunksOf(image);
+  PixelAssembler assembler;
+  ASSERT_TRUE(assembler.Add(chunks[0]).ok());
+  ASSERT_FALSE(assembler.Add(chunks[2]).ok());
+  EXPECT_FALSE(assembler.Add(chunks[1]).ok());
+  EXPECT_FALSE(assembler.IsComplete());
+}
+
+TEST(ImageCodec, HoldsNoMoreThanHasArrived) {
+  const LayeredImage image = RandomImage(700, 300, 30, 8);
+  const std::vector<v1::PixelChunk> chunks = ChunksOf(image);
+  PixelAssembler assembler;
+  EXPECT_EQ(assembler.HeldBytes(), 0u);
+  ASSERT_TRUE(assembler.Add(chunks[0]).ok());
+  EXPECT_LE(assembler.HeldBytes(), 2u * 700 * 300 * 4);
+}
+
+}  // namespace
+}  // namespace lumifold::rpc

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "tests/scenes/scene_description.h"
+
+namespace lumifold::scenes {
+
+/// The bytes of a binary glTF 2.0 file with its textures inside and one camera named "camera".
+/// Numbers are rounded to a grid far coarser than a libm's error, so that every machine writes the same
+/// bytes. Errors: kInvalidArgument for an id or index out of range, or arrays of unlike length; it names the
+/// part.
+absl::StatusOr<std::string> EncodeGlb(const SceneDescription& scene);
+
+/// Writes `bytes` to `path` through a temporary file beside it: a reader never sees half a file.
+absl::Status WriteFile(const std::string& path, const std::string& bytes);
+
+}  // namespace lumifold::scenes

@@ -1,0 +1,25 @@
+#include "tests/scenes/scenes.h"
+
+#include <algorithm>
+
+namespace lumifold::scenes {
+
+std::span<const SceneEntry> AllScenes() {
+  static constexpr SceneEntry kScenes[] = {
+      {"cornell-box", "two blocks in a box with a red and a green wall; all surfaces diffuse",
+       BuildCornellBox},
+      {"meeting-room", "table and chairs, daylight through blinds, ceiling panels, mirror", BuildMeetingRoom},
+      {"bedroom", "a bed with folded cloth, a lamp, a window, wood and wallpaper", BuildBedroom},
+      {"atrium", "a court after Sponza: arches, columns, thin curtains, sun through the roof", BuildAtrium},
+  };
+  return kScenes;
+}
+
+const SceneEntry* FindScene(std::string_view name) {
+  const std::span<const SceneEntry> scenes = AllScenes();
+  const auto found =
+      std::find_if(scenes.begin(), scenes.end(), [&](const auto& s) { return s.name == name; });
+  return found == scenes.end() ? nullptr : &*found;
+}
+
+}  // namespace lumifold::scenes

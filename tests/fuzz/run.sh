@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# Builds the fuzz target of the scene loader with clang, in a build folder of its own, and runs it.
+#   tests/fuzz/run.sh SECONDS [BUILD_FOLDER]    (default build/fuzz)
+# Ends with 0 when nothing was found, 77 where there is no clang with libFuzzer, and otherwise with an error; the input
+# at fault then lies in BUILD_FOLDER/found. LUMIFOLD_SCENES_PROGRAM names a built lumifold-scenes, whose smaller scenes
+# become seeds too.
+set -euo pipefail
+seconds=${1:?usage: tests/fuzz/run.sh SECONDS [BUILD_FOLDER]}
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+build=${2:-$root/build/fuzz}
+max_bytes=65536
+
+mkdir -p "$build/corpus" "$build/found" "$build/seeds"
+if ! echo 'extern "C" int LLVMFuzzerTestOneInput(const char*, unsigned long) { return 0; }' |
+  clang++ -fsanitize=fuzzer -x c++ - -o "$build/probe" 2>/dev/null; then
+  echo "fuzz: skipped: no clang++ with libFuzzer (packages clang, libclang-rt-14-dev)" >&2
+  exit 77
+fi
+
+cmake -S "$root" -B "$build" -G Ninja -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD_TYPE=Release \
+  -DCMAKE_CXX_FLAGS_RELEASE='-O1 -g1 -fno-sanitize-recover=all' \
+  -DLUMIFOLD_SANITIZE=fuzzer-no-link,address,undefined -DLUMIFOLD_FUZZ=ON -DLUMIFOLD_BUILD_TESTS=OFF \
+  -DLUMIFOLD_BUILD_FARM=OFF -DLUMIFOLD_WERROR=OFF >/dev/null
+cmake --build "$build" --target gltf_fuzz gltf_seeds
+
+"$build/bin/gltf_seeds" "$build/seeds"
+if [ -n "${LUMIFOLD_SCENES_PROGRAM:-}" ]; then
+  "$LUMIFOLD_SCENES_PROGRAM" --out "$build/seeds" >/dev/null
+  find "$build/seeds" -type f -size +$((max_bytes / 1024))k -delete
+fi
+
+export UBSAN_OPTIONS=print_stacktrace=1
+export ASAN_OPTIONS=allocator_may_return_null=0:detect_leaks=1
+exec "$build/bin/gltf_fuzz" -max_total_time="$seconds" -rss_limit_mb=2048 -timeout=10 -max_len=$max_bytes \
+  -dict="$here/gltf.dict" -artifact_prefix="$build/found/" -seed=1 -print_final_stats=1 -verbosity=0 \
+  "$build/corpus" "$build/seeds"

@@ -1,0 +1,166 @@
+#include "worker/scene/animations.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/gltf_samples.h"
+
+namespace lumifold::scene {
+namespace {
+
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+Scene At(double time_seconds, const GltfFixture& fixture) {
+  LoadOptions options;
+  options.time_seconds = time_seconds;
+  auto scene = fixture.Load(options);
+  EXPECT_TRUE(scene.ok()) << scene.status();
+  return scene.ok() ? *std::move(scene) : Scene{};
+}
+
+std::string ErrorOf(const GltfFixture& fixture) {
+  const auto scene = fixture.Load();
+  EXPECT_FALSE(scene.ok());
+  return std::string(scene.status().message());
+}
+
+/// One triangle whose node's `path` is animated with these keyframes.
+GltfFixture Animated(const char* path, const char* interpolation, const std::vector<float>& times,
+                     const std::vector<float>& values, const char* type = "VEC3") {
+  GltfFixture fixture;
+  fixture.AddTriangles(kTriangle);
+  fixture.Add("animations", {{"name", "move"},
+                             {"channels", {{{"sampler", 0}, {"target", {{"node", 0}, {"path", path}}}}}},
+                             {"samplers",
+                              {{{"input", fixture.AddFloats(times, "SCALAR")},
+                                {"output", fixture.AddFloats(values, type)},
+                                {"interpolation", interpolation}}}}});
+  return fixture;
+}
+
+Vec3 OriginAt(double time_seconds, const GltfFixture& fixture) {
+  const Scene scene = At(time_seconds, fixture);
+  return scene.instances.empty() ? Vec3{} : scene.instances[0].world_from_object.origin;
+}
+
+TEST(Animations, MoveNodesLinearly) {
+  const GltfFixture fixture = Animated("translation", "LINEAR", {1, 3}, {0, 0, 0, 4, 0, 8});
+  EXPECT_EQ(OriginAt(0, fixture), (Vec3{0, 0, 0}));
+  EXPECT_EQ(OriginAt(1.5, fixture), (Vec3{1, 0, 2}));
+  EXPECT_EQ(OriginAt(2, fixture), (Vec3{2, 0, 4}));
+  EXPECT_EQ(OriginAt(99, fixture), (Vec3{4, 0, 8}));
+}
+
+TEST(Animations, StepFromKeyframeToKeyframe) {
+  const GltfFixture fixture = Animated("translation", "STEP", {1, 3}, {5, 0, 0, 6, 0, 0});
+  EXPECT_EQ(OriginAt(2.99, fixture), (Vec3{5, 0, 0}));
+  EXPECT_EQ(OriginAt(3, fixture), (Vec3{6, 0, 0}));
+}
+
+TEST(Animations, FollowCubicSplines) {
+  // In-tangent, value, out-tangent of each keyframe: from 0 to 1 in two seconds, flat at both ends.
+  const GltfFixture fixture =
+      Animated("translation", "CUBICSPLINE", {0, 2}, {9, 9, 9, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 9, 9, 9});
+  EXPECT_EQ(OriginAt(0, fixture), (Vec3{0, 0, 0}));
+  EXPECT_EQ(OriginAt(1, fixture), (Vec3{0.5f, 0, 0}));
+  EXPECT_EQ(OriginAt(0.5, fixture), (Vec3{0.15625f, 0, 0}));
+  EXPECT_EQ(OriginAt(2, fixture), (Vec3{1, 0, 0}));
+}
+
+TEST(Animations, TurnAndScaleNodes) {
+  const float half = 0.70710678f;
+  const Scene turned =
+      At(0.5, Animated("rotation", "LINEAR", {0, 1}, {0, 0, 0, 1, 0, 0, 1, 0}, "VEC4"));  // half a turn
+  EXPECT_NEAR(turned.instances[0].world_from_object.x.y, 1, 1e-6);
+  const Scene quarter = At(0, Animated("rotation", "STEP", {0}, {0, 0, 2 * half, 2 * half}, "VEC4"));
+  EXPECT_NEAR(quarter.instances[0].world_from_object.x.y, 1, 1e-6);
+  const Scene scaled = At(0.5, Animated("scale", "LINEAR", {0, 1}, {1, 1, 1, 3, 1, 1}));
+  EXPECT_EQ(scaled.instances[0].world_from_object.x.x, 2);
+}
+
+TEST(Animations, PlayTogether) {
+  GltfFixture fixture = Animated("translation", "STEP", {0}, {1, 2, 3});
+  const GltfFixture other = Animated("scale", "STEP", {0}, {4, 4, 4});
+  nlohmann::json second = other.json["animations"][0];
+  second["samplers"][0]["input"] = fixture.AddFloats({0}, "SCALAR");
+  second["samplers"][0]["output"] = fixture.AddFloats({4, 4, 4}, "VEC3");
+  fixture.Add("animations", second);
+  const Scene scene = At(0, fixture);
+  EXPECT_EQ(scene.instances[0].world_from_object.origin, (Vec3{1, 2, 3}));
+  EXPECT_EQ(scene.instances[0].world_from_object.x.x, 4);
+}
+
+TEST(Animations, MoveWhatHangsOnANodeAndCameras) {
+  GltfFixture fixture = Animated("translation", "STEP", {0}, {1, 2, 3});
+  fixture.Add("cameras", {{"type", "perspective"}, {"perspective", {{"yfov", 0.5}, {"znear", 0.1}}}});
+  fixture.json["nodes"][0]["children"] = {fixture.AddNode({{"camera", 0}, {"translation", {1, 0, 0}}})};
+  EXPECT_EQ(At(0, fixture).cameras[0].world_from_camera.origin, (Vec3{2, 2, 3}));
+}
+
+TEST(Animations, SayWhetherAnythingMovesAndForHowLong) {
+  EXPECT_FALSE(At(0, FurnishedDocument()).animated);
+  EXPECT_FALSE(At(0, Animated("translation", "STEP", {0.5f}, {1, 2, 3})).animated);
+  const Scene scene = At(0, Animated("translation", "LINEAR", {1, 3.5f}, {0, 0, 0, 4, 0, 8}));
+  EXPECT_TRUE(scene.animated);
+  EXPECT_EQ(scene.animation_duration, 3.5);
+}
+
+TEST(Animations, LeaveOutWhatTheyCannotMove) {
+  GltfFixture pointer = Animated("translation", "STEP", {0}, {1, 2, 3});
+  pointer.json["animations"][0]["channels"][0]["target"] = {{"path", "pointer"}};
+  EXPECT_THAT(At(0, pointer).warnings,
+              Contains(StartsWith("animations of other things than nodes and morph weights left out: 1")));
+  GltfFixture matrix = Animated("translation", "STEP", {0}, {1, 2, 3});
+  matrix.json["nodes"][0]["matrix"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 0, 0, 1};
+  EXPECT_EQ(OriginAt(0, matrix), (Vec3{5, 0, 0}));
+  EXPECT_THAT(At(0, matrix).warnings, Contains(StartsWith("animations of nodes that have a matrix")));
+  GltfFixture nobody = Animated("translation", "STEP", {0}, {1, 2, 3});
+  nobody.json["animations"][0]["channels"][0]["target"].erase("node");
+  EXPECT_EQ(OriginAt(0, nobody), (Vec3{0, 0, 0}));
+  const Scene weights = At(0, Animated("weights", "STEP", {0}, {1}, "SCALAR"));
+  EXPECT_THAT(weights.warnings, Contains(StartsWith("animations of morph weights without morph targets")));
+}
+
+TEST(Animations, RefuseTimesThatDecrease) {
+  EXPECT_EQ(ErrorOf(Animated("translation", "LINEAR", {0, 2, 1}, {0, 0, 0, 0, 0, 0, 0, 0, 0})),
+            "test.glb: animation 0 \"move\" channel 0: accessor 1: keyframe times decrease");
+}
+
+TEST(Animations, RefuseTooFewValues) {
+  EXPECT_THAT(ErrorOf(Animated("translation", "LINEAR", {0, 2}, {0, 0, 0})),
+              HasSubstr("channel 0: accessor 2: 1 elements for 2 keyframes of 1"));
+  EXPECT_THAT(ErrorOf(Animated("translation", "CUBICSPLINE", {0, 2}, {0, 0, 0, 0, 0, 0})),
+              HasSubstr("2 elements for 2 keyframes of 3"));
+  EXPECT_THAT(ErrorOf(Animated("rotation", "LINEAR", {0}, {0, 0, 0})),
+              HasSubstr("does not hold elements of 4 components"));
+  EXPECT_THAT(ErrorOf(Animated("translation", "LINEAR", {}, {})), HasSubstr("no keyframes"));
+}
+
+TEST(Animations, RefuseWhatDoesNotExist) {
+  const GltfFixture good = Animated("translation", "LINEAR", {0}, {0, 0, 0});
+  const auto with = [&](const char* pointer, const nlohmann::json& value) {
+    GltfFixture fixture = good;
+    fixture.json[nlohmann::json::json_pointer(std::string("/animations/0") + pointer)] = value;
+    return ErrorOf(fixture);
+  };
+  EXPECT_THAT(with("/channels/0/target/node", 9), HasSubstr("channel 0: node 9 does not exist"));
+  EXPECT_THAT(with("/channels/0/sampler", 9), HasSubstr("channel 0: sampler 9 does not exist"));
+  EXPECT_THAT(with("/samplers/0/input", 9), HasSubstr("accessor 9: does not exist"));
+  EXPECT_THAT(with("/samplers/0/output", -1), HasSubstr("accessor -1: does not exist"));
+  EXPECT_THAT(with("/samplers/0/interpolation", "WILD"), HasSubstr("interpolation \"WILD\" is not glTF's"));
+  EXPECT_THAT(with("/channels", "nonsense"), HasSubstr("animation 0 \"move\": no channels"));
+  EXPECT_THAT(with("/channels/0/target", 3), HasSubstr("channel 0: no target"));
+}
+
+TEST(Animations, MorphMeshes) {
+  const auto positions = [](double time) { return At(time, MorphedDocument()).meshes[0].positions; };
+  EXPECT_THAT(positions(0), ElementsAre(Vec3{0, 0, 0}, Vec3{1, 0, 0}, Vec3{0, 1, 0}));
+  EXPECT_THAT(positions(1), ElementsAre(Vec3{0, 0, 0}, Vec3{1.5f, 0, 0}, Vec3{0, 1.25f, 0}));
+  EXPECT_THAT(positions(2), ElementsAre(Vec3{0, 0, 0}, Vec3{2, 0, 0}, Vec3{0, 1.5f, 0}));
+}
+
+}  // namespace
+}  // namespace lumifold::scene

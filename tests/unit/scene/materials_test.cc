@@ -1,0 +1,297 @@
+#include "worker/scene/materials.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/support/gltf_fixture.h"
+
+namespace lumifold::scene {
+namespace {
+
+using nlohmann::json;
+using testing::Contains;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+/// A document with one image, one texture of it, and this material on a triangle.
+GltfFixture WithMaterial(const json& material) {
+  GltfFixture fixture;
+  fixture.Add("images",
+              {{"bufferView", fixture.AddView(EncodePng(2, 1, 3, 8, false, {255, 0, 0, 0, 255, 0}))},
+               {"name", "flag"}});
+  fixture.Add("textures", {{"source", 0}});
+  fixture.Add("materials", material);
+  fixture.AddTriangles(kTriangle, {{"material", 0}});
+  return fixture;
+}
+
+Scene MustLoad(const GltfFixture& fixture) {
+  auto scene = fixture.Load();
+  EXPECT_TRUE(scene.ok()) << scene.status();
+  return scene.ok() ? *std::move(scene) : Scene{};
+}
+
+Material MaterialOf(const json& material) {
+  const Scene scene = MustLoad(WithMaterial(material));
+  return scene.materials.empty() ? Material{} : scene.materials[0];
+}
+
+std::string ErrorOf(const GltfFixture& fixture) {
+  const auto scene = fixture.Load();
+  EXPECT_FALSE(scene.ok());
+  return std::string(scene.status().message());
+}
+
+TEST(Materials, HaveGltfsDefaults) {
+  const Material m = MaterialOf(json::object());
+  EXPECT_EQ(m.base_color, (Vec3{1, 1, 1}));
+  EXPECT_EQ(m.alpha, 1);
+  EXPECT_EQ(m.metallic, 1);
+  EXPECT_EQ(m.roughness, 1);
+  EXPECT_EQ(m.emission, (Vec3{0, 0, 0}));
+  EXPECT_EQ(m.alpha_mode, AlphaMode::kOpaque);
+  EXPECT_EQ(m.alpha_cutoff, 0.5f);
+  EXPECT_EQ(m.ior, 1.5f);
+  EXPECT_EQ(m.specular, 1);
+  EXPECT_EQ(m.transmission, 0);
+  EXPECT_FALSE(m.double_sided || m.unlit || m.has_volume);
+  EXPECT_EQ(m.base_color_texture.texture, kNone);
+}
+
+TEST(Materials, ReadMetallicRoughness) {
+  const Material m = MaterialOf({{"name", "Brass"},
+                                 {"doubleSided", true},
+                                 {"alphaMode", "MASK"},
+                                 {"alphaCutoff", 0.25},
+                                 {"normalTexture", {{"index", 0}, {"scale", 0.5}, {"texCoord", 1}}},
+                                 {"pbrMetallicRoughness",
+                                  {{"baseColorFactor", {0.1, 0.2, 0.3, 0.4}},
+                                   {"baseColorTexture", {{"index", 0}}},
+                                   {"metallicFactor", 0.5},
+                                   {"roughnessFactor", 0.75},
+                                   {"metallicRoughnessTexture", {{"index", 0}}}}}});
+  EXPECT_EQ(m.name, "Brass");
+  EXPECT_TRUE(m.double_sided);
+  EXPECT_EQ(m.alpha_mode, AlphaMode::kMask);
+  EXPECT_EQ(m.alpha_cutoff, 0.25f);
+  EXPECT_EQ(m.base_color, (Vec3{0.1f, 0.2f, 0.3f}));
+  EXPECT_EQ(m.alpha, 0.4f);
+  EXPECT_EQ(m.metallic, 0.5f);
+  EXPECT_EQ(m.roughness, 0.75f);
+  EXPECT_EQ(m.base_color_texture.texture, 0);
+  EXPECT_EQ(m.metallic_roughness_texture.texture, 0);
+  EXPECT_EQ(m.normal_texture.texture, 0);
+  EXPECT_EQ(m.normal_texture.uv_set, 1);
+  EXPECT_EQ(m.normal_scale, 0.5f);
+}
+
+TEST(Materials, ReadExtensions) {
+  const Material m = MaterialOf(
+      {{"emissiveFactor", {1, 0.5, 0}},
+       {"alphaMode", "BLEND"},
+       {"extensions",
+        {{"KHR_materials_emissive_strength", {{"emissiveStrength", 20}}},
+         {"KHR_materials_ior", {{"ior", 1.33}}},
+         {"KHR_materials_specular", {{"specularFactor", 0.25}, {"specularColorFactor", {1, 0.5, 2}}}},
+         {"KHR_materials_transmission", {{"transmissionFactor", 1}}},
+         {"KHR_materials_unlit", json::object()},
+         {"KHR_materials_volume",
+          {{"thicknessFactor", 0.1},
+           {"attenuationDistance", 2.5},
+           {"attenuationColor", {0.9, 0.8, 0.7}}}}}}});
+  EXPECT_EQ(m.emission, (Vec3{20, 10, 0}));
+  EXPECT_EQ(m.alpha_mode, AlphaMode::kBlend);
+  EXPECT_EQ(m.ior, 1.33f);
+  EXPECT_EQ(m.specular, 0.25f);
+  EXPECT_EQ(m.specular_color, (Vec3{1, 0.5f, 2}));
+  EXPECT_EQ(m.transmission, 1);
+  EXPECT_TRUE(m.unlit);
+  EXPECT_TRUE(m.has_volume);
+  EXPECT_EQ(m.attenuation_distance, 2.5f);
+  EXPECT_EQ(m.attenuation_color, (Vec3{0.9f, 0.8f, 0.7f}));
+}
+
+TEST(Materials, AreThinWithoutThickness) {
+  EXPECT_FALSE(MaterialOf({{"extensions", {{"KHR_materials_volume", {{"thicknessFactor", 0}}}}}}).has_volume);
+}
+
+TEST(Materials, ClampFactorsAndCountIt) {
+  const Scene scene =
+      MustLoad(WithMaterial({{"pbrMetallicRoughness", {{"roughnessFactor", 1.5}, {"metallicFactor", -1}}},
+                             {"emissiveFactor", {-1, 0, 0}}}));
+  EXPECT_EQ(scene.materials[0].roughness, 1);
+  EXPECT_EQ(scene.materials[0].metallic, 0);
+  EXPECT_EQ(scene.materials[0].emission.x, 0);
+  EXPECT_THAT(scene.warnings,
+              Contains("values of roughnessFactor outside 0 to 1 clamped: 1 (the first in material 0)"));
+}
+
+TEST(Materials, TransformTextureCoordinates) {
+  const Material m = MaterialOf({{"pbrMetallicRoughness",
+                                  {{"baseColorTexture",
+                                    {{"index", 0},
+                                     {"extensions",
+                                      {{"KHR_texture_transform",
+                                        {{"offset", {0.5, 0.25}},
+                                         {"scale", {2, 3}},
+                                         {"rotation", 1.5707963267948966},
+                                         {"texCoord", 1}}}}}}}}}});
+  const TextureRef& ref = m.base_color_texture;
+  EXPECT_EQ(ref.uv_set, 1);
+  // A quarter turn counter-clockwise with v down takes +u to -v and +v to +u.
+  EXPECT_NEAR(ref.row_u.x, 0, 1e-6);
+  EXPECT_NEAR(ref.row_u.y, 3, 1e-5);
+  EXPECT_NEAR(ref.row_v.x, -2, 1e-5);
+  EXPECT_NEAR(ref.row_v.y, 0, 1e-6);
+  EXPECT_EQ(ref.offset.x, 0.5f);
+  EXPECT_EQ(ref.offset.y, 0.25f);
+}
+
+TEST(Materials, DecodeASharedImageOnce) {
+  GltfFixture fixture = WithMaterial({{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 1}}}}},
+                                      {"emissiveFactor", {1, 1, 1}},
+                                      {"emissiveTexture", {{"index", 0}}}});
+  fixture.Add("samplers", {{"wrapS", 33071}, {"wrapT", 33648}, {"magFilter", 9728}});
+  fixture.Add("textures", {{"source", 0}, {"sampler", 0}});
+  const Scene scene = MustLoad(fixture);
+  ASSERT_EQ(scene.images.size(), 1u);
+  EXPECT_EQ(scene.images[0].width, 2);
+  EXPECT_EQ(scene.images[0].rgba[0], 255);
+  ASSERT_EQ(scene.textures.size(), 2u);
+  const Texture& base = scene.textures[scene.materials[0].base_color_texture.texture];
+  EXPECT_EQ(base.wrap_s, Wrap::kClamp);
+  EXPECT_EQ(base.wrap_t, Wrap::kMirror);
+  EXPECT_TRUE(base.nearest);
+  const Texture& emission = scene.textures[scene.materials[0].emission_texture.texture];
+  EXPECT_EQ(emission.wrap_s, Wrap::kRepeat);
+  EXPECT_FALSE(emission.nearest);
+}
+
+TEST(Materials, DoNotDecodeWhatNothingUses) {
+  GltfFixture fixture = WithMaterial(json::object());
+  fixture.json["images"][0] = {{"uri", "missing.png"}};
+  const Scene scene = MustLoad(fixture);
+  EXPECT_THAT(scene.images, IsEmpty());
+}
+
+TEST(Materials, NameTheImageThatDoesNotDecode) {
+  GltfFixture fixture = WithMaterial({{"name", "Flag"}, {"normalTexture", {{"index", 0}}}});
+  fixture.json["images"][0]["bufferView"] = fixture.AddView("GIF89a");
+  EXPECT_EQ(ErrorOf(fixture),
+            "test.glb: material 0 \"Flag\": texture 0: image 0 \"flag\": neither PNG nor JPEG");
+}
+
+TEST(Materials, RefuseTexturesThatDoNotExist) {
+  const json material = {{"normalTexture", {{"index", 0}}}};
+  EXPECT_THAT(ErrorOf(WithMaterial({{"normalTexture", {{"index", 4}}}})),
+              HasSubstr("material 0: texture 4 does not exist (there are 1)"));
+  GltfFixture image = WithMaterial(material);
+  image.json["textures"][0]["source"] = 2;
+  EXPECT_THAT(ErrorOf(image), HasSubstr("texture 0: image 2 does not exist (there are 1)"));
+  GltfFixture sampler = WithMaterial(material);
+  sampler.json["textures"][0]["sampler"] = 0;
+  EXPECT_THAT(ErrorOf(sampler), HasSubstr("texture 0: sampler 0 does not exist (there are 0)"));
+  sampler.Add("samplers", {{"wrapS", 5}});
+  EXPECT_THAT(ErrorOf(sampler), HasSubstr("texture 0: wrap mode 5 is not glTF's"));
+  GltfFixture view = WithMaterial(material);
+  view.json["images"][0]["bufferView"] = -7;
+  EXPECT_THAT(ErrorOf(view), HasSubstr("image 0 \"flag\": buffer view -7 does not exist"));
+  view.json["images"][0].erase("bufferView");
+  EXPECT_THAT(ErrorOf(view), HasSubstr("image 0 \"flag\": needs either a uri or a bufferView"));
+}
+
+TEST(Materials, CountTexturesOfAllImagesAgainstTheLimit) {
+  const GltfFixture fixture = WithMaterial({{"normalTexture", {{"index", 0}}}});
+  LoadOptions options;
+  options.limits.max_texture_pixels = 2;
+  EXPECT_TRUE(fixture.Load(options).ok());
+  options.limits.max_texture_pixels = 1;
+  EXPECT_EQ(fixture.Load(options).status().code(), absl::StatusCode::kResourceExhausted);
+}
+
+TEST(Materials, RefuseMalformedValues) {
+  EXPECT_THAT(ErrorOf(WithMaterial({{"alphaMode", "SHINY"}})), HasSubstr("material 0: alphaMode \"SHINY\""));
+  EXPECT_THAT(ErrorOf(WithMaterial({{"extensions", {{"KHR_materials_ior", {{"ior", "glass"}}}}}})),
+              HasSubstr("material 0: ior is not a number"));
+  EXPECT_THAT(ErrorOf(WithMaterial(
+                  {{"extensions", {{"KHR_materials_specular", {{"specularColorFactor", {1, 2}}}}}}})),
+              HasSubstr("material 0: specularColorFactor is not an array of 3 numbers"));
+  EXPECT_THAT(ErrorOf(WithMaterial({{"normalTexture", {{"index", 0}, {"scale", 1e300}}}})),
+              HasSubstr("material 0: normalTexture.scale is not finite"));
+  EXPECT_THAT(ErrorOf(WithMaterial({{"pbrMetallicRoughness", {{"baseColorFactor", {1, 2}}}}})),
+              HasSubstr("baseColorFactor"));
+}
+
+TEST(Materials, ReadCoatAndSheen) {
+  const Material m = MaterialOf({{"extensions",
+                                  {{"KHR_materials_clearcoat",
+                                    {{"clearcoatFactor", 0.5},
+                                     {"clearcoatTexture", {{"index", 0}, {"texCoord", 1}}},
+                                     {"clearcoatRoughnessFactor", 0.25},
+                                     {"clearcoatRoughnessTexture", {{"index", 0}}}}},
+                                   {"KHR_materials_sheen",
+                                    {{"sheenColorFactor", {0.1, 0.2, 0.3}},
+                                     {"sheenColorTexture", {{"index", 0}}},
+                                     {"sheenRoughnessFactor", 0.75},
+                                     {"sheenRoughnessTexture", {{"index", 0}}}}}}}});
+  EXPECT_EQ(m.clearcoat, 0.5f);
+  EXPECT_EQ(m.clearcoat_texture.texture, 0);
+  EXPECT_EQ(m.clearcoat_texture.uv_set, 1);
+  EXPECT_EQ(m.clearcoat_roughness, 0.25f);
+  EXPECT_EQ(m.clearcoat_roughness_texture.texture, 0);
+  EXPECT_EQ(m.sheen_color, (Vec3{0.1f, 0.2f, 0.3f}));
+  EXPECT_EQ(m.sheen_color_texture.texture, 0);
+  EXPECT_EQ(m.sheen_roughness, 0.75f);
+  EXPECT_EQ(m.sheen_roughness_texture.texture, 0);
+}
+
+TEST(Materials, ReadTexturesOfExtensions) {
+  const Material m = MaterialOf(
+      {{"extensions",
+        {{"KHR_materials_specular",
+          {{"specularTexture",
+            {{"index", 0}, {"extensions", {{"KHR_texture_transform", {{"offset", {0.5, 0.25}}}}}}}},
+           {"specularColorTexture", {{"index", 0}}}}},
+         {"KHR_materials_transmission",
+          {{"transmissionFactor", 1}, {"transmissionTexture", {{"index", 0}}}}}}}});
+  EXPECT_EQ(m.specular_texture.texture, 0);
+  EXPECT_EQ(m.specular_texture.offset.x, 0.5f);
+  EXPECT_EQ(m.specular_texture.offset.y, 0.25f);
+  EXPECT_EQ(m.specular_color_texture.texture, 0);
+  EXPECT_EQ(m.transmission_texture.texture, 0);
+}
+
+TEST(Materials, RefuseMalformedTexturesOfExtensions) {
+  for (const json& info : {json(7), json{{"index", -1}}, json{{"index", "zero"}}}) {
+    const auto fixture =
+        WithMaterial({{"extensions", {{"KHR_materials_specular", {{"specularTexture", info}}}}}});
+    EXPECT_THAT(ErrorOf(fixture), HasSubstr("material 0: ")) << info;
+  }
+}
+
+TEST(Materials, DoNotDecodeTexturesThatMultiplyNothing) {
+  const Scene scene =
+      MustLoad(WithMaterial({{"extensions",
+                              {{"KHR_materials_clearcoat", {{"clearcoatTexture", {{"index", 0}}}}},
+                               {"KHR_materials_sheen", {{"sheenColorTexture", {{"index", 0}}}}},
+                               {"KHR_materials_transmission", {{"transmissionTexture", {{"index", 0}}}}}}}}));
+  EXPECT_THAT(scene.images, IsEmpty());
+}
+
+TEST(Materials, CountWhatTheRendererDoesNotUse) {
+  const Scene scene = MustLoad(
+      WithMaterial({{"normalTexture", {{"index", 0}, {"texCoord", 3}}},
+                    {"extensions", {{"KHR_materials_volume", {{"thicknessTexture", {{"index", 0}}}}}}}}));
+  EXPECT_EQ(scene.materials[0].normal_texture.uv_set, 0);
+  EXPECT_THAT(
+      scene.warnings,
+      Contains(
+          "thicknessTexture is not supported: the shape itself is what light goes through: 1 (the first in "
+          "material 0)"));
+  EXPECT_THAT(
+      scene.warnings,
+      Contains("textures that want another UV set than 0 or 1 use set 0: 1 (the first in material 0)"));
+}
+
+}  // namespace
+}  // namespace lumifold::scene

@@ -1,0 +1,65 @@
+#include "worker/scene/scene.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace lumifold::scene {
+namespace {
+
+/// A scene of one unit right triangle, placed as given.
+Scene TriangleAt(const Affine& world_from_object) {
+  Scene scene;
+  Mesh mesh;
+  mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  mesh.triangles = {0, 1, 2};
+  scene.meshes.push_back(mesh);
+  scene.instances.push_back({0, world_from_object, ""});
+  return scene;
+}
+
+TEST(Scene, BoundsHoldAllInstances) {
+  Scene scene = TriangleAt({{2, 0, 0}, {0, 2, 0}, {0, 0, 2}, {10, 0, 0}});
+  scene.instances.push_back({0, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, -5}}, ""});
+  const Bounds bounds = WorldBounds(scene);
+  EXPECT_EQ(bounds.min, (Vec3{0, 0, -5}));
+  EXPECT_EQ(bounds.max, (Vec3{12, 2, 0}));
+}
+
+TEST(Scene, BoundsOfNothingAreEmpty) { EXPECT_TRUE(WorldBounds(Scene{}).IsEmpty()); }
+
+TEST(Scene, FindsCamerasByName) {
+  Scene scene;
+  scene.cameras.resize(2);
+  scene.cameras[0].name = "front";
+  scene.cameras[1].name = "side";
+  EXPECT_EQ(FindCamera(scene, "")->name, "front");
+  EXPECT_EQ(FindCamera(scene, "side")->name, "side");
+  EXPECT_FALSE(FindCamera(scene, "back").has_value());
+  EXPECT_FALSE(FindCamera(Scene{}, "front").has_value());
+}
+
+TEST(Scene, FittedCameraSeesEverything) {
+  const Scene scene = TriangleAt({{30, 0, 0}, {0, 20, 0}, {0, 0, 1}, {100, -50, 7}});
+  const Camera camera = *FindCamera(scene, "");
+  const Affine& a = camera.world_from_camera;
+  EXPECT_NEAR(a.Determinant(), 1, 1e-5);
+  EXPECT_GT(a.z.z, 0.9f) << "from the front, which in glTF is +z";
+  EXPECT_GT(a.z.y, 0) << "and a little above";
+  for (const Vec3& p : scene.meshes[0].positions) {
+    const Vec3 d = scene.instances[0].world_from_object.Point(p) - a.origin;
+    const float depth = -Dot(d, a.z);
+    ASSERT_GT(depth, 0);
+    EXPECT_LT(std::fabs(Dot(d, a.y)), depth * std::tan(camera.yfov / 2));
+    EXPECT_LT(std::fabs(Dot(d, a.x)), depth * std::tan(camera.yfov / 2));
+  }
+}
+
+TEST(Scene, FittedCameraOfAnEmptySceneIsFinite) {
+  const Camera camera = *FindCamera(Scene{}, "");
+  EXPECT_TRUE(std::isfinite(Length(camera.world_from_camera.origin)));
+}
+
+}  // namespace
+}  // namespace lumifold::scene

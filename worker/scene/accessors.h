@@ -1,0 +1,44 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "worker/scene/document.h"
+#include "worker/scene/vec.h"
+
+/// Checked reading of accessors: any stride, sparse ones, normalised integers as glTF 2.0 (3.11) and
+/// KHR_mesh_quantization define them. Errors, all: kInvalidArgument naming the accessor when it does not
+/// exist, has another type, leaves its buffer view or holds a value that is not finite; kResourceExhausted
+/// for an absurd count without data behind it.
+namespace lumifold::scene {
+
+/// The number of elements.
+absl::StatusOr<size_t> ElementCount(const Document& document, int accessor);
+
+absl::StatusOr<std::vector<Vec2>> ReadVec2s(const Document& document, int accessor);
+absl::StatusOr<std::vector<Vec3>> ReadVec3s(const Document& document, int accessor);
+absl::StatusOr<std::vector<Vec4>> ReadVec4s(const Document& document, int accessor);
+
+/// RGBA, alpha 1 where the accessor holds RGB.
+absl::StatusOr<std::vector<Vec4>> ReadColors(const Document& document, int accessor);
+
+/// `rgb` with alpha 1.
+std::vector<Vec4> OpaqueColors(const std::vector<Vec3>& rgb);
+
+/// Elements [first, first + count) of an accessor whose elements have `width` components (VEC2 to VEC4, or
+/// SCALAR), one after the other. Error, besides: they are more than it holds.
+absl::StatusOr<std::vector<float>> ReadFloats(const Document& document, int accessor, int width, size_t first,
+                                              size_t count);
+
+/// MAT4 of which the last row, 0 0 0 1, is taken for granted.
+absl::StatusOr<std::vector<Affine>> ReadMatrices(const Document& document, int accessor);
+
+/// VEC4 of unsigned integers: the joints of a vertex.
+absl::StatusOr<std::vector<std::array<uint32_t, 4>>> ReadJoints(const Document& document, int accessor);
+
+/// Unsigned integers of 1, 2 or 4 bytes.
+absl::StatusOr<std::vector<uint32_t>> ReadIndices(const Document& document, int accessor);
+
+}  // namespace lumifold::scene

@@ -1,0 +1,215 @@
+#include "worker/scene/gltf_loader.h"
+
+#include <algorithm>
+#include <exception>
+#include <filesystem>
+#include <map>
+#include <new>
+#include <stdexcept>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/file_io.h"
+#include "worker/scene/animations.h"
+#include "worker/scene/document.h"
+#include "worker/scene/extensions.h"
+#include "worker/scene/geometry.h"
+#include "worker/scene/materials.h"
+#include "worker/scene/nodes.h"
+#include "worker/scene/skins.h"
+
+namespace lumifold::scene {
+namespace {
+
+constexpr int64_t kMaxFileBytes = int64_t{1} << 36;
+
+/// One shape of a glTF mesh: nodes that bend it alike share it.
+struct Shape {
+  int mesh = kNone;
+  int skin = kNone;
+  std::vector<double> morph_weights;  // empty: all 0
+  friend bool operator<(const Shape& a, const Shape& b) {
+    return std::tie(a.mesh, a.skin, a.morph_weights) < std::tie(b.mesh, b.skin, b.morph_weights);
+  }
+};
+
+/// The Scene's meshes that one shape became.
+struct MeshRange {
+  int first = 0;
+  int count = 0;
+};
+
+/// Reads the shapes that are placed somewhere, each once, and makes their instances.
+class InstanceReader {
+ public:
+  InstanceReader(const Document& document, const NodeContents& contents, const LoadLimits& limits,
+                 Scene* scene, Diagnostics* diagnostics)
+      : document_(document),
+        contents_(contents),
+        limits_(limits),
+        skins_(document, contents.world_from_node),
+        geometry_(document, scene->materials, limits, diagnostics),
+        scene_(scene) {}
+
+  absl::Status Run() {
+    std::map<Shape, MeshRange> shapes;
+    for (const Placement& placement : contents_.placements) shapes.try_emplace(ShapeOf(placement));
+    for (auto& [shape, range] : shapes) {
+      const auto read = ReadShape(shape);
+      if (!read.ok()) return read.status();
+      range = *read;
+    }
+    for (const Placement& placement : contents_.placements) {
+      if (auto s = AddInstances(placement, shapes[ShapeOf(placement)]); !s.ok()) return s;
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  Shape ShapeOf(const Placement& placement) const {
+    const tinygltf::Node& node = document_.model.nodes[placement.node];
+    Shape shape{placement.mesh, node.skin, {}};
+    const auto& weights =
+        node.weights.empty() ? document_.model.meshes[placement.mesh].weights : node.weights;
+    const auto is_zero = [](double weight) { return weight == 0; };
+    if (!std::all_of(weights.begin(), weights.end(), is_zero)) shape.morph_weights = weights;
+    return shape;
+  }
+
+  absl::StatusOr<MeshRange> ReadShape(const Shape& shape) {
+    const tinygltf::Mesh& source = document_.model.meshes[shape.mesh];
+    Deformation deformation;
+    deformation.morph_weights = shape.morph_weights;
+    if (shape.skin != kNone) {
+      const auto maps = skins_.WorldFromBind(shape.skin);
+      if (!maps.ok()) return maps.status();
+      deformation.world_from_bind = *maps;
+    }
+    MeshRange range{static_cast<int>(scene_->meshes.size()), 0};
+    for (size_t p = 0; p < source.primitives.size(); ++p) {
+      const std::string place = absl::StrCat(Place("mesh", shape.mesh, source.name), " primitive ", p);
+      if (auto s = ReadPrimitive(source.primitives[p], deformation, place); !s.ok()) return s;
+    }
+    range.count = static_cast<int>(scene_->meshes.size()) - range.first;
+    return range;
+  }
+
+  absl::Status ReadPrimitive(const tinygltf::Primitive& primitive, const Deformation& deformation,
+                             const std::string& place) {
+    const int material = primitive.material;
+    if (material < kNone || material >= static_cast<int>(scene_->materials.size())) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          place, ": material ", material, " does not exist (there are ", scene_->materials.size(), ")"));
+    }
+    auto mesh = geometry_.Read(primitive, deformation, place);
+    if (!mesh.ok()) return mesh.status();
+    if (mesh->has_value()) scene_->meshes.push_back(**std::move(mesh));
+    return absl::OkStatus();
+  }
+
+  absl::Status AddInstances(const Placement& placement, const MeshRange& range) {
+    if (static_cast<int64_t>(scene_->instances.size()) + range.count > limits_.max_instances) {
+      return absl::ResourceExhaustedError(absl::StrCat("more than ", limits_.max_instances, " instances"));
+    }
+    for (int m = range.first; m < range.first + range.count; ++m) {
+      scene_->instances.push_back({m, placement.world_from_object, placement.name});
+    }
+    return absl::OkStatus();
+  }
+
+  const Document& document_;
+  const NodeContents& contents_;
+  const LoadLimits& limits_;
+  SkinTable skins_;
+  GeometryReader geometry_;
+  Scene* scene_;
+};
+
+/// Positions up to 1e9 leave room for the squares and cubes of a renderer in float.
+absl::Status CheckExtent(const Scene& scene) {
+  constexpr float kMaxCoordinate = 1e9f;
+  const Bounds bounds = WorldBounds(scene);
+  if (bounds.IsEmpty()) return absl::OkStatus();
+  const Vec3 low = bounds.min, high = bounds.max;
+  const bool inside = low.x >= -kMaxCoordinate && low.y >= -kMaxCoordinate && low.z >= -kMaxCoordinate &&
+                      high.x <= kMaxCoordinate && high.y <= kMaxCoordinate && high.z <= kMaxCoordinate;
+  if (inside) return absl::OkStatus();
+  return absl::InvalidArgumentError("geometry reaches beyond 1e9 metres");
+}
+
+absl::StatusOr<Scene> LoadUnguarded(std::string_view bytes, const AssetReader& reader,
+                                    const LoadOptions& options) {
+  Diagnostics diagnostics;
+  const LoadLimits& limits = options.limits;
+  auto document = ParseDocument(bytes, reader, &diagnostics);
+  if (!document.ok()) return document.status();
+  const tinygltf::Model& model = document->model;
+  auto s = CheckExtensions(model.extensionsUsed, model.extensionsRequired, &diagnostics);
+  if (!s.ok()) return s;
+  const auto animation = PoseNodes(options.time_seconds, limits, &*document, &diagnostics);
+  if (!animation.ok()) return animation.status();
+  auto contents = WalkNodes(*document, limits, &diagnostics);
+  if (!contents.ok()) return contents.status();
+  Scene scene;
+  scene.animated = animation->moves;
+  scene.animation_duration = animation->duration_seconds;
+  scene.cameras = std::move(contents->cameras);
+  scene.lights = std::move(contents->lights);
+  s = ReadMaterials(*document, reader, limits, &scene, &diagnostics);
+  if (s.ok()) s = InstanceReader(*document, *contents, limits, &scene, &diagnostics).Run();
+  if (s.ok()) s = CheckExtent(scene);
+  if (!s.ok()) return s;
+  if (scene.cameras.empty()) diagnostics.Note("no camera: one that sees everything is used");
+  if (scene.instances.empty()) diagnostics.Note("no triangles: there is nothing to see");
+  scene.warnings = diagnostics.Lines();
+  return scene;
+}
+
+/// nlohmann_json begins its messages with "[json.exception.parse_error.101] ".
+std::string WithoutTag(const std::string& message) {
+  const size_t end = message.find("] ");
+  return message.starts_with("[json.exception.") && end != std::string::npos ? message.substr(end + 2)
+                                                                             : message;
+}
+
+/// The one place where exceptions, all of them of libraries, become a Status.
+absl::StatusOr<Scene> LoadGuarded(std::string_view bytes, const AssetReader& reader,
+                                  const LoadOptions& options) {
+  try {
+    return LoadUnguarded(bytes, reader, options);
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError("not enough memory");
+  } catch (const std::length_error&) {
+    return absl::ResourceExhaustedError("not enough memory");
+  } catch (const std::exception& e) {
+    return absl::InvalidArgumentError(absl::StrCat("malformed glTF: ", WithoutTag(e.what())));
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<Scene> LoadGltf(std::string_view bytes, const std::string& name, const AssetReader& reader,
+                               const LoadOptions& options) {
+  auto scene = LoadGuarded(bytes, reader, options);
+  if (scene.ok()) return scene;
+  const absl::Status& s = scene.status();
+  return absl::Status(s.code(), OneLine(absl::StrCat(name, ": ", s.message())));
+}
+
+absl::StatusOr<Scene> LoadGltfFile(const std::string& path, const LoadOptions& options) {
+  const auto bytes = ReadFile(path, kMaxFileBytes);
+  if (!bytes.ok()) return bytes.status();
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  const AssetReader reader = [&folder](const std::string& uri) -> absl::StatusOr<std::string> {
+    const std::filesystem::path asset(uri);
+    if (asset.is_absolute() || uri.find("://") != std::string::npos) {
+      return absl::InvalidArgumentError(absl::StrCat(uri, " is not a path relative to the scene"));
+    }
+    return ReadFile((folder / asset).string(), kMaxFileBytes);
+  };
+  return LoadGltf(*bytes, path, reader, options);
+}
+
+}  // namespace lumifold::scene

@@ -1,0 +1,182 @@
+#include "worker/scene/images.h"
+
+#include <jpeglib.h>
+#include <png.h>
+// jerror.h needs the types of jpeglib.h.
+#include <jerror.h>
+
+#include <csetjmp>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+// libpng and libjpeg report errors by longjmp: a function that calls setjmp here holds nothing with a
+// destructor.
+
+namespace lumifold::scene {
+namespace {
+
+constexpr std::string_view kPngMagic = "\x89PNG\r\n\x1a\n";
+constexpr std::string_view kJpegMagic = "\xff\xd8\xff";
+
+// Deflate shrinks at most 1032:1 and a PNG has at least one bit a pixel; JPEG spends at least a bit on 64
+// pixels. What claims more pixels than this is a bomb or cut short.
+constexpr int64_t kMaxPixelsPerByte = 8 * 1032;
+
+/// What passes between a decoder and the functions it calls back.
+struct Decoding {
+  std::string_view rest;  // not yet read, PNG only
+  int64_t encoded_bytes = 0;
+  int64_t max_pixels = 0;
+  ImageData image;
+  absl::Status refused;    // the size was not acceptable
+  char message[200] = "";  // the library's words
+  jmp_buf on_error;        // JPEG only; libpng has its own
+};
+
+/// Checks the size and makes room for it.
+bool Accept(Decoding* decoding, uint64_t width, uint64_t height) {
+  constexpr uint64_t kMaxSide = 1u << 20;
+  const bool too_long = width > kMaxSide || height > kMaxSide;
+  const auto pixels = too_long ? 0 : static_cast<int64_t>(width * height);
+  if (too_long || pixels > decoding->max_pixels) {
+    decoding->refused =
+        absl::ResourceExhaustedError(absl::StrCat(width, "x", height, " pixels are over the limit"));
+  } else if (pixels == 0 || pixels / kMaxPixelsPerByte > decoding->encoded_bytes) {
+    decoding->refused = absl::InvalidArgumentError(absl::StrCat(
+        "claims ", width, "x", height, " pixels, but has only ", decoding->encoded_bytes, " bytes"));
+  } else {
+    decoding->image.width = static_cast<int>(width);
+    decoding->image.height = static_cast<int>(height);
+    decoding->image.rgba.resize(static_cast<size_t>(pixels) * 4);
+  }
+  return decoding->refused.ok();
+}
+
+uint8_t* Row(Decoding* decoding, int y) {
+  return decoding->image.rgba.data() +
+         static_cast<size_t>(y) * static_cast<size_t>(decoding->image.width) * 4;
+}
+
+[[noreturn]] void OnPngError(png_structp png, png_const_charp message) {
+  auto* decoding = static_cast<Decoding*>(png_get_error_ptr(png));
+  std::snprintf(decoding->message, sizeof(decoding->message), "%s", message);
+  png_longjmp(png, 1);
+}
+
+void OnPngWarning(png_structp, png_const_charp) {}
+
+void ReadPngBytes(png_structp png, png_bytep out, size_t count) {
+  auto* decoding = static_cast<Decoding*>(png_get_io_ptr(png));
+  if (count > decoding->rest.size()) png_error(png, "cut short");
+  std::memcpy(out, decoding->rest.data(), count);
+  decoding->rest.remove_prefix(count);
+}
+
+/// Whatever the file holds shall come out as 8-bit RGBA.
+void RequestRgba(png_structp png) {
+  png_set_expand(png);
+  png_set_scale_16(png);
+  png_set_gray_to_rgb(png);
+  png_set_add_alpha(png, 0xff, PNG_FILLER_AFTER);
+}
+
+bool RunPng(png_structp png, png_infop info, Decoding* decoding) {
+  if (setjmp(png_jmpbuf(png)) != 0) return false;
+  png_set_read_fn(png, decoding, ReadPngBytes);
+  png_set_user_limits(png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
+  png_read_info(png, info);
+  if (!Accept(decoding, png_get_image_width(png, info), png_get_image_height(png, info))) return false;
+  RequestRgba(png);
+  const int passes = png_set_interlace_handling(png);
+  png_read_update_info(png, info);
+  for (int pass = 0; pass < passes; ++pass) {
+    for (int y = 0; y < decoding->image.height; ++y) png_read_row(png, Row(decoding, y), nullptr);
+  }
+  png_read_end(png, nullptr);
+  return true;
+}
+
+bool DecodePng(Decoding* decoding) {
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, decoding, OnPngError, OnPngWarning);
+  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
+  const bool decoded = info != nullptr && RunPng(png, info, decoding);
+  png_destroy_read_struct(&png, &info, nullptr);
+  return decoded;
+}
+
+[[noreturn]] void OnJpegError(j_common_ptr jpeg) {
+  auto* decoding = static_cast<Decoding*>(jpeg->client_data);
+  char message[JMSG_LENGTH_MAX];
+  jpeg->err->format_message(jpeg, message);
+  std::snprintf(decoding->message, sizeof(decoding->message), "%s", message);
+  std::longjmp(decoding->on_error, 1);
+}
+
+/// libjpeg fills what is missing with grey and only warns: an artist wants to know. Other warnings are
+/// harmless.
+void OnJpegMessage(j_common_ptr jpeg, int level) {
+  const bool is_cut_short = jpeg->err->msg_code == JWRN_JPEG_EOF || jpeg->err->msg_code == JWRN_HIT_MARKER;
+  if (level < 0 && is_cut_short) OnJpegError(jpeg);
+}
+
+/// A progressive file may hold thousands of empty scans over a large picture, each of which costs a pass over
+/// it.
+void OnJpegProgress(j_common_ptr jpeg) {
+  constexpr int kMaxScans = 500;
+  if (reinterpret_cast<j_decompress_ptr>(jpeg)->input_scan_number <= kMaxScans) return;
+  auto* decoding = static_cast<Decoding*>(jpeg->client_data);
+  std::snprintf(decoding->message, sizeof(decoding->message), "more than %d scans", kMaxScans);
+  std::longjmp(decoding->on_error, 1);
+}
+
+bool RunJpeg(jpeg_decompress_struct* jpeg, std::string_view bytes, Decoding* decoding) {
+  if (setjmp(decoding->on_error) != 0) return false;
+  jpeg_mem_src(jpeg, reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size());
+  jpeg_read_header(jpeg, TRUE);
+  if (!Accept(decoding, jpeg->image_width, jpeg->image_height)) return false;
+  jpeg->out_color_space = JCS_EXT_RGBA;
+  jpeg_start_decompress(jpeg);
+  while (jpeg->output_scanline < jpeg->output_height) {
+    JSAMPROW row = Row(decoding, static_cast<int>(jpeg->output_scanline));
+    jpeg_read_scanlines(jpeg, &row, 1);
+  }
+  jpeg_finish_decompress(jpeg);
+  return true;
+}
+
+bool DecodeJpeg(Decoding* decoding) {
+  jpeg_decompress_struct jpeg = {};
+  jpeg_error_mgr errors = {};
+  jpeg_progress_mgr progress = {};
+  jpeg.err = jpeg_std_error(&errors);
+  errors.error_exit = OnJpegError;
+  errors.emit_message = OnJpegMessage;
+  jpeg.client_data = decoding;
+  jpeg_create_decompress(&jpeg);
+  progress.progress_monitor = OnJpegProgress;
+  jpeg.progress = &progress;
+  const bool decoded = RunJpeg(&jpeg, decoding->rest, decoding);
+  jpeg_destroy_decompress(&jpeg);
+  return decoded;
+}
+
+}  // namespace
+
+absl::StatusOr<ImageData> DecodeImage(std::string_view bytes, int64_t max_pixels) {
+  const bool is_png = bytes.substr(0, kPngMagic.size()) == kPngMagic;
+  const bool is_jpeg = bytes.substr(0, kJpegMagic.size()) == kJpegMagic;
+  if (!is_png && !is_jpeg) return absl::InvalidArgumentError("neither PNG nor JPEG");
+  Decoding decoding;
+  decoding.rest = bytes;
+  decoding.encoded_bytes = static_cast<int64_t>(bytes.size());
+  decoding.max_pixels = max_pixels;
+  if (is_png ? DecodePng(&decoding) : DecodeJpeg(&decoding)) return std::move(decoding.image);
+  if (!decoding.refused.ok()) return decoding.refused;
+  return absl::InvalidArgumentError(
+      absl::StrCat("damaged ", is_png ? "PNG" : "JPEG", ": ", static_cast<const char*>(decoding.message)));
+}
+
+}  // namespace lumifold::scene

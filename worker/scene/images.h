@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "worker/scene/scene.h"
+
+namespace lumifold::scene {
+
+/// Decodes PNG (any kind; 16 bits become 8) or JPEG (grey or colour), recognised by content, into 8-bit RGBA
+/// exactly as stored: colour profiles and gamma are ignored, as glTF wants. Size is checked before memory is
+/// taken. Errors: kInvalidArgument when the bytes are no such image, are damaged, cut short, or too few for
+/// the size they claim; kResourceExhausted over `max_pixels`.
+absl::StatusOr<ImageData> DecodeImage(std::string_view bytes, int64_t max_pixels);
+
+}  // namespace lumifold::scene

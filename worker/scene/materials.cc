@@ -1,0 +1,250 @@
+#include "worker/scene/materials.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/portable_math.h"
+#include "worker/scene/fields.h"
+#include "worker/scene/textures.h"
+
+namespace lumifold::scene {
+namespace {
+
+constexpr char kTextureTransform[] = "KHR_texture_transform";
+constexpr double kMaxInt = std::numeric_limits<int>::max();
+constexpr double kMaxFloat = std::numeric_limits<float>::max();
+
+/// One material's way from the document into the Scene.
+class MaterialReader {
+ public:
+  MaterialReader(const tinygltf::Material& source, const std::string& place, TextureTable* textures,
+                 Diagnostics* diagnostics)
+      : source_(source), fields_(place, diagnostics), textures_(textures), diagnostics_(diagnostics) {}
+
+  absl::StatusOr<Material> Read() {
+    material_.name = source_.name;
+    ReadMetallicRoughness();
+    ReadEmission();
+    ReadAlpha();
+    material_.normal_texture = Ref(source_.normalTexture);
+    material_.normal_scale = fields_.Finite(source_.normalTexture.scale, "normalTexture.scale");
+    material_.double_sided = source_.doubleSided;
+    material_.unlit = Extension("KHR_materials_unlit") != nullptr;
+    ReadIor();
+    ReadSpecular();
+    ReadTransmission();
+    ReadVolume();
+    ReadClearcoat();
+    ReadSheen();
+    if (!fields_.status().ok()) return fields_.status();
+    if (!texture_status_.ok()) return WithContext(texture_status_, fields_.place());
+    return std::move(material_);
+  }
+
+ private:
+  const tinygltf::Value* Extension(const char* name) const { return FindExtension(source_.extensions, name); }
+
+  float Fraction(double value, const char* field) { return fields_.Clamped(value, 0, 1, field); }
+
+  Vec3 FractionColor(const std::array<double, 3>& c, const char* field) {
+    return {Fraction(c[0], field), Fraction(c[1], field), Fraction(c[2], field)};
+  }
+
+  void ReadMetallicRoughness() {
+    const tinygltf::PbrMetallicRoughness& pbr = source_.pbrMetallicRoughness;
+    const std::vector<double>& color = pbr.baseColorFactor;  // tinygltf has checked that it is 4 long
+    material_.base_color = FractionColor({color[0], color[1], color[2]}, "baseColorFactor");
+    material_.alpha = Fraction(color[3], "baseColorFactor");
+    material_.base_color_texture = Ref(pbr.baseColorTexture);
+    material_.metallic = Fraction(pbr.metallicFactor, "metallicFactor");
+    material_.roughness = Fraction(pbr.roughnessFactor, "roughnessFactor");
+    material_.metallic_roughness_texture = Ref(pbr.metallicRoughnessTexture);
+  }
+
+  void ReadEmission() {
+    double strength = 1;
+    if (const auto* extension = Extension("KHR_materials_emissive_strength")) {
+      strength = fields_.Number(*extension, "emissiveStrength", strength);
+    }
+    const auto radiance = [&](size_t channel) {
+      return fields_.Clamped(source_.emissiveFactor[channel] * strength, 0, kMaxFloat, "emissiveFactor");
+    };
+    material_.emission = {radiance(0), radiance(1), radiance(2)};
+    // A texture times nothing need not be decoded.
+    if (material_.emission != Vec3{0, 0, 0}) material_.emission_texture = Ref(source_.emissiveTexture);
+  }
+
+  void ReadAlpha() {
+    const std::string& mode = source_.alphaMode;
+    if (mode == "MASK") {
+      material_.alpha_mode = AlphaMode::kMask;
+    } else if (mode == "BLEND") {
+      material_.alpha_mode = AlphaMode::kBlend;
+    } else if (!mode.empty() && mode != "OPAQUE") {
+      fields_.Fail(absl::StrCat("alphaMode \"", mode, "\" is not glTF's"));
+    }
+    material_.alpha_cutoff = fields_.Clamped(source_.alphaCutoff, 0, kMaxFloat, "alphaCutoff");
+  }
+
+  void ReadIor() {
+    const auto* extension = Extension("KHR_materials_ior");
+    if (extension == nullptr) return;
+    material_.ior = fields_.Clamped(fields_.Number(*extension, "ior", 1.5), 1, 1000, "ior");
+  }
+
+  void ReadSpecular() {
+    const auto* extension = Extension("KHR_materials_specular");
+    if (extension == nullptr) return;
+    material_.specular = Fraction(fields_.Number(*extension, "specularFactor", 1), "specularFactor");
+    const auto color = fields_.Numbers<3>(*extension, "specularColorFactor", {1, 1, 1});
+    const auto channel = [&](size_t i) {
+      return fields_.Clamped(color[i], 0, kMaxFloat, "specularColorFactor");
+    };
+    material_.specular_color = {channel(0), channel(1), channel(2)};
+    material_.specular_texture = ExtensionRef(*extension, "specularTexture");
+    material_.specular_color_texture = ExtensionRef(*extension, "specularColorTexture");
+    ReportUnusedTexture(*extension, "specularTexture", "its factor alone is used");
+    ReportUnusedTexture(*extension, "specularColorTexture", "its factor alone is used");
+  }
+
+  void ReadTransmission() {
+    const auto* extension = Extension("KHR_materials_transmission");
+    if (extension == nullptr) return;
+    material_.transmission =
+        Fraction(fields_.Number(*extension, "transmissionFactor", 0), "transmissionFactor");
+    // A texture times nothing need not be decoded.
+    if (material_.transmission > 0) {
+      material_.transmission_texture = ExtensionRef(*extension, "transmissionTexture");
+      ReportUnusedTexture(*extension, "transmissionTexture", "its factor alone is used");
+    }
+  }
+
+  void ReadClearcoat() {
+    const auto* extension = Extension("KHR_materials_clearcoat");
+    if (extension == nullptr) return;
+    material_.clearcoat = Fraction(fields_.Number(*extension, "clearcoatFactor", 0), "clearcoatFactor");
+    material_.clearcoat_roughness =
+        Fraction(fields_.Number(*extension, "clearcoatRoughnessFactor", 0), "clearcoatRoughnessFactor");
+    if (material_.clearcoat == 0) return;
+    material_.clearcoat_texture = ExtensionRef(*extension, "clearcoatTexture");
+    material_.clearcoat_roughness_texture = ExtensionRef(*extension, "clearcoatRoughnessTexture");
+    ReportUnusedTexture(*extension, "clearcoatNormalTexture", "the coat is smooth");
+  }
+
+  void ReadSheen() {
+    const auto* extension = Extension("KHR_materials_sheen");
+    if (extension == nullptr) return;
+    material_.sheen_color =
+        FractionColor(fields_.Numbers<3>(*extension, "sheenColorFactor", {0, 0, 0}), "sheenColorFactor");
+    material_.sheen_roughness =
+        Fraction(fields_.Number(*extension, "sheenRoughnessFactor", 0), "sheenRoughnessFactor");
+    if (material_.sheen_color == Vec3{0, 0, 0}) return;
+    material_.sheen_color_texture = ExtensionRef(*extension, "sheenColorTexture");
+    material_.sheen_roughness_texture = ExtensionRef(*extension, "sheenRoughnessTexture");
+  }
+
+  void ReadVolume() {
+    const auto* extension = Extension("KHR_materials_volume");
+    if (extension == nullptr) return;
+    material_.has_volume = fields_.Number(*extension, "thicknessFactor", 0) > 0;
+    const double distance = fields_.Number(*extension, "attenuationDistance", 0);
+    material_.attenuation_distance = fields_.Clamped(distance, 0, kMaxFloat, "attenuationDistance");
+    material_.attenuation_color =
+        FractionColor(fields_.Numbers<3>(*extension, "attenuationColor", {1, 1, 1}), "attenuationColor");
+    ReportUnusedTexture(*extension, "thicknessTexture", "the shape itself is what light goes through");
+  }
+
+  void ReportUnusedTexture(const tinygltf::Value& extension, const char* field, const char* instead) {
+    if (extension.Has(field)) {
+      diagnostics_->Count(absl::StrCat(field, " is not supported: ", instead), fields_.place());
+    }
+  }
+
+  /// For tinygltf's TextureInfo and NormalTextureInfo.
+  template <typename Info>
+  TextureRef Ref(const Info& info) {
+    return MakeRef(info.index, info.texCoord, FindExtension(info.extensions, kTextureTransform));
+  }
+
+  /// Likewise for a texture of an extension, which tinygltf leaves as it found it.
+  TextureRef ExtensionRef(const tinygltf::Value& extension, const char* field) {
+    if (!extension.Has(field)) return {};
+    const tinygltf::Value& info = extension.Get(field);
+    const double index = info.IsObject() ? fields_.Number(info, "index", kNone) : kNone;
+    if (!(index >= 0 && index <= kMaxInt)) {
+      fields_.Fail(absl::StrCat(field, " has no index"));
+      return {};
+    }
+    const tinygltf::Value* transform = nullptr;
+    if (info.Has("extensions") && info.Get("extensions").Has(kTextureTransform)) {
+      transform = &info.Get("extensions").Get(kTextureTransform);
+    }
+    return MakeRef(static_cast<int>(index), UvSet(info, 0), transform);
+  }
+
+  int UvSet(const tinygltf::Value& object, int otherwise) {
+    return static_cast<int>(std::clamp<double>(fields_.Number(object, "texCoord", otherwise), -1, kMaxInt));
+  }
+
+  TextureRef MakeRef(int index, int uv_set, const tinygltf::Value* transform) {
+    TextureRef ref;
+    if (index == kNone || !texture_status_.ok()) return ref;
+    const auto texture = textures_->Use(index);
+    if (!texture.ok()) {
+      texture_status_ = texture.status();
+      return ref;
+    }
+    ref.texture = *texture;
+    if (transform != nullptr && transform->IsObject()) {
+      uv_set = UvSet(*transform, uv_set);
+      ReadTransform(*transform, &ref);
+    }
+    ref.uv_set = uv_set == 1 ? 1 : 0;
+    if (ref.uv_set != uv_set) {
+      diagnostics_->Count("textures that want another UV set than 0 or 1 use set 0", fields_.place());
+    }
+    return ref;
+  }
+
+  /// Rotation is counter-clockwise as seen on a picture whose v points down. That is what viewers and
+  /// exporters do and the extension's text says; the GLSL beside that text turns the other way.
+  void ReadTransform(const tinygltf::Value& extension, TextureRef* ref) {
+    const auto offset = fields_.Numbers<2>(extension, "offset", {0, 0});
+    const auto scale = fields_.Numbers<2>(extension, "scale", {1, 1});
+    const float angle = fields_.Clamped(fields_.Number(extension, "rotation", 0), -1000, 1000, "rotation");
+    const float scale_u = fields_.Finite(scale[0], "scale"), scale_v = fields_.Finite(scale[1], "scale");
+    float sine = 0, cosine = 1;
+    SinCos(angle, &sine, &cosine);
+    ref->row_u = {cosine * scale_u, sine * scale_v};
+    ref->row_v = {-sine * scale_u, cosine * scale_v};
+    ref->offset = {fields_.Finite(offset[0], "offset"), fields_.Finite(offset[1], "offset")};
+  }
+
+  const tinygltf::Material& source_;
+  FieldReader fields_;
+  TextureTable* textures_;
+  Diagnostics* diagnostics_;
+  Material material_;
+  absl::Status texture_status_;
+};
+
+}  // namespace
+
+absl::Status ReadMaterials(const Document& document, const AssetReader& reader, const LoadLimits& limits,
+                           Scene* scene, Diagnostics* diagnostics) {
+  TextureTable textures(document, reader, limits, scene, diagnostics);
+  const auto& sources = document.model.materials;
+  for (size_t i = 0; i < sources.size(); ++i) {
+    const std::string place = Place("material", static_cast<int64_t>(i), sources[i].name);
+    auto material = MaterialReader(sources[i], place, &textures, diagnostics).Read();
+    if (!material.ok()) return material.status();
+    scene->materials.push_back(*std::move(material));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace lumifold::scene

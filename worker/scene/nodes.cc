@@ -1,0 +1,274 @@
+#include "worker/scene/nodes.h"
+
+#include <cmath>
+#include <numeric>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/portable_math.h"
+#include "worker/scene/accessors.h"
+#include "worker/scene/fields.h"
+#include "worker/scene/lights.h"
+#include "worker/scene/transforms.h"
+
+namespace lumifold::scene {
+namespace {
+
+constexpr char kInstancing[] = "EXT_mesh_gpu_instancing";
+constexpr char kLights[] = "KHR_lights_punctual";
+
+absl::Status CheckIndex(int index, size_t size, const char* kind) {
+  if (index >= 0 && static_cast<size_t>(index) < size) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(kind, " ", index, " does not exist (there are ", size, ")"));
+}
+
+absl::StatusOr<std::vector<int>> RootNodes(const tinygltf::Model& model) {
+  if (model.defaultScene != kNone || !model.scenes.empty()) {
+    const int scene = model.defaultScene == kNone ? 0 : model.defaultScene;
+    if (auto s = CheckIndex(scene, model.scenes.size(), "scene"); !s.ok()) return s;
+    return model.scenes[scene].nodes;
+  }
+  std::vector<bool> is_child(model.nodes.size());
+  for (const tinygltf::Node& node : model.nodes) {
+    for (const int child : node.children) {
+      if (child >= 0 && static_cast<size_t>(child) < is_child.size()) is_child[child] = true;
+    }
+  }
+  std::vector<int> roots;
+  for (size_t i = 0; i < is_child.size(); ++i) {
+    if (!is_child[i]) roots.push_back(static_cast<int>(i));
+  }
+  return roots;
+}
+
+absl::Status ReadLens(const tinygltf::Camera& source, Camera* camera) {
+  const bool is_orthographic = source.type == "orthographic";
+  const auto is_positive = [](double value) { return value > 1e-6 && value < 1e6; };
+  if (is_orthographic) {
+    if (!is_positive(source.orthographic.xmag) || !is_positive(source.orthographic.ymag)) {
+      return absl::InvalidArgumentError("xmag and ymag must be positive");
+    }
+    camera->kind = Camera::Kind::kOrthographic;
+    camera->xmag = static_cast<float>(source.orthographic.xmag);
+    camera->ymag = static_cast<float>(source.orthographic.ymag);
+    camera->aspect = camera->xmag / camera->ymag;
+    return absl::OkStatus();
+  }
+  if (!is_positive(source.perspective.yfov) || !(source.perspective.yfov < double{kPi})) {
+    return absl::InvalidArgumentError("yfov must lie between 0 and pi");
+  }
+  const double aspect = source.perspective.aspectRatio;
+  if (aspect != 0 && !is_positive(aspect)) return absl::InvalidArgumentError("aspectRatio must be positive");
+  camera->yfov = static_cast<float>(source.perspective.yfov);
+  camera->aspect = static_cast<float>(aspect);
+  return absl::OkStatus();
+}
+
+/// What EXT_mesh_gpu_instancing says about one node: an array each, empty where it says nothing.
+struct InstanceAttributes {
+  std::vector<Vec3> translations;
+  std::vector<Vec4> rotations;
+  std::vector<Vec3> scales;
+  size_t count = 0;
+};
+
+/// Reads attribute `name` with `read` and checks that all attributes have the same count.
+template <typename Read, typename Vec>
+absl::Status ReadInstanceAttribute(const Document& document, const tinygltf::Value& attributes,
+                                   const char* name, Read read, int64_t limit, InstanceAttributes* out,
+                                   std::vector<Vec>* values) {
+  if (!attributes.Has(name)) return absl::OkStatus();
+  if (!attributes.Get(name).IsInt())
+    return absl::InvalidArgumentError(absl::StrCat(name, " is not an accessor"));
+  const int accessor = attributes.Get(name).Get<int>();
+  const auto count = ElementCount(document, accessor);
+  if (!count.ok()) return count.status();
+  if (*count > static_cast<size_t>(limit))
+    return absl::ResourceExhaustedError("more instances than the limit allows");
+  if (out->count != 0 && out->count != *count) {
+    return absl::InvalidArgumentError(absl::StrCat(name, " has ", *count, " elements, others ", out->count));
+  }
+  auto read_values = read(document, accessor);
+  if (!read_values.ok()) return read_values.status();
+  *values = *std::move(read_values);
+  out->count = *count;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<Affine>> ReadInstances(const Document& document, const tinygltf::Value& extension,
+                                                  int64_t limit) {
+  if (!extension.Has("attributes") || !extension.Get("attributes").IsObject()) {
+    return absl::InvalidArgumentError("no attributes");
+  }
+  const tinygltf::Value& attributes = extension.Get("attributes");
+  InstanceAttributes a;
+  auto s = ReadInstanceAttribute(document, attributes, "TRANSLATION", ReadVec3s, limit, &a, &a.translations);
+  if (s.ok()) s = ReadInstanceAttribute(document, attributes, "ROTATION", ReadVec4s, limit, &a, &a.rotations);
+  if (s.ok()) s = ReadInstanceAttribute(document, attributes, "SCALE", ReadVec3s, limit, &a, &a.scales);
+  if (!s.ok()) return s;
+  std::vector<Affine> instances;
+  instances.reserve(a.count);
+  for (size_t i = 0; i < a.count; ++i) {
+    const auto instance = AffineFromTrs(a.translations.empty() ? Vec3{} : a.translations[i],
+                                        a.rotations.empty() ? Vec4{0, 0, 0, 1} : a.rotations[i],
+                                        a.scales.empty() ? Vec3{1, 1, 1} : a.scales[i]);
+    if (!instance.ok()) return WithContext(instance.status(), absl::StrCat("instance ", i));
+    instances.push_back(*instance);
+  }
+  return instances;
+}
+
+/// One walk over a scene's nodes.
+class NodeWalk {
+ public:
+  NodeWalk(const Document& document, const LoadLimits& limits, Diagnostics* diagnostics)
+      : document_(document),
+        model_(document.model),
+        limits_(limits),
+        diagnostics_(diagnostics),
+        parents_(model_.nodes.size(), kNotVisited) {
+    contents_.world_from_node.resize(model_.nodes.size());
+  }
+
+  absl::StatusOr<NodeContents> Run() {
+    const auto roots = RootNodes(model_);
+    if (!roots.ok()) return roots.status();
+    for (const int root : *roots) {
+      if (auto s = Visit(root, kNone, Affine{}, 1); !s.ok()) return s;
+    }
+    return std::move(contents_);
+  }
+
+ private:
+  static constexpr int kNotVisited = -2;
+
+  /// Recursion is bounded by limits_.max_node_depth.
+  absl::Status Visit(int index, int parent, const Affine& world_from_parent, int depth) {
+    if (auto s = CheckIndex(index, model_.nodes.size(), "node"); !s.ok()) return s;
+    const tinygltf::Node& node = model_.nodes[index];
+    const std::string place = Place("node", index, node.name);
+    if (auto s = Enter(index, parent, depth); !s.ok()) return WithContext(s, place);
+    const auto local = LocalTransform(node);
+    if (!local.ok()) return WithContext(local.status(), place);
+    const Affine world_from_node = world_from_parent * *local;
+    contents_.world_from_node[index] = world_from_node;
+    if (auto s = AddContents(index, world_from_node, place); !s.ok()) return WithContext(s, place);
+    for (const int child : node.children) {
+      if (auto s = Visit(child, index, world_from_node, depth + 1); !s.ok()) return s;
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Enter(int index, int parent, int depth) {
+    if (depth > limits_.max_node_depth) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("nested deeper than ", limits_.max_node_depth, " nodes"));
+    }
+    for (int ancestor = parent; ancestor != kNone; ancestor = parents_[ancestor]) {
+      if (ancestor == index) return absl::InvalidArgumentError("is its own ancestor (a cycle)");
+    }
+    if (parents_[index] != kNotVisited) return absl::InvalidArgumentError("has more than one parent");
+    parents_[index] = parent;
+    return absl::OkStatus();
+  }
+
+  absl::Status AddContents(int index, const Affine& world_from_node, const std::string& place) {
+    const tinygltf::Node& node = model_.nodes[index];
+    if (node.mesh != kNone) {
+      if (auto s = AddMesh(index, world_from_node, place); !s.ok()) return s;
+    }
+    if (node.camera != kNone) {
+      if (auto s = AddCamera(node, world_from_node, place); !s.ok()) return s;
+    }
+    if (const auto* extension = FindExtension(node.extensions, kLights)) {
+      return AddLight(*extension, node.name, world_from_node, place);
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status AddMesh(int index, const Affine& world_from_node, const std::string& place) {
+    const tinygltf::Node& node = model_.nodes[index];
+    if (auto s = CheckIndex(node.mesh, model_.meshes.size(), "mesh"); !s.ok()) return s;
+    if (node.skin != kNone) {
+      if (auto s = CheckIndex(node.skin, document_.skins.size(), "skin"); !s.ok()) return s;
+      return AddPlacement(index, Affine{}, place);
+    }
+    const auto extension = node.extensions.find(kInstancing);
+    if (extension == node.extensions.end()) return AddPlacement(index, world_from_node, place);
+    const auto instances = ReadInstances(document_, extension->second, limits_.max_instances);
+    if (!instances.ok()) return WithContext(instances.status(), kInstancing);
+    for (const Affine& node_from_instance : *instances) {
+      if (auto s = AddPlacement(index, world_from_node * node_from_instance, place); !s.ok()) return s;
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status AddPlacement(int index, const Affine& world_from_object, const std::string& place) {
+    if (!IsInvertible(world_from_object)) {
+      diagnostics_->Count("instances flattened or thrown out of space by their transform left out", place);
+      return absl::OkStatus();
+    }
+    if (static_cast<int64_t>(contents_.placements.size()) >= limits_.max_instances) {
+      return absl::ResourceExhaustedError(absl::StrCat("more than ", limits_.max_instances, " instances"));
+    }
+    const tinygltf::Node& node = model_.nodes[index];
+    const std::string& name = node.name.empty() ? model_.meshes[node.mesh].name : node.name;
+    contents_.placements.push_back({node.mesh, index, world_from_object, name});
+    return absl::OkStatus();
+  }
+
+  absl::Status AddCamera(const tinygltf::Node& node, const Affine& world_from_node,
+                         const std::string& place) {
+    if (auto s = CheckIndex(node.camera, model_.cameras.size(), "camera"); !s.ok()) return s;
+    const tinygltf::Camera& source = model_.cameras[node.camera];
+    if (!IsInvertible(world_from_node)) {
+      diagnostics_->Count("cameras flattened by their transform left out", place);
+      return absl::OkStatus();
+    }
+    Camera camera;
+    // What artists see and pick in their program is the object, which exporters make the node.
+    camera.name = !node.name.empty()     ? node.name
+                  : !source.name.empty() ? source.name
+                                         : absl::StrCat("camera", node.camera);
+    if (auto s = ReadLens(source, &camera); !s.ok())
+      return WithContext(s, Place("camera", node.camera, source.name));
+    camera.world_from_camera = RigidPart(world_from_node);
+    contents_.cameras.push_back(std::move(camera));
+    return absl::OkStatus();
+  }
+
+  absl::Status AddLight(const tinygltf::Value& extension, const std::string& node_name,
+                        const Affine& world_from_node, const std::string& place) {
+    const int index =
+        extension.Has("light") && extension.Get("light").IsInt() ? extension.Get("light").Get<int>() : kNone;
+    if (auto s = CheckIndex(index, model_.lights.size(), "light"); !s.ok()) return s;
+    const tinygltf::Light& source = model_.lights[index];
+    if (!IsInvertible(world_from_node)) {
+      diagnostics_->Count("lights flattened by their transform left out", place);
+      return absl::OkStatus();
+    }
+    const std::string light_place = Place("light", index, source.name);
+    auto light = ReadLight(source, light_place, diagnostics_);
+    if (!light.ok()) return light.status();
+    light->name = node_name.empty() ? source.name : node_name;
+    light->world_from_light = RigidPart(world_from_node);
+    contents_.lights.push_back(*std::move(light));
+    return absl::OkStatus();
+  }
+
+  const Document& document_;
+  const tinygltf::Model& model_;
+  const LoadLimits& limits_;
+  Diagnostics* diagnostics_;
+  std::vector<int> parents_;  // of each node visited
+  NodeContents contents_;
+};
+
+}  // namespace
+
+absl::StatusOr<NodeContents> WalkNodes(const Document& document, const LoadLimits& limits,
+                                       Diagnostics* diagnostics) {
+  return NodeWalk(document, limits, diagnostics).Run();
+}
+
+}  // namespace lumifold::scene

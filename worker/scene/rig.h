@@ -1,0 +1,45 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "nlohmann/json_fwd.hpp"
+#include "worker/scene/diagnostics.h"
+
+/// The parts of a document that move things. tinygltf does not see them: it asks for fields that glTF leaves
+/// out at will (a skin's inverse bind matrices, a channel's node).
+namespace lumifold::scene {
+
+enum class AnimatedProperty { kTranslation, kRotation, kScale, kWeights };
+enum class Interpolation { kStep, kLinear, kCubicSpline };
+
+/// One property of one node over time. Accessors and nodes are as in the file, not yet checked.
+struct AnimationChannel {
+  int node = -1;
+  AnimatedProperty property = AnimatedProperty::kTranslation;
+  Interpolation interpolation = Interpolation::kLinear;
+  int times = -1;   // accessor of keyframe times, seconds
+  int values = -1;  // accessor of keyframe values
+};
+
+struct Animation {
+  std::string name;
+  std::vector<AnimationChannel> channels;
+};
+
+struct Skin {
+  std::string name;
+  std::vector<int> joints;         // nodes
+  int inverse_bind_matrices = -1;  // accessor; -1: identities
+};
+
+/// Reads the section "animations". Channels without a node and those of properties that core glTF does not
+/// animate are left out; the latter are counted. Errors: kInvalidArgument naming the animation and channel.
+absl::Status ParseAnimations(const nlohmann::json& section, std::vector<Animation>* animations,
+                             Diagnostics* diagnostics);
+
+/// Reads the section "skins". Errors: kInvalidArgument naming the skin.
+absl::Status ParseSkins(const nlohmann::json& section, std::vector<Skin>* skins);
+
+}  // namespace lumifold::scene

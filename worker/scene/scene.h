@@ -1,0 +1,155 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "worker/scene/vec.h"
+
+/// What a scene is to the renderer: plain arrays in metres, seconds, linear Rec. 709 RGB, right-handed with
+/// +Y up as in glTF. A Scene that came out of the loader is valid: every index below is in range, every
+/// number finite.
+namespace lumifold::scene {
+
+/// Index that names nothing.
+inline constexpr int kNone = -1;
+
+/// A decoded picture: 8-bit RGBA as in the file, rows from the top (v = 0 is the first row, as in glTF).
+struct ImageData {
+  int width = 0;
+  int height = 0;
+  std::vector<uint8_t> rgba;
+};
+
+enum class Wrap { kRepeat, kMirror, kClamp };
+
+/// A picture and how it is looked up outside [0,1] and between texels.
+struct Texture {
+  int image = kNone;
+  Wrap wrap_s = Wrap::kRepeat;
+  Wrap wrap_t = Wrap::kRepeat;
+  bool nearest = false;  // no interpolation asked for
+};
+
+/// A texture as a material uses it: uv' = offset + rotation_scale * uv (KHR_texture_transform).
+struct TextureRef {
+  int texture = kNone;
+  int uv_set = 0;
+  Vec2 row_u = {1, 0};
+  Vec2 row_v = {0, 1};
+  Vec2 offset = {0, 0};
+};
+
+enum class AlphaMode { kOpaque, kMask, kBlend };
+
+/// glTF's metallic-roughness material and the extensions the renderer models. Texture values multiply the
+/// factors.
+struct Material {
+  std::string name;
+  Vec3 base_color = {1, 1, 1};
+  float alpha = 1;
+  TextureRef base_color_texture;  // sRGB colour, linear alpha
+  float metallic = 1;
+  float roughness = 1;                    // perceptual: GGX alpha = roughness^2
+  TextureRef metallic_roughness_texture;  // G roughness, B metallic
+  TextureRef normal_texture;
+  float normal_scale = 1;
+  Vec3 emission = {0, 0, 0};    // radiance, emissive_strength multiplied in
+  TextureRef emission_texture;  // sRGB
+  AlphaMode alpha_mode = AlphaMode::kOpaque;
+  float alpha_cutoff = 0.5f;
+  bool double_sided = false;
+  bool unlit = false;           // KHR_materials_unlit: base colour is emitted, nothing is reflected
+  float ior = 1.5f;             // KHR_materials_ior
+  float specular = 1;           // KHR_materials_specular
+  TextureRef specular_texture;  // A
+  Vec3 specular_color = {1, 1, 1};
+  TextureRef specular_color_texture;       // sRGB
+  float transmission = 0;                  // KHR_materials_transmission
+  TextureRef transmission_texture;         // R
+  float clearcoat = 0;                     // KHR_materials_clearcoat: weight of a dielectric coat of ior 1.5
+  TextureRef clearcoat_texture;            // R
+  float clearcoat_roughness = 0;           // perceptual, like roughness
+  TextureRef clearcoat_roughness_texture;  // G
+  Vec3 sheen_color = {0, 0, 0};            // KHR_materials_sheen: reflectance of the fibres; black: none
+  TextureRef sheen_color_texture;          // sRGB
+  float sheen_roughness = 0;               // perceptual: sheen alpha = sheen_roughness^2
+  TextureRef sheen_roughness_texture;      // A
+  bool has_volume = false;  // KHR_materials_volume with thickness > 0: refracts; otherwise thin
+  Vec3 attenuation_color = {1, 1, 1};
+  float attenuation_distance = 0;  // metres; 0 stands for infinity
+};
+
+/// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
+struct Mesh {
+  std::vector<Vec3> positions;
+  std::vector<Vec3> normals;        // unit length; empty: flat
+  std::vector<Vec2> uvs[2];         // TEXCOORD_0, TEXCOORD_1
+  std::vector<Vec4> tangents;       // xyz unit, w = handedness
+  std::vector<Vec4> colors;         // linear RGBA
+  std::vector<uint32_t> triangles;  // 3 indices each, counter-clockwise seen from the front
+  int material = kNone;             // kNone: glTF's default material
+};
+
+/// A mesh placed in the world.
+struct Instance {
+  int mesh = kNone;
+  Affine world_from_object;
+  std::string name;
+};
+
+/// Looks down its -Z with +Y up.
+struct Camera {
+  enum class Kind { kPerspective, kOrthographic };
+  std::string name;
+  Kind kind = Kind::kPerspective;
+  float yfov = 0.8f;  // radians, kPerspective
+  float xmag = 1;     // half width and half height of the picture in metres, kOrthographic
+  float ymag = 1;
+  float aspect = 0;  // width / height the file asks for; 0: none
+  Affine world_from_camera;
+};
+
+/// A light without size (KHR_lights_punctual), in glTF's photometric units as written in the file.
+struct PunctualLight {
+  enum class Kind { kPoint, kSpot, kDirectional };
+  std::string name;
+  Kind kind = Kind::kPoint;
+  Vec3 color = {1, 1, 1};      // linear Rec. 709, multiplies intensity
+  float intensity = 1;         // candela (lm/sr) for points and spots, lux (lm/m^2) for directional ones
+  float range = 0;             // metres beyond which it gives nothing, points and spots; 0: no end
+  float inner_cone_angle = 0;  // radians from the axis, kSpot: full strength within the inner one,
+  float outer_cone_angle = 0.78539816f;  // none beyond the outer one; inner < outer <= pi/2
+  Affine world_from_light;  // rigid: shines along its -Z; the origin means nothing to directional ones
+};
+
+struct Scene {
+  std::vector<Mesh> meshes;
+  std::vector<Instance> instances;
+  std::vector<Material> materials;
+  std::vector<Texture> textures;
+  std::vector<ImageData> images;
+  std::vector<Camera> cameras;
+  std::vector<PunctualLight> lights;
+  bool animated = false;          // whether another time may give another Scene
+  double animation_duration = 0;  // seconds from 0 to the last keyframe of all animations
+  /// What the artist should know, a line each: extensions left out, triangles dropped.
+  std::vector<std::string> warnings;
+};
+
+/// An axis-aligned box; empty while min > max.
+struct Bounds {
+  Vec3 min = {1e30f, 1e30f, 1e30f};
+  Vec3 max = {-1e30f, -1e30f, -1e30f};
+  bool IsEmpty() const { return min.x > max.x; }
+};
+
+/// A box around all instances, in world space: the box around the transformed boxes of their meshes.
+Bounds WorldBounds(const Scene& scene);
+
+/// The camera called `name`; the first one where name is empty. A scene without cameras gives a fitted one:
+/// it looks from the front and a little above at everything. Errors: a name that does not exist (nullopt).
+std::optional<Camera> FindCamera(const Scene& scene, const std::string& name);
+
+}  // namespace lumifold::scene

@@ -1,0 +1,2 @@
+#define TINYGLTF_IMPLEMENTATION
+#include "worker/scene/tinygltf.h"

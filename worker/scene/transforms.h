@@ -1,0 +1,26 @@
+#pragma once
+
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "worker/scene/tinygltf.h"
+#include "worker/scene/vec.h"
+
+namespace lumifold::scene {
+
+/// The map translation * rotation * scale; `rotation` is a quaternion (x, y, z, w) of any length. Error: it
+/// is zero.
+absl::StatusOr<Affine> AffineFromTrs(Vec3 translation, Vec4 rotation, Vec3 scale);
+
+/// A node's matrix, or its translation, rotation and scale. Errors: kInvalidArgument for wrong lengths,
+/// values that are not finite, a projective matrix.
+absl::StatusOr<Affine> LocalTransform(const tinygltf::Node& node);
+
+/// Whether the map is finite and can be inverted in float.
+bool IsInvertible(const Affine& affine);
+
+/// The same place and direction (of -z, then of +y) without any scale, shear or mirroring; `affine` must be
+/// invertible.
+Affine RigidPart(const Affine& affine);
+
+}  // namespace lumifold::scene

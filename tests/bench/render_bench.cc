@@ -1,0 +1,101 @@
+// Camera samples per second with all layers, and what the geometry unit costs, on the generated scenes and,
+// where LUMIFOLD_SCENES_DIR is set, on staircase.glb. Compare figures within one run: the machine may be
+// shared.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "filter/image/parallel.h"
+#include "tests/scenes/glb_writer.h"
+#include "tests/scenes/scenes.h"
+#include "worker/render/renderer.h"
+#include "worker/scene/gltf_loader.h"
+
+namespace lumifold {
+namespace {
+
+constexpr int kWidth = 512;
+constexpr int kHeight = 384;
+constexpr int kTile = 32;
+constexpr uint32_t kSamples = 8;
+constexpr int kThreads = 2;
+
+absl::StatusOr<scene::Scene> LoadScene(const std::string& name) {
+  if (name == "staircase") {
+    const char* folder = std::getenv("LUMIFOLD_SCENES_DIR");
+    if (folder == nullptr) return absl::NotFoundError("LUMIFOLD_SCENES_DIR is not set");
+    return scene::LoadGltfFile(std::string(folder) + "/staircase.glb");
+  }
+  const auto glb = scenes::EncodeGlb(scenes::FindScene(name)->build());
+  if (!glb.ok()) return glb.status();
+  return scene::LoadGltf(*glb, name, nullptr);
+}
+
+/// A renderer a scene, made once for all benchmarks; null with a word to the user where there is no such
+/// scene.
+const render::Renderer* RendererOf(const std::string& name, benchmark::State& state) {
+  static std::map<std::string, std::unique_ptr<render::Renderer>> known;
+  if (!known.contains(name)) {
+    absl::StatusOr<scene::Scene> scene = LoadScene(name);
+    if (!scene.ok()) {
+      state.SkipWithError(std::string(scene.status().message()).c_str());
+      return nullptr;
+    }
+    render::RenderSettings settings;
+    settings.width = kWidth;
+    settings.height = kHeight;
+    known[name] = *render::Renderer::Create(std::make_shared<scene::Scene>(*std::move(scene)), settings);
+  }
+  return known[name].get();
+}
+
+void RunTiles(TaskPool& pool, absl::FunctionRef<void(const Rect&)> render) {
+  constexpr int kColumns = kWidth / kTile;
+  pool.Run(kColumns * (kHeight / kTile), [&](int64_t i) {
+    const int x = static_cast<int>(i) % kColumns * kTile;
+    const int y = static_cast<int>(i) / kColumns * kTile;
+    render({x, y, x + kTile, y + kTile});
+  });
+}
+
+void BM_Passes(benchmark::State& state, const std::string& name) {
+  const render::Renderer* renderer = RendererOf(name, state);
+  if (renderer == nullptr) return;
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(kThreads);
+  for (auto _ : state) {
+    RunTiles(*pool, [&](const Rect& tile) {
+      render::RenderCounts counts;
+      benchmark::DoNotOptimize(renderer->RenderPass(tile, 0, {0, kSamples}, &counts));
+    });
+  }
+  state.counters["samples/s"] = benchmark::Counter(
+      static_cast<double>(state.iterations()) * kWidth * kHeight * kSamples, benchmark::Counter::kIsRate);
+}
+
+void BM_Geometry(benchmark::State& state, const std::string& name) {
+  const render::Renderer* renderer = RendererOf(name, state);
+  if (renderer == nullptr) return;
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(kThreads);
+  for (auto _ : state) {
+    RunTiles(*pool, [&](const Rect& tile) { benchmark::DoNotOptimize(renderer->RenderGeometry(tile, 0)); });
+  }
+  state.counters["pixels/s"] = benchmark::Counter(static_cast<double>(state.iterations()) * kWidth * kHeight,
+                                                  benchmark::Counter::kIsRate);
+}
+
+BENCHMARK_CAPTURE(BM_Passes, cornell_box, "cornell-box")->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(BM_Passes, meeting_room, "meeting-room")->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(BM_Passes, bedroom, "bedroom")->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(BM_Passes, atrium, "atrium")->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(BM_Passes, staircase, "staircase")->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(BM_Geometry, cornell_box, "cornell-box")->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(BM_Geometry, atrium, "atrium")->Unit(benchmark::kMillisecond)->UseRealTime();
+
+}  // namespace
+}  // namespace lumifold
+
+BENCHMARK_MAIN();

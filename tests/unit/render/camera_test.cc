@@ -1,0 +1,134 @@
+#include "worker/render/camera.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "filter/image/layers.h"
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/render/pictures.h"
+#include "worker/render/renderer.h"
+
+namespace lumifold::render {
+namespace {
+
+using scene::Vec3;
+using ::testing::HasSubstr;
+
+constexpr float kYfov = 0.6f;
+
+scene::Camera Forward() { return testing::LookAt({0, 0, 0}, {0, 0, -1}, kYfov); }
+
+/// The lens's radius by the book: half of focal length over f-stop, the sensor 24 mm high.
+double LensRadius(double f_stop) { return 0.012 / std::tan(static_cast<double>(kYfov) / 2) / (2 * f_stop); }
+
+TEST(Camera, PinholeTakesNoNoticeOfTheLensPoint) {
+  const PictureCamera camera(Forward(), {}, 40, 30);
+  EXPECT_FALSE(camera.HasLens());
+  const Ray a = camera.RayThrough(3.25f, 7, {0.1f, 0.9f});
+  const Ray b = camera.RayThrough(3.25f, 7, {0.7f, 0.2f});
+  EXPECT_EQ(a.origin, b.origin);
+  EXPECT_EQ(a.direction, b.direction);
+}
+
+TEST(Camera, RaysOfOnePicturePointMeetInThePlaneOfFocus) {
+  const PictureCamera camera(Forward(), {1.4f, 2.5f}, 40, 30);
+  const PictureCamera pinhole(Forward(), {}, 40, 30);
+  const Ray central = pinhole.RayThrough(31, 4, {});
+  const Vec3 sharp = central.direction * (2.5f / -central.direction.z);
+  double widest = 0;
+  for (int i = 0; i < 64; ++i) {
+    const Ray ray = camera.RayThrough(
+        31, 4, {(static_cast<float>(i % 8) + 0.5f) / 8, (static_cast<float>(i / 8) + 0.5f) / 8});
+    EXPECT_EQ(ray.origin.z, 0);
+    widest = std::max(widest, static_cast<double>(Length(ray.origin)));
+    const Vec3 met = ray.origin + ray.direction * (2.5f / -ray.direction.z);
+    EXPECT_NEAR(Length(met - sharp), 0, 1e-5);
+  }
+  EXPECT_LE(widest, LensRadius(1.4));
+  EXPECT_GT(widest, 0.85 * LensRadius(1.4));
+}
+
+TEST(Camera, APointOutOfFocusBecomesADiskOfTheLawfulSize) {
+  constexpr int kSize = 32;
+  constexpr Rect kMiddle = {10, 10, 22, 22};
+  constexpr float kDistance = 4;
+  constexpr float kFocus = 1.5f;
+  scene::Scene scene;
+  scene.materials = {testing::Emitter({1000, 1000, 1000})};
+  const float side = 0.04f;
+  testing::Place(&scene,
+                 testing::QuadMesh({-side / 2, -side / 2, -kDistance}, {side, 0, 0}, {0, side, 0}, 0));
+  scene.cameras = {Forward()};
+  RenderSettings settings = SettingsOf(kSize, kSize);
+  settings.lens = {0.25f, kFocus};
+  const auto renderer = MakeRenderer(scene, settings);
+  RenderCounts counts;
+  const LayeredImage image = renderer->RenderPass(kMiddle, 0, {0, 4096}, &counts);
+  const ConstFloatView light = image.GetColor(layers::kEmission)[0];
+  double total = 0;
+  double moment = 0;
+  for (int y = 0; y < kMiddle.height(); ++y) {
+    for (int x = 0; x < kMiddle.width(); ++x) {
+      const double dx = x + kMiddle.x0 + 0.5 - kSize / 2.0;
+      const double dy = y + kMiddle.y0 + 0.5 - kSize / 2.0;
+      total += static_cast<double>(light.At(x, y));
+      moment += static_cast<double>(light.At(x, y)) * (dx * dx + dy * dy);
+    }
+  }
+  ASSERT_GT(total, 0);
+  const double pixel = 2 * std::tan(static_cast<double>(kYfov) / 2) / kSize;  // at distance 1
+  const double radius = LensRadius(0.25) *
+                        std::abs(1 / static_cast<double>(kDistance) - 1 / static_cast<double>(kFocus)) /
+                        pixel;
+  // The second moment of a uniform disk is half its squared radius; a square adds a sixth of its own, which
+  // both pixel and light are.
+  const double light_pixels = static_cast<double>(side) / static_cast<double>(kDistance) / pixel;
+  EXPECT_NEAR(std::sqrt(2 * (moment / total - (1 + light_pixels * light_pixels) / 6)), radius, 0.03 * radius);
+}
+
+TEST(Camera, GeometryIsSeenThroughTheLens) {
+  scene::Scene scene;
+  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&scene, testing::QuadMesh({0, -9, -4}, {9, 0, 0}, {0, 18, 0}, 0));  // the right half
+  scene.cameras = {Forward()};
+  const auto edge_width = [&](float focus) {
+    RenderSettings settings = SettingsOf(32, 32);
+    settings.lens = {0.1f, focus};
+    const LayeredImage geometry = MakeRenderer(scene, settings)->RenderGeometry({0, 16, 32, 17}, 0);
+    int partial = 0;
+    for (int x = 0; x < 32; ++x) {
+      const float alpha = geometry.Get(layers::kAlpha).At(x, 0);
+      partial += alpha > 0 && alpha < 1;
+    }
+    return partial;
+  };
+  EXPECT_LE(edge_width(4), 1);
+  EXPECT_GE(edge_width(2), 4);
+}
+
+TEST(Camera, ALensNeedsAFocusAndAPerspectiveCamera) {
+  scene::Scene scene;
+  scene.cameras = {Forward()};
+  RenderSettings settings = SettingsOf(8, 8);
+  settings.lens = {2, 0};
+  EXPECT_THAT(
+      std::string(Renderer::Create(std::make_shared<scene::Scene>(scene), settings).status().message()),
+      HasSubstr("focus"));
+  settings.lens = {-1, 1};
+  EXPECT_THAT(
+      std::string(Renderer::Create(std::make_shared<scene::Scene>(scene), settings).status().message()),
+      HasSubstr("f-stop"));
+  scene.cameras[0].kind = scene::Camera::Kind::kOrthographic;
+  scene.cameras[0].name = "plan";
+  settings.lens = {2, 1};
+  EXPECT_THAT(
+      std::string(Renderer::Create(std::make_shared<scene::Scene>(scene), settings).status().message()),
+      HasSubstr("'plan' is orthographic"));
+}
+
+}  // namespace
+}  // namespace lumifold::render

@@ -1,0 +1,240 @@
+#include "worker/render/lights.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <vector>
+
+#include "filter/image/layers.h"
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/render/pictures.h"
+#include "worker/render/alias_table.h"
+#include "worker/render/renderer.h"
+
+namespace lumifold::render {
+namespace {
+
+using scene::PunctualLight;
+using scene::Scene;
+using scene::Vec3;
+
+/// Illumination of a small patch of floor at (x, 0, 0), lit by what `scene` holds, in W/m^2 over pi.
+double PatchLight(Scene scene, float x, uint32_t spp = 16) {
+  scene.materials.insert(scene.materials.begin(), testing::Lambert({0.5f, 0.5f, 0.5f}));
+  for (scene::Mesh& mesh : scene.meshes) ++mesh.material;
+  testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0));
+  scene.cameras = {testing::LookAt({x, 0.5f, 0}, {x, 0, 0}, 0.002f)};
+  return MeanOf(RenderAll(*MakeRenderer(scene, SettingsOf(8, 8, 0)), 8, 8, spp), layers::kDirect);
+}
+
+/// Hangs at a height of 2 above the origin and shines down.
+PunctualLight Hanging(PunctualLight::Kind kind, float intensity) {
+  PunctualLight light;
+  light.kind = kind;
+  light.intensity = intensity * kLumensPerWatt;
+  light.world_from_light = {{1, 0, 0}, {0, 0, -1}, {0, 1, 0}, {0, 2, 0}};
+  return light;
+}
+
+TEST(AliasTable, PicksInProportion) {
+  const std::vector<double> weights = {0, 3, 1, 0.5, 0, 7, 2.5};
+  const AliasTable table(weights);
+  constexpr int kPicks = 7000;
+  std::vector<int> picked(weights.size());
+  for (int i = 0; i < kPicks; ++i) ++picked[table.Pick((static_cast<float>(i) + 0.5f) / kPicks)];
+  for (uint32_t i = 0; i < weights.size(); ++i) {
+    EXPECT_NEAR(table.Probability(i), weights[i] / 14, 1e-6);
+    EXPECT_NEAR(picked[i], weights[i] / 14 * kPicks, 4) << i;
+  }
+  EXPECT_TRUE(AliasTable({0, 0}).IsEmpty());
+}
+
+TEST(Lights, PointFollowsTheInverseSquare) {
+  Scene scene;
+  scene.lights = {Hanging(PunctualLight::Kind::kPoint, 10)};
+  for (const double x : {0.0, 1.0, 3.0}) {
+    const double d2 = 4 + x * x;
+    const double irradiance = 10 / d2 * 2 / std::sqrt(d2);
+    EXPECT_NEAR(PatchLight(scene, static_cast<float>(x)) * M_PI, irradiance, irradiance * 2e-3) << x;
+  }
+}
+
+TEST(Lights, RangeEndsSmoothly) {
+  Scene scene;
+  scene.lights = {Hanging(PunctualLight::Kind::kPoint, 10)};
+  scene.lights[0].range = 4;
+  EXPECT_NEAR(PatchLight(scene, 0) * M_PI, 10.0 / 4 * (1 - std::pow(0.5, 4)), 5e-3);
+  scene.lights[0].range = 1.9f;
+  EXPECT_EQ(PatchLight(scene, 0), 0);
+}
+
+TEST(Lights, SpotHasAConeWithASoftEdge) {
+  Scene scene;
+  scene.lights = {Hanging(PunctualLight::Kind::kSpot, 10)};
+  scene.lights[0].inner_cone_angle = 0.3f;
+  scene.lights[0].outer_cone_angle = 0.6f;
+  const auto expected = [](double angle) {
+    const double cosine = std::cos(angle);
+    const double cone = std::clamp((cosine - std::cos(0.6)) / (std::cos(0.3) - std::cos(0.6)), 0.0, 1.0);
+    return 10 / 4.0 * cosine * cosine * cosine * cone * cone;
+  };
+  for (const double angle : {0.0, 0.25, 0.4, 0.5}) {
+    EXPECT_NEAR(PatchLight(scene, static_cast<float>(2 * std::tan(angle))) * M_PI, expected(angle), 5e-3)
+        << angle;
+  }
+  EXPECT_EQ(PatchLight(scene, static_cast<float>(2 * std::tan(0.62))), 0);
+}
+
+TEST(Lights, SunIsTheSameEverywhere) {
+  Scene scene;
+  scene.lights = {Hanging(PunctualLight::Kind::kDirectional, 3)};
+  // Tilted by 60 degrees: the floor gets half of it.
+  const float s = std::sqrt(0.75f);
+  scene.lights[0].world_from_light.z = {s, 0.5f, 0};
+  scene.lights[0].world_from_light.y = {-0.5f, s, 0};
+  scene.lights[0].world_from_light.x = {0, 0, 1};
+  for (const float x : {0.0f, 2.5f}) EXPECT_NEAR(PatchLight(scene, x) * M_PI, 1.5, 2e-3) << x;
+}
+
+TEST(Lights, PunctualLightsCastShadows) {
+  for (const PunctualLight::Kind kind :
+       {PunctualLight::Kind::kPoint, PunctualLight::Kind::kSpot, PunctualLight::Kind::kDirectional}) {
+    Scene scene;
+    scene.lights = {Hanging(kind, 1)};
+    EXPECT_GT(PatchLight(scene, 0), 0);
+    scene.materials = {testing::Lambert({0, 0, 0})};
+    testing::Place(&scene, testing::QuadMesh({-1, 1.5f, -1}, {0, 0, 2}, {2, 0, 0}, 0));
+    EXPECT_EQ(PatchLight(scene, 0), 0);
+  }
+}
+
+/// A ceiling of n x n lamps, each of two triangles or a point, of uneven power and both sides.
+Scene Lamps(int n) {
+  Scene scene;
+  for (int i = 0; i < n * n; ++i) {
+    const float x = (static_cast<float>(i % n) + 0.3f) / static_cast<float>(n) * 6 - 3;
+    const float z = (static_cast<float>(i / n) + 0.5f) / static_cast<float>(n) * 6 - 3;
+    const float strength = 1.0f + static_cast<float>(i % 7);
+    if (i % 3 == 0) {
+      PunctualLight light =
+          Hanging(i % 2 == 0 ? PunctualLight::Kind::kPoint : PunctualLight::Kind::kSpot, strength);
+      light.world_from_light.origin = {x, 1, z};
+      scene.lights.push_back(light);
+    } else {
+      scene.materials.push_back(testing::Emitter({strength * 10, strength * 10, strength * 10}));
+      scene.materials.back().double_sided = i % 2 == 0;
+      testing::Place(&scene, testing::QuadMesh({x, 1, z}, {0.2f, 0, 0}, {0, 0.1f, 0.15f},
+                                               static_cast<int>(scene.materials.size()) - 1));
+    }
+  }
+  return scene;
+}
+
+TEST(Lights, TreeAgreesWithTheSumOverAllLights) {
+  const Scene all = Lamps(8);  // more than a hundred emitters: a tree
+  double sum = 0;
+  for (size_t i = 0; i < all.lights.size(); ++i) {
+    Scene one;
+    one.lights = {all.lights[i]};
+    sum += PatchLight(one, 0.7f);
+  }
+  for (size_t i = 0; i < all.meshes.size(); ++i) {
+    Scene one;
+    one.materials = all.materials;
+    testing::Place(&one, all.meshes[i]);
+    sum += PatchLight(one, 0.7f, 64);
+  }
+  EXPECT_NEAR(PatchLight(all, 0.7f, 2048) / sum, 1, 0.01);
+}
+
+TEST(Lights, AllKindsTogetherGiveTheSumOfEach) {
+  LayeredImage picture(16, 8);
+  for (const FloatView& channel : picture.AddColor("")) {
+    for (int y = 0; y < 8; ++y) {
+      for (int x = 0; x < 16; ++x) channel.At(x, y) = 0.1f * static_cast<float>(x);
+    }
+  }
+  const auto sky = *Environment::Create(picture, 10, 1);
+  scene::Scene room;
+  scene::Material glossy = testing::Lambert({0.5f, 0.6f, 0.7f});
+  glossy.specular = 1;
+  glossy.roughness = 0.5f;
+  room.materials = {glossy, testing::Emitter({4, 4, 4})};
+  testing::Place(&room, testing::SphereMesh(1, 12, 0));
+  room.cameras = {testing::LookAt({0, 1, 4}, {0, 0, 0}, 0.6f)};
+  const auto brightness = [&](bool lamp, bool point, bool sun, bool environment) {
+    Scene scene = room;
+    if (lamp) testing::Place(&scene, testing::QuadMesh({-1, 3, -1}, {2, 0, 0}, {0, 0, 2}, 1));
+    if (point) scene.lights.push_back(Hanging(PunctualLight::Kind::kPoint, 2));
+    if (sun) {  // from the side, where the lamp does not stand in its way
+      scene.lights.push_back(Hanging(PunctualLight::Kind::kDirectional, 1));
+      scene.lights.back().world_from_light = {{0, 0, -1}, {0, 1, 0}, {1, 0, 0}, {0, 0, 0}};
+    }
+    RenderSettings settings = SettingsOf(12, 12, 0);
+    if (environment) settings.environment = sky;
+    return MeanOf(RenderAll(*MakeRenderer(scene, settings), 12, 12, 512), layers::kNoisy);
+  };
+  const double lamp = brightness(true, false, false, false);
+  const double rest = brightness(false, true, false, false) + brightness(false, false, true, false);
+  // The lamp hides a part of the sky; without its light that is the sky's share.
+  room.materials[1].emission = {1e-12f, 1e-12f, 1e-12f};
+  const double sky_behind_lamp = brightness(true, false, false, true);
+  room.materials[1].emission = {4, 4, 4};
+  const double sum = lamp + rest + sky_behind_lamp;
+  EXPECT_NEAR(brightness(true, true, true, true) / sum, 1, 5e-3);
+}
+
+TEST(Lights, AllStrategiesConvergeToTheSamePicture) {
+  Scene lamps = Lamps(10);
+  lamps.lights.clear();
+  Scene lit = testing::SmallRoom();
+  lit.materials[4].roughness = 0.5f;
+  struct Case {
+    Scene scene;
+    double tolerance;
+  };
+  lamps.materials.push_back(testing::Lambert({0.6f, 0.6f, 0.6f}));
+  testing::Place(&lamps, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0},
+                                           static_cast<int>(lamps.materials.size()) - 1));
+  lamps.cameras = {testing::LookAt({0, 0.9f, 2}, {0, 0, 0}, 0.8f)};
+  for (const Case& c : {Case{lit, 0.02}, Case{lamps, 0.02}}) {
+    double mean[3];
+    for (const LightStrategy strategy :
+         {LightStrategy::kCombined, LightStrategy::kLightSamples, LightStrategy::kBsdfHits}) {
+      RenderSettings settings = SettingsOf(16, 12, 2);
+      settings.light_strategy = strategy;
+      const LayeredImage image = RenderAll(*MakeRenderer(c.scene, settings), 16, 12, 512);
+      mean[static_cast<int>(strategy)] = MeanOf(image, layers::kNoisy);
+    }
+    EXPECT_NEAR(mean[1] / mean[0], 1, c.tolerance);
+    EXPECT_NEAR(mean[2] / mean[0], 1, c.tolerance);
+  }
+}
+
+TEST(Lights, TilesMakeNoDifferenceWithATreeALensAndASky) {
+  Scene scene = Lamps(10);
+  scene.materials.push_back(testing::Lambert({0.6f, 0.6f, 0.6f}));
+  testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0},
+                                           static_cast<int>(scene.materials.size()) - 1));
+  scene.cameras = {testing::LookAt({0, 0.9f, 2}, {0, 0, 0}, 1.2f)};
+  LayeredImage picture(4, 2);
+  picture.AddColor("")[2].At(1, 0) = 3;
+  RenderSettings settings = SettingsOf(20, 14);
+  settings.environment = *Environment::Create(picture, 10, 1);
+  settings.lens = {2, 1};
+  RenderCounts counts;
+  const LayeredImage whole = MakeRenderer(scene, settings)->RenderPass({0, 0, 20, 14}, 0, {0, 4}, &counts);
+  const LayeredImage part = MakeRenderer(scene, settings)->RenderPass({7, 3, 15, 11}, 0, {0, 4}, &counts);
+  for (const LayeredImage::Channel& channel : part.channels()) {
+    for (int y = 0; y < 8; ++y) {
+      for (int x = 0; x < 8; ++x)
+        ASSERT_EQ(channel.plane.At(x, y), whole.Get(channel.name).At(x + 7, y + 3)) << channel.name;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::render

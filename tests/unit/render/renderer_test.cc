@@ -1,0 +1,172 @@
+#include "worker/render/renderer.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <memory>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/render/pictures.h"
+
+namespace lumifold::render {
+namespace {
+
+using scene::Vec3;
+using ::testing::HasSubstr;
+
+std::unique_ptr<Renderer> MakeRenderer(scene::Scene scene, int width, int height, int max_bounces = 8) {
+  return MakeRenderer(std::move(scene), SettingsOf(width, height, max_bounces));
+}
+
+void ExpectSameBits(const LayeredImage& a, const LayeredImage& b) {
+  ASSERT_EQ(a.channels().size(), b.channels().size());
+  for (const LayeredImage::Channel& channel : a.channels()) {
+    const ConstFloatView other = b.Get(channel.name);
+    for (int y = 0; y < a.height(); ++y) {
+      ASSERT_EQ(
+          std::memcmp(channel.plane.Row(y), other.Row(y), sizeof(float) * static_cast<size_t>(a.width())), 0)
+          << channel.name << " row " << y;
+    }
+  }
+}
+
+TEST(Renderer, WhiteFurnaceShowsNothingForLambert) {
+  const auto renderer = MakeRenderer(testing::Furnace(testing::Lambert({1, 1, 1})), 16, 16, 32);
+  const LayeredImage image = RenderAll(*renderer, 16, 16, 256);
+  EXPECT_NEAR(MeanOf(image, layers::kNoisy), 1, 2e-3);
+  EXPECT_NEAR(MeanOf(image, layers::kDirect) + MeanOf(image, layers::kIndirect), 1, 2e-3);
+}
+
+TEST(Renderer, WhiteFurnaceShowsNothingForMirrorAndGlass) {
+  scene::Material mirror;
+  mirror.roughness = 0;
+  EXPECT_NEAR(
+      MeanOf(RenderAll(*MakeRenderer(testing::Furnace(mirror), 16, 16, 32), 16, 16, 64), layers::kNoisy), 1,
+      1e-4);
+  scene::Material glass = mirror;
+  glass.metallic = 0;
+  glass.transmission = 1;
+  glass.has_volume = true;
+  EXPECT_NEAR(
+      MeanOf(RenderAll(*MakeRenderer(testing::Furnace(glass), 16, 16, 64), 16, 16, 256), layers::kNoisy), 1,
+      5e-3);
+}
+
+TEST(Renderer, CoatedWhiteLosesOnlyWhatSingleScatteringLoses) {
+  for (const float roughness : {0.0f, 0.3f, 0.6f, 1.0f}) {
+    scene::Material plastic;
+    plastic.metallic = 0;
+    plastic.roughness = roughness;
+    const LayeredImage image = RenderAll(*MakeRenderer(testing::Furnace(plastic), 16, 16, 32), 16, 16, 256);
+    EXPECT_NEAR(MeanOf(image, layers::kNoisy), 1, 0.01) << roughness;
+  }
+}
+
+TEST(Renderer, DirectLightOfAQuadMatchesTheClosedForm) {
+  // A small patch under the middle of a square light: irradiance by the form factor of a parallel rectangle's
+  // four quarters.
+  scene::Scene scene;
+  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f}), testing::Emitter({3, 3, 3})};
+  testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0));
+  testing::Place(&scene, testing::QuadMesh({-1, 2, -1}, {2, 0, 0}, {0, 0, 2}, 1));
+  scene.cameras = {testing::LookAt({0, 1, 0}, {0, 0, 0}, 0.001f)};
+  const LayeredImage image = RenderAll(*MakeRenderer(scene, 8, 8, 0), 8, 8, 1024);
+  const double x = 0.5;  // half side over distance
+  const double root = std::sqrt(1 + x * x);
+  const double form_factor = 4 * (x / root * std::atan(x / root) * 2) / (2 * M_PI);
+  EXPECT_NEAR(MeanOf(image, layers::kDirect), 3 * form_factor, 3 * form_factor * 2e-3);
+  EXPECT_NEAR(MeanOf(image, layers::kNoisy), 0.5 * 3 * form_factor, 3e-3);
+}
+
+TEST(Renderer, LightsShineFromTheirFrontAlone) {
+  scene::Scene scene;
+  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f}), testing::Emitter({3, 3, 3})};
+  testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0));
+  testing::Place(&scene, testing::QuadMesh({-1, 2, -1}, {0, 0, 2}, {2, 0, 0}, 1));  // its front looks up
+  scene.cameras = {testing::LookAt({0, 1, 0}, {0, 0, 0}, 0.5f)};
+  EXPECT_EQ(MeanOf(RenderAll(*MakeRenderer(scene, 8, 8), 8, 8, 16), layers::kNoisy), 0);
+  scene.materials[1].double_sided = true;
+  EXPECT_GT(MeanOf(RenderAll(*MakeRenderer(scene, 8, 8), 8, 8, 16), layers::kNoisy), 0.1);
+}
+
+TEST(Renderer, LayersAddUpToThePath) {
+  const auto renderer = MakeRenderer(testing::SmallRoom(), 24, 18);
+  for (uint32_t i = 0; i < 4; ++i) {  // one sample at a time: products of means would not add up
+    RenderCounts counts;
+    const LayeredImage image = renderer->RenderPass({0, 0, 24, 18}, 0, {i, i + 1}, &counts);
+    const auto half = [&](std::string_view layer) {
+      return image.GetColor(i & 1 ? layers::HalfB(layer) : layers::HalfA(layer));
+    };
+    for (int c = 0; c < 3; ++c) {
+      for (int y = 0; y < 18; ++y) {
+        for (int x = 0; x < 24; ++x) {
+          const float sum = (half(layers::kDirect)[c].At(x, y) + half(layers::kIndirect)[c].At(x, y)) *
+                                image.GetColor(layers::kAlbedo)[c].At(x, y) +
+                            half(layers::kReflection1)[c].At(x, y) +
+                            image.GetColor(layers::kEmission)[c].At(x, y);
+          const float whole = half(layers::kNoisy)[c].At(x, y);
+          ASSERT_NEAR(sum, whole, 1e-5f * (1 + whole)) << x << "," << y;
+        }
+      }
+    }
+  }
+}
+
+TEST(Renderer, TilesAndPassesMakeNoDifference) {
+  const auto renderer = MakeRenderer(testing::SmallRoom(), 24, 18);
+  RenderCounts counts;
+  const LayeredImage whole = renderer->RenderPass({0, 0, 24, 18}, 0, {8, 12}, &counts);
+  const Rect tile = {5, 3, 17, 16};
+  const LayeredImage part = renderer->RenderPass(tile, 0, {8, 12}, &counts);
+  LayeredImage cut(tile.width(), tile.height());
+  for (const LayeredImage::Channel& channel : whole.channels())
+    CopyPlane(channel.plane.view().Crop(tile), cut.Add(channel.name));
+  ExpectSameBits(part, cut);
+  const auto again = MakeRenderer(testing::SmallRoom(), 24, 18);
+  ExpectSameBits(again->RenderPass(tile, 0, {8, 12}, &counts), part);
+}
+
+TEST(Renderer, GeometryOfAFacingPlane) {
+  scene::Scene scene;
+  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&scene, testing::QuadMesh({-1, -1, -3}, {2, 0, 0}, {0, 2, 0}, 0));
+  scene.cameras = {testing::LookAt({0, 0, 0}, {0, 0, -1}, 1.2f)};
+  const LayeredImage geometry = MakeRenderer(scene, 17, 17)->RenderGeometry({0, 0, 17, 17}, 0);
+  EXPECT_NEAR(geometry.Get(layers::kPlanarDepth).At(8, 8), 3, 1e-4);
+  EXPECT_NEAR(geometry.Get(layers::kDistance).At(8, 8), 3, 1e-2);
+  EXPECT_NEAR(geometry.Get(layers::kNormalZ).At(8, 8), 1, 1e-5);
+  EXPECT_EQ(geometry.Get(layers::kObjectId).At(8, 8), 1);
+  EXPECT_EQ(geometry.Get(layers::kMask).At(8, 8), 1);
+  EXPECT_EQ(geometry.Get(layers::kAlpha).At(0, 0), 0);
+  EXPECT_EQ(geometry.Get(layers::kDistance).At(0, 0), 0);
+}
+
+TEST(Renderer, MirrorsHaveNoDiffuseSurface) {
+  scene::Material mirror;
+  mirror.roughness = 0;
+  const LayeredImage geometry = MakeRenderer(testing::Furnace(mirror), 9, 9)->RenderGeometry({4, 4, 5, 5}, 0);
+  EXPECT_EQ(geometry.Get(layers::kMask).At(0, 0), 0);
+  EXPECT_EQ(geometry.Get(layers::kAlpha).At(0, 0), 1);
+}
+
+TEST(Renderer, SaysWhatIsMissing) {
+  scene::Scene scene;
+  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&scene, testing::QuadMesh({-1, -1, -3}, {2, 0, 0}, {0, 2, 0}, 0));
+  const auto renderer = MakeRenderer(scene, 8, 8);
+  ASSERT_EQ(renderer->warnings().size(), 1u);
+  EXPECT_THAT(renderer->warnings()[0], HasSubstr("no light"));
+  RenderSettings settings;
+  settings.width = settings.height = 8;
+  settings.camera = "nobody";
+  const auto missing = Renderer::Create(std::make_shared<scene::Scene>(scene), settings);
+  EXPECT_EQ(missing.status().code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(missing.status().message(), HasSubstr("nobody"));
+}
+
+}  // namespace
+}  // namespace lumifold::render

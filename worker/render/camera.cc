@@ -1,0 +1,56 @@
+#include "worker/render/camera.h"
+
+#include "filter/image/portable_math.h"
+#include "worker/render/frame.h"
+
+namespace lumifold::render {
+
+using scene::Vec2;
+using scene::Vec3;
+
+namespace {
+
+/// Metres: a full frame, 36 x 24 mm.
+constexpr float kSensorHeight = 0.024f;
+
+}  // namespace
+
+PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, int width, int height)
+    : perspective_(camera.kind == scene::Camera::Kind::kPerspective),
+      position_(camera.world_from_camera.origin) {
+  const Vec3 right = Normalize(camera.world_from_camera.x);
+  const Vec3 up = Normalize(camera.world_from_camera.y);
+  forward_ = -Normalize(camera.world_from_camera.z);
+  const float aspect = static_cast<float>(width) / static_cast<float>(height);
+  float half_height = camera.ymag;
+  if (perspective_) {
+    float sin_half = 0;
+    float cos_half = 0;
+    SinCos(0.5f * camera.yfov, &sin_half, &cos_half);
+    half_height = sin_half / cos_half;
+  }
+  const float half_width = half_height * aspect;
+  step_x_ = right * (2 * half_width / static_cast<float>(width));
+  step_y_ = up * (-2 * half_height / static_cast<float>(height));
+  corner_ = up * half_height - right * half_width;
+  if (!perspective_) return;
+  corner_ += forward_;
+  if (lens.f_stop <= 0) return;
+  const float focal_length = 0.5f * kSensorHeight / half_height;
+  const float radius = focal_length / (2 * lens.f_stop);
+  focus_ = lens.focus_metres;
+  lens_x_ = right * radius;
+  lens_y_ = up * radius;
+  has_lens_ = true;
+}
+
+Ray PictureCamera::RayThrough(float x, float y, Vec2 lens) const {
+  const Vec3 offset = corner_ + step_x_ * x + step_y_ * y;
+  if (!perspective_) return {position_ + offset, forward_};
+  if (!has_lens_) return {position_, Normalize(offset)};
+  const Vec2 disk = ConcentricDisk(lens);
+  const Vec3 shift = lens_x_ * disk.x + lens_y_ * disk.y;
+  return {position_ + shift, Normalize(offset * focus_ - shift)};
+}
+
+}  // namespace lumifold::render

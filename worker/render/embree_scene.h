@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <memory>
+
+#include "absl/status/statusor.h"
+#include "worker/scene/scene.h"
+
+namespace lumifold::render {
+
+struct Ray {
+  scene::Vec3 origin;
+  scene::Vec3 direction;  // unit
+  float max_distance = std::numeric_limits<float>::infinity();
+};
+
+/// Where a ray met a triangle. The normal comes with the hit, so that flat surfaces need no look into their
+/// mesh.
+struct Hit {
+  int instance = scene::kNone;  // kNone: nothing was hit
+  uint32_t triangle = 0;        // within the instance's mesh
+  float u = 0;                  // barycentric weights of the triangle's second and third corner
+  float v = 0;
+  float distance = 0;
+  scene::Vec3 face_normal;  // world space, any length, on the front (counter-clockwise) side
+
+  bool IsMiss() const { return instance == scene::kNone; }
+};
+
+/// The instruction set rays are traced with, part of the numeric class: "avx2" where the processor has it,
+/// else "sse4.2".
+const char* TracingInstructionSet();
+
+/// A scene in Embree. Meshes placed once are baked into world space, those placed more often are Embree
+/// instances. Threads: after Create() all calls are safe concurrently. Built on one thread, so that the tree,
+/// and with it the choice between surfaces at equal distance, is the same everywhere.
+class EmbreeScene {
+ public:
+  /// Keeps a pointer to the scene, which must outlive it. Errors: kResourceExhausted when memory runs out;
+  /// kInternal with Embree's words.
+  static absl::StatusOr<std::unique_ptr<EmbreeScene>> Create(const scene::Scene& scene);
+  virtual ~EmbreeScene() = default;
+
+  /// The nearest triangle on the ray.
+  virtual Hit Intersect(const Ray& ray) const = 0;
+
+  /// Whether anything lies on the ray before its max_distance.
+  virtual bool IsOccluded(const Ray& ray) const = 0;
+};
+
+}  // namespace lumifold::render

@@ -1,0 +1,250 @@
+#include "worker/render/lights.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "filter/image/color.h"
+#include "filter/image/portable_math.h"
+
+namespace lumifold::render {
+namespace {
+
+using scene::Material;
+using scene::Vec2;
+using scene::Vec3;
+
+/// With more finite emitters than this a tree pays for its descent: in equal time it gives 1.5 times less
+/// squared error with 78 (bedroom); with 16 (meeting room) the two come out even.
+constexpr size_t kMostWithoutTree = 32;
+
+/// Finite and infinitely far lights each get at least this share of the samples.
+constexpr double kLeastShare = 0.25;
+
+bool Radiates(const Material& material) { return !material.unlit && MaxComponent(material.emission) > 0; }
+
+Vec2 Interpolate(const Vec2 corners[3], float b1, float b2) {
+  return corners[0] * (1.0f - b1 - b2) + corners[1] * b1 + corners[2] * b2;
+}
+
+double SumOf(const std::vector<double>& values) {
+  double sum = 0;
+  for (const double value : values) sum += value;
+  return sum;
+}
+
+/// Half the diagonal of the box round everything.
+double SceneRadius(const scene::Scene& scene) {
+  const scene::Bounds bounds = WorldBounds(scene);
+  return bounds.IsEmpty() ? 1.0 : 0.5 * static_cast<double>(Length(bounds.max - bounds.min));
+}
+
+}  // namespace
+
+Vec3 Emission(const Material& material, const TextureSampler& textures, const Vec2 uv[2]) {
+  if (material.emission_texture.texture == scene::kNone) return material.emission;
+  const scene::Vec4 t = textures.Sample(material.emission_texture, uv, /*srgb=*/true);
+  return material.emission * Vec3{t.x, t.y, t.z};
+}
+
+/// Luminances of all that each light radiates.
+struct LightSet::Powers {
+  std::vector<double> finite;    // in the order of emitters: triangles, points
+  std::vector<double> infinite;  // suns, environment
+};
+
+LightSet::LightSet(const scene::Scene& scene, const TextureSampler& textures,
+                   std::shared_ptr<const Environment> environment)
+    : textures_(&textures) {
+  Powers powers;
+  first_of_instance_.assign(scene.instances.size(), -1);
+  for (size_t i = 0; i < scene.instances.size(); ++i)
+    AddInstance(scene, static_cast<int>(i), textures, &powers.finite);
+  const double radius = SceneRadius(scene);
+  AddPunctual(scene, radius, &powers);
+  AddEnvironment(std::move(environment), radius, &powers);
+
+  if (powers.finite.size() > kMostWithoutTree) {
+    std::vector<EmitterBounds> bounds;
+    for (size_t i = 0; i < powers.finite.size(); ++i)
+      bounds.push_back(BoundsOf(static_cast<uint32_t>(i), powers.finite[i]));
+    tree_ = LightTree(bounds);
+  } else {
+    finite_ = AliasTable(powers.finite);
+  }
+  infinite_ = AliasTable(powers.infinite);
+  const double finite = SumOf(powers.finite);
+  const double infinite = SumOf(powers.infinite);
+  if (finite > 0) {
+    const double share = finite / (finite + infinite);
+    finite_share_ = infinite > 0 ? static_cast<float>(std::clamp(share, kLeastShare, 1 - kLeastShare)) : 1.0f;
+  }
+  if (environment_ != nullptr)
+    sky_share_ = (1.0f - finite_share_) * infinite_.Probability(static_cast<uint32_t>(suns_.size()));
+}
+
+void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures,
+                           std::vector<double>* powers) {
+  const scene::Instance& instance = scene.instances[index];
+  const scene::Mesh& mesh = scene.meshes[instance.mesh];
+  if (mesh.material == scene::kNone) return;
+  const Material& material = scene.materials[mesh.material];
+  if (!Radiates(material)) return;
+  const Vec3 mean = material.emission * textures.Mean(material.emission_texture, /*srgb=*/true);
+  const double brightness =
+      static_cast<double>(Luminance(mean.x, mean.y, mean.z)) * (material.double_sided ? 2 : 1);
+  first_of_instance_[index] = static_cast<int64_t>(triangles_.size());
+  for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
+    AddTriangle(mesh, t, instance.world_from_object, brightness, powers);
+    triangles_.back().material = &material;
+  }
+}
+
+void LightSet::AddTriangle(const scene::Mesh& mesh, size_t first_index,
+                           const scene::Affine& world_from_object, double brightness,
+                           std::vector<double>* powers) {
+  Triangle light;
+  Vec3 p[3];
+  for (int c = 0; c < 3; ++c) {
+    const uint32_t vertex = mesh.triangles[first_index + c];
+    p[c] = world_from_object.Point(mesh.positions[vertex]);
+    for (int set = 0; set < 2; ++set) {
+      if (!mesh.uvs[set].empty()) light.uv[set][c] = mesh.uvs[set][vertex];
+    }
+  }
+  light.corner = p[0];
+  light.edge1 = p[1] - p[0];
+  light.edge2 = p[2] - p[0];
+  const Vec3 normal = Cross(light.edge1, light.edge2);
+  const float length = Length(normal);
+  // A mirroring transform turns the winding round; the front stays where it was.
+  const float side = world_from_object.Determinant() < 0 ? -1.0f : 1.0f;
+  if (length > 0) {
+    light.normal = normal * (side / length);
+    light.inverse_area = 2.0f / length;
+  }
+  powers->push_back(0.5 * static_cast<double>(length * kPi) * brightness);
+  triangles_.push_back(light);
+}
+
+void LightSet::AddPunctual(const scene::Scene& scene, double scene_radius, Powers* powers) {
+  for (const scene::PunctualLight& light : scene.lights) {
+    const PunctualEmitter emitter(light);
+    (emitter.IsDirectional() ? suns_ : points_).push_back(emitter);
+    (emitter.IsDirectional() ? powers->infinite : powers->finite).push_back(emitter.Power(scene_radius));
+  }
+}
+
+void LightSet::AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius,
+                              Powers* powers) {
+  if (environment == nullptr) return;
+  environment_ = std::move(environment);
+  powers->infinite.push_back(environment_->Fluence() * static_cast<double>(kPi) * scene_radius *
+                             scene_radius);
+}
+
+EmitterBounds LightSet::BoundsOf(uint32_t emitter, double power) const {
+  EmitterBounds bounds;
+  bounds.power = power;
+  const auto include = [&bounds](Vec3 p) {
+    bounds.box.min = {std::min(bounds.box.min.x, p.x), std::min(bounds.box.min.y, p.y),
+                      std::min(bounds.box.min.z, p.z)};
+    bounds.box.max = {std::max(bounds.box.max.x, p.x), std::max(bounds.box.max.y, p.y),
+                      std::max(bounds.box.max.z, p.z)};
+  };
+  if (emitter < triangles_.size()) {
+    const Triangle& light = triangles_[emitter];
+    include(light.corner);
+    include(light.corner + light.edge1);
+    include(light.corner + light.edge2);
+    bounds.axis = light.normal;
+    bounds.both_sides = light.material->double_sided;
+    return bounds;
+  }
+  const PunctualEmitter& light = points_[emitter - triangles_.size()];
+  include(light.position());
+  bounds.axis = light.axis();
+  const bool spot = light.cos_outer() > -1.0f;
+  bounds.spread = spot ? Acos(light.cos_outer()) : kPi;
+  bounds.falloff = spot ? 0.01f : 0.5f * kPi;  // not 0: rounding must not darken the cone's edge
+  return bounds;
+}
+
+LightTree::Choice LightSet::PickFinite(const LightReceiver& from, float pick) const {
+  if (!tree_.IsEmpty()) return tree_.Pick(from, pick);
+  LightTree::Choice choice;
+  choice.emitter = finite_.Pick(pick);
+  choice.probability = finite_.Probability(choice.emitter);
+  return choice;
+}
+
+LightSample LightSet::Sample(const LightReceiver& from, float pick, Vec2 u) const {
+  if (pick >= finite_share_) return SampleInfinite((pick - finite_share_) / (1.0f - finite_share_), u);
+  const LightTree::Choice choice = PickFinite(from, pick / finite_share_);
+  if (choice.probability <= 0) return {};
+  LightSample sample = choice.emitter < triangles_.size()
+                           ? SampleTriangle(triangles_[choice.emitter], from.position, u)
+                           : SamplePunctual(points_[choice.emitter - triangles_.size()], from.position);
+  sample.pdf *= finite_share_ * choice.probability;
+  return sample;
+}
+
+LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) const {
+  const float root = std::sqrt(u.x);
+  const float b1 = root * (1.0f - u.y);
+  const float b2 = root * u.y;
+  LightSample sample;
+  sample.position = light.corner + light.edge1 * b1 + light.edge2 * b2;
+  const Vec3 to_light = sample.position - from;
+  const float distance2 = LengthSquared(to_light);
+  if (distance2 <= 0) return sample;
+  sample.direction = to_light / std::sqrt(distance2);
+  const float cosine = -Dot(sample.direction, light.normal);
+  if (cosine == 0 || (cosine < 0 && !light.material->double_sided)) return sample;
+  sample.pdf = light.inverse_area * distance2 / std::abs(cosine);
+  const Vec2 uv[2] = {Interpolate(light.uv[0], b1, b2), Interpolate(light.uv[1], b1, b2)};
+  sample.radiance = Emission(*light.material, *textures_, uv);
+  return sample;
+}
+
+LightSample LightSet::SamplePunctual(const PunctualEmitter& light, Vec3 from) const {
+  LightSample sample;
+  sample.without_size = true;
+  sample.position = light.position();
+  const Vec3 to_light = sample.position - from;
+  const float distance = Length(to_light);
+  if (distance <= 0) return sample;
+  sample.direction = to_light / distance;
+  sample.radiance = light.Irradiance(sample.direction, distance);
+  sample.pdf = 1;
+  return sample;
+}
+
+LightSample LightSet::SampleInfinite(float pick, Vec2 u) const {
+  LightSample sample;
+  sample.infinite = true;
+  const uint32_t index = infinite_.Pick(pick);
+  const float probability = (1.0f - finite_share_) * infinite_.Probability(index);
+  if (index < suns_.size()) {
+    sample.without_size = true;
+    sample.direction = -suns_[index].axis();
+    sample.radiance = suns_[index].Irradiance(sample.direction, 0);
+    sample.pdf = probability;
+    return sample;
+  }
+  const SkySample sky = environment_->Sample(u);
+  sample.direction = sky.direction;
+  sample.radiance = sky.radiance;
+  sample.pdf = probability * sky.pdf;
+  return sample;
+}
+
+float LightSet::DensityOfHit(const LightReceiver& from, int instance, uint32_t triangle, float distance,
+                             float cos_light) const {
+  if (first_of_instance_[instance] < 0 || cos_light <= 0 || finite_share_ <= 0) return 0;
+  const auto emitter = static_cast<uint32_t>(first_of_instance_[instance] + triangle);
+  const float choice = tree_.IsEmpty() ? finite_.Probability(emitter) : tree_.Probability(from, emitter);
+  return finite_share_ * choice * triangles_[emitter].inverse_area * distance * distance / cos_light;
+}
+
+}  // namespace lumifold::render

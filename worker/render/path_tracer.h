@@ -1,0 +1,94 @@
+#pragma once
+
+#include <memory>
+
+#include "worker/render/bsdf.h"
+#include "worker/render/embree_scene.h"
+#include "worker/render/environment.h"
+#include "worker/render/lights.h"
+#include "worker/render/sampler.h"
+#include "worker/render/surface.h"
+#include "worker/scene/scene.h"
+
+namespace lumifold::render {
+
+/// The dimension pair of a sample that places it within its pixel.
+inline constexpr uint32_t kCameraPair = 0;
+/// The pair that places it on the lens.
+inline constexpr uint32_t kLensPair = 1;
+
+/// How light on a surface is estimated. All three converge to the same picture; kCombined does so fastest,
+/// the others are there to be compared with it. Punctual lights can only be sampled, in all three.
+enum class LightStrategy {
+  kCombined,      // both, weighted by the balance heuristic
+  kLightSamples,  // points drawn on the lights
+  kBsdfHits,      // directions drawn from the material that happen to meet a light
+};
+
+/// One camera sample in layers: combined = (direct + indirect) * albedo + reflected + emitted, to float
+/// rounding.
+struct LayerSample {
+  Vec3 combined;  // C: the path's whole radiance
+  Vec3 direct;  // D: the first surface's diffuse reflection, albedo left out, of light that came in one step
+  Vec3 indirect;   // I: the same of light that came by longer ways
+  Vec3 albedo;     // T
+  Vec3 reflected;  // R: every other lobe of the first surface, mirrors and glass included
+  Vec3 emitted;    // E: radiated by the first surface itself
+};
+
+/// What the ray through a picture point meets first.
+struct GeometrySample {
+  bool hit = false;
+  bool valid = false;  // a surface with a diffuse lobe
+  Vec3 position;
+  Vec3 normal;  // shading normal, towards the camera
+  float distance = 0;
+  int instance = scene::kNone;
+};
+
+/// Unbiased path tracing with next-event estimation and multiple importance sampling (balance heuristic).
+/// The first surface's lobes are kept apart for the layers; behind it all lobes act as one, so the layers
+/// cost next to nothing. Threads: safe concurrently. Keeps a reference to the scene, which must outlive it.
+/// Sources: Kajiya 1986; Veach 1997 chapters 9 and 10 (MIS, Russian roulette); Gruzdev et al. 2015 (layers).
+class PathTracer {
+ public:
+  /// max_bounces: how often a path may scatter after its first surface; each surface still gathers light by
+  /// both techniques.
+  /// `environment` may be null.
+  PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
+             std::shared_ptr<const Environment> environment, int max_bounces,
+             LightStrategy strategy = LightStrategy::kCombined);
+
+  LayerSample Trace(const Ray& ray, const Sampler& sampler) const;
+  GeometrySample TraceGeometry(const Ray& ray) const;
+
+  bool HasLights() const { return !lights_.IsEmpty(); }
+
+ private:
+  struct Tail;
+
+  /// Weight of a sample of one strategy drawn with density `own`, where the other one would draw it with
+  /// `other`.
+  float MisWeight(LightStrategy own_strategy, float own, float other) const;
+  /// Light from one drawn point on the emitters, divided by its density and weighted against Bsdf::Sample().
+  BsdfValue ConnectToLight(const Surface& surface, const Bsdf& bsdf, float pick, Vec2 u, Vec3* light) const;
+  /// What the hit surface radiates back along a ray drawn at `from` with `pdf`, weighted against
+  /// ConnectToLight().
+  Vec3 EmittedOnHit(const LightReceiver& from, const Surface& surface, const Hit& hit, Vec3 direction,
+                    float pdf) const;
+  /// The same for a ray that leaves the scene.
+  Vec3 EmittedOnMiss(Vec3 direction, float pdf) const;
+  Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
+  void TraceTail(const Surface& first, const BsdfSample& start, Vec3 visible, const Sampler& sampler,
+                 Tail* tail) const;
+
+  const EmbreeScene* embree_;
+  TextureSampler textures_;
+  SurfaceReader surfaces_;
+  LightSet lights_;
+  AlbedoTable albedo_table_;
+  int max_bounces_;
+  LightStrategy strategy_;
+};
+
+}  // namespace lumifold::render

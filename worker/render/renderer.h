@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "filter/image/layered_image.h"
+#include "worker/render/camera.h"
+#include "worker/render/environment.h"
+#include "worker/render/path_tracer.h"
+#include "worker/scene/scene.h"
+
+namespace lumifold::render {
+
+/// What decides the picture beside the scene.
+struct RenderSettings {
+  int width = 0;  // pixels of the whole frame
+  int height = 0;
+  uint64_t seed = 0;
+  int max_bounces = 8;  // scatterings after the first surface
+  std::string camera;   // empty: the scene's first
+  Lens lens;
+  std::shared_ptr<const Environment> environment;  // null: black
+  LightStrategy light_strategy = LightStrategy::kCombined;
+};
+
+/// Sample indices [first, last) of every pixel.
+struct SampleRange {
+  uint32_t first = 0;
+  uint32_t last = 0;
+};
+
+/// What rendering a unit counted.
+struct RenderCounts {
+  int64_t samples = 0;
+  int64_t bad_samples = 0;  // NaN or infinite: left out of the sums and of the pixel's count
+};
+
+/// The name of the class of machines and builds that give the same bits, e.g. "lumifold-0.1.0/avx2".
+std::string NumericClass();
+
+/// Renders units of one scene. Threads: after Create() all calls are safe concurrently; a unit is rendered by
+/// one thread, and its result depends on nothing but the arguments.
+class Renderer {
+ public:
+  /// Errors: kNotFound naming a camera that does not exist; kInvalidArgument for a lens that is not one or
+  /// before an orthographic camera; kResourceExhausted; kInternal.
+  static absl::StatusOr<std::unique_ptr<Renderer>> Create(std::shared_ptr<const scene::Scene> scene,
+                                                          const RenderSettings& settings);
+  virtual ~Renderer() = default;
+
+  /// Traces the samples of `range` in every pixel of `rect` (within the frame) and gives their sums.
+  /// Shapes: rect's size; channels: for each of layers::kHalved its halves *_a and *_b, albedo, emission
+  /// (sums over both halves),
+  ///         samples_a.Y, samples_b.Y (good samples).
+  virtual LayeredImage RenderPass(const Rect& rect, int frame, SampleRange range,
+                                  RenderCounts* counts) const = 0;
+
+  /// Traces 16 fixed sub-pixel rays in every pixel of `rect`.
+  /// Shapes: rect's size; channels: N.X N.Y N.Z (unit mean over hits), Z, distance.Z (means over hits), id.Y
+  /// (of most sub-pixels),
+  ///         mask.Y and A (shares of the 16); all 0 where nothing is hit.
+  virtual LayeredImage RenderGeometry(const Rect& rect, int frame) const = 0;
+
+  /// What the artist should know: the loader's warnings, a scene without lights, a camera made up.
+  virtual const std::vector<std::string>& warnings() const = 0;
+};
+
+}  // namespace lumifold::render

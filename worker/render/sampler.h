@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+
+#include "worker/scene/vec.h"
+
+namespace lumifold::render {
+
+/// Mixes 64 bits so that every input bit reaches every output bit (the finaliser of SplitMix64).
+constexpr uint64_t MixBits(uint64_t x) {
+  x ^= x >> 30;
+  x *= 0xbf58476d1ce4e5b9u;
+  x ^= x >> 27;
+  x *= 0x94d049bb133111ebu;
+  return x ^ (x >> 31);
+}
+
+/// One sample's stream of random numbers: an Owen-scrambled Sobol (0,2)-sequence per pair of dimensions, the
+/// pairs padded with independent shuffles of the index. Keyed by (seed, frame, pixel, sample index) alone, so
+/// that any unit can be rendered anywhere, alike to the last bit. Sample i is point i >> 1 of a sequence of
+/// half i & 1: each half is well stratified by itself and knows nothing of the other. Source: Burley 2020,
+/// "Practical Hash-based Owen Scrambling"; hash constants: Vegdahl 2021.
+class Sampler {
+ public:
+  /// `pixel` is the pixel's row-major number in the frame; `index` the sample's number in the pixel, from 0.
+  Sampler(uint64_t seed, int frame, int64_t pixel, uint32_t index);
+
+  /// Two numbers in [0, 1). Each `pair` is a dimension pair of its own; equal pairs give equal numbers.
+  scene::Vec2 Get2D(uint32_t pair) const;
+
+ private:
+  uint64_t key_;
+  uint32_t index_;
+};
+
+}  // namespace lumifold::render

@@ -1,0 +1,143 @@
+#include "worker/render/surface.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "worker/render/lights.h"
+
+namespace lumifold::render {
+namespace {
+
+using scene::Affine;
+using scene::Mesh;
+using scene::Vec4;
+
+template <typename T>
+T Interpolate(const std::vector<T>& values, const uint32_t* corners, float u, float v) {
+  return values[corners[0]] * (1.0f - u - v) + values[corners[1]] * u + values[corners[2]] * v;
+}
+
+/// The same for values of which the first three components count.
+Vec3 Interpolate(const std::vector<Vec4>& values, const uint32_t* corners, float u, float v) {
+  const auto xyz = [&](int corner) {
+    const Vec4& value = values[corners[corner]];
+    return Vec3{value.x, value.y, value.z};
+  };
+  return xyz(0) * (1.0f - u - v) + xyz(1) * u + xyz(2) * v;
+}
+
+/// Bends a shading normal that points away from the viewer until it just faces him: interpolated and mapped
+/// normals may do so at silhouettes, where nothing sensible is left to reflect.
+Vec3 FaceViewer(Vec3 normal, Vec3 wo) {
+  constexpr float kLeastCosine = 0.01f;
+  const float cosine = Dot(normal, wo);
+  return cosine >= kLeastCosine ? normal : Normalize(normal + wo * (kLeastCosine - cosine));
+}
+
+}  // namespace
+
+SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& textures)
+    : scene_(&scene), textures_(&textures) {
+  const scene::Bounds bounds = WorldBounds(scene);
+  epsilon_ = bounds.IsEmpty() ? 0.0f : Length(bounds.max - bounds.min) * 0x1p-21f;
+}
+
+Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
+  const scene::Instance& instance = scene_->instances[hit.instance];
+  const Mesh& mesh = scene_->meshes[instance.mesh];
+  const Affine& to_world = instance.world_from_object;
+
+  Surface surface;
+  surface.material = mesh.material == scene::kNone ? &default_material_ : &scene_->materials[mesh.material];
+  surface.position = ray.origin + ray.direction * hit.distance;
+  const Vec3 face = Normalize(hit.face_normal);
+  surface.front = Dot(face, ray.direction) < 0;
+  surface.geometric = surface.front ? face : -face;
+  const Vec3 extent = {std::abs(surface.position.x), std::abs(surface.position.y),
+                       std::abs(surface.position.z)};
+  surface.epsilon = epsilon_ + (MaxComponent(extent) + hit.distance) * 0x1p-20f;
+  surface.normal = surface.geometric;
+  if (mesh.normals.empty() && mesh.uvs[0].empty() && mesh.uvs[1].empty() && mesh.colors.empty())
+    return surface;
+  const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
+  for (int set = 0; set < 2; ++set) {
+    if (!mesh.uvs[set].empty()) surface.uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
+  }
+  if (!mesh.colors.empty()) surface.vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);
+  if (!mesh.normals.empty()) {
+    const Vec3 smooth = to_world.Normal(Interpolate(mesh.normals, corners, hit.u, hit.v));
+    if (LengthSquared(smooth) > 0) {
+      const Vec3 unit = Normalize(smooth);
+      surface.normal = Dot(unit, surface.geometric) < 0 ? -unit : unit;
+    }
+  }
+  // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
+  if (surface.material->normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
+    surface.normal = MappedNormal(surface, mesh, corners, to_world, hit.u, hit.v);
+  }
+  surface.normal = FaceViewer(surface.normal, -ray.direction);
+  return surface;
+}
+
+Vec3 SurfaceReader::MappedNormal(const Surface& surface, const Mesh& mesh, const uint32_t* corners,
+                                 const Affine& to_world, float u, float v) const {
+  const scene::Material& material = *surface.material;
+  Vec3 tangent = Interpolate(mesh.tangents, corners, u, v);
+  const float handedness = mesh.tangents[corners[0]].w;
+  tangent = to_world.Vector(tangent);
+  tangent = tangent - surface.normal * Dot(tangent, surface.normal);
+  if (LengthSquared(tangent) <= 0) return surface.normal;
+  tangent = Normalize(tangent);
+  // From behind, the shading normal was turned round; the texture's own axes belong to the front.
+  const float side = surface.front ? 1.0f : -1.0f;
+  const Vec3 bitangent =
+      Cross(surface.normal * side, tangent) * (handedness * (to_world.Determinant() < 0 ? -1.0f : 1.0f));
+  const Vec4 texel = textures_->Sample(material.normal_texture, surface.uv, /*srgb=*/false);
+  const float x = (texel.x * 2 - 1) * material.normal_scale;
+  const float y = (texel.y * 2 - 1) * material.normal_scale;
+  const float z = texel.z * 2 - 1;
+  const Vec3 mapped = tangent * x + bitangent * y + surface.normal * z;
+  return LengthSquared(mapped) > 0 ? Normalize(mapped) : surface.normal;
+}
+
+Vec3 SurfaceReader::BaseColor(const Surface& surface) const {
+  const scene::Material& m = *surface.material;
+  const Vec3 color = m.base_color * surface.vertex_color;
+  if (m.base_color_texture.texture == scene::kNone) return color;
+  const Vec4 t = textures_->Sample(m.base_color_texture, surface.uv, /*srgb=*/true);
+  return color * Vec3{t.x, t.y, t.z};
+}
+
+SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
+  const scene::Material& m = *surface.material;
+  SurfaceMaterial out;
+  if (m.unlit) {
+    out.base_color = {0, 0, 0};
+    out.specular = 0;
+    return out;
+  }
+  out.base_color = BaseColor(surface);
+  out.metallic = m.metallic;
+  out.roughness = m.roughness;
+  if (m.metallic_roughness_texture.texture != scene::kNone) {
+    const Vec4 t = textures_->Sample(m.metallic_roughness_texture, surface.uv, /*srgb=*/false);
+    out.roughness *= t.y;
+    out.metallic *= t.z;
+  }
+  out.ior = m.ior;
+  out.specular = m.specular;
+  out.specular_color = m.specular_color;
+  out.transmission = m.transmission;
+  out.thin = !m.has_volume;
+  out.inside = !surface.front;
+  return out;
+}
+
+Vec3 SurfaceReader::Emitted(const Surface& surface) const {
+  const scene::Material& m = *surface.material;
+  if (m.unlit) return BaseColor(surface);
+  if (MaxComponent(m.emission) <= 0 || (!surface.front && !m.double_sided)) return {0, 0, 0};
+  return Emission(m, *textures_, surface.uv);
+}
+
+}  // namespace lumifold::render

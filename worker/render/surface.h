@@ -1,0 +1,52 @@
+#pragma once
+
+#include "worker/render/bsdf.h"
+#include "worker/render/embree_scene.h"
+#include "worker/render/texture.h"
+#include "worker/scene/scene.h"
+
+namespace lumifold::render {
+
+/// A point a ray has hit, with everything shading needs there.
+struct Surface {
+  Vec3 position;
+  Vec3 geometric;  // unit face normal on the side the ray came from
+  Vec3 normal;     // unit shading normal, normal map included, on the same side
+  Vec2 uv[2];
+  Vec3 vertex_color = {1, 1, 1};
+  bool front = true;  // the ray met the front (counter-clockwise) side
+  const scene::Material* material = nullptr;
+  float epsilon = 0;  // how far off the face a new ray must start so as not to hit it again
+
+  /// A start for rays that leave to the side `direction` points to.
+  Vec3 Offset(Vec3 direction) const {
+    return position + geometric * (Dot(direction, geometric) < 0 ? -epsilon : epsilon);
+  }
+};
+
+/// Reconstructs surfaces from hits. Threads: safe concurrently. Keeps pointers to what it is given.
+class SurfaceReader {
+ public:
+  SurfaceReader(const scene::Scene& scene, const TextureSampler& textures);
+
+  /// The surface at `hit` of `ray`; must not be a miss.
+  Surface Read(const Hit& hit, const Ray& ray) const;
+
+  /// The material's values there, textures looked up.
+  SurfaceMaterial Shade(const Surface& surface) const;
+
+  /// What it radiates towards the side it was seen from.
+  Vec3 Emitted(const Surface& surface) const;
+
+ private:
+  Vec3 BaseColor(const Surface& surface) const;
+  Vec3 MappedNormal(const Surface& surface, const scene::Mesh& mesh, const uint32_t* corners,
+                    const scene::Affine& to_world, float u, float v) const;
+
+  const scene::Scene* scene_;
+  const TextureSampler* textures_;
+  scene::Material default_material_;
+  float epsilon_;  // share that depends on the scene's size
+};
+
+}  // namespace lumifold::render

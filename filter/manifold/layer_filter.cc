@@ -1,0 +1,133 @@
+#include "filter/manifold/layer_filter.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "filter/manifold/features.h"
+#include "filter/manifold/firefly.h"
+
+namespace lumifold::filter {
+namespace {
+
+/// Noise below this part of the layer's mean counts as this much, so that a noise-free layer divides by no
+/// zero.
+constexpr float kLeastNoise = 1e-4f;
+
+/// A picture's two halves in the guide's own, stabilised values.
+struct Guide {
+  Planes a;
+  Planes b;
+  float sigma = 0;  // noise of one half
+};
+
+Guide MakeGuide(const Halves& halves, const Planes& a, const Planes& b, float knee, TaskPool* pool) {
+  Guide guide;
+  guide.a = Stabilise(a, knee * halves.level, halves.level, pool);
+  guide.b = Stabilise(b, knee * halves.level, halves.level, pool);
+  constexpr float kHalfOverMean = 1.41421356f;
+  guide.sigma = std::max(kHalfOverMean * NoiseLevel(halves, guide.a, guide.b, pool), kLeastNoise);
+  return guide;
+}
+
+PatchBasis BasisOf(const Guide& guide, const Halves& halves, const PatchParams& params, TaskPool* pool) {
+  const Planes mean = Combine(guide.a, guide.b, halves.share_a.view(), pool);
+  return FitPatchBasis(mean, halves.weight.view(), params, pool);
+}
+
+/// Feature vectors of both halves.
+struct FeaturePair {
+  Planes a;
+  Planes b;
+};
+
+FeaturePair MakeFeatures(const Guide& guide, const PatchBasis& basis, float sigma_q, const Planes& geometry,
+                         TaskPool* pool) {
+  return {JointFeatures(guide.a, basis, sigma_q, geometry, pool),
+          JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
+}
+
+Candidate CrossFilter(const Halves& halves, const FeaturePair& features, float sigma_s, int height,
+                      TaskPool* pool) {
+  ManifoldParams params;
+  params.sigma_s = sigma_s;
+  params.height = height;
+  return {ManifoldFilter(halves.a, features.b, halves.weight_a.view(), params, pool),
+          ManifoldFilter(halves.b, features.a, halves.weight_b.view(), params, pool)};
+}
+
+/// Spreads what fireflies lost over their surroundings on the same surface, so that the layer keeps its
+/// energy.
+Planes SpreadRemoved(const Planes& removed, const Planes& geometry, ConstFloatView weight, TaskPool* pool) {
+  ManifoldParams params;
+  params.sigma_s = 16;
+  params.height = 3;  // geometry alone is simple
+  return ManifoldFilter(removed, geometry, weight, params, pool);
+}
+
+void AddProduct(const Plane& share, const Plane& value, Plane* sum) {
+  for (int y = 0; y < share.height(); ++y) {
+    const float* __restrict s = share.Row(y);
+    const float* __restrict v = value.Row(y);
+    float* __restrict out = sum->Row(y);
+    for (int x = 0; x < share.width(); ++x) out[x] += s[x] * v[x];
+  }
+}
+
+/// shares[0] * raw + sum of shares[i] * candidate i + (1 - shares[0]) * spread.
+Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const Planes& shares,
+             const Planes& spread, const Halves& halves, TaskPool* pool) {
+  Planes sums = MakePlanes(3, halves.width(), halves.height());
+  for (size_t c = 0; c < 3; ++c) AddProduct(shares[0], raw[c], &sums[c]);
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const Planes mean = Combine(candidates[i].a, candidates[i].b, halves.share_a.view(), pool);
+    for (size_t c = 0; c < 3; ++c) AddProduct(shares[i + 1], mean[c], &sums[c]);
+    for (size_t c = 0; c < spread.size(); ++c) AddProduct(shares[i + 1], spread[c], &sums[c]);
+  }
+  return sums;
+}
+
+std::vector<Candidate> MakeCandidates(const Halves& halves, const Planes& geometry, const LayerParams& params,
+                                      TaskPool* pool) {
+  const Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
+  const PatchBasis basis = BasisOf(guide, halves, params.patches, pool);
+  const FeaturePair features = MakeFeatures(guide, basis, params.range_factor * guide.sigma, geometry, pool);
+  std::vector<Candidate> candidates;
+  candidates.push_back(CrossFilter(halves, features, params.pilot_sigma_s, params.height, pool));
+  candidates.push_back(CrossFilter(halves, features, params.wide_sigma_s, params.height, pool));
+
+  const Guide second = MakeGuide(halves, candidates[0].a, candidates[0].b, params.knee, pool);
+  const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
+  const FeaturePair refined =
+      MakeFeatures(second, second_basis, params.pilot_range_factor * guide.sigma, geometry, pool);
+  candidates.push_back(CrossFilter(halves, refined, params.wide_sigma_s, params.height, pool));
+  candidates.push_back(CrossFilter(halves, refined, params.fine_sigma_s, params.height, pool));
+  return candidates;
+}
+
+}  // namespace
+
+Planes FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params, TaskPool* pool) {
+  const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
+  const float sigma = std::max(NoiseLevel(halves, halves.a, halves.b, pool), kLeastNoise * halves.level);
+  const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), params.patches, pool);
+  constexpr float kPaperRangeFactor = 1.8f;
+  const Planes features = JointFeatures(mean, basis, kPaperRangeFactor * sigma, geometry, pool);
+  ManifoldParams manifolds;
+  manifolds.sigma_s = params.wide_sigma_s;
+  manifolds.height = params.height;
+  return ManifoldFilter(mean, features, halves.weight.view(), manifolds, pool);
+}
+
+Planes FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params, TaskPool* pool) {
+  if (!halves.has_noise_estimate) return FilterLayerOnce(std::move(halves), geometry, params, pool);
+  const Planes raw = Combine(halves.a, halves.b, halves.share_a.view(), pool);
+  const Planes raw_variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), pool);
+  const Planes removed = SuppressFireflies(&halves, pool);
+  const Planes spread =
+      removed.empty() ? Planes{} : SpreadRemoved(removed, geometry, halves.weight.view(), pool);
+  const std::vector<Candidate> candidates = MakeCandidates(halves, geometry, params, pool);
+  const Planes shares = SelectCandidates(halves, raw_variance, candidates, params.selection, pool);
+  return Blend(raw, candidates, shares, spread, halves, pool);
+}
+
+}  // namespace lumifold::filter

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "filter/image/parallel.h"
+#include "filter/manifold/halves.h"
+#include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/nlm_space.h"
+#include "filter/manifold/selection.h"
+
+namespace lumifold::filter {
+
+/// How one layer is filtered. The defaults are the "default" method.
+struct LayerParams {
+  PatchParams patches;                          // of the noisy layer
+  PatchParams pilot_patches = {1, 3, 6, 0.95};  // of its first filtering
+  float range_factor = 1.8f;         // sigma_q of the first filtering over the noise of the half that guides
+  float pilot_range_factor = 0.25f;  // sigma_q of the second, over the same
+  float knee = 0.2f;                 // of the stabilised guide, over the layer's mean
+  float fine_sigma_s = 3;            // px
+  float pilot_sigma_s = 8;           // px
+  float wide_sigma_s = 16;           // px
+  int height = 4;
+  SelectionParams selection;
+};
+
+/// Filters one layer: cross-filters its halves at a few scales, in one pass and in two, and blends per pixel
+/// what is nearest the truth by estimate, the untouched input among the choices. Result: 3 planes in the
+/// halves' scale. Where only one half is known anywhere there is nothing to choose by: one wide filtering.
+/// Threads: identical for any pool.
+Planes FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params, TaskPool* pool);
+
+/// The paper's own: one pass over the mean of the halves, guided by its own patches and the geometry, without
+/// a choice.
+Planes FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params, TaskPool* pool);
+
+}  // namespace lumifold::filter

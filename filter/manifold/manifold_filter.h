@@ -1,0 +1,38 @@
+#pragma once
+
+#include <vector>
+
+#include "filter/image/parallel.h"
+#include "filter/image/plane.h"
+#include "filter/manifold/bands.h"
+
+namespace lumifold::filter {
+
+struct ManifoldParams {
+  float sigma_s = 16;      // reach in pixels, > 0
+  int height = 4;          // levels of the tree, 1..8: 2^height - 1 manifolds
+  int pca_iterations = 3;  // >= 1: steps of power iteration for the axis that splits a cluster
+};
+
+/// The side of a coarse cell for a reach, in pixels: 2^floor(log2(sigma_s / 4)), from 2 (1 for sigma_s
+/// below 2) to kBandRows: cells of one pixel cost more than all else together, for 2 % less error.
+int CellSize(float sigma_s);
+
+/// Filters `signals` with adaptive manifolds through the space spanned by `features`:
+///   out = sum_k w_k up(Psi_k) / sum_k w_k up(Psi0_k),  w_k = exp(-|u - up(eta_k)|^2),
+/// where Psi_k is the signal splatted with w_k onto manifold k's coarse cells and blurred along the manifold.
+/// Shapes:  signals: C planes, features: d planes (>= 1), mask: all W x H. Result: C planes, W x H.
+/// Units:   features are divided by their range sigmas beforehand, so that 1 is one sigma; the signal's unit
+/// does not matter. Mask:    weight >= 0 of a pixel in splats, clusters and blurs. A pixel of weight 0 gives
+/// nothing, yet takes: its result is what its
+///          features find on the manifolds, or its own signal where they find nothing. Signals and features
+///          must be finite everywhere, under the mask too.
+/// Edges:   clamped.
+/// Threads: safe concurrently; the result is identical for any pool, null included.
+/// Source:  Gastal & Oliveira 2012, with box-mean downsampling, deterministic clustering and all recursion on
+/// coarse grids;
+///          oracle: manifold_slow.cc.
+Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
+                      const ManifoldParams& params, TaskPool* pool);
+
+}  // namespace lumifold::filter

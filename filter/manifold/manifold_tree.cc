@@ -1,0 +1,111 @@
+#include "filter/manifold/manifold_tree.h"
+
+#include <cmath>
+
+#include "filter/manifold/recursive.h"
+
+namespace lumifold::filter {
+namespace {
+
+/// Low-passed sums to heights.
+Planes HeightsFrom(const ClusterSums& smooth, const Planes* parent) {
+  const int width = smooth.weight.width();
+  const int height = smooth.weight.height();
+  Planes eta = MakePlanes(smooth.weighted.size(), width, height);
+  for (size_t k = 0; k < eta.size(); ++k) {
+    for (int y = 0; y < height; ++y) {
+      const float* weighted = smooth.weighted[k].Row(y);
+      const float* weight = smooth.weight.Row(y);
+      const float* fallback = parent != nullptr ? (*parent)[k].Row(y) : nullptr;
+      float* out = eta[k].Row(y);
+      for (int x = 0; x < width; ++x) {
+        const bool is_empty = weight[x] < kLeastClusterMass;
+        out[x] = is_empty ? (fallback != nullptr ? fallback[x] : 0.0f) : weighted[x] / weight[x];
+      }
+    }
+  }
+  return eta;
+}
+
+/// Covariance of the cells' mean features about the manifold, each cell weighing what its cluster weighs
+/// there. Row-major d x d.
+std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta) {
+  const size_t d = eta.size();
+  std::vector<double> covariance(d * d, 0.0);
+  std::vector<double> offset(d);
+  for (int y = 0; y < sums.weight.height(); ++y) {
+    for (int x = 0; x < sums.weight.width(); ++x) {
+      const float weight = sums.weight.At(x, y);
+      if (weight < kLeastClusterMass) continue;
+      for (size_t k = 0; k < d; ++k)
+        offset[k] = static_cast<double>(sums.weighted[k].At(x, y) / weight - eta[k].At(x, y));
+      for (size_t i = 0; i < d; ++i) {
+        for (size_t j = 0; j <= i; ++j)
+          covariance[i * d + j] += static_cast<double>(weight) * offset[i] * offset[j];
+      }
+    }
+  }
+  for (size_t i = 0; i < d; ++i) {
+    for (size_t j = i + 1; j < d; ++j) covariance[i * d + j] = covariance[j * d + i];
+  }
+  return covariance;
+}
+
+void Normalise(std::vector<double>* v) {
+  double squares = 0;
+  for (const double x : *v) squares += x * x;
+  if (!(squares > 0)) return;
+  const double length = std::sqrt(squares);
+  for (double& x : *v) x /= length;
+}
+
+double TotalWeight(const Plane& weight) {
+  double sum = 0;
+  for (int y = 0; y < weight.height(); ++y) {
+    for (int x = 0; x < weight.width(); ++x) sum += static_cast<double>(weight.At(x, y));
+  }
+  return sum;
+}
+
+std::vector<float> SplitAxis(const std::vector<double>& covariance, double weight, size_t d, int iterations) {
+  std::vector<double> axis(d);
+  double spread = 0;
+  for (size_t k = 0; k < d; ++k) {
+    axis[k] = StartComponent(k);
+    spread += covariance[k * d + k];
+  }
+  if (!(spread > kLeastSpread * weight))
+    iterations = 0;  // all cells lie on the manifold: any direction serves
+  for (int step = 0; step < iterations; ++step) {
+    std::vector<double> next(d, 0.0);
+    for (size_t i = 0; i < d; ++i) {
+      for (size_t j = 0; j < d; ++j) next[i] += covariance[i * d + j] * axis[j];
+    }
+    Normalise(&next);
+    axis = next;
+  }
+  return {axis.begin(), axis.end()};
+}
+
+}  // namespace
+
+ClusterSums MakeClusterSums(size_t features, const Lattice& lattice) {
+  return {MakePlanes(features, lattice.Columns(), lattice.Rows()), Plane(lattice.Columns(), lattice.Rows())};
+}
+
+Manifold MakeManifold(const ClusterSums& sums, const Planes* parent, float sigma_cells, int iterations) {
+  ClusterSums smooth;
+  for (const Plane& plane : sums.weighted) smooth.weighted.push_back(plane.Clone());
+  smooth.weight = sums.weight.Clone();
+  for (Plane& plane : smooth.weighted) LowPass(sigma_cells, &plane);
+  LowPass(sigma_cells, &smooth.weight);
+  Manifold manifold;
+  manifold.eta = HeightsFrom(smooth, parent);
+  if (iterations > 0) {
+    manifold.axis = SplitAxis(CellCovariance(sums, manifold.eta), TotalWeight(sums.weight),
+                              manifold.eta.size(), iterations);
+  }
+  return manifold;
+}
+
+}  // namespace lumifold::filter

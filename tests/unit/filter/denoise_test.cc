@@ -1,0 +1,267 @@
+#include "filter/manifold/denoise.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <random>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "filter/metrics/metrics.h"
+#include "synthetic_film.h"
+#include "tests/support/shuffling_pool.h"
+
+namespace lumifold::filter {
+namespace {
+
+using ::testing::HasSubstr;
+using Picture = std::array<Plane, 3>;
+
+Picture Filter(const LayeredImage& film, std::string_view method = "default", TaskPool* pool = nullptr) {
+  absl::StatusOr<Picture> result = FilterFilm(film, method, pool);
+  EXPECT_TRUE(result.ok()) << result.status();
+  return *std::move(result);
+}
+
+ConstColorView ViewOf(const Picture& picture) {
+  return {picture[0].view(), picture[1].view(), picture[2].view()};
+}
+
+double ErrorOf(const ConstColorView& picture, const SyntheticFilm& synthetic) {
+  return metrics::Mse255(picture, synthetic.truth.GetColor(layers::kBeauty));
+}
+
+double NoisyError(const SyntheticFilm& synthetic) {
+  return ErrorOf(std::as_const(synthetic.film).GetColor(layers::kNoisy), synthetic);
+}
+
+bool IsFinite(const Picture& picture) {
+  for (const Plane& plane : picture) {
+    for (int y = 0; y < plane.height(); ++y) {
+      for (int x = 0; x < plane.width(); ++x) {
+        if (!std::isfinite(plane.At(x, y))) return false;
+      }
+    }
+  }
+  return true;
+}
+
+void ExpectSamePixels(const Picture& a, const Picture& b) {
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < a[c].height(); ++y) {
+      for (int x = 0; x < a[c].width(); ++x)
+        ASSERT_EQ(a[c].At(x, y), b[c].At(x, y)) << c << ": " << x << "," << y;
+    }
+  }
+}
+
+TEST(FilterFilm, TakesOutMostOfStrongNoise) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.4f, 1);
+  EXPECT_LT(ErrorOf(ViewOf(Filter(synthetic.film)), synthetic), 0.1 * NoisyError(synthetic));
+}
+
+TEST(FilterFilm, NeverMakesThePictureWorse) {
+  for (const float noise : {1.0f, 0.3f, 0.1f, 0.03f, 0.01f, 0.003f}) {
+    const SyntheticFilm synthetic = MakeSyntheticFilm(128, 96, noise, 2);
+    EXPECT_LT(ErrorOf(ViewOf(Filter(synthetic.film)), synthetic), NoisyError(synthetic)) << noise;
+  }
+}
+
+TEST(FilterFilm, ConvergesToTheInputAsNoiseVanishes) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(96, 72, 0.0f, 3);
+  EXPECT_LT(ErrorOf(ViewOf(Filter(synthetic.film)), synthetic), 1e-4);
+}
+
+TEST(FilterFilm, KeepsAHardShadowThatGeometryAloneCannotSee) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.2f, 4);
+  const Picture picture = Filter(synthetic.film);
+  // On the floor, one row, on both sides of the shadow's edges: dark stays dark.
+  const ConstColorView truth = synthetic.truth.GetColor(layers::kBeauty);
+  double worst = 0;
+  for (int x = 0; x < 160; ++x) {
+    worst = std::max(worst, std::abs(static_cast<double>(picture[0].At(x, 100) - truth[0].At(x, 100))));
+  }
+  EXPECT_LT(worst, 0.35);  // the step is up to 0.8
+}
+
+TEST(FilterFilm, GivesTheSameBitsForAnyPool) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(97, 131, 0.4f, 5);
+  const Picture alone = Filter(synthetic.film);
+  std::vector<std::unique_ptr<TaskPool>> pools;
+  for (const int threads : {1, 2, 4}) pools.push_back(MakeTaskPool(threads));
+  pools.push_back(std::make_unique<ShufflingPool>(7));
+  for (const auto& pool : pools) ExpectSamePixels(Filter(synthetic.film, "default", pool.get()), alone);
+}
+
+TEST(FilterFilm, LeavesSkyExactlyAlone) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(96, 80, 0.4f, 6);
+  const Picture picture = Filter(synthetic.film);
+  const ConstColorView noisy = synthetic.film.GetColor(layers::kNoisy);
+  for (int y = 0; y < 11; ++y) {
+    for (int x = 0; x < 96; ++x) ASSERT_EQ(picture[1].At(x, y), noisy[1].At(x, y));
+  }
+}
+
+/// Mean square difference of the pictures over columns [x0, x1), first channel.
+double ColumnsError(const Plane& picture, ConstFloatView truth, int x0, int x1) {
+  double sum = 0;
+  for (int y = 0; y < picture.height(); ++y) {
+    for (int x = x0; x < x1; ++x) {
+      const double difference = static_cast<double>(picture.At(x, y) - truth.At(x, y));
+      sum += difference * difference;
+    }
+  }
+  return sum / ((x1 - x0) * picture.height());
+}
+
+TEST(FilterFilm, FiltersWhatTheLayersDoNotExplain) {
+  SyntheticFilm synthetic = MakeSyntheticFilm(128, 96, 0.1f, 14);
+  LayeredImage& film = synthetic.film;
+  std::mt19937 random(15);
+  std::normal_distribution<float> noise(0.0f, 0.2f);
+  for (int y = 0; y < 96; ++y) {
+    for (int x = 0; x < 128; ++x) {
+      const float a = noise(random);
+      const float b = noise(random);
+      film.Get("noisy_a.R").At(x, y) += a;
+      film.Get("noisy_b.R").At(x, y) += b;
+      film.Get("noisy.R").At(x, y) += 0.5f * (a + b);
+    }
+  }
+  const ConstFloatView truth = std::as_const(synthetic.truth).Get("R");
+  const Picture picture = Filter(film);
+  const Picture noisy = Filter(film, "none");
+  // Sky is never filtered: compare below it.
+  EXPECT_LT(ColumnsError(picture[0], truth, 0, 128), 0.35 * ColumnsError(noisy[0], truth, 0, 128));
+}
+
+TEST(FilterFilm, FiltersPixelsThatTheSurfaceCoversInPart) {
+  SyntheticFilm synthetic = MakeSyntheticFilm(128, 96, 0.4f, 16);
+  constexpr int kX0 = 60;
+  constexpr int kX1 = 62;
+  LayeredImage& film = synthetic.film;
+  for (int y = 15; y < 96; ++y) {  // half of each of these pixels is a black emitter's
+    for (int x = kX0; x < kX1; ++x) {
+      film.Get(layers::kMask).At(x, y) = 0.5f;
+      for (const std::string_view layer : {layers::kDirect, layers::kIndirect}) {
+        for (const std::string& half : {std::string(layer), layers::HalfA(layer), layers::HalfB(layer)}) {
+          for (const FloatView& channel : film.GetColor(half)) channel.At(x, y) *= 0.5f;
+        }
+      }
+      for (const char* name : {"noisy", "noisy_a", "noisy_b"}) {
+        for (const FloatView& channel : film.GetColor(name)) channel.At(x, y) *= 0.5f;
+      }
+      for (const FloatView& channel : synthetic.truth.GetColor(layers::kBeauty)) channel.At(x, y) *= 0.5f;
+    }
+  }
+  const ConstFloatView truth = std::as_const(synthetic.truth).Get("R");
+  const Picture picture = Filter(film);
+  const Picture noisy = Filter(film, "none");
+  EXPECT_LT(ColumnsError(picture[0], truth, kX0, kX1), 0.3 * ColumnsError(noisy[0], truth, kX0, kX1));
+}
+
+TEST(FilterFilm, NoneReturnsTheNoisyPictureExactly) {
+  SyntheticFilm synthetic = MakeSyntheticFilm(31, 17, 0.4f, 7);
+  synthetic.film.Get("noisy.R").At(3, 3) = std::numeric_limits<float>::infinity();
+  LayeredImage only_noisy(31, 17);
+  for (const std::string& name : layers::ColorChannels(layers::kNoisy)) {
+    only_noisy.Add(name, Plane(31, 17));
+    CopyPlane(std::as_const(synthetic.film).Get(name), only_noisy.Get(name));
+  }
+  const Picture picture = Filter(only_noisy, "none");
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < 17; ++y) {
+      for (int x = 0; x < 31; ++x) {
+        ASSERT_EQ(picture[c].At(x, y), std::as_const(synthetic.film).GetColor(layers::kNoisy)[c].At(x, y));
+      }
+    }
+  }
+}
+
+TEST(FilterFilm, ScalesWithTheUnitOfLight) {
+  const Picture plain = Filter(MakeSyntheticFilm(96, 64, 0.3f, 8).film);
+  double brightness = 0;
+  for (int y = 0; y < 64; ++y) {
+    for (int x = 0; x < 96; ++x) brightness += static_cast<double>(plain[0].At(x, y)) / (96 * 64);
+  }
+  for (const float factor : {1e-20f, 3e-6f, 7e5f, 1e20f}) {
+    SyntheticFilm scaled = MakeSyntheticFilm(96, 64, 0.3f, 8);
+    ScaleRadiance(factor, &scaled.film);
+    const Picture picture = Filter(scaled.film);
+    for (int y = 0; y < 64; ++y) {
+      for (int x = 0; x < 96; ++x) {
+        const double expected = static_cast<double>(plain[0].At(x, y));
+        const double value = static_cast<double>(picture[0].At(x, y)) / static_cast<double>(factor);
+        ASSERT_NEAR(value, expected, 1e-4 * std::max(expected, brightness))
+            << factor << " at " << x << "," << y;
+      }
+    }
+  }
+}
+
+TEST(FilterFilm, StaysFiniteOnAnySizeAndOnAllSky) {
+  for (const auto& [width, height] : {std::pair{1, 1}, {1, 40}, {40, 1}, {2, 3}, {65, 1}}) {
+    for (const std::string_view method : {"default", "paper"}) {
+      EXPECT_TRUE(IsFinite(Filter(MakeSyntheticFilm(width, height, 0.3f, 9).film, method)))
+          << width << "x" << height;
+    }
+  }
+  SyntheticFilm sky = MakeSyntheticFilm(40, 30, 0.3f, 9);
+  for (const std::string_view name : {layers::kMask, layers::kDistance}) {
+    for (int y = 0; y < 30; ++y) std::fill_n(sky.film.Get(name).Row(y), 40, 0.0f);
+  }
+  const Picture picture = Filter(sky.film);
+  EXPECT_TRUE(IsFinite(picture));
+  EXPECT_EQ(picture[0].At(20, 20), std::as_const(sky.film).Get("noisy.R").At(20, 20));
+}
+
+TEST(FilterFilm, StaysFiniteWhateverTheFilmHolds) {
+  for (const float poison : {NAN, INFINITY, -INFINITY, -1e38f, 3e38f}) {
+    for (const char* channel :
+         {"direct_a.R", "indirect_b.G", "noisy.R", "albedo.B", "N.X", "distance.Z", "reflection1.R"}) {
+      SyntheticFilm synthetic = MakeSyntheticFilm(48, 40, 0.3f, 10);
+      for (int i = 0; i < 12; ++i) synthetic.film.Get(channel).At(3 * i, 2 * i + 8) = poison;
+      EXPECT_TRUE(IsFinite(Filter(synthetic.film))) << channel << " " << poison;
+    }
+  }
+}
+
+TEST(FilterFilm, WorksWithOneSampleInOneHalf) {
+  SyntheticFilm synthetic = MakeSyntheticFilm(128, 96, 0.4f, 11);
+  LayeredImage& film = synthetic.film;
+  for (int y = 0; y < 96; ++y) std::fill_n(film.Get(layers::kSamplesB).Row(y), 128, 0.0f);
+  for (const std::string_view layer : layers::kHalved) {
+    for (size_t c = 0; c < 3; ++c) {
+      CopyPlane(std::as_const(film).GetColor(layers::HalfA(layer))[c], film.GetColor(layer)[c]);
+      for (int y = 0; y < 96; ++y) std::fill_n(film.GetColor(layers::HalfB(layer))[c].Row(y), 128, 0.0f);
+    }
+  }
+  EXPECT_LT(ErrorOf(ViewOf(Filter(film)), synthetic), 0.3 * NoisyError(synthetic));
+}
+
+TEST(FilterFilm, NamesAMissingChannelAndAnUnknownMethod) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(8, 8, 0.1f, 12);
+  LayeredImage partial(8, 8);
+  for (const LayeredImage::Channel& channel : synthetic.film.channels()) {
+    if (channel.name != "indirect_b.G") partial.Add(channel.name, channel.plane.Clone());
+  }
+  const absl::Status missing = FilterFilm(partial, "default", nullptr).status();
+  EXPECT_EQ(missing.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(missing.message()), HasSubstr("indirect_b.G"));
+  const absl::Status unknown = FilterFilm(synthetic.film, "magic", nullptr).status();
+  EXPECT_EQ(unknown.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(unknown.message()), HasSubstr("magic"));
+}
+
+TEST(FilterFilm, EveryListedMethodRuns) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(40, 30, 0.3f, 13);
+  for (const Method& method : Methods())
+    EXPECT_TRUE(FilterFilm(synthetic.film, method.name, nullptr).ok()) << method.name;
+}
+
+}  // namespace
+}  // namespace lumifold::filter

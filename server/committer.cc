@@ -1,0 +1,148 @@
+#include "server/committer.h"
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+namespace lumifold::server {
+namespace {
+
+/// Units of one transaction at most: bounds the memory a burst takes and the time an acknowledgement waits.
+constexpr size_t kMaxBatch = 256;
+
+ledger::UnitRecord RecordOf(const AcceptedUnit& unit, const film::RecordPlace& place) {
+  return {.unit = unit.stored.unit,
+          .file = DataFolder::UnitLogName(unit.stored.unit.job, unit.stored.unit.key.frame),
+          .offset = place.offset,
+          .length = place.length,
+          .samples = unit.samples,
+          .bad_samples = unit.stored.stats.bad_samples()};
+}
+
+/// News of the one job all of `units` belong to.
+ledger::JobNews NewsOf(const std::vector<AcceptedUnit>& units) {
+  ledger::JobNews news;
+  news.job = units.front().stored.unit.job;
+  news.numeric_class = units.front().numeric_class;
+  news.started = units.front().started;
+  for (const AcceptedUnit& unit : units) {
+    for (const std::string& line : unit.stored.stats.warnings()) {
+      if (std::find(news.warnings.begin(), news.warnings.end(), line) == news.warnings.end()) {
+        news.warnings.push_back(line);
+      }
+    }
+  }
+  return news;
+}
+
+}  // namespace
+
+Committer::Committer(const DataFolder& folder, ledger::JobStore* store, Listener* listener)
+    : folder_(folder), store_(store), listener_(listener), thread_([this] { Run(); }) {}
+
+Committer::~Committer() { Stop(); }
+
+void Committer::RestoreLog(const scheduler::JobId& job, int32_t frame, uint64_t committed_bytes) {
+  absl::MutexLock lock(&mutex_);
+  committed_bytes_[{job, frame}] = committed_bytes;
+}
+
+void Committer::Enqueue(AcceptedUnit unit) {
+  absl::MutexLock lock(&mutex_);
+  if (!stopping_) queue_.emplace_back(std::move(unit));
+}
+
+void Committer::Discard(const scheduler::JobId& job, std::optional<int32_t> frame) {
+  absl::MutexLock lock(&mutex_);
+  if (!stopping_) queue_.emplace_back(DiscardOrder{job, frame});
+}
+
+void Committer::Stop() {
+  {
+    absl::MutexLock lock(&mutex_);
+    stopping_ = true;
+  }
+  if (thread_.joinable()) thread_.join();
+}
+
+std::deque<Committer::Task> Committer::TakeTasks() {
+  absl::MutexLock lock(&mutex_);
+  mutex_.Await(absl::Condition(this, &Committer::HasWork));
+  std::deque<Task> tasks;
+  while (!queue_.empty() && tasks.size() < kMaxBatch) {
+    tasks.push_back(std::move(queue_.front()));
+    queue_.pop_front();
+  }
+  return tasks;
+}
+
+void Committer::Run() {
+  while (true) {
+    std::deque<Task> tasks = TakeTasks();
+    if (tasks.empty()) return;  // stopping, and all is stored
+    // By job, so that a log that is damaged fails its own job and no other.
+    std::map<scheduler::JobId, std::vector<AcceptedUnit>> units;
+    for (Task& task : tasks) {
+      if (auto* unit = std::get_if<AcceptedUnit>(&task)) {
+        units[unit->stored.unit.job].push_back(std::move(*unit));
+        continue;
+      }
+      const DiscardOrder& order = std::get<DiscardOrder>(task);
+      Commit(std::exchange(units[order.job], {}));
+      Execute(order);
+    }
+    for (auto& [job, of_job] : units) Commit(std::move(of_job));
+  }
+}
+
+void Committer::Commit(std::vector<AcceptedUnit> units) {
+  if (units.empty() || !listener_->IsWanted(units.front().stored.unit.job)) return;
+  const absl::Status status = Store(units);
+  listener_->OnCommitted(units, status);
+}
+
+absl::Status Committer::Store(const std::vector<AcceptedUnit>& units) {
+  std::vector<ledger::UnitRecord> records;
+  std::set<film::UnitLog*> written;
+  for (const AcceptedUnit& unit : units) {
+    const absl::StatusOr<film::UnitLog*> log = LogOf({unit.stored.unit.job, unit.stored.unit.key.frame});
+    if (!log.ok()) return log.status();
+    const absl::StatusOr<film::RecordPlace> place = (*log)->Append(unit.stored);
+    if (!place.ok()) return place.status();
+    records.push_back(RecordOf(unit, *place));
+    written.insert(*log);
+  }
+  for (film::UnitLog* log : written) {
+    if (absl::Status status = log->Sync(); !status.ok()) return status;
+  }
+  return store_->CommitUnits(records, {NewsOf(units)});
+}
+
+absl::StatusOr<film::UnitLog*> Committer::LogOf(const FrameKey& key) {
+  const auto found = logs_.find(key);
+  if (found != logs_.end()) return &found->second;
+  uint64_t committed_bytes = 0;
+  {
+    absl::MutexLock lock(&mutex_);
+    const auto restored = committed_bytes_.find(key);
+    if (restored != committed_bytes_.end()) committed_bytes = restored->second;
+  }
+  if (absl::Status status = MakeFolder(folder_.FilmPath(key.first)); !status.ok()) return status;
+  absl::StatusOr<film::UnitLog> log =
+      film::UnitLog::Open(folder_.PathOf(DataFolder::UnitLogName(key.first, key.second)), committed_bytes);
+  if (!log.ok()) return log.status();
+  return &logs_.emplace(key, *std::move(log)).first->second;
+}
+
+void Committer::Execute(const DiscardOrder& order) {
+  std::erase_if(logs_, [&](const auto& entry) {
+    return entry.first.first == order.job && (!order.frame.has_value() || entry.first.second == *order.frame);
+  });
+  const std::string path = order.frame.has_value()
+                               ? folder_.PathOf(DataFolder::UnitLogName(order.job, *order.frame))
+                               : folder_.FilmPath(order.job);
+  // What cannot be deleted only takes room; the result is written either way.
+  RemoveAll(path).IgnoreError();
+}
+
+}  // namespace lumifold::server

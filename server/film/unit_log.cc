@@ -1,0 +1,202 @@
+#include "server/film/unit_log.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <bit>
+#include <cerrno>
+#include <cstddef>
+#include <cstring>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "proto/rpc/checksum.h"
+#include "proto/rpc/image_codec.h"
+
+namespace lumifold::film {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "the log is written as it lies in memory");
+
+constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '1'};
+constexpr uint32_t kMaxHeaderBytes = 1 << 20;
+constexpr uint64_t kMaxPayloadBytes = uint64_t{1} << 32;
+
+struct Preamble {
+  std::array<char, 4> magic = kMagic;
+  uint32_t header_bytes = 0;
+  uint64_t payload_bytes = 0;
+  uint64_t payload_checksum = 0;
+  uint64_t header_checksum = 0;
+};
+static_assert(sizeof(Preamble) == 32, "no padding");
+
+uint64_t HeaderChecksum(const Preamble& preamble, std::string_view header) {
+  std::string bytes(reinterpret_cast<const char*>(&preamble), offsetof(Preamble, header_checksum));
+  bytes.append(header);
+  return rpc::Checksum(bytes);
+}
+
+absl::Status SystemError(const std::string& path) {
+  const int error = errno;
+  const std::string text = absl::StrCat(path, ": ", std::strerror(error));
+  return error == ENOENT ? absl::NotFoundError(text) : absl::UnavailableError(text);
+}
+
+absl::Status DamagedRecord(const std::string& path, uint64_t offset, const char* cause) {
+  return absl::DataLossError(absl::StrCat(path, ": record at ", offset, ": ", cause));
+}
+
+absl::Status SyncFolderOf(const std::string& path) {
+  const std::string folder = path.substr(0, path.rfind('/'));
+  const rpc::FileHandle handle(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (handle.get() < 0 || fsync(handle.get()) != 0) return SystemError(folder);
+  return absl::OkStatus();
+}
+
+std::string RecordBytes(const StoredUnit& unit) {
+  v1::UnitChunk header;
+  *header.mutable_unit() = ProtoFromUnit(unit.unit);
+  header.set_attempt(unit.attempt.value());
+  *header.mutable_pixels()->mutable_layout() = rpc::LayoutOf(unit.pixels);
+  *header.mutable_stats() = unit.stats;
+  const std::string header_bytes = header.SerializeAsString();
+  const std::string payload = rpc::BytesFromImage(unit.pixels);
+  Preamble preamble;
+  preamble.header_bytes = static_cast<uint32_t>(header_bytes.size());
+  preamble.payload_bytes = payload.size();
+  preamble.payload_checksum = rpc::Checksum(payload);
+  preamble.header_checksum = HeaderChecksum(preamble, header_bytes);
+  std::string record(reinterpret_cast<const char*>(&preamble), sizeof(preamble));
+  record.append(header_bytes).append(payload);
+  return record;
+}
+
+// Reads as much of [offset, offset + size) as the file has.
+absl::StatusOr<std::string> ReadAt(const rpc::FileHandle& file, const std::string& path, uint64_t offset,
+                                   uint64_t size) {
+  std::string bytes(size, '\0');
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t n =
+        pread(file.get(), bytes.data() + done, bytes.size() - done, static_cast<off_t>(offset + done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return SystemError(path);
+    if (n == 0) break;
+    done += static_cast<size_t>(n);
+  }
+  bytes.resize(done);
+  return bytes;
+}
+
+}  // namespace
+
+UnitLog::UnitLog(std::string path, rpc::FileHandle file, uint64_t end)
+    : path_(std::move(path)), file_(std::move(file)), end_(end) {}
+
+absl::StatusOr<UnitLog> UnitLog::Open(const std::string& path, uint64_t committed_bytes) {
+  rpc::FileHandle file(open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
+  if (file.get() < 0) return SystemError(path);
+  struct stat info = {};
+  if (fstat(file.get(), &info) != 0) return SystemError(path);
+  if (static_cast<uint64_t>(info.st_size) < committed_bytes) {
+    return absl::DataLossError(
+        absl::StrCat(path, ": has ", info.st_size, " bytes where the ledger knows of ", committed_bytes));
+  }
+  if (ftruncate(file.get(), static_cast<off_t>(committed_bytes)) != 0) return SystemError(path);
+  if (absl::Status status = SyncFolderOf(path); !status.ok()) return status;
+  return UnitLog(path, std::move(file), committed_bytes);
+}
+
+absl::StatusOr<RecordPlace> UnitLog::Append(const StoredUnit& unit) {
+  const std::string record = RecordBytes(unit);
+  size_t done = 0;
+  while (done < record.size()) {
+    const ssize_t n =
+        pwrite(file_.get(), record.data() + done, record.size() - done, static_cast<off_t>(end_ + done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return SystemError(path_);
+    done += static_cast<size_t>(n);
+  }
+  const RecordPlace place{end_, record.size()};
+  end_ += record.size();
+  return place;
+}
+
+absl::Status UnitLog::Sync() { return fdatasync(file_.get()) == 0 ? absl::OkStatus() : SystemError(path_); }
+
+UnitLogReader::UnitLogReader(std::string path, rpc::FileHandle file, uint64_t size)
+    : path_(std::move(path)), file_(std::move(file)), size_(size) {}
+
+absl::StatusOr<UnitLogReader> UnitLogReader::Open(const std::string& path) {
+  rpc::FileHandle file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.get() < 0) return SystemError(path);
+  struct stat info = {};
+  if (fstat(file.get(), &info) != 0) return SystemError(path);
+  return UnitLogReader(path, std::move(file), static_cast<uint64_t>(info.st_size));
+}
+
+absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
+  if (place.offset > size_ || place.length > size_ - place.offset || place.length < sizeof(Preamble)) {
+    return DamagedRecord(path_, place.offset, "is not within the file");
+  }
+  const absl::StatusOr<std::string> bytes = ReadAt(file_, path_, place.offset, place.length);
+  if (!bytes.ok()) return bytes.status();
+  if (bytes->size() != place.length) return DamagedRecord(path_, place.offset, "is cut short");
+  Preamble preamble;
+  std::memcpy(&preamble, bytes->data(), sizeof(preamble));
+  if (preamble.magic != kMagic || preamble.header_bytes > kMaxHeaderBytes ||
+      preamble.payload_bytes > kMaxPayloadBytes ||
+      sizeof(preamble) + preamble.header_bytes + preamble.payload_bytes != place.length) {
+    return DamagedRecord(path_, place.offset, "does not begin as a record does");
+  }
+  const std::string_view body = std::string_view(*bytes).substr(sizeof(preamble));
+  const std::string_view header_bytes = body.substr(0, preamble.header_bytes);
+  const std::string_view payload = body.substr(preamble.header_bytes);
+  if (HeaderChecksum(preamble, header_bytes) != preamble.header_checksum) {
+    return DamagedRecord(path_, place.offset, "the header's checksum does not agree");
+  }
+  if (rpc::Checksum(payload) != preamble.payload_checksum) {
+    return DamagedRecord(path_, place.offset, "the pixels' checksum does not agree");
+  }
+  v1::UnitChunk header;
+  if (!header.ParseFromArray(header_bytes.data(), static_cast<int>(header_bytes.size()))) {
+    return DamagedRecord(path_, place.offset, "the header cannot be read");
+  }
+  absl::StatusOr<LayeredImage> pixels = rpc::ImageFromBytes(header.pixels().layout(), payload, {});
+  if (!pixels.ok()) return DamagedRecord(path_, place.offset, "layout and pixels do not fit");
+  return StoredUnit{scheduler::UnitFromProto(header.unit()), scheduler::Attempt(header.attempt()),
+                    header.stats(), *std::move(pixels)};
+}
+
+absl::StatusOr<RecordPlace> UnitLogReader::PlaceAt(uint64_t offset) const {
+  const absl::StatusOr<std::string> bytes = ReadAt(file_, path_, offset, sizeof(Preamble));
+  if (!bytes.ok()) return bytes.status();
+  if (bytes->size() != sizeof(Preamble)) return DamagedRecord(path_, offset, "is cut short");
+  Preamble preamble;
+  std::memcpy(&preamble, bytes->data(), sizeof(preamble));
+  if (preamble.header_bytes > kMaxHeaderBytes || preamble.payload_bytes > kMaxPayloadBytes) {
+    return DamagedRecord(path_, offset, "does not begin as a record does");
+  }
+  return RecordPlace{offset, sizeof(preamble) + preamble.header_bytes + preamble.payload_bytes};
+}
+
+absl::StatusOr<uint64_t> UnitLogReader::Scan(
+    absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const {
+  uint64_t good = 0;
+  while (good < size_) {
+    const absl::StatusOr<RecordPlace> place = PlaceAt(good);
+    if (absl::IsDataLoss(place.status())) break;
+    if (!place.ok()) return place.status();
+    const absl::StatusOr<StoredUnit> unit = Read(*place);
+    if (absl::IsDataLoss(unit.status())) break;
+    if (!unit.ok()) return unit.status();
+    visit(*unit, *place);
+    good += place->length;
+  }
+  return good;
+}
+
+}  // namespace lumifold::film

@@ -1,0 +1,88 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "filter/image/layered_image.h"
+#include "lumifold/v1/worker.pb.h"
+#include "proto/rpc/byte_stream.h"
+#include "server/scheduler/unit.h"
+
+namespace lumifold::film {
+
+/// A delivered unit: its name, the lease it came by, what it says of itself, and its pixels.
+struct StoredUnit {
+  scheduler::UnitRef unit;
+  scheduler::Attempt attempt;
+  v1::UnitStats stats;
+  LayeredImage pixels;
+};
+
+/// Where a record lies in its log.
+struct RecordPlace {
+  uint64_t offset = 0;
+  uint64_t length = 0;
+};
+
+/// The append-only file that holds a frame's delivered units. Each record describes itself and carries
+/// checksums, so that a ledger that was lost can be made anew from the logs:
+///
+///   "LFU1"
+///   u32  size of the header
+///   u64  size of the payload
+///   u64  XXH3-64 of the payload
+///   u64  XXH3-64 of the 24 bytes before and the header
+///   header: a v1::UnitChunk without data
+///   payload: the planes, as v1::PixelLayout says
+///
+/// All little-endian.
+///
+/// Threads: one at a time.
+class UnitLog {
+ public:
+  /// Opens the log at `path`, made where it is missing, to go on after its first `committed_bytes`: those the
+  /// ledger knows of. What lies beyond was never acknowledged and is cut off.
+  /// Errors: kDataLoss where the file is shorter; kUnavailable with the system's words. Both name the file.
+  static absl::StatusOr<UnitLog> Open(const std::string& path, uint64_t committed_bytes);
+
+  /// Writes a record at the end; it is durable after the next Sync. After an error the next record takes its
+  /// place.
+  absl::StatusOr<RecordPlace> Append(const StoredUnit& unit);
+
+  /// Brings all records to the disk.
+  absl::Status Sync();
+
+ private:
+  UnitLog(std::string path, rpc::FileHandle file, uint64_t end);
+
+  std::string path_;
+  rpc::FileHandle file_;
+  uint64_t end_;
+};
+
+/// Reads records of a log. Threads: safe.
+class UnitLogReader {
+ public:
+  /// Errors: kNotFound, kUnavailable naming the file.
+  static absl::StatusOr<UnitLogReader> Open(const std::string& path);
+
+  /// Errors: kDataLoss naming file and offset where the record is not whole or not what its checksums say.
+  absl::StatusOr<StoredUnit> Read(const RecordPlace& place) const;
+
+  /// Reads records from the beginning until the end of the file or the first that is not whole; gives the
+  /// bytes that are good.
+  absl::StatusOr<uint64_t> Scan(absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const;
+
+ private:
+  UnitLogReader(std::string path, rpc::FileHandle file, uint64_t size);
+  absl::StatusOr<RecordPlace> PlaceAt(uint64_t offset) const;
+
+  std::string path_;
+  rpc::FileHandle file_;
+  uint64_t size_;
+};
+
+}  // namespace lumifold::film

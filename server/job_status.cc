@@ -1,0 +1,44 @@
+#include "server/job_status.h"
+
+#include <string>
+
+#include "server/scheduler/tile_grid.h"
+
+namespace lumifold::server {
+
+v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
+  const v1::JobSpec& spec = record.spec;
+  v1::JobStatus status;
+  status.set_job_id(record.id.value());
+  status.set_state(record.state);
+  status.set_error(record.error);
+  status.set_units_done(record.units_done);
+  status.set_units_total(scheduler::FrameUnits(spec).count() * spec.frame_count());
+  status.set_frames_done(record.frames_done);
+  status.set_frames_total(spec.frame_count());
+  status.set_samples_done(record.samples_done);
+  status.set_samples_total(int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() *
+                           spec.frame_count());
+  status.set_bad_samples(record.bad_samples);
+  for (const std::string& line : record.warnings) status.add_warnings(line);
+  status.set_submitted_unix_ms(absl::ToUnixMillis(record.submitted));
+  *status.mutable_times() = record.times;
+  status.set_display_name(spec.scene().display_name());
+  return status;
+}
+
+v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress) {
+  v1::JobStatus status = StatusOfEndedJob(record);
+  status.set_state(progress.state);
+  status.set_units_done(progress.units_done);
+  status.set_frames_done(progress.frames_done);
+  status.set_samples_done(progress.samples_done);
+  status.set_workers(progress.workers);
+  return status;
+}
+
+bool HasEnded(v1::JobState state) {
+  return state == v1::JOB_STATE_DONE || state == v1::JOB_STATE_FAILED || state == v1::JOB_STATE_CANCELLED;
+}
+
+}  // namespace lumifold::server

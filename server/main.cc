@@ -1,0 +1,130 @@
+#include <signal.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdlib>
+#include <iostream>
+#include <string>
+#include <thread>
+
+#include "proto/rpc/version.h"
+#include "server/frame_finisher.h"
+#include "server/server.h"
+
+namespace {
+
+constexpr int kExitFailure = 1;
+constexpr int kExitUsage = 2;
+
+struct Flags {
+  std::string data_dir;
+  std::string listen = "127.0.0.1:7700";
+  bool insecure = false;
+  int filter_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  uint64_t filter_memory_mb = 0;
+  double lease_seconds = 30.0;
+  double heartbeat_seconds = 5.0;
+  std::string log_level = "info";
+};
+
+void AddFlags(CLI::App* app, Flags* flags) {
+  app->add_option("--data", flags->data_dir,
+                  "Folder for ledger, assets, film and results; made where it is missing")
+      ->required();
+  app->add_option("--listen", flags->listen, "HOST:PORT to listen on; port 0 takes a free one")
+      ->capture_default_str();
+  app->add_flag("--insecure", flags->insecure, "Allow listening off loopback, without encryption");
+  app->add_option("--filter-threads", flags->filter_threads, "Threads a frame is filtered with")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app->add_option("--filter-memory-mb", flags->filter_memory_mb,
+                  "Address space of the filter process; 0: no limit")
+      ->capture_default_str();
+  app->add_option("--lease-seconds", flags->lease_seconds, "A worker unheard of for so long loses its units")
+      ->check(CLI::Range(0.1, 86400.0))
+      ->capture_default_str();
+  app->add_option("--heartbeat-seconds", flags->heartbeat_seconds, "How often workers report")
+      ->check(CLI::Range(0.01, 3600.0))
+      ->capture_default_str();
+  app->add_option("--log-level", flags->log_level, "What is told on standard error")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
+      ->capture_default_str();
+  app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion));
+}
+
+std::shared_ptr<spdlog::logger> MakeLogger(const std::string& level) {
+  auto log =
+      std::make_shared<spdlog::logger>("lumifold-server", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  log->set_pattern("%Y-%m-%dT%H:%M:%S.%e %l %v");
+  log->set_level(spdlog::level::from_str(level));
+  return log;
+}
+
+/// Blocks the signals that end the program in this thread and all it starts, so that sigwait alone receives
+/// them.
+sigset_t BlockEndSignals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGTERM);
+  sigaddset(&signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  signal(SIGPIPE, SIG_IGN);
+  return signals;
+}
+
+int RunServer(const Flags& flags) {
+  const sigset_t end_signals = BlockEndSignals();
+  const std::shared_ptr<spdlog::logger> log = MakeLogger(flags.log_level);
+  lumifold::server::ServerOptions options;
+  options.data_dir = flags.data_dir;
+  options.listen = flags.listen;
+  options.security.insecure = flags.insecure;
+  options.lease = absl::Seconds(flags.lease_seconds);
+  options.heartbeat = absl::Seconds(flags.heartbeat_seconds);
+  options.filter_threads = flags.filter_threads;
+  options.filter_in_child_process = true;
+  options.filter_memory_limit_bytes = flags.filter_memory_mb << 20;
+  options.log = log;
+  const absl::StatusOr<std::unique_ptr<lumifold::server::Server>> server =
+      lumifold::server::Server::Start(std::move(options));
+  if (!server.ok()) {
+    std::cerr << "lumifold-server: " << std::string(server.status().message()) << '\n';
+    return kExitFailure;
+  }
+  const std::string host = flags.listen.substr(0, flags.listen.rfind(':'));
+  std::cout << "listening on " << host << ':' << (*server)->port() << std::endl;
+  int received = 0;
+  sigwait(&end_signals, &received);
+  log->info("event=stopping signal={}", received);
+  (*server)->Shutdown();
+  log->info("event=stopped");
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc > 1 && std::string(argv[1]) == lumifold::server::kFinishFrameCommand) {
+    return lumifold::server::RunFinishFrameProcess({argv + 2, argv + argc});
+  }
+  // gRPC writes to standard error by itself; what matters reaches us as a Status. A user who wants it sets
+  // the variable.
+  setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
+  CLI::App app(
+      "Lumifold's coordinator: takes jobs, leases units to workers, merges and filters frames, serves "
+      "results.",
+      "lumifold-server");
+  Flags flags;
+  AddFlags(&app, &flags);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& success) {
+    return app.exit(success);
+  } catch (const CLI::ParseError& error) {
+    std::cerr << "lumifold-server: " << error.what() << '\n';
+    return kExitUsage;
+  }
+  return RunServer(flags);
+}

@@ -1,0 +1,77 @@
+#include "server/worker_session.h"
+
+#include <optional>
+#include <string>
+
+#include "server/film/unit_layout.h"
+
+namespace lumifold::server {
+
+absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* coordinator,
+                                                                   const v1::Hello& hello, WorkerSink* sink) {
+  const absl::StatusOr<scheduler::WorkerId> worker = coordinator->AddWorker(hello, sink);
+  if (!worker.ok()) return worker.status();
+  return std::unique_ptr<WorkerSession>(new WorkerSession(coordinator, *worker));
+}
+
+WorkerSession::~WorkerSession() { coordinator_->RemoveWorker(worker_); }
+
+absl::Status WorkerSession::Handle(const v1::WorkerMessage& message) {
+  switch (message.message_case()) {
+    case v1::WorkerMessage::kHeartbeat:
+      OnHeartbeat(message.heartbeat());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kChunk:
+      OnChunk(message.chunk());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kFailure:
+      coordinator_->FailUnit(worker_, scheduler::UnitFromProto(message.failure().unit()),
+                             scheduler::Attempt(message.failure().attempt()), message.failure().error(),
+                             message.failure().permanent());
+      return absl::OkStatus();
+    default:
+      return absl::InvalidArgumentError(
+          "worker stream: a second Hello, or a message this coordinator does not know");
+  }
+}
+
+void WorkerSession::OnHeartbeat(const v1::Heartbeat& heartbeat) {
+  coordinator_->OnHeartbeat(worker_, heartbeat);
+  std::erase_if(arriving_, [this](const auto& entry) {
+    const auto& [unit, attempt] = entry.first;
+    return !coordinator_->FindLease(worker_, unit, attempt).has_value();
+  });
+}
+
+void WorkerSession::OnChunk(const v1::UnitChunk& chunk) {
+  const LeaseName lease(scheduler::UnitFromProto(chunk.unit()), scheduler::Attempt(chunk.attempt()));
+  const std::optional<Rect> rect = coordinator_->FindLease(worker_, lease.first, lease.second);
+  if (rect.has_value()) {
+    const absl::Status status = Take(chunk, lease, *rect);
+    if (status.ok()) return;
+    arriving_.erase(lease);
+    coordinator_->FailUnit(worker_, lease.first, lease.second, std::string(status.message()),
+                           /*permanent=*/false);
+  } else {
+    arriving_.erase(lease);
+  }
+  // The worker waits for an answer to its last piece, wanted or not.
+  if (chunk.pixels().last()) coordinator_->Dismiss(worker_, lease.first, lease.second);
+}
+
+absl::Status WorkerSession::Take(const v1::UnitChunk& chunk, const LeaseName& lease, const Rect& rect) {
+  const auto [entry, is_new] = arriving_.try_emplace(lease, film::UnitLimits(rect));
+  rpc::PixelAssembler& assembler = entry->second;
+  if (absl::Status status = assembler.Add(chunk.pixels()); !status.ok()) return status;
+  if (is_new) {
+    const absl::Status status = film::CheckUnitLayout(lease.first.key.kind, rect, *assembler.layout());
+    if (!status.ok()) return status;
+  }
+  if (!assembler.IsComplete()) return absl::OkStatus();
+  film::StoredUnit unit{lease.first, lease.second, chunk.stats(), assembler.Take()};
+  arriving_.erase(entry);
+  coordinator_->Deliver(worker_, std::move(unit));
+  return absl::OkStatus();
+}
+
+}  // namespace lumifold::server

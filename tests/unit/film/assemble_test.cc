@@ -1,0 +1,155 @@
+#include "server/film/assemble.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "proto/rpc/image_codec.h"
+#include "tests/support/random_unit.h"
+#include "tests/support/shuffling_pool.h"
+
+namespace lumifold::film {
+namespace {
+
+using scheduler::FrameUnits;
+using scheduler::UnitKey;
+using ::testing::HasSubstr;
+
+v1::JobSpec Spec(int samples) {
+  v1::JobSpec spec;
+  spec.set_width(21);
+  spec.set_height(10);
+  spec.set_tile_size(8);
+  spec.set_samples_per_pixel(samples);
+  spec.set_pass_samples(4);
+  return spec;
+}
+
+class AssembleTest : public ::testing::Test {
+ protected:
+  absl::StatusOr<LayeredImage> Read(const UnitKey& key) const {
+    return RandomUnit(key, units_.tiles().RectOf(key.tile), units_.SamplesOf(key), 9);
+  }
+  absl::StatusOr<LayeredImage> Assemble(TaskPool* pool) const {
+    return AssembleFilm(
+        spec_, 0, [this](const UnitKey& key) { return Read(key); }, pool);
+  }
+  /// Sum of a channel over the passes of the tile that holds the pixel, in pass order.
+  double Sum(const std::string& channel, int x, int y) const {
+    double sum = 0.0;
+    for (int tile = 0; tile < units_.tiles().count(); ++tile) {
+      const Rect rect = units_.tiles().RectOf(tile);
+      if (!rect.Contains(x, y)) continue;
+      for (int pass = 0; pass < units_.pass_count(); ++pass) {
+        const LayeredImage unit = *Read({0, tile, pass, v1::UNIT_KIND_PASS});
+        sum += unit.Get(channel).At(x - rect.x0, y - rect.y0);
+      }
+    }
+    return sum;
+  }
+
+  const v1::JobSpec spec_ = Spec(18);
+  const FrameUnits units_{spec_};
+};
+
+TEST_F(AssembleTest, EqualsTheDirectSumInPassOrder) {
+  const absl::StatusOr<LayeredImage> film = Assemble(nullptr);
+  ASSERT_TRUE(film.ok()) << film.status();
+  for (int y = 0; y < spec_.height(); ++y) {
+    for (int x = 0; x < spec_.width(); ++x) {
+      const double n_a = Sum("samples_a.Y", x, y);
+      const double n_b = Sum("samples_b.Y", x, y);
+      ASSERT_EQ(n_a + n_b, 18.0);
+      for (const char* layer : {"noisy", "direct", "indirect", "reflection1"}) {
+        const double a = Sum(std::string(layer) + "_a.G", x, y);
+        const double b = Sum(std::string(layer) + "_b.G", x, y);
+        ASSERT_EQ(film->Get(std::string(layer) + ".G").At(x, y), static_cast<float>((a + b) / (n_a + n_b)));
+        ASSERT_EQ(film->Get(std::string(layer) + "_a.G").At(x, y), static_cast<float>(a / n_a));
+        ASSERT_EQ(film->Get(std::string(layer) + "_b.G").At(x, y), static_cast<float>(b / n_b));
+      }
+      ASSERT_EQ(film->Get("albedo.B").At(x, y), static_cast<float>(Sum("albedo.B", x, y) / 18.0));
+      ASSERT_EQ(film->Get("emission.R").At(x, y), static_cast<float>(Sum("emission.R", x, y) / 18.0));
+    }
+  }
+}
+
+TEST_F(AssembleTest, GeometryIsTakenAsItIs) {
+  const absl::StatusOr<LayeredImage> film = Assemble(nullptr);
+  const Rect rect = units_.tiles().RectOf(4);
+  const LayeredImage geometry = *Read({0, 4, 0, v1::UNIT_KIND_GEOMETRY});
+  for (const std::string& name : GeometryChannels()) {
+    for (int y = 0; y < rect.height(); ++y) {
+      for (int x = 0; x < rect.width(); ++x) {
+        ASSERT_EQ(film->Get(name).At(rect.x0 + x, rect.y0 + y), geometry.Get(name).At(x, y)) << name;
+      }
+    }
+  }
+}
+
+TEST_F(AssembleTest, IsTheSameForAnyOrderOfTiles) {
+  const std::string expected = rpc::BytesFromImage(*Assemble(nullptr));
+  for (uint32_t seed = 0; seed < 5; ++seed) {
+    ShufflingPool pool(seed);
+    EXPECT_EQ(rpc::BytesFromImage(*Assemble(&pool)), expected);
+  }
+  EXPECT_EQ(rpc::BytesFromImage(*Assemble(MakeTaskPool(4).get())), expected);
+}
+
+TEST_F(AssembleTest, AnEmptyHalfIsZeroAndNotNan) {
+  const v1::JobSpec spec = Spec(1);
+  const FrameUnits units(spec);
+  const absl::StatusOr<LayeredImage> film = AssembleFilm(
+      spec, 0,
+      [&](const UnitKey& key) -> absl::StatusOr<LayeredImage> {
+        LayeredImage unit = RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 3);
+        if (key.kind == v1::UNIT_KIND_PASS) unit.GetColor("direct_b")[0].At(0, 0) = 0.0f;
+        return unit;
+      },
+      nullptr);
+  ASSERT_TRUE(film.ok());
+  EXPECT_EQ(film->Get("samples_a.Y").At(0, 0), 1.0f);
+  EXPECT_EQ(film->Get("samples_b.Y").At(0, 0), 0.0f);
+  EXPECT_EQ(film->Get("direct_b.R").At(0, 0), 0.0f);
+  EXPECT_EQ(film->Get("direct.R").At(0, 0), film->Get("direct_a.R").At(0, 0));
+}
+
+TEST_F(AssembleTest, NeverTurnsFewSamplesIntoNan) {
+  const absl::StatusOr<LayeredImage> film = AssembleFilm(
+      spec_, 0,
+      [&](const UnitKey& key) -> absl::StatusOr<LayeredImage> {
+        LayeredImage unit = *Read(key);
+        for (LayeredImage::Channel& channel : unit.channels())
+          channel.plane.Fill(0.0f);  // every sample was bad
+        return unit;
+      },
+      nullptr);
+  ASSERT_TRUE(film.ok());
+  for (const LayeredImage::Channel& channel : film->channels()) {
+    EXPECT_EQ(channel.plane.At(20, 9), 0.0f) << channel.name;
+  }
+}
+
+TEST_F(AssembleTest, TellsTheErrorOfTheLowestTile) {
+  ShufflingPool pool(1);
+  const absl::StatusOr<LayeredImage> film = AssembleFilm(
+      spec_, 0,
+      [&](const UnitKey& key) -> absl::StatusOr<LayeredImage> {
+        if (key.tile >= 2) return absl::DataLossError("tile " + std::to_string(key.tile));
+        return Read(key);
+      },
+      &pool);
+  EXPECT_EQ(film.status(), absl::DataLossError("tile 2"));
+}
+
+TEST_F(AssembleTest, RefusesAUnitOfTheWrongShape) {
+  const absl::StatusOr<LayeredImage> film = AssembleFilm(
+      spec_, 0,
+      [&](const UnitKey& key) {
+        return absl::StatusOr<LayeredImage>(RandomUnit(key, {0, 0, 3, 3}, {0, 4}, 1));
+      },
+      nullptr);
+  EXPECT_EQ(film.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(film.status().message()), HasSubstr("size 3x3"));
+}
+
+}  // namespace
+}  // namespace lumifold::film

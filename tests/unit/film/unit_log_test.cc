@@ -1,0 +1,143 @@
+#include "server/film/unit_log.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <vector>
+
+#include "tests/support/random_unit.h"
+#include "tests/support/temp_folder.h"
+
+namespace lumifold::film {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr Rect kRect = {0, 0, 5, 3};
+
+StoredUnit Unit(int32_t tile) {
+  const scheduler::UnitKey key{1, tile, 0, v1::UNIT_KIND_PASS};
+  StoredUnit unit{
+      {scheduler::JobId("j-1"), key}, scheduler::Attempt(7 + tile), {}, RandomUnit(key, kRect, {0, 4}, 1)};
+  unit.stats.set_samples(60);
+  unit.stats.add_warnings("no light");
+  return unit;
+}
+
+std::string Bytes(const LayeredImage& image) { return rpc::BytesFromImage(image); }
+
+class UnitLogTest : public ::testing::Test {
+ protected:
+  std::vector<RecordPlace> WriteUnits(int count, uint64_t committed_bytes = 0) {
+    absl::StatusOr<UnitLog> log = UnitLog::Open(path_, committed_bytes);
+    EXPECT_TRUE(log.ok()) << log.status();
+    std::vector<RecordPlace> places;
+    for (int tile = 0; tile < count; ++tile) {
+      const absl::StatusOr<RecordPlace> place = log->Append(Unit(tile));
+      EXPECT_TRUE(place.ok()) << place.status();
+      places.push_back(*place);
+    }
+    EXPECT_TRUE(log->Sync().ok());
+    return places;
+  }
+
+  absl::StatusOr<StoredUnit> Read(const RecordPlace& place) {
+    const absl::StatusOr<UnitLogReader> reader = UnitLogReader::Open(path_);
+    if (!reader.ok()) return reader.status();
+    return reader->Read(place);
+  }
+
+  uint64_t Scan(std::vector<int>* tiles) {
+    const absl::StatusOr<UnitLogReader> reader = UnitLogReader::Open(path_);
+    EXPECT_TRUE(reader.ok());
+    const absl::StatusOr<uint64_t> good = reader->Scan(
+        [&](const StoredUnit& unit, const RecordPlace&) { tiles->push_back(unit.unit.key.tile); });
+    EXPECT_TRUE(good.ok()) << good.status();
+    return *good;
+  }
+
+  std::string File() const {
+    std::ifstream file(path_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  void SetFile(const std::string& bytes) const {
+    std::ofstream(path_, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  }
+
+  TempFolder folder_;
+  const std::string path_ = folder_.PathOf("frame.units");
+};
+
+TEST_F(UnitLogTest, GivesBackWhatWasWritten) {
+  const std::vector<RecordPlace> places = WriteUnits(3);
+  for (const int tile : {2, 0, 1}) {
+    const absl::StatusOr<StoredUnit> unit = Read(places[static_cast<size_t>(tile)]);
+    ASSERT_TRUE(unit.ok()) << unit.status();
+    EXPECT_EQ(unit->unit, Unit(tile).unit);
+    EXPECT_EQ(unit->attempt, Unit(tile).attempt);
+    EXPECT_EQ(unit->stats.warnings(0), "no light");
+    EXPECT_EQ(Bytes(unit->pixels), Bytes(Unit(tile).pixels));
+    EXPECT_TRUE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, rpc::LayoutOf(unit->pixels)).ok());
+  }
+}
+
+TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
+  const RecordPlace place = WriteUnits(1).front();
+  const std::string good = File();
+  for (size_t at = 0; at < good.size(); ++at) {
+    std::string bad = good;
+    bad[at] ^= static_cast<char>(1 << at % 8);
+    SetFile(bad);
+    const absl::Status status = Read(place).status();
+    ASSERT_EQ(status.code(), absl::StatusCode::kDataLoss) << at;
+    ASSERT_THAT(std::string(status.message()), HasSubstr("record at 0"));
+    std::vector<int> tiles;
+    ASSERT_EQ(Scan(&tiles), 0u) << at;
+  }
+}
+
+TEST_F(UnitLogTest, ATornTailIsIgnoredAndOverwritten) {
+  const std::vector<RecordPlace> places = WriteUnits(3);
+  const std::string whole = File();
+  for (const uint64_t cut : {places[2].offset + 1, places[2].offset + 31, places[2].offset + 32,
+                             places[2].offset + 100, uint64_t{whole.size() - 1}}) {
+    SetFile(whole.substr(0, cut));
+    std::vector<int> tiles;
+    const uint64_t good = Scan(&tiles);
+    EXPECT_EQ(good, places[2].offset);
+    EXPECT_THAT(tiles, ::testing::ElementsAre(0, 1));
+    WriteUnits(1, good);
+    tiles.clear();
+    Scan(&tiles);
+    EXPECT_THAT(tiles, ::testing::ElementsAre(0, 1, 0));
+  }
+}
+
+TEST_F(UnitLogTest, WhatTheLedgerDoesNotKnowIsCutOff) {
+  const std::vector<RecordPlace> places = WriteUnits(3);
+  ASSERT_TRUE(UnitLog::Open(path_, places[1].offset).ok());
+  EXPECT_EQ(std::filesystem::file_size(path_), places[1].offset);
+}
+
+TEST_F(UnitLogTest, AFileShorterThanTheLedgerSaysIsNamed) {
+  WriteUnits(1);
+  const absl::Status status = UnitLog::Open(path_, 1 << 20).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(status.message()), HasSubstr(path_));
+}
+
+TEST_F(UnitLogTest, PlacesThatAreNoneAreRefused) {
+  const std::vector<RecordPlace> places = WriteUnits(2);
+  for (const RecordPlace& place :
+       {RecordPlace{1, places[0].length}, RecordPlace{0, 10}, RecordPlace{0, places[0].length + 1},
+        RecordPlace{~uint64_t{0}, 100}, RecordPlace{places[1].offset, ~uint64_t{0}}}) {
+    EXPECT_EQ(Read(place).status().code(), absl::StatusCode::kDataLoss)
+        << place.offset << "+" << place.length;
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::film

@@ -1,0 +1,209 @@
+// Random histories against a model that knows only the rules: whatever happens in whatever order, each unit
+// is merged exactly once, none is lost, a void lease delivers nothing, and a restart in the middle changes
+// none of that.
+#include <gtest/gtest.h>
+
+#include <map>
+#include <memory>
+#include <random>
+#include <set>
+#include <vector>
+
+#include "server/scheduler/scheduler.h"
+
+namespace lumifold::scheduler {
+namespace {
+
+constexpr int kWorkers = 4;
+constexpr int kSlots = 3;
+const char* const kClass = "avx2";
+
+struct HeldLease {
+  UnitRef unit;
+  Attempt attempt;
+  absl::Time deadline;
+};
+
+class RandomHistory {
+ public:
+  explicit RandomHistory(uint32_t seed) : random_(seed) {
+    for (int i = 0; i < 2; ++i) {
+      v1::JobSpec& spec = specs_[JobId("j-" + std::to_string(i))];
+      spec.set_width(20);
+      spec.set_height(9);
+      spec.set_tile_size(8);
+      spec.set_samples_per_pixel(10);
+      spec.set_pass_samples(4);
+      spec.set_frame_count(1 + i);
+    }
+    Restart();
+  }
+
+  void Run() {
+    for (int step = 0; step < 100'000 && !IsDone(); ++step) Step();
+    ASSERT_TRUE(IsDone()) << "units were lost";
+    for (const auto& [job, spec] : specs_) {
+      const FrameUnits units(spec);
+      EXPECT_EQ(scheduler_->Progress(job).units_done, units.count() * spec.frame_count());
+      for (int32_t frame = 0; frame < spec.frame_count(); ++frame) {
+        for (int64_t number = 0; number < units.count(); ++number) {
+          EXPECT_EQ(merges_[(UnitRef{job, units.KeyOf(frame, number)})], 1);
+        }
+      }
+    }
+  }
+
+ private:
+  int Draw(int below) { return static_cast<int>(random_() % static_cast<uint32_t>(below)); }
+
+  bool IsDone() const {
+    size_t total = 0;
+    for (const auto& [job, spec] : specs_) {
+      total += static_cast<size_t>(FrameUnits(spec).count()) * static_cast<size_t>(spec.frame_count());
+    }
+    return merges_.size() == total;
+  }
+
+  void Step() {
+    now_ += absl::Seconds(Draw(4));
+    switch (Draw(40)) {
+      case 0:
+        return Restart();
+      case 1:
+      case 2:
+        return Reconnect();
+      case 3:
+      case 4:
+        return Expire();
+      case 5:
+      case 6:
+      case 7:
+        return SendHeartbeat();
+      case 8:
+        return Fail();
+      case 9:
+      case 10:
+        return DeliverVoid();
+      default:
+        return Draw(2) == 0 ? Grant() : Deliver();
+    }
+  }
+
+  void Restart() {
+    // Attempts go on above all earlier ones, as the coordinator's clock makes them.
+    scheduler_ = std::make_unique<Scheduler>(SchedulerOptions{
+        .lease = absl::Seconds(20), .max_failures = 1'000'000, .first_attempt = Attempt(last_attempt_ + 1)});
+    for (const auto& [job, spec] : specs_) scheduler_->AddJob(job, spec, kClass);
+    for (const auto& [unit, count] : merges_) EXPECT_TRUE(scheduler_->RestoreMergedUnit(unit));
+    for (auto& [worker, leases] : held_) MakeVoid(worker, &leases);
+    held_.clear();
+    for (int i = 0; i < kWorkers; ++i) Connect();
+  }
+
+  void Connect() {
+    const WorkerId worker(next_worker_++);
+    scheduler_->AddWorker(worker, kClass, kSlots);
+    held_[worker];
+  }
+
+  void Reconnect() {
+    auto victim = std::next(held_.begin(), Draw(kWorkers));
+    MakeVoid(victim->first, &victim->second);
+    scheduler_->RemoveWorker(victim->first);
+    held_.erase(victim);
+    Connect();
+  }
+
+  void MakeVoid(WorkerId worker, std::vector<HeldLease>* leases) {
+    for (const HeldLease& lease : *leases) void_.emplace_back(worker, lease);
+    leases->clear();
+  }
+
+  void Expire() {
+    scheduler_->ExpireLeases(now_);
+    for (auto& [worker, leases] : held_) {
+      for (auto it = leases.begin(); it != leases.end();) {
+        if (it->deadline > now_) {
+          ++it;
+          continue;
+        }
+        void_.emplace_back(worker, *it);
+        it = leases.erase(it);
+      }
+    }
+  }
+
+  void SendHeartbeat() {
+    auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
+    if (!leases.empty() && Draw(4) == 0) {
+      void_.emplace_back(worker, leases.back());
+      leases.pop_back();  // forgotten: not named, so void
+    }
+    std::vector<std::pair<UnitRef, Attempt>> named;
+    for (HeldLease& lease : leases) {
+      named.emplace_back(lease.unit, lease.attempt);
+      lease.deadline = now_ + absl::Seconds(20);
+    }
+    scheduler_->Heartbeat(worker, named, Attempt(last_attempt_), now_);
+  }
+
+  void Grant() {
+    auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
+    for (const GrantedLease& lease : scheduler_->GrantLeases(worker, now_)) {
+      EXPECT_GT(lease.attempt.value(), last_attempt_);
+      last_attempt_ = lease.attempt.value();
+      EXPECT_FALSE(merges_.contains(lease.unit)) << Describe(lease.unit) << " leased again";
+      for (const auto& [other, theirs] : held_) {
+        for (const HeldLease& held : theirs) EXPECT_NE(held.unit, lease.unit) << "two leases of one unit";
+      }
+      leases.push_back({lease.unit, lease.attempt, now_ + absl::Seconds(20)});
+    }
+    EXPECT_LE(leases.size(), static_cast<size_t>(kSlots));
+  }
+
+  void Deliver() {
+    auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
+    if (leases.empty()) return;
+    const HeldLease lease = leases[static_cast<size_t>(Draw(static_cast<int>(leases.size())))];
+    std::erase_if(leases, [&](const HeldLease& held) { return held.attempt == lease.attempt; });
+    ASSERT_EQ(scheduler_->CompleteUnit(worker, lease.unit, lease.attempt), Completion::kAccepted);
+    void_.emplace_back(worker, lease);  // whoever delivers it once more delivers a duplicate
+    scheduler_->UnitMerged(lease.unit);
+    ++merges_[lease.unit];
+  }
+
+  void DeliverVoid() {
+    if (void_.empty()) return;
+    const auto& [worker, lease] = void_[static_cast<size_t>(Draw(static_cast<int>(void_.size())))];
+    const Completion completion = scheduler_->CompleteUnit(worker, lease.unit, lease.attempt);
+    EXPECT_EQ(completion, merges_.contains(lease.unit) ? Completion::kDuplicate : Completion::kStale);
+  }
+
+  void Fail() {
+    auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
+    if (leases.empty()) return;
+    const HeldLease lease = leases.back();
+    leases.pop_back();
+    EXPECT_EQ(scheduler_->FailUnit(worker, lease.unit, lease.attempt, false), FailureOutcome::kRetried);
+    void_.emplace_back(worker, lease);
+  }
+
+  std::mt19937 random_;
+  absl::Time now_ = absl::FromUnixSeconds(1'000'000);
+  std::map<JobId, v1::JobSpec> specs_;
+  std::unique_ptr<Scheduler> scheduler_;
+  int64_t next_worker_ = 1;
+  int64_t last_attempt_ = 0;
+  std::map<WorkerId, std::vector<HeldLease>> held_;
+  std::vector<std::pair<WorkerId, HeldLease>> void_;
+  std::map<UnitRef, int> merges_;  // what the ledger would hold
+};
+
+class SchedulerRandom : public ::testing::TestWithParam<uint32_t> {};
+
+TEST_P(SchedulerRandom, MergesEachUnitExactlyOnceWhateverHappens) { RandomHistory(GetParam()).Run(); }
+
+INSTANTIATE_TEST_SUITE_P(Seeds, SchedulerRandom, ::testing::Range(0u, 30u));
+
+}  // namespace
+}  // namespace lumifold::scheduler

@@ -1,0 +1,276 @@
+#include "server/scheduler/scheduler.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace lumifold::scheduler {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+const JobId kJob("j-1");
+const JobId kOther("j-2");
+const WorkerId kAnn(1);
+const WorkerId kBen(2);
+const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
+
+v1::JobSpec Spec(int frames = 1) {
+  v1::JobSpec spec;
+  spec.set_width(16);
+  spec.set_height(16);
+  spec.set_tile_size(8);
+  spec.set_samples_per_pixel(8);
+  spec.set_pass_samples(4);
+  spec.set_first_frame(10);
+  spec.set_frame_count(frames);
+  return spec;  // 4 tiles x (1 + 2) units a frame
+}
+
+class SchedulerTest : public ::testing::Test {
+ protected:
+  Scheduler scheduler_{{.lease = absl::Seconds(30), .max_failures = 3, .first_attempt = Attempt(100)}};
+
+  /// Delivers and merges; true where it was the frame's last unit.
+  bool Merge(WorkerId worker, const GrantedLease& lease) {
+    EXPECT_EQ(scheduler_.CompleteUnit(worker, lease.unit, lease.attempt), Completion::kAccepted);
+    return scheduler_.UnitMerged(lease.unit);
+  }
+};
+
+TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 3);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  ASSERT_EQ(leases.size(), 3u);
+  EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
+  EXPECT_EQ(leases[0].unit, (UnitRef{kJob, {10, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
+  EXPECT_EQ(leases[0].attempt, Attempt(100));
+  EXPECT_EQ(leases[1].rect, (Rect{8, 0, 16, 8}));
+  EXPECT_LT(leases[0].attempt, leases[1].attempt);
+}
+
+TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsMergedAndNotBefore) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt), Completion::kAccepted);
+  EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
+  EXPECT_FALSE(scheduler_.UnitMerged(lease.unit));
+  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 1u);
+}
+
+TEST_F(SchedulerTest, AUnitIsAcceptedOnce) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 2);
+  const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  Merge(kAnn, lease);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt), Completion::kDuplicate);
+  EXPECT_EQ(scheduler_.Progress(kJob).units_done, 1);
+}
+
+TEST_F(SchedulerTest, AnotherWorkersLeaseIsStale) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kBen, "avx2", 1);
+  const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.CompleteUnit(kBen, lease.unit, lease.attempt), Completion::kStale);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, Attempt(99)), Completion::kStale);
+}
+
+TEST_F(SchedulerTest, UnknownUnitsAreUnknown) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  for (const UnitRef& unit :
+       {UnitRef{kOther, {10, 0, 0, v1::UNIT_KIND_PASS}}, UnitRef{kJob, {11, 0, 0, v1::UNIT_KIND_PASS}},
+        UnitRef{kJob, {9, 0, 0, v1::UNIT_KIND_PASS}}, UnitRef{kJob, {10, 4, 0, v1::UNIT_KIND_PASS}},
+        UnitRef{kJob, {10, 0, 2, v1::UNIT_KIND_PASS}}}) {
+    EXPECT_EQ(scheduler_.CompleteUnit(kAnn, unit, Attempt(100)), Completion::kUnknown) << Describe(unit);
+  }
+}
+
+TEST_F(SchedulerTest, LeasesOfAWorkerThatIsGoneGoToTheNext) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 2);
+  const auto lost = scheduler_.GrantLeases(kAnn, kStart);
+  scheduler_.RemoveWorker(kAnn);
+  scheduler_.AddWorker(kBen, "avx2", 2);
+  const auto again = scheduler_.GrantLeases(kBen, kStart);
+  ASSERT_EQ(again.size(), 2u);
+  EXPECT_EQ(again[0].unit, lost[0].unit);
+  EXPECT_GT(again[0].attempt, lost[1].attempt);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lost[0].unit, lost[0].attempt), Completion::kStale);
+  EXPECT_EQ(scheduler_.CompleteUnit(kBen, again[0].unit, again[0].attempt), Completion::kAccepted);
+}
+
+TEST_F(SchedulerTest, LeasesRunOutUnlessRenewed) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 2);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(30));
+  scheduler_.Heartbeat(kAnn, {{leases[0].unit, leases[0].attempt}}, Attempt(0), kStart + absl::Seconds(20));
+  EXPECT_THAT(scheduler_.ExpireLeases(kStart + absl::Seconds(29)), IsEmpty());
+  const auto expired = scheduler_.ExpireLeases(kStart + absl::Seconds(30));
+  ASSERT_EQ(expired.size(), 1u);
+  EXPECT_EQ(expired[0].unit, leases[1].unit);
+  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, leases[0].unit, leases[0].attempt));
+  EXPECT_FALSE(scheduler_.HoldsLease(kAnn, leases[1].unit, leases[1].attempt));
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(50));
+}
+
+TEST_F(SchedulerTest, ASilentWorkerGetsNothingUntilItIsHeardOf) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.GrantLeases(kAnn, kStart);
+  scheduler_.ExpireLeases(kStart + absl::Seconds(30));
+  EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart + absl::Seconds(31)), IsEmpty());
+  scheduler_.Heartbeat(kAnn, {}, Attempt(0), kStart + absl::Seconds(32));
+  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart + absl::Seconds(32)).size(), 1u);
+}
+
+TEST_F(SchedulerTest, AHeartbeatVoidsWhatItDoesNotNameButNothingNewer) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 3);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  scheduler_.Heartbeat(kAnn, {{leases[0].unit, leases[0].attempt}}, leases[1].attempt, kStart);
+  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, leases[0].unit, leases[0].attempt));
+  EXPECT_FALSE(scheduler_.HoldsLease(kAnn, leases[1].unit, leases[1].attempt));
+  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, leases[2].unit, leases[2].attempt));
+  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, leases[1].unit);
+}
+
+TEST_F(SchedulerTest, AJobStaysWithinOneNumericClass) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kBen, "avx512", 1);
+  EXPECT_EQ(scheduler_.NumericClassOf(kJob), "");
+  scheduler_.GrantLeases(kAnn, kStart);
+  EXPECT_EQ(scheduler_.NumericClassOf(kJob), "avx2");
+  EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
+  scheduler_.AddJob(kOther, Spec());
+  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit.job, kOther);
+}
+
+TEST_F(SchedulerTest, AFailedUnitGoesToAnotherWorkerWhereThereIsOne) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kBen, "avx2", 1);
+  const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false), FailureOutcome::kRetried);
+  EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, failed.unit);
+  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
+}
+
+TEST_F(SchedulerTest, ThreeFailuresOfAUnitFailTheJob) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  for (const FailureOutcome outcome :
+       {FailureOutcome::kRetried, FailureOutcome::kRetried, FailureOutcome::kJobFails}) {
+    const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
+    EXPECT_EQ(lease.unit.key.tile, 0);
+    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false), outcome);
+    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false), FailureOutcome::kIgnored);
+  }
+}
+
+TEST_F(SchedulerTest, APermanentFailureFailsTheJobAtOnce) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, true), FailureOutcome::kJobFails);
+}
+
+TEST_F(SchedulerTest, AnEndedJobIsForgottenAndItsSlotsAreFree) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddJob(kOther, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 2);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt);
+  scheduler_.EndJob(kJob);
+  EXPECT_FALSE(scheduler_.HasJob(kJob));
+  EXPECT_FALSE(scheduler_.UnitMerged(leases[0].unit));
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, leases[1].unit, leases[1].attempt), Completion::kUnknown);
+  const auto next = scheduler_.GrantLeases(kAnn, kStart);
+  ASSERT_EQ(next.size(), 2u);
+  EXPECT_EQ(next[0].unit.job, kOther);
+}
+
+TEST_F(SchedulerTest, StatesFollowTheWork) {
+  scheduler_.AddJob(kJob, Spec(/*frames=*/2));
+  scheduler_.AddWorker(kAnn, "avx2", 12);
+  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_QUEUED);
+  for (const int32_t frame : {10, 11}) {
+    const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+    ASSERT_EQ(leases.size(), 12u);
+    EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_RENDERING);
+    EXPECT_EQ(scheduler_.Progress(kJob).workers, 1);
+    for (size_t i = 0; i < leases.size(); ++i) {
+      EXPECT_EQ(leases[i].unit.key.frame, frame);
+      EXPECT_EQ(Merge(kAnn, leases[i]), i + 1 == leases.size());
+    }
+    EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_FILTERING);
+    EXPECT_THAT(scheduler_.MergedFrames(kJob), ElementsAre(frame));
+    EXPECT_EQ(scheduler_.FrameFinished(kJob, frame), frame == 11);
+    EXPECT_THAT(scheduler_.MergedFrames(kJob), IsEmpty());
+  }
+  const JobProgress progress = scheduler_.Progress(kJob);
+  EXPECT_EQ(progress.state, v1::JOB_STATE_DONE);
+  EXPECT_EQ(progress.units_done, progress.units_total);
+  EXPECT_EQ(progress.samples_done, 2 * 16 * 16 * 8);
+  EXPECT_EQ(progress.samples_done, progress.samples_total);
+}
+
+TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
+  scheduler_.AddJob(kJob, Spec(/*frames=*/3), "avx2");
+  EXPECT_TRUE(scheduler_.RestoreFinishedFrame(kJob, 10));
+  EXPECT_TRUE(scheduler_.RestoreMergedUnit({kJob, {10, 1, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_TRUE(scheduler_.RestoreMergedUnit({kJob, {11, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
+  EXPECT_TRUE(scheduler_.RestoreMergedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_TRUE(scheduler_.RestoreMergedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_FALSE(scheduler_.RestoreMergedUnit({kJob, {13, 2, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_EQ(scheduler_.Progress(kJob).units_done, 12 + 2);
+  scheduler_.AddWorker(kBen, "sse2", 100);
+  EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
+  scheduler_.AddWorker(kAnn, "avx2", 100);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  EXPECT_EQ(leases.size(), 12u - 2 + 12);
+  for (const GrantedLease& lease : leases) {
+    EXPECT_NE(lease.unit.key, (UnitKey{11, 0, 0, v1::UNIT_KIND_GEOMETRY}));
+    EXPECT_NE(lease.unit.key, (UnitKey{11, 2, 1, v1::UNIT_KIND_PASS}));
+    EXPECT_NE(lease.unit.key.frame, 10);
+  }
+}
+
+TEST_F(SchedulerTest, AFrameMergedBeforeARestartAwaitsItsFinish) {
+  scheduler_.AddJob(kJob, Spec(), "avx2");
+  const FrameUnits units(Spec());
+  for (int64_t number = 0; number < units.count(); ++number) {
+    scheduler_.RestoreMergedUnit({kJob, units.KeyOf(10, number)});
+  }
+  EXPECT_THAT(scheduler_.MergedFrames(kJob), ElementsAre(10));
+  EXPECT_TRUE(scheduler_.FrameFinished(kJob, 10));
+}
+
+TEST_F(SchedulerTest, AHugeFrameTakesBitsAndNotMegabytesAndGrantsInTime) {
+  v1::JobSpec spec = Spec();
+  spec.set_width(16384);
+  spec.set_height(8192);
+  spec.set_tile_size(32);
+  spec.set_samples_per_pixel(4096);
+  spec.set_pass_samples(64);
+  scheduler_.AddJob(kJob, spec);
+  scheduler_.AddWorker(kAnn, "avx2", 1000);
+  EXPECT_EQ(scheduler_.Progress(kJob).units_total, 131072 * 65);
+  int64_t merged = 0;
+  for (int round = 0; round < 100; ++round) {
+    for (const GrantedLease& lease : scheduler_.GrantLeases(kAnn, kStart)) {
+      Merge(kAnn, lease);
+      ++merged;
+    }
+  }
+  EXPECT_EQ(merged, 100'000);
+  EXPECT_EQ(scheduler_.Progress(kJob).units_done, merged);
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

@@ -1,0 +1,113 @@
+#include "server/asset_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "proto/rpc/checksum.h"
+#include "proto/rpc/sha256.h"
+#include "server/data_folder.h"
+#include "tests/support/temp_folder.h"
+
+namespace lumifold::server {
+namespace {
+
+using ::testing::HasSubstr;
+
+class AssetStoreTest : public ::testing::Test {
+ protected:
+  AssetStoreTest() {
+    EXPECT_TRUE(MakeFolder(folder_.PathOf("assets")).ok());
+    EXPECT_TRUE(MakeFolder(folder_.PathOf("incoming")).ok());
+  }
+
+  static v1::AssetRef Announce(const std::string& content) {
+    v1::AssetRef asset;
+    asset.set_uri("wood.png");
+    asset.set_sha256(rpc::Sha256Hex(content));
+    asset.set_size(content.size());
+    return asset;
+  }
+
+  static v1::ByteChunk Chunk(const std::string& content) {
+    v1::ByteChunk chunk;
+    chunk.set_data(content);
+    chunk.set_checksum(rpc::Checksum(content));
+    chunk.set_total_size(content.size());
+    return chunk;
+  }
+
+  bool NothingIncoming() const { return std::filesystem::is_empty(folder_.PathOf("incoming")); }
+
+  TempFolder folder_;
+  AssetStore store_{folder_.PathOf("assets"), folder_.PathOf("incoming")};
+};
+
+TEST_F(AssetStoreTest, KeepsWhatHasTheSumAnnounced) {
+  const v1::AssetRef asset = Announce("oak");
+  for (int repeat = 0; repeat < 2; ++repeat) {
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+    ASSERT_TRUE(upload.ok());
+    ASSERT_TRUE((*upload)->Add(Chunk("oak")).ok());
+    EXPECT_EQ(store_.Has(asset.sha256()), repeat == 1);
+    EXPECT_TRUE((*upload)->Finish().ok());
+  }
+  v1::ByteChunk chunk;
+  absl::StatusOr<rpc::ByteSender> sender = store_.Open(asset.sha256(), 1);
+  ASSERT_TRUE(sender.ok());
+  EXPECT_TRUE(*sender->Next(&chunk));
+  EXPECT_EQ(chunk.data(), "ak");
+  EXPECT_TRUE(NothingIncoming());
+}
+
+TEST_F(AssetStoreTest, KeepsAnEmptyAsset) {
+  const v1::AssetRef asset = Announce("");
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+  ASSERT_TRUE((*upload)->Add(Chunk("")).ok());
+  EXPECT_TRUE((*upload)->Finish().ok());
+  EXPECT_TRUE(store_.Has(asset.sha256()));
+}
+
+TEST_F(AssetStoreTest, AnotherContentIsNotKept) {
+  const v1::AssetRef asset = Announce("oak");
+  {
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+    ASSERT_TRUE((*upload)->Add(Chunk("elm")).ok());
+    const absl::Status status = (*upload)->Finish();
+    EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
+    EXPECT_THAT(std::string(status.message()), HasSubstr("wood.png"));
+  }
+  EXPECT_FALSE(store_.Has(asset.sha256()));
+  EXPECT_TRUE(NothingIncoming());
+}
+
+TEST_F(AssetStoreTest, AnotherSizeIsRefusedAtOnce) {
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(Announce("oak"));
+  EXPECT_EQ((*upload)->Add(Chunk("chestnut")).code(), absl::StatusCode::kDataLoss);
+}
+
+TEST_F(AssetStoreTest, ABrokenUploadLeavesNothing) {
+  const v1::AssetRef asset = Announce("oak and elm");
+  {
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+    v1::ByteChunk part = Chunk("oak");
+    part.set_total_size(asset.size());
+    ASSERT_TRUE((*upload)->Add(part).ok());
+    EXPECT_THAT(std::string((*upload)->Finish().message()), HasSubstr("only 3 of 11 bytes"));
+  }
+  EXPECT_FALSE(store_.Has(asset.sha256()));
+  EXPECT_TRUE(NothingIncoming());
+}
+
+TEST_F(AssetStoreTest, NoNameLeadsOutOfTheFolder) {
+  v1::AssetRef asset = Announce("oak");
+  asset.set_sha256("../lock");
+  EXPECT_EQ(store_.Receive(asset).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_FALSE(store_.Has("../assets"));
+  EXPECT_EQ(store_.Open("../assets", 0).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(store_.Open(std::string(64, 'a'), 0).status().code(), absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace lumifold::server

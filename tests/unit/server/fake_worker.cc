@@ -1,0 +1,93 @@
+#include "tests/unit/server/fake_worker.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/time/clock.h"
+#include "proto/rpc/image_codec.h"
+#include "tests/support/random_unit.h"
+
+namespace lumifold::server {
+
+FakeWorker::FakeWorker(std::shared_ptr<grpc::Channel> channel, FakeWorkerOptions options)
+    : options_(std::move(options)), stub_(v1::WorkerService::NewStub(channel)), thread_([this] { Run(); }) {}
+
+FakeWorker::~FakeWorker() {
+  Vanish();
+  Wait();
+}
+
+grpc::Status FakeWorker::Wait() {
+  if (thread_.joinable()) thread_.join();
+  return result_;
+}
+
+int FakeWorker::delivered() const {
+  absl::MutexLock lock(&mutex_);
+  return delivered_;
+}
+
+std::vector<std::string> FakeWorker::ended_jobs() const {
+  absl::MutexLock lock(&mutex_);
+  return ended_jobs_;
+}
+
+bool FakeWorker::WaitForEndOf(const std::string& job_id) const {
+  absl::MutexLock lock(&mutex_);
+  const auto ended = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
+    return std::count(ended_jobs_.begin(), ended_jobs_.end(), job_id) > 0;
+  };
+  return mutex_.AwaitWithTimeout(absl::Condition(&ended), absl::Seconds(30));
+}
+
+bool FakeWorker::Send(v1::WorkerMessage message, Stream* stream) {
+  options_.spoil(message);
+  return stream->Write(message);
+}
+
+void FakeWorker::Run() {
+  const std::unique_ptr<Stream> stream = stub_->Work(&context_);
+  v1::WorkerMessage hello;
+  hello.mutable_hello()->set_name("fake");
+  hello.mutable_hello()->set_numeric_class(options_.numeric_class);
+  hello.mutable_hello()->set_slots(options_.slots);
+  hello.mutable_hello()->set_wire_version(options_.wire_version);
+  Send(hello, stream.get());
+  v1::CoordinatorMessage message;
+  while (stream->Read(&message)) {
+    if (!OnMessage(message, stream.get())) Vanish();
+  }
+  result_ = stream->Finish();
+}
+
+bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream) {
+  if (message.has_job_ended()) {
+    absl::MutexLock lock(&mutex_);
+    ended_jobs_.push_back(message.job_ended().job_id());
+  }
+  for (const v1::Lease& lease : message.grant().leases()) {
+    if (!Deliver(lease, stream)) return false;
+  }
+  return true;
+}
+
+bool FakeWorker::Deliver(const v1::Lease& lease, Stream* stream) {
+  const scheduler::UnitRef unit = scheduler::UnitFromProto(lease.unit());
+  const Rect rect = {lease.rect().x0(), lease.rect().y0(), lease.rect().x1(), lease.rect().y1()};
+  const LayeredImage pixels = RandomUnit(unit.key, rect, {lease.first_sample(), lease.last_sample()}, 1);
+  rpc::PixelChunker chunker(pixels);
+  v1::WorkerMessage message;
+  *message.mutable_chunk()->mutable_unit() = lease.unit();
+  message.mutable_chunk()->set_attempt(lease.attempt());
+  while (chunker.Next(message.mutable_chunk()->mutable_pixels())) {
+    const bool vanishes = delivered() == options_.vanish_after;
+    if (vanishes && message.chunk().pixels().last()) return false;
+    if (message.chunk().pixels().last()) message.mutable_chunk()->mutable_stats()->add_warnings("made up");
+    if (!Send(message, stream)) return false;
+  }
+  absl::MutexLock lock(&mutex_);
+  ++delivered_;
+  return true;
+}
+
+}  // namespace lumifold::server

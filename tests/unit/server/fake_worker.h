@@ -1,0 +1,59 @@
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/synchronization/mutex.h"
+#include "lumifold/v1/worker.grpc.pb.h"
+
+namespace lumifold::server {
+
+struct FakeWorkerOptions {
+  std::string numeric_class = "test";
+  int slots = 3;
+  int wire_version = 1;
+  /// Breaks the connection amid a unit after so many whole ones.
+  int vanish_after = 1'000'000'000;
+  /// Changes a message on its way out.
+  std::function<void(v1::WorkerMessage&)> spoil = [](v1::WorkerMessage&) {};
+};
+
+/// Speaks the worker's side of the protocol over a real connection and delivers RandomUnit for every lease.
+class FakeWorker {
+ public:
+  FakeWorker(std::shared_ptr<grpc::Channel> channel, FakeWorkerOptions options);
+  ~FakeWorker();
+
+  /// Waits until the coordinator, or vanish_after, has ended the stream; gives how it ended.
+  grpc::Status Wait();
+  /// Breaks the connection.
+  void Vanish() { context_.TryCancel(); }
+
+  int delivered() const;
+  std::vector<std::string> ended_jobs() const;
+  bool WaitForEndOf(const std::string& job_id) const;
+
+ private:
+  using Stream = grpc::ClientReaderWriter<v1::WorkerMessage, v1::CoordinatorMessage>;
+  void Run();
+  bool OnMessage(const v1::CoordinatorMessage& message, Stream* stream);
+  bool Deliver(const v1::Lease& lease, Stream* stream);
+  bool Send(v1::WorkerMessage message, Stream* stream);
+
+  const FakeWorkerOptions options_;
+  const std::unique_ptr<v1::WorkerService::Stub> stub_;
+  grpc::ClientContext context_;
+  mutable absl::Mutex mutex_;
+  int delivered_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::vector<std::string> ended_jobs_ ABSL_GUARDED_BY(mutex_);
+  grpc::Status result_;
+  std::thread thread_;
+};
+
+}  // namespace lumifold::server

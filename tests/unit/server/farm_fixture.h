@@ -1,0 +1,52 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+#include "lumifold/v1/farm.grpc.pb.h"
+#include "server/server.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/server/fake_worker.h"
+
+namespace lumifold::server {
+
+/// A coordinator on a free loopback port over a temporary data folder, and a client's verbs.
+class FarmFixture : public ::testing::Test {
+ protected:
+  FarmFixture() { StartServer(); }
+
+  ServerOptions Options() const;
+  void StartServer();
+  void StartServer(const ServerOptions& options);
+  void StopServer() { server_.reset(); }
+
+  /// Over the socket, or within the process where the server listens on none.
+  std::shared_ptr<grpc::Channel> Channel() const;
+  std::unique_ptr<FakeWorker> Worker(FakeWorkerOptions options = {}) const;
+
+  /// A job of 20 x 12 pixels in tiles of 8, 10 samples in passes of 4: 6 tiles x (1 + 3) units; its scene is
+  /// uploaded.
+  v1::JobSpec Spec();
+  static constexpr int kUnits = 24;
+
+  grpc::Status Upload(const v1::AssetRef& asset, const std::string& content, size_t piece_bytes);
+  absl::StatusOr<std::string> Submit(const v1::JobSpec& spec, const std::string& request_id = "request-1");
+  absl::StatusOr<v1::JobStatus> Get(const std::string& job_id);
+  /// The status once the job has ended.
+  v1::JobStatus WaitForEnd(const std::string& job_id);
+  /// The status once it meets the condition, as WatchJob tells it.
+  v1::JobStatus WaitUntil(const std::string& job_id,
+                          const std::function<bool(const v1::JobStatus&)>& condition);
+  absl::StatusOr<std::string> Download(const std::string& job_id, int32_t frame, uint64_t offset = 0);
+  /// Submits Spec() and renders it with one worker: what every other run must agree with, byte for byte.
+  std::string RenderUndisturbed();
+
+  TempFolder folder_;
+  std::unique_ptr<Server> server_;
+  /// Where calls go while server_ is stopped.
+  int process_port_ = 0;
+};
+
+}  // namespace lumifold::server

@@ -1,0 +1,46 @@
+#include "tests/unit/server/server_process.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include "tests/unit/server/farm_fixture.h"
+
+namespace lumifold::server {
+namespace {
+
+class ServerProcessTest : public FarmFixture {
+ protected:
+  void StartProcess() {
+    StopServer();
+    process_ = std::make_unique<ServerProcess>(Options().data_dir, folder_.PathOf("log"));
+    ASSERT_GT(process_->port(), 0);
+    process_port_ = process_->port();
+  }
+
+  std::unique_ptr<ServerProcess> process_;
+};
+
+TEST_F(ServerProcessTest, KilledAgainAndAgainItLosesNothingItAcknowledged) {
+  const std::string expected = RenderUndisturbed();
+  const std::string job = *Submit(Spec(), "killed");
+  int64_t acknowledged = 0;
+  for (int round = 0; round < 3; ++round) {
+    StartProcess();
+    EXPECT_GE(Get(job)->units_done(), acknowledged);
+    const auto worker = Worker({.slots = 3, .vanish_after = 5});
+    worker->Wait();
+    // Whoever holds a sixth unit with three slots has had three acknowledged; the others may be on their way
+    // to the disk.
+    acknowledged += 3;
+    EXPECT_EQ(process_->End(SIGKILL), -SIGKILL);
+  }
+  StartProcess();
+  EXPECT_GE(Get(job)->units_done(), acknowledged);
+  const auto worker = Worker();
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(*Download(job, 0), expected);
+  EXPECT_EQ(process_->End(SIGTERM), 0);
+}
+
+}  // namespace
+}  // namespace lumifold::server

@@ -1,0 +1,300 @@
+#include "server/server.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+
+#include "filter/image/exr_io.h"
+#include "server/film/assemble.h"
+#include "tests/support/random_unit.h"
+#include "tests/unit/server/farm_fixture.h"
+
+namespace lumifold::server {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+using ServerTest = FarmFixture;
+
+TEST_F(ServerTest, ATinyJobBecomesAPicture) {
+  const v1::JobSpec spec = Spec();
+  const absl::StatusOr<std::string> job = Submit(spec);
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(Get(*job)->state(), v1::JOB_STATE_QUEUED);
+  EXPECT_EQ(Download(*job, 0).status().code(), absl::StatusCode::kFailedPrecondition);
+  const auto worker = Worker();
+  const v1::JobStatus status = WaitForEnd(*job);
+  EXPECT_EQ(status.state(), v1::JOB_STATE_DONE) << status.error();
+  EXPECT_EQ(status.units_done(), kUnits);
+  EXPECT_EQ(status.units_total(), kUnits);
+  EXPECT_EQ(status.samples_done(), 20 * 12 * 10);
+  EXPECT_EQ(status.frames_done(), 1);
+  EXPECT_EQ(status.display_name(), "made-up.glb");
+  EXPECT_THAT(status.warnings(), ElementsAre("made up"));
+  EXPECT_EQ(worker->delivered(), kUnits);
+
+  const absl::StatusOr<std::string> bytes = Download(*job, 0);
+  ASSERT_TRUE(bytes.ok()) << bytes.status();
+  const std::string path = folder_.PathOf("downloaded.exr");
+  std::ofstream(path, std::ios::binary) << *bytes;
+  const absl::StatusOr<LayeredImage> result = ReadExr(path);
+  ASSERT_TRUE(result.ok()) << result.status();
+  const scheduler::FrameUnits units(spec);
+  const absl::StatusOr<LayeredImage> film = film::AssembleFilm(
+      spec, 0,
+      [&](const scheduler::UnitKey& key) {
+        return absl::StatusOr<LayeredImage>(
+            RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1));
+      },
+      nullptr);
+  for (const char* channel : {"noisy.R", "direct.G", "albedo.B", "Z", "A"}) {
+    EXPECT_EQ(result->Get(channel).At(19, 11), film->Get(channel).At(19, 11)) << channel;
+  }
+}
+
+TEST_F(ServerTest, ABrokenDownloadGoesOnWhereItStopped) {
+  const std::string whole = RenderUndisturbed();
+  const std::string job = *Submit(Spec(), "undisturbed");  // the same request: the same job
+  const uint64_t middle = whole.size() / 2;
+  EXPECT_EQ(whole.substr(0, middle) + *Download(job, 0, middle), whole);
+  EXPECT_EQ(*Download(job, 0, whole.size()), "");
+  EXPECT_EQ(Download(job, 0, whole.size() + 1).status().code(), absl::StatusCode::kOutOfRange);
+  EXPECT_EQ(Download(job, 1).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(Download("j-none", 0).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(ServerTest, UnitsOfAWorkerThatVanishesGoToOthersAndThePictureIsTheSame) {
+  const std::string expected = RenderUndisturbed();
+  const std::string job = *Submit(Spec(), "disturbed");
+  const auto victim = Worker({.slots = 4, .vanish_after = 5});
+  victim->Wait();
+  EXPECT_EQ(victim->delivered(), 5);
+  const auto ann = Worker({.slots = 1});
+  const auto ben = Worker({.slots = 2});
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(*Download(job, 0), expected);
+}
+
+TEST_F(ServerTest, ARestartedCoordinatorGoesOnAndNothingAcknowledgedIsLost) {
+  const std::string expected = RenderUndisturbed();
+  const std::string job = *Submit(Spec(), "restarted");
+  const auto victim = Worker({.slots = 1, .vanish_after = 9});
+  victim->Wait();
+  const int64_t merged =
+      WaitUntil(job, [](const v1::JobStatus& s) { return s.units_done() >= 8; }).units_done();
+  StopServer();
+  StartServer();
+  EXPECT_GE(Get(job)->units_done(), merged);
+  const int64_t restored = Get(job)->units_done();
+  const auto worker = Worker();
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(worker->delivered(), kUnits - restored);
+  EXPECT_EQ(*Download(job, 0), expected);
+}
+
+TEST_F(ServerTest, ADamagedUnitIsRenderedAgain) {
+  const std::string expected = RenderUndisturbed();
+  const std::string job = *Submit(Spec(), "damaged");
+  std::atomic<int> damaged{0};
+  const auto worker = Worker({.spoil = [&](v1::WorkerMessage& message) {
+    if (!message.has_chunk() || message.chunk().unit().tile() != 2 || damaged > 0) return;
+    ++damaged;
+    (*message.mutable_chunk()->mutable_pixels()->mutable_data())[3] ^= 1;
+  }});
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(damaged, 1);
+  EXPECT_EQ(worker->delivered(), kUnits + 1);
+  EXPECT_EQ(*Download(job, 0), expected);
+}
+
+TEST_F(ServerTest, UnitsNobodyLeasedAreDropped) {
+  const std::string expected = RenderUndisturbed();
+  const std::string job = *Submit(Spec(), "forged");
+  std::atomic<int> forged{0};
+  const auto forger = Worker({.slots = 2, .vanish_after = 1, .spoil = [&](v1::WorkerMessage& message) {
+                                if (!message.has_chunk()) return;
+                                message.mutable_chunk()->set_attempt(message.chunk().attempt() +
+                                                                     (forged++ % 2 == 0 ? 1000 : -1));
+                              }});
+  forger->Wait();
+  EXPECT_EQ(Get(job)->units_done(), 0);
+  const auto worker = Worker();
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(*Download(job, 0), expected);
+}
+
+TEST_F(ServerTest, EveryFrameOfAJobIsAFile) {
+  v1::JobSpec spec = Spec();
+  spec.set_first_frame(7);
+  spec.set_frame_count(3);
+  const std::string job = *Submit(spec);
+  const auto ann = Worker();
+  const auto ben = Worker();
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+  const std::string first = *Download(job, 7);
+  EXPECT_NE(first, *Download(job, 8));
+  EXPECT_NE(first, *Download(job, 9));
+  EXPECT_FALSE(std::filesystem::exists(folder_.PathOf("data/film/" + job + "/frame-0007.units")));
+}
+
+TEST_F(ServerTest, APermanentFailureFailsTheJobWithTheWorkersWords) {
+  const std::string job = *Submit(Spec());
+  const auto worker = Worker({.spoil = [](v1::WorkerMessage& message) {
+    if (!message.has_chunk()) return;
+    v1::UnitFailure failure;
+    *failure.mutable_unit() = message.chunk().unit();
+    failure.set_attempt(message.chunk().attempt());
+    failure.set_error("room.glb: accessor 3 reads past its buffer");
+    failure.set_permanent(true);
+    *message.mutable_failure() = failure;
+  }});
+  const v1::JobStatus status = WaitForEnd(job);
+  EXPECT_EQ(status.state(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(status.error(), "room.glb: accessor 3 reads past its buffer");
+}
+
+TEST_F(ServerTest, ACancelledJobFreesItsWorkersAndStaysCancelled) {
+  const std::string job = *Submit(Spec());
+  const auto worker = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {
+                                if (message.has_chunk())
+                                  message.mutable_chunk()->set_attempt(0);  // delivers nothing that counts
+                              }});
+  WaitUntil(job, [](const v1::JobStatus& status) { return status.state() == v1::JOB_STATE_RENDERING; });
+  const auto stub = v1::FarmService::NewStub(Channel());
+  for (int repeat = 0; repeat < 2; ++repeat) {
+    grpc::ClientContext context;
+    v1::CancelJobRequest request;
+    request.set_job_id(job);
+    v1::JobStatus status;
+    ASSERT_TRUE(stub->CancelJob(&context, request, &status).ok());
+    EXPECT_EQ(status.state(), v1::JOB_STATE_CANCELLED);
+  }
+  EXPECT_TRUE(worker->WaitForEndOf(job));
+  StopServer();
+  StartServer();
+  EXPECT_EQ(Get(job)->state(), v1::JOB_STATE_CANCELLED);
+}
+
+TEST_F(ServerTest, JobsAreRefusedWithTheFieldsName) {
+  v1::JobSpec spec = Spec();
+  spec.set_width(0);
+  EXPECT_THAT(std::string(Submit(spec).status().message()), HasSubstr("width is 0"));
+  spec = Spec();
+  spec.mutable_filter()->set_method("magic");
+  EXPECT_THAT(std::string(Submit(spec).status().message()), HasSubstr("'magic' is unknown"));
+  spec = Spec();
+  v1::AssetRef* missing = spec.mutable_scene()->add_dependencies();
+  missing->set_uri("wood.png");
+  missing->set_sha256(std::string(64, '0'));
+  const absl::Status status = Submit(spec).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("'wood.png'"));
+  missing->set_sha256("../../etc/passwd");
+  EXPECT_EQ(Submit(spec).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Submit(Spec(), "").status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Get("j-none").status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(ServerTest, AWorkerOfAnotherWireIsRefused) {
+  const grpc::Status status = Worker({.wire_version = 99})->Wait();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_THAT(status.error_message(), HasSubstr("wire version 99"));
+  EXPECT_EQ(Worker({.slots = 0})->Wait().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+}
+
+TEST_F(ServerTest, UploadsAreCheckedAndListedAsMissingUntilThen) {
+  v1::JobSpec spec = Spec();
+  v1::AssetRef asset = spec.scene().file();
+  asset.set_sha256(std::string(64, '1'));
+  EXPECT_EQ(Upload(asset, std::string(asset.size(), 'x'), 5).error_code(), grpc::StatusCode::DATA_LOSS);
+  v1::FindMissingAssetsRequest request;
+  *request.add_assets() = asset;
+  *request.add_assets() = asset;
+  *request.add_assets() = spec.scene().file();
+  v1::FindMissingAssetsResponse response;
+  grpc::ClientContext context;
+  ASSERT_TRUE(v1::FarmService::NewStub(Channel())->FindMissingAssets(&context, request, &response).ok());
+  EXPECT_THAT(response.missing_sha256(), ElementsAre(asset.sha256()));
+  EXPECT_TRUE(std::filesystem::is_empty(folder_.PathOf("data/incoming")));
+}
+
+TEST_F(ServerTest, StopsPromptlyWithStreamsOpen) {
+  const std::string job = *Submit(Spec());
+  const auto worker = Worker({.numeric_class = "other", .slots = 1, .vanish_after = 0});
+  const auto idle = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {
+                              if (message.has_chunk()) message.mutable_chunk()->set_attempt(0);
+                            }});
+  WaitUntil(job, [](const v1::JobStatus& status) { return status.state() == v1::JOB_STATE_RENDERING; });
+  const absl::Time start = absl::Now();
+  StopServer();
+  EXPECT_LT(absl::Now() - start, absl::Seconds(3));
+  idle->Wait();
+}
+
+TEST_F(ServerTest, AFolderHasOneCoordinator) {
+  const absl::Status status = Server::Start(Options()).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("another coordinator"));
+}
+
+TEST_F(ServerTest, ATakenPortIsNamed) {
+  ServerOptions options = Options();
+  options.data_dir = folder_.PathOf("other");
+  options.listen = "127.0.0.1:" + std::to_string(server_->port());
+  const absl::Status status = Server::Start(options).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
+  EXPECT_THAT(std::string(status.message()), HasSubstr(options.listen));
+}
+
+TEST_F(ServerTest, OffLoopbackIsClosedByDefault) {
+  ServerOptions options = Options();
+  options.data_dir = folder_.PathOf("other");
+  options.listen = "0.0.0.0:0";
+  EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_FALSE(std::filesystem::exists(options.data_dir));
+}
+
+TEST_F(ServerTest, WithinOneProcessThePictureIsTheSame) {
+  const std::string expected = RenderUndisturbed();
+  StopServer();
+  ServerOptions options = Options();
+  options.data_dir = folder_.PathOf("local");
+  options.listen = "";
+  StartServer(options);
+  EXPECT_EQ(server_->port(), 0);
+  EXPECT_EQ(RenderUndisturbed(), expected);
+}
+
+TEST_F(ServerTest, LeasesOfASilentWorkerRunOutAndGoToOthers) {
+  const std::string expected = RenderUndisturbed();
+  StopServer();
+  ServerOptions options = Options();
+  options.lease = absl::Milliseconds(300);
+  options.heartbeat = absl::Milliseconds(100);
+  StartServer(options);
+  const std::string job = *Submit(Spec(), "silent");
+  const auto silent = Worker({.slots = 4, .spoil = [](v1::WorkerMessage& message) {
+                                if (message.has_chunk())
+                                  *message.mutable_failure() =
+                                      v1::UnitFailure();  // of no unit it holds: says nothing
+                              }});
+  WaitUntil(job, [](const v1::JobStatus& status) { return status.workers() == 1; });
+  const auto worker = Worker();
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(worker->delivered(), kUnits);
+  EXPECT_EQ(*Download(job, 0), expected);
+}
+
+TEST_F(ServerTest, ALeaseMustOutlastTwoHeartbeats) {
+  ServerOptions options = Options();
+  options.data_dir = folder_.PathOf("other");
+  options.lease = absl::Seconds(5);
+  EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+}  // namespace
+}  // namespace lumifold::server

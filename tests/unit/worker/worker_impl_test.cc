@@ -1,0 +1,247 @@
+#include "worker/worker_impl.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/synchronization/mutex.h"
+#include "proto/rpc/image_codec.h"
+#include "spdlog/spdlog.h"
+
+namespace lumifold::worker {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+/// One triangle, no camera, no light.
+constexpr char kScene[] = R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+  "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+  "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+  "bufferViews":[{"buffer":0,"byteLength":36}],
+  "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
+
+/// Gives one scene, or one error, to everyone who asks; `environment` to those who ask for that.
+class FakeAssets final : public AssetSource {
+ public:
+  explicit FakeAssets(absl::StatusOr<std::string> content, std::string environment = "")
+      : content_(std::move(content)), environment_(std::move(environment)) {}
+
+  absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) override {
+    absl::MutexLock lock(&mutex_);
+    ++fetches_;
+    mutex_.Await(absl::Condition(&open_));
+    const bool is_environment = asset.uri().rfind("environment:", 0) == 0;
+    if (is_environment && !environment_.empty()) return environment_;
+    return content_;
+  }
+
+  /// While closed, whoever fetches waits.
+  void SetOpen(bool open) {
+    absl::MutexLock lock(&mutex_);
+    open_ = open;
+  }
+  void AwaitFetches(int count) {
+    absl::MutexLock lock(&mutex_);
+    const auto reached = [&] { return fetches_ >= count; };
+    mutex_.Await(absl::Condition(&reached));
+  }
+  int fetches() {
+    absl::MutexLock lock(&mutex_);
+    return fetches_;
+  }
+
+ private:
+  absl::Mutex mutex_;
+  bool open_ = true;
+  int fetches_ = 0;
+  absl::StatusOr<std::string> content_;
+  std::string environment_;
+};
+
+class FakeOutbox final : public Outbox {
+ public:
+  void Send(v1::WorkerMessage message) override {
+    absl::MutexLock lock(&mutex_);
+    messages_.push_back(std::move(message));
+  }
+
+  /// Waits until `count` messages were sent, and gives them.
+  std::vector<v1::WorkerMessage> Await(size_t count) {
+    absl::MutexLock lock(&mutex_);
+    const auto reached = [&] { return messages_.size() >= count; };
+    mutex_.Await(absl::Condition(&reached));
+    return messages_;
+  }
+  size_t size() {
+    absl::MutexLock lock(&mutex_);
+    return messages_.size();
+  }
+
+ private:
+  absl::Mutex mutex_;
+  std::vector<v1::WorkerMessage> messages_;
+};
+
+std::shared_ptr<spdlog::logger> Silent() { return std::make_shared<spdlog::logger>("silent"); }
+
+v1::JobSpec Spec() {
+  v1::JobSpec spec;
+  spec.set_width(16);
+  spec.set_height(16);
+  spec.set_max_bounces(2);
+  spec.mutable_scene()->set_display_name("triangle.gltf");
+  return spec;
+}
+
+v1::CoordinatorMessage Grant(int count, const std::string& job = "j") {
+  v1::CoordinatorMessage message;
+  for (int i = 0; i < count; ++i) {
+    v1::Lease* lease = message.mutable_grant()->add_leases();
+    lease->mutable_unit()->set_job_id(job);
+    lease->mutable_unit()->set_tile(i);
+    lease->mutable_unit()->set_kind(v1::UNIT_KIND_PASS);
+    lease->set_attempt(i + 1);
+    lease->mutable_rect()->set_x1(16);
+    lease->mutable_rect()->set_y1(16);
+    lease->set_last_sample(2);
+  }
+  *message.mutable_grant()->mutable_spec() = Spec();
+  return message;
+}
+
+v1::CoordinatorMessage Ack(const v1::Lease& lease) {
+  v1::CoordinatorMessage message;
+  *message.mutable_ack()->mutable_unit() = lease.unit();
+  message.mutable_ack()->set_attempt(lease.attempt());
+  return message;
+}
+
+TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(2, &renderer, Silent());
+  worker.OnConnected(outbox);
+  worker.OnMessage(Grant(3));
+  for (const v1::WorkerMessage& message : outbox->Await(3)) {
+    ASSERT_TRUE(message.has_chunk());
+    rpc::PixelAssembler assembler;
+    ASSERT_TRUE(assembler.Add(message.chunk().pixels()).ok());
+    ASSERT_TRUE(assembler.IsComplete());
+    EXPECT_EQ(assembler.Take().width(), 16);
+    EXPECT_EQ(message.chunk().stats().samples(), 16 * 16 * 2);
+  }
+  EXPECT_EQ(assets.fetches(), 1);  // the scene is loaded once for all
+}
+
+TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &renderer, Silent());
+  worker.OnConnected(outbox);
+  const v1::CoordinatorMessage grant = Grant(2);
+  worker.OnMessage(grant);
+  outbox->Await(2);
+  EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(2));
+  worker.OnMessage(Ack(grant.grant().leases(0)));
+  ASSERT_THAT(worker.MakeHeartbeat().held(), SizeIs(1));
+  EXPECT_EQ(worker.MakeHeartbeat().held(0).unit().tile(), 1);
+  EXPECT_EQ(worker.MakeHeartbeat().newest_attempt(), 2);
+}
+
+TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
+  FakeAssets assets{std::string(kScene)};
+  assets.SetOpen(false);
+  UnitRenderer renderer(&assets);
+  const auto lost = std::make_shared<FakeOutbox>();
+  const auto next = std::make_shared<FakeOutbox>();
+  {
+    WorkerImpl worker(1, &renderer, Silent());
+    worker.OnConnected(lost);
+    worker.OnMessage(Grant(2));
+    assets.AwaitFetches(1);  // the first unit is under way
+    worker.OnDisconnected();
+    worker.OnConnected(next);
+    EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(0));
+    assets.SetOpen(true);
+    worker.OnMessage(Grant(1));
+    next->Await(1);
+  }
+  EXPECT_EQ(lost->size(), 0u);
+  EXPECT_EQ(next->size(), 1u);
+}
+
+TEST(WorkerImpl, ForgetsAnEndedJob) {
+  FakeAssets assets{std::string(kScene)};
+  assets.SetOpen(false);
+  UnitRenderer renderer(&assets);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  {
+    WorkerImpl worker(1, &renderer, Silent());
+    worker.OnConnected(outbox);
+    worker.OnMessage(Grant(4));
+    assets.AwaitFetches(1);
+    v1::CoordinatorMessage ended;
+    ended.mutable_job_ended()->set_job_id("j");
+    worker.OnMessage(ended);
+    EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(0));
+    assets.SetOpen(true);
+  }
+  EXPECT_EQ(outbox->size(), 0u);
+}
+
+TEST(WorkerImpl, SaysThatABrokenSceneIsBrokenForEveryone) {
+  FakeAssets assets{std::string("this is no scene")};
+  UnitRenderer renderer(&assets);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &renderer, Silent());
+  worker.OnConnected(outbox);
+  worker.OnMessage(Grant(1));
+  const v1::WorkerMessage message = outbox->Await(1).front();
+  ASSERT_TRUE(message.has_failure());
+  EXPECT_TRUE(message.failure().permanent());
+  EXPECT_THAT(message.failure().error(), HasSubstr("triangle.gltf"));
+}
+
+TEST(WorkerImpl, SaysThatALostCoordinatorIsNoFaultOfTheJob) {
+  FakeAssets assets{absl::UnavailableError("gone")};
+  UnitRenderer renderer(&assets);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &renderer, Silent());
+  worker.OnConnected(outbox);
+  worker.OnMessage(Grant(1));
+  EXPECT_FALSE(outbox->Await(1).front().failure().permanent());
+}
+
+TEST(UnitRenderer, NamesAnEnvironmentThatIsNoPicture) {
+  FakeAssets assets{std::string(kScene)};  // also what the environment turns out to be
+  UnitRenderer renderer(&assets);
+  v1::JobSpec spec = Spec();
+  spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.exr");
+  spec.mutable_environment()->set_uri("environment:sky.exr");
+  spec.mutable_environment()->set_scale(1);
+  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0));
+  EXPECT_TRUE(IsPermanent(unit.status()));
+  EXPECT_THAT(std::string(unit.status().message()), HasSubstr("sky.exr: neither an OpenEXR nor"));
+}
+
+TEST(UnitRenderer, RendersTheEnvironment) {
+  FakeAssets assets{std::string(kScene), "#?RADIANCE\n\n-Y 1 +X 1\n\x80\x80\x80\x81"};
+  UnitRenderer renderer(&assets);
+  v1::JobSpec spec = Spec();
+  spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.hdr");
+  spec.mutable_environment()->set_uri("environment:sky.hdr");
+  spec.mutable_environment()->set_scale(3);
+  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0));
+  ASSERT_TRUE(unit.ok()) << unit.status();
+  EXPECT_EQ(unit->pixels.GetColor("emission")[0].At(0, 0), 2 * 3);  // two samples of the corner, sky alone
+}
+
+}  // namespace
+}  // namespace lumifold::worker

@@ -1,0 +1,77 @@
+#include <signal.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/synchronization/notification.h"
+#include "proto/rpc/credentials.h"
+#include "proto/rpc/version.h"
+#include "spdlog/sinks/stdout_sinks.h"
+#include "spdlog/spdlog.h"
+#include "worker/connection.h"
+#include "worker/render/renderer.h"
+
+namespace {
+
+std::string DefaultName() {
+  char host[256] = "worker";
+  gethostname(host, sizeof(host) - 1);
+  return absl::StrCat(host, ":", getpid());
+}
+
+/// Notifies `stop` on the first SIGINT or SIGTERM. Signals are blocked in every thread and taken here, where
+/// anything may be called.
+std::thread WatchSignals(absl::Notification* stop) {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGINT);
+  sigaddset(&set, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  return std::thread([set, stop] {
+    int signal = 0;
+    sigwait(&set, &signal);
+    stop->Notify();
+  });
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Renders units for a Lumifold coordinator until it is stopped (SIGINT or SIGTERM).",
+               "lumifold-worker");
+  std::string server = "127.0.0.1:7700";
+  std::string name = DefaultName();
+  std::string log_level = "info";
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  lumifold::rpc::Security security;
+  app.add_option("--server", server, "Coordinator, HOST:PORT")->capture_default_str();
+  app.add_option("--threads", threads, "Units rendered at the same time")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app.add_option("--name", name, "Name in the coordinator's log")->capture_default_str();
+  app.add_option("--log-level", log_level, "trace, debug, info, warning, error or off")
+      ->capture_default_str();
+  app.set_version_flag("--version", absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),
+                                                 " (numeric class ", lumifold::render::NumericClass(), ")"));
+  CLI11_PARSE(app, argc, argv);
+
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("worker"));
+  spdlog::set_level(spdlog::level::from_str(log_level));
+  absl::Notification stop;
+  WatchSignals(&stop).detach();
+  spdlog::info("event=start name={} server={} threads={} class={}", name, server, threads,
+               lumifold::render::NumericClass());
+  lumifold::worker::WorkerOptions options{.name = name, .threads = threads, .log = spdlog::default_logger()};
+  const absl::Status status =
+      lumifold::worker::RunWorker(lumifold::rpc::MakeChannel(server, security), std::move(options), stop);
+  if (!status.ok()) {
+    std::fprintf(stderr, "lumifold-worker: %s\n", std::string(status.message()).c_str());
+    return 1;
+  }
+  spdlog::info("event=stop name={}", name);
+  return 0;
+}

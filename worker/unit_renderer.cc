@@ -1,0 +1,156 @@
+#include "worker/unit_renderer.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/strip.h"
+#include "absl/time/clock.h"
+#include "filter/image/picture_io.h"
+#include "worker/render/environment.h"
+#include "worker/scene/gltf_loader.h"
+
+namespace lumifold::worker {
+namespace {
+
+/// Scenes are large: one in use and one that is about to be.
+constexpr size_t kMaxScenes = 2;
+
+/// More samples than this share going bad is no accident but a broken scene.
+constexpr double kMaxBadShare = 0.01;
+
+absl::Status Annotate(const absl::Status& status, const v1::JobSpec& spec) {
+  return {status.code(), absl::StrCat(spec.scene().display_name(), ": ", status.message())};
+}
+
+Rect RectOf(const v1::Rect& r) { return {r.x0(), r.y0(), r.x1(), r.y1()}; }
+
+absl::StatusOr<std::shared_ptr<const render::Environment>> DecodeEnvironment(
+    const v1::EnvironmentMap& environment, const std::string& bytes) {
+  const std::string name(absl::StripPrefix(environment.uri(), "environment:"));
+  absl::StatusOr<LayeredImage> picture = DecodeLinearPicture(name, bytes);
+  if (!picture.ok()) return picture.status();
+  absl::StatusOr<std::shared_ptr<const render::Environment>> sky =
+      render::Environment::Create(*picture, environment.rotate_degrees(), environment.scale());
+  if (!sky.ok()) return absl::Status(sky.status().code(), absl::StrCat(name, ": ", sky.status().message()));
+  return sky;
+}
+
+}  // namespace
+
+bool IsPermanent(const absl::Status& failure) {
+  switch (failure.code()) {
+    case absl::StatusCode::kUnavailable:
+    case absl::StatusCode::kDeadlineExceeded:
+    case absl::StatusCode::kCancelled:
+    case absl::StatusCode::kAborted:
+    case absl::StatusCode::kInternal:
+    case absl::StatusCode::kResourceExhausted:  // another machine may have the memory
+      return false;
+    default:
+      return true;
+  }
+}
+
+absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::Load(const v1::JobSpec& spec) const {
+  std::map<std::string, v1::AssetRef> dependencies;
+  for (const v1::AssetRef& asset : spec.scene().dependencies()) dependencies[asset.uri()] = asset;
+  absl::StatusOr<std::string> file = assets_->Fetch(spec.scene().file());
+  if (!file.ok()) return file.status();
+  const auto read = [&](const std::string& uri) -> absl::StatusOr<std::string> {
+    const auto asset = dependencies.find(uri);
+    if (asset == dependencies.end())
+      return absl::NotFoundError(absl::StrCat("'", uri, "' is not among the job's files"));
+    return assets_->Fetch(asset->second);
+  };
+  absl::StatusOr<scene::Scene> scene = scene::LoadGltf(*file, spec.scene().display_name(), read);
+  if (!scene.ok()) return scene.status();
+  file->clear();
+  file->shrink_to_fit();
+  render::RenderSettings settings;
+  settings.width = spec.width();
+  settings.height = spec.height();
+  settings.seed = spec.seed();
+  settings.max_bounces = spec.max_bounces();
+  settings.camera = spec.camera();
+  settings.lens = {spec.lens().f_stop(), spec.lens().focus_metres()};
+  if (spec.has_environment()) {
+    const v1::EnvironmentMap& environment = spec.environment();
+    absl::StatusOr<std::string> bytes = read(environment.uri());
+    if (!bytes.ok()) return bytes.status();
+    absl::StatusOr<std::shared_ptr<const render::Environment>> sky = DecodeEnvironment(environment, *bytes);
+    if (!sky.ok()) return sky.status();
+    settings.environment = *std::move(sky);
+  }
+  absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
+      render::Renderer::Create(std::make_shared<scene::Scene>(*std::move(scene)), settings);
+  if (!renderer.ok()) return Annotate(renderer.status(), spec);
+  return std::shared_ptr<const render::Renderer>(*std::move(renderer));
+}
+
+absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf(const v1::JobSpec& spec,
+                                                                                 const std::string& job_id) {
+  std::shared_ptr<Entry> entry;
+  {
+    absl::MutexLock lock(&mutex_);
+    for (const std::shared_ptr<Entry>& known : entries_) {
+      if (known->job_id == job_id) entry = known;
+    }
+    if (entry != nullptr) {
+      mutex_.Await(absl::Condition(&entry->ready));
+      if (!entry->failure.ok()) return entry->failure;
+      return entry->renderer;
+    }
+    entry = std::make_shared<Entry>();
+    entry->job_id = job_id;
+    entries_.push_back(entry);
+    if (entries_.size() > kMaxScenes)
+      entries_.pop_front();  // threads that still use it hold it by themselves
+  }
+  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = Load(spec);
+  absl::MutexLock lock(&mutex_);
+  if (renderer.ok()) {
+    entry->renderer = *renderer;
+  } else {
+    entry->failure = renderer.status();
+    std::erase(entries_, entry);  // the next unit tries anew: the cause may have passed
+  }
+  entry->ready = true;
+  return renderer;
+}
+
+absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const v1::Lease& lease) {
+  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = RendererOf(spec, lease.unit().job_id());
+  if (!renderer.ok()) return renderer.status();
+  const absl::Time start = absl::Now();
+  RenderedUnit unit;
+  render::RenderCounts counts;
+  const Rect rect = RectOf(lease.rect());
+  if (lease.unit().kind() == v1::UNIT_KIND_GEOMETRY) {
+    unit.pixels = (*renderer)->RenderGeometry(rect, lease.unit().frame());
+    for (const std::string& warning : (*renderer)->warnings()) unit.stats.add_warnings(warning);
+  } else {
+    const render::SampleRange range = {static_cast<uint32_t>(lease.first_sample()),
+                                       static_cast<uint32_t>(lease.last_sample())};
+    unit.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), range, &counts);
+  }
+  if (static_cast<double>(counts.bad_samples) > kMaxBadShare * static_cast<double>(counts.samples)) {
+    return absl::DataLossError(absl::StrFormat("%s: %d of %d samples are not finite in the tile at %d,%d",
+                                               spec.scene().display_name(), counts.bad_samples,
+                                               counts.samples, rect.x0, rect.y0));
+  }
+  unit.stats.set_samples(counts.samples);
+  unit.stats.set_bad_samples(counts.bad_samples);
+  unit.stats.set_seconds(absl::ToDoubleSeconds(absl::Now() - start));
+  return unit;
+}
+
+void UnitRenderer::ForgetJob(const std::string& job_id) {
+  absl::MutexLock lock(&mutex_);
+  std::erase_if(entries_,
+                [&](const std::shared_ptr<Entry>& entry) { return entry->ready && entry->job_id == job_id; });
+}
+
+}  // namespace lumifold::worker

@@ -1,0 +1,216 @@
+#include "client/command_line.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "client/suggestion.h"
+
+namespace lumifold::client {
+namespace {
+
+constexpr size_t kHelpColumn = 26;
+
+// Reads one value. Returns what was expected where the text is not it, and nothing where it is.
+using ReadValue = std::function<std::string(const std::string& text)>;
+
+bool IsDigits(const std::string& text) {
+  return !text.empty() &&
+         std::all_of(text.begin(), text.end(), [](unsigned char c) { return absl::ascii_isdigit(c); });
+}
+
+std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
+
+}  // namespace
+
+// All that knows CLI11, whose exceptions end in Parse.
+class CommandLine::Parser {
+ public:
+  Parser(const std::string& command, const std::string& summary) : app_(summary, "lumifold " + command) {
+    app_.get_formatter()->column_width(kHelpColumn);
+    app_.get_formatter()->label("REQUIRED", "(required)");
+    app_.footer(kExitCodesHelp);
+    app_.set_help_flag("-h,--help", "Print this and exit");
+    app_.allow_extras();  // so that Parse can name them with a suggestion
+  }
+
+  CLI::Option* Add(const std::string& names, const std::string& value_name, ReadValue read,
+                   const std::string& help) {
+    const std::string long_name = names.substr(names.rfind(',') + 1);  // all of it where there is no comma
+    CLI::callback_t store = [read = std::move(read), long_name](const CLI::results_t& texts) {
+      const std::string problem = read(texts.back());
+      if (!problem.empty()) throw CLI::ValidationError(long_name, problem);
+      return true;
+    };
+    return app_.add_option(names, std::move(store), help)
+        ->type_name(value_name)
+        ->allow_extra_args(false)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  }
+
+  CLI::App& app() { return app_; }
+
+  // The first argument that fits nothing, as a complaint; empty where all fit.
+  std::string UnknownArgument() const {
+    const std::vector<std::string> extras = app_.remaining();
+    const auto option = std::find_if(extras.begin(), extras.end(), [](const std::string& text) {
+      return text.size() > 1 && text.front() == '-' && text != "--";
+    });
+    if (option != extras.end()) {
+      const std::string name = option->substr(0, option->find('='));
+      return absl::StrCat("unknown option ", name, Suggestion(name, OptionNames()));
+    }
+    return extras.empty() ? "" : absl::StrCat("unexpected argument '", extras.front(), "'");
+  }
+
+ private:
+  std::vector<std::string> OptionNames() const {
+    std::vector<std::string> names;
+    for (const CLI::Option* option : app_.get_options()) {
+      for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
+    }
+    return names;
+  }
+
+  CLI::App app_;
+};
+
+CommandLine::CommandLine(const std::string& command, const std::string& summary)
+    : parser_(std::make_unique<Parser>(command, summary)) {}
+
+CommandLine::~CommandLine() = default;
+
+void CommandLine::AddArgument(const std::string& name, std::string* value, const std::string& help) {
+  AddRequiredText(name, "", value, help);
+}
+
+void CommandLine::AddFlag(const std::string& names, bool* value, const std::string& help) {
+  parser_->app().add_flag(names, *value, help)->disable_flag_override();
+}
+
+void CommandLine::AddText(const std::string& names, const std::string& value_name, std::string* value,
+                          const std::string& help) {
+  const ReadValue read = [value](const std::string& text) -> std::string {
+    if (text.empty()) return "expected a text that is not empty";
+    *value = text;
+    return "";
+  };
+  parser_->Add(names, value_name, read, help);
+}
+
+void CommandLine::AddRequiredText(const std::string& names, const std::string& value_name, std::string* value,
+                                  const std::string& help) {
+  AddText(names, value_name, value, help);
+  parser_->app().get_options().back()->required();
+}
+
+void CommandLine::AddWholeNumber(const std::string& names, int* value, int least, int most,
+                                 const std::string& help) {
+  const ReadValue read = [=](const std::string& text) -> std::string {
+    int number = 0;
+    if (!IsDigits(text) || !absl::SimpleAtoi(text, &number) || number < least || number > most) {
+      return absl::StrCat("expected a whole number from ", least, " to ", most, "; got '", text, "'");
+    }
+    *value = number;
+    return "";
+  };
+  parser_->Add(names, "N", read, help);
+}
+
+void CommandLine::AddSeed(const std::string& names, uint64_t* value, const std::string& help) {
+  const ReadValue read = [value](const std::string& text) -> std::string {
+    if (!IsDigits(text) || !absl::SimpleAtoi(text, value)) {
+      return absl::StrCat("expected a whole number from 0 to 18446744073709551615; got '", text, "'");
+    }
+    return "";
+  };
+  parser_->Add(names, "N", read, help);
+}
+
+void CommandLine::AddNumber(const std::string& names, float* value, const std::string& help) {
+  const ReadValue read = [value](const std::string& text) -> std::string {
+    float number = 0;
+    if (!absl::SimpleAtof(text, &number) || !std::isfinite(number)) {
+      return absl::StrCat("expected a number; got '", text, "'");
+    }
+    *value = number;
+    return "";
+  };
+  parser_->Add(names, "X", read, help);
+}
+
+void CommandLine::AddPositiveNumber(const std::string& names, float* value, const std::string& help) {
+  const ReadValue read = [value](const std::string& text) -> std::string {
+    float number = 0;
+    if (!absl::SimpleAtof(text, &number) || !std::isfinite(number) || number <= 0) {
+      return absl::StrCat("expected a number above 0; got '", text, "'");
+    }
+    *value = number;
+    return "";
+  };
+  parser_->Add(names, "X", read, help);
+}
+
+void CommandLine::AddSize(const std::string& names, PictureSize* value, const std::string& help) {
+  const ReadValue read = [value](const std::string& text) -> std::string {
+    const absl::StatusOr<PictureSize> size = ParsePictureSize(text);
+    if (!size.ok()) return std::string(size.status().message());
+    *value = *size;
+    return "";
+  };
+  parser_->Add(names, "WxH", read, help);
+}
+
+void CommandLine::AddAddress(const std::string& names, std::string* value, const std::string& help) {
+  const ReadValue read = [value](const std::string& text) -> std::string {
+    const size_t colon = text.rfind(':');
+    int port = 0;
+    if (colon == std::string::npos || colon == 0 || !IsDigits(text.substr(colon + 1)) ||
+        !absl::SimpleAtoi(text.substr(colon + 1), &port) || port < 1 || port > 65535) {
+      return absl::StrCat("expected HOST:PORT; got '", text, "'");
+    }
+    *value = text;
+    return "";
+  };
+  parser_->Add(names, "HOST:PORT", read, help);
+}
+
+void CommandLine::SetFooter(const std::string& text) {
+  parser_->app().footer(absl::StrCat(text, "\n", kExitCodesHelp));
+}
+
+std::optional<ExitCode> CommandLine::Parse(const std::vector<std::string>& arguments,
+                                           const Environment& environment) {
+  CLI::App& app = parser_->app();
+  std::string problem;
+  try {
+    app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));  // CLI11 takes them last first
+  } catch (const CLI::CallForHelp&) {
+    environment.out << app.help() << std::flush;
+    return ExitCode::kOk;
+  } catch (const CLI::ArgumentMismatch& error) {
+    const std::string text = error.what();  // "--spp: 1 required N missing"
+    problem = absl::StrCat(text.substr(0, text.find(':')), " needs a value");
+  } catch (const CLI::ParseError& error) {
+    problem = FirstLine(error.what());
+  }
+  // What CLI11 misses may be missing only because an unknown option took its place.
+  if (const std::string unknown = parser_->UnknownArgument(); !unknown.empty()) problem = unknown;
+  if (problem.empty()) return std::nullopt;
+  return ReportUsage(environment, app.get_name(), problem);
+}
+
+ExitCode ReportUsage(const Environment& environment, const std::string& command, const std::string& message) {
+  environment.err << command << ": " << message << "\n"
+                  << "Try '" << command << " --help'.\n"
+                  << std::flush;
+  return ExitCode::kUsage;
+}
+
+}  // namespace lumifold::client

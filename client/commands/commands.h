@@ -1,0 +1,35 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "client/environment.h"
+
+namespace lumifold::client {
+
+/// One subcommand. `run` takes the arguments after its name.
+struct Command {
+  std::string name;
+  std::string summary;  // one line for `lumifold --help`, and the first line of the command's own help
+  ExitCode (*run)(const std::vector<std::string>& arguments, const Environment& environment);
+};
+
+/// All subcommands in the order help lists them.
+const std::vector<Command>& Commands();
+
+/// The summary of a command of the table.
+const std::string& SummaryOf(const std::string& name);
+
+// One file each: render.cc, submit.cc, ...
+ExitCode RunRender(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunSubmit(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunStatus(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunList(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunCancel(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunDownload(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunConvert(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment& environment);
+
+}  // namespace lumifold::client

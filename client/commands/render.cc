@@ -1,0 +1,111 @@
+#include <filesystem>
+#include <system_error>
+
+#include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_cat.h"
+#include "client/assets.h"
+#include "client/commands/commands.h"
+#include "client/commands/picture_options.h"
+#include "client/commands/shared_options.h"
+#include "client/download.h"
+#include "client/follow_job.h"
+#include "client/job_options.h"
+#include "client/job_report.h"
+#include "client/submit_scene.h"
+
+namespace lumifold::client {
+namespace {
+
+constexpr int kMostThreads = 4096;
+
+struct RenderOptions {
+  JobOptions job;
+  PictureOptions picture;
+  LocalFarmOptions farm;
+  bool json = false;
+};
+
+std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, const Environment& environment,
+                                    RenderOptions* options) {
+  options->farm.threads = environment.default_threads;
+  CommandLine command_line("render", SummaryOf("render"));
+  AddJobOptions(command_line, &options->job);
+  options->picture.AddTo(command_line);
+  command_line.AddWholeNumber("--threads", &options->farm.threads, 1, kMostThreads,
+                              "Threads to render with (default: all of this machine)");
+  command_line.AddText("--state", "DIR", &options->farm.state_dir,
+                       "Keep ledger and results here (default: a temporary folder)");
+  AddJson(command_line, &options->json);
+  if (const auto ended = command_line.Parse(arguments, environment)) return ended;
+  if (const auto ended = CheckJobOptions(options->job, "lumifold render", environment)) return ended;
+  return options->picture.Check("lumifold render", environment);
+}
+
+// Submits the job and follows it to its end; one that the user interrupts is cancelled.
+absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, const RenderOptions& options,
+                                     const SceneAssets& assets, Progress& progress,
+                                     const Environment& environment) {
+  const absl::StatusOr<std::string> job_id = SubmitScene(farm, assets, MakeJobSpec(options.job), progress);
+  if (!job_id.ok()) return job_id.status();
+  absl::StatusOr<v1::JobStatus> job =
+      FollowJob(farm, *job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});
+  if (absl::IsCancelled(job.status())) {
+    progress.Clear();
+    farm.CancelJob(*job_id).IgnoreError();  // the farm ends with this process in any case
+  }
+  return job;
+}
+
+absl::Status WritePictures(FarmClient& farm, const RenderOptions& options, const std::string& job_id,
+                           Progress& progress, const Environment& environment) {
+  const absl::StatusOr<std::string> part = PartPath(options.picture.output, job_id, options.job.frame);
+  if (!part.ok()) return part.status();
+  // The farm is gone when this command has ended: nobody could go on with a part.
+  const absl::Cleanup remove_part = [&part] {
+    std::error_code ignored;
+    std::filesystem::remove(*part, ignored);
+  };
+  const absl::Status downloaded =
+      DownloadFrame(farm, job_id, options.job.frame, *part, progress, MakeBackoff(environment));
+  return downloaded.ok() ? options.picture.Write(*part) : downloaded;
+}
+
+void ReportRendered(const RenderOptions& options, const v1::JobStatus& job, const Environment& environment) {
+  if (options.json) {
+    std::vector<std::pair<std::string, std::string>> files{{"output", options.picture.output}};
+    if (!options.picture.noisy.empty()) files.emplace_back("noisy_output", options.picture.noisy);
+    environment.out << JobJson(job, files) << "\n" << std::flush;
+  }
+  if (!options.picture.noisy.empty()) ReportLine(environment, absl::StrCat("wrote ", options.picture.noisy));
+  ReportLine(environment,
+             absl::StrCat("wrote ", options.picture.output, " (", StageTimesText(job.times()), ")"));
+}
+
+}  // namespace
+
+ExitCode RunRender(const std::vector<std::string>& arguments, const Environment& environment) {
+  RenderOptions options;
+  if (const auto ended = ParseRender(arguments, environment, &options)) return *ended;
+  const absl::StatusOr<SceneAssets> assets = FindJobAssets(options.job);
+  if (!assets.ok()) return ReportError(environment, assets.status());
+
+  if (!environment.local_farm) {
+    return ReportError(environment,
+                       absl::UnimplementedError("this build cannot render by itself; use submit"));
+  }
+  const absl::StatusOr<std::unique_ptr<LocalFarm>> local = environment.local_farm(options.farm);
+  if (!local.ok()) return ReportError(environment, OfThisMachine(local.status()));
+  const std::unique_ptr<FarmClient> farm = MakeFarmClient(
+      (*local)->channel(),
+      {.coordinator = "this process", .time = environment.time, .interrupted = environment.interrupted});
+  const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
+  const absl::StatusOr<v1::JobStatus> job = RunJob(*farm, options, *assets, *progress, environment);
+  if (!job.ok()) return ReportError(environment, job.status());
+  if (job->state() != v1::JOB_STATE_DONE) return ReportFate(environment, *job);
+  const absl::Status written = WritePictures(*farm, options, job->job_id(), *progress, environment);
+  if (!written.ok()) return ReportError(environment, written);
+  ReportRendered(options, *job, environment);
+  return ExitCode::kOk;
+}
+
+}  // namespace lumifold::client

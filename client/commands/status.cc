@@ -1,0 +1,21 @@
+#include "client/commands/commands.h"
+#include "client/commands/shared_options.h"
+#include "client/job_report.h"
+
+namespace lumifold::client {
+
+ExitCode RunStatus(const std::vector<std::string>& arguments, const Environment& environment) {
+  std::string job_id;
+  RemoteOptions remote(environment);
+  CommandLine command_line("status", SummaryOf("status"));
+  command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
+  remote.AddTo(command_line);
+  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+
+  const absl::StatusOr<v1::JobStatus> job = remote.Connect(environment)->GetJob(job_id);
+  if (!job.ok()) return ReportError(environment, job.status());
+  environment.out << (remote.json ? JobJson(*job) + "\n" : JobText(*job)) << std::flush;
+  return ExitCode::kOk;
+}
+
+}  // namespace lumifold::client

@@ -1,0 +1,27 @@
+#include "client/commands/commands.h"
+#include "client/commands/shared_options.h"
+#include "client/follow_job.h"
+#include "client/job_report.h"
+
+namespace lumifold::client {
+
+ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& environment) {
+  std::string job_id;
+  RemoteOptions remote(environment);
+  CommandLine command_line("wait", SummaryOf("wait"));
+  command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
+  remote.AddTo(command_line);
+  command_line.SetFooter("The exit code is the job's fate: 0 done, 1 failed, 5 cancelled.");
+  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+
+  const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
+  QuietProgress progress(environment.err);
+  const absl::StatusOr<v1::JobStatus> job =
+      FollowJob(*farm, job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});
+  if (!job.ok()) return ReportError(environment, job.status());
+  environment.out << (remote.json ? JobJson(*job) : std::string(StateName(job->state()))) << "\n"
+                  << std::flush;
+  return job->error().empty() ? ExitCodeForFate(*job) : ReportFate(environment, *job);
+}
+
+}  // namespace lumifold::client

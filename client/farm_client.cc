@@ -1,0 +1,220 @@
+#include "client/farm_client.h"
+
+#include <grpcpp/grpcpp.h>
+
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "client/exit_code.h"
+#include "lumifold/v1/farm.grpc.pb.h"
+#include "proto/rpc/byte_stream.h"
+#include "proto/rpc/credentials.h"
+#include "proto/rpc/status_codec.h"
+
+namespace lumifold::client {
+namespace {
+
+// Short calls. Few tries close together: somebody sits before the terminal and wants to know that the address
+// is wrong.
+const rpc::RetryPolicy kCallPolicy = {
+    .try_timeout = absl::Seconds(10), .total_timeout = absl::Seconds(20), .max_tries = 3};
+const rpc::RetryPolicy kSlowCallPolicy = {
+    .try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60), .max_tries = 3};
+// Streams live longer than calls, not for ever; a broken or overdue one is opened anew by those who follow
+// it.
+constexpr absl::Duration kStreamTimeout = absl::Minutes(10);
+// A line slower than this is given up on.
+constexpr double kSlowestUploadBytesPerSecond = 128 * 1024;
+constexpr absl::Duration kTick = absl::Milliseconds(100);
+
+std::chrono::system_clock::time_point DeadlineIn(absl::Duration timeout) {
+  return absl::ToChronoTime(absl::Now() + timeout);
+}
+
+// gRPC tells the whole story of all addresses it tried; people need its end.
+absl::string_view Reason(absl::string_view message) {
+  constexpr absl::string_view kLead = "Failed to connect to remote host: ";
+  const size_t at = message.rfind(kLead);
+  return at == absl::string_view::npos ? message : message.substr(at + kLead.size());
+}
+
+class GrpcFarmClient : public FarmClient {
+ public:
+  GrpcFarmClient(std::shared_ptr<grpc::Channel> channel, FarmClientOptions options)
+      : stub_(v1::FarmService::NewStub(std::move(channel))), options_(std::move(options)) {}
+
+  absl::StatusOr<std::vector<std::string>> FindMissingAssets(const v1::SceneRef& scene) override {
+    v1::FindMissingAssetsRequest request;
+    *request.add_assets() = scene.file();
+    for (const v1::AssetRef& asset : scene.dependencies()) *request.add_assets() = asset;
+    v1::FindMissingAssetsResponse response;
+    const absl::Status status = Call(kSlowCallPolicy, [&](grpc::ClientContext& context) {
+      return stub_->FindMissingAssets(&context, request, &response);
+    });
+    if (!status.ok()) return status;
+    return std::vector<std::string>(response.missing_sha256().begin(), response.missing_sha256().end());
+  }
+
+  absl::Status UploadAsset(const LocalAsset& asset, absl::FunctionRef<void(uint64_t)> on_sent) override {
+    rpc::RetryPolicy policy = kSlowCallPolicy;
+    policy.try_timeout += absl::Seconds(static_cast<double>(asset.ref.size()) / kSlowestUploadBytesPerSecond);
+    policy.total_timeout += 2 * policy.try_timeout;
+    return rpc::CallWithRetry(
+        policy, rpc::Idempotency::kIdempotent, options_.time,
+        [&](grpc::ClientContext& context) { return UploadOnce(context, asset, on_sent); });
+  }
+
+  absl::StatusOr<std::string> SubmitJob(const v1::JobSpec& spec, const std::string& request_id) override {
+    v1::SubmitJobRequest request;
+    *request.mutable_spec() = spec;
+    request.set_request_id(request_id);
+    v1::SubmitJobResponse response;
+    const absl::Status status = Call(kSlowCallPolicy, [&](grpc::ClientContext& context) {
+      return stub_->SubmitJob(&context, request, &response);
+    });
+    if (!status.ok()) return status;
+    return response.job_id();
+  }
+
+  absl::StatusOr<v1::JobStatus> GetJob(const std::string& job_id) override {
+    v1::GetJobRequest request;
+    request.set_job_id(job_id);
+    v1::JobStatus job;
+    const absl::Status status = Call(
+        kCallPolicy, [&](grpc::ClientContext& context) { return stub_->GetJob(&context, request, &job); });
+    if (!status.ok()) return status;
+    return job;
+  }
+
+  absl::StatusOr<std::vector<v1::JobStatus>> ListJobs(int limit) override {
+    v1::ListJobsRequest request;
+    request.set_limit(limit);
+    v1::ListJobsResponse response;
+    const absl::Status status = Call(kCallPolicy, [&](grpc::ClientContext& context) {
+      return stub_->ListJobs(&context, request, &response);
+    });
+    if (!status.ok()) return status;
+    return std::vector<v1::JobStatus>(response.jobs().begin(), response.jobs().end());
+  }
+
+  absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id) override {
+    v1::CancelJobRequest request;
+    request.set_job_id(job_id);
+    v1::JobStatus job;
+    const absl::Status status = Call(
+        kCallPolicy, [&](grpc::ClientContext& context) { return stub_->CancelJob(&context, request, &job); });
+    if (!status.ok()) return status;
+    return job;
+  }
+
+  absl::Status WatchJob(const std::string& job_id, absl::FunctionRef<void(const v1::JobStatus&)> on_status,
+                        absl::FunctionRef<void()> on_tick) override {
+    v1::WatchJobRequest request;
+    request.set_job_id(job_id);
+    grpc::ClientContext context;
+    context.set_deadline(DeadlineIn(kStreamTimeout));
+    grpc::CompletionQueue queue;
+    const auto reader = stub_->AsyncWatchJob(&context, request, &queue, nullptr);
+    v1::JobStatus job;
+    bool more = Wait(queue, context, on_tick);
+    while (more) {
+      reader->Read(&job, nullptr);
+      more = Wait(queue, context, on_tick);
+      if (more) on_status(job);
+    }
+    grpc::Status status;
+    reader->Finish(&status, nullptr);
+    Wait(queue, context, on_tick);
+    return Told(status);
+  }
+
+  absl::Status DownloadResult(const std::string& job_id, int frame, uint64_t offset,
+                              absl::FunctionRef<absl::Status(const v1::ByteChunk&)> on_chunk) override {
+    v1::DownloadResultRequest request;
+    request.set_job_id(job_id);
+    request.set_frame(frame);
+    request.set_offset(offset);
+    grpc::ClientContext context;
+    context.set_deadline(DeadlineIn(kStreamTimeout));
+    const auto reader = stub_->DownloadResult(&context, request);
+    absl::Status taken;
+    v1::ByteChunk chunk;
+    while (taken.ok() && !options_.interrupted() && reader->Read(&chunk)) taken = on_chunk(chunk);
+    if (!taken.ok() || options_.interrupted()) context.TryCancel();
+    const absl::Status status = Told(reader->Finish());
+    return taken.ok() ? status : taken;
+  }
+
+ private:
+  // Waits for the one operation under way. False when it failed, the stream's end included; an interruption
+  // makes it fail.
+  bool Wait(grpc::CompletionQueue& queue, grpc::ClientContext& context,
+            absl::FunctionRef<void()> on_tick) const {
+    void* tag = nullptr;
+    bool ok = false;
+    while (queue.AsyncNext(&tag, &ok, DeadlineIn(kTick)) == grpc::CompletionQueue::TIMEOUT) {
+      if (options_.interrupted()) context.TryCancel();
+      on_tick();
+    }
+    return ok;
+  }
+
+  template <typename OneCall>
+  absl::Status Call(const rpc::RetryPolicy& policy, const OneCall& call) const {
+    return rpc::CallWithRetry(policy, rpc::Idempotency::kIdempotent, options_.time,
+                              [&](grpc::ClientContext& context) { return Told(call(context)); });
+  }
+
+  absl::Status UploadOnce(grpc::ClientContext& context, const LocalAsset& asset,
+                          absl::FunctionRef<void(uint64_t)> on_sent) const {
+    absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::Open(asset.path, /*offset=*/0);
+    if (!sender.ok()) return OfThisMachine(sender.status());
+    v1::UploadAssetResponse response;
+    const auto writer = stub_->UploadAsset(&context, &response);
+    v1::UploadAssetRequest request;
+    *request.mutable_announce() = asset.ref;
+    bool open = writer->Write(request);
+    absl::StatusOr<bool> more = true;
+    while (open && !options_.interrupted()) {
+      more = sender->Next(request.mutable_chunk());
+      if (!more.ok() || !*more) break;
+      on_sent(request.chunk().offset());
+      open = writer->Write(request);
+    }
+    if (!more.ok() || options_.interrupted()) context.TryCancel();
+    writer->WritesDone();
+    absl::Status status = Told(writer->Finish());
+    if (!more.ok()) return OfThisMachine(more.status());
+    if (status.ok()) on_sent(asset.ref.size());
+    return status;
+  }
+
+  // What a call came to, in words for people.
+  absl::Status Told(const grpc::Status& outcome) const {
+    absl::Status status = rpc::StatusFromGrpc(outcome);
+    if (!status.ok() && options_.interrupted()) return absl::CancelledError("interrupted");
+    // We cancel nothing else: the other side went away.
+    if (!rpc::IsTransient(status) && !absl::IsCancelled(status)) return status;
+    return absl::UnavailableError(absl::StrCat("cannot reach the coordinator at ", options_.coordinator, ": ",
+                                               Reason(status.message())));
+  }
+
+  const std::unique_ptr<v1::FarmService::Stub> stub_;
+  const FarmClientOptions options_;
+};
+
+}  // namespace
+
+std::unique_ptr<FarmClient> MakeFarmClient(std::shared_ptr<grpc::Channel> channel,
+                                           FarmClientOptions options) {
+  return std::make_unique<GrpcFarmClient>(std::move(channel), std::move(options));
+}
+
+std::unique_ptr<FarmClient> ConnectTo(FarmClientOptions options) {
+  auto channel = rpc::MakeChannel(options.coordinator, rpc::Security{});
+  return MakeFarmClient(std::move(channel), std::move(options));
+}
+
+}  // namespace lumifold::client

@@ -1,0 +1,56 @@
+#include "client/follow_job.h"
+
+#include <optional>
+#include <set>
+
+#include "absl/strings/str_cat.h"
+#include "client/job_report.h"
+
+namespace lumifold::client {
+
+ProgressState ProgressOf(const v1::JobStatus& job) {
+  ProgressState state;
+  state.stage = std::string(StateName(job.state()));
+  state.workers = job.workers();
+  if (job.state() == v1::JOB_STATE_RENDERING) {
+    state.done = job.samples_done();
+    state.total = job.samples_total();
+  }
+  return state;
+}
+
+absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job_id, Progress& progress,
+                                        Backoff backoff,
+                                        absl::FunctionRef<void(const v1::JobStatus&)> on_status) {
+  std::optional<v1::JobStatus> last;
+  std::set<std::string> said;
+  const auto take = [&](const v1::JobStatus& job) {
+    backoff.Reset();
+    last = job;
+    for (const std::string& warning : job.warnings()) {
+      if (said.insert(warning).second) progress.Say(absl::StrCat("warning: ", warning));
+    }
+    if (!HasEnded(job)) progress.Update(ProgressOf(job));
+    on_status(job);
+  };
+  const auto tick = [&] {
+    if (last.has_value()) progress.Update(ProgressOf(*last));
+  };
+  bool lost = false;
+  while (true) {
+    const absl::Status status = farm.WatchJob(job_id, take, tick);
+    if (last.has_value() && HasEnded(*last)) break;
+    // A stream that ends before the job does is a connection lost, whatever it says.
+    const bool may_return = status.ok() || (absl::IsUnavailable(status) && last.has_value());
+    if (!may_return) return status;
+    if (!lost && !status.ok()) progress.Say(absl::StrCat(status.message(), "; trying again"));
+    lost = !status.ok();
+    if (!backoff.Pause()) {
+      return status.ok() ? absl::UnavailableError(absl::StrCat("lost sight of job ", job_id)) : status;
+    }
+  }
+  progress.Clear();
+  return *last;
+}
+
+}  // namespace lumifold::client

@@ -1,0 +1,95 @@
+#include "client/job_options.h"
+
+#include <filesystem>
+#include <limits>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace lumifold::client {
+namespace {
+
+constexpr int kMostSamples = 1 << 20;
+constexpr int kMostBounces = 1024;
+
+/// How the job calls the environment map: by a scheme that no file of a scene can have.
+std::string EnvironmentUri(const std::string& path) {
+  return "environment:" + std::filesystem::path(path).filename().string();
+}
+
+}  // namespace
+
+void AddJobOptions(CommandLine& command_line, JobOptions* options) {
+  command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
+  command_line.AddSize("--size", &options->size, "Picture size in pixels (default 1024x768)");
+  command_line.AddWholeNumber("--spp", &options->samples_per_pixel, 1, kMostSamples,
+                              "Samples per pixel (default 64)");
+  command_line.AddSeed("--seed", &options->seed, "Key of the random numbers (default 0)");
+  command_line.AddWholeNumber("--max-bounces", &options->max_bounces, 0, kMostBounces,
+                              "How often light may bounce on after the first surface (default 8)");
+  command_line.AddText("--filter", "METHOD", &options->filter,
+                       "'default', 'none' or a method of the coordinator (default 'default')");
+  command_line.AddText("--camera", "NAME", &options->camera, "Camera by name (default: the scene's first)");
+  command_line.AddWholeNumber("--frame", &options->frame, 0, std::numeric_limits<int>::max() - 1,
+                              "Number of the frame (default 0)");
+  command_line.AddText("--env", "FILE", &options->environment,
+                       "Light from all round: a latitude-longitude picture, .exr or .hdr");
+  command_line.AddNumber("--env-rotate", &options->environment_rotate_degrees,
+                         "Degrees to turn it about the vertical, counter-clockwise from above (default 0)");
+  command_line.AddPositiveNumber("--env-scale", &options->environment_scale,
+                                 "Factor on its light (default 1)");
+  command_line.AddPositiveNumber("--f-stop", &options->f_stop,
+                                 "Depth of field: focal length over aperture (default: all is sharp)");
+  command_line.AddPositiveNumber("--focus", &options->focus_metres,
+                                 "Distance of what is sharp, in metres; with --f-stop");
+  command_line.AddFlag("--save-film", &options->save_film, "Keep every layer the filter reads in the result");
+}
+
+std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
+                                        const Environment& environment) {
+  const auto complain = [&](const char* message) { return ReportUsage(environment, command, message); };
+  if ((options.f_stop > 0) != (options.focus_metres > 0))
+    return complain("--f-stop and --focus need each other");
+  if (options.environment.empty() &&
+      (options.environment_rotate_degrees != 0 || options.environment_scale != 1))
+    return complain("--env-rotate and --env-scale need --env");
+  return std::nullopt;
+}
+
+absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {
+  absl::StatusOr<SceneAssets> assets = FindSceneAssets(options.scene);
+  if (!assets.ok() || options.environment.empty()) return assets;
+  LocalAsset asset;
+  asset.path = options.environment;
+  asset.ref.set_uri(EnvironmentUri(options.environment));
+  const absl::Status hashed = HashAsset(&asset);
+  if (!hashed.ok()) return absl::Status(hashed.code(), absl::StrCat("--env ", hashed.message()));
+  assets->push_back(std::move(asset));
+  return assets;
+}
+
+v1::JobSpec MakeJobSpec(const JobOptions& options) {
+  v1::JobSpec spec;
+  spec.set_camera(options.camera);
+  spec.set_width(options.size.width);
+  spec.set_height(options.size.height);
+  spec.set_first_frame(options.frame);
+  spec.set_frame_count(1);
+  spec.set_samples_per_pixel(options.samples_per_pixel);
+  spec.set_seed(options.seed);
+  spec.set_max_bounces(options.max_bounces);
+  spec.mutable_filter()->set_method(options.filter);
+  spec.set_save_film(options.save_film);
+  if (!options.environment.empty()) {
+    spec.mutable_environment()->set_uri(EnvironmentUri(options.environment));
+    spec.mutable_environment()->set_rotate_degrees(options.environment_rotate_degrees);
+    spec.mutable_environment()->set_scale(options.environment_scale);
+  }
+  if (options.f_stop > 0) {
+    spec.mutable_lens()->set_f_stop(options.f_stop);
+    spec.mutable_lens()->set_focus_metres(options.focus_metres);
+  }
+  return spec;
+}
+
+}  // namespace lumifold::client

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "client/assets.h"
+#include "client/command_line.h"
+#include "client/environment.h"
+#include "client/exit_code.h"
+#include "client/picture_size.h"
+#include "lumifold/v1/job.pb.h"
+
+namespace lumifold::client {
+
+/// What `render` and `submit` both take: everything that decides the picture.
+struct JobOptions {
+  std::string scene;
+  PictureSize size;
+  int samples_per_pixel = 64;
+  uint64_t seed = 0;
+  int max_bounces = 8;
+  std::string filter = "default";
+  std::string camera;
+  int frame = 0;
+  bool save_film = false;
+  std::string environment;  // a picture's path; empty: none
+  float environment_rotate_degrees = 0;
+  float environment_scale = 1;
+  float f_stop = 0;  // 0: a pinhole
+  float focus_metres = 0;
+};
+
+/// Adds SCENE and the options above to a command.
+void AddJobOptions(CommandLine& command_line, JobOptions* options);
+
+/// Whether the options go together; where they do not, says on `err` what is wrong and gives the exit code.
+std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
+                                        const Environment& environment);
+
+/// The files of the job: those of its scene, and its environment map. Errors: as FindSceneAssets()'s.
+absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options);
+
+/// The job as the coordinator takes it, all but its scene's assets.
+v1::JobSpec MakeJobSpec(const JobOptions& options);
+
+}  // namespace lumifold::client

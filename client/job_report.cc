@@ -1,0 +1,116 @@
+#include "client/job_report.h"
+
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/time/time.h"
+
+namespace lumifold::client {
+namespace {
+
+std::string SubmittedText(const v1::JobStatus& status) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", absl::FromUnixMillis(status.submitted_unix_ms()),
+                          absl::UTCTimeZone());
+}
+
+int PercentDone(const v1::JobStatus& status) {
+  if (status.state() == v1::JOB_STATE_DONE) return 100;
+  if (status.units_total() <= 0) return 0;
+  return static_cast<int>(100 * status.units_done() / status.units_total());
+}
+
+}  // namespace
+
+absl::string_view StateName(v1::JobState state) {
+  switch (state) {
+    case v1::JOB_STATE_QUEUED:
+      return "queued";
+    case v1::JOB_STATE_RENDERING:
+      return "rendering";
+    case v1::JOB_STATE_FILTERING:
+      return "filtering";
+    case v1::JOB_STATE_DONE:
+      return "done";
+    case v1::JOB_STATE_FAILED:
+      return "failed";
+    case v1::JOB_STATE_CANCELLED:
+      return "cancelled";
+    default:
+      return "unknown";
+  }
+}
+
+bool HasEnded(const v1::JobStatus& status) {
+  return status.state() == v1::JOB_STATE_DONE || status.state() == v1::JOB_STATE_FAILED ||
+         status.state() == v1::JOB_STATE_CANCELLED;
+}
+
+ExitCode ExitCodeForFate(const v1::JobStatus& status) {
+  if (status.state() == v1::JOB_STATE_FAILED) return ExitCode::kFailed;
+  if (status.state() == v1::JOB_STATE_CANCELLED) return ExitCode::kCancelled;
+  return ExitCode::kOk;
+}
+
+std::string StageTimesText(const v1::StageTimes& times) {
+  return absl::StrFormat("render %.2f s, assemble %.2f s, filter %.2f s, write %.2f s",
+                         times.render_seconds(), times.assemble_seconds(), times.filter_seconds(),
+                         times.write_seconds());
+}
+
+std::string JobJson(const v1::JobStatus& status,
+                    const std::vector<std::pair<std::string, std::string>>& more) {
+  nlohmann::ordered_json json;
+  json["job_id"] = status.job_id();
+  json["state"] = std::string(StateName(status.state()));
+  json["name"] = status.display_name();
+  json["error"] = status.error();
+  json["warnings"] = nlohmann::ordered_json::array();
+  for (const std::string& warning : status.warnings()) json["warnings"].push_back(warning);
+  json["submitted_unix_ms"] = status.submitted_unix_ms();
+  json["workers"] = status.workers();
+  json["units_done"] = status.units_done();
+  json["units_total"] = status.units_total();
+  json["frames_done"] = status.frames_done();
+  json["frames_total"] = status.frames_total();
+  json["samples_done"] = status.samples_done();
+  json["samples_total"] = status.samples_total();
+  json["bad_samples"] = status.bad_samples();
+  json["render_seconds"] = status.times().render_seconds();
+  json["assemble_seconds"] = status.times().assemble_seconds();
+  json["filter_seconds"] = status.times().filter_seconds();
+  json["write_seconds"] = status.times().write_seconds();
+  for (const auto& [name, text] : more) json[name] = text;
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+std::string JobText(const v1::JobStatus& status) {
+  std::string text;
+  const auto line = [&text](absl::string_view name, const auto&... value) {
+    absl::StrAppend(&text, name, ": ", value..., "\n");
+  };
+  line("job", status.job_id());
+  line("state", StateName(status.state()));
+  line("scene", status.display_name());
+  if (!status.error().empty()) line("error", status.error());
+  for (const std::string& warning : status.warnings()) line("warning", warning);
+  line("submitted", SubmittedText(status));
+  line("workers", status.workers());
+  line("units", status.units_done(), " of ", status.units_total());
+  line("frames", status.frames_done(), " of ", status.frames_total());
+  line("samples", status.samples_done(), " of ", status.samples_total());
+  if (status.bad_samples() > 0) line("bad samples", status.bad_samples());
+  line("stages", StageTimesText(status.times()));
+  return text;
+}
+
+std::string JobTableHead() {
+  return absl::StrFormat("%-20s %-10s %5s  %-20s %s\n", "JOB", "STATE", "DONE", "SUBMITTED", "SCENE");
+}
+
+std::string JobTableLine(const v1::JobStatus& status) {
+  return absl::StrFormat("%-20s %-10s %4d%%  %-20s %s\n", status.job_id(), StateName(status.state()),
+                         PercentDone(status), SubmittedText(status), status.display_name());
+}
+
+}  // namespace lumifold::client

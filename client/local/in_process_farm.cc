@@ -1,0 +1,90 @@
+#include "client/local/in_process_farm.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/synchronization/notification.h"
+#include "server/server.h"
+#include "worker/connection.h"
+
+namespace lumifold::local {
+namespace {
+
+/// A new folder among the system's temporary ones; removed with all that is in it.
+class TemporaryFolder {
+ public:
+  static absl::StatusOr<std::unique_ptr<TemporaryFolder>> Make() {
+    std::error_code error;
+    const std::filesystem::path base = std::filesystem::temp_directory_path(error);
+    std::string path = (error ? std::string("/tmp") : base.string()) + "/lumifold-XXXXXX";
+    if (mkdtemp(path.data()) == nullptr) {
+      return absl::UnavailableError(
+          absl::StrCat("cannot make a temporary folder ", path, ": ", std::strerror(errno)));
+    }
+    return std::unique_ptr<TemporaryFolder>(new TemporaryFolder(path));
+  }
+
+  ~TemporaryFolder() {
+    std::error_code ignored;  // what cannot be removed stays for the system to clear
+    std::filesystem::remove_all(path_, ignored);
+  }
+
+  const std::string& path() const { return path_; }
+
+ private:
+  explicit TemporaryFolder(std::string path) : path_(std::move(path)) {}
+
+  std::string path_;
+};
+
+class InProcessFarm final : public client::LocalFarm {
+ public:
+  InProcessFarm(std::unique_ptr<TemporaryFolder> folder, std::unique_ptr<server::Server> server, int threads)
+      : folder_(std::move(folder)), server_(std::move(server)), channel_(server_->InProcessChannel()) {
+    worker_ = std::thread([channel = channel_, threads, this] {
+      // Its own coordinator refuses it never, and an error it reports fails the job there.
+      worker::RunWorker(channel, {.name = "local", .threads = threads, .log = nullptr}, stop_).IgnoreError();
+    });
+  }
+
+  ~InProcessFarm() override {
+    stop_.Notify();
+    worker_.join();
+    channel_ = nullptr;
+    server_->Shutdown();
+  }
+
+  std::shared_ptr<grpc::Channel> channel() override { return channel_; }
+
+ private:
+  std::unique_ptr<TemporaryFolder> folder_;  // null where the user named one
+  std::unique_ptr<server::Server> server_;
+  std::shared_ptr<grpc::Channel> channel_;
+  absl::Notification stop_;
+  std::thread worker_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::LocalFarmOptions& options) {
+  std::unique_ptr<TemporaryFolder> folder;
+  server::ServerOptions server_options;
+  server_options.data_dir = options.state_dir;
+  server_options.filter_threads = options.threads;
+  if (options.state_dir.empty()) {
+    absl::StatusOr<std::unique_ptr<TemporaryFolder>> made = TemporaryFolder::Make();
+    if (!made.ok()) return made.status();
+    folder = *std::move(made);
+    server_options.data_dir = folder->path();
+  }
+  absl::StatusOr<std::unique_ptr<server::Server>> server = server::Server::Start(std::move(server_options));
+  if (!server.ok()) return server.status();
+  return std::make_unique<InProcessFarm>(std::move(folder), *std::move(server), options.threads);
+}
+
+}  // namespace lumifold::local

@@ -1,0 +1,36 @@
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <iostream>
+#include <thread>
+
+#include "client/interrupt.h"
+#include "client/local/in_process_farm.h"
+#include "client/run_client.h"
+
+namespace {
+
+constexpr int kUsualColumns = 80;
+
+int TerminalColumns() {
+  winsize size = {};
+  const bool known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
+  return known ? size.ws_col : kUsualColumns;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  namespace client = lumifold::client;
+  client::CatchInterrupts();
+  client::Environment environment{.out = std::cout, .err = std::cerr};
+  environment.err_is_terminal = isatty(STDERR_FILENO) == 1;
+  environment.terminal_columns = TerminalColumns();
+  if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.default_server = server;
+  environment.default_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  environment.interrupted = client::Interrupted;
+  environment.local_farm = lumifold::local::StartLocalFarm;
+  return client::RunClient(argc, argv, environment);
+}

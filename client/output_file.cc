@@ -1,0 +1,64 @@
+#include "client/output_file.h"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "client/exit_code.h"
+#include "filter/image/exr_io.h"
+#include "filter/image/png_io.h"
+
+namespace lumifold::client {
+
+absl::StatusOr<PictureFormat> PictureFormatOf(const std::string& path) {
+  if (absl::EndsWithIgnoreCase(path, ".exr")) return PictureFormat::kExr;
+  if (absl::EndsWithIgnoreCase(path, ".png")) return PictureFormat::kPng;
+  return absl::InvalidArgumentError(
+      absl::StrCat("expected a name that ends in .exr or .png; got '", path, "'"));
+}
+
+absl::Status CheckOutput(const std::string& path) {
+  std::error_code ignored;
+  std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  if (folder.empty()) folder = ".";
+  if (!std::filesystem::exists(folder, ignored)) {
+    return absl::NotFoundError(
+        absl::StrCat("cannot write ", path, ": folder ", folder.string(), " does not exist"));
+  }
+  if (!std::filesystem::is_directory(folder, ignored)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("cannot write ", path, ": ", folder.string(), " is not a folder"));
+  }
+  if (std::filesystem::is_directory(path, ignored)) {
+    return absl::InvalidArgumentError(absl::StrCat("cannot write ", path, ": it is a folder"));
+  }
+  if (access(folder.c_str(), W_OK | X_OK) != 0) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("cannot write ", path, ": folder ", folder.string(), ": ", std::strerror(errno)));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status WritePngOfLayer(const std::string& exr_path, const std::string& layer, float exposure,
+                             const std::string& png_path) {
+  const absl::StatusOr<LayeredImage> image = ReadExr(exr_path);
+  if (!image.ok()) return OfThisMachine(image.status());
+  if (!image->HasColor(layer)) {
+    return absl::NotFoundError(absl::StrCat(exr_path, ": has no colour layer '", layer, "'"));
+  }
+  return OfThisMachine(WritePng(png_path, image->GetColor(layer), exposure));
+}
+
+absl::Status MoveIntoPlace(const std::string& from, const std::string& to) {
+  std::error_code error;
+  std::filesystem::rename(from, to, error);
+  if (!error) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("cannot write ", to, ": ", error.message()));
+}
+
+}  // namespace lumifold::client

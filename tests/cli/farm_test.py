@@ -1,0 +1,211 @@
+"""The program together with a real coordinator and a real worker over loopback, and by itself."""
+
+import json
+import queue
+import struct
+import subprocess
+import threading
+import unittest
+
+import harness
+
+NO_END = ("--size", "2048x2048", "--spp", "65536")  # hours of work: still running when it is cancelled
+
+
+class FarmTest(harness.CliTest):
+    """A coordinator of its own for each test; workers when a test starts them."""
+
+    def setUp(self):
+        super().setUp()
+        self.scene = harness.write_scene(self.folder)
+        lines = self.start_daemon("lumifold-server", "--data", self.folder / "data", "--listen", "127.0.0.1:0")
+        self.address = self.wait_for_address(lines)
+        self.environment["LUMIFOLD_SERVER"] = self.address
+
+    def start_daemon(self, program, *arguments):
+        """Starts a program that runs until the test ends. Gives a queue of the lines it prints."""
+        process = subprocess.Popen(
+            [harness.BIN_DIR / program, *map(str, arguments)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        lines = queue.Queue()
+
+        def read():
+            for line in process.stdout:
+                lines.put(line)
+
+        reader = threading.Thread(target=read, daemon=True)
+        reader.start()
+
+        def stop():
+            process.terminate()
+            process.wait(timeout=harness.TIMEOUT_SECONDS)
+            reader.join()
+            process.stdout.close()
+
+        self.addCleanup(stop)
+        return lines
+
+    def wait_for_address(self, lines):
+        while True:
+            words = lines.get(timeout=harness.TIMEOUT_SECONDS).split()
+            if "listening" in words:
+                return words[words.index("on", words.index("listening")) + 1]
+
+    def start_worker(self):
+        self.start_daemon("lumifold-worker", "--server", self.address, "--threads", "1")
+
+    def submit(self, *options):
+        out = self.succeed("submit", self.scene, *(options or ("--size", "40x30", "--spp", "4")))
+        self.assertRegex(out, r"\A[A-Za-z0-9_-]+\n\Z")  # the id alone
+        return out.strip()
+
+
+class Jobs(FarmTest):
+    def test_from_submit_to_download(self):
+        self.start_worker()
+        job = self.submit()
+        self.assertEqual(self.run_lumifold("wait", job)[:2], (0, "done\n"))
+
+        status = self.succeed_json("status", job)
+        self.assertEqual((status["job_id"], status["state"], status["name"]), (job, "done", "room.gltf"))
+        self.assertEqual((status["frames_done"], status["frames_total"]), (1, 1))
+        self.assertEqual(status["samples_done"], 40 * 30 * 4)
+        self.assertEqual(status["units_done"], status["units_total"])
+        self.assertEqual(self.succeed_json("list")["job_id"], job)
+        self.assertIn(job, self.succeed("list"))
+        self.assertEqual(json.loads(self.succeed("watch", job, "--json").splitlines()[-1])["state"], "done")
+
+        self.assertEqual(self.succeed_json("download", job, "-o", "out.exr")["output"], "out.exr")
+        self.succeed("download", job, "-o", "out.png", "--noisy", "noisy.png")
+        self.assertTrue((self.folder / "out.exr").read_bytes().startswith(b"\x76\x2f\x31\x01"))
+        for name in ("out.png", "noisy.png"):
+            self.assertTrue((self.folder / name).read_bytes().startswith(b"\x89PNG"))
+        self.assertEqual([name for name in self.files() if name.endswith(".part")], [])
+
+    def test_download_goes_on_where_it_stopped(self):
+        self.start_worker()
+        job = self.submit()
+        self.succeed("wait", job)
+        self.succeed("download", job, "-o", "whole.exr")
+        whole = (self.folder / "whole.exr").read_bytes()
+        (self.folder / f"again.exr.{job}-0.part").write_bytes(whole[: len(whole) // 3])
+        self.succeed("download", job, "-o", "again.exr")
+        self.assertEqual((self.folder / "again.exr").read_bytes(), whole)
+
+    def test_cancel(self):
+        job = self.submit(*NO_END)  # no worker yet
+        self.assertEqual(self.succeed_json("status", job)["state"], "queued")
+        self.assertEqual(self.run_lumifold("cancel", job), (0, "", f"lumifold: job {job} cancelled\n"))
+        self.assertEqual(self.run_lumifold("wait", job)[:2], (5, "cancelled\n"))
+        self.assertEqual(self.run_lumifold("watch", job)[0], 5)
+        self.assertEqual(self.succeed_json("cancel", job)["state"], "cancelled")  # again is no error
+
+    def test_download_before_the_end(self):
+        job = self.submit(*NO_END)
+        code, out, err = self.run_lumifold("download", job, "-o", "out.exr")
+        self.assertEqual((code, out), (1, ""))
+        self.assertRegex(err, r"\Alumifold: .+\n\Z")
+        self.assertNotIn("out.exr", "".join(self.files()))
+
+    def test_interrupted_wait_leaves_the_job_alone(self):
+        job = self.submit(*NO_END)
+        watch = self.start("watch", job, "--json")
+        watch.stdout.readline()  # it is watching
+        code, _, err = self.interrupt(watch)
+        self.assertEqual((code, err.splitlines()[-1]), (130, "lumifold: interrupted"))
+        self.assertEqual(self.succeed_json("status", job)["state"], "queued")
+
+
+class Refusals(FarmTest):
+    def test_unknown_job(self):
+        for command in (("status",), ("wait",), ("watch",), ("cancel",), ("download", "-o", "out.exr")):
+            with self.subTest(command=command[0]):
+                code, out, err = self.run_lumifold(command[0], "nonesuch", *command[1:])
+                self.assertEqual((code, out), (4, ""))
+                self.assertRegex(err, r"\Alumifold: .*nonesuch.*\n\Z")
+
+    def test_unknown_filter(self):
+        code, out, err = self.run_lumifold("submit", self.scene, "--filter", "nonesuch")
+        self.assertEqual((code, out), (2, ""))
+        self.assertRegex(err.splitlines()[-1], r"\Alumifold: .*nonesuch")
+
+
+class Render(harness.CliTest):
+    def setUp(self):
+        super().setUp()
+        self.scene = harness.write_scene(self.folder)
+        (self.folder / "tmp").mkdir()
+        self.environment["TMPDIR"] = str(self.folder / "tmp")  # what is left there is left behind too
+
+    def edit_scene(self, edit):
+        scene = json.loads(self.scene.read_text())
+        edit(scene)
+        self.scene.write_text(json.dumps(scene))
+
+    def test_writes_pictures_and_nothing_else(self):
+        before = self.files()
+        result = self.succeed_json("render", "room.gltf", "--size", "40x30", "--spp", "4", "--threads", "1",
+                                   "-o", "out.exr", "--noisy", "noisy.png")
+        self.assertEqual((result["state"], result["output"], result["noisy_output"]), ("done", "out.exr", "noisy.png"))
+        self.assertEqual(self.files(), sorted([*before, "noisy.png", "out.exr"]))
+        self.assertRegex(self.succeed("compare", "out.exr", "out.exr"), r"\AMSE255 0\.0000\nPSNR inf dB\n")
+
+    def test_same_settings_give_the_same_picture(self):
+        for name in ("a.exr", "b.exr"):
+            self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--seed", "5", "-o", name)
+        self.assertEqual(self.succeed_json("compare", "a.exr", "b.exr")["mse255"], 0)
+        self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--seed", "6", "-o", "c.exr")
+        self.assertGreater(self.succeed_json("compare", "a.exr", "c.exr")["mse255"], 0)
+
+    def test_bad_content_is_named_in_one_line(self):
+        def leave_buffer(scene):
+            scene["accessors"][1]["count"] = 30
+
+        def no_number(scene):
+            mesh = (self.folder / "mesh.bin").read_bytes()
+            (self.folder / "mesh.bin").write_bytes(struct.pack("<f", float("nan")) + mesh[4:])
+
+        def cut_short(scene):
+            (self.folder / "mesh.bin").write_bytes(b"short")
+
+        for edit in (leave_buffer, no_number, cut_short):
+            with self.subTest(edit.__name__):
+                self.scene = harness.write_scene(self.folder)
+                self.edit_scene(edit)
+                before = self.files()
+                code, out, err = self.run_lumifold("render", "room.gltf", "--size", "8x8", "--spp", "2", "-o", "a.exr")
+                self.assertEqual((code, out), (1, ""))
+                self.assertRegex(err.splitlines()[-1], r"\Alumifold: job \S+ failed: room\.gltf: .+\Z")
+                self.assertEqual(self.files(), before)
+
+    def test_no_camera_and_no_light_are_warnings(self):
+        def neither(scene):
+            scene["nodes"].pop()
+            scene["scenes"][0]["nodes"].pop()
+            scene["materials"][1] = {}
+
+        self.edit_scene(neither)
+        result = self.succeed_json("render", "room.gltf", "--size", "8x8", "--spp", "2", "-o", "a.exr")
+        self.assertRegex("\n".join(result["warnings"]), r"(?s)(camera.*light|light.*camera)")
+
+    def test_interrupted_render_leaves_nothing(self):
+        before = self.files()
+        render = self.start("render", "room.gltf", *NO_END, "--threads", "1", "-o", "out.exr")
+        self.assertIn("rendering", self.read_until(render, "rendering"))
+        code, out, err = self.interrupt(render)
+        self.assertEqual((code, out, err.splitlines()[-1]), (130, "", "lumifold: interrupted"))
+        self.assertEqual(self.files(), before)
+
+    def read_until(self, process, word):
+        for line in process.stderr:
+            if word in line:
+                return line
+        self.fail(f"ended before it said '{word}'")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,116 @@
+"""Runs the program `lumifold` and compares what it did with what is written down in golden/."""
+
+import json
+import os
+import pathlib
+import re
+import signal
+import socket
+import struct
+import subprocess
+import tempfile
+import unittest
+
+BIN_DIR = pathlib.Path(os.environ["LUMIFOLD_BIN_DIR"])
+GOLDEN_DIR = pathlib.Path(__file__).parent / "golden"
+APPROVE = os.environ.get("LUMIFOLD_APPROVE") == "1"
+TIMEOUT_SECONDS = 120
+
+
+class CliTest(unittest.TestCase):
+    """A test with an empty folder of its own, in which the program runs."""
+
+    maxDiff = None
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="lumifold-cli-")
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.environment = {key: value for key, value in os.environ.items() if key != "LUMIFOLD_SERVER"}
+
+    def start(self, *arguments):
+        return subprocess.Popen(
+            [BIN_DIR / "lumifold", *map(str, arguments)],
+            cwd=self.folder,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def run_lumifold(self, *arguments):
+        """Exit code, standard output, standard error."""
+        process = self.start(*arguments)
+        out, err = process.communicate(timeout=TIMEOUT_SECONDS)
+        return process.returncode, out, err
+
+    def succeed(self, *arguments):
+        """Standard output of a call that must succeed."""
+        code, out, err = self.run_lumifold(*arguments)
+        self.assertEqual(code, 0, f"lumifold {arguments}: {err}")
+        return out
+
+    def succeed_json(self, *arguments):
+        """The object on the one line that a call with --json prints."""
+        out = self.succeed(*arguments, "--json")
+        self.assertEqual(out.count("\n"), 1, out)
+        return json.loads(out)
+
+    def check_golden(self, name, *arguments, replace=()):
+        """Compares a call with golden/NAME.txt; `replace` holds (pattern, replacement) for what differs from run to run."""
+        before = self.files()
+        code, out, err = self.run_lumifold(*arguments)
+        text = f"exit code: {code}\n--- standard output\n{out}--- standard error\n{err}"
+        for pattern, replacement in replace:
+            text = re.sub(pattern, replacement, text)
+        path = GOLDEN_DIR / f"{name}.txt"
+        if APPROVE:
+            path.write_text(text)
+        self.assertEqual(path.read_text() if path.exists() else None, text, f"lumifold {arguments}")
+        self.assertEqual(self.files(), before, "something was left behind")
+
+    def files(self):
+        return sorted(str(path.relative_to(self.folder)) for path in self.folder.rglob("*"))
+
+    def interrupt(self, process):
+        """Ctrl-C. Exit code, standard output, standard error."""
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=TIMEOUT_SECONDS)
+        return process.returncode, out, err
+
+
+def free_address():
+    """HOST:PORT where nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{probe.getsockname()[1]}"
+
+
+def write_scene(folder, name="room.gltf"):
+    """A triangle that glows, above another that it shines on, with their vertices in a file beside the scene."""
+    positions = [(-1, 0, -1), (0, 0, 1), (1, 0, -1), (-1, 2, -1), (1, 2, -1), (0, 2, 1)]
+    (folder / "mesh.bin").write_bytes(b"".join(struct.pack("<3f", *position) for position in positions))
+
+    def mesh(accessor):
+        return {"primitives": [{"attributes": {"POSITION": accessor}, "material": accessor}]}
+
+    def accessor(first, low, high):
+        return {"bufferView": 0, "byteOffset": 12 * first, "componentType": 5126, "count": 3, "type": "VEC3",
+                "min": low, "max": high}
+
+    scene = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1, 2]}],
+        "nodes": [{"mesh": 0}, {"mesh": 1}, {"camera": 0, "translation": [0, 1, 5]}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.01}}],
+        "materials": [{}, {"emissiveFactor": [1, 1, 1]}],
+        "meshes": [mesh(0), mesh(1)],
+        "buffers": [{"uri": "mesh.bin", "byteLength": 12 * len(positions)}],
+        "bufferViews": [{"buffer": 0, "byteLength": 12 * len(positions)}],
+        "accessors": [accessor(0, [-1, 0, -1], [1, 0, 1]), accessor(3, [-1, 2, -1], [1, 2, 1])],
+    }
+    path = folder / name
+    path.write_text(json.dumps(scene))
+    return path

@@ -1,0 +1,100 @@
+"""What the program says without any farm: help, and each way to ask for something that cannot be."""
+
+import struct
+import unittest
+
+import harness
+
+
+class Help(harness.CliTest):
+    def test_program(self):
+        self.check_golden("help", "--help")
+        self.check_golden("no_arguments")
+        self.check_golden("version", "--version", replace=[(r"\d+\.\d+\.\d+", "VERSION")])
+
+    def test_each_command(self):
+        for command in ("render", "submit", "status", "wait", "watch", "list", "cancel", "download", "convert", "compare"):
+            with self.subTest(command=command):
+                self.check_golden(f"help_{command}", command, "--help")
+
+
+class WrongCommandLine(harness.CliTest):
+    def test_unknown_words_get_a_suggestion(self):
+        self.check_golden("unknown_command", "rendr", "room.gltf")
+        self.check_golden("unknown_command_far", "frobnicate")
+        self.check_golden("unknown_option_before_command", "--verison")
+        self.check_golden("unknown_option", "render", "room.gltf", "--szie", "512x384", "-o", "out.exr")
+        self.check_golden("unexpected_argument", "render", "room.gltf", "hall.gltf", "-o", "out.exr")
+
+    def test_values_say_what_is_expected(self):
+        for name, option, value in (
+            ("bad_size", "--size", "512"),
+            ("zero_size", "--size", "0x384"),
+            ("absurd_size", "--size", "99999999x99999999"),
+            ("zero_samples", "--spp", "0"),
+            ("negative_seed", "--seed", "-1"),
+            ("bad_exposure", "--exposure", "bright"),
+        ):
+            with self.subTest(name=name):
+                self.check_golden(name, "render", "room.gltf", option, value, "-o", "out.exr")
+
+    def test_what_is_missing_is_named(self):
+        self.check_golden("no_scene", "render", "-o", "out.exr")
+        self.check_golden("no_output", "render", "room.gltf")
+        self.check_golden("no_value", "render", "room.gltf", "-o", "out.exr", "--spp")
+        self.check_golden("no_job", "status")
+
+    def test_outputs_are_looked_at_first(self):
+        self.check_golden("unknown_format", "render", "room.gltf", "-o", "out.jpg")
+        self.check_golden("no_folder", "render", "room.gltf", "-o", "none/out.exr")
+        self.check_golden("noisy_no_png", "render", "room.gltf", "-o", "out.exr", "--noisy", "noisy.exr")
+
+
+class BadScene(harness.CliTest):
+    def test_missing(self):
+        self.check_golden("missing_scene", "render", "room.gltf", "-o", "out.exr")
+
+    def test_folder(self):
+        self.check_golden("folder_scene", "render", ".", "-o", "out.exr")
+
+    def test_not_gltf(self):
+        (self.folder / "room.gltf").write_text("This is no scene.\n")
+        self.check_golden("not_gltf", "render", "room.gltf", "-o", "out.exr")
+
+    def test_cut_short(self):
+        (self.folder / "room.glb").write_bytes(b"glTF" + struct.pack("<III", 2, 1000, 900) + b"JSON{}")
+        self.check_golden("cut_short_glb", "render", "room.glb", "-o", "out.exr")
+
+    def test_missing_file_of_the_scene(self):
+        harness.write_scene(self.folder)
+        (self.folder / "mesh.bin").unlink()
+        self.check_golden("missing_buffer", "submit", "room.gltf")
+
+
+class NoServer(harness.CliTest):
+    def test_each_command_names_it(self):
+        harness.write_scene(self.folder)
+        address = harness.free_address()
+        for command in (
+            ("submit", "room.gltf"),
+            ("status", "j1"),
+            ("wait", "j1"),
+            ("watch", "j1"),
+            ("list",),
+            ("cancel", "j1"),
+            ("download", "j1", "-o", "out.exr"),
+        ):
+            with self.subTest(command=command[0]):
+                self.check_golden("no_server", *command, "--server", address, replace=[(address, "ADDRESS")])
+
+    def test_address_from_the_environment(self):
+        address = harness.free_address()
+        self.environment["LUMIFOLD_SERVER"] = address
+        self.check_golden("no_server", "list", replace=[(address, "ADDRESS")])
+
+    def test_no_address(self):
+        self.check_golden("bad_address", "list", "--server", "render.example.org")
+
+
+if __name__ == "__main__":
+    unittest.main()

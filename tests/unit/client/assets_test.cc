@@ -1,0 +1,119 @@
+#include "client/assets.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/client/test_environment.h"
+
+namespace lumifold::client {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+constexpr char kEmptySha256[] = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
+constexpr char kAbcSha256[] = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+
+std::string LittleEndian(uint32_t value) {
+  std::string bytes;
+  for (int i = 0; i < 4; ++i) bytes += static_cast<char>(value >> (8 * i));
+  return bytes;
+}
+
+std::string Glb(const std::string& json) {
+  const auto size = static_cast<uint32_t>(json.size());
+  return "glTF" + LittleEndian(2) + LittleEndian(20 + size) + LittleEndian(size) + "JSON" + json;
+}
+
+absl::Status ErrorOf(const std::string& path) { return FindSceneAssets(path).status(); }
+
+TEST(SceneAssets, NameAMissingScene) {
+  const ScratchFolder folder;
+  const std::string path = folder.File("room.glb");
+  EXPECT_EQ(ErrorOf(path), absl::NotFoundError("scene " + path + ": No such file or directory"));
+}
+
+TEST(SceneAssets, RefuseWhatIsNoGltf) {
+  const ScratchFolder folder;
+  for (const std::string content : {"", "hello", "[1, 2]", "{}", "{\"asset\": ", "glT"}) {
+    const std::string path = folder.Write("room.glb", content);
+    EXPECT_EQ(ErrorOf(path), absl::DataLossError("scene " + path + ": not a glTF file")) << content;
+  }
+  const std::string path = folder.File(".");
+  EXPECT_EQ(ErrorOf(path), absl::InvalidArgumentError("scene " + path + ": is a folder, not a file"));
+}
+
+TEST(SceneAssets, RefuseAGlbThatIsCutShortOrDamaged) {
+  const ScratchFolder folder;
+  const std::string whole = Glb("{\"asset\":{}}");
+  EXPECT_THAT(std::string(ErrorOf(folder.Write("a.glb", whole.substr(0, 14))).message()),
+              testing::EndsWith("a.glb: a GLB file cut short within its header"));
+  EXPECT_THAT(
+      std::string(ErrorOf(folder.Write("b.glb", whole.substr(0, whole.size() - 1))).message()),
+      testing::EndsWith("b.glb: a GLB file cut short: it has 31 of the 32 bytes its header promises"));
+  std::string version_1 = whole;
+  version_1[4] = 1;
+  EXPECT_THAT(std::string(ErrorOf(folder.Write("c.glb", version_1)).message()),
+              testing::EndsWith("c.glb: glTF version 1; only 2 is understood"));
+  std::string huge_json = whole;
+  huge_json.replace(12, 4, LittleEndian(0xffffffff));
+  EXPECT_THAT(std::string(ErrorOf(folder.Write("d.glb", huge_json)).message()),
+              testing::EndsWith("d.glb: a GLB file whose first chunk is no JSON"));
+}
+
+TEST(SceneAssets, NameSceneAndFileWhereAFileIsMissing) {
+  const ScratchFolder folder;
+  const std::string path =
+      folder.Write("room.gltf", R"({"asset":{"version":"2.0"},"images":[{"uri":"wood%20floor.png"}]})");
+  EXPECT_EQ(ErrorOf(path), absl::NotFoundError("scene " + path +
+                                               " needs wood%20floor.png: " + folder.File("wood floor.png") +
+                                               ": No such file or directory"));
+}
+
+TEST(SceneAssets, RefuseUrisThatAreNoFiles) {
+  const auto uris = ExternalUris(R"({"asset":{},"images":[{},{"uri":"https://example.org/a.png"}]})");
+  EXPECT_EQ(uris.status(), absl::DataLossError("images[1].uri is 'https://example.org/a.png'; only files and "
+                                               "data: URIs are understood"));
+}
+
+TEST(SceneAssets, FindEveryFileOnceInOrder) {
+  const auto uris =
+      ExternalUris(R"({"asset":{}, "buffers":[{"uri":"b.bin"},{"uri":"data:;base64,AA=="},{"byteLength":3}],
+      "images":[{"uri":"a.png"},{"bufferView":0},{"uri":"b.bin"},{"uri":"../c.png"},{"uri":"a.png"}]})");
+  EXPECT_THAT(uris.value(), ElementsAre("b.bin", "a.png", "../c.png"));
+  EXPECT_THAT(ExternalUris(R"({"asset":{}})").value(), IsEmpty());
+}
+
+TEST(SceneAssets, HashTheSceneAndItsFilesWhereverTheyAre) {
+  const ScratchFolder folder;
+  folder.Write("textures/wood floor.png", "abc");
+  folder.Write("scenes/mesh.bin", "");
+  const std::string json =
+      R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}],"images":[{"uri":"../textures/wood%20floor.png"}]})";
+  for (const std::string& content : {json, Glb(json)}) {
+    const std::string path = folder.Write("scenes/room.glb", content);
+    const SceneAssets assets = FindSceneAssets(path).value();
+    ASSERT_EQ(assets.size(), 3u);
+    EXPECT_EQ(assets[0].ref.uri(), "");
+    EXPECT_EQ(assets[0].ref.size(), content.size());
+    EXPECT_EQ(assets[1].ref.uri(), "mesh.bin");
+    EXPECT_EQ(assets[1].ref.sha256(), kEmptySha256);
+    EXPECT_EQ(assets[2].ref.uri(), "../textures/wood%20floor.png");
+    EXPECT_EQ(assets[2].ref.sha256(), kAbcSha256);
+    EXPECT_EQ(assets[2].ref.size(), 3u);
+    const v1::SceneRef scene = MakeSceneRef(assets);
+    EXPECT_EQ(scene.display_name(), "room.glb");
+    EXPECT_EQ(scene.file().sha256(), assets[0].ref.sha256());
+    EXPECT_EQ(scene.dependencies_size(), 2);
+  }
+}
+
+TEST(PercentDecoded, LeavesAStrayPercentAlone) {
+  EXPECT_EQ(PercentDecoded("a%20b%2Fc"), "a b/c");
+  EXPECT_EQ(PercentDecoded("100%"), "100%");
+  EXPECT_EQ(PercentDecoded("5%zz%4"), "5%zz%4");
+  EXPECT_EQ(PercentDecoded("%C3%BC"), "\xC3\xBC");
+}
+
+}  // namespace
+}  // namespace lumifold::client

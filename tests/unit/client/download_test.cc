@@ -1,0 +1,100 @@
+#include "client/download.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/client/fake_farm.h"
+#include "tests/unit/client/test_environment.h"
+
+namespace lumifold::client {
+namespace {
+
+using testing::ElementsAre;
+
+class DownloadTest : public testing::Test {
+ protected:
+  DownloadTest() {
+    for (int i = 0; i < 5500; ++i) farm_.result += static_cast<char>(i * 7 + i / 256);
+  }
+
+  absl::Status Download() {
+    const auto client = MakeFarmClient(farm_.channel(), {.coordinator = farm_.address(),
+                                                         .time = time_.Environment(),
+                                                         .interrupted = test_.environment.interrupted});
+    QuietProgress progress(test_.err);
+    return DownloadFrame(*client, "job-1", 0, folder_.File("part"), progress,
+                         Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted));
+  }
+
+  FakeFarm farm_;
+  ScratchFolder folder_;
+  TestEnvironment test_;
+  FakeTime time_;
+};
+
+TEST(PartPath, TellsJobsAndFramesApart) {
+  EXPECT_EQ(PartPath("out.exr", "j-1", 3).value(), "out.exr.j-1-3.part");
+}
+
+TEST(PartPath, RefusesWhatCannotBeAJob) {
+  for (const char* id : {"", "../x", "a b", "a/b"}) {
+    EXPECT_EQ(PartPath("out.exr", id, 0).status(), absl::NotFoundError("no job '" + std::string(id) + "'"));
+  }
+}
+
+TEST_F(DownloadTest, LeavesNothingWhereTheJobIsUnknown) {
+  farm_.result.clear();
+  EXPECT_EQ(Download(), absl::NotFoundError("no job 'job-1'"));
+  EXPECT_EQ(folder_.FileCount(), 0);
+}
+
+TEST_F(DownloadTest, GoesOnWhereAConnectionBroke) {
+  farm_.break_downloads = {2000, 2000, 5000};
+  EXPECT_EQ(Download(), absl::OkStatus());
+  EXPECT_EQ(folder_.Read("part"), farm_.result);
+  EXPECT_THAT(farm_.download_offsets(), ElementsAre(0, 2000, 2000, 5000));
+  EXPECT_GT(time_.sleeps, 0);
+}
+
+TEST_F(DownloadTest, GoesOnWithWhatAnEarlierCallLeft) {
+  folder_.Write("part", farm_.result.substr(0, 1234));
+  EXPECT_EQ(Download(), absl::OkStatus());
+  EXPECT_EQ(folder_.Read("part"), farm_.result);
+  EXPECT_THAT(farm_.download_offsets(), ElementsAre(1234));
+}
+
+TEST_F(DownloadTest, IsContentWithAPartThatIsWhole) {
+  folder_.Write("part", farm_.result);
+  EXPECT_EQ(Download(), absl::OkStatus());
+  EXPECT_EQ(folder_.Read("part"), farm_.result);
+}
+
+TEST_F(DownloadTest, BeginsAnewWhereThePartIsLongerThanTheFile) {
+  folder_.Write("part", farm_.result + "more");
+  EXPECT_EQ(Download(), absl::OkStatus());
+  EXPECT_EQ(folder_.Read("part"), farm_.result);
+  EXPECT_THAT(farm_.download_offsets(), ElementsAre(5504, 0));
+}
+
+TEST_F(DownloadTest, GivesUpWhenNothingMovesAndKeepsWhatItHas) {
+  farm_.break_downloads.assign(1000, 3000);
+  const absl::Time begin = time_.now;
+  EXPECT_EQ(Download().code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(folder_.Read("part"), farm_.result.substr(0, 3000));
+  EXPECT_GE(time_.now - begin, absl::Minutes(1));
+}
+
+TEST_F(DownloadTest, StopsWhenTheUserInterrupts) {
+  test_.interrupted = true;
+  EXPECT_EQ(Download(), absl::CancelledError("interrupted"));
+}
+
+TEST_F(DownloadTest, NamesTheFileTheDiskRefuses) {
+  folder_.Write("part/in-the-way", "");
+  const absl::Status status = Download();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
+  EXPECT_THAT(std::string(status.message()), testing::HasSubstr("/part: "));
+}
+
+}  // namespace
+}  // namespace lumifold::client

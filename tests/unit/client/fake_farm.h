@@ -1,0 +1,67 @@
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "lumifold/v1/farm.grpc.pb.h"
+
+namespace lumifold::client {
+
+/// A coordinator of few words behind a real socket: it keeps what it is sent and answers what the test has
+/// put in.
+class FakeFarm final : public v1::FarmService::Service {
+ public:
+  FakeFarm();
+  ~FakeFarm() override;
+
+  /// HOST:PORT it listens on.
+  const std::string& address() const { return address_; }
+  std::shared_ptr<grpc::Channel> channel() const;
+
+  // What it answers. Set before the calls.
+  std::vector<v1::JobStatus> watched;     // one a status; the stream ends after them
+  size_t watched_per_stream = 1000;       // breaks the stream after so many
+  bool hold_watch = false;                // keeps the stream open after them until the client goes
+  std::string result;                     // the file of every frame
+  std::vector<uint64_t> break_downloads;  // the n-th download breaks at this offset of the file
+  std::string submit_error;               // INVALID_ARGUMENT with this text
+  std::map<std::string, v1::JobStatus> jobs;
+
+  // What it has seen.
+  std::vector<std::string> uploads() const;  // contents, in order
+  std::vector<v1::SubmitJobRequest> submissions() const;
+  std::vector<uint64_t> download_offsets() const;
+  std::vector<std::string> cancelled() const;
+
+ private:
+  grpc::Status FindMissingAssets(grpc::ServerContext*, const v1::FindMissingAssetsRequest*,
+                                 v1::FindMissingAssetsResponse*) override;
+  grpc::Status UploadAsset(grpc::ServerContext*, grpc::ServerReader<v1::UploadAssetRequest>*,
+                           v1::UploadAssetResponse*) override;
+  grpc::Status SubmitJob(grpc::ServerContext*, const v1::SubmitJobRequest*, v1::SubmitJobResponse*) override;
+  grpc::Status GetJob(grpc::ServerContext*, const v1::GetJobRequest*, v1::JobStatus*) override;
+  grpc::Status ListJobs(grpc::ServerContext*, const v1::ListJobsRequest*, v1::ListJobsResponse*) override;
+  grpc::Status WatchJob(grpc::ServerContext*, const v1::WatchJobRequest*,
+                        grpc::ServerWriter<v1::JobStatus>*) override;
+  grpc::Status CancelJob(grpc::ServerContext*, const v1::CancelJobRequest*, v1::JobStatus*) override;
+  grpc::Status DownloadResult(grpc::ServerContext*, const v1::DownloadResultRequest*,
+                              grpc::ServerWriter<v1::ByteChunk>*) override;
+
+  mutable std::mutex mutex_;
+  std::map<std::string, std::string> assets_;  // content by SHA-256
+  std::vector<std::string> uploads_;
+  std::vector<v1::SubmitJobRequest> submissions_;
+  std::vector<uint64_t> download_offsets_;
+  std::vector<std::string> cancelled_;
+  size_t next_watched_ = 0;
+
+  std::string address_;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+}  // namespace lumifold::client

@@ -1,0 +1,119 @@
+#include "client/follow_job.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/client/fake_farm.h"
+#include "tests/unit/client/test_environment.h"
+
+namespace lumifold::client {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+v1::JobStatus Job(v1::JobState state, int64_t samples_done = 0) {
+  v1::JobStatus job;
+  job.set_job_id("job-1");
+  job.set_state(state);
+  job.set_samples_done(samples_done);
+  job.set_samples_total(100);
+  return job;
+}
+
+class FollowJobTest : public testing::Test {
+ protected:
+  absl::StatusOr<v1::JobStatus> Follow(const std::string& address) {
+    const auto client = ConnectTo(
+        {.coordinator = address, .time = time_.Environment(), .interrupted = test_.environment.interrupted});
+    QuietProgress progress(test_.err);
+    return FollowJob(*client, "job-1", progress,
+                     Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted),
+                     [this](const v1::JobStatus& job) {
+                       seen_.push_back(job.state());
+                       if (interrupt_at_ == job.state()) test_.interrupted = true;
+                     });
+  }
+
+  FakeFarm farm_;
+  TestEnvironment test_;
+  FakeTime time_;
+  std::vector<v1::JobState> seen_;
+  v1::JobState interrupt_at_ = v1::JOB_STATE_UNSPECIFIED;
+};
+
+TEST_F(FollowJobTest, SaysWhereNobodyAnswersWithoutWaiting) {
+  std::string address;
+  {
+    const FakeFarm gone;
+    address = gone.address();
+  }
+  EXPECT_EQ(Follow(address).status(),
+            absl::UnavailableError("cannot reach the coordinator at " + address + ": Connection refused"));
+  EXPECT_LT(time_.now - absl::UnixEpoch(), absl::Seconds(1));
+}
+
+TEST_F(FollowJobTest, SaysThatThereIsNoSuchJob) {
+  EXPECT_EQ(Follow(farm_.address()).status(), absl::NotFoundError("no job 'job-1'"));
+}
+
+TEST_F(FollowJobTest, GivesTheLastStatusWhateverTheFate) {
+  farm_.watched = {Job(v1::JOB_STATE_QUEUED), Job(v1::JOB_STATE_RENDERING, 50),
+                   Job(v1::JOB_STATE_FAILED, 50)};
+  farm_.watched.back().set_error("no memory");
+  const auto job = Follow(farm_.address());
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->error(), "no memory");
+  EXPECT_THAT(seen_, ElementsAre(v1::JOB_STATE_QUEUED, v1::JOB_STATE_RENDERING, v1::JOB_STATE_FAILED));
+}
+
+TEST_F(FollowJobTest, ComesBackWhenTheConnectionBreaks) {
+  farm_.watched = {Job(v1::JOB_STATE_RENDERING, 10), Job(v1::JOB_STATE_RENDERING, 20),
+                   Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched_per_stream = 1;
+  const auto job = Follow(farm_.address());
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->state(), v1::JOB_STATE_DONE);
+  EXPECT_THAT(test_.err.str(), HasSubstr("; trying again\n"));
+}
+
+TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
+  farm_.watched = {Job(v1::JOB_STATE_RENDERING, 10), Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched_per_stream = 1;
+  const absl::Time begin = time_.now;
+  const auto client = ConnectTo({.coordinator = farm_.address(),
+                                 .time = time_.Environment(),
+                                 .interrupted = test_.environment.interrupted});
+  QuietProgress progress(test_.err);
+  // After the first status the stream breaks at once, every time.
+  const auto job = FollowJob(*client, "job-1", progress,
+                             Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted),
+                             [this](const v1::JobStatus&) { farm_.watched_per_stream = 0; });
+  EXPECT_EQ(job.status().code(), absl::StatusCode::kUnavailable);
+  EXPECT_GE(time_.now - begin, absl::Minutes(1));
+}
+
+TEST_F(FollowJobTest, SaysEachWarningOnce) {
+  farm_.watched = {Job(v1::JOB_STATE_RENDERING), Job(v1::JOB_STATE_DONE)};
+  for (v1::JobStatus& job : farm_.watched) job.add_warnings("the scene has no light");
+  ASSERT_TRUE(Follow(farm_.address()).ok());
+  EXPECT_EQ(test_.err.str(), "warning: the scene has no light\n");
+}
+
+TEST_F(FollowJobTest, StopsWhenTheUserInterruptsThoughTheCoordinatorIsSilent) {
+  farm_.watched = {Job(v1::JOB_STATE_RENDERING)};
+  farm_.hold_watch = true;
+  interrupt_at_ = v1::JOB_STATE_RENDERING;
+  EXPECT_EQ(Follow(farm_.address()).status(), absl::CancelledError("interrupted"));
+}
+
+TEST(ProgressOf, CountsSamplesWhileRenderingAlone) {
+  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RENDERING, 30)).done, 30);
+  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RENDERING, 30)).total, 100);
+  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_QUEUED)).total, 0);
+  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_FILTERING, 100)).total, 0);
+  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_FILTERING, 100)).stage, "filtering");
+}
+
+}  // namespace
+}  // namespace lumifold::client

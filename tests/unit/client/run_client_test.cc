@@ -1,0 +1,271 @@
+#include "client/run_client.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "filter/image/exr_io.h"
+#include "tests/unit/client/fake_farm.h"
+#include "tests/unit/client/test_environment.h"
+
+namespace lumifold::client {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::StartsWith;
+
+constexpr char kScene[] = R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}]})";
+
+// A farm inside the process, as far as the client can tell.
+class FakeLocalFarm : public LocalFarm {
+ public:
+  explicit FakeLocalFarm(std::shared_ptr<grpc::Channel> channel) : channel_(std::move(channel)) {}
+  std::shared_ptr<grpc::Channel> channel() override { return channel_; }
+
+ private:
+  std::shared_ptr<grpc::Channel> channel_;
+};
+
+class RunClientTest : public testing::Test {
+ protected:
+  RunClientTest() {
+    scene_ = folder_.Write("room.gltf", kScene);
+    folder_.Write("mesh.bin", std::string(2'500'000, 'm'));
+    test_.environment.default_server = farm_.address();
+    test_.environment.local_farm = [this](const LocalFarmOptions& options) {
+      local_options_.push_back(options);
+      return std::make_unique<FakeLocalFarm>(farm_.channel());
+    };
+    LayeredImage image(4, 3);
+    image.AddColor("");
+    image.AddColor("noisy");
+    EXPECT_EQ(WriteExr(folder_.File("result"), image), absl::OkStatus());
+    farm_.result = folder_.Read("result");
+    farm_.watched = {Job(v1::JOB_STATE_RENDERING), Job(v1::JOB_STATE_DONE)};
+  }
+
+  static v1::JobStatus Job(v1::JobState state) {
+    v1::JobStatus job;
+    job.set_job_id("job-1");
+    job.set_state(state);
+    return job;
+  }
+
+  int Run(std::vector<std::string> arguments) {
+    std::vector<const char*> argv = {"lumifold"};
+    for (const std::string& argument : arguments) argv.push_back(argument.c_str());
+    return RunClient(static_cast<int>(argv.size()), argv.data(), test_.environment);
+  }
+
+  std::string Out() const { return test_.out.str(); }
+  std::string Err() const { return test_.err.str(); }
+
+  FakeFarm farm_;
+  ScratchFolder folder_;
+  TestEnvironment test_;
+  std::string scene_;
+  std::vector<LocalFarmOptions> local_options_;
+};
+
+TEST_F(RunClientTest, RefusesOutputsBeforeAnyWork) {
+  EXPECT_EQ(Run({"render", scene_, "-o", "out.jpg"}), 2);
+  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("none/out.exr")}), 4);
+  EXPECT_EQ(Run({"render", scene_, "-o", "out.exr", "--noisy", "noisy.exr"}), 2);
+  EXPECT_THAT(local_options_, testing::IsEmpty());
+  EXPECT_EQ(Out(), "");
+}
+
+TEST_F(RunClientTest, SaysThatAFarmCannotStart) {
+  test_.environment.local_farm = [](const LocalFarmOptions&) {
+    return absl::InternalError("no room on the disk");
+  };
+  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("out.exr")}), 1);
+  EXPECT_EQ(Err(), "lumifold: no room on the disk\n");
+}
+
+TEST_F(RunClientTest, SaysWhatTheCoordinatorRefuses) {
+  farm_.submit_error = "filter.method: no method 'best'";
+  EXPECT_EQ(Run({"submit", scene_, "--filter", "best"}), 2);
+  EXPECT_THAT(Err(), testing::EndsWith("lumifold: filter.method: no method 'best'\n"));
+}
+
+TEST_F(RunClientTest, PrintsTheIdOfASubmittedJobAlone) {
+  EXPECT_EQ(
+      Run({"submit", scene_, "--size", "512x384", "--spp", "16", "--seed", "18446744073709551615", "--camera",
+           "left", "--max-bounces", "3", "--filter", "none", "--frame", "7", "--save-film"}),
+      0);
+  EXPECT_EQ(Out(), "job-1\n");
+  ASSERT_EQ(farm_.submissions().size(), 1u);
+  const v1::JobSpec spec = farm_.submissions()[0].spec();
+  EXPECT_EQ(spec.width(), 512);
+  EXPECT_EQ(spec.height(), 384);
+  EXPECT_EQ(spec.samples_per_pixel(), 16);
+  EXPECT_EQ(spec.seed(), 18446744073709551615u);
+  EXPECT_EQ(spec.camera(), "left");
+  EXPECT_EQ(spec.max_bounces(), 3);
+  EXPECT_EQ(spec.filter().method(), "none");
+  EXPECT_EQ(spec.first_frame(), 7);
+  EXPECT_EQ(spec.frame_count(), 1);
+  EXPECT_TRUE(spec.save_film());
+  EXPECT_EQ(spec.pass_samples(), 0);  // the coordinator chooses
+  EXPECT_EQ(spec.tile_size(), 0);
+  EXPECT_EQ(spec.scene().display_name(), "room.gltf");
+  EXPECT_EQ(spec.scene().dependencies(0).uri(), "mesh.bin");
+  EXPECT_EQ(farm_.submissions()[0].request_id().size(), 32u);
+}
+
+TEST_F(RunClientTest, SendsTheEnvironmentAndTheLens) {
+  const std::string sky = folder_.Write("sky.exr", "light");
+  EXPECT_EQ(Run({"submit", scene_, "--env", sky, "--env-rotate", "-90", "--env-scale", "0.5", "--f-stop",
+                 "2.8", "--focus", "3"}),
+            0);
+  EXPECT_THAT(farm_.uploads(), testing::Contains("light"));
+  const v1::JobSpec spec = farm_.submissions()[0].spec();
+  EXPECT_EQ(spec.scene().dependencies(1).uri(), "environment:sky.exr");
+  EXPECT_EQ(spec.environment().uri(), "environment:sky.exr");
+  EXPECT_EQ(spec.environment().rotate_degrees(), -90);
+  EXPECT_EQ(spec.environment().scale(), 0.5f);
+  EXPECT_EQ(spec.lens().f_stop(), 2.8f);
+  EXPECT_EQ(spec.lens().focus_metres(), 3);
+  EXPECT_EQ(Run({"submit", scene_}), 0);
+  EXPECT_FALSE(farm_.submissions()[1].spec().has_environment());
+  EXPECT_FALSE(farm_.submissions()[1].spec().has_lens());
+}
+
+TEST_F(RunClientTest, RefusesOptionsThatNeedOthers) {
+  EXPECT_EQ(Run({"submit", scene_, "--f-stop", "2"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("--f-stop and --focus need each other"));
+  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("out.exr"), "--env-rotate", "90"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("--env-rotate and --env-scale need --env"));
+  EXPECT_EQ(Run({"submit", scene_, "--env", folder_.File("none.exr")}), 4);
+  EXPECT_THAT(Err(), HasSubstr("--env "));
+  EXPECT_THAT(farm_.submissions(), testing::IsEmpty());
+}
+
+TEST_F(RunClientTest, SendsWhatTheCoordinatorLacksAndNothingTwice) {
+  EXPECT_EQ(Run({"submit", scene_}), 0);
+  EXPECT_THAT(farm_.uploads(), ElementsAre(kScene, std::string(2'500'000, 'm')));
+  EXPECT_EQ(Run({"submit", scene_}), 0);
+  EXPECT_EQ(farm_.uploads().size(), 2u);
+  EXPECT_NE(farm_.submissions()[0].request_id(), farm_.submissions()[1].request_id());
+}
+
+TEST_F(RunClientTest, RendersThroughTheLocalFarm) {
+  const std::string out = folder_.File("out.exr");
+  EXPECT_EQ(Run({"render", scene_, "-o", out, "--threads", "3", "--state", "here", "--json", "--noisy",
+                 folder_.File("noisy.png")}),
+            0)
+      << Err();
+  EXPECT_EQ(folder_.Read("out.exr"), farm_.result);
+  EXPECT_EQ(folder_.Read("noisy.png").substr(1, 3), "PNG");
+  ASSERT_EQ(local_options_.size(), 1u);
+  EXPECT_EQ(local_options_[0].threads, 3);
+  EXPECT_EQ(local_options_[0].state_dir, "here");
+  EXPECT_THAT(Out(), HasSubstr(R"("state":"done")"));
+  EXPECT_THAT(Out(), HasSubstr(R"("output":")" + out + '"'));
+  EXPECT_EQ(folder_.FileCount(), 5);  // room.gltf, mesh.bin, result; out.exr, noisy.png
+}
+
+TEST_F(RunClientTest, RendersToPngAndLeavesNoPart) {
+  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("out.png"), "--exposure", "2.5"}), 0) << Err();
+  EXPECT_EQ(folder_.Read("out.png").substr(1, 3), "PNG");
+  EXPECT_EQ(Out(), "");
+  EXPECT_EQ(folder_.FileCount(), 4);
+}
+
+TEST_F(RunClientTest, LeavesNothingOfARenderThatFailed) {
+  farm_.watched = {Job(v1::JOB_STATE_FAILED)};
+  farm_.watched[0].set_error("tile 3: NaN");
+  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("out.exr")}), 1);
+  EXPECT_THAT(Err(), testing::EndsWith("lumifold: job job-1 failed: tile 3: NaN\n"));
+  EXPECT_EQ(folder_.FileCount(), 3);
+}
+
+TEST_F(RunClientTest, CancelsARenderThatIsInterrupted) {
+  farm_.watched = {Job(v1::JOB_STATE_RENDERING)};
+  farm_.hold_watch = true;
+  int questions = 0;
+  test_.environment.interrupted = [&] { return ++questions > 20; };
+  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("out.exr")}), 130);
+  EXPECT_THAT(Err(), testing::EndsWith("lumifold: interrupted\n"));
+  EXPECT_THAT(farm_.cancelled(), ElementsAre("job-1"));
+  EXPECT_EQ(folder_.FileCount(), 3);
+}
+
+TEST_F(RunClientTest, DownloadsIntoPlace) {
+  EXPECT_EQ(Run({"download", "job-1", "-o", folder_.File("out.exr"), "--json"}), 0) << Err();
+  EXPECT_EQ(folder_.Read("out.exr"), farm_.result);
+  EXPECT_EQ(Out(), R"({"job_id":"job-1","frame":0,"output":")" + folder_.File("out.exr") + "\"}\n");
+  EXPECT_EQ(folder_.FileCount(), 4);
+}
+
+TEST_F(RunClientTest, ReportsAJobThatIsUnknown) {
+  for (const char* command : {"status", "wait", "watch"}) {
+    farm_.watched.clear();
+    EXPECT_EQ(Run({command, "job-9"}), 4) << command;
+  }
+  EXPECT_EQ(Err(), "lumifold: no job 'job-9'\nlumifold: no job 'job-9'\nlumifold: no job 'job-9'\n");
+  EXPECT_EQ(Out(), "");
+}
+
+TEST_F(RunClientTest, WaitEndsWithTheFateOfTheJob) {
+  farm_.watched = {Job(v1::JOB_STATE_CANCELLED)};
+  EXPECT_EQ(Run({"wait", "job-1"}), 5);
+  EXPECT_EQ(Out(), "cancelled\n");
+  EXPECT_EQ(Err(), "");
+}
+
+TEST_F(RunClientTest, WatchPrintsAnObjectForEachStatus) {
+  EXPECT_EQ(Run({"watch", "job-1", "--json"}), 0);
+  const std::string out = Out();
+  EXPECT_EQ(std::count(out.begin(), out.end(), '\n'), 2);
+  EXPECT_THAT(out, StartsWith(R"({"job_id":"job-1","state":"rendering",)"));
+  EXPECT_THAT(out, HasSubstr("\n"
+                             R"({"job_id":"job-1","state":"done",)"));
+}
+
+TEST_F(RunClientTest, ListsJobsUpToTheLimit) {
+  farm_.jobs = {{"job-1", Job(v1::JOB_STATE_DONE)}, {"job-2", Job(v1::JOB_STATE_QUEUED)}};
+  EXPECT_EQ(Run({"list", "--limit", "1"}), 0);
+  EXPECT_THAT(Out(), HasSubstr("job-1                done        100%"));
+  EXPECT_THAT(Out(), testing::Not(HasSubstr("queued")));
+}
+
+TEST_F(RunClientTest, ComparesLayers) {
+  LayeredImage image(4, 3);
+  image.AddColor("");
+  for (const FloatView& plane : image.AddColor("noisy")) {
+    for (int y = 0; y < 3; ++y) {
+      for (int x = 0; x < 4; ++x) plane.At(x, y) = 1;
+    }
+  }
+  const std::string picture = folder_.File("picture.exr");
+  ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
+  EXPECT_EQ(Run({"compare", picture, picture, "--layer", "noisy"}), 0) << Err();
+  EXPECT_EQ(Out(), "MSE255 65025.0000\nPSNR 0.00 dB\nrelMSE 100.000000\n");
+  test_.out.str("");
+  EXPECT_EQ(Run({"compare", picture, picture, "--json"}), 0);
+  EXPECT_EQ(Out(), "{\"mse255\":0.0,\"psnr_db\":null,\"rel_mse\":0.0}\n");
+}
+
+TEST_F(RunClientTest, RefusesToCompareWhatDoesNotFit) {
+  const std::string small = folder_.File("result");
+  const std::string large = folder_.File("large.exr");
+  LayeredImage image(5, 3);
+  image.AddColor("");
+  ASSERT_EQ(WriteExr(large, image), absl::OkStatus());
+  EXPECT_EQ(Run({"compare", small, large}), 2);
+  EXPECT_EQ(Run({"compare", small, small, "--layer", "direct"}), 4);
+  EXPECT_EQ(Run({"compare", small, folder_.File("none.exr")}), 4);
+  EXPECT_THAT(Err(), StartsWith("lumifold: " + small + " has 4x3 pixels, " + large + " has 5x3\nlumifold: " +
+                                small + ": has no colour layer 'direct'\nlumifold: "));
+}
+
+TEST_F(RunClientTest, CancelsAJob) {
+  EXPECT_EQ(Run({"cancel", "job-1"}), 0);
+  EXPECT_THAT(farm_.cancelled(), ElementsAre("job-1"));
+  EXPECT_EQ(Err(), "lumifold: job job-1 cancelled\n");
+}
+
+}  // namespace
+}  // namespace lumifold::client

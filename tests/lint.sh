@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+# clang-format on all C++ files (check only), clang-tidy on those changed since LUMIFOLD_TIDY_BASE (--changed) or on all (--all).
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+sources() { git ls-files '*.h' '*.cc'; }
+sources | xargs -r clang-format --dry-run --Werror
+
+base=${LUMIFOLD_TIDY_BASE:-HEAD~1}
+case "${1:---changed}" in
+  --all) files=$(git ls-files '*.cc') ;;
+  --changed) files=$(git rev-parse -q --verify "$base" >/dev/null && git diff --name-only --diff-filter=d "$base" -- '*.cc' || true) ;;
+  *) echo "usage: tests/lint.sh [--changed|--all]" >&2; exit 2 ;;
+esac
+[ -n "$files" ] || { echo "lint: no changed files"; exit 0; }
+echo "$files" | xargs -r -n 1 -P "$(nproc)" clang-tidy --quiet -p build/release

@@ -9,7 +9,7 @@
 namespace lumifold::layers {
 
 // Colour layers, each LAYER.R LAYER.G LAYER.B. The finished picture itself is plain R G B A.
-inline constexpr std::string_view kBeauty = "";
+inline constexpr std::string_view kBeauty;                       // no prefix
 inline constexpr std::string_view kNoisy = "noisy";              // C, the path's whole radiance
 inline constexpr std::string_view kDirect = "direct";            // D
 inline constexpr std::string_view kIndirect = "indirect";        // I

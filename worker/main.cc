@@ -17,6 +17,9 @@
 
 namespace {
 
+constexpr int kExitFailure = 1;
+constexpr int kExitUsage = 2;
+
 std::string DefaultName() {
   char host[256] = "worker";
   gethostname(host, sizeof(host) - 1);
@@ -53,11 +56,19 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app.add_option("--name", name, "Name in the coordinator's log")->capture_default_str();
-  app.add_option("--log-level", log_level, "trace, debug, info, warning, error or off")
+  app.add_option("--log-level", log_level, "What is told on standard error")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
   app.set_version_flag("--version", absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),
                                                  " (numeric class ", lumifold::render::NumericClass(), ")"));
-  CLI11_PARSE(app, argc, argv);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& success) {
+    return app.exit(success);
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "lumifold-worker: %s\n", error.what());
+    return kExitUsage;
+  }
 
   spdlog::set_default_logger(spdlog::stderr_logger_mt("worker"));
   spdlog::set_level(spdlog::level::from_str(log_level));
@@ -70,7 +81,7 @@ int main(int argc, char** argv) {
       lumifold::worker::RunWorker(lumifold::rpc::MakeChannel(server, security), std::move(options), stop);
   if (!status.ok()) {
     std::fprintf(stderr, "lumifold-worker: %s\n", std::string(status.message()).c_str());
-    return 1;
+    return kExitFailure;
   }
   spdlog::info("event=stop name={}", name);
   return 0;

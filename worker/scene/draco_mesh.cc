@@ -25,6 +25,24 @@ constexpr int64_t kMaxTrianglesPerByte = 256;
 constexpr int64_t kMaxBytesPerVertex = 512;
 constexpr int kMaxAttributeSeamSets = 16;
 
+/// Whether glTF has accessors of this type and a `T` can hold their values. A damaged file may claim any
+/// type, and Draco converts as it is told: bytes that are no bool, and numbers that do not fit.
+template <typename T>
+bool IsReadable(draco::DataType type) {
+  switch (type) {
+    case draco::DT_UINT8:
+    case draco::DT_UINT16:
+    case draco::DT_UINT32:
+      return true;
+    case draco::DT_INT8:
+    case draco::DT_INT16:
+    case draco::DT_FLOAT32:
+      return std::is_floating_point_v<T>;
+    default:
+      return false;
+  }
+}
+
 absl::Status Damaged() { return absl::InvalidArgumentError("damaged or cut short"); }
 
 /// Looks at what is to be decoded before memory is taken for it. `Base` is a decoder of Draco's.
@@ -171,6 +189,10 @@ absl::StatusOr<std::vector<T>> DracoMesh::Values(int attribute, int width) const
         absl::StrCat("Draco attribute ", attribute, " has ", *actual, " components, not ", width));
   }
   const draco::PointAttribute& source = *mesh_->GetAttributeByUniqueId(static_cast<uint32_t>(attribute));
+  if (!IsReadable<T>(source.data_type())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("Draco attribute ", attribute, " is of a type that glTF does not have there"));
+  }
   std::vector<T> values(vertex_count() * static_cast<size_t>(width));
   for (draco::PointIndex p(0); p < mesh_->num_points(); ++p) {
     const draco::AttributeValueIndex index = source.mapped_index(p);

@@ -88,6 +88,17 @@ TEST(DracoMesh, NamesWhatIsWrongWithTheExtension) {
   EXPECT_THAT(ErrorOf(missing), HasSubstr("needs a bufferView and attributes"));
 }
 
+TEST(DracoMesh, RefusesValuesOfATypeThatGltfDoesNotHave) {
+  constexpr char kFloat32 = 9;
+  constexpr char kBool = 11;
+  GltfFixture fixture = DracoDocument(false);
+  const std::string uv_head{'\x03', kFloat32, 2};
+  const size_t at = fixture.binary.find(uv_head);
+  ASSERT_NE(at, std::string::npos);
+  fixture.binary[at + 1] = kBool;
+  EXPECT_THAT(ErrorOf(fixture), HasSubstr("TEXCOORD_0: Draco attribute 1 is of a type that glTF does not"));
+}
+
 TEST(DracoMesh, NamesWhatIsWrongWithTheHeader) {
   const auto with = [](size_t at, char value) {
     GltfFixture fixture = DracoDocument(true);

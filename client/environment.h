@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/string_view.h"
 #include "client/exit_code.h"
+#include "client/film_filter.h"
 #include "client/local_farm.h"
 #include "proto/rpc/retry.h"
 
@@ -27,6 +28,8 @@ struct Environment {
   int default_threads = 1;
   /// Null in a build without coordinator and worker, which cannot `render`.
   LocalFarmFactory local_farm = nullptr;
+  /// Null in a build without the filter, which cannot `filter`.
+  FilmFilter film_filter = nullptr;
   /// True once the user has asked us to stop (Ctrl-C); asked several times a second.
   std::function<bool()> interrupted = [] { return false; };
   /// Clock, sleep and jitter.

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "client/interrupt.h"
+#include "client/local/film_filter.h"
 #include "client/local/in_process_farm.h"
 #include "client/run_client.h"
 
@@ -32,5 +33,6 @@ int main(int argc, char** argv) {
   environment.default_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   environment.interrupted = client::Interrupted;
   environment.local_farm = lumifold::local::StartLocalFarm;
+  environment.film_filter = lumifold::local::FilterFilm;
   return client::RunClient(argc, argv, environment);
 }

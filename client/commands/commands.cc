@@ -16,6 +16,7 @@ const std::vector<Command>& Commands() {
       {"list", "List the coordinator's jobs, newest first", RunList},
       {"cancel", "Stop a job", RunCancel},
       {"download", "Fetch a finished frame of a job", RunDownload},
+      {"filter", "Take the noise out of a picture that is already rendered", RunFilter},
       {"convert", "Show a layer of a picture as a .png", RunConvert},
       {"compare", "Print the error of one picture against another", RunCompare},
   };

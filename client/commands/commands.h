@@ -29,6 +29,7 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
 ExitCode RunList(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunCancel(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunDownload(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunConvert(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment& environment);
 

@@ -161,6 +161,27 @@ class Render(harness.CliTest):
         self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--seed", "6", "-o", "c.exr")
         self.assertGreater(self.succeed_json("compare", "a.exr", "c.exr")["mse255"], 0)
 
+    def test_a_saved_film_is_filtered_again(self):
+        self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--save-film", "-o", "film.exr")
+        self.succeed("filter", "film.exr", "-o", "again.exr")
+        self.assertEqual(self.succeed_json("compare", "again.exr", "film.exr")["mse255"], 0)
+        self.succeed("filter", "film.exr", "--method", "none", "-o", "noisy.exr")
+        noisy = self.succeed_json("compare", "noisy.exr", "film.exr", "--reference-layer", "noisy")
+        self.assertEqual(noisy["mse255"], 0)
+
+    def test_two_pictures_are_two_halves(self):
+        for seed in ("1", "2"):
+            self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "4", "--seed", seed, "-o", f"{seed}.exr")
+        self.succeed("render", "room.gltf", "--size", "40x30", "--spp", "512", "--seed", "3", "-o", "true.exr")
+        (self.folder / "our.layout").write_text("combined = noisy\ndirect = direct\nindirect = indirect\n"
+                                                "albedo = albedo\nemission = emission\nnormal = N\ndepth = distance\n")
+        self.succeed("filter", "1.exr", "--half-b", "2.exr", "-o", "named.exr")
+        self.succeed("filter", "1.exr", "--half-b", "2.exr", "--layout", "our.layout", "-o", "mapped.exr")
+        self.assertEqual(self.succeed_json("compare", "named.exr", "mapped.exr")["mse255"], 0)
+        noisy, filtered = (self.succeed_json("compare", "named.exr", "true.exr", "--reference-layer", "noisy", *layer)
+                           for layer in (("--layer", "noisy"), ()))
+        self.assertLess(filtered["mse255"], noisy["mse255"])
+
     def test_bad_content_is_named_in_one_line(self):
         def leave_buffer(scene):
             scene["accessors"][1]["count"] = 30

@@ -13,7 +13,8 @@ class Help(harness.CliTest):
         self.check_golden("version", "--version", replace=[(r"\d+\.\d+\.\d+", "VERSION")])
 
     def test_each_command(self):
-        for command in ("render", "submit", "status", "wait", "watch", "list", "cancel", "download", "convert", "compare"):
+        for command in ("render", "submit", "status", "wait", "watch", "list", "cancel", "download", "filter", "convert",
+                        "compare"):
             with self.subTest(command=command):
                 self.check_golden(f"help_{command}", command, "--help")
 
@@ -48,6 +49,16 @@ class WrongCommandLine(harness.CliTest):
         self.check_golden("unknown_format", "render", "room.gltf", "-o", "out.jpg")
         self.check_golden("no_folder", "render", "room.gltf", "-o", "none/out.exr")
         self.check_golden("noisy_no_png", "render", "room.gltf", "-o", "out.exr", "--noisy", "noisy.exr")
+
+
+class Filter(harness.CliTest):
+    def test_what_cannot_be_filtered_is_named(self):
+        (self.folder / "text.exr").write_text("This is no picture.\n")
+        self.check_golden("filter_missing", "filter", "none.exr", "-o", "out.exr")
+        self.check_golden("filter_no_picture", "filter", "text.exr", "-o", "out.exr")
+        self.check_golden("filter_unknown_layout", "filter", "text.exr", "--layout", "arnold", "-o", "out.exr")
+        (self.folder / "bad.layout").write_text("combined = C\nbeauty = C\n")
+        self.check_golden("filter_bad_layout", "filter", "text.exr", "--layout", "bad.layout", "-o", "out.exr")
 
 
 class BadScene(harness.CliTest):

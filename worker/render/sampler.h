@@ -2,18 +2,10 @@
 
 #include <cstdint>
 
+#include "filter/image/mix_bits.h"
 #include "worker/scene/vec.h"
 
 namespace lumifold::render {
-
-/// Mixes 64 bits so that every input bit reaches every output bit (the finaliser of SplitMix64).
-constexpr uint64_t MixBits(uint64_t x) {
-  x ^= x >> 30;
-  x *= 0xbf58476d1ce4e5b9u;
-  x ^= x >> 27;
-  x *= 0x94d049bb133111ebu;
-  return x ^ (x >> 31);
-}
 
 /// One sample's stream of random numbers: an Owen-scrambled Sobol (0,2)-sequence per pair of dimensions, the
 /// pairs padded with independent shuffles of the index. Keyed by (seed, frame, pixel, sample index) alone, so

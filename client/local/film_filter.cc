@@ -1,0 +1,17 @@
+#include "client/local/film_filter.h"
+
+#include <memory>
+
+#include "filter/image/layers.h"
+#include "filter/manifold/denoise.h"
+#include "filter/manifold/single_picture.h"
+
+namespace lumifold::local {
+
+absl::StatusOr<std::array<Plane, 3>> FilterFilm(LayeredImage* film, const std::string& method, int threads) {
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
+  if (!film->Has(layers::kSamplesA)) filter::SplitIntoHalves(film, pool.get());
+  return filter::FilterFilm(*film, method, pool.get());
+}
+
+}  // namespace lumifold::local

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "filter/image/layered_image.h"
+
+namespace lumifold::local {
+
+/// The client::FilmFilter of the `lumifold` program.
+absl::StatusOr<std::array<Plane, 3>> FilterFilm(LayeredImage* film, const std::string& method, int threads);
+
+}  // namespace lumifold::local

@@ -1,0 +1,104 @@
+#include "filter/manifold/single_picture.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "filter/image/layers.h"
+#include "filter/manifold/denoise.h"
+#include "filter/metrics/metrics.h"
+#include "tests/support/shuffling_pool.h"
+#include "tests/unit/filter/synthetic_film.h"
+
+namespace lumifold::filter {
+namespace {
+
+constexpr int kWidth = 160;
+constexpr int kHeight = 120;
+
+/// The film as a renderer without halves would write it.
+LayeredImage WithoutHalves(LayeredImage film) {
+  std::erase_if(film.channels(), [](const LayeredImage::Channel& channel) {
+    return channel.name.find("_a.") != std::string::npos || channel.name.find("_b.") != std::string::npos;
+  });
+  return film;
+}
+
+/// RMS of the noise that the halves say the layer's mean has.
+double NoiseOf(const LayeredImage& film, std::string_view layer) {
+  const ConstColorView a = film.GetColor(layers::HalfA(layer));
+  const ConstColorView b = film.GetColor(layers::HalfB(layer));
+  const ConstFloatView distance = film.Get(layers::kDistance);
+  double sum = 0;
+  double count = 0;
+  for (int y = 0; y < film.height(); ++y) {
+    for (int x = 0; x < film.width(); ++x) {
+      if (distance.At(x, y) == 0) continue;
+      const double difference = static_cast<double>(a[1].At(x, y) - b[1].At(x, y));
+      sum += difference * difference / 4;
+      count += 1;
+    }
+  }
+  return std::sqrt(sum / count);
+}
+
+TEST(SinglePicture, EstimatesTheNoiseThatTrueHalvesMeasure) {
+  for (const float noise : {0.05f, 0.2f, 0.5f}) {
+    LayeredImage film = MakeSyntheticFilm(kWidth, kHeight, noise, 3).film;
+    const double measured = NoiseOf(film, layers::kDirect);
+    film = WithoutHalves(std::move(film));
+    SplitIntoHalves(&film, nullptr);
+    EXPECT_NEAR(NoiseOf(film, layers::kDirect) / measured, 1, 0.25) << noise;
+  }
+}
+
+TEST(SinglePicture, HalvesHaveThePictureForMean) {
+  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kWidth, kHeight, 0.3f, 1).film);
+  SplitIntoHalves(&film, nullptr);
+  for (const std::string_view layer : {layers::kNoisy, layers::kDirect, layers::kIndirect}) {
+    const float a = film.GetColor(layers::HalfA(layer))[0].At(50, 100);
+    const float b = film.GetColor(layers::HalfB(layer))[0].At(50, 100);
+    EXPECT_NE(a, b) << layer;
+    EXPECT_NEAR(0.5f * (a + b), film.GetColor(layer)[0].At(50, 100), 1e-5) << layer;
+  }
+}
+
+TEST(SinglePicture, FindsNoNoiseWhereThereIsNone) {
+  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kWidth, kHeight, 0, 1).film);
+  SplitIntoHalves(&film, nullptr);
+  EXPECT_LT(NoiseOf(film, layers::kIndirect), 1e-3);
+}
+
+TEST(SinglePicture, LetsTheFilterTakeMostOfTheNoise) {
+  SyntheticFilm synthetic = MakeSyntheticFilm(kWidth, kHeight, 0.4f, 9);
+  LayeredImage film = WithoutHalves(std::move(synthetic.film));
+  SplitIntoHalves(&film, nullptr);
+  const auto picture = FilterFilm(film, "default", nullptr);
+  ASSERT_TRUE(picture.ok()) << picture.status();
+  const ConstColorView filtered = {(*picture)[0].view(), (*picture)[1].view(), (*picture)[2].view()};
+  const ConstColorView truth = std::as_const(synthetic.truth).GetColor(layers::kBeauty);
+  const double before = metrics::Mse255(std::as_const(film).GetColor(layers::kNoisy), truth, 1);
+  EXPECT_LT(metrics::Mse255(filtered, truth, 1), 0.2 * before);
+}
+
+TEST(SinglePicture, IsTheSameForAnyPool) {
+  const auto halves_by = [](TaskPool* pool) {
+    LayeredImage film = WithoutHalves(MakeSyntheticFilm(kWidth, kHeight, 0.4f, 9).film);
+    SplitIntoHalves(&film, pool);
+    return film;
+  };
+  const LayeredImage alone = halves_by(nullptr);
+  ShufflingPool pool(7);
+  const LayeredImage shuffled = halves_by(&pool);
+  for (const LayeredImage::Channel& channel : alone.channels()) {
+    const ConstFloatView other = shuffled.Get(channel.name);
+    for (int y = 0; y < kHeight; ++y)
+      EXPECT_TRUE(std::equal(other.Row(y), other.Row(y) + kWidth, channel.plane.Row(y))) << channel.name;
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::filter

@@ -1,0 +1,29 @@
+# Installs image, filter and metrics with their public headers, as the package "lumifold": find_package(lumifold) gives
+# lumifold::image, lumifold::filter and lumifold::metrics. Headers keep their paths: #include "filter/manifold/denoise.h".
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(LUMIFOLD_PUBLIC_HEADERS
+  image/check.h image/color.h image/exr_io.h image/film_layout.h image/layered_image.h image/layers.h image/parallel.h
+  image/plane.h image/png_io.h image/rect.h
+  manifold/bands.h manifold/denoise.h manifold/manifold_filter.h manifold/single_picture.h
+  metrics/metrics.h)
+set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/lumifold)
+
+foreach(header ${LUMIFOLD_PUBLIC_HEADERS})
+  get_filename_component(folder ${header} DIRECTORY)
+  install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lumifold/filter/${folder} COMPONENT filter)
+endforeach()
+foreach(library image filter metrics)
+  target_include_directories(lumifold_${library} INTERFACE $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/lumifold>)
+endforeach()
+install(TARGETS lumifold_image lumifold_filter lumifold_metrics EXPORT lumifold
+        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT filter)
+install(EXPORT lumifold NAMESPACE lumifold:: FILE lumifoldTargets.cmake DESTINATION ${package_dir} COMPONENT filter)
+
+configure_package_config_file(lumifoldConfig.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/lumifoldConfig.cmake
+                              INSTALL_DESTINATION ${package_dir})
+write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/lumifoldConfigVersion.cmake
+                                 COMPATIBILITY SameMinorVersion)
+install(FILES ${CMAKE_CURRENT_BINARY_DIR}/lumifoldConfig.cmake ${CMAKE_CURRENT_BINARY_DIR}/lumifoldConfigVersion.cmake
+        DESTINATION ${package_dir} COMPONENT filter)

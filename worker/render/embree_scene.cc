@@ -2,6 +2,7 @@
 
 #include <embree3/rtcore.h>
 
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,30 @@ struct Release {
 using Device = std::unique_ptr<RTCDeviceTy, Release>;
 using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
 using Geometry = std::unique_ptr<RTCGeometryTy, Release>;
+
+/// Holds the process to one build at a time and to one thread in it. A device of one thread holds all that
+/// uses TBB in this process to one thread as long as the device lives, the filter too; a second device that
+/// allows more lifts that limit, and must be away while something is built.
+class BuildLock {
+ public:
+  BuildLock() : lock_(Mutex()) { Allowance().reset(); }
+  ~BuildLock() { Allowance().reset(rtcNewDevice("threads=512,set_affinity=0")); }
+
+  BuildLock(const BuildLock&) = delete;
+  BuildLock& operator=(const BuildLock&) = delete;
+
+ private:
+  static std::mutex& Mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+  static Device& Allowance() {
+    static Device device;
+    return device;
+  }
+
+  std::scoped_lock<std::mutex> lock_;
+};
 
 RTCRay EmbreeRay(const Ray& ray) {
   RTCRay r = {};
@@ -75,6 +100,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
   explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene) {}
 
   absl::Status Build() {
+    const BuildLock lock;
     const scene::Scene& scene = *scene_;
     const std::string config = absl::StrCat("threads=1,set_affinity=0,isa=", TracingInstructionSet());
     device_.reset(rtcNewDevice(config.c_str()));

@@ -8,7 +8,7 @@
 
 #include "filter/image/layers.h"
 #include "worker/render/edge_set.h"
-#include "worker/render/level_images.h"
+#include "worker/render/pass_sums.h"
 
 namespace lumifold::render {
 namespace {
@@ -105,7 +105,7 @@ class GeometryPicture {
     roughness_.At(x, y) = roughness / hits;
     alpha_.At(x, y) = hits / count;
     for (size_t i = 0; i < levels.size(); ++i) {
-      if (!levels[i].ids.empty()) levels_.Put(layers::Level::Of(i), x, y, levels[i].Values(count));
+      if (!levels[i].ids.empty()) PutAll(levels[i].Values(count), x, y, &levels_.At(layers::Level::Of(i)));
     }
   }
 

@@ -31,6 +31,11 @@ std::vector<float> ValuesOf(const LevelSums& sums) {
 
 }  // namespace
 
+void PutAll(std::span<const float> values, int x, int y, LayeredImage* image) {
+  LUMIFOLD_CHECK(values.size() == image->channels().size());
+  for (size_t i = 0; i < values.size(); ++i) image->channels()[i].plane.At(x, y) = values[i];
+}
+
 void PixelSums::Add(const LayerSample& s, size_t half) {
   halved[half][0] += s.combined;
   halved[half][1] += s.direct;
@@ -62,7 +67,7 @@ void PassPicture::Store(int x, int y, const PixelSums& sums) {
   }
   for (size_t i = 0; i < layers::kWhole.size(); ++i) Put(whole_[i], x, y, sums.whole[i]);
   sums.levels.ForEach(
-      [&](layers::Level level, const LevelSums& level_sums) { levels_.Put(level, x, y, ValuesOf(level_sums)); });
+      [&](layers::Level level, const LevelSums& level_sums) { PutAll(ValuesOf(level_sums), x, y, &levels_.At(level)); });
 }
 
 LayeredImage PassPicture::Take() {

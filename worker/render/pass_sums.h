@@ -1,11 +1,12 @@
 #pragma once
 
 #include <array>
+#include <span>
 
 #include "filter/image/layered_image.h"
 #include "filter/image/layers.h"
+#include "filter/image/level_images.h"
 #include "worker/render/layer_sample.h"
-#include "worker/render/level_images.h"
 
 namespace lumifold::render {
 
@@ -43,6 +44,9 @@ class PassPicture {
   std::array<ColorView, layers::kWhole.size()> whole_;
   std::array<FloatView, 2> count_;
 };
+
+/// Sets one pixel of every channel; `values` are in the order of the channels.
+void PutAll(std::span<const float> values, int x, int y, LayeredImage* image);
 
 /// Sets one pixel of a colour.
 inline void Put(const ColorView& view, int x, int y, scene::Vec3 value) {

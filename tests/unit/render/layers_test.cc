@@ -23,6 +23,7 @@ constexpr Level kReflection1 = {Branch::kReflection, 1};
 constexpr Level kReflection2 = {Branch::kReflection, 2};
 constexpr Level kReflection3 = {Branch::kReflection, 3};
 constexpr Level kTransmission1 = {Branch::kTransmission, 1};
+constexpr Level kTransmission2 = {Branch::kTransmission, 2};
 
 Material Mirror(float reflectance) {
   Material mirror;
@@ -147,15 +148,15 @@ TEST(Layers, AUnitHoldsTheSumsOfItsSamples) {
   double met_behind_glass = 0;
   ForEachSample(*renderer, rect, 6, [&](const SampleRecord& record) {
     glossy += static_cast<double>(record.layers.glossy.x);
-    if (!record.layers.levels.IsSet(kTransmission1)) return;
-    const LevelSample& level = record.layers.levels[kTransmission1];
+    if (!record.layers.levels.IsSet(kTransmission2)) return;
+    const LevelSample& level = record.layers.levels[kTransmission2];
     through_glass += static_cast<double>(level.albedo.z);
     met_behind_glass += level.has_diffuse ? 1 : 0;
   });
   EXPECT_GT(through_glass, 0);
   EXPECT_NEAR(SumOf(unit, "glossy_a.R") + SumOf(unit, "glossy_b.R"), glossy, 1e-4 * (1 + glossy));
-  EXPECT_NEAR(SumOf(unit, "transmission1_albedo.B"), through_glass, 1e-4 * (1 + through_glass));
-  EXPECT_EQ(SumOf(unit, "transmission1_samples_a.Y") + SumOf(unit, "transmission1_samples_b.Y"),
+  EXPECT_NEAR(SumOf(unit, "transmission2_albedo.B"), through_glass, 1e-4 * (1 + through_glass));
+  EXPECT_EQ(SumOf(unit, "transmission2_samples_a.Y") + SumOf(unit, "transmission2_samples_b.Y"),
             met_behind_glass);
 }
 
@@ -195,11 +196,11 @@ TEST(Layers, ALampInTwoMirrorsIsEmissionOfTheSecondLevel) {
   testing::Place(&scene, testing::QuadMesh({-1, -1, -3}, {2, 0, 0}, {0, 2, 0}, 0));
   testing::Place(&scene, testing::QuadMesh({-4, -4, 3}, {0, 8, 0}, {8, 0, 0}, 0));  // behind the camera
   testing::Place(&scene, testing::QuadMesh({-40, -40, -9}, {80, 0, 0}, {0, 80, 0}, 1));
-  scene.cameras = {testing::LookAt({0, 0, 0}, {0.75f, 0, -1}, 0.05f)};
+  scene.cameras = {testing::LookAt({0, 0, 0}, {0.25f, 0, -1}, 0.05f)};
   // First the small mirror's right part, then the large one, and past the small one to the lamp.
   const auto renderer = MakeRenderer(scene, SettingsOf(4, 4));
   ForEachSample(*renderer, {0, 0, 4, 4}, 2, [&](const SampleRecord& record) {
-    if (!record.geometry.hit || record.geometry.instance != 0) return;
+    ASSERT_EQ(record.geometry.instance, 0);
     ASSERT_TRUE(record.layers.levels.IsSet(kReflection2));
     EXPECT_FALSE(record.layers.levels.IsSet(kReflection3));
     EXPECT_NEAR(record.layers.levels[kReflection2].emitted.x, 0.25 * 3, 2e-3);
@@ -207,7 +208,6 @@ TEST(Layers, ALampInTwoMirrorsIsEmissionOfTheSecondLevel) {
                  record.layers.levels[kReflection2].albedo.x > 0);
     EXPECT_NEAR(record.layers.combined.x, 0.75, 2e-3);
   });
-  EXPECT_EQ(renderer->RenderGeometry({0, 0, 4, 4}, 0).pixels.Get(layers::kObjectId).At(2, 2), 1);
 }
 
 TEST(Layers, LightInAMirrorIsThatOfTheSurfaceItself) {
@@ -238,7 +238,7 @@ TEST(Layers, GlossyLightIsFreeOfTheMetalsColour) {
   metal.base_color = {0.9f, 0.6f, 0.2f};
   metal.roughness = 0.5f;
   const LayeredImage unit = RenderAll(*MakeRenderer(testing::Furnace(metal), SettingsOf(8, 8)), 8, 8, 512);
-  for (int c = 0; c < 3; ++c) EXPECT_NEAR(MeanOf(unit, layers::kGlossy, c), 1, 0.02) << c;
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(MeanOf(unit, layers::kGlossy, c), 1, 0.03) << c;  // S is a table
   const double count = 8.0 * 8 * 512;
   EXPECT_NEAR(SumOf(unit, "specular.B") / count, MeanOf(unit, layers::kNoisy, 2), 0.01);
 }

@@ -20,6 +20,12 @@ Vec3 CosineDirection(Vec2 u) {
   return {disk.x, disk.y, std::sqrt(std::max(0.0f, 1.0f - disk.x * disk.x - disk.y * disk.y))};
 }
 
+/// A perfectly specular event that was drawn with this probability.
+BsdfSample Drawn(BsdfSample event, float probability) {
+  event.weight.specular = event.weight.specular / probability;
+  return event;
+}
+
 float NormalReflectance(float ior) {
   const float r = (ior - 1.0f) / (ior + 1.0f);
   return r * r;
@@ -67,8 +73,8 @@ Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 norma
   }
 
   const float diffuse = Brightness(diffuse_albedo_);
-  const float specular =
-      Brightness(mirror_ ? mirror_reflectance_ : f0_ * seen.scale + Vec3{1, 1, 1} * seen.bias);
+  if (!mirror_) specular_albedo_ = f0_ * seen.scale + Vec3{1, 1, 1} * seen.bias;
+  const float specular = Brightness(mirror_ ? mirror_reflectance_ : specular_albedo_);
   const float transmit = Brightness(transmittance_);
   const float total = diffuse + specular + transmit;
   if (total <= 0) return;
@@ -108,20 +114,22 @@ BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
   return value;
 }
 
-BsdfSample Bsdf::SampleMirror() const {
+BsdfSample Bsdf::PerfectReflection() const {
   BsdfSample sample;
+  if (!mirror_ || p_specular_ <= 0) return sample;
   sample.wi = frame_.ToWorld({-wo_.x, -wo_.y, wo_.z});
-  sample.weight.specular = mirror_reflectance_ / p_specular_;
+  sample.weight.specular = mirror_reflectance_;
   sample.specular_event = true;
   sample.valid = Dot(sample.wi, geometric_) > 0;
   return sample;
 }
 
-BsdfSample Bsdf::SampleTransmission() const {
+BsdfSample Bsdf::PerfectTransmission() const {
   BsdfSample sample;
+  if (!mirror_ || p_transmit_ <= 0) return sample;
   const Vec3 wi = eta_ == 1.0f ? -wo_ : Vec3{-wo_.x / eta_, -wo_.y / eta_, -cos_t_};
   sample.wi = Normalize(frame_.ToWorld(wi));
-  sample.weight.specular = transmittance_ / p_transmit_;
+  sample.weight.specular = transmittance_;
   sample.specular_event = true;
   sample.transmitted = true;
   sample.valid = Dot(sample.wi, geometric_) < 0;
@@ -148,11 +156,11 @@ BsdfSample Bsdf::SampleLobe(float* lobe, Vec2 u) const {
   const float past_diffuse = *lobe - p_diffuse_;
   if (p_transmit_ > 0 && past_diffuse >= p_specular_) {
     *lobe = (past_diffuse - p_specular_) / p_transmit_;
-    return SampleTransmission();
+    return Drawn(PerfectTransmission(), p_transmit_);
   }
   if (p_specular_ <= 0) return {};
   *lobe = past_diffuse / p_specular_;
-  if (mirror_) return SampleMirror();
+  if (mirror_) return Drawn(PerfectReflection(), p_specular_);
   const Vec3 h = SampleGgxVisibleNormal(wo_, alpha_, u);
   return Finish(h * (2.0f * Dot(wo_, h)) - wo_);
 }

@@ -56,6 +56,20 @@ class Bsdf {
   bool HasDiffuse() const { return p_diffuse_ > 0; }
   /// Whether a light sample can meet a lobe: false for perfect mirrors and glass.
   bool HasSmoothLobe() const { return p_diffuse_ > 0 || (p_specular_ > 0 && !mirror_); }
+  /// S, the directional albedo of all lobes that are neither diffuse nor perfectly specular; above 0 in every
+  /// channel where such a lobe is.
+  Vec3 SpecularAlbedo() const { return specular_albedo_; }
+  /// The GGX alpha of the reflecting lobe; 1 where nothing but the diffuse one is.
+  float SpecularAlpha() const { return p_specular_ > 0 ? alpha_ : 1.0f; }
+
+  /// Whether perfect reflection and perfect transmission both leave from here.
+  bool IsSmoothGlass() const { return mirror_ && p_specular_ > 0 && p_transmit_ > 0; }
+  /// The probability that Sample() draws a perfectly specular event.
+  float PerfectProbability() const { return mirror_ ? p_specular_ + p_transmit_ : 0.0f; }
+  /// The perfectly specular events, with the whole of their weight and no probability in it; invalid where
+  /// there is none.
+  BsdfSample PerfectReflection() const;
+  BsdfSample PerfectTransmission() const;
 
   /// The lobes' values towards unit wi (perfectly specular ones left out) and, in *pdf, the density of
   /// Sample() there.
@@ -67,8 +81,6 @@ class Bsdf {
  private:
   BsdfSample SampleLobe(float* lobe, Vec2 u) const;
   float DiffuseLobe(float cos_i) const;
-  BsdfSample SampleMirror() const;
-  BsdfSample SampleTransmission() const;
   BsdfSample Finish(Vec3 wi_local) const;
 
   const AlbedoTable* table_;
@@ -77,6 +89,7 @@ class Bsdf {
   Vec3 wo_;  // local
   Vec3 f0_;
   Vec3 diffuse_albedo_ = {0, 0, 0};
+  Vec3 specular_albedo_ = {0, 0, 0};
   Vec3 mirror_reflectance_ = {0, 0, 0};
   Vec3 transmittance_ = {0, 0, 0};
   float coat_f0_ = 0;

@@ -1,0 +1,259 @@
+// Prints one line a scene: how fast the renderer traces, how near that is to Embree alone on the same rays,
+// and what it takes of memory.
+//
+//   render-table [SCENE...]     cornell-box, meeting-room, bedroom, atrium, staircase, or a .gltf or .glb
+//   file;
+//                               without arguments all but the bedroom
+//
+// "embree" is the share of a thread's time spent inside Embree while rendering; "limit" the time Embree takes
+// for the same rays in the same order when nothing else is done, over the time of rendering. Times are the
+// least of several runs that take turns. "memory" is the resident memory a process gains from loading and
+// rendering, at its peak; "needed" that of the scene's own arrays, of Embree's tree with its copy of the
+// triangles, and of the tiles being rendered. Each scene is measured in a process of its own.
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "filter/image/check.h"
+#include "filter/image/parallel.h"
+#include "tests/bench/embree_tap.h"
+#include "tests/scenes/glb_writer.h"
+#include "tests/scenes/scenes.h"
+#include "tests/support/temp_folder.h"
+#include "worker/render/renderer.h"
+#include "worker/scene/gltf_loader.h"
+
+namespace lumifold::bench {
+namespace {
+
+constexpr int kWidth = 256;
+constexpr int kHeight = 192;
+constexpr int kTile = 32;
+constexpr int kTiles = (kWidth / kTile) * (kHeight / kTile);
+constexpr uint32_t kSamples = 8;
+constexpr double kAllSamples = 1.0 * kWidth * kHeight * kSamples;
+constexpr int kThreads = 2;
+constexpr int kRounds = 5;
+
+/// The figures of one line.
+struct Measured {
+  double render_seconds = 0;
+  double replay_seconds = 0;
+  double share_inside = 0;
+  int64_t extension_rays = 0;  // the camera's included
+  int64_t shadow_rays = 0;
+  int64_t gained_bytes = 0;
+  int64_t scene_bytes = 0;
+  int64_t embree_bytes = 0;
+  int64_t tile_bytes = 0;
+};
+
+Rect TileRect(int64_t number) {
+  constexpr int kColumns = kWidth / kTile;
+  const int x = static_cast<int>(number) % kColumns * kTile;
+  const int y = static_cast<int>(number) / kColumns * kTile;
+  return {x, y, x + kTile, y + kTile};
+}
+
+LayeredImage RenderTile(const render::Renderer& renderer, int64_t number) {
+  render::RenderCounts counts;
+  return renderer.RenderPass(TileRect(number), 0, {0, kSamples}, &counts);
+}
+
+template <typename T>
+int64_t BytesOf(const std::vector<T>& values) {
+  return static_cast<int64_t>(values.size() * sizeof(T));
+}
+
+int64_t BytesOf(const scene::Scene& scene) {
+  int64_t bytes = BytesOf(scene.instances) + BytesOf(scene.materials) + BytesOf(scene.meshes);
+  for (const scene::Mesh& mesh : scene.meshes) {
+    bytes += BytesOf(mesh.positions) + BytesOf(mesh.normals) + BytesOf(mesh.uvs[0]) + BytesOf(mesh.uvs[1]) +
+             BytesOf(mesh.tangents) + BytesOf(mesh.colors) + BytesOf(mesh.triangles);
+  }
+  for (const scene::ImageData& image : scene.images) bytes += BytesOf(image.rgba);
+  return bytes;
+}
+
+int64_t BytesOf(const LayeredImage& image) {
+  return static_cast<int64_t>(image.channels().size() * sizeof(float)) * image.width() * image.height();
+}
+
+/// A line of /proc/self/status in bytes: "VmRSS" what is resident, "VmHWM" the most that ever was.
+int64_t ResidentBytes(const std::string& field) {
+  std::ifstream status("/proc/self/status");
+  std::string line;
+  while (std::getline(status, line)) {
+    if (absl::StartsWith(line, field)) return 1024 * std::atoll(line.c_str() + field.size() + 1);
+  }
+  LUMIFOLD_CHECK(false);
+  return 0;
+}
+
+double SecondsOf(const std::function<void()>& work) {
+  const absl::Time start = absl::Now();
+  work();
+  return absl::ToDoubleSeconds(absl::Now() - start);
+}
+
+std::vector<RayLog> LogRays(const render::Renderer& renderer, TaskPool& pool) {
+  std::vector<RayLog> logs(kTiles);
+  pool.Run(kTiles, [&](int64_t i) {
+    const ScopedRayLog listening(&logs[i]);
+    RenderTile(renderer, i);
+  });
+  return logs;
+}
+
+double ShareInsideEmbree(const render::Renderer& renderer, TaskPool& pool) {
+  std::vector<int64_t> inside(kTiles), total(kTiles);
+  pool.Run(kTiles, [&](int64_t i) {
+    const ScopedTickCount ticks;
+    RenderTile(renderer, i);
+    inside[i] = ticks.inside();
+    total[i] = ticks.total();
+  });
+  double all_inside = 0;
+  double all = 0;
+  for (int i = 0; i < kTiles; ++i) {
+    all_inside += static_cast<double>(inside[i]);
+    all += static_cast<double>(total[i]);
+  }
+  return all_inside / all;
+}
+
+void MeasureSpeed(const render::Renderer& renderer, TaskPool& pool, Measured* m) {
+  const std::vector<RayLog> logs = LogRays(renderer, pool);
+  for (const RayLog& log : logs) {
+    const auto shadow =
+        std::count_if(log.rays.begin(), log.rays.end(), [](const TracedRay& ray) { return ray.occlusion; });
+    m->shadow_rays += shadow;
+    m->extension_rays += static_cast<int64_t>(log.rays.size()) - shadow;
+  }
+  m->render_seconds = m->replay_seconds = 1e30;
+  for (int round = 0; round < kRounds; ++round) {
+    m->render_seconds = std::min(
+        m->render_seconds, SecondsOf([&] { pool.Run(kTiles, [&](int64_t i) { RenderTile(renderer, i); }); }));
+    m->replay_seconds =
+        std::min(m->replay_seconds, SecondsOf([&] {
+                   pool.Run(kTiles, [&](int64_t i) { LUMIFOLD_CHECK(Replay(logs[i]) == logs[i].hits); });
+                 }));
+  }
+  m->share_inside = ShareInsideEmbree(renderer, pool);
+}
+
+absl::StatusOr<Measured> Measure(const std::string& path) {
+  Measured m;
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(kThreads);
+  const int64_t before = ResidentBytes("VmRSS");
+  absl::StatusOr<scene::Scene> loaded = scene::LoadGltfFile(path);
+  if (!loaded.ok()) return loaded.status();
+  const auto scene = std::make_shared<const scene::Scene>(*std::move(loaded));
+  m.scene_bytes = BytesOf(*scene);
+  render::RenderSettings settings;
+  settings.width = kWidth;
+  settings.height = kHeight;
+  const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
+      render::Renderer::Create(scene, settings);
+  if (!renderer.ok()) return renderer.status();
+  m.embree_bytes = EmbreeBytes();
+  m.tile_bytes = kThreads * BytesOf(RenderTile(**renderer, 0));
+  pool->Run(kTiles, [&](int64_t i) { RenderTile(**renderer, i); });
+  m.gained_bytes = ResidentBytes("VmHWM") - before;
+  MeasureSpeed(**renderer, *pool, &m);
+  return m;
+}
+
+void PrintHead() {
+  std::printf("%-14s %9s %9s %7s %8s %7s %6s | %8s %24s %6s\n", "scene", "samples/s", "path rays", "shadow",
+              "rays/s", "embree", "limit", "memory", "needed (scene+tree+tiles)", "ratio");
+  std::printf("%-14s %9s %9s %7s %8s %7s %6s | %8s %24s\n", "", "M", "/sample", "/sample", "M", "%", "%",
+              "MiB", "MiB");
+}
+
+void PrintLine(const std::string& name, const Measured& m) {
+  constexpr double kMebi = 1 << 20;
+  const double rays = static_cast<double>(m.extension_rays + m.shadow_rays);
+  const double needed = static_cast<double>(m.scene_bytes + m.embree_bytes + m.tile_bytes);
+  std::printf(
+      "%-14s %9.3f %9.2f %7.2f %8.2f %7.1f %6.1f | %8.1f %7.1f (%5.1f+%6.1f+%4.1f) %6.2f\n", name.c_str(),
+      kAllSamples / m.render_seconds / 1e6, static_cast<double>(m.extension_rays) / kAllSamples,
+      static_cast<double>(m.shadow_rays) / kAllSamples, rays / m.render_seconds / 1e6, 100 * m.share_inside,
+      100 * m.replay_seconds / m.render_seconds, static_cast<double>(m.gained_bytes) / kMebi, needed / kMebi,
+      static_cast<double>(m.scene_bytes) / kMebi, static_cast<double>(m.embree_bytes) / kMebi,
+      static_cast<double>(m.tile_bytes) / kMebi, static_cast<double>(m.gained_bytes) / needed);
+}
+
+/// The scene's file; generated scenes are written into `folder`. Empty, with a word to the user, where there
+/// is none.
+std::string FileOf(const std::string& name, const std::string& folder) {
+  if (const scenes::SceneEntry* entry = scenes::FindScene(name)) {
+    const std::string path = absl::StrCat(folder, "/", name, ".glb");
+    const absl::StatusOr<std::string> glb = scenes::EncodeGlb(entry->build());
+    LUMIFOLD_CHECK(glb.ok() && scenes::WriteFile(path, *glb).ok());
+    return path;
+  }
+  if (name != "staircase") return name;
+  const char* real_scenes = std::getenv("LUMIFOLD_SCENES_DIR");
+  if (real_scenes != nullptr) return absl::StrCat(real_scenes, "/staircase.glb");
+  std::fprintf(stderr, "staircase: skipped, LUMIFOLD_SCENES_DIR is not set\n");
+  return "";
+}
+
+/// Does `work` in a process of its own, so that its memory starts from nothing; gives whether it succeeded.
+bool InChild(const std::function<bool()>& work) {
+  std::fflush(stdout);
+  const pid_t child = fork();
+  if (child == 0) {
+    const bool ok = work();
+    std::fflush(stdout);
+    _exit(ok ? EXIT_SUCCESS : EXIT_FAILURE);
+  }
+  int status = 0;
+  LUMIFOLD_CHECK(child > 0 && waitpid(child, &status, 0) == child);
+  return WIFEXITED(status) && WEXITSTATUS(status) == EXIT_SUCCESS;
+}
+
+bool MeasureAndPrint(const std::string& name, const std::string& path) {
+  const absl::StatusOr<Measured> measured = Measure(path);
+  if (!measured.ok()) {
+    std::fprintf(stderr, "%s\n", std::string(measured.status().message()).c_str());
+    return false;
+  }
+  PrintLine(std::filesystem::path(name).stem().string(), *measured);
+  return true;
+}
+
+int Main(std::vector<std::string> names) {
+  if (names.empty()) names = {"cornell-box", "meeting-room", "atrium", "staircase"};
+  const testing::TempFolder folder;
+  PrintHead();
+  bool ok = true;
+  for (const std::string& name : names) {
+    ok &= InChild([&] { return !FileOf(name, folder.path()).empty(); });
+    const std::string generated = absl::StrCat(folder.path(), "/", name, ".glb");
+    const std::string path = std::filesystem::exists(generated) ? generated : FileOf(name, folder.path());
+    if (!path.empty()) ok &= InChild([&] { return MeasureAndPrint(name, path); });
+  }
+  return ok ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+}  // namespace
+}  // namespace lumifold::bench
+
+int main(int argc, char** argv) {
+  return lumifold::bench::Main(std::vector<std::string>(argv + 1, argv + argc));
+}

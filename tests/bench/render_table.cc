@@ -197,20 +197,20 @@ void PrintLine(const std::string& name, const Measured& m) {
       static_cast<double>(m.tile_bytes) / kMebi, static_cast<double>(m.gained_bytes) / needed);
 }
 
-/// The scene's file; generated scenes are written into `folder`. Empty, with a word to the user, where there
-/// is none.
-std::string FileOf(const std::string& name, const std::string& folder) {
-  if (const scenes::SceneEntry* entry = scenes::FindScene(name)) {
-    const std::string path = absl::StrCat(folder, "/", name, ".glb");
-    const absl::StatusOr<std::string> glb = scenes::EncodeGlb(entry->build());
-    LUMIFOLD_CHECK(glb.ok() && scenes::WriteFile(path, *glb).ok());
-    return path;
-  }
+/// Where the scene's file is; generated scenes belong into `folder`. Empty, with a word to the user, where
+/// there is none.
+std::string PathOf(const std::string& name, const TempFolder& folder) {
+  if (scenes::FindScene(name) != nullptr) return folder.PathOf(name + ".glb");
   if (name != "staircase") return name;
   const char* real_scenes = std::getenv("LUMIFOLD_SCENES_DIR");
   if (real_scenes != nullptr) return absl::StrCat(real_scenes, "/staircase.glb");
   std::fprintf(stderr, "staircase: skipped, LUMIFOLD_SCENES_DIR is not set\n");
   return "";
+}
+
+bool Generate(const scenes::SceneEntry& entry, const std::string& path) {
+  const absl::StatusOr<std::string> glb = scenes::EncodeGlb(entry.build());
+  return glb.ok() && scenes::WriteFile(path, *glb).ok();
 }
 
 /// Does `work` in a process of its own, so that its memory starts from nothing; gives whether it succeeded.
@@ -227,26 +227,27 @@ bool InChild(const std::function<bool()>& work) {
   return WIFEXITED(status) && WEXITSTATUS(status) == EXIT_SUCCESS;
 }
 
-bool MeasureAndPrint(const std::string& name, const std::string& path) {
+bool MeasureAndPrint(const std::string& path) {
   const absl::StatusOr<Measured> measured = Measure(path);
   if (!measured.ok()) {
     std::fprintf(stderr, "%s\n", std::string(measured.status().message()).c_str());
     return false;
   }
-  PrintLine(std::filesystem::path(name).stem().string(), *measured);
+  PrintLine(std::filesystem::path(path).stem().string(), *measured);
   return true;
 }
 
 int Main(std::vector<std::string> names) {
   if (names.empty()) names = {"cornell-box", "meeting-room", "atrium", "staircase"};
-  const testing::TempFolder folder;
+  const TempFolder folder;
   PrintHead();
   bool ok = true;
   for (const std::string& name : names) {
-    ok &= InChild([&] { return !FileOf(name, folder.path()).empty(); });
-    const std::string generated = absl::StrCat(folder.path(), "/", name, ".glb");
-    const std::string path = std::filesystem::exists(generated) ? generated : FileOf(name, folder.path());
-    if (!path.empty()) ok &= InChild([&] { return MeasureAndPrint(name, path); });
+    const std::string path = PathOf(name, folder);
+    if (path.empty()) continue;
+    const scenes::SceneEntry* entry = scenes::FindScene(name);
+    if (entry != nullptr) LUMIFOLD_CHECK(InChild([&] { return Generate(*entry, path); }));
+    ok &= InChild([&] { return MeasureAndPrint(path); });
   }
   return ok ? EXIT_SUCCESS : EXIT_FAILURE;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/parallel.h"
 
 namespace lumifold::render {
 namespace {
@@ -72,11 +73,11 @@ class EmbreeSceneImpl final : public EmbreeScene {
     return query.tfar < 0;
   }
 
-  explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene) {}
+  explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene), builder_(MakeTaskPool(1)) {}
 
   absl::Status Build() {
     const scene::Scene& scene = *scene_;
-    const std::string config = absl::StrCat("threads=1,set_affinity=0,isa=", TracingInstructionSet());
+    const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
     device_.reset(rtcNewDevice(config.c_str()));
     if (device_ == nullptr) return absl::InternalError("Embree: no device");
     std::vector<int> uses(scene.meshes.size(), 0);
@@ -93,11 +94,17 @@ class EmbreeSceneImpl final : public EmbreeScene {
       rtcCommitGeometry(geometry.get());
       rtcAttachGeometryByID(world_.get(), geometry.get(), static_cast<unsigned>(i));
     }
-    rtcCommitScene(world_.get());
+    Commit(world_.get());
     return DeviceError();
   }
 
  private:
+  /// Builds the tree on this thread. (The device's own "threads=1" would do so too, but for as long as the
+  /// device lives it holds every TBB pool of the process to one thread.)
+  void Commit(RTCScene scene) {
+    builder_->Run(1, [scene](int64_t) { rtcCommitScene(scene); });
+  }
+
   SceneHandle NewScene() const {
     SceneHandle handle(rtcNewScene(device_.get()));
     rtcSetSceneFlags(handle.get(), RTC_SCENE_FLAG_ROBUST);
@@ -126,7 +133,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
       if (triangles == nullptr) return nullptr;
       rtcCommitGeometry(triangles.get());
       rtcAttachGeometry(prototype.get(), triangles.get());
-      rtcCommitScene(prototype.get());
+      Commit(prototype.get());
     }
     Geometry geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_INSTANCE));
     rtcSetGeometryInstancedScene(geometry.get(), prototype.get());
@@ -146,6 +153,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
   }
 
   const scene::Scene* scene_;
+  std::unique_ptr<TaskPool> builder_;
   Device device_;  // released last
   std::vector<SceneHandle> prototypes_;
   SceneHandle world_;

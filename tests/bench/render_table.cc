@@ -1,21 +1,23 @@
 // Prints one line a scene: how fast the renderer traces, how near that is to Embree alone on the same rays,
 // and what it takes of memory.
 //
-//   render-table [SCENE...]     cornell-box, meeting-room, bedroom, atrium, staircase, or a .gltf or .glb
-//   file;
+//   render-table [SCENE...]     cornell-box, meeting-room, bedroom, atrium, staircase, or a file's path;
 //                               without arguments all but the bedroom
 //
-// "embree" is the share of a thread's time spent inside Embree while rendering; "limit" the time Embree takes
-// for the same rays in the same order when nothing else is done, over the time of rendering. Times are the
-// least of several runs that take turns. "memory" is the resident memory a process gains from loading and
-// rendering, at its peak; "needed" that of the scene's own arrays, of Embree's tree with its copy of the
-// triangles, and of the tiles being rendered. Each scene is measured in a process of its own.
+// "samples/s" is what two threads trace in a second on the clock, "one thread" what each traces in a second
+// of processor time, which neighbours on the machine hardly change. "embree" is the share of the time that is
+// spent inside Embree while rendering; "limit" the processor time Embree takes for the same rays in the same
+// order when nothing else is done, over that of rendering. Times are the least of several runs that take
+// turns. "memory" is the resident memory a process gains from loading and rendering, at its peak; "needed"
+// that of the scene's own arrays, of Embree's tree with its copy of the triangles, and of the tiles being
+// rendered. Each scene is measured in a process of its own.
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -49,10 +51,16 @@ constexpr double kAllSamples = 1.0 * kWidth * kHeight * kSamples;
 constexpr int kThreads = 2;
 constexpr int kRounds = 5;
 
+/// What a piece of work took, on the clock and of the processor on all threads.
+struct Cost {
+  double wall_seconds = 1e30;
+  double cpu_seconds = 1e30;
+};
+
 /// The figures of one line.
 struct Measured {
-  double render_seconds = 0;
-  double replay_seconds = 0;
+  Cost render;
+  Cost replay;
   double share_inside = 0;
   int64_t extension_rays = 0;  // the camera's included
   int64_t shadow_rays = 0;
@@ -111,10 +119,19 @@ int64_t ResidentBytes(const std::string& field) {
   return 0;
 }
 
-double SecondsOf(const std::function<void()>& work) {
+double CpuSeconds() {
+  timespec now = {};
+  LUMIFOLD_CHECK(clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now) == 0);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// Does `work` and lowers `cost` to what it took, where that is less.
+void Time(const std::function<void()>& work, Cost* cost) {
   const absl::Time start = absl::Now();
+  const double cpu_start = CpuSeconds();
   work();
-  return absl::ToDoubleSeconds(absl::Now() - start);
+  cost->cpu_seconds = std::min(cost->cpu_seconds, CpuSeconds() - cpu_start);
+  cost->wall_seconds = std::min(cost->wall_seconds, absl::ToDoubleSeconds(absl::Now() - start));
 }
 
 std::vector<RayLog> LogRays(const render::Renderer& renderer, TaskPool& pool) {
@@ -151,14 +168,10 @@ void MeasureSpeed(const render::Renderer& renderer, TaskPool& pool, Measured* m)
     m->shadow_rays += shadow;
     m->extension_rays += static_cast<int64_t>(log.rays.size()) - shadow;
   }
-  m->render_seconds = m->replay_seconds = 1e30;
   for (int round = 0; round < kRounds; ++round) {
-    m->render_seconds = std::min(
-        m->render_seconds, SecondsOf([&] { pool.Run(kTiles, [&](int64_t i) { RenderTile(renderer, i); }); }));
-    m->replay_seconds =
-        std::min(m->replay_seconds, SecondsOf([&] {
-                   pool.Run(kTiles, [&](int64_t i) { LUMIFOLD_CHECK(Replay(logs[i]) == logs[i].hits); });
-                 }));
+    Time([&] { pool.Run(kTiles, [&](int64_t i) { RenderTile(renderer, i); }); }, &m->render);
+    Time([&] { pool.Run(kTiles, [&](int64_t i) { LUMIFOLD_CHECK(Replay(logs[i]) == logs[i].hits); }); },
+         &m->replay);
   }
   m->share_inside = ShareInsideEmbree(renderer, pool);
 }
@@ -201,23 +214,26 @@ absl::StatusOr<Measured> Measure(const std::string& path) {
 }
 
 void PrintHead() {
-  std::printf("%-14s %9s %9s %7s %8s %7s %6s | %8s %24s %6s\n", "scene", "samples/s", "path rays", "shadow",
-              "rays/s", "embree", "limit", "memory", "needed (scene+tree+tiles)", "ratio");
-  std::printf("%-14s %9s %9s %7s %8s %7s %6s | %8s %24s\n", "", "M", "/sample", "/sample", "M", "%", "%",
-              "MiB", "MiB");
+  std::printf("%-14s %10s %10s %10s %8s %8s %7s %6s | %7s %s\n", "scene", "samples/s", "one thread",
+              "path rays", "shadow", "rays/s", "embree", "limit", "memory",
+              "needed (scene + tree + tiles)   ratio");
+  std::printf("%-14s %10s %10s %10s %8s %8s %7s %6s | %7s %s\n", "", "M", "M", "/sample", "/sample", "M", "%",
+              "%", "MiB", "MiB");
 }
 
 void PrintLine(const std::string& name, const Measured& m) {
   constexpr double kMebi = 1 << 20;
-  const double rays = static_cast<double>(m.extension_rays + m.shadow_rays);
-  const double needed = static_cast<double>(m.scene_bytes + m.embree_bytes + m.tile_bytes);
+  const auto per_sample = [](int64_t rays) { return static_cast<double>(rays) / kAllSamples; };
+  const auto mebi = [](int64_t bytes) { return static_cast<double>(bytes) / kMebi; };
+  const int64_t needed = m.scene_bytes + m.embree_bytes + m.tile_bytes;
   std::printf(
-      "%-14s %9.3f %9.2f %7.2f %8.2f %7.1f %6.1f | %8.1f %7.1f (%5.1f+%6.1f+%4.1f) %6.2f\n", name.c_str(),
-      kAllSamples / m.render_seconds / 1e6, static_cast<double>(m.extension_rays) / kAllSamples,
-      static_cast<double>(m.shadow_rays) / kAllSamples, rays / m.render_seconds / 1e6, 100 * m.share_inside,
-      100 * m.replay_seconds / m.render_seconds, static_cast<double>(m.gained_bytes) / kMebi, needed / kMebi,
-      static_cast<double>(m.scene_bytes) / kMebi, static_cast<double>(m.embree_bytes) / kMebi,
-      static_cast<double>(m.tile_bytes) / kMebi, static_cast<double>(m.gained_bytes) / needed);
+      "%-14s %10.3f %10.3f %10.2f %8.2f %8.2f %7.1f %6.1f | %7.1f %6.1f (%5.1f + %5.1f + %4.1f) %7.2f\n",
+      name.c_str(), kAllSamples / m.render.wall_seconds / 1e6, kAllSamples / m.render.cpu_seconds / 1e6,
+      per_sample(m.extension_rays), per_sample(m.shadow_rays),
+      static_cast<double>(m.extension_rays + m.shadow_rays) / m.render.wall_seconds / 1e6,
+      100 * m.share_inside, 100 * m.replay.cpu_seconds / m.render.cpu_seconds, mebi(m.gained_bytes),
+      mebi(needed), mebi(m.scene_bytes), mebi(m.embree_bytes), mebi(m.tile_bytes),
+      mebi(m.gained_bytes) / mebi(needed));
 }
 
 /// Where the scene's file is; generated scenes belong into `folder`. Empty, with a word to the user, where

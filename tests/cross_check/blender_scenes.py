@@ -1,6 +1,6 @@
 """Builds a scene in Blender, exports it as an artist would, and renders it with Cycles.
 
-    blender -b --factory-startup --python-exit-code 1 --python blender_scenes.py -- SCENE FOLDER SAMPLES WxH
+    blender -b --factory-startup --python-exit-code 1 --python blender_scenes.py -- SCENE FOLDER SAMPLES WxH BOUNCES
 
 writes FOLDER/SCENE.glb by Blender's own exporter, and for each camera and two seeds FOLDER/SCENE.CAMERA.cycles-SEED.exr.
 """
@@ -142,6 +142,7 @@ def sun_and_points():
     nodes = floor.node_tree.nodes
     picture = nodes.new("ShaderNodeTexImage")
     picture.image = checker_picture()
+    picture.interpolation = "Closest"  # Cycles interpolates coded sRGB values, glTF asks for light
     floor.node_tree.links.new(picture.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
     add("plane", floor, size=8)
     add("uv_sphere", matte("ball", (0.6, 0.5, 0.4)), radius=0.7, location=(-0.8, 0, 0.7), segments=48, ring_count=24)
@@ -262,7 +263,7 @@ def replace_for_cycles(made):
     tree.links.new(surface, output.inputs["Surface"])
 
 
-def set_up_cycles(samples):
+def set_up_cycles(samples, bounces=8):
     """Cycles without anything that trades truth for less noise, and with the renderer's own limits."""
     scene = bpy.context.scene
     cycles = scene.cycles
@@ -270,7 +271,7 @@ def set_up_cycles(samples):
     cycles.device = "CPU"
     cycles.samples = samples
     cycles.use_adaptive_sampling = cycles.use_denoising = False
-    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = 8
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = bounces
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
     cycles.light_sampling_threshold = 0
     cycles.blur_glossy = 0
@@ -292,8 +293,7 @@ def start_empty():
     bpy.context.scene.world = world
 
 
-def main(name, samples, size):
-    scene = bpy.context.scene
+def main(name, samples, size, bounces):
     start_empty()
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = size
@@ -305,7 +305,7 @@ def main(name, samples, size):
     for made in bpy.data.materials:
         if made.get("cycles", AS_EXPORTED) != AS_EXPORTED:
             replace_for_cycles(made)
-    set_up_cycles(samples)
+    set_up_cycles(samples, bounces)
     for view in cameras:
         scene.camera = view
         for seed in (1, 2):
@@ -320,6 +320,6 @@ SCENES = {
 }
 
 if __name__ == "__main__":
-    name, folder, samples, size = sys.argv[sys.argv.index("--") + 1 :]
+    name, folder, samples, size, bounces = sys.argv[sys.argv.index("--") + 1 :]
     folder = pathlib.Path(folder)
-    main(name, int(samples), tuple(map(int, size.split("x"))))
+    main(name, int(samples), tuple(map(int, size.split("x"))), int(bounces))

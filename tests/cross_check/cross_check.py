@@ -1,6 +1,6 @@
 """Compares Lumifold with Blender's Cycles on scenes that Blender builds and exports itself.
 
-    cross_check.py [--samples N] [--size WxH] [--keep FOLDER] [SCENE ...]
+    cross_check.py [--samples N] [--size WxH] [--bounces N] [--keep FOLDER] [SCENE ...]
 
 prints for each scene and camera every region's difference in percent of Cycles' mean, with its standard deviation. Fails where a
 region of a scene that both model alike differs by more than 1 % and three standard deviations. Needs `blender` (it skips
@@ -33,27 +33,34 @@ def run(command, **options):
     return done.stdout
 
 
-def render_reference(scene, folder, samples, size):
+def run_blender(script, *arguments):
+    """Runs a script of ours in Blender; gives what it prints."""
+    # Blender's Python takes its library from beside the first python3 on the path, which must be the system's.
+    environment = {**os.environ, "PATH": os.defpath}
+    options = ["-b", "--factory-startup", "--python-exit-code", 1, "--python", HERE / script]
+    return run([shutil.which("blender"), *options, "--", *arguments], env=environment)
+
+
+def render_reference(scene, folder, samples, size, bounces):
     """Builds, exports and renders with Blender; gives the cameras' names."""
-    script = ["--factory-startup", "--python-exit-code", 1, "--python", HERE / "blender_scenes.py"]
-    run(["blender", "-b", *script, "--", scene, folder, samples, size])
+    run_blender("blender_scenes.py", scene, folder, samples, size, bounces)
     return sorted(path.name.split(".")[1] for path in folder.glob(f"{scene}.*.cycles-1.exr"))
 
 
-def render_ours(scene, camera, folder, samples, size, seed):
+def render_ours(scene, camera, folder, samples, size, bounces, seed):
     path = folder / f"{scene}.{camera}.lumifold-{seed}.exr"
     program = pathlib.Path(os.environ["LUMIFOLD_BIN"]) / "lumifold"
     command = [program, "render", folder / f"{scene}.glb", "-o", path, "--size", size, "--spp", samples, "--seed", seed]
-    command += ["--camera", camera, "--filter", "none", "--max-bounces", 8, "--threads", 2]
+    command += ["--camera", camera, "--filter", "none", "--max-bounces", bounces, "--threads", 2]
     if scene == "environment":
         command += ["--env", folder / "sky.exr"]
     run(command)
     return exr.read(path)
 
 
-def check(scene, camera, folder, samples, size):
+def check(scene, camera, folder, samples, size, bounces):
     """Prints the table of one picture; gives the names of regions that differ too much."""
-    pictures = [render_ours(scene, camera, folder, samples, size, seed) for seed in (1, 2)]
+    pictures = [render_ours(scene, camera, folder, samples, size, bounces, seed) for seed in (1, 2)]
     references = [exr.read(folder / f"{scene}.{camera}.cycles-{seed}.exr") for seed in (1, 2)]
     ours = regions.Estimate(*(picture.mean_of_colors() for picture in pictures))
     reference = regions.Estimate(*(picture.mean_of_colors() for picture in references))
@@ -74,6 +81,7 @@ def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--samples", type=int, default=256, help="per pixel and seed; there are two seeds")
     parser.add_argument("--size", default="192x144")
+    parser.add_argument("--bounces", type=int, default=8, help="after the first surface, for both")
     parser.add_argument("--keep", type=pathlib.Path, help="folder that keeps scenes and pictures")
     parser.add_argument("scenes", nargs="*", choices=[*SCENES, []], metavar="SCENE", help=", ".join(SCENES))
     return parser.parse_args()
@@ -84,13 +92,14 @@ def main():
     if shutil.which("blender") is None:
         print("SKIPPED: there is no blender on this machine (Debian package blender)")
         return SKIPPED
+    settings = (options.samples, options.size, options.bounces)
     bad = []
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.keep or pathlib.Path(temporary)
         folder.mkdir(exist_ok=True)
         for scene in options.scenes or SCENES:
-            for camera in render_reference(scene, folder, options.samples, options.size):
-                bad += check(scene, camera, folder, options.samples, options.size)
+            for camera in render_reference(scene, folder, *settings):
+                bad += check(scene, camera, folder, *settings)
     print("\n" + "\n".join(bad or ["no region differs by more than 1 % and three standard deviations"]))
     return 1 if bad else 0
 

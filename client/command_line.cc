@@ -167,6 +167,16 @@ void CommandLine::AddSize(const std::string& names, PictureSize* value, const st
   parser_->Add(names, "WxH", read, help);
 }
 
+void CommandLine::AddFrames(const std::string& names, FrameRange* value, const std::string& help) {
+  const ReadValue read = [value](const std::string& text) -> std::string {
+    const absl::StatusOr<FrameRange> frames = ParseFrameRange(text);
+    if (!frames.ok()) return std::string(frames.status().message());
+    *value = *frames;
+    return "";
+  };
+  parser_->Add(names, "N[-LAST]", read, help);
+}
+
 void CommandLine::AddAddress(const std::string& names, std::string* value, const std::string& help) {
   const ReadValue read = [value](const std::string& text) -> std::string {
     const size_t colon = text.rfind(':');

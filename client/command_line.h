@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/environment.h"
+#include "client/frame_range.h"
 #include "client/picture_size.h"
 
 namespace lumifold::client {
@@ -40,6 +41,8 @@ class CommandLine {
   /// A finite number above 0.
   void AddPositiveNumber(const std::string& names, float* value, const std::string& help);
   void AddSize(const std::string& names, PictureSize* value, const std::string& help);
+  /// One frame or several.
+  void AddFrames(const std::string& names, FrameRange* value, const std::string& help);
 
   /// HOST:PORT of a coordinator.
   void AddAddress(const std::string& names, std::string* value, const std::string& help);

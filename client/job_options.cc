@@ -1,7 +1,6 @@
 #include "client/job_options.h"
 
 #include <filesystem>
-#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -30,8 +29,10 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddText("--filter", "METHOD", &options->filter,
                        "'default', 'none' or a method of the coordinator (default 'default')");
   command_line.AddText("--camera", "NAME", &options->camera, "Camera by name (default: the scene's first)");
-  command_line.AddWholeNumber("--frame", &options->frame, 0, std::numeric_limits<int>::max() - 1,
-                              "Number of the frame (default 0)");
+  command_line.AddFrames("--frame,--frames", &options->frames,
+                         "Number of the frame, or of the first and last one (default 0)");
+  command_line.AddPositiveNumber("--fps", &options->frames_per_second,
+                                 "Frames a second: frame N shows the scene at N/X seconds (default 24)");
   command_line.AddText("--env", "FILE", &options->environment,
                        "Light from all round: a latitude-longitude picture, .exr or .hdr");
   command_line.AddNumber("--env-rotate", &options->environment_rotate_degrees,
@@ -73,8 +74,9 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
   spec.set_camera(options.camera);
   spec.set_width(options.size.width);
   spec.set_height(options.size.height);
-  spec.set_first_frame(options.frame);
-  spec.set_frame_count(1);
+  spec.set_first_frame(options.frames.first);
+  spec.set_frame_count(options.frames.count());
+  spec.set_frames_per_second(options.frames_per_second);
   spec.set_samples_per_pixel(options.samples_per_pixel);
   spec.set_seed(options.seed);
   spec.set_max_bounces(options.max_bounces);

@@ -9,6 +9,7 @@
 #include "client/command_line.h"
 #include "client/environment.h"
 #include "client/exit_code.h"
+#include "client/frame_range.h"
 #include "client/picture_size.h"
 #include "lumifold/v1/job.pb.h"
 
@@ -23,7 +24,8 @@ struct JobOptions {
   int max_bounces = 8;
   std::string filter = "default";
   std::string camera;
-  int frame = 0;
+  FrameRange frames;
+  float frames_per_second = 24;
   bool save_film = false;
   std::string environment;  // a picture's path; empty: none
   float environment_rotate_degrees = 0;

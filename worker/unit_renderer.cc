@@ -15,7 +15,7 @@
 namespace lumifold::worker {
 namespace {
 
-/// Scenes are large: one in use and one that is about to be.
+/// Scenes are large: one in use and one that is about to be, of the next job or the next frame.
 constexpr size_t kMaxScenes = 2;
 
 /// More samples than this share going bad is no accident but a broken scene.
@@ -23,6 +23,12 @@ constexpr double kMaxBadShare = 0.01;
 
 absl::Status Annotate(const absl::Status& status, const v1::JobSpec& spec) {
   return {status.code(), absl::StrCat(spec.scene().display_name(), ": ", status.message())};
+}
+
+/// Where a frame lies on the animations' clock. Jobs recorded before they had a speed stand still, as they
+/// did.
+double SecondsOf(const v1::JobSpec& spec, int frame) {
+  return spec.frames_per_second() > 0 ? frame / spec.frames_per_second() : 0;
 }
 
 Rect RectOf(const v1::Rect& r) { return {r.x0(), r.y0(), r.x1(), r.y1()}; }
@@ -54,7 +60,7 @@ bool IsPermanent(const absl::Status& failure) {
   }
 }
 
-absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::Load(const v1::JobSpec& spec) const {
+absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, int frame) const {
   std::map<std::string, v1::AssetRef> dependencies;
   for (const v1::AssetRef& asset : spec.scene().dependencies()) dependencies[asset.uri()] = asset;
   absl::StatusOr<std::string> file = assets_->Fetch(spec.scene().file());
@@ -65,8 +71,11 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::Load(const
       return absl::NotFoundError(absl::StrCat("'", uri, "' is not among the job's files"));
     return assets_->Fetch(asset->second);
   };
-  absl::StatusOr<scene::Scene> scene = scene::LoadGltf(*file, spec.scene().display_name(), read);
+  scene::LoadOptions options;
+  options.time_seconds = SecondsOf(spec, frame);
+  absl::StatusOr<scene::Scene> scene = scene::LoadGltf(*file, spec.scene().display_name(), read, options);
   if (!scene.ok()) return scene.status();
+  const bool animated = scene->animated;
   file->clear();
   file->shrink_to_fit();
   render::RenderSettings settings;
@@ -87,42 +96,59 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::Load(const
   absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
       render::Renderer::Create(std::make_shared<scene::Scene>(*std::move(scene)), settings);
   if (!renderer.ok()) return Annotate(renderer.status(), spec);
-  return std::shared_ptr<const render::Renderer>(*std::move(renderer));
+  return LoadedScene{*std::move(renderer), animated};
+}
+
+std::shared_ptr<UnitRenderer::Entry> UnitRenderer::FindEntry(const v1::UnitId& unit) {
+  std::shared_ptr<Entry> loading;
+  bool moves = false;
+  for (const std::shared_ptr<Entry>& entry : entries_) {
+    if (entry->job_id != unit.job_id()) continue;
+    if (entry->frame == unit.frame() || (entry->ready && !entry->loaded.animated)) return entry;
+    if (entry->ready) moves = true;
+    if (!entry->ready) loading = entry;
+  }
+  return moves ? nullptr : loading;  // the one that is loading may turn out to serve every frame
+}
+
+std::shared_ptr<UnitRenderer::Entry> UnitRenderer::AddEntry(const v1::UnitId& unit) {
+  auto entry = std::make_shared<Entry>();
+  entry->job_id = unit.job_id();
+  entry->frame = unit.frame();
+  entries_.push_back(entry);
+  if (entries_.size() > kMaxScenes) entries_.pop_front();  // threads that still use it hold it by themselves
+  return entry;
 }
 
 absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf(const v1::JobSpec& spec,
-                                                                                 const std::string& job_id) {
+                                                                                 const v1::UnitId& unit) {
   std::shared_ptr<Entry> entry;
   {
     absl::MutexLock lock(&mutex_);
-    for (const std::shared_ptr<Entry>& known : entries_) {
-      if (known->job_id == job_id) entry = known;
-    }
-    if (entry != nullptr) {
+    while ((entry = FindEntry(unit)) != nullptr) {
       mutex_.Await(absl::Condition(&entry->ready));
       if (!entry->failure.ok()) return entry->failure;
-      return entry->renderer;
+      if (entry->frame != unit.frame() && entry->loaded.animated) continue;
+      if (std::erase(entries_, entry) > 0) entries_.push_back(entry);  // the latest in use
+      return entry->loaded.renderer;
     }
-    entry = std::make_shared<Entry>();
-    entry->job_id = job_id;
-    entries_.push_back(entry);
-    if (entries_.size() > kMaxScenes)
-      entries_.pop_front();  // threads that still use it hold it by themselves
+    entry = AddEntry(unit);
   }
-  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = Load(spec);
+  absl::StatusOr<LoadedScene> loaded = Load(spec, unit.frame());
   absl::MutexLock lock(&mutex_);
-  if (renderer.ok()) {
-    entry->renderer = *renderer;
+  if (loaded.ok()) {
+    entry->loaded = *loaded;
   } else {
-    entry->failure = renderer.status();
+    entry->failure = loaded.status();
     std::erase(entries_, entry);  // the next unit tries anew: the cause may have passed
   }
   entry->ready = true;
-  return renderer;
+  if (!loaded.ok()) return loaded.status();
+  return loaded->renderer;
 }
 
 absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const v1::Lease& lease) {
-  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = RendererOf(spec, lease.unit().job_id());
+  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = RendererOf(spec, lease.unit());
   if (!renderer.ok()) return renderer.status();
   const absl::Time start = absl::Now();
   RenderedUnit unit;

@@ -22,7 +22,8 @@ struct RenderedUnit {
 };
 
 /// Renders leased units: gets a job's scene the first time one of its units comes up, and keeps it for the
-/// next ones. Threads: safe concurrently; threads that need a scene somebody is loading wait for it.
+/// next ones; one that moves is got again for each frame, as it stands then. Threads: safe concurrently;
+/// threads that need a scene somebody is loading wait for it.
 class UnitRenderer {
  public:
   /// `assets` must outlive it.
@@ -36,21 +37,32 @@ class UnitRenderer {
   void ForgetJob(const std::string& job_id);
 
  private:
-  /// A job's renderer, or why there is none. `ready` is set once, by the thread that made the entry.
+  /// What units of a job are rendered with.
+  struct LoadedScene {
+    std::shared_ptr<const render::Renderer> renderer;
+    bool animated = false;  // good for one frame alone
+  };
+
+  /// The scene of a job's frame, or why there is none. `ready` is set once, by the thread that made the
+  /// entry.
   struct Entry {
     std::string job_id;
+    int frame = 0;
     bool ready = false;
     absl::Status failure;
-    std::shared_ptr<const render::Renderer> renderer;
+    LoadedScene loaded;
   };
 
   absl::StatusOr<std::shared_ptr<const render::Renderer>> RendererOf(const v1::JobSpec& spec,
-                                                                     const std::string& job_id);
-  absl::StatusOr<std::shared_ptr<const render::Renderer>> Load(const v1::JobSpec& spec) const;
+                                                                     const v1::UnitId& unit);
+  /// The entry that serves the unit, or may turn out to once it is ready; null where a new one is needed.
+  std::shared_ptr<Entry> FindEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, int frame) const;
 
   AssetSource* assets_;
   absl::Mutex mutex_;
-  std::deque<std::shared_ptr<Entry>> entries_ ABSL_GUARDED_BY(mutex_);  // oldest first
+  std::deque<std::shared_ptr<Entry>> entries_ ABSL_GUARDED_BY(mutex_);  // longest unused first
 };
 
 /// Whether a failure lies in the job itself, so that every worker would meet it.

@@ -1,6 +1,3 @@
-#include "client/download.h"
-
-#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
@@ -9,36 +6,43 @@
 #include "client/commands/shared_options.h"
 
 namespace lumifold::client {
+namespace {
+
+void ReportFetched(const std::string& job_id, int frame, const std::string& path, bool as_json,
+                   const Environment& environment) {
+  if (as_json) {
+    const nlohmann::ordered_json json{{"job_id", job_id}, {"frame", frame}, {"output", path}};
+    environment.out << json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n"
+                    << std::flush;
+  }
+  ReportLine(environment, absl::StrCat("wrote ", path));
+}
+
+}  // namespace
 
 ExitCode RunDownload(const std::vector<std::string>& arguments, const Environment& environment) {
   std::string job_id;
-  int frame = 0;
+  FrameRange frames;
   PictureOptions picture;
   RemoteOptions remote(environment);
   CommandLine command_line("download", SummaryOf("download"));
   command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
-  command_line.AddWholeNumber("--frame", &frame, 0, std::numeric_limits<int>::max() - 1,
-                              "Number of the frame (default 0)");
+  command_line.AddFrames("--frame,--frames", &frames,
+                         "Number of the frame, or of the first and last one (default 0)");
   picture.AddTo(command_line);
   remote.AddTo(command_line);
   command_line.SetFooter(
       "What an interrupted download has fetched is kept beside FILE; the same command goes on from there.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
-  if (const auto ended = picture.Check("lumifold download", environment)) return *ended;
+  if (const auto ended = picture.Check(frames, "lumifold download", environment)) return *ended;
 
-  const absl::StatusOr<std::string> part = PartPath(picture.output, job_id, frame);
-  if (!part.ok()) return ReportError(environment, part.status());
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
-  absl::Status status = DownloadFrame(*farm, job_id, frame, *part, *progress, MakeBackoff(environment));
-  if (status.ok()) status = picture.Write(*part);
-  if (!status.ok()) return ReportError(environment, status);
-  if (remote.json) {
-    const nlohmann::ordered_json json{{"job_id", job_id}, {"frame", frame}, {"output", picture.output}};
-    environment.out << json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n"
-                    << std::flush;
+  for (int frame = frames.first; frame <= frames.last; ++frame) {
+    const absl::Status fetched = picture.Fetch(*farm, job_id, frame, *progress, MakeBackoff(environment));
+    if (!fetched.ok()) return ReportError(environment, fetched);
+    ReportFetched(job_id, frame, PathOfFrame(picture.output, frame), remote.json, environment);
   }
-  ReportLine(environment, absl::StrCat("wrote ", picture.output));
   return ExitCode::kOk;
 }
 

@@ -38,7 +38,7 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
   AddJson(command_line, &options->json);
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
   if (const auto ended = CheckJobOptions(options->job, "lumifold render", environment)) return ended;
-  return options->picture.Check("lumifold render", environment);
+  return options->picture.Check(options->job.frames, "lumifold render", environment);
 }
 
 // Submits the job and follows it to its end; one that the user interrupts is cancelled.
@@ -56,29 +56,46 @@ absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, const RenderOptions& opti
   return job;
 }
 
+absl::Status WritePicture(FarmClient& farm, const PictureOptions& picture, const std::string& job_id,
+                          int frame, Progress& progress, const Environment& environment) {
+  // The farm is gone when this command has ended: nobody could go on with a part.
+  const absl::Cleanup remove_part = [&] {
+    std::error_code ignored;
+    const absl::StatusOr<std::string> part = PartPath(PathOfFrame(picture.output, frame), job_id, frame);
+    if (part.ok()) std::filesystem::remove(*part, ignored);
+  };
+  return picture.Fetch(farm, job_id, frame, progress, MakeBackoff(environment));
+}
+
 absl::Status WritePictures(FarmClient& farm, const RenderOptions& options, const std::string& job_id,
                            Progress& progress, const Environment& environment) {
-  const absl::StatusOr<std::string> part = PartPath(options.picture.output, job_id, options.job.frame);
-  if (!part.ok()) return part.status();
-  // The farm is gone when this command has ended: nobody could go on with a part.
-  const absl::Cleanup remove_part = [&part] {
-    std::error_code ignored;
-    std::filesystem::remove(*part, ignored);
-  };
-  const absl::Status downloaded =
-      DownloadFrame(farm, job_id, options.job.frame, *part, progress, MakeBackoff(environment));
-  return downloaded.ok() ? options.picture.Write(*part) : downloaded;
+  for (int frame = options.job.frames.first; frame <= options.job.frames.last; ++frame) {
+    const absl::Status written = WritePicture(farm, options.picture, job_id, frame, progress, environment);
+    if (!written.ok()) return written;
+  }
+  return absl::OkStatus();
+}
+
+/// "out.exr", or "out.0001.exr to out.0048.exr".
+std::string FilesOf(const std::string& path, const FrameRange& frames) {
+  const std::string first = PathOfFrame(path, frames.first);
+  return frames.count() == 1 ? first : absl::StrCat(first, " to ", PathOfFrame(path, frames.last));
 }
 
 void ReportRendered(const RenderOptions& options, const v1::JobStatus& job, const Environment& environment) {
+  const PictureOptions& picture = options.picture;
+  const FrameRange& frames = options.job.frames;
   if (options.json) {
-    std::vector<std::pair<std::string, std::string>> files{{"output", options.picture.output}};
-    if (!options.picture.noisy.empty()) files.emplace_back("noisy_output", options.picture.noisy);
+    const auto name = [&](const std::string& path) {
+      return frames.count() == 1 ? PathOfFrame(path, frames.first) : path;
+    };
+    std::vector<std::pair<std::string, std::string>> files{{"output", name(picture.output)}};
+    if (!picture.noisy.empty()) files.emplace_back("noisy_output", name(picture.noisy));
     environment.out << JobJson(job, files) << "\n" << std::flush;
   }
-  if (!options.picture.noisy.empty()) ReportLine(environment, absl::StrCat("wrote ", options.picture.noisy));
+  if (!picture.noisy.empty()) ReportLine(environment, absl::StrCat("wrote ", FilesOf(picture.noisy, frames)));
   ReportLine(environment,
-             absl::StrCat("wrote ", options.picture.output, " (", StageTimesText(job.times()), ")"));
+             absl::StrCat("wrote ", FilesOf(picture.output, frames), " (", StageTimesText(job.times()), ")"));
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ absl::Status CheckScene(const v1::SceneRef& scene) {
   return absl::OkStatus();
 }
 
-absl::Status CheckPositive(const char* field, float value) {
+absl::Status CheckPositive(const char* field, double value) {
   if (std::isfinite(value) && value > 0) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(field, " is ", value, ", not a finite number above 0"));
 }
@@ -82,6 +82,7 @@ absl::Status CheckNumbers(const v1::JobSpec& spec) {
            CheckRange("max_bounces", spec.max_bounces(), 0, kMaxBounces),
            CheckRange("tile_size", spec.tile_size(), kMinTileSize, kMaxTileSize),
            CheckRange("pass_samples", spec.pass_samples(), 2, kMaxSamples),
+           CheckPositive("frames_per_second", spec.frames_per_second()),
        }) {
     if (!status.ok()) return status;
   }
@@ -102,6 +103,7 @@ int DefaultPassSamples(int samples_per_pixel) {
 absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   if (spec.tile_size() == 0) spec.set_tile_size(kDefaultTileSize);
   if (spec.pass_samples() == 0) spec.set_pass_samples(DefaultPassSamples(spec.samples_per_pixel()));
+  if (spec.frames_per_second() == 0) spec.set_frames_per_second(kDefaultFramesPerSecond);
   if (spec.filter().method().empty()) spec.mutable_filter()->set_method("default");
   if (absl::Status status = CheckNumbers(spec); !status.ok()) return status;
   if (absl::Status status = CheckScene(spec.scene()); !status.ok()) return status;

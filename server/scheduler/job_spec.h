@@ -12,11 +12,16 @@ inline constexpr int kDefaultTileSize = 32;
 inline constexpr int kMinDefaultPassSamples = 64;
 inline constexpr int kDefaultMaxPasses = 16;
 
+/// Frames a second where a spec leaves them open: the speed of film, and of programs that artists animate
+/// with.
+inline constexpr double kDefaultFramesPerSecond = 24;
+
 /// Units one frame, and frames one job may have at most: what the scheduler's tables are sized for.
 inline constexpr int64_t kMaxUnitsPerFrame = int64_t{1} << 27;
 inline constexpr int kMaxFrames = 100'000;
 
-/// Checks a spec and fills in tile_size, pass_samples and the filter's method where they are open. What comes
+/// Checks a spec and fills in tile_size, pass_samples, frames_per_second and the filter's method
+/// where they are open. What comes
 /// back decides every bit of the picture; the scheduler takes no other. The method's name itself and the
 /// assets' sums are checked by those who know the methods and keep the assets.
 /// Errors: kInvalidArgument naming the field, its value and what is allowed.

@@ -1,11 +1,13 @@
 """A farm of real processes gives the picture one process gives, byte for byte, whatever is killed."""
 
+import json
 import os
 import pathlib
 import tempfile
 import unittest
 
 from farm import Farm, make_scene, run, wait_until
+from gltf import animate
 
 SETTINGS = ["--size", "160x120", "--spp", "96", "--seed", "5", "--save-film"]
 
@@ -74,6 +76,55 @@ class FarmTest(unittest.TestCase):
             result = self.root / "staircase.exr"
             farm.client("download", job, "-o", result)
             self.assertGreater(result.stat().st_size, 10_000)
+
+
+class FramesTest(unittest.TestCase):
+    """Animations from the command line to the files."""
+
+    SETTINGS = ["--size", "96x72", "--spp", "32", "--fps", "8"]
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.root = pathlib.Path(cls.folder.name)
+        cls.still = make_scene("cornell-box", cls.root)
+        cls.moving = animate(cls.still, cls.root / "moving.glb", "short block", 4)
+        for scene in (cls.still, cls.moving):
+            run("lumifold", "render", scene, *cls.SETTINGS, "--frames", "3-5", "-o", cls.root / f"{scene.stem}.###.exr")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def difference(self, first, second):
+        """Mean squared error in 8-bit steps between two of the pictures."""
+        done = run("lumifold", "compare", self.root / first, self.root / second, "--json")
+        return json.loads(done.stdout)["mse255"]
+
+    def test_frames_of_a_still_scene_differ_by_noise_alone(self):
+        difference = self.difference("cornell-box.003.exr", "cornell-box.005.exr")
+        self.assertGreater(difference, 0)
+        self.assertLess(difference, 15)
+
+    def test_an_animated_scene_moves(self):
+        self.assertGreater(self.difference("moving.003.exr", "moving.004.exr"), 60)
+        self.assertGreater(self.difference("moving.003.exr", "moving.005.exr"), 60)
+
+    def test_a_frame_is_the_same_alone_and_from_any_worker(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            farm.start_worker()
+            farm.start_worker(threads=2)
+            job = farm.client("submit", self.moving, *self.SETTINGS, "--frames", "3-5").stdout.strip()
+            alone = farm.client("submit", self.moving, *self.SETTINGS, "--frame", "4").stdout.strip()
+            farm.client("wait", job)
+            self.assertEqual(farm.status(job)["frames_done"], 3)
+            farm.client("download", job, "--frames", "3-5", "-o", self.root / "farm.###.exr")
+            farm.client("wait", alone)
+            farm.client("download", alone, "--frame", "4", "-o", self.root / "alone.exr")
+        for frame in ("003", "004", "005"):
+            expected = (self.root / f"moving.{frame}.exr").read_bytes()
+            self.assertEqual((self.root / f"farm.{frame}.exr").read_bytes(), expected, frame)
+        self.assertEqual((self.root / "alone.exr").read_bytes(), (self.root / "moving.004.exr").read_bytes())
 
 
 if __name__ == "__main__":

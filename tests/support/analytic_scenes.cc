@@ -83,9 +83,6 @@ scene::Camera LookAt(Vec3 from, Vec3 to, float yfov) {
   return camera;
 }
 
-namespace {
-
-/// The six inner faces of the box [-h, h]^3, fronts inward.
 void PlaceBoxInside(Scene* scene, float h, const std::array<int, 6>& materials) {
   const float d = 2 * h;
   Place(scene, QuadMesh({-h, -h, -h}, {0, 0, d}, {d, 0, 0}, materials[0]));  // floor
@@ -95,8 +92,6 @@ void PlaceBoxInside(Scene* scene, float h, const std::array<int, 6>& materials) 
   Place(scene, QuadMesh({-h, -h, -h}, {0, d, 0}, {0, 0, d}, materials[4]));  // left
   Place(scene, QuadMesh({h, -h, -h}, {0, 0, d}, {0, d, 0}, materials[5]));   // right
 }
-
-}  // namespace
 
 Scene Furnace(const Material& material) {
   Scene scene;

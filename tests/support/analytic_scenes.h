@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+
 #include "worker/scene/scene.h"
 
 /// Small scenes whose light is known in closed form, or that bound what a renderer may do.
@@ -19,6 +21,10 @@ scene::Material Emitter(scene::Vec3 radiance);
 
 /// Adds `mesh` to the scene as it stands.
 void Place(scene::Scene* scene, scene::Mesh mesh);
+
+/// Places the six inner faces of the box [-h, h]^3, fronts inward, with a material each: floor (-Y), ceiling,
+/// back (-Z), front, left (-X), right.
+void PlaceBoxInside(scene::Scene* scene, float h, const std::array<int, 6>& materials);
 
 /// Looks from `from` at `to`; up is +Y, or +Z where that is the line of sight.
 scene::Camera LookAt(scene::Vec3 from, scene::Vec3 to, float yfov);

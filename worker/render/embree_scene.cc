@@ -2,11 +2,11 @@
 
 #include <embree3/rtcore.h>
 
-#include <mutex>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/parallel.h"
 
 namespace lumifold::render {
 namespace {
@@ -22,30 +22,6 @@ struct Release {
 using Device = std::unique_ptr<RTCDeviceTy, Release>;
 using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
 using Geometry = std::unique_ptr<RTCGeometryTy, Release>;
-
-/// Holds the process to one build at a time and to one thread in it. A device of one thread holds all that
-/// uses TBB in this process to one thread as long as the device lives, the filter too; a second device that
-/// allows more lifts that limit, and must be away while something is built.
-class BuildLock {
- public:
-  BuildLock() : lock_(Mutex()) { Allowance().reset(); }
-  ~BuildLock() { Allowance().reset(rtcNewDevice("threads=512,set_affinity=0")); }
-
-  BuildLock(const BuildLock&) = delete;
-  BuildLock& operator=(const BuildLock&) = delete;
-
- private:
-  static std::mutex& Mutex() {
-    static std::mutex mutex;
-    return mutex;
-  }
-  static Device& Allowance() {
-    static Device device;
-    return device;
-  }
-
-  std::scoped_lock<std::mutex> lock_;
-};
 
 RTCRay EmbreeRay(const Ray& ray) {
   RTCRay r = {};
@@ -97,12 +73,11 @@ class EmbreeSceneImpl final : public EmbreeScene {
     return query.tfar < 0;
   }
 
-  explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene) {}
+  explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene), builder_(MakeTaskPool(1)) {}
 
   absl::Status Build() {
-    const BuildLock lock;
     const scene::Scene& scene = *scene_;
-    const std::string config = absl::StrCat("threads=1,set_affinity=0,isa=", TracingInstructionSet());
+    const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
     device_.reset(rtcNewDevice(config.c_str()));
     if (device_ == nullptr) return absl::InternalError("Embree: no device");
     std::vector<int> uses(scene.meshes.size(), 0);
@@ -119,11 +94,17 @@ class EmbreeSceneImpl final : public EmbreeScene {
       rtcCommitGeometry(geometry.get());
       rtcAttachGeometryByID(world_.get(), geometry.get(), static_cast<unsigned>(i));
     }
-    rtcCommitScene(world_.get());
+    Commit(world_.get());
     return DeviceError();
   }
 
  private:
+  /// Builds the tree on this thread. (The device's own "threads=1" would do so too, but for as long as the
+  /// device lives it holds every TBB pool of the process to one thread.)
+  void Commit(RTCScene scene) {
+    builder_->Run(1, [scene](int64_t) { rtcCommitScene(scene); });
+  }
+
   SceneHandle NewScene() const {
     SceneHandle handle(rtcNewScene(device_.get()));
     rtcSetSceneFlags(handle.get(), RTC_SCENE_FLAG_ROBUST);
@@ -152,7 +133,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
       if (triangles == nullptr) return nullptr;
       rtcCommitGeometry(triangles.get());
       rtcAttachGeometry(prototype.get(), triangles.get());
-      rtcCommitScene(prototype.get());
+      Commit(prototype.get());
     }
     Geometry geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_INSTANCE));
     rtcSetGeometryInstancedScene(geometry.get(), prototype.get());
@@ -172,6 +153,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
   }
 
   const scene::Scene* scene_;
+  std::unique_ptr<TaskPool> builder_;
   Device device_;  // released last
   std::vector<SceneHandle> prototypes_;
   SceneHandle world_;

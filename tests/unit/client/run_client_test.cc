@@ -114,6 +114,48 @@ TEST_F(RunClientTest, PrintsTheIdOfASubmittedJobAlone) {
   EXPECT_EQ(farm_.submissions()[0].request_id().size(), 32u);
 }
 
+TEST_F(RunClientTest, SendsTheFramesAndTheirSpeed) {
+  EXPECT_EQ(Run({"submit", scene_, "--frames", "3-5", "--fps", "12.5"}), 0);
+  EXPECT_EQ(Run({"submit", scene_}), 0);
+  const v1::JobSpec several = farm_.submissions()[0].spec();
+  EXPECT_EQ(several.first_frame(), 3);
+  EXPECT_EQ(several.frame_count(), 3);
+  EXPECT_EQ(several.frames_per_second(), 12.5);
+  const v1::JobSpec one = farm_.submissions()[1].spec();
+  EXPECT_EQ(one.first_frame(), 0);
+  EXPECT_EQ(one.frame_count(), 1);
+  EXPECT_EQ(one.frames_per_second(), 24);
+}
+
+TEST_F(RunClientTest, RefusesSeveralFramesInOneFile) {
+  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("out.exr"), "--frames", "1-2"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("-o: expected a name with ### for the frame's number; got '"));
+  EXPECT_EQ(
+      Run({"download", "job-1", "-o", folder_.File("#.png"), "--noisy", "noisy.png", "--frames", "1-2"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("--noisy: expected a name with ###"));
+  EXPECT_THAT(local_options_, testing::IsEmpty());
+}
+
+TEST_F(RunClientTest, RendersAFileAFrame) {
+  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("a.##.exr"), "--noisy", folder_.File("n#.png"),
+                 "--frames", "9-10", "--json"}),
+            0)
+      << Err();
+  EXPECT_EQ(folder_.Read("a.09.exr"), farm_.result);
+  EXPECT_EQ(folder_.Read("a.10.exr"), farm_.result);
+  EXPECT_EQ(folder_.FileCount(), 7);  // room.gltf, mesh.bin, result; a.09.exr, a.10.exr, n9.png, n10.png
+  EXPECT_THAT(Out(), HasSubstr(R"("output":")" + folder_.File("a.##.exr") + '"'));
+  EXPECT_THAT(Err(), HasSubstr("wrote " + folder_.File("a.09.exr") + " to " + folder_.File("a.10.exr")));
+}
+
+TEST_F(RunClientTest, DownloadsAFileAFrame) {
+  EXPECT_EQ(Run({"download", "job-1", "-o", folder_.File("a#.exr"), "--frames", "0-1", "--json"}), 0)
+      << Err();
+  EXPECT_EQ(folder_.Read("a0.exr"), farm_.result);
+  EXPECT_EQ(folder_.FileCount(), 5);
+  EXPECT_THAT(Out(), testing::EndsWith(R"("frame":1,"output":")" + folder_.File("a1.exr") + "\"}\n"));
+}
+
 TEST_F(RunClientTest, SendsTheEnvironmentAndTheLens) {
   const std::string sky = folder_.Write("sky.exr", "light");
   EXPECT_EQ(Run({"submit", scene_, "--env", sky, "--env-rotate", "-90", "--env-scale", "0.5", "--f-stop",

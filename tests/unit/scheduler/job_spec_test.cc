@@ -45,6 +45,7 @@ TEST(JobSpec, FillsInWhatIsLeftOpen) {
   ASSERT_TRUE(spec.ok()) << spec.status();
   EXPECT_EQ(spec->tile_size(), 32);
   EXPECT_EQ(spec->pass_samples(), 64);
+  EXPECT_EQ(spec->frames_per_second(), 24);
   EXPECT_EQ(spec->filter().method(), "default");
 }
 
@@ -60,6 +61,7 @@ TEST(JobSpec, KeepsWhatIsGiven) {
   v1::JobSpec given = GoodSpec();
   given.set_tile_size(16);
   given.set_pass_samples(8);
+  given.set_frames_per_second(29.97);
   given.mutable_filter()->set_method("none");
   const absl::StatusOr<v1::JobSpec> spec = NormaliseJobSpec(given);
   ASSERT_TRUE(spec.ok());
@@ -80,6 +82,8 @@ TEST(JobSpec, EachBadFieldIsNamed) {
       {[](auto& s) { s.set_max_bounces(1025); }, "max_bounces is 1025"},
       {[](auto& s) { s.set_tile_size(7); }, "tile_size is 7"},
       {[](auto& s) { s.set_pass_samples(3); }, "pass_samples is 3, not even"},
+      {[](auto& s) { s.set_frames_per_second(-24); }, "frames_per_second is -24"},
+      {[](auto& s) { s.set_frames_per_second(HUGE_VAL); }, "frames_per_second is inf"},
       {[](auto& s) {
          s.set_width(16384), s.set_height(16384), s.set_tile_size(8);
          s.set_samples_per_pixel(1 << 20), s.set_pass_samples(2);

@@ -11,6 +11,7 @@
 #include "absl/synchronization/mutex.h"
 #include "proto/rpc/image_codec.h"
 #include "spdlog/spdlog.h"
+#include "tests/unit/worker/fake_assets.h"
 
 namespace lumifold::worker {
 namespace {
@@ -24,44 +25,6 @@ constexpr char kScene[] = R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}]
   "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
   "bufferViews":[{"buffer":0,"byteLength":36}],
   "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
-
-/// Gives one scene, or one error, to everyone who asks; `environment` to those who ask for that.
-class FakeAssets final : public AssetSource {
- public:
-  explicit FakeAssets(absl::StatusOr<std::string> content, std::string environment = "")
-      : content_(std::move(content)), environment_(std::move(environment)) {}
-
-  absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) override {
-    absl::MutexLock lock(&mutex_);
-    ++fetches_;
-    mutex_.Await(absl::Condition(&open_));
-    const bool is_environment = asset.uri().rfind("environment:", 0) == 0;
-    if (is_environment && !environment_.empty()) return environment_;
-    return content_;
-  }
-
-  /// While closed, whoever fetches waits.
-  void SetOpen(bool open) {
-    absl::MutexLock lock(&mutex_);
-    open_ = open;
-  }
-  void AwaitFetches(int count) {
-    absl::MutexLock lock(&mutex_);
-    const auto reached = [&] { return fetches_ >= count; };
-    mutex_.Await(absl::Condition(&reached));
-  }
-  int fetches() {
-    absl::MutexLock lock(&mutex_);
-    return fetches_;
-  }
-
- private:
-  absl::Mutex mutex_;
-  bool open_ = true;
-  int fetches_ = 0;
-  absl::StatusOr<std::string> content_;
-  std::string environment_;
-};
 
 class FakeOutbox final : public Outbox {
  public:

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <embree3/rtcore.h>
+
+#include <cstdint>
+#include <vector>
+
+/// Listens to what the renderer asks of Embree, for programs linked with --wrap for the functions named in
+/// embree_tap.cc. The renderer knows nothing of it; a thread that is not listened to pays one branch a ray.
+namespace lumifold::bench {
+
+/// A ray as it was handed to rtcIntersect1, or to rtcOccluded1 where `occlusion`.
+struct TracedRay {
+  float origin[3];
+  float near_distance;
+  float direction[3];
+  float far_distance;
+  bool occlusion;
+};
+
+/// What one thread asked of one Embree scene.
+struct RayLog {
+  RTCScene scene = nullptr;
+  std::vector<TracedRay> rays;  // in the order they were asked
+  int64_t hits = 0;             // rays that met something
+};
+
+/// Keeps this thread's rays in `log` until it goes out of scope. All of them must be of one scene.
+class ScopedRayLog {
+ public:
+  explicit ScopedRayLog(RayLog* log);
+  ~ScopedRayLog();
+};
+
+/// Counts the processor's clock ticks this thread spends inside Embree until it goes out of scope.
+class ScopedTickCount {
+ public:
+  ScopedTickCount();
+  ~ScopedTickCount();
+  /// Ticks inside Embree so far.
+  int64_t inside() const;
+  /// Ticks since construction.
+  int64_t total() const;
+
+ private:
+  int64_t start_;
+};
+
+/// Asks Embree the rays of `log` once more and nothing else, and gives how many met something.
+int64_t Replay(const RayLog& log);
+
+/// Bytes all Embree devices of this process hold: trees, and the copies they keep of vertices and indices.
+int64_t EmbreeBytes();
+
+}  // namespace lumifold::bench

@@ -1,0 +1,325 @@
+"""Builds a scene in Blender, exports it as an artist would, and renders it with Cycles.
+
+    blender -b --factory-startup --python-exit-code 1 --python blender_scenes.py -- SCENE FOLDER SAMPLES WxH BOUNCES
+
+writes FOLDER/SCENE.glb by Blender's own exporter, and for each camera and two seeds FOLDER/SCENE.CAMERA.cycles-SEED.exr.
+"""
+
+import math
+import pathlib
+import random
+import sys
+
+import numpy
+
+numpy.bool = bool  # Blender 3.4's glTF add-on still uses the name that numpy dropped
+
+import bpy
+
+# Between the export and the render, what Cycles and glTF model in different ways is replaced: Principled's diffuse lobe
+# is Disney's and glTF's Lambert's; Principled adds a Fresnel term of its own to metals.
+AS_DIFFUSE, AS_GLOSSY, AS_EXPORTED = "diffuse", "glossy", "as exported"
+
+
+def material(name, color=(1, 1, 1), cycles=AS_EXPORTED, **inputs):
+    made = bpy.data.materials.new(name)
+    made.use_nodes = True
+    principled = made.node_tree.nodes["Principled BSDF"]
+    principled.inputs["Base Color"].default_value = (*color, 1)
+    for key, value in inputs.items():
+        principled.inputs[key.replace("_", " ").title().replace("Ior", "IOR")].default_value = value
+    made["cycles"] = cycles
+    return made
+
+
+def matte(name, color):
+    return material(name, color, AS_DIFFUSE, specular=0, roughness=1)
+
+
+def glow(name, radiance, color=(0, 0, 0)):
+    return material(name, color, AS_DIFFUSE, specular=0, roughness=1, emission=(*radiance, 1), emission_strength=1)
+
+
+def strong_glow(name, color, strength):
+    return material(
+        name, (0, 0, 0), AS_DIFFUSE, specular=0, roughness=1, emission=(*color, 1), emission_strength=strength
+    )
+
+
+def white_metal(name, roughness):
+    return material(name, (1, 1, 1), AS_GLOSSY, metallic=1, roughness=roughness)
+
+
+def glass(name):
+    """Solid: the exporter writes KHR_materials_volume where its own output group has a thickness."""
+    made = material(name, (1, 1, 1), transmission=1, roughness=0, ior=1.5, specular=0.5)
+    group = bpy.data.node_groups.get("glTF Material Output")
+    if group is None:
+        group = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
+        group.inputs.new("NodeSocketFloat", "Thickness")
+    node = made.node_tree.nodes.new("ShaderNodeGroup")
+    node.node_tree = group
+    node.inputs["Thickness"].default_value = 1
+    return made
+
+
+def add(shape, made, name=None, smooth=False, **where):
+    """Adds a primitive of bpy.ops.mesh with a material."""
+    getattr(bpy.ops.mesh, f"primitive_{shape}_add")(**where)
+    thing = bpy.context.object
+    thing.data.materials.append(made)
+    thing.name = name or made.name
+    if smooth:
+        bpy.ops.object.shade_smooth()
+    return thing
+
+
+def box(made, low, high, name=None):
+    middle = [(a + b) / 2 for a, b in zip(low, high)]
+    thing = add("cube", made, name, size=1, location=middle)
+    thing.scale = [b - a for a, b in zip(low, high)]
+    return thing
+
+
+def camera(name, place, target, degrees):
+    data = bpy.data.cameras.new(name)
+    data.angle = math.radians(degrees)
+    thing = bpy.data.objects.new(name, data)
+    bpy.context.collection.objects.link(thing)
+    thing.location = place
+    forward = [b - a for a, b in zip(place, target)]
+    thing.rotation_euler = numpy_to_euler(forward)
+    return thing
+
+
+def numpy_to_euler(forward):
+    from mathutils import Vector
+
+    return Vector(forward).to_track_quat("-Z", "Y").to_euler()
+
+
+def light(kind, name, place, energy, direction=(0, 0, -1), color=(1, 1, 1)):
+    data = bpy.data.lights.new(name, kind)
+    data.energy = energy
+    data.color = color
+    if kind == "SUN":
+        data.angle = 0
+    else:
+        data.shadow_soft_size = 0
+    thing = bpy.data.objects.new(name, data)
+    bpy.context.collection.objects.link(thing)
+    thing.location = place
+    thing.rotation_euler = numpy_to_euler(direction)
+
+
+def room(white, left, right):
+    """Five walls, 4 m wide and deep and 3 m high, open towards -Y."""
+    box(white, (-2, -2, -0.1), (2, 2, 0), "floor")
+    box(white, (-2, -2, 3), (2, 2, 3.1), "ceiling")
+    box(white, (-2.1, 2, -0.1), (2.1, 2.1, 3.1), "back wall")
+    box(left, (-2.1, -2, 0), (-2, 2, 3), "left wall")
+    box(right, (2, -2, 0), (2.1, 2, 3), "right wall")
+    camera("camera", (0, -5.6, 1.5), (0, 0, 1.5), 48)
+
+
+def downward_lamp(radiance, half=0.6, height=2.98):
+    lamp = add("plane", glow("lamp", radiance), size=2 * half, location=(0, 0, height))
+    lamp.rotation_euler = (math.pi, 0, 0)
+
+
+def diffuse_room():
+    """Much light by many bounces: a bright room with a lamp and two blocks."""
+    room(matte("white", (0.8, 0.8, 0.8)), matte("red", (0.7, 0.1, 0.1)), matte("green", (0.1, 0.6, 0.1)))
+    downward_lamp((1.0, 0.9, 0.8))
+    block = matte("block", (0.7, 0.7, 0.75))
+    box(block, (-1.2, 0.2, 0), (-0.3, 1.1, 1.6), "tall block").rotation_euler = (0, 0, 0.3)
+    box(block, (0.4, -0.9, 0), (1.2, -0.1, 0.7), "short block").rotation_euler = (0, 0, -0.4)
+
+
+def sun_and_points():
+    """Lights without size on a floor with a picture."""
+    floor = matte("floor", (1, 1, 1))
+    nodes = floor.node_tree.nodes
+    picture = nodes.new("ShaderNodeTexImage")
+    picture.image = checker_picture()
+    picture.interpolation = "Closest"  # Cycles interpolates coded sRGB values, glTF asks for light
+    floor.node_tree.links.new(picture.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
+    add("plane", floor, size=8)
+    add("uv_sphere", matte("ball", (0.6, 0.5, 0.4)), radius=0.7, location=(-0.8, 0, 0.7), segments=48, ring_count=24)
+    box(matte("block", (0.3, 0.4, 0.7)), (0.5, -0.4, 0), (1.3, 0.4, 1.2))
+    light("SUN", "sun", (0, 0, 5), 2, (0.5, 0.4, -1), (1, 0.95, 0.8))
+    light("POINT", "blue point", (1.8, -1.5, 1.6), 60, color=(0.4, 0.6, 1))
+    light("POINT", "red point", (-2.2, 1.2, 1.2), 40, color=(1, 0.4, 0.3))
+    camera("camera", (0.5, -5, 2.6), (0, 0, 0.5), 44)
+
+
+def checker_picture(size=64, squares=8):
+    image = bpy.data.images.new("checker", size, size)
+    row, column = numpy.indices((size, size)) * squares // size
+    odd = ((row + column) % 2)[..., None]
+    pixels = numpy.where(odd, (0.8, 0.7, 0.2, 1.0), (0.1, 0.2, 0.5, 1.0))
+    image.pixels = pixels.astype(numpy.float32).ravel()
+    image.pack()
+    return image
+
+
+def metal_balls():
+    """Metals that reflect everything, from polished to matt, in a room."""
+    room(matte("white", (0.6, 0.6, 0.6)), matte("blue", (0.2, 0.3, 0.7)), matte("yellow", (0.7, 0.6, 0.2)))
+    downward_lamp((2, 2, 2))
+    for i, roughness in enumerate((0.0, 0.2, 0.4, 0.7, 1.0)):
+        metal = white_metal(f"roughness {roughness}", roughness)
+        add("uv_sphere", metal, smooth=True, radius=0.36, location=(-1.5 + 0.75 * i, -0.6, 0.36), segments=64, ring_count=32)
+
+
+def glass_things():
+    """Solid glass, a ball and a pane: reflection, refraction, and light that comes only through them."""
+    room(matte("white", (0.6, 0.6, 0.6)), matte("blue", (0.2, 0.3, 0.7)), matte("yellow", (0.7, 0.6, 0.2)))
+    downward_lamp((2, 2, 2), half=1.2)
+    clear = glass("glass")
+    add("uv_sphere", clear, "ball", True, radius=0.6, location=(-0.7, -0.3, 0.7), segments=96, ring_count=48)
+    box(clear, (0.3, -0.6, 0.05), (1.6, -0.5, 1.6), "pane").rotation_euler = (0, 0, 0.4)
+    box(matte("block", (0.7, 0.3, 0.2)), (0.6, 0.6, 0), (1.3, 1.3, 0.9), "block")
+
+
+def instances():
+    """A glowing mesh, one mesh placed many times, modifiers, smooth shading, two cameras."""
+    add("plane", matte("ground", (0.5, 0.5, 0.5)), size=12)
+    add("torus", strong_glow("ring", (1, 0.7, 0.4), 6), location=(0, 0, 2.2), major_radius=0.7, minor_radius=0.12)
+    head = add("monkey", matte("head", (0.7, 0.5, 0.4)), smooth=True, size=1.2, location=(0, 0, 0.8))
+    head.modifiers.new("subdivision", "SUBSURF").render_levels = 2
+    head.modifiers["subdivision"].levels = 2
+    stone = add("ico_sphere", matte("stone", (0.3, 0.5, 0.3)), radius=0.25, location=(-2, -1.5, 0.2), subdivisions=2)
+    choose = random.Random(1)
+    for i in range(24):
+        copy = bpy.data.objects.new(f"stone {i}", stone.data)
+        bpy.context.collection.objects.link(copy)
+        angle = 2 * math.pi * i / 24
+        copy.location = (2.2 * math.cos(angle), 2.2 * math.sin(angle), 0.2)
+        copy.rotation_euler = [choose.uniform(0, 6) for _ in range(3)]
+        copy.scale = [choose.uniform(0.6, 1.3) for _ in range(3)]
+    camera("front", (0, -6, 2.5), (0, 0, 0.8), 40)
+    camera("above", (2.5, 2.5, 6), (0, 0, 0.3), 45)
+
+
+def environment():
+    """A picture of the sky is all the light there is."""
+    add("plane", matte("ground", (0.5, 0.5, 0.5)), size=6)
+    add("uv_sphere", matte("ball", (0.8, 0.8, 0.8)), smooth=True, radius=0.6, location=(-0.7, 0, 0.6), segments=64, ring_count=32)
+    box(matte("block", (0.6, 0.3, 0.3)), (0.3, -0.4, 0), (1.1, 0.4, 0.9))
+    camera("camera", (0, -4.5, 1.8), (0, 0, 0.5), 45)
+    world = bpy.context.scene.world
+    world.use_nodes = True
+    nodes = world.node_tree.nodes
+    sky = nodes.new("ShaderNodeTexEnvironment")
+    sky.image = bpy.data.images.load(str(sky_picture()))
+    world.node_tree.links.new(sky.outputs["Color"], nodes["Background"].inputs["Color"])
+
+
+def sky_picture(width=256, height=128):
+    """Blue above, brown below, a warm patch like the sun's: FOLDER/sky.exr."""
+    image = bpy.data.images.new("sky", width, height, float_buffer=True)
+    v, u = (numpy.indices((height, width)) + 0.5) / numpy.array([[[height]], [[width]]])
+    up = numpy.clip(2 * v - 1, 0, 1)[..., None]
+    pixels = numpy.where(v[..., None] > 0.5, 0.3 + up * numpy.array([0.1, 0.3, 0.9]), [0.2, 0.15, 0.1])
+    pixels[(abs(u - 0.3) < 0.03) & (abs(v - 0.75) < 0.04)] = (60, 50, 35)
+    image.pixels = numpy.dstack([pixels, numpy.ones((height, width))]).astype(numpy.float32).ravel()
+    image.filepath_raw = str(folder / "sky.exr")
+    image.file_format = "OPEN_EXR"
+    image.save()
+    return folder / "sky.exr"
+
+
+def export(path):
+    bpy.ops.export_scene.gltf(
+        filepath=str(path), export_format="GLB", export_apply=True, export_cameras=True, export_lights=True
+    )
+
+
+def replace_for_cycles(made):
+    """Puts the model glTF means in place of Principled."""
+    tree = made.node_tree
+    principled = tree.nodes["Principled BSDF"]
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+    if made["cycles"] == AS_GLOSSY:
+        closure = tree.nodes.new("ShaderNodeBsdfGlossy")
+        closure.distribution = "MULTI_GGX" if principled.inputs["Roughness"].default_value > 0 else "SHARP"
+        closure.inputs["Roughness"].default_value = principled.inputs["Roughness"].default_value
+    else:
+        closure = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    color = principled.inputs["Base Color"]
+    closure.inputs["Color"].default_value = color.default_value
+    if color.is_linked:
+        tree.links.new(color.links[0].from_socket, closure.inputs["Color"])
+    surface = closure.outputs[0]
+    if max(principled.inputs["Emission"].default_value[:3]) > 0:
+        emission = tree.nodes.new("ShaderNodeEmission")
+        emission.inputs["Color"].default_value = principled.inputs["Emission"].default_value
+        emission.inputs["Strength"].default_value = principled.inputs["Emission Strength"].default_value
+        both = tree.nodes.new("ShaderNodeAddShader")
+        tree.links.new(surface, both.inputs[0])
+        tree.links.new(emission.outputs[0], both.inputs[1])
+        surface = both.outputs[0]
+    tree.links.new(surface, output.inputs["Surface"])
+
+
+def set_up_cycles(samples, bounces=8):
+    """Cycles without anything that trades truth for less noise, and with the renderer's own limits."""
+    scene = bpy.context.scene
+    cycles = scene.cycles
+    scene.render.engine = "CYCLES"
+    cycles.device = "CPU"
+    cycles.samples = samples
+    cycles.use_adaptive_sampling = cycles.use_denoising = False
+    cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = cycles.transmission_bounces = bounces
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
+    cycles.light_sampling_threshold = 0
+    cycles.blur_glossy = 0
+    cycles.caustics_reflective = cycles.caustics_refractive = True
+    cycles.pixel_filter_type = "BOX"
+    scene.render.threads_mode = "FIXED"
+    scene.render.threads = 2
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.render.image_settings.exr_codec = "ZIP"
+
+
+def start_empty():
+    """Nothing at all, and black all round: a file without a world would get Cycles' grey one."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    world = bpy.data.worlds.new("world")
+    world.use_nodes = False
+    world.color = (0, 0, 0)
+    bpy.context.scene.world = world
+
+
+def main(name, samples, size, bounces):
+    start_empty()
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = size
+    scene.render.resolution_percentage = 100
+    SCENES[name]()
+    cameras = [thing for thing in bpy.data.objects if thing.type == "CAMERA"]
+    scene.camera = cameras[0]
+    export(folder / f"{name}.glb")
+    for made in bpy.data.materials:
+        if made.get("cycles", AS_EXPORTED) != AS_EXPORTED:
+            replace_for_cycles(made)
+    set_up_cycles(samples, bounces)
+    for view in cameras:
+        scene.camera = view
+        for seed in (1, 2):
+            scene.cycles.seed = seed
+            scene.render.filepath = str(folder / f"{name}.{view.name}.cycles-{seed}.exr")
+            bpy.ops.render.render(write_still=True)
+
+
+SCENES = {
+    scene.__name__.replace("_", "-"): scene
+    for scene in (diffuse_room, sun_and_points, metal_balls, glass_things, instances, environment)
+}
+
+if __name__ == "__main__":
+    name, folder, samples, size, bounces = sys.argv[sys.argv.index("--") + 1 :]
+    folder = pathlib.Path(folder)
+    main(name, int(samples), tuple(map(int, size.split("x"))), int(bounces))

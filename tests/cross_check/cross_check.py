@@ -1,0 +1,108 @@
+"""Compares Lumifold with Blender's Cycles on scenes that Blender builds and exports itself.
+
+    cross_check.py [--samples N] [--size WxH] [--bounces N] [--keep FOLDER] [SCENE ...]
+
+prints for each scene and camera every region's difference in percent of Cycles' mean, with its standard deviation. Fails where a
+region of a scene that both model alike differs by more than 1 % and three standard deviations. Needs `blender` (it skips
+out loud without) and the programs of LUMIFOLD_BIN.
+"""
+
+import argparse
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+
+import exr
+import regions
+
+HERE = pathlib.Path(__file__).parent
+SKIPPED = 77  # what ctest takes for "skipped"
+ALLOWED_PERCENT = 1
+ALLOWED_DEVIATIONS = 3
+
+SCENES = ("diffuse-room", "sun-and-points", "metal-balls", "glass-things", "instances", "environment")
+
+
+def run(command, **options):
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, **options)
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(map(str, command))}\nexit {done.returncode}\n{done.stdout[-3000:]}{done.stderr[-3000:]}")
+    return done.stdout
+
+
+def run_blender(script, *arguments):
+    """Runs a script of ours in Blender; gives what it prints."""
+    # Blender's Python takes its library from beside the first python3 on the path, which must be the system's.
+    environment = {**os.environ, "PATH": os.defpath}
+    options = ["-b", "--factory-startup", "--python-exit-code", 1, "--python", HERE / script]
+    return run([shutil.which("blender"), *options, "--", *arguments], env=environment)
+
+
+def render_reference(scene, folder, samples, size, bounces):
+    """Builds, exports and renders with Blender; gives the cameras' names."""
+    run_blender("blender_scenes.py", scene, folder, samples, size, bounces)
+    return sorted(path.name.split(".")[1] for path in folder.glob(f"{scene}.*.cycles-1.exr"))
+
+
+def render_ours(scene, camera, folder, samples, size, bounces, seed):
+    path = folder / f"{scene}.{camera}.lumifold-{seed}.exr"
+    program = pathlib.Path(os.environ["LUMIFOLD_BIN"]) / "lumifold"
+    command = [program, "render", folder / f"{scene}.glb", "-o", path, "--size", size, "--spp", samples, "--seed", seed]
+    command += ["--camera", camera, "--filter", "none", "--max-bounces", bounces, "--threads", 2]
+    if scene == "environment":
+        command += ["--env", folder / "sky.exr"]
+    run(command)
+    return exr.read(path)
+
+
+def check(scene, camera, folder, samples, size, bounces):
+    """Prints the table of one picture; gives the names of regions that differ too much."""
+    pictures = [render_ours(scene, camera, folder, samples, size, bounces, seed) for seed in (1, 2)]
+    references = [exr.read(folder / f"{scene}.{camera}.cycles-{seed}.exr") for seed in (1, 2)]
+    ours = regions.Estimate(*(picture.mean_of_colors() for picture in pictures))
+    reference = regions.Estimate(*(picture.mean_of_colors() for picture in references))
+    areas = {"whole picture": range(len(ours.mean))}
+    areas |= regions.grid_regions(pictures[0].width, pictures[0].height)
+    areas |= regions.object_regions(pictures[0].channels["id.Y"])
+    print(f"\n{scene}, {camera}\n{'region':24} {'Cycles':>9} {'difference %':>13} {'deviation %':>12}")
+    bad = []
+    for name, mean, difference, deviation in regions.compare(ours, reference, areas):
+        too_much = abs(difference) > ALLOWED_PERCENT + ALLOWED_DEVIATIONS * deviation
+        print(f"{name:24} {mean:9.4f} {difference:13.2f} {deviation:12.2f}{'  <--' if too_much else ''}", flush=True)
+        if too_much:
+            bad.append(f"{scene}, {camera}: {name} {difference:+.2f} %")
+    return bad
+
+
+def parse_arguments():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--samples", type=int, default=256, help="per pixel and seed; there are two seeds")
+    parser.add_argument("--size", default="192x144")
+    parser.add_argument("--bounces", type=int, default=8, help="after the first surface, for both")
+    parser.add_argument("--keep", type=pathlib.Path, help="folder that keeps scenes and pictures")
+    parser.add_argument("scenes", nargs="*", choices=[*SCENES, []], metavar="SCENE", help=", ".join(SCENES))
+    return parser.parse_args()
+
+
+def main():
+    options = parse_arguments()
+    if shutil.which("blender") is None:
+        print("SKIPPED: there is no blender on this machine (Debian package blender)")
+        return SKIPPED
+    settings = (options.samples, options.size, options.bounces)
+    bad = []
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = options.keep or pathlib.Path(temporary)
+        folder.mkdir(exist_ok=True)
+        for scene in options.scenes or SCENES:
+            for camera in render_reference(scene, folder, *settings):
+                bad += check(scene, camera, folder, *settings)
+    print("\n" + "\n".join(bad or ["no region differs by more than 1 % and three standard deviations"]))
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,47 @@
+"""Compares two programs' pictures region by region, each known from two renders with different seeds.
+
+A region's difference is that of its mean, in percent of the reference's; its error is one standard deviation, from how much
+the two renders of each program differ pixel by pixel.
+"""
+
+import math
+
+GRID = (4, 3)
+DARK = 0.02  # regions darker than this share of the picture's mean are left out
+
+
+class Estimate:
+    """Two independent renders of the same picture."""
+
+    def __init__(self, first, second):
+        self.mean = [(a + b) / 2 for a, b in zip(first, second)]
+        self.variance = [(a - b) ** 2 / 4 for a, b in zip(first, second)]
+
+
+def grid_regions(width, height):
+    columns, rows = GRID
+    regions = {}
+    for pixel in range(width * height):
+        row = pixel // width * rows // height
+        column = pixel % width * columns // width
+        regions.setdefault(f"row {row + 1} column {column + 1}", []).append(pixel)
+    return regions
+
+
+def object_regions(ids, fewest=100):
+    regions = {}
+    for pixel, number in enumerate(ids):
+        regions.setdefault(f"object {round(number)}" if number else "no object", []).append(pixel)
+    return {name: pixels for name, pixels in regions.items() if len(pixels) >= fewest}
+
+
+def compare(ours, reference, regions):
+    """(name, mean of the reference, difference in percent, its standard deviation in percent) a region."""
+    whole = sum(reference.mean) / len(reference.mean)
+    for name, pixels in regions.items():
+        true = sum(reference.mean[p] for p in pixels) / len(pixels)
+        if true < DARK * whole:
+            continue
+        mean = sum(ours.mean[p] for p in pixels) / len(pixels)
+        variance = sum(ours.variance[p] + reference.variance[p] for p in pixels) / len(pixels) ** 2
+        yield name, true, 100 * (mean / true - 1), 100 * math.sqrt(variance) / true

@@ -1,0 +1,41 @@
+"""Changes scenes of ours for tests."""
+
+import base64
+import json
+import pathlib
+import struct
+
+JSON_CHUNK = 0x4E4F534A
+
+
+def animate(glb, path, node_name, rise_metres):
+    """Writes the scene with a node that rises within its first second, and gives the new file's path."""
+    data = pathlib.Path(glb).read_bytes()
+    length, kind = struct.unpack_from("<II", data, 12)
+    assert kind == JSON_CHUNK
+    scene = json.loads(data[20 : 20 + length])
+    times, places = (0, 1), (0, 0, 0, 0, rise_metres, 0)
+    keys = struct.pack("<8f", *times, *places)
+    uri = "data:application/octet-stream;base64," + base64.b64encode(keys).decode()
+    buffer = append(scene, "buffers", {"uri": uri, "byteLength": len(keys)})
+    view = append(scene, "bufferViews", {"buffer": buffer, "byteLength": len(keys)})
+    float_type = {"bufferView": view, "componentType": 5126, "count": 2}
+    input_ = append(scene, "accessors", {**float_type, "type": "SCALAR", "min": [0], "max": [1]})
+    output = append(scene, "accessors", {**float_type, "type": "VEC3", "byteOffset": 8})
+    node = [node.get("name") for node in scene["nodes"]].index(node_name)
+    channel = {"sampler": 0, "target": {"node": node, "path": "translation"}}
+    scene["animations"] = [{"samplers": [{"input": input_, "output": output}], "channels": [channel]}]
+    pathlib.Path(path).write_bytes(pack_glb(scene, data[20 + length :]))
+    return pathlib.Path(path)
+
+
+def append(scene, section, value):
+    scene.setdefault(section, []).append(value)
+    return len(scene[section]) - 1
+
+
+def pack_glb(scene, binary_chunk):
+    text = json.dumps(scene).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<II", len(text), JSON_CHUNK) + text + binary_chunk
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body

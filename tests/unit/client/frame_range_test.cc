@@ -1,0 +1,39 @@
+#include "client/frame_range.h"
+
+#include <gtest/gtest.h>
+
+namespace lumifold::client {
+namespace {
+
+TEST(FrameRange, RefusesWhatIsNoRangeAndSaysWhatIsExpected) {
+  for (const char* text : {"", "-", "1-", "-3", "5-4", "1-2-3", "a", "1-b", " 1", "1 -2", "+1", "1.5", "1..3",
+                           "2147483647", "0-99999999999"}) {
+    EXPECT_EQ(ParseFrameRange(text).status(),
+              absl::InvalidArgumentError("expected a frame such as 7 or frames such as 1-48; got '" +
+                                         std::string(text) + "'"));
+  }
+}
+
+TEST(FrameRange, ReadsOneFrameOrSeveral) {
+  EXPECT_EQ(ParseFrameRange("7").value(), (FrameRange{7, 7}));
+  EXPECT_EQ(ParseFrameRange("1-48").value(), (FrameRange{1, 48}));
+  EXPECT_EQ(ParseFrameRange("0012-0012").value(), (FrameRange{12, 12}));
+  EXPECT_EQ(ParseFrameRange("1-48")->count(), 48);
+}
+
+TEST(PathOfFrame, FillsTheRunOfTheFileName) {
+  EXPECT_EQ(PathOfFrame("out.####.exr", 7), "out.0007.exr");
+  EXPECT_EQ(PathOfFrame("out#.exr", 123), "out123.exr");
+  EXPECT_EQ(PathOfFrame("shot##/v#_###.png", 12), "shot##/v#_012.png");
+}
+
+TEST(PathOfFrame, LeavesOtherNamesAlone) {
+  for (const char* path : {"out.exr", "shot##/out.exr", ""}) {
+    EXPECT_EQ(PathOfFrame(path, 3), path);
+    EXPECT_FALSE(HasFrameNumber(path)) << path;
+  }
+  EXPECT_TRUE(HasFrameNumber("shot/#"));
+}
+
+}  // namespace
+}  // namespace lumifold::client

@@ -1,0 +1,105 @@
+// The same bits whoever renders what, when, and beside whom.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "filter/image/parallel.h"
+#include "tests/support/analytic_scenes.h"
+#include "tests/support/shuffling_pool.h"
+#include "tests/unit/render/pictures.h"
+
+namespace lumifold::render {
+namespace {
+
+constexpr int kWidth = 40;
+constexpr int kHeight = 26;
+constexpr int kFrame = 3;
+constexpr SampleRange kSamples = {6, 10};
+
+std::vector<Rect> Tiles(int size) {
+  std::vector<Rect> tiles;
+  for (int y = 0; y < kHeight; y += size) {
+    for (int x = 0; x < kWidth; x += size) {
+      tiles.push_back({x, y, std::min(x + size, kWidth), std::min(y + size, kHeight)});
+    }
+  }
+  return tiles;
+}
+
+/// The pass and geometry units of one frame, cut into tiles and put together again.
+struct Frame {
+  LayeredImage pass{kWidth, kHeight};
+  LayeredImage geometry{kWidth, kHeight};
+};
+
+void Paste(const LayeredImage& tile, const Rect& rect, LayeredImage* frame) {
+  for (const LayeredImage::Channel& channel : tile.channels()) {
+    if (!frame->Has(channel.name)) frame->Add(channel.name);
+    CopyPlane(channel.plane.view(), frame->Get(channel.name).Crop(rect));
+  }
+}
+
+Frame RenderFrame(const Renderer& renderer, int tile_size, TaskPool& pool) {
+  const std::vector<Rect> tiles = Tiles(tile_size);
+  std::vector<LayeredImage> passes(tiles.size());
+  std::vector<LayeredImage> geometries(tiles.size());
+  pool.Run(static_cast<int64_t>(tiles.size()), [&](int64_t i) {
+    RenderCounts counts;
+    passes[i] = renderer.RenderPass(tiles[i], kFrame, kSamples, &counts);
+    geometries[i] = renderer.RenderGeometry(tiles[i], kFrame);
+  });
+  Frame frame;
+  for (size_t i = 0; i < tiles.size(); ++i) {
+    Paste(passes[i], tiles[i], &frame.pass);
+    Paste(geometries[i], tiles[i], &frame.geometry);
+  }
+  return frame;
+}
+
+void ExpectSameBits(const LayeredImage& a, const LayeredImage& b) {
+  ASSERT_EQ(a.channels().size(), b.channels().size());
+  for (const LayeredImage::Channel& channel : a.channels()) {
+    const ConstFloatView other = b.Get(channel.name);
+    for (int y = 0; y < a.height(); ++y) {
+      ASSERT_EQ(std::memcmp(channel.plane.Row(y), other.Row(y), sizeof(float) * kWidth), 0)
+          << channel.name << " row " << y;
+    }
+  }
+}
+
+TEST(Determinism, NeitherTileSizeNorThreadsNorOrderShow) {
+  const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
+  const std::unique_ptr<TaskPool> alone = MakeTaskPool(1);
+  const std::unique_ptr<TaskPool> four = MakeTaskPool(4);
+  ShufflingPool shuffled(5);
+  const Frame expected = RenderFrame(*renderer, 64, *alone);
+  for (const int tile_size : {1, 7, 16, 64}) {
+    for (TaskPool* pool : {four.get(), static_cast<TaskPool*>(&shuffled)}) {
+      const Frame frame = RenderFrame(*renderer, tile_size, *pool);
+      ExpectSameBits(frame.pass, expected.pass);
+      ExpectSameBits(frame.geometry, expected.geometry);
+    }
+  }
+}
+
+TEST(Determinism, APassKnowsNothingOfThoseBeforeIt) {
+  const auto used = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
+  const auto fresh = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
+  const Rect rect = {8, 4, 24, 20};
+  RenderCounts counts;
+  for (const SampleRange before : {SampleRange{0, 4}, SampleRange{10, 20}, kSamples})
+    used->RenderPass(rect, kFrame, before, &counts);
+  const LayeredImage late = used->RenderPass(rect, kFrame, kSamples, &counts);
+  const LayeredImage first = fresh->RenderPass(rect, kFrame, kSamples, &counts);
+  Frame a;
+  Frame b;
+  Paste(late, rect, &a.pass);
+  Paste(first, rect, &b.pass);
+  ExpectSameBits(a.pass, b.pass);
+}
+
+}  // namespace
+}  // namespace lumifold::render

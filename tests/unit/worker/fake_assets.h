@@ -1,0 +1,50 @@
+#pragma once
+
+#include <string>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
+#include "worker/asset_source.h"
+
+namespace lumifold::worker {
+
+/// Gives one scene, or one error, to everyone who asks; `environment` to those who ask for that.
+class FakeAssets final : public AssetSource {
+ public:
+  explicit FakeAssets(absl::StatusOr<std::string> content, std::string environment = "")
+      : content_(std::move(content)), environment_(std::move(environment)) {}
+
+  absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) override {
+    absl::MutexLock lock(&mutex_);
+    ++fetches_;
+    mutex_.Await(absl::Condition(&open_));
+    const bool is_environment = asset.uri().rfind("environment:", 0) == 0;
+    if (is_environment && !environment_.empty()) return environment_;
+    return content_;
+  }
+
+  /// While closed, whoever fetches waits.
+  void SetOpen(bool open) {
+    absl::MutexLock lock(&mutex_);
+    open_ = open;
+  }
+  void AwaitFetches(int count) {
+    absl::MutexLock lock(&mutex_);
+    const auto reached = [&] { return fetches_ >= count; };
+    mutex_.Await(absl::Condition(&reached));
+  }
+  int fetches() {
+    absl::MutexLock lock(&mutex_);
+    return fetches_;
+  }
+
+ private:
+  absl::Mutex mutex_;
+  bool open_ = true;
+  int fetches_ = 0;
+  absl::StatusOr<std::string> content_;
+  std::string environment_;
+};
+
+}  // namespace lumifold::worker

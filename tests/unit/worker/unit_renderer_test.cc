@@ -1,0 +1,120 @@
+#include "worker/unit_renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "filter/image/layers.h"
+#include "tests/support/gltf_fixture.h"
+#include "tests/unit/worker/fake_assets.h"
+
+namespace lumifold::worker {
+namespace {
+
+constexpr int kSize = 16;
+
+/// A shining square as large as the picture of an orthographic camera; an animated one leaves it to the right
+/// within a second.
+std::string ShiningSquare(bool animated) {
+  scene::GltfFixture gltf;
+  gltf.json["extensionsUsed"] = nlohmann::json::array({"KHR_materials_unlit"});
+  gltf.json["materials"] = {{{"extensions", {{"KHR_materials_unlit", nlohmann::json::object()}}}}};
+  gltf.AddTriangles({-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, -1, 0, 1, 1, 0, -1, 1, 0}, {{"material", 0}});
+  gltf.json["cameras"] = {
+      {{"type", "orthographic"}, {"orthographic", {{"xmag", 1}, {"ymag", 1}, {"znear", 0.1}, {"zfar", 9}}}}};
+  gltf.AddNode({{"camera", 0}, {"translation", {0, 0, 5}}});
+  gltf.json["scenes"] = nlohmann::json::array({{{"nodes", {0, 1}}}});
+  if (animated) {
+    const int times = gltf.AddFloats({0, 1}, "SCALAR");
+    const int places = gltf.AddFloats({0, 0, 0, 2, 0, 0}, "VEC3");
+    gltf.json["animations"] = {
+        {{"samplers", {{{"input", times}, {"output", places}}}},
+         {"channels", {{{"sampler", 0}, {"target", {{"node", 0}, {"path", "translation"}}}}}}}};
+  }
+  return gltf.Glb();
+}
+
+v1::JobSpec Spec(double frames_per_second) {
+  v1::JobSpec spec;
+  spec.set_width(kSize);
+  spec.set_height(kSize);
+  spec.set_frames_per_second(frames_per_second);
+  spec.mutable_scene()->set_display_name("square.glb");
+  return spec;
+}
+
+v1::Lease LeaseOf(int frame) {
+  v1::Lease lease;
+  lease.mutable_unit()->set_job_id("j");
+  lease.mutable_unit()->set_frame(frame);
+  lease.mutable_unit()->set_kind(v1::UNIT_KIND_PASS);
+  lease.mutable_rect()->set_x1(kSize);
+  lease.mutable_rect()->set_y1(kSize);
+  lease.set_last_sample(2);
+  return lease;
+}
+
+/// The share of the picture the square covers in a frame.
+double Coverage(UnitRenderer& renderer, const v1::JobSpec& spec, int frame) {
+  const absl::StatusOr<RenderedUnit> unit = renderer.Render(spec, LeaseOf(frame));
+  EXPECT_TRUE(unit.ok()) << unit.status();
+  if (!unit.ok()) return -1;
+  double sum = 0;
+  const ConstFloatView red = unit->pixels.GetColor(layers::kEmission)[0];
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) sum += static_cast<double>(red.At(x, y));
+  }
+  return sum / (2.0 * kSize * kSize);
+}
+
+TEST(UnitRenderer, AFrameShowsTheSceneAtItsTime) {
+  FakeAssets assets{ShiningSquare(true)};
+  UnitRenderer renderer(&assets);
+  EXPECT_EQ(Coverage(renderer, Spec(4), 0), 1);
+  EXPECT_EQ(Coverage(renderer, Spec(4), 1), 0.75);  // 0.25 s: a quarter of the way
+  EXPECT_EQ(Coverage(renderer, Spec(4), 3), 0.25);
+  EXPECT_EQ(Coverage(renderer, Spec(4), 4), 0);
+  EXPECT_EQ(Coverage(renderer, Spec(4), 400), 0);  // stays where the last keyframe left it
+}
+
+TEST(UnitRenderer, AJobWithoutASpeedStandsStill) {
+  FakeAssets assets{ShiningSquare(true)};
+  UnitRenderer renderer(&assets);
+  EXPECT_EQ(Coverage(renderer, Spec(0), 3), 1);
+}
+
+TEST(UnitRenderer, AMovingSceneIsLoadedOnceAFrame) {
+  FakeAssets assets{ShiningSquare(true)};
+  UnitRenderer renderer(&assets);
+  for (const int frame : {0, 0, 1, 0, 1, 2, 1, 2})
+    Coverage(renderer, Spec(4), frame);  // units at a frame's end mingle
+  EXPECT_EQ(assets.fetches(), 3);
+  Coverage(renderer, Spec(4), 0);  // the longest unused was let go
+  EXPECT_EQ(assets.fetches(), 4);
+}
+
+TEST(UnitRenderer, AStillSceneIsLoadedOnceAJob) {
+  FakeAssets assets{ShiningSquare(false)};
+  UnitRenderer renderer(&assets);
+  for (const int frame : {0, 5, 1, 7}) EXPECT_EQ(Coverage(renderer, Spec(24), frame), 1);
+  EXPECT_EQ(assets.fetches(), 1);
+}
+
+TEST(UnitRenderer, ThreadsShareWhatIsBeingLoaded) {
+  for (const bool animated : {false, true}) {
+    FakeAssets assets{ShiningSquare(animated)};
+    assets.SetOpen(false);
+    UnitRenderer renderer(&assets);
+    std::vector<std::thread> threads;
+    for (int i = 0; i < 8; ++i) threads.emplace_back([&renderer, i] { Coverage(renderer, Spec(4), i % 2); });
+    assets.AwaitFetches(1);
+    assets.SetOpen(true);
+    for (std::thread& thread : threads) thread.join();
+    EXPECT_EQ(assets.fetches(), animated ? 2 : 1);
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::worker

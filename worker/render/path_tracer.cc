@@ -57,6 +57,7 @@ PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
       textures_(scene),
       surfaces_(scene, textures_),
       lights_(scene, textures_, std::move(environment)),
+      albedo_table_(AlbedosOf(scene)),
       max_bounces_(max_bounces),
       strategy_(strategy) {}
 

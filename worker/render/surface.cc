@@ -57,6 +57,7 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
                        std::abs(surface.position.z)};
   surface.epsilon = epsilon_ + (MaxComponent(extent) + hit.distance) * 0x1p-20f;
   surface.normal = surface.geometric;
+  surface.coat_normal = surface.geometric;
   if (mesh.normals.empty() && mesh.uvs[0].empty() && mesh.uvs[1].empty() && mesh.colors.empty())
     return surface;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
@@ -71,41 +72,66 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
       surface.normal = Dot(unit, surface.geometric) < 0 ? -unit : unit;
     }
   }
+  surface.coat_normal = surface.normal;
   // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
-  if (surface.material->normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
-    surface.normal = MappedNormal(surface, mesh, corners, to_world, hit.u, hit.v);
-  }
+  if (!mesh.tangents.empty()) MapNormals(mesh, instance, hit, &surface);
   surface.normal = FaceViewer(surface.normal, -ray.direction);
+  surface.coat_normal = FaceViewer(surface.coat_normal, -ray.direction);
   return surface;
 }
 
-Vec3 SurfaceReader::MappedNormal(const Surface& surface, const Mesh& mesh, const uint32_t* corners,
-                                 const Affine& to_world, float u, float v) const {
-  const scene::Material& material = *surface.material;
-  Vec3 tangent = Interpolate(mesh.tangents, corners, u, v);
-  const float handedness = mesh.tangents[corners[0]].w;
-  tangent = to_world.Vector(tangent);
-  tangent = tangent - surface.normal * Dot(tangent, surface.normal);
-  if (LengthSquared(tangent) <= 0) return surface.normal;
-  tangent = Normalize(tangent);
+/// The axes of normal maps in the world, unit vectors at right angles.
+struct SurfaceReader::TangentFrame {
+  Vec3 tangent;
+  Vec3 bitangent;
+  Vec3 normal;
+};
+
+void SurfaceReader::MapNormals(const Mesh& mesh, const scene::Instance& instance, const Hit& hit,
+                               Surface* surface) const {
+  const scene::Material& material = *surface->material;
+  const bool maps_base = material.normal_texture.texture != scene::kNone;
+  const bool maps_coat = material.clearcoat_normal_texture.texture != scene::kNone;
+  if (!maps_base && !maps_coat) return;
+  const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
+  const Affine& to_world = instance.world_from_object;
+  TangentFrame frame;
+  frame.normal = surface->normal;
+  const Vec3 along = to_world.Vector(Interpolate(mesh.tangents, corners, hit.u, hit.v));
+  const Vec3 tangent = along - frame.normal * Dot(along, frame.normal);
+  if (LengthSquared(tangent) <= 0) return;
+  frame.tangent = Normalize(tangent);
   // From behind, the shading normal was turned round; the texture's own axes belong to the front.
-  const float side = surface.front ? 1.0f : -1.0f;
-  const Vec3 bitangent =
-      Cross(surface.normal * side, tangent) * (handedness * (to_world.Determinant() < 0 ? -1.0f : 1.0f));
-  const Vec4 texel = textures_->Sample(material.normal_texture, surface.uv, /*srgb=*/false);
-  const float x = (texel.x * 2 - 1) * material.normal_scale;
-  const float y = (texel.y * 2 - 1) * material.normal_scale;
+  const float side = surface->front ? 1.0f : -1.0f;
+  const float handedness = mesh.tangents[corners[0]].w * (to_world.Determinant() < 0 ? -1.0f : 1.0f);
+  frame.bitangent = Cross(frame.normal * side, frame.tangent) * handedness;
+  if (maps_base)
+    surface->normal = MappedNormal(material.normal_texture, material.normal_scale, frame, *surface);
+  if (maps_coat) {
+    surface->coat_normal =
+        MappedNormal(material.clearcoat_normal_texture, material.clearcoat_normal_scale, frame, *surface);
+  }
+}
+
+Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const TangentFrame& frame,
+                                 const Surface& surface) const {
+  const Vec4 texel = textures_->Sample(map, surface.uv, /*srgb=*/false);
+  const float x = (texel.x * 2 - 1) * scale;
+  const float y = (texel.y * 2 - 1) * scale;
   const float z = texel.z * 2 - 1;
-  const Vec3 mapped = tangent * x + bitangent * y + surface.normal * z;
-  return LengthSquared(mapped) > 0 ? Normalize(mapped) : surface.normal;
+  const Vec3 mapped = frame.tangent * x + frame.bitangent * y + frame.normal * z;
+  return LengthSquared(mapped) > 0 ? Normalize(mapped) : frame.normal;
+}
+
+Vec3 SurfaceReader::Color(const scene::TextureRef& ref, const Surface& surface) const {
+  const Vec4 t = textures_->Sample(ref, surface.uv, /*srgb=*/true);
+  return {t.x, t.y, t.z};
 }
 
 Vec3 SurfaceReader::BaseColor(const Surface& surface) const {
   const scene::Material& m = *surface.material;
   const Vec3 color = m.base_color * surface.vertex_color;
-  if (m.base_color_texture.texture == scene::kNone) return color;
-  const Vec4 t = textures_->Sample(m.base_color_texture, surface.uv, /*srgb=*/true);
-  return color * Vec3{t.x, t.y, t.z};
+  return m.base_color_texture.texture == scene::kNone ? color : color * Color(m.base_color_texture, surface);
 }
 
 SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
@@ -125,12 +151,29 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
     out.metallic *= t.z;
   }
   out.ior = m.ior;
-  out.specular = m.specular;
-  out.specular_color = m.specular_color;
-  out.transmission = m.transmission;
-  out.thin = !m.has_volume;
-  out.inside = !surface.front;
+  out.specular = m.specular * textures_->Sample(m.specular_texture, surface.uv, /*srgb=*/false).w;
+  out.specular_color = m.specular_color * Color(m.specular_color_texture, surface);
+  if (m.transmission > 0) {
+    out.transmission = m.transmission * textures_->Sample(m.transmission_texture, surface.uv, false).x;
+    out.thin = !m.has_volume;
+    out.inside = !surface.front;
+  }
+  if (m.clearcoat > 0 || MaxComponent(m.sheen_color) > 0) ShadeLayers(surface, &out);
   return out;
+}
+
+void SurfaceReader::ShadeLayers(const Surface& surface, SurfaceMaterial* out) const {
+  const scene::Material& m = *surface.material;
+  const auto data = [&](const scene::TextureRef& ref) {
+    return textures_->Sample(ref, surface.uv, /*srgb=*/false);
+  };
+  if (m.clearcoat > 0) {
+    out->clearcoat = m.clearcoat * data(m.clearcoat_texture).x;
+    out->clearcoat_roughness = m.clearcoat_roughness * data(m.clearcoat_roughness_texture).y;
+    out->coat_normal = surface.coat_normal;
+  }
+  out->sheen_color = m.sheen_color * Color(m.sheen_color_texture, surface);
+  out->sheen_roughness = m.sheen_roughness * data(m.sheen_roughness_texture).w;
 }
 
 Vec3 SurfaceReader::Emitted(const Surface& surface) const {

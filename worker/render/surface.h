@@ -12,6 +12,7 @@ struct Surface {
   Vec3 position;
   Vec3 geometric;  // unit face normal on the side the ray came from
   Vec3 normal;     // unit shading normal, normal map included, on the same side
+  Vec3 coat_normal;  // the same of the clear coat, read only where there is one
   Vec2 uv[2];
   Vec3 vertex_color = {1, 1, 1};
   bool front = true;  // the ray met the front (counter-clockwise) side
@@ -39,9 +40,15 @@ class SurfaceReader {
   Vec3 Emitted(const Surface& surface) const;
 
  private:
+  struct TangentFrame;
+
+  Vec3 Color(const scene::TextureRef& ref, const Surface& surface) const;
   Vec3 BaseColor(const Surface& surface) const;
-  Vec3 MappedNormal(const Surface& surface, const scene::Mesh& mesh, const uint32_t* corners,
-                    const scene::Affine& to_world, float u, float v) const;
+  void MapNormals(const scene::Mesh& mesh, const scene::Instance& instance, const Hit& hit,
+                  Surface* surface) const;
+  Vec3 MappedNormal(const scene::TextureRef& map, float scale, const TangentFrame& frame,
+                    const Surface& surface) const;
+  void ShadeLayers(const Surface& surface, SurfaceMaterial* out) const;
 
   const scene::Scene* scene_;
   const TextureSampler* textures_;

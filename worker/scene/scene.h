@@ -72,6 +72,8 @@ struct Material {
   TextureRef clearcoat_texture;            // R
   float clearcoat_roughness = 0;           // perceptual, like roughness
   TextureRef clearcoat_roughness_texture;  // G
+  TextureRef clearcoat_normal_texture;     // the coat's own; the base's does not bend it
+  float clearcoat_normal_scale = 1;
   Vec3 sheen_color = {0, 0, 0};            // KHR_materials_sheen: reflectance of the fibres; black: none
   TextureRef sheen_color_texture;          // sRGB
   float sheen_roughness = 0;               // perceptual: sheen alpha = sheen_roughness^2

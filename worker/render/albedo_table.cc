@@ -11,9 +11,9 @@
 namespace lumifold::render {
 namespace {
 
-// All integrals take a fixed grid of midpoints: deterministic, and smooth in the arguments.
-constexpr int kGrid = 24;
-constexpr int kSheenGrid = 40;
+// All integrals take a fixed set of points: deterministic, and smooth in the arguments.
+constexpr int kPointBits = 10;
+constexpr int kPoints = 1 << kPointBits;
 
 // Where the tables begin: below, lobes are nearly specular and their albedo hardly changes.
 constexpr float kLeastRoughness = 0.05f;
@@ -27,64 +27,60 @@ DirectionalAlbedo Mix(const DirectionalAlbedo& a, const DirectionalAlbedo& b, fl
 
 Vec3 DirectionOf(float cosine) { return {std::sqrt(1.0f - cosine * cosine), 0, cosine}; }
 
-Vec2 GridPoint(int i, int j, int size) {
-  return {(static_cast<float>(i) + 0.5f) / static_cast<float>(size),
-          (static_cast<float>(j) + 0.5f) / static_cast<float>(size)};
+/// The Hammersley points: even by any measure, and so good where the integrand ends at the horizon.
+Vec2 PointOf(int i) {
+  int reversed = 0;
+  for (int bit = 0; bit < kPointBits; ++bit) reversed |= ((i >> bit) & 1) << (kPointBits - 1 - bit);
+  return {(static_cast<float>(i) + 0.5f) / kPoints, (static_cast<float>(reversed) + 0.5f) / kPoints};
+}
+
+/// The mean of f over the unit square.
+template <typename F>
+auto MeanOverSquare(const F& f) {
+  decltype(f(Vec2{})) sum = {};
+  for (int i = 0; i < kPoints; ++i) sum += f(PointOf(i));
+  return sum * (1.0f / kPoints);
 }
 
 DirectionalAlbedo IntegrateReflection(float cos_o, float alpha) {
   const Vec3 wo = DirectionOf(cos_o);
-  double scale = 0;
-  double bias = 0;
-  for (int i = 0; i < kGrid; ++i) {
-    for (int j = 0; j < kGrid; ++j) {
-      const Vec3 h = SampleGgxVisibleNormal(wo, alpha, GridPoint(i, j, kGrid));
-      const float cos_h = Dot(wo, h);
-      const Vec3 wi = h * (2.0f * cos_h) - wo;
-      if (wi.z <= 0) continue;
-      const float value = GgxShadowing(wi.z, wo.z, alpha);
-      const float m = 1.0f - cos_h;
-      const float m5 = m * m * m * m * m;
-      scale += static_cast<double>(value * (1.0f - m5));
-      bias += static_cast<double>(value * m5);
-    }
-  }
-  return {static_cast<float>(scale / (kGrid * kGrid)), static_cast<float>(bias / (kGrid * kGrid))};
+  const Vec2 mean = MeanOverSquare([&](Vec2 u) {
+    const Vec3 h = SampleGgxVisibleNormal(wo, alpha, u);
+    const float cos_h = Dot(wo, h);
+    const float up = h.z * 2.0f * cos_h - wo.z;
+    if (up <= 0) return Vec2{};
+    const float value = GgxShadowing(up, wo.z, alpha);
+    const float m = 1.0f - cos_h;
+    const float m5 = m * m * m * m * m;
+    return Vec2{value * (1.0f - m5), value * m5};
+  });
+  return {mean.x, mean.y};
 }
 
 float IntegrateGlass(float cos_o, float alpha, float eta) {
   const Vec3 wo = DirectionOf(cos_o);
-  double sum = 0;
-  for (int i = 0; i < kGrid; ++i) {
-    for (int j = 0; j < kGrid; ++j) {
-      const Vec3 h = SampleGgxVisibleNormal(wo, alpha, GridPoint(i, j, kGrid));
-      const float cos_h = Dot(wo, h);
-      float cos_t = 0;
-      const float fresnel = DielectricFresnel(cos_h, eta, &cos_t);
-      const float up = h.z * 2.0f * cos_h - wo.z;
-      if (up > 0) sum += static_cast<double>(fresnel * GgxShadowing(up, wo.z, alpha));
-      const float down = -Refract(wo, h, eta, cos_t).z;
-      if (fresnel < 1 && down > 0)
-        sum += static_cast<double>((1.0f - fresnel) * GgxShadowing(down, wo.z, alpha));
-    }
-  }
-  return static_cast<float>(sum / (kGrid * kGrid));
+  return MeanOverSquare([&](Vec2 u) {
+    const Vec3 h = SampleGgxVisibleNormal(wo, alpha, u);
+    const float cos_h = Dot(wo, h);
+    float cos_t = 0;
+    const float fresnel = DielectricFresnel(cos_h, eta, &cos_t);
+    const float up = h.z * 2.0f * cos_h - wo.z;
+    const float down = -Refract(wo, h, eta, cos_t).z;
+    float value = up > 0 ? fresnel * GgxShadowing(up, wo.z, alpha) : 0.0f;
+    if (fresnel < 1 && down > 0) value += (1.0f - fresnel) * GgxShadowing(down, wo.z, alpha);
+    return value;
+  });
 }
 
 float IntegrateSheen(float cos_o, float alpha) {
   const Vec3 wo = DirectionOf(cos_o);
-  double sum = 0;
-  for (int i = 0; i < kSheenGrid; ++i) {
-    for (int j = 0; j < kSheenGrid; ++j) {
-      const Vec2 u = GridPoint(i, j, kSheenGrid);
-      float sine = 0;
-      float cosine = 0;
-      SinCos(kPi * u.y, &sine, &cosine);  // half the circle: the other is its mirror image
-      const float radius = std::sqrt(1.0f - u.x * u.x);
-      sum += static_cast<double>(SheenLobe({radius * cosine, radius * sine, u.x}, wo, alpha));
-    }
-  }
-  return static_cast<float>(sum * 2 * static_cast<double>(kPi) / (kSheenGrid * kSheenGrid));
+  return 2 * kPi * MeanOverSquare([&](Vec2 u) {
+    float sine = 0;
+    float cosine = 0;
+    SinCos(kPi * u.y, &sine, &cosine);  // half the circle: the other is its mirror image
+    const float radius = std::sqrt(1.0f - u.x * u.x);
+    return SheenLobe({radius * cosine, radius * sine, u.x}, wo, alpha);
+  });
 }
 
 /// A table takes tens of milliseconds: a scene with more kinds of glass has these many tabled.

@@ -38,6 +38,12 @@ Vec3 UniformDirection(Vec2 u) {
   return {disk.x * stretch, disk.y * stretch, 1.0f - r2};
 }
 
+/// A perfectly specular event that was drawn with this probability.
+BsdfSample Drawn(BsdfSample event, float probability) {
+  event.weight.specular = event.weight.specular / probability;
+  return event;
+}
+
 float NormalReflectance(float ior) {
   const float r = (ior - 1.0f) / (ior + 1.0f);
   return r * r;
@@ -138,21 +144,21 @@ void Bsdf::AddGlass(const SurfaceMaterial& material, float share) {
   thin_ = material.thin;
   eta_ = !thin_ && material.inside ? 1.0f / material.ior : material.ior;
   if (!thin_ && std::abs(material.ior - 1.0f) < kLeastRefraction) mirror_ = true;
-  glass_ = (1.0f - material.metallic) * material.transmission * share;
+  const float whole = (1.0f - material.metallic) * material.transmission * share;
+  glass_ = whole;
   glass_tint_ = material.base_color;
   if (!mirror_) {
     const DirectionalAlbedo seen = table_->Lookup(wo_.z, alpha_);
     glass_ /= thin_ ? seen.scale + seen.bias
                     : table_->Glass(material.ior, material.inside, wo_.z, alpha_);
   }
+  float cos_t = 0;
+  const float fresnel = DielectricFresnel(wo_.z, eta_, &cos_t);
+  facets_albedo_ += (Vec3{fresnel, fresnel, fresnel} + glass_tint_ * (1.0f - fresnel)) * whole;
 }
 
 void Bsdf::ChooseProbabilities() {
-  float facets = Brightness(facets_albedo_);
-  if (glass_ > 0) {
-    const Split split = SplitAt(wo_.z);
-    facets = Brightness(split.reflected) + Brightness(split.transmitted);
-  }
+  const float facets = Brightness(facets_albedo_);
   const float diffuse = Brightness(diffuse_albedo_);
   const float sheen = sheen_albedo_ > 0 ? Brightness(sheen_color_) * sheen_albedo_ : 0.0f;
   const float rest = facets + coat_albedo_ + sheen;
@@ -166,13 +172,7 @@ void Bsdf::ChooseProbabilities() {
 
 Vec3 Bsdf::SpecularAlbedo() const {
   Vec3 albedo = {0, 0, 0};
-  if (!mirror_) {
-    albedo = facets_albedo_;
-    if (glass_ > 0) {
-      const Split split = SplitAt(wo_.z);
-      albedo = split.reflected + split.transmitted;
-    }
-  }
+  if (!mirror_) albedo = facets_albedo_;
   if (p_coat_ > 0 && !coat_mirror_) albedo += Vec3{coat_albedo_, coat_albedo_, coat_albedo_};
   if (p_sheen_ > 0) albedo += sheen_color_ * sheen_albedo_;
   return albedo;
@@ -267,26 +267,44 @@ BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
   return value;
 }
 
-/// A perfectly specular event at facets that all face along the normal.
-BsdfSample Bsdf::SampleSmooth(float* lobe) const {
+BsdfSample Bsdf::Reflection(const Split& split) const {
   BsdfSample sample;
+  sample.wi = frame_.ToWorld({-wo_.x, -wo_.y, wo_.z});
+  sample.weight.specular = split.reflected;
   sample.specular_event = true;
+  sample.valid = Dot(sample.wi, geometric_) > 0;
+  return sample;
+}
+
+BsdfSample Bsdf::Transmission(const Split& split) const {
+  BsdfSample sample;
+  sample.wi = Normalize(frame_.ToWorld(thin_ ? -wo_ : Refract(wo_, {0, 0, 1}, eta_, split.cos_t)));
+  sample.weight.specular = split.transmitted;
+  sample.specular_event = true;
+  sample.transmitted = true;
+  sample.straight = thin_;
+  sample.valid = Dot(sample.wi, geometric_) < 0;
+  return sample;
+}
+
+BsdfSample Bsdf::PerfectReflection() const {
+  return mirror_ && p_facets_ > 0 ? Reflection(SplitAt(wo_.z)) : BsdfSample{};
+}
+
+BsdfSample Bsdf::PerfectTransmission() const {
+  if (!mirror_ || p_facets_ <= 0 || glass_ <= 0) return {};
+  return Transmission(SplitAt(wo_.z));
+}
+
+BsdfSample Bsdf::SampleSmooth(float* lobe) const {
   const Split split = SplitAt(wo_.z);
   if (*lobe < split.p_reflect) {
     *lobe /= split.p_reflect;
-    sample.wi = frame_.ToWorld({-wo_.x, -wo_.y, wo_.z});
-    sample.weight.specular = split.reflected / (p_facets_ * split.p_reflect);
-    sample.valid = Dot(sample.wi, geometric_) > 0;
-    return sample;
+    return Drawn(Reflection(split), p_facets_ * split.p_reflect);
   }
   const float p_transmit = 1.0f - split.p_reflect;
   *lobe = (*lobe - split.p_reflect) / p_transmit;
-  sample.transmitted = true;
-  sample.straight = thin_;
-  sample.wi = Normalize(frame_.ToWorld(thin_ ? -wo_ : Refract(wo_, {0, 0, 1}, eta_, split.cos_t)));
-  sample.weight.specular = split.transmitted / (p_facets_ * p_transmit);
-  sample.valid = Dot(sample.wi, geometric_) < 0;
-  return sample;
+  return Drawn(Transmission(split), p_facets_ * p_transmit);
 }
 
 BsdfSample Bsdf::SampleFacets(float* lobe, Vec2 u) const {

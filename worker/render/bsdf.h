@@ -78,6 +78,17 @@ class Bsdf {
   /// GGX alpha of the lobe that reflects most of it, coat or what lies below.
   float SpecularAlpha() const;
 
+  /// Whether perfect reflection and perfect transmission both leave from here, and no other mirror.
+  bool IsSmoothGlass() const { return mirror_ && p_facets_ > 0 && glass_ > 0 && !(p_coat_ > 0 && coat_mirror_); }
+  /// The probability that Sample() draws a perfectly specular event.
+  float PerfectProbability() const {
+    return (mirror_ ? p_facets_ : 0.0f) + (coat_mirror_ ? p_coat_ : 0.0f);
+  }
+  /// The perfectly specular events of metal, base and glass, with the whole of their weight and no probability
+  /// in it; invalid where there is none.
+  BsdfSample PerfectReflection() const;
+  BsdfSample PerfectTransmission() const;
+
   /// The share of light that comes straight through a clear pane from behind; black for all else.
   Vec3 StraightTransmittance() const;
 
@@ -113,6 +124,8 @@ class Bsdf {
   BsdfSample SampleLobe(float* lobe, Vec2 u) const;
   BsdfSample SampleFacets(float* lobe, Vec2 u) const;
   BsdfSample SampleSmooth(float* lobe) const;
+  BsdfSample Reflection(const Split& split) const;
+  BsdfSample Transmission(const Split& split) const;
   BsdfSample SampleCoat(Vec2 u) const;
   BsdfSample SampleSheen(Vec2 u) const;
   BsdfSample Finish(Vec3 wi_world) const;
@@ -129,7 +142,7 @@ class Bsdf {
   bool thin_ = false;
   Vec3 f0_ = {0, 0, 0};
   Vec3 f90_ = {0, 0, 0};
-  Vec3 facets_albedo_ = {0, 0, 0};
+  Vec3 facets_albedo_ = {0, 0, 0};  // of glass, about
   float cover_f0_ = 0;  // of what covers the diffuse base
   float cover_f90_ = 0;
   float cover_average_ = 0;

@@ -8,7 +8,7 @@
 namespace lumifold::render {
 
 /// Below this alpha the lobe is a rim thinner than a pixel, and too steep to be tabled.
-inline constexpr float kLeastSheenAlpha = 5e-3f;
+inline constexpr float kLeastSheenAlpha = 1e-2f;
 
 /// The lobe of reflectance 1 times the cosine of wi, per steradian. alpha in [kLeastSheenAlpha, 1].
 float SheenLobe(Vec3 wi, Vec3 wo, float alpha);

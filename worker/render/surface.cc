@@ -36,10 +36,29 @@ Vec3 FaceViewer(Vec3 normal, Vec3 wo) {
 
 }  // namespace
 
+Ray Surface::Leave(const BsdfSample& step, uint64_t chance) const {
+  // A diffuse bounce (density 1/pi at most) opens the cone to a sixth of a radian and more: small enough that
+  // textures nearby keep their shape in what they light, wide enough that far ones are read from few texels.
+  constexpr float kShareOfDensity = 0.1f;
+  Ray ray = {Offset(step.wi), step.wi};
+  ray.chance = chance;
+  if (cone_width <= 0) return ray;
+  ray.width = cone_width;
+  ray.spread = step.pdf > 0 ? std::max(cone_spread, kShareOfDensity / std::sqrt(step.pdf)) : cone_spread;
+  return ray;
+}
+
 SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& textures)
     : scene_(&scene), textures_(&textures) {
   const scene::Bounds bounds = WorldBounds(scene);
   epsilon_ = bounds.IsEmpty() ? 0.0f : Length(bounds.max - bounds.min) * 0x1p-21f;
+  for (const scene::Material& material : scene.materials) {
+    const auto refs = scene::TexturesOf(material);
+    const bool has_textures = std::any_of(
+        refs.begin(), refs.end(), [](const scene::TextureUse& use) { return use.ref->texture != scene::kNone; });
+    has_textures_.push_back(has_textures);
+    any_textures_ |= has_textures;
+  }
 }
 
 Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
@@ -56,6 +75,10 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   const Vec3 extent = {std::abs(surface.position.x), std::abs(surface.position.y),
                        std::abs(surface.position.z)};
   surface.epsilon = epsilon_ + (MaxComponent(extent) + hit.distance) * 0x1p-20f;
+  if (any_textures_) {
+    surface.cone_width = ray.WidthAt(hit.distance);
+    surface.cone_spread = ray.spread;
+  }
   surface.normal = surface.geometric;
   surface.coat_normal = surface.geometric;
   if (mesh.normals.empty() && mesh.uvs[0].empty() && mesh.uvs[1].empty() && mesh.colors.empty())
@@ -64,6 +87,8 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   for (int set = 0; set < 2; ++set) {
     if (!mesh.uvs[set].empty()) surface.uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
   }
+  if (surface.cone_width > 0 && mesh.material != scene::kNone && has_textures_[mesh.material])
+    surface.footprint = FootprintAt(mesh, to_world, hit, ray, surface.geometric);
   if (!mesh.colors.empty()) surface.vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);
   if (!mesh.normals.empty()) {
     const Vec3 smooth = to_world.Normal(Interpolate(mesh.normals, corners, hit.u, hit.v));
@@ -78,6 +103,37 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   surface.normal = FaceViewer(surface.normal, -ray.direction);
   surface.coat_normal = FaceViewer(surface.coat_normal, -ray.direction);
   return surface;
+}
+
+/// The cone cuts the face in an ellipse whose longer diameter lies along the ray's shadow on it.
+Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, const Hit& hit, const Ray& ray,
+                                     Vec3 normal) const {
+  constexpr float kLeastCosine = 0.01f;
+  const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
+  const Vec3 edge1 = to_world.Vector(mesh.positions[corners[1]] - mesh.positions[corners[0]]);
+  const Vec3 edge2 = to_world.Vector(mesh.positions[corners[2]] - mesh.positions[corners[0]]);
+  const Vec3 area = Cross(edge1, edge2);
+  const float area2 = LengthSquared(area);
+  const float cosine = Dot(ray.direction, normal);
+  const Vec3 shadow = ray.direction - normal * cosine;
+  const float sine = Length(shadow);
+  const Vec3 along = sine > 1e-3f ? shadow / sine : Frame(normal).x;
+  const float width = ray.WidthAt(hit.distance);
+  const Vec3 diameters[2] = {along * (width / std::max(std::abs(cosine), kLeastCosine)),
+                             Cross(normal, along) * width};
+  Footprint footprint;
+  if (area2 <= 0) return footprint;
+  for (int d = 0; d < 2; ++d) {
+    const float du = Dot(Cross(diameters[d], edge2), area) / area2;
+    const float dv = Dot(Cross(edge1, diameters[d]), area) / area2;
+    for (int set = 0; set < 2; ++set) {
+      const std::vector<Vec2>& uvs = mesh.uvs[set];
+      if (uvs.empty()) continue;
+      const Vec2 origin = uvs[corners[0]];
+      footprint.diameter[set][d] = (uvs[corners[1]] - origin) * du + (uvs[corners[2]] - origin) * dv;
+    }
+  }
+  return footprint;
 }
 
 /// The axes of normal maps in the world, unit vectors at right angles.
@@ -115,7 +171,7 @@ void SurfaceReader::MapNormals(const Mesh& mesh, const scene::Instance& instance
 
 Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const TangentFrame& frame,
                                  const Surface& surface) const {
-  const Vec4 texel = textures_->Sample(map, surface.uv, /*srgb=*/false);
+  const Vec4 texel = Data(map, surface);
   const float x = (texel.x * 2 - 1) * scale;
   const float y = (texel.y * 2 - 1) * scale;
   const float z = texel.z * 2 - 1;
@@ -124,8 +180,12 @@ Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, cons
 }
 
 Vec3 SurfaceReader::Color(const scene::TextureRef& ref, const Surface& surface) const {
-  const Vec4 t = textures_->Sample(ref, surface.uv, /*srgb=*/true);
+  const Vec4 t = textures_->Sample(ref, surface.uv, surface.footprint, /*srgb=*/true);
   return {t.x, t.y, t.z};
+}
+
+Vec4 SurfaceReader::Data(const scene::TextureRef& ref, const Surface& surface) const {
+  return textures_->Sample(ref, surface.uv, surface.footprint, /*srgb=*/false);
 }
 
 Vec3 SurfaceReader::BaseColor(const Surface& surface) const {
@@ -146,15 +206,15 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
   out.metallic = m.metallic;
   out.roughness = m.roughness;
   if (m.metallic_roughness_texture.texture != scene::kNone) {
-    const Vec4 t = textures_->Sample(m.metallic_roughness_texture, surface.uv, /*srgb=*/false);
+    const Vec4 t = Data(m.metallic_roughness_texture, surface);
     out.roughness *= t.y;
     out.metallic *= t.z;
   }
   out.ior = m.ior;
-  out.specular = m.specular * textures_->Sample(m.specular_texture, surface.uv, /*srgb=*/false).w;
+  out.specular = m.specular * Data(m.specular_texture, surface).w;
   out.specular_color = m.specular_color * Color(m.specular_color_texture, surface);
   if (m.transmission > 0) {
-    out.transmission = m.transmission * textures_->Sample(m.transmission_texture, surface.uv, false).x;
+    out.transmission = m.transmission * Data(m.transmission_texture, surface).x;
     out.thin = !m.has_volume;
     out.inside = !surface.front;
   }
@@ -164,23 +224,20 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
 
 void SurfaceReader::ShadeLayers(const Surface& surface, SurfaceMaterial* out) const {
   const scene::Material& m = *surface.material;
-  const auto data = [&](const scene::TextureRef& ref) {
-    return textures_->Sample(ref, surface.uv, /*srgb=*/false);
-  };
   if (m.clearcoat > 0) {
-    out->clearcoat = m.clearcoat * data(m.clearcoat_texture).x;
-    out->clearcoat_roughness = m.clearcoat_roughness * data(m.clearcoat_roughness_texture).y;
+    out->clearcoat = m.clearcoat * Data(m.clearcoat_texture, surface).x;
+    out->clearcoat_roughness = m.clearcoat_roughness * Data(m.clearcoat_roughness_texture, surface).y;
     out->coat_normal = surface.coat_normal;
   }
   out->sheen_color = m.sheen_color * Color(m.sheen_color_texture, surface);
-  out->sheen_roughness = m.sheen_roughness * data(m.sheen_roughness_texture).w;
+  out->sheen_roughness = m.sheen_roughness * Data(m.sheen_roughness_texture, surface).w;
 }
 
 Vec3 SurfaceReader::Emitted(const Surface& surface) const {
   const scene::Material& m = *surface.material;
   if (m.unlit) return BaseColor(surface);
   if (MaxComponent(m.emission) <= 0 || (!surface.front && !m.double_sided)) return {0, 0, 0};
-  return Emission(m, *textures_, surface.uv);
+  return m.emission * Color(m.emission_texture, surface);
 }
 
 }  // namespace lumifold::render

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -82,6 +83,15 @@ struct Material {
   Vec3 attenuation_color = {1, 1, 1};
   float attenuation_distance = 0;  // metres; 0 stands for infinity
 };
+
+/// A texture reference of a material and how its colour is encoded.
+struct TextureUse {
+  const TextureRef* ref;
+  bool srgb;
+};
+
+/// All of a material's references, those that name no texture as well.
+std::array<TextureUse, 12> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
 struct Mesh {

@@ -165,8 +165,12 @@ class GeometryUnit {
   GeometrySample Trace(int x, int y, int sub_sample) const {
     const float dx = (static_cast<float>(sub_sample % kGrid) + 0.5f) / kGrid;
     const float dy = (static_cast<float>(sub_sample / kGrid) + 0.5f) / kGrid;
-    return tracer_.TraceGeometry(camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy,
-                                                    LensPointOf(sub_sample)));
+    Ray ray = camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy,
+                                 LensPointOf(sub_sample), 1.0f / kGrid);
+    // Alike in all frames, so that what is half transparent does not flicker.
+    const int64_t pixel = static_cast<int64_t>(y) * frame_.width() + x;
+    ray.chance = Sampler(0, 0, pixel, static_cast<uint32_t>(sub_sample)).Key(kCameraPair);
+    return tracer_.TraceGeometry(ray);
   }
 
   Row FirstLook(int y) const {

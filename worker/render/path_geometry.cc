@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "filter/image/mix_bits.h"
+
 namespace lumifold::render {
 namespace {
 
@@ -33,7 +35,7 @@ BsdfSample StrongerEvent(const Bsdf& bsdf) {
 
 }  // namespace
 
-void PathTracer::FollowChainGeometry(const Surface& first, const BsdfSample& event,
+void PathTracer::FollowChainGeometry(const Ray& camera_ray, const Surface& first, const BsdfSample& event,
                                      GeometrySample* out) const {
   const layers::Branch branch =
       event.transmitted ? layers::Branch::kTransmission : layers::Branch::kReflection;
@@ -43,7 +45,7 @@ void PathTracer::FollowChainGeometry(const Surface& first, const BsdfSample& eve
   float distance = out->distance;
   for (int depth = 1; step.valid && depth <= std::min(layers::kMaxDepth, max_bounces_); ++depth) {
     if (!step.transmitted) mirrors.Add(surface.normal);
-    const Ray ray = {surface.Offset(step.wi), step.wi};
+    const Ray ray = surface.Leave(step, MixBits(camera_ray.chance + static_cast<uint64_t>(depth)));
     const Hit hit = embree_->Intersect(ray);
     if (hit.IsMiss()) return;
     surface = surfaces_.Read(hit, ray);
@@ -77,8 +79,8 @@ GeometrySample PathTracer::TraceGeometry(const Ray& ray) const {
   out.roughness = bsdf.SpecularAlpha();
   out.albedo = bsdf.DiffuseAlbedo();
   out.emitted = surfaces_.Emitted(surface);
-  FollowChainGeometry(surface, bsdf.PerfectReflection(), &out);
-  FollowChainGeometry(surface, bsdf.PerfectTransmission(), &out);
+  FollowChainGeometry(ray, surface, bsdf.PerfectReflection(), &out);
+  FollowChainGeometry(ray, surface, bsdf.PerfectTransmission(), &out);
   return out;
 }
 

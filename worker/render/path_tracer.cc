@@ -73,23 +73,28 @@ class PathTracer::Numbers {
   explicit Numbers(const Sampler& sampler, uint32_t first_pair = kLensPair + 1)
       : sampler_(&sampler), first_pair_(first_pair) {}
 
-  Vec2 Get(int bounce, Pair pair) const {
-    return sampler_->Get2D(first_pair_ + static_cast<uint32_t>(bounce) * kPairsPerSurface + pair);
-  }
+  Vec2 Get(int bounce, Pair pair) const { return sampler_->Get2D(PairOf(bounce, pair)); }
+  /// The chance of the ray that leaves surface number `bounce`.
+  uint64_t Chance(int bounce) const { return sampler_->Key(PairOf(bounce, kDirection)); }
 
  private:
+  uint32_t PairOf(int bounce, Pair pair) const {
+    return first_pair_ + static_cast<uint32_t>(bounce) * kPairsPerSurface + pair;
+  }
+
   const Sampler* sampler_;
   uint32_t first_pair_;
 };
 
-/// A path's next ray, where it comes from, and the density it was drawn with; 0 where it was not by chance.
+/// A path's next ray, where the path last scattered, clear panes apart, and the density its direction was
+/// drawn with there; 0 where it was not by chance.
 struct PathTracer::Departure {
   Ray ray;
   LightReceiver from;
   float pdf = 0;
 
-  Departure(const Surface& surface, const BsdfSample& step)
-      : ray{surface.Offset(step.wi), step.wi}, from(ReceiverAt(surface)), pdf(step.pdf) {}
+  Departure(const Surface& surface, const BsdfSample& step, uint64_t chance)
+      : ray(surface.Leave(step, chance)), from(ReceiverAt(surface)), pdf(step.pdf) {}
   explicit Departure(const Ray& camera_ray) : ray(camera_ray), from{} {}
 };
 
@@ -116,6 +121,8 @@ PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
       textures_(scene),
       surfaces_(scene, textures_),
       lights_(scene, textures_, std::move(environment)),
+      albedo_table_(AlbedosOf(scene)),
+      visibility_(scene, embree, surfaces_, albedo_table_),
       max_bounces_(max_bounces),
       strategy_(strategy) {}
 
@@ -138,8 +145,10 @@ BsdfValue PathTracer::ConnectToLight(const Surface& surface, const Bsdf& bsdf, f
   if (value.diffuse <= 0 && MaxComponent(value.specular) <= 0) return {};
   const float weight =
       sample.without_size ? 1.0f : MisWeight(LightStrategy::kLightSamples, sample.pdf, bsdf_pdf);
-  if (weight <= 0 || embree_->IsOccluded(ShadowRay(surface, sample))) return {};
-  *light = sample.radiance * (weight / sample.pdf);
+  if (weight <= 0) return {};
+  const Vec3 through = visibility_.Transmittance(ShadowRay(surface, sample));
+  if (MaxComponent(through) <= 0) return {};
+  *light = sample.radiance * through * (weight / sample.pdf);
   return value;
 }
 
@@ -149,7 +158,8 @@ Vec3 PathTracer::EmittedOnHit(const LightReceiver& from, const Surface& surface,
   if (pdf <= 0 || MaxComponent(emitted) <= 0)
     return emitted;  // no light sample could have made this connection
   const float cos_light = std::abs(Dot(direction, surface.geometric));
-  const float light_pdf = lights_.DensityOfHit(from, hit.instance, hit.triangle, hit.distance, cos_light);
+  const float distance = Length(surface.position - from.position);  // clear panes may lie between
+  const float light_pdf = lights_.DensityOfHit(from, hit.instance, hit.triangle, distance, cos_light);
   if (light_pdf <= 0) return emitted;
   return emitted * MisWeight(LightStrategy::kBsdfHits, pdf, light_pdf);
 }
@@ -167,6 +177,7 @@ PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
   Tail tail;
   Vec3* arrival = &tail.one_step;
   Vec3 throughput = {1, 1, 1};
+  int scatterings = bounce;  // clear panes apart
   for (;; ++bounce) {
     const Hit hit = embree_->Intersect(next.ray);
     if (hit.IsMiss()) {
@@ -177,8 +188,7 @@ PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
     if (!surface.front && surface.material->has_volume)
       throughput *= Attenuation(*surface.material, hit.distance);
     *arrival += throughput * EmittedOnHit(next.from, surface, hit, next.ray.direction, next.pdf);
-    if (bounce > max_bounces_) return tail;
-    arrival = &tail.longer;
+    if (scatterings > max_bounces_) return tail;
 
     const Bsdf bsdf = MakeBsdf(surface, -next.ray.direction);
     const Vec2 light_and_lobe = numbers.Get(bounce, kLightAndLobe);
@@ -192,7 +202,14 @@ PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
       Roulette(visible * throughput * TotalOf(step.weight, bsdf.DiffuseAlbedo()), &step);
     if (!step.valid) return tail;
     throughput *= TotalOf(step.weight, bsdf.DiffuseAlbedo());
-    next = Departure(surface, step);
+    const uint64_t chance = numbers.Chance(bounce);
+    if (step.straight) {
+      next.ray = surface.Leave(step, chance);
+      continue;
+    }
+    next = Departure(surface, step, chance);
+    arrival = &tail.longer;
+    ++scatterings;
   }
 }
 
@@ -209,12 +226,12 @@ PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& b
   out.total = light * TotalOf(value, albedo);
 
   BsdfSample step = bsdf.Sample(light_and_lobe.y, numbers.Get(bounce, kDirection));
-  if (step.valid && bounce >= kFirstRouletteBounce)
-    Roulette(visible * TotalOf(step.weight, albedo), &step);
+  if (step.valid && bounce >= kFirstRouletteBounce) Roulette(visible * TotalOf(step.weight, albedo), &step);
   if (step.specular_event) out.event = step;
   if (step.specular_event || !step.valid) return out;
   const Vec3 weight = TotalOf(step.weight, albedo);
-  const Tail tail = TraceTail(Departure(surface, step), bounce + 1, visible * weight, numbers);
+  const Tail tail =
+      TraceTail(Departure(surface, step, numbers.Chance(bounce)), bounce + 1, visible * weight, numbers);
   out.direct += tail.one_step * step.weight.diffuse;
   out.indirect = tail.longer * step.weight.diffuse;
   out.specular += (tail.one_step + tail.longer) * step.weight.specular;
@@ -226,7 +243,7 @@ void PathTracer::FollowChain(const Surface& first, const BsdfSample& event, Vec3
                              const Numbers& numbers, LayerSample* out) const {
   const layers::Branch branch =
       event.transmitted ? layers::Branch::kTransmission : layers::Branch::kReflection;
-  Departure next(first, event);
+  Departure next(first, event, numbers.Chance(0));
   for (int depth = 1; depth <= layers::kMaxDepth; ++depth) {
     LevelSample& level = out->levels.Set({branch, depth});
     const Hit hit = embree_->Intersect(next.ray);
@@ -252,7 +269,7 @@ void PathTracer::FollowChain(const Surface& first, const BsdfSample& event, Vec3
     out->combined += throughput * light.total;
     if (!light.event.valid) return;
     throughput *= light.event.weight.specular;
-    next = Departure(surface, light.event);
+    next = Departure(surface, light.event, numbers.Chance(depth));
   }
   const Tail rest = TraceTail(next, layers::kMaxDepth + 1, throughput, numbers);
   const Vec3 radiance = throughput * (rest.one_step + rest.longer);
@@ -260,8 +277,10 @@ void PathTracer::FollowChain(const Surface& first, const BsdfSample& event, Vec3
   out->combined += radiance;
 }
 
-void PathTracer::Trace(const Ray& ray, const Sampler& sampler, LayerSample* out) const {
+void PathTracer::Trace(const Ray& camera_ray, const Sampler& sampler, LayerSample* out) const {
   out->Clear();
+  Ray ray = camera_ray;
+  ray.chance = sampler.Key(kCameraPair);
   const Hit hit = embree_->Intersect(ray);
   if (hit.IsMiss()) {
     out->emitted = EmittedOnMiss(ray.direction, 0);
@@ -294,7 +313,9 @@ void PathTracer::Trace(const Ray& ray, const Sampler& sampler, LayerSample* out)
   }
 }
 
-Vec3 PathTracer::TraceRadiance(const Ray& ray, const Sampler& sampler) const {
+Vec3 PathTracer::TraceRadiance(const Ray& camera_ray, const Sampler& sampler) const {
+  Ray ray = camera_ray;
+  ray.chance = sampler.Key(kCameraPair);
   const Tail all = TraceTail(Departure(ray), 0, {1, 1, 1}, Numbers(sampler));
   return all.one_step + all.longer;
 }

@@ -10,6 +10,7 @@
 #include "worker/render/lights.h"
 #include "worker/render/sampler.h"
 #include "worker/render/surface.h"
+#include "worker/render/visibility.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
@@ -43,9 +44,10 @@ class PathTracer {
              LightStrategy strategy = LightStrategy::kCombined);
 
   /// Traces one sample; `out` is written over.
-  void Trace(const Ray& ray, const Sampler& sampler, LayerSample* out) const;
+  void Trace(const Ray& camera_ray, const Sampler& sampler, LayerSample* out) const;
   /// The sample's radiance alone, glass followed one way like all else: an estimate of the same picture.
-  Vec3 TraceRadiance(const Ray& ray, const Sampler& sampler) const;
+  Vec3 TraceRadiance(const Ray& camera_ray, const Sampler& sampler) const;
+  /// `ray` has its chance.
   GeometrySample TraceGeometry(const Ray& ray) const;
 
   bool HasLights() const { return !lights_.IsEmpty(); }
@@ -77,13 +79,15 @@ class PathTracer {
   /// Follows a perfectly specular event of weight `throughput` from the first surface on, level by level.
   void FollowChain(const Surface& first, const BsdfSample& event, Vec3 throughput, const Numbers& numbers,
                    LayerSample* out) const;
-  void FollowChainGeometry(const Surface& first, const BsdfSample& event, GeometrySample* out) const;
+  void FollowChainGeometry(const Ray& camera_ray, const Surface& first, const BsdfSample& event,
+                           GeometrySample* out) const;
 
   const EmbreeScene* embree_;
   TextureSampler textures_;
   SurfaceReader surfaces_;
   LightSet lights_;
   AlbedoTable albedo_table_;
+  Visibility visibility_;
   int max_bounces_;
   LightStrategy strategy_;
 };

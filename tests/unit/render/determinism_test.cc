@@ -49,7 +49,7 @@ Frame RenderFrame(const Renderer& renderer, int tile_size, TaskPool& pool) {
   pool.Run(static_cast<int64_t>(tiles.size()), [&](int64_t i) {
     RenderCounts counts;
     passes[i] = renderer.RenderPass(tiles[i], kFrame, kSamples, &counts);
-    geometries[i] = renderer.RenderGeometry(tiles[i], kFrame);
+    geometries[i] = renderer.RenderGeometry(tiles[i], kFrame).pixels;
   });
   Frame frame;
   for (size_t i = 0; i < tiles.size(); ++i) {

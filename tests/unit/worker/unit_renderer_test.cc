@@ -62,7 +62,7 @@ double Coverage(UnitRenderer& renderer, const v1::JobSpec& spec, int frame) {
   EXPECT_TRUE(unit.ok()) << unit.status();
   if (!unit.ok()) return -1;
   double sum = 0;
-  const ConstFloatView red = unit->pixels.GetColor(layers::kEmission)[0];
+  const ConstFloatView red = unit->image.pixels.GetColor(layers::kEmission)[0];
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) sum += static_cast<double>(red.At(x, y));
   }

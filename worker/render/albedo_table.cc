@@ -140,7 +140,7 @@ AlbedoTable::AlbedoTable(const Contents& contents) : glass_iors_(contents.glass_
   }
   if (contents.sheen) {
     Fill(&sheen_.emplace_back(), [](float cos_o, float alpha) {
-      return IntegrateSheen(cos_o, std::max(alpha, kLeastSheenAlpha));
+      return IntegrateSheen(cos_o, std::max(alpha, 0.5f * kLeastSheenAlpha));  // for the node below the least
     });
   }
 }

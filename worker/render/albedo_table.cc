@@ -75,12 +75,12 @@ float IntegrateGlass(float cos_o, float alpha, float eta) {
 float IntegrateSheen(float cos_o, float alpha) {
   const Vec3 wo = DirectionOf(cos_o);
   return 2 * kPi * MeanOverSquare([&](Vec2 u) {
-           float sine = 0;
-           float cosine = 0;
-           SinCos(kPi * u.y, &sine, &cosine);  // half the circle: the other is its mirror image
-           const float radius = std::sqrt(1.0f - u.x * u.x);
-           return SheenLobe({radius * cosine, radius * sine, u.x}, wo, alpha);
-         });
+    float sine = 0;
+    float cosine = 0;
+    SinCos(kPi * u.y, &sine, &cosine);  // half the circle: the other is its mirror image
+    const float radius = std::sqrt(1.0f - u.x * u.x);
+    return SheenLobe({radius * cosine, radius * sine, u.x}, wo, alpha);
+  });
 }
 
 /// A table takes tens of milliseconds: a scene with more kinds of glass has these many tabled.
@@ -139,8 +139,9 @@ AlbedoTable::AlbedoTable(const Contents& contents) : glass_iors_(contents.glass_
     }
   }
   if (contents.sheen) {
-    Fill(&sheen_.emplace_back(),
-         [](float cos_o, float alpha) { return IntegrateSheen(cos_o, std::max(alpha, kLeastSheenAlpha)); });
+    Fill(&sheen_.emplace_back(), [](float cos_o, float alpha) {
+      return IntegrateSheen(cos_o, std::max(alpha, 0.5f * kLeastSheenAlpha));  // for the node below the least
+    });
   }
 }
 
@@ -185,9 +186,7 @@ float AlbedoTable::Sheen(float cos_o, float alpha) const {
 float AlbedoTable::Glass(float ior, bool inside, float cos_o, float alpha) const {
   LUMIFOLD_CHECK(!glass_iors_.empty());
   const float roughness = std::sqrt(alpha);
-  const auto at = [&](size_t node) {
-    return Bilinear(glass_[2 * node + (inside ? 1 : 0)], roughness, cos_o);
-  };
+  const auto at = [&](size_t node) { return Bilinear(glass_[2 * node + (inside ? 1 : 0)], roughness, cos_o); };
   const auto above = std::lower_bound(glass_iors_.begin(), glass_iors_.end(), ior);
   const auto node = static_cast<size_t>(above - glass_iors_.begin());
   if (above == glass_iors_.end()) return at(node - 1);

@@ -68,7 +68,8 @@ Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 norma
   float share = 1;  // of the light that the layers so far leave to those below
   if (material.clearcoat > 0) share = AddCoat(material, wo);
   if (MaxComponent(material.sheen_color) > 0) share = AddSheen(material, share);
-  AddBase(material, share);
+  AddBase(material);
+  if (share < 1) Dim(share);
   if (material.transmission > 0 && material.metallic < 1) AddGlass(material, share);
   ChooseProbabilities();
 }
@@ -97,8 +98,8 @@ float Bsdf::AddSheen(const SurfaceMaterial& material, float share) {
   return share * (1.0f - std::min(MaxComponent(material.sheen_color) * sheen_albedo_, 1.0f));
 }
 
-/// Metal and the covered diffuse base, which `share` of the light reaches.
-void Bsdf::AddBase(const SurfaceMaterial& material, float share) {
+/// Metal and the covered diffuse base.
+void Bsdf::AddBase(const SurfaceMaterial& material) {
   alpha_ = material.roughness * material.roughness;
   mirror_ = alpha_ < kDeltaAlpha;
   const Vec3 f0 = material.specular_color * NormalReflectance(material.ior);
@@ -120,23 +121,33 @@ void Bsdf::AddBase(const SurfaceMaterial& material, float share) {
     cover_average_ = cover_f0_ * mean.scale + cover_f90_ * mean.bias;
     cover_albedo = std::min(cover_f0_ * seen.scale + cover_f90_ * seen.bias, 1.0f);
   }
-  diffuse_albedo_ = material.base_color * (covered * (1.0f - cover_albedo) * share);
+  diffuse_albedo_ = material.base_color * (covered * (1.0f - cover_albedo));
+  facets_albedo_ = mirror_ ? SchlickFresnel(f0_, f90_, wo_.z) : f0_ * seen.scale + f90_ * seen.bias;
+  if (metal > 0 && !mirror_) CompensateMetal(material, seen);
+}
 
-  const Vec3 single = f0_ * seen.scale + f90_ * seen.bias;
-  Vec3 gain = {share, share, share};
-  if (metal > 0 && !mirror_) {
-    // Metal's part of the albedo grows by 1 + F0 (1 - E) / E, with E the albedo at F0 = 1.
-    const float whole = seen.scale + seen.bias;
-    const Vec3 b = material.base_color;
-    const Vec3 lost = b * (b * seen.scale + Vec3{seen.bias, seen.bias, seen.bias}) *
-                      (metal * (1.0f - whole) / whole * share);
-    constexpr float kLeast = 1e-20f;  // black metal, seen along its normal, reflects nothing
-    gain += {lost.x / std::max(single.x, kLeast), lost.y / std::max(single.y, kLeast),
-             lost.z / std::max(single.z, kLeast)};
-  }
+/// Metal's part of the albedo grows by 1 + F0 (1 - E) / E, with E the albedo at F0 = 1.
+void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo seen) {
+  constexpr float kLeast = 1e-20f;  // black metal, seen along its normal, reflects nothing
+  const float whole = seen.scale + seen.bias;
+  const Vec3 b = material.base_color;
+  const Vec3 made_up = b * (b * seen.scale + Vec3{seen.bias, seen.bias, seen.bias}) *
+                       (material.metallic * (1.0f - whole) / whole);
+  const Vec3 single = facets_albedo_;
+  const Vec3 gain = Vec3{1, 1, 1} + Vec3{made_up.x / std::max(single.x, kLeast),
+                                         made_up.y / std::max(single.y, kLeast),
+                                         made_up.z / std::max(single.z, kLeast)};
   f0_ *= gain;
   f90_ *= gain;
-  facets_albedo_ = mirror_ ? SchlickFresnel(f0_, f90_, wo_.z) : single * gain;
+  facets_albedo_ *= gain;
+}
+
+/// Leaves metal and base `share` of the light.
+void Bsdf::Dim(float share) {
+  diffuse_albedo_ *= share;
+  f0_ *= share;
+  f90_ *= share;
+  facets_albedo_ *= share;
 }
 
 /// The part that transmits; facets are those of the base.
@@ -213,10 +224,16 @@ float Bsdf::DiffuseLobe(float cos_i) const {
 void Bsdf::EvaluateFacets(Vec3 wi, BsdfValue* value, float* pdf) const {
   const Vec3 h = Normalize(wi + wo_);
   const float cos_h = std::max(Dot(wo_, h), 1e-6f);
-  const Split split = SplitAt(cos_h);
   const float lobe = GgxDensity(h, alpha_) * GgxVisibility(wi.z, wo_.z, alpha_) * wi.z;
-  value->specular += split.reflected * lobe;
-  *pdf += p_facets_ * split.p_reflect * GgxVisibleDensity(wo_, h, alpha_) / (4.0f * cos_h);
+  float probability = p_facets_;
+  if (glass_ > 0) {
+    const Split split = SplitAt(cos_h);
+    value->specular += split.reflected * lobe;
+    probability *= split.p_reflect;
+  } else {
+    value->specular += SchlickFresnel(f0_, f90_, cos_h) * lobe;
+  }
+  *pdf += probability * GgxVisibleDensity(wo_, h, alpha_) / (4.0f * cos_h);
 }
 
 /// Towards wi below the surface.

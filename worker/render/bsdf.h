@@ -110,7 +110,9 @@ class Bsdf {
 
   float AddCoat(const SurfaceMaterial& material, Vec3 wo);
   float AddSheen(const SurfaceMaterial& material, float share);
-  void AddBase(const SurfaceMaterial& material, float share);
+  void AddBase(const SurfaceMaterial& material);
+  void CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo seen);
+  void Dim(float share);
   void AddGlass(const SurfaceMaterial& material, float share);
   void ChooseProbabilities();
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -39,67 +40,91 @@ RTCRay EmbreeRay(const Ray& ray) {
   return r;
 }
 
+/// A hit as the scene names it. At a baked mesh the instance is the geometry's id.
+Hit HitOf(const scene::Scene& scene, const RTCHit& embree, float distance) {
+  const bool instanced = embree.instID[0] != RTC_INVALID_GEOMETRY_ID;
+  Hit hit;
+  hit.instance = static_cast<int>(instanced ? embree.instID[0] : embree.geomID);
+  hit.triangle = embree.primID;
+  hit.u = embree.u;
+  hit.v = embree.v;
+  hit.distance = distance;
+  const Vec3 normal = {embree.Ng_x, embree.Ng_y, embree.Ng_z};
+  const Affine& to_world = scene.instances[hit.instance].world_from_object;
+  if (instanced) {
+    hit.face_normal = to_world.Normal(normal);
+  } else {
+    // a mirroring transform has turned the winding round
+    hit.face_normal = to_world.Determinant() < 0 ? -normal : normal;
+  }
+  return hit;
+}
+
 /// What the filters of one query need; Embree hands them its first member's address.
 struct QueryContext {
   RTCIntersectContext embree;
   const scene::Scene* scene;
   uint64_t chance;
-  const Hit* last_veil = nullptr;  // only hits beyond it count, and all of those
+  Veils* veils = nullptr;    // gathers all hits, of which none then ends the ray,
+  const Hit* last = nullptr;  // beyond this one
 
   QueryContext(const scene::Scene* s, const Ray& ray) : scene(s), chance(ray.chance) {
     rtcInitIntersectContext(&embree);
   }
 };
 
-/// A hit that a filter is to judge.
-struct Candidate {
-  const QueryContext* context;
-  int instance;
-  uint32_t triangle;
-  float u;
-  float v;
-  float distance;
+const QueryContext& ContextOf(const RTCFilterFunctionNArguments* arguments) {
+  return *reinterpret_cast<const QueryContext*>(arguments->context);
+}
 
-  explicit Candidate(const RTCFilterFunctionNArguments* arguments)
-      : context(reinterpret_cast<const QueryContext*>(arguments->context)),
-        triangle(RTCHitN_primID(arguments->hit, 1, 0)),
-        u(RTCHitN_u(arguments->hit, 1, 0)),
-        v(RTCHitN_v(arguments->hit, 1, 0)),
-        distance(RTCRayN_tfar(arguments->ray, 1, 0)) {
-    const unsigned placed = RTCHitN_instID(arguments->hit, 1, 0, 0);
-    instance =
-        static_cast<int>(placed != RTC_INVALID_GEOMETRY_ID ? placed : RTCHitN_geomID(arguments->hit, 1, 0));
+/// The hit that a filter is to judge.
+Hit CandidateOf(const RTCFilterFunctionNArguments* arguments) {
+  return HitOf(*ContextOf(arguments).scene, rtcGetHitFromHitN(arguments->hit, 1, 0),
+               RTCRayN_tfar(arguments->ray, 1, 0));
+}
+
+float OpacityOf(const scene::Scene& scene, const Hit& hit) {
+  return OpacityAt(scene, scene.meshes[scene.instances[hit.instance].mesh], hit.triangle, hit.u, hit.v);
+}
+
+/// The same answer whenever a ray of this chance asks about this triangle: Embree may ask twice.
+bool IsMet(const QueryContext& context, const Hit& hit) {
+  const float opacity = OpacityOf(*context.scene, hit);
+  if (opacity >= 1 || opacity <= 0) return opacity >= 1;
+  const uint64_t place = (static_cast<uint64_t>(static_cast<uint32_t>(hit.instance)) << 32) | hit.triangle;
+  const uint64_t bits = MixBits(MixBits(context.chance) ^ MixBits(~place));
+  return static_cast<float>(bits >> 40) * 0x1p-24f < opacity;
+}
+
+bool LiesBefore(const Hit& a, const Hit& b) {
+  return std::tie(a.distance, a.instance, a.triangle) < std::tie(b.distance, b.instance, b.triangle);
+}
+
+/// Keeps the first of all that come, each once, in order.
+void Insert(const Hit& hit, Veils* veils) {
+  Hit* const begin = veils->hits.data();
+  Hit* const end = begin + veils->count;
+  Hit* const place = std::lower_bound(begin, end, hit, LiesBefore);
+  if (place == begin + Veils::kMost || (place != end && !LiesBefore(hit, *place))) return;
+  const bool full = veils->count == Veils::kMost;
+  std::move_backward(place, full ? end - 1 : end, full ? end : end + 1);
+  *place = hit;
+  if (!full) ++veils->count;
+}
+
+void MeetOrGather(const RTCFilterFunctionNArguments* arguments) {
+  const QueryContext& context = ContextOf(arguments);
+  const Hit hit = CandidateOf(arguments);
+  if (context.veils == nullptr) {
+    if (!IsMet(context, hit)) arguments->valid[0] = 0;
+    return;
   }
-
-  float Opacity() const {
-    const scene::Scene& scene = *context->scene;
-    return OpacityAt(scene, scene.meshes[scene.instances[instance].mesh], triangle, u, v);
-  }
-
-  bool LiesBeyond(const Hit& last) const {
-    if (distance != last.distance) return distance > last.distance;
-    if (instance != last.instance) return instance > last.instance;
-    return triangle > last.triangle;
-  }
-
-  /// The same answer whenever a ray of this chance asks about this triangle: Embree may ask twice.
-  bool IsMet() const {
-    const float opacity = Opacity();
-    if (opacity >= 1 || opacity <= 0) return opacity >= 1;
-    const uint64_t place = (static_cast<uint64_t>(static_cast<uint32_t>(instance)) << 32) | triangle;
-    return static_cast<float>(MixBits(MixBits(context->chance) ^ MixBits(~place)) >> 40) * 0x1p-24f < opacity;
-  }
-};
-
-void FilterNearest(const RTCFilterFunctionNArguments* arguments) {
-  const Candidate candidate(arguments);
-  const Hit* last = candidate.context->last_veil;
-  const bool keep = last != nullptr ? candidate.LiesBeyond(*last) : candidate.IsMet();
-  if (!keep) arguments->valid[0] = 0;
+  if (context.last == nullptr || LiesBefore(*context.last, hit)) Insert(hit, context.veils);
+  arguments->valid[0] = 0;
 }
 
 void PassHoles(const RTCFilterFunctionNArguments* arguments) {
-  if (Candidate(arguments).Opacity() <= 0) arguments->valid[0] = 0;
+  if (OpacityOf(*ContextOf(arguments).scene, CandidateOf(arguments)) <= 0) arguments->valid[0] = 0;
 }
 
 void PassAll(const RTCFilterFunctionNArguments* arguments) { arguments->valid[0] = 0; }
@@ -108,7 +133,10 @@ class EmbreeSceneImpl final : public EmbreeScene {
  public:
   Hit Intersect(const Ray& ray) const override {
     QueryContext context(scene_, ray);
-    return Nearest(world_.get(), EmbreeRay(ray), &context);
+    RTCRayHit query = {EmbreeRay(ray), {}};
+    Trace(world_.get(), &query, &context);
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
+    return HitOf(*scene_, query.hit, query.ray.tfar);
   }
 
   bool IsOccluded(const Ray& ray) const override {
@@ -118,19 +146,16 @@ class EmbreeSceneImpl final : public EmbreeScene {
     return query.tfar < 0;
   }
 
-  Hit FirstVeil(const Ray& ray) const override {
-    Hit before;
-    before.distance = -1;
-    return NextVeil(ray, before);
-  }
-
-  Hit NextVeil(const Ray& ray, const Hit& last) const override {
+  Veils VeilsOn(const Ray& ray, const Hit* last) const override {
     constexpr float kJustBefore = 1.0f - 0x1p-20f;  // Embree leaves out what lies exactly where a ray begins
+    Veils veils;
     QueryContext context(scene_, ray);
-    context.last_veil = &last;
-    RTCRay query = EmbreeRay(ray);
-    query.tnear = std::max(last.distance, 0.0f) * kJustBefore;
-    return Nearest(veils_.get(), query, &context);
+    context.veils = &veils;
+    context.last = last;
+    RTCRayHit query = {EmbreeRay(ray), {}};
+    if (last != nullptr) query.ray.tnear = last->distance * kJustBefore;
+    Trace(veils_.get(), &query, &context);
+    return veils;
   }
 
   explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene), builder_(MakeTaskPool(1)) {}
@@ -169,29 +194,10 @@ class EmbreeSceneImpl final : public EmbreeScene {
     builder_->Run(1, [scene](int64_t) { rtcCommitScene(scene); });
   }
 
-  Hit Nearest(RTCScene scene, const RTCRay& ray, QueryContext* context) const {
-    RTCRayHit query = {ray, {}};
-    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(scene, &context->embree, &query);
-    Hit hit;
-    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
-    const bool instanced = query.hit.instID[0] != RTC_INVALID_GEOMETRY_ID;
-    hit.instance = static_cast<int>(instanced ? query.hit.instID[0] : query.hit.geomID);
-    hit.triangle = query.hit.primID;
-    hit.u = query.hit.u;
-    hit.v = query.hit.v;
-    hit.distance = query.ray.tfar;
-    const Vec3 normal = {query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z};
-    const Affine& to_world = scene_->instances[hit.instance].world_from_object;
-    if (instanced) {
-      hit.face_normal = to_world.Normal(normal);
-    } else {
-      hit.face_normal = to_world.Determinant() < 0
-                            ? -normal
-                            : normal;  // a mirroring transform has turned the winding round
-    }
-    return hit;
+  static void Trace(RTCScene scene, RTCRayHit* query, QueryContext* context) {
+    query->hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    query->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcIntersect1(scene, &context->embree, query);
   }
 
   SceneHandle NewScene() const {
@@ -219,8 +225,9 @@ class EmbreeSceneImpl final : public EmbreeScene {
     for (size_t i = 0; i < mesh.positions.size(); ++i) positions[i] = to_world.Point(mesh.positions[i]);
     std::copy(mesh.triangles.begin(), mesh.triangles.end(), indices);
     if (openness != Openness::kSolid) {
-      rtcSetGeometryIntersectFilterFunction(geometry.get(), FilterNearest);
-      rtcSetGeometryOccludedFilterFunction(geometry.get(), openness == Openness::kVeil ? PassAll : PassHoles);
+      rtcSetGeometryIntersectFilterFunction(geometry.get(), MeetOrGather);
+      rtcSetGeometryOccludedFilterFunction(geometry.get(),
+                                           openness == Openness::kVeil ? PassAll : PassHoles);
     }
     return geometry;
   }

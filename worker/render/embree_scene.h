@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -33,6 +34,13 @@ struct Hit {
   bool IsMiss() const { return instance == scene::kNone; }
 };
 
+/// Some surfaces on a ray, in order.
+struct Veils {
+  static constexpr int kMost = 8;
+  std::array<Hit, kMost> hits;
+  int count = 0;
+};
+
 /// The instruction set rays are traced with, part of the numeric class: "avx2" where the processor has it,
 /// else "sse4.2".
 const char* TracingInstructionSet();
@@ -55,10 +63,10 @@ class EmbreeScene {
   virtual bool IsOccluded(const Ray& ray) const = 0;
 
   bool HasVeils() const { return has_veils_; }
-  /// The veils on the ray before its max_distance one after the other, whatever their opacity. There must be
-  /// veils in the scene.
-  virtual Hit FirstVeil(const Ray& ray) const = 0;
-  virtual Hit NextVeil(const Ray& ray, const Hit& last) const = 0;
+  /// The veils on the ray before its max_distance, whatever their opacity, from the nearest on (at equal
+  /// distance in order of instance and triangle); as many as `Veils` holds, beginning beyond `last`, which is
+  /// null for all. There must be veils in the scene.
+  virtual Veils VeilsOn(const Ray& ray, const Hit* last) const = 0;
 
  protected:
   bool has_veils_ = false;

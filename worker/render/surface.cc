@@ -102,7 +102,7 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
   if (!mesh.tangents.empty()) MapNormals(mesh, instance, hit, &surface);
   surface.normal = FaceViewer(surface.normal, -ray.direction);
-  surface.coat_normal = FaceViewer(surface.coat_normal, -ray.direction);
+  if (surface.material->clearcoat > 0) surface.coat_normal = FaceViewer(surface.coat_normal, -ray.direction);
   return surface;
 }
 

@@ -7,11 +7,16 @@ namespace lumifold::render {
 
 Vec3 Visibility::ThroughVeils(const Ray& ray) const {
   Vec3 share = {1, 1, 1};
-  for (Hit hit = embree_->FirstVeil(ray); !hit.IsMiss(); hit = embree_->NextVeil(ray, hit)) {
-    share *= ThroughVeil(hit, ray);
-    if (MaxComponent(share) <= 0) break;
+  Veils veils = embree_->VeilsOn(ray, nullptr);
+  for (;;) {
+    for (int i = 0; i < veils.count; ++i) {
+      share *= ThroughVeil(veils.hits[i], ray);
+      if (MaxComponent(share) <= 0) return share;
+    }
+    if (veils.count < Veils::kMost) return share;
+    const Hit last = veils.hits.back();
+    veils = embree_->VeilsOn(ray, &last);
   }
-  return share;
 }
 
 Vec3 Visibility::ThroughVeil(const Hit& hit, const Ray& ray) const {

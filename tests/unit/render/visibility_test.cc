@@ -110,13 +110,15 @@ TEST(Alpha, CoincidentSheetsEachTakeTheirShare) {
   Scene scene;
   scene.materials = {testing::Lambert({1, 1, 1}), Black(AlphaMode::kBlend, 0.5f)};
   for (int i = 0; i < 3; ++i) testing::Place(&scene, Layer(1, 4, 1));
+  for (int i = 0; i < 17; ++i) testing::Place(&scene, Layer(5.0f + 0.1f * static_cast<float>(i % 9), 4, 1));
   const auto embree = *EmbreeScene::Create(scene);
   const TextureSampler textures(scene);
   const SurfaceReader surfaces(scene, textures);
   const AlbedoTable albedos;
   const Visibility visibility(scene, *embree, surfaces, albedos);
-  EXPECT_EQ(visibility.Transmittance({{0.3f, 0, 0.1f}, {0, 1, 0}}), (Vec3{0.125f, 0.125f, 0.125f}));
-  EXPECT_EQ(visibility.Transmittance({{0.3f, 0, 0.1f}, {0, 1, 0}, 0.5f}), (Vec3{1, 1, 1}));
+  EXPECT_EQ(visibility.Transmittance({{0.3f, 0, 0.1f}, {0, 1, 0}, 4}).x, 0.125f);
+  EXPECT_EQ(visibility.Transmittance({{0.3f, 0, 0.1f}, {0, 1, 0}}).x, 0x1p-20f);
+  EXPECT_EQ(visibility.Transmittance({{0.3f, 0, 0.1f}, {0, 1, 0}, 0.5f}).x, 1);
 }
 
 /// A floor lit by a square light overhead, with whatever lies between.

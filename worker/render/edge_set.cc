@@ -20,10 +20,9 @@ float AtLeastOne(float x) { return std::max(x, 1.0f / x); }
 /// By what factor the distance along the centre rays changes from `from` to `to` on the plane of `from`;
 /// infinite where the plane ends before.
 float ChangeOnPlane(const EdgeProbe& from, const Ray& to) {
-  const float here = Dot(from.geometric, from.position - from.centre.origin) /
-                     Dot(from.geometric, from.centre.direction);
-  const float there =
-      Dot(from.geometric, from.position - to.origin) / Dot(from.geometric, to.direction);
+  const float here =
+      Dot(from.geometric, from.position - from.centre.origin) / Dot(from.geometric, from.centre.direction);
+  const float there = Dot(from.geometric, from.position - to.origin) / Dot(from.geometric, to.direction);
   if (!(here > 0 && there > 0)) return INFINITY;
   return AtLeastOne(there / here);
 }
@@ -74,11 +73,20 @@ EdgeRows::EdgeRows() : names_(layers::EdgeChannels()), values_(names_.size()) {}
 
 void EdgeRows::Add(int x, int y, std::span<const GeometrySample, kSubSamples> samples) {
   for (const GeometrySample& s : samples) {
-    const std::array<float, 14> row = {
-        static_cast<float>(x), static_cast<float>(y), s.normal.x,  s.normal.y,
-        s.normal.z,            s.distance,            s.albedo.x,  s.albedo.y,
-        s.albedo.z,            s.emitted.x,           s.emitted.y, s.emitted.z,
-        static_cast<float>(s.instance + 1),           s.valid ? 1.0f : 0.0f};
+    const std::array<float, 14> row = {static_cast<float>(x),
+                                       static_cast<float>(y),
+                                       s.normal.x,
+                                       s.normal.y,
+                                       s.normal.z,
+                                       s.distance,
+                                       s.albedo.x,
+                                       s.albedo.y,
+                                       s.albedo.z,
+                                       s.emitted.x,
+                                       s.emitted.y,
+                                       s.emitted.z,
+                                       static_cast<float>(s.instance + 1),
+                                       s.valid ? 1.0f : 0.0f};
     LUMIFOLD_CHECK(row.size() == values_.size());
     for (size_t i = 0; i < row.size(); ++i) values_[i].push_back(row[i]);
   }

@@ -165,8 +165,8 @@ class GeometryUnit {
   GeometrySample Trace(int x, int y, int sub_sample) const {
     const float dx = (static_cast<float>(sub_sample % kGrid) + 0.5f) / kGrid;
     const float dy = (static_cast<float>(sub_sample / kGrid) + 0.5f) / kGrid;
-    return tracer_.TraceGeometry(camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy,
-                                                    LensPointOf(sub_sample)));
+    return tracer_.TraceGeometry(
+        camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy, LensPointOf(sub_sample)));
   }
 
   Row FirstLook(int y) const {

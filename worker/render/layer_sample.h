@@ -10,10 +10,10 @@ namespace lumifold::render {
 
 /// What one camera sample finds at one level of one branch.
 struct LevelSample {
-  scene::Vec3 direct;   // D and I as at the first surface, its albedo left out
+  scene::Vec3 direct;  // D and I as at the first surface, its albedo left out
   scene::Vec3 indirect;
-  scene::Vec3 albedo;   // the chain's throughput times the surface's diffuse albedo
-  scene::Vec3 emitted;  // the chain's throughput times what the surface or the sky radiates
+  scene::Vec3 albedo;        // the chain's throughput times the surface's diffuse albedo
+  scene::Vec3 emitted;       // the chain's throughput times what the surface or the sky radiates
   bool has_diffuse = false;  // whether a surface with a diffuse lobe was met
 };
 
@@ -60,7 +60,7 @@ struct LayerSample {
   scene::Vec3 indirect;  // I: the same of light that came by longer ways
   scene::Vec3 albedo;    // T
   scene::Vec3 emitted;   // E: radiated by the first surface itself
-  scene::Vec3 glossy;    // G: what the first surface's other lobes reflect, mirrors and glass left out, over S
+  scene::Vec3 glossy;  // G: what the first surface's other lobes reflect, mirrors and glass left out, over S
   scene::Vec3 specular;  // S: the directional albedo of those lobes
   scene::Vec3 tail;      // all else: glossy lobes behind a mirror, and what lies past the last level
   ByLevel<LevelSample> levels;

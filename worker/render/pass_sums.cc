@@ -45,9 +45,8 @@ void PixelSums::Add(const LayerSample& s, size_t half) {
   whole[1] += s.emitted;
   whole[2] += s.specular;
   count[half] += 1;
-  s.levels.ForEach([&](layers::Level level, const LevelSample& sample) {
-    AddLevel(sample, half, &levels.Set(level));
-  });
+  s.levels.ForEach(
+      [&](layers::Level level, const LevelSample& sample) { AddLevel(sample, half, &levels.Set(level)); });
 }
 
 PassPicture::PassPicture(int width, int height)
@@ -66,8 +65,9 @@ void PassPicture::Store(int x, int y, const PixelSums& sums) {
     count_[half].At(x, y) = sums.count[half];
   }
   for (size_t i = 0; i < layers::kWhole.size(); ++i) Put(whole_[i], x, y, sums.whole[i]);
-  sums.levels.ForEach(
-      [&](layers::Level level, const LevelSums& level_sums) { PutAll(ValuesOf(level_sums), x, y, &levels_.At(level)); });
+  sums.levels.ForEach([&](layers::Level level, const LevelSums& level_sums) {
+    PutAll(ValuesOf(level_sums), x, y, &levels_.At(level));
+  });
 }
 
 LayeredImage PassPicture::Take() {

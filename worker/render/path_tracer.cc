@@ -209,8 +209,7 @@ PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& b
   out.total = light * TotalOf(value, albedo);
 
   BsdfSample step = bsdf.Sample(light_and_lobe.y, numbers.Get(bounce, kDirection));
-  if (step.valid && bounce >= kFirstRouletteBounce)
-    Roulette(visible * TotalOf(step.weight, albedo), &step);
+  if (step.valid && bounce >= kFirstRouletteBounce) Roulette(visible * TotalOf(step.weight, albedo), &step);
   if (step.specular_event) out.event = step;
   if (step.specular_event || !step.valid) return out;
   const Vec3 weight = TotalOf(step.weight, albedo);

@@ -66,9 +66,10 @@ std::vector<std::pair<std::string, scene::Scene>> Rooms() {
   frosted_mix.transmission = 0.5f;  // half of it a diffuse base
   Material metal = Mirror(0.9f);
   metal.roughness = 0.4f;
-  return {{"mirror ball", testing::SmallRoom()}, {"mirror facing mirror", RoomOf(metal, &hall)},
-          {"glass ball", RoomOf(Glass(true))},   {"thin glass in a hall of mirrors", RoomOf(Glass(false), &hall)},
-          {"half glass", RoomOf(frosted_mix)},   {"glossy metal, polished walls", RoomOf(metal, &polished)}};
+  return {
+      {"mirror ball", testing::SmallRoom()}, {"mirror facing mirror", RoomOf(metal, &hall)},
+      {"glass ball", RoomOf(Glass(true))},   {"thin glass in a hall of mirrors", RoomOf(Glass(false), &hall)},
+      {"half glass", RoomOf(frosted_mix)},   {"glossy metal, polished walls", RoomOf(metal, &polished)}};
 }
 
 /// Calls a function for each sample.
@@ -130,10 +131,11 @@ TEST(Layers, LittleIsLeftToTheTail) {
   for (const auto& [name, room] : Rooms()) {
     double tail = 0;
     double whole = 0;
-    ForEachSample(*MakeRenderer(room, SettingsOf(32, 24)), {0, 0, 32, 24}, 8, [&](const SampleRecord& record) {
-      tail += static_cast<double>(record.layers.tail.y);
-      whole += static_cast<double>(record.layers.combined.y);
-    });
+    ForEachSample(*MakeRenderer(room, SettingsOf(32, 24)), {0, 0, 32, 24}, 8,
+                  [&](const SampleRecord& record) {
+                    tail += static_cast<double>(record.layers.tail.y);
+                    whole += static_cast<double>(record.layers.combined.y);
+                  });
     EXPECT_LT(tail, 0.12 * whole) << name;
   }
 }
@@ -171,7 +173,8 @@ TEST(Layers, AUnitWithoutMirrorsCarriesNoLevels) {
 }
 
 TEST(Layers, GlassSeenFirstIsFollowedBothWaysInEverySample) {
-  const auto renderer = MakeRenderer(WallInAMirror(testing::Lambert({0.5f, 0.5f, 0.5f}), Glass(false)), SettingsOf(8, 8));
+  const auto renderer =
+      MakeRenderer(WallInAMirror(testing::Lambert({0.5f, 0.5f, 0.5f}), Glass(false)), SettingsOf(8, 8));
   ForEachSample(*renderer, {0, 0, 8, 8}, 4, [](const SampleRecord& record) {
     EXPECT_TRUE(record.layers.levels.IsSet(kReflection1));
     EXPECT_TRUE(record.layers.levels.IsSet(kTransmission1));
@@ -222,8 +225,7 @@ TEST(Layers, LightInAMirrorIsThatOfTheSurfaceItself) {
   for (const Material& mirror : {Mirror(0.5f), Polished(), Glass(false)}) {
     const LayeredImage unit =
         RenderAll(*MakeRenderer(WallInAMirror(wall, mirror), SettingsOf(8, 8)), 8, 8, 1024);
-    const double samples =
-        SumOf(unit, "reflection1_samples_a.Y") + SumOf(unit, "reflection1_samples_b.Y");
+    const double samples = SumOf(unit, "reflection1_samples_a.Y") + SumOf(unit, "reflection1_samples_b.Y");
     const double light = SumOf(unit, "reflection1_direct_a.G") + SumOf(unit, "reflection1_direct_b.G");
     ASSERT_GT(samples, 0);
     EXPECT_NEAR(light / samples, expected_direct, 0.03 * expected_direct) << mirror.metallic;

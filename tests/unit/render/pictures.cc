@@ -40,8 +40,7 @@ void ExpectSameBits(const LayeredImage& a, const LayeredImage& b) {
           others->Has(channel.name) ? others->Get(channel.name) : ConstFloatView(zeros.view());
       for (int y = 0; y < a.height(); ++y) {
         const size_t bytes = sizeof(float) * static_cast<size_t>(a.width());
-        ASSERT_EQ(std::memcmp(channel.plane.Row(y), other.Row(y), bytes), 0)
-            << channel.name << " row " << y;
+        ASSERT_EQ(std::memcmp(channel.plane.Row(y), other.Row(y), bytes), 0) << channel.name << " row " << y;
       }
     }
   }

@@ -94,9 +94,7 @@ Imf::Slice SliceOf(FloatView view, int x0, int y0) {
   return Imf::Slice(Imf::FLOAT, base, sizeof(float), static_cast<size_t>(row_bytes));
 }
 
-Imath::Box2i WindowOf(const LayeredImage& image) {
-  return {{0, 0}, {image.width() - 1, image.height() - 1}};
-}
+Imath::Box2i WindowOf(const LayeredImage& image) { return {{0, 0}, {image.width() - 1, image.height() - 1}}; }
 
 /// A header with the picture's channels and metadata; `display` is what the whole file shows.
 Imf::Header HeaderOf(const LayeredImage& image, const Imath::Box2i& display) {

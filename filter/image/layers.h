@@ -11,14 +11,14 @@
 namespace lumifold::layers {
 
 // Colour layers, each LAYER.R LAYER.G LAYER.B. The finished picture itself is plain R G B A.
-inline constexpr std::string_view kBeauty;                       // no prefix
-inline constexpr std::string_view kNoisy = "noisy";              // C, the path's whole radiance
-inline constexpr std::string_view kDirect = "direct";            // D
-inline constexpr std::string_view kIndirect = "indirect";        // I
-inline constexpr std::string_view kAlbedo = "albedo";            // T
-inline constexpr std::string_view kEmission = "emission";        // E
-inline constexpr std::string_view kGlossy = "glossy";            // G, glossy lobes of the first surface over S
-inline constexpr std::string_view kSpecular = "specular";        // S, the directional albedo of those lobes
+inline constexpr std::string_view kBeauty;                 // no prefix
+inline constexpr std::string_view kNoisy = "noisy";        // C, the path's whole radiance
+inline constexpr std::string_view kDirect = "direct";      // D
+inline constexpr std::string_view kIndirect = "indirect";  // I
+inline constexpr std::string_view kAlbedo = "albedo";      // T
+inline constexpr std::string_view kEmission = "emission";  // E
+inline constexpr std::string_view kGlossy = "glossy";      // G, glossy lobes of the first surface over S
+inline constexpr std::string_view kSpecular = "specular";  // S, the directional albedo of those lobes
 inline constexpr std::string_view kReflection1 = "reflection1";  // R = C - (D + I) T - E, in files alone
 
 // Single channels of the geometry unit. Mask is METHODS' validity: 1 where a surface with a diffuse lobe is

@@ -30,8 +30,7 @@ absl::Status AssembleTile(const FrameUnits& units, int32_t frame, int32_t tile, 
   const Rect rect = units.tiles().RectOf(tile);
   TileSums sums;
   for (int32_t pass = 0; pass < units.pass_count(); ++pass) {
-    const absl::StatusOr<EdgedImage> unit =
-        ReadChecked({frame, tile, pass, v1::UNIT_KIND_PASS}, rect, read);
+    const absl::StatusOr<EdgedImage> unit = ReadChecked({frame, tile, pass, v1::UNIT_KIND_PASS}, rect, read);
     if (!unit.ok()) return unit.status();
     sums.Add(unit->pixels);
   }

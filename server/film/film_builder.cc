@@ -87,7 +87,8 @@ LayeredImage MergeEdges(const std::vector<LayeredImage>& sets) {
   std::vector<Place> places;
   for (const LayeredImage& set : sets) {
     for (int row = 0; row < set.height(); ++row)
-      places.emplace_back(set.Get(layers::kPixelY).At(0, row), set.Get(layers::kPixelX).At(0, row), &set, row);
+      places.emplace_back(set.Get(layers::kPixelY).At(0, row), set.Get(layers::kPixelX).At(0, row), &set,
+                          row);
   }
   if (places.empty()) return {};
   std::sort(places.begin(), places.end());

@@ -80,8 +80,8 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
   if (absl::Status status = CheckEachOnce(wanted, layout); !status.ok()) return status;
   size_t due = wanted.size();
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
-    const std::vector<std::string> of_level = is_geometry ? layers::LevelFeatureChannels(Level::Of(i))
-                                                          : layers::LevelPassChannels(Level::Of(i));
+    const std::vector<std::string> of_level =
+        is_geometry ? layers::LevelFeatureChannels(Level::Of(i)) : layers::LevelPassChannels(Level::Of(i));
     if (CountOf(of_level.front(), layout) == 0) continue;
     if (absl::Status status = CheckEachOnce(of_level, layout); !status.ok()) return status;
     due += of_level.size();

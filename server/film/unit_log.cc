@@ -58,9 +58,9 @@ bool IsOfAnotherVersion(const Preamble& preamble) {
 }
 
 absl::Status AnotherVersion(const std::string& path, uint64_t offset) {
-  return absl::FailedPreconditionError(
-      absl::StrCat(path, ": record at ", offset,
-                   ": was written by another version of Lumifold; finish the job with that one, or submit it anew"));
+  return absl::FailedPreconditionError(absl::StrCat(
+      path, ": record at ", offset,
+      ": was written by another version of Lumifold; finish the job with that one, or submit it anew"));
 }
 
 absl::Status SyncFolderOf(const std::string& path) {

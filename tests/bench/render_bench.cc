@@ -107,8 +107,9 @@ void BM_Frame(benchmark::State& state, const std::string& name, bool radiance_on
       if (!radiance_only) benchmark::DoNotOptimize(renderer->RenderGeometry(tile, 0));
     });
   }
-  state.counters["samples/s"] = benchmark::Counter(
-      static_cast<double>(state.iterations()) * kWidth * kHeight * kFrameSamples, benchmark::Counter::kIsRate);
+  state.counters["samples/s"] =
+      benchmark::Counter(static_cast<double>(state.iterations()) * kWidth * kHeight * kFrameSamples,
+                         benchmark::Counter::kIsRate);
 }
 
 BENCHMARK_CAPTURE(BM_Passes, cornell_box, "cornell-box")->Unit(benchmark::kMillisecond)->UseRealTime();

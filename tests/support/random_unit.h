@@ -42,8 +42,8 @@ inline std::optional<layers::Level> LevelOfTile(int32_t tile) {
 
 /// What a worker might deliver for a unit: made-up pixels that depend on (seed, unit) alone, with the counts
 /// a pass of `samples` has. Some tiles carry a level; those of more than one row and column have edges.
-inline EdgedImage RandomUnit(const scheduler::UnitKey& key, const Rect& rect,
-                               scheduler::SampleRange samples, uint32_t seed) {
+inline EdgedImage RandomUnit(const scheduler::UnitKey& key, const Rect& rect, scheduler::SampleRange samples,
+                             uint32_t seed) {
   std::seed_seq mix{seed, static_cast<uint32_t>(key.frame), static_cast<uint32_t>(key.tile),
                     static_cast<uint32_t>(key.pass), static_cast<uint32_t>(key.kind)};
   std::mt19937 random(mix);
@@ -52,7 +52,8 @@ inline EdgedImage RandomUnit(const scheduler::UnitKey& key, const Rect& rect,
   const bool is_pass = key.kind == v1::UNIT_KIND_PASS;
   std::vector<std::string> names = is_pass ? film::PassChannels() : film::GeometryChannels();
   if (const auto level = LevelOfTile(key.tile); level.has_value()) {
-    for (std::string& name : is_pass ? layers::LevelPassChannels(*level) : layers::LevelFeatureChannels(*level))
+    for (std::string& name :
+         is_pass ? layers::LevelPassChannels(*level) : layers::LevelFeatureChannels(*level))
       names.push_back(std::move(name));
   }
   for (const std::string& name : names) {

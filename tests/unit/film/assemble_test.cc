@@ -66,7 +66,8 @@ TEST_F(AssembleTest, EqualsTheDirectSumInPassOrder) {
       for (const char* layer : {"noisy", "direct", "indirect", "glossy"}) {
         const double a = Sum(std::string(layer) + "_a.G", x, y);
         const double b = Sum(std::string(layer) + "_b.G", x, y);
-        ASSERT_EQ(film->pixels.Get(std::string(layer) + ".G").At(x, y), static_cast<float>((a + b) / (n_a + n_b)));
+        ASSERT_EQ(film->pixels.Get(std::string(layer) + ".G").At(x, y),
+                  static_cast<float>((a + b) / (n_a + n_b)));
         ASSERT_EQ(film->pixels.Get(std::string(layer) + "_a.G").At(x, y), static_cast<float>(a / n_a));
         ASSERT_EQ(film->pixels.Get(std::string(layer) + "_b.G").At(x, y), static_cast<float>(b / n_b));
       }

@@ -43,8 +43,7 @@ EdgedImage FilmOf(const v1::JobSpec& spec) {
 EdgedImage EdgedResult(const v1::JobSpec& spec) {
   std::array<Plane, 3> filtered = {Plane(9, 4), Plane(9, 4), Plane(9, 4)};
   filtered[1].Fill(0.5f);
-  return BuildResult(FilmOf(spec), std::move(filtered),
-                     {.spec = spec, .frame = 3, .numeric_class = "avx2"});
+  return BuildResult(FilmOf(spec), std::move(filtered), {.spec = spec, .frame = 3, .numeric_class = "avx2"});
 }
 
 LayeredImage Result(const v1::JobSpec& spec) { return EdgedResult(spec).pixels; }
@@ -80,8 +79,8 @@ TEST(Result, KeepsTheWholeFilmWhenAsked) {
 TEST(Result, ReflectionIsWhatTheOtherLayersLeave) {
   const LayeredImage result = Result(Spec());
   const auto at = [&](const char* name) { return result.Get(name).At(5, 2); };
-  EXPECT_FLOAT_EQ(at("reflection1.B"), at("noisy.B") - (at("direct.B") + at("indirect.B")) * at("albedo.B") -
-                                           at("emission.B"));
+  EXPECT_FLOAT_EQ(at("reflection1.B"),
+                  at("noisy.B") - (at("direct.B") + at("indirect.B")) * at("albedo.B") - at("emission.B"));
 }
 
 TEST(Result, ASavedFilmIsReadBackWhole) {

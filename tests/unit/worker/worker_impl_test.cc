@@ -224,7 +224,8 @@ TEST(UnitRenderer, RendersTheEnvironment) {
   spec.mutable_environment()->set_scale(3);
   const auto unit = renderer.Render(spec, Grant(1).grant().leases(0));
   ASSERT_TRUE(unit.ok()) << unit.status();
-  EXPECT_EQ(unit->image.pixels.GetColor("emission")[0].At(0, 0), 2 * 3);  // two samples of the corner, sky alone
+  EXPECT_EQ(unit->image.pixels.GetColor("emission")[0].At(0, 0),
+            2 * 3);  // two samples of the corner, sky alone
 }
 
 }  // namespace

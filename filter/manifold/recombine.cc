@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <utility>
 
 #include "filter/image/layers.h"
 #include "filter/manifold/box_mean.h"
@@ -16,21 +18,44 @@ constexpr float kLargest = 1e34f;
 /// The channel's value where it is usable, else 0.
 float Finite(float value) { return std::abs(value) <= kLargest ? value : 0.0f; }
 
-Planes RemainderOf(const LayeredImage& film, const ConstColorView& noisy, const ConstColorView& direct,
-                   const ConstColorView& indirect, TaskPool* pool) {
-  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
-  const ConstColorView emission = film.GetColor(layers::kEmission);
-  Planes rest = MakePlanes(3, film.width(), film.height());
-  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
+/// out += sign * x, plane by plane; not finite values count as 0.
+void AddTo(const ConstColorView& x, float sign, TaskPool* pool, Planes* out) {
+  ForEachBand(pool, x[0].height(), [&](int, int y0, int y1) {
     for (size_t c = 0; c < 3; ++c) {
       for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < film.width(); ++x) {
-          const float diffuse = (direct[c].At(x, y) + indirect[c].At(x, y)) * albedo[c].At(x, y);
-          rest[c].At(x, y) = Finite(noisy[c].At(x, y) - diffuse - emission[c].At(x, y));
+        const float* __restrict in = x[c].Row(y);
+        float* __restrict sum = (*out)[c].Row(y);
+        for (int i = 0; i < x[c].width(); ++i) sum[i] += sign * Finite(in[i]);
+      }
+    }
+  });
+}
+
+/// out -= value * factor. Where `count`, if given, is 0, `mean` stands for the value.
+void SubtractProduct(const ConstColorView& value, const ConstColorView& factor, const ConstFloatView* count,
+                     const ConstColorView& mean, TaskPool* pool, Planes* out) {
+  ForEachBand(pool, value[0].height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < value[c].width(); ++x) {
+          const bool known = count == nullptr || count->At(x, y) > 0;
+          const float v = known ? value[c].At(x, y) : mean[c].At(x, y);
+          (*out)[c].At(x, y) -= Finite(v * factor[c].At(x, y));
         }
       }
     }
   });
+}
+
+/// C without all that shines by itself, seen first or in a level.
+Planes WithoutEmission(const LayeredImage& film, const ConstColorView& noisy, TaskPool* pool) {
+  Planes rest = MakePlanes(3, film.width(), film.height());
+  AddTo(noisy, 1, pool, &rest);
+  AddTo(film.GetColor(layers::kEmission), -1, pool, &rest);
+  for (size_t i = 0; i < layers::kLevelCount; ++i) {
+    const std::string emission = layers::OfLevel(layers::Level::Of(i), layers::kEmission);
+    if (film.HasColor(emission)) AddTo(film.GetColor(emission), -1, pool, &rest);
+  }
   return rest;
 }
 
@@ -85,36 +110,48 @@ Planes MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& pic
 
 }  // namespace
 
-Remainder MakeRemainder(const LayeredImage& film, TaskPool* pool) {
-  const auto part = [&](std::string (*name)(std::string_view)) {
-    return RemainderOf(film, film.GetColor(name(layers::kNoisy)), film.GetColor(name(layers::kDirect)),
-                       film.GetColor(name(layers::kIndirect)), pool);
-  };
-  return {part([](std::string_view layer) { return std::string(layer); }), part(layers::HalfA),
-          part(layers::HalfB)};
+Remainder MakeRemainder(const LayeredImage& film, const std::vector<Product>& products, TaskPool* pool) {
+  Remainder rest;
+  rest.mean = WithoutEmission(film, film.GetColor(layers::kNoisy), pool);
+  rest.a = WithoutEmission(film, film.GetColor(layers::HalfA(layers::kNoisy)), pool);
+  rest.b = WithoutEmission(film, film.GetColor(layers::HalfB(layers::kNoisy)), pool);
+  for (const Product& p : products) {
+    SubtractProduct(p.mean, p.factor, nullptr, p.mean, pool, &rest.mean);
+    SubtractProduct(p.halves.a, p.factor, &p.halves.samples_a, p.mean, pool, &rest.a);
+    SubtractProduct(p.halves.b, p.factor, &p.halves.samples_b, p.mean, pool, &rest.b);
+  }
+  return rest;
 }
 
-std::array<Plane, 3> Recombine(const LayeredImage& film, const Remainder& before,
-                               const FilteredLayers& filtered, TaskPool* pool) {
-  const ConstColorView noisy = film.GetColor(layers::kNoisy);
-  const ConstColorView direct = film.GetColor(layers::kDirect);
-  const ConstColorView indirect = film.GetColor(layers::kIndirect);
-  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
-  std::array<Plane, 3> picture = {Plane(film.width(), film.height()), Plane(film.width(), film.height()),
-                                  Plane(film.width(), film.height())};
-  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
-    for (size_t c = 0; c < 3; ++c) {
-      for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < film.width(); ++x) {
-          const float diffuse = (filtered.direct[c].At(x, y) - direct[c].At(x, y)) +
-                                (filtered.indirect[c].At(x, y) - indirect[c].At(x, y));
-          const float change = Finite(diffuse * albedo[c].At(x, y)) +
-                               Finite(filtered.remainder[c].At(x, y) - before.mean[c].At(x, y));
-          picture[c].At(x, y) = Finite(Finite(noisy[c].At(x, y)) + change);
+std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Product>& products,
+                               const std::vector<Planes>& filtered, const Remainder& before,
+                               const Planes& filtered_remainder, TaskPool* pool) {
+  Planes changes = MakePlanes(3, film.width(), film.height());
+  for (size_t i = 0; i < products.size(); ++i) {
+    const Rect& box = products[i].box;
+    ForEachBand(pool, box.height(), [&](int, int y0, int y1) {
+      for (size_t c = 0; c < 3; ++c) {
+        for (int y = y0; y < y1; ++y) {
+          for (int x = 0; x < box.width(); ++x) {
+            const float change = filtered[i][c].At(x, y) - products[i].mean[c].At(box.x0 + x, box.y0 + y);
+            changes[c].At(box.x0 + x, box.y0 + y) +=
+                Finite(change * products[i].factor[c].At(box.x0 + x, box.y0 + y));
+          }
         }
       }
+    });
+  }
+  AddTo(ViewOf(filtered_remainder), 1, pool, &changes);
+  AddTo(ViewOf(before.mean), -1, pool, &changes);
+  std::array<Plane, 3> picture;
+  for (size_t c = 0; c < 3; ++c) {
+    const ConstFloatView noisy = film.GetColor(layers::kNoisy)[c];
+    picture[c] = std::move(changes[c]);
+    for (int y = 0; y < film.height(); ++y) {
+      float* row = picture[c].Row(y);
+      for (int x = 0; x < film.width(); ++x) row[x] = Finite(Finite(noisy.At(x, y)) + row[x]);
     }
-  });
+  }
   return picture;
 }
 

@@ -55,25 +55,40 @@ std::array<Plane, 3> Unfiltered(const LayeredImage& film) {
   return {std::move(copy[0]), std::move(copy[1]), std::move(copy[2])};
 }
 
-using LayerFilter = Planes (*)(Halves halves, const Planes& geometry, const LayerParams& params,
-                               TaskPool* pool);
+using LayerFilter = FilteredLayer (*)(Halves halves, const Planes& geometry, const LayerParams& params,
+                                      const SlicePoints* points, TaskPool* pool);
 
-/// One product, filtered where its validity says and as it was elsewhere; of its box's size.
-Planes FilterProduct(const Product& product, LayerFilter filter, const LayerParams& params, TaskPool* pool) {
+/// Glossy light of more than this share stands in the way of antialiasing by sub-samples, which know T and E
+/// alone.
+constexpr float kMostSpecular = 0.12f;
+
+/// What a black layer shows at the points.
+FilteredPoints NothingAt(const SlicePoints* points) {
+  if (points == nullptr) return {};
+  const size_t count = points->pixels.size() * points->samples;
+  return {std::vector<float>(3 * count, 0.0f), std::vector<float>(count, 1.0f),
+          std::vector<float>(points->pixels.size(), 0.0f)};
+}
+
+/// One product, filtered where its validity says and as it was elsewhere; of its box's size, in the film's
+/// unit.
+FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const LayerParams& params,
+                            const SlicePoints* points, TaskPool* pool) {
   const Plane& validity = product.validity;
   const ConstColorView mean = Crop(product.mean, product.box);
   Halves halves = MakeHalves(Crop(product.halves, product.box), validity.view(), pool);
-  if (halves.level == 0) return CopyOf(mean);  // nothing here shines
+  if (halves.level == 0) return {CopyOf(mean), NothingAt(points)};  // nothing here shines
   const float scale = halves.scale;
-  Planes filtered = filter(std::move(halves), product.geometry, params, pool);
+  FilteredLayer filtered = filter(std::move(halves), product.geometry, params, points, pool);
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < validity.height(); ++y) {
       for (int x = 0; x < validity.width(); ++x) {
-        float& value = filtered[c].At(x, y);
+        float& value = filtered.planes[c].At(x, y);
         value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : mean[c].At(x, y);
       }
     }
   }
+  for (float& value : filtered.points.values) value *= scale;
   return filtered;
 }
 
@@ -93,17 +108,48 @@ Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, Lay
   rest.geometry = GeometryFeatures(
       {{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)}, distance},
       rest.validity.view(), pool);
-  return FilterProduct(rest, filter, params, pool);
+  return FilterProduct(rest, filter, params, nullptr, pool).planes;
 }
 
-std::array<Plane, 3> FilterLayers(const LayeredImage& film, LayerFilter filter, TaskPool* pool) {
+/// What the products after D and I, glossy light that is, add to the picture of the pixels on edges.
+Planes GlossyLight(const LayeredImage& film, const std::vector<Product>& products,
+                   const std::vector<Planes>& filtered) {
+  Planes light = MakePlanes(3, film.width(), film.height());
+  for (size_t i = 2; i < products.size(); ++i) {
+    const Product& p = products[i];
+    if (!p.is_glossy) continue;
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = p.box.y0; y < p.box.y1; ++y) {
+        for (int x = p.box.x0; x < p.box.x1; ++x)
+          light[c].At(x, y) = filtered[i][c].At(x - p.box.x0, y - p.box.y0) * p.factor[c].At(x, y);
+      }
+    }
+  }
+  return light;
+}
+
+std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
+                                  TaskPool* pool) {
   const LayerParams params;
   const std::vector<Product> products = ProductsOf(film, pool);
+  const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
+  const bool has_points = !points.rows.empty();
   const Remainder remainder = MakeRemainder(film, products, pool);
   std::vector<Planes> filtered;
-  for (const Product& product : products) filtered.push_back(FilterProduct(product, filter, params, pool));
+  std::array<FilteredPoints, 2> at_points;  // of D and I
+  for (size_t i = 0; i < products.size(); ++i) {
+    const SlicePoints* wanted = has_points && i < at_points.size() ? &points.points : nullptr;
+    FilteredLayer layer = FilterProduct(products[i], filter, params, wanted, pool);
+    filtered.push_back(std::move(layer.planes));
+    if (wanted != nullptr) at_points[i] = std::move(layer.points);
+  }
   const Planes rest = FilterRemainder(film, remainder, filter, params, pool);
-  return Recombine(film, products, filtered, remainder, rest, pool);
+  std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
+  if (has_points) {
+    AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),
+                   pool, &picture);
+  }
+  return picture;
 }
 
 }  // namespace
@@ -133,8 +179,8 @@ absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::s
     const absl::Status status = CheckChannels(*edges, layers::EdgeChannels());
     if (!status.ok()) return status;
   }
-  if (method == "paper") return FilterLayers(film, FilterLayerOnce, pool);
-  std::array<Plane, 3> picture = FilterLayers(film, FilterLayer, pool);
+  if (method == "paper") return FilterLayers(film, edges, FilterLayerOnce, pool);
+  std::array<Plane, 3> picture = FilterLayers(film, edges, FilterLayer, pool);
   ShrinkResidual(film, pool, &picture);
   return picture;
 }

@@ -41,10 +41,8 @@ std::string MeshFlaw(const Mesh& mesh, const Scene& scene) {
 }
 
 std::string MaterialFlaw(const Material& m, const Scene& scene) {
-  for (const TextureRef& ref :
-       {m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emission_texture,
-        m.specular_texture, m.specular_color_texture, m.transmission_texture, m.clearcoat_texture,
-        m.clearcoat_roughness_texture, m.sheen_color_texture, m.sheen_roughness_texture}) {
+  for (const TextureUse& use : TexturesOf(m)) {
+    const TextureRef& ref = *use.ref;
     if (!IsIndexOrNone(ref.texture, scene.textures.size())) return "a texture index out of range";
     if (ref.uv_set != 0 && ref.uv_set != 1) return "a UV set out of range";
     if (!std::isfinite(ref.offset.x) || !std::isfinite(ref.row_u.x) || !std::isfinite(ref.row_v.y)) {

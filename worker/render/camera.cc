@@ -31,7 +31,8 @@ PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, int 
   }
   const float half_width = half_height * aspect;
   step_x_ = right * (2 * half_width / static_cast<float>(width));
-  step_y_ = up * (-2 * half_height / static_cast<float>(height));
+  pixel_ = 2 * half_height / static_cast<float>(height);
+  step_y_ = up * -pixel_;
   corner_ = up * half_height - right * half_width;
   if (!perspective_) return;
   corner_ += forward_;
@@ -44,13 +45,25 @@ PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, int 
   has_lens_ = true;
 }
 
-Ray PictureCamera::RayThrough(float x, float y, Vec2 lens) const {
+Ray PictureCamera::RayThrough(float x, float y, Vec2 lens, float pixels) const {
   const Vec3 offset = corner_ + step_x_ * x + step_y_ * y;
-  if (!perspective_) return {position_ + offset, forward_};
-  if (!has_lens_) return {position_, Normalize(offset)};
+  Ray ray;
+  if (!perspective_) {
+    ray.origin = position_ + offset;
+    ray.direction = forward_;
+    ray.width = pixels * pixel_;
+    return ray;
+  }
+  const float stretch = 1.0f / Length(offset);
+  ray.origin = position_;
+  ray.direction = offset * stretch;
+  ray.spread = pixels * pixel_ * stretch;
+  if (!has_lens_) return ray;
   const Vec2 disk = ConcentricDisk(lens);
   const Vec3 shift = lens_x_ * disk.x + lens_y_ * disk.y;
-  return {position_ + shift, Normalize(offset * focus_ - shift)};
+  ray.origin += shift;
+  ray.direction = Normalize(offset * focus_ - shift);
+  return ray;
 }
 
 }  // namespace lumifold::render

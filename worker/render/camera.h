@@ -20,8 +20,9 @@ class PictureCamera {
   PictureCamera(const scene::Camera& camera, const Lens& lens, int width, int height);
 
   /// The ray through picture point (x, y) in pixels, origin top left, y down; pixel centres lie at .5. `lens`
-  /// is where it passes the lens, evenly distributed over [0, 1)^2; a pinhole takes no notice.
-  Ray RayThrough(float x, float y, scene::Vec2 lens) const;
+  /// is where it passes the lens, evenly distributed over [0, 1)^2; a pinhole takes no notice. The cone round
+  /// the ray is `pixels` wide.
+  Ray RayThrough(float x, float y, scene::Vec2 lens, float pixels = 1) const;
 
   bool HasLens() const { return has_lens_; }
 
@@ -36,6 +37,7 @@ class PictureCamera {
       corner_;  // of the picture at distance 1 (perspective) or in the camera's plane, relative to position_
   scene::Vec3 step_x_;  // one pixel to the right
   scene::Vec3 step_y_;  // one pixel down
+  float pixel_ = 0;     // its length
   bool has_lens_ = false;
   float focus_ = 1;
   scene::Vec3 lens_x_;  // the lens's radius to the right

@@ -2,11 +2,15 @@
 
 #include <embree3/rtcore.h>
 
+#include <algorithm>
 #include <mutex>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/mix_bits.h"
+#include "worker/render/opacity.h"
 
 namespace lumifold::render {
 namespace {
@@ -60,41 +64,122 @@ RTCRay EmbreeRay(const Ray& ray) {
   return r;
 }
 
+/// A hit as the scene names it. At a baked mesh the instance is the geometry's id.
+Hit HitOf(const scene::Scene& scene, const RTCHit& embree, float distance) {
+  const bool instanced = embree.instID[0] != RTC_INVALID_GEOMETRY_ID;
+  Hit hit;
+  hit.instance = static_cast<int>(instanced ? embree.instID[0] : embree.geomID);
+  hit.triangle = embree.primID;
+  hit.u = embree.u;
+  hit.v = embree.v;
+  hit.distance = distance;
+  const Vec3 normal = {embree.Ng_x, embree.Ng_y, embree.Ng_z};
+  const Affine& to_world = scene.instances[hit.instance].world_from_object;
+  if (instanced) {
+    hit.face_normal = to_world.Normal(normal);
+  } else {
+    // a mirroring transform has turned the winding round
+    hit.face_normal = to_world.Determinant() < 0 ? -normal : normal;
+  }
+  return hit;
+}
+
+/// What the filters of one query need; Embree hands them its first member's address.
+struct QueryContext {
+  RTCIntersectContext embree;
+  const scene::Scene* scene;
+  uint64_t chance;
+  Veils* veils = nullptr;     // gathers all hits, of which none then ends the ray,
+  const Hit* last = nullptr;  // beyond this one
+
+  QueryContext(const scene::Scene* s, const Ray& ray) : scene(s), chance(ray.chance) {
+    rtcInitIntersectContext(&embree);
+  }
+};
+
+const QueryContext& ContextOf(const RTCFilterFunctionNArguments* arguments) {
+  return *reinterpret_cast<const QueryContext*>(arguments->context);
+}
+
+/// The hit that a filter is to judge.
+Hit CandidateOf(const RTCFilterFunctionNArguments* arguments) {
+  return HitOf(*ContextOf(arguments).scene, rtcGetHitFromHitN(arguments->hit, 1, 0),
+               RTCRayN_tfar(arguments->ray, 1, 0));
+}
+
+float OpacityOf(const scene::Scene& scene, const Hit& hit) {
+  return OpacityAt(scene, scene.meshes[scene.instances[hit.instance].mesh], hit.triangle, hit.u, hit.v);
+}
+
+/// The same answer whenever a ray of this chance asks about this triangle: Embree may ask twice.
+bool IsMet(const QueryContext& context, const Hit& hit) {
+  const float opacity = OpacityOf(*context.scene, hit);
+  if (opacity >= 1 || opacity <= 0) return opacity >= 1;
+  const uint64_t place = (static_cast<uint64_t>(static_cast<uint32_t>(hit.instance)) << 32) | hit.triangle;
+  const uint64_t bits = MixBits(MixBits(context.chance) ^ MixBits(~place));
+  return static_cast<float>(bits >> 40) * 0x1p-24f < opacity;
+}
+
+bool LiesBefore(const Hit& a, const Hit& b) {
+  return std::tie(a.distance, a.instance, a.triangle) < std::tie(b.distance, b.instance, b.triangle);
+}
+
+/// Keeps the first of all that come, each once, in order.
+void Insert(const Hit& hit, Veils* veils) {
+  Hit* const begin = veils->hits.data();
+  Hit* const end = begin + veils->count;
+  Hit* const place = std::lower_bound(begin, end, hit, LiesBefore);
+  if (place == begin + Veils::kMost || (place != end && !LiesBefore(hit, *place))) return;
+  const bool full = veils->count == Veils::kMost;
+  std::move_backward(place, full ? end - 1 : end, full ? end : end + 1);
+  *place = hit;
+  if (!full) ++veils->count;
+}
+
+void MeetOrGather(const RTCFilterFunctionNArguments* arguments) {
+  const QueryContext& context = ContextOf(arguments);
+  const Hit hit = CandidateOf(arguments);
+  if (context.veils == nullptr) {
+    if (!IsMet(context, hit)) arguments->valid[0] = 0;
+    return;
+  }
+  if (context.last == nullptr || LiesBefore(*context.last, hit)) Insert(hit, context.veils);
+  arguments->valid[0] = 0;
+}
+
+void PassHoles(const RTCFilterFunctionNArguments* arguments) {
+  if (OpacityOf(*ContextOf(arguments).scene, CandidateOf(arguments)) <= 0) arguments->valid[0] = 0;
+}
+
+void PassAll(const RTCFilterFunctionNArguments* arguments) { arguments->valid[0] = 0; }
+
 class EmbreeSceneImpl final : public EmbreeScene {
  public:
   Hit Intersect(const Ray& ray) const override {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
+    QueryContext context(scene_, ray);
     RTCRayHit query = {EmbreeRay(ray), {}};
-    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(world_.get(), &context, &query);
-    Hit hit;
-    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return hit;
-    const bool instanced = query.hit.instID[0] != RTC_INVALID_GEOMETRY_ID;
-    hit.instance = static_cast<int>(instanced ? query.hit.instID[0] : query.hit.geomID);
-    hit.triangle = query.hit.primID;
-    hit.u = query.hit.u;
-    hit.v = query.hit.v;
-    hit.distance = query.ray.tfar;
-    const Vec3 normal = {query.hit.Ng_x, query.hit.Ng_y, query.hit.Ng_z};
-    const Affine& to_world = scene_->instances[hit.instance].world_from_object;
-    if (instanced) {
-      hit.face_normal = to_world.Normal(normal);
-    } else {
-      hit.face_normal = to_world.Determinant() < 0
-                            ? -normal
-                            : normal;  // a mirroring transform has turned the winding round
-    }
-    return hit;
+    Trace(world_.get(), &query, &context);
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
+    return HitOf(*scene_, query.hit, query.ray.tfar);
   }
 
   bool IsOccluded(const Ray& ray) const override {
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
+    QueryContext context(scene_, ray);
     RTCRay query = EmbreeRay(ray);
-    rtcOccluded1(world_.get(), &context, &query);
+    rtcOccluded1(world_.get(), &context.embree, &query);
     return query.tfar < 0;
+  }
+
+  Veils VeilsOn(const Ray& ray, const Hit* last) const override {
+    constexpr float kJustBefore = 1.0f - 0x1p-20f;  // Embree leaves out what lies exactly where a ray begins
+    Veils veils;
+    QueryContext context(scene_, ray);
+    context.veils = &veils;
+    context.last = last;
+    RTCRayHit query = {EmbreeRay(ray), {}};
+    if (last != nullptr) query.ray.tnear = last->distance * kJustBefore;
+    Trace(veils_.get(), &query, &context);
+    return veils;
   }
 
   explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene) {}
@@ -113,17 +198,27 @@ class EmbreeSceneImpl final : public EmbreeScene {
       const scene::Instance& instance = scene.instances[i];
       const scene::Mesh& mesh = scene.meshes[instance.mesh];
       if (mesh.triangles.empty()) continue;
-      const Geometry geometry = uses[instance.mesh] == 1 ? NewTriangles(mesh, instance.world_from_object)
-                                                         : NewInstance(mesh, instance);
+      const Openness openness = OpennessOf(scene, mesh);
+      const Geometry geometry = uses[instance.mesh] == 1
+                                    ? NewTriangles(mesh, instance.world_from_object, openness)
+                                    : NewInstance(mesh, instance, openness);
       if (geometry == nullptr) break;
       rtcCommitGeometry(geometry.get());
       rtcAttachGeometryByID(world_.get(), geometry.get(), static_cast<unsigned>(i));
+      if (openness == Openness::kVeil) AddVeil(geometry.get(), static_cast<unsigned>(i));
     }
+    if (has_veils_) rtcCommitScene(veils_.get());
     rtcCommitScene(world_.get());
     return DeviceError();
   }
 
  private:
+  static void Trace(RTCScene scene, RTCRayHit* query, QueryContext* context) {
+    query->hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    query->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcIntersect1(scene, &context->embree, query);
+  }
+
   SceneHandle NewScene() const {
     SceneHandle handle(rtcNewScene(device_.get()));
     rtcSetSceneFlags(handle.get(), RTC_SCENE_FLAG_ROBUST);
@@ -131,7 +226,14 @@ class EmbreeSceneImpl final : public EmbreeScene {
     return handle;
   }
 
-  Geometry NewTriangles(const scene::Mesh& mesh, const Affine& to_world) const {
+  /// Veils are in a scene of their own as well, to be walked through one by one.
+  void AddVeil(RTCGeometry geometry, unsigned id) {
+    if (!has_veils_) veils_ = NewScene();
+    has_veils_ = true;
+    rtcAttachGeometryByID(veils_.get(), geometry, id);
+  }
+
+  Geometry NewTriangles(const scene::Mesh& mesh, const Affine& to_world, Openness openness) const {
     Geometry geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
     auto* positions = static_cast<Vec3*>(rtcSetNewGeometryBuffer(
         geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3), mesh.positions.size()));
@@ -141,14 +243,18 @@ class EmbreeSceneImpl final : public EmbreeScene {
     if (positions == nullptr || indices == nullptr) return nullptr;
     for (size_t i = 0; i < mesh.positions.size(); ++i) positions[i] = to_world.Point(mesh.positions[i]);
     std::copy(mesh.triangles.begin(), mesh.triangles.end(), indices);
+    if (openness != Openness::kSolid) {
+      rtcSetGeometryIntersectFilterFunction(geometry.get(), MeetOrGather);
+      rtcSetGeometryOccludedFilterFunction(geometry.get(), openness == Openness::kVeil ? PassAll : PassHoles);
+    }
     return geometry;
   }
 
-  Geometry NewInstance(const scene::Mesh& mesh, const scene::Instance& instance) {
+  Geometry NewInstance(const scene::Mesh& mesh, const scene::Instance& instance, Openness openness) {
     SceneHandle& prototype = prototypes_[instance.mesh];
     if (prototype == nullptr) {
       prototype = NewScene();
-      const Geometry triangles = NewTriangles(mesh, Affine{});
+      const Geometry triangles = NewTriangles(mesh, Affine{}, openness);
       if (triangles == nullptr) return nullptr;
       rtcCommitGeometry(triangles.get());
       rtcAttachGeometry(prototype.get(), triangles.get());
@@ -175,6 +281,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
   Device device_;  // released last
   std::vector<SceneHandle> prototypes_;
   SceneHandle world_;
+  SceneHandle veils_;
 };
 
 }  // namespace

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -13,6 +14,11 @@ struct Ray {
   scene::Vec3 origin;
   scene::Vec3 direction;  // unit
   float max_distance = std::numeric_limits<float>::infinity();
+  uint64_t chance = 0;  // a number of its own: decides which half-transparent surfaces it meets or passes
+  float width = 0;   // metres across of the cone round the ray at its origin, for textures; 0 and 0: a line
+  float spread = 0;  // by how much the cone widens a metre
+
+  float WidthAt(float distance) const { return width + spread * distance; }
 };
 
 /// Where a ray met a triangle. The normal comes with the hit, so that flat surfaces need no look into their
@@ -26,6 +32,13 @@ struct Hit {
   scene::Vec3 face_normal;  // world space, any length, on the front (counter-clockwise) side
 
   bool IsMiss() const { return instance == scene::kNone; }
+};
+
+/// Some surfaces on a ray, in order.
+struct Veils {
+  static constexpr int kMost = 8;
+  std::array<Hit, kMost> hits;
+  int count = 0;
 };
 
 /// The instruction set rays are traced with, part of the numeric class: "avx2" where the processor has it,
@@ -42,11 +55,21 @@ class EmbreeScene {
   static absl::StatusOr<std::unique_ptr<EmbreeScene>> Create(const scene::Scene& scene);
   virtual ~EmbreeScene() = default;
 
-  /// The nearest triangle on the ray.
+  /// The nearest triangle on the ray, holes apart. A half-transparent one is met with its opacity as
+  /// probability, decided by the ray's chance and the triangle.
   virtual Hit Intersect(const Ray& ray) const = 0;
 
-  /// Whether anything lies on the ray before its max_distance.
+  /// Whether anything lies on the ray before its max_distance that is no veil (Openness).
   virtual bool IsOccluded(const Ray& ray) const = 0;
+
+  bool HasVeils() const { return has_veils_; }
+  /// The veils on the ray before its max_distance, whatever their opacity, from the nearest on (at equal
+  /// distance in order of instance and triangle); as many as `Veils` holds, beginning beyond `last`, which is
+  /// null for all. There must be veils in the scene.
+  virtual Veils VeilsOn(const Ray& ray, const Hit* last) const = 0;
+
+ protected:
+  bool has_veils_ = false;
 };
 
 }  // namespace lumifold::render

@@ -6,6 +6,7 @@
 
 #include "filter/image/color.h"
 #include "filter/image/portable_math.h"
+#include "worker/render/opacity.h"
 
 namespace lumifold::render {
 namespace {
@@ -55,7 +56,7 @@ struct LightSet::Powers {
 
 LightSet::LightSet(const scene::Scene& scene, const TextureSampler& textures,
                    std::shared_ptr<const Environment> environment)
-    : textures_(&textures) {
+    : scene_(&scene), textures_(&textures) {
   Powers powers;
   first_of_instance_.assign(scene.instances.size(), -1);
   for (size_t i = 0; i < scene.instances.size(); ++i)
@@ -97,6 +98,8 @@ void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSa
   for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
     AddTriangle(mesh, t, instance.world_from_object, brightness, powers);
     triangles_.back().material = &material;
+    if (material.alpha_mode != scene::AlphaMode::kOpaque) triangles_.back().veiled = &mesh;
+    triangles_.back().number = static_cast<uint32_t>(t / 3);
   }
 }
 
@@ -204,6 +207,8 @@ LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) c
   sample.pdf = light.inverse_area * distance2 / std::abs(cosine);
   const Vec2 uv[2] = {Interpolate(light.uv[0], b1, b2), Interpolate(light.uv[1], b1, b2)};
   sample.radiance = Emission(*light.material, *textures_, uv);
+  // A ray meets it with its opacity as probability; here that is a factor.
+  if (light.veiled != nullptr) sample.radiance *= OpacityAt(*scene_, *light.veiled, light.number, b1, b2);
   return sample;
 }
 

@@ -60,7 +60,9 @@ class LightSet {
     scene::Vec3 normal;
     scene::Vec2 uv[2][3];  // [set][corner]
     const scene::Material* material = nullptr;
-    float inverse_area = 0;  // 0: no area
+    const scene::Mesh* veiled = nullptr;  // where the material is not opaque: its mesh,
+    uint32_t number = 0;                  // and the triangle's number there
+    float inverse_area = 0;               // 0: no area
   };
   struct Powers;
 
@@ -76,6 +78,7 @@ class LightSet {
   LightSample SamplePunctual(const PunctualEmitter& light, scene::Vec3 from) const;
   LightSample SampleInfinite(float pick, scene::Vec2 u) const;
 
+  const scene::Scene* scene_;
   const TextureSampler* textures_;
   std::vector<Triangle> triangles_;
   std::vector<int64_t> first_of_instance_;  // index of the instance's first triangle, or -1

@@ -17,18 +17,22 @@ float GgxDensity(Vec3 h, float alpha);
 /// |wo.z|).
 float GgxVisibility(float cos_i, float cos_o, float alpha);
 
+/// Height-correlated masking of both directions over that of wo alone: the weight of a sampled visible
+/// normal. Both cosines are positive, wi may lie on either side.
+float GgxShadowing(float cos_i, float cos_o, float alpha);
+
 /// A microfacet normal seen from wo, with probability density GgxVisibleDensity(wo, h).
 Vec3 SampleGgxVisibleNormal(Vec3 wo, float alpha, Vec2 u);
 
 /// Density of SampleGgxVisibleNormal, per steradian of h.
 float GgxVisibleDensity(Vec3 wo, Vec3 h, float alpha);
 
-/// Schlick's approximation of the Fresnel reflectance, from its value at normal incidence; 1 at grazing.
-inline Vec3 SchlickFresnel(Vec3 f0, float cos_theta) {
+/// Schlick's approximation of the Fresnel reflectance, from its values at normal and at grazing incidence.
+inline Vec3 SchlickFresnel(Vec3 f0, Vec3 f90, float cos_theta) {
   const float m = cos_theta < 1.0f ? 1.0f - cos_theta : 0.0f;
   const float m2 = m * m;
   const float m5 = m2 * m2 * m;
-  return f0 + (Vec3{1, 1, 1} - f0) * m5;
+  return f0 + (f90 - f0) * m5;
 }
 
 /// The exact Fresnel reflectance of unpolarised light; eta = index of the far side over that of the near
@@ -36,27 +40,23 @@ inline Vec3 SchlickFresnel(Vec3 f0, float cos_theta) {
 /// (then the result is 1).
 float DielectricFresnel(float cos_i, float eta, float* cos_t);
 
-/// How much light the lobe sends on in all directions, as a function of the viewing angle: albedo(f0) = f0 *
-/// scale + bias.
-struct DirectionalAlbedo {
-  float scale = 0;
-  float bias = 0;
-};
+/// The half vector about which a boundary of index ratio eta refracts wo to wi, on wo's side; wi lies below.
+inline Vec3 RefractionNormal(Vec3 wo, Vec3 wi, float eta) {
+  const Vec3 h = wo + wi * eta;
+  return Normalize(h.z < 0 ? -h : h);
+}
 
-/// Tables the directional albedo of the GGX lobe with Schlick's Fresnel over cosine and roughness. Built
-/// once, read by all threads.
-class AlbedoTable {
- public:
-  AlbedoTable();
-  /// cos_o in [0, 1], alpha in [0, 1].
-  DirectionalAlbedo Lookup(float cos_o, float alpha) const;
-  /// The cosine-weighted mean of Lookup over the hemisphere.
-  DirectionalAlbedo Average(float alpha) const;
+/// Where a facet with normal h sends wo through, with cos_t from DielectricFresnel.
+inline Vec3 Refract(Vec3 wo, Vec3 h, float eta, float cos_t) {
+  return h * (Dot(wo, h) / eta - cos_t) - wo * (1.0f / eta);
+}
 
- private:
-  static constexpr int kSize = 32;
-  DirectionalAlbedo table_[kSize][kSize];  // [roughness][cosine]
-  DirectionalAlbedo average_[kSize];
-};
+/// The density of wi that a density of 1 per steradian of h becomes by refraction: dh / dwi.
+/// Source: Walter et al. 2007, equation 17.
+inline float RefractionJacobian(Vec3 wo, Vec3 wi, Vec3 h, float eta) {
+  const float away = -Dot(wi, h);
+  const float root = Dot(wo, h) - eta * away;
+  return eta * eta * away / (root * root);
+}
 
 }  // namespace lumifold::render

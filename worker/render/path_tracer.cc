@@ -57,6 +57,8 @@ PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
       textures_(scene),
       surfaces_(scene, textures_),
       lights_(scene, textures_, std::move(environment)),
+      albedo_table_(AlbedosOf(scene)),
+      visibility_(scene, embree, surfaces_, albedo_table_),
       max_bounces_(max_bounces),
       strategy_(strategy) {}
 
@@ -79,8 +81,10 @@ BsdfValue PathTracer::ConnectToLight(const Surface& surface, const Bsdf& bsdf, f
   if (value.diffuse <= 0 && MaxComponent(value.specular) <= 0) return {};
   const float weight =
       sample.without_size ? 1.0f : MisWeight(LightStrategy::kLightSamples, sample.pdf, bsdf_pdf);
-  if (weight <= 0 || embree_->IsOccluded(ShadowRay(surface, sample))) return {};
-  *light = sample.radiance * (weight / sample.pdf);
+  if (weight <= 0) return {};
+  const Vec3 through = visibility_.Transmittance(ShadowRay(surface, sample));
+  if (MaxComponent(through) <= 0) return {};
+  *light = sample.radiance * through * (weight / sample.pdf);
   return value;
 }
 
@@ -90,7 +94,8 @@ Vec3 PathTracer::EmittedOnHit(const LightReceiver& from, const Surface& surface,
   if (pdf <= 0 || MaxComponent(emitted) <= 0)
     return emitted;  // no light sample could have made this connection
   const float cos_light = std::abs(Dot(direction, surface.geometric));
-  const float light_pdf = lights_.DensityOfHit(from, hit.instance, hit.triangle, hit.distance, cos_light);
+  const float distance = Length(surface.position - from.position);  // clear panes may lie between
+  const float light_pdf = lights_.DensityOfHit(from, hit.instance, hit.triangle, distance, cos_light);
   if (light_pdf <= 0) return emitted;
   return emitted * MisWeight(LightStrategy::kBsdfHits, pdf, light_pdf);
 }
@@ -108,20 +113,23 @@ void PathTracer::TraceTail(const Surface& first, const BsdfSample& start, Vec3 v
   Surface surface = first;
   BsdfSample step = start;
   Vec3 throughput = {1, 1, 1};
+  // Where the path last scattered, clear panes apart, and the density of the direction it took there.
+  LightReceiver from = ReceiverAt(first);
+  float pdf = start.pdf;
+  int scatterings = start.straight ? 0 : 1;
   for (int bounce = 1;; ++bounce) {
-    const Ray ray = {surface.Offset(step.wi), step.wi};
+    const Ray ray = surface.Leave(step, sampler.Key(PairOf(bounce, kDirection)));
     const Hit hit = embree_->Intersect(ray);
+    Vec3& arrival = scatterings <= 1 ? tail->one_step : tail->longer;
     if (hit.IsMiss()) {
-      (bounce == 1 ? tail->one_step : tail->longer) += throughput * EmittedOnMiss(ray.direction, step.pdf);
+      arrival += throughput * EmittedOnMiss(ray.direction, pdf);
       return;
     }
-    const LightReceiver from = ReceiverAt(surface);
     surface = surfaces_.Read(hit, ray);
     if (!surface.front && surface.material->has_volume)
       throughput *= Attenuation(*surface.material, hit.distance);
-    const Vec3 emitted = throughput * EmittedOnHit(from, surface, hit, ray.direction, step.pdf);
-    (bounce == 1 ? tail->one_step : tail->longer) += emitted;
-    if (bounce > max_bounces_) return;
+    arrival += throughput * EmittedOnHit(from, surface, hit, ray.direction, pdf);
+    if (scatterings > max_bounces_) return;
 
     const Bsdf bsdf = MakeBsdf(surface, -ray.direction);
     const Vec2 light_and_lobe = sampler.Get2D(PairOf(bounce, kLightAndLobe));
@@ -138,11 +146,17 @@ void PathTracer::TraceTail(const Surface& first, const BsdfSample& start, Vec3 v
       if (step.spare >= survive) return;
       throughput = throughput / survive;
     }
+    if (step.straight) continue;
+    from = ReceiverAt(surface);
+    pdf = step.pdf;
+    ++scatterings;
   }
 }
 
-LayerSample PathTracer::Trace(const Ray& ray, const Sampler& sampler) const {
+LayerSample PathTracer::Trace(const Ray& camera_ray, const Sampler& sampler) const {
   LayerSample out;
+  Ray ray = camera_ray;
+  ray.chance = sampler.Key(kCameraPair);
   const Hit hit = embree_->Intersect(ray);
   if (hit.IsMiss()) {
     out.emitted = EmittedOnMiss(ray.direction, 0);

@@ -8,6 +8,7 @@
 #include "worker/render/lights.h"
 #include "worker/render/sampler.h"
 #include "worker/render/surface.h"
+#include "worker/render/visibility.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
@@ -59,7 +60,7 @@ class PathTracer {
              std::shared_ptr<const Environment> environment, int max_bounces,
              LightStrategy strategy = LightStrategy::kCombined);
 
-  LayerSample Trace(const Ray& ray, const Sampler& sampler) const;
+  LayerSample Trace(const Ray& camera_ray, const Sampler& sampler) const;
   GeometrySample TraceGeometry(const Ray& ray) const;
 
   bool HasLights() const { return !lights_.IsEmpty(); }
@@ -87,6 +88,7 @@ class PathTracer {
   SurfaceReader surfaces_;
   LightSet lights_;
   AlbedoTable albedo_table_;
+  Visibility visibility_;
   int max_bounces_;
   LightStrategy strategy_;
 };

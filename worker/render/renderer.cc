@@ -194,9 +194,9 @@ class RendererImpl final : public Renderer {
       const Sampler sampler(settings_.seed, frame, pixel, i);
       const Vec2 jitter = sampler.Get2D(kCameraPair);
       const Vec2 lens = camera_.HasLens() ? sampler.Get2D(kLensPair) : Vec2{};
-      const LayerSample sample = tracer_.Trace(
-          camera_.RayThrough(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y, lens),
-          sampler);
+      const Ray ray =
+          camera_.RayThrough(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y, lens);
+      const LayerSample sample = tracer_.Trace(ray, sampler);
       ++counts->samples;
       if (IsFinite(sample)) {
         sums.Add(sample, static_cast<int>(i & 1));
@@ -214,8 +214,12 @@ class RendererImpl final : public Renderer {
     for (int i = 0; i < kSubPixelGrid * kSubPixelGrid; ++i) {
       const float dx = (static_cast<float>(i % kSubPixelGrid) + 0.5f) / kSubPixelGrid;
       const float dy = (static_cast<float>(i / kSubPixelGrid) + 0.5f) / kSubPixelGrid;
-      const GeometrySample sample = tracer_.TraceGeometry(
-          camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy, LensPointOfSubPixel(i)));
+      Ray ray = camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy,
+                                   LensPointOfSubPixel(i), 1.0f / kSubPixelGrid);
+      // Alike in all frames, so that what is half transparent does not flicker.
+      const int64_t pixel_number = static_cast<int64_t>(y) * settings_.width + x;
+      ray.chance = Sampler(settings_.seed, 0, pixel_number, static_cast<uint32_t>(i)).Key(kCameraPair);
+      const GeometrySample sample = tracer_.TraceGeometry(ray);
       if (!sample.hit) continue;
       hits += 1;
       pixel.normal += sample.normal;

@@ -20,6 +20,9 @@ class Sampler {
   /// Two numbers in [0, 1). Each `pair` is a dimension pair of its own; equal pairs give equal numbers.
   scene::Vec2 Get2D(uint32_t pair) const;
 
+  /// Another number for each `pair` and each sample. Far from random: MixBits makes random bits of it.
+  uint64_t Key(uint32_t pair) const { return key_ + ((uint64_t{index_} << 32) | pair); }
+
  private:
   uint64_t key_;
   uint32_t index_;

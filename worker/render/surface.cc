@@ -36,10 +36,30 @@ Vec3 FaceViewer(Vec3 normal, Vec3 wo) {
 
 }  // namespace
 
+Ray Surface::Leave(const BsdfSample& step, uint64_t chance) const {
+  // A diffuse bounce (density 1/pi at most) opens the cone to a sixth of a radian and more: small enough that
+  // textures nearby keep their shape in what they light, wide enough that far ones are read from few texels.
+  constexpr float kShareOfDensity = 0.1f;
+  Ray ray = {Offset(step.wi), step.wi};
+  ray.chance = chance;
+  if (cone_width <= 0) return ray;
+  ray.width = cone_width;
+  ray.spread = step.pdf > 0 ? std::max(cone_spread, kShareOfDensity / std::sqrt(step.pdf)) : cone_spread;
+  return ray;
+}
+
 SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& textures)
     : scene_(&scene), textures_(&textures) {
   const scene::Bounds bounds = WorldBounds(scene);
   epsilon_ = bounds.IsEmpty() ? 0.0f : Length(bounds.max - bounds.min) * 0x1p-21f;
+  for (const scene::Material& material : scene.materials) {
+    const auto refs = scene::TexturesOf(material);
+    const bool has_textures = std::any_of(refs.begin(), refs.end(), [](const scene::TextureUse& use) {
+      return use.ref->texture != scene::kNone;
+    });
+    has_textures_.push_back(has_textures);
+    any_textures_ |= has_textures;
+  }
 }
 
 Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
@@ -56,13 +76,20 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   const Vec3 extent = {std::abs(surface.position.x), std::abs(surface.position.y),
                        std::abs(surface.position.z)};
   surface.epsilon = epsilon_ + (MaxComponent(extent) + hit.distance) * 0x1p-20f;
+  if (any_textures_) {
+    surface.cone_width = ray.WidthAt(hit.distance);
+    surface.cone_spread = ray.spread;
+  }
   surface.normal = surface.geometric;
+  if (surface.material->clearcoat > 0) surface.coat_normal = surface.geometric;
   if (mesh.normals.empty() && mesh.uvs[0].empty() && mesh.uvs[1].empty() && mesh.colors.empty())
     return surface;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
   for (int set = 0; set < 2; ++set) {
     if (!mesh.uvs[set].empty()) surface.uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
   }
+  if (surface.cone_width > 0 && mesh.material != scene::kNone && has_textures_[mesh.material])
+    surface.footprint = FootprintAt(mesh, to_world, hit, ray, surface.geometric);
   if (!mesh.colors.empty()) surface.vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);
   if (!mesh.normals.empty()) {
     const Vec3 smooth = to_world.Normal(Interpolate(mesh.normals, corners, hit.u, hit.v));
@@ -71,41 +98,91 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
       surface.normal = Dot(unit, surface.geometric) < 0 ? -unit : unit;
     }
   }
+  const Vec3 unmapped = surface.normal;
   // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
   if (surface.material->normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
-    surface.normal = MappedNormal(surface, mesh, corners, to_world, hit.u, hit.v);
+    surface.normal = MappedNormal(surface.material->normal_texture, surface.material->normal_scale, mesh, hit,
+                                  surface, unmapped);
   }
   surface.normal = FaceViewer(surface.normal, -ray.direction);
+  if (surface.material->clearcoat > 0) surface.coat_normal = CoatNormal(mesh, hit, surface, unmapped, ray);
   return surface;
 }
 
-Vec3 SurfaceReader::MappedNormal(const Surface& surface, const Mesh& mesh, const uint32_t* corners,
-                                 const Affine& to_world, float u, float v) const {
+Vec3 SurfaceReader::CoatNormal(const Mesh& mesh, const Hit& hit, const Surface& surface, Vec3 unmapped,
+                               const Ray& ray) const {
   const scene::Material& material = *surface.material;
-  Vec3 tangent = Interpolate(mesh.tangents, corners, u, v);
-  const float handedness = mesh.tangents[corners[0]].w;
-  tangent = to_world.Vector(tangent);
-  tangent = tangent - surface.normal * Dot(tangent, surface.normal);
-  if (LengthSquared(tangent) <= 0) return surface.normal;
+  const bool is_mapped = material.clearcoat_normal_texture.texture != scene::kNone && !mesh.tangents.empty();
+  const Vec3 normal = is_mapped ? MappedNormal(material.clearcoat_normal_texture,
+                                               material.clearcoat_normal_scale, mesh, hit, surface, unmapped)
+                                : unmapped;
+  return FaceViewer(normal, -ray.direction);
+}
+
+/// The cone cuts the face in an ellipse whose longer diameter lies along the ray's shadow on it.
+Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, const Hit& hit, const Ray& ray,
+                                     Vec3 normal) const {
+  constexpr float kLeastCosine = 0.01f;
+  const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
+  const Vec3 edge1 = to_world.Vector(mesh.positions[corners[1]] - mesh.positions[corners[0]]);
+  const Vec3 edge2 = to_world.Vector(mesh.positions[corners[2]] - mesh.positions[corners[0]]);
+  const Vec3 area = Cross(edge1, edge2);
+  const float area2 = LengthSquared(area);
+  const float cosine = Dot(ray.direction, normal);
+  const Vec3 shadow = ray.direction - normal * cosine;
+  const float sine = Length(shadow);
+  const Vec3 along = sine > 1e-3f ? shadow / sine : Frame(normal).x;
+  const float width = ray.WidthAt(hit.distance);
+  const Vec3 diameters[2] = {along * (width / std::max(std::abs(cosine), kLeastCosine)),
+                             Cross(normal, along) * width};
+  Footprint footprint;
+  if (area2 <= 0) return footprint;
+  for (int d = 0; d < 2; ++d) {
+    const float du = Dot(Cross(diameters[d], edge2), area) / area2;
+    const float dv = Dot(Cross(edge1, diameters[d]), area) / area2;
+    for (int set = 0; set < 2; ++set) {
+      const std::vector<Vec2>& uvs = mesh.uvs[set];
+      if (uvs.empty()) continue;
+      const Vec2 origin = uvs[corners[0]];
+      footprint.diameter[set][d] = (uvs[corners[1]] - origin) * du + (uvs[corners[2]] - origin) * dv;
+    }
+  }
+  return footprint;
+}
+
+Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const Mesh& mesh, const Hit& hit,
+                                 const Surface& surface, Vec3 normal) const {
+  const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
+  const Affine& to_world = scene_->instances[hit.instance].world_from_object;
+  const Vec3 along = to_world.Vector(Interpolate(mesh.tangents, corners, hit.u, hit.v));
+  Vec3 tangent = along - normal * Dot(along, normal);
+  if (LengthSquared(tangent) <= 0) return normal;
   tangent = Normalize(tangent);
   // From behind, the shading normal was turned round; the texture's own axes belong to the front.
   const float side = surface.front ? 1.0f : -1.0f;
-  const Vec3 bitangent =
-      Cross(surface.normal * side, tangent) * (handedness * (to_world.Determinant() < 0 ? -1.0f : 1.0f));
-  const Vec4 texel = textures_->Sample(material.normal_texture, surface.uv, /*srgb=*/false);
-  const float x = (texel.x * 2 - 1) * material.normal_scale;
-  const float y = (texel.y * 2 - 1) * material.normal_scale;
+  const float handedness = mesh.tangents[corners[0]].w * (to_world.Determinant() < 0 ? -1.0f : 1.0f);
+  const Vec3 bitangent = Cross(normal * side, tangent) * handedness;
+  const Vec4 texel = Data(map, surface);
+  const float x = (texel.x * 2 - 1) * scale;
+  const float y = (texel.y * 2 - 1) * scale;
   const float z = texel.z * 2 - 1;
-  const Vec3 mapped = tangent * x + bitangent * y + surface.normal * z;
-  return LengthSquared(mapped) > 0 ? Normalize(mapped) : surface.normal;
+  const Vec3 mapped = tangent * x + bitangent * y + normal * z;
+  return LengthSquared(mapped) > 0 ? Normalize(mapped) : normal;
+}
+
+Vec3 SurfaceReader::Color(const scene::TextureRef& ref, const Surface& surface) const {
+  const Vec4 t = textures_->Sample(ref, surface.uv, surface.footprint, /*srgb=*/true);
+  return {t.x, t.y, t.z};
+}
+
+Vec4 SurfaceReader::Data(const scene::TextureRef& ref, const Surface& surface) const {
+  return textures_->Sample(ref, surface.uv, surface.footprint, /*srgb=*/false);
 }
 
 Vec3 SurfaceReader::BaseColor(const Surface& surface) const {
   const scene::Material& m = *surface.material;
   const Vec3 color = m.base_color * surface.vertex_color;
-  if (m.base_color_texture.texture == scene::kNone) return color;
-  const Vec4 t = textures_->Sample(m.base_color_texture, surface.uv, /*srgb=*/true);
-  return color * Vec3{t.x, t.y, t.z};
+  return m.base_color_texture.texture == scene::kNone ? color : color * Color(m.base_color_texture, surface);
 }
 
 SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
@@ -120,24 +197,38 @@ SurfaceMaterial SurfaceReader::Shade(const Surface& surface) const {
   out.metallic = m.metallic;
   out.roughness = m.roughness;
   if (m.metallic_roughness_texture.texture != scene::kNone) {
-    const Vec4 t = textures_->Sample(m.metallic_roughness_texture, surface.uv, /*srgb=*/false);
+    const Vec4 t = Data(m.metallic_roughness_texture, surface);
     out.roughness *= t.y;
     out.metallic *= t.z;
   }
   out.ior = m.ior;
-  out.specular = m.specular;
-  out.specular_color = m.specular_color;
-  out.transmission = m.transmission;
-  out.thin = !m.has_volume;
-  out.inside = !surface.front;
+  out.specular = m.specular * Data(m.specular_texture, surface).w;
+  out.specular_color = m.specular_color * Color(m.specular_color_texture, surface);
+  if (m.transmission > 0) {
+    out.transmission = m.transmission * Data(m.transmission_texture, surface).x;
+    out.thin = !m.has_volume;
+    out.inside = !surface.front;
+  }
+  if (m.clearcoat > 0 || MaxComponent(m.sheen_color) > 0) ShadeLayers(surface, &out);
   return out;
+}
+
+void SurfaceReader::ShadeLayers(const Surface& surface, SurfaceMaterial* out) const {
+  const scene::Material& m = *surface.material;
+  if (m.clearcoat > 0) {
+    out->clearcoat = m.clearcoat * Data(m.clearcoat_texture, surface).x;
+    out->clearcoat_roughness = m.clearcoat_roughness * Data(m.clearcoat_roughness_texture, surface).y;
+    out->coat_normal = surface.coat_normal;
+  }
+  out->sheen_color = m.sheen_color * Color(m.sheen_color_texture, surface);
+  out->sheen_roughness = m.sheen_roughness * Data(m.sheen_roughness_texture, surface).w;
 }
 
 Vec3 SurfaceReader::Emitted(const Surface& surface) const {
   const scene::Material& m = *surface.material;
   if (m.unlit) return BaseColor(surface);
   if (MaxComponent(m.emission) <= 0 || (!surface.front && !m.double_sided)) return {0, 0, 0};
-  return Emission(m, *textures_, surface.uv);
+  return m.emission * Color(m.emission_texture, surface);
 }
 
 }  // namespace lumifold::render

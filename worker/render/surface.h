@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "worker/render/bsdf.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/texture.h"
@@ -10,18 +12,26 @@ namespace lumifold::render {
 /// A point a ray has hit, with everything shading needs there.
 struct Surface {
   Vec3 position;
-  Vec3 geometric;  // unit face normal on the side the ray came from
-  Vec3 normal;     // unit shading normal, normal map included, on the same side
+  Vec3 geometric;    // unit face normal on the side the ray came from
+  Vec3 normal;       // unit shading normal, normal map included, on the same side
+  Vec3 coat_normal;  // the same of the clear coat, read only where there is one
   Vec2 uv[2];
+  Footprint footprint;  // of the ray, on a material with textures
   Vec3 vertex_color = {1, 1, 1};
   bool front = true;  // the ray met the front (counter-clockwise) side
   const scene::Material* material = nullptr;
-  float epsilon = 0;  // how far off the face a new ray must start so as not to hit it again
+  float epsilon = 0;      // how far off the face a new ray must start so as not to hit it again
+  float cone_width = 0;   // of the cone round the ray, here; 0 where the scene has no textures
+  float cone_spread = 0;  // and by how much it widens a metre
 
   /// A start for rays that leave to the side `direction` points to.
   Vec3 Offset(Vec3 direction) const {
     return position + geometric * (Dot(direction, geometric) < 0 ? -epsilon : epsilon);
   }
+
+  /// The ray that goes on in the direction drawn, with a chance of its own. Its cone is about as wide as the
+  /// share of directions the step stands for.
+  Ray Leave(const BsdfSample& step, uint64_t chance) const;
 };
 
 /// Reconstructs surfaces from hits. Threads: safe concurrently. Keeps pointers to what it is given.
@@ -39,13 +49,23 @@ class SurfaceReader {
   Vec3 Emitted(const Surface& surface) const;
 
  private:
+  Vec3 Color(const scene::TextureRef& ref, const Surface& surface) const;
+  scene::Vec4 Data(const scene::TextureRef& ref, const Surface& surface) const;
   Vec3 BaseColor(const Surface& surface) const;
-  Vec3 MappedNormal(const Surface& surface, const scene::Mesh& mesh, const uint32_t* corners,
-                    const scene::Affine& to_world, float u, float v) const;
+  Footprint FootprintAt(const scene::Mesh& mesh, const scene::Affine& to_world, const Hit& hit,
+                        const Ray& ray, Vec3 normal) const;
+  /// `normal` bent by a normal map.
+  Vec3 MappedNormal(const scene::TextureRef& map, float scale, const scene::Mesh& mesh, const Hit& hit,
+                    const Surface& surface, Vec3 normal) const;
+  Vec3 CoatNormal(const scene::Mesh& mesh, const Hit& hit, const Surface& surface, Vec3 unmapped,
+                  const Ray& ray) const;
+  void ShadeLayers(const Surface& surface, SurfaceMaterial* out) const;
 
   const scene::Scene* scene_;
   const TextureSampler* textures_;
   scene::Material default_material_;
+  std::vector<char> has_textures_;  // of each material
+  bool any_textures_ = false;
   float epsilon_;  // share that depends on the scene's size
 };
 

@@ -147,9 +147,15 @@ absl::Status ReadAttributes(const VertexSource& source, Mesh* mesh) {
   return s;
 }
 
-bool NeedsTangents(const Mesh& mesh, const std::vector<Material>& materials) {
-  return mesh.material != kNone && mesh.tangents.empty() &&
-         materials[mesh.material].normal_texture.texture != kNone;
+/// The normal map by whose coordinates a mesh without tangents must get some; null where it needs none. A
+/// coat over a base with a normal map shares the base's.
+const TextureRef* TangentsMissingFor(const Mesh& mesh, const std::vector<Material>& materials) {
+  if (mesh.material == kNone || !mesh.tangents.empty()) return nullptr;
+  const Material& material = materials[mesh.material];
+  for (const TextureRef* map : {&material.normal_texture, &material.clearcoat_normal_texture}) {
+    if (map->texture != kNone) return map;
+  }
+  return nullptr;
 }
 
 }  // namespace
@@ -180,7 +186,7 @@ void GeometryReader::Clean(const std::string& place, Mesh* mesh) {
   diagnostics_->Count("normals of length zero replaced", place, NormalizeNormals(mesh));
   NormalizeTangents(mesh);
   diagnostics_->Count("vertex colours outside 0 to 1 clamped", place, ClampColors(mesh));
-  if (NeedsTangents(*mesh, materials_)) GenerateTangents(materials_[mesh->material].normal_texture, mesh);
+  if (const TextureRef* map = TangentsMissingFor(*mesh, materials_)) GenerateTangents(*map, mesh);
 }
 
 absl::StatusOr<std::optional<Mesh>> GeometryReader::Read(const tinygltf::Primitive& primitive,

@@ -107,8 +107,6 @@ class MaterialReader {
     material_.specular_color = {channel(0), channel(1), channel(2)};
     material_.specular_texture = ExtensionRef(*extension, "specularTexture");
     material_.specular_color_texture = ExtensionRef(*extension, "specularColorTexture");
-    ReportUnusedTexture(*extension, "specularTexture", "its factor alone is used");
-    ReportUnusedTexture(*extension, "specularColorTexture", "its factor alone is used");
   }
 
   void ReadTransmission() {
@@ -117,10 +115,8 @@ class MaterialReader {
     material_.transmission =
         Fraction(fields_.Number(*extension, "transmissionFactor", 0), "transmissionFactor");
     // A texture times nothing need not be decoded.
-    if (material_.transmission > 0) {
+    if (material_.transmission > 0)
       material_.transmission_texture = ExtensionRef(*extension, "transmissionTexture");
-      ReportUnusedTexture(*extension, "transmissionTexture", "its factor alone is used");
-    }
   }
 
   void ReadClearcoat() {
@@ -132,7 +128,12 @@ class MaterialReader {
     if (material_.clearcoat == 0) return;
     material_.clearcoat_texture = ExtensionRef(*extension, "clearcoatTexture");
     material_.clearcoat_roughness_texture = ExtensionRef(*extension, "clearcoatRoughnessTexture");
-    ReportUnusedTexture(*extension, "clearcoatNormalTexture", "the coat is smooth");
+    material_.clearcoat_normal_texture = ExtensionRef(*extension, "clearcoatNormalTexture");
+    if (material_.clearcoat_normal_texture.texture != kNone) {
+      material_.clearcoat_normal_scale =
+          fields_.Finite(fields_.Number(extension->Get("clearcoatNormalTexture"), "scale", 1),
+                         "clearcoatNormalTexture.scale");
+    }
   }
 
   void ReadSheen() {

@@ -41,6 +41,21 @@ Camera FittedCamera(const Bounds& bounds) {
 
 }  // namespace
 
+std::array<TextureUse, 12> TexturesOf(const Material& material) {
+  return {{{&material.base_color_texture, true},
+           {&material.metallic_roughness_texture, false},
+           {&material.normal_texture, false},
+           {&material.emission_texture, true},
+           {&material.specular_texture, false},
+           {&material.specular_color_texture, true},
+           {&material.transmission_texture, false},
+           {&material.clearcoat_texture, false},
+           {&material.clearcoat_roughness_texture, false},
+           {&material.clearcoat_normal_texture, false},
+           {&material.sheen_color_texture, true},
+           {&material.sheen_roughness_texture, false}}};
+}
+
 Bounds WorldBounds(const Scene& scene) {
   std::vector<Bounds> mesh_bounds(scene.meshes.size());
   for (size_t i = 0; i < mesh_bounds.size(); ++i) {

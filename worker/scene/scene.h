@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -72,14 +73,25 @@ struct Material {
   TextureRef clearcoat_texture;            // R
   float clearcoat_roughness = 0;           // perceptual, like roughness
   TextureRef clearcoat_roughness_texture;  // G
-  Vec3 sheen_color = {0, 0, 0};            // KHR_materials_sheen: reflectance of the fibres; black: none
-  TextureRef sheen_color_texture;          // sRGB
-  float sheen_roughness = 0;               // perceptual: sheen alpha = sheen_roughness^2
-  TextureRef sheen_roughness_texture;      // A
-  bool has_volume = false;  // KHR_materials_volume with thickness > 0: refracts; otherwise thin
+  TextureRef clearcoat_normal_texture;     // the coat's own; the base's does not bend it
+  float clearcoat_normal_scale = 1;
+  Vec3 sheen_color = {0, 0, 0};        // KHR_materials_sheen: reflectance of the fibres; black: none
+  TextureRef sheen_color_texture;      // sRGB
+  float sheen_roughness = 0;           // perceptual: sheen alpha = sheen_roughness^2
+  TextureRef sheen_roughness_texture;  // A
+  bool has_volume = false;             // KHR_materials_volume with thickness > 0: refracts; otherwise thin
   Vec3 attenuation_color = {1, 1, 1};
   float attenuation_distance = 0;  // metres; 0 stands for infinity
 };
+
+/// A texture reference of a material and how its colour is encoded.
+struct TextureUse {
+  const TextureRef* ref;
+  bool srgb;
+};
+
+/// All of a material's references, those that name no texture as well.
+std::array<TextureUse, 12> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
 struct Mesh {

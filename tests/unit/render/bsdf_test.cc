@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -13,8 +14,10 @@ namespace {
 
 const Vec3 kUp = {0, 0, 1};
 
+constexpr float kGlassIor = 1.5f;
+
 const AlbedoTable& Table() {
-  static const AlbedoTable table;
+  static const AlbedoTable table({.sheen = true, .glass_iors = {kGlassIor}});
   return table;
 }
 
@@ -45,43 +48,103 @@ SurfaceMaterial Metal(float roughness) {
   return m;
 }
 
-std::vector<SurfaceMaterial> RoughMaterials() {
-  std::vector<SurfaceMaterial> all;
-  for (const float roughness : {0.25f, 0.5f, 0.8f, 1.0f}) {
-    all.push_back(Plastic(roughness));
-    all.push_back(Metal(roughness));
-    SurfaceMaterial mixed = Metal(roughness);
-    mixed.metallic = 0.5f;
-    all.push_back(mixed);
-  }
+SurfaceMaterial Glass(float roughness, bool thin, bool inside) {
+  SurfaceMaterial m;
+  m.base_color = {0.9f, 0.8f, 0.7f};
+  m.roughness = roughness;
+  m.transmission = 1;
+  m.ior = kGlassIor;
+  m.thin = thin;
+  m.inside = inside;
+  return m;
+}
+
+SurfaceMaterial Coated(SurfaceMaterial m, float coat_roughness) {
+  m.clearcoat = 0.8f;
+  m.clearcoat_roughness = coat_roughness;
+  m.coat_normal = Normalize(Vec3{0.2f, -0.1f, 1});
+  return m;
+}
+
+SurfaceMaterial Cloth(float sheen_roughness) {
+  SurfaceMaterial m = Plastic(0.9f);
+  m.sheen_color = {0.5f, 0.6f, 0.9f};
+  m.sheen_roughness = sheen_roughness;
+  return m;
+}
+
+struct Case {
+  std::string name;
+  SurfaceMaterial material;
+};
+
+std::vector<Case> Plastics() {
+  std::vector<Case> all;
+  for (const float roughness : {0.25f, 0.5f, 0.8f, 1.0f})
+    all.push_back({"plastic " + std::to_string(roughness), Plastic(roughness)});
   return all;
 }
 
-std::string Describe(const SurfaceMaterial& m) {
-  return "metallic " + std::to_string(m.metallic) + " roughness " + std::to_string(m.roughness);
+/// Materials without perfectly specular lobes.
+std::vector<Case> RoughMaterials() {
+  std::vector<Case> all = Plastics();
+  for (const float roughness : {0.25f, 0.6f, 1.0f}) {
+    const std::string at = " " + std::to_string(roughness);
+    all.push_back({"metal" + at, Metal(roughness)});
+    all.push_back({"glass from outside" + at, Glass(roughness, false, false)});
+    all.push_back({"glass from inside" + at, Glass(roughness, false, true)});
+    all.push_back({"thin glass" + at, Glass(roughness, true, false)});
+    all.push_back({"coated plastic" + at, Coated(Plastic(0.5f), roughness)});
+    all.push_back({"cloth" + at, Cloth(roughness)});
+  }
+  SurfaceMaterial mixed = Metal(0.5f);
+  mixed.metallic = 0.5f;
+  all.push_back({"half metal", mixed});
+  mixed.transmission = 0.6f;
+  mixed.thin = false;
+  all.push_back({"half metal, partly glass", mixed});
+  SurfaceMaterial everything = Coated(mixed, 0.4f);
+  everything.sheen_color = {0.3f, 0.2f, 0.1f};
+  everything.sheen_roughness = 0.5f;
+  all.push_back({"everything at once", everything});
+  return all;
 }
 
-/// Integrates `f(direction)` over the upper hemisphere by midpoints.
+/// Integrates `f(direction)` over all directions, those below the surface only where they matter, by
+/// midpoints.
 template <typename F>
-double IntegrateHemisphere(const F& f) {
-  constexpr int kCosines = 400;
-  constexpr int kAngles = 400;
+double IntegrateDirections(const SurfaceMaterial& material, const F& f) {
+  constexpr int kCosines = 300;
+  constexpr int kAngles = 300;
+  const int lowest = material.transmission > 0 ? -kCosines : 0;
   double sum = 0;
-  for (int i = 0; i < kCosines; ++i) {
+  for (int i = lowest; i < kCosines; ++i) {
     for (int j = 0; j < kAngles; ++j)
       sum += f(DirectionAt((i + 0.5) / kCosines, 2 * M_PI * (j + 0.5) / kAngles));
   }
   return sum * 2 * M_PI / (kCosines * kAngles);
 }
 
+/// The mean weight of drawn directions: the albedo towards the viewer.
+double SampledAlbedo(const Bsdf& bsdf) {
+  constexpr uint32_t kSamples = 1 << 15;
+  double sum = 0;
+  for (uint32_t i = 0; i < kSamples; ++i) {
+    const Sampler sampler(3, 0, 0, 2 * i);
+    const BsdfSample sample = bsdf.Sample(sampler.Get2D(0).x, sampler.Get2D(1));
+    if (sample.valid) sum += static_cast<double>(Total(bsdf, sample.weight).y);
+  }
+  return sum / kSamples;
+}
+
 /// Directions below the horizon are drawn and rejected; the density of the others must integrate to their
 /// share.
 TEST(Bsdf, DensityIntegratesToTheShareOfValidSamples) {
   constexpr uint32_t kSamples = 1 << 14;
-  for (const SurfaceMaterial& material : RoughMaterials()) {
+  for (const auto& [name, material] : RoughMaterials()) {
     for (const double cosine : {0.95, 0.6, 0.25}) {
       const Bsdf bsdf = Make(material, DirectionAt(cosine, 0.3));
-      const double total = IntegrateHemisphere([&](Vec3 wi) {
+      const double total = IntegrateDirections(material, [&](Vec3 wi) {
         float pdf = 0;
         bsdf.Evaluate(wi, &pdf);
         return static_cast<double>(pdf);
@@ -91,13 +154,14 @@ TEST(Bsdf, DensityIntegratesToTheShareOfValidSamples) {
         const Sampler sampler(3, 0, 0, 2 * i);
         if (bsdf.Sample(sampler.Get2D(0).x, sampler.Get2D(1)).valid) valid += 1.0 / kSamples;
       }
-      EXPECT_NEAR(total, valid, 5e-3) << Describe(material);
+      EXPECT_NEAR(total, valid, 5e-3) << name << " cosine " << cosine;
     }
   }
 }
 
-TEST(Bsdf, IsReciprocal) {
-  for (const SurfaceMaterial& material : RoughMaterials()) {
+/// The others make up for lost light by a factor that knows the viewer alone.
+TEST(Bsdf, PlasticIsReciprocal) {
+  for (const auto& [name, material] : Plastics()) {
     const Vec3 a = DirectionAt(0.8, 0.2);
     const Vec3 b = DirectionAt(0.35, 2.1);
     float pdf = 0;
@@ -105,71 +169,96 @@ TEST(Bsdf, IsReciprocal) {
     const Bsdf from_b = Make(material, b);
     const Vec3 ab = Total(from_a, from_a.Evaluate(b, &pdf)) / b.z;
     const Vec3 ba = Total(from_b, from_b.Evaluate(a, &pdf)) / a.z;
-    for (int i = 0; i < 3; ++i) EXPECT_NEAR(ab[i], ba[i], 2e-3f * ba[i]) << Describe(material);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(ab[i], ba[i], 2e-3f * ba[i]) << name;
   }
 }
 
 TEST(Bsdf, DiffuseLobeIsLossless) {
-  for (const SurfaceMaterial& material : RoughMaterials()) {
-    if (material.metallic == 1) continue;
+  for (const auto& [name, material] : RoughMaterials()) {
     const Bsdf bsdf = Make(material, DirectionAt(0.7, 0));
-    const double total = IntegrateHemisphere([&](Vec3 wi) {
+    if (!bsdf.HasDiffuse()) continue;
+    const double total = IntegrateDirections(material, [&](Vec3 wi) {
       float pdf = 0;
       return static_cast<double>(bsdf.Evaluate(wi, &pdf).diffuse);
     });
-    EXPECT_NEAR(total, 1, 2e-3) << Describe(material);
+    EXPECT_NEAR(total, 1, 2e-3) << name;
   }
 }
 
-TEST(Bsdf, NeverReflectsMoreThanArrives) {
-  for (SurfaceMaterial material : RoughMaterials()) {
-    material.base_color = {1, 1, 1};
-    for (const double cosine : {0.95, 0.5, 0.15}) {
-      const Bsdf bsdf = Make(material, DirectionAt(cosine, 0));
-      const double total = IntegrateHemisphere([&](Vec3 wi) {
-        float pdf = 0;
-        return static_cast<double>(Total(bsdf, bsdf.Evaluate(wi, &pdf)).y);
-      });
-      EXPECT_LT(total, 1.01) << Describe(material) << " cosine " << cosine;
+/// What is white sends back all light, whatever its roughness, and whether a ray meets it from outside or
+/// inside.
+TEST(Bsdf, WhiteFurnaceShowsNothing) {
+  for (const float roughness : {0.0f, 0.1f, 0.3f, 0.5f, 0.75f, 1.0f}) {
+    std::vector<Case> whites = {{"plastic", Plastic(roughness)},
+                                {"metal", Metal(roughness)},
+                                {"glass from outside", Glass(roughness, false, false)},
+                                {"glass from inside", Glass(roughness, false, true)},
+                                {"thin glass", Glass(roughness, true, false)},
+                                {"coated plastic", Coated(Plastic(0.6f), roughness)},
+                                {"coated metal", Coated(Metal(0.6f), roughness)},
+                                {"cloth", Cloth(roughness)}};
+    SurfaceMaterial mixed = Metal(roughness);
+    mixed.metallic = 0.4f;
+    mixed.transmission = 0.7f;
+    whites.push_back({"metal, glass and plastic", mixed});
+    for (auto& [name, material] : whites) {
+      material.base_color = {1, 1, 1};
+      material.sheen_color = MaxComponent(material.sheen_color) > 0 ? Vec3{1, 1, 1} : Vec3{0, 0, 0};
+      material.coat_normal = kUp;
+      for (const double cosine : {0.99, 0.7, 0.4, 0.2}) {
+        EXPECT_NEAR(SampledAlbedo(Make(material, DirectionAt(cosine, 0.4))), 1, 0.01)
+            << name << " roughness " << roughness << " cosine " << cosine;
+      }
     }
   }
 }
 
 /// The mean weight of samples must be the integral of the lobes: sampling and evaluation tell the same story.
 TEST(Bsdf, SamplingAgreesWithEvaluation) {
-  constexpr uint32_t kSamples = 1 << 16;
-  for (const SurfaceMaterial& material : RoughMaterials()) {
+  for (const auto& [name, material] : RoughMaterials()) {
     const Bsdf bsdf = Make(material, DirectionAt(0.6, 1));
-    double sampled = 0;
-    for (uint32_t i = 0; i < kSamples; ++i) {
-      const Sampler sampler(3, 0, 0, 2 * i);
-      const BsdfSample sample = bsdf.Sample(sampler.Get2D(0).x, sampler.Get2D(1));
-      if (sample.valid) sampled += static_cast<double>(Total(bsdf, sample.weight).y);
-    }
-    const double integral = IntegrateHemisphere([&](Vec3 wi) {
+    const double integral = IntegrateDirections(material, [&](Vec3 wi) {
       float pdf = 0;
       return static_cast<double>(Total(bsdf, bsdf.Evaluate(wi, &pdf)).y);
     });
-    EXPECT_NEAR(sampled / kSamples, integral, 5e-3) << Describe(material);
+    EXPECT_NEAR(SampledAlbedo(bsdf), integral, 6e-3) << name;
+  }
+}
+
+/// What demodulates glossy reflection must be near what the lobes do send, and never black where they send
+/// any.
+TEST(Bsdf, SpecularAlbedoIsTheIntegralOfItsLobes) {
+  for (const auto& [name, material] : RoughMaterials()) {
+    const Bsdf bsdf = Make(material, DirectionAt(0.6, 1));
+    for (int channel = 0; channel < 3; ++channel) {
+      const double integral = IntegrateDirections(material, [&](Vec3 wi) {
+        float pdf = 0;
+        return static_cast<double>(bsdf.Evaluate(wi, &pdf).specular[channel]);
+      });
+      const auto albedo = static_cast<double>(bsdf.SpecularAlbedo()[channel]);
+      EXPECT_GT(albedo, 0) << name;
+      EXPECT_NEAR(albedo, integral, 0.3 * integral) << name;
+    }
   }
 }
 
 /// Pearson's test of the directions drawn against the density claimed, on a grid over the hemisphere.
 TEST(Bsdf, DirectionsFollowTheirDensity) {
-  constexpr int kRows = 12;
+  constexpr int kRows = 24;  // of equal cosines from -1 to 1
   constexpr int kColumns = 16;
-  constexpr uint32_t kSamples = 200000;
-  for (const SurfaceMaterial& material : RoughMaterials()) {
+  constexpr uint32_t kSamples = 100000;
+  for (const auto& [name, material] : RoughMaterials()) {
     const Bsdf bsdf = Make(material, DirectionAt(0.7, 0.5));
     std::vector<double> expected(kRows * kColumns, 0);
-    constexpr int kFine = 24;
+    constexpr int kFine = 20;
     for (int r = 0; r < kRows * kFine; ++r) {
       for (int c = 0; c < kColumns * kFine; ++c) {
         float pdf = 0;
-        bsdf.Evaluate(DirectionAt((r + 0.5) / (kRows * kFine), 2 * M_PI * (c + 0.5) / (kColumns * kFine)),
-                      &pdf);
+        bsdf.Evaluate(
+            DirectionAt(2 * (r + 0.5) / (kRows * kFine) - 1, 2 * M_PI * (c + 0.5) / (kColumns * kFine)),
+            &pdf);
         expected[(r / kFine) * kColumns + c / kFine] +=
-            static_cast<double>(pdf) * 2 * M_PI / (kRows * kFine * kColumns * kFine);
+            static_cast<double>(pdf) * 4 * M_PI / (kRows * kFine * kColumns * kFine);
       }
     }
     std::vector<double> observed(kRows * kColumns, 0);
@@ -182,7 +271,7 @@ TEST(Bsdf, DirectionsFollowTheirDensity) {
       const BsdfSample sample = bsdf.Sample(lobe, {x, y});
       if (!sample.valid) continue;
       const double phi = std::atan2(static_cast<double>(sample.wi.y), static_cast<double>(sample.wi.x));
-      const int row = std::min(static_cast<int>(sample.wi.z * kRows), kRows - 1);
+      const int row = std::clamp(static_cast<int>((sample.wi.z + 1) * 0.5f * kRows), 0, kRows - 1);
       const int column =
           std::min(static_cast<int>((phi < 0 ? phi + 2 * M_PI : phi) / (2 * M_PI) * kColumns), kColumns - 1);
       observed[row * kColumns + column] += 1;
@@ -196,7 +285,7 @@ TEST(Bsdf, DirectionsFollowTheirDensity) {
       ++cells;
     }
     // Beyond five standard deviations of chi-squared, plus what the midpoint rule may leave in steep cells.
-    EXPECT_LT(chi2, cells + 5 * std::sqrt(2.0 * cells) + 0.3 * cells) << Describe(material);
+    EXPECT_LT(chi2, cells + 5 * std::sqrt(2.0 * cells) + 0.3 * cells) << name;
   }
 }
 
@@ -236,6 +325,30 @@ TEST(Bsdf, RefractionObeysSnellsLaw) {
   EXPECT_NEAR(Length(sample.wi), 1, 1e-6);
   EXPECT_NEAR(-sample.wi.x * 1.5f, wo.x, 1e-5);
   EXPECT_LT(sample.wi.z, 0);
+}
+
+/// A narrow rough lobe must come to the smooth one's limit.
+TEST(Bsdf, SlightlyRoughGlassRefractsAboutSnellsDirection) {
+  const Vec3 wo = DirectionAt(0.6, 0);
+  const BsdfSample smooth = Make(Glass(0, false, false), wo).Sample(0.999f, {0.5f, 0.5f});
+  const Bsdf rough = Make(Glass(0.1f, false, false), wo);
+  Vec3 mean;
+  for (uint32_t i = 0; i < 4096; ++i) {
+    const BsdfSample sample = rough.Sample(0.999f, Sampler(3, 0, 0, 2 * i).Get2D(1));
+    ASSERT_TRUE(sample.transmitted);
+    mean += sample.wi / 4096;
+  }
+  EXPECT_LT(Length(mean - smooth.wi), 0.01f);
+}
+
+TEST(Bsdf, OnlyClearPanesAreSeenStraightThrough) {
+  const Vec3 wo = DirectionAt(0.6, 0);
+  EXPECT_NEAR(Make(Glass(0, true, false), wo).StraightTransmittance().y, 0.8f, 0.12f);
+  EXPECT_EQ(Make(Glass(0, true, false), wo).StraightTransmittance(),
+            Make(Glass(0, true, true), wo).StraightTransmittance());
+  EXPECT_EQ(Make(Glass(0, false, false), wo).StraightTransmittance(), (Vec3{0, 0, 0}));
+  EXPECT_EQ(Make(Glass(0.5f, true, false), wo).StraightTransmittance(), (Vec3{0, 0, 0}));
+  EXPECT_EQ(Make(Plastic(0), wo).StraightTransmittance(), (Vec3{0, 0, 0}));
 }
 
 }  // namespace

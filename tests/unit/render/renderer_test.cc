@@ -56,6 +56,24 @@ TEST(Renderer, WhiteFurnaceShowsNothingForMirrorAndGlass) {
       5e-3);
 }
 
+TEST(Renderer, WhiteFurnaceShowsNothingForRoughMetalAndGlass) {
+  for (const float roughness : {0.2f, 0.5f, 1.0f}) {
+    scene::Material metal;
+    metal.roughness = roughness;
+    const auto mean = [](const scene::Material& material) {
+      return MeanOf(RenderAll(*MakeRenderer(testing::Furnace(material), 16, 16, 64), 16, 16, 256),
+                    layers::kNoisy);
+    };
+    EXPECT_NEAR(mean(metal), 1, 0.01) << roughness;
+    scene::Material glass = metal;
+    glass.metallic = 0;
+    glass.transmission = 1;
+    EXPECT_NEAR(mean(glass), 1, 0.01) << "thin, " << roughness;
+    glass.has_volume = true;
+    EXPECT_NEAR(mean(glass), 1, 0.01) << "solid, " << roughness;
+  }
+}
+
 TEST(Renderer, CoatedWhiteLosesOnlyWhatSingleScatteringLoses) {
   for (const float roughness : {0.0f, 0.3f, 0.6f, 1.0f}) {
     scene::Material plastic;

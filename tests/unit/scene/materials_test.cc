@@ -228,7 +228,8 @@ TEST(Materials, ReadCoatAndSheen) {
                                     {{"clearcoatFactor", 0.5},
                                      {"clearcoatTexture", {{"index", 0}, {"texCoord", 1}}},
                                      {"clearcoatRoughnessFactor", 0.25},
-                                     {"clearcoatRoughnessTexture", {{"index", 0}}}}},
+                                     {"clearcoatRoughnessTexture", {{"index", 0}}},
+                                     {"clearcoatNormalTexture", {{"index", 0}, {"scale", 0.5}}}}},
                                    {"KHR_materials_sheen",
                                     {{"sheenColorFactor", {0.1, 0.2, 0.3}},
                                      {"sheenColorTexture", {{"index", 0}}},
@@ -239,6 +240,8 @@ TEST(Materials, ReadCoatAndSheen) {
   EXPECT_EQ(m.clearcoat_texture.uv_set, 1);
   EXPECT_EQ(m.clearcoat_roughness, 0.25f);
   EXPECT_EQ(m.clearcoat_roughness_texture.texture, 0);
+  EXPECT_EQ(m.clearcoat_normal_texture.texture, 0);
+  EXPECT_EQ(m.clearcoat_normal_scale, 0.5f);
   EXPECT_EQ(m.sheen_color, (Vec3{0.1f, 0.2f, 0.3f}));
   EXPECT_EQ(m.sheen_color_texture.texture, 0);
   EXPECT_EQ(m.sheen_roughness, 0.75f);

@@ -1,0 +1,182 @@
+#include "worker/render/texture.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "filter/image/mix_bits.h"
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/render/pictures.h"
+
+namespace lumifold::render {
+namespace {
+
+using scene::Vec2;
+using scene::Vec4;
+
+scene::ImageData RandomImage(int width, int height) {
+  scene::ImageData image;
+  image.width = width;
+  image.height = height;
+  for (int i = 0; i < width * height * 4; ++i)
+    image.rgba.push_back(static_cast<uint8_t>(MixBits(static_cast<uint64_t>(i))));
+  return image;
+}
+
+/// Black and white fields, `cells` a side, four texels each.
+scene::ImageData Checker(int cells) {
+  scene::ImageData image;
+  image.width = image.height = 2 * cells;
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const auto value = static_cast<uint8_t>((x / 2 + y / 2) % 2 == 0 ? 255 : 0);
+      image.rgba.insert(image.rgba.end(), {value, value, value, 255});
+    }
+  }
+  return image;
+}
+
+/// One material that uses the image as colour and as data.
+scene::Scene SceneOf(scene::ImageData image) {
+  scene::Scene scene;
+  scene.images = {std::move(image)};
+  scene.textures = {{.image = 0}};
+  scene.materials = {testing::Lambert({1, 1, 1})};
+  scene.materials[0].base_color_texture.texture = 0;
+  scene.materials[0].specular_texture.texture = 0;
+  return scene;
+}
+
+Footprint SquareOf(float side) {
+  Footprint footprint;
+  footprint.diameter[0][0] = {side, 0};
+  footprint.diameter[0][1] = {0, side};
+  return footprint;
+}
+
+float MeanLight(const scene::ImageData& image, const ByteCode& code, int channel) {
+  double sum = 0;
+  for (size_t i = static_cast<size_t>(channel); i < image.rgba.size(); i += 4)
+    sum += static_cast<double>(code.Decode(image.rgba[i]));
+  return static_cast<float>(sum / (image.width * image.height));
+}
+
+TEST(MipChain, KeepsTheMeanLightOfAnySize) {
+  const ByteCode srgb(true);
+  const ByteCode linear(false);
+  for (const auto& [width, height] : {std::pair{64, 64}, {37, 51}, {5, 3}, {1, 9}, {128, 2}}) {
+    const scene::ImageData image = RandomImage(width, height);
+    const auto chain = MakeMipChain(image, srgb, linear);
+    ASSERT_FALSE(chain.empty());
+    EXPECT_EQ(chain.back().width, 1);
+    EXPECT_EQ(chain.back().height, 1);
+    for (const scene::ImageData& level : chain) {
+      EXPECT_NEAR(MeanLight(level, srgb, 1), MeanLight(image, srgb, 1), 0.01f) << width << "x" << height;
+      EXPECT_NEAR(MeanLight(level, linear, 3), MeanLight(image, linear, 3), 0.01f) << width << "x" << height;
+    }
+  }
+}
+
+TEST(MipChain, TakesAThirdOfThePicture) {
+  const ByteCode code(false);
+  size_t bytes = 0;
+  for (const scene::ImageData& level : MakeMipChain(RandomImage(100, 60), code, code))
+    bytes += level.rgba.size();
+  EXPECT_LE(bytes, 100u * 60 * 4 / 3);
+}
+
+TEST(ByteCode, EncodesToTheNearestLight) {
+  for (const bool srgb : {false, true}) {
+    const ByteCode code(srgb);
+    for (int i = 0; i < 256; ++i) {
+      const auto byte = static_cast<uint8_t>(i);
+      EXPECT_EQ(code.Encode(code.Decode(byte)), byte);
+    }
+    EXPECT_EQ(code.Encode(-1), 0);
+    EXPECT_EQ(code.Encode(2), 255);
+  }
+}
+
+TEST(TextureSampler, MagnifiesBilinearlyWhateverTheFootprint) {
+  const scene::Scene scene = SceneOf(RandomImage(16, 16));
+  const TextureSampler textures(scene);
+  const scene::TextureRef& ref = scene.materials[0].base_color_texture;
+  for (uint64_t i = 0; i < 100; ++i) {
+    const Vec2 uv[2] = {{static_cast<float>(MixBits(i) >> 40) * 0x1p-24f, static_cast<float>(i) * 0.01f}, {}};
+    const Vec4 point = textures.Sample(ref, uv, /*srgb=*/true);
+    const Vec4 small = textures.Sample(ref, uv, SquareOf(0.9f / 16), /*srgb=*/true);
+    EXPECT_EQ(point.x, small.x);
+    EXPECT_EQ(point.y, small.y);
+    EXPECT_EQ(point.w, small.w);
+  }
+}
+
+TEST(TextureSampler, SeesTheMeanOfWhatItsFootprintCovers) {
+  const scene::Scene scene = SceneOf(RandomImage(32, 32));
+  const TextureSampler textures(scene);
+  const Vec2 uv[2] = {{0.3f, 0.6f}, {}};
+  for (const bool srgb : {false, true}) {
+    const scene::TextureRef& ref = scene.materials[0].base_color_texture;
+    const scene::Vec3 mean = textures.Mean(ref, srgb);
+    for (const float side : {1.0f, 50.0f, 1e30f}) {
+      const Vec4 seen = textures.Sample(ref, uv, SquareOf(side), srgb);
+      EXPECT_NEAR(seen.x, mean.x, 0.01f) << side;
+      EXPECT_NEAR(seen.z, mean.z, 0.01f) << side;
+    }
+  }
+}
+
+TEST(TextureSampler, LongFootprintsDoNotBlurAcross) {
+  scene::ImageData stripes;  // left half black, right half white
+  stripes.width = stripes.height = 64;
+  for (int i = 0; i < 64 * 64; ++i) {
+    const auto value = static_cast<uint8_t>(i % 64 < 32 ? 0 : 255);
+    stripes.rgba.insert(stripes.rgba.end(), {value, value, value, 255});
+  }
+  const scene::Scene scene = SceneOf(stripes);
+  const TextureSampler textures(scene);
+  Footprint tall;
+  tall.diameter[0][0] = {1.0f / 64, 0};
+  tall.diameter[0][1] = {0, 7.5f / 64};
+  const Vec2 uv[2] = {{0.45f, 0.5f}, {}};
+  EXPECT_LT(textures.Sample(scene.materials[0].base_color_texture, uv, tall, true).x, 0.01f);
+  const Vec2 other[2] = {{0.55f, 0.5f}, {}};
+  EXPECT_GT(textures.Sample(scene.materials[0].base_color_texture, other, tall, true).x, 0.99f);
+}
+
+/// A checkered floor to the horizon at one sample a pixel: where fields are far smaller than pixels T is
+/// grey.
+TEST(Renderer, FarTexturesDoNotShimmer) {
+  scene::Scene scene = SceneOf(Checker(2));
+  scene.materials.push_back(testing::Emitter({1, 1, 1}));
+  scene::Mesh floor = testing::QuadMesh({-500, 0, -1000}, {0, 0, 1000}, {1000, 0, 0}, 0);
+  for (Vec2& uv : floor.uvs[0]) uv = uv * 1000;
+  testing::Place(&scene, std::move(floor));
+  testing::Place(&scene, testing::QuadMesh({-1, 50, -1}, {2, 0, 0}, {0, 0, 2}, 1));
+  scene.cameras = {testing::LookAt({0, 1, 0}, {0, 0.9f, -1}, 0.5f)};
+  constexpr int kSize = 96;
+  const LayeredImage image = RenderAll(*MakeRenderer(scene, SettingsOf(kSize, kSize, 0)), kSize, kSize, 1);
+  const ConstFloatView albedo = image.GetColor(layers::kAlbedo)[1];
+  double sum = 0;
+  double squares = 0;
+  int count = 0;
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) {
+      const auto t = static_cast<double>(albedo.At(x, y));
+      const double below_horizon = (y + 0.5 - kSize / 2.0) / kSize * 2 * std::tan(0.25) + std::tan(0.0997);
+      if (below_horizon < 0.005 || below_horizon > 0.03) continue;  // 33 m to 200 m away
+      sum += t;
+      squares += t * t;
+      ++count;
+    }
+  }
+  ASSERT_GT(count, 100);
+  const double mean = sum / count;
+  EXPECT_NEAR(mean, 0.5, 0.02);
+  EXPECT_LT(squares / count - mean * mean, 0.01);  // point samples of black and white have 0.25
+}
+
+}  // namespace
+}  // namespace lumifold::render

@@ -1,0 +1,58 @@
+#include "worker/render/opacity.h"
+
+#include "worker/render/microfacet.h"
+#include "worker/render/texture.h"
+
+namespace lumifold::render {
+namespace {
+
+using scene::Material;
+using scene::Mesh;
+using scene::Scene;
+
+bool HasAlpha(const Material& material, const Mesh& mesh) {
+  return material.alpha_mode != scene::AlphaMode::kOpaque &&
+         (material.alpha < 1 || material.base_color_texture.texture != scene::kNone || !mesh.colors.empty());
+}
+
+/// Whether the material may anywhere be what Bsdf::StraightTransmittance lets through.
+bool MayBeClearPane(const Material& material) {
+  const bool smooth = material.roughness * material.roughness < kDeltaAlpha ||
+                      material.metallic_roughness_texture.texture != scene::kNone;
+  return material.transmission > 0 && !material.has_volume && !material.unlit && smooth;
+}
+
+}  // namespace
+
+Openness OpennessOf(const Scene& scene, const Mesh& mesh) {
+  if (mesh.material == scene::kNone) return Openness::kSolid;
+  const Material& material = scene.materials[mesh.material];
+  const bool has_alpha = HasAlpha(material, mesh);
+  if (MayBeClearPane(material) || (has_alpha && material.alpha_mode == scene::AlphaMode::kBlend))
+    return Openness::kVeil;
+  return has_alpha ? Openness::kHoles : Openness::kSolid;
+}
+
+float OpacityAt(const Scene& scene, const Mesh& mesh, uint32_t triangle, float u, float v) {
+  if (mesh.material == scene::kNone) return 1;
+  const Material& material = scene.materials[mesh.material];
+  if (!HasAlpha(material, mesh)) return 1;
+  const uint32_t* corners = &mesh.triangles[static_cast<size_t>(triangle) * 3];
+  const float w = 1.0f - u - v;
+  float alpha = material.alpha;
+  if (!mesh.colors.empty()) {
+    const auto at = [&](int corner) { return mesh.colors[corners[corner]].w; };
+    alpha *= at(0) * w + at(1) * u + at(2) * v;
+  }
+  const scene::TextureRef& ref = material.base_color_texture;
+  if (ref.texture != scene::kNone) {
+    scene::Vec2 uv;
+    const auto& uvs = mesh.uvs[ref.uv_set];
+    if (!uvs.empty()) uv = uvs[corners[0]] * w + uvs[corners[1]] * u + uvs[corners[2]] * v;
+    alpha *= SampleAlpha(scene, ref, uv);
+  }
+  if (material.alpha_mode == scene::AlphaMode::kMask) return alpha >= material.alpha_cutoff ? 1.0f : 0.0f;
+  return alpha;
+}
+
+}  // namespace lumifold::render

@@ -1,0 +1,32 @@
+#include "worker/render/visibility.h"
+
+#include "worker/render/bsdf.h"
+#include "worker/render/opacity.h"
+
+namespace lumifold::render {
+
+Vec3 Visibility::ThroughVeils(const Ray& ray) const {
+  Vec3 share = {1, 1, 1};
+  Veils veils = embree_->VeilsOn(ray, nullptr);
+  for (;;) {
+    for (int i = 0; i < veils.count; ++i) {
+      share *= ThroughVeil(veils.hits[i], ray);
+      if (MaxComponent(share) <= 0) return share;
+    }
+    if (veils.count < Veils::kMost) return share;
+    const Hit last = veils.hits.back();
+    veils = embree_->VeilsOn(ray, &last);
+  }
+}
+
+Vec3 Visibility::ThroughVeil(const Hit& hit, const Ray& ray) const {
+  const scene::Mesh& mesh = scene_->meshes[scene_->instances[hit.instance].mesh];
+  const float opacity = OpacityAt(*scene_, mesh, hit.triangle, hit.u, hit.v);
+  const Vec3 past = Vec3{1, 1, 1} * (1.0f - opacity);
+  if (opacity <= 0 || scene_->materials[mesh.material].transmission <= 0) return past;
+  const Surface surface = surfaces_->Read(hit, ray);
+  const Bsdf bsdf(surfaces_->Shade(surface), *albedos_, surface.normal, surface.geometric, -ray.direction);
+  return past + bsdf.StraightTransmittance() * opacity;
+}
+
+}  // namespace lumifold::render

@@ -26,7 +26,7 @@ class MergedUnits {
  public:
   static absl::StatusOr<MergedUnits> Open(const DataFolder& folder, const JobRecord& job,
                                           std::vector<UnitRecord> records);
-  absl::StatusOr<LayeredImage> Read(const UnitKey& key) const;
+  absl::StatusOr<EdgedImage> Read(const UnitKey& key) const;
 
  private:
   explicit MergedUnits(const v1::JobSpec& spec) : units_(spec), rows_(static_cast<size_t>(units_.count())) {}
@@ -55,7 +55,7 @@ absl::StatusOr<MergedUnits> MergedUnits::Open(const DataFolder& folder, const Jo
   return merged;
 }
 
-absl::StatusOr<LayeredImage> MergedUnits::Read(const UnitKey& key) const {
+absl::StatusOr<EdgedImage> MergedUnits::Read(const UnitKey& key) const {
   const UnitRecord* row = rows_[static_cast<size_t>(*units_.NumberOf(key))];
   if (row == nullptr)
     return absl::DataLossError(absl::StrCat("ledger: tile ", key.tile, " is not merged whole"));
@@ -65,11 +65,11 @@ absl::StatusOr<LayeredImage> MergedUnits::Read(const UnitKey& key) const {
     return absl::DataLossError(absl::StrCat(row->file, ": record at ", row->offset, " is of ",
                                             Describe(stored->unit), ", not of ", Describe(row->unit)));
   }
-  return std::move(stored->pixels);
+  return std::move(stored->image);
 }
 
-absl::StatusOr<LayeredImage> ReadFilm(const DataFolder& folder, ledger::JobStore& store, const JobRecord& job,
-                                      int32_t frame, TaskPool* pool) {
+absl::StatusOr<EdgedImage> ReadFilm(const DataFolder& folder, ledger::JobStore& store, const JobRecord& job,
+                                    int32_t frame, TaskPool* pool) {
   absl::StatusOr<std::vector<UnitRecord>> records = store.FrameUnits(job.id, frame);
   if (!records.ok()) return records.status();
   const absl::StatusOr<MergedUnits> units = MergedUnits::Open(folder, job, *std::move(records));
@@ -87,14 +87,14 @@ absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::Job
   if (!job.ok()) return job.status();
   v1::StageTimes times;
   const absl::Time start = now();
-  absl::StatusOr<LayeredImage> film = ReadFilm(folder, store, *job, frame, pool);
+  absl::StatusOr<EdgedImage> film = ReadFilm(folder, store, *job, frame, pool);
   if (!film.ok()) return film.status();
   const absl::Time assembled = now();
   absl::StatusOr<std::array<Plane, 3>> filtered =
-      filter::FilterFilm(*film, job->spec.filter().method(), pool);
+      filter::FilterFilm(film->pixels, job->spec.filter().method(), pool, &film->edges);
   if (!filtered.ok()) return filtered.status();
   const absl::Time filtered_at = now();
-  const LayeredImage result =
+  const EdgedImage result =
       film::BuildResult(*std::move(film), *std::move(filtered),
                         {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class});
   if (absl::Status status = MakeFolder(folder.ResultsPath(job_id)); !status.ok()) return status;

@@ -2,8 +2,7 @@
 
 #include <optional>
 #include <string>
-
-#include "server/film/unit_layout.h"
+#include <utility>
 
 namespace lumifold::server {
 
@@ -60,15 +59,10 @@ void WorkerSession::OnChunk(const v1::UnitChunk& chunk) {
 }
 
 absl::Status WorkerSession::Take(const v1::UnitChunk& chunk, const LeaseName& lease, const Rect& rect) {
-  const auto [entry, is_new] = arriving_.try_emplace(lease, film::UnitLimits(rect));
-  rpc::PixelAssembler& assembler = entry->second;
-  if (absl::Status status = assembler.Add(chunk.pixels()); !status.ok()) return status;
-  if (is_new) {
-    const absl::Status status = film::CheckUnitLayout(lease.first.key.kind, rect, *assembler.layout());
-    if (!status.ok()) return status;
-  }
-  if (!assembler.IsComplete()) return absl::OkStatus();
-  film::StoredUnit unit{lease.first, lease.second, chunk.stats(), assembler.Take()};
+  const auto entry = arriving_.try_emplace(lease, lease.first.key.kind, rect).first;
+  if (absl::Status status = entry->second.Add(chunk); !status.ok()) return status;
+  if (!entry->second.IsComplete()) return absl::OkStatus();
+  film::StoredUnit unit{lease.first, lease.second, chunk.stats(), entry->second.Take()};
   arriving_.erase(entry);
   coordinator_->Deliver(worker_, std::move(unit));
   return absl::OkStatus();

@@ -7,8 +7,8 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "lumifold/v1/worker.pb.h"
-#include "proto/rpc/image_codec.h"
 #include "server/coordinator_impl.h"
+#include "server/film/unit_assembler.h"
 
 namespace lumifold::server {
 
@@ -41,7 +41,7 @@ class WorkerSession {
 
   Coordinator* const coordinator_;
   const scheduler::WorkerId worker_;
-  std::map<LeaseName, rpc::PixelAssembler> arriving_;
+  std::map<LeaseName, film::UnitAssembler> arriving_;
 };
 
 }  // namespace lumifold::server

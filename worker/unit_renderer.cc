@@ -129,12 +129,12 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
   render::RenderCounts counts;
   const Rect rect = RectOf(lease.rect());
   if (lease.unit().kind() == v1::UNIT_KIND_GEOMETRY) {
-    unit.pixels = (*renderer)->RenderGeometry(rect, lease.unit().frame());
+    unit.image = (*renderer)->RenderGeometry(rect, lease.unit().frame());
     for (const std::string& warning : (*renderer)->warnings()) unit.stats.add_warnings(warning);
   } else {
     const render::SampleRange range = {static_cast<uint32_t>(lease.first_sample()),
                                        static_cast<uint32_t>(lease.last_sample())};
-    unit.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), range, &counts);
+    unit.image.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), range, &counts);
   }
   if (static_cast<double>(counts.bad_samples) > kMaxBadShare * static_cast<double>(counts.samples)) {
     return absl::DataLossError(absl::StrFormat("%s: %d of %d samples are not finite in the tile at %d,%d",

@@ -7,7 +7,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
-#include "filter/image/layered_image.h"
+#include "filter/image/edged_image.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
 #include "worker/asset_source.h"
@@ -15,9 +15,9 @@
 
 namespace lumifold::worker {
 
-/// A unit's pixels and what its rendering counted.
+/// A unit's pixels, its edge set where it is a geometry unit, and what its rendering counted.
 struct RenderedUnit {
-  LayeredImage pixels;
+  EdgedImage image;
   v1::UnitStats stats;
 };
 

@@ -22,16 +22,28 @@ std::string Describe(const v1::UnitId& unit) {
                       " kind=", unit.kind() == v1::UNIT_KIND_GEOMETRY ? "geometry" : "pass");
 }
 
+v1::WorkerMessage MakeChunk(const v1::Lease& lease) {
+  v1::WorkerMessage message;
+  *message.mutable_chunk()->mutable_unit() = lease.unit();
+  message.mutable_chunk()->set_attempt(lease.attempt());
+  return message;
+}
+
 void SendUnit(const v1::Lease& lease, const RenderedUnit& unit, Outbox* outbox) {
-  rpc::PixelChunker chunker(unit.pixels);
-  v1::PixelChunk pixels;
-  while (chunker.Next(&pixels)) {
-    v1::WorkerMessage message;
-    v1::UnitChunk* chunk = message.mutable_chunk();
-    *chunk->mutable_unit() = lease.unit();
-    chunk->set_attempt(lease.attempt());
-    if (pixels.last()) *chunk->mutable_stats() = unit.stats;
-    chunk->mutable_pixels()->Swap(&pixels);
+  v1::PixelChunk piece;
+  if (unit.image.edges.height() > 0) {
+    rpc::PixelChunker edges(unit.image.edges);
+    while (edges.Next(&piece)) {
+      v1::WorkerMessage message = MakeChunk(lease);
+      message.mutable_chunk()->mutable_edges()->Swap(&piece);
+      outbox->Send(std::move(message));
+    }
+  }
+  rpc::PixelChunker pixels(unit.image.pixels);
+  while (pixels.Next(&piece)) {
+    v1::WorkerMessage message = MakeChunk(lease);
+    if (piece.last()) *message.mutable_chunk()->mutable_stats() = unit.stats;
+    message.mutable_chunk()->mutable_pixels()->Swap(&piece);
     outbox->Send(std::move(message));
   }
 }

@@ -7,14 +7,18 @@
 #include <ImfIO.h>
 #include <ImfInputPart.h>
 #include <ImfMultiPartInputFile.h>
+#include <ImfMultiPartOutputFile.h>
 #include <ImfOutputFile.h>
+#include <ImfOutputPart.h>
 #include <ImfPartType.h>
 #include <ImfStringAttribute.h>
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <exception>
 #include <new>
+#include <utility>
 
 #include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
@@ -25,6 +29,9 @@ namespace {
 
 /// Channels a picture may have at most: ours have under a hundred, a damaged header may list any number.
 constexpr int kMaxChannels = 1024;
+
+/// The parts of a picture with an edge set.
+constexpr std::array<const char*, 2> kPartNames = {"picture", "edges"};
 
 /// An OpenEXR file in memory, so that the disk sees it whole or not at all.
 class StringStream final : public Imf::OStream {
@@ -87,33 +94,71 @@ Imf::Slice SliceOf(FloatView view, int x0, int y0) {
   return Imf::Slice(Imf::FLOAT, base, sizeof(float), static_cast<size_t>(row_bytes));
 }
 
-std::string Encode(const std::string& path, const LayeredImage& image) {
-  Imf::Header header(image.width(), image.height());
+Imath::Box2i WindowOf(const LayeredImage& image) { return {{0, 0}, {image.width() - 1, image.height() - 1}}; }
+
+/// A header with the picture's channels and metadata; `display` is what the whole file shows.
+Imf::Header HeaderOf(const LayeredImage& image, const Imath::Box2i& display) {
+  Imf::Header header(display, WindowOf(image));
   header.compression() = Imf::ZIP_COMPRESSION;
   for (const auto& [name, value] : image.metadata()) header.insert(name, Imf::StringAttribute(value));
+  for (const LayeredImage::Channel& channel : image.channels())
+    header.channels().insert(channel.name, Imf::Channel(Imf::FLOAT));
+  return header;
+}
+
+Imf::FrameBuffer FrameOf(const LayeredImage& image) {
   Imf::FrameBuffer frame;
   for (const LayeredImage::Channel& channel : image.channels()) {
-    header.channels().insert(channel.name, Imf::Channel(Imf::FLOAT));
     const ConstFloatView view = channel.plane.view();
     // OpenEXR's slices are for both directions and so never const.
     const FloatView writable(const_cast<float*>(view.Row(0)), view.width(), view.height(), view.stride());
     frame.insert(channel.name, SliceOf(writable, 0, 0));
   }
+  return frame;
+}
+
+std::string Encode(const std::string& path, const LayeredImage& image) {
   StringStream stream(path);
   {
-    Imf::OutputFile file(stream, header);
-    file.setFrameBuffer(frame);
+    Imf::OutputFile file(stream, HeaderOf(image, WindowOf(image)));
+    file.setFrameBuffer(FrameOf(image));
     file.writePixels(image.height());
   }  // the destructor writes the table of lines
   return stream.bytes();
 }
 
-absl::Status CheckHeader(const std::string& path, const Imf::MultiPartInputFile& file) {
+std::string EncodeParts(const std::string& path, const EdgedImage& image) {
+  const std::array<const LayeredImage*, 2> pictures = {&image.pixels, &image.edges};
+  std::array<Imf::Header, 2> headers;
+  for (size_t i = 0; i < pictures.size(); ++i) {
+    headers[i] = HeaderOf(*pictures[i], WindowOf(image.pixels));
+    headers[i].setName(kPartNames[i]);
+    headers[i].setType(Imf::SCANLINEIMAGE);
+  }
+  StringStream stream(path);
+  {
+    Imf::MultiPartOutputFile file(stream, headers.data(), static_cast<int>(headers.size()));
+    for (size_t i = 0; i < pictures.size(); ++i) {
+      Imf::OutputPart part(file, static_cast<int>(i));
+      part.setFrameBuffer(FrameOf(*pictures[i]));
+      part.writePixels(pictures[i]->height());
+    }
+  }
+  return stream.bytes();
+}
+
+absl::Status CheckParts(const std::string& path, const Imf::MultiPartInputFile& file) {
+  const bool has_edges =
+      file.parts() == 2 && file.header(1).hasName() && file.header(1).name() == kPartNames[1];
+  if (file.parts() == 1 || has_edges) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": has several parts; only single-part OpenEXR is read"));
+}
+
+absl::Status CheckHeader(const std::string& path, const Imf::Header& header) {
   const auto invalid = [&path](const std::string& why) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": ", why));
   };
-  if (file.parts() != 1) return invalid("has several parts; only single-part OpenEXR is read");
-  const Imf::Header& header = file.header(0);
   if (header.hasType() && Imf::isDeepData(header.type()))
     return invalid("holds deep data, which is not read");
   const Imath::Box2i& window = header.dataWindow();
@@ -143,9 +188,10 @@ void ReadMetadata(const Imf::Header& header, LayeredImage* image) {
   }
 }
 
-absl::Status ReadPart(const std::string& path, Imf::MultiPartInputFile& file, LayeredImage* image) {
-  if (const absl::Status checked = CheckHeader(path, file); !checked.ok()) return checked;
-  const Imf::Header& header = file.header(0);
+absl::Status ReadPart(const std::string& path, Imf::MultiPartInputFile& file, int number,
+                      LayeredImage* image) {
+  const Imf::Header& header = file.header(number);
+  if (const absl::Status checked = CheckHeader(path, header); !checked.ok()) return checked;
   const Imath::Box2i window = header.dataWindow();
   *image = LayeredImage(window.max.x - window.min.x + 1, window.max.y - window.min.y + 1);
   ReadMetadata(header, image);
@@ -155,49 +201,72 @@ absl::Status ReadPart(const std::string& path, Imf::MultiPartInputFile& file, La
   }
   // Pixels are read even to learn whether the file is whole: isComplete() looks at the table of lines only,
   // which a file cut short still has.
-  Imf::InputPart part(file, 0);
+  Imf::InputPart part(file, number);
   part.setFrameBuffer(frame);
   part.readPixels(window.min.y, window.max.y);
   return absl::OkStatus();
 }
 
-}  // namespace
+absl::Status ReadParts(const std::string& path, Imf::MultiPartInputFile& file, EdgedImage* image) {
+  if (absl::Status status = CheckParts(path, file); !status.ok()) return status;
+  if (absl::Status status = ReadPart(path, file, 0, &image->pixels); !status.ok()) return status;
+  return file.parts() == 2 ? ReadPart(path, file, 1, &image->edges) : absl::OkStatus();
+}
 
-absl::Status WriteExr(const std::string& path, const LayeredImage& image) {
+absl::StatusOr<LayeredImage> PixelsOf(absl::StatusOr<EdgedImage> image) {
+  if (!image.ok()) return image.status();
+  return std::move(image->pixels);
+}
+
+absl::Status WriteEncoded(const std::string& path, const LayeredImage& image,
+                          absl::FunctionRef<std::string()> encode) {
   if (image.width() <= 0 || image.height() <= 0 || image.channels().empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat("cannot write ", path, ": the picture has no pixels or no channels"));
   }
   std::string bytes;
   const absl::Status status = CatchExr(path, [&] {
-    bytes = Encode(path, image);
+    bytes = encode();
     return absl::OkStatus();
   });
   return status.ok() ? WriteFileAtomically(path, bytes) : status;
 }
 
-absl::StatusOr<LayeredImage> ReadExr(const std::string& path) {
+}  // namespace
+
+absl::Status WriteExr(const std::string& path, const LayeredImage& image) {
+  return WriteEncoded(path, image, [&] { return Encode(path, image); });
+}
+
+absl::Status WriteExr(const std::string& path, const EdgedImage& image) {
+  if (image.edges.channels().empty()) return WriteExr(path, image.pixels);
+  return WriteEncoded(path, image.pixels, [&] { return EncodeParts(path, image); });
+}
+
+absl::StatusOr<EdgedImage> ReadEdgedExr(const std::string& path) {
   struct stat info;
   if (stat(path.c_str(), &info) != 0) return absl::NotFoundError(absl::StrCat(path, ": no such file"));
   if (!S_ISREG(info.st_mode)) return absl::InvalidArgumentError(absl::StrCat(path, ": not a regular file"));
-  LayeredImage image;
+  EdgedImage image;
   const absl::Status status = CatchExr(path, [&] {
     Imf::MultiPartInputFile file(path.c_str());
-    return ReadPart(path, file, &image);
+    return ReadParts(path, file, &image);
   });
   if (!status.ok()) return status;
   return image;
 }
 
+absl::StatusOr<LayeredImage> ReadExr(const std::string& path) { return PixelsOf(ReadEdgedExr(path)); }
+
 absl::StatusOr<LayeredImage> DecodeExr(const std::string& name, std::string_view bytes) {
-  LayeredImage image;
+  EdgedImage image;
   const absl::Status status = CatchExr(name, [&] {
     ViewStream stream(name, bytes);
     Imf::MultiPartInputFile file(stream);
-    return ReadPart(name, file, &image);
+    return ReadParts(name, file, &image);
   });
   if (!status.ok()) return status;
-  return image;
+  return std::move(image.pixels);
 }
 
 }  // namespace lumifold

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "filter/image/edged_image.h"
 #include "filter/image/layered_image.h"
 
 namespace lumifold {
@@ -20,10 +21,18 @@ inline constexpr int64_t kMaxPixels = int64_t{1} << 28;
 /// safe for different paths. The same picture gives the same bytes.
 absl::Status WriteExr(const std::string& path, const LayeredImage& image);
 
-/// Reads all channels of a single-part file as float, and its string attributes as metadata.
+/// The same for a picture with its edge set, which becomes a second part called "edges". Without edges the
+/// file has one part, as above.
+absl::Status WriteExr(const std::string& path, const EdgedImage& image);
+
+/// Reads all channels of a picture as float, and its string attributes as metadata. An edge set beside it is
+/// left out.
 /// Errors: kNotFound; kInvalidArgument naming the file for anything that is not a whole OpenEXR picture (deep
-/// and multi-part files, a file cut short, a size over kMaxPixels).
+/// files, those of several parts but an edge set's, a file cut short, a size over kMaxPixels).
 absl::StatusOr<LayeredImage> ReadExr(const std::string& path);
+
+/// Reads what WriteExr wrote, edge set and all. Errors: as ReadExr.
+absl::StatusOr<EdgedImage> ReadEdgedExr(const std::string& path);
 
 /// The same for a file's bytes in memory; `name` is what errors call it.
 absl::StatusOr<LayeredImage> DecodeExr(const std::string& name, std::string_view bytes);

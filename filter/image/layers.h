@@ -1,21 +1,25 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <string>
 #include <string_view>
+#include <vector>
 
 /// The names of channels, alike in units, films and OpenEXR files. A unit holds sums, a film and a file hold
 /// means.
 namespace lumifold::layers {
 
 // Colour layers, each LAYER.R LAYER.G LAYER.B. The finished picture itself is plain R G B A.
-inline constexpr std::string_view kBeauty;                       // no prefix
-inline constexpr std::string_view kNoisy = "noisy";              // C, the path's whole radiance
-inline constexpr std::string_view kDirect = "direct";            // D
-inline constexpr std::string_view kIndirect = "indirect";        // I
-inline constexpr std::string_view kAlbedo = "albedo";            // T
-inline constexpr std::string_view kEmission = "emission";        // E
-inline constexpr std::string_view kReflection1 = "reflection1";  // R, first level
+inline constexpr std::string_view kBeauty;                 // no prefix
+inline constexpr std::string_view kNoisy = "noisy";        // C, the path's whole radiance
+inline constexpr std::string_view kDirect = "direct";      // D
+inline constexpr std::string_view kIndirect = "indirect";  // I
+inline constexpr std::string_view kAlbedo = "albedo";      // T
+inline constexpr std::string_view kEmission = "emission";  // E
+inline constexpr std::string_view kGlossy = "glossy";      // G, glossy lobes of the first surface over S
+inline constexpr std::string_view kSpecular = "specular";  // S, the directional albedo of those lobes
+inline constexpr std::string_view kReflection1 = "reflection1";  // R = C - (D + I) T - E, in files alone
 
 // Single channels of the geometry unit. Mask is METHODS' validity: 1 where a surface with a diffuse lobe is
 // seen.
@@ -27,13 +31,57 @@ inline constexpr std::string_view kDistance = "distance.Z";  // along the ray; 0
 inline constexpr std::string_view kObjectId = "id.Y";  // 1-based instance number; 0 where nothing is hit
 inline constexpr std::string_view kMask = "mask.Y";    // fraction of samples with a valid surface
 inline constexpr std::string_view kAlpha = "A";        // coverage: fraction of samples that hit anything
+inline constexpr std::string_view kRoughness = "roughness.Y";  // GGX alpha of the reflecting lobe; 1 without
 
 // Sample counts of the halves, per pixel.
 inline constexpr std::string_view kSamplesA = "samples_a.Y";
 inline constexpr std::string_view kSamplesB = "samples_b.Y";
 
+// Where an edge pixel lies in the whole frame; the other channels of the edge set have the names above.
+inline constexpr std::string_view kPixelX = "pixel.X";
+inline constexpr std::string_view kPixelY = "pixel.Y";
+
 /// The layers that are kept in two independent halves, in the order they are stored.
-inline constexpr std::array<std::string_view, 4> kHalved = {kNoisy, kDirect, kIndirect, kReflection1};
+inline constexpr std::array<std::string_view, 4> kHalved = {kNoisy, kDirect, kIndirect, kGlossy};
+/// The layers that are kept once, over all samples.
+inline constexpr std::array<std::string_view, 3> kWhole = {kAlbedo, kEmission, kSpecular};
+
+/// A level: the surface that is met after `depth` perfectly specular events, the first of which was of this
+/// kind.
+enum class Branch { kReflection, kTransmission };
+inline constexpr int kMaxDepth = 3;
+inline constexpr size_t kLevelCount = 2 * kMaxDepth;
+
+struct Level {
+  Branch branch = Branch::kReflection;
+  int depth = 1;  // 1 to kMaxDepth
+
+  /// Number of the level in [0, kLevelCount): reflection 1, 2, 3, then transmission 1, 2, 3.
+  constexpr size_t index() const {
+    return static_cast<size_t>(branch) * kMaxDepth + static_cast<size_t>(depth - 1);
+  }
+  static constexpr Level Of(size_t index) {
+    return {static_cast<Branch>(index / kMaxDepth), static_cast<int>(index % kMaxDepth) + 1};
+  }
+};
+
+/// What a level is made of: the layers kept in halves (means over the samples that met a diffuse surface
+/// there, counted by the level's own kSamplesA and kSamplesB), those kept once (means over all samples of the
+/// pixel, the chain's throughput in them), and its features.
+inline constexpr std::array<std::string_view, 2> kLevelHalved = {kDirect, kIndirect};
+inline constexpr std::array<std::string_view, 2> kLevelWhole = {kAlbedo, kEmission};
+inline constexpr std::array<std::string_view, 6> kLevelFeatures = {kNormalX,  kNormalY, kNormalZ,
+                                                                   kDistance, kMask,    kObjectId};
+
+/// "reflection1", "transmission3".
+inline std::string NameOf(Level level) {
+  return (level.branch == Branch::kReflection ? "reflection" : "transmission") + std::to_string(level.depth);
+}
+
+/// The level's own layer or channel: "direct" -> "reflection1_direct", "N.X" -> "reflection1_N.X".
+inline std::string OfLevel(Level level, std::string_view name) {
+  return NameOf(level) + "_" + std::string(name);
+}
 
 /// "direct" -> "direct_a" / "direct_b".
 inline std::string HalfA(std::string_view layer) { return std::string(layer) + "_a"; }
@@ -44,5 +92,15 @@ inline std::array<std::string, 3> ColorChannels(std::string_view layer) {
   const std::string prefix = layer.empty() ? "" : std::string(layer) + ".";
   return {prefix + "R", prefix + "G", prefix + "B"};
 }
+
+/// The channels a pass unit has of a level some sample has reached, all sums: the halves of kLevelHalved
+/// ("reflection1_direct_a.R" ...), kLevelWhole, and the two sample counts.
+std::vector<std::string> LevelPassChannels(Level level);
+
+/// The channels a geometry unit has of a level some sub-pixel has reached: kLevelFeatures.
+std::vector<std::string> LevelFeatureChannels(Level level);
+
+/// The channels of an edge set, see EdgedImage.
+std::vector<std::string> EdgeChannels();
 
 }  // namespace lumifold::layers

@@ -135,7 +135,7 @@ const std::vector<Method>& Methods() {
 }
 
 absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
-                                                TaskPool* pool) {
+                                                TaskPool* pool, const LayeredImage* edges) {
   const bool is_known =
       std::any_of(Methods().begin(), Methods().end(), [&](const Method& m) { return m.name == method; });
   if (!is_known)
@@ -146,6 +146,10 @@ absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::s
     return Unfiltered(film);
   }
   if (const absl::Status status = CheckChannels(film, ChannelsToFilter()); !status.ok()) return status;
+  if (edges != nullptr && !edges->channels().empty()) {
+    const absl::Status status = CheckChannels(*edges, layers::EdgeChannels());
+    if (!status.ok()) return status;
+  }
   if (method == "paper") return FilterLayers(film, FilterLayerOnce, pool);
   std::array<Plane, 3> picture = FilterLayers(film, FilterLayer, pool);
   ShrinkResidual(film, pool, &picture);

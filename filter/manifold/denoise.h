@@ -27,10 +27,11 @@ const std::vector<Method>& Methods();
 ///          samples_b.Y. Result: W x H, R G B.
 /// Units:   linear scene-referred radiance; metres.
 /// Edges:   clamped.
+/// `edges`: the film's edge set, see EdgedImage; null or without channels where there is none.
 /// Errors:  kInvalidArgument naming a channel that is missing, or an unknown method.
 /// Threads: safe concurrently; the result is identical for any pool, null included.
 /// Source:  Gruzdev, Frolov & Ignatenko 2015; oracle: manifold_slow.cc.
 absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
-                                                TaskPool* pool);
+                                                TaskPool* pool, const LayeredImage* edges = nullptr);
 
 }  // namespace lumifold::filter

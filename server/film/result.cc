@@ -21,6 +21,25 @@ void MoveColor(std::string_view layer, LayeredImage* from, LayeredImage* to) {
   for (const std::string& name : layers::ColorChannels(layer)) MoveChannel(name, from, to);
 }
 
+/// R, what the diffuse surface seen first and its own light leave of C.
+void AddReflection(LayeredImage* result) {
+  const ColorView reflection = result->AddColor(layers::kReflection1);
+  const LayeredImage& film = *result;
+  const ConstColorView noisy = film.GetColor(layers::kNoisy);
+  const ConstColorView direct = film.GetColor(layers::kDirect);
+  const ConstColorView indirect = film.GetColor(layers::kIndirect);
+  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
+  const ConstColorView emission = film.GetColor(layers::kEmission);
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < film.height(); ++y) {
+      for (int x = 0; x < film.width(); ++x) {
+        const float diffuse = (direct[c].At(x, y) + indirect[c].At(x, y)) * albedo[c].At(x, y);
+        reflection[c].At(x, y) = noisy[c].At(x, y) - diffuse - emission[c].At(x, y);
+      }
+    }
+  }
+}
+
 void Describe(const ResultInfo& info, LayeredImage* result) {
   auto& metadata = result->metadata();
   const v1::JobSpec& spec = info.spec;
@@ -40,30 +59,27 @@ void Describe(const ResultInfo& info, LayeredImage* result) {
 
 }  // namespace
 
-LayeredImage BuildResult(LayeredImage film, std::array<Plane, 3> filtered, const ResultInfo& info) {
-  LayeredImage result(film.width(), film.height());
+EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const ResultInfo& info) {
+  LayeredImage result(film.pixels.width(), film.pixels.height());
   const auto beauty = layers::ColorChannels(layers::kBeauty);
   for (size_t c = 0; c < beauty.size(); ++c) result.Add(beauty[c], std::move(filtered[c]));
-  MoveChannel(layers::kAlpha, &film, &result);
-  for (const std::string_view layer : {layers::kNoisy, layers::kDirect, layers::kIndirect, layers::kAlbedo,
-                                       layers::kEmission, layers::kReflection1}) {
-    MoveColor(layer, &film, &result);
+  MoveChannel(layers::kAlpha, &film.pixels, &result);
+  for (const std::string_view layer :
+       {layers::kNoisy, layers::kDirect, layers::kIndirect, layers::kAlbedo, layers::kEmission}) {
+    MoveColor(layer, &film.pixels, &result);
   }
+  AddReflection(&result);
   for (const std::string_view name : {layers::kNormalX, layers::kNormalY, layers::kNormalZ,
                                       layers::kPlanarDepth, layers::kDistance, layers::kObjectId}) {
-    MoveChannel(name, &film, &result);
+    MoveChannel(name, &film.pixels, &result);
   }
   if (info.spec.save_film()) {
-    for (const std::string_view layer : layers::kHalved) {
-      MoveColor(layers::HalfA(layer), &film, &result);
-      MoveColor(layers::HalfB(layer), &film, &result);
-    }
-    for (const std::string_view name : {layers::kMask, layers::kSamplesA, layers::kSamplesB}) {
-      MoveChannel(name, &film, &result);
+    for (LayeredImage::Channel& channel : film.pixels.channels()) {
+      if (!result.Has(channel.name)) result.Add(channel.name, std::move(channel.plane));
     }
   }
   Describe(info, &result);
-  return result;
+  return {std::move(result), info.spec.save_film() ? std::move(film.edges) : LayeredImage()};
 }
 
 }  // namespace lumifold::film

@@ -3,7 +3,7 @@
 #include <array>
 #include <string>
 
-#include "filter/image/layered_image.h"
+#include "filter/image/edged_image.h"
 #include "lumifold/v1/job.pb.h"
 
 namespace lumifold::film {
@@ -17,9 +17,9 @@ struct ResultInfo {
 };
 
 /// Makes a frame's result: `filtered` as R G B, coverage A, the usual layers of the film (noisy, direct,
-/// indirect, albedo, emission, reflection1, N, Z, distance.Z, id.Y); with save_film also the halves, the mask
-/// and the counts, so that it can be filtered again. Takes the film's planes over. `film` is what
-/// AssembleFilm makes, `filtered` has its size.
-LayeredImage BuildResult(LayeredImage film, std::array<Plane, 3> filtered, const ResultInfo& info);
+/// indirect, albedo, emission), reflection1 (what those leave: C - (D + I) T - E, still noisy), N, Z,
+/// distance.Z, id.Y; with save_film also all else the film has, and its edges, so that it can be filtered
+/// again. Takes the film's planes over. `film` is what AssembleFilm makes, `filtered` has its size.
+EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const ResultInfo& info);
 
 }  // namespace lumifold::film

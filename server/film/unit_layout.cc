@@ -1,12 +1,15 @@
 #include "server/film/unit_layout.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/layers.h"
 
 namespace lumifold::film {
 namespace {
+
+using layers::Level;
 
 std::vector<std::string> MakePassChannels() {
   std::vector<std::string> names;
@@ -17,11 +20,22 @@ std::vector<std::string> MakePassChannels() {
     add_color(layers::HalfA(layer));
     add_color(layers::HalfB(layer));
   }
-  add_color(layers::kAlbedo);
-  add_color(layers::kEmission);
+  for (const std::string_view layer : layers::kWhole) add_color(layer);
   names.emplace_back(layers::kSamplesA);
   names.emplace_back(layers::kSamplesB);
   return names;
+}
+
+int CountOf(const std::string& name, const v1::PixelLayout& layout) {
+  return static_cast<int>(std::count(layout.channels().begin(), layout.channels().end(), name));
+}
+
+absl::Status CheckEachOnce(const std::vector<std::string>& names, const v1::PixelLayout& layout) {
+  for (const std::string& name : names) {
+    if (CountOf(name, layout) != 1)
+      return absl::InvalidArgumentError(absl::StrCat("unit: channel ", name, " is not there once"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -33,9 +47,9 @@ const std::vector<std::string>& PassChannels() {
 
 const std::vector<std::string>& GeometryChannels() {
   static const auto& names = *new std::vector<std::string>{
-      std::string(layers::kNormalX),  std::string(layers::kNormalY),     std::string(layers::kNormalZ),
-      std::string(layers::kDistance), std::string(layers::kPlanarDepth), std::string(layers::kObjectId),
-      std::string(layers::kMask),     std::string(layers::kAlpha)};
+      std::string(layers::kNormalX),     std::string(layers::kNormalY),   std::string(layers::kNormalZ),
+      std::string(layers::kDistance),    std::string(layers::kMask),      std::string(layers::kObjectId),
+      std::string(layers::kPlanarDepth), std::string(layers::kRoughness), std::string(layers::kAlpha)};
   return names;
 }
 
@@ -43,7 +57,16 @@ rpc::PixelLimits UnitLimits(const Rect& rect) {
   rpc::PixelLimits limits;
   limits.max_width = rect.width();
   limits.max_height = rect.height();
-  limits.max_channels = static_cast<int>(std::max(PassChannels().size(), GeometryChannels().size()));
+  const size_t of_levels = layers::kLevelCount * layers::LevelPassChannels(Level{}).size();
+  limits.max_channels = static_cast<int>(PassChannels().size() + of_levels);
+  return limits;
+}
+
+rpc::PixelLimits EdgeLimits(const Rect& rect) {
+  rpc::PixelLimits limits;
+  limits.max_width = kSubSamples;
+  limits.max_height = rect.width() * rect.height();
+  limits.max_channels = static_cast<int>(layers::EdgeChannels().size());
   return limits;
 }
 
@@ -52,16 +75,45 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
     return absl::InvalidArgumentError(absl::StrCat("unit: size ", layout.width(), "x", layout.height(),
                                                    " where the tile has ", rect.width(), "x", rect.height()));
   }
-  const std::vector<std::string>& wanted =
-      kind == v1::UNIT_KIND_GEOMETRY ? GeometryChannels() : PassChannels();
-  for (const std::string& name : wanted) {
-    if (std::count(layout.channels().begin(), layout.channels().end(), name) != 1) {
-      return absl::InvalidArgumentError(absl::StrCat("unit: channel ", name, " is not there once"));
-    }
+  const bool is_geometry = kind == v1::UNIT_KIND_GEOMETRY;
+  const std::vector<std::string>& wanted = is_geometry ? GeometryChannels() : PassChannels();
+  if (absl::Status status = CheckEachOnce(wanted, layout); !status.ok()) return status;
+  size_t due = wanted.size();
+  for (size_t i = 0; i < layers::kLevelCount; ++i) {
+    const std::vector<std::string> of_level =
+        is_geometry ? layers::LevelFeatureChannels(Level::Of(i)) : layers::LevelPassChannels(Level::Of(i));
+    if (CountOf(of_level.front(), layout) == 0) continue;
+    if (absl::Status status = CheckEachOnce(of_level, layout); !status.ok()) return status;
+    due += of_level.size();
   }
-  if (layout.channels_size() != static_cast<int>(wanted.size())) {
+  if (layout.channels_size() != static_cast<int>(due)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("unit: ", layout.channels_size(), " channels where ", wanted.size(), " are due"));
+        absl::StrCat("unit: ", layout.channels_size(), " channels where ", due, " are due"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges) {
+  if (edges.channels().empty()) return absl::OkStatus();
+  const v1::PixelLayout layout = rpc::LayoutOf(edges);
+  const std::vector<std::string> wanted = layers::EdgeChannels();
+  if (absl::Status status = CheckEachOnce(wanted, layout); !status.ok()) return status;
+  if (edges.width() != kSubSamples || edges.channels().size() != wanted.size()) {
+    return absl::InvalidArgumentError(absl::StrCat("edge set: ", edges.width(), " sub-samples of ",
+                                                   edges.channels().size(), " channels where ", kSubSamples,
+                                                   " of ", wanted.size(), " are due"));
+  }
+  std::pair<float, float> last = {-1.0f, -1.0f};
+  for (int row = 0; row < edges.height(); ++row) {
+    const float x = edges.Get(layers::kPixelX).At(0, row);
+    const float y = edges.Get(layers::kPixelY).At(0, row);
+    const bool is_within = x >= static_cast<float>(rect.x0) && x < static_cast<float>(rect.x1) &&
+                           y >= static_cast<float>(rect.y0) && y < static_cast<float>(rect.y1);
+    if (!is_within || std::pair(y, x) <= last) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("edge set: the pixel ", x, ",", y, " of row ", row, " is not the tile's next"));
+    }
+    last = {y, x};
   }
   return absl::OkStatus();
 }

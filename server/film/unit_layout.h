@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "filter/image/edged_image.h"
 #include "filter/image/rect.h"
 #include "lumifold/v1/image.pb.h"
 #include "lumifold/v1/worker.pb.h"
@@ -11,18 +12,25 @@
 
 namespace lumifold::film {
 
-/// Channels of a pass unit, all sums: the halved layers as "direct_a.R" ... "direct_b.B"; albedo and emission
-/// over all samples; and the counts of good samples, samples_a.Y and samples_b.Y.
+/// Channels every pass unit has, all sums: the halved layers as "direct_a.R" ... "direct_b.B"; the whole ones
+/// over all samples; and the counts of good samples, samples_a.Y and samples_b.Y. Those of levels
+/// (layers::LevelPassChannels) come on top, each level's all or none.
 const std::vector<std::string>& PassChannels();
 
-/// Channels of a geometry unit, all means.
+/// Channels every geometry unit has, all means. Those of levels (layers::LevelFeatureChannels) come on top.
 const std::vector<std::string>& GeometryChannels();
 
-/// What a unit of one tile may take at most.
+/// What the pixels of a unit of one tile may take at most, and its edge set.
 rpc::PixelLimits UnitLimits(const Rect& rect);
+rpc::PixelLimits EdgeLimits(const Rect& rect);
 
 /// Checks that a unit has the size of its tile and the channels of its kind, in any order.
 /// Errors: kInvalidArgument naming the channel or size.
 absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::PixelLayout& layout);
+
+/// Checks an edge set of a tile: none at all; or the channels and width it must have, and its pixels within
+/// the tile, in the order of its rows, each once.
+/// Errors: kInvalidArgument naming the channel, size or row.
+absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges);
 
 }  // namespace lumifold::film

@@ -4,11 +4,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -20,7 +22,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the log is written as it lies in memory");
 
-constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '1'};
+constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '2'};
 constexpr uint32_t kMaxHeaderBytes = 1 << 20;
 constexpr uint64_t kMaxPayloadBytes = uint64_t{1} << 32;
 
@@ -49,6 +51,18 @@ absl::Status DamagedRecord(const std::string& path, uint64_t offset, const char*
   return absl::DataLossError(absl::StrCat(path, ": record at ", offset, ": ", cause));
 }
 
+/// Whether this is the beginning of a record, but not of ours: of version 1, or of a later one.
+bool IsOfAnotherVersion(const Preamble& preamble) {
+  return std::equal(kMagic.begin(), kMagic.end() - 1, preamble.magic.begin()) && preamble.magic != kMagic &&
+         preamble.magic.back() >= '1' && preamble.magic.back() <= '9';
+}
+
+absl::Status AnotherVersion(const std::string& path, uint64_t offset) {
+  return absl::FailedPreconditionError(absl::StrCat(
+      path, ": record at ", offset,
+      ": was written by another version of Lumifold; finish the job with that one, or submit it anew"));
+}
+
 absl::Status SyncFolderOf(const std::string& path) {
   const std::string folder = path.substr(0, path.rfind('/'));
   const rpc::FileHandle handle(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -60,10 +74,14 @@ std::string RecordBytes(const StoredUnit& unit) {
   v1::UnitChunk header;
   *header.mutable_unit() = ProtoFromUnit(unit.unit);
   header.set_attempt(unit.attempt.value());
-  *header.mutable_pixels()->mutable_layout() = rpc::LayoutOf(unit.pixels);
+  *header.mutable_pixels()->mutable_layout() = rpc::LayoutOf(unit.image.pixels);
   *header.mutable_stats() = unit.stats;
+  std::string payload = rpc::BytesFromImage(unit.image.pixels);
+  if (!unit.image.edges.channels().empty()) {
+    *header.mutable_edges()->mutable_layout() = rpc::LayoutOf(unit.image.edges);
+    payload.append(rpc::BytesFromImage(unit.image.edges));
+  }
   const std::string header_bytes = header.SerializeAsString();
-  const std::string payload = rpc::BytesFromImage(unit.pixels);
   Preamble preamble;
   preamble.header_bytes = static_cast<uint32_t>(header_bytes.size());
   preamble.payload_bytes = payload.size();
@@ -72,6 +90,27 @@ std::string RecordBytes(const StoredUnit& unit) {
   std::string record(reinterpret_cast<const char*>(&preamble), sizeof(preamble));
   record.append(header_bytes).append(payload);
   return record;
+}
+
+// The pictures a record's payload holds one after another.
+absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::string_view payload) {
+  EdgedImage image;
+  const uint64_t pixel_bytes = std::min<uint64_t>(rpc::BytesOf(header.pixels().layout()), payload.size());
+  absl::StatusOr<LayeredImage> pixels =
+      rpc::ImageFromBytes(header.pixels().layout(), payload.substr(0, pixel_bytes), {});
+  if (!pixels.ok()) return pixels.status();
+  image.pixels = *std::move(pixels);
+  const std::string_view rest = payload.substr(pixel_bytes);
+  if (!header.has_edges()) {
+    if (!rest.empty()) return absl::InvalidArgumentError("bytes past the pixels");
+    return image;
+  }
+  rpc::PixelLimits limits;
+  limits.max_height = std::numeric_limits<int>::max();  // a row an edge pixel
+  absl::StatusOr<LayeredImage> edges = rpc::ImageFromBytes(header.edges().layout(), rest, limits);
+  if (!edges.ok()) return edges.status();
+  image.edges = *std::move(edges);
+  return image;
 }
 
 // Reads as much of [offset, offset + size) as the file has.
@@ -147,6 +186,7 @@ absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
   if (bytes->size() != place.length) return DamagedRecord(path_, place.offset, "is cut short");
   Preamble preamble;
   std::memcpy(&preamble, bytes->data(), sizeof(preamble));
+  if (IsOfAnotherVersion(preamble)) return AnotherVersion(path_, place.offset);
   if (preamble.magic != kMagic || preamble.header_bytes > kMaxHeaderBytes ||
       preamble.payload_bytes > kMaxPayloadBytes ||
       sizeof(preamble) + preamble.header_bytes + preamble.payload_bytes != place.length) {
@@ -165,10 +205,10 @@ absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
   if (!header.ParseFromArray(header_bytes.data(), static_cast<int>(header_bytes.size()))) {
     return DamagedRecord(path_, place.offset, "the header cannot be read");
   }
-  absl::StatusOr<LayeredImage> pixels = rpc::ImageFromBytes(header.pixels().layout(), payload, {});
-  if (!pixels.ok()) return DamagedRecord(path_, place.offset, "layout and pixels do not fit");
+  absl::StatusOr<EdgedImage> image = ImageFromPayload(header, payload);
+  if (!image.ok()) return DamagedRecord(path_, place.offset, "layout and pixels do not fit");
   return StoredUnit{scheduler::UnitFromProto(header.unit()), scheduler::Attempt(header.attempt()),
-                    header.stats(), *std::move(pixels)};
+                    header.stats(), *std::move(image)};
 }
 
 absl::StatusOr<RecordPlace> UnitLogReader::PlaceAt(uint64_t offset) const {
@@ -177,6 +217,7 @@ absl::StatusOr<RecordPlace> UnitLogReader::PlaceAt(uint64_t offset) const {
   if (bytes->size() != sizeof(Preamble)) return DamagedRecord(path_, offset, "is cut short");
   Preamble preamble;
   std::memcpy(&preamble, bytes->data(), sizeof(preamble));
+  if (IsOfAnotherVersion(preamble)) return AnotherVersion(path_, offset);
   if (preamble.header_bytes > kMaxHeaderBytes || preamble.payload_bytes > kMaxPayloadBytes) {
     return DamagedRecord(path_, offset, "does not begin as a record does");
   }

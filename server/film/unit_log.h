@@ -6,19 +6,19 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "filter/image/layered_image.h"
+#include "filter/image/edged_image.h"
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "server/scheduler/unit.h"
 
 namespace lumifold::film {
 
-/// A delivered unit: its name, the lease it came by, what it says of itself, and its pixels.
+/// A delivered unit: its name, the lease it came by, what it says of itself, its pixels and its edge set.
 struct StoredUnit {
   scheduler::UnitRef unit;
   scheduler::Attempt attempt;
   v1::UnitStats stats;
-  LayeredImage pixels;
+  EdgedImage image;
 };
 
 /// Where a record lies in its log.
@@ -30,15 +30,16 @@ struct RecordPlace {
 /// The append-only file that holds a frame's delivered units. Each record describes itself and carries
 /// checksums, so that a ledger that was lost can be made anew from the logs:
 ///
-///   "LFU1"
+///   "LFU2"
 ///   u32  size of the header
 ///   u64  size of the payload
 ///   u64  XXH3-64 of the payload
 ///   u64  XXH3-64 of the 24 bytes before and the header
 ///   header: a v1::UnitChunk without data
-///   payload: the planes, as v1::PixelLayout says
+///   payload: the planes of the pixels, as their v1::PixelLayout says, then those of the edge set, if one is
+///            there, as its own says
 ///
-/// All little-endian.
+/// All little-endian. Records of another version ("LFU" and another digit) are refused by name.
 ///
 /// Threads: one at a time.
 class UnitLog {
@@ -69,11 +70,12 @@ class UnitLogReader {
   /// Errors: kNotFound, kUnavailable naming the file.
   static absl::StatusOr<UnitLogReader> Open(const std::string& path);
 
-  /// Errors: kDataLoss naming file and offset where the record is not whole or not what its checksums say.
+  /// Errors: kDataLoss naming file and offset where the record is not whole or not what its checksums say;
+  /// kFailedPrecondition where it was written by a Lumifold of another version.
   absl::StatusOr<StoredUnit> Read(const RecordPlace& place) const;
 
   /// Reads records from the beginning until the end of the file or the first that is not whole; gives the
-  /// bytes that are good.
+  /// bytes that are good. Errors: kFailedPrecondition as Read().
   absl::StatusOr<uint64_t> Scan(absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const;
 
  private:

@@ -1,4 +1,5 @@
-// Camera samples per second with all layers, and what the geometry unit costs, on the generated scenes and,
+// Camera samples per second with all layers, what the geometry unit costs, and what a frame costs with and
+// without the layers, on the generated scenes and,
 // where LUMIFOLD_SCENES_DIR is set, on staircase.glb. Compare figures within one run: the machine may be
 // shared.
 #include <benchmark/benchmark.h>
@@ -8,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "filter/image/parallel.h"
 #include "tests/scenes/glb_writer.h"
@@ -37,9 +39,11 @@ absl::StatusOr<scene::Scene> LoadScene(const std::string& name) {
 
 /// A renderer a scene, made once for all benchmarks; null with a word to the user where there is no such
 /// scene.
-const render::Renderer* RendererOf(const std::string& name, benchmark::State& state) {
-  static std::map<std::string, std::unique_ptr<render::Renderer>> known;
-  if (!known.contains(name)) {
+const render::Renderer* RendererOf(const std::string& name, benchmark::State& state,
+                                   bool radiance_only = false) {
+  static std::map<std::pair<std::string, bool>, std::unique_ptr<render::Renderer>> known;
+  const std::pair key(name, radiance_only);
+  if (!known.contains(key)) {
     absl::StatusOr<scene::Scene> scene = LoadScene(name);
     if (!scene.ok()) {
       state.SkipWithError(std::string(scene.status().message()).c_str());
@@ -48,9 +52,10 @@ const render::Renderer* RendererOf(const std::string& name, benchmark::State& st
     render::RenderSettings settings;
     settings.width = kWidth;
     settings.height = kHeight;
-    known[name] = *render::Renderer::Create(std::make_shared<scene::Scene>(*std::move(scene)), settings);
+    settings.radiance_only = radiance_only;
+    known[key] = *render::Renderer::Create(std::make_shared<scene::Scene>(*std::move(scene)), settings);
   }
-  return known[name].get();
+  return known[key].get();
 }
 
 void RunTiles(TaskPool& pool, absl::FunctionRef<void(const Rect&)> render) {
@@ -87,11 +92,39 @@ void BM_Geometry(benchmark::State& state, const std::string& name) {
                                                   benchmark::Counter::kIsRate);
 }
 
+/// What a frame costs with all layers and features, or C alone. Its processor time is counted over all
+/// threads; for the ratio of the two give --benchmark_enable_random_interleaving=true
+/// --benchmark_repetitions=N and take the least of each.
+void BM_Frame(benchmark::State& state, const std::string& name, bool radiance_only) {
+  const render::Renderer* renderer = RendererOf(name, state, radiance_only);
+  if (renderer == nullptr) return;
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(kThreads);
+  constexpr uint32_t kFrameSamples = 64;
+  for (auto _ : state) {
+    RunTiles(*pool, [&](const Rect& tile) {
+      render::RenderCounts counts;
+      benchmark::DoNotOptimize(renderer->RenderPass(tile, 0, {0, kFrameSamples}, &counts));
+      if (!radiance_only) benchmark::DoNotOptimize(renderer->RenderGeometry(tile, 0));
+    });
+  }
+  state.counters["samples/s"] =
+      benchmark::Counter(static_cast<double>(state.iterations()) * kWidth * kHeight * kFrameSamples,
+                         benchmark::Counter::kIsRate);
+}
+
 BENCHMARK_CAPTURE(BM_Passes, cornell_box, "cornell-box")->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Passes, meeting_room, "meeting-room")->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Passes, bedroom, "bedroom")->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Passes, atrium, "atrium")->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Passes, staircase, "staircase")->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(BM_Frame, cornell_box_radiance_only, "cornell-box", true)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->Iterations(1);
+BENCHMARK_CAPTURE(BM_Frame, cornell_box_all_layers, "cornell-box", false)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->Iterations(1);
 BENCHMARK_CAPTURE(BM_Geometry, cornell_box, "cornell-box")->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Geometry, atrium, "atrium")->Unit(benchmark::kMillisecond)->UseRealTime();
 

@@ -1,27 +1,62 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <random>
 #include <string>
+#include <utility>
+#include <vector>
 
-#include "filter/image/layered_image.h"
+#include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
 #include "server/film/unit_layout.h"
 #include "server/scheduler/tile_grid.h"
 
 namespace lumifold {
 
+/// Two edge pixels of a tile, made up.
+inline LayeredImage RandomEdges(const Rect& rect, std::mt19937* random) {
+  std::uniform_real_distribution<float> value(0.0f, 1.0f);
+  LayeredImage edges(kSubSamples, 2);
+  for (const std::string& name : layers::EdgeChannels()) {
+    const FloatView view = edges.Add(name);
+    for (int i = 0; i < kSubSamples; ++i) {
+      for (int row = 0; row < 2; ++row) view.At(i, row) = value(*random);
+    }
+  }
+  for (int i = 0; i < kSubSamples; ++i) {
+    for (int row = 0; row < 2; ++row) {
+      edges.Get(layers::kPixelX).At(i, row) = static_cast<float>(rect.x1 - 1 - row);
+      edges.Get(layers::kPixelY).At(i, row) = static_cast<float>(rect.y0 + row);
+    }
+  }
+  return edges;
+}
+
+/// The level beyond the first surface that units of a tile carry, if any.
+inline std::optional<layers::Level> LevelOfTile(int32_t tile) {
+  if (tile % 3 == 0) return std::nullopt;
+  return tile % 3 == 1 ? layers::Level{layers::Branch::kReflection, 1}
+                       : layers::Level{layers::Branch::kTransmission, 2};
+}
+
 /// What a worker might deliver for a unit: made-up pixels that depend on (seed, unit) alone, with the counts
-/// a pass of `samples` has.
-inline LayeredImage RandomUnit(const scheduler::UnitKey& key, const Rect& rect,
-                               scheduler::SampleRange samples, uint32_t seed) {
+/// a pass of `samples` has. Some tiles carry a level; those of more than one row and column have edges.
+inline EdgedImage RandomUnit(const scheduler::UnitKey& key, const Rect& rect, scheduler::SampleRange samples,
+                             uint32_t seed) {
   std::seed_seq mix{seed, static_cast<uint32_t>(key.frame), static_cast<uint32_t>(key.tile),
                     static_cast<uint32_t>(key.pass), static_cast<uint32_t>(key.kind)};
   std::mt19937 random(mix);
   std::uniform_real_distribution<float> value(0.0f, 1.0f);
   LayeredImage unit(rect.width(), rect.height());
   const bool is_pass = key.kind == v1::UNIT_KIND_PASS;
-  for (const std::string& name : is_pass ? film::PassChannels() : film::GeometryChannels()) {
+  std::vector<std::string> names = is_pass ? film::PassChannels() : film::GeometryChannels();
+  if (const auto level = LevelOfTile(key.tile); level.has_value()) {
+    for (std::string& name :
+         is_pass ? layers::LevelPassChannels(*level) : layers::LevelFeatureChannels(*level))
+      names.push_back(std::move(name));
+  }
+  for (const std::string& name : names) {
     const FloatView view = unit.Add(name);
     for (int y = 0; y < rect.height(); ++y) {
       for (int x = 0; x < rect.width(); ++x)
@@ -39,7 +74,8 @@ inline LayeredImage RandomUnit(const scheduler::UnitKey& key, const Rect& rect,
       }
     }
   }
-  return unit;
+  const bool has_edges = !is_pass && rect.width() > 1 && rect.height() > 1;
+  return {std::move(unit), has_edges ? RandomEdges(rect, &random) : LayeredImage()};
 }
 
 }  // namespace lumifold

@@ -189,7 +189,10 @@ Vec3 Bsdf::SpecularAlbedo() const {
   return albedo;
 }
 
-float Bsdf::SpecularAlpha() const { return p_coat_ > p_facets_ ? coat_alpha_ : alpha_; }
+float Bsdf::SpecularAlpha() const {
+  if (p_coat_ > p_facets_) return coat_alpha_;
+  return p_facets_ > 0 ? alpha_ : 1.0f;
+}
 
 Vec3 Bsdf::StraightTransmittance() const {
   if (glass_ <= 0 || !thin_ || !mirror_) return {0, 0, 0};

@@ -15,9 +15,11 @@ constexpr int kFirstRouletteBounce = 2;
 /// The dimension pairs a surface uses; they follow the camera's.
 enum Pair : uint32_t { kLightAndLobe, kLightPoint, kDirection, kPairsPerSurface };
 
-uint32_t PairOf(int bounce, Pair pair) {
-  return kLensPair + 1 + static_cast<uint32_t>(bounce) * kPairsPerSurface + pair;
-}
+/// Where the pairs of the branch through glass begin, past all that the other one can use.
+constexpr uint32_t kTransmissionPairs = 1u << 16;
+
+/// Below this albedo a lobe's radiance is not divided by it.
+constexpr float kLeastAlbedo = 1e-6f;
 
 Vec3 TotalOf(const BsdfValue& value, Vec3 albedo) { return albedo * value.diffuse + value.specular; }
 
@@ -41,13 +43,74 @@ Vec3 Attenuation(const scene::Material& material, float distance) {
   return {Pow(c.x, lengths), Pow(c.y, lengths), Pow(c.z, lengths)};
 }
 
+/// Russian roulette: ends the path by chance where `seen`, its throughput after the step, is low, and makes
+/// up for it in the paths that live on.
+void Roulette(Vec3 seen, BsdfSample* step) {
+  const float survive = std::min(1.0f, MaxComponent(seen));
+  if (step->spare >= survive) {
+    step->valid = false;
+    return;
+  }
+  step->weight.diffuse /= survive;
+  step->weight.specular = step->weight.specular / survive;
+}
+
+/// Writes a lobe's radiance as G and S; channels without S are left to the tail.
+void Demodulate(Vec3 radiance, Vec3 albedo, LayerSample* out) {
+  const auto over = [](float value, float by) { return by > kLeastAlbedo ? value / by : 0.0f; };
+  const auto rest = [](float value, float by) { return by > kLeastAlbedo ? 0.0f : value; };
+  out->specular = albedo;
+  out->glossy = {over(radiance.x, albedo.x), over(radiance.y, albedo.y), over(radiance.z, albedo.z)};
+  out->tail = {rest(radiance.x, albedo.x), rest(radiance.y, albedo.y), rest(radiance.z, albedo.z)};
+}
+
 }  // namespace
 
-/// Radiance that arrives at the first surface along the drawn direction, apart by the number of steps it
-/// came.
+/// One path's random numbers: a few dimension pairs of the sample a surface. Branches of one sample begin
+/// theirs far apart.
+class PathTracer::Numbers {
+ public:
+  explicit Numbers(const Sampler& sampler, uint32_t first_pair = kLensPair + 1)
+      : sampler_(&sampler), first_pair_(first_pair) {}
+
+  Vec2 Get(int bounce, Pair pair) const { return sampler_->Get2D(PairAt(bounce, pair)); }
+  /// The chance of the ray that leaves there.
+  uint64_t Chance(int bounce) const { return sampler_->Key(PairAt(bounce, kDirection)); }
+
+ private:
+  uint32_t PairAt(int bounce, Pair pair) const {
+    return first_pair_ + static_cast<uint32_t>(bounce) * kPairsPerSurface + pair;
+  }
+
+  const Sampler* sampler_;
+  uint32_t first_pair_;
+};
+
+/// A path's next ray, where it comes from, and the density it was drawn with; 0 where it was not by chance.
+struct PathTracer::Departure {
+  Ray ray;
+  LightReceiver from;
+  float pdf = 0;
+
+  Departure(const Surface& surface, const BsdfSample& step, uint64_t chance)
+      : ray(surface.Leave(step, chance)), from(ReceiverAt(surface)), pdf(step.pdf) {}
+  explicit Departure(const Ray& camera_ray) : ray(camera_ray), from{} {}
+};
+
+/// Radiance that arrives along a ray, apart by the number of steps it came.
 struct PathTracer::Tail {
   Vec3 one_step;
   Vec3 longer;
+};
+
+/// What a surface sends on to its viewer by its lobes that are not perfectly specular, and the perfectly
+/// specular event that was drawn to follow, if one was.
+struct PathTracer::Scattering {
+  Vec3 direct;    // by the diffuse lobe, albedo left out, of light that came in one step
+  Vec3 indirect;  // the same of light that came by longer ways
+  Vec3 specular;  // by all other lobes
+  Vec3 total;     // all of it, albedo included
+  BsdfSample event;
 };
 
 PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
@@ -108,99 +171,148 @@ Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
   return radiance * MisWeight(LightStrategy::kBsdfHits, pdf, light_pdf);
 }
 
-void PathTracer::TraceTail(const Surface& first, const BsdfSample& start, Vec3 visible,
-                           const Sampler& sampler, Tail* tail) const {
-  Surface surface = first;
-  BsdfSample step = start;
+PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
+                                       const Numbers& numbers) const {
+  Tail tail;
+  Vec3* arrival = &tail.one_step;
   Vec3 throughput = {1, 1, 1};
-  // Where the path last scattered, clear panes apart, and the density of the direction it took there.
-  LightReceiver from = ReceiverAt(first);
-  float pdf = start.pdf;
-  int scatterings = start.straight ? 0 : 1;
-  for (int bounce = 1;; ++bounce) {
-    const Ray ray = surface.Leave(step, sampler.Key(PairOf(bounce, kDirection)));
-    const Hit hit = embree_->Intersect(ray);
-    Vec3& arrival = scatterings <= 1 ? tail->one_step : tail->longer;
+  int panes = 0;  // gone straight through: no scattering, and light samples pass them too
+  for (;; ++bounce) {
+    const Hit hit = embree_->Intersect(next.ray);
     if (hit.IsMiss()) {
-      arrival += throughput * EmittedOnMiss(ray.direction, pdf);
-      return;
+      *arrival += throughput * EmittedOnMiss(next.ray.direction, next.pdf);
+      return tail;
     }
-    surface = surfaces_.Read(hit, ray);
+    const Surface surface = surfaces_.Read(hit, next.ray);
     if (!surface.front && surface.material->has_volume)
       throughput *= Attenuation(*surface.material, hit.distance);
-    arrival += throughput * EmittedOnHit(from, surface, hit, ray.direction, pdf);
-    if (scatterings > max_bounces_) return;
+    *arrival += throughput * EmittedOnHit(next.from, surface, hit, next.ray.direction, next.pdf);
+    if (bounce - panes > max_bounces_) return tail;
 
-    const Bsdf bsdf = MakeBsdf(surface, -ray.direction);
-    const Vec2 light_and_lobe = sampler.Get2D(PairOf(bounce, kLightAndLobe));
+    const Bsdf bsdf = MakeBsdf(surface, -next.ray.direction);
+    const Vec2 light_and_lobe = numbers.Get(bounce, kLightAndLobe);
     Vec3 light;
     const BsdfValue value =
-        ConnectToLight(surface, bsdf, light_and_lobe.x, sampler.Get2D(PairOf(bounce, kLightPoint)), &light);
-    tail->longer += throughput * TotalOf(value, bsdf.DiffuseAlbedo()) * light;
+        ConnectToLight(surface, bsdf, light_and_lobe.x, numbers.Get(bounce, kLightPoint), &light);
+    tail.longer += throughput * TotalOf(value, bsdf.DiffuseAlbedo()) * light;
 
-    step = bsdf.Sample(light_and_lobe.y, sampler.Get2D(PairOf(bounce, kDirection)));
-    if (!step.valid) return;
+    BsdfSample step = bsdf.Sample(light_and_lobe.y, numbers.Get(bounce, kDirection));
+    if (step.valid && bounce >= kFirstRouletteBounce)
+      Roulette(visible * throughput * TotalOf(step.weight, bsdf.DiffuseAlbedo()), &step);
+    if (!step.valid) return tail;
     throughput *= TotalOf(step.weight, bsdf.DiffuseAlbedo());
-    if (bounce >= kFirstRouletteBounce) {
-      const float survive = std::min(1.0f, MaxComponent(visible * throughput));
-      if (step.spare >= survive) return;
-      throughput = throughput / survive;
+    const Departure on(surface, step, numbers.Chance(bounce));
+    if (step.straight) {
+      next.ray = on.ray;
+      ++panes;
+      continue;
     }
-    if (step.straight) continue;
-    from = ReceiverAt(surface);
-    pdf = step.pdf;
-    ++scatterings;
+    next = on;
+    arrival = &tail.longer;
   }
 }
 
-LayerSample PathTracer::Trace(const Ray& camera_ray, const Sampler& sampler) const {
-  LayerSample out;
-  Ray ray = camera_ray;
-  ray.chance = sampler.Key(kCameraPair);
-  const Hit hit = embree_->Intersect(ray);
-  if (hit.IsMiss()) {
-    out.emitted = EmittedOnMiss(ray.direction, 0);
-    out.combined = out.emitted;
-    return out;
-  }
-  const Surface surface = surfaces_.Read(hit, ray);
-  out.emitted = surfaces_.Emitted(surface);
-  out.combined = out.emitted;
-
-  const Bsdf bsdf = MakeBsdf(surface, -ray.direction);
-  out.albedo = bsdf.DiffuseAlbedo();
-  const Vec2 light_and_lobe = sampler.Get2D(PairOf(0, kLightAndLobe));
+PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& bsdf, int bounce, Vec3 visible,
+                                           const Numbers& numbers) const {
+  Scattering out;
+  const Vec3 albedo = bsdf.DiffuseAlbedo();
+  const Vec2 light_and_lobe = numbers.Get(bounce, kLightAndLobe);
   Vec3 light;
   const BsdfValue value =
-      ConnectToLight(surface, bsdf, light_and_lobe.x, sampler.Get2D(PairOf(0, kLightPoint)), &light);
+      ConnectToLight(surface, bsdf, light_and_lobe.x, numbers.Get(bounce, kLightPoint), &light);
   out.direct = light * value.diffuse;
-  out.reflected = light * value.specular;
-  out.combined += light * TotalOf(value, out.albedo);
+  out.specular = light * value.specular;
+  out.total = light * TotalOf(value, albedo);
 
-  const BsdfSample step = bsdf.Sample(light_and_lobe.y, sampler.Get2D(PairOf(0, kDirection)));
-  if (!step.valid) return out;
-  Tail tail;
-  const Vec3 visible = TotalOf(step.weight, out.albedo);
-  TraceTail(surface, step, visible, sampler, &tail);
+  BsdfSample step = bsdf.Sample(light_and_lobe.y, numbers.Get(bounce, kDirection));
+  if (step.valid && bounce >= kFirstRouletteBounce) Roulette(visible * TotalOf(step.weight, albedo), &step);
+  if (step.specular_event) out.event = step;
+  if (step.specular_event || !step.valid) return out;
+  const Vec3 weight = TotalOf(step.weight, albedo);
+  const Tail tail =
+      TraceTail(Departure(surface, step, numbers.Chance(bounce)), bounce + 1, visible * weight, numbers);
   out.direct += tail.one_step * step.weight.diffuse;
   out.indirect = tail.longer * step.weight.diffuse;
-  out.reflected += (tail.one_step + tail.longer) * step.weight.specular;
-  out.combined += visible * (tail.one_step + tail.longer);
+  out.specular += (tail.one_step + tail.longer) * step.weight.specular;
+  out.total += (tail.one_step + tail.longer) * weight;
   return out;
 }
 
-GeometrySample PathTracer::TraceGeometry(const Ray& ray) const {
-  GeometrySample out;
+void PathTracer::FollowChain(const Surface& first, const BsdfSample& event, Vec3 throughput,
+                             const Numbers& numbers, LayerSample* out) const {
+  const layers::Branch branch =
+      event.transmitted ? layers::Branch::kTransmission : layers::Branch::kReflection;
+  Departure next(first, event, numbers.Chance(0));
+  for (int depth = 1; depth <= layers::kMaxDepth; ++depth) {
+    LevelSample& level = out->levels.Set({branch, depth});
+    const Hit hit = embree_->Intersect(next.ray);
+    if (hit.IsMiss()) {
+      level.emitted = throughput * EmittedOnMiss(next.ray.direction, 0);
+      out->combined += level.emitted;
+      return;
+    }
+    const Surface surface = surfaces_.Read(hit, next.ray);
+    if (!surface.front && surface.material->has_volume)
+      throughput *= Attenuation(*surface.material, hit.distance);
+    level.emitted = throughput * surfaces_.Emitted(surface);
+    out->combined += level.emitted;
+    if (depth > max_bounces_) return;
+
+    const Bsdf bsdf = MakeBsdf(surface, -next.ray.direction);
+    const Scattering light = Scatter(surface, bsdf, depth, throughput, numbers);
+    level.has_diffuse = bsdf.HasDiffuse();
+    level.albedo = throughput * bsdf.DiffuseAlbedo();
+    level.direct = light.direct;
+    level.indirect = light.indirect;
+    out->tail += throughput * light.specular;
+    out->combined += throughput * light.total;
+    if (!light.event.valid) return;
+    throughput *= light.event.weight.specular;
+    next = Departure(surface, light.event, numbers.Chance(depth));
+  }
+  const Tail rest = TraceTail(next, layers::kMaxDepth + 1, throughput, numbers);
+  const Vec3 radiance = throughput * (rest.one_step + rest.longer);
+  out->tail += radiance;
+  out->combined += radiance;
+}
+
+void PathTracer::Trace(const Ray& ray, const Sampler& sampler, LayerSample* out) const {
+  out->Clear();
   const Hit hit = embree_->Intersect(ray);
-  if (hit.IsMiss()) return out;
+  if (hit.IsMiss()) {
+    out->emitted = EmittedOnMiss(ray.direction, 0);
+    out->combined = out->emitted;
+    return;
+  }
   const Surface surface = surfaces_.Read(hit, ray);
-  out.hit = true;
-  out.valid = MakeBsdf(surface, -ray.direction).HasDiffuse();
-  out.position = surface.position;
-  out.normal = surface.normal;
-  out.distance = hit.distance;
-  out.instance = hit.instance;
-  return out;
+  const Bsdf bsdf = MakeBsdf(surface, -ray.direction);
+  const Numbers numbers(sampler);
+  const Scattering light = Scatter(surface, bsdf, 0, {1, 1, 1}, numbers);
+  out->emitted = surfaces_.Emitted(surface);
+  out->albedo = bsdf.DiffuseAlbedo();
+  out->direct = light.direct;
+  out->indirect = light.indirect;
+  Demodulate(light.specular, bsdf.SpecularAlbedo(), out);
+  out->combined = out->emitted + light.total;
+  if (!light.event.specular_event) return;
+  if (!bsdf.IsSmoothGlass()) {
+    if (light.event.valid) FollowChain(surface, light.event, light.event.weight.specular, numbers, out);
+    return;
+  }
+  // Light through glass and light on it are both there in every sample, each with its own random numbers.
+  const float share = 1.0f / bsdf.PerfectProbability();
+  const BsdfSample reflected = bsdf.PerfectReflection();
+  const BsdfSample transmitted = bsdf.PerfectTransmission();
+  if (reflected.valid) FollowChain(surface, reflected, reflected.weight.specular * share, numbers, out);
+  if (transmitted.valid) {
+    FollowChain(surface, transmitted, transmitted.weight.specular * share,
+                Numbers(sampler, kTransmissionPairs), out);
+  }
+}
+
+Vec3 PathTracer::TraceRadiance(const Ray& ray, const Sampler& sampler) const {
+  const Tail all = TraceTail(Departure(ray), 0, {1, 1, 1}, Numbers(sampler));
+  return all.one_step + all.longer;
 }
 
 }  // namespace lumifold::render

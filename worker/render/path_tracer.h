@@ -5,6 +5,8 @@
 #include "worker/render/bsdf.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/environment.h"
+#include "worker/render/geometry_sample.h"
+#include "worker/render/layer_sample.h"
 #include "worker/render/lights.h"
 #include "worker/render/sampler.h"
 #include "worker/render/surface.h"
@@ -26,30 +28,11 @@ enum class LightStrategy {
   kBsdfHits,      // directions drawn from the material that happen to meet a light
 };
 
-/// One camera sample in layers: combined = (direct + indirect) * albedo + reflected + emitted, to float
-/// rounding.
-struct LayerSample {
-  Vec3 combined;  // C: the path's whole radiance
-  Vec3 direct;  // D: the first surface's diffuse reflection, albedo left out, of light that came in one step
-  Vec3 indirect;   // I: the same of light that came by longer ways
-  Vec3 albedo;     // T
-  Vec3 reflected;  // R: every other lobe of the first surface, mirrors and glass included
-  Vec3 emitted;    // E: radiated by the first surface itself
-};
-
-/// What the ray through a picture point meets first.
-struct GeometrySample {
-  bool hit = false;
-  bool valid = false;  // a surface with a diffuse lobe
-  Vec3 position;
-  Vec3 normal;  // shading normal, towards the camera
-  float distance = 0;
-  int instance = scene::kNone;
-};
-
 /// Unbiased path tracing with next-event estimation and multiple importance sampling (balance heuristic).
-/// The first surface's lobes are kept apart for the layers; behind it all lobes act as one, so the layers
-/// cost next to nothing. Threads: safe concurrently. Keeps a reference to the scene, which must outlive it.
+/// The lobes of the first surface, and of those seen in mirrors and through glass, are kept apart for the
+/// layers; behind them all lobes act as one, so the layers cost next to nothing. Smooth glass that is seen
+/// first is followed both ways, every other surface one way. Threads: safe concurrently. Keeps a reference to
+/// the scene, which must outlive it.
 /// Sources: Kajiya 1986; Veach 1997 chapters 9 and 10 (MIS, Russian roulette); Gruzdev et al. 2015 (layers).
 class PathTracer {
  public:
@@ -60,13 +43,19 @@ class PathTracer {
              std::shared_ptr<const Environment> environment, int max_bounces,
              LightStrategy strategy = LightStrategy::kCombined);
 
-  LayerSample Trace(const Ray& camera_ray, const Sampler& sampler) const;
+  /// Traces one sample; `out` is written over.
+  void Trace(const Ray& ray, const Sampler& sampler, LayerSample* out) const;
+  /// The sample's radiance alone, glass followed one way like all else: an estimate of the same picture.
+  Vec3 TraceRadiance(const Ray& ray, const Sampler& sampler) const;
   GeometrySample TraceGeometry(const Ray& ray) const;
 
   bool HasLights() const { return !lights_.IsEmpty(); }
 
  private:
+  class Numbers;
+  struct Departure;
   struct Tail;
+  struct Scattering;
 
   /// Weight of a sample of one strategy drawn with density `own`, where the other one would draw it with
   /// `other`.
@@ -80,8 +69,17 @@ class PathTracer {
   /// The same for a ray that leaves the scene.
   Vec3 EmittedOnMiss(Vec3 direction, float pdf) const;
   Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
-  void TraceTail(const Surface& first, const BsdfSample& start, Vec3 visible, const Sampler& sampler,
-                 Tail* tail) const;
+  /// Radiance that arrives along `next`, whose hit is the path's surface number `bounce`. `visible` is the
+  /// path's throughput so far.
+  Tail TraceTail(Departure next, int bounce, Vec3 visible, const Numbers& numbers) const;
+  /// The light that surface number `bounce` of a path sends on.
+  Scattering Scatter(const Surface& surface, const Bsdf& bsdf, int bounce, Vec3 visible,
+                     const Numbers& numbers) const;
+  /// Follows a perfectly specular event of weight `throughput` from the first surface on, level by level.
+  void FollowChain(const Surface& first, const BsdfSample& event, Vec3 throughput, const Numbers& numbers,
+                   LayerSample* out) const;
+  void FollowChainGeometry(const Surface& first, const BsdfSample& event, uint64_t chance,
+                           GeometrySample* out) const;
 
   const EmbreeScene* embree_;
   TextureSampler textures_;

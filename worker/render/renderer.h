@@ -6,10 +6,12 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "filter/image/edged_image.h"
 #include "filter/image/layered_image.h"
 #include "worker/render/camera.h"
 #include "worker/render/environment.h"
 #include "worker/render/path_tracer.h"
+#include "worker/render/sample_sink.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
@@ -24,6 +26,8 @@ struct RenderSettings {
   Lens lens;
   std::shared_ptr<const Environment> environment;  // null: black
   LightStrategy light_strategy = LightStrategy::kCombined;
+  /// Passes carry C and the sample counts alone: what the layers cost and change is measured against that.
+  bool radiance_only = false;
 };
 
 /// Sample indices [first, last) of every pixel.
@@ -52,17 +56,17 @@ class Renderer {
   virtual ~Renderer() = default;
 
   /// Traces the samples of `range` in every pixel of `rect` (within the frame) and gives their sums.
-  /// Shapes: rect's size; channels: for each of layers::kHalved its halves *_a and *_b, albedo, emission
-  /// (sums over both halves),
-  ///         samples_a.Y, samples_b.Y (good samples).
+  /// Shapes: rect's size; channels: for each of layers::kHalved its halves *_a and *_b; layers::kWhole (sums
+  ///         over both halves); samples_a.Y, samples_b.Y (good samples); and of each level that any sample
+  ///         has reached layers::LevelPassChannels.
   virtual LayeredImage RenderPass(const Rect& rect, int frame, SampleRange range,
                                   RenderCounts* counts) const = 0;
 
-  /// Traces 16 fixed sub-pixel rays in every pixel of `rect`.
-  /// Shapes: rect's size; channels: N.X N.Y N.Z (unit mean over hits), Z, distance.Z (means over hits), id.Y
-  /// (of most sub-pixels),
-  ///         mask.Y and A (shares of the 16); all 0 where nothing is hit.
-  virtual LayeredImage RenderGeometry(const Rect& rect, int frame) const = 0;
+  /// Traces fixed sub-pixel rays in every pixel of `rect`: see RenderGeometryUnit.
+  virtual EdgedImage RenderGeometry(const Rect& rect, int frame) const = 0;
+
+  /// Traces the samples RenderPass would, and hands them one by one, bad ones too, to `sink`.
+  virtual void TraceSamples(const Rect& rect, int frame, SampleRange range, SampleSink* sink) const = 0;
 
   /// What the artist should know: the loader's warnings, a scene without lights, a camera made up.
   virtual const std::vector<std::string>& warnings() const = 0;

@@ -24,12 +24,16 @@ v1::JobSpec Spec(int samples) {
   return spec;
 }
 
+std::string Bytes(const absl::StatusOr<EdgedImage>& film) {
+  return rpc::BytesFromImage(film->pixels) + rpc::BytesFromImage(film->edges);
+}
+
 class AssembleTest : public ::testing::Test {
  protected:
-  absl::StatusOr<LayeredImage> Read(const UnitKey& key) const {
+  absl::StatusOr<EdgedImage> Read(const UnitKey& key) const {
     return RandomUnit(key, units_.tiles().RectOf(key.tile), units_.SamplesOf(key), 9);
   }
-  absl::StatusOr<LayeredImage> Assemble(TaskPool* pool) const {
+  absl::StatusOr<EdgedImage> Assemble(TaskPool* pool) const {
     return AssembleFilm(
         spec_, 0, [this](const UnitKey& key) { return Read(key); }, pool);
   }
@@ -40,8 +44,8 @@ class AssembleTest : public ::testing::Test {
       const Rect rect = units_.tiles().RectOf(tile);
       if (!rect.Contains(x, y)) continue;
       for (int pass = 0; pass < units_.pass_count(); ++pass) {
-        const LayeredImage unit = *Read({0, tile, pass, v1::UNIT_KIND_PASS});
-        sum += unit.Get(channel).At(x - rect.x0, y - rect.y0);
+        const LayeredImage unit = (*Read({0, tile, pass, v1::UNIT_KIND_PASS})).pixels;
+        if (unit.Has(channel)) sum += unit.Get(channel).At(x - rect.x0, y - rect.y0);
       }
     }
     return sum;
@@ -52,87 +56,148 @@ class AssembleTest : public ::testing::Test {
 };
 
 TEST_F(AssembleTest, EqualsTheDirectSumInPassOrder) {
-  const absl::StatusOr<LayeredImage> film = Assemble(nullptr);
+  const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
   ASSERT_TRUE(film.ok()) << film.status();
   for (int y = 0; y < spec_.height(); ++y) {
     for (int x = 0; x < spec_.width(); ++x) {
       const double n_a = Sum("samples_a.Y", x, y);
       const double n_b = Sum("samples_b.Y", x, y);
       ASSERT_EQ(n_a + n_b, 18.0);
-      for (const char* layer : {"noisy", "direct", "indirect", "reflection1"}) {
+      for (const char* layer : {"noisy", "direct", "indirect", "glossy"}) {
         const double a = Sum(std::string(layer) + "_a.G", x, y);
         const double b = Sum(std::string(layer) + "_b.G", x, y);
-        ASSERT_EQ(film->Get(std::string(layer) + ".G").At(x, y), static_cast<float>((a + b) / (n_a + n_b)));
-        ASSERT_EQ(film->Get(std::string(layer) + "_a.G").At(x, y), static_cast<float>(a / n_a));
-        ASSERT_EQ(film->Get(std::string(layer) + "_b.G").At(x, y), static_cast<float>(b / n_b));
+        ASSERT_EQ(film->pixels.Get(std::string(layer) + ".G").At(x, y),
+                  static_cast<float>((a + b) / (n_a + n_b)));
+        ASSERT_EQ(film->pixels.Get(std::string(layer) + "_a.G").At(x, y), static_cast<float>(a / n_a));
+        ASSERT_EQ(film->pixels.Get(std::string(layer) + "_b.G").At(x, y), static_cast<float>(b / n_b));
       }
-      ASSERT_EQ(film->Get("albedo.B").At(x, y), static_cast<float>(Sum("albedo.B", x, y) / 18.0));
-      ASSERT_EQ(film->Get("emission.R").At(x, y), static_cast<float>(Sum("emission.R", x, y) / 18.0));
+      ASSERT_EQ(film->pixels.Get("albedo.B").At(x, y), static_cast<float>(Sum("albedo.B", x, y) / 18.0));
+      ASSERT_EQ(film->pixels.Get("emission.R").At(x, y), static_cast<float>(Sum("emission.R", x, y) / 18.0));
     }
   }
 }
 
+TEST_F(AssembleTest, ALevelsLightIsAMeanOverTheSamplesThatReachedIt) {
+  const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
+  ASSERT_TRUE(film.ok()) << film.status();
+  for (int y = 0; y < spec_.height(); ++y) {
+    for (int x = 0; x < spec_.width(); ++x) {
+      const double n_a = Sum("reflection1_samples_a.Y", x, y);
+      const double n_b = Sum("reflection1_samples_b.Y", x, y);
+      const double a = Sum("reflection1_direct_a.G", x, y);
+      const double b = Sum("reflection1_direct_b.G", x, y);
+      const auto mean = [](double sum, double n) { return n > 0 ? static_cast<float>(sum / n) : 0.0f; };
+      ASSERT_EQ(film->pixels.Get("reflection1_direct.G").At(x, y), mean(a + b, n_a + n_b));
+      ASSERT_EQ(film->pixels.Get("reflection1_direct_a.G").At(x, y), mean(a, n_a));
+      ASSERT_EQ(film->pixels.Get("reflection1_direct_b.G").At(x, y), mean(b, n_b));
+      ASSERT_EQ(film->pixels.Get("reflection1_samples_a.Y").At(x, y), static_cast<float>(n_a));
+      ASSERT_EQ(film->pixels.Get("reflection1_albedo.R").At(x, y),
+                static_cast<float>(Sum("reflection1_albedo.R", x, y) / 18.0));
+      ASSERT_EQ(film->pixels.Get("transmission2_emission.B").At(x, y),
+                static_cast<float>(Sum("transmission2_emission.B", x, y) / 18.0));
+    }
+  }
+  EXPECT_FALSE(film->pixels.Has("reflection2_direct.G"));  // no tile has it
+}
+
+TEST_F(AssembleTest, EdgesComeInTheOrderOfTheFramesRows) {
+  const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
+  const LayeredImage& edges = film->edges;
+  ASSERT_EQ(edges.width(), kSubSamples);
+  ASSERT_EQ(edges.height(), 2 * 6);  // two a tile
+  for (int row = 1; row < edges.height(); ++row) {
+    const auto place = [&](int r) {
+      return std::pair(edges.Get(layers::kPixelY).At(0, r), edges.Get(layers::kPixelX).At(0, r));
+    };
+    EXPECT_LT(place(row - 1), place(row));
+  }
+  const LayeredImage tile = (*Read({0, 4, 0, v1::UNIT_KIND_GEOMETRY})).edges;
+  int found = 0;
+  for (int row = 0; row < edges.height(); ++row) {
+    if (edges.Get(layers::kPixelX).At(0, row) != tile.Get(layers::kPixelX).At(0, 1) ||
+        edges.Get(layers::kPixelY).At(0, row) != tile.Get(layers::kPixelY).At(0, 1))
+      continue;
+    ++found;
+    for (int i = 0; i < kSubSamples; ++i)
+      EXPECT_EQ(edges.Get("emission.G").At(i, row), tile.Get("emission.G").At(i, 1));
+  }
+  EXPECT_EQ(found, 1);
+}
+
+TEST_F(AssembleTest, RefusesAnEdgeThatIsNotOfItsTile) {
+  const absl::StatusOr<EdgedImage> film = AssembleFilm(
+      spec_, 0,
+      [&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+        EdgedImage unit = *Read(key);
+        if (key.tile == 1 && unit.edges.height() > 0) unit.edges.Get(layers::kPixelX).At(0, 0) = 3;
+        return unit;
+      },
+      nullptr);
+  EXPECT_EQ(film.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(film.status().message()), HasSubstr("the pixel 3,0 of row 0"));
+}
+
 TEST_F(AssembleTest, GeometryIsTakenAsItIs) {
-  const absl::StatusOr<LayeredImage> film = Assemble(nullptr);
+  const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
   const Rect rect = units_.tiles().RectOf(4);
-  const LayeredImage geometry = *Read({0, 4, 0, v1::UNIT_KIND_GEOMETRY});
+  const LayeredImage geometry = (*Read({0, 4, 0, v1::UNIT_KIND_GEOMETRY})).pixels;
   for (const std::string& name : GeometryChannels()) {
     for (int y = 0; y < rect.height(); ++y) {
       for (int x = 0; x < rect.width(); ++x) {
-        ASSERT_EQ(film->Get(name).At(rect.x0 + x, rect.y0 + y), geometry.Get(name).At(x, y)) << name;
+        ASSERT_EQ(film->pixels.Get(name).At(rect.x0 + x, rect.y0 + y), geometry.Get(name).At(x, y)) << name;
       }
     }
   }
 }
 
 TEST_F(AssembleTest, IsTheSameForAnyOrderOfTiles) {
-  const std::string expected = rpc::BytesFromImage(*Assemble(nullptr));
+  const std::string expected = Bytes(Assemble(nullptr));
   for (uint32_t seed = 0; seed < 5; ++seed) {
     ShufflingPool pool(seed);
-    EXPECT_EQ(rpc::BytesFromImage(*Assemble(&pool)), expected);
+    EXPECT_EQ(Bytes(Assemble(&pool)), expected);
   }
-  EXPECT_EQ(rpc::BytesFromImage(*Assemble(MakeTaskPool(4).get())), expected);
+  EXPECT_EQ(Bytes(Assemble(MakeTaskPool(4).get())), expected);
 }
 
 TEST_F(AssembleTest, AnEmptyHalfIsZeroAndNotNan) {
   const v1::JobSpec spec = Spec(1);
   const FrameUnits units(spec);
-  const absl::StatusOr<LayeredImage> film = AssembleFilm(
+  const absl::StatusOr<EdgedImage> film = AssembleFilm(
       spec, 0,
-      [&](const UnitKey& key) -> absl::StatusOr<LayeredImage> {
-        LayeredImage unit = RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 3);
-        if (key.kind == v1::UNIT_KIND_PASS) unit.GetColor("direct_b")[0].At(0, 0) = 0.0f;
+      [&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+        EdgedImage unit = RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 3);
+        if (key.kind == v1::UNIT_KIND_PASS) unit.pixels.GetColor("direct_b")[0].At(0, 0) = 0.0f;
         return unit;
       },
       nullptr);
   ASSERT_TRUE(film.ok());
-  EXPECT_EQ(film->Get("samples_a.Y").At(0, 0), 1.0f);
-  EXPECT_EQ(film->Get("samples_b.Y").At(0, 0), 0.0f);
-  EXPECT_EQ(film->Get("direct_b.R").At(0, 0), 0.0f);
-  EXPECT_EQ(film->Get("direct.R").At(0, 0), film->Get("direct_a.R").At(0, 0));
+  EXPECT_EQ(film->pixels.Get("samples_a.Y").At(0, 0), 1.0f);
+  EXPECT_EQ(film->pixels.Get("samples_b.Y").At(0, 0), 0.0f);
+  EXPECT_EQ(film->pixels.Get("direct_b.R").At(0, 0), 0.0f);
+  EXPECT_EQ(film->pixels.Get("direct.R").At(0, 0), film->pixels.Get("direct_a.R").At(0, 0));
 }
 
 TEST_F(AssembleTest, NeverTurnsFewSamplesIntoNan) {
-  const absl::StatusOr<LayeredImage> film = AssembleFilm(
+  const absl::StatusOr<EdgedImage> film = AssembleFilm(
       spec_, 0,
-      [&](const UnitKey& key) -> absl::StatusOr<LayeredImage> {
-        LayeredImage unit = *Read(key);
-        for (LayeredImage::Channel& channel : unit.channels())
+      [&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+        EdgedImage unit = *Read(key);
+        for (LayeredImage::Channel& channel : unit.pixels.channels())
           channel.plane.Fill(0.0f);  // every sample was bad
         return unit;
       },
       nullptr);
   ASSERT_TRUE(film.ok());
-  for (const LayeredImage::Channel& channel : film->channels()) {
+  for (const LayeredImage::Channel& channel : film->pixels.channels()) {
     EXPECT_EQ(channel.plane.At(20, 9), 0.0f) << channel.name;
   }
 }
 
 TEST_F(AssembleTest, TellsTheErrorOfTheLowestTile) {
   ShufflingPool pool(1);
-  const absl::StatusOr<LayeredImage> film = AssembleFilm(
+  const absl::StatusOr<EdgedImage> film = AssembleFilm(
       spec_, 0,
-      [&](const UnitKey& key) -> absl::StatusOr<LayeredImage> {
+      [&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
         if (key.tile >= 2) return absl::DataLossError("tile " + std::to_string(key.tile));
         return Read(key);
       },
@@ -141,10 +206,10 @@ TEST_F(AssembleTest, TellsTheErrorOfTheLowestTile) {
 }
 
 TEST_F(AssembleTest, RefusesAUnitOfTheWrongShape) {
-  const absl::StatusOr<LayeredImage> film = AssembleFilm(
+  const absl::StatusOr<EdgedImage> film = AssembleFilm(
       spec_, 0,
       [&](const UnitKey& key) {
-        return absl::StatusOr<LayeredImage>(RandomUnit(key, {0, 0, 3, 3}, {0, 4}, 1));
+        return absl::StatusOr<EdgedImage>(RandomUnit(key, {0, 0, 3, 3}, {0, 4}, 1));
       },
       nullptr);
   EXPECT_EQ(film.status().code(), absl::StatusCode::kInvalidArgument);

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "filter/image/exr_io.h"
 #include "server/film/assemble.h"
 #include "tests/support/random_unit.h"
+#include "tests/support/temp_folder.h"
 
 namespace lumifold::film {
 namespace {
@@ -27,20 +29,24 @@ v1::JobSpec Spec() {
   return spec;
 }
 
-LayeredImage Result(const v1::JobSpec& spec) {
+EdgedImage FilmOf(const v1::JobSpec& spec) {
   const scheduler::FrameUnits units(spec);
-  absl::StatusOr<LayeredImage> film = AssembleFilm(
+  return *AssembleFilm(
       spec, 0,
       [&](const scheduler::UnitKey& key) {
-        return absl::StatusOr<LayeredImage>(
+        return absl::StatusOr<EdgedImage>(
             RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1));
       },
       nullptr);
+}
+
+EdgedImage EdgedResult(const v1::JobSpec& spec) {
   std::array<Plane, 3> filtered = {Plane(9, 4), Plane(9, 4), Plane(9, 4)};
   filtered[1].Fill(0.5f);
-  return BuildResult(*std::move(film), std::move(filtered),
-                     {.spec = spec, .frame = 3, .numeric_class = "avx2"});
+  return BuildResult(FilmOf(spec), std::move(filtered), {.spec = spec, .frame = 3, .numeric_class = "avx2"});
 }
+
+LayeredImage Result(const v1::JobSpec& spec) { return EdgedResult(spec).pixels; }
 
 std::vector<std::string> Names(const LayeredImage& image) {
   std::vector<std::string> names;
@@ -63,10 +69,43 @@ TEST(Result, KeepsTheWholeFilmWhenAsked) {
   spec.set_save_film(true);
   const std::vector<std::string> names = Names(Result(spec));
   for (const char* name :
-       {"noisy_a.R", "direct_b.G", "reflection1_a.B", "mask.Y", "samples_a.Y", "samples_b.Y"}) {
+       {"noisy_a.R", "direct_b.G", "glossy_a.B", "specular.R", "mask.Y", "roughness.Y", "samples_a.Y",
+        "reflection1_direct_a.R", "reflection1_N.X", "reflection1_samples_b.Y"}) {
     EXPECT_THAT(names, Contains(name));
     EXPECT_THAT(Names(Result(Spec())), Not(Contains(name)));
   }
+}
+
+TEST(Result, ReflectionIsWhatTheOtherLayersLeave) {
+  const LayeredImage result = Result(Spec());
+  const auto at = [&](const char* name) { return result.Get(name).At(5, 2); };
+  EXPECT_FLOAT_EQ(at("reflection1.B"),
+                  at("noisy.B") - (at("direct.B") + at("indirect.B")) * at("albedo.B") - at("emission.B"));
+}
+
+TEST(Result, ASavedFilmIsReadBackWhole) {
+  v1::JobSpec spec = Spec();
+  spec.set_save_film(true);
+  const TempFolder folder;
+  const std::string path = folder.PathOf("film.exr");
+  ASSERT_TRUE(WriteExr(path, EdgedResult(spec)).ok());
+  const EdgedImage film = FilmOf(spec);
+  const absl::StatusOr<EdgedImage> read = ReadEdgedExr(path);
+  ASSERT_TRUE(read.ok()) << read.status();
+  const auto expect_same = [](const LayeredImage& expected, const LayeredImage& image) {
+    ASSERT_EQ(image.bounds(), expected.bounds());
+    for (const LayeredImage::Channel& channel : expected.channels()) {
+      ASSERT_TRUE(image.Has(channel.name)) << channel.name;
+      for (int y = 0; y < expected.height(); ++y) {
+        for (int x = 0; x < expected.width(); ++x)
+          ASSERT_EQ(image.Get(channel.name).At(x, y), channel.plane.At(x, y)) << channel.name;
+      }
+    }
+  };
+  expect_same(film.pixels, read->pixels);
+  ASSERT_GT(film.edges.height(), 0);
+  expect_same(film.edges, read->edges);
+  expect_same(film.pixels, *ReadExr(path));
 }
 
 TEST(Result, SaysHowItWasMade) {

@@ -19,7 +19,7 @@ using ::testing::HasSubstr;
 constexpr Rect kRect = {0, 0, 5, 3};
 
 StoredUnit Unit(int32_t tile) {
-  const scheduler::UnitKey key{1, tile, 0, v1::UNIT_KIND_PASS};
+  const scheduler::UnitKey key{1, tile, 0, tile == 2 ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS};
   StoredUnit unit{
       {scheduler::JobId("j-1"), key}, scheduler::Attempt(7 + tile), {}, RandomUnit(key, kRect, {0, 4}, 1)};
   unit.stats.set_samples(60);
@@ -27,7 +27,9 @@ StoredUnit Unit(int32_t tile) {
   return unit;
 }
 
-std::string Bytes(const LayeredImage& image) { return rpc::BytesFromImage(image); }
+std::string Bytes(const EdgedImage& image) {
+  return rpc::BytesFromImage(image.pixels) + rpc::BytesFromImage(image.edges);
+}
 
 class UnitLogTest : public ::testing::Test {
  protected:
@@ -79,8 +81,9 @@ TEST_F(UnitLogTest, GivesBackWhatWasWritten) {
     EXPECT_EQ(unit->unit, Unit(tile).unit);
     EXPECT_EQ(unit->attempt, Unit(tile).attempt);
     EXPECT_EQ(unit->stats.warnings(0), "no light");
-    EXPECT_EQ(Bytes(unit->pixels), Bytes(Unit(tile).pixels));
-    EXPECT_TRUE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, rpc::LayoutOf(unit->pixels)).ok());
+    EXPECT_EQ(Bytes(unit->image), Bytes(Unit(tile).image));
+    EXPECT_TRUE(CheckUnitLayout(unit->unit.key.kind, kRect, rpc::LayoutOf(unit->image.pixels)).ok());
+    EXPECT_EQ(unit->image.edges.height(), tile == 2 ? 2 : 0);
   }
 }
 
@@ -89,7 +92,7 @@ TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
   const std::string good = File();
   for (size_t at = 0; at < good.size(); ++at) {
     std::string bad = good;
-    bad[at] ^= static_cast<char>(1 << at % 8);
+    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU2" becomes "LFU:", which is no version
     SetFile(bad);
     const absl::Status status = Read(place).status();
     ASSERT_EQ(status.code(), absl::StatusCode::kDataLoss) << at;
@@ -127,6 +130,20 @@ TEST_F(UnitLogTest, AFileShorterThanTheLedgerSaysIsNamed) {
   const absl::Status status = UnitLog::Open(path_, 1 << 20).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(status.message()), HasSubstr(path_));
+}
+
+TEST_F(UnitLogTest, ALogOfAnotherVersionIsRefusedByName) {
+  const RecordPlace place = WriteUnits(1).front();
+  std::string old = File();
+  old[3] = '1';
+  SetFile(old);
+  const absl::Status read = Read(place).status();
+  EXPECT_EQ(read.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(read.message()), HasSubstr("another version of Lumifold"));
+  EXPECT_THAT(std::string(read.message()), HasSubstr(path_));
+  const absl::StatusOr<uint64_t> scan =
+      UnitLogReader::Open(path_)->Scan([](const StoredUnit&, const RecordPlace&) {});
+  EXPECT_EQ(scan.status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
 TEST_F(UnitLogTest, PlacesThatAreNoneAreRefused) {

@@ -10,6 +10,7 @@
 #include <random>
 #include <utility>
 
+#include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
 #include "filter/metrics/metrics.h"
 #include "synthetic_film.h"
@@ -222,7 +223,7 @@ TEST(FilterFilm, StaysFiniteOnAnySizeAndOnAllSky) {
 TEST(FilterFilm, StaysFiniteWhateverTheFilmHolds) {
   for (const float poison : {NAN, INFINITY, -INFINITY, -1e38f, 3e38f}) {
     for (const char* channel :
-         {"direct_a.R", "indirect_b.G", "noisy.R", "albedo.B", "N.X", "distance.Z", "reflection1.R"}) {
+         {"direct_a.R", "indirect_b.G", "noisy.R", "albedo.B", "N.X", "distance.Z", "glossy.R"}) {
       SyntheticFilm synthetic = MakeSyntheticFilm(48, 40, 0.3f, 10);
       for (int i = 0; i < 12; ++i) synthetic.film.Get(channel).At(3 * i, 2 * i + 8) = poison;
       EXPECT_TRUE(IsFinite(Filter(synthetic.film))) << channel << " " << poison;
@@ -252,6 +253,11 @@ TEST(FilterFilm, NamesAMissingChannelAndAnUnknownMethod) {
   const absl::Status missing = FilterFilm(partial, "default", nullptr).status();
   EXPECT_EQ(missing.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(missing.message()), HasSubstr("indirect_b.G"));
+  LayeredImage edges(kSubSamples, 1);
+  edges.Add(layers::kPixelX);
+  const absl::Status no_edges = FilterFilm(synthetic.film, "default", nullptr, &edges).status();
+  EXPECT_EQ(no_edges.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(no_edges.message()), HasSubstr("pixel.Y"));
   const absl::Status unknown = FilterFilm(synthetic.film, "magic", nullptr).status();
   EXPECT_EQ(unknown.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(unknown.message()), HasSubstr("magic"));

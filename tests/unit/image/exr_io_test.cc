@@ -61,6 +61,39 @@ TEST(Exr, WritesTheSameBytesForTheSamePicture) {
   EXPECT_EQ(ReadFile(TestPath("a.exr"), 1 << 24).value(), ReadFile(TestPath("b.exr"), 1 << 24).value());
 }
 
+TEST(Exr, KeepsAnEdgeSetBesideThePicture) {
+  const std::string path = TestPath("a.exr");
+  EdgedImage image{SampleImage(37, 21), LayeredImage(kSubSamples, 70)};
+  const FloatView id = image.edges.Add("id.Y");
+  for (int row = 0; row < 70; ++row) {
+    for (int i = 0; i < kSubSamples; ++i) id.At(i, row) = static_cast<float>(row * kSubSamples + i);
+  }
+  ASSERT_TRUE(WriteExr(path, image).ok());
+  const auto read = ReadEdgedExr(path);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->pixels.Get("G").At(36, 20), image.pixels.Get("G").At(36, 20));
+  EXPECT_EQ(read->pixels.metadata().at("lumifold:job"), "j-42");
+  ASSERT_EQ(read->edges.bounds(), image.edges.bounds());
+  for (int row = 0; row < 70; ++row) {
+    for (int i = 0; i < kSubSamples; ++i) ASSERT_EQ(read->edges.Get("id.Y").At(i, row), id.At(i, row));
+  }
+  EXPECT_EQ(ReadExr(path)->bounds(), image.pixels.bounds());  // whoever wants the picture alone gets it
+  const std::string bytes = ReadFile(path, 1 << 24).value();
+  ASSERT_TRUE(WriteExr(path, image).ok());
+  EXPECT_EQ(ReadFile(path, 1 << 24).value(), bytes);
+  for (const size_t keep : {bytes.size() / 2, bytes.size() - 1}) {
+    ASSERT_TRUE(WriteFileAtomically(path, bytes.substr(0, keep)).ok());
+    EXPECT_EQ(ReadExr(path).status().code(), absl::StatusCode::kInvalidArgument) << keep;
+  }
+}
+
+TEST(Exr, WithoutEdgesAFileHasOnePart) {
+  ASSERT_TRUE(WriteExr(TestPath("a.exr"), SampleImage(8, 5)).ok());
+  ASSERT_TRUE(WriteExr(TestPath("b.exr"), EdgedImage{SampleImage(8, 5), {}}).ok());
+  EXPECT_EQ(ReadFile(TestPath("a.exr"), 1 << 24).value(), ReadFile(TestPath("b.exr"), 1 << 24).value());
+  EXPECT_TRUE(ReadEdgedExr(TestPath("a.exr"))->edges.channels().empty());
+}
+
 TEST(Exr, RefusesAPictureWithoutPixelsOrChannels) {
   EXPECT_EQ(WriteExr(TestPath("a.exr"), LayeredImage(4, 4)).code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(WriteExr(TestPath("a.exr"), LayeredImage()).code(), absl::StatusCode::kInvalidArgument);

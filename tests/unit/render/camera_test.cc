@@ -98,7 +98,7 @@ TEST(Camera, GeometryIsSeenThroughTheLens) {
   const auto edge_width = [&](float focus) {
     RenderSettings settings = SettingsOf(32, 32);
     settings.lens = {0.1f, focus};
-    const LayeredImage geometry = MakeRenderer(scene, settings)->RenderGeometry({0, 16, 32, 17}, 0);
+    const LayeredImage geometry = MakeRenderer(scene, settings)->RenderGeometry({0, 16, 32, 17}, 0).pixels;
     int partial = 0;
     for (int x = 0; x < 32; ++x) {
       const float alpha = geometry.Get(layers::kAlpha).At(x, 0);

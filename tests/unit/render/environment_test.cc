@@ -181,7 +181,7 @@ TEST(Environment, SkyBehindEverythingIsEmission) {
   EXPECT_NEAR(image.GetColor(layers::kEmission)[0].At(3, 3), 4 * 2, 1e-5);  // a sum of four
   EXPECT_NEAR(MeanOf(image, layers::kNoisy), 2, 1e-5);
   EXPECT_EQ(image.GetColor(layers::kAlbedo)[0].At(3, 3), 0);
-  const LayeredImage geometry = renderer->RenderGeometry({0, 0, 8, 8}, 0);
+  const LayeredImage geometry = renderer->RenderGeometry({0, 0, 8, 8}, 0).pixels;
   EXPECT_EQ(geometry.Get(layers::kMask).At(3, 3), 0);
   EXPECT_EQ(geometry.Get(layers::kAlpha).At(3, 3), 0);
   EXPECT_TRUE(renderer->warnings().empty());

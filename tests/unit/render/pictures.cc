@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <utility>
 
 #include "filter/image/layers.h"
@@ -28,6 +29,28 @@ LayeredImage RenderAll(const Renderer& renderer, int width, int height, uint32_t
   EXPECT_EQ(counts.samples, int64_t{width} * height * spp);
   EXPECT_EQ(counts.bad_samples, 0);
   return image;
+}
+
+void ExpectSameBits(const LayeredImage& a, const LayeredImage& b) {
+  ASSERT_EQ(a.bounds(), b.bounds());
+  const Plane zeros(a.width(), a.height());
+  for (const auto& [some, others] : {std::pair{&a, &b}, {&b, &a}}) {
+    for (const LayeredImage::Channel& channel : some->channels()) {
+      const ConstFloatView other =
+          others->Has(channel.name) ? others->Get(channel.name) : ConstFloatView(zeros.view());
+      for (int y = 0; y < a.height(); ++y) {
+        const size_t bytes = sizeof(float) * static_cast<size_t>(a.width());
+        ASSERT_EQ(std::memcmp(channel.plane.Row(y), other.Row(y), bytes), 0) << channel.name << " row " << y;
+      }
+    }
+  }
+}
+
+LayeredImage Cut(const LayeredImage& image, const Rect& rect) {
+  LayeredImage cut(rect.width(), rect.height());
+  for (const LayeredImage::Channel& channel : image.channels())
+    CopyPlane(channel.plane.view().Crop(rect), cut.Add(channel.name));
+  return cut;
 }
 
 double MeanOf(const LayeredImage& sums, std::string_view layer, int component) {

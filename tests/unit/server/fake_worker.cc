@@ -74,11 +74,18 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
 bool FakeWorker::Deliver(const v1::Lease& lease, Stream* stream) {
   const scheduler::UnitRef unit = scheduler::UnitFromProto(lease.unit());
   const Rect rect = {lease.rect().x0(), lease.rect().y0(), lease.rect().x1(), lease.rect().y1()};
-  const LayeredImage pixels = RandomUnit(unit.key, rect, {lease.first_sample(), lease.last_sample()}, 1);
-  rpc::PixelChunker chunker(pixels);
+  const EdgedImage image = RandomUnit(unit.key, rect, {lease.first_sample(), lease.last_sample()}, 1);
   v1::WorkerMessage message;
   *message.mutable_chunk()->mutable_unit() = lease.unit();
   message.mutable_chunk()->set_attempt(lease.attempt());
+  if (image.edges.height() > 0) {
+    rpc::PixelChunker edges(image.edges);
+    while (edges.Next(message.mutable_chunk()->mutable_edges())) {
+      if (!Send(message, stream)) return false;
+    }
+    message.mutable_chunk()->clear_edges();
+  }
+  rpc::PixelChunker chunker(image.pixels);
   while (chunker.Next(message.mutable_chunk()->mutable_pixels())) {
     const bool vanishes = delivered() == options_.vanish_after;
     if (vanishes && message.chunk().pixels().last()) return false;

@@ -11,13 +11,14 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
 #include "lumifold/v1/worker.grpc.pb.h"
+#include "proto/rpc/version.h"
 
 namespace lumifold::server {
 
 struct FakeWorkerOptions {
   std::string numeric_class = "test";
   int slots = 3;
-  int wire_version = 1;
+  int wire_version = rpc::kWireVersion;
   /// Breaks the connection amid a unit after so many whole ones.
   int vanish_after = 1'000'000'000;
   /// Changes a message on its way out.

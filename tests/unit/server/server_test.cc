@@ -44,15 +44,15 @@ TEST_F(ServerTest, ATinyJobBecomesAPicture) {
   const absl::StatusOr<LayeredImage> result = ReadExr(path);
   ASSERT_TRUE(result.ok()) << result.status();
   const scheduler::FrameUnits units(spec);
-  const absl::StatusOr<LayeredImage> film = film::AssembleFilm(
+  const absl::StatusOr<EdgedImage> film = film::AssembleFilm(
       spec, 0,
       [&](const scheduler::UnitKey& key) {
-        return absl::StatusOr<LayeredImage>(
+        return absl::StatusOr<EdgedImage>(
             RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1));
       },
       nullptr);
   for (const char* channel : {"noisy.R", "direct.G", "albedo.B", "Z", "A"}) {
-    EXPECT_EQ(result->Get(channel).At(19, 11), film->Get(channel).At(19, 11)) << channel;
+    EXPECT_EQ(result->Get(channel).At(19, 11), film->pixels.Get(channel).At(19, 11)) << channel;
   }
 }
 
@@ -101,13 +101,17 @@ TEST_F(ServerTest, ADamagedUnitIsRenderedAgain) {
   const std::string job = *Submit(Spec(), "damaged");
   std::atomic<int> damaged{0};
   const auto worker = Worker({.spoil = [&](v1::WorkerMessage& message) {
-    if (!message.has_chunk() || message.chunk().unit().tile() != 2 || damaged > 0) return;
+    if (!message.has_chunk() || message.chunk().unit().tile() != 2 || damaged > 1) return;
+    // First the edge set of the tile's geometry, which comes before its pixels, then those.
+    if (message.chunk().has_edges() != (damaged == 0)) return;
     ++damaged;
-    (*message.mutable_chunk()->mutable_pixels()->mutable_data())[3] ^= 1;
+    v1::UnitChunk* chunk = message.mutable_chunk();
+    v1::PixelChunk* piece = chunk->has_edges() ? chunk->mutable_edges() : chunk->mutable_pixels();
+    (*piece->mutable_data())[3] ^= 1;
   }});
   EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
-  EXPECT_EQ(damaged, 1);
-  EXPECT_EQ(worker->delivered(), kUnits + 1);
+  EXPECT_EQ(damaged, 2);
+  EXPECT_GE(worker->delivered(), kUnits + 1);
   EXPECT_EQ(*Download(job, 0), expected);
 }
 

@@ -139,6 +139,27 @@ TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
   EXPECT_EQ(assets.fetches(), 1);  // the scene is loaded once for all
 }
 
+TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &renderer, Silent());
+  worker.OnConnected(outbox);
+  v1::CoordinatorMessage grant = Grant(1);
+  grant.mutable_grant()->mutable_leases(0)->mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
+  worker.OnMessage(grant);
+  const std::vector<v1::WorkerMessage> messages = outbox->Await(2);
+  ASSERT_TRUE(messages[0].chunk().has_edges());
+  EXPECT_FALSE(messages[0].chunk().has_pixels());
+  EXPECT_FALSE(messages[0].chunk().has_stats());
+  rpc::PixelAssembler assembler;
+  ASSERT_TRUE(assembler.Add(messages[0].chunk().edges()).ok());
+  ASSERT_TRUE(assembler.IsComplete());
+  EXPECT_EQ(assembler.Take().width(), kSubSamples);
+  EXPECT_TRUE(messages[1].chunk().has_pixels());
+  EXPECT_TRUE(messages[1].chunk().has_stats());
+}
+
 TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
   FakeAssets assets{std::string(kScene)};
   UnitRenderer renderer(&assets);
@@ -240,7 +261,8 @@ TEST(UnitRenderer, RendersTheEnvironment) {
   spec.mutable_environment()->set_scale(3);
   const auto unit = renderer.Render(spec, Grant(1).grant().leases(0));
   ASSERT_TRUE(unit.ok()) << unit.status();
-  EXPECT_EQ(unit->pixels.GetColor("emission")[0].At(0, 0), 2 * 3);  // two samples of the corner, sky alone
+  EXPECT_EQ(unit->image.pixels.GetColor("emission")[0].At(0, 0),
+            2 * 3);  // two samples of the corner, sky alone
 }
 
 }  // namespace

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "filter/image/layered_image.h"
+#include "filter/image/layers.h"
+
+namespace lumifold {
+
+/// Pictures of one size by level, which come into being when they are first asked for: what no pixel has
+/// reached is not carried.
+class LevelImages {
+ public:
+  /// `channels` names the channels of a level.
+  LevelImages(int width, int height, std::vector<std::string> (*channels)(layers::Level))
+      : width_(width), height_(height), channels_(channels) {}
+
+  /// The level's picture, of zeros where it is new.
+  LayeredImage& At(layers::Level level) {
+    std::optional<LayeredImage>& image = images_[level.index()];
+    if (!image.has_value()) {
+      image.emplace(width_, height_);
+      for (const std::string& name : channels_(level)) image->Add(name);
+    }
+    return *image;
+  }
+
+  /// Moves the channels of all levels to the end of `image`, which must have their size, in the order of
+  /// levels.
+  void MoveTo(LayeredImage* image) {
+    for (std::optional<LayeredImage>& level : images_) {
+      if (!level.has_value()) continue;
+      for (LayeredImage::Channel& channel : level->channels())
+        image->Add(channel.name, std::move(channel.plane));
+      level.reset();
+    }
+  }
+
+ private:
+  int width_;
+  int height_;
+  std::vector<std::string> (*channels_)(layers::Level);
+  std::array<std::optional<LayeredImage>, layers::kLevelCount> images_;
+};
+
+}  // namespace lumifold

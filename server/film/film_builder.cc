@@ -1,0 +1,186 @@
+#include "server/film/film_builder.h"
+
+#include <algorithm>
+#include <tuple>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "server/film/unit_layout.h"
+
+namespace lumifold::film {
+namespace {
+
+using layers::Level;
+using layers::OfLevel;
+
+void AddHalved(std::string_view layer, LayeredImage* film) {
+  film->AddColor(layer);
+  film->AddColor(layers::HalfA(layer));
+  film->AddColor(layers::HalfB(layer));
+}
+
+/// What a film has of a level.
+std::vector<std::string> LevelFilmChannels(Level level) {
+  LayeredImage film(1, 1);
+  for (const std::string_view layer : layers::kLevelHalved) AddHalved(OfLevel(level, layer), &film);
+  for (const std::string_view layer : layers::kLevelWhole) film.AddColor(OfLevel(level, layer));
+  for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB}) film.Add(OfLevel(level, name));
+  for (const std::string& name : layers::LevelFeatureChannels(level)) film.Add(name);
+  std::vector<std::string> names;
+  for (const LayeredImage::Channel& channel : film.channels()) names.push_back(channel.name);
+  return names;
+}
+
+// Writes value(i) for each pixel i of the tile, rows one after another, into `channel` of the film.
+template <typename Value>
+void WriteTile(const Rect& rect, std::string_view channel, LayeredImage* film, Value value) {
+  const FloatView view = film->Get(channel).Crop(rect);
+  size_t i = 0;
+  for (int y = 0; y < rect.height(); ++y) {
+    for (int x = 0; x < rect.width(); ++x) view.At(x, y) = static_cast<float>(value(i++));
+  }
+}
+
+double Mean(double sum, double count) { return count > 0.0 ? sum / count : 0.0; }
+
+/// The sample counts of the halves.
+struct Counts {
+  const std::vector<double>& a;
+  const std::vector<double>& b;
+};
+
+void WriteCounts(const Rect& rect, const Counts& counts, std::string_view a, std::string_view b,
+                 LayeredImage* film) {
+  WriteTile(rect, a, film, [&](size_t i) { return counts.a[i]; });
+  WriteTile(rect, b, film, [&](size_t i) { return counts.b[i]; });
+}
+
+/// Means of a halved layer: of both halves together and of each.
+void WriteHalved(const Rect& rect, const TileSums& sums, std::string_view layer, const Counts& counts,
+                 LayeredImage* film) {
+  const auto both = layers::ColorChannels(layer);
+  const auto half_a = layers::ColorChannels(layers::HalfA(layer));
+  const auto half_b = layers::ColorChannels(layers::HalfB(layer));
+  for (size_t c = 0; c < both.size(); ++c) {
+    const std::vector<double>& a = sums.Of(half_a[c]);
+    const std::vector<double>& b = sums.Of(half_b[c]);
+    WriteTile(rect, both[c], film, [&](size_t i) { return Mean(a[i] + b[i], counts.a[i] + counts.b[i]); });
+    WriteTile(rect, half_a[c], film, [&](size_t i) { return Mean(a[i], counts.a[i]); });
+    WriteTile(rect, half_b[c], film, [&](size_t i) { return Mean(b[i], counts.b[i]); });
+  }
+}
+
+/// Means of a layer kept once.
+void WriteWhole(const Rect& rect, const TileSums& sums, std::string_view layer, const Counts& counts,
+                LayeredImage* film) {
+  for (const std::string& name : layers::ColorChannels(layer)) {
+    const std::vector<double>& sum = sums.Of(name);
+    WriteTile(rect, name, film, [&](size_t i) { return Mean(sum[i], counts.a[i] + counts.b[i]); });
+  }
+}
+
+Counts CountsOf(const TileSums& sums) { return {sums.Of(layers::kSamplesA), sums.Of(layers::kSamplesB)}; }
+
+/// All rows of all edge sets, in the order of the frame's pixels.
+LayeredImage MergeEdges(const std::vector<LayeredImage>& sets) {
+  using Place = std::tuple<float, float, const LayeredImage*, int>;  // y, x, set, row
+  std::vector<Place> places;
+  for (const LayeredImage& set : sets) {
+    for (int row = 0; row < set.height(); ++row)
+      places.emplace_back(set.Get(layers::kPixelY).At(0, row), set.Get(layers::kPixelX).At(0, row), &set,
+                          row);
+  }
+  if (places.empty()) return {};
+  std::sort(places.begin(), places.end());
+  LayeredImage merged(kSubSamples, static_cast<int>(places.size()));
+  for (const std::string& name : layers::EdgeChannels()) {
+    const FloatView view = merged.Add(name);
+    for (int row = 0; row < merged.height(); ++row) {
+      const auto& [y, x, set, set_row] = places[static_cast<size_t>(row)];
+      std::copy_n(set->Get(name).Row(set_row), kSubSamples, view.Row(row));
+    }
+  }
+  return merged;
+}
+
+}  // namespace
+
+void TileSums::Add(const LayeredImage& pass) {
+  for (const LayeredImage::Channel& channel : pass.channels()) {
+    std::vector<double>& sum = sums_[channel.name];
+    sum.resize(static_cast<size_t>(pass.width()) * static_cast<size_t>(pass.height()));
+    auto next = sum.begin();
+    for (int y = 0; y < pass.height(); ++y) {
+      const float* row = channel.plane.Row(y);
+      for (int x = 0; x < pass.width(); ++x) *next++ += row[x];
+    }
+  }
+}
+
+const std::vector<double>& TileSums::Of(std::string_view channel) const {
+  const auto found = sums_.find(channel);
+  LUMIFOLD_CHECK(found != sums_.end());
+  return found->second;
+}
+
+FilmBuilder::FilmBuilder(int width, int height)
+    : film_(width, height), levels_(width, height, LevelFilmChannels) {
+  for (const std::string_view layer : layers::kHalved) AddHalved(layer, &film_);
+  for (const std::string_view layer : layers::kWhole) film_.AddColor(layer);
+  film_.Add(layers::kSamplesA);
+  film_.Add(layers::kSamplesB);
+  for (const std::string& name : GeometryChannels()) film_.Add(name);
+}
+
+LayeredImage* FilmBuilder::LevelOf(Level level) {
+  absl::MutexLock lock(&mutex_);
+  return &levels_.At(level);  // stays where it is; tiles write to parts of it that do not meet
+}
+
+void FilmBuilder::SetMeans(const Rect& rect, const TileSums& sums) {
+  const Counts counts = CountsOf(sums);
+  WriteCounts(rect, counts, layers::kSamplesA, layers::kSamplesB, &film_);
+  for (const std::string_view layer : layers::kHalved) WriteHalved(rect, sums, layer, counts, &film_);
+  for (const std::string_view layer : layers::kWhole) WriteWhole(rect, sums, layer, counts, &film_);
+  for (size_t i = 0; i < layers::kLevelCount; ++i) {
+    if (sums.Has(OfLevel(Level::Of(i), layers::kSamplesA))) SetLevelMeans(rect, sums, Level::Of(i));
+  }
+}
+
+void FilmBuilder::SetLevelMeans(const Rect& rect, const TileSums& sums, Level level) {
+  const std::string samples_a = OfLevel(level, layers::kSamplesA);
+  const std::string samples_b = OfLevel(level, layers::kSamplesB);
+  const Counts reached = {sums.Of(samples_a), sums.Of(samples_b)};
+  LayeredImage* film = LevelOf(level);
+  WriteCounts(rect, reached, samples_a, samples_b, film);
+  for (const std::string_view layer : layers::kLevelHalved)
+    WriteHalved(rect, sums, OfLevel(level, layer), reached, film);
+  for (const std::string_view layer : layers::kLevelWhole)
+    WriteWhole(rect, sums, OfLevel(level, layer), CountsOf(sums), film);
+}
+
+void FilmBuilder::SetGeometry(const Rect& rect, const LayeredImage& geometry) {
+  const auto copy = [&](const std::string& name, LayeredImage* film) {
+    CopyPlane(geometry.Get(name), film->Get(name).Crop(rect));
+  };
+  for (const std::string& name : GeometryChannels()) copy(name, &film_);
+  for (size_t i = 0; i < layers::kLevelCount; ++i) {
+    const std::vector<std::string> names = layers::LevelFeatureChannels(Level::Of(i));
+    if (!geometry.Has(names.front())) continue;
+    LayeredImage* film = LevelOf(Level::Of(i));
+    for (const std::string& name : names) copy(name, film);
+  }
+}
+
+void FilmBuilder::AddEdges(LayeredImage edges) {
+  absl::MutexLock lock(&mutex_);
+  edges_.push_back(std::move(edges));
+}
+
+EdgedImage FilmBuilder::Take() {
+  absl::MutexLock lock(&mutex_);
+  levels_.MoveTo(&film_);
+  return {std::move(film_), MergeEdges(edges_)};
+}
+
+}  // namespace lumifold::film

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/synchronization/mutex.h"
+#include "filter/image/edged_image.h"
+#include "filter/image/level_images.h"
+#include "filter/image/rect.h"
+
+namespace lumifold::film {
+
+/// Sums of one tile over its passes, in double, by channel. Threads: one at a time.
+class TileSums {
+ public:
+  /// Adds a pass's sums; all passes have one size.
+  void Add(const LayeredImage& pass);
+  bool Has(std::string_view channel) const { return sums_.find(channel) != sums_.end(); }
+  /// The tile's rows one after another; the channel must be there.
+  const std::vector<double>& Of(std::string_view channel) const;
+
+ private:
+  std::map<std::string, std::vector<double>, std::less<>> sums_;
+};
+
+/// Puts a frame's film together from its tiles. What comes out does not depend on the order they come in, nor
+/// on how the frame was cut. Threads: safe concurrently for different tiles; Take() when all are in.
+class FilmBuilder {
+ public:
+  FilmBuilder(int width, int height);
+
+  /// Writes the means of a tile.
+  void SetMeans(const Rect& rect, const TileSums& sums);
+  /// Takes over a tile's geometry, a unit of valid layout.
+  void SetGeometry(const Rect& rect, const LayeredImage& geometry);
+  /// Takes over a tile's edge set, which is valid.
+  void AddEdges(LayeredImage edges);
+
+  /// The film; see AssembleFilm.
+  EdgedImage Take();
+
+ private:
+  /// The level's channels of the film.
+  LayeredImage* LevelOf(layers::Level level);
+  void SetLevelMeans(const Rect& rect, const TileSums& sums, layers::Level level);
+
+  LayeredImage film_;
+  absl::Mutex mutex_;
+  LevelImages levels_ ABSL_GUARDED_BY(mutex_);
+  std::vector<LayeredImage> edges_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace lumifold::film

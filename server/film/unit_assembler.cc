@@ -1,0 +1,39 @@
+#include "server/film/unit_assembler.h"
+
+#include <utility>
+
+#include "server/film/unit_layout.h"
+
+namespace lumifold::film {
+
+UnitAssembler::UnitAssembler(v1::UnitKind kind, const Rect& rect)
+    : kind_(kind), rect_(rect), pixels_(UnitLimits(rect)), edges_(EdgeLimits(rect)) {}
+
+absl::Status UnitAssembler::Add(const v1::UnitChunk& chunk) {
+  if (chunk.has_edges() && chunk.has_pixels())
+    return absl::InvalidArgumentError("unit: pixels and an edge set in one piece");
+  return chunk.has_edges() ? AddEdges(chunk.edges()) : AddPixels(chunk.pixels());
+}
+
+absl::Status UnitAssembler::AddEdges(const v1::PixelChunk& piece) {
+  if (kind_ != v1::UNIT_KIND_GEOMETRY)
+    return absl::InvalidArgumentError("unit: only geometry units have an edge set");
+  if (pixels_.layout().has_value() || !whole_edges_.channels().empty())
+    return absl::InvalidArgumentError("unit: a piece of the edge set comes too late");
+  if (absl::Status status = edges_.Add(piece); !status.ok()) return status;
+  if (!edges_.IsComplete()) return absl::OkStatus();
+  whole_edges_ = edges_.Take();
+  return CheckEdges(rect_, whole_edges_);
+}
+
+absl::Status UnitAssembler::AddPixels(const v1::PixelChunk& piece) {
+  const bool is_first = !pixels_.layout().has_value();
+  if (is_first && edges_.layout().has_value())
+    return absl::InvalidArgumentError("unit: the edge set is cut short");
+  if (absl::Status status = pixels_.Add(piece); !status.ok()) return status;
+  return is_first ? CheckUnitLayout(kind_, rect_, *pixels_.layout()) : absl::OkStatus();
+}
+
+EdgedImage UnitAssembler::Take() { return {pixels_.Take(), std::move(whole_edges_)}; }
+
+}  // namespace lumifold::film

@@ -1,0 +1,77 @@
+#include "server/film/unit_assembler.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "tests/support/random_unit.h"
+
+namespace lumifold::film {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr Rect kRect = {8, 0, 16, 4};
+
+EdgedImage Unit(v1::UnitKind kind) { return RandomUnit({0, 1, 0, kind}, kRect, {0, 4}, 1); }
+
+/// The unit's pieces as a worker sends them.
+std::vector<v1::UnitChunk> PiecesOf(const EdgedImage& unit) {
+  std::vector<v1::UnitChunk> pieces;
+  v1::PixelChunk piece;
+  if (unit.edges.height() > 0) {
+    rpc::PixelChunker edges(unit.edges);
+    while (edges.Next(&piece)) *pieces.emplace_back().mutable_edges() = piece;
+  }
+  rpc::PixelChunker pixels(unit.pixels);
+  while (pixels.Next(&piece)) *pieces.emplace_back().mutable_pixels() = piece;
+  return pieces;
+}
+
+std::string Bytes(const EdgedImage& unit) {
+  return rpc::BytesFromImage(unit.pixels) + rpc::BytesFromImage(unit.edges);
+}
+
+TEST(UnitAssembler, GivesBackWhatWasSent) {
+  for (const v1::UnitKind kind : {v1::UNIT_KIND_PASS, v1::UNIT_KIND_GEOMETRY}) {
+    const EdgedImage unit = Unit(kind);
+    UnitAssembler assembler(kind, kRect);
+    for (const v1::UnitChunk& piece : PiecesOf(unit)) {
+      EXPECT_FALSE(assembler.IsComplete());
+      ASSERT_TRUE(assembler.Add(piece).ok());
+    }
+    ASSERT_TRUE(assembler.IsComplete());
+    EXPECT_EQ(Bytes(assembler.Take()), Bytes(unit));
+  }
+}
+
+TEST(UnitAssembler, RefusesEdgesThatAreOutOfPlace) {
+  const std::vector<v1::UnitChunk> pieces = PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY));
+  ASSERT_EQ(pieces.size(), 2u);
+  UnitAssembler of_a_pass(v1::UNIT_KIND_PASS, kRect);
+  EXPECT_THAT(std::string(of_a_pass.Add(pieces[0]).message()), HasSubstr("only geometry units"));
+  UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kRect);
+  ASSERT_TRUE(twice.Add(pieces[0]).ok());
+  EXPECT_THAT(std::string(twice.Add(pieces[0]).message()), HasSubstr("too late"));
+  UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kRect);
+  ASSERT_TRUE(after_pixels.Add(pieces[1]).ok());
+  EXPECT_THAT(std::string(after_pixels.Add(pieces[0]).message()), HasSubstr("too late"));
+  UnitAssembler both_at_once(v1::UNIT_KIND_GEOMETRY, kRect);
+  v1::UnitChunk both = pieces[0];
+  *both.mutable_pixels() = pieces[1].pixels();
+  EXPECT_FALSE(both_at_once.Add(both).ok());
+}
+
+TEST(UnitAssembler, RefusesAnEdgeSetOfAnotherTileOrOfTooManyRows) {
+  UnitAssembler elsewhere(v1::UNIT_KIND_GEOMETRY, {0, 0, 8, 4});
+  EXPECT_THAT(std::string(elsewhere.Add(PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY))[0]).message()),
+              HasSubstr("edge set: the pixel"));
+  UnitAssembler small(v1::UNIT_KIND_GEOMETRY, {8, 0, 9, 1});  // two rows where there is one pixel
+  EXPECT_THAT(std::string(small.Add(PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY))[0]).message()),
+              HasSubstr("size 16x2"));
+}
+
+}  // namespace
+}  // namespace lumifold::film

@@ -1,0 +1,180 @@
+#include "worker/render/geometry_unit.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "filter/image/layers.h"
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/render/pictures.h"
+#include "worker/render/edge_set.h"
+#include "worker/render/renderer.h"
+
+namespace lumifold::render {
+namespace {
+
+using layers::Branch;
+using layers::Level;
+using layers::OfLevel;
+using scene::Material;
+
+constexpr Level kReflection1 = {Branch::kReflection, 1};
+constexpr Level kReflection2 = {Branch::kReflection, 2};
+constexpr Level kTransmission1 = {Branch::kTransmission, 1};
+constexpr Level kTransmission2 = {Branch::kTransmission, 2};
+
+Material Mirror() {
+  Material mirror;
+  mirror.roughness = 0;
+  return mirror;
+}
+
+Material Pane() {
+  Material pane = Mirror();
+  pane.metallic = 0;
+  pane.transmission = 1;
+  return pane;
+}
+
+/// The camera at the origin looks along -z at a plane of `front` 3 m ahead; walls stand 5 m ahead and 2 m
+/// behind it.
+scene::Scene PlaneBetweenWalls(const Material& front) {
+  scene::Scene scene;
+  scene.materials = {front, testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&scene, testing::QuadMesh({-2, -2, -3}, {4, 0, 0}, {0, 4, 0}, 0));
+  testing::Place(&scene, testing::QuadMesh({-9, -9, 2}, {0, 18, 0}, {18, 0, 0}, 1));
+  testing::Place(&scene, testing::QuadMesh({-9, -9, -5}, {18, 0, 0}, {0, 18, 0}, 1));
+  scene.cameras = {testing::LookAt({0, 0, 0}, {0, 0, -1}, 0.1f)};
+  return scene;
+}
+
+EdgedImage GeometryOf(scene::Scene scene, int width, int height) {
+  return MakeRenderer(std::move(scene), SettingsOf(width, height))->RenderGeometry({0, 0, width, height}, 0);
+}
+
+/// The edge set's values by pixel.
+using PixelValues = std::map<std::pair<float, float>, std::vector<float>>;
+
+void Collect(const LayeredImage& edges, PixelValues* out) {
+  for (int row = 0; row < edges.height(); ++row) {
+    std::vector<float>& values =
+        (*out)[{edges.Get(layers::kPixelY).At(0, row), edges.Get(layers::kPixelX).At(0, row)}];
+    EXPECT_TRUE(values.empty()) << "the pixel of row " << row << " is there twice";
+    for (const LayeredImage::Channel& channel : edges.channels())
+      values.insert(values.end(), channel.plane.Row(row), channel.plane.Row(row) + kSubSamples);
+  }
+}
+
+TEST(GeometryUnit, AMirrorShowsItsSurfacesAsAWindowWould) {
+  const LayeredImage geometry = GeometryOf(PlaneBetweenWalls(Mirror()), 9, 9).pixels;
+  EXPECT_EQ(geometry.Get(layers::kMask).At(4, 4), 0);
+  EXPECT_LT(geometry.Get(layers::kRoughness).At(4, 4), 1e-3f);
+  // The wall behind the camera looks along -z; in the mirror it looks along +z.
+  EXPECT_NEAR(geometry.Get(OfLevel(kReflection1, layers::kNormalZ)).At(4, 4), 1, 1e-5);
+  EXPECT_NEAR(geometry.Get(OfLevel(kReflection1, layers::kDistance)).At(4, 4), 3 + 5, 1e-2);
+  EXPECT_EQ(geometry.Get(OfLevel(kReflection1, layers::kMask)).At(4, 4), 1);
+  EXPECT_EQ(geometry.Get(OfLevel(kReflection1, layers::kObjectId)).At(4, 4), 2);
+  EXPECT_FALSE(geometry.Has(OfLevel(kReflection2, layers::kMask)));
+  EXPECT_FALSE(geometry.Has(OfLevel(kTransmission1, layers::kMask)));
+}
+
+TEST(GeometryUnit, APaneShowsWhatIsBehindItAndWhatItReflects) {
+  const LayeredImage geometry = GeometryOf(PlaneBetweenWalls(Pane()), 9, 9).pixels;
+  EXPECT_NEAR(geometry.Get(OfLevel(kTransmission1, layers::kNormalZ)).At(4, 4), 1, 1e-5);
+  EXPECT_NEAR(geometry.Get(OfLevel(kTransmission1, layers::kDistance)).At(4, 4), 5, 1e-2);
+  EXPECT_EQ(geometry.Get(OfLevel(kTransmission1, layers::kObjectId)).At(4, 4), 3);
+  EXPECT_EQ(geometry.Get(OfLevel(kReflection1, layers::kObjectId)).At(4, 4), 2);
+}
+
+TEST(GeometryUnit, ASolidBallIsFollowedThroughBothItsFaces) {
+  scene::Scene scene = PlaneBetweenWalls(Pane());
+  scene.materials[0].has_volume = true;
+  scene.meshes[0] = testing::SphereMesh(1, 24, 0);
+  scene.instances[0].world_from_object.origin = {0, 0, -3};
+  const LayeredImage geometry = GeometryOf(std::move(scene), 9, 9).pixels;
+  EXPECT_EQ(geometry.Get(OfLevel(kTransmission1, layers::kMask)).At(4, 4), 0);
+  EXPECT_EQ(geometry.Get(OfLevel(kTransmission1, layers::kObjectId)).At(4, 4), 1);
+  EXPECT_EQ(geometry.Get(OfLevel(kTransmission2, layers::kMask)).At(4, 4), 1);
+  EXPECT_EQ(geometry.Get(OfLevel(kTransmission2, layers::kObjectId)).At(4, 4), 3);
+  EXPECT_NEAR(geometry.Get(OfLevel(kTransmission2, layers::kDistance)).At(4, 4), 5, 2e-2);
+}
+
+TEST(GeometryUnit, TilesMakeNoDifference) {
+  constexpr int kWidth = 45;
+  constexpr int kHeight = 33;
+  scene::Scene room = testing::SmallRoom();
+  room.materials[5] = Pane();
+  room.materials[5].has_volume = true;
+  room.materials[1] = Mirror();
+  const auto renderer = MakeRenderer(std::move(room), SettingsOf(kWidth, kHeight));
+  const EdgedImage whole = renderer->RenderGeometry({0, 0, kWidth, kHeight}, 0);
+  PixelValues expected;
+  Collect(whole.edges, &expected);
+  ASSERT_GT(expected.size(), 50u);
+  ASSERT_LT(expected.size(), kWidth * kHeight * 0.7);
+  for (const int tile : {1, 8, 13, 32}) {
+    PixelValues edges;
+    for (int y = 0; y < kHeight; y += tile) {
+      for (int x = 0; x < kWidth; x += tile) {
+        const Rect rect = {x, y, std::min(x + tile, kWidth), std::min(y + tile, kHeight)};
+        const EdgedImage part = renderer->RenderGeometry(rect, 0);
+        ExpectSameBits(part.pixels, Cut(whole.pixels, rect));
+        Collect(part.edges, &edges);
+      }
+    }
+    EXPECT_EQ(edges, expected) << tile;
+  }
+}
+
+TEST(GeometryUnit, AFlatFloorHasNoEdgesHoweverSteeplyItRecedes) {
+  scene::Scene scene;
+  scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&scene, testing::QuadMesh({-5e3f, 0, -5e3f}, {0, 0, 1e4f}, {1e4f, 0, 0}, 0));
+  scene.cameras = {testing::LookAt({0, 1, 0}, {0, 0.7f, -1}, 0.5f)};  // the upper rows look 3 degrees down
+  EXPECT_EQ(GeometryOf(scene, 24, 32).edges.height(), 0);
+  // A step in it is one, though both of its levels are one object of one normal.
+  scene.meshes[0] = testing::QuadMesh({-5e3f, 0, -3}, {0, 0, 1e4f}, {1e4f, 0, 0}, 0);
+  scene::Mesh lower = testing::QuadMesh({-5e3f, -1, -5e3f}, {0, 0, 1e4f}, {1e4f, 0, 0}, 0);
+  for (const uint32_t corner : lower.triangles) scene.meshes[0].triangles.push_back(corner + 4);
+  scene.meshes[0].positions.insert(scene.meshes[0].positions.end(), lower.positions.begin(),
+                                   lower.positions.end());
+  for (int i = 0; i < 4; ++i) scene.meshes[0].uvs[0].push_back({0, 0});
+  const int edges = GeometryOf(scene, 24, 32).edges.height();
+  EXPECT_GE(edges, 2 * 24);
+  EXPECT_LE(edges, 4 * 24);
+}
+
+TEST(GeometryUnit, AnEdgePixelsSubSamplesGiveItsMeans) {
+  scene::Scene scene = PlaneBetweenWalls(testing::Lambert({0.25f, 0.5f, 0.75f}));
+  scene.materials[0].emission = {2, 0, 0};
+  scene.cameras = {testing::LookAt({2.05f, 0, 0}, {2.05f, 0, -1}, 0.5f)};  // the plane's right end ahead
+  const EdgedImage geometry = GeometryOf(std::move(scene), 9, 9);
+  ASSERT_GE(geometry.edges.height(), 9);
+  EXPECT_EQ(geometry.edges.width(), kSubSamples);
+  int mixed = 0;
+  for (int row = 0; row < geometry.edges.height(); ++row) {
+    const int x = static_cast<int>(geometry.edges.Get(layers::kPixelX).At(5, row));
+    const int y = static_cast<int>(geometry.edges.Get(layers::kPixelY).At(5, row));
+    float distance = 0;
+    int on_plane = 0;
+    for (int i = 0; i < kSubSamples; ++i) {
+      distance += geometry.edges.Get(layers::kDistance).At(i, row) / kSubSamples;
+      const bool is_on_plane = geometry.edges.Get(layers::kObjectId).At(i, row) == 1;
+      EXPECT_EQ(geometry.edges.Get("emission.R").At(i, row), is_on_plane ? 2 : 0);
+      EXPECT_EQ(geometry.edges.Get("albedo.B").At(i, row), is_on_plane ? 0.75f : 0.5f);
+      EXPECT_EQ(geometry.edges.Get(layers::kMask).At(i, row), 1);
+      on_plane += is_on_plane ? 1 : 0;
+    }
+    EXPECT_NEAR(geometry.pixels.Get(layers::kDistance).At(x, y), distance, 1e-4);
+    EXPECT_EQ(geometry.pixels.Get(layers::kObjectId).At(x, y), on_plane >= 8 ? 1 : 3);
+    mixed += on_plane > 0 && on_plane < kSubSamples ? 1 : 0;
+  }
+  EXPECT_EQ(mixed, 9);  // one column of pixels lies across the plane's end
+}
+
+}  // namespace
+}  // namespace lumifold::render

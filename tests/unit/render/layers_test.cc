@@ -1,0 +1,268 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/render/pictures.h"
+#include "worker/render/renderer.h"
+
+namespace lumifold::render {
+namespace {
+
+using layers::Branch;
+using layers::Level;
+using scene::Material;
+using scene::Vec3;
+
+constexpr Level kReflection1 = {Branch::kReflection, 1};
+constexpr Level kReflection2 = {Branch::kReflection, 2};
+constexpr Level kReflection3 = {Branch::kReflection, 3};
+constexpr Level kTransmission1 = {Branch::kTransmission, 1};
+constexpr Level kTransmission2 = {Branch::kTransmission, 2};
+
+Material Mirror(float reflectance) {
+  Material mirror;
+  mirror.base_color = {reflectance, reflectance, reflectance};
+  mirror.roughness = 0;
+  return mirror;
+}
+
+Material Glass(bool has_volume) {
+  Material glass;
+  glass.metallic = 0;
+  glass.roughness = 0;
+  glass.transmission = 1;
+  glass.has_volume = has_volume;
+  glass.attenuation_color = {0.8f, 0.9f, 0.7f};
+  glass.attenuation_distance = 0.5f;
+  return glass;
+}
+
+Material Polished() {
+  Material polished;
+  polished.base_color = {0.6f, 0.5f, 0.4f};
+  polished.metallic = 0;
+  polished.roughness = 0;
+  return polished;
+}
+
+/// A room whose mirror ball is of `ball` instead, and whose left and right walls are of `walls`.
+scene::Scene RoomOf(const Material& ball, const Material* walls = nullptr) {
+  scene::Scene room = testing::SmallRoom();
+  room.materials[5] = ball;
+  if (walls != nullptr) room.materials[1] = room.materials[2] = *walls;
+  return room;
+}
+
+std::vector<std::pair<std::string, scene::Scene>> Rooms() {
+  const Material hall = Mirror(0.8f);
+  const Material polished = Polished();
+  Material frosted_mix = Glass(false);
+  frosted_mix.transmission = 0.5f;  // half of it a diffuse base
+  Material metal = Mirror(0.9f);
+  metal.roughness = 0.4f;
+  return {
+      {"mirror ball", testing::SmallRoom()}, {"mirror facing mirror", RoomOf(metal, &hall)},
+      {"glass ball", RoomOf(Glass(true))},   {"thin glass in a hall of mirrors", RoomOf(Glass(false), &hall)},
+      {"half glass", RoomOf(frosted_mix)},   {"glossy metal, polished walls", RoomOf(metal, &polished)}};
+}
+
+/// Calls a function for each sample.
+class FunctionSink final : public SampleSink {
+ public:
+  explicit FunctionSink(std::function<void(const SampleRecord&)> visit) : visit_(std::move(visit)) {}
+  void OnSample(const SampleRecord& record) override { visit_(record); }
+
+ private:
+  std::function<void(const SampleRecord&)> visit_;
+};
+
+void ForEachSample(const Renderer& renderer, const Rect& rect, uint32_t spp,
+                   std::function<void(const SampleRecord&)> visit) {
+  FunctionSink sink(std::move(visit));
+  renderer.TraceSamples(rect, 0, {0, spp}, &sink);
+}
+
+/// Sum of a channel over all pixels; 0 where the unit does not carry it.
+double SumOf(const LayeredImage& image, const std::string& channel) {
+  double sum = 0;
+  if (!image.Has(channel)) return sum;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) sum += static_cast<double>(image.Get(channel).At(x, y));
+  }
+  return sum;
+}
+
+/// A camera at the origin that looks at a mirror of half reflectance 3 m ahead; 2 m behind it is a wall of
+/// this material.
+scene::Scene WallInAMirror(const Material& wall, const Material& mirror) {
+  scene::Scene scene;
+  scene.materials = {mirror, wall, testing::Emitter({5, 5, 5})};
+  testing::Place(&scene, testing::QuadMesh({-2, -2, -3}, {4, 0, 0}, {0, 4, 0}, 0));
+  testing::Place(&scene, testing::QuadMesh({-9, -9, 2}, {0, 18, 0}, {18, 0, 0}, 1));
+  testing::Place(&scene, testing::QuadMesh({-1, 4, 0}, {2, 0, 0}, {0, 0, 1}, 2));  // a light over both
+  scene.cameras = {testing::LookAt({0, 0, 0}, {0, 0, -1}, 0.2f)};
+  return scene;
+}
+
+TEST(Layers, EverySampleAddsUpToItsPath) {
+  for (const auto& [name, room] : Rooms()) {
+    const auto renderer = MakeRenderer(room, SettingsOf(32, 24));
+    int64_t count = 0;
+    ForEachSample(*renderer, {0, 0, 32, 24}, 8, [&, room_name = name](const SampleRecord& record) {
+      ++count;
+      const Vec3 sum = Recombined(record.layers);
+      for (int c = 0; c < 3; ++c) {
+        const float whole = record.layers.combined[c];
+        ASSERT_NEAR(sum[c], whole, 1e-5f * (1 + whole))
+            << room_name << ": pixel " << record.pixel << " sample " << record.index;
+      }
+    });
+    EXPECT_EQ(count, 32 * 24 * 8);
+  }
+}
+
+TEST(Layers, LittleIsLeftToTheTail) {
+  for (const auto& [name, room] : Rooms()) {
+    double tail = 0;
+    double whole = 0;
+    ForEachSample(*MakeRenderer(room, SettingsOf(32, 24)), {0, 0, 32, 24}, 8,
+                  [&](const SampleRecord& record) {
+                    tail += static_cast<double>(record.layers.tail.y);
+                    whole += static_cast<double>(record.layers.combined.y);
+                  });
+    EXPECT_LT(tail, 0.12 * whole) << name;
+  }
+}
+
+TEST(Layers, AUnitHoldsTheSumsOfItsSamples) {
+  const auto renderer = MakeRenderer(RoomOf(Glass(true)), SettingsOf(24, 18));
+  RenderCounts counts;
+  const Rect rect = {14, 9, 22, 16};
+  const LayeredImage unit = renderer->RenderPass(rect, 0, {0, 6}, &counts);
+  double glossy = 0;
+  double through_glass = 0;
+  double met_behind_glass = 0;
+  ForEachSample(*renderer, rect, 6, [&](const SampleRecord& record) {
+    glossy += static_cast<double>(record.layers.glossy.x);
+    if (!record.layers.levels.IsSet(kTransmission2)) return;
+    const LevelSample& level = record.layers.levels[kTransmission2];
+    through_glass += static_cast<double>(level.albedo.z);
+    met_behind_glass += level.has_diffuse ? 1 : 0;
+  });
+  EXPECT_GT(through_glass, 0);
+  EXPECT_NEAR(SumOf(unit, "glossy_a.R") + SumOf(unit, "glossy_b.R"), glossy, 1e-4 * (1 + glossy));
+  EXPECT_NEAR(SumOf(unit, "transmission2_albedo.B"), through_glass, 1e-4 * (1 + through_glass));
+  EXPECT_EQ(SumOf(unit, "transmission2_samples_a.Y") + SumOf(unit, "transmission2_samples_b.Y"),
+            met_behind_glass);
+}
+
+TEST(Layers, AUnitWithoutMirrorsCarriesNoLevels) {
+  scene::Scene matt = RoomOf(testing::Lambert({0.5f, 0.5f, 0.5f}));
+  RenderCounts counts;
+  const auto renderer = MakeRenderer(std::move(matt), SettingsOf(24, 18));
+  const LayeredImage unit = renderer->RenderPass({0, 0, 24, 18}, 0, {0, 2}, &counts);
+  EXPECT_EQ(unit.channels().size(), 2 * 3 * layers::kHalved.size() + 3 * layers::kWhole.size() + 2);
+  const LayeredImage geometry = renderer->RenderGeometry({0, 0, 24, 18}, 0).pixels;
+  EXPECT_EQ(geometry.channels().size(), layers::kLevelFeatures.size() + 3);
+}
+
+TEST(Layers, GlassSeenFirstIsFollowedBothWaysInEverySample) {
+  const auto renderer =
+      MakeRenderer(WallInAMirror(testing::Lambert({0.5f, 0.5f, 0.5f}), Glass(false)), SettingsOf(8, 8));
+  ForEachSample(*renderer, {0, 0, 8, 8}, 4, [](const SampleRecord& record) {
+    EXPECT_TRUE(record.layers.levels.IsSet(kReflection1));
+    EXPECT_TRUE(record.layers.levels.IsSet(kTransmission1));
+    // Fresnel's reflectance of a pane of index 1.5, both faces: 2 * 0.04 / 1.04; the wall's T is 0.5.
+    EXPECT_NEAR(record.layers.levels[kReflection1].albedo.y, 0.5 * 0.0769, 2e-3);
+  });
+}
+
+TEST(Layers, LayersAndRadianceAloneShowTheSamePicture) {
+  for (const auto& [name, room] : Rooms()) {
+    RenderSettings settings = SettingsOf(16, 12);
+    const double layered = MeanOf(RenderAll(*MakeRenderer(room, settings), 16, 12, 128), layers::kNoisy);
+    settings.radiance_only = true;
+    const double alone = MeanOf(RenderAll(*MakeRenderer(room, settings), 16, 12, 128), layers::kNoisy);
+    EXPECT_NEAR(layered, alone, 0.02 * alone) << name;
+  }
+}
+
+TEST(Layers, ALampInTwoMirrorsIsEmissionOfTheSecondLevel) {
+  scene::Scene scene;
+  scene.materials = {Mirror(0.5f), testing::Emitter({3, 3, 3})};
+  testing::Place(&scene, testing::QuadMesh({-1, -1, -3}, {2, 0, 0}, {0, 2, 0}, 0));
+  testing::Place(&scene, testing::QuadMesh({-4, -4, 3}, {0, 8, 0}, {8, 0, 0}, 0));  // behind the camera
+  testing::Place(&scene, testing::QuadMesh({-40, -40, -9}, {80, 0, 0}, {0, 80, 0}, 1));
+  scene.cameras = {testing::LookAt({0, 0, 0}, {0.25f, 0, -1}, 0.05f)};
+  // First the small mirror's right part, then the large one, and past the small one to the lamp.
+  const auto renderer = MakeRenderer(scene, SettingsOf(4, 4));
+  ForEachSample(*renderer, {0, 0, 4, 4}, 2, [&](const SampleRecord& record) {
+    ASSERT_EQ(record.geometry.instance, 0);
+    ASSERT_TRUE(record.layers.levels.IsSet(kReflection2));
+    EXPECT_FALSE(record.layers.levels.IsSet(kReflection3));
+    EXPECT_NEAR(record.layers.levels[kReflection2].emitted.x, 0.25 * 3, 2e-3);
+    EXPECT_FALSE(record.layers.levels[kReflection2].has_diffuse &&
+                 record.layers.levels[kReflection2].albedo.x > 0);
+    EXPECT_NEAR(record.layers.combined.x, 0.75, 2e-3);
+  });
+}
+
+TEST(Layers, LightInAMirrorIsThatOfTheSurfaceItself) {
+  const Material wall = testing::Lambert({0.5f, 0.5f, 0.5f});
+  scene::Scene direct = WallInAMirror(wall, Mirror(0.5f));
+  direct.cameras = {testing::LookAt({0, 0, -8}, {0, 0, 2}, 0.1f)};  // where the mirror shows the camera
+  direct.instances[0].world_from_object.origin = {0, 50, 0};        // and nothing in between
+  const LayeredImage seen = RenderAll(*MakeRenderer(std::move(direct), SettingsOf(8, 8)), 8, 8, 256);
+  const double expected_direct = MeanOf(seen, layers::kDirect);
+  ASSERT_GT(expected_direct, 0.01);
+  // Polish shows the wall in a few samples alone, drawn by chance; its light is no darker for that.
+  for (const Material& mirror : {Mirror(0.5f), Polished(), Glass(false)}) {
+    const LayeredImage unit =
+        RenderAll(*MakeRenderer(WallInAMirror(wall, mirror), SettingsOf(8, 8)), 8, 8, 1024);
+    const double samples = SumOf(unit, "reflection1_samples_a.Y") + SumOf(unit, "reflection1_samples_b.Y");
+    const double light = SumOf(unit, "reflection1_direct_a.G") + SumOf(unit, "reflection1_direct_b.G");
+    ASSERT_GT(samples, 0);
+    EXPECT_NEAR(light / samples, expected_direct, 0.03 * expected_direct) << mirror.metallic;
+    const double albedo = SumOf(unit, "reflection1_albedo.G") / (8 * 8 * 1024);
+    const double reflectance = mirror.metallic == 1 ? 0.5 : mirror.transmission == 1 ? 0.0769 : 0.04;
+    EXPECT_NEAR(albedo, 0.5 * reflectance, 0.02 * reflectance) << mirror.metallic;
+  }
+}
+
+TEST(Layers, GlossyLightIsFreeOfTheMetalsColour) {
+  Material metal;
+  metal.base_color = {0.9f, 0.6f, 0.2f};
+  metal.roughness = 0.5f;
+  const LayeredImage unit = RenderAll(*MakeRenderer(testing::Furnace(metal), SettingsOf(8, 8)), 8, 8, 512);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(MeanOf(unit, layers::kGlossy, c), 1, 0.03) << c;  // S is a table
+  const double count = 8.0 * 8 * 512;
+  EXPECT_NEAR(SumOf(unit, "specular.B") / count, MeanOf(unit, layers::kNoisy, 2), 0.01);
+}
+
+TEST(Layers, RecordsCarryTheSampleTheyDescribe) {
+  const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(24, 18));
+  const Rect rect = {3, 4, 7, 6};
+  int64_t expected = 0;
+  ForEachSample(*renderer, rect, 2, [&](const SampleRecord& record) {
+    const int x = rect.x0 + static_cast<int>(expected / 2 % rect.width());
+    const int y = rect.y0 + static_cast<int>(expected / 2 / rect.width());
+    ASSERT_EQ(record.pixel, y * 24 + x);
+    ASSERT_EQ(record.index, expected % 2);
+    const Vec2 jitter = Sampler(0, 0, record.pixel, record.index).Get2D(kCameraPair);
+    ASSERT_FLOAT_EQ(record.point.x, static_cast<float>(x) + jitter.x);
+    ASSERT_FLOAT_EQ(record.point.y, static_cast<float>(y) + jitter.y);
+    ASSERT_EQ(record.geometry.albedo, record.layers.albedo);
+    ASSERT_NEAR(record.geometry.distance, Length(record.geometry.position - Vec3{0, 0, 1.9f}), 1e-4);
+    ++expected;
+  });
+  EXPECT_EQ(expected, 4 * 2 * 2);
+}
+
+}  // namespace
+}  // namespace lumifold::render

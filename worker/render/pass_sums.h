@@ -1,0 +1,58 @@
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "filter/image/layered_image.h"
+#include "filter/image/layers.h"
+#include "filter/image/level_images.h"
+#include "worker/render/layer_sample.h"
+
+namespace lumifold::render {
+
+/// Sums over the samples of one pixel that reached a level.
+struct LevelSums {
+  std::array<std::array<scene::Vec3, layers::kLevelHalved.size()>, 2> halved;  // by half, then by layer
+  std::array<scene::Vec3, layers::kLevelWhole.size()> whole;
+  std::array<float, 2> count = {0, 0};  // of those that met a surface with a diffuse lobe, by half
+};
+
+/// Sums over the samples of one pixel.
+struct PixelSums {
+  std::array<std::array<scene::Vec3, layers::kHalved.size()>, 2> halved;
+  std::array<scene::Vec3, layers::kWhole.size()> whole;
+  std::array<float, 2> count = {0, 0};
+  ByLevel<LevelSums> levels;
+
+  /// `half` is 0 for A, 1 for B.
+  void Add(const LayerSample& sample, size_t half);
+};
+
+/// The picture a pass writes its sums to.
+class PassPicture {
+ public:
+  PassPicture(int width, int height);
+
+  void Store(int x, int y, const PixelSums& sums);
+  /// The picture; levels come last. Leaves this empty.
+  LayeredImage Take();
+
+ private:
+  LayeredImage image_;
+  LevelImages levels_;
+  std::array<std::array<ColorView, layers::kHalved.size()>, 2> halved_;
+  std::array<ColorView, layers::kWhole.size()> whole_;
+  std::array<FloatView, 2> count_;
+};
+
+/// Sets one pixel of every channel; `values` are in the order of the channels.
+void PutAll(std::span<const float> values, int x, int y, LayeredImage* image);
+
+/// Sets one pixel of a colour.
+inline void Put(const ColorView& view, int x, int y, scene::Vec3 value) {
+  view[0].At(x, y) = value.x;
+  view[1].At(x, y) = value.y;
+  view[2].At(x, y) = value.z;
+}
+
+}  // namespace lumifold::render

@@ -134,9 +134,9 @@ void Bsdf::CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo se
   const Vec3 made_up = b * (b * seen.scale + Vec3{seen.bias, seen.bias, seen.bias}) *
                        (material.metallic * (1.0f - whole) / whole);
   const Vec3 single = facets_albedo_;
-  const Vec3 gain = Vec3{1, 1, 1} + Vec3{made_up.x / std::max(single.x, kLeast),
-                                         made_up.y / std::max(single.y, kLeast),
-                                         made_up.z / std::max(single.z, kLeast)};
+  const Vec3 gain =
+      Vec3{1, 1, 1} + Vec3{made_up.x / std::max(single.x, kLeast), made_up.y / std::max(single.y, kLeast),
+                           made_up.z / std::max(single.z, kLeast)};
   f0_ *= gain;
   f90_ *= gain;
   facets_albedo_ *= gain;
@@ -175,9 +175,10 @@ void Bsdf::ChooseProbabilities() {
   if (diffuse + rest <= 0) return;
   p_diffuse_ = diffuse > 0 ? std::max(diffuse / (diffuse + rest), kMinDiffuseProbability) : 0.0f;
   if (rest <= 0) return;
-  p_facets_ = (1.0f - p_diffuse_) * facets / rest;
-  p_coat_ = (1.0f - p_diffuse_) * coat_albedo_ / rest;
-  p_sheen_ = (1.0f - p_diffuse_) * sheen / rest;
+  const float share = (1.0f - p_diffuse_) / rest;
+  p_facets_ = facets * share;
+  p_coat_ = coat_albedo_ * share;
+  p_sheen_ = sheen * share;
 }
 
 Vec3 Bsdf::SpecularAlbedo() const {
@@ -188,7 +189,10 @@ Vec3 Bsdf::SpecularAlbedo() const {
   return albedo;
 }
 
-float Bsdf::SpecularAlpha() const { return p_coat_ > p_facets_ ? coat_alpha_ : alpha_; }
+float Bsdf::SpecularAlpha() const {
+  if (p_coat_ > p_facets_) return coat_alpha_;
+  return p_facets_ > 0 ? alpha_ : 1.0f;
+}
 
 Vec3 Bsdf::StraightTransmittance() const {
   if (glass_ <= 0 || !thin_ || !mirror_) return {0, 0, 0};

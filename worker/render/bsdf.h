@@ -75,7 +75,8 @@ class Bsdf {
   /// How much of even light all lobes that are neither diffuse nor perfectly specular send to the viewer,
   /// above 0 in each channel where there is one.
   Vec3 SpecularAlbedo() const;
-  /// GGX alpha of the lobe that reflects most of it, coat or what lies below.
+  /// GGX alpha of the lobe that reflects most, coat or what lies below; 1 where nothing but the diffuse one
+  /// is.
   float SpecularAlpha() const;
 
   /// Whether perfect reflection and perfect transmission both leave from here, and no other mirror.

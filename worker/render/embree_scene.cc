@@ -3,6 +3,7 @@
 #include <embree3/rtcore.h>
 
 #include <algorithm>
+#include <mutex>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/mix_bits.h"
 #include "filter/image/parallel.h"
+#include "filter/image/mix_bits.h"
 #include "worker/render/opacity.h"
 
 namespace lumifold::render {
@@ -26,6 +28,30 @@ struct Release {
 using Device = std::unique_ptr<RTCDeviceTy, Release>;
 using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
 using Geometry = std::unique_ptr<RTCGeometryTy, Release>;
+
+/// Holds the process to one build at a time and to one thread in it. A device of one thread holds all that
+/// uses TBB in this process to one thread as long as the device lives, the filter too; a second device that
+/// allows more lifts that limit, and must be away while something is built.
+class BuildLock {
+ public:
+  BuildLock() : lock_(Mutex()) { Allowance().reset(); }
+  ~BuildLock() { Allowance().reset(rtcNewDevice("threads=512,set_affinity=0")); }
+
+  BuildLock(const BuildLock&) = delete;
+  BuildLock& operator=(const BuildLock&) = delete;
+
+ private:
+  static std::mutex& Mutex() {
+    static std::mutex mutex;
+    return mutex;
+  }
+  static Device& Allowance() {
+    static Device device;
+    return device;
+  }
+
+  std::scoped_lock<std::mutex> lock_;
+};
 
 RTCRay EmbreeRay(const Ray& ray) {
   RTCRay r = {};
@@ -65,7 +91,7 @@ struct QueryContext {
   RTCIntersectContext embree;
   const scene::Scene* scene;
   uint64_t chance;
-  Veils* veils = nullptr;    // gathers all hits, of which none then ends the ray,
+  Veils* veils = nullptr;     // gathers all hits, of which none then ends the ray,
   const Hit* last = nullptr;  // beyond this one
 
   QueryContext(const scene::Scene* s, const Ray& ray) : scene(s), chance(ray.chance) {
@@ -161,6 +187,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
   explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene), builder_(MakeTaskPool(1)) {}
 
   absl::Status Build() {
+    const BuildLock lock;
     const scene::Scene& scene = *scene_;
     const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
     device_.reset(rtcNewDevice(config.c_str()));
@@ -226,8 +253,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
     std::copy(mesh.triangles.begin(), mesh.triangles.end(), indices);
     if (openness != Openness::kSolid) {
       rtcSetGeometryIntersectFilterFunction(geometry.get(), MeetOrGather);
-      rtcSetGeometryOccludedFilterFunction(geometry.get(),
-                                           openness == Openness::kVeil ? PassAll : PassHoles);
+      rtcSetGeometryOccludedFilterFunction(geometry.get(), openness == Openness::kVeil ? PassAll : PassHoles);
     }
     return geometry;
   }

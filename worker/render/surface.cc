@@ -81,7 +81,7 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
     surface.cone_spread = ray.spread;
   }
   surface.normal = surface.geometric;
-  surface.coat_normal = surface.geometric;
+  if (surface.material->clearcoat > 0) surface.coat_normal = surface.geometric;
   if (mesh.normals.empty() && mesh.uvs[0].empty() && mesh.uvs[1].empty() && mesh.colors.empty())
     return surface;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
@@ -98,12 +98,25 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
       surface.normal = Dot(unit, surface.geometric) < 0 ? -unit : unit;
     }
   }
-  surface.coat_normal = surface.normal;
+  const Vec3 unmapped = surface.normal;
   // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
-  if (!mesh.tangents.empty()) MapNormals(mesh, instance, hit, &surface);
+  if (surface.material->normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
+    surface.normal = MappedNormal(surface.material->normal_texture, surface.material->normal_scale, mesh, hit,
+                                  surface, unmapped);
+  }
   surface.normal = FaceViewer(surface.normal, -ray.direction);
-  if (surface.material->clearcoat > 0) surface.coat_normal = FaceViewer(surface.coat_normal, -ray.direction);
+  if (surface.material->clearcoat > 0) surface.coat_normal = CoatNormal(mesh, hit, surface, unmapped, ray);
   return surface;
+}
+
+Vec3 SurfaceReader::CoatNormal(const Mesh& mesh, const Hit& hit, const Surface& surface, Vec3 unmapped,
+                               const Ray& ray) const {
+  const scene::Material& material = *surface.material;
+  const bool is_mapped = material.clearcoat_normal_texture.texture != scene::kNone && !mesh.tangents.empty();
+  const Vec3 normal = is_mapped ? MappedNormal(material.clearcoat_normal_texture,
+                                               material.clearcoat_normal_scale, mesh, hit, surface, unmapped)
+                                : unmapped;
+  return FaceViewer(normal, -ray.direction);
 }
 
 /// The cone cuts the face in an ellipse whose longer diameter lies along the ray's shadow on it.
@@ -137,47 +150,24 @@ Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, c
   return footprint;
 }
 
-/// The axes of normal maps in the world, unit vectors at right angles.
-struct SurfaceReader::TangentFrame {
-  Vec3 tangent;
-  Vec3 bitangent;
-  Vec3 normal;
-};
-
-void SurfaceReader::MapNormals(const Mesh& mesh, const scene::Instance& instance, const Hit& hit,
-                               Surface* surface) const {
-  const scene::Material& material = *surface->material;
-  const bool maps_base = material.normal_texture.texture != scene::kNone;
-  const bool maps_coat = material.clearcoat_normal_texture.texture != scene::kNone;
-  if (!maps_base && !maps_coat) return;
+Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const Mesh& mesh, const Hit& hit,
+                                 const Surface& surface, Vec3 normal) const {
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
-  const Affine& to_world = instance.world_from_object;
-  TangentFrame frame;
-  frame.normal = surface->normal;
+  const Affine& to_world = scene_->instances[hit.instance].world_from_object;
   const Vec3 along = to_world.Vector(Interpolate(mesh.tangents, corners, hit.u, hit.v));
-  const Vec3 tangent = along - frame.normal * Dot(along, frame.normal);
-  if (LengthSquared(tangent) <= 0) return;
-  frame.tangent = Normalize(tangent);
+  Vec3 tangent = along - normal * Dot(along, normal);
+  if (LengthSquared(tangent) <= 0) return normal;
+  tangent = Normalize(tangent);
   // From behind, the shading normal was turned round; the texture's own axes belong to the front.
-  const float side = surface->front ? 1.0f : -1.0f;
+  const float side = surface.front ? 1.0f : -1.0f;
   const float handedness = mesh.tangents[corners[0]].w * (to_world.Determinant() < 0 ? -1.0f : 1.0f);
-  frame.bitangent = Cross(frame.normal * side, frame.tangent) * handedness;
-  if (maps_base)
-    surface->normal = MappedNormal(material.normal_texture, material.normal_scale, frame, *surface);
-  if (maps_coat) {
-    surface->coat_normal =
-        MappedNormal(material.clearcoat_normal_texture, material.clearcoat_normal_scale, frame, *surface);
-  }
-}
-
-Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const TangentFrame& frame,
-                                 const Surface& surface) const {
+  const Vec3 bitangent = Cross(normal * side, tangent) * handedness;
   const Vec4 texel = Data(map, surface);
   const float x = (texel.x * 2 - 1) * scale;
   const float y = (texel.y * 2 - 1) * scale;
   const float z = texel.z * 2 - 1;
-  const Vec3 mapped = frame.tangent * x + frame.bitangent * y + frame.normal * z;
-  return LengthSquared(mapped) > 0 ? Normalize(mapped) : frame.normal;
+  const Vec3 mapped = tangent * x + bitangent * y + normal * z;
+  return LengthSquared(mapped) > 0 ? Normalize(mapped) : normal;
 }
 
 Vec3 SurfaceReader::Color(const scene::TextureRef& ref, const Surface& surface) const {

@@ -49,17 +49,16 @@ class SurfaceReader {
   Vec3 Emitted(const Surface& surface) const;
 
  private:
-  struct TangentFrame;
-
   Vec3 Color(const scene::TextureRef& ref, const Surface& surface) const;
   scene::Vec4 Data(const scene::TextureRef& ref, const Surface& surface) const;
   Vec3 BaseColor(const Surface& surface) const;
   Footprint FootprintAt(const scene::Mesh& mesh, const scene::Affine& to_world, const Hit& hit,
                         const Ray& ray, Vec3 normal) const;
-  void MapNormals(const scene::Mesh& mesh, const scene::Instance& instance, const Hit& hit,
-                  Surface* surface) const;
-  Vec3 MappedNormal(const scene::TextureRef& map, float scale, const TangentFrame& frame,
-                    const Surface& surface) const;
+  /// `normal` bent by a normal map.
+  Vec3 MappedNormal(const scene::TextureRef& map, float scale, const scene::Mesh& mesh, const Hit& hit,
+                    const Surface& surface, Vec3 normal) const;
+  Vec3 CoatNormal(const scene::Mesh& mesh, const Hit& hit, const Surface& surface, Vec3 unmapped,
+                  const Ray& ray) const;
   void ShadeLayers(const Surface& surface, SurfaceMaterial* out) const;
 
   const scene::Scene* scene_;

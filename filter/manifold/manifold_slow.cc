@@ -135,7 +135,11 @@ class SlowFilter {
 
   std::vector<double> Axis(const Grid& weight, const Grids& eta) const {
     const size_t d = features_.size();
-    const Grid mass = Down(weight);
+    Grid mass = Down(weight);
+    const int row_step = std::max(1, mass.height / kAxisRows);
+    for (int y = 0; y < mass.height; ++y) {
+      for (int x = 0; x < mass.width && y % row_step != 0; ++x) mass.At(x, y) = 0;
+    }
     Grids offsets;
     for (size_t k = 0; k < d; ++k) {
       Grid offset = Down(Times(weight, features_[k]));

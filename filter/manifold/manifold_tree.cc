@@ -1,39 +1,37 @@
 #include "filter/manifold/manifold_tree.h"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "filter/manifold/recursive.h"
 
 namespace lumifold::filter {
 namespace {
 
-/// Low-passed sums to heights.
-Planes HeightsFrom(const ClusterSums& smooth, const Planes* parent) {
-  const int width = smooth.weight.width();
-  const int height = smooth.weight.height();
-  Planes eta = MakePlanes(smooth.weighted.size(), width, height);
-  for (size_t k = 0; k < eta.size(); ++k) {
-    for (int y = 0; y < height; ++y) {
-      const float* weighted = smooth.weighted[k].Row(y);
-      const float* weight = smooth.weight.Row(y);
-      const float* fallback = parent != nullptr ? (*parent)[k].Row(y) : nullptr;
-      float* out = eta[k].Row(y);
-      for (int x = 0; x < width; ++x) {
-        const bool is_empty = weight[x] < kLeastClusterMass;
-        out[x] = is_empty ? (fallback != nullptr ? fallback[x] : 0.0f) : weighted[x] / weight[x];
-      }
+/// Low-passed weighted features to heights, in place.
+void DivideByWeight(const Plane& weight, const Plane* fallback, Plane* eta) {
+  for (int y = 0; y < eta->height(); ++y) {
+    const float* total = weight.Row(y);
+    const float* instead = fallback != nullptr ? fallback->Row(y) : nullptr;
+    float* out = eta->Row(y);
+    for (int x = 0; x < eta->width(); ++x) {
+      const bool is_empty = total[x] < kLeastClusterMass;
+      out[x] = is_empty ? (instead != nullptr ? instead[x] : 0.0f) : out[x] / total[x];
     }
   }
-  return eta;
 }
 
+/// Rows of cells from one that the axis is measured on to the next.
+int AxisRowStep(const Plane& cells) { return std::max(1, cells.height() / kAxisRows); }
+
 /// Covariance of the cells' mean features about the manifold, each cell weighing what its cluster weighs
-/// there. Row-major d x d.
+/// there, over some kAxisRows rows. Row-major d x d.
 std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta) {
   const size_t d = eta.size();
   std::vector<double> covariance(d * d, 0.0);
   std::vector<double> offset(d);
-  for (int y = 0; y < sums.weight.height(); ++y) {
+  for (int y = 0; y < sums.weight.height(); y += AxisRowStep(sums.weight)) {
     for (int x = 0; x < sums.weight.width(); ++x) {
       const float weight = sums.weight.At(x, y);
       if (weight < kLeastClusterMass) continue;
@@ -61,7 +59,7 @@ void Normalise(std::vector<double>* v) {
 
 double TotalWeight(const Plane& weight) {
   double sum = 0;
-  for (int y = 0; y < weight.height(); ++y) {
+  for (int y = 0; y < weight.height(); y += AxisRowStep(weight)) {
     for (int x = 0; x < weight.width(); ++x) sum += static_cast<double>(weight.At(x, y));
   }
   return sum;
@@ -93,14 +91,18 @@ ClusterSums MakeClusterSums(size_t features, const Lattice& lattice) {
   return {MakePlanes(features, lattice.Columns(), lattice.Rows()), Plane(lattice.Columns(), lattice.Rows())};
 }
 
-Manifold MakeManifold(const ClusterSums& sums, const Planes* parent, float sigma_cells, int iterations) {
-  ClusterSums smooth;
-  for (const Plane& plane : sums.weighted) smooth.weighted.push_back(plane.Clone());
-  smooth.weight = sums.weight.Clone();
-  for (Plane& plane : smooth.weighted) LowPass(sigma_cells, &plane);
-  LowPass(sigma_cells, &smooth.weight);
+Manifold MakeManifold(ClusterSums sums, const Planes* parent, float sigma_cells, int iterations, TaskPool* pool) {
+  Plane weight = sums.weight.Clone();
+  LowPass(sigma_cells, &weight);
   Manifold manifold;
-  manifold.eta = HeightsFrom(smooth, parent);
+  manifold.eta.resize(sums.weighted.size());
+  ParallelFor(pool, static_cast<int64_t>(manifold.eta.size()), [&](int64_t task) {
+    const size_t k = static_cast<size_t>(task);
+    Plane& eta = manifold.eta[k];
+    eta = iterations > 0 ? sums.weighted[k].Clone() : std::move(sums.weighted[k]);
+    LowPass(sigma_cells, &eta);
+    DivideByWeight(weight, parent != nullptr ? &(*parent)[k] : nullptr, &eta);
+  });
   if (iterations > 0) {
     manifold.axis = SplitAxis(CellCovariance(sums, manifold.eta), TotalWeight(sums.weight),
                               manifold.eta.size(), iterations);

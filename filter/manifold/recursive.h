@@ -10,8 +10,8 @@ namespace lumifold::filter {
 void LowPass(float sigma, Plane* plane);
 
 /// The same recursion on all `signals` at once, its weight between neighbouring cells lowered where `guide`
-/// changes: a^sqrt(1 + (sigma/range)^2 |dguide|^2), a = exp(-sqrt(2)/sigma). Source: Gastal & Oliveira 2011,
-/// recursive filter, one iteration.
-void GuidedLowPass(float sigma, float range, const Planes& guide, Planes* signals);
+/// changes: a^sqrt(1 + (sigma/range)^2 |dguide|^2), a = exp(-sqrt(2)/sigma). Threads: identical for any pool. Source: Gastal &
+/// Oliveira 2011, recursive filter, one iteration.
+void GuidedLowPass(float sigma, float range, const Planes& guide, TaskPool* pool, Planes* signals);
 
 }  // namespace lumifold::filter

@@ -212,6 +212,13 @@ TEST(ManifoldFilter, AveragesNoiseAndKeepsAnEdgeOfTheFeatures) {
   EXPECT_LT(filtered, 0.02 * noisy);
 }
 
+ClusterSums Copy(const ClusterSums& sums) {
+  ClusterSums copy;
+  for (const Plane& plane : sums.weighted) copy.weighted.push_back(plane.Clone());
+  copy.weight = sums.weight.Clone();
+  return copy;
+}
+
 TEST(ManifoldTree, FeedsThePowerIterationBack) {
   // Cells spread mostly along (1, 1, 1): each step must turn the axis further towards it.
   const Lattice lattice(64, 64, 4);
@@ -228,7 +235,7 @@ TEST(ManifoldTree, FeedsThePowerIterationBack) {
   }
   float previous = 0;
   for (const int iterations : {1, 2, 3, 6}) {
-    const Manifold manifold = MakeManifold(sums, nullptr, 4.0f, iterations);
+    const Manifold manifold = MakeManifold(Copy(sums), nullptr, 4.0f, iterations, nullptr);
     const float aligned = std::abs(manifold.axis[0] + manifold.axis[1] + manifold.axis[2]) / std::sqrt(3.0f);
     EXPECT_GT(aligned, previous) << iterations;
     previous = aligned;

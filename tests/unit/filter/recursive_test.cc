@@ -43,7 +43,7 @@ TEST(GuidedLowPass, EqualsLowPassWhereTheGuideIsFlat) {
   for (size_t c = 0; c < signals.size(); ++c) signals[c].At(7 * static_cast<int>(c) + 3, 11) = 1;
   Plane expected = signals[2].Clone();
   LowPass(4.0f, &expected);
-  GuidedLowPass(4.0f, 0.7f, guide, &signals);
+  GuidedLowPass(4.0f, 0.7f, guide, nullptr, &signals);
   for (int y = 0; y < 30; ++y) {
     for (int x = 0; x < 40; ++x) EXPECT_NEAR(signals[2].At(x, y), expected.At(x, y), 1e-7f);
   }
@@ -56,7 +56,7 @@ TEST(GuidedLowPass, StopsAtAStepOfTheGuide) {
     for (int x = 20; x < 40; ++x) guide[0].At(x, y) = 6;
     for (int x = 0; x < 20; ++x) signals[0].At(x, y) = 1;
   }
-  GuidedLowPass(4.0f, 0.7f, guide, &signals);
+  GuidedLowPass(4.0f, 0.7f, guide, nullptr, &signals);
   EXPECT_GT(signals[0].At(19, 4), 0.99f);
   EXPECT_LT(signals[0].At(20, 4), 0.01f);
 }

@@ -4,20 +4,13 @@
 
 #include "filter/image/layers.h"
 #include "filter/image/portable_math.h"
+#include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {
 
 constexpr float kSigmaNormal = 0.3f;  // chord between unit normals: 10 degrees are 0.58 sigma
 constexpr float kSigmaLogDepth = 0.05f;
-
-float Asinh(float x) {
-  const float magnitude = std::abs(x);
-  // ln(t + sqrt(1 + t^2)) loses small t to rounding, where asinh is t itself to third order.
-  const float value = magnitude < 1e-2f ? magnitude * (1.0f - magnitude * magnitude * (1.0f / 6.0f))
-                                        : Log(magnitude + std::sqrt(1.0f + magnitude * magnitude));
-  return x < 0 ? -value : value;
-}
 
 /// x where it is a number, else 0: features must be finite everywhere.
 float FiniteOr0(float x) { return std::abs(x) < 1e6f ? x : 0.0f; }
@@ -42,15 +35,13 @@ Planes GeometryFeatures(const LayeredImage& film, ConstFloatView validity, TaskP
 }
 
 Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool) {
-  const float shift = Asinh(origin / knee);
+  const float shift = Asinh(origin * (1.0f / knee));
   const int height = color[0].height();
   Planes stable = MakePlanes(color.size(), color[0].width(), height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     for (size_t c = 0; c < color.size(); ++c) {
-      for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < color[c].width(); ++x)
-          stable[c].At(x, y) = Asinh(color[c].At(x, y) / knee) - shift;
-      }
+      for (int y = y0; y < y1; ++y)
+        StabiliseRow(color[c].Row(y), 1.0f / knee, shift, color[c].width(), stable[c].Row(y));
     }
   });
   return stable;

@@ -24,7 +24,8 @@ struct Lattice {
   int RowHeight(int r) const { return std::min(step, height - r * step); }
 };
 
-/// Where a pixel lies between the cells of one axis: `part` of the way from cell `first` to cell `second`, both clamped.
+/// Where a pixel lies between the cells of one axis: `part` of the way from cell `first` to cell `second`,
+/// both clamped.
 struct CellSpan {
   int first;
   int second;

@@ -46,13 +46,18 @@ FeaturePair MakeFeatures(const Guide& guide, const PatchBasis& basis, float sigm
           JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
 }
 
-Candidate CrossFilter(const Halves& halves, const FeaturePair& features, float sigma_s, int height,
-                      TaskPool* pool) {
-  ManifoldParams params;
-  params.sigma_s = sigma_s;
-  params.height = height;
-  return {ManifoldFilter(halves.a, features.b, halves.weight_a.view(), params, pool),
-          ManifoldFilter(halves.b, features.a, halves.weight_b.view(), params, pool)};
+/// One candidate for each reach.
+std::vector<Candidate> CrossFilter(const Halves& halves, const FeaturePair& features,
+                                   const ManifoldParams& manifolds, absl::Span<const float> reaches,
+                                   TaskPool* pool) {
+  ManifoldResult a = ManifoldFilterAtReaches(halves.a, features.b, halves.weight_a.view(), manifolds, reaches,
+                                             nullptr, pool);
+  ManifoldResult b = ManifoldFilterAtReaches(halves.b, features.a, halves.weight_b.view(), manifolds, reaches,
+                                             nullptr, pool);
+  std::vector<Candidate> candidates;
+  for (size_t r = 0; r < reaches.size(); ++r)
+    candidates.push_back({std::move(a.filtered[r]), std::move(b.filtered[r])});
+  return candidates;
 }
 
 /// Spreads what fireflies lost over their surroundings on the same surface, so that the layer keeps its
@@ -86,21 +91,22 @@ Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const 
   return sums;
 }
 
+/// The first filtering, guided by noisy patches, and two guided by patches of its result.
 std::vector<Candidate> MakeCandidates(const Halves& halves, const Planes& geometry, const LayerParams& params,
                                       TaskPool* pool) {
   const Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
   const PatchBasis basis = BasisOf(guide, halves, params.patches, pool);
   const FeaturePair features = MakeFeatures(guide, basis, params.range_factor * guide.sigma, geometry, pool);
-  std::vector<Candidate> candidates;
-  candidates.push_back(CrossFilter(halves, features, params.pilot_sigma_s, params.height, pool));
-  candidates.push_back(CrossFilter(halves, features, params.wide_sigma_s, params.height, pool));
+  std::vector<Candidate> candidates =
+      CrossFilter(halves, features, params.pilot_manifolds, {params.pilot_reach}, pool);
 
   const Guide second = MakeGuide(halves, candidates[0].a, candidates[0].b, params.knee, pool);
   const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
   const FeaturePair refined =
       MakeFeatures(second, second_basis, params.pilot_range_factor * guide.sigma, geometry, pool);
-  candidates.push_back(CrossFilter(halves, refined, params.wide_sigma_s, params.height, pool));
-  candidates.push_back(CrossFilter(halves, refined, params.fine_sigma_s, params.height, pool));
+  for (Candidate& candidate :
+       CrossFilter(halves, refined, params.manifolds, {params.wide_reach, params.fine_reach}, pool))
+    candidates.push_back(std::move(candidate));
   return candidates;
 }
 
@@ -113,8 +119,7 @@ Planes FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams&
   constexpr float kPaperRangeFactor = 1.8f;
   const Planes features = JointFeatures(mean, basis, kPaperRangeFactor * sigma, geometry, pool);
   ManifoldParams manifolds;
-  manifolds.sigma_s = params.wide_sigma_s;
-  manifolds.height = params.height;
+  manifolds.sigma_s = params.wide_reach;
   return ManifoldFilter(mean, features, halves.weight.view(), manifolds, pool);
 }
 

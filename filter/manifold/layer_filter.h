@@ -15,10 +15,12 @@ struct LayerParams {
   float range_factor = 1.8f;         // sigma_q of the first filtering over the noise of the half that guides
   float pilot_range_factor = 0.25f;  // sigma_q of the second, over the same
   float knee = 0.2f;                 // of the stabilised guide, over the layer's mean
-  float fine_sigma_s = 3;            // px
-  float pilot_sigma_s = 8;           // px
-  float wide_sigma_s = 16;           // px
-  int height = 4;
+  ManifoldParams pilot_manifolds = {.sigma_s = 8, .height = 5, .cell = 4};  // of the first filtering
+  float pilot_reach = 12;                                                   // px
+  ManifoldParams manifolds = {.sigma_s =
+                                  3};  // of the second: near each other, for they have to follow fine detail
+  float fine_reach = 3;                // px
+  float wide_reach = 16;               // px
   SelectionParams selection;
 };
 

@@ -22,7 +22,8 @@ inline constexpr double kLeastSpread = 1e-6;
 /// Pixels nearer than this to the plane that splits a cluster, in feature units, fade out of both parts:
 /// which side rounding puts them on must not show in the result.
 inline constexpr float kSeam = 0.3f;
-/// Rows of cells that the axis of a cluster is measured on, about: all of a small picture, every so many of a large one.
+/// Rows of cells that the axis of a cluster is measured on, about: all of a small picture, every so many of a
+/// large one.
 inline constexpr int kAxisRows = 64;
 /// Component k of the vector that power iteration starts from: fixed, so that results repeat, and along no
 /// axis.

@@ -13,9 +13,13 @@
 namespace lumifold::filter {
 namespace {
 
-PixelState MakeState(const Planes& signals, const Planes& features, const Plane& mask, int cell_size, int height) {
+PixelState MakeState(const Planes& signals, const Planes& features, const Plane& mask, int cell_size,
+                     int height) {
   const int picture_width = mask.width();
   const int picture_height = mask.height();
+  Planes weights;
+  for (int i = 0; i < 1 << (height - 1); ++i)
+    weights.push_back(Plane::Uninitialized(picture_width, picture_height));
   return {signals,
           features,
           mask,
@@ -23,8 +27,8 @@ PixelState MakeState(const Planes& signals, const Planes& features, const Plane&
           Widening(cell_size),
           mask.Clone(),
           Plane(picture_width, picture_height),
-          Plane(picture_width, picture_height),
-          MakePlanes(size_t{1} << (height - 1), picture_width, picture_height)};
+          Plane::Uninitialized(picture_width, picture_height),
+          std::move(weights)};
 }
 
 /// The slices of one reach, while they are summed over manifolds.
@@ -36,8 +40,8 @@ struct Reach {
 
 class Filter {
  public:
-  Filter(PixelState state, const ManifoldParams& params, absl::Span<const float> reaches, const SlicePoints* points,
-         TaskPool* pool)
+  Filter(PixelState state, const ManifoldParams& params, absl::Span<const float> reaches,
+         const SlicePoints* points, TaskPool* pool)
       : state_(std::move(state)), params_(params), points_(points), pool_(pool) {
     const size_t planes = state_.signals.size() + 1;
     for (const float sigma : reaches) {
@@ -56,13 +60,14 @@ class Filter {
     manifolds.push_back(MakeManifold(RootSums(), nullptr, sigma_cells, AxisSteps(1), pool_));
     for (int depth = 1;; ++depth) {
       Level level = Splat(std::move(manifolds), depth == params_.height);
-      std::vector<ClusterSums> children = std::move(level.children);
+      const std::vector<ClusterSums> children = std::move(level.children);
       std::vector<Manifold> parents = BlurAndSlice(std::move(level));
       if (depth == params_.height) return Quotients();
       manifolds = std::vector<Manifold>(children.size());
       ParallelFor(pool_, static_cast<int64_t>(children.size()), [&](int64_t i) {
         const size_t at = static_cast<size_t>(i);
-        manifolds[at] = MakeManifold(std::move(children[at]), &parents[at / 2].eta, sigma_cells, AxisSteps(depth + 1), pool_);
+        manifolds[at] =
+            MakeManifold(children[at], &parents[at / 2].eta, sigma_cells, AxisSteps(depth + 1), pool_);
       });
     }
   }
@@ -89,7 +94,8 @@ class Filter {
 
 ClusterSums Filter::RootSums() const {
   ClusterSums sums = MakeClusterSums(state_.features.size(), state_.lattice);
-  ParallelFor(pool_, state_.lattice.Rows(), [&](int64_t row) { RootCellRow(state_, static_cast<int>(row), &sums); });
+  ParallelFor(pool_, state_.lattice.Rows(),
+              [&](int64_t row) { RootCellRow(state_, static_cast<int>(row), &sums); });
   return sums;
 }
 
@@ -193,21 +199,23 @@ ManifoldResult ManifoldFilterAtReaches(const Planes& signals, const Planes& feat
                                        const SlicePoints* points, TaskPool* pool) {
   LUMIFOLD_CHECK(!features.empty() && params.height >= 1 && params.height <= 8 &&
                  params.pca_iterations >= 1 && params.sigma_s > 0);
-  Plane own_mask(mask.width(), mask.height());
+  LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
   if (mask.width() == 0 || mask.height() == 0) {
     ManifoldResult empty;
-    for (size_t r = 0; r < reaches.size(); ++r) empty.filtered.push_back(MakePlanes(signals.size(), mask.width(), mask.height()));
+    for (size_t r = 0; r < reaches.size(); ++r)
+      empty.filtered.push_back(MakePlanes(signals.size(), mask.width(), mask.height()));
     return empty;
   }
+  Plane own_mask(mask.width(), mask.height());
   CopyPlane(mask, own_mask.view());
-  PixelState state = MakeState(signals, features, own_mask, CellSize(params.sigma_s), params.height);
+  PixelState state = MakeState(signals, features, own_mask, CellOf(params), params.height);
   return Filter(std::move(state), params, reaches, points, pool).Run();
 }
 
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
                       const ManifoldParams& params, TaskPool* pool) {
-  return std::move(
-      ManifoldFilterAtReaches(signals, features, mask, params, {params.sigma_s}, nullptr, pool).filtered.front());
+  return std::move(ManifoldFilterAtReaches(signals, features, mask, params, {params.sigma_s}, nullptr, pool)
+                       .filtered.front());
 }
 
 }  // namespace lumifold::filter

@@ -2,22 +2,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "filter/manifold/recursive.h"
 
 namespace lumifold::filter {
 namespace {
 
-/// Low-passed weighted features to heights, in place.
+/// Low-passed weighted features to heights, in place; `fallback` (0 where null) where there is no weight.
 void DivideByWeight(const Plane& weight, const Plane* fallback, Plane* eta) {
+  const std::vector<float> zeros(static_cast<size_t>(eta->width()), 0.0f);
   for (int y = 0; y < eta->height(); ++y) {
-    const float* total = weight.Row(y);
-    const float* instead = fallback != nullptr ? fallback->Row(y) : nullptr;
-    float* out = eta->Row(y);
+    const float* __restrict total = weight.Row(y);
+    const float* __restrict instead = fallback != nullptr ? fallback->Row(y) : zeros.data();
+    float* __restrict out = eta->Row(y);
     for (int x = 0; x < eta->width(); ++x) {
-      const bool is_empty = total[x] < kLeastClusterMass;
-      out[x] = is_empty ? (instead != nullptr ? instead[x] : 0.0f) : out[x] / total[x];
+      const float quotient = out[x] / total[x];
+      out[x] = total[x] < kLeastClusterMass ? instead[x] : quotient;
     }
   }
 }
@@ -91,16 +91,19 @@ ClusterSums MakeClusterSums(size_t features, const Lattice& lattice) {
   return {MakePlanes(features, lattice.Columns(), lattice.Rows()), Plane(lattice.Columns(), lattice.Rows())};
 }
 
-Manifold MakeManifold(ClusterSums sums, const Planes* parent, float sigma_cells, int iterations, TaskPool* pool) {
-  Plane weight = sums.weight.Clone();
-  LowPass(sigma_cells, &weight);
+Manifold MakeManifold(const ClusterSums& sums, const Planes* parent, float sigma_cells, int iterations,
+                      TaskPool* pool) {
+  const int width = sums.weight.width();
+  const int height = sums.weight.height();
+  Plane weight = Plane::Uninitialized(width, height);
+  LowPass(sigma_cells, sums.weight, &weight);
   Manifold manifold;
   manifold.eta.resize(sums.weighted.size());
   ParallelFor(pool, static_cast<int64_t>(manifold.eta.size()), [&](int64_t task) {
     const size_t k = static_cast<size_t>(task);
     Plane& eta = manifold.eta[k];
-    eta = iterations > 0 ? sums.weighted[k].Clone() : std::move(sums.weighted[k]);
-    LowPass(sigma_cells, &eta);
+    eta = Plane::Uninitialized(width, height);
+    LowPass(sigma_cells, sums.weighted[k], &eta);
     DivideByWeight(weight, parent != nullptr ? &(*parent)[k] : nullptr, &eta);
   });
   if (iterations > 0) {

@@ -45,13 +45,6 @@ Plane MeasurableMask(const LayeredImage& film) {
   return mask;
 }
 
-/// What the shrink compares, summed over the channels and relative to the mean brightness squared, so that
-/// neither tiny nor huge units leave float's range.
-struct Residual {
-  Plane variance;
-  Plane square;
-};
-
 float MeanMagnitude(const LayeredImage& film, TaskPool* pool) {
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
   const double sum = SumRows(pool, film.height(), [&](int y) {
@@ -64,9 +57,11 @@ float MeanMagnitude(const LayeredImage& film, TaskPool* pool) {
   return static_cast<float>(sum / (3.0 * film.width() * film.height()));
 }
 
-Residual MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& picture, float unit,
-                         TaskPool* pool) {
-  Residual residual{Plane(film.width(), film.height()), Plane(film.width(), film.height())};
+/// What the shrink compares: variance of C and (C - F)^2, summed over the channels and relative to the mean
+/// brightness squared, so that neither tiny nor huge units leave float's range.
+Planes MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& picture, float unit,
+                       TaskPool* pool) {
+  Planes residual = MakePlanes(2, film.width(), film.height());
   const ConstFloatView n_a = film.Get(layers::kSamplesA);
   const ConstFloatView n_b = film.Get(layers::kSamplesB);
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
@@ -78,9 +73,9 @@ Residual MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& p
         for (int x = 0; x < film.width(); ++x) {
           const float n = std::max(1.0f, n_a.At(x, y) + n_b.At(x, y));
           const float difference = (Finite(half_a[c].At(x, y)) - Finite(half_b[c].At(x, y))) / unit;
-          residual.variance.At(x, y) += n_a.At(x, y) * n_b.At(x, y) / (n * n) * difference * difference;
+          residual[0].At(x, y) += n_a.At(x, y) * n_b.At(x, y) / (n * n) * difference * difference;
           const float off = (Finite(noisy[c].At(x, y)) - picture[c].At(x, y)) / unit;
-          residual.square.At(x, y) += off * off;
+          residual[1].At(x, y) += off * off;
         }
       }
     }
@@ -127,9 +122,10 @@ void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 
   const float unit = MeanMagnitude(film, pool);
   if (!(unit > 0)) return;
   const Plane mask = MeasurableMask(film);
-  const Residual residual = MeasureResidual(film, *picture, unit, pool);
-  const Plane variance = BoxMean(residual.variance.view(), mask.view(), kShrinkRadius, pool);
-  const Plane square = BoxMean(residual.square.view(), mask.view(), kShrinkRadius, pool);
+  const Planes means =
+      BoxMeans(MeasureResidual(film, *picture, unit, pool), mask.view(), kShrinkRadius, pool);
+  const Plane& variance = means[0];
+  const Plane& square = means[1];
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {

@@ -11,7 +11,7 @@ namespace lumifold::filter {
 namespace {
 
 constexpr int kRowsPerTask = 16;
-constexpr int kColumnsPerTask = 64;
+constexpr int kColumnsPerTask = 128;
 
 /// to += weight * (from - to), weight one number for the row.
 void PullEvenly(float weight, const float* __restrict from, float* __restrict to, int width) {
@@ -21,26 +21,37 @@ void PullEvenly(float weight, const float* __restrict from, float* __restrict to
 /// Forward and backward along kChains rows; weight(x) links x - 1 and x in all of them. Each row is a chain
 /// of dependent steps, and several together hide each other's latency.
 template <size_t kChains, typename Weight>
-void RecurseChains(float* const* first_row, Weight weight, int width) {
+void RecurseChains(const float* const* first_source, float* const* first_row, Weight weight, int width) {
+  std::array<const float*, kChains> sources;
   std::array<float*, kChains> rows;
+  std::array<float, kChains> last;
+  std::copy_n(first_source, kChains, sources.begin());
   std::copy_n(first_row, kChains, rows.begin());
+  for (size_t i = 0; i < kChains; ++i) rows[i][0] = last[i] = sources[i][0];
   for (int x = 1; x < width; ++x) {
     const float w = weight(x);
-    for (float* row : rows) row[x] += w * (row[x - 1] - row[x]);
+    for (size_t i = 0; i < kChains; ++i) {
+      const float value = sources[i][x];
+      rows[i][x] = last[i] = value + w * (last[i] - value);
+    }
   }
   for (int x = width - 2; x >= 0; --x) {
     const float w = weight(x + 1);
-    for (float* row : rows) row[x] += w * (row[x + 1] - row[x]);
+    for (size_t i = 0; i < kChains; ++i) {
+      const float value = rows[i][x];
+      rows[i][x] = last[i] = value + w * (last[i] - value);
+    }
   }
 }
 
 /// The same for any number of rows.
 template <typename Weight>
-void RecurseAlongRows(const std::vector<float*>& rows, Weight weight, int width) {
+void RecurseAlongRows(const std::vector<const float*>& sources, const std::vector<float*>& rows,
+                      Weight weight, int width) {
   size_t first = 0;
-  for (; first + 8 <= rows.size(); first += 8) RecurseChains<8>(&rows[first], weight, width);
-  for (; first + 4 <= rows.size(); first += 4) RecurseChains<4>(&rows[first], weight, width);
-  for (; first < rows.size(); ++first) RecurseChains<1>(&rows[first], weight, width);
+  for (; first + 8 <= rows.size(); first += 8) RecurseChains<8>(&sources[first], &rows[first], weight, width);
+  for (; first + 4 <= rows.size(); first += 4) RecurseChains<4>(&sources[first], &rows[first], weight, width);
+  for (; first < rows.size(); ++first) RecurseChains<1>(&sources[first], &rows[first], weight, width);
 }
 
 /// Rows of each plane, from column x0.
@@ -60,10 +71,11 @@ void GuidedRows(float sigma, float range, const Planes& guide, int y0, int y1, P
   for (int y = y0; y < y1; ++y) {
     RowsAt(guide, y, 1, &here);
     RowsAt(guide, y, 0, &left);
-    LinkRow(sigma, Stretch(sigma, range), here.data(), left.data(), guide.size(), width - 1, weight.data() + 1);
+    LinkRow(sigma, Stretch(sigma, range), here.data(), left.data(), guide.size(), width - 1,
+            weight.data() + 1);
     RowsAt(*signals, y, 0, &rows);
     RecurseAlongRows(
-        rows, [&weight](int x) { return weight[static_cast<size_t>(x)]; }, width);
+        {rows.begin(), rows.end()}, rows, [&weight](int x) { return weight[static_cast<size_t>(x)]; }, width);
   }
 }
 
@@ -71,7 +83,7 @@ void GuidedRows(float sigma, float range, const Planes& guide, int y0, int y1, P
 void GuidedColumns(float sigma, float range, const Planes& guide, int x0, int x1, Planes* signals) {
   const int count = x1 - x0;
   const int height = guide[0].height();
-  Plane weights(count, height);  // row y: the links between rows y - 1 and y
+  Plane weights = Plane::Uninitialized(count, height);  // row y: the links between rows y - 1 and y
   std::vector<const float*> here(guide.size());
   std::vector<const float*> above(guide.size());
   for (int y = 1; y < height; ++y) {
@@ -81,22 +93,28 @@ void GuidedColumns(float sigma, float range, const Planes& guide, int x0, int x1
     for (Plane& signal : *signals) PullRow(weights.Row(y), signal.Row(y - 1) + x0, count, signal.Row(y) + x0);
   }
   for (int y = height - 2; y >= 0; --y) {
-    for (Plane& signal : *signals) PullRow(weights.Row(y + 1), signal.Row(y + 1) + x0, count, signal.Row(y) + x0);
+    for (Plane& signal : *signals)
+      PullRow(weights.Row(y + 1), signal.Row(y + 1) + x0, count, signal.Row(y) + x0);
   }
 }
 
 }  // namespace
 
-void LowPass(float sigma, Plane* plane) {
+void LowPass(float sigma, const Plane& from, Plane* to) {
   const float weight = Exp(-kSqrt2 / sigma);
-  const int width = plane->width();
-  const int height = plane->height();
+  const int width = to->width();
+  const int height = to->height();
+  if (width == 0) return;
+  std::vector<const float*> sources;
   std::vector<float*> rows;
-  for (int y = 0; y < height; ++y) rows.push_back(plane->Row(y));
+  for (int y = 0; y < height; ++y) {
+    sources.push_back(from.Row(y));
+    rows.push_back(to->Row(y));
+  }
   RecurseAlongRows(
-      rows, [weight](int) { return weight; }, width);
-  for (int y = 1; y < height; ++y) PullEvenly(weight, plane->Row(y - 1), plane->Row(y), width);
-  for (int y = height - 2; y >= 0; --y) PullEvenly(weight, plane->Row(y + 1), plane->Row(y), width);
+      sources, rows, [weight](int) { return weight; }, width);
+  for (int y = 1; y < height; ++y) PullEvenly(weight, to->Row(y - 1), to->Row(y), width);
+  for (int y = height - 2; y >= 0; --y) PullEvenly(weight, to->Row(y + 1), to->Row(y), width);
 }
 
 void GuidedLowPass(float sigma, float range, const Planes& guide, TaskPool* pool, Planes* signals) {

@@ -11,8 +11,9 @@
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
 
-// Loops that need shuffles or masks are written with Highway; plain ones the compiler turns into vector code, once for each
-// target. Multiplications and additions stay apart everywhere, and sums over x never cross lanes except pair by pair.
+// Loops that need shuffles or masks are written with Highway; plain ones the compiler turns into vector code,
+// once for each target. Multiplications and additions stay apart everywhere, and sums over x never cross
+// lanes except pair by pair.
 HWY_BEFORE_NAMESPACE();
 namespace lumifold::filter {
 namespace HWY_NAMESPACE {
@@ -88,7 +89,8 @@ HWY_INLINE void AddTo(float* sum, Float value) {
   hn::StoreU(hn::Add(hn::LoadU(d, sum), value), d, sum);
 }
 
-/// Squared distance from the manifold, and position along the axis that splits its cluster where there is one.
+/// Squared distance from the manifold, and position along the axis that splits its cluster where there is
+/// one.
 template <bool kSplits>
 HWY_INLINE Float SquareAt(const LanesAt& at, const SplatArgs& args, const float* axis, int x, Float* along) {
   const Floats d;
@@ -112,7 +114,8 @@ HWY_INLINE void SplatSignals(const SplatArgs& args, Float weight, int x) {
 }
 
 /// Returns whether any of the pixels belongs to the cluster.
-HWY_INLINE bool SplitCluster(const SplatArgs& args, const SplitArgs& split, Float weight, Float along, int x) {
+HWY_INLINE bool SplitCluster(const SplatArgs& args, const SplitArgs& split, Float weight, Float along,
+                             int x) {
   const Floats d;
   const auto is_own = hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster));
   if (hn::AllFalse(d, is_own)) return false;
@@ -157,7 +160,8 @@ HWY_INLINE SplatFound SplatStrip(const Widening& widening, const SplatArgs& args
 }
 
 HWY_ATTR SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split) {
-  return split != nullptr ? SplatStrip<true>(widening, args, split) : SplatStrip<false>(widening, args, nullptr);
+  return split != nullptr ? SplatStrip<true>(widening, args, split)
+                          : SplatStrip<false>(widening, args, nullptr);
 }
 
 HWY_ATTR void SliceRow(const Widening& widening, const SliceArgs& args) {
@@ -207,21 +211,43 @@ HWY_ATTR void AddProductRow(const float* HWY_RESTRICT a, const float* HWY_RESTRI
   for (int x = 0; x < count; ++x) sums[x] += a[x] * b[x];
 }
 
+HWY_ATTR void SumRows(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b, int count,
+                      float* HWY_RESTRICT out) {
+  for (int x = 0; x < count; ++x) out[x] = a[x] + b[x];
+}
+
 HWY_ATTR void PullRow(const float* HWY_RESTRICT weight, const float* HWY_RESTRICT from, int count,
                       float* HWY_RESTRICT to) {
   for (int x = 0; x < count; ++x) to[x] += weight[x] * (from[x] - to[x]);
 }
 
-HWY_ATTR void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
-                      int count, float* HWY_RESTRICT weight) {
-  for (int x = 0; x < count; ++x) weight[x] = 0;
+/// The links at x and after, a vector of them.
+HWY_INLINE Float LinksAt(float slope, float stretch, const float* const* here, const float* const* there,
+                         size_t planes, int x) {
+  const Floats d;
+  Float square = hn::Zero(d);
   for (size_t k = 0; k < planes; ++k) {
-    const float* HWY_RESTRICT a = here[k];
-    const float* HWY_RESTRICT b = there[k];
-    for (int x = 0; x < count; ++x) weight[x] += (a[x] - b[x]) * (a[x] - b[x]);
+    const Float difference = hn::Sub(hn::LoadU(d, here[k] + x), hn::LoadU(d, there[k] + x));
+    square = hn::Add(square, hn::Mul(difference, difference));
   }
+  const Float length = hn::Sqrt(hn::Add(hn::Set(d, 1.0f), hn::Mul(hn::Set(d, stretch), square)));
+  const Float exponent = hn::Mul(hn::Set(d, slope), length);
+  return hn::IfThenElseZero(hn::Ge(exponent, hn::Set(d, -87.0f)), ExpOfNegative(exponent));
+}
+
+HWY_ATTR void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there,
+                      size_t planes, int count, float* weight) {
+  const Floats d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
   const float slope = -kSqrt2 / sigma;
-  for (int x = 0; x < count; ++x) weight[x] = Exp(slope * std::sqrt(1.0f + stretch * weight[x]));
+  int x = 0;
+  for (; x + lanes <= count; x += lanes)
+    hn::StoreU(LinksAt(slope, stretch, here, there, planes, x), d, weight + x);
+  for (; x < count; ++x) {
+    float square = 0;
+    for (size_t k = 0; k < planes; ++k) square += (here[k][x] - there[k][x]) * (here[k][x] - there[k][x]);
+    weight[x] = Exp(slope * std::sqrt(1.0f + stretch * square));
+  }
 }
 
 HWY_ATTR void CorrelateRow(const float* taps, int tap_count, const float* HWY_RESTRICT row, int count,
@@ -242,8 +268,8 @@ HWY_ATTR void CorrelateRow(const float* taps, int tap_count, const float* HWY_RE
 }
 
 HWY_ATTR void CandidateErrorRow(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b,
-                                const float* HWY_RESTRICT filtered_a, const float* HWY_RESTRICT filtered_b, int count,
-                                float* HWY_RESTRICT error) {
+                                const float* HWY_RESTRICT filtered_a, const float* HWY_RESTRICT filtered_b,
+                                int count, float* HWY_RESTRICT error) {
   for (int x = 0; x < count; ++x) {
     const float ab = filtered_a[x] - b[x];
     const float ba = filtered_b[x] - a[x];
@@ -270,6 +296,7 @@ HWY_EXPORT(SliceRow);
 HWY_EXPORT(AddPairs);
 HWY_EXPORT(BlendCells);
 HWY_EXPORT(AddProductRow);
+HWY_EXPORT(SumRows);
 HWY_EXPORT(PullRow);
 HWY_EXPORT(LinkRow);
 HWY_EXPORT(CorrelateRow);
@@ -288,24 +315,29 @@ Widening::Widening(int cell_step) : step(cell_step) {
 SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split) {
   return HWY_DYNAMIC_DISPATCH(SplatRow)(widening, args, split);
 }
-void SliceRow(const Widening& widening, const SliceArgs& args) { HWY_DYNAMIC_DISPATCH(SliceRow)(widening, args); }
+void SliceRow(const Widening& widening, const SliceArgs& args) {
+  HWY_DYNAMIC_DISPATCH(SliceRow)(widening, args);
+}
 void AddPairs(int count, float* values) { HWY_DYNAMIC_DISPATCH(AddPairs)(count, values); }
 void BlendCells(const BlendArgs& args) { HWY_DYNAMIC_DISPATCH(BlendCells)(args); }
 void AddProductRow(const float* a, const float* b, int count, float* sums) {
   HWY_DYNAMIC_DISPATCH(AddProductRow)(a, b, count, sums);
 }
+void SumRows(const float* a, const float* b, int count, float* out) {
+  HWY_DYNAMIC_DISPATCH(SumRows)(a, b, count, out);
+}
 void PullRow(const float* weight, const float* from, int count, float* to) {
   HWY_DYNAMIC_DISPATCH(PullRow)(weight, from, count, to);
 }
-void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes, int count,
-             float* weight) {
+void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
+             int count, float* weight) {
   HWY_DYNAMIC_DISPATCH(LinkRow)(sigma, stretch, here, there, planes, count, weight);
 }
 void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out) {
   HWY_DYNAMIC_DISPATCH(CorrelateRow)(taps, tap_count, row, count, out);
 }
-void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b, int count,
-                       float* error) {
+void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
+                       int count, float* error) {
   HWY_DYNAMIC_DISPATCH(CandidateErrorRow)(a, b, filtered_a, filtered_b, count, error);
 }
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out) {

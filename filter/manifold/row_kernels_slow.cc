@@ -48,7 +48,8 @@ void BlendCells(const BlendArgs& args) {
     for (int p = 0; p < args.count; ++p) {
       const int c = std::clamp(args.first + p, 0, args.columns - 1);
       const float upper = args.upper[i][c];
-      args.out[i * args.out_stride + static_cast<size_t>(p)] = upper + args.fraction * (args.lower[i][c] - upper);
+      args.out[i * args.out_stride + static_cast<size_t>(p)] =
+          upper + args.fraction * (args.lower[i][c] - upper);
     }
   }
 }
@@ -84,6 +85,10 @@ void AddProductRow(const float* a, const float* b, int count, float* sums) {
   for (int x = 0; x < count; ++x) sums[x] += a[x] * b[x];
 }
 
+void SumRows(const float* a, const float* b, int count, float* out) {
+  for (int x = 0; x < count; ++x) out[x] = a[x] + b[x];
+}
+
 void AddPairs(int count, float* values) {
   for (int i = 0; i < count / 2; ++i) values[i] = values[2 * i] + values[2 * i + 1];
 }
@@ -92,8 +97,8 @@ void PullRow(const float* weight, const float* from, int count, float* to) {
   for (int x = 0; x < count; ++x) to[x] += weight[x] * (from[x] - to[x]);
 }
 
-void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes, int count,
-             float* weight) {
+void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
+             int count, float* weight) {
   for (int x = 0; x < count; ++x) {
     float square = 0;
     for (size_t k = 0; k < planes; ++k) square += (here[k][x] - there[k][x]) * (here[k][x] - there[k][x]);
@@ -110,8 +115,8 @@ void CorrelateRow(const float* taps, int tap_count, const float* row, int count,
   }
 }
 
-void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b, int count,
-                       float* error) {
+void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
+                       int count, float* error) {
   for (int x = 0; x < count; ++x) {
     const float ab = filtered_a[x] - b[x];
     const float ba = filtered_b[x] - a[x];

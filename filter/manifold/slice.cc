@@ -14,7 +14,8 @@ constexpr size_t kPixelsPerTask = 256;
 /// The points of one pixel.
 class PointSlicer {
  public:
-  PointSlicer(const PixelState& state, const SlicePoints& points) : state_(state), points_(points), squares_(points.samples) {}
+  PointSlicer(const PixelState& state, const SlicePoints& points)
+      : state_(state), points_(points), squares_(points.samples) {}
 
   void Slice(size_t pixel, const Manifold& manifold, const Planes& psi, SlicedPoints* sums) {
     const auto [x, y] = points_.pixels[pixel];
@@ -77,17 +78,18 @@ void StripSlice::PixelRow(int y, Planes* sums) {
   }
   for (int x0 = 0; x0 < lattice.width; x0 += kStripColumns) {
     const int count = std::min(kStripColumns, lattice.width - x0);
-    BlendCells({upper_.data(), lower_.data(), span.part, upper_.size(), x0 / lattice.step - 1, count / lattice.step + 3,
-                lattice.Columns(), cells_.data(), kPsiStride});
+    BlendCells({upper_.data(), lower_.data(), span.part, upper_.size(), x0 / lattice.step - 1,
+                count / lattice.step + 3, lattice.Columns(), cells_.data(), kPsiStride});
     for (size_t i = 0; i < weight_rows_.size(); ++i) weight_rows_[i] = state_.weights[i].Row(y) + x0;
     for (size_t c = 0; c < planes_; ++c) sum_rows_[c] = (*sums)[c].Row(y) + x0;
-    SliceRow(state_.widening,
-             {weight_rows_.data(), weight_rows_.size(), cells_.data(), kPsiStride, planes_, sum_rows_.data(), count});
+    SliceRow(state_.widening, {weight_rows_.data(), weight_rows_.size(), cells_.data(), kPsiStride, planes_,
+                               sum_rows_.data(), count});
   }
 }
 
-void SlicePointsAt(const PixelState& state, const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi,
-                   const SlicePoints& points, TaskPool* pool, SlicedPoints* sums) {
+void SlicePointsAt(const PixelState& state, const std::vector<Manifold>& manifolds,
+                   const std::vector<Planes>& psi, const SlicePoints& points, TaskPool* pool,
+                   SlicedPoints* sums) {
   const size_t tasks = (points.pixels.size() + kPixelsPerTask - 1) / kPixelsPerTask;
   ParallelFor(pool, static_cast<int64_t>(tasks), [&](int64_t task) {
     PointSlicer slicer(state, points);

@@ -25,8 +25,10 @@ class StripSlice {
   std::vector<float*> sum_rows_;
 };
 
-/// Adds w * psi of a level's manifolds to the points' sums: values and weights, as SlicedPoints lays them out.
-void SlicePointsAt(const PixelState& state, const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi,
-                   const SlicePoints& points, TaskPool* pool, SlicedPoints* sums);
+/// Adds w * psi of a level's manifolds to the points' sums: values and weights, as SlicedPoints lays them
+/// out.
+void SlicePointsAt(const PixelState& state, const std::vector<Manifold>& manifolds,
+                   const std::vector<Planes>& psi, const SlicePoints& points, TaskPool* pool,
+                   SlicedPoints* sums);
 
 }  // namespace lumifold::filter

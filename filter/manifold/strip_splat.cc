@@ -18,7 +18,8 @@ void StoreCellMeans(const Lattice& lattice, int row, int x0, int count, float* s
   const float area = static_cast<float>(lattice.step * lattice.RowHeight(row));
   for (int c = 0; c < columns; ++c) cells[first + c] = sums[c] / area;
   const int last = columns - 1;
-  cells[first + last] = sums[last] / static_cast<float>(lattice.ColumnWidth(first + last) * lattice.RowHeight(row));
+  cells[first + last] =
+      sums[last] / static_cast<float>(lattice.ColumnWidth(first + last) * lattice.RowHeight(row));
 }
 
 }  // namespace
@@ -80,12 +81,22 @@ SplatFound StripSplat::PixelRow(size_t manifold, int y, int x0, int count) {
   for (size_t c = 0; c < signal_rows_.size(); ++c) signal_rows_[c] = state_.signals[c].Row(y) + x0;
   BlendCells({upper_.data(), lower_.data(), span.part, d, x0 / lattice.step - 1, count / lattice.step + 3,
               lattice.Columns(), eta_.data(), kEtaStride});
-  const SplatArgs splat = {feature_rows_.data(), eta_.data(), kEtaStride, d, signal_rows_.data(), signal_rows_.size(),
-                           state_.mask.Row(y) + x0, state_.weights[manifold].Row(y) + x0, sum_rows_.data(), count};
+  const SplatArgs splat = {feature_rows_.data(),
+                           eta_.data(),
+                           kEtaStride,
+                           d,
+                           signal_rows_.data(),
+                           signal_rows_.size(),
+                           state_.mask.Row(y) + x0,
+                           state_.weights[manifold].Row(y) + x0,
+                           sum_rows_.data(),
+                           count};
   if (level_.children.empty()) return SplatRow(state_.widening, splat, nullptr);
   float* const* child_sums = sum_rows_.data() + signal_rows_.size() + 1;
-  const SplitArgs split = {from.axis.data(), static_cast<float>(manifold), state_.labels.Row(y) + x0,
-                           state_.members.Row(y) + x0, state_.next_labels.Row(y) + x0, child_sums, child_sums + d + 1};
+  const SplitArgs split = {
+      from.axis.data(),           static_cast<float>(manifold),   state_.labels.Row(y) + x0,
+      state_.members.Row(y) + x0, state_.next_labels.Row(y) + x0, child_sums,
+      child_sums + d + 1};
   return SplatRow(state_.widening, splat, &split);
 }
 
@@ -102,7 +113,8 @@ void RootCellRow(const PixelState& state, int row, ClusterSums* sums) {
         const float* feature = is_weight ? ones.data() : state.features[k].Row(y) + x0;
         AddProductRow(state.mask.Row(y) + x0, feature, count, strip.data());
       }
-      StoreCellMeans(lattice, row, x0, count, strip.data(), (is_weight ? sums->weight : sums->weighted[k]).Row(row));
+      StoreCellMeans(lattice, row, x0, count, strip.data(),
+                     (is_weight ? sums->weight : sums->weighted[k]).Row(row));
     }
   }
 }

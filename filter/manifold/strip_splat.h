@@ -23,12 +23,13 @@ struct PixelState {
 /// All manifolds of one level. Manifold i's children are 2i and 2i + 1 of the next level.
 struct Level {
   std::vector<Manifold> manifolds;
-  std::vector<Planes> splats;         // a manifold: C planes of cells with the mean of mask * w * f, one with that of mask * w
+  std::vector<Planes>
+      splats;  // a manifold: C planes of cells with the mean of mask * w * f, one with that of mask * w
   std::vector<ClusterSums> children;  // of the next level's clusters; empty at the last level
 };
 
-/// Splats pixels onto the manifolds of a level, a row of cells at a time, in strips that stay in the cache. Holds scratch
-/// memory: one for each task. Rows of cells are independent of each other.
+/// Splats pixels onto the manifolds of a level, a row of cells at a time, in strips that stay in the cache.
+/// Holds scratch memory: one for each task. Rows of cells are independent of each other.
 class StripSplat {
  public:
   StripSplat(PixelState* state, Level* level);

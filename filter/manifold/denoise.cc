@@ -71,6 +71,17 @@ Plane MakeMask(const LayeredImage& film, absl::FunctionRef<float(int, int)> part
   return mask;
 }
 
+/// Whether all there is to see in a pixel is light that it radiates by itself: what is left of C beside E is
+/// then exact.
+bool OnlyRadiates(const ConstColorView& albedo, const ConstColorView& emission, int x, int y) {
+  bool radiates = false;
+  for (size_t c = 0; c < 3; ++c) {
+    if (albedo[c].At(x, y) != 0) return false;
+    radiates |= emission[c].At(x, y) > 0;
+  }
+  return radiates;
+}
+
 using LayerFilter = Planes (*)(Halves halves, const Planes& geometry, const LayerParams& params,
                                TaskPool* pool);
 
@@ -110,6 +121,10 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, LayerFilter filter, 
     const float part = mask.At(x, y) * surface.At(x, y);
     return part >= kWhollyValid ? 1.0f : (part >= kLeastValid ? part : 0.0f);
   });
+  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
+  const ConstColorView emission = film.GetColor(layers::kEmission);
+  const Plane reflecting = MakeMask(
+      film, [&](int x, int y) { return OnlyRadiates(albedo, emission, x, y) ? 0.0f : surface.At(x, y); });
   const LayerParams params;
   const Planes geometry = GeometryFeatures(film, surface.view(), pool);
   FilteredLayers filtered;
@@ -119,7 +134,7 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, LayerFilter filter, 
   const Layer rest = {
       ViewOf(remainder.mean),
       {ViewOf(remainder.a), ViewOf(remainder.b), film.Get(layers::kSamplesA), film.Get(layers::kSamplesB)}};
-  filtered.remainder = FilterOne(rest, surface, geometry, filter, params, pool);
+  filtered.remainder = FilterOne(rest, reflecting, geometry, filter, params, pool);
   return Recombine(film, remainder, filtered, pool);
 }
 

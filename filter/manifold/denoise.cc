@@ -102,14 +102,16 @@ Planes FilterOne(const Layer& layer, const Plane& validity, const Planes& geomet
   if (halves.level == 0) return CopyOf(layer.mean);  // nothing here shines
   const float scale = halves.scale;
   Planes filtered = filter(std::move(halves), geometry, params, pool);
-  for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < validity.height(); ++y) {
-      for (int x = 0; x < validity.width(); ++x) {
-        float& value = filtered[c].At(x, y);
-        value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : layer.mean[c].At(x, y);
+  ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < validity.width(); ++x) {
+          float& value = filtered[c].At(x, y);
+          value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : layer.mean[c].At(x, y);
+        }
       }
     }
-  }
+  });
   return filtered;
 }
 

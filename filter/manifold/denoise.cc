@@ -80,19 +80,32 @@ FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const La
   if (halves.level == 0) return {CopyOf(mean), NothingAt(points)};  // nothing here shines
   const float scale = halves.scale;
   FilteredLayer filtered = filter(std::move(halves), product.geometry, params, points, pool);
-  for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < validity.height(); ++y) {
-      for (int x = 0; x < validity.width(); ++x) {
-        float& value = filtered.planes[c].At(x, y);
-        value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : mean[c].At(x, y);
+  ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < validity.width(); ++x) {
+          float& value = filtered.planes[c].At(x, y);
+          value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : mean[c].At(x, y);
+        }
       }
     }
-  }
+  });
   for (float& value : filtered.points.values) value *= scale;
   return filtered;
 }
 
-/// The remainder, on all that is hit, as one more product of factor 1.
+/// Whether all there is to see in a pixel is light that it radiates by itself: what is left of C beside E is
+/// then exact.
+bool OnlyRadiates(const ConstColorView& albedo, const ConstColorView& emission, int x, int y) {
+  bool radiates = false;
+  for (size_t c = 0; c < 3; ++c) {
+    if (albedo[c].At(x, y) != 0) return false;
+    radiates |= emission[c].At(x, y) > 0;
+  }
+  return radiates;
+}
+
+/// The remainder, on all that is hit and does more than radiate, as one more product of factor 1.
 Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, LayerFilter filter,
                        const LayerParams& params, TaskPool* pool) {
   const ConstFloatView distance = film.Get(layers::kDistance);
@@ -102,8 +115,13 @@ Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, Lay
                  film.Get(layers::kSamplesB)};
   rest.box = film.bounds();
   rest.validity = Plane(film.width(), film.height());
+  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
+  const ConstColorView emission = film.GetColor(layers::kEmission);
   for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) rest.validity.At(x, y) = distance.At(x, y) > 0 ? 1.0f : 0.0f;
+    for (int x = 0; x < film.width(); ++x) {
+      const bool reflects = distance.At(x, y) > 0 && !OnlyRadiates(albedo, emission, x, y);
+      rest.validity.At(x, y) = reflects ? 1.0f : 0.0f;
+    }
   }
   rest.geometry = GeometryFeatures(
       {{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)}, distance},

@@ -81,25 +81,31 @@ Planes SpreadRemoved(const Planes& removed, const Planes& geometry, ConstFloatVi
   return ManifoldFilter(removed, geometry, weight, params, pool);
 }
 
-void AddProduct(const Plane& share, const Plane& value, Plane* sum) {
-  for (int y = 0; y < share.height(); ++y) {
-    const float* __restrict s = share.Row(y);
-    const float* __restrict v = value.Row(y);
-    float* __restrict out = sum->Row(y);
-    for (int x = 0; x < share.width(); ++x) out[x] += s[x] * v[x];
-  }
+void AddProduct(const Plane& share, const Plane& value, int y, Plane* sum) {
+  const float* __restrict s = share.Row(y);
+  const float* __restrict v = value.Row(y);
+  float* __restrict out = sum->Row(y);
+  for (int x = 0; x < share.width(); ++x) out[x] += s[x] * v[x];
 }
 
 /// shares[0] * raw + sum of shares[i] * candidate i + (1 - shares[0]) * spread.
 Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const Planes& shares,
              const Planes& spread, const Halves& halves, TaskPool* pool) {
+  std::vector<Planes> means;
+  for (const Candidate& candidate : candidates)
+    means.push_back(Combine(candidate.a, candidate.b, halves.share_a.view(), pool));
   Planes sums = MakePlanes(3, halves.width(), halves.height());
-  for (size_t c = 0; c < 3; ++c) AddProduct(shares[0], raw[c], &sums[c]);
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    const Planes mean = Combine(candidates[i].a, candidates[i].b, halves.share_a.view(), pool);
-    for (size_t c = 0; c < 3; ++c) AddProduct(shares[i + 1], mean[c], &sums[c]);
-    for (size_t c = 0; c < spread.size(); ++c) AddProduct(shares[i + 1], spread[c], &sums[c]);
-  }
+  ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (size_t c = 0; c < 3; ++c) {
+        AddProduct(shares[0], raw[c], y, &sums[c]);
+        for (size_t i = 0; i < means.size(); ++i) {
+          AddProduct(shares[i + 1], means[i][c], y, &sums[c]);
+          if (!spread.empty()) AddProduct(shares[i + 1], spread[c], y, &sums[c]);
+        }
+      }
+    }
+  });
   return sums;
 }
 

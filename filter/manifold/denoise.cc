@@ -80,6 +80,7 @@ FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const La
   if (halves.level == 0) return {CopyOf(mean), NothingAt(points)};  // nothing here shines
   const float scale = halves.scale;
   FilteredLayer filtered = filter(std::move(halves), product.geometry, params, points, pool);
+  if (points != nullptr) FitToPixels(*points, filtered.planes, &filtered.points);
   ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
     for (size_t c = 0; c < 3; ++c) {
       for (int y = y0; y < y1; ++y) {

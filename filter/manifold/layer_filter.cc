@@ -40,7 +40,8 @@ struct FeaturePair {
   Planes b;
 };
 
-FeaturePair MakeFeatures(const Guide& guide, const PatchBasis& basis, float sigma_q, const Planes& geometry,
+/// Takes the guide over, so that its planes are gone before manifolds need memory.
+FeaturePair MakeFeatures(Guide guide, const PatchBasis& basis, float sigma_q, const Planes& geometry,
                          TaskPool* pool) {
   return {JointFeatures(guide.a, basis, sigma_q, geometry, pool),
           JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
@@ -100,19 +101,20 @@ Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const 
 /// The first filtering, guided by noisy patches, and two guided by patches of its result.
 std::vector<Candidate> MakeCandidates(const Halves& halves, const Planes& geometry, const LayerParams& params,
                                       TaskPool* pool) {
-  const Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
+  Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
+  const float noise = guide.sigma;
   const PatchBasis basis = BasisOf(guide, halves, params.patches, pool);
-  const FeaturePair features = MakeFeatures(guide, basis, params.range_factor * guide.sigma, geometry, pool);
   std::vector<Candidate> candidates =
-      CrossFilter(halves, features, params.pilot_manifolds, {params.pilot_reach}, pool);
+      CrossFilter(halves, MakeFeatures(std::move(guide), basis, params.range_factor * noise, geometry, pool),
+                  params.pilot_manifolds, {params.pilot_reach}, pool);
 
-  const Guide second = MakeGuide(halves, candidates[0].a, candidates[0].b, params.knee, pool);
+  Guide second = MakeGuide(halves, candidates[0].a, candidates[0].b, params.knee, pool);
   const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
-  const FeaturePair refined =
-      MakeFeatures(second, second_basis, params.pilot_range_factor * guide.sigma, geometry, pool);
-  for (Candidate& candidate :
-       CrossFilter(halves, refined, params.manifolds, {params.wide_reach, params.fine_reach}, pool))
-    candidates.push_back(std::move(candidate));
+  std::vector<Candidate> refined = CrossFilter(
+      halves,
+      MakeFeatures(std::move(second), second_basis, params.pilot_range_factor * noise, geometry, pool),
+      params.manifolds, {params.wide_reach, params.fine_reach}, pool);
+  for (Candidate& candidate : refined) candidates.push_back(std::move(candidate));
   return candidates;
 }
 

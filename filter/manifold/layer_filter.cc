@@ -40,7 +40,8 @@ struct FeaturePair {
   Planes b;
 };
 
-FeaturePair MakeFeatures(const Guide& guide, const PatchBasis& basis, float sigma_q, const Planes& geometry,
+/// Takes the guide over, so that its planes are gone before manifolds need memory.
+FeaturePair MakeFeatures(Guide guide, const PatchBasis& basis, float sigma_q, const Planes& geometry,
                          TaskPool* pool) {
   return {JointFeatures(guide.a, basis, sigma_q, geometry, pool),
           JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
@@ -112,19 +113,19 @@ Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const 
 /// The first filtering, guided by noisy patches, and two guided by patches of its result.
 Candidates MakeCandidates(const Halves& halves, const Planes& geometry, const LayerParams& params,
                           const SlicePoints* points, TaskPool* pool) {
-  const Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
+  Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
+  const float noise = guide.sigma;
   const PatchBasis basis = BasisOf(guide, halves, params.patches, pool);
-  const FeaturePair features = MakeFeatures(guide, basis, params.range_factor * guide.sigma, geometry, pool);
   Candidates candidates;
-  CrossFilter(halves, features, params.pilot_manifolds, {params.pilot_reach}, points, pool, &candidates);
+  CrossFilter(halves, MakeFeatures(std::move(guide), basis, params.range_factor * noise, geometry, pool),
+              params.pilot_manifolds, {params.pilot_reach}, points, pool, &candidates);
 
   const Candidate& pilot = candidates.pictures[0];
-  const Guide second = MakeGuide(halves, pilot.a, pilot.b, params.knee, pool);
+  Guide second = MakeGuide(halves, pilot.a, pilot.b, params.knee, pool);
   const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
-  const FeaturePair refined =
-      MakeFeatures(second, second_basis, params.pilot_range_factor * guide.sigma, geometry, pool);
-  CrossFilter(halves, refined, params.manifolds, {params.wide_reach, params.fine_reach}, points, pool,
-              &candidates);
+  CrossFilter(halves,
+              MakeFeatures(std::move(second), second_basis, params.pilot_range_factor * noise, geometry, pool),
+              params.manifolds, {params.wide_reach, params.fine_reach}, points, pool, &candidates);
   return candidates;
 }
 

@@ -34,6 +34,28 @@ Vec3 FaceViewer(Vec3 normal, Vec3 wo) {
   return cosine >= kLeastCosine ? normal : Normalize(normal + wo * (kLeastCosine - cosine));
 }
 
+bool HasTextures(const scene::Material& material) {
+  const auto refs = scene::TexturesOf(material);
+  return std::any_of(refs.begin(), refs.end(),
+                     [](const scene::TextureUse& use) { return use.ref->texture != scene::kNone; });
+}
+
+/// Whether the normals at all corners are those of the faces, or there are none.
+bool IsFlat(const Mesh& mesh) {
+  constexpr float kLeastCosine = 1.0f - 0x1p-20f;
+  if (mesh.normals.empty()) return true;
+  for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
+    const uint32_t* corners = &mesh.triangles[t];
+    const Vec3 origin = mesh.positions[corners[0]];
+    const Vec3 area = Cross(mesh.positions[corners[1]] - origin, mesh.positions[corners[2]] - origin);
+    const float least = kLeastCosine * Length(area);
+    for (int c = 0; c < 3; ++c) {
+      if (std::abs(Dot(mesh.normals[corners[c]], area)) < least) return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 Ray Surface::Leave(const BsdfSample& step, uint64_t chance) const {
@@ -49,26 +71,26 @@ Ray Surface::Leave(const BsdfSample& step, uint64_t chance) const {
 }
 
 SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& textures)
-    : scene_(&scene), textures_(&textures) {
+    : textures_(&textures) {
   const scene::Bounds bounds = WorldBounds(scene);
   epsilon_ = bounds.IsEmpty() ? 0.0f : Length(bounds.max - bounds.min) * 0x1p-21f;
-  for (const scene::Material& material : scene.materials) {
-    const auto refs = scene::TexturesOf(material);
-    const bool has_textures = std::any_of(refs.begin(), refs.end(), [](const scene::TextureUse& use) {
-      return use.ref->texture != scene::kNone;
-    });
-    has_textures_.push_back(has_textures);
-    any_textures_ |= has_textures;
+  std::vector<char> is_flat;
+  for (const Mesh& mesh : scene.meshes) is_flat.push_back(IsFlat(mesh));
+  for (const scene::Instance& instance : scene.instances) {
+    const Mesh& mesh = scene.meshes[instance.mesh];
+    const scene::Material& material =
+        mesh.material == scene::kNone ? default_material_ : scene.materials[mesh.material];
+    const bool is_textured = HasTextures(material);
+    any_textures_ |= is_textured;
+    places_.push_back({&mesh, &material, &instance.world_from_object, is_textured,
+                       !is_textured && mesh.colors.empty() && is_flat[instance.mesh]});
   }
 }
 
 Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
-  const scene::Instance& instance = scene_->instances[hit.instance];
-  const Mesh& mesh = scene_->meshes[instance.mesh];
-  const Affine& to_world = instance.world_from_object;
-
+  const Place& place = places_[hit.instance];
   Surface surface;
-  surface.material = mesh.material == scene::kNone ? &default_material_ : &scene_->materials[mesh.material];
+  surface.material = place.material;
   surface.position = ray.origin + ray.direction * hit.distance;
   const Vec3 face = Normalize(hit.face_normal);
   surface.front = Dot(face, ray.direction) < 0;
@@ -82,28 +104,34 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   }
   surface.normal = surface.geometric;
   surface.coat_normal = surface.geometric;
-  if (mesh.normals.empty() && mesh.uvs[0].empty() && mesh.uvs[1].empty() && mesh.colors.empty())
-    return surface;
+  if (!place.is_plain) ReadCorners(place, hit, ray, &surface);
+  return surface;
+}
+
+/// What the triangle's corners add: texture coordinates, colour, and the shading normals.
+void SurfaceReader::ReadCorners(const Place& place, const Hit& hit, const Ray& ray, Surface* surface) const {
+  const Mesh& mesh = *place.mesh;
+  const Affine& to_world = *place.to_world;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
   for (int set = 0; set < 2; ++set) {
-    if (!mesh.uvs[set].empty()) surface.uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
+    if (!mesh.uvs[set].empty()) surface->uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
   }
-  if (surface.cone_width > 0 && mesh.material != scene::kNone && has_textures_[mesh.material])
-    surface.footprint = FootprintAt(mesh, to_world, hit, ray, surface.geometric);
-  if (!mesh.colors.empty()) surface.vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);
+  if (place.is_textured && surface->cone_width > 0)
+    surface->footprint = FootprintAt(mesh, to_world, hit, ray, surface->geometric);
+  if (!mesh.colors.empty()) surface->vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);
   if (!mesh.normals.empty()) {
     const Vec3 smooth = to_world.Normal(Interpolate(mesh.normals, corners, hit.u, hit.v));
     if (LengthSquared(smooth) > 0) {
       const Vec3 unit = Normalize(smooth);
-      surface.normal = Dot(unit, surface.geometric) < 0 ? -unit : unit;
+      surface->normal = Dot(unit, surface->geometric) < 0 ? -unit : unit;
     }
   }
-  surface.coat_normal = surface.normal;
+  surface->coat_normal = surface->normal;
   // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
-  if (!mesh.tangents.empty()) MapNormals(mesh, instance, hit, &surface);
-  surface.normal = FaceViewer(surface.normal, -ray.direction);
-  if (surface.material->clearcoat > 0) surface.coat_normal = FaceViewer(surface.coat_normal, -ray.direction);
-  return surface;
+  if (!mesh.tangents.empty()) MapNormals(place, hit, surface);
+  surface->normal = FaceViewer(surface->normal, -ray.direction);
+  if (surface->material->clearcoat > 0)
+    surface->coat_normal = FaceViewer(surface->coat_normal, -ray.direction);
 }
 
 /// The cone cuts the face in an ellipse whose longer diameter lies along the ray's shadow on it.
@@ -144,14 +172,14 @@ struct SurfaceReader::TangentFrame {
   Vec3 normal;
 };
 
-void SurfaceReader::MapNormals(const Mesh& mesh, const scene::Instance& instance, const Hit& hit,
-                               Surface* surface) const {
+void SurfaceReader::MapNormals(const Place& place, const Hit& hit, Surface* surface) const {
+  const Mesh& mesh = *place.mesh;
+  const Affine& to_world = *place.to_world;
   const scene::Material& material = *surface->material;
   const bool maps_base = material.normal_texture.texture != scene::kNone;
   const bool maps_coat = material.clearcoat_normal_texture.texture != scene::kNone;
   if (!maps_base && !maps_coat) return;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
-  const Affine& to_world = instance.world_from_object;
   TangentFrame frame;
   frame.normal = surface->normal;
   const Vec3 along = to_world.Vector(Interpolate(mesh.tangents, corners, hit.u, hit.v));

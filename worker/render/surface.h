@@ -14,7 +14,7 @@ struct Surface {
   Vec3 position;
   Vec3 geometric;    // unit face normal on the side the ray came from
   Vec3 normal;       // unit shading normal, normal map included, on the same side
-  Vec3 coat_normal;  // the same of the clear coat, read only where there is one
+  Vec3 coat_normal;  // the same of the clear coat; set only where there is one
   Vec2 uv[2];
   Footprint footprint;  // of the ray, on a material with textures
   Vec3 vertex_color = {1, 1, 1};
@@ -38,6 +38,8 @@ struct Surface {
 class SurfaceReader {
  public:
   SurfaceReader(const scene::Scene& scene, const TextureSampler& textures);
+  SurfaceReader(const SurfaceReader&) = delete;
+  SurfaceReader& operator=(const SurfaceReader&) = delete;
 
   /// The surface at `hit` of `ray`; must not be a miss.
   Surface Read(const Hit& hit, const Ray& ray) const;
@@ -50,22 +52,30 @@ class SurfaceReader {
 
  private:
   struct TangentFrame;
+  /// What Read() asks about an instance.
+  struct Place {
+    const scene::Mesh* mesh;
+    const scene::Material* material;
+    const scene::Affine* to_world;
+    bool is_textured;  // the material has textures
+    bool
+        is_plain;  // the face's normal is all there is to know: no textures, vertex colours or smooth normals
+  };
 
+  void ReadCorners(const Place& place, const Hit& hit, const Ray& ray, Surface* surface) const;
   Vec3 Color(const scene::TextureRef& ref, const Surface& surface) const;
   scene::Vec4 Data(const scene::TextureRef& ref, const Surface& surface) const;
   Vec3 BaseColor(const Surface& surface) const;
   Footprint FootprintAt(const scene::Mesh& mesh, const scene::Affine& to_world, const Hit& hit,
                         const Ray& ray, Vec3 normal) const;
-  void MapNormals(const scene::Mesh& mesh, const scene::Instance& instance, const Hit& hit,
-                  Surface* surface) const;
+  void MapNormals(const Place& place, const Hit& hit, Surface* surface) const;
   Vec3 MappedNormal(const scene::TextureRef& map, float scale, const TangentFrame& frame,
                     const Surface& surface) const;
   void ShadeLayers(const Surface& surface, SurfaceMaterial* out) const;
 
-  const scene::Scene* scene_;
   const TextureSampler* textures_;
   scene::Material default_material_;
-  std::vector<char> has_textures_;  // of each material
+  std::vector<Place> places_;  // by instance
   bool any_textures_ = false;
   float epsilon_;  // share that depends on the scene's size
 };

@@ -86,25 +86,30 @@ bool IsWholeFilm(const LayeredImage& file) {
   return file.Has(layers::kSamplesA) && file.HasColor(layers::HalfA(layers::kDirect));
 }
 
-absl::StatusOr<ForeignFilm> FilmOf(const FilterOptions& options) {
+/// What is to be filtered, and what the user should know of it.
+struct Input {
+  EdgedImage film;
+  std::vector<std::string> notes;
+};
+
+absl::StatusOr<Input> ReadInput(const FilterOptions& options) {
   const absl::StatusOr<FilmLayout> layout = LayoutOf(options.layout);
   if (!layout.ok()) return layout.status();
-  absl::StatusOr<LayeredImage> file = ReadExr(options.picture);
+  absl::StatusOr<EdgedImage> file = ReadEdgedExr(options.picture);
   if (!file.ok()) return file.status();
-  if (options.layout == "lumifold" && options.half_b.empty() && IsWholeFilm(*file))
-    return ForeignFilm{*std::move(file), {}};
-  absl::StatusOr<ForeignFilm> film = ReadForeignFilm(options.picture, *file, *layout);
+  if (options.layout == "lumifold" && options.half_b.empty() && IsWholeFilm(file->pixels))
+    return Input{*std::move(file), {}};
+  absl::StatusOr<ForeignFilm> film = ReadForeignFilm(options.picture, file->pixels, *layout);
   if (!film.ok()) return film.status();
   if (options.half_b.empty()) {
     film->notes.push_back("one picture: its noise is estimated from it, which takes fine detail for noise");
-    return film;
+    return Input{{std::move(film->film), {}}, std::move(film->notes)};
   }
   const absl::StatusOr<ForeignFilm> other = ReadFilm(options.half_b, *layout);
   if (!other.ok()) return other.status();
   absl::StatusOr<LayeredImage> joined = JoinHalves(film->film, other->film);
   if (!joined.ok()) return joined.status();
-  film->film = *std::move(joined);
-  return film;
+  return Input{{*std::move(joined), {}}, std::move(film->notes)};
 }
 
 absl::Status WriteResult(const FilterOptions& options, std::array<Plane, 3> filtered,
@@ -127,7 +132,7 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
   if (const auto ended = ParseFilter(arguments, environment, &options)) return *ended;
   if (!environment.film_filter)
     return ReportError(environment, absl::UnimplementedError("this build has no filter"));
-  absl::StatusOr<ForeignFilm> read = FilmOf(options);
+  absl::StatusOr<Input> read = ReadInput(options);
   if (!read.ok()) return ReportError(environment, AsPictureError(read.status()));
   for (const std::string& note : read->notes)
     ReportLine(environment, absl::StrCat(options.picture, ": ", note));
@@ -136,7 +141,7 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
       environment.film_filter(&read->film, options.method, options.threads);
   if (!filtered.ok()) return ReportError(environment, filtered.status());
   const double seconds = absl::ToDoubleSeconds(absl::Now() - start);
-  const absl::Status written = WriteResult(options, *std::move(filtered), read->film);
+  const absl::Status written = WriteResult(options, *std::move(filtered), read->film.pixels);
   if (!written.ok()) return ReportError(environment, OfThisMachine(written));
   ReportLine(environment, absl::StrFormat("wrote %s (filtered in %.2f s)", options.output, seconds));
   return ExitCode::kOk;

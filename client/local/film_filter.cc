@@ -8,10 +8,10 @@
 
 namespace lumifold::local {
 
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(LayeredImage* film, const std::string& method, int threads) {
+absl::StatusOr<std::array<Plane, 3>> FilterFilm(EdgedImage* film, const std::string& method, int threads) {
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
-  if (!film->Has(layers::kSamplesA)) filter::SplitIntoHalves(film, pool.get());
-  return filter::FilterFilm(*film, method, pool.get());
+  if (!film->pixels.Has(layers::kSamplesA)) filter::SplitIntoHalves(&film->pixels, pool.get());
+  return filter::FilterFilm(film->pixels, method, pool.get(), &film->edges);
 }
 
 }  // namespace lumifold::local

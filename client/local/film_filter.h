@@ -4,11 +4,11 @@
 #include <string>
 
 #include "absl/status/statusor.h"
-#include "filter/image/layered_image.h"
+#include "filter/image/edged_image.h"
 
 namespace lumifold::local {
 
 /// The client::FilmFilter of the `lumifold` program.
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(LayeredImage* film, const std::string& method, int threads);
+absl::StatusOr<std::array<Plane, 3>> FilterFilm(EdgedImage* film, const std::string& method, int threads);
 
 }  // namespace lumifold::local

@@ -6,19 +6,27 @@
 
 namespace lumifold {
 
-Plane::Plane(int width, int height) : width_(width), height_(height) {
+Plane::Plane(int width, int height) : Plane(Uninitialized(width, height)) {
+  if (data_ != nullptr)
+    std::memset(data_.get(), 0, static_cast<size_t>(stride_) * static_cast<size_t>(height) * sizeof(float));
+}
+
+Plane Plane::Uninitialized(int width, int height) {
   LUMIFOLD_CHECK(width >= 0 && height >= 0);
+  Plane plane;
+  plane.width_ = width;
+  plane.height_ = height;
   constexpr std::ptrdiff_t kFloatsPerLine = kAlignment / sizeof(float);
-  stride_ = (width + kFloatsPerLine - 1) / kFloatsPerLine * kFloatsPerLine;
-  const size_t bytes = static_cast<size_t>(stride_) * static_cast<size_t>(height) * sizeof(float);
-  if (bytes == 0) return;
-  data_.reset(static_cast<float*>(std::aligned_alloc(kAlignment, bytes)));
-  if (data_ == nullptr) throw std::bad_alloc();
-  std::memset(data_.get(), 0, bytes);
+  plane.stride_ = (width + kFloatsPerLine - 1) / kFloatsPerLine * kFloatsPerLine;
+  const size_t bytes = static_cast<size_t>(plane.stride_) * static_cast<size_t>(height) * sizeof(float);
+  if (bytes == 0) return plane;
+  plane.data_.reset(static_cast<float*>(std::aligned_alloc(kAlignment, bytes)));
+  if (plane.data_ == nullptr) throw std::bad_alloc();
+  return plane;
 }
 
 Plane Plane::Clone() const {
-  Plane copy(width_, height_);
+  Plane copy = Uninitialized(width_, height_);
   CopyPlane(view(), copy.view());
   return copy;
 }

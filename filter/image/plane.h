@@ -63,6 +63,8 @@ class Plane {
 
   Plane() = default;
   Plane(int width, int height);
+  /// A plane to be written before it is read: its values are anything.
+  static Plane Uninitialized(int width, int height);
 
   Plane Clone() const;
   void Fill(float value);

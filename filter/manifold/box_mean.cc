@@ -1,58 +1,112 @@
 #include "filter/manifold/box_mean.h"
 
 #include <algorithm>
+#include <utility>
 
-#include "filter/manifold/bands.h"
+#include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {
 
-void AddRow(const float* __restrict from, float* __restrict to, int width) {
-  for (int x = 0; x < width; ++x) to[x] += from[x];
-}
+/// A block of pixels with an apron of `radius` around it, row after row, zero beyond the picture, and sums
+/// over windows of it.
+class Window {
+ public:
+  Window(int width, int height, int radius)
+      : radius_(radius),
+        stride_(width + 2 * radius),
+        values_(static_cast<size_t>(stride_ * (height + 2 * radius))),
+        scratch_(values_.size()),
+        sums_(values_.size()) {}
 
-/// sums[x] = values[x - radius] + ... + values[x + radius], as far as there are any.
-void SumAlongRow(const float* values, int width, int radius, float* sums) {
-  std::fill_n(sums, width, 0.0f);
-  const int reach = std::min(radius, width - 1);
-  for (int offset = -reach; offset <= reach; ++offset) {
-    const int x0 = std::max(0, -offset);
-    const int x1 = std::min(width, width - offset);
-    AddRow(values + x0 + offset, sums + x0, x1 - x0);
+  /// Copies `weight`, times `values` unless that is empty.
+  void Load(const Rect& block, ConstFloatView values, ConstFloatView weight) {
+    std::fill(values_.begin(), values_.end(), 0.0f);
+    const Rect apron = Inflate(block, radius_, {0, 0, weight.width(), weight.height()});
+    for (int y = apron.y0; y < apron.y1; ++y) {
+      const std::ptrdiff_t first =
+          std::ptrdiff_t{y - block.y0 + radius_} * stride_ + (apron.x0 - block.x0 + radius_);
+      float* out = values_.data() + first;
+      const float* by = weight.Row(y) + apron.x0;
+      if (values.IsEmpty())
+        std::copy_n(by, apron.width(), out);
+      else
+        AddProductRow(values.Row(y) + apron.x0, by, apron.width(), out);
+    }
+  }
+
+  /// Sums of windows whose first pixel stands where their centre's block pixel is: row y of the block.
+  void Sum() {
+    SumAlong(1);
+    SumAlong(stride_);
+  }
+  const float* Row(int y) const { return values_.data() + static_cast<std::ptrdiff_t>(y) * stride_; }
+
+ private:
+  /// values_[i] = values_[i] + values_[i + stride] + ... , 2 radius + 1 of them: powers of two by doubling,
+  /// as many as the binary digits of the window's side ask for, so that a sum depends on nothing outside its
+  /// window.
+  void SumAlong(int stride) {
+    const int side = 2 * radius_ + 1;
+    const int count = static_cast<int>(values_.size());
+    std::fill(sums_.begin(), sums_.end(), 0.0f);
+    int done = 0;
+    for (int length = 1; length <= side; length *= 2) {
+      if ((side & length) != 0) {
+        const int valid = std::max(0, count - done * stride);
+        SumRows(sums_.data(), values_.data() + done * stride, valid, scratch_.data());
+        std::copy_n(scratch_.data(), valid, sums_.data());
+        done += length;
+      }
+      const int valid = std::max(0, count - length * stride);
+      SumRows(values_.data(), values_.data() + length * stride, valid, scratch_.data());
+      std::swap(values_, scratch_);
+    }
+    std::swap(values_, sums_);
+  }
+
+  int radius_;
+  int stride_;
+  std::vector<float> values_;
+  std::vector<float> scratch_;
+  std::vector<float> sums_;
+};
+
+/// One block of all means.
+void BlockMeans(const Rect& block, const Planes& values, ConstFloatView weight, Window* total, Window* window,
+                Planes* means) {
+  total->Load(block, {}, weight);
+  total->Sum();
+  for (size_t i = 0; i < values.size(); ++i) {
+    window->Load(block, values[i].view(), weight);
+    window->Sum();
+    for (int y = block.y0; y < block.y1; ++y) {
+      const float* __restrict sum = window->Row(y - block.y0);
+      const float* __restrict mass = total->Row(y - block.y0);
+      float* __restrict mean = (*means)[i].Row(y) + block.x0;
+      for (int x = 0; x < block.width(); ++x) {
+        const float quotient = sum[x] / mass[x];
+        mean[x] = mass[x] > 0 ? quotient : 0.0f;
+      }
+    }
   }
 }
 
 }  // namespace
 
-Plane BoxMean(ConstFloatView values, ConstFloatView weight, int radius, TaskPool* pool) {
-  const int width = values.width();
-  const int height = values.height();
-  Plane value_sums(width, height);
-  Plane weight_sums(width, height);
+Planes BoxMeans(const Planes& values, ConstFloatView weight, int radius, TaskPool* pool) {
+  const int width = weight.width();
+  const int height = weight.height();
+  // A window over the whole picture reaches no further.
+  const int reach = std::min(radius, std::max(width, height));
+  Planes means = MakePlanes(values.size(), width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
-    std::vector<float> product(static_cast<size_t>(width));
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < width; ++x) product[static_cast<size_t>(x)] = values.At(x, y) * weight.At(x, y);
-      SumAlongRow(product.data(), width, radius, value_sums.Row(y));
-      SumAlongRow(weight.Row(y), width, radius, weight_sums.Row(y));
-    }
+    Window total(kStripColumns, kBandRows, reach);
+    Window window(kStripColumns, kBandRows, reach);
+    for (int x0 = 0; x0 < width; x0 += kStripColumns)
+      BlockMeans({x0, y0, std::min(x0 + kStripColumns, width), y1}, values, weight, &total, &window, &means);
   });
-  Plane mean(width, height);
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    std::vector<float> total(static_cast<size_t>(width));
-    for (int y = y0; y < y1; ++y) {
-      std::fill(total.begin(), total.end(), 0.0f);
-      for (int row = std::max(0, y - radius); row <= std::min(height - 1, y + radius); ++row) {
-        AddRow(value_sums.Row(row), mean.Row(y), width);
-        AddRow(weight_sums.Row(row), total.data(), width);
-      }
-      for (int x = 0; x < width; ++x) {
-        const float sum = total[static_cast<size_t>(x)];
-        mean.At(x, y) = sum > 0 ? mean.At(x, y) / sum : 0.0f;
-      }
-    }
-  });
-  return mean;
+  return means;
 }
 
 }  // namespace lumifold::filter

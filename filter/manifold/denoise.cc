@@ -8,13 +8,11 @@
 #include "filter/image/layers.h"
 #include "filter/manifold/features.h"
 #include "filter/manifold/layer_filter.h"
+#include "filter/manifold/product.h"
 #include "filter/manifold/recombine.h"
 
 namespace lumifold::filter {
 namespace {
-
-constexpr float kWhollyValid = 0.999f;
-constexpr float kLeastValid = 0.06f;  // of 16 sub-pixels one
 
 std::vector<std::string> NamesOf(std::initializer_list<std::string_view> singles,
                                  std::initializer_list<std::string_view> colors) {
@@ -57,70 +55,101 @@ std::array<Plane, 3> Unfiltered(const LayeredImage& film) {
   return {std::move(copy[0]), std::move(copy[1]), std::move(copy[2])};
 }
 
-HalvesView HalvesOf(const LayeredImage& film, std::string_view layer) {
-  return {film.GetColor(layers::HalfA(layer)), film.GetColor(layers::HalfB(layer)),
-          film.Get(layers::kSamplesA), film.Get(layers::kSamplesB)};
+using LayerFilter = FilteredLayer (*)(Halves halves, const Planes& geometry, const LayerParams& params,
+                                      const SlicePoints* points, TaskPool* pool);
+
+/// Glossy light of more than this share stands in the way of antialiasing by sub-samples, which know T and E
+/// alone.
+constexpr float kMostSpecular = 0.12f;
+
+/// What a black layer shows at the points.
+FilteredPoints NothingAt(const SlicePoints* points) {
+  if (points == nullptr) return {};
+  const size_t count = points->pixels.size() * points->samples;
+  return {std::vector<float>(3 * count, 0.0f), std::vector<float>(count, 1.0f),
+          std::vector<float>(points->pixels.size(), 0.0f)};
 }
 
-/// `part(x, y)` of every pixel.
-Plane MakeMask(const LayeredImage& film, absl::FunctionRef<float(int, int)> part) {
-  Plane mask(film.width(), film.height());
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) mask.At(x, y) = part(x, y);
-  }
-  return mask;
-}
-
-using LayerFilter = Planes (*)(Halves halves, const Planes& geometry, const LayerParams& params,
-                               TaskPool* pool);
-
-/// A layer's mean and halves.
-struct Layer {
-  ConstColorView mean;
-  HalvesView halves;
-};
-
-Layer LayerOf(const LayeredImage& film, std::string_view name) {
-  return {film.GetColor(name), HalvesOf(film, name)};
-}
-
-/// One layer, filtered where `validity` says and as it was elsewhere.
-Planes FilterOne(const Layer& layer, const Plane& validity, const Planes& geometry, LayerFilter filter,
-                 const LayerParams& params, TaskPool* pool) {
-  Halves halves = MakeHalves(layer.halves, validity.view(), pool);
-  if (halves.level == 0) return CopyOf(layer.mean);  // nothing here shines
+/// One product, filtered where its validity says and as it was elsewhere; of its box's size, in the film's
+/// unit.
+FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const LayerParams& params,
+                            const SlicePoints* points, TaskPool* pool) {
+  const Plane& validity = product.validity;
+  const ConstColorView mean = Crop(product.mean, product.box);
+  Halves halves = MakeHalves(Crop(product.halves, product.box), validity.view(), pool);
+  if (halves.level == 0) return {CopyOf(mean), NothingAt(points)};  // nothing here shines
   const float scale = halves.scale;
-  Planes filtered = filter(std::move(halves), geometry, params, pool);
+  FilteredLayer filtered = filter(std::move(halves), product.geometry, params, points, pool);
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < validity.height(); ++y) {
       for (int x = 0; x < validity.width(); ++x) {
-        float& value = filtered[c].At(x, y);
-        value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : layer.mean[c].At(x, y);
+        float& value = filtered.planes[c].At(x, y);
+        value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : mean[c].At(x, y);
       }
     }
   }
+  for (float& value : filtered.points.values) value *= scale;
   return filtered;
 }
 
-std::array<Plane, 3> FilterLayers(const LayeredImage& film, LayerFilter filter, TaskPool* pool) {
-  const ConstFloatView mask = film.Get(layers::kMask);
+/// The remainder, on all that is hit, as one more product of factor 1.
+Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, LayerFilter filter,
+                       const LayerParams& params, TaskPool* pool) {
   const ConstFloatView distance = film.Get(layers::kDistance);
-  const Plane surface = MakeMask(film, [&](int x, int y) { return distance.At(x, y) > 0 ? 1.0f : 0.0f; });
-  const Plane diffuse = MakeMask(film, [&](int x, int y) {
-    const float part = mask.At(x, y) * surface.At(x, y);
-    return part >= kWhollyValid ? 1.0f : (part >= kLeastValid ? part : 0.0f);
-  });
+  Product rest;
+  rest.mean = ViewOf(remainder.mean);
+  rest.halves = {ViewOf(remainder.a), ViewOf(remainder.b), film.Get(layers::kSamplesA),
+                 film.Get(layers::kSamplesB)};
+  rest.box = film.bounds();
+  rest.validity = Plane(film.width(), film.height());
+  for (int y = 0; y < film.height(); ++y) {
+    for (int x = 0; x < film.width(); ++x) rest.validity.At(x, y) = distance.At(x, y) > 0 ? 1.0f : 0.0f;
+  }
+  rest.geometry = GeometryFeatures(
+      {{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)}, distance},
+      rest.validity.view(), pool);
+  return FilterProduct(rest, filter, params, nullptr, pool).planes;
+}
+
+/// What the products after D and I, glossy light that is, add to the picture of the pixels on edges.
+Planes GlossyLight(const LayeredImage& film, const std::vector<Product>& products,
+                   const std::vector<Planes>& filtered) {
+  Planes light = MakePlanes(3, film.width(), film.height());
+  for (size_t i = 2; i < products.size(); ++i) {
+    const Product& p = products[i];
+    if (!p.is_glossy) continue;
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = p.box.y0; y < p.box.y1; ++y) {
+        for (int x = p.box.x0; x < p.box.x1; ++x)
+          light[c].At(x, y) = filtered[i][c].At(x - p.box.x0, y - p.box.y0) * p.factor[c].At(x, y);
+      }
+    }
+  }
+  return light;
+}
+
+std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
+                                  TaskPool* pool) {
   const LayerParams params;
-  const Planes geometry = GeometryFeatures(film, surface.view(), pool);
-  FilteredLayers filtered;
-  filtered.direct = FilterOne(LayerOf(film, layers::kDirect), diffuse, geometry, filter, params, pool);
-  filtered.indirect = FilterOne(LayerOf(film, layers::kIndirect), diffuse, geometry, filter, params, pool);
-  const Remainder remainder = MakeRemainder(film, pool);
-  const Layer rest = {
-      ViewOf(remainder.mean),
-      {ViewOf(remainder.a), ViewOf(remainder.b), film.Get(layers::kSamplesA), film.Get(layers::kSamplesB)}};
-  filtered.remainder = FilterOne(rest, surface, geometry, filter, params, pool);
-  return Recombine(film, remainder, filtered, pool);
+  const std::vector<Product> products = ProductsOf(film, pool);
+  const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
+  const bool has_points = !points.rows.empty();
+  const Remainder remainder = MakeRemainder(film, products, pool);
+  std::vector<Planes> filtered;
+  std::array<FilteredPoints, 2> at_points;  // of D and I
+  for (size_t i = 0; i < products.size(); ++i) {
+    const SlicePoints* wanted = has_points && i < at_points.size() ? &points.points : nullptr;
+    FilteredLayer layer = FilterProduct(products[i], filter, params, wanted, pool);
+    filtered.push_back(std::move(layer.planes));
+    if (wanted != nullptr) at_points[i] = std::move(layer.points);
+  }
+  const Planes rest = FilterRemainder(film, remainder, filter, params, pool);
+  std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
+  if (has_points) {
+    AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),
+                   pool, &picture);
+  }
+  return picture;
 }
 
 }  // namespace
@@ -150,8 +179,8 @@ absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::s
     const absl::Status status = CheckChannels(*edges, layers::EdgeChannels());
     if (!status.ok()) return status;
   }
-  if (method == "paper") return FilterLayers(film, FilterLayerOnce, pool);
-  std::array<Plane, 3> picture = FilterLayers(film, FilterLayer, pool);
+  if (method == "paper") return FilterLayers(film, edges, FilterLayerOnce, pool);
+  std::array<Plane, 3> picture = FilterLayers(film, edges, FilterLayer, pool);
   ShrinkResidual(film, pool, &picture);
   return picture;
 }

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "filter/image/layers.h"
 #include "filter/image/portable_math.h"
+#include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {
@@ -11,46 +11,48 @@ namespace {
 constexpr float kSigmaNormal = 0.3f;  // chord between unit normals: 10 degrees are 0.58 sigma
 constexpr float kSigmaLogDepth = 0.05f;
 
-float Asinh(float x) {
-  const float magnitude = std::abs(x);
-  // ln(t + sqrt(1 + t^2)) loses small t to rounding, where asinh is t itself to third order.
-  const float value = magnitude < 1e-2f ? magnitude * (1.0f - magnitude * magnitude * (1.0f / 6.0f))
-                                        : Log(magnitude + std::sqrt(1.0f + magnitude * magnitude));
-  return x < 0 ? -value : value;
-}
-
 /// x where it is a number, else 0: features must be finite everywhere.
 float FiniteOr0(float x) { return std::abs(x) < 1e6f ? x : 0.0f; }
 
 }  // namespace
 
-Planes GeometryFeatures(const LayeredImage& film, ConstFloatView validity, TaskPool* pool) {
-  const std::array<ConstFloatView, 3> normal = {film.Get(layers::kNormalX), film.Get(layers::kNormalY),
-                                                film.Get(layers::kNormalZ)};
-  const ConstFloatView distance = film.Get(layers::kDistance);
-  Planes features = MakePlanes(4, film.width(), film.height());
-  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
+std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance) {
+  return {FiniteOr0(normal[0] / kSigmaNormal), FiniteOr0(normal[1] / kSigmaNormal),
+          FiniteOr0(normal[2] / kSigmaNormal), FiniteOr0(Log(distance) / kSigmaLogDepth)};
+}
+
+Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, TaskPool* pool) {
+  Planes features = MakePlanes(kGeometryFeatures, validity.width(), validity.height());
+  const ConstColorView& n = geometry.normal;
+  ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < film.width(); ++x) {
+      for (int x = 0; x < validity.width(); ++x) {
         if (validity.At(x, y) == 0) continue;
-        for (size_t k = 0; k < 3; ++k) features[k].At(x, y) = FiniteOr0(normal[k].At(x, y) / kSigmaNormal);
-        features[3].At(x, y) = FiniteOr0(Log(distance.At(x, y)) / kSigmaLogDepth);
+        const auto u =
+            GeometryFeature({n[0].At(x, y), n[1].At(x, y), n[2].At(x, y)}, geometry.distance.At(x, y));
+        for (size_t k = 0; k < u.size(); ++k) features[k].At(x, y) = u[k];
       }
     }
   });
   return features;
 }
 
+void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, Planes* features) {
+  Plane& feature = features->emplace_back(validity.width(), validity.height());
+  for (int y = 0; y < validity.height(); ++y) {
+    for (int x = 0; x < validity.width(); ++x)
+      feature.At(x, y) = validity.At(x, y) > 0 ? FiniteOr0(value.At(x, y) / sigma) : 0.0f;
+  }
+}
+
 Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool) {
-  const float shift = Asinh(origin / knee);
+  const float shift = Asinh(origin * (1.0f / knee));
   const int height = color[0].height();
   Planes stable = MakePlanes(color.size(), color[0].width(), height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     for (size_t c = 0; c < color.size(); ++c) {
-      for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < color[c].width(); ++x)
-          stable[c].At(x, y) = Asinh(color[c].At(x, y) / knee) - shift;
-      }
+      for (int y = y0; y < y1; ++y)
+        StabiliseRow(color[c].Row(y), 1.0f / knee, shift, color[c].width(), stable[c].Row(y));
     }
   });
   return stable;

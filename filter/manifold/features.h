@@ -1,15 +1,29 @@
 #pragma once
 
-#include "filter/image/layered_image.h"
+#include <array>
+
 #include "filter/image/parallel.h"
 #include "filter/manifold/bands.h"
 #include "filter/manifold/nlm_space.h"
 
 namespace lumifold::filter {
 
-/// The geometry part of the feature vector u: n / 0.3 (3 planes) and ln(z) / 0.05 (1 plane); 0 where
-/// `validity` is 0.
-Planes GeometryFeatures(const LayeredImage& film, ConstFloatView validity, TaskPool* pool);
+/// What is known of the surface a pixel shows.
+struct GeometryViews {
+  ConstColorView normal;
+  ConstFloatView distance;  // along the way the light came, mirrors and all
+};
+
+inline constexpr size_t kGeometryFeatures = 4;
+
+/// One geometry feature of unit normal n and distance z: n[0..2] / 0.3, ln(z) / 0.05.
+std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance);
+
+/// The geometry part of the feature vector u, kGeometryFeatures planes; 0 where `validity` is 0.
+Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, TaskPool* pool);
+
+/// Appends value / sigma, 0 where `validity` is 0, to the features.
+void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, Planes* features);
 
 /// asinh(x / knee) - asinh(origin / knee), plane by plane: near linear where noise is additive, logarithmic
 /// where it grows with the signal, so that one range sigma suits dark and bright. knee > 0 and origin, a

@@ -4,6 +4,8 @@
 #include <array>
 #include <atomic>
 #include <cmath>
+#include <cstdint>
+#include <vector>
 
 #include "filter/image/color.h"
 
@@ -18,19 +20,52 @@ float LuminanceAt(const Planes& color, int x, int y) {
 }
 
 /// Twice the 75th percentile of the valid neighbours, the pixel among them; infinity where too few are valid
-/// to judge.
-float BrightestExpected(const Plane& luminance, const Plane& weight, int x, int y) {
+/// to judge. `luminance` as PaddedLuminance gives it.
+float BrightestExpected(const Plane& luminance, int x, int y) {
   std::array<float, (2 * kRadius + 1) * (2 * kRadius + 1)> values;
   size_t count = 0;
-  for (int j = std::max(0, y - kRadius); j <= std::min(luminance.height() - 1, y + kRadius); ++j) {
-    for (int i = std::max(0, x - kRadius); i <= std::min(luminance.width() - 1, x + kRadius); ++i) {
-      if (weight.At(i, j) > 0) values[count++] = luminance.At(i, j);
+  for (int j = 0; j <= 2 * kRadius; ++j) {
+    for (int i = 0; i <= 2 * kRadius; ++i) {
+      const float value = luminance.At(x + i, y + j);
+      if (value < INFINITY) values[count++] = value;
     }
   }
   if (count < kLeastNeighbours) return INFINITY;
   const auto quartile = values.begin() + static_cast<std::ptrdiff_t>(3 * count / 4);
   std::nth_element(values.begin(), quartile, values.begin() + static_cast<std::ptrdiff_t>(count));
   return 2.0f * *quartile;
+}
+
+/// For a row: whether so many valid neighbours are under half of `loud[x]` that it is over BrightestExpected.
+/// `luminance`: infinite where invalid, with an apron of kRadius on all sides.
+void FindOutliers(const Plane& luminance, const std::vector<float>& loud, int y,
+                  std::vector<uint8_t>* is_outlier) {
+  const size_t width = loud.size();
+  std::vector<int32_t> below(width, 0);
+  std::vector<int32_t> valid(width, 0);
+  for (int j = 0; j <= 2 * kRadius; ++j) {
+    for (int i = 0; i <= 2 * kRadius; ++i) {
+      const float* __restrict neighbour = luminance.Row(y + j) + i;
+      for (size_t x = 0; x < width; ++x) {
+        below[x] += 2.0f * neighbour[x] < loud[x] ? 1 : 0;
+        valid[x] += neighbour[x] < INFINITY ? 1 : 0;
+      }
+    }
+  }
+  for (size_t x = 0; x < width; ++x) (*is_outlier)[x] = below[x] > 3 * valid[x] / 4 ? 1 : 0;
+}
+
+/// Luminance of `color`, infinite where `weight` is 0 and around the picture.
+Plane PaddedLuminance(const Planes& color, const Plane& weight) {
+  Plane padded(weight.width() + 2 * kRadius, weight.height() + 2 * kRadius);
+  padded.Fill(INFINITY);
+  for (int y = 0; y < weight.height(); ++y) {
+    float* row = padded.Row(y + kRadius) + kRadius;
+    for (int x = 0; x < weight.width(); ++x) {
+      if (weight.At(x, y) > 0) row[x] = LuminanceAt(color, x, y);
+    }
+  }
+  return padded;
 }
 
 /// Scales the half's pixel to `bound` if it is an outlier; what it loses, times `share`, goes to `removed`.
@@ -52,19 +87,23 @@ Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
   if (!halves->has_noise_estimate) return {};
   const int width = halves->width();
   const int height = halves->height();
-  const Planes mean = Combine(halves->a, halves->b, halves->share_a.view(), pool);
-  Plane luminance(width, height);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) luminance.At(x, y) = LuminanceAt(mean, x, y);
-  }
+  const Plane luminance =
+      PaddedLuminance(Combine(halves->a, halves->b, halves->share_a.view(), pool), halves->weight);
   Planes removed = MakePlanes(3, width, height);
   std::atomic<bool> is_any{false};
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     bool is_any_here = false;
+    std::vector<float> loud(static_cast<size_t>(width));
+    std::vector<uint8_t> is_outlier(loud.size());
     for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < width; ++x)
+        loud[static_cast<size_t>(x)] = std::max(LuminanceAt(halves->a, x, y), LuminanceAt(halves->b, x, y));
+      FindOutliers(luminance, loud, y, &is_outlier);
       for (int x = 0; x < width; ++x) {
-        if (halves->weight_a.At(x, y) * halves->weight_b.At(x, y) == 0) continue;
-        const float bound = BrightestExpected(luminance, halves->weight, x, y);
+        if (is_outlier[static_cast<size_t>(x)] == 0 ||
+            halves->weight_a.At(x, y) * halves->weight_b.At(x, y) == 0)
+          continue;
+        const float bound = BrightestExpected(luminance, x, y);
         const float difference = LuminanceAt(halves->a, x, y) - LuminanceAt(halves->b, x, y);
         const float sigma = std::abs(difference) * 0.70710678f;  // of one half
         const float share = halves->share_a.At(x, y);

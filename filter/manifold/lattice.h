@@ -1,8 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
-#include <vector>
 
 #include "filter/image/plane.h"
 
@@ -26,30 +24,28 @@ struct Lattice {
   int RowHeight(int r) const { return std::min(step, height - r * step); }
 };
 
-/// Reads a plane of cells at full resolution, row by row, bilinearly, clamped at the edges. Holds scratch
-/// memory: one for each task.
-class RowExpander {
- public:
-  explicit RowExpander(const Lattice& lattice)
-      : lattice_(lattice),
-        blended_(static_cast<size_t>(lattice.Columns()) + 2),
-        row_(static_cast<size_t>((lattice.Columns() + 1) * lattice.step)) {}
-
-  /// Pixel row y of `cells`: `width` floats, valid until the next call.
-  const float* Expand(const Plane& cells, int y);
-
- private:
-  template <int kStep>
-  void Widen();
-  void BlendRows(const Plane& cells, int y);
-
-  Lattice lattice_;
-  std::vector<float> blended_;  // one row of cells between a copy of its first and of its last value
-  std::vector<float> row_;
+/// Where a pixel lies between the cells of one axis: `part` of the way from cell `first` to cell `second`,
+/// both clamped.
+struct CellSpan {
+  int first;
+  int second;
+  float part;
 };
 
-/// Adds the pixels of a row to the cells they lie in: cells[c] += sum of values[c * step ..].
-/// `values` must hold zeros from the picture's width up to Columns() * step.
-void AddRowToCells(const Lattice& lattice, const float* values, float* cells);
+/// The span of pixel p on an axis of `cells` cells of `step` pixels.
+CellSpan SpanOf(int p, int step, int cells);
+
+/// Reads planes of cells at one pixel, bilinearly, clamped at the edges.
+class CellReader {
+ public:
+  CellReader(const Lattice& lattice, int x, int y)
+      : column_(SpanOf(x, lattice.step, lattice.Columns())), row_(SpanOf(y, lattice.step, lattice.Rows())) {}
+
+  float Read(const Plane& cells) const;
+
+ private:
+  CellSpan column_;
+  CellSpan row_;
+};
 
 }  // namespace lumifold::filter

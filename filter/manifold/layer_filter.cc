@@ -46,13 +46,30 @@ FeaturePair MakeFeatures(const Guide& guide, const PatchBasis& basis, float sigm
           JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
 }
 
-Candidate CrossFilter(const Halves& halves, const FeaturePair& features, float sigma_s, int height,
-                      TaskPool* pool) {
-  ManifoldParams params;
-  params.sigma_s = sigma_s;
-  params.height = height;
-  return {ManifoldFilter(halves.a, features.b, halves.weight_a.view(), params, pool),
-          ManifoldFilter(halves.b, features.a, halves.weight_b.view(), params, pool)};
+/// A candidate's values at the points, read from either half.
+struct CandidatePoints {
+  SlicedPoints a;
+  SlicedPoints b;
+};
+
+/// The ways a layer was filtered, in step.
+struct Candidates {
+  std::vector<Candidate> pictures;
+  std::vector<CandidatePoints> points;  // none where no points were asked for
+};
+
+/// Appends one candidate for each reach.
+void CrossFilter(const Halves& halves, const FeaturePair& features, const ManifoldParams& manifolds,
+                 absl::Span<const float> reaches, const SlicePoints* points, TaskPool* pool,
+                 Candidates* candidates) {
+  ManifoldResult a =
+      ManifoldFilterAtReaches(halves.a, features.b, halves.weight_a.view(), manifolds, reaches, points, pool);
+  ManifoldResult b =
+      ManifoldFilterAtReaches(halves.b, features.a, halves.weight_b.view(), manifolds, reaches, points, pool);
+  for (size_t r = 0; r < reaches.size(); ++r) {
+    candidates->pictures.push_back({std::move(a.filtered[r]), std::move(b.filtered[r])});
+    if (points != nullptr) candidates->points.push_back({std::move(a.points[r]), std::move(b.points[r])});
+  }
 }
 
 /// Spreads what fireflies lost over their surroundings on the same surface, so that the layer keeps its
@@ -86,48 +103,100 @@ Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const 
   return sums;
 }
 
-std::vector<Candidate> MakeCandidates(const Halves& halves, const Planes& geometry, const LayerParams& params,
-                                      TaskPool* pool) {
+/// The first filtering, guided by noisy patches, and two guided by patches of its result.
+Candidates MakeCandidates(const Halves& halves, const Planes& geometry, const LayerParams& params,
+                          const SlicePoints* points, TaskPool* pool) {
   const Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
   const PatchBasis basis = BasisOf(guide, halves, params.patches, pool);
   const FeaturePair features = MakeFeatures(guide, basis, params.range_factor * guide.sigma, geometry, pool);
-  std::vector<Candidate> candidates;
-  candidates.push_back(CrossFilter(halves, features, params.pilot_sigma_s, params.height, pool));
-  candidates.push_back(CrossFilter(halves, features, params.wide_sigma_s, params.height, pool));
+  Candidates candidates;
+  CrossFilter(halves, features, params.pilot_manifolds, {params.pilot_reach}, points, pool, &candidates);
 
-  const Guide second = MakeGuide(halves, candidates[0].a, candidates[0].b, params.knee, pool);
+  const Candidate& pilot = candidates.pictures[0];
+  const Guide second = MakeGuide(halves, pilot.a, pilot.b, params.knee, pool);
   const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
   const FeaturePair refined =
       MakeFeatures(second, second_basis, params.pilot_range_factor * guide.sigma, geometry, pool);
-  candidates.push_back(CrossFilter(halves, refined, params.wide_sigma_s, params.height, pool));
-  candidates.push_back(CrossFilter(halves, refined, params.fine_sigma_s, params.height, pool));
+  CrossFilter(halves, refined, params.manifolds, {params.wide_reach, params.fine_reach}, points, pool,
+              &candidates);
   return candidates;
+}
+
+/// One candidate's values at the points of one pixel, both halves together: sums into values and weights,
+/// each times `share`.
+void AddPoints(const CandidatePoints& candidate, size_t pixel, size_t samples, float share, float share_a,
+               FilteredPoints* sums) {
+  for (size_t j = pixel * samples; j < (pixel + 1) * samples; ++j) {
+    const float a = candidate.a.weights[j] > 0 ? share * share_a : 0.0f;
+    const float b = candidate.b.weights[j] > 0 ? share * (1.0f - share_a) : 0.0f;
+    sums->weights[j] += a + b;
+    for (size_t c = 0; c < 3; ++c) {
+      const size_t at = (pixel * 3 + c) * samples + j - pixel * samples;
+      sums->values[at] += a * candidate.a.values[at] + b * candidate.b.values[at];
+    }
+  }
+}
+
+/// The points blended by the choice at their pixels, of the untouched input only its share; `spread` as in
+/// Blend().
+FilteredPoints BlendPoints(const SlicePoints& points, const std::vector<CandidatePoints>& candidates,
+                           const Planes& shares, const Planes& spread, ConstFloatView share_a) {
+  FilteredPoints out;
+  const size_t samples = points.samples;
+  out.values.resize(points.pixels.size() * 3 * samples);
+  out.weights.resize(points.pixels.size() * samples);
+  for (size_t pixel = 0; pixel < points.pixels.size(); ++pixel) {
+    const auto [x, y] = points.pixels[pixel];
+    out.raw.push_back(shares[0].At(x, y));
+    for (size_t i = 0; i < candidates.size(); ++i)
+      AddPoints(candidates[i], pixel, samples, shares[i + 1].At(x, y), share_a.At(x, y), &out);
+    for (size_t c = 0; c < 3; ++c) {
+      const float added = spread.empty() ? 0.0f : spread[c].At(x, y);
+      for (size_t j = 0; j < samples; ++j) {
+        float& value = out.values[(pixel * 3 + c) * samples + j];
+        const float weight = out.weights[pixel * samples + j];
+        value = weight > 0 ? value / weight + added : 0.0f;
+      }
+    }
+  }
+  return out;
 }
 
 }  // namespace
 
-Planes FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params, TaskPool* pool) {
+FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params,
+                              const SlicePoints* points, TaskPool* pool) {
   const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
   const float sigma = std::max(NoiseLevel(halves, halves.a, halves.b, pool), kLeastNoise * halves.level);
   const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), params.patches, pool);
   constexpr float kPaperRangeFactor = 1.8f;
   const Planes features = JointFeatures(mean, basis, kPaperRangeFactor * sigma, geometry, pool);
   ManifoldParams manifolds;
-  manifolds.sigma_s = params.wide_sigma_s;
-  manifolds.height = params.height;
-  return ManifoldFilter(mean, features, halves.weight.view(), manifolds, pool);
+  manifolds.sigma_s = params.wide_reach;
+  ManifoldResult result = ManifoldFilterAtReaches(mean, features, halves.weight.view(), manifolds,
+                                                  {params.wide_reach}, points, pool);
+  FilteredLayer layer{std::move(result.filtered[0]), {}};
+  if (points != nullptr) {
+    layer.points = {std::move(result.points[0].values), std::move(result.points[0].weights),
+                    std::vector<float>(points->pixels.size(), 0.0f)};
+  }
+  return layer;
 }
 
-Planes FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params, TaskPool* pool) {
-  if (!halves.has_noise_estimate) return FilterLayerOnce(std::move(halves), geometry, params, pool);
+FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params,
+                          const SlicePoints* points, TaskPool* pool) {
+  if (!halves.has_noise_estimate) return FilterLayerOnce(std::move(halves), geometry, params, points, pool);
   const Planes raw = Combine(halves.a, halves.b, halves.share_a.view(), pool);
   const Planes raw_variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), pool);
   const Planes removed = SuppressFireflies(&halves, pool);
   const Planes spread =
       removed.empty() ? Planes{} : SpreadRemoved(removed, geometry, halves.weight.view(), pool);
-  const std::vector<Candidate> candidates = MakeCandidates(halves, geometry, params, pool);
-  const Planes shares = SelectCandidates(halves, raw_variance, candidates, params.selection, pool);
-  return Blend(raw, candidates, shares, spread, halves, pool);
+  const Candidates candidates = MakeCandidates(halves, geometry, params, points, pool);
+  const Planes shares = SelectCandidates(halves, raw_variance, candidates.pictures, params.selection, pool);
+  FilteredLayer layer{Blend(raw, candidates.pictures, shares, spread, halves, pool), {}};
+  if (points != nullptr)
+    layer.points = BlendPoints(*points, candidates.points, shares, spread, halves.share_a.view());
+  return layer;
 }
 
 }  // namespace lumifold::filter

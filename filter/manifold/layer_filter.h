@@ -1,6 +1,7 @@
 #pragma once
 
 #include "filter/image/parallel.h"
+#include "filter/manifold/edge_points.h"
 #include "filter/manifold/halves.h"
 #include "filter/manifold/manifold_filter.h"
 #include "filter/manifold/nlm_space.h"
@@ -15,21 +16,31 @@ struct LayerParams {
   float range_factor = 1.8f;         // sigma_q of the first filtering over the noise of the half that guides
   float pilot_range_factor = 0.25f;  // sigma_q of the second, over the same
   float knee = 0.2f;                 // of the stabilised guide, over the layer's mean
-  float fine_sigma_s = 3;            // px
-  float pilot_sigma_s = 8;           // px
-  float wide_sigma_s = 16;           // px
-  int height = 4;
+  ManifoldParams pilot_manifolds = {.sigma_s = 8, .height = 5, .cell = 4};  // of the first filtering
+  float pilot_reach = 12;                                                   // px
+  ManifoldParams manifolds = {.sigma_s =
+                                  3};  // of the second: near each other, for they have to follow fine detail
+  float fine_reach = 3;                // px
+  float wide_reach = 16;               // px
   SelectionParams selection;
 };
 
+/// A filtered layer, in its halves' scale.
+struct FilteredLayer {
+  Planes planes;          // 3
+  FilteredPoints points;  // where points were asked for
+};
+
 /// Filters one layer: cross-filters its halves at a few scales, in one pass and in two, and blends per pixel
-/// what is nearest the truth by estimate, the untouched input among the choices. Result: 3 planes in the
-/// halves' scale. Where only one half is known anywhere there is nothing to choose by: one wide filtering.
-/// Threads: identical for any pool.
-Planes FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params, TaskPool* pool);
+/// what is nearest the truth by estimate, the untouched input among the choices. `points`, which may be null,
+/// are read from the same manifolds and blended by their pixels' choice. Where only one half is known
+/// anywhere there is nothing to choose by: one wide filtering. Threads: identical for any pool.
+FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params,
+                          const SlicePoints* points, TaskPool* pool);
 
 /// The paper's own: one pass over the mean of the halves, guided by its own patches and the geometry, without
 /// a choice.
-Planes FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params, TaskPool* pool);
+FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params,
+                              const SlicePoints* points, TaskPool* pool);
 
 }  // namespace lumifold::filter

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
+#include "absl/types/span.h"
 #include "filter/image/parallel.h"
 #include "filter/image/plane.h"
 #include "filter/manifold/bands.h"
@@ -12,11 +14,16 @@ struct ManifoldParams {
   float sigma_s = 16;      // reach in pixels, > 0
   int height = 4;          // levels of the tree, 1..8: 2^height - 1 manifolds
   int pca_iterations = 3;  // >= 1: steps of power iteration for the axis that splits a cluster
+  int cell = 0;  // side of a coarse cell in pixels: a power of two up to kBandRows; 0: CellSize(sigma_s)
 };
 
 /// The side of a coarse cell for a reach, in pixels: 2^floor(log2(sigma_s / 4)), from 2 (1 for sigma_s
 /// below 2) to kBandRows: cells of one pixel cost more than all else together, for 2 % less error.
 int CellSize(float sigma_s);
+/// The side of a coarse cell that these parameters ask for.
+inline int CellOf(const ManifoldParams& params) {
+  return params.cell > 0 ? params.cell : CellSize(params.sigma_s);
+}
 
 /// Filters `signals` with adaptive manifolds through the space spanned by `features`:
 ///   out = sum_k w_k up(Psi_k) / sum_k w_k up(Psi0_k),  w_k = exp(-|u - up(eta_k)|^2),
@@ -28,11 +35,45 @@ int CellSize(float sigma_s);
 ///          features find on the manifolds, or its own signal where they find nothing. Signals and features
 ///          must be finite everywhere, under the mask too.
 /// Edges:   clamped.
-/// Threads: safe concurrently; the result is identical for any pool, null included.
-/// Source:  Gastal & Oliveira 2012, with box-mean downsampling, deterministic clustering and all recursion on
-/// coarse grids;
-///          oracle: manifold_slow.cc.
+/// Threads: safe concurrently; the result is identical for any pool, null included, and for any instruction
+/// set. Source:  Gastal & Oliveira 2012, with box-mean downsampling, deterministic clustering and all
+/// recursion on coarse grids; oracle: manifold_slow.cc.
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
                       const ManifoldParams& params, TaskPool* pool);
+
+/// Points of the space that lie between pixels: the sub-samples of pixels on edges.
+struct SlicePoints {
+  size_t samples = 1;                      // points of a pixel
+  std::vector<std::array<int, 2>> pixels;  // x, y of each pixel that has points
+  /// The last features of each point, in the unit of the filter's: feature k of point j of pixel i at
+  /// [(i * own_features + k) * samples + j]. The first d - own_features are the pixel's.
+  size_t own_features = 0;
+  std::vector<float> features;
+  /// What the squared distance over the pixel's features is divided by: a patch on an edge mixes its
+  /// surfaces.
+  float pixel_divisor = 16;
+};
+
+/// What the points found. Of channel c and point j of pixel i at [(i * C + c) * samples + j] and [i * samples
+/// + j].
+struct SlicedPoints {
+  std::vector<float> values;
+  std::vector<float>
+      weights;  // sum over manifolds of w * up(Psi0); 0 where a point found nothing, its values then 0
+};
+
+/// What one run of the filter gives.
+struct ManifoldResult {
+  std::vector<Planes> filtered;      // one for each reach
+  std::vector<SlicedPoints> points;  // the same, where points were asked for
+};
+
+/// ManifoldFilter with several reaches at once: manifolds, weights and splats are those of params.sigma_s,
+/// and each of `reaches` (sigmas in pixels, > 0) blurs and reads them once. The result for params.sigma_s
+/// itself is ManifoldFilter's. `points`, which may be null, are read from the same manifolds without another
+/// blur. Source of the points: Gruzdev et al. 2015, antialiasing.
+ManifoldResult ManifoldFilterAtReaches(const Planes& signals, const Planes& features, ConstFloatView mask,
+                                       const ManifoldParams& params, absl::Span<const float> reaches,
+                                       const SlicePoints* points, TaskPool* pool);
 
 }  // namespace lumifold::filter

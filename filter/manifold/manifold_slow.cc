@@ -54,31 +54,70 @@ void Recurse(const Link& link, Grid* g) {
   }
 }
 
+/// The slices of one reach: sums over manifolds of w * Psi of each signal, and of the weight.
+struct SlowReach {
+  double sigma;  // cells
+  Grids sums;
+  Grids points;  // the same at the points: samples x pixels
+};
+
+Planes Quotients(const Grids& signals, const Grids& sums) {
+  Planes result = MakePlanes(signals.size(), signals[0].width, signals[0].height);
+  for (size_t c = 0; c < result.size(); ++c) {
+    for (int y = 0; y < signals[c].height; ++y) {
+      for (int x = 0; x < signals[c].width; ++x) {
+        const double total = sums.back().At(x, y);
+        const bool is_lost = total < static_cast<double>(kLeastWeight);
+        result[c].At(x, y) = static_cast<float>(is_lost ? signals[c].At(x, y) : sums[c].At(x, y) / total);
+      }
+    }
+  }
+  return result;
+}
+
+SlicedPoints PointQuotients(const Grids& sums) {
+  SlicedPoints points;
+  for (int pixel = 0; pixel < sums[0].height; ++pixel) {
+    for (size_t c = 0; c < sums.size(); ++c) {
+      for (int j = 0; j < sums[0].width; ++j) {
+        const double total = sums.back().At(j, pixel);
+        const bool is_lost = total < static_cast<double>(kLeastWeight);
+        const bool is_weight = c + 1 == sums.size();
+        const double value = is_weight ? total : sums[c].At(j, pixel) / total;
+        (is_weight ? points.weights : points.values).push_back(is_lost ? 0.0f : static_cast<float>(value));
+      }
+    }
+  }
+  return points;
+}
+
 class SlowFilter {
  public:
-  SlowFilter(const Planes& signals, const Planes& features, ConstFloatView mask, const ManifoldParams& params)
+  SlowFilter(const Planes& signals, const Planes& features, ConstFloatView mask, const ManifoldParams& params,
+             absl::Span<const float> reaches, const SlicePoints* points)
       : params_(params),
+        points_(points),
         mask_(FromView(mask)),
-        step_(CellSize(params.sigma_s)),
+        step_(CellOf(params)),
         sigma_(static_cast<double>(params.sigma_s) / step_) {
     for (const Plane& plane : signals) signals_.push_back(FromView(plane.view()));
     for (const Plane& plane : features) features_.push_back(FromView(plane.view()));
-    sums_.assign(signals_.size() + 1, Grid(mask_.width, mask_.height));
+    const Grid no_points(points != nullptr ? static_cast<int>(points->samples) : 0,
+                         points != nullptr ? static_cast<int>(points->pixels.size()) : 0);
+    for (const float sigma : reaches) {
+      reaches_.push_back({static_cast<double>(sigma) / step_,
+                          Grids(signals_.size() + 1, Grid(mask_.width, mask_.height)),
+                          Grids(signals_.size() + 1, no_points)});
+    }
   }
 
-  Planes Run() {
+  ManifoldResult Run() {
     const Grids root = Heights(mask_, nullptr);
     Visit(root, Axis(mask_, root), mask_, 1);
-    Planes result = MakePlanes(signals_.size(), mask_.width, mask_.height);
-    for (size_t c = 0; c < result.size(); ++c) {
-      for (int y = 0; y < mask_.height; ++y) {
-        for (int x = 0; x < mask_.width; ++x) {
-          const double total = sums_.back().At(x, y);
-          const double value =
-              total < static_cast<double>(kLeastWeight) ? signals_[c].At(x, y) : sums_[c].At(x, y) / total;
-          result[c].At(x, y) = static_cast<float>(value);
-        }
-      }
+    ManifoldResult result;
+    for (const SlowReach& reach : reaches_) {
+      result.filtered.push_back(Quotients(signals_, reach.sums));
+      if (points_ != nullptr) result.points.push_back(PointQuotients(reach.points));
     }
     return result;
   }
@@ -135,7 +174,11 @@ class SlowFilter {
 
   std::vector<double> Axis(const Grid& weight, const Grids& eta) const {
     const size_t d = features_.size();
-    const Grid mass = Down(weight);
+    Grid mass = Down(weight);
+    const int row_step = std::max(1, mass.height / kAxisRows);
+    for (int y = 0; y < mass.height; ++y) {
+      for (int x = 0; x < mass.width && y % row_step != 0; ++x) mass.At(x, y) = 0;
+    }
     Grids offsets;
     for (size_t k = 0; k < d; ++k) {
       Grid offset = Down(Times(weight, features_[k]));
@@ -198,37 +241,68 @@ class SlowFilter {
     }
   }
 
+  /// Weight on the manifold of point j of one of the pixels that have points.
+  double PointWeight(const Grids& eta, size_t pixel, size_t j) const {
+    const auto [x, y] = points_->pixels[pixel];
+    const size_t shared = eta.size() - points_->own_features;
+    double square = 0;
+    for (size_t k = 0; k < eta.size(); ++k) {
+      const double height = Up(eta[k], x, y);
+      if (k < shared) {
+        square += std::pow(features_[k].At(x, y) - height, 2) / static_cast<double>(points_->pixel_divisor);
+        continue;
+      }
+      const size_t at = (pixel * points_->own_features + k - shared) * points_->samples + j;
+      square += std::pow(static_cast<double>(points_->features[at]) - height, 2);
+    }
+    return square < static_cast<double>(kFarthest) ? std::exp(-square) : 0.0;
+  }
+
+  void SliceAtPoints(const Grids& eta, const Grid& psi, Grid* sums) const {
+    for (int pixel = 0; pixel < sums->height; ++pixel) {
+      const auto [x, y] = points_->pixels[static_cast<size_t>(pixel)];
+      for (int j = 0; j < sums->width; ++j)
+        sums->At(j, pixel) +=
+            PointWeight(eta, static_cast<size_t>(pixel), static_cast<size_t>(j)) * Up(psi, x, y);
+    }
+  }
+
   void SplatBlurSlice(const Grids& eta, const Grid& weight) {
-    const double stretch = sigma_ / static_cast<double>(kBlurRange);
-    const Link guided = [&](int x, int y, int dx, int dy) {
-      double square = 0;
-      for (const Grid& height : eta) square += std::pow(height.At(x, y) - height.At(x - dx, y - dy), 2);
-      return std::exp(-std::sqrt(2.0) / sigma_ * std::sqrt(1 + stretch * stretch * square));
-    };
     const Grid splat = Times(mask_, weight);
-    for (size_t c = 0; c < sums_.size(); ++c) {
-      Grid psi = Down(c < signals_.size() ? Times(splat, signals_[c]) : splat);
-      Recurse(guided, &psi);
-      for (int y = 0; y < mask_.height; ++y) {
-        for (int x = 0; x < mask_.width; ++x) sums_[c].At(x, y) += weight.At(x, y) * Up(psi, x, y);
+    for (SlowReach& reach : reaches_) {
+      const double stretch = reach.sigma / static_cast<double>(kBlurRange);
+      const Link guided = [&](int x, int y, int dx, int dy) {
+        double square = 0;
+        for (const Grid& height : eta) square += std::pow(height.At(x, y) - height.At(x - dx, y - dy), 2);
+        return std::exp(-std::sqrt(2.0) / reach.sigma * std::sqrt(1 + stretch * stretch * square));
+      };
+      for (size_t c = 0; c <= signals_.size(); ++c) {
+        Grid psi = Down(c < signals_.size() ? Times(splat, signals_[c]) : splat);
+        Recurse(guided, &psi);
+        for (int y = 0; y < mask_.height; ++y) {
+          for (int x = 0; x < mask_.width; ++x) reach.sums[c].At(x, y) += weight.At(x, y) * Up(psi, x, y);
+        }
+        SliceAtPoints(eta, psi, &reach.points[c]);
       }
     }
   }
 
   const ManifoldParams params_;
+  const SlicePoints* const points_;
   const Grid mask_;
   const int step_;
   const double sigma_;
   Grids signals_;
   Grids features_;
-  Grids sums_;  // over manifolds: w * Psi of each signal, and of the weight
+  std::vector<SlowReach> reaches_;
 };
 
 }  // namespace
 
-Planes ManifoldFilterSlow(const Planes& signals, const Planes& features, ConstFloatView mask,
-                          const ManifoldParams& params) {
-  return SlowFilter(signals, features, mask, params).Run();
+ManifoldResult ManifoldFilterSlow(const Planes& signals, const Planes& features, ConstFloatView mask,
+                                  const ManifoldParams& params, absl::Span<const float> reaches,
+                                  const SlicePoints* points) {
+  return SlowFilter(signals, features, mask, params, reaches, points).Run();
 }
 
 }  // namespace lumifold::filter

@@ -1,12 +1,14 @@
 #pragma once
 
+#include "absl/types/span.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
 
-/// ManifoldFilter as its definition reads: a recursion over the tree, in double, one pixel after another. For
-/// tests.
-Planes ManifoldFilterSlow(const Planes& signals, const Planes& features, ConstFloatView mask,
-                          const ManifoldParams& params);
+/// The oracle of ManifoldFilterAtReaches: the same mathematics written plainly, one manifold at a time, whole
+/// planes in double, no bands.
+ManifoldResult ManifoldFilterSlow(const Planes& signals, const Planes& features, ConstFloatView mask,
+                                  const ManifoldParams& params, absl::Span<const float> reaches,
+                                  const SlicePoints* points);
 
 }  // namespace lumifold::filter

@@ -1,5 +1,6 @@
 #include "filter/manifold/manifold_tree.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "filter/manifold/recursive.h"
@@ -7,33 +8,30 @@
 namespace lumifold::filter {
 namespace {
 
-/// Low-passed sums to heights.
-Planes HeightsFrom(const ClusterSums& smooth, const Planes* parent) {
-  const int width = smooth.weight.width();
-  const int height = smooth.weight.height();
-  Planes eta = MakePlanes(smooth.weighted.size(), width, height);
-  for (size_t k = 0; k < eta.size(); ++k) {
-    for (int y = 0; y < height; ++y) {
-      const float* weighted = smooth.weighted[k].Row(y);
-      const float* weight = smooth.weight.Row(y);
-      const float* fallback = parent != nullptr ? (*parent)[k].Row(y) : nullptr;
-      float* out = eta[k].Row(y);
-      for (int x = 0; x < width; ++x) {
-        const bool is_empty = weight[x] < kLeastClusterMass;
-        out[x] = is_empty ? (fallback != nullptr ? fallback[x] : 0.0f) : weighted[x] / weight[x];
-      }
+/// Low-passed weighted features to heights, in place; `fallback` (0 where null) where there is no weight.
+void DivideByWeight(const Plane& weight, const Plane* fallback, Plane* eta) {
+  const std::vector<float> zeros(static_cast<size_t>(eta->width()), 0.0f);
+  for (int y = 0; y < eta->height(); ++y) {
+    const float* __restrict total = weight.Row(y);
+    const float* __restrict instead = fallback != nullptr ? fallback->Row(y) : zeros.data();
+    float* __restrict out = eta->Row(y);
+    for (int x = 0; x < eta->width(); ++x) {
+      const float quotient = out[x] / total[x];
+      out[x] = total[x] < kLeastClusterMass ? instead[x] : quotient;
     }
   }
-  return eta;
 }
 
+/// Rows of cells from one that the axis is measured on to the next.
+int AxisRowStep(const Plane& cells) { return std::max(1, cells.height() / kAxisRows); }
+
 /// Covariance of the cells' mean features about the manifold, each cell weighing what its cluster weighs
-/// there. Row-major d x d.
+/// there, over some kAxisRows rows. Row-major d x d.
 std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta) {
   const size_t d = eta.size();
   std::vector<double> covariance(d * d, 0.0);
   std::vector<double> offset(d);
-  for (int y = 0; y < sums.weight.height(); ++y) {
+  for (int y = 0; y < sums.weight.height(); y += AxisRowStep(sums.weight)) {
     for (int x = 0; x < sums.weight.width(); ++x) {
       const float weight = sums.weight.At(x, y);
       if (weight < kLeastClusterMass) continue;
@@ -61,7 +59,7 @@ void Normalise(std::vector<double>* v) {
 
 double TotalWeight(const Plane& weight) {
   double sum = 0;
-  for (int y = 0; y < weight.height(); ++y) {
+  for (int y = 0; y < weight.height(); y += AxisRowStep(weight)) {
     for (int x = 0; x < weight.width(); ++x) sum += static_cast<double>(weight.At(x, y));
   }
   return sum;
@@ -93,14 +91,21 @@ ClusterSums MakeClusterSums(size_t features, const Lattice& lattice) {
   return {MakePlanes(features, lattice.Columns(), lattice.Rows()), Plane(lattice.Columns(), lattice.Rows())};
 }
 
-Manifold MakeManifold(const ClusterSums& sums, const Planes* parent, float sigma_cells, int iterations) {
-  ClusterSums smooth;
-  for (const Plane& plane : sums.weighted) smooth.weighted.push_back(plane.Clone());
-  smooth.weight = sums.weight.Clone();
-  for (Plane& plane : smooth.weighted) LowPass(sigma_cells, &plane);
-  LowPass(sigma_cells, &smooth.weight);
+Manifold MakeManifold(const ClusterSums& sums, const Planes* parent, float sigma_cells, int iterations,
+                      TaskPool* pool) {
+  const int width = sums.weight.width();
+  const int height = sums.weight.height();
+  Plane weight = Plane::Uninitialized(width, height);
+  LowPass(sigma_cells, sums.weight, &weight);
   Manifold manifold;
-  manifold.eta = HeightsFrom(smooth, parent);
+  manifold.eta.resize(sums.weighted.size());
+  ParallelFor(pool, static_cast<int64_t>(manifold.eta.size()), [&](int64_t task) {
+    const size_t k = static_cast<size_t>(task);
+    Plane& eta = manifold.eta[k];
+    eta = Plane::Uninitialized(width, height);
+    LowPass(sigma_cells, sums.weighted[k], &eta);
+    DivideByWeight(weight, parent != nullptr ? &(*parent)[k] : nullptr, &eta);
+  });
   if (iterations > 0) {
     manifold.axis = SplitAxis(CellCovariance(sums, manifold.eta), TotalWeight(sums.weight),
                               manifold.eta.size(), iterations);

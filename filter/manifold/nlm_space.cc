@@ -7,6 +7,7 @@
 #include <Eigen/Dense>
 
 #include "filter/image/portable_math.h"
+#include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {
@@ -121,24 +122,6 @@ Plane Padded(const Plane& plane, int radius) {
   return padded;
 }
 
-/// sums[x] += sum over taps of taps[dx] * row[x + dx].
-void AddCorrelation(const float* taps, int side, const float* __restrict row, int width,
-                    float* __restrict sums) {
-  int dx = 0;
-  for (; dx + 2 < side; dx += 3) {  // three at a time: a third of the traffic to and from `sums`
-    const float t0 = taps[dx];
-    const float t1 = taps[dx + 1];
-    const float t2 = taps[dx + 2];
-    const float* __restrict at = row + dx;
-    for (int x = 0; x < width; ++x) sums[x] += (t0 * at[x] + t1 * at[x + 1]) + t2 * at[x + 2];
-  }
-  for (; dx < side; ++dx) {
-    const float tap = taps[dx];
-    const float* __restrict at = row + dx;
-    for (int x = 0; x < width; ++x) sums[x] += tap * at[x];
-  }
-}
-
 }  // namespace
 
 PatchBasis FitPatchBasis(const Planes& color, ConstFloatView mask, const PatchParams& params,
@@ -180,7 +163,7 @@ Planes ProjectPatches(const Planes& color, const PatchBasis& basis, TaskPool* po
       for (Plane& coordinate : coordinates) {
         for (const Plane& plane : padded) {
           for (int dy = 0; dy < side; ++dy, taps += side) {
-            AddCorrelation(taps, side, plane.Row(y + dy), width, coordinate.Row(y));
+            CorrelateRow(taps, side, plane.Row(y + dy), width, coordinate.Row(y));
           }
         }
       }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <utility>
 
 #include "filter/image/layers.h"
 #include "filter/manifold/box_mean.h"
@@ -16,21 +18,44 @@ constexpr float kLargest = 1e34f;
 /// The channel's value where it is usable, else 0.
 float Finite(float value) { return std::abs(value) <= kLargest ? value : 0.0f; }
 
-Planes RemainderOf(const LayeredImage& film, const ConstColorView& noisy, const ConstColorView& direct,
-                   const ConstColorView& indirect, TaskPool* pool) {
-  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
-  const ConstColorView emission = film.GetColor(layers::kEmission);
-  Planes rest = MakePlanes(3, film.width(), film.height());
-  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
+/// out += sign * x, plane by plane; not finite values count as 0.
+void AddTo(const ConstColorView& x, float sign, TaskPool* pool, Planes* out) {
+  ForEachBand(pool, x[0].height(), [&](int, int y0, int y1) {
     for (size_t c = 0; c < 3; ++c) {
       for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < film.width(); ++x) {
-          const float diffuse = (direct[c].At(x, y) + indirect[c].At(x, y)) * albedo[c].At(x, y);
-          rest[c].At(x, y) = Finite(noisy[c].At(x, y) - diffuse - emission[c].At(x, y));
+        const float* __restrict in = x[c].Row(y);
+        float* __restrict sum = (*out)[c].Row(y);
+        for (int i = 0; i < x[c].width(); ++i) sum[i] += sign * Finite(in[i]);
+      }
+    }
+  });
+}
+
+/// out -= value * factor. Where `count`, if given, is 0, `mean` stands for the value.
+void SubtractProduct(const ConstColorView& value, const ConstColorView& factor, const ConstFloatView* count,
+                     const ConstColorView& mean, TaskPool* pool, Planes* out) {
+  ForEachBand(pool, value[0].height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < value[c].width(); ++x) {
+          const bool known = count == nullptr || count->At(x, y) > 0;
+          const float v = known ? value[c].At(x, y) : mean[c].At(x, y);
+          (*out)[c].At(x, y) -= Finite(v * factor[c].At(x, y));
         }
       }
     }
   });
+}
+
+/// C without all that shines by itself, seen first or in a level.
+Planes WithoutEmission(const LayeredImage& film, const ConstColorView& noisy, TaskPool* pool) {
+  Planes rest = MakePlanes(3, film.width(), film.height());
+  AddTo(noisy, 1, pool, &rest);
+  AddTo(film.GetColor(layers::kEmission), -1, pool, &rest);
+  for (size_t i = 0; i < layers::kLevelCount; ++i) {
+    const std::string emission = layers::OfLevel(layers::Level::Of(i), layers::kEmission);
+    if (film.HasColor(emission)) AddTo(film.GetColor(emission), -1, pool, &rest);
+  }
   return rest;
 }
 
@@ -45,13 +70,6 @@ Plane MeasurableMask(const LayeredImage& film) {
   return mask;
 }
 
-/// What the shrink compares, summed over the channels and relative to the mean brightness squared, so that
-/// neither tiny nor huge units leave float's range.
-struct Residual {
-  Plane variance;
-  Plane square;
-};
-
 float MeanMagnitude(const LayeredImage& film, TaskPool* pool) {
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
   const double sum = SumRows(pool, film.height(), [&](int y) {
@@ -64,9 +82,11 @@ float MeanMagnitude(const LayeredImage& film, TaskPool* pool) {
   return static_cast<float>(sum / (3.0 * film.width() * film.height()));
 }
 
-Residual MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& picture, float unit,
-                         TaskPool* pool) {
-  Residual residual{Plane(film.width(), film.height()), Plane(film.width(), film.height())};
+/// What the shrink compares: variance of C and (C - F)^2, summed over the channels and relative to the mean
+/// brightness squared, so that neither tiny nor huge units leave float's range.
+Planes MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& picture, float unit,
+                       TaskPool* pool) {
+  Planes residual = MakePlanes(2, film.width(), film.height());
   const ConstFloatView n_a = film.Get(layers::kSamplesA);
   const ConstFloatView n_b = film.Get(layers::kSamplesB);
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
@@ -78,9 +98,9 @@ Residual MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& p
         for (int x = 0; x < film.width(); ++x) {
           const float n = std::max(1.0f, n_a.At(x, y) + n_b.At(x, y));
           const float difference = (Finite(half_a[c].At(x, y)) - Finite(half_b[c].At(x, y))) / unit;
-          residual.variance.At(x, y) += n_a.At(x, y) * n_b.At(x, y) / (n * n) * difference * difference;
+          residual[0].At(x, y) += n_a.At(x, y) * n_b.At(x, y) / (n * n) * difference * difference;
           const float off = (Finite(noisy[c].At(x, y)) - picture[c].At(x, y)) / unit;
-          residual.square.At(x, y) += off * off;
+          residual[1].At(x, y) += off * off;
         }
       }
     }
@@ -90,36 +110,48 @@ Residual MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& p
 
 }  // namespace
 
-Remainder MakeRemainder(const LayeredImage& film, TaskPool* pool) {
-  const auto part = [&](std::string (*name)(std::string_view)) {
-    return RemainderOf(film, film.GetColor(name(layers::kNoisy)), film.GetColor(name(layers::kDirect)),
-                       film.GetColor(name(layers::kIndirect)), pool);
-  };
-  return {part([](std::string_view layer) { return std::string(layer); }), part(layers::HalfA),
-          part(layers::HalfB)};
+Remainder MakeRemainder(const LayeredImage& film, const std::vector<Product>& products, TaskPool* pool) {
+  Remainder rest;
+  rest.mean = WithoutEmission(film, film.GetColor(layers::kNoisy), pool);
+  rest.a = WithoutEmission(film, film.GetColor(layers::HalfA(layers::kNoisy)), pool);
+  rest.b = WithoutEmission(film, film.GetColor(layers::HalfB(layers::kNoisy)), pool);
+  for (const Product& p : products) {
+    SubtractProduct(p.mean, p.factor, nullptr, p.mean, pool, &rest.mean);
+    SubtractProduct(p.halves.a, p.factor, &p.halves.samples_a, p.mean, pool, &rest.a);
+    SubtractProduct(p.halves.b, p.factor, &p.halves.samples_b, p.mean, pool, &rest.b);
+  }
+  return rest;
 }
 
-std::array<Plane, 3> Recombine(const LayeredImage& film, const Remainder& before,
-                               const FilteredLayers& filtered, TaskPool* pool) {
-  const ConstColorView noisy = film.GetColor(layers::kNoisy);
-  const ConstColorView direct = film.GetColor(layers::kDirect);
-  const ConstColorView indirect = film.GetColor(layers::kIndirect);
-  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
-  std::array<Plane, 3> picture = {Plane(film.width(), film.height()), Plane(film.width(), film.height()),
-                                  Plane(film.width(), film.height())};
-  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
-    for (size_t c = 0; c < 3; ++c) {
-      for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < film.width(); ++x) {
-          const float diffuse = (filtered.direct[c].At(x, y) - direct[c].At(x, y)) +
-                                (filtered.indirect[c].At(x, y) - indirect[c].At(x, y));
-          const float change = Finite(diffuse * albedo[c].At(x, y)) +
-                               Finite(filtered.remainder[c].At(x, y) - before.mean[c].At(x, y));
-          picture[c].At(x, y) = Finite(Finite(noisy[c].At(x, y)) + change);
+std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Product>& products,
+                               const std::vector<Planes>& filtered, const Remainder& before,
+                               const Planes& filtered_remainder, TaskPool* pool) {
+  Planes changes = MakePlanes(3, film.width(), film.height());
+  for (size_t i = 0; i < products.size(); ++i) {
+    const Rect& box = products[i].box;
+    ForEachBand(pool, box.height(), [&](int, int y0, int y1) {
+      for (size_t c = 0; c < 3; ++c) {
+        for (int y = y0; y < y1; ++y) {
+          for (int x = 0; x < box.width(); ++x) {
+            const float change = filtered[i][c].At(x, y) - products[i].mean[c].At(box.x0 + x, box.y0 + y);
+            changes[c].At(box.x0 + x, box.y0 + y) +=
+                Finite(change * products[i].factor[c].At(box.x0 + x, box.y0 + y));
+          }
         }
       }
+    });
+  }
+  AddTo(ViewOf(filtered_remainder), 1, pool, &changes);
+  AddTo(ViewOf(before.mean), -1, pool, &changes);
+  std::array<Plane, 3> picture;
+  for (size_t c = 0; c < 3; ++c) {
+    const ConstFloatView noisy = film.GetColor(layers::kNoisy)[c];
+    picture[c] = std::move(changes[c]);
+    for (int y = 0; y < film.height(); ++y) {
+      float* row = picture[c].Row(y);
+      for (int x = 0; x < film.width(); ++x) row[x] = Finite(Finite(noisy.At(x, y)) + row[x]);
     }
-  });
+  }
   return picture;
 }
 
@@ -127,9 +159,10 @@ void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 
   const float unit = MeanMagnitude(film, pool);
   if (!(unit > 0)) return;
   const Plane mask = MeasurableMask(film);
-  const Residual residual = MeasureResidual(film, *picture, unit, pool);
-  const Plane variance = BoxMean(residual.variance.view(), mask.view(), kShrinkRadius, pool);
-  const Plane square = BoxMean(residual.square.view(), mask.view(), kShrinkRadius, pool);
+  const Planes means =
+      BoxMeans(MeasureResidual(film, *picture, unit, pool), mask.view(), kShrinkRadius, pool);
+  const Plane& variance = means[0];
+  const Plane& square = means[1];
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {

@@ -1,34 +1,32 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 #include "filter/manifold/bands.h"
+#include "filter/manifold/product.h"
 
 namespace lumifold::filter {
 
-/// What D, I, T and E do not explain: R plus what their means lose, the mean of a product not being the
-/// product of means. W x H, 3 planes each; not finite values count as 0.
+/// What the products and what shines by itself leave of C: specular light beyond the last level, and what
+/// means lose, the mean of a product not being the product of means. W x H, 3 planes each; not finite values
+/// count as 0.
 struct Remainder {
-  Planes mean;  // C - (D + I) T - E
-  Planes a;     // the same with the halves of C, D and I
+  Planes mean;  // C - sum of mean * factor - E - E of the levels
+  Planes a;     // the same with the halves; a half that knows nothing of a layer takes its mean
   Planes b;
 };
 
-Remainder MakeRemainder(const LayeredImage& film, TaskPool* pool);
+Remainder MakeRemainder(const LayeredImage& film, const std::vector<Product>& products, TaskPool* pool);
 
-/// The three filtered layers of a film, in its unit.
-struct FilteredLayers {
-  Planes direct;
-  Planes indirect;
-  Planes remainder;
-};
-
-/// F = (D + I) * T + remainder + E, written as C plus what the filter changed, so that what it left alone
-/// passes through to the last bit. Not finite values count as 0.
-std::array<Plane, 3> Recombine(const LayeredImage& film, const Remainder& before,
-                               const FilteredLayers& filtered, TaskPool* pool);
+/// C plus what the filter changed, so that what it left alone passes through to the last bit: C + sum of
+/// (filtered - mean) * factor + (filtered remainder - remainder). `filtered`: a product's, of its box's size,
+/// each. Not finite values count as 0.
+std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Product>& products,
+                               const std::vector<Planes>& filtered, const Remainder& before,
+                               const Planes& filtered_remainder, TaskPool* pool);
 
 /// Draws F back towards C where the two differ by more than C's noise can explain: F + max(0, 1 - c v / r^2)
 /// (C - F), v and r^2 means over a window of the variance of C's filtered part (from halves) and of (C -

@@ -2,120 +2,132 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "filter/image/portable_math.h"
+#include "filter/manifold/manifold_constants.h"
+#include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {
 
-constexpr float kSqrt2 = 1.41421356f;
+constexpr int kRowsPerTask = 16;
+constexpr int kColumnsPerTask = 128;
 
 /// to += weight * (from - to), weight one number for the row.
-void PullRow(float weight, const float* __restrict from, float* __restrict to, int width) {
+void PullEvenly(float weight, const float* __restrict from, float* __restrict to, int width) {
   for (int x = 0; x < width; ++x) to[x] += weight * (from[x] - to[x]);
-}
-
-/// The same with a weight for each pixel.
-void PullRow(const float* __restrict weight, const float* __restrict from, float* __restrict to, int width) {
-  for (int x = 0; x < width; ++x) to[x] += weight[x] * (from[x] - to[x]);
 }
 
 /// Forward and backward along kChains rows; weight(x) links x - 1 and x in all of them. Each row is a chain
 /// of dependent steps, and several together hide each other's latency.
 template <size_t kChains, typename Weight>
-void RecurseChains(float* const* first_row, Weight weight, int width) {
+void RecurseChains(const float* const* first_source, float* const* first_row, Weight weight, int width) {
+  std::array<const float*, kChains> sources;
   std::array<float*, kChains> rows;
+  std::array<float, kChains> last;
+  std::copy_n(first_source, kChains, sources.begin());
   std::copy_n(first_row, kChains, rows.begin());
+  for (size_t i = 0; i < kChains; ++i) rows[i][0] = last[i] = sources[i][0];
   for (int x = 1; x < width; ++x) {
     const float w = weight(x);
-    for (float* row : rows) row[x] += w * (row[x - 1] - row[x]);
+    for (size_t i = 0; i < kChains; ++i) {
+      const float value = sources[i][x];
+      rows[i][x] = last[i] = value + w * (last[i] - value);
+    }
   }
   for (int x = width - 2; x >= 0; --x) {
     const float w = weight(x + 1);
-    for (float* row : rows) row[x] += w * (row[x + 1] - row[x]);
+    for (size_t i = 0; i < kChains; ++i) {
+      const float value = rows[i][x];
+      rows[i][x] = last[i] = value + w * (last[i] - value);
+    }
   }
 }
 
 /// The same for any number of rows.
 template <typename Weight>
-void RecurseAlongRows(const std::vector<float*>& rows, Weight weight, int width) {
+void RecurseAlongRows(const std::vector<const float*>& sources, const std::vector<float*>& rows,
+                      Weight weight, int width) {
   size_t first = 0;
-  for (; first + 8 <= rows.size(); first += 8) RecurseChains<8>(&rows[first], weight, width);
-  for (; first + 4 <= rows.size(); first += 4) RecurseChains<4>(&rows[first], weight, width);
-  for (; first < rows.size(); ++first) RecurseChains<1>(&rows[first], weight, width);
+  for (; first + 8 <= rows.size(); first += 8) RecurseChains<8>(&sources[first], &rows[first], weight, width);
+  for (; first + 4 <= rows.size(); first += 4) RecurseChains<4>(&sources[first], &rows[first], weight, width);
+  for (; first < rows.size(); ++first) RecurseChains<1>(&sources[first], &rows[first], weight, width);
 }
 
-/// weight[x] of the link between cell x of `row` and the cell that `neighbour` has there.
-void LinkWeights(float sigma, float range, const std::vector<const float*>& rows,
-                 const std::vector<const float*>& neighbours, int width, float* __restrict weight) {
-  std::fill_n(weight, width, 0.0f);
-  for (size_t k = 0; k < rows.size(); ++k) {
-    const float* row = rows[k];
-    const float* neighbour = neighbours[k];
-    for (int x = 0; x < width; ++x) {
-      const float difference = row[x] - neighbour[x];
-      weight[x] += difference * difference;
-    }
-  }
-  const float stretch = (sigma / range) * (sigma / range);
-  for (int x = 0; x < width; ++x) weight[x] = Exp(-kSqrt2 / sigma * std::sqrt(1.0f + stretch * weight[x]));
+/// Rows of each plane, from column x0.
+template <typename PlaneOf, typename Value>
+void RowsAt(PlaneOf& planes, int y, int x0, std::vector<Value*>* rows) {
+  for (size_t k = 0; k < rows->size(); ++k) (*rows)[k] = planes[k].Row(y) + x0;
 }
 
-void GuidedRows(float sigma, float range, const Planes& guide, Planes* signals) {
+float Stretch(float sigma, float range) { return (sigma / range) * (sigma / range); }
+
+void GuidedRows(float sigma, float range, const Planes& guide, int y0, int y1, Planes* signals) {
   const int width = guide[0].width();
   std::vector<float> weight(static_cast<size_t>(width));
   std::vector<const float*> here(guide.size());
   std::vector<const float*> left(guide.size());
   std::vector<float*> rows(signals->size());
-  for (int y = 0; y < guide[0].height(); ++y) {
-    for (size_t k = 0; k < guide.size(); ++k) {
-      here[k] = guide[k].Row(y) + 1;
-      left[k] = guide[k].Row(y);
-    }
-    LinkWeights(sigma, range, here, left, width - 1, weight.data() + 1);
-    for (size_t c = 0; c < signals->size(); ++c) rows[c] = (*signals)[c].Row(y);
+  for (int y = y0; y < y1; ++y) {
+    RowsAt(guide, y, 1, &here);
+    RowsAt(guide, y, 0, &left);
+    LinkRow(sigma, Stretch(sigma, range), here.data(), left.data(), guide.size(), width - 1,
+            weight.data() + 1);
+    RowsAt(*signals, y, 0, &rows);
     RecurseAlongRows(
-        rows, [&weight](int x) { return weight[static_cast<size_t>(x)]; }, width);
+        {rows.begin(), rows.end()}, rows, [&weight](int x) { return weight[static_cast<size_t>(x)]; }, width);
   }
 }
 
-void GuidedColumns(float sigma, float range, const Planes& guide, Planes* signals) {
-  const int width = guide[0].width();
+/// Columns [x0, x1), all of them side by side.
+void GuidedColumns(float sigma, float range, const Planes& guide, int x0, int x1, Planes* signals) {
+  const int count = x1 - x0;
   const int height = guide[0].height();
-  Plane weights(width, height);  // row y: the links between rows y - 1 and y
+  Plane weights = Plane::Uninitialized(count, height);  // row y: the links between rows y - 1 and y
   std::vector<const float*> here(guide.size());
   std::vector<const float*> above(guide.size());
   for (int y = 1; y < height; ++y) {
-    for (size_t k = 0; k < guide.size(); ++k) {
-      here[k] = guide[k].Row(y);
-      above[k] = guide[k].Row(y - 1);
-    }
-    LinkWeights(sigma, range, here, above, width, weights.Row(y));
-    for (Plane& signal : *signals) PullRow(weights.Row(y), signal.Row(y - 1), signal.Row(y), width);
+    RowsAt(guide, y, x0, &here);
+    RowsAt(guide, y - 1, x0, &above);
+    LinkRow(sigma, Stretch(sigma, range), here.data(), above.data(), guide.size(), count, weights.Row(y));
+    for (Plane& signal : *signals) PullRow(weights.Row(y), signal.Row(y - 1) + x0, count, signal.Row(y) + x0);
   }
   for (int y = height - 2; y >= 0; --y) {
-    for (Plane& signal : *signals) PullRow(weights.Row(y + 1), signal.Row(y + 1), signal.Row(y), width);
+    for (Plane& signal : *signals)
+      PullRow(weights.Row(y + 1), signal.Row(y + 1) + x0, count, signal.Row(y) + x0);
   }
 }
 
 }  // namespace
 
-void LowPass(float sigma, Plane* plane) {
+void LowPass(float sigma, const Plane& from, Plane* to) {
   const float weight = Exp(-kSqrt2 / sigma);
-  const int width = plane->width();
-  const int height = plane->height();
+  const int width = to->width();
+  const int height = to->height();
+  if (width == 0) return;
+  std::vector<const float*> sources;
   std::vector<float*> rows;
-  for (int y = 0; y < height; ++y) rows.push_back(plane->Row(y));
+  for (int y = 0; y < height; ++y) {
+    sources.push_back(from.Row(y));
+    rows.push_back(to->Row(y));
+  }
   RecurseAlongRows(
-      rows, [weight](int) { return weight; }, width);
-  for (int y = 1; y < height; ++y) PullRow(weight, plane->Row(y - 1), plane->Row(y), width);
-  for (int y = height - 2; y >= 0; --y) PullRow(weight, plane->Row(y + 1), plane->Row(y), width);
+      sources, rows, [weight](int) { return weight; }, width);
+  for (int y = 1; y < height; ++y) PullEvenly(weight, to->Row(y - 1), to->Row(y), width);
+  for (int y = height - 2; y >= 0; --y) PullEvenly(weight, to->Row(y + 1), to->Row(y), width);
 }
 
-void GuidedLowPass(float sigma, float range, const Planes& guide, Planes* signals) {
-  GuidedRows(sigma, range, guide, signals);
-  GuidedColumns(sigma, range, guide, signals);
+void GuidedLowPass(float sigma, float range, const Planes& guide, TaskPool* pool, Planes* signals) {
+  const int width = guide[0].width();
+  const int height = guide[0].height();
+  ParallelFor(pool, (height + kRowsPerTask - 1) / kRowsPerTask, [&](int64_t task) {
+    const int y0 = static_cast<int>(task) * kRowsPerTask;
+    GuidedRows(sigma, range, guide, y0, std::min(y0 + kRowsPerTask, height), signals);
+  });
+  ParallelFor(pool, (width + kColumnsPerTask - 1) / kColumnsPerTask, [&](int64_t task) {
+    const int x0 = static_cast<int>(task) * kColumnsPerTask;
+    GuidedColumns(sigma, range, guide, x0, std::min(x0 + kColumnsPerTask, width), signals);
+  });
 }
 
 }  // namespace lumifold::filter

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "filter/manifold/box_mean.h"
+#include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {
@@ -38,31 +39,23 @@ Plane CandidateError(const Halves& halves, const Candidate& candidate, TaskPool*
   ForEachBand(pool, error.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (size_t c = 0; c < 3; ++c) {
-        const float* __restrict a = halves.a[c].Row(y);
-        const float* __restrict b = halves.b[c].Row(y);
-        const float* __restrict filtered_a = candidate.a[c].Row(y);
-        const float* __restrict filtered_b = candidate.b[c].Row(y);
-        float* __restrict sum = error.Row(y);
-        for (int x = 0; x < error.width(); ++x) {
-          const float ab = filtered_a[x] - b[x];
-          const float ba = filtered_b[x] - a[x];
-          const float noise = a[x] - b[x];
-          const float disagreement = filtered_a[x] - filtered_b[x];
-          sum[x] += 0.5f * (ab * ab + ba * ba - noise * noise) - 0.25f * disagreement * disagreement;
-        }
+        CandidateErrorRow(halves.a[c].Row(y), halves.b[c].Row(y), candidate.a[c].Row(y),
+                          candidate.b[c].Row(y), error.width(), error.Row(y));
       }
     }
   });
   return error;
 }
 
-Plane Smooth(const Plane& error, const Plane& mask, const SelectionParams& params, TaskPool* pool) {
-  Plane smooth = BoxMean(error.view(), mask.view(), params.error_radius, pool);
-  const Plane region = BoxMean(error.view(), mask.view(), params.region_radius, pool);
-  ForEachBand(pool, smooth.height(), [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < smooth.width(); ++x) {
-        smooth.At(x, y) += params.region_share * (region.At(x, y) - smooth.At(x, y));
+Planes Smooth(const Planes& errors, const Plane& mask, const SelectionParams& params, TaskPool* pool) {
+  Planes smooth = BoxMeans(errors, mask.view(), params.error_radius, pool);
+  const Planes region = BoxMeans(errors, mask.view(), params.region_radius, pool);
+  ForEachBand(pool, mask.height(), [&](int, int y0, int y1) {
+    for (size_t i = 0; i < smooth.size(); ++i) {
+      for (int y = y0; y < y1; ++y) {
+        const float* __restrict wide = region[i].Row(y);
+        float* __restrict out = smooth[i].Row(y);
+        for (int x = 0; x < mask.width(); ++x) out[x] += params.region_share * (wide[x] - out[x]);
       }
     }
   });
@@ -93,21 +86,17 @@ Planes SelectCandidates(const Halves& halves, const Planes& raw_variance,
                         const std::vector<Candidate>& candidates, const SelectionParams& params,
                         TaskPool* pool) {
   const Plane mask = MeasurableMask(halves);
-  Planes errors;
-  errors.push_back(Smooth(RawError(raw_variance, pool), mask, params, pool));
-  for (const Candidate& candidate : candidates) {
-    errors.push_back(Smooth(CandidateError(halves, candidate, pool), mask, params, pool));
-  }
+  Planes estimates;
+  estimates.push_back(RawError(raw_variance, pool));
+  for (const Candidate& candidate : candidates) estimates.push_back(CandidateError(halves, candidate, pool));
+  const Planes errors = Smooth(estimates, mask, params, pool);
   Planes chosen = MakePlanes(errors.size(), halves.width(), halves.height());
   ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < halves.width(); ++x) ShareOut(errors, x, y, &chosen);
     }
   });
-  Planes shares;
-  for (const Plane& plane : chosen)
-    shares.push_back(BoxMean(plane.view(), halves.weight.view(), params.blend_radius, pool));
-  return shares;
+  return BoxMeans(chosen, halves.weight.view(), params.blend_radius, pool);
 }
 
 }  // namespace lumifold::filter

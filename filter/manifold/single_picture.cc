@@ -94,14 +94,13 @@ float NormalNumber(uint64_t layer, int x, int y) {
 
 /// e of one layer: 3 planes.
 Planes PseudoNoise(uint64_t layer, const ConstColorView& color, const Plane& uniform, TaskPool* pool) {
-  Planes noise;
-  for (const ConstFloatView& channel : color) {
-    const Plane roughness = Roughness(channel, uniform, pool);
-    noise.push_back(BoxMean(roughness.view(), uniform.view(), kEstimateRadius, pool));
-    for (int y = 0; y < channel.height(); ++y) {
-      float* row = noise.back().Row(y);
-      for (int x = 0; x < channel.width(); ++x)
-        row[x] *= kMeanToSigma / kResponse * NormalNumber(layer, x, y);
+  Planes roughness;
+  for (const ConstFloatView& channel : color) roughness.push_back(Roughness(channel, uniform, pool));
+  Planes noise = BoxMeans(roughness, uniform.view(), kEstimateRadius, pool);
+  for (Plane& plane : noise) {
+    for (int y = 0; y < plane.height(); ++y) {
+      float* row = plane.Row(y);
+      for (int x = 0; x < plane.width(); ++x) row[x] *= kMeanToSigma / kResponse * NormalNumber(layer, x, y);
     }
   }
   return noise;

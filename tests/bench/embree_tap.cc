@@ -7,6 +7,7 @@
 #include "filter/image/check.h"
 
 // The linker sends every call of rtcX to __wrap_rtcX and every call of __real_rtcX to Embree.
+// NOLINTBEGIN(bugprone-reserved-identifier): the linker chose these names.
 extern "C" {
 void __real_rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHit* query);
 void __real_rtcOccluded1(RTCScene scene, RTCIntersectContext* context, RTCRay* query);
@@ -127,7 +128,10 @@ int64_t EmbreeBytes() { return embree_bytes; }
 }  // namespace lumifold::bench
 
 void __wrap_rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHit* query) {
-  using namespace lumifold::bench;
+  using lumifold::bench::HasHit;
+  using lumifold::bench::Keep;
+  using lumifold::bench::tap;
+  using lumifold::bench::Ticks;
   if (!tap.IsOpen()) return __real_rtcIntersect1(scene, context, query);
   if (tap.log != nullptr) Keep(scene, query->ray, false);
   const int64_t start = Ticks();
@@ -137,7 +141,10 @@ void __wrap_rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHi
 }
 
 void __wrap_rtcOccluded1(RTCScene scene, RTCIntersectContext* context, RTCRay* query) {
-  using namespace lumifold::bench;
+  using lumifold::bench::IsOccluded;
+  using lumifold::bench::Keep;
+  using lumifold::bench::tap;
+  using lumifold::bench::Ticks;
   if (!tap.IsOpen()) return __real_rtcOccluded1(scene, context, query);
   if (tap.log != nullptr) Keep(scene, *query, true);
   const int64_t start = Ticks();
@@ -174,3 +181,4 @@ RTCDevice __wrap_rtcNewDevice(const char* config) {
   if (device != nullptr) rtcSetDeviceMemoryMonitorFunction(device, lumifold::bench::CountBytes, nullptr);
   return device;
 }
+// NOLINTEND(bugprone-reserved-identifier)

@@ -21,6 +21,9 @@ import bpy
 AS_DIFFUSE, AS_GLOSSY, AS_EXPORTED = "diffuse", "glossy", "as exported"
 
 
+FRAME = 10
+
+
 def material(name, color=(1, 1, 1), cycles=AS_EXPORTED, **inputs):
     made = bpy.data.materials.new(name)
     made.use_nodes = True
@@ -216,6 +219,69 @@ def environment():
     world.node_tree.links.new(sky.outputs["Color"], nodes["Background"].inputs["Color"])
 
 
+def animation():
+    """A ball that moves, a block that turns, a cube that changes its shape, a bar that a bone breaks: frame 10 of 20."""
+    add("plane", matte("ground", (0.5, 0.5, 0.5)), size=8)
+    downward_lamp((3, 3, 3), half=1.5, height=4)
+    ball = add("uv_sphere", matte("ball", (0.7, 0.4, 0.3)), smooth=True, radius=0.5, segments=48, ring_count=24)
+    key(ball, "location", {1: (-2.5, -1, 0.5), 20: (1.5, -1, 0.5)})
+    block = box(matte("block", (0.3, 0.4, 0.7)), (-1.4, 0.4, 0), (-0.6, 1.2, 1))
+    key(block, "rotation_euler", {1: (0, 0, 0), 20: (0, 0, 2)})
+    cube = add("cube", matte("cube", (0.6, 0.6, 0.3)), size=0.7, location=(0.4, 0.8, 0.35))
+    cube.shape_key_add(name="rest")
+    tall = cube.shape_key_add(name="tall")
+    for point in tall.data:
+        point.co.z = 3 * point.co.z + 0.7
+    key(tall, "value", {1: 0, 20: 1})
+    bend(bar(matte("bar", (0.3, 0.6, 0.4)), (2, 0.5)))
+    camera("camera", (0, -7, 2.8), (0, 0, 0.7), 42)
+
+
+def key(thing, what, values):
+    """Keyframes of a property, by frame."""
+    for frame, value in values.items():
+        setattr(thing, what, value)
+        thing.keyframe_insert(what, frame=frame)
+
+
+def bar(made, foot):
+    """Two blocks, one above the other, as one mesh. They share no vertex: where a skin shears a face, Blender computes its
+    normal anew and glTF turns the old one."""
+    upper = add("cube", made, size=1, location=(*foot, 1.5))
+    lower = add("cube", made, size=1, location=(*foot, 0.5))
+    for half in (upper, lower):
+        half.scale = (0.3, 0.3, 0.98)
+        half.select_set(True)
+    bpy.ops.object.join()
+    bpy.ops.object.transform_apply()
+    return lower
+
+
+def bend(bar):
+    """Gives a bar a bone for each half; the upper one turns."""
+    foot = bar.data.vertices[0].co
+    bpy.ops.object.armature_add(location=(foot.x, foot.y, 0))
+    rig = bpy.context.object
+    bpy.ops.object.mode_set(mode="EDIT")
+    lower = rig.data.edit_bones[0]
+    lower.name = "lower"
+    upper = rig.data.edit_bones.new("upper")
+    upper.head, upper.tail, upper.parent = lower.tail, (0, 0, 2), lower
+    bpy.ops.object.mode_set(mode="POSE")
+    upper = rig.pose.bones["upper"]
+    upper.rotation_mode = "XYZ"
+    key(upper, "rotation_euler", {1: (0, 0, 0), 20: (0, 0, 1.2)})
+    key(upper, "location", {1: (0, 0, 0), 20: (0.4, 0, 0)})
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for name, below in (("lower", True), ("upper", False)):
+        vertices = [vertex.index for vertex in bar.data.vertices if (vertex.co.z < 1) == below]
+        bar.vertex_groups.new(name=name).add(vertices, 1, "REPLACE")
+    bar.modifiers.new("armature", "ARMATURE").object = rig
+    bar.parent = rig
+    bpy.context.view_layer.update()
+    bar.matrix_parent_inverse = rig.matrix_world.inverted()
+
+
 def sky_picture(width=256, height=128):
     """Blue above, brown below, a warm patch like the sun's: FOLDER/sky.exr."""
     image = bpy.data.images.new("sky", width, height, float_buffer=True)
@@ -230,10 +296,10 @@ def sky_picture(width=256, height=128):
     return folder / "sky.exr"
 
 
-def export(path):
-    bpy.ops.export_scene.gltf(
-        filepath=str(path), export_format="GLB", export_apply=True, export_cameras=True, export_lights=True
-    )
+def export(path, moves):
+    """Modifiers are applied where nothing moves: the exporter would leave out the shapes of what does."""
+    options = {"export_apply": not moves, "export_cameras": True, "export_lights": True}
+    bpy.ops.export_scene.gltf(filepath=str(path), export_format="GLB", **options)
 
 
 def replace_for_cycles(made):
@@ -298,10 +364,12 @@ def main(name, samples, size, bounces):
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = size
     scene.render.resolution_percentage = 100
+    scene.frame_start, scene.frame_end = 1, 20
     SCENES[name]()
     cameras = [thing for thing in bpy.data.objects if thing.type == "CAMERA"]
     scene.camera = cameras[0]
-    export(folder / f"{name}.glb")
+    export(folder / f"{name}.glb", moves=name == "animation")
+    scene.frame_set(FRAME)
     for made in bpy.data.materials:
         if made.get("cycles", AS_EXPORTED) != AS_EXPORTED:
             replace_for_cycles(made)
@@ -316,7 +384,7 @@ def main(name, samples, size, bounces):
 
 SCENES = {
     scene.__name__.replace("_", "-"): scene
-    for scene in (diffuse_room, sun_and_points, metal_balls, glass_things, instances, environment)
+    for scene in (diffuse_room, sun_and_points, metal_balls, glass_things, instances, environment, animation)
 }
 
 if __name__ == "__main__":

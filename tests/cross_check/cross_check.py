@@ -19,11 +19,12 @@ import exr
 import regions
 
 HERE = pathlib.Path(__file__).parent
+PROGRAMS = pathlib.Path(os.environ.get("LUMIFOLD_BIN", HERE.parents[1] / "build/release/bin"))
 SKIPPED = 77  # what ctest takes for "skipped"
 ALLOWED_PERCENT = 1
 ALLOWED_DEVIATIONS = 3
 
-SCENES = ("diffuse-room", "sun-and-points", "metal-balls", "glass-things", "instances", "environment")
+SCENES = ("diffuse-room", "sun-and-points", "metal-balls", "glass-things", "instances", "environment", "animation")
 
 
 def run(command, **options):
@@ -49,11 +50,10 @@ def render_reference(scene, folder, samples, size, bounces):
 
 def render_ours(scene, camera, folder, samples, size, bounces, seed):
     path = folder / f"{scene}.{camera}.lumifold-{seed}.exr"
-    program = pathlib.Path(os.environ["LUMIFOLD_BIN"]) / "lumifold"
-    command = [program, "render", folder / f"{scene}.glb", "-o", path, "--size", size, "--spp", samples, "--seed", seed]
+    command = [PROGRAMS / "lumifold", "render", folder / f"{scene}.glb", "-o", path, "--size", size, "--spp", samples, "--seed", seed]
     command += ["--camera", camera, "--filter", "none", "--max-bounces", bounces, "--threads", 2]
-    if scene == "environment":
-        command += ["--env", folder / "sky.exr"]
+    command += ["--frame", 10] if scene == "animation" else []
+    command += ["--env", folder / "sky.exr"] if scene == "environment" else []
     run(command)
     return exr.read(path)
 

@@ -8,7 +8,6 @@ picture times the seconds it took: it does not depend on the number of samples. 
 is after equal time. Needs `blender` and the programs of LUMIFOLD_BIN.
 """
 
-import os
 import pathlib
 import resource
 import shutil
@@ -16,12 +15,11 @@ import sys
 import tempfile
 
 import exr
-from cross_check import SKIPPED, run, run_blender
+from cross_check import PROGRAMS, SKIPPED, run, run_blender
 
 WIDTH, HEIGHT = 256, 192
 FEW, MANY = 8, 64
 THREADS = 2
-PROGRAMS = pathlib.Path(os.environ.get("LUMIFOLD_BIN", ""))
 
 
 def relative_error(first, second):

@@ -28,17 +28,23 @@ DirectionalAlbedo Mix(const DirectionalAlbedo& a, const DirectionalAlbedo& b, fl
 Vec3 DirectionOf(float cosine) { return {std::sqrt(1.0f - cosine * cosine), 0, cosine}; }
 
 /// The Hammersley points: even by any measure, and so good where the integrand ends at the horizon.
-Vec2 PointOf(int i) {
-  int reversed = 0;
-  for (int bit = 0; bit < kPointBits; ++bit) reversed |= ((i >> bit) & 1) << (kPointBits - 1 - bit);
-  return {(static_cast<float>(i) + 0.5f) / kPoints, (static_cast<float>(reversed) + 0.5f) / kPoints};
+constexpr std::array<Vec2, kPoints> HammersleyPoints() {
+  std::array<Vec2, kPoints> points;
+  for (int i = 0; i < kPoints; ++i) {
+    int reversed = 0;
+    for (int bit = 0; bit < kPointBits; ++bit) reversed |= ((i >> bit) & 1) << (kPointBits - 1 - bit);
+    points[i] = {(static_cast<float>(i) + 0.5f) / kPoints, (static_cast<float>(reversed) + 0.5f) / kPoints};
+  }
+  return points;
 }
+
+constexpr std::array<Vec2, kPoints> kSquare = HammersleyPoints();
 
 /// The mean of f over the unit square.
 template <typename F>
 auto MeanOverSquare(const F& f) {
   decltype(f(Vec2{})) sum = {};
-  for (int i = 0; i < kPoints; ++i) sum += f(PointOf(i));
+  for (const Vec2 u : kSquare) sum += f(u);
   return sum * (1.0f / kPoints);
 }
 
@@ -75,12 +81,12 @@ float IntegrateGlass(float cos_o, float alpha, float eta) {
 float IntegrateSheen(float cos_o, float alpha) {
   const Vec3 wo = DirectionOf(cos_o);
   return 2 * kPi * MeanOverSquare([&](Vec2 u) {
-    float sine = 0;
-    float cosine = 0;
-    SinCos(kPi * u.y, &sine, &cosine);  // half the circle: the other is its mirror image
-    const float radius = std::sqrt(1.0f - u.x * u.x);
-    return SheenLobe({radius * cosine, radius * sine, u.x}, wo, alpha);
-  });
+           float sine = 0;
+           float cosine = 0;
+           SinCos(kPi * u.y, &sine, &cosine);  // half the circle: the other is its mirror image
+           const float radius = std::sqrt(1.0f - u.x * u.x);
+           return SheenLobe({radius * cosine, radius * sine, u.x}, wo, alpha);
+         });
 }
 
 /// A table takes tens of milliseconds: a scene with more kinds of glass has these many tabled.
@@ -186,7 +192,9 @@ float AlbedoTable::Sheen(float cos_o, float alpha) const {
 float AlbedoTable::Glass(float ior, bool inside, float cos_o, float alpha) const {
   LUMIFOLD_CHECK(!glass_iors_.empty());
   const float roughness = std::sqrt(alpha);
-  const auto at = [&](size_t node) { return Bilinear(glass_[2 * node + (inside ? 1 : 0)], roughness, cos_o); };
+  const auto at = [&](size_t node) {
+    return Bilinear(glass_[2 * node + (inside ? 1 : 0)], roughness, cos_o);
+  };
   const auto above = std::lower_bound(glass_iors_.begin(), glass_iors_.end(), ior);
   const auto node = static_cast<size_t>(above - glass_iors_.begin());
   if (above == glass_iors_.end()) return at(node - 1);

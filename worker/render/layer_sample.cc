@@ -17,13 +17,13 @@ Vec3 Recombined(const LayerSample& s) {
 }
 
 bool IsFinite(const LayerSample& s) {
-  bool finite = IsFinite(s.combined) && IsFinite(s.direct) && IsFinite(s.indirect) && IsFinite(s.albedo) &&
-                IsFinite(s.emitted) && IsFinite(s.glossy) && IsFinite(s.specular);
+  // x * 0 is 0 where x is finite and NaN elsewhere, without a branch a value.
+  Vec3 zero = s.combined * 0.0f + s.direct * 0.0f + s.indirect * 0.0f + s.albedo * 0.0f + s.emitted * 0.0f +
+              s.glossy * 0.0f + s.specular * 0.0f;
   s.levels.ForEach([&](layers::Level, const LevelSample& level) {
-    finite = finite && IsFinite(level.direct) && IsFinite(level.indirect) && IsFinite(level.albedo) &&
-             IsFinite(level.emitted);
+    zero += level.direct * 0.0f + level.indirect * 0.0f + level.albedo * 0.0f + level.emitted * 0.0f;
   });
-  return finite;
+  return zero == Vec3{};
 }
 
 }  // namespace lumifold::render

@@ -40,16 +40,14 @@ Vec3 Attenuation(const scene::Material& material, float distance) {
   return {Pow(c.x, lengths), Pow(c.y, lengths), Pow(c.z, lengths)};
 }
 
-/// Russian roulette: ends the path by chance where `seen`, its throughput after the step, is low, and makes
-/// up for it in the paths that live on.
-void Roulette(Vec3 seen, BsdfSample* step) {
+/// Russian roulette before a step: ends the path by chance where `seen`, about its throughput after the step,
+/// is low; gives the probability that it lives on, which the step's weight is to be divided by, and 0 where
+/// it has ended. `number` decides, and is random in [0, 1) again afterwards.
+float Survive(Vec3 seen, float* number) {
   const float survive = std::min(1.0f, MaxComponent(seen));
-  if (step->spare >= survive) {
-    step->valid = false;
-    return;
-  }
-  step->weight.diffuse /= survive;
-  step->weight.specular = step->weight.specular / survive;
+  if (*number >= survive) return 0;
+  *number = std::min(*number / survive, 0x1.fffffep-1f);
+  return survive;
 }
 
 /// Writes a lobe's radiance as G and S; channels without S are left to the tail.
@@ -148,6 +146,8 @@ PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
       strategy_(strategy) {}
 
 Bsdf PathTracer::MakeBsdf(const Surface& surface, Vec3 wo) const {
+  if (surface.values != nullptr)
+    return {*surface.values, albedo_table_, surface.normal, surface.geometric, wo};
   return {surfaces_.Shade(surface), albedo_table_, surface.normal, surface.geometric, wo};
 }
 
@@ -237,9 +237,13 @@ PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
     const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, numbers, bounce);
     tail.longer += throughput * TotalOf(connection.value, bsdf.DiffuseAlbedo()) * connection.light;
 
-    BsdfSample step = bsdf.Sample(light_and_lobe.y, numbers.Get(bounce, kDirection));
-    if (step.valid && bounce >= kFirstRouletteBounce)
-      Roulette(visible * throughput * TotalOf(step.weight, bsdf.DiffuseAlbedo()), &step);
+    float lobe = light_and_lobe.y;
+    if (bounce >= kFirstRouletteBounce) {
+      const float survive = Survive(visible * throughput * bsdf.Albedo(), &lobe);
+      if (survive <= 0) return tail;
+      throughput *= 1.0f / survive;
+    }
+    const BsdfSample step = bsdf.Sample(lobe, numbers.Get(bounce, kDirection));
     if (!step.valid) return tail;
     throughput *= TotalOf(step.weight, bsdf.DiffuseAlbedo());
     const uint64_t chance = numbers.Chance(bounce);
@@ -262,8 +266,11 @@ PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& b
   out.specular = connection.light * connection.value.specular;
   out.total = connection.light * TotalOf(connection.value, albedo);
 
+  const float survive = bounce >= kFirstRouletteBounce ? Survive(visible * bsdf.Albedo(), &lobe) : 1.0f;
+  if (survive <= 0) return out;
   BsdfSample step = bsdf.Sample(lobe, numbers.Get(bounce, kDirection));
-  if (step.valid && bounce >= kFirstRouletteBounce) Roulette(visible * TotalOf(step.weight, albedo), &step);
+  step.weight.diffuse /= survive;
+  step.weight.specular = step.weight.specular / survive;
   if (step.specular_event) out.event = step;
   if (step.specular_event || !step.valid) return out;
   const Vec3 weight = TotalOf(step.weight, albedo);

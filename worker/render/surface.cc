@@ -74,23 +74,39 @@ SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& te
     : textures_(&textures) {
   const scene::Bounds bounds = WorldBounds(scene);
   epsilon_ = bounds.IsEmpty() ? 0.0f : Length(bounds.max - bounds.min) * 0x1p-21f;
-  std::vector<char> is_flat;
-  for (const Mesh& mesh : scene.meshes) is_flat.push_back(IsFlat(mesh));
+  uniform_.resize(scene.meshes.size());
+  std::vector<Place> of_mesh;
+  for (size_t i = 0; i < scene.meshes.size(); ++i) of_mesh.push_back(PlaceOf(scene, i));
   for (const scene::Instance& instance : scene.instances) {
-    const Mesh& mesh = scene.meshes[instance.mesh];
-    const scene::Material& material =
-        mesh.material == scene::kNone ? default_material_ : scene.materials[mesh.material];
-    const bool is_textured = HasTextures(material);
-    any_textures_ |= is_textured;
-    places_.push_back({&mesh, &material, &instance.world_from_object, is_textured,
-                       !is_textured && mesh.colors.empty() && is_flat[instance.mesh]});
+    Place& place = places_.emplace_back(of_mesh[instance.mesh]);
+    place.to_world = &instance.world_from_object;
+    any_textures_ |= place.is_textured;
   }
+}
+
+SurfaceReader::Place SurfaceReader::PlaceOf(const scene::Scene& scene, size_t mesh_index) {
+  const Mesh& mesh = scene.meshes[mesh_index];
+  Place place;
+  place.mesh = &mesh;
+  place.material = mesh.material == scene::kNone ? &default_material_ : &scene.materials[mesh.material];
+  place.is_textured = HasTextures(*place.material);
+  const bool is_uniform = !place.is_textured && mesh.colors.empty();
+  place.is_plain = is_uniform && IsFlat(mesh);
+  // What glass and coats are depends on the side and the normal.
+  if (is_uniform && place.material->transmission <= 0 && place.material->clearcoat <= 0) {
+    Surface anywhere;
+    anywhere.material = place.material;
+    uniform_[mesh_index] = Shade(anywhere);
+    place.values = &uniform_[mesh_index];
+  }
+  return place;
 }
 
 Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   const Place& place = places_[hit.instance];
   Surface surface;
   surface.material = place.material;
+  surface.values = place.values;
   surface.position = ray.origin + ray.direction * hit.distance;
   const Vec3 face = Normalize(hit.face_normal);
   surface.front = Dot(face, ray.direction) < 0;
@@ -103,7 +119,7 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
     surface.cone_spread = ray.spread;
   }
   surface.normal = surface.geometric;
-  surface.coat_normal = surface.geometric;
+  if (surface.material->clearcoat > 0) surface.coat_normal = surface.geometric;
   if (!place.is_plain) ReadCorners(place, hit, ray, &surface);
   return surface;
 }
@@ -126,12 +142,26 @@ void SurfaceReader::ReadCorners(const Place& place, const Hit& hit, const Ray& r
       surface->normal = Dot(unit, surface->geometric) < 0 ? -unit : unit;
     }
   }
-  surface->coat_normal = surface->normal;
+  const Vec3 unmapped = surface->normal;
+  const scene::Material& material = *surface->material;
   // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
-  if (!mesh.tangents.empty()) MapNormals(place, hit, surface);
+  if (material.normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
+    surface->normal =
+        MappedNormal(material.normal_texture, material.normal_scale, place, hit, *surface, unmapped);
+  }
   surface->normal = FaceViewer(surface->normal, -ray.direction);
-  if (surface->material->clearcoat > 0)
-    surface->coat_normal = FaceViewer(surface->coat_normal, -ray.direction);
+  if (material.clearcoat > 0) surface->coat_normal = CoatNormal(place, hit, *surface, unmapped, ray);
+}
+
+Vec3 SurfaceReader::CoatNormal(const Place& place, const Hit& hit, const Surface& surface, Vec3 unmapped,
+                               const Ray& ray) const {
+  const scene::Material& material = *surface.material;
+  const bool is_mapped =
+      material.clearcoat_normal_texture.texture != scene::kNone && !place.mesh->tangents.empty();
+  const Vec3 normal = is_mapped ? MappedNormal(material.clearcoat_normal_texture,
+                                               material.clearcoat_normal_scale, place, hit, surface, unmapped)
+                                : unmapped;
+  return FaceViewer(normal, -ray.direction);
 }
 
 /// The cone cuts the face in an ellipse whose longer diameter lies along the ray's shadow on it.
@@ -165,47 +195,25 @@ Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, c
   return footprint;
 }
 
-/// The axes of normal maps in the world, unit vectors at right angles.
-struct SurfaceReader::TangentFrame {
-  Vec3 tangent;
-  Vec3 bitangent;
-  Vec3 normal;
-};
-
-void SurfaceReader::MapNormals(const Place& place, const Hit& hit, Surface* surface) const {
+Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const Place& place,
+                                 const Hit& hit, const Surface& surface, Vec3 normal) const {
   const Mesh& mesh = *place.mesh;
   const Affine& to_world = *place.to_world;
-  const scene::Material& material = *surface->material;
-  const bool maps_base = material.normal_texture.texture != scene::kNone;
-  const bool maps_coat = material.clearcoat_normal_texture.texture != scene::kNone;
-  if (!maps_base && !maps_coat) return;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
-  TangentFrame frame;
-  frame.normal = surface->normal;
   const Vec3 along = to_world.Vector(Interpolate(mesh.tangents, corners, hit.u, hit.v));
-  const Vec3 tangent = along - frame.normal * Dot(along, frame.normal);
-  if (LengthSquared(tangent) <= 0) return;
-  frame.tangent = Normalize(tangent);
+  Vec3 tangent = along - normal * Dot(along, normal);
+  if (LengthSquared(tangent) <= 0) return normal;
+  tangent = Normalize(tangent);
   // From behind, the shading normal was turned round; the texture's own axes belong to the front.
-  const float side = surface->front ? 1.0f : -1.0f;
+  const float side = surface.front ? 1.0f : -1.0f;
   const float handedness = mesh.tangents[corners[0]].w * (to_world.Determinant() < 0 ? -1.0f : 1.0f);
-  frame.bitangent = Cross(frame.normal * side, frame.tangent) * handedness;
-  if (maps_base)
-    surface->normal = MappedNormal(material.normal_texture, material.normal_scale, frame, *surface);
-  if (maps_coat) {
-    surface->coat_normal =
-        MappedNormal(material.clearcoat_normal_texture, material.clearcoat_normal_scale, frame, *surface);
-  }
-}
-
-Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const TangentFrame& frame,
-                                 const Surface& surface) const {
+  const Vec3 bitangent = Cross(normal * side, tangent) * handedness;
   const Vec4 texel = Data(map, surface);
   const float x = (texel.x * 2 - 1) * scale;
   const float y = (texel.y * 2 - 1) * scale;
   const float z = texel.z * 2 - 1;
-  const Vec3 mapped = frame.tangent * x + frame.bitangent * y + frame.normal * z;
-  return LengthSquared(mapped) > 0 ? Normalize(mapped) : frame.normal;
+  const Vec3 mapped = tangent * x + bitangent * y + normal * z;
+  return LengthSquared(mapped) > 0 ? Normalize(mapped) : normal;
 }
 
 Vec3 SurfaceReader::Color(const scene::TextureRef& ref, const Surface& surface) const {

@@ -20,6 +20,7 @@ struct Surface {
   Vec3 vertex_color = {1, 1, 1};
   bool front = true;  // the ray met the front (counter-clockwise) side
   const scene::Material* material = nullptr;
+  const SurfaceMaterial* values = nullptr;  // the material's, where they are the same everywhere; else null
   float epsilon = 0;      // how far off the face a new ray must start so as not to hit it again
   float cone_width = 0;   // of the cone round the ray, here; 0 where the scene has no textures
   float cone_spread = 0;  // and by how much it widens a metre
@@ -51,31 +52,35 @@ class SurfaceReader {
   Vec3 Emitted(const Surface& surface) const;
 
  private:
-  struct TangentFrame;
   /// What Read() asks about an instance.
   struct Place {
-    const scene::Mesh* mesh;
-    const scene::Material* material;
-    const scene::Affine* to_world;
-    bool is_textured;  // the material has textures
-    bool
-        is_plain;  // the face's normal is all there is to know: no textures, vertex colours or smooth normals
+    const scene::Mesh* mesh = nullptr;
+    const scene::Material* material = nullptr;
+    const SurfaceMaterial* values = nullptr;  // of the material, where they are the same everywhere
+    const scene::Affine* to_world = nullptr;
+    bool is_textured = false;  // the material has textures
+    bool is_plain = false;     // beside the face nothing is to be read: no textures, colours, smooth normals
   };
 
+  /// Of a mesh, placed nowhere yet.
+  Place PlaceOf(const scene::Scene& scene, size_t mesh_index);
   void ReadCorners(const Place& place, const Hit& hit, const Ray& ray, Surface* surface) const;
   Vec3 Color(const scene::TextureRef& ref, const Surface& surface) const;
   scene::Vec4 Data(const scene::TextureRef& ref, const Surface& surface) const;
   Vec3 BaseColor(const Surface& surface) const;
   Footprint FootprintAt(const scene::Mesh& mesh, const scene::Affine& to_world, const Hit& hit,
                         const Ray& ray, Vec3 normal) const;
-  void MapNormals(const Place& place, const Hit& hit, Surface* surface) const;
-  Vec3 MappedNormal(const scene::TextureRef& map, float scale, const TangentFrame& frame,
-                    const Surface& surface) const;
+  /// `normal` bent by a normal map.
+  Vec3 MappedNormal(const scene::TextureRef& map, float scale, const Place& place, const Hit& hit,
+                    const Surface& surface, Vec3 normal) const;
+  Vec3 CoatNormal(const Place& place, const Hit& hit, const Surface& surface, Vec3 unmapped,
+                  const Ray& ray) const;
   void ShadeLayers(const Surface& surface, SurfaceMaterial* out) const;
 
   const TextureSampler* textures_;
   scene::Material default_material_;
-  std::vector<Place> places_;  // by instance
+  std::vector<Place> places_;             // by instance
+  std::vector<SurfaceMaterial> uniform_;  // by mesh
   bool any_textures_ = false;
   float epsilon_;  // share that depends on the scene's size
 };

@@ -10,10 +10,18 @@ namespace lumifold::scene {
 namespace {
 
 constexpr std::string_view kSupported[] = {
-    "EXT_mesh_gpu_instancing",         "KHR_draco_mesh_compression", "KHR_lights_punctual",
-    "KHR_materials_clearcoat",         "KHR_materials_emissive_strength", "KHR_materials_ior",
-    "KHR_materials_sheen",             "KHR_materials_specular",     "KHR_materials_transmission",
-    "KHR_materials_unlit",             "KHR_materials_volume",       "KHR_mesh_quantization",
+    "EXT_mesh_gpu_instancing",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
     "KHR_texture_transform",
 };
 

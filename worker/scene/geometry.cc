@@ -147,8 +147,8 @@ absl::Status ReadAttributes(const VertexSource& source, Mesh* mesh) {
   return s;
 }
 
-/// The normal map by whose coordinates a mesh without tangents must get some; null where it needs none. A coat
-/// over a base with a normal map shares the base's.
+/// The normal map by whose coordinates a mesh without tangents must get some; null where it needs none. A
+/// coat over a base with a normal map shares the base's.
 const TextureRef* TangentsMissingFor(const Mesh& mesh, const std::vector<Material>& materials) {
   if (mesh.material == kNone || !mesh.tangents.empty()) return nullptr;
   const Material& material = materials[mesh.material];

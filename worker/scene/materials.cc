@@ -130,8 +130,9 @@ class MaterialReader {
     material_.clearcoat_roughness_texture = ExtensionRef(*extension, "clearcoatRoughnessTexture");
     material_.clearcoat_normal_texture = ExtensionRef(*extension, "clearcoatNormalTexture");
     if (material_.clearcoat_normal_texture.texture != kNone) {
-      material_.clearcoat_normal_scale = fields_.Finite(
-          fields_.Number(extension->Get("clearcoatNormalTexture"), "scale", 1), "clearcoatNormalTexture.scale");
+      material_.clearcoat_normal_scale =
+          fields_.Finite(fields_.Number(extension->Get("clearcoatNormalTexture"), "scale", 1),
+                         "clearcoatNormalTexture.scale");
     }
   }
 

@@ -75,11 +75,11 @@ struct Material {
   TextureRef clearcoat_roughness_texture;  // G
   TextureRef clearcoat_normal_texture;     // the coat's own; the base's does not bend it
   float clearcoat_normal_scale = 1;
-  Vec3 sheen_color = {0, 0, 0};            // KHR_materials_sheen: reflectance of the fibres; black: none
-  TextureRef sheen_color_texture;          // sRGB
-  float sheen_roughness = 0;               // perceptual: sheen alpha = sheen_roughness^2
-  TextureRef sheen_roughness_texture;      // A
-  bool has_volume = false;  // KHR_materials_volume with thickness > 0: refracts; otherwise thin
+  Vec3 sheen_color = {0, 0, 0};        // KHR_materials_sheen: reflectance of the fibres; black: none
+  TextureRef sheen_color_texture;      // sRGB
+  float sheen_roughness = 0;           // perceptual: sheen alpha = sheen_roughness^2
+  TextureRef sheen_roughness_texture;  // A
+  bool has_volume = false;             // KHR_materials_volume with thickness > 0: refracts; otherwise thin
   Vec3 attenuation_color = {1, 1, 1};
   float attenuation_distance = 0;  // metres; 0 stands for infinity
 };

@@ -1,7 +1,9 @@
 #include "filter/manifold/manifold_filter.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -84,10 +86,121 @@ TEST(ManifoldFilter, EqualsItsOracleForOddSizesMasksReachesAndHeights) {
     ManifoldParams params;
     params.sigma_s = c.sigma_s;
     params.height = c.tree_height;
-    const Planes slow = ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params);
-    EXPECT_LT(WorstDifference(Filtered(input, params), slow), 2e-5)
+    const ManifoldResult slow =
+        ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, {c.sigma_s}, nullptr);
+    EXPECT_LT(WorstDifference(Filtered(input, params), slow.filtered[0]), 2e-5)
         << c.width << "x" << c.height << " H " << c.tree_height;
   }
+}
+
+TEST(ManifoldFilter, EqualsItsOracleAtReachesAndCellsOfItsOwn) {
+  const Input input = MakeInput(67, 45, 5, true, 12);
+  const float reaches[] = {12, 3, 24};
+  ManifoldParams params;
+  params.sigma_s = 8;
+  params.height = 3;
+  for (const int cell : {1, 2, 4, 16}) {
+    params.cell = cell;
+    const ManifoldResult fast = ManifoldFilterAtReaches(input.signals, input.features, input.mask.view(),
+                                                        params, reaches, nullptr, nullptr);
+    const ManifoldResult slow =
+        ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reaches, nullptr);
+    ASSERT_EQ(fast.filtered.size(), 3u);
+    EXPECT_TRUE(fast.points.empty());
+    for (size_t r = 0; r < 3; ++r)
+      EXPECT_LT(WorstDifference(fast.filtered[r], slow.filtered[r]), 3e-5) << cell << " " << r;
+  }
+}
+
+/// Points in every seventh pixel, near its own features or far from them all.
+SlicePoints MakePoints(const Input& input, size_t samples, size_t own_features) {
+  std::mt19937 random(21);
+  std::normal_distribution<float> normal(0.0f, 0.7f);
+  SlicePoints points;
+  points.samples = samples;
+  points.own_features = own_features;
+  const size_t shared = input.features.size() - own_features;
+  for (int y = 0; y < input.mask.height(); ++y) {
+    for (int x = y % 7; x < input.mask.width(); x += 7) {
+      points.pixels.push_back({x, y});
+      for (size_t k = 0; k < own_features; ++k) {
+        for (size_t j = 0; j < samples; ++j) {
+          const float far = (x + y) % 5 == 0 && j == 1 ? 300.0f : 0.0f;
+          points.features.push_back(input.features[shared + k].At(x, y) + far + normal(random));
+        }
+      }
+    }
+  }
+  return points;
+}
+
+double WorstDifference(const std::vector<float>& a, const std::vector<float>& b) {
+  EXPECT_EQ(a.size(), b.size());
+  double worst = 0;
+  for (size_t i = 0; i < a.size(); ++i)
+    worst = std::max(worst, std::abs(static_cast<double>(a[i]) - static_cast<double>(b[i])));
+  return worst;
+}
+
+TEST(ManifoldFilter, SlicesPointsBetweenPixelsAsItsOracleDoes) {
+  const Input input = MakeInput(75, 50, 7, true, 13);
+  const SlicePoints points = MakePoints(input, 16, 4);
+  const float reaches[] = {16, 3};
+  ManifoldParams params;
+  params.height = 3;
+  const ManifoldResult fast = ManifoldFilterAtReaches(input.signals, input.features, input.mask.view(),
+                                                      params, reaches, &points, nullptr);
+  const ManifoldResult slow =
+      ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reaches, &points);
+  for (size_t r = 0; r < 2; ++r) {
+    EXPECT_EQ(WorstDifference(fast.filtered[r], Filtered(input, params)) == 0,
+              r == 0);  // points change nothing
+    EXPECT_LT(WorstDifference(fast.points[r].values, slow.points[r].values), 1e-4) << r;
+    EXPECT_LT(WorstDifference(fast.points[r].weights, slow.points[r].weights), 1e-4) << r;
+  }
+}
+
+TEST(ManifoldFilter, FindsNothingForAPointFarFromAllManifolds) {
+  const Input input = MakeInput(40, 40, 5, false, 14);
+  const SlicePoints points = MakePoints(input, 4, 3);
+  const float reaches[] = {16};
+  const ManifoldResult result = ManifoldFilterAtReaches(input.signals, input.features, input.mask.view(), {},
+                                                        reaches, &points, nullptr);
+  size_t lost = 0;
+  for (size_t pixel = 0; pixel < points.pixels.size(); ++pixel) {
+    const auto [x, y] = points.pixels[pixel];
+    if ((x + y) % 5 != 0) continue;
+    ++lost;
+    EXPECT_EQ(result.points[0].weights[pixel * 4 + 1], 0.0f);
+    for (size_t c = 0; c < 3; ++c) EXPECT_EQ(result.points[0].values[(pixel * 3 + c) * 4 + 1], 0.0f);
+    EXPECT_GT(result.points[0].weights[pixel * 4 + 2], 0.0f);
+  }
+  EXPECT_GT(lost, 10u);
+}
+
+TEST(ManifoldFilter, GivesPointsTheSameBitsForAnyPool) {
+  const Input input = MakeInput(90, 70, 6, true, 15);
+  const SlicePoints points = MakePoints(input, 16, 4);
+  const float reaches[] = {16};
+  ShufflingPool pool(9);
+  const auto run = [&](TaskPool* with) {
+    return ManifoldFilterAtReaches(input.signals, input.features, input.mask.view(), {}, reaches, &points,
+                                   with);
+  };
+  const ManifoldResult alone = run(nullptr);
+  const ManifoldResult shuffled = run(&pool);
+  EXPECT_EQ(alone.points[0].values, shuffled.points[0].values);
+  EXPECT_EQ(alone.points[0].weights, shuffled.points[0].weights);
+}
+
+TEST(ManifoldFilter, GivesTheSameBitsOnEachInstructionSet) {
+  const Input input = MakeInput(301, 70, 6, true, 16);
+  const Planes widest = Filtered(input, {});
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    EXPECT_EQ(WorstDifference(Filtered(input, {}), widest), 0.0) << hwy::TargetName(target);
+  }
+  hwy::SetSupportedTargetsForTest(0);
 }
 
 TEST(ManifoldFilter, GivesTheSameBitsForAnyPool) {
@@ -228,7 +341,7 @@ TEST(ManifoldTree, FeedsThePowerIterationBack) {
   }
   float previous = 0;
   for (const int iterations : {1, 2, 3, 6}) {
-    const Manifold manifold = MakeManifold(sums, nullptr, 4.0f, iterations);
+    const Manifold manifold = MakeManifold(sums, nullptr, 4.0f, iterations, nullptr);
     const float aligned = std::abs(manifold.axis[0] + manifold.axis[1] + manifold.axis[2]) / std::sqrt(3.0f);
     EXPECT_GT(aligned, previous) << iterations;
     previous = aligned;

@@ -245,6 +245,22 @@ TEST(Layers, GlossyLightIsFreeOfTheMetalsColour) {
   EXPECT_NEAR(SumOf(unit, "specular.B") / count, MeanOf(unit, layers::kNoisy, 2), 0.01);
 }
 
+TEST(Layers, ASampleIsBadWhereAnyOfItsValuesIs) {
+  for (const float bad : {NAN, INFINITY, -INFINITY}) {
+    LayerSample sample;
+    EXPECT_TRUE(IsFinite(sample));
+    sample.combined.x = 3e38f;
+    EXPECT_TRUE(IsFinite(sample));
+    sample.specular.z = bad;
+    EXPECT_FALSE(IsFinite(sample));
+    sample.specular.z = 0;
+    sample.levels.Set(kReflection2).indirect.y = bad;
+    EXPECT_FALSE(IsFinite(sample));
+    sample.Clear();
+    EXPECT_TRUE(IsFinite(sample));  // a level that is not set is not looked at
+  }
+}
+
 TEST(Layers, RecordsCarryTheSampleTheyDescribe) {
   const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(24, 18));
   const Rect rect = {3, 4, 7, 6};

@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "filter/image/layers.h"
+#include "filter/image/mix_bits.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
-#include "worker/render/sampler.h"
 
 namespace lumifold::render {
 namespace {

@@ -1,0 +1,133 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace lumifold::filter {
+
+// The inner loops of the manifold filter, over one strip of one row of pixels or cells. They run with the
+// widest vectors the processor has, chosen at run time, and give the same bits with any: nothing is fused,
+// and no order of summation depends on the width. Each has an oracle of the same signature in namespace slow
+// (row_kernels_slow.cc), equal to the last bit. Pixels come in strips that begin at a multiple of
+// kStripColumns; rows of pixels may be read and written up to the next multiple of kRowPadding floats, as
+// Plane allows. All are safe to run side by side.
+
+/// Columns of pixels that one call works on at most: what it sums stays in the first-level cache. A multiple
+/// of every cell.
+inline constexpr int kStripColumns = 256;
+/// Floats to which rows of pixels are padded.
+inline constexpr int kRowPadding = 16;
+/// Floats that may be read (not used) after the last cell of a row of cells.
+inline constexpr int kCellPadding = 32;
+
+/// How a row of cells is read at full resolution: pixel x lies `part[x % 64]` of the way from cell left(x) to
+/// the next, cells counted from one before the strip's first.
+struct Widening {
+  explicit Widening(int cell_step);
+
+  int step;  // pixels to a cell: a power of two up to 64
+  std::array<int32_t, 64 + kRowPadding> left;
+  std::array<float, 64 + kRowPadding> part;
+};
+
+/// Rows of cells between two others: out[p] = upper[p] + fraction (lower[p] - upper[p]) for each of `planes`
+/// planes, where upper and lower are two rows of the same plane, and p runs from `first` over `count` cells,
+/// clamped to [0, columns).
+struct BlendArgs {
+  const float* const* upper;
+  const float* const* lower;
+  float fraction;
+  size_t planes;
+  int first;  // -1 at the left edge
+  int count;
+  int columns;
+  float* out;  // plane i at out + i * out_stride
+  size_t out_stride;
+};
+
+/// One row of pixels on one manifold.
+struct SplatArgs {
+  const float* const* features;  // d rows of pixels
+  const float* eta;              // d rows of cells, from one before the strip's first: the manifold's height
+  size_t eta_stride;
+  size_t dimensions;
+  const float* const* signals;  // C rows of pixels
+  size_t signal_count;
+  const float* mask;
+  float* weight;       // out: exp(-squared distance from the manifold)
+  float* const* sums;  // C + 1 strips: += mask * weight * signal, and of mask * weight
+  int count;           // pixels
+};
+
+/// How the manifold's cluster is split in two.
+struct SplitArgs {
+  const float* axis;  // d
+  float cluster;      // label of the manifold's own pixels
+  const float* labels;
+  float* members;           // how far a pixel belongs to its cluster: lowered near the split
+  float* next_labels;       // out, own pixels only: 2 * cluster, + 1 on the axis' side
+  float* const* near_sums;  // d + 1 strips of cluster 2 * cluster: += member * (1 - weight) * feature, and
+                            // without feature
+  float* const* far_sums;   // the same of cluster 2 * cluster + 1
+};
+
+/// One row of pixels read back from manifolds.
+struct SliceArgs {
+  const float* const* weights;  // M rows of pixels
+  size_t manifolds;
+  const float* psi;  // M * planes rows of cells, manifold by manifold, from one before the strip's first
+  size_t psi_stride;
+  size_t planes;
+  float* const* sums;  // `planes` rows of pixels: += sum over manifolds of weight * psi
+  int count;
+};
+
+/// What a splat met, to spare work on what stayed zero.
+struct SplatFound {
+  bool has_weight = false;   // a pixel of weight over 0
+  bool has_members = false;  // a pixel of the cluster
+};
+
+void BlendCells(const BlendArgs& args);
+/// `split` may be null.
+SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split);
+void SliceRow(const Widening& widening, const SliceArgs& args);
+/// sums[x] += a[x] * b[x], rows of pixels.
+void AddProductRow(const float* a, const float* b, int count, float* sums);
+/// out[x] = a[x] + b[x].
+void SumRows(const float* a, const float* b, int count, float* out);
+/// In place: values[i] = values[2 i] + values[2 i + 1] for i < count / 2. `count` is even.
+void AddPairs(int count, float* values);
+/// to[x] += weight[x] * (from[x] - to[x]).
+void PullRow(const float* weight, const float* from, int count, float* to);
+/// weight[x] = exp(-sqrt(2)/sigma sqrt(1 + stretch |here - there|^2)), distances over `planes` rows of cells
+/// each.
+void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
+             int count, float* weight);
+/// out[x] += sum over taps of taps[j] * row[x + j], added in groups of three taps, each group from the left.
+void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out);
+/// error[x] += the candidate's estimated squared error in one channel; METHODS of the estimate:
+/// SelectCandidates.
+void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
+                       int count, float* error);
+/// out[x] = Asinh(in[x] * inverse_knee) - shift.
+void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);
+
+namespace slow {
+void BlendCells(const BlendArgs& args);
+SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split);
+void SliceRow(const Widening& widening, const SliceArgs& args);
+void AddProductRow(const float* a, const float* b, int count, float* sums);
+void SumRows(const float* a, const float* b, int count, float* out);
+void AddPairs(int count, float* values);
+void PullRow(const float* weight, const float* from, int count, float* to);
+void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
+             int count, float* weight);
+void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out);
+void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
+                       int count, float* error);
+void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);
+}  // namespace slow
+
+}  // namespace lumifold::filter

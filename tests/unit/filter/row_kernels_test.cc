@@ -1,0 +1,255 @@
+#include "filter/manifold/row_kernels.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <random>
+#include <vector>
+
+#include "filter/image/portable_math.h"
+
+namespace lumifold::filter {
+namespace {
+
+using Row = std::vector<float>;
+
+/// Widths around those of vectors, strips and cells.
+constexpr int kCounts[] = {1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 31, 33, 63, 64, 65, 100, 255, 256};
+constexpr int kSteps[] = {1, 2, 4, 8, 16, 32, 64};
+constexpr size_t kRoom = kStripColumns + kRowPadding + kCellPadding + 2;
+
+class RowKernels : public testing::Test {
+ protected:
+  /// Runs `check` with each instruction set that this program and this processor have.
+  template <typename Check>
+  void OnEachTarget(Check check) {
+    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+      hwy::SetSupportedTargetsForTest(target);
+      SCOPED_TRACE(hwy::TargetName(target));
+      check();
+    }
+    hwy::SetSupportedTargetsForTest(0);
+  }
+
+  Row Random(size_t count = kRoom, float scale = 1.5f) {
+    Row row(count);
+    std::normal_distribution<float> normal(0.0f, scale);
+    for (float& value : row) value = normal(random_);
+    return row;
+  }
+
+  std::vector<Row> RandomRows(size_t rows, float scale = 1.5f) {
+    std::vector<Row> result;
+    for (size_t i = 0; i < rows; ++i) result.push_back(Random(kRoom, scale));
+    return result;
+  }
+
+  std::mt19937 random_{7};
+};
+
+/// The first `count` floats are the same bits (but for the sign of zero).
+void ExpectSame(const Row& a, const Row& b, int count) {
+  for (size_t x = 0; x < static_cast<size_t>(count); ++x) ASSERT_EQ(a[x], b[x]) << x << " of " << count;
+}
+
+void ExpectSame(const std::vector<Row>& a, const std::vector<Row>& b, int count) {
+  for (size_t i = 0; i < a.size(); ++i) ExpectSame(a[i], b[i], count);
+}
+
+template <typename Pointer>
+std::vector<Pointer> Pointers(std::vector<Row>& rows) {
+  std::vector<Pointer> pointers;
+  for (Row& row : rows) pointers.push_back(row.data());
+  return pointers;
+}
+
+struct SplatCase {
+  std::vector<Row> features, signals, sums, near_sums, far_sums;
+  Row eta, mask, weight, axis, labels, members, next_labels;
+};
+
+SplatFound RunSplat(SplatFound (*kernel)(const Widening&, const SplatArgs&, const SplitArgs*), int step, int count, bool splits,
+               SplatCase* c) {
+  const auto features = Pointers<const float*>(c->features);
+  const auto signals = Pointers<const float*>(c->signals);
+  const auto sums = Pointers<float*>(c->sums);
+  const auto near_sums = Pointers<float*>(c->near_sums);
+  const auto far_sums = Pointers<float*>(c->far_sums);
+  const SplatArgs args = {features.data(), c->eta.data(),    kRoom, features.size(), signals.data(), signals.size(),
+                          c->mask.data(),  c->weight.data(), sums.data(), count};
+  const SplitArgs split = {c->axis.data(),        2.0f,             c->labels.data(), c->members.data(),
+                           c->next_labels.data(), near_sums.data(), far_sums.data()};
+  return kernel(Widening(step), args, splits ? &split : nullptr);
+}
+
+TEST_F(RowKernels, SplatRowEqualsItsOracleOnEachTarget) {
+  constexpr size_t kDimensions = 5;
+  SplatCase start{RandomRows(kDimensions, 0.6f), RandomRows(3), RandomRows(4), RandomRows(kDimensions + 1),
+                  RandomRows(kDimensions + 1),   {},            Random(),      Row(kRoom),
+                  Random(),                      Row(kRoom),    Random(),      Random()};
+  start.eta = Random(kDimensions * kRoom, 0.6f);
+  start.features[0][5] = 40;  // beyond reach of the manifold
+  for (size_t x = 0; x < kRoom; ++x) start.labels[x] = static_cast<float>(x / 20 % 4);
+  OnEachTarget([&] {
+    for (const int step : kSteps) {
+      for (const int count : kCounts) {
+        for (const bool splits : {false, true}) {
+          SplatCase fast = start;
+          SplatCase slow = start;
+          const SplatFound found = RunSplat(SplatRow, step, count, splits, &fast);
+          const SplatFound expected = RunSplat(slow::SplatRow, step, count, splits, &slow);
+          EXPECT_TRUE(found.has_weight || !expected.has_weight);
+          EXPECT_TRUE(found.has_members || !expected.has_members);
+          ExpectSame(fast.weight, slow.weight, count);
+          ExpectSame(fast.sums, slow.sums, count);
+          ExpectSame(fast.members, slow.members, count);
+          ExpectSame(fast.next_labels, slow.next_labels, count);
+          ExpectSame(fast.near_sums, slow.near_sums, count);
+          ExpectSame(fast.far_sums, slow.far_sums, count);
+        }
+      }
+    }
+  });
+}
+
+TEST_F(RowKernels, SliceRowEqualsItsOracleOnEachTarget) {
+  constexpr size_t kManifolds = 3;
+  std::vector<Row> weights = RandomRows(kManifolds);
+  const std::vector<Row> start = RandomRows(4);
+  const Row psi = Random(kManifolds * start.size() * kRoom);
+  const auto weight_rows = Pointers<const float*>(weights);
+  OnEachTarget([&] {
+    for (const int step : kSteps) {
+      for (const int count : kCounts) {
+        std::vector<Row> fast = start;
+        std::vector<Row> slow = start;
+        SliceRow(Widening(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, start.size(),
+                                  Pointers<float*>(fast).data(), count});
+        slow::SliceRow(Widening(step), {weight_rows.data(), kManifolds, psi.data(), kRoom, start.size(),
+                                        Pointers<float*>(slow).data(), count});
+        ExpectSame(fast, slow, count);
+      }
+    }
+  });
+}
+
+TEST_F(RowKernels, BlendCellsEqualsItsOracleAndClampsAtBothEnds) {
+  std::vector<Row> upper = RandomRows(2);
+  std::vector<Row> lower = RandomRows(2);
+  const auto upper_rows = Pointers<const float*>(upper);
+  const auto lower_rows = Pointers<const float*>(lower);
+  OnEachTarget([&] {
+    for (const int columns : kCounts) {
+      for (const int first : {-1, 0, 3, columns / 2}) {
+        if (first >= columns) continue;
+        Row fast(2 * kRoom);
+        Row slow(2 * kRoom);
+        const auto args = [&](Row* out) {
+          const int count = std::min(columns + 3, kStripColumns + 2);
+          return BlendArgs{upper_rows.data(), lower_rows.data(), 0.375f, 2, first, count, columns, out->data(), kRoom};
+        };
+        BlendCells(args(&fast));
+        slow::BlendCells(args(&slow));
+        ExpectSame(fast, slow, static_cast<int>(fast.size()));
+      }
+    }
+  });
+}
+
+TEST_F(RowKernels, LinkRowEqualsItsOracleOnEachTarget) {
+  std::vector<Row> here = RandomRows(4);
+  std::vector<Row> there = RandomRows(4);
+  const auto here_rows = Pointers<const float*>(here);
+  const auto there_rows = Pointers<const float*>(there);
+  OnEachTarget([&] {
+    for (const int count : kCounts) {
+      Row fast(kRoom);
+      Row slow(kRoom);
+      LinkRow(4.0f, 32.0f, here_rows.data(), there_rows.data(), 4, count, fast.data());
+      slow::LinkRow(4.0f, 32.0f, here_rows.data(), there_rows.data(), 4, count, slow.data());
+      ExpectSame(fast, slow, count);
+    }
+  });
+}
+
+TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
+  const Row a = Random();
+  const Row b = Random();
+  const Row c = Random();
+  const Row d = Random();
+  const Row taps = Random(7);
+  OnEachTarget([&] {
+    for (const int count : kCounts) {
+      for (const int offset : {0, 1, 5}) {
+        const auto check = [&](auto kernel, auto oracle) {
+          Row fast = d;
+          Row slow = d;
+          kernel(fast.data() + offset);
+          oracle(slow.data() + offset);
+          ExpectSame(fast, slow, static_cast<int>(kRoom));
+        };
+        check([&](float* out) { AddProductRow(a.data() + offset, b.data(), count, out); },
+              [&](float* out) { slow::AddProductRow(a.data() + offset, b.data(), count, out); });
+        check([&](float* out) { SumRows(a.data() + offset, b.data(), count, out); },
+              [&](float* out) { slow::SumRows(a.data() + offset, b.data(), count, out); });
+        check([&](float* out) { PullRow(a.data() + offset, b.data(), count, out); },
+              [&](float* out) { slow::PullRow(a.data() + offset, b.data(), count, out); });
+        check([&](float* out) { StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); },
+              [&](float* out) { slow::StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); });
+        check([&](float* out) { CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out); },
+              [&](float* out) { slow::CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out); });
+        for (const int tap_count : {1, 3, 5, 7}) {
+          check([&](float* out) { CorrelateRow(taps.data(), tap_count, a.data() + offset, count, out); },
+                [&](float* out) { slow::CorrelateRow(taps.data(), tap_count, a.data() + offset, count, out); });
+        }
+      }
+    }
+  });
+}
+
+TEST_F(RowKernels, AddPairsEqualsItsOracleOnEachTarget) {
+  const Row start = Random();
+  OnEachTarget([&] {
+    for (int count = 0; count <= kStripColumns; count += 2) {
+      Row fast = start;
+      Row slow = start;
+      AddPairs(count, fast.data());
+      slow::AddPairs(count, slow.data());
+      ExpectSame(fast, slow, count / 2);
+    }
+  });
+}
+
+TEST(Widening, ReadsALinearRampExactlyBetweenCellCentres) {
+  for (const int step : kSteps) {
+    const Widening widening(step);
+    Row cells(kRoom);
+    for (size_t p = 0; p < cells.size(); ++p) {  // cell p stands one before cell p - 1 of the strip
+      cells[p] = (static_cast<float>(p) - 0.5f) * static_cast<float>(step) - 0.5f;
+    }
+    Row ones(kRoom, 1.0f);
+    Row sums(kRoom);
+    const float* weights = ones.data();
+    float* out = sums.data();
+    SliceRow(widening, {&weights, 1, cells.data(), kRoom, 1, &out, kStripColumns});
+    for (int x = 0; x < kStripColumns; ++x)
+      ASSERT_NEAR(sums[static_cast<size_t>(x)], static_cast<float>(x), 1e-4f) << step;
+  }
+}
+
+TEST(Asinh, IsNearTheLibrarysAndOdd) {
+  for (double x = 1e-12; x < 1e17; x *= 1.07) {
+    const float value = Asinh(static_cast<float>(x));
+    const double expected = std::asinh(static_cast<double>(static_cast<float>(x)));
+    EXPECT_NEAR(static_cast<double>(value), expected, 6e-7 * expected) << x;
+    EXPECT_EQ(Asinh(-static_cast<float>(x)), -value);
+  }
+  EXPECT_EQ(Asinh(0.0f), 0.0f);
+  EXPECT_TRUE(std::isfinite(Asinh(3e38f)));
+}
+
+}  // namespace
+}  // namespace lumifold::filter

@@ -11,9 +11,13 @@
 extern "C" {
 void __real_rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHit* query);
 void __real_rtcOccluded1(RTCScene scene, RTCIntersectContext* context, RTCRay* query);
+void __real_rtcIntersect8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRayHit8* query);
+void __real_rtcOccluded8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRay8* query);
 RTCDevice __real_rtcNewDevice(const char* config);
 void __wrap_rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHit* query);
 void __wrap_rtcOccluded1(RTCScene scene, RTCIntersectContext* context, RTCRay* query);
+void __wrap_rtcIntersect8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRayHit8* query);
+void __wrap_rtcOccluded8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRay8* query);
 RTCDevice __wrap_rtcNewDevice(const char* config);
 }
 
@@ -62,6 +66,25 @@ void Keep(RTCScene scene, const RTCRay& ray, bool occlusion) {
   LUMIFOLD_CHECK(tap.log->scene == nullptr || tap.log->scene == scene);
   tap.log->scene = scene;
   tap.log->rays.push_back(Traced(ray, occlusion));
+}
+
+constexpr int kPacket = 8;
+
+/// Keeps the rays of a packet one by one.
+void KeepPacket(const int* valid, RTCScene scene, const RTCRay8& packet, bool occlusion) {
+  for (int i = 0; i < kPacket; ++i) {
+    if (valid[i] == 0) continue;
+    RTCRay ray = {};
+    ray.org_x = packet.org_x[i];
+    ray.org_y = packet.org_y[i];
+    ray.org_z = packet.org_z[i];
+    ray.tnear = packet.tnear[i];
+    ray.dir_x = packet.dir_x[i];
+    ray.dir_y = packet.dir_y[i];
+    ray.dir_z = packet.dir_z[i];
+    ray.tfar = packet.tfar[i];
+    Keep(scene, ray, occlusion);
+  }
 }
 
 bool HasHit(const RTCRayHit& query) { return query.hit.geomID != RTC_INVALID_GEOMETRY_ID; }
@@ -128,6 +151,29 @@ void __wrap_rtcOccluded1(RTCScene scene, RTCIntersectContext* context, RTCRay* q
   __real_rtcOccluded1(scene, context, query);
   tap.ticks_inside += Ticks() - start;
   if (tap.log != nullptr) tap.log->hits += IsOccluded(*query);
+}
+
+void __wrap_rtcIntersect8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRayHit8* query) {
+  using namespace lumifold::bench;
+  if (!tap.IsOpen()) return __real_rtcIntersect8(valid, scene, context, query);
+  if (tap.log != nullptr) KeepPacket(valid, scene, query->ray, false);
+  const int64_t start = Ticks();
+  __real_rtcIntersect8(valid, scene, context, query);
+  tap.ticks_inside += Ticks() - start;
+  if (tap.log == nullptr) return;
+  for (int i = 0; i < kPacket; ++i)
+    tap.log->hits += valid[i] != 0 && query->hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+}
+
+void __wrap_rtcOccluded8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRay8* query) {
+  using namespace lumifold::bench;
+  if (!tap.IsOpen()) return __real_rtcOccluded8(valid, scene, context, query);
+  if (tap.log != nullptr) KeepPacket(valid, scene, *query, true);
+  const int64_t start = Ticks();
+  __real_rtcOccluded8(valid, scene, context, query);
+  tap.ticks_inside += Ticks() - start;
+  if (tap.log == nullptr) return;
+  for (int i = 0; i < kPacket; ++i) tap.log->hits += valid[i] != 0 && query->tfar[i] < 0;
 }
 
 RTCDevice __wrap_rtcNewDevice(const char* config) {

@@ -9,7 +9,8 @@
 /// embree_tap.cc. The renderer knows nothing of it; a thread that is not listened to pays one branch a ray.
 namespace lumifold::bench {
 
-/// A ray as it was handed to rtcIntersect1, or to rtcOccluded1 where `occlusion`.
+/// A ray as it was handed to rtcIntersect1, or to rtcOccluded1 where `occlusion`, or in a packet to
+/// rtcIntersect8 or rtcOccluded8.
 struct TracedRay {
   float origin[3];
   float near_distance;
@@ -46,7 +47,8 @@ class ScopedTickCount {
   int64_t start_;
 };
 
-/// Asks Embree the rays of `log` once more and nothing else, and gives how many met something.
+/// Asks Embree the rays of `log` once more, each by itself, and nothing else, and gives how many met
+/// something.
 int64_t Replay(const RayLog& log);
 
 /// Bytes all Embree devices of this process hold: trees, and the copies they keep of vertices and indices.

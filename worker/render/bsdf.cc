@@ -64,7 +64,13 @@ float CoatFresnel(float coat, float cos_h) {
 }  // namespace
 
 Bsdf::Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo)
-    : table_(&table), frame_(normal), geometric_(geometric), wo_(LocalOnUpperSide(frame_, wo)) {
+    : table_(&table), frame_(normal), geometric_(geometric) {
+  if (material.IsDiffuseOnly()) {
+    diffuse_albedo_ = material.base_color;
+    p_diffuse_ = MaxComponent(diffuse_albedo_) > 0 ? 1.0f : 0.0f;
+    return;
+  }
+  wo_ = LocalOnUpperSide(frame_, wo);
   float share = 1;  // of the light that the layers so far leave to those below
   if (material.clearcoat > 0) share = AddCoat(material, wo);
   if (MaxComponent(material.sheen_color) > 0) share = AddSheen(material, share);
@@ -189,6 +195,13 @@ Vec3 Bsdf::SpecularAlbedo() const {
   return albedo;
 }
 
+Vec3 Bsdf::Albedo() const {
+  Vec3 albedo = diffuse_albedo_ + facets_albedo_;
+  if (p_coat_ > 0) albedo += Vec3{coat_albedo_, coat_albedo_, coat_albedo_};
+  if (p_sheen_ > 0) albedo += sheen_color_ * sheen_albedo_;
+  return albedo;
+}
+
 float Bsdf::SpecularAlpha() const {
   if (p_coat_ > p_facets_) return coat_alpha_;
   return p_facets_ > 0 ? alpha_ : 1.0f;
@@ -269,7 +282,16 @@ void Bsdf::EvaluateSheen(Vec3 wi, BsdfValue* value, float* pdf) const {
   *pdf += p_sheen_ / (2.0f * kPi);
 }
 
+BsdfValue Bsdf::EvaluateDiffuse(Vec3 wi_world, float* pdf) const {
+  BsdfValue value;
+  const float cos_i = Dot(wi_world, frame_.z);
+  *pdf = cos_i > 0 && Dot(wi_world, geometric_) > 0 ? cos_i / kPi : 0.0f;
+  value.diffuse = *pdf;
+  return value;
+}
+
 BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
+  if (IsDiffuseOnly()) return EvaluateDiffuse(wi_world, pdf);
   BsdfValue value;
   *pdf = 0;
   const Vec3 wi = frame_.ToLocal(wi_world);
@@ -317,28 +339,18 @@ BsdfSample Bsdf::PerfectTransmission() const {
   return Transmission(SplitAt(wo_.z));
 }
 
-BsdfSample Bsdf::SampleSmooth(float* lobe) const {
+BsdfSample Bsdf::SampleSmooth(float lobe) const {
   const Split split = SplitAt(wo_.z);
-  if (*lobe < split.p_reflect) {
-    *lobe /= split.p_reflect;
-    return Drawn(Reflection(split), p_facets_ * split.p_reflect);
-  }
-  const float p_transmit = 1.0f - split.p_reflect;
-  *lobe = (*lobe - split.p_reflect) / p_transmit;
-  return Drawn(Transmission(split), p_facets_ * p_transmit);
+  if (lobe < split.p_reflect) return Drawn(Reflection(split), p_facets_ * split.p_reflect);
+  return Drawn(Transmission(split), p_facets_ * (1.0f - split.p_reflect));
 }
 
-BsdfSample Bsdf::SampleFacets(float* lobe, Vec2 u) const {
+BsdfSample Bsdf::SampleFacets(float lobe, Vec2 u) const {
   if (mirror_) return SampleSmooth(lobe);
   const Vec3 h = SampleGgxVisibleNormal(wo_, alpha_, u);
   const Vec3 mirrored = MirrorDirection(wo_, h);
-  if (glass_ <= 0) return mirrored.z > 0 ? Finish(frame_.ToWorld(mirrored)) : BsdfSample{};
-  const Split split = SplitAt(std::max(Dot(wo_, h), 1e-6f));
-  if (*lobe < split.p_reflect) {
-    *lobe /= split.p_reflect;
-    return mirrored.z > 0 ? Finish(frame_.ToWorld(mirrored)) : BsdfSample{};
-  }
-  *lobe = (*lobe - split.p_reflect) / (1.0f - split.p_reflect);
+  const Split split = glass_ > 0 ? SplitAt(std::max(Dot(wo_, h), 1e-6f)) : Split{};
+  if (lobe < split.p_reflect) return mirrored.z > 0 ? Finish(frame_.ToWorld(mirrored)) : BsdfSample{};
   const Vec3 wi = thin_ ? Vec3{mirrored.x, mirrored.y, -mirrored.z} : Refract(wo_, h, eta_, split.cos_t);
   if (wi.z >= 0) return {};
   const Vec3 wi_world = Normalize(frame_.ToWorld(wi));
@@ -376,30 +388,27 @@ BsdfSample Bsdf::Finish(Vec3 wi_world) const {
   return sample;
 }
 
-BsdfSample Bsdf::SampleLobe(float* lobe, Vec2 u) const {
-  if (*lobe < p_diffuse_) {
-    *lobe /= p_diffuse_;
-    return Finish(frame_.ToWorld(CosineDirection(u)));
-  }
-  // The last lobe there is takes what rounding leaves over.
-  float rest = *lobe - p_diffuse_;
-  if (p_sheen_ > 0 && rest >= p_facets_ + p_coat_) {
-    *lobe = (rest - p_facets_ - p_coat_) / p_sheen_;
-    return SampleSheen(u);
-  }
-  if (p_coat_ > 0 && rest >= p_facets_) {
-    *lobe = (rest - p_facets_) / p_coat_;
-    return SampleCoat(u);
-  }
-  if (p_facets_ <= 0) return {};
-  *lobe = std::min(rest / p_facets_, 0x1.fffffep-1f);
-  return SampleFacets(lobe, u);
+/// The one lobe there is gives every direction in proportion to its value.
+BsdfSample Bsdf::SampleDiffuse(Vec2 u) const {
+  BsdfSample sample;
+  const Vec3 wi = CosineDirection(u);
+  sample.wi = frame_.ToWorld(wi);
+  if (wi.z <= 0 || Dot(sample.wi, geometric_) <= 0) return sample;
+  sample.pdf = wi.z / kPi;
+  sample.weight.diffuse = 1;
+  sample.valid = true;
+  return sample;
 }
 
 BsdfSample Bsdf::Sample(float lobe, Vec2 u) const {
-  BsdfSample sample = SampleLobe(&lobe, u);
-  sample.spare = std::min(lobe, 0x1.fffffep-1f);
-  return sample;
+  if (IsDiffuseOnly()) return SampleDiffuse(u);
+  if (lobe < p_diffuse_) return Finish(frame_.ToWorld(CosineDirection(u)));
+  // The last lobe there is takes what rounding leaves over.
+  const float rest = lobe - p_diffuse_;
+  if (p_sheen_ > 0 && rest >= p_facets_ + p_coat_) return SampleSheen(u);
+  if (p_coat_ > 0 && rest >= p_facets_) return SampleCoat(u);
+  if (p_facets_ <= 0) return {};
+  return SampleFacets(std::min(rest / p_facets_, 0x1.fffffep-1f), u);
 }
 
 }  // namespace lumifold::render

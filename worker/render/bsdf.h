@@ -22,6 +22,11 @@ struct SurfaceMaterial {
   float clearcoat = 0;
   float clearcoat_roughness = 0;
   Vec3 coat_normal = {0, 0, 1};  // the coat's own shading normal, unit, on the viewer's side
+
+  bool IsDiffuseOnly() const {
+    return metallic <= 0 && specular <= 0 && transmission <= 0 && clearcoat <= 0 &&
+           MaxComponent(sheen_color) <= 0;
+  }
 };
 
 /// What one direction carries: the lobes apart, as the layers need them. Both include the cosine of the
@@ -39,8 +44,6 @@ struct BsdfSample {
   Vec3 wi;           // unit, world space
   BsdfValue weight;  // value over density
   float pdf = 0;     // per steradian, of all lobes together; 0 for a perfectly specular event
-  float spare = 0;   // what is left of the random number that chose the lobe: uniform in [0, 1), independent
-                     // of all else here
   bool valid = false;
   bool specular_event = false;
   bool transmitted = false;
@@ -67,6 +70,8 @@ class Bsdf {
   /// T, the exact multiplier of the diffuse lobe.
   Vec3 DiffuseAlbedo() const { return diffuse_albedo_; }
   bool HasDiffuse() const { return p_diffuse_ > 0; }
+  /// About how much of even light all lobes together send to the viewer; 0 only where there are none.
+  Vec3 Albedo() const;
   /// Whether a light sample can meet a lobe: false for perfect mirrors and glass.
   bool HasSmoothLobe() const {
     return p_diffuse_ > 0 || (p_facets_ > 0 && !mirror_) || (p_coat_ > 0 && !coat_mirror_) || p_sheen_ > 0;
@@ -124,9 +129,11 @@ class Bsdf {
   void EvaluateCoat(Vec3 wi_world, BsdfValue* value, float* pdf) const;
   void EvaluateSheen(Vec3 wi, BsdfValue* value, float* pdf) const;
 
-  BsdfSample SampleLobe(float* lobe, Vec2 u) const;
-  BsdfSample SampleFacets(float* lobe, Vec2 u) const;
-  BsdfSample SampleSmooth(float* lobe) const;
+  bool IsDiffuseOnly() const { return p_diffuse_ >= 1 && cover_f90_ <= 0; }
+  BsdfValue EvaluateDiffuse(Vec3 wi_world, float* pdf) const;
+  BsdfSample SampleDiffuse(Vec2 u) const;
+  BsdfSample SampleFacets(float lobe, Vec2 u) const;
+  BsdfSample SampleSmooth(float lobe) const;
   BsdfSample Reflection(const Split& split) const;
   BsdfSample Transmission(const Split& split) const;
   BsdfSample SampleCoat(Vec2 u) const;
@@ -136,7 +143,7 @@ class Bsdf {
   const AlbedoTable* table_;
   Frame frame_;
   Vec3 geometric_;
-  Vec3 wo_;  // local
+  Vec3 wo_;  // local; not set where there is nothing but a diffuse lobe
   Vec3 diffuse_albedo_ = {0, 0, 0};
 
   // The facets: Schlick's reflection of metal and of what covers the diffuse base, and glass.

@@ -3,7 +3,6 @@
 #include <embree3/rtcore.h>
 
 #include <algorithm>
-#include <mutex>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -11,7 +10,6 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/mix_bits.h"
 #include "filter/image/parallel.h"
-#include "filter/image/mix_bits.h"
 #include "worker/render/opacity.h"
 
 namespace lumifold::render {
@@ -29,30 +27,6 @@ using Device = std::unique_ptr<RTCDeviceTy, Release>;
 using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
 using Geometry = std::unique_ptr<RTCGeometryTy, Release>;
 
-/// Holds the process to one build at a time and to one thread in it. A device of one thread holds all that
-/// uses TBB in this process to one thread as long as the device lives, the filter too; a second device that
-/// allows more lifts that limit, and must be away while something is built.
-class BuildLock {
- public:
-  BuildLock() : lock_(Mutex()) { Allowance().reset(); }
-  ~BuildLock() { Allowance().reset(rtcNewDevice("threads=512,set_affinity=0")); }
-
-  BuildLock(const BuildLock&) = delete;
-  BuildLock& operator=(const BuildLock&) = delete;
-
- private:
-  static std::mutex& Mutex() {
-    static std::mutex mutex;
-    return mutex;
-  }
-  static Device& Allowance() {
-    static Device device;
-    return device;
-  }
-
-  std::scoped_lock<std::mutex> lock_;
-};
-
 RTCRay EmbreeRay(const Ray& ray) {
   RTCRay r = {};
   r.org_x = ray.origin.x;
@@ -65,6 +39,38 @@ RTCRay EmbreeRay(const Ray& ray) {
   r.mask = ~0u;
   return r;
 }
+
+/// Rays as Embree takes them together. Its own names for 8 are used as they stand.
+static_assert(EmbreeScene::kPacket == 8);
+struct alignas(32) Packet {
+  int valid[EmbreeScene::kPacket];
+  RTCRayHit8 query;
+
+  explicit Packet(std::span<const Ray> rays) {
+    for (size_t i = 0; i < EmbreeScene::kPacket; ++i) {
+      valid[i] = i < rays.size() ? -1 : 0;
+      Set(i, rays[i < rays.size() ? i : 0]);
+    }
+  }
+
+ private:
+  void Set(size_t i, const Ray& ray) {
+    query.ray.org_x[i] = ray.origin.x;
+    query.ray.org_y[i] = ray.origin.y;
+    query.ray.org_z[i] = ray.origin.z;
+    query.ray.tnear[i] = 0;
+    query.ray.dir_x[i] = ray.direction.x;
+    query.ray.dir_y[i] = ray.direction.y;
+    query.ray.dir_z[i] = ray.direction.z;
+    query.ray.time[i] = 0;
+    query.ray.tfar[i] = ray.max_distance;
+    query.ray.mask[i] = ~0u;
+    query.ray.id[i] = static_cast<unsigned>(i);
+    query.ray.flags[i] = 0;
+    query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+    query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+  }
+};
 
 /// A hit as the scene names it. At a baked mesh the instance is the geometry's id.
 Hit HitOf(const scene::Scene& scene, const RTCHit& embree, float distance) {
@@ -90,23 +96,35 @@ Hit HitOf(const scene::Scene& scene, const RTCHit& embree, float distance) {
 struct QueryContext {
   RTCIntersectContext embree;
   const scene::Scene* scene;
-  uint64_t chance;
+  std::span<const Ray> rays;  // a ray's id is its place here
   Veils* veils = nullptr;     // gathers all hits, of which none then ends the ray,
   const Hit* last = nullptr;  // beyond this one
 
-  QueryContext(const scene::Scene* s, const Ray& ray) : scene(s), chance(ray.chance) {
+  QueryContext(const scene::Scene* s, std::span<const Ray> r) : scene(s), rays(r) {
     rtcInitIntersectContext(&embree);
+    if (rays.size() > 1) embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   }
 };
 
-const QueryContext& ContextOf(const RTCFilterFunctionNArguments* arguments) {
-  return *reinterpret_cast<const QueryContext*>(arguments->context);
-}
+/// A hit that a filter is to judge, and its ray's chance.
+struct Candidate {
+  const QueryContext& context;
+  uint64_t chance;
+  Hit hit;
+};
 
-/// The hit that a filter is to judge.
-Hit CandidateOf(const RTCFilterFunctionNArguments* arguments) {
-  return HitOf(*ContextOf(arguments).scene, rtcGetHitFromHitN(arguments->hit, 1, 0),
-               RTCRayN_tfar(arguments->ray, 1, 0));
+/// Takes away the hits that lie in what `passes(Candidate)`.
+template <typename Passes>
+void PassWhere(const RTCFilterFunctionNArguments* arguments, Passes passes) {
+  const auto& context = *reinterpret_cast<const QueryContext*>(arguments->context);
+  const unsigned count = arguments->N;
+  for (unsigned i = 0; i < count; ++i) {
+    if (arguments->valid[i] == 0) continue;
+    const Hit hit = HitOf(*context.scene, rtcGetHitFromHitN(arguments->hit, count, i),
+                          RTCRayN_tfar(arguments->ray, count, i));
+    const uint64_t chance = context.rays[RTCRayN_id(arguments->ray, count, i)].chance;
+    if (passes(Candidate{context, chance, hit})) arguments->valid[i] = 0;
+  }
 }
 
 float OpacityOf(const scene::Scene& scene, const Hit& hit) {
@@ -114,11 +132,12 @@ float OpacityOf(const scene::Scene& scene, const Hit& hit) {
 }
 
 /// The same answer whenever a ray of this chance asks about this triangle: Embree may ask twice.
-bool IsMet(const QueryContext& context, const Hit& hit) {
-  const float opacity = OpacityOf(*context.scene, hit);
+bool IsMet(const Candidate& candidate) {
+  const Hit& hit = candidate.hit;
+  const float opacity = OpacityOf(*candidate.context.scene, hit);
   if (opacity >= 1 || opacity <= 0) return opacity >= 1;
   const uint64_t place = (static_cast<uint64_t>(static_cast<uint32_t>(hit.instance)) << 32) | hit.triangle;
-  const uint64_t bits = MixBits(MixBits(context.chance) ^ MixBits(~place));
+  const uint64_t bits = MixBits(MixBits(candidate.chance) ^ MixBits(~place));
   return static_cast<float>(bits >> 40) * 0x1p-24f < opacity;
 }
 
@@ -139,26 +158,29 @@ void Insert(const Hit& hit, Veils* veils) {
 }
 
 void MeetOrGather(const RTCFilterFunctionNArguments* arguments) {
-  const QueryContext& context = ContextOf(arguments);
-  const Hit hit = CandidateOf(arguments);
-  if (context.veils == nullptr) {
-    if (!IsMet(context, hit)) arguments->valid[0] = 0;
-    return;
-  }
-  if (context.last == nullptr || LiesBefore(*context.last, hit)) Insert(hit, context.veils);
-  arguments->valid[0] = 0;
+  PassWhere(arguments, [](const Candidate& candidate) {
+    const QueryContext& context = candidate.context;
+    if (context.veils == nullptr) return !IsMet(candidate);
+    if (context.last == nullptr || LiesBefore(*context.last, candidate.hit))
+      Insert(candidate.hit, context.veils);
+    return true;
+  });
 }
 
 void PassHoles(const RTCFilterFunctionNArguments* arguments) {
-  if (OpacityOf(*ContextOf(arguments).scene, CandidateOf(arguments)) <= 0) arguments->valid[0] = 0;
+  PassWhere(arguments, [](const Candidate& candidate) {
+    return OpacityOf(*candidate.context.scene, candidate.hit) <= 0;
+  });
 }
 
-void PassAll(const RTCFilterFunctionNArguments* arguments) { arguments->valid[0] = 0; }
+void PassAll(const RTCFilterFunctionNArguments* arguments) {
+  PassWhere(arguments, [](const Candidate&) { return true; });
+}
 
 class EmbreeSceneImpl final : public EmbreeScene {
  public:
   Hit Intersect(const Ray& ray) const override {
-    QueryContext context(scene_, ray);
+    QueryContext context(scene_, {&ray, 1});
     RTCRayHit query = {EmbreeRay(ray), {}};
     Trace(world_.get(), &query, &context);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
@@ -166,16 +188,35 @@ class EmbreeSceneImpl final : public EmbreeScene {
   }
 
   bool IsOccluded(const Ray& ray) const override {
-    QueryContext context(scene_, ray);
+    QueryContext context(scene_, {&ray, 1});
     RTCRay query = EmbreeRay(ray);
     rtcOccluded1(world_.get(), &context.embree, &query);
     return query.tfar < 0;
   }
 
+  void IntersectTogether(std::span<const Ray> rays, std::span<Hit> hits) const override {
+    QueryContext context(scene_, rays);
+    Packet packet(rays);
+    rtcIntersect8(packet.valid, world_.get(), &context.embree, &packet.query);
+    for (unsigned i = 0; i < rays.size(); ++i) {
+      hits[i] = packet.query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID
+                    ? Hit{}
+                    : HitOf(*scene_, rtcGetHitFromHitN(reinterpret_cast<RTCHitN*>(&packet.query.hit), 8, i),
+                            packet.query.ray.tfar[i]);
+    }
+  }
+
+  void AreOccludedTogether(std::span<const Ray> rays, std::span<bool> occluded) const override {
+    QueryContext context(scene_, rays);
+    Packet packet(rays);
+    rtcOccluded8(packet.valid, world_.get(), &context.embree, &packet.query.ray);
+    for (size_t i = 0; i < rays.size(); ++i) occluded[i] = packet.query.ray.tfar[i] < 0;
+  }
+
   Veils VeilsOn(const Ray& ray, const Hit* last) const override {
     constexpr float kJustBefore = 1.0f - 0x1p-20f;  // Embree leaves out what lies exactly where a ray begins
     Veils veils;
-    QueryContext context(scene_, ray);
+    QueryContext context(scene_, {&ray, 1});
     context.veils = &veils;
     context.last = last;
     RTCRayHit query = {EmbreeRay(ray), {}};
@@ -187,7 +228,6 @@ class EmbreeSceneImpl final : public EmbreeScene {
   explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene), builder_(MakeTaskPool(1)) {}
 
   absl::Status Build() {
-    const BuildLock lock;
     const scene::Scene& scene = *scene_;
     const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
     device_.reset(rtcNewDevice(config.c_str()));

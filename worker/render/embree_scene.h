@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <span>
 
 #include "absl/status/statusor.h"
 #include "worker/scene/scene.h"
@@ -61,6 +62,13 @@ class EmbreeScene {
 
   /// Whether anything lies on the ray before its max_distance that is no veil (Openness).
   virtual bool IsOccluded(const Ray& ray) const = 0;
+
+  /// How many rays can be traced together.
+  static constexpr size_t kPacket = 8;
+  /// The same of up to kPacket rays, much faster where they lie side by side. Which of two triangles at equal
+  /// distance is met may depend on the ray's company.
+  virtual void IntersectTogether(std::span<const Ray> rays, std::span<Hit> hits) const = 0;
+  virtual void AreOccludedTogether(std::span<const Ray> rays, std::span<bool> occluded) const = 0;
 
   bool HasVeils() const { return has_veils_; }
   /// The veils on the ray before its max_distance, whatever their opacity, from the nearest on (at equal

@@ -20,6 +20,9 @@ static_assert(kGrid * kGrid == kSubSamples);
 /// The sub-samples that are traced first: one in each row, column and quadrant of the grid, and so that their
 /// points on the lens are too.
 constexpr std::array<int, 4> kFirst = {0, 7, 9, 14};
+/// Those that edges need as well.
+constexpr std::array<int, 12> kOthers = {1, 2, 3, 4, 5, 6, 8, 10, 11, 12, 13, 15};
+static_assert(kFirst.size() + kOthers.size() == kSubSamples);
 
 /// Where the ray of a sub-sample passes the lens: the centres of another 4x4 grid, each once, so that every
 /// row and every column of sub-samples sees every row and every column of it (two orthogonal Latin squares,
@@ -162,7 +165,7 @@ class GeometryUnit {
   /// From x0_ on; empty outside of the frame.
   using Row = std::vector<Pixel>;
 
-  GeometrySample Trace(int x, int y, int sub_sample) const {
+  Ray RayOf(int x, int y, int sub_sample) const {
     const float dx = (static_cast<float>(sub_sample % kGrid) + 0.5f) / kGrid;
     const float dy = (static_cast<float>(sub_sample / kGrid) + 0.5f) / kGrid;
     Ray ray = camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy,
@@ -170,7 +173,17 @@ class GeometryUnit {
     // Alike in all frames, so that what is half transparent does not flicker.
     const int64_t pixel = static_cast<int64_t>(y) * frame_.width() + x;
     ray.chance = Sampler(0, 0, pixel, static_cast<uint32_t>(sub_sample)).Key(kCameraPair);
-    return tracer_.TraceGeometry(ray);
+    return ray;
+  }
+
+  /// Traces some of a pixel's sub-samples, in packets that know nothing of other pixels.
+  void Trace(int x, int y, std::span<const int> sub_samples, std::span<GeometrySample> out) const {
+    std::array<Ray, PathTracer::kPacket> rays;
+    for (size_t first = 0; first < sub_samples.size(); first += rays.size()) {
+      const size_t count = std::min(rays.size(), sub_samples.size() - first);
+      for (size_t i = 0; i < count; ++i) rays[i] = RayOf(x, y, sub_samples[first + i]);
+      tracer_.TraceGeometry({rays.data(), count}, out.subspan(first, count));
+    }
   }
 
   Row FirstLook(int y) const {
@@ -179,7 +192,7 @@ class GeometryUnit {
     row.resize(static_cast<size_t>(x1_ - x0_));
     for (int x = x0_; x < x1_; ++x) {
       Pixel& pixel = row[static_cast<size_t>(x - x0_)];
-      for (size_t i = 0; i < kFirst.size(); ++i) pixel.samples[i] = Trace(x, y, kFirst[i]);
+      Trace(x, y, kFirst, pixel.samples);
       const Ray centre =
           camera_.RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
       pixel.probe = ProbeOf(pixel.samples, centre);
@@ -200,12 +213,11 @@ class GeometryUnit {
   }
 
   void StoreEdge(int x, int y, const Pixel& pixel) {
+    std::array<GeometrySample, kOthers.size()> others;
+    Trace(x, y, kOthers, others);
     std::array<GeometrySample, kSubSamples> samples;
-    for (int i = 0; i < kSubSamples; ++i) {
-      const auto first = std::find(kFirst.begin(), kFirst.end(), i);
-      samples[static_cast<size_t>(i)] =
-          first != kFirst.end() ? pixel.samples[static_cast<size_t>(first - kFirst.begin())] : Trace(x, y, i);
-    }
+    for (size_t i = 0; i < kFirst.size(); ++i) samples[static_cast<size_t>(kFirst[i])] = pixel.samples[i];
+    for (size_t i = 0; i < kOthers.size(); ++i) samples[static_cast<size_t>(kOthers[i])] = others[i];
     picture_.Store(x - rect_.x0, y - rect_.y0, samples, camera_);
     edges_.Add(x, y, samples);
   }

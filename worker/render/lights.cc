@@ -42,12 +42,6 @@ double SceneRadius(const scene::Scene& scene) {
 
 }  // namespace
 
-Vec3 Emission(const Material& material, const TextureSampler& textures, const Vec2 uv[2]) {
-  if (material.emission_texture.texture == scene::kNone) return material.emission;
-  const scene::Vec4 t = textures.Sample(material.emission_texture, uv, /*srgb=*/true);
-  return material.emission * Vec3{t.x, t.y, t.z};
-}
-
 /// Luminances of all that each light radiates.
 struct LightSet::Powers {
   std::vector<double> finite;    // in the order of emitters: triangles, points
@@ -97,7 +91,9 @@ void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSa
   first_of_instance_[index] = static_cast<int64_t>(triangles_.size());
   for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
     AddTriangle(mesh, t, instance.world_from_object, brightness, powers);
-    triangles_.back().material = &material;
+    triangles_.back().radiance = material.emission;
+    triangles_.back().double_sided = material.double_sided;
+    if (material.emission_texture.texture != scene::kNone) triangles_.back().textured = &material;
     if (material.alpha_mode != scene::AlphaMode::kOpaque) triangles_.back().veiled = &mesh;
     triangles_.back().number = static_cast<uint32_t>(t / 3);
   }
@@ -161,7 +157,7 @@ EmitterBounds LightSet::BoundsOf(uint32_t emitter, double power) const {
     include(light.corner + light.edge1);
     include(light.corner + light.edge2);
     bounds.axis = light.normal;
-    bounds.both_sides = light.material->double_sided;
+    bounds.both_sides = light.double_sided;
     return bounds;
   }
   const PunctualEmitter& light = points_[emitter - triangles_.size()];
@@ -197,16 +193,20 @@ LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) c
   const float b1 = root * (1.0f - u.y);
   const float b2 = root * u.y;
   LightSample sample;
-  sample.position = light.corner + light.edge1 * b1 + light.edge2 * b2;
-  const Vec3 to_light = sample.position - from;
+  const Vec3 to_light = light.corner + light.edge1 * b1 + light.edge2 * b2 - from;
   const float distance2 = LengthSquared(to_light);
   if (distance2 <= 0) return sample;
-  sample.direction = to_light / std::sqrt(distance2);
+  sample.distance = std::sqrt(distance2);
+  sample.direction = to_light * (1.0f / sample.distance);
   const float cosine = -Dot(sample.direction, light.normal);
-  if (cosine == 0 || (cosine < 0 && !light.material->double_sided)) return sample;
+  if (cosine == 0 || (cosine < 0 && !light.double_sided)) return sample;
   sample.pdf = light.inverse_area * distance2 / std::abs(cosine);
-  const Vec2 uv[2] = {Interpolate(light.uv[0], b1, b2), Interpolate(light.uv[1], b1, b2)};
-  sample.radiance = Emission(*light.material, *textures_, uv);
+  sample.radiance = light.radiance;
+  if (light.textured != nullptr) {
+    const Vec2 uv[2] = {Interpolate(light.uv[0], b1, b2), Interpolate(light.uv[1], b1, b2)};
+    const scene::Vec4 t = textures_->Sample(light.textured->emission_texture, uv, /*srgb=*/true);
+    sample.radiance *= Vec3{t.x, t.y, t.z};
+  }
   // A ray meets it with its opacity as probability; here that is a factor.
   if (light.veiled != nullptr) sample.radiance *= OpacityAt(*scene_, *light.veiled, light.number, b1, b2);
   return sample;
@@ -215,10 +215,10 @@ LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) c
 LightSample LightSet::SamplePunctual(const PunctualEmitter& light, Vec3 from) const {
   LightSample sample;
   sample.without_size = true;
-  sample.position = light.position();
-  const Vec3 to_light = sample.position - from;
+  const Vec3 to_light = light.position() - from;
   const float distance = Length(to_light);
   if (distance <= 0) return sample;
+  sample.distance = distance;
   sample.direction = to_light / distance;
   sample.radiance = light.Irradiance(sample.direction, distance);
   sample.pdf = 1;
@@ -227,7 +227,6 @@ LightSample LightSet::SamplePunctual(const PunctualEmitter& light, Vec3 from) co
 
 LightSample LightSet::SampleInfinite(float pick, Vec2 u) const {
   LightSample sample;
-  sample.infinite = true;
   const uint32_t index = infinite_.Pick(pick);
   const float probability = (1.0f - finite_share_) * infinite_.Probability(index);
   if (index < suns_.size()) {

@@ -19,10 +19,9 @@ namespace lumifold::render {
 /// point.
 struct LightSample {
   scene::Vec3 direction;  // unit, towards the light
-  scene::Vec3 position;   // of the point; where `infinite` it means nothing
   scene::Vec3 radiance;   // that arrives; of a light without size the irradiance across `direction`
   float pdf = 0;          // per steradian; of a light without size its probability; 0: nothing was drawn
-  bool infinite = false;
+  float distance = std::numeric_limits<float>::infinity();
   bool without_size = false;  // no ray hits it by chance
 };
 
@@ -58,11 +57,13 @@ class LightSet {
     scene::Vec3 edge1;
     scene::Vec3 edge2;
     scene::Vec3 normal;
-    scene::Vec2 uv[2][3];  // [set][corner]
-    const scene::Material* material = nullptr;
-    const scene::Mesh* veiled = nullptr;  // where the material is not opaque: its mesh,
-    uint32_t number = 0;                  // and the triangle's number there
-    float inverse_area = 0;               // 0: no area
+    float inverse_area = 0;  // 0: no area
+    scene::Vec3 radiance;    // texture left out
+    bool double_sided = false;
+    const scene::Material* textured = nullptr;  // its material, where that has an emission texture
+    const scene::Mesh* veiled = nullptr;        // where the material is not opaque: its mesh,
+    uint32_t number = 0;                        // and the triangle's number there
+    scene::Vec2 uv[2][3];                       // [set][corner]
   };
   struct Powers;
 
@@ -91,9 +92,5 @@ class LightSet {
   float finite_share_ = 0;  // of the samples
   float sky_share_ = 0;
 };
-
-/// What a material radiates at uv.
-scene::Vec3 Emission(const scene::Material& material, const TextureSampler& textures,
-                     const scene::Vec2 uv[2]);
 
 }  // namespace lumifold::render

@@ -60,9 +60,8 @@ void PathTracer::FollowChainGeometry(const Ray& camera_ray, const Surface& first
   }
 }
 
-GeometrySample PathTracer::TraceGeometry(const Ray& ray) const {
+GeometrySample PathTracer::GeometryAt(const Ray& ray, const Hit& hit) const {
   GeometrySample out;
-  const Hit hit = embree_->Intersect(ray);
   if (hit.IsMiss()) {
     out.emitted = EmittedOnMiss(ray.direction, 0);
     return out;
@@ -82,6 +81,12 @@ GeometrySample PathTracer::TraceGeometry(const Ray& ray) const {
   FollowChainGeometry(ray, surface, bsdf.PerfectReflection(), &out);
   FollowChainGeometry(ray, surface, bsdf.PerfectTransmission(), &out);
   return out;
+}
+
+void PathTracer::TraceGeometry(std::span<const Ray> rays, std::span<GeometrySample> out) const {
+  std::array<Hit, kPacket> hits;
+  embree_->IntersectTogether(rays, hits);
+  for (size_t i = 0; i < rays.size(); ++i) out[i] = GeometryAt(rays[i], hits[i]);
 }
 
 }  // namespace lumifold::render

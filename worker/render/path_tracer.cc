@@ -27,12 +27,9 @@ LightReceiver ReceiverAt(const Surface& surface) { return {surface.position, sur
 
 /// The ray that is free where the light reaches the surface.
 Ray ShadowRay(const Surface& surface, const LightSample& sample) {
-  const Vec3 origin = surface.Offset(sample.direction);
-  if (sample.infinite) return {origin, sample.direction};
   constexpr float kStopShort = 1.0f - 0x1p-12f;  // the light itself must not be in its own way
-  const Vec3 segment = sample.position - origin;
-  const float length = Length(segment);
-  return {origin, segment / length, length * kStopShort};
+  const float distance = sample.distance * kStopShort - surface.epsilon;
+  return {surface.Offset(sample.direction), sample.direction, std::max(distance, 0.0f)};
 }
 
 /// Beer's law along `distance` metres inside a volume.
@@ -43,16 +40,14 @@ Vec3 Attenuation(const scene::Material& material, float distance) {
   return {Pow(c.x, lengths), Pow(c.y, lengths), Pow(c.z, lengths)};
 }
 
-/// Russian roulette: ends the path by chance where `seen`, its throughput after the step, is low, and makes
-/// up for it in the paths that live on.
-void Roulette(Vec3 seen, BsdfSample* step) {
+/// Russian roulette before a step: ends the path by chance where `seen`, about its throughput after the step,
+/// is low; gives the probability that it lives on, which the step's weight is to be divided by, and 0 where
+/// it has ended. `number` decides, and is random in [0, 1) again afterwards.
+float Survive(Vec3 seen, float* number) {
   const float survive = std::min(1.0f, MaxComponent(seen));
-  if (step->spare >= survive) {
-    step->valid = false;
-    return;
-  }
-  step->weight.diffuse /= survive;
-  step->weight.specular = step->weight.specular / survive;
+  if (*number >= survive) return 0;
+  *number = std::min(*number / survive, 0x1.fffffep-1f);
+  return survive;
 }
 
 /// Writes a lobe's radiance as G and S; channels without S are left to the tail.
@@ -86,6 +81,15 @@ class PathTracer::Numbers {
   uint32_t first_pair_;
 };
 
+/// What a light that was drawn sends to a surface, and how that scatters it to the viewer.
+struct PathTracer::Connection {
+  BsdfValue value;
+  Vec3 light;  // black: there is none
+  Ray ray;     // that must be free
+
+  bool IsDark() const { return MaxComponent(light) <= 0; }
+};
+
 /// A path's next ray, where the path last scattered, clear panes apart, and the density its direction was
 /// drawn with there; 0 where it was not by chance.
 struct PathTracer::Departure {
@@ -114,6 +118,21 @@ struct PathTracer::Scattering {
   BsdfSample event;
 };
 
+/// Where a camera ray ends, and the light drawn there.
+struct PathTracer::FirstSurface {
+  Surface surface;
+  Bsdf bsdf;
+  Connection connection;
+  float lobe;  // the random number that chooses how the path goes on
+
+  FirstSurface(const PathTracer& tracer, const Hit& hit, const Ray& ray, const Numbers& numbers)
+      : surface(tracer.surfaces_.Read(hit, ray)), bsdf(tracer.MakeBsdf(surface, -ray.direction)) {
+    const Vec2 light_and_lobe = numbers.Get(0, kLightAndLobe);
+    connection = tracer.DrawLight(surface, bsdf, light_and_lobe.x, numbers, 0);
+    lobe = light_and_lobe.y;
+  }
+};
+
 PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
                        std::shared_ptr<const Environment> environment, int max_bounces,
                        LightStrategy strategy)
@@ -127,6 +146,8 @@ PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
       strategy_(strategy) {}
 
 Bsdf PathTracer::MakeBsdf(const Surface& surface, Vec3 wo) const {
+  if (surface.values != nullptr)
+    return {*surface.values, albedo_table_, surface.normal, surface.geometric, wo};
   return {surfaces_.Shade(surface), albedo_table_, surface.normal, surface.geometric, wo};
 }
 
@@ -135,21 +156,42 @@ float PathTracer::MisWeight(LightStrategy own_strategy, float own, float other) 
   return strategy_ == own_strategy ? 1.0f : 0.0f;
 }
 
-BsdfValue PathTracer::ConnectToLight(const Surface& surface, const Bsdf& bsdf, float pick, Vec2 u,
-                                     Vec3* light) const {
-  if (lights_.IsEmpty() || !bsdf.HasSmoothLobe()) return {};
-  const LightSample sample = lights_.Sample(ReceiverAt(surface), pick, u);
-  if (sample.pdf <= 0 || MaxComponent(sample.radiance) <= 0) return {};
+PathTracer::Connection PathTracer::DrawLight(const Surface& surface, const Bsdf& bsdf, float pick,
+                                             const Numbers& numbers, int bounce) const {
+  Connection out;
+  if (lights_.IsEmpty() || !bsdf.HasSmoothLobe()) return out;
+  const LightSample sample = lights_.Sample(ReceiverAt(surface), pick, numbers.Get(bounce, kLightPoint));
+  if (sample.pdf <= 0) return out;
   float bsdf_pdf = 0;
-  BsdfValue value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
-  if (value.diffuse <= 0 && MaxComponent(value.specular) <= 0) return {};
+  out.value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
+  if (out.value.diffuse <= 0 && MaxComponent(out.value.specular) <= 0) return out;
   const float weight =
       sample.without_size ? 1.0f : MisWeight(LightStrategy::kLightSamples, sample.pdf, bsdf_pdf);
-  if (weight <= 0) return {};
-  const Vec3 through = visibility_.Transmittance(ShadowRay(surface, sample));
-  if (MaxComponent(through) <= 0) return {};
-  *light = sample.radiance * through * (weight / sample.pdf);
-  return value;
+  out.light = sample.radiance * (weight / sample.pdf);
+  out.ray = ShadowRay(surface, sample);
+  return out;
+}
+
+PathTracer::Connection PathTracer::ConnectToLight(const Surface& surface, const Bsdf& bsdf, float pick,
+                                                  const Numbers& numbers, int bounce) const {
+  Connection out = DrawLight(surface, bsdf, pick, numbers, bounce);
+  if (!out.IsDark()) out.light *= visibility_.Transmittance(out.ray);
+  return out;
+}
+
+void PathTracer::Shadow(FirstSurfaces* surfaces) const {
+  std::array<Connection*, kPacket> lit;
+  std::array<Ray, kPacket> rays;
+  size_t count = 0;
+  for (std::optional<FirstSurface>& first : *surfaces) {
+    if (!first.has_value() || first->connection.IsDark()) continue;
+    rays[count] = first->connection.ray;
+    lit[count++] = &first->connection;
+  }
+  if (count == 0) return;
+  std::array<Vec3, kPacket> through;
+  visibility_.Transmittances({rays.data(), count}, through);
+  for (size_t i = 0; i < count; ++i) lit[i]->light *= through[i];
 }
 
 Vec3 PathTracer::EmittedOnHit(const LightReceiver& from, const Surface& surface, const Hit& hit,
@@ -192,14 +234,16 @@ PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
 
     const Bsdf bsdf = MakeBsdf(surface, -next.ray.direction);
     const Vec2 light_and_lobe = numbers.Get(bounce, kLightAndLobe);
-    Vec3 light;
-    const BsdfValue value =
-        ConnectToLight(surface, bsdf, light_and_lobe.x, numbers.Get(bounce, kLightPoint), &light);
-    tail.longer += throughput * TotalOf(value, bsdf.DiffuseAlbedo()) * light;
+    const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, numbers, bounce);
+    tail.longer += throughput * TotalOf(connection.value, bsdf.DiffuseAlbedo()) * connection.light;
 
-    BsdfSample step = bsdf.Sample(light_and_lobe.y, numbers.Get(bounce, kDirection));
-    if (step.valid && bounce >= kFirstRouletteBounce)
-      Roulette(visible * throughput * TotalOf(step.weight, bsdf.DiffuseAlbedo()), &step);
+    float lobe = light_and_lobe.y;
+    if (bounce >= kFirstRouletteBounce) {
+      const float survive = Survive(visible * throughput * bsdf.Albedo(), &lobe);
+      if (survive <= 0) return tail;
+      throughput *= 1.0f / survive;
+    }
+    const BsdfSample step = bsdf.Sample(lobe, numbers.Get(bounce, kDirection));
     if (!step.valid) return tail;
     throughput *= TotalOf(step.weight, bsdf.DiffuseAlbedo());
     const uint64_t chance = numbers.Chance(bounce);
@@ -213,20 +257,20 @@ PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
   }
 }
 
-PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& bsdf, int bounce, Vec3 visible,
+PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& bsdf,
+                                           const Connection& connection, float lobe, int bounce, Vec3 visible,
                                            const Numbers& numbers) const {
   Scattering out;
   const Vec3 albedo = bsdf.DiffuseAlbedo();
-  const Vec2 light_and_lobe = numbers.Get(bounce, kLightAndLobe);
-  Vec3 light;
-  const BsdfValue value =
-      ConnectToLight(surface, bsdf, light_and_lobe.x, numbers.Get(bounce, kLightPoint), &light);
-  out.direct = light * value.diffuse;
-  out.specular = light * value.specular;
-  out.total = light * TotalOf(value, albedo);
+  out.direct = connection.light * connection.value.diffuse;
+  out.specular = connection.light * connection.value.specular;
+  out.total = connection.light * TotalOf(connection.value, albedo);
 
-  BsdfSample step = bsdf.Sample(light_and_lobe.y, numbers.Get(bounce, kDirection));
-  if (step.valid && bounce >= kFirstRouletteBounce) Roulette(visible * TotalOf(step.weight, albedo), &step);
+  const float survive = bounce >= kFirstRouletteBounce ? Survive(visible * bsdf.Albedo(), &lobe) : 1.0f;
+  if (survive <= 0) return out;
+  BsdfSample step = bsdf.Sample(lobe, numbers.Get(bounce, kDirection));
+  step.weight.diffuse /= survive;
+  step.weight.specular = step.weight.specular / survive;
   if (step.specular_event) out.event = step;
   if (step.specular_event || !step.valid) return out;
   const Vec3 weight = TotalOf(step.weight, albedo);
@@ -260,7 +304,9 @@ void PathTracer::FollowChain(const Surface& first, const BsdfSample& event, Vec3
     if (depth > max_bounces_) return;
 
     const Bsdf bsdf = MakeBsdf(surface, -next.ray.direction);
-    const Scattering light = Scatter(surface, bsdf, depth, throughput, numbers);
+    const Vec2 light_and_lobe = numbers.Get(depth, kLightAndLobe);
+    const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, numbers, depth);
+    const Scattering light = Scatter(surface, bsdf, connection, light_and_lobe.y, depth, throughput, numbers);
     level.has_diffuse = bsdf.HasDiffuse();
     level.albedo = throughput * bsdf.DiffuseAlbedo();
     level.direct = light.direct;
@@ -277,20 +323,23 @@ void PathTracer::FollowChain(const Surface& first, const BsdfSample& event, Vec3
   out->combined += radiance;
 }
 
-void PathTracer::Trace(const Ray& camera_ray, const Sampler& sampler, LayerSample* out) const {
-  out->Clear();
-  Ray ray = camera_ray;
-  ray.chance = sampler.Key(kCameraPair);
-  const Hit hit = embree_->Intersect(ray);
-  if (hit.IsMiss()) {
-    out->emitted = EmittedOnMiss(ray.direction, 0);
-    out->combined = out->emitted;
-    return;
+PathTracer::FirstSurfaces PathTracer::Meet(std::span<const Ray> rays,
+                                           std::span<const Sampler> samplers) const {
+  std::array<Hit, kPacket> hits;
+  embree_->IntersectTogether(rays, hits);
+  FirstSurfaces surfaces;
+  for (size_t i = 0; i < rays.size(); ++i) {
+    if (!hits[i].IsMiss()) surfaces[i].emplace(*this, hits[i], rays[i], Numbers(samplers[i]));
   }
-  const Surface surface = surfaces_.Read(hit, ray);
-  const Bsdf bsdf = MakeBsdf(surface, -ray.direction);
+  Shadow(&surfaces);
+  return surfaces;
+}
+
+void PathTracer::TraceFrom(const FirstSurface& first, const Sampler& sampler, LayerSample* out) const {
+  const Surface& surface = first.surface;
+  const Bsdf& bsdf = first.bsdf;
   const Numbers numbers(sampler);
-  const Scattering light = Scatter(surface, bsdf, 0, {1, 1, 1}, numbers);
+  const Scattering light = Scatter(surface, bsdf, first.connection, first.lobe, 0, {1, 1, 1}, numbers);
   out->emitted = surfaces_.Emitted(surface);
   out->albedo = bsdf.DiffuseAlbedo();
   out->direct = light.direct;
@@ -313,11 +362,38 @@ void PathTracer::Trace(const Ray& camera_ray, const Sampler& sampler, LayerSampl
   }
 }
 
-Vec3 PathTracer::TraceRadiance(const Ray& camera_ray, const Sampler& sampler) const {
-  Ray ray = camera_ray;
-  ray.chance = sampler.Key(kCameraPair);
-  const Tail all = TraceTail(Departure(ray), 0, {1, 1, 1}, Numbers(sampler));
-  return all.one_step + all.longer;
+void PathTracer::Trace(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                       std::span<LayerSample> out) const {
+  const FirstSurfaces surfaces = Meet(rays, samplers);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    out[i].Clear();
+    if (surfaces[i].has_value()) {
+      TraceFrom(*surfaces[i], samplers[i], &out[i]);
+    } else {
+      out[i].emitted = EmittedOnMiss(rays[i].direction, 0);
+      out[i].combined = out[i].emitted;
+    }
+  }
+}
+
+Vec3 PathTracer::RadianceFrom(const FirstSurface& first, const Sampler& sampler) const {
+  const Numbers numbers(sampler);
+  const Scattering light =
+      Scatter(first.surface, first.bsdf, first.connection, first.lobe, 0, {1, 1, 1}, numbers);
+  const Vec3 radiance = surfaces_.Emitted(first.surface) + light.total;
+  if (!light.event.valid) return radiance;
+  const Vec3 weight = light.event.weight.specular;
+  const Tail tail = TraceTail(Departure(first.surface, light.event, numbers.Chance(0)), 1, weight, numbers);
+  return radiance + weight * (tail.one_step + tail.longer);
+}
+
+void PathTracer::TraceRadiance(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                               std::span<Vec3> out) const {
+  const FirstSurfaces surfaces = Meet(rays, samplers);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    out[i] = surfaces[i].has_value() ? RadianceFrom(*surfaces[i], samplers[i])
+                                     : EmittedOnMiss(rays[i].direction, 0);
+  }
 }
 
 }  // namespace lumifold::render

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <array>
 #include <memory>
+#include <optional>
+#include <span>
 
 #include "worker/render/bsdf.h"
 #include "worker/render/embree_scene.h"
@@ -43,26 +46,39 @@ class PathTracer {
              std::shared_ptr<const Environment> environment, int max_bounces,
              LightStrategy strategy = LightStrategy::kCombined);
 
-  /// Traces one sample; `out` is written over.
-  void Trace(const Ray& camera_ray, const Sampler& sampler, LayerSample* out) const;
-  /// The sample's radiance alone, glass followed one way like all else: an estimate of the same picture.
-  Vec3 TraceRadiance(const Ray& camera_ray, const Sampler& sampler) const;
-  /// `ray` has its chance.
-  GeometrySample TraceGeometry(const Ray& ray) const;
+  /// How many samples can be traced together.
+  static constexpr size_t kPacket = EmbreeScene::kPacket;
+
+  /// Traces up to kPacket samples; `out` is written over. The rays have their chance.
+  void Trace(std::span<const Ray> rays, std::span<const Sampler> samplers, std::span<LayerSample> out) const;
+  /// The samples' radiance alone, glass followed one way like all else: estimates of the same picture.
+  void TraceRadiance(std::span<const Ray> rays, std::span<const Sampler> samplers, std::span<Vec3> out) const;
+  /// What up to kPacket rays meet; they have their chance.
+  void TraceGeometry(std::span<const Ray> rays, std::span<GeometrySample> out) const;
 
   bool HasLights() const { return !lights_.IsEmpty(); }
 
  private:
   class Numbers;
+  struct Connection;
   struct Departure;
+  struct FirstSurface;
   struct Tail;
   struct Scattering;
+  using FirstSurfaces = std::array<std::optional<FirstSurface>, kPacket>;
 
   /// Weight of a sample of one strategy drawn with density `own`, where the other one would draw it with
   /// `other`.
   float MisWeight(LightStrategy own_strategy, float own, float other) const;
-  /// Light from one drawn point on the emitters, divided by its density and weighted against Bsdf::Sample().
-  BsdfValue ConnectToLight(const Surface& surface, const Bsdf& bsdf, float pick, Vec2 u, Vec3* light) const;
+  /// A point drawn on the emitters, its light divided by its density and weighted against Bsdf::Sample().
+  /// What stands in its way is still to be seen.
+  Connection DrawLight(const Surface& surface, const Bsdf& bsdf, float pick, const Numbers& numbers,
+                       int bounce) const;
+  /// The same with what stands in its way.
+  Connection ConnectToLight(const Surface& surface, const Bsdf& bsdf, float pick, const Numbers& numbers,
+                            int bounce) const;
+  /// Takes what stands in their way from the light of all connections.
+  void Shadow(FirstSurfaces* surfaces) const;
   /// What the hit surface radiates back along a ray drawn at `from` with `pdf`, weighted against
   /// ConnectToLight().
   Vec3 EmittedOnHit(const LightReceiver& from, const Surface& surface, const Hit& hit, Vec3 direction,
@@ -73,12 +89,18 @@ class PathTracer {
   /// Radiance that arrives along `next`, whose hit is the path's surface number `bounce`. `visible` is the
   /// path's throughput so far.
   Tail TraceTail(Departure next, int bounce, Vec3 visible, const Numbers& numbers) const;
-  /// The light that surface number `bounce` of a path sends on.
-  Scattering Scatter(const Surface& surface, const Bsdf& bsdf, int bounce, Vec3 visible,
-                     const Numbers& numbers) const;
+  /// The light that surface number `bounce` of a path sends on, `connection` of it by a light sample; `lobe`
+  /// is a random number.
+  Scattering Scatter(const Surface& surface, const Bsdf& bsdf, const Connection& connection, float lobe,
+                     int bounce, Vec3 visible, const Numbers& numbers) const;
+  /// Empty where a ray meets nothing.
+  FirstSurfaces Meet(std::span<const Ray> rays, std::span<const Sampler> samplers) const;
+  void TraceFrom(const FirstSurface& first, const Sampler& sampler, LayerSample* out) const;
+  Vec3 RadianceFrom(const FirstSurface& first, const Sampler& sampler) const;
   /// Follows a perfectly specular event of weight `throughput` from the first surface on, level by level.
   void FollowChain(const Surface& first, const BsdfSample& event, Vec3 throughput, const Numbers& numbers,
                    LayerSample* out) const;
+  GeometrySample GeometryAt(const Ray& ray, const Hit& hit) const;
   void FollowChainGeometry(const Ray& camera_ray, const Surface& first, const BsdfSample& event,
                            GeometrySample* out) const;
 

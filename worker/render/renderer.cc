@@ -1,9 +1,12 @@
 #include "worker/render/renderer.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <utility>
 
+#include "absl/container/inlined_vector.h"
 #include "absl/strings/str_cat.h"
 #include "filter/image/layers.h"
 #include "worker/render/camera.h"
@@ -26,6 +29,40 @@ std::string ProblemOf(const Lens& lens, const scene::Camera& camera) {
     return absl::StrCat("the camera '", camera.name, "' is orthographic and has no lens to focus");
   return "";
 }
+
+/// Samples of one pixel that are traced together.
+class CameraPacket {
+ public:
+  /// Of pixel (x, y) the samples of `range`, whose streams are the first of `samplers`.
+  CameraPacket(const PictureCamera& camera, int x, int y, const SamplerPacket& samplers, SampleRange range)
+      : range_(range) {
+    for (uint32_t i = 0; i < size(); ++i) {
+      const Sampler& sampler = samplers_.emplace_back(samplers[i]);
+      const Vec2 jitter = sampler.Get2D(kCameraPair);
+      points_[i] = {static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y};
+      if (camera.HasLens()) lens_points_[i] = sampler.Get2D(kLensPair);
+      rays_[i] = camera.RayThrough(points_[i].x, points_[i].y, lens_points_[i]);
+      rays_[i].chance = sampler.Key(kCameraPair);
+    }
+  }
+
+  size_t size() const { return range_.last - range_.first; }
+  std::span<const Ray> rays() const { return {rays_.data(), size()}; }
+  std::span<const Sampler> samplers() const { return samplers_; }
+  /// The sample's number in the pixel, where it lies in the picture, and where its ray passes the lens.
+  uint32_t Index(size_t i) const { return range_.first + static_cast<uint32_t>(i); }
+  Vec2 Point(size_t i) const { return points_[i]; }
+  Vec2 LensPoint(size_t i) const { return lens_points_[i]; }
+
+ private:
+  SampleRange range_;
+  absl::InlinedVector<Sampler, PathTracer::kPacket> samplers_;
+  std::array<Ray, PathTracer::kPacket> rays_;
+  std::array<Vec2, PathTracer::kPacket> points_;
+  std::array<Vec2, PathTracer::kPacket> lens_points_;
+};
+
+static_assert(PathTracer::kPacket == DrawnPairs::kSamples);
 
 class RendererImpl final : public Renderer {
  public:
@@ -50,13 +87,15 @@ class RendererImpl final : public Renderer {
     const ScopedFloatEnvironment environment;
     if (settings_.radiance_only) return RenderRadiance(rect, frame, range, counts);
     PassPicture picture(rect.width(), rect.height());
-    LayerSample sample;
+    std::array<LayerSample, PathTracer::kPacket> samples;
     for (int y = rect.y0; y < rect.y1; ++y) {
       for (int x = rect.x0; x < rect.x1; ++x) {
         PixelSums sums;
-        ForEachSample(x, y, frame, range, [&](const CameraSample& camera_sample) {
-          tracer_.Trace(camera_sample.ray, camera_sample.sampler, &sample);
-          if (Count(IsFinite(sample), counts)) sums.Add(sample, camera_sample.index & 1);
+        ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
+          tracer_.Trace(packet.rays(), packet.samplers(), samples);
+          for (size_t i = 0; i < packet.size(); ++i) {
+            if (Count(IsFinite(samples[i]), counts)) sums.Add(samples[i], packet.Index(i) & 1);
+          }
         });
         picture.Store(x - rect.x0, y - rect.y0, sums);
       }
@@ -71,17 +110,17 @@ class RendererImpl final : public Renderer {
 
   void TraceSamples(const Rect& rect, int frame, SampleRange range, SampleSink* sink) const override {
     const ScopedFloatEnvironment environment;
-    SampleRecord record;
+    std::array<LayerSample, PathTracer::kPacket> samples;
+    std::array<GeometrySample, PathTracer::kPacket> geometry;
     for (int y = rect.y0; y < rect.y1; ++y) {
       for (int x = rect.x0; x < rect.x1; ++x) {
-        ForEachSample(x, y, frame, range, [&](const CameraSample& camera_sample) {
-          record.pixel = PixelNumber(x, y);
-          record.index = camera_sample.index;
-          record.point = camera_sample.point;
-          record.lens = camera_sample.lens;
-          record.geometry = tracer_.TraceGeometry(camera_sample.ray);
-          tracer_.Trace(camera_sample.ray, camera_sample.sampler, &record.layers);
-          sink->OnSample(record);
+        ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
+          tracer_.Trace(packet.rays(), packet.samplers(), samples);
+          tracer_.TraceGeometry(packet.rays(), geometry);
+          for (size_t i = 0; i < packet.size(); ++i) {
+            sink->OnSample({PixelNumber(x, y), packet.Index(i), packet.Point(i), packet.LensPoint(i),
+                            samples[i], geometry[i]});
+          }
         });
       }
     }
@@ -90,26 +129,15 @@ class RendererImpl final : public Renderer {
   const std::vector<std::string>& warnings() const override { return warnings_; }
 
  private:
-  /// A sample's place among all, and its ray.
-  struct CameraSample {
-    Sampler sampler;
-    uint32_t index;
-    Vec2 point;
-    Vec2 lens;
-    Ray ray;
-  };
-
   int64_t PixelNumber(int x, int y) const { return static_cast<int64_t>(y) * settings_.width + x; }
 
-  /// Calls visit(CameraSample) for each sample of a pixel.
+  /// Calls visit(CameraPacket) for the samples of a pixel. What comes together depends on the range alone.
   template <typename Visit>
-  void ForEachSample(int x, int y, int frame, SampleRange range, Visit visit) const {
-    for (uint32_t i = range.first; i < range.last; ++i) {
-      const Sampler sampler(settings_.seed, frame, PixelNumber(x, y), i);
-      const Vec2 jitter = sampler.Get2D(kCameraPair);
-      const Vec2 lens = camera_.HasLens() ? sampler.Get2D(kLensPair) : Vec2{};
-      const Vec2 point = {static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y};
-      visit(CameraSample{sampler, i, point, lens, camera_.RayThrough(point.x, point.y, lens)});
+  void ForEachPacket(int x, int y, int frame, SampleRange range, Visit visit) const {
+    for (uint32_t first = range.first; first < range.last; first += PathTracer::kPacket) {
+      const SamplerPacket samplers(settings_.seed, frame, PixelNumber(x, y), first);
+      const SampleRange together = {first, std::min<uint32_t>(range.last, first + PathTracer::kPacket)};
+      visit(CameraPacket(camera_, x, y, samplers, together));
     }
   }
 
@@ -125,15 +153,18 @@ class RendererImpl final : public Renderer {
     const std::array<ColorView, 2> halves = {image.AddColor(layers::HalfA(layers::kNoisy)),
                                              image.AddColor(layers::HalfB(layers::kNoisy))};
     const std::array<FloatView, 2> samples = {image.Add(layers::kSamplesA), image.Add(layers::kSamplesB)};
+    std::array<Vec3, PathTracer::kPacket> radiances;
     for (int y = rect.y0; y < rect.y1; ++y) {
       for (int x = rect.x0; x < rect.x1; ++x) {
         std::array<Vec3, 2> sums;
         std::array<float, 2> count = {0, 0};
-        ForEachSample(x, y, frame, range, [&](const CameraSample& camera_sample) {
-          const Vec3 radiance = tracer_.TraceRadiance(camera_sample.ray, camera_sample.sampler);
-          if (!Count(IsFinite(radiance), counts)) return;
-          sums[camera_sample.index & 1] += radiance;
-          count[camera_sample.index & 1] += 1;
+        ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
+          tracer_.TraceRadiance(packet.rays(), packet.samplers(), radiances);
+          for (size_t i = 0; i < packet.size(); ++i) {
+            if (!Count(IsFinite(radiances[i]), counts)) continue;
+            sums[packet.Index(i) & 1] += radiances[i];
+            count[packet.Index(i) & 1] += 1;
+          }
         });
         for (size_t half = 0; half < 2; ++half) {
           Put(halves[half], x - rect.x0, y - rect.y0, sums[half]);

@@ -34,6 +34,28 @@ Vec3 FaceViewer(Vec3 normal, Vec3 wo) {
   return cosine >= kLeastCosine ? normal : Normalize(normal + wo * (kLeastCosine - cosine));
 }
 
+bool HasTextures(const scene::Material& material) {
+  const auto refs = scene::TexturesOf(material);
+  return std::any_of(refs.begin(), refs.end(),
+                     [](const scene::TextureUse& use) { return use.ref->texture != scene::kNone; });
+}
+
+/// Whether the normals at all corners are those of the faces, or there are none.
+bool IsFlat(const Mesh& mesh) {
+  constexpr float kLeastCosine = 1.0f - 0x1p-20f;
+  if (mesh.normals.empty()) return true;
+  for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
+    const uint32_t* corners = &mesh.triangles[t];
+    const Vec3 origin = mesh.positions[corners[0]];
+    const Vec3 area = Cross(mesh.positions[corners[1]] - origin, mesh.positions[corners[2]] - origin);
+    const float least = kLeastCosine * Length(area);
+    for (int c = 0; c < 3; ++c) {
+      if (std::abs(Dot(mesh.normals[corners[c]], area)) < least) return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 Ray Surface::Leave(const BsdfSample& step, uint64_t chance) const {
@@ -49,26 +71,42 @@ Ray Surface::Leave(const BsdfSample& step, uint64_t chance) const {
 }
 
 SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& textures)
-    : scene_(&scene), textures_(&textures) {
+    : textures_(&textures) {
   const scene::Bounds bounds = WorldBounds(scene);
   epsilon_ = bounds.IsEmpty() ? 0.0f : Length(bounds.max - bounds.min) * 0x1p-21f;
-  for (const scene::Material& material : scene.materials) {
-    const auto refs = scene::TexturesOf(material);
-    const bool has_textures = std::any_of(refs.begin(), refs.end(), [](const scene::TextureUse& use) {
-      return use.ref->texture != scene::kNone;
-    });
-    has_textures_.push_back(has_textures);
-    any_textures_ |= has_textures;
+  uniform_.resize(scene.meshes.size());
+  std::vector<Place> of_mesh;
+  for (size_t i = 0; i < scene.meshes.size(); ++i) of_mesh.push_back(PlaceOf(scene, i));
+  for (const scene::Instance& instance : scene.instances) {
+    Place& place = places_.emplace_back(of_mesh[instance.mesh]);
+    place.to_world = &instance.world_from_object;
+    any_textures_ |= place.is_textured;
   }
 }
 
-Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
-  const scene::Instance& instance = scene_->instances[hit.instance];
-  const Mesh& mesh = scene_->meshes[instance.mesh];
-  const Affine& to_world = instance.world_from_object;
+SurfaceReader::Place SurfaceReader::PlaceOf(const scene::Scene& scene, size_t mesh_index) {
+  const Mesh& mesh = scene.meshes[mesh_index];
+  Place place;
+  place.mesh = &mesh;
+  place.material = mesh.material == scene::kNone ? &default_material_ : &scene.materials[mesh.material];
+  place.is_textured = HasTextures(*place.material);
+  const bool is_uniform = !place.is_textured && mesh.colors.empty();
+  place.is_plain = is_uniform && IsFlat(mesh);
+  // What glass and coats are depends on the side and the normal.
+  if (is_uniform && place.material->transmission <= 0 && place.material->clearcoat <= 0) {
+    Surface anywhere;
+    anywhere.material = place.material;
+    uniform_[mesh_index] = Shade(anywhere);
+    place.values = &uniform_[mesh_index];
+  }
+  return place;
+}
 
+Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
+  const Place& place = places_[hit.instance];
   Surface surface;
-  surface.material = mesh.material == scene::kNone ? &default_material_ : &scene_->materials[mesh.material];
+  surface.material = place.material;
+  surface.values = place.values;
   surface.position = ray.origin + ray.direction * hit.distance;
   const Vec3 face = Normalize(hit.face_normal);
   surface.front = Dot(face, ray.direction) < 0;
@@ -82,39 +120,46 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   }
   surface.normal = surface.geometric;
   if (surface.material->clearcoat > 0) surface.coat_normal = surface.geometric;
-  if (mesh.normals.empty() && mesh.uvs[0].empty() && mesh.uvs[1].empty() && mesh.colors.empty())
-    return surface;
+  if (!place.is_plain) ReadCorners(place, hit, ray, &surface);
+  return surface;
+}
+
+/// What the triangle's corners add: texture coordinates, colour, and the shading normals.
+void SurfaceReader::ReadCorners(const Place& place, const Hit& hit, const Ray& ray, Surface* surface) const {
+  const Mesh& mesh = *place.mesh;
+  const Affine& to_world = *place.to_world;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
   for (int set = 0; set < 2; ++set) {
-    if (!mesh.uvs[set].empty()) surface.uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
+    if (!mesh.uvs[set].empty()) surface->uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
   }
-  if (surface.cone_width > 0 && mesh.material != scene::kNone && has_textures_[mesh.material])
-    surface.footprint = FootprintAt(mesh, to_world, hit, ray, surface.geometric);
-  if (!mesh.colors.empty()) surface.vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);
+  if (place.is_textured && surface->cone_width > 0)
+    surface->footprint = FootprintAt(mesh, to_world, hit, ray, surface->geometric);
+  if (!mesh.colors.empty()) surface->vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);
   if (!mesh.normals.empty()) {
     const Vec3 smooth = to_world.Normal(Interpolate(mesh.normals, corners, hit.u, hit.v));
     if (LengthSquared(smooth) > 0) {
       const Vec3 unit = Normalize(smooth);
-      surface.normal = Dot(unit, surface.geometric) < 0 ? -unit : unit;
+      surface->normal = Dot(unit, surface->geometric) < 0 ? -unit : unit;
     }
   }
-  const Vec3 unmapped = surface.normal;
+  const Vec3 unmapped = surface->normal;
+  const scene::Material& material = *surface->material;
   // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
-  if (surface.material->normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
-    surface.normal = MappedNormal(surface.material->normal_texture, surface.material->normal_scale, mesh, hit,
-                                  surface, unmapped);
+  if (material.normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
+    surface->normal =
+        MappedNormal(material.normal_texture, material.normal_scale, place, hit, *surface, unmapped);
   }
-  surface.normal = FaceViewer(surface.normal, -ray.direction);
-  if (surface.material->clearcoat > 0) surface.coat_normal = CoatNormal(mesh, hit, surface, unmapped, ray);
-  return surface;
+  surface->normal = FaceViewer(surface->normal, -ray.direction);
+  if (material.clearcoat > 0) surface->coat_normal = CoatNormal(place, hit, *surface, unmapped, ray);
 }
 
-Vec3 SurfaceReader::CoatNormal(const Mesh& mesh, const Hit& hit, const Surface& surface, Vec3 unmapped,
+Vec3 SurfaceReader::CoatNormal(const Place& place, const Hit& hit, const Surface& surface, Vec3 unmapped,
                                const Ray& ray) const {
   const scene::Material& material = *surface.material;
-  const bool is_mapped = material.clearcoat_normal_texture.texture != scene::kNone && !mesh.tangents.empty();
+  const bool is_mapped =
+      material.clearcoat_normal_texture.texture != scene::kNone && !place.mesh->tangents.empty();
   const Vec3 normal = is_mapped ? MappedNormal(material.clearcoat_normal_texture,
-                                               material.clearcoat_normal_scale, mesh, hit, surface, unmapped)
+                                               material.clearcoat_normal_scale, place, hit, surface, unmapped)
                                 : unmapped;
   return FaceViewer(normal, -ray.direction);
 }
@@ -150,10 +195,11 @@ Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, c
   return footprint;
 }
 
-Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const Mesh& mesh, const Hit& hit,
-                                 const Surface& surface, Vec3 normal) const {
+Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const Place& place,
+                                 const Hit& hit, const Surface& surface, Vec3 normal) const {
+  const Mesh& mesh = *place.mesh;
+  const Affine& to_world = *place.to_world;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
-  const Affine& to_world = scene_->instances[hit.instance].world_from_object;
   const Vec3 along = to_world.Vector(Interpolate(mesh.tangents, corners, hit.u, hit.v));
   Vec3 tangent = along - normal * Dot(along, normal);
   if (LengthSquared(tangent) <= 0) return normal;

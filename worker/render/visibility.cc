@@ -1,9 +1,23 @@
 #include "worker/render/visibility.h"
 
+#include <array>
+
 #include "worker/render/bsdf.h"
 #include "worker/render/opacity.h"
 
 namespace lumifold::render {
+
+void Visibility::Transmittances(std::span<const Ray> rays, std::span<Vec3> shares) const {
+  std::array<bool, EmbreeScene::kPacket> occluded;
+  embree_->AreOccludedTogether(rays, occluded);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    if (occluded[i]) {
+      shares[i] = {0, 0, 0};
+    } else {
+      shares[i] = embree_->HasVeils() ? ThroughVeils(rays[i]) : Vec3{1, 1, 1};
+    }
+  }
+}
 
 Vec3 Visibility::ThroughVeils(const Ray& ray) const {
   Vec3 share = {1, 1, 1};

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "worker/render/albedo_table.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/surface.h"
@@ -21,6 +23,8 @@ class Visibility {
     if (embree_->IsOccluded(ray)) return {0, 0, 0};
     return embree_->HasVeils() ? ThroughVeils(ray) : Vec3{1, 1, 1};
   }
+  /// The same of up to EmbreeScene::kPacket rays, faster where they lie side by side.
+  void Transmittances(std::span<const Ray> rays, std::span<Vec3> shares) const;
 
  private:
   Vec3 ThroughVeils(const Ray& ray) const;

@@ -196,6 +196,9 @@ ManifoldResult ManifoldFilterAtReaches(const Planes& signals, const Planes& feat
                                        const SlicePoints* points, TaskPool* pool) {
   LUMIFOLD_CHECK(!features.empty() && params.height >= 1 && params.height <= 8 &&
                  params.pca_iterations >= 1 && params.sigma_s > 0);
+  LUMIFOLD_CHECK(points == nullptr ||
+                 (points->own_features <= features.size() &&
+                  points->features.size() == points->pixels.size() * points->own_features * points->samples));
   LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
   if (mask.width() == 0 || mask.height() == 0) {
     ManifoldResult empty;

@@ -109,6 +109,7 @@ bool OnlyRadiates(const ConstColorView& albedo, const ConstColorView& emission, 
 /// The remainder, on all that is hit and does more than radiate, as one more product of factor 1.
 Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, LayerFilter filter,
                        const LayerParams& params, TaskPool* pool) {
+  if (IsRounding(remainder, film, pool)) return CopyOf(ViewOf(remainder.mean));
   const ConstFloatView distance = film.Get(layers::kDistance);
   Product rest;
   rest.mean = ViewOf(remainder.mean);

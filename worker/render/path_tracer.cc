@@ -27,9 +27,13 @@ LightReceiver ReceiverAt(const Surface& surface) { return {surface.position, sur
 
 /// The ray that is free where the light reaches the surface.
 Ray ShadowRay(const Surface& surface, const LightSample& sample) {
+  const Vec3 origin = surface.Offset(sample.direction);
+  if (std::isinf(sample.distance)) return {origin, sample.direction};
   constexpr float kStopShort = 1.0f - 0x1p-12f;  // the light itself must not be in its own way
-  const float distance = sample.distance * kStopShort - surface.epsilon;
-  return {surface.Offset(sample.direction), sample.direction, std::max(distance, 0.0f)};
+  // Towards the very point: a ray parallel to that way meets a lamp seen at a grazing angle long before it.
+  const Vec3 segment = surface.position + sample.direction * sample.distance - origin;
+  const float length = Length(segment);
+  return {origin, segment * (1.0f / length), length * kStopShort};
 }
 
 /// Beer's law along `distance` metres inside a volume.

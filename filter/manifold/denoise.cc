@@ -1,62 +1,21 @@
 #include "filter/manifold/denoise.h"
 
-#include <algorithm>
-#include <initializer_list>
 #include <utility>
+#include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "filter/image/layers.h"
 #include "filter/manifold/features.h"
-#include "filter/manifold/layer_filter.h"
 #include "filter/manifold/product.h"
 #include "filter/manifold/recombine.h"
 
 namespace lumifold::filter {
 namespace {
 
-std::vector<std::string> NamesOf(std::initializer_list<std::string_view> singles,
-                                 std::initializer_list<std::string_view> colors) {
-  std::vector<std::string> names(singles.begin(), singles.end());
-  for (const std::string_view layer : colors) {
-    for (std::string& name : layers::ColorChannels(layer)) names.push_back(std::move(name));
-  }
-  return names;
-}
-
-/// What every method but "none" reads.
-std::vector<std::string> ChannelsToFilter() {
-  std::vector<std::string> names =
-      NamesOf({layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kDistance, layers::kMask,
-               layers::kSamplesA, layers::kSamplesB},
-              {layers::kAlbedo, layers::kEmission});
-  for (const std::string_view layer : {layers::kNoisy, layers::kDirect, layers::kIndirect}) {
-    for (std::string& name : NamesOf({}, {layer, layers::HalfA(layer), layers::HalfB(layer)})) {
-      names.push_back(std::move(name));
-    }
-  }
-  return names;
-}
-
-absl::Status CheckChannels(const LayeredImage& film, const std::vector<std::string>& needed) {
-  for (const std::string& name : needed) {
-    if (!film.Has(name)) return absl::InvalidArgumentError(absl::StrCat("the film has no channel ", name));
-  }
-  return absl::OkStatus();
-}
-
 Planes CopyOf(const ConstColorView& color) {
   Planes copy = MakePlanes(3, color[0].width(), color[0].height());
   for (size_t c = 0; c < 3; ++c) CopyPlane(color[c], copy[c].view());
   return copy;
 }
-
-std::array<Plane, 3> Unfiltered(const LayeredImage& film) {
-  Planes copy = CopyOf(film.GetColor(layers::kNoisy));
-  return {std::move(copy[0]), std::move(copy[1]), std::move(copy[2])};
-}
-
-using LayerFilter = FilteredLayer (*)(Halves halves, const Planes& geometry, const LayerParams& params,
-                                      const SlicePoints* points, TaskPool* pool);
 
 /// Glossy light of more than this share stands in the way of antialiasing by sub-samples, which know T and E
 /// alone.
@@ -72,14 +31,14 @@ FilteredPoints NothingAt(const SlicePoints* points) {
 
 /// One product, filtered where its validity says and as it was elsewhere; of its box's size, in the film's
 /// unit.
-FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const LayerParams& params,
-                            const SlicePoints* points, TaskPool* pool) {
+FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const SlicePoints* points,
+                            TaskPool* pool) {
   const Plane& validity = product.validity;
   const ConstColorView mean = Crop(product.mean, product.box);
   Halves halves = MakeHalves(Crop(product.halves, product.box), validity.view(), pool);
   if (halves.level == 0) return {CopyOf(mean), NothingAt(points)};  // nothing here shines
   const float scale = halves.scale;
-  FilteredLayer filtered = filter(std::move(halves), product.geometry, params, points, pool);
+  FilteredLayer filtered = filter(std::move(halves), product.geometry, points);
   if (points != nullptr) FitToPixels(*points, filtered.planes, &filtered.points);
   ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
     for (size_t c = 0; c < 3; ++c) {
@@ -108,7 +67,7 @@ bool OnlyRadiates(const ConstColorView& albedo, const ConstColorView& emission, 
 
 /// The remainder, on all that is hit and does more than radiate, as one more product of factor 1.
 Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, LayerFilter filter,
-                       const LayerParams& params, TaskPool* pool) {
+                       TaskPool* pool) {
   if (IsRounding(remainder, film, pool)) return CopyOf(ViewOf(remainder.mean));
   const ConstFloatView distance = film.Get(layers::kDistance);
   Product rest;
@@ -128,7 +87,7 @@ Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, Lay
   rest.geometry = GeometryFeatures(
       {{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)}, distance},
       rest.validity.view(), pool);
-  return FilterProduct(rest, filter, params, nullptr, pool).planes;
+  return FilterProduct(rest, filter, nullptr, pool).planes;
 }
 
 /// What the products after D and I, glossy light that is, add to the picture of the pixels on edges.
@@ -148,9 +107,10 @@ Planes GlossyLight(const LayeredImage& film, const std::vector<Product>& product
   return light;
 }
 
+}  // namespace
+
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
                                   TaskPool* pool) {
-  const LayerParams params;
   const std::vector<Product> products = ProductsOf(film, pool);
   const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
   const bool has_points = !points.rows.empty();
@@ -159,11 +119,11 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   std::array<FilteredPoints, 2> at_points;  // of D and I
   for (size_t i = 0; i < products.size(); ++i) {
     const SlicePoints* wanted = has_points && i < at_points.size() ? &points.points : nullptr;
-    FilteredLayer layer = FilterProduct(products[i], filter, params, wanted, pool);
+    FilteredLayer layer = FilterProduct(products[i], filter, wanted, pool);
     filtered.push_back(std::move(layer.planes));
     if (wanted != nullptr) at_points[i] = std::move(layer.points);
   }
-  const Planes rest = FilterRemainder(film, remainder, filter, params, pool);
+  const Planes rest = FilterRemainder(film, remainder, filter, pool);
   std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
   if (has_points) {
     AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),
@@ -172,37 +132,20 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   return picture;
 }
 
-}  // namespace
-
-const std::vector<Method>& Methods() {
-  static const std::vector<Method> methods = {
-      {"default", "adaptive manifolds, two passes, scale chosen per pixel by estimated error"},
-      {"paper", "adaptive manifolds as published: one pass with one scale"},
-      {"none", "the noisy picture itself"},
+std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool) {
+  const auto filter = [pool](Halves halves, const Planes& geometry, const SlicePoints* points) {
+    return FilterLayer(std::move(halves), geometry, LayerParams{}, points, pool);
   };
-  return methods;
-}
-
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
-                                                TaskPool* pool, const LayeredImage* edges) {
-  const bool is_known =
-      std::any_of(Methods().begin(), Methods().end(), [&](const Method& m) { return m.name == method; });
-  if (!is_known)
-    return absl::InvalidArgumentError(absl::StrCat("no filter is named \"", std::string(method), "\""));
-  if (method == "none") {
-    const absl::Status status = CheckChannels(film, NamesOf({}, {layers::kNoisy}));
-    if (!status.ok()) return status;
-    return Unfiltered(film);
-  }
-  if (const absl::Status status = CheckChannels(film, ChannelsToFilter()); !status.ok()) return status;
-  if (edges != nullptr && !edges->channels().empty()) {
-    const absl::Status status = CheckChannels(*edges, layers::EdgeChannels());
-    if (!status.ok()) return status;
-  }
-  if (method == "paper") return FilterLayers(film, edges, FilterLayerOnce, pool);
-  std::array<Plane, 3> picture = FilterLayers(film, edges, FilterLayer, pool);
+  std::array<Plane, 3> picture = FilterLayers(film, edges, filter, pool);
   ShrinkResidual(film, pool, &picture);
   return picture;
+}
+
+std::array<Plane, 3> DenoiseAsPublished(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool) {
+  const auto filter = [pool](Halves halves, const Planes& geometry, const SlicePoints* points) {
+    return FilterLayerOnce(std::move(halves), geometry, LayerParams{}, points, pool);
+  };
+  return FilterLayers(film, edges, filter, pool);
 }
 
 }  // namespace lumifold::filter

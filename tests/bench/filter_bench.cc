@@ -6,7 +6,7 @@
 #include <random>
 
 #include "filter/image/parallel.h"
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 #include "filter/manifold/manifold_filter.h"
 #include "tests/unit/filter/synthetic_film.h"
 

@@ -8,7 +8,7 @@
 
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 #include "tests/support/shuffling_pool.h"
 
 namespace lumifold::filter {

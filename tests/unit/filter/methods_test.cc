@@ -1,4 +1,4 @@
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -8,7 +8,7 @@ set(LUMIFOLD_PUBLIC_HEADERS
   image/plane.h image/png_io.h image/rect.h
   manifold/bands.h manifold/manifold_filter.h manifold/single_picture.h
   methods.h
-  metrics/metrics.h)
+  metrics/metrics.h metrics/ssim.h)
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/lumifold)
 
 foreach(header ${LUMIFOLD_PUBLIC_HEADERS})

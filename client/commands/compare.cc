@@ -1,12 +1,20 @@
+#include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
+#include <ostream>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
 #include "filter/image/exr_io.h"
 #include "filter/metrics/metrics.h"
+#include "filter/metrics/ssim.h"
 
 namespace lumifold::client {
 namespace {
@@ -16,14 +24,48 @@ struct CompareOptions {
   std::string reference;
   std::string layer;
   std::string reference_layer;
+  std::string metrics = "mse255,psnr,relmse";
   float exposure = 1;
   bool json = false;
 };
 
-struct Errors {
-  double mse255 = 0;
-  double psnr_db = 0;
-  double rel_mse = 0;
+using MetricFunction = absl::StatusOr<double> (*)(const ConstColorView& picture,
+                                                  const ConstColorView& reference, float exposure);
+
+/// A way to judge a picture: its name for --metric and in words and JSON, and how its value is printed.
+struct Metric {
+  std::string_view name;
+  std::string_view title;
+  std::string_view json_key;
+  int decimals = 0;
+  std::string_view unit;
+  MetricFunction measure = nullptr;
+};
+
+using Color = ConstColorView;
+constexpr std::array<Metric, 6> kMetrics = {{
+    {"mse255", "MSE255", "mse255", 4, "",
+     [](const Color& x, const Color& r, float exposure) -> absl::StatusOr<double> {
+       return metrics::Mse255(x, r, exposure);
+     }},
+    {"psnr", "PSNR", "psnr_db", 2, " dB",
+     [](const Color& x, const Color& r, float exposure) -> absl::StatusOr<double> {
+       return metrics::Psnr(x, r, exposure);
+     }},
+    {"relmse", "relMSE", "rel_mse", 6, "",
+     [](const Color& x, const Color& r, float) -> absl::StatusOr<double> { return metrics::RelMse(x, r); }},
+    {"trimmed-relmse", "trimmed relMSE", "trimmed_rel_mse", 6, "",
+     [](const Color& x, const Color& r, float) -> absl::StatusOr<double> {
+       return metrics::TrimmedRelMse(x, r);
+     }},
+    {"ssim", "SSIM", "ssim", 6, "", metrics::Ssim},
+    {"ms-ssim", "MS-SSIM", "ms_ssim", 6, "", metrics::MsSsim},
+}};
+
+/// What one metric found.
+struct Judged {
+  const Metric* metric = nullptr;
+  double value = 0;
 };
 
 absl::StatusOr<LayeredImage> ReadWithLayer(const std::string& path, const std::string& layer) {
@@ -36,7 +78,22 @@ absl::StatusOr<LayeredImage> ReadWithLayer(const std::string& path, const std::s
   return image;
 }
 
-absl::StatusOr<Errors> Compare(const CompareOptions& options) {
+/// Errors: kInvalidArgument naming a metric that is unknown.
+absl::StatusOr<std::vector<const Metric*>> ParseMetrics(const std::string& text) {
+  std::vector<const Metric*> chosen;
+  const std::vector<std::string> names = absl::StrSplit(text, ',');
+  for (const std::string& name : names) {
+    const auto found =
+        std::find_if(kMetrics.begin(), kMetrics.end(), [&](const Metric& m) { return m.name == name; });
+    if (found == kMetrics.end())
+      return absl::InvalidArgumentError(absl::StrCat("--metric: no metric is named '", name, "'"));
+    chosen.push_back(&*found);
+  }
+  return chosen;
+}
+
+absl::StatusOr<std::vector<Judged>> Compare(const CompareOptions& options,
+                                            const std::vector<const Metric*>& chosen) {
   const absl::StatusOr<LayeredImage> picture = ReadWithLayer(options.picture, options.layer);
   if (!picture.ok()) return picture.status();
   const absl::StatusOr<LayeredImage> reference = ReadWithLayer(options.reference, options.reference_layer);
@@ -48,9 +105,28 @@ absl::StatusOr<Errors> Compare(const CompareOptions& options) {
   }
   const ConstColorView x = picture->GetColor(options.layer);
   const ConstColorView r = reference->GetColor(options.reference_layer);
-  return Errors{.mse255 = metrics::Mse255(x, r, options.exposure),
-                .psnr_db = metrics::Psnr(x, r, options.exposure),
-                .rel_mse = metrics::RelMse(x, r)};
+  std::vector<Judged> judged;
+  for (const Metric* metric : chosen) {
+    const absl::StatusOr<double> value = metric->measure(x, r, options.exposure);
+    if (!value.ok()) return value.status();
+    judged.push_back({metric, *value});
+  }
+  return judged;
+}
+
+void PrintJson(const std::vector<Judged>& judged, std::ostream& out) {
+  // JSON knows no infinity: the PSNR of equal pictures is null.
+  nlohmann::ordered_json json;
+  for (const Judged& j : judged) json[std::string(j.metric->json_key)] = j.value;
+  out << json.dump() << "\n" << std::flush;
+}
+
+void PrintWords(const std::vector<Judged>& judged, std::ostream& out) {
+  for (const Judged& j : judged) {
+    out << absl::StrFormat("%s %.*f%s\n", std::string(j.metric->title), j.metric->decimals, j.value,
+                           std::string(j.metric->unit));
+  }
+  out << std::flush;
 }
 
 }  // namespace
@@ -65,22 +141,19 @@ ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment
   command_line.AddText("--reference-layer", "NAME", &options.reference_layer,
                        "Against this layer of REFERENCE (default: the finished picture)");
   command_line.AddPositiveNumber("--exposure", &options.exposure,
-                                 "Factor on the light, for MSE255 and PSNR (default 1)");
+                                 "Factor on the light, for all but relMSE (default 1)");
+  command_line.AddText("--metric", "NAME,...", &options.metrics,
+                       "What to measure: mse255, psnr, relmse, trimmed-relmse, ssim, ms-ssim (default "
+                       "mse255,psnr,relmse)");
   AddJson(command_line, &options.json);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+  const absl::StatusOr<std::vector<const Metric*>> chosen = ParseMetrics(options.metrics);
+  if (!chosen.ok())
+    return ReportUsage(environment, "lumifold compare", std::string(chosen.status().message()));
 
-  const absl::StatusOr<Errors> errors = Compare(options);
-  if (!errors.ok()) return ReportError(environment, errors.status());
-  if (options.json) {
-    // JSON knows no infinity: the PSNR of equal pictures is null.
-    const nlohmann::ordered_json json{
-        {"mse255", errors->mse255}, {"psnr_db", errors->psnr_db}, {"rel_mse", errors->rel_mse}};
-    environment.out << json.dump() << "\n" << std::flush;
-  } else {
-    environment.out << absl::StrFormat("MSE255 %.4f\nPSNR %.2f dB\nrelMSE %.6f\n", errors->mse255,
-                                       errors->psnr_db, errors->rel_mse)
-                    << std::flush;
-  }
+  const absl::StatusOr<std::vector<Judged>> judged = Compare(options, *chosen);
+  if (!judged.ok()) return ReportError(environment, judged.status());
+  options.json ? PrintJson(*judged, environment.out) : PrintWords(*judged, environment.out);
   return ExitCode::kOk;
 }
 

@@ -16,4 +16,8 @@ double Psnr(const ConstColorView& picture, const ConstColorView& reference, floa
 /// Mean over pixels and channels of (x - r)^2 / (r^2 + 0.01), in linear light. Shapes as Mse255.
 double RelMse(const ConstColorView& picture, const ConstColorView& reference);
 
+/// RelMse without the 0.1 % of pixels (rounded down) that err the most, fireflies as a rule; a pixel's error
+/// is the mean over its channels. NaN errs the most. Shapes as Mse255.
+double TrimmedRelMse(const ConstColorView& picture, const ConstColorView& reference);
+
 }  // namespace lumifold::metrics

@@ -58,5 +58,22 @@ TEST(RelMse, MatchesHandComputedValues) {
   EXPECT_NEAR(RelMse(ColorOf(Grey(0.3f, 7.0f)), ColorOf(Grey(0.2f, 7.0f))), 0.1, 1e-6);
 }
 
+TEST(TrimmedRelMse, LeavesOutOnePixelInAThousand) {
+  LayeredImage reference(100, 20);
+  LayeredImage picture(100, 20);
+  for (const FloatView& channel : reference.AddColor("")) channel.At(0, 0) = 0;
+  for (const FloatView& channel : picture.AddColor("")) {
+    for (int i = 0; i < 3; ++i) channel.At(10 * i, 7) = static_cast<float>(i + 1);  // errors 100, 400, 900
+  }
+  EXPECT_NEAR(RelMse(ColorOf(picture), ColorOf(reference)), 1400.0 / 2000, 1e-6);
+  EXPECT_NEAR(TrimmedRelMse(ColorOf(picture), ColorOf(reference)), 100.0 / 1998, 1e-6);
+}
+
+TEST(TrimmedRelMse, KeepsAllOfASmallPicture) {
+  const LayeredImage x = Grey(0.5f, 0.1f);
+  const LayeredImage r = Grey(0.2f, 0.3f);
+  EXPECT_NEAR(TrimmedRelMse(ColorOf(x), ColorOf(r)), RelMse(ColorOf(x), ColorOf(r)), 1e-12);
+}
+
 }  // namespace
 }  // namespace lumifold::metrics

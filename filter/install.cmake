@@ -1,12 +1,13 @@
 # Installs image, filter and metrics with their public headers, as the package "lumifold": find_package(lumifold) gives
-# lumifold::image, lumifold::filter and lumifold::metrics. Headers keep their paths: #include "filter/manifold/denoise.h".
+# lumifold::image, lumifold::filter and lumifold::metrics. Headers keep their paths: #include "filter/methods.h".
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 set(LUMIFOLD_PUBLIC_HEADERS
   image/check.h image/color.h image/exr_io.h image/film_layout.h image/layered_image.h image/layers.h image/parallel.h
   image/plane.h image/png_io.h image/rect.h
-  manifold/bands.h manifold/denoise.h manifold/manifold_filter.h manifold/single_picture.h
+  manifold/bands.h manifold/manifold_filter.h manifold/single_picture.h
+  methods.h
   metrics/metrics.h)
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/lumifold)
 

@@ -6,7 +6,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/version.h"
 #include "server/job_status.h"
@@ -41,14 +41,8 @@ v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
 }
 
 absl::Status CheckMethod(const std::string& method) {
-  const std::vector<filter::Method>& methods = filter::Methods();
-  const bool known =
-      std::any_of(methods.begin(), methods.end(), [&](const filter::Method& m) { return m.name == method; });
-  if (known) return absl::OkStatus();
-  std::string names;
-  for (const filter::Method& m : methods) absl::StrAppend(&names, names.empty() ? "" : ", ", m.name);
-  return absl::InvalidArgumentError(
-      absl::StrCat("filter.method '", method, "' is unknown; there are: ", names));
+  const absl::Status status = filter::CheckMethod(method);
+  return status.ok() ? status : absl::InvalidArgumentError(absl::StrCat("filter.method: ", status.message()));
 }
 
 /// Text from outside, for one line of the log.

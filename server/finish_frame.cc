@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/exr_io.h"
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 #include "server/film/assemble.h"
 #include "server/film/result.h"
 #include "server/film/unit_log.h"

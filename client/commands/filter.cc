@@ -40,7 +40,7 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   command_line.AddText("--layout", "NAME", &options->layout,
                        "'lumifold', 'cycles', or a file that names the layers (default 'lumifold')");
   command_line.AddText("--method", "METHOD", &options->method,
-                       "'default', 'paper' or 'none' (default 'default')");
+                       "'default', 'paper', 'none', or a method to compare with, below (default 'default')");
   command_line.AddRequiredText("-o,--output", "FILE", &options->output,
                                "Where the picture goes: .exr with the noisy one as a layer, or .png");
   command_line.AddPositiveNumber("--exposure", &options->exposure,
@@ -49,7 +49,10 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
                               "Threads to filter with (default: all of this machine)");
   command_line.SetFooter(
       "A layout file has lines of ROLE = LAYER or ROLE = LAYER + LAYER, with the roles combined, direct,\n"
-      "indirect, albedo, emission, normal and depth. What it leaves out is filtered as part of the rest.");
+      "indirect, albedo, emission, normal and depth. What it leaves out is filtered as part of the rest.\n\n"
+      "Methods to compare with: manifolds-color, bilateral, cross-bilateral, a-trous, a-trous-variance, "
+      "guided\n"
+      "and nlm; with parameters as in --method bilateral:sigma_s=4,sigma_r=0.1 (docs/method.md lists them).");
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(options->output);
   if (!format.ok())

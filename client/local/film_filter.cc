@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "filter/image/layers.h"
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 #include "filter/manifold/single_picture.h"
 
 namespace lumifold::local {

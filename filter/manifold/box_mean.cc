@@ -49,18 +49,17 @@ class Window {
   void SumAlong(int stride) {
     const int side = 2 * radius_ + 1;
     const int count = static_cast<int>(values_.size());
-    std::fill(sums_.begin(), sums_.end(), 0.0f);
-    int done = 0;
-    for (int length = 1; length <= side; length *= 2) {
-      if ((side & length) != 0) {
-        const int valid = std::max(0, count - done * stride);
-        SumRows(sums_.data(), values_.data() + done * stride, valid, scratch_.data());
-        std::copy_n(scratch_.data(), valid, sums_.data());
-        done += length;
-      }
-      const int valid = std::max(0, count - length * stride);
-      SumRows(values_.data(), values_.data() + length * stride, valid, scratch_.data());
-      std::swap(values_, scratch_);
+    int done = 1;  // the side is odd: every sum begins with its own value
+    std::copy(values_.begin(), values_.end(), sums_.begin());
+    for (int length = 1; 2 * length <= side; length *= 2) {
+      SumRows(values_.data(), values_.data() + length * stride, std::max(0, count - length * stride),
+              scratch_.data());
+      std::swap(values_, scratch_);  // sums of 2 * length values
+      if ((side & (2 * length)) == 0) continue;
+      SumRows(sums_.data(), values_.data() + done * stride, std::max(0, count - done * stride),
+              scratch_.data());
+      std::swap(sums_, scratch_);
+      done += 2 * length;
     }
     std::swap(values_, sums_);
   }

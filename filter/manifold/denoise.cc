@@ -1,62 +1,21 @@
 #include "filter/manifold/denoise.h"
 
-#include <algorithm>
-#include <initializer_list>
 #include <utility>
+#include <vector>
 
-#include "absl/strings/str_cat.h"
 #include "filter/image/layers.h"
 #include "filter/manifold/features.h"
-#include "filter/manifold/layer_filter.h"
 #include "filter/manifold/product.h"
 #include "filter/manifold/recombine.h"
 
 namespace lumifold::filter {
 namespace {
 
-std::vector<std::string> NamesOf(std::initializer_list<std::string_view> singles,
-                                 std::initializer_list<std::string_view> colors) {
-  std::vector<std::string> names(singles.begin(), singles.end());
-  for (const std::string_view layer : colors) {
-    for (std::string& name : layers::ColorChannels(layer)) names.push_back(std::move(name));
-  }
-  return names;
-}
-
-/// What every method but "none" reads.
-std::vector<std::string> ChannelsToFilter() {
-  std::vector<std::string> names =
-      NamesOf({layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kDistance, layers::kMask,
-               layers::kSamplesA, layers::kSamplesB},
-              {layers::kAlbedo, layers::kEmission});
-  for (const std::string_view layer : {layers::kNoisy, layers::kDirect, layers::kIndirect}) {
-    for (std::string& name : NamesOf({}, {layer, layers::HalfA(layer), layers::HalfB(layer)})) {
-      names.push_back(std::move(name));
-    }
-  }
-  return names;
-}
-
-absl::Status CheckChannels(const LayeredImage& film, const std::vector<std::string>& needed) {
-  for (const std::string& name : needed) {
-    if (!film.Has(name)) return absl::InvalidArgumentError(absl::StrCat("the film has no channel ", name));
-  }
-  return absl::OkStatus();
-}
-
 Planes CopyOf(const ConstColorView& color) {
   Planes copy = MakePlanes(3, color[0].width(), color[0].height());
   for (size_t c = 0; c < 3; ++c) CopyPlane(color[c], copy[c].view());
   return copy;
 }
-
-std::array<Plane, 3> Unfiltered(const LayeredImage& film) {
-  Planes copy = CopyOf(film.GetColor(layers::kNoisy));
-  return {std::move(copy[0]), std::move(copy[1]), std::move(copy[2])};
-}
-
-using LayerFilter = FilteredLayer (*)(Halves halves, const Planes& geometry, const LayerParams& params,
-                                      const SlicePoints* points, TaskPool* pool);
 
 /// Glossy light of more than this share stands in the way of antialiasing by sub-samples, which know T and E
 /// alone.
@@ -72,29 +31,44 @@ FilteredPoints NothingAt(const SlicePoints* points) {
 
 /// One product, filtered where its validity says and as it was elsewhere; of its box's size, in the film's
 /// unit.
-FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const LayerParams& params,
-                            const SlicePoints* points, TaskPool* pool) {
+FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const SlicePoints* points,
+                            TaskPool* pool) {
   const Plane& validity = product.validity;
   const ConstColorView mean = Crop(product.mean, product.box);
   Halves halves = MakeHalves(Crop(product.halves, product.box), validity.view(), pool);
   if (halves.level == 0) return {CopyOf(mean), NothingAt(points)};  // nothing here shines
   const float scale = halves.scale;
-  FilteredLayer filtered = filter(std::move(halves), product.geometry, params, points, pool);
-  for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < validity.height(); ++y) {
-      for (int x = 0; x < validity.width(); ++x) {
-        float& value = filtered.planes[c].At(x, y);
-        value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : mean[c].At(x, y);
+  FilteredLayer filtered = filter(std::move(halves), product.geometry, points);
+  if (points != nullptr) FitToPixels(*points, filtered.planes, &filtered.points);
+  ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < validity.width(); ++x) {
+          float& value = filtered.planes[c].At(x, y);
+          value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : mean[c].At(x, y);
+        }
       }
     }
-  }
+  });
   for (float& value : filtered.points.values) value *= scale;
   return filtered;
 }
 
-/// The remainder, on all that is hit, as one more product of factor 1.
+/// Whether all there is to see in a pixel is light that it radiates by itself: what is left of C beside E is
+/// then exact.
+bool OnlyRadiates(const ConstColorView& albedo, const ConstColorView& emission, int x, int y) {
+  bool radiates = false;
+  for (size_t c = 0; c < 3; ++c) {
+    if (albedo[c].At(x, y) != 0) return false;
+    radiates |= emission[c].At(x, y) > 0;
+  }
+  return radiates;
+}
+
+/// The remainder, on all that is hit and does more than radiate, as one more product of factor 1.
 Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, LayerFilter filter,
-                       const LayerParams& params, TaskPool* pool) {
+                       TaskPool* pool) {
+  if (IsRounding(remainder, film, pool)) return CopyOf(ViewOf(remainder.mean));
   const ConstFloatView distance = film.Get(layers::kDistance);
   Product rest;
   rest.mean = ViewOf(remainder.mean);
@@ -102,13 +76,18 @@ Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, Lay
                  film.Get(layers::kSamplesB)};
   rest.box = film.bounds();
   rest.validity = Plane(film.width(), film.height());
+  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
+  const ConstColorView emission = film.GetColor(layers::kEmission);
   for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) rest.validity.At(x, y) = distance.At(x, y) > 0 ? 1.0f : 0.0f;
+    for (int x = 0; x < film.width(); ++x) {
+      const bool reflects = distance.At(x, y) > 0 && !OnlyRadiates(albedo, emission, x, y);
+      rest.validity.At(x, y) = reflects ? 1.0f : 0.0f;
+    }
   }
   rest.geometry = GeometryFeatures(
       {{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)}, distance},
       rest.validity.view(), pool);
-  return FilterProduct(rest, filter, params, nullptr, pool).planes;
+  return FilterProduct(rest, filter, nullptr, pool).planes;
 }
 
 /// What the products after D and I, glossy light that is, add to the picture of the pixels on edges.
@@ -128,9 +107,10 @@ Planes GlossyLight(const LayeredImage& film, const std::vector<Product>& product
   return light;
 }
 
+}  // namespace
+
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
                                   TaskPool* pool) {
-  const LayerParams params;
   const std::vector<Product> products = ProductsOf(film, pool);
   const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
   const bool has_points = !points.rows.empty();
@@ -139,11 +119,11 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   std::array<FilteredPoints, 2> at_points;  // of D and I
   for (size_t i = 0; i < products.size(); ++i) {
     const SlicePoints* wanted = has_points && i < at_points.size() ? &points.points : nullptr;
-    FilteredLayer layer = FilterProduct(products[i], filter, params, wanted, pool);
+    FilteredLayer layer = FilterProduct(products[i], filter, wanted, pool);
     filtered.push_back(std::move(layer.planes));
     if (wanted != nullptr) at_points[i] = std::move(layer.points);
   }
-  const Planes rest = FilterRemainder(film, remainder, filter, params, pool);
+  const Planes rest = FilterRemainder(film, remainder, filter, pool);
   std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
   if (has_points) {
     AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),
@@ -152,37 +132,20 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   return picture;
 }
 
-}  // namespace
-
-const std::vector<Method>& Methods() {
-  static const std::vector<Method> methods = {
-      {"default", "adaptive manifolds, two passes, scale chosen per pixel by estimated error"},
-      {"paper", "adaptive manifolds as published: one pass with one scale"},
-      {"none", "the noisy picture itself"},
+std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool) {
+  const auto filter = [pool](Halves halves, const Planes& geometry, const SlicePoints* points) {
+    return FilterLayer(std::move(halves), geometry, LayerParams{}, points, pool);
   };
-  return methods;
-}
-
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
-                                                TaskPool* pool, const LayeredImage* edges) {
-  const bool is_known =
-      std::any_of(Methods().begin(), Methods().end(), [&](const Method& m) { return m.name == method; });
-  if (!is_known)
-    return absl::InvalidArgumentError(absl::StrCat("no filter is named \"", std::string(method), "\""));
-  if (method == "none") {
-    const absl::Status status = CheckChannels(film, NamesOf({}, {layers::kNoisy}));
-    if (!status.ok()) return status;
-    return Unfiltered(film);
-  }
-  if (const absl::Status status = CheckChannels(film, ChannelsToFilter()); !status.ok()) return status;
-  if (edges != nullptr && !edges->channels().empty()) {
-    const absl::Status status = CheckChannels(*edges, layers::EdgeChannels());
-    if (!status.ok()) return status;
-  }
-  if (method == "paper") return FilterLayers(film, edges, FilterLayerOnce, pool);
-  std::array<Plane, 3> picture = FilterLayers(film, edges, FilterLayer, pool);
+  std::array<Plane, 3> picture = FilterLayers(film, edges, filter, pool);
   ShrinkResidual(film, pool, &picture);
   return picture;
+}
+
+std::array<Plane, 3> DenoiseAsPublished(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool) {
+  const auto filter = [pool](Halves halves, const Planes& geometry, const SlicePoints* points) {
+    return FilterLayerOnce(std::move(halves), geometry, LayerParams{}, points, pool);
+  };
+  return FilterLayers(film, edges, filter, pool);
 }
 
 }  // namespace lumifold::filter

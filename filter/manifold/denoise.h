@@ -1,37 +1,32 @@
 #pragma once
 
 #include <array>
-#include <string>
-#include <string_view>
-#include <vector>
 
-#include "absl/status/statusor.h"
+#include "absl/functional/function_ref.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
+#include "filter/manifold/layer_filter.h"
 
 namespace lumifold::filter {
 
-/// A way to turn a film into a picture, as `--filter NAME` takes it.
-struct Method {
-  std::string name;
-  std::string summary;  // one line for --help
-};
+// The functions here take a film and its edge set as FilterFilm() in filter/methods.h describes them, all
+// channels there; `edges` may be null.
 
-/// All methods, "default" and "none" among them, in the order help lists them.
-const std::vector<Method>& Methods();
+/// What takes the noise out of one layer, given as halves about 1 and the features that guide it: see
+/// FilterLayer.
+using LayerFilter =
+    absl::FunctionRef<FilteredLayer(Halves halves, const Planes& geometry, const SlicePoints* points)>;
 
-/// Filters a film: F = (D + I) * T + remainder + E with the noise of D, I and the remainder taken out. The
-/// remainder is C - (D + I) T - E: R, and what the split of a pixel's mean loses.
-/// Shapes:  film: W x H means, with the channels of filter/image/layers.h: noisy, direct and indirect with
-///          their halves (*_a, *_b), albedo, emission, N.X N.Y N.Z, distance.Z, mask.Y, samples_a.Y,
-///          samples_b.Y. Result: W x H, R G B.
-/// Units:   linear scene-referred radiance; metres.
-/// Edges:   clamped.
-/// `edges`: the film's edge set, see EdgedImage; null or without channels where there is none.
-/// Errors:  kInvalidArgument naming a channel that is missing, or an unknown method.
-/// Threads: safe concurrently; the result is identical for any pool, null included.
-/// Source:  Gruzdev, Frolov & Ignatenko 2015; oracle: manifold_slow.cc.
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
-                                                TaskPool* pool, const LayeredImage* edges = nullptr);
+/// Filters each layer of light the film has, and what they leave of C, by `filter`, and puts the picture
+/// together again. Without edges `filter` is asked for no points and no edge is antialiased.
+std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
+                                  TaskPool* pool);
+
+/// The default method: FilterLayer on each layer, then the result drawn back to C where noise cannot explain
+/// what they differ by.
+std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool);
+
+/// The paper's own: FilterLayerOnce on each layer.
+std::array<Plane, 3> DenoiseAsPublished(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool);
 
 }  // namespace lumifold::filter

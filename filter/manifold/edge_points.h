@@ -30,6 +30,10 @@ struct FilteredPoints {
   std::vector<float> raw;      // a pixel
 };
 
+/// Scales the points of each pixel, at most by 2, so that their mean is what `planes` say of the pixel: next
+/// to an edge a manifold holds mixtures of both sides, and its points come out too alike and too dark.
+void FitToPixels(const SlicePoints& points, const Planes& planes, FilteredPoints* at_points);
+
 /// Draws what `picture` shows at the pixels towards the mean of (D + I) T + E over the sub-samples, as
 /// far as D and I were filtered there. `rest`: what is added to it, W x H, 3 planes. A point that found
 /// nothing is left out of the mean; pixels where half of the points did stay as they are. Source: Gruzdev et

@@ -8,9 +8,6 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr float kSigmaNormal = 0.3f;  // chord between unit normals: 10 degrees are 0.58 sigma
-constexpr float kSigmaLogDepth = 0.05f;
-
 /// x where it is a number, else 0: features must be finite everywhere.
 float FiniteOr0(float x) { return std::abs(x) < 1e6f ? x : 0.0f; }
 

@@ -15,8 +15,10 @@ struct GeometryViews {
 };
 
 inline constexpr size_t kGeometryFeatures = 4;
+inline constexpr float kSigmaNormal = 0.3f;  // chord between unit normals: 10 degrees are 0.58 sigma
+inline constexpr float kSigmaLogDepth = 0.05f;
 
-/// One geometry feature of unit normal n and distance z: n[0..2] / 0.3, ln(z) / 0.05.
+/// One geometry feature of unit normal n and distance z: n[0..2] / kSigmaNormal, ln(z) / kSigmaLogDepth.
 std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance);
 
 /// The geometry part of the feature vector u, kGeometryFeatures planes; 0 where `validity` is 0.

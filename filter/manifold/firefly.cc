@@ -56,15 +56,17 @@ void FindOutliers(const Plane& luminance, const std::vector<float>& loud, int y,
 }
 
 /// Luminance of `color`, infinite where `weight` is 0 and around the picture.
-Plane PaddedLuminance(const Planes& color, const Plane& weight) {
+Plane PaddedLuminance(const Planes& color, const Plane& weight, TaskPool* pool) {
   Plane padded(weight.width() + 2 * kRadius, weight.height() + 2 * kRadius);
   padded.Fill(INFINITY);
-  for (int y = 0; y < weight.height(); ++y) {
-    float* row = padded.Row(y + kRadius) + kRadius;
-    for (int x = 0; x < weight.width(); ++x) {
-      if (weight.At(x, y) > 0) row[x] = LuminanceAt(color, x, y);
+  ForEachBand(pool, weight.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      float* row = padded.Row(y + kRadius) + kRadius;
+      for (int x = 0; x < weight.width(); ++x) {
+        if (weight.At(x, y) > 0) row[x] = LuminanceAt(color, x, y);
+      }
     }
-  }
+  });
   return padded;
 }
 
@@ -88,7 +90,7 @@ Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
   const int width = halves->width();
   const int height = halves->height();
   const Plane luminance =
-      PaddedLuminance(Combine(halves->a, halves->b, halves->share_a.view(), pool), halves->weight);
+      PaddedLuminance(Combine(halves->a, halves->b, halves->share_a.view(), pool), halves->weight, pool);
   Planes removed = MakePlanes(3, width, height);
   std::atomic<bool> is_any{false};
   ForEachBand(pool, height, [&](int, int y0, int y1) {

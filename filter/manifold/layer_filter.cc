@@ -40,7 +40,8 @@ struct FeaturePair {
   Planes b;
 };
 
-FeaturePair MakeFeatures(const Guide& guide, const PatchBasis& basis, float sigma_q, const Planes& geometry,
+/// Takes the guide over, so that its planes are gone before manifolds need memory.
+FeaturePair MakeFeatures(Guide guide, const PatchBasis& basis, float sigma_q, const Planes& geometry,
                          TaskPool* pool) {
   return {JointFeatures(guide.a, basis, sigma_q, geometry, pool),
           JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
@@ -81,44 +82,50 @@ Planes SpreadRemoved(const Planes& removed, const Planes& geometry, ConstFloatVi
   return ManifoldFilter(removed, geometry, weight, params, pool);
 }
 
-void AddProduct(const Plane& share, const Plane& value, Plane* sum) {
-  for (int y = 0; y < share.height(); ++y) {
-    const float* __restrict s = share.Row(y);
-    const float* __restrict v = value.Row(y);
-    float* __restrict out = sum->Row(y);
-    for (int x = 0; x < share.width(); ++x) out[x] += s[x] * v[x];
-  }
+void AddProduct(const Plane& share, const Plane& value, int y, Plane* sum) {
+  const float* __restrict s = share.Row(y);
+  const float* __restrict v = value.Row(y);
+  float* __restrict out = sum->Row(y);
+  for (int x = 0; x < share.width(); ++x) out[x] += s[x] * v[x];
 }
 
 /// shares[0] * raw + sum of shares[i] * candidate i + (1 - shares[0]) * spread.
 Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const Planes& shares,
              const Planes& spread, const Halves& halves, TaskPool* pool) {
+  std::vector<Planes> means;
+  for (const Candidate& candidate : candidates)
+    means.push_back(Combine(candidate.a, candidate.b, halves.share_a.view(), pool));
   Planes sums = MakePlanes(3, halves.width(), halves.height());
-  for (size_t c = 0; c < 3; ++c) AddProduct(shares[0], raw[c], &sums[c]);
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    const Planes mean = Combine(candidates[i].a, candidates[i].b, halves.share_a.view(), pool);
-    for (size_t c = 0; c < 3; ++c) AddProduct(shares[i + 1], mean[c], &sums[c]);
-    for (size_t c = 0; c < spread.size(); ++c) AddProduct(shares[i + 1], spread[c], &sums[c]);
-  }
+  ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (size_t c = 0; c < 3; ++c) {
+        AddProduct(shares[0], raw[c], y, &sums[c]);
+        for (size_t i = 0; i < means.size(); ++i) {
+          AddProduct(shares[i + 1], means[i][c], y, &sums[c]);
+          if (!spread.empty()) AddProduct(shares[i + 1], spread[c], y, &sums[c]);
+        }
+      }
+    }
+  });
   return sums;
 }
 
 /// The first filtering, guided by noisy patches, and two guided by patches of its result.
 Candidates MakeCandidates(const Halves& halves, const Planes& geometry, const LayerParams& params,
                           const SlicePoints* points, TaskPool* pool) {
-  const Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
+  Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
+  const float noise = guide.sigma;
   const PatchBasis basis = BasisOf(guide, halves, params.patches, pool);
-  const FeaturePair features = MakeFeatures(guide, basis, params.range_factor * guide.sigma, geometry, pool);
   Candidates candidates;
-  CrossFilter(halves, features, params.pilot_manifolds, {params.pilot_reach}, points, pool, &candidates);
+  CrossFilter(halves, MakeFeatures(std::move(guide), basis, params.range_factor * noise, geometry, pool),
+              params.pilot_manifolds, {params.pilot_reach}, points, pool, &candidates);
 
   const Candidate& pilot = candidates.pictures[0];
-  const Guide second = MakeGuide(halves, pilot.a, pilot.b, params.knee, pool);
+  Guide second = MakeGuide(halves, pilot.a, pilot.b, params.knee, pool);
   const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
-  const FeaturePair refined =
-      MakeFeatures(second, second_basis, params.pilot_range_factor * guide.sigma, geometry, pool);
-  CrossFilter(halves, refined, params.manifolds, {params.wide_reach, params.fine_reach}, points, pool,
-              &candidates);
+  CrossFilter(halves,
+              MakeFeatures(std::move(second), second_basis, params.pilot_range_factor * noise, geometry, pool),
+              params.manifolds, {params.wide_reach, params.fine_reach}, points, pool, &candidates);
   return candidates;
 }
 

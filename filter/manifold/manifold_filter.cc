@@ -118,17 +118,14 @@ Level Filter::Splat(std::vector<Manifold> manifolds, bool is_last) {
 
 std::vector<Manifold> Filter::BlurAndSlice(Level level) {
   for (size_t r = 0; r < reaches_.size(); ++r) {
-    std::vector<Planes> psi;
-    for (Planes& splat : level.splats) {
-      if (r + 1 == reaches_.size()) {
-        psi.push_back(std::move(splat));
-        continue;
-      }
-      psi.emplace_back();
-      for (const Plane& plane : splat) psi.back().push_back(plane.Clone());
-    }
+    const bool is_last = r + 1 == reaches_.size();
+    std::vector<Planes> psi(level.splats.size());
     ParallelFor(pool_, static_cast<int64_t>(psi.size()), [&](int64_t i) {
       const size_t at = static_cast<size_t>(i);
+      if (is_last)
+        psi[at] = std::move(level.splats[at]);
+      else
+        for (const Plane& plane : level.splats[at]) psi[at].push_back(plane.Clone());
       GuidedLowPass(reaches_[r].sigma_cells, kBlurRange, level.manifolds[at].eta, pool_, &psi[at]);
     });
     Slice(level.manifolds, psi, &reaches_[r]);
@@ -199,6 +196,9 @@ ManifoldResult ManifoldFilterAtReaches(const Planes& signals, const Planes& feat
                                        const SlicePoints* points, TaskPool* pool) {
   LUMIFOLD_CHECK(!features.empty() && params.height >= 1 && params.height <= 8 &&
                  params.pca_iterations >= 1 && params.sigma_s > 0);
+  LUMIFOLD_CHECK(points == nullptr ||
+                 (points->own_features <= features.size() &&
+                  points->features.size() == points->pixels.size() * points->own_features * points->samples));
   LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
   if (mask.width() == 0 || mask.height() == 0) {
     ManifoldResult empty;

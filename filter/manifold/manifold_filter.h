@@ -30,14 +30,14 @@ inline int CellOf(const ManifoldParams& params) {
 /// where Psi_k is the signal splatted with w_k onto manifold k's coarse cells and blurred along the manifold.
 /// Shapes:  signals: C planes, features: d planes (>= 1), mask: all W x H. Result: C planes, W x H.
 /// Units:   features are divided by their range sigmas beforehand, so that 1 is one sigma; the signal's unit
-/// does not matter. Mask:    weight >= 0 of a pixel in splats, clusters and blurs. A pixel of weight 0 gives
-/// nothing, yet takes: its result is what its
-///          features find on the manifolds, or its own signal where they find nothing. Signals and features
-///          must be finite everywhere, under the mask too.
+///          does not matter.
+/// Mask:    weight >= 0 of a pixel in splats, clusters and blurs. A pixel of weight 0 gives nothing, yet
+///          takes: its result is what its features find on the manifolds, or its own signal where they find
+///          nothing. Signals and features must be finite everywhere, under the mask too.
 /// Edges:   clamped.
-/// Threads: safe concurrently; the result is identical for any pool, null included, and for any instruction
-/// set. Source:  Gastal & Oliveira 2012, with box-mean downsampling, deterministic clustering and all
-/// recursion on coarse grids; oracle: manifold_slow.cc.
+/// Threads: safe concurrently; the result is identical for any pool, null included, and any instruction set.
+/// Source:  Gastal & Oliveira 2012, with box-mean downsampling, deterministic clustering and all recursion on
+///          coarse grids; oracle: manifold_slow.cc.
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
                       const ManifoldParams& params, TaskPool* pool);
 
@@ -54,12 +54,13 @@ struct SlicePoints {
   float pixel_divisor = 16;
 };
 
-/// What the points found. Of channel c and point j of pixel i at [(i * C + c) * samples + j] and [i * samples
-/// + j].
+/// What the points found.
 struct SlicedPoints {
+  /// Channel c of point j of pixel i at [(i * C + c) * samples + j].
   std::vector<float> values;
-  std::vector<float>
-      weights;  // sum over manifolds of w * up(Psi0); 0 where a point found nothing, its values then 0
+  /// Sum over manifolds of w * up(Psi0), at [i * samples + j]; 0 where a point found nothing, whose values
+  /// are 0.
+  std::vector<float> weights;
 };
 
 /// What one run of the filter gives.

@@ -14,6 +14,7 @@ namespace {
 constexpr float kShrink = 4.0f;   // residuals up to this many variances are taken for noise
 constexpr int kShrinkRadius = 2;  // 5x5 window
 constexpr float kLargest = 1e34f;
+constexpr float kRounding = 1e-6f;  // of C: what sums of a few floats lose
 
 /// The channel's value where it is usable, else 0.
 float Finite(float value) { return std::abs(value) <= kLargest ? value : 0.0f; }
@@ -70,16 +71,17 @@ Plane MeasurableMask(const LayeredImage& film) {
   return mask;
 }
 
-float MeanMagnitude(const LayeredImage& film, TaskPool* pool) {
-  const ConstColorView noisy = film.GetColor(layers::kNoisy);
-  const double sum = SumRows(pool, film.height(), [&](int y) {
+float MeanMagnitude(const ConstColorView& color, TaskPool* pool) {
+  const int width = color[0].width();
+  const int height = color[0].height();
+  const double sum = SumRows(pool, height, [&](int y) {
     double row = 0;
-    for (const ConstFloatView& channel : noisy) {
-      for (int x = 0; x < film.width(); ++x) row += static_cast<double>(std::abs(Finite(channel.At(x, y))));
+    for (const ConstFloatView& channel : color) {
+      for (int x = 0; x < width; ++x) row += static_cast<double>(std::abs(Finite(channel.At(x, y))));
     }
     return row;
   });
-  return static_cast<float>(sum / (3.0 * film.width() * film.height()));
+  return static_cast<float>(sum / (3.0 * width * height));
 }
 
 /// What the shrink compares: variance of C and (C - F)^2, summed over the channels and relative to the mean
@@ -123,6 +125,11 @@ Remainder MakeRemainder(const LayeredImage& film, const std::vector<Product>& pr
   return rest;
 }
 
+bool IsRounding(const Remainder& remainder, const LayeredImage& film, TaskPool* pool) {
+  const float most = kRounding * MeanMagnitude(film.GetColor(layers::kNoisy), pool);
+  return MeanMagnitude(ViewOf(remainder.a), pool) <= most && MeanMagnitude(ViewOf(remainder.b), pool) <= most;
+}
+
 std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Product>& products,
                                const std::vector<Planes>& filtered, const Remainder& before,
                                const Planes& filtered_remainder, TaskPool* pool) {
@@ -156,7 +163,7 @@ std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Produ
 }
 
 void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 3>* picture) {
-  const float unit = MeanMagnitude(film, pool);
+  const float unit = MeanMagnitude(film.GetColor(layers::kNoisy), pool);
   if (!(unit > 0)) return;
   const Plane mask = MeasurableMask(film);
   const Planes means =

@@ -21,6 +21,9 @@ struct Remainder {
 
 Remainder MakeRemainder(const LayeredImage& film, const std::vector<Product>& products, TaskPool* pool);
 
+/// Whether nothing but the rounding of sums is left: there is nothing to filter then.
+bool IsRounding(const Remainder& remainder, const LayeredImage& film, TaskPool* pool);
+
 /// C plus what the filter changed, so that what it left alone passes through to the last bit: C + sum of
 /// (filtered - mean) * factor + (filtered remainder - remainder). `filtered`: a product's, of its box's size,
 /// each. Not finite values count as 0.

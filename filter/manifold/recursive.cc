@@ -18,7 +18,7 @@ void PullEvenly(float weight, const float* __restrict from, float* __restrict to
   for (int x = 0; x < width; ++x) to[x] += weight * (from[x] - to[x]);
 }
 
-/// Forward and backward along kChains rows; weight(x) links x - 1 and x in all of them. Each row is a chain
+/// Forward and backward along kChains rows; weight(i, x) links x - 1 and x in row i. Each row is a chain
 /// of dependent steps, and several together hide each other's latency.
 template <size_t kChains, typename Weight>
 void RecurseChains(const float* const* first_source, float* const* first_row, Weight weight, int width) {
@@ -29,17 +29,15 @@ void RecurseChains(const float* const* first_source, float* const* first_row, We
   std::copy_n(first_row, kChains, rows.begin());
   for (size_t i = 0; i < kChains; ++i) rows[i][0] = last[i] = sources[i][0];
   for (int x = 1; x < width; ++x) {
-    const float w = weight(x);
     for (size_t i = 0; i < kChains; ++i) {
       const float value = sources[i][x];
-      rows[i][x] = last[i] = value + w * (last[i] - value);
+      rows[i][x] = last[i] = value + weight(i, x) * (last[i] - value);
     }
   }
   for (int x = width - 2; x >= 0; --x) {
-    const float w = weight(x + 1);
     for (size_t i = 0; i < kChains; ++i) {
       const float value = rows[i][x];
-      rows[i][x] = last[i] = value + w * (last[i] - value);
+      rows[i][x] = last[i] = value + weight(i, x + 1) * (last[i] - value);
     }
   }
 }
@@ -49,9 +47,10 @@ template <typename Weight>
 void RecurseAlongRows(const std::vector<const float*>& sources, const std::vector<float*>& rows,
                       Weight weight, int width) {
   size_t first = 0;
-  for (; first + 8 <= rows.size(); first += 8) RecurseChains<8>(&sources[first], &rows[first], weight, width);
-  for (; first + 4 <= rows.size(); first += 4) RecurseChains<4>(&sources[first], &rows[first], weight, width);
-  for (; first < rows.size(); ++first) RecurseChains<1>(&sources[first], &rows[first], weight, width);
+  const auto from_first = [&](size_t i, int x) { return weight(first + i, x); };
+  for (; first + 8 <= rows.size(); first += 8)
+    RecurseChains<8>(&sources[first], &rows[first], from_first, width);
+  for (; first < rows.size(); ++first) RecurseChains<1>(&sources[first], &rows[first], from_first, width);
 }
 
 /// Rows of each plane, from column x0.
@@ -62,21 +61,25 @@ void RowsAt(PlaneOf& planes, int y, int x0, std::vector<Value*>* rows) {
 
 float Stretch(float sigma, float range) { return (sigma / range) * (sigma / range); }
 
+/// Rows [y0, y1), all of them together.
 void GuidedRows(float sigma, float range, const Planes& guide, int y0, int y1, Planes* signals) {
   const int width = guide[0].width();
-  std::vector<float> weight(static_cast<size_t>(width));
+  Plane weights = Plane::Uninitialized(width, y1 - y0);  // column x: the links between columns x - 1 and x
   std::vector<const float*> here(guide.size());
   std::vector<const float*> left(guide.size());
-  std::vector<float*> rows(signals->size());
+  std::vector<float*> rows;
   for (int y = y0; y < y1; ++y) {
     RowsAt(guide, y, 1, &here);
     RowsAt(guide, y, 0, &left);
     LinkRow(sigma, Stretch(sigma, range), here.data(), left.data(), guide.size(), width - 1,
-            weight.data() + 1);
-    RowsAt(*signals, y, 0, &rows);
-    RecurseAlongRows(
-        {rows.begin(), rows.end()}, rows, [&weight](int x) { return weight[static_cast<size_t>(x)]; }, width);
+            weights.Row(y - y0) + 1);
+    for (Plane& signal : *signals) rows.push_back(signal.Row(y));
   }
+  std::vector<const float*> row_weights;
+  for (size_t i = 0; i < rows.size(); ++i)
+    row_weights.push_back(weights.Row(static_cast<int>(i / signals->size())));
+  RecurseAlongRows(
+      {rows.begin(), rows.end()}, rows, [&](size_t i, int x) { return row_weights[i][x]; }, width);
 }
 
 /// Columns [x0, x1), all of them side by side.
@@ -112,7 +115,7 @@ void LowPass(float sigma, const Plane& from, Plane* to) {
     rows.push_back(to->Row(y));
   }
   RecurseAlongRows(
-      sources, rows, [weight](int) { return weight; }, width);
+      sources, rows, [weight](size_t, int) { return weight; }, width);
   for (int y = 1; y < height; ++y) PullEvenly(weight, to->Row(y - 1), to->Row(y), width);
   for (int y = height - 2; y >= 0; --y) PullEvenly(weight, to->Row(y + 1), to->Row(y), width);
 }

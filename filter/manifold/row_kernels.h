@@ -107,8 +107,7 @@ void LinkRow(float sigma, float stretch, const float* const* here, const float* 
              int count, float* weight);
 /// out[x] += sum over taps of taps[j] * row[x + j], added in groups of three taps, each group from the left.
 void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out);
-/// error[x] += the candidate's estimated squared error in one channel; METHODS of the estimate:
-/// SelectCandidates.
+/// error[x] += a candidate's squared error in one channel, estimated as SelectCandidates states.
 void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
                        int count, float* error);
 /// out[x] = Asinh(in[x] * inverse_knee) - shift.

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "filter/image/parallel.h"
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 #include "filter/manifold/manifold_filter.h"
 #include "tests/unit/filter/synthetic_film.h"
 
@@ -50,6 +50,29 @@ void BM_Manifolds(benchmark::State& state) {
   CountPixels(state);
 }
 
+/// The same with 16 points in a twentieth of the pixels, as on edges: what their slices cost.
+void BM_ManifoldsAndPoints(benchmark::State& state) {
+  const Planes signals = NoisySteps(6, 1);
+  const Planes features = NoisySteps(10, 2);
+  Plane mask(kWidth, kHeight);
+  mask.Fill(1);
+  SlicePoints points;
+  points.samples = 16;
+  points.own_features = 4;
+  for (int i = 0; i < kWidth * kHeight; i += 20) {
+    points.pixels.push_back({i % kWidth, i / kWidth});
+    for (size_t k = 6; k < 10; ++k)
+      points.features.insert(points.features.end(), 16, features[k].At(i % kWidth, i / kWidth));
+  }
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
+  const ManifoldParams params;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(ManifoldFilterAtReaches(signals, features, mask.view(), params, {params.sigma_s},
+                                                     &points, pool.get()));
+  }
+  CountPixels(state);
+}
+
 void BM_Film(benchmark::State& state, const char* method) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(kWidth, kHeight, 0.3f, 3);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
@@ -62,6 +85,7 @@ void BM_Film(benchmark::State& state, const char* method) {
 }
 
 BENCHMARK(BM_Manifolds)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_ManifoldsAndPoints)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Film, paper, "paper")->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Film, default, "default")->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 

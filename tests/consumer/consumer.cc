@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "filter/image/layers.h"
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 #include "filter/metrics/metrics.h"
 
 namespace {

@@ -3,7 +3,7 @@
     cross_check.py [--samples N] [--size WxH] [--bounces N] [--keep FOLDER] [SCENE ...]
 
 prints for each scene and camera every region's difference in percent of Cycles' mean, with its standard deviation. Fails where a
-region of a scene that both model alike differs by more than 1 % and three standard deviations. Needs `blender` (it skips
+region differs by more than 1 % (8 % for rough metals, which both do not model alike) and three standard deviations. Needs `blender` (it skips
 out loud without) and the programs of LUMIFOLD_BIN.
 """
 
@@ -23,6 +23,9 @@ PROGRAMS = pathlib.Path(os.environ.get("LUMIFOLD_BIN", HERE.parents[1] / "build/
 SKIPPED = 77  # what ctest takes for "skipped"
 ALLOWED_PERCENT = 1
 ALLOWED_DEVIATIONS = 3
+# What light does that scatters between microfacets more than once: both keep all of it, but Cycles walks it at random and Lumifold gives
+# it the shape of single scattering (docs/results/cycles-cross-check.md, difference 4).
+ALLOWED_PERCENT_IN = {"metal-balls": 8}
 
 SCENES = ("diffuse-room", "sun-and-points", "metal-balls", "glass-things", "instances", "environment", "animation")
 
@@ -70,7 +73,8 @@ def check(scene, camera, folder, samples, size, bounces):
     print(f"\n{scene}, {camera}\n{'region':24} {'Cycles':>9} {'difference %':>13} {'deviation %':>12}")
     bad = []
     for name, mean, difference, deviation in regions.compare(ours, reference, areas):
-        too_much = abs(difference) > ALLOWED_PERCENT + ALLOWED_DEVIATIONS * deviation
+        allowed = ALLOWED_PERCENT_IN.get(scene, ALLOWED_PERCENT)
+        too_much = abs(difference) > allowed + ALLOWED_DEVIATIONS * deviation
         print(f"{name:24} {mean:9.4f} {difference:13.2f} {deviation:12.2f}{'  <--' if too_much else ''}", flush=True)
         if too_much:
             bad.append(f"{scene}, {camera}: {name} {difference:+.2f} %")
@@ -100,7 +104,7 @@ def main():
         for scene in options.scenes or SCENES:
             for camera in render_reference(scene, folder, *settings):
                 bad += check(scene, camera, folder, *settings)
-    print("\n" + "\n".join(bad or ["no region differs by more than 1 % and three standard deviations"]))
+    print("\n" + "\n".join(bad or ["no region differs by more than is allowed"]))
     return 1 if bad else 0
 
 

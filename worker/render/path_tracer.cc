@@ -27,10 +27,15 @@ LightReceiver ReceiverAt(const Surface& surface) { return {surface.position, sur
 
 /// Makes a new ray the one that is free where the light reaches the surface.
 void SetShadowRay(const Surface& surface, const LightSample& sample, Ray* ray) {
-  constexpr float kStopShort = 1.0f - 0x1p-12f;  // the light itself must not be in its own way
   ray->origin = surface.Offset(sample.direction);
   ray->direction = sample.direction;
-  ray->max_distance = std::max(sample.distance * kStopShort - surface.epsilon, 0.0f);
+  if (std::isinf(sample.distance)) return;
+  constexpr float kStopShort = 1.0f - 0x1p-12f;  // the light itself must not be in its own way
+  // Towards the very point: a ray parallel to that way meets a lamp seen at a grazing angle long before it.
+  const Vec3 segment = surface.position + sample.direction * sample.distance - ray->origin;
+  const float length = Length(segment);
+  ray->direction = segment * (1.0f / length);
+  ray->max_distance = length * kStopShort;
 }
 
 /// Beer's law along `distance` metres inside a volume.

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 #include "filter/metrics/metrics.h"
 #include "tests/support/shuffling_pool.h"
 #include "tests/unit/filter/synthetic_film.h"

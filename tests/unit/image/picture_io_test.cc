@@ -8,6 +8,7 @@
 
 #include "filter/image/exr_io.h"
 #include "filter/image/file_io.h"
+#include "tests/support/temp_folder.h"
 
 namespace lumifold {
 namespace {
@@ -15,7 +16,8 @@ namespace {
 using ::testing::HasSubstr;
 
 std::string ExrBytes(const LayeredImage& image) {
-  const std::string path = ::testing::TempDir() + "lumifold_picture_io.exr";
+  const TempFolder folder;
+  const std::string path = folder.PathOf("picture.exr");
   EXPECT_TRUE(WriteExr(path, image).ok());
   return *ReadFile(path, 1 << 20);
 }

@@ -7,12 +7,14 @@
 #include <vector>
 
 #include "filter/image/layered_image.h"
+#include "tests/support/temp_folder.h"
 
 namespace lumifold {
 namespace {
 
 TEST(Png, WritesSrgbBytes) {
-  const std::string path = ::testing::TempDir() + "lumifold_png_test.png";
+  const TempFolder folder;
+  const std::string path = folder.PathOf("picture.png");
   LayeredImage image(2, 1);
   const ColorView color = image.AddColor("");
   color[0].At(0, 0) = 0.5f;   // 188 in sRGB

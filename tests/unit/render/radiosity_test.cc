@@ -170,15 +170,25 @@ TEST(Radiosity, AClosedBoxOfUnlikeWallsAgreesWithTheRadiositySystem) {
   EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {place, -1, place}, kEndless, 1024) / corner, 1, 1e-2);
 }
 
+constexpr float kLampHeight = 1;
+
+/// A lamp 1 x 1 that hangs round the vertical axis through (x, 0, 0) and radiates 1 to both sides.
+void PlaceLamp(float x, Scene* scene, Patch* lamp) {
+  lamp->corners = {Vec3{x - 0.5f, kLampHeight, -0.5f},
+                   {x + 0.5f, kLampHeight, -0.5f},
+                   {x + 0.5f, kLampHeight, 0.5f},
+                   {x - 0.5f, kLampHeight, 0.5f}};
+  scene->materials = {Wall(0.8f, 0), testing::Emitter({1, 1, 1})};
+  scene->materials[1].double_sided = true;
+  testing::Place(scene, testing::QuadMesh(lamp->corners[0], {1, 0, 0}, {0, 0, 1}, 1));
+}
+
 TEST(Radiosity, AWallBesideALampFollowsItsFormFactor) {
-  // Up to where the light comes in grazing: the lamp hangs at 1, the wall stands 0.4 from its edge.
+  // Up to where the light comes in grazing: the wall stands 0.4 from the lamp's edge.
   Scene scene;
-  scene.materials = {Wall(0.8f, 0), testing::Emitter({1, 1, 1})};
-  const Vec3 lamp_origin = {-0.5f, 1, -0.5f};
-  testing::Place(&scene, testing::QuadMesh(lamp_origin, {1, 0, 0}, {0, 0, 1}, 1));
-  testing::Place(&scene, testing::QuadMesh({0.9f, -2, -2}, {0, 0, 4}, {0, 4, 0}, 0));
   Patch lamp;
-  lamp.corners = {lamp_origin, {0.5f, 1, -0.5f}, {0.5f, 1, 0.5f}, {-0.5f, 1, 0.5f}};
+  PlaceLamp(0, &scene, &lamp);
+  testing::Place(&scene, testing::QuadMesh({0.9f, -2, -2}, {0, 0, 4}, {0, 4, 0}, 0));
   for (const float height : {-1.0f, 0.0f, 0.5f, 0.9f, 0.96f}) {
     Patch wall;
     wall.middle = {0.9f, height, 0.1f};
@@ -186,6 +196,25 @@ TEST(Radiosity, AWallBesideALampFollowsItsFormFactor) {
     const double expected = 0.8 * FormFactor(wall, lamp);
     EXPECT_NEAR(RadianceSeen(scene, {0.6f, height - 0.1f, 0.1f}, wall.middle, 0, 1024) / expected, 1, 5e-3)
         << height;
+  }
+}
+
+TEST(Radiosity, ALampCloseUnderTheCeilingDoesNotShadeItself) {
+  // Light leaves the lamp at up to 88 degrees to its normal; far from the origin rays start further off a
+  // face.
+  constexpr float kCeiling = kLampHeight + 0.02f;
+  for (const float x : {0.0f, 30.0f}) {
+    Scene scene;
+    Patch lamp;
+    PlaceLamp(x, &scene, &lamp);
+    std::swap(lamp.corners[1], lamp.corners[3]);  // its upper side
+    testing::Place(&scene, testing::QuadMesh({x - 2, kCeiling, -2}, {4, 0, 0}, {0, 0, 4}, 0));
+    Patch ceiling;
+    ceiling.middle = {x + 0.7f, kCeiling, 0.1f};
+    ceiling.normal = {0, -1, 0};
+    const double expected = 0.8 * std::abs(FormFactor(ceiling, lamp));
+    EXPECT_NEAR(RadianceSeen(scene, {x + 0.8f, 0.5f, 0.1f}, ceiling.middle, 0, 4096) / expected, 1, 2e-2)
+        << x;
   }
 }
 

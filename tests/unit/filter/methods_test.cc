@@ -1,4 +1,4 @@
-#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -138,6 +138,37 @@ TEST(FilterFilm, FiltersWhatTheLayersDoNotExplain) {
   const Picture noisy = Filter(film, "none");
   // Sky is never filtered: compare below it.
   EXPECT_LT(ColumnsError(picture[0], truth, 0, 128), 0.35 * ColumnsError(noisy[0], truth, 0, 128));
+}
+
+TEST(FilterFilm, LeavesALampExactlyAloneBesideNoisyReflections) {
+  SyntheticFilm synthetic = MakeSyntheticFilm(128, 96, 0.1f, 17);
+  LayeredImage& film = synthetic.film;
+  const auto set = [&](const char* layer, int x, int y, float value) {
+    for (const FloatView& channel : film.GetColor(layer)) channel.At(x, y) = value;
+  };
+  std::mt19937 random(18);
+  std::normal_distribution<float> noise(0.0f, 0.2f);
+  for (int y = 15; y < 96; ++y) {
+    for (int x = 0; x < 128; ++x) {
+      if (x >= 60 && x < 72) {
+        film.Get(layers::kMask).At(x, y) = 0;
+        for (const char* layer :
+             {"direct", "direct_a", "direct_b", "indirect", "indirect_a", "indirect_b", "albedo"})
+          set(layer, x, y, 0.0f);
+        for (const char* layer : {"noisy", "noisy_a", "noisy_b", "emission"}) set(layer, x, y, 0.7f);
+        continue;
+      }
+      const float a = noise(random);
+      const float b = noise(random);
+      film.Get("noisy_a.R").At(x, y) += a;
+      film.Get("noisy_b.R").At(x, y) += b;
+      film.Get("noisy.R").At(x, y) += 0.5f * (a + b);
+    }
+  }
+  const Picture picture = Filter(film);
+  for (int y = 20; y < 90; ++y) {
+    for (int x = 61; x < 71; ++x) ASSERT_EQ(picture[0].At(x, y), 0.7f) << x << "," << y;
+  }
 }
 
 TEST(FilterFilm, FiltersPixelsThatTheSurfaceCoversInPart) {

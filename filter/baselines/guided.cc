@@ -1,0 +1,152 @@
+#include "filter/baselines/guided.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+
+#include "absl/functional/function_ref.h"
+#include "filter/image/check.h"
+#include "filter/manifold/box_mean.h"
+#include "filter/manifold/denoise.h"
+
+namespace lumifold::filter {
+namespace {
+
+constexpr int kMostGuides = 8;
+using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostGuides, kMostGuides>;
+using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostGuides, 1>;
+
+Plane Product(const Plane& x, const Plane& y) {
+  Plane product(x.width(), x.height());
+  for (int j = 0; j < x.height(); ++j) {
+    for (int i = 0; i < x.width(); ++i) product.At(i, j) = x.At(i, j) * y.At(i, j);
+  }
+  return product;
+}
+
+/// Planes minus their mean under the mask and, if asked, over their deviation: what hardly varies at all
+/// becomes 0.
+Planes Standardise(const Planes& planes, ConstFloatView mask, bool to_unit_variance, TaskPool* pool,
+                   std::vector<float>* means) {
+  constexpr double kLeastDeviation = 1e-4;
+  const auto sum = [&](absl::FunctionRef<double(int, int)> value) {
+    return SumRows(pool, mask.height(), [&](int y) {
+      double row = 0;
+      for (int x = 0; x < mask.width(); ++x) row += static_cast<double>(mask.At(x, y)) * value(x, y);
+      return row;
+    });
+  };
+  const double total = std::max(sum([](int, int) { return 1.0; }), 1e-30);
+  Planes standard;
+  for (const Plane& plane : planes) {
+    const double mean = sum([&](int x, int y) { return static_cast<double>(plane.At(x, y)); }) / total;
+    const double variance = sum([&](int x, int y) {
+                              const double off = static_cast<double>(plane.At(x, y)) - mean;
+                              return off * off;
+                            }) /
+                            total;
+    const double deviation = std::sqrt(variance);
+    const double scale = !to_unit_variance ? 1.0 : (deviation > kLeastDeviation ? 1.0 / deviation : 0.0);
+    Plane& out = standard.emplace_back(plane.width(), plane.height());
+    for (int y = 0; y < plane.height(); ++y) {
+      for (int x = 0; x < plane.width(); ++x)
+        out.At(x, y) = static_cast<float>((static_cast<double>(plane.At(x, y)) - mean) * scale);
+    }
+    if (means != nullptr) means->push_back(static_cast<float>(mean));
+  }
+  return standard;
+}
+
+/// Means over windows, in one list: M guides, C signals, the M (M + 1) / 2 products of guides, the M C
+/// products of guides and signals, guide by guide.
+Planes Moments(const Planes& signals, const Planes& guide, ConstFloatView mask, int radius, TaskPool* pool) {
+  Planes moments;
+  for (const Plane& g : guide) moments.push_back(g.Clone());
+  for (const Plane& p : signals) moments.push_back(p.Clone());
+  for (size_t i = 0; i < guide.size(); ++i) {
+    for (size_t j = i; j < guide.size(); ++j) moments.push_back(Product(guide[i], guide[j]));
+  }
+  for (const Plane& g : guide) {
+    for (const Plane& p : signals) moments.push_back(Product(g, p));
+  }
+  return BoxMeans(moments, mask, radius, pool);
+}
+
+/// Solves one pixel's window: writes a of each signal (M planes each) and b (one plane each).
+void FitWindow(const Planes& moments, size_t guides, size_t signals, double epsilon, int x, int y,
+               Planes* lines) {
+  const auto at = [&](size_t i) { return static_cast<double>(moments[i].At(x, y)); };
+  Matrix covariance(guides, guides);
+  size_t next = guides + signals;
+  for (size_t i = 0; i < guides; ++i) {
+    for (size_t j = i; j < guides; ++j) {
+      covariance(i, j) = covariance(j, i) = at(next++) - at(i) * at(j);
+    }
+    covariance(i, i) += epsilon;
+  }
+  const Eigen::LDLT<Matrix> solver(covariance);
+  for (size_t c = 0; c < signals; ++c) {
+    Vector with_signal(guides);
+    for (size_t i = 0; i < guides; ++i) with_signal(i) = at(next + i * signals + c) - at(i) * at(guides + c);
+    const Vector a = solver.solve(with_signal);
+    double b = at(guides + c);
+    for (size_t i = 0; i < guides; ++i) {
+      b -= a(i) * at(i);
+      (*lines)[c * (guides + 1) + i].At(x, y) = static_cast<float>(a(i));
+    }
+    (*lines)[c * (guides + 1) + guides].At(x, y) = static_cast<float>(b);
+  }
+}
+
+std::array<Plane, 3> FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+  const auto filter_layer = [&](const Halves& halves, const Planes& geometry, const SlicePoints*) {
+    const ConstFloatView mask = halves.weight.view();
+    const Planes guide = Standardise(geometry, mask, true, pool, nullptr);
+    const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
+    return FilteredLayer{
+        GuidedFilter(mean, guide, mask, static_cast<int>(values[0]), static_cast<double>(values[1]), pool),
+        {}};
+  };
+  return FilterLayers(film, nullptr, filter_layer, pool);
+}
+
+}  // namespace
+
+Planes GuidedFilter(const Planes& signals, const Planes& guide, ConstFloatView mask, int radius,
+                    double epsilon, TaskPool* pool) {
+  LUMIFOLD_CHECK(guide.size() <= kMostGuides);
+  const size_t m = guide.size();
+  std::vector<float> means;  // taken off first: E[gp] - E[g] E[p] would cancel
+  const Planes centred = Standardise(signals, mask, false, pool, &means);
+  const Planes moments = Moments(centred, guide, mask, radius, pool);
+  Planes lines = MakePlanes(signals.size() * (m + 1), mask.width(), mask.height());
+  ParallelFor(pool, mask.height(), [&](int64_t row) {
+    for (int x = 0; x < mask.width(); ++x)
+      FitWindow(moments, m, signals.size(), epsilon, x, static_cast<int>(row), &lines);
+  });
+  lines = BoxMeans(lines, mask, radius, pool);
+  Planes out = MakePlanes(signals.size(), mask.width(), mask.height());
+  for (size_t c = 0; c < signals.size(); ++c) {
+    for (int y = 0; y < mask.height(); ++y) {
+      for (int x = 0; x < mask.width(); ++x) {
+        float value = means[c] + lines[c * (m + 1) + m].At(x, y);
+        for (size_t i = 0; i < m; ++i) value += lines[c * (m + 1) + i].At(x, y) * guide[i].At(x, y);
+        out[c].At(x, y) = value;
+      }
+    }
+  }
+  return out;
+}
+
+Baseline GuidedBaseline() {
+  return {.name = "guided",
+          .summary = "guided filter on each layer of light, by normals and depth",
+          .source = "He et al. 2010; Bauszat et al. 2011, without guide rays",
+          .parameters =
+              {{"radius", "of the windows, in pixels", 12, {2, 4, 8, 12, 24}, 1, 256},
+               {"epsilon", "ridge, over the guide's variance", 1e-3f, {1e-4f, 1e-3f, 1e-2f}, 1e-6f, 10}},
+          .filter = FilterLight};
+}
+
+}  // namespace lumifold::filter

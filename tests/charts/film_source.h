@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "filter/image/edged_image.h"
+#include "filter/image/parallel.h"
+
+namespace lumifold::charts {
+
+/// A film and what rendering it took on the clock, 0 where that is not known.
+struct TimedFilm {
+  EdgedImage film;
+  double render_seconds = 0;
+};
+
+/// What is rendered of a scene.
+struct FilmSettings {
+  int width = 0;
+  int height = 0;
+  uint32_t samples = 0;
+  uint64_t seed = 0;
+};
+
+/// Renders films of one generated scene, as a farm would, and keeps them as files, by a hash of the scene's
+/// bytes, the settings and the numeric class: a second run finds them, and the time the first took.
+class FilmSource {
+ public:
+  /// Errors: kNotFound for a name that scenes::FindScene does not know; kUnavailable without a cache folder.
+  static absl::StatusOr<FilmSource> Create(const std::string& scene_name, const std::string& cache_folder);
+
+  /// Errors: those of loading and rendering the scene and of the cache's files.
+  absl::StatusOr<TimedFilm> Get(const FilmSettings& settings, TaskPool* pool) const;
+
+ private:
+  FilmSource(std::string name, std::string bytes, std::string cache_folder);
+  std::string PathOf(const FilmSettings& settings) const;
+  absl::StatusOr<TimedFilm> Render(const FilmSettings& settings, TaskPool* pool) const;
+
+  std::string name_;
+  std::string bytes_;
+  std::string cache_folder_;
+};
+
+}  // namespace lumifold::charts

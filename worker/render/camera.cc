@@ -45,25 +45,23 @@ PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, int 
   has_lens_ = true;
 }
 
-Ray PictureCamera::RayThrough(float x, float y, Vec2 lens, float pixels) const {
-  const Vec3 offset = corner_ + step_x_ * x + step_y_ * y;
-  Ray ray;
+void PictureCamera::SetRay(Vec2 point, Vec2 lens, float pixels, Ray* ray) const {
+  const Vec3 offset = corner_ + step_x_ * point.x + step_y_ * point.y;
   if (!perspective_) {
-    ray.origin = position_ + offset;
-    ray.direction = forward_;
-    ray.width = pixels * pixel_;
-    return ray;
+    ray->origin = position_ + offset;
+    ray->direction = forward_;
+    ray->width = pixels * pixel_;
+    return;
   }
   const float stretch = 1.0f / Length(offset);
-  ray.origin = position_;
-  ray.direction = offset * stretch;
-  ray.spread = pixels * pixel_ * stretch;
-  if (!has_lens_) return ray;
+  ray->origin = position_;
+  ray->direction = offset * stretch;
+  ray->spread = pixels * pixel_ * stretch;
+  if (!has_lens_) return;
   const Vec2 disk = ConcentricDisk(lens);
   const Vec3 shift = lens_x_ * disk.x + lens_y_ * disk.y;
-  ray.origin += shift;
-  ray.direction = Normalize(offset * focus_ - shift);
-  return ray;
+  ray->origin += shift;
+  ray->direction = Normalize(offset * focus_ - shift);
 }
 
 }  // namespace lumifold::render

@@ -22,7 +22,13 @@ class PictureCamera {
   /// The ray through picture point (x, y) in pixels, origin top left, y down; pixel centres lie at .5. `lens`
   /// is where it passes the lens, evenly distributed over [0, 1)^2; a pinhole takes no notice. The cone round
   /// the ray is `pixels` wide.
-  Ray RayThrough(float x, float y, scene::Vec2 lens, float pixels = 1) const;
+  Ray RayThrough(float x, float y, scene::Vec2 lens, float pixels = 1) const {
+    Ray ray;
+    SetRay({x, y}, lens, pixels, &ray);
+    return ray;
+  }
+  /// Makes `ray`, which must be new, the one through `point`.
+  void SetRay(scene::Vec2 point, scene::Vec2 lens, float pixels, Ray* ray) const;
 
   bool HasLens() const { return has_lens_; }
 

@@ -72,8 +72,19 @@ struct alignas(32) Packet {
   }
 };
 
+/// What hits are told apart by.
+struct Places {
+  const scene::Scene* scene;
+  std::vector<char> is_mirrored;  // of each instance
+
+  explicit Places(const scene::Scene& s) : scene(&s) {
+    for (const scene::Instance& instance : s.instances)
+      is_mirrored.push_back(instance.world_from_object.Determinant() < 0);
+  }
+};
+
 /// A hit as the scene names it. At a baked mesh the instance is the geometry's id.
-Hit HitOf(const scene::Scene& scene, const RTCHit& embree, float distance) {
+Hit HitOf(const Places& places, const RTCHit& embree, float distance) {
   const bool instanced = embree.instID[0] != RTC_INVALID_GEOMETRY_ID;
   Hit hit;
   hit.instance = static_cast<int>(instanced ? embree.instID[0] : embree.geomID);
@@ -82,12 +93,11 @@ Hit HitOf(const scene::Scene& scene, const RTCHit& embree, float distance) {
   hit.v = embree.v;
   hit.distance = distance;
   const Vec3 normal = {embree.Ng_x, embree.Ng_y, embree.Ng_z};
-  const Affine& to_world = scene.instances[hit.instance].world_from_object;
   if (instanced) {
-    hit.face_normal = to_world.Normal(normal);
+    hit.face_normal = places.scene->instances[hit.instance].world_from_object.Normal(normal);
   } else {
     // a mirroring transform has turned the winding round
-    hit.face_normal = to_world.Determinant() < 0 ? -normal : normal;
+    hit.face_normal = places.is_mirrored[hit.instance] != 0 ? -normal : normal;
   }
   return hit;
 }
@@ -95,12 +105,12 @@ Hit HitOf(const scene::Scene& scene, const RTCHit& embree, float distance) {
 /// What the filters of one query need; Embree hands them its first member's address.
 struct QueryContext {
   RTCIntersectContext embree;
-  const scene::Scene* scene;
+  const Places* places;
   std::span<const Ray> rays;  // a ray's id is its place here
   Veils* veils = nullptr;     // gathers all hits, of which none then ends the ray,
   const Hit* last = nullptr;  // beyond this one
 
-  QueryContext(const scene::Scene* s, std::span<const Ray> r) : scene(s), rays(r) {
+  QueryContext(const Places* p, std::span<const Ray> r) : places(p), rays(r) {
     rtcInitIntersectContext(&embree);
     if (rays.size() > 1) embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   }
@@ -120,7 +130,7 @@ void PassWhere(const RTCFilterFunctionNArguments* arguments, Passes passes) {
   const unsigned count = arguments->N;
   for (unsigned i = 0; i < count; ++i) {
     if (arguments->valid[i] == 0) continue;
-    const Hit hit = HitOf(*context.scene, rtcGetHitFromHitN(arguments->hit, count, i),
+    const Hit hit = HitOf(*context.places, rtcGetHitFromHitN(arguments->hit, count, i),
                           RTCRayN_tfar(arguments->ray, count, i));
     const uint64_t chance = context.rays[RTCRayN_id(arguments->ray, count, i)].chance;
     if (passes(Candidate{context, chance, hit})) arguments->valid[i] = 0;
@@ -134,7 +144,7 @@ float OpacityOf(const scene::Scene& scene, const Hit& hit) {
 /// The same answer whenever a ray of this chance asks about this triangle: Embree may ask twice.
 bool IsMet(const Candidate& candidate) {
   const Hit& hit = candidate.hit;
-  const float opacity = OpacityOf(*candidate.context.scene, hit);
+  const float opacity = OpacityOf(*candidate.context.places->scene, hit);
   if (opacity >= 1 || opacity <= 0) return opacity >= 1;
   const uint64_t place = (static_cast<uint64_t>(static_cast<uint32_t>(hit.instance)) << 32) | hit.triangle;
   const uint64_t bits = MixBits(MixBits(candidate.chance) ^ MixBits(~place));
@@ -169,7 +179,7 @@ void MeetOrGather(const RTCFilterFunctionNArguments* arguments) {
 
 void PassHoles(const RTCFilterFunctionNArguments* arguments) {
   PassWhere(arguments, [](const Candidate& candidate) {
-    return OpacityOf(*candidate.context.scene, candidate.hit) <= 0;
+    return OpacityOf(*candidate.context.places->scene, candidate.hit) <= 0;
   });
 }
 
@@ -180,34 +190,34 @@ void PassAll(const RTCFilterFunctionNArguments* arguments) {
 class EmbreeSceneImpl final : public EmbreeScene {
  public:
   Hit Intersect(const Ray& ray) const override {
-    QueryContext context(scene_, {&ray, 1});
+    QueryContext context(&places_, {&ray, 1});
     RTCRayHit query = {EmbreeRay(ray), {}};
     Trace(world_.get(), &query, &context);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
-    return HitOf(*scene_, query.hit, query.ray.tfar);
+    return HitOf(places_, query.hit, query.ray.tfar);
   }
 
   bool IsOccluded(const Ray& ray) const override {
-    QueryContext context(scene_, {&ray, 1});
+    QueryContext context(&places_, {&ray, 1});
     RTCRay query = EmbreeRay(ray);
     rtcOccluded1(world_.get(), &context.embree, &query);
     return query.tfar < 0;
   }
 
   void IntersectTogether(std::span<const Ray> rays, std::span<Hit> hits) const override {
-    QueryContext context(scene_, rays);
+    QueryContext context(&places_, rays);
     Packet packet(rays);
     rtcIntersect8(packet.valid, world_.get(), &context.embree, &packet.query);
     for (unsigned i = 0; i < rays.size(); ++i) {
       hits[i] = packet.query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID
                     ? Hit{}
-                    : HitOf(*scene_, rtcGetHitFromHitN(reinterpret_cast<RTCHitN*>(&packet.query.hit), 8, i),
+                    : HitOf(places_, rtcGetHitFromHitN(reinterpret_cast<RTCHitN*>(&packet.query.hit), 8, i),
                             packet.query.ray.tfar[i]);
     }
   }
 
   void AreOccludedTogether(std::span<const Ray> rays, std::span<bool> occluded) const override {
-    QueryContext context(scene_, rays);
+    QueryContext context(&places_, rays);
     Packet packet(rays);
     rtcOccluded8(packet.valid, world_.get(), &context.embree, &packet.query.ray);
     for (size_t i = 0; i < rays.size(); ++i) occluded[i] = packet.query.ray.tfar[i] < 0;
@@ -216,7 +226,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
   Veils VeilsOn(const Ray& ray, const Hit* last) const override {
     constexpr float kJustBefore = 1.0f - 0x1p-20f;  // Embree leaves out what lies exactly where a ray begins
     Veils veils;
-    QueryContext context(scene_, {&ray, 1});
+    QueryContext context(&places_, {&ray, 1});
     context.veils = &veils;
     context.last = last;
     RTCRayHit query = {EmbreeRay(ray), {}};
@@ -225,10 +235,10 @@ class EmbreeSceneImpl final : public EmbreeScene {
     return veils;
   }
 
-  explicit EmbreeSceneImpl(const scene::Scene& scene) : scene_(&scene), builder_(MakeTaskPool(1)) {}
+  explicit EmbreeSceneImpl(const scene::Scene& scene) : places_(scene), builder_(MakeTaskPool(1)) {}
 
   absl::Status Build() {
-    const scene::Scene& scene = *scene_;
+    const scene::Scene& scene = *places_.scene;
     const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
     device_.reset(rtcNewDevice(config.c_str()));
     if (device_ == nullptr) return absl::InternalError("Embree: no device");
@@ -325,7 +335,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
     }
   }
 
-  const scene::Scene* scene_;
+  Places places_;
   std::unique_ptr<TaskPool> builder_;
   Device device_;  // released last
   std::vector<SceneHandle> prototypes_;

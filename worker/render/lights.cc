@@ -28,6 +28,14 @@ Vec2 Interpolate(const Vec2 corners[3], float b1, float b2) {
   return corners[0] * (1.0f - b1 - b2) + corners[1] * b1 + corners[2] * b2;
 }
 
+/// Barycentric weights of a triangle's second and third corner, even over it and with neighbourhoods kept:
+/// each half of the square is pressed to one half of the triangle. Source: Heitz 2019, "A Low-Distortion Map
+/// Between Triangle and Square".
+Vec2 TrianglePoint(Vec2 u) {
+  const float least = 0.5f * std::min(u.x, u.y);
+  return {u.x - least, u.y - least};
+}
+
 double SumOf(const std::vector<double>& values) {
   double sum = 0;
   for (const double value : values) sum += value;
@@ -179,7 +187,7 @@ LightTree::Choice LightSet::PickFinite(const LightReceiver& from, float pick) co
 
 LightSample LightSet::Sample(const LightReceiver& from, float pick, Vec2 u) const {
   if (pick >= finite_share_) return SampleInfinite((pick - finite_share_) / (1.0f - finite_share_), u);
-  const LightTree::Choice choice = PickFinite(from, pick / finite_share_);
+  const LightTree::Choice choice = PickFinite(from, finite_share_ < 1 ? pick / finite_share_ : pick);
   if (choice.probability <= 0) return {};
   LightSample sample = choice.emitter < triangles_.size()
                            ? SampleTriangle(triangles_[choice.emitter], from.position, u)
@@ -189,9 +197,7 @@ LightSample LightSet::Sample(const LightReceiver& from, float pick, Vec2 u) cons
 }
 
 LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) const {
-  const float root = std::sqrt(u.x);
-  const float b1 = root * (1.0f - u.y);
-  const float b2 = root * u.y;
+  const auto [b1, b2] = TrianglePoint(u);
   LightSample sample;
   const Vec3 to_light = light.corner + light.edge1 * b1 + light.edge2 * b2 - from;
   const float distance2 = LengthSquared(to_light);

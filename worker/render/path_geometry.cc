@@ -45,7 +45,8 @@ void PathTracer::FollowChainGeometry(const Ray& camera_ray, const Surface& first
   float distance = out->distance;
   for (int depth = 1; step.valid && depth <= std::min(layers::kMaxDepth, max_bounces_); ++depth) {
     if (!step.transmitted) mirrors.Add(surface.normal);
-    const Ray ray = surface.Leave(step, MixBits(camera_ray.chance + static_cast<uint64_t>(depth)));
+    Ray ray;
+    surface.Leave(step, MixBits(camera_ray.chance + static_cast<uint64_t>(depth)), &ray);
     const Hit hit = embree_->Intersect(ray);
     if (hit.IsMiss()) return;
     surface = surfaces_.Read(hit, ray);

@@ -25,15 +25,17 @@ Vec3 TotalOf(const BsdfValue& value, Vec3 albedo) { return albedo * value.diffus
 
 LightReceiver ReceiverAt(const Surface& surface) { return {surface.position, surface.normal}; }
 
-/// The ray that is free where the light reaches the surface.
-Ray ShadowRay(const Surface& surface, const LightSample& sample) {
-  const Vec3 origin = surface.Offset(sample.direction);
-  if (std::isinf(sample.distance)) return {origin, sample.direction};
+/// Makes a new ray the one that is free where the light reaches the surface.
+void SetShadowRay(const Surface& surface, const LightSample& sample, Ray* ray) {
+  ray->origin = surface.Offset(sample.direction);
+  ray->direction = sample.direction;
+  if (std::isinf(sample.distance)) return;
   constexpr float kStopShort = 1.0f - 0x1p-12f;  // the light itself must not be in its own way
   // Towards the very point: a ray parallel to that way meets a lamp seen at a grazing angle long before it.
-  const Vec3 segment = surface.position + sample.direction * sample.distance - origin;
+  const Vec3 segment = surface.position + sample.direction * sample.distance - ray->origin;
   const float length = Length(segment);
-  return {origin, segment * (1.0f / length), length * kStopShort};
+  ray->direction = segment * (1.0f / length);
+  ray->max_distance = length * kStopShort;
 }
 
 /// Beer's law along `distance` metres inside a volume.
@@ -69,7 +71,7 @@ void Demodulate(Vec3 radiance, Vec3 albedo, LayerSample* out) {
 /// theirs far apart.
 class PathTracer::Numbers {
  public:
-  explicit Numbers(const Sampler& sampler, uint32_t first_pair = kLensPair + 1)
+  explicit Numbers(const Sampler& sampler, uint32_t first_pair = kCameraPair + 1)
       : sampler_(&sampler), first_pair_(first_pair) {}
 
   Vec2 Get(int bounce, Pair pair) const { return sampler_->Get2D(PairOf(bounce, pair)); }
@@ -101,9 +103,13 @@ struct PathTracer::Departure {
   LightReceiver from;
   float pdf = 0;
 
-  Departure(const Surface& surface, const BsdfSample& step, uint64_t chance)
-      : ray(surface.Leave(step, chance)), from(ReceiverAt(surface)), pdf(step.pdf) {}
-  explicit Departure(const Ray& camera_ray) : ray(camera_ray), from{} {}
+  Departure(const Surface& surface, const BsdfSample& step, uint64_t chance) { Set(surface, step, chance); }
+
+  void Set(const Surface& surface, const BsdfSample& step, uint64_t chance) {
+    surface.Leave(step, chance, &ray);
+    from = ReceiverAt(surface);
+    pdf = step.pdf;
+  }
 };
 
 /// Radiance that arrives along a ray, apart by the number of steps it came.
@@ -130,11 +136,15 @@ struct PathTracer::FirstSurface {
   float lobe;  // the random number that chooses how the path goes on
 
   FirstSurface(const PathTracer& tracer, const Hit& hit, const Ray& ray, const Numbers& numbers)
-      : surface(tracer.surfaces_.Read(hit, ray)), bsdf(tracer.MakeBsdf(surface, -ray.direction)) {
-    const Vec2 light_and_lobe = numbers.Get(0, kLightAndLobe);
-    connection = tracer.DrawLight(surface, bsdf, light_and_lobe.x, numbers, 0);
-    lobe = light_and_lobe.y;
-  }
+      : FirstSurface(tracer, hit, ray, numbers, numbers.Get(0, kLightAndLobe)) {}
+
+ private:
+  FirstSurface(const PathTracer& tracer, const Hit& hit, const Ray& ray, const Numbers& numbers,
+               Vec2 light_and_lobe)
+      : surface(tracer.surfaces_.Read(hit, ray)),
+        bsdf(tracer.MakeBsdf(surface, -ray.direction)),
+        connection(tracer.DrawLight(surface, bsdf, light_and_lobe.x, numbers, 0)),
+        lobe(light_and_lobe.y) {}
 };
 
 PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
@@ -155,9 +165,14 @@ Bsdf PathTracer::MakeBsdf(const Surface& surface, Vec3 wo) const {
   return {surfaces_.Shade(surface), albedo_table_, surface.normal, surface.geometric, wo};
 }
 
-float PathTracer::MisWeight(LightStrategy own_strategy, float own, float other) const {
-  if (strategy_ == LightStrategy::kCombined) return own / (own + other);
-  return strategy_ == own_strategy ? 1.0f : 0.0f;
+float PathTracer::HitWeight(float bsdf_pdf, float light_pdf) const {
+  if (strategy_ == LightStrategy::kCombined) return bsdf_pdf / (bsdf_pdf + light_pdf);
+  return strategy_ == LightStrategy::kBsdfHits ? 1.0f : 0.0f;
+}
+
+float PathTracer::LightSampleWeight(const LightSample& sample, float bsdf_pdf) const {
+  if (sample.without_size || strategy_ == LightStrategy::kLightSamples) return 1.0f / sample.pdf;
+  return strategy_ == LightStrategy::kCombined ? 1.0f / (sample.pdf + bsdf_pdf) : 0.0f;
 }
 
 PathTracer::Connection PathTracer::DrawLight(const Surface& surface, const Bsdf& bsdf, float pick,
@@ -169,10 +184,8 @@ PathTracer::Connection PathTracer::DrawLight(const Surface& surface, const Bsdf&
   float bsdf_pdf = 0;
   out.value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
   if (out.value.diffuse <= 0 && MaxComponent(out.value.specular) <= 0) return out;
-  const float weight =
-      sample.without_size ? 1.0f : MisWeight(LightStrategy::kLightSamples, sample.pdf, bsdf_pdf);
-  out.light = sample.radiance * (weight / sample.pdf);
-  out.ray = ShadowRay(surface, sample);
+  out.light = sample.radiance * LightSampleWeight(sample, bsdf_pdf);
+  SetShadowRay(surface, sample, &out.ray);
   return out;
 }
 
@@ -201,13 +214,12 @@ void PathTracer::Shadow(FirstSurfaces* surfaces) const {
 Vec3 PathTracer::EmittedOnHit(const LightReceiver& from, const Surface& surface, const Hit& hit,
                               Vec3 direction, float pdf) const {
   const Vec3 emitted = surfaces_.Emitted(surface);
-  if (pdf <= 0 || MaxComponent(emitted) <= 0)
-    return emitted;  // no light sample could have made this connection
+  if (pdf <= 0) return emitted;  // no light sample could have made this connection
   const float cos_light = std::abs(Dot(direction, surface.geometric));
   const float distance = Length(surface.position - from.position);  // clear panes may lie between
   const float light_pdf = lights_.DensityOfHit(from, hit.instance, hit.triangle, distance, cos_light);
   if (light_pdf <= 0) return emitted;
-  return emitted * MisWeight(LightStrategy::kBsdfHits, pdf, light_pdf);
+  return emitted * HitWeight(pdf, light_pdf);
 }
 
 Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
@@ -215,28 +227,29 @@ Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
   const Vec3 radiance = lights_.SkyRadiance(direction);
   const float light_pdf = pdf > 0 ? lights_.SkyDensity(direction) : 0.0f;
   if (light_pdf <= 0) return radiance;
-  return radiance * MisWeight(LightStrategy::kBsdfHits, pdf, light_pdf);
+  return radiance * HitWeight(pdf, light_pdf);
 }
 
-PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
+PathTracer::Tail PathTracer::TraceTail(Departure* next, int bounce, Vec3 visible,
                                        const Numbers& numbers) const {
   Tail tail;
   Vec3* arrival = &tail.one_step;
   Vec3 throughput = {1, 1, 1};
   int scatterings = bounce;  // clear panes apart
   for (;; ++bounce) {
-    const Hit hit = embree_->Intersect(next.ray);
+    const Hit hit = embree_->Intersect(next->ray);
     if (hit.IsMiss()) {
-      *arrival += throughput * EmittedOnMiss(next.ray.direction, next.pdf);
+      *arrival += throughput * EmittedOnMiss(next->ray.direction, next->pdf);
       return tail;
     }
-    const Surface surface = surfaces_.Read(hit, next.ray);
+    const Surface surface = surfaces_.Read(hit, next->ray);
     if (!surface.front && surface.material->has_volume)
       throughput *= Attenuation(*surface.material, hit.distance);
-    *arrival += throughput * EmittedOnHit(next.from, surface, hit, next.ray.direction, next.pdf);
+    if (surface.radiates)
+      *arrival += throughput * EmittedOnHit(next->from, surface, hit, next->ray.direction, next->pdf);
     if (scatterings > max_bounces_) return tail;
 
-    const Bsdf bsdf = MakeBsdf(surface, -next.ray.direction);
+    const Bsdf bsdf = MakeBsdf(surface, -next->ray.direction);
     const Vec2 light_and_lobe = numbers.Get(bounce, kLightAndLobe);
     const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, numbers, bounce);
     tail.longer += throughput * TotalOf(connection.value, bsdf.DiffuseAlbedo()) * connection.light;
@@ -252,10 +265,10 @@ PathTracer::Tail PathTracer::TraceTail(Departure next, int bounce, Vec3 visible,
     throughput *= TotalOf(step.weight, bsdf.DiffuseAlbedo());
     const uint64_t chance = numbers.Chance(bounce);
     if (step.straight) {
-      next.ray = surface.Leave(step, chance);
+      surface.Leave(step, chance, &next->ray);
       continue;
     }
-    next = Departure(surface, step, chance);
+    next->Set(surface, step, chance);
     arrival = &tail.longer;
     ++scatterings;
   }
@@ -273,13 +286,15 @@ PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& b
   const float survive = bounce >= kFirstRouletteBounce ? Survive(visible * bsdf.Albedo(), &lobe) : 1.0f;
   if (survive <= 0) return out;
   BsdfSample step = bsdf.Sample(lobe, numbers.Get(bounce, kDirection));
-  step.weight.diffuse /= survive;
-  step.weight.specular = step.weight.specular / survive;
+  if (survive < 1) {
+    step.weight.diffuse /= survive;
+    step.weight.specular = step.weight.specular / survive;
+  }
   if (step.specular_event) out.event = step;
   if (step.specular_event || !step.valid) return out;
   const Vec3 weight = TotalOf(step.weight, albedo);
-  const Tail tail =
-      TraceTail(Departure(surface, step, numbers.Chance(bounce)), bounce + 1, visible * weight, numbers);
+  Departure next(surface, step, numbers.Chance(bounce));
+  const Tail tail = TraceTail(&next, bounce + 1, visible * weight, numbers);
   out.direct += tail.one_step * step.weight.diffuse;
   out.indirect = tail.longer * step.weight.diffuse;
   out.specular += (tail.one_step + tail.longer) * step.weight.specular;
@@ -319,9 +334,9 @@ void PathTracer::FollowChain(const Surface& first, const BsdfSample& event, Vec3
     out->combined += throughput * light.total;
     if (!light.event.valid) return;
     throughput *= light.event.weight.specular;
-    next = Departure(surface, light.event, numbers.Chance(depth));
+    next.Set(surface, light.event, numbers.Chance(depth));
   }
-  const Tail rest = TraceTail(next, layers::kMaxDepth + 1, throughput, numbers);
+  const Tail rest = TraceTail(&next, layers::kMaxDepth + 1, throughput, numbers);
   const Vec3 radiance = throughput * (rest.one_step + rest.longer);
   out->tail += radiance;
   out->combined += radiance;
@@ -387,7 +402,8 @@ Vec3 PathTracer::RadianceFrom(const FirstSurface& first, const Sampler& sampler)
   const Vec3 radiance = surfaces_.Emitted(first.surface) + light.total;
   if (!light.event.valid) return radiance;
   const Vec3 weight = light.event.weight.specular;
-  const Tail tail = TraceTail(Departure(first.surface, light.event, numbers.Chance(0)), 1, weight, numbers);
+  Departure next(first.surface, light.event, numbers.Chance(0));
+  const Tail tail = TraceTail(&next, 1, weight, numbers);
   return radiance + weight * (tail.one_step + tail.longer);
 }
 

@@ -20,8 +20,8 @@ namespace lumifold::render {
 
 /// The dimension pair of a sample that places it within its pixel.
 inline constexpr uint32_t kCameraPair = 0;
-/// The pair that places it on the lens.
-inline constexpr uint32_t kLensPair = 1;
+/// The pair that places it on the lens: past all that its path uses.
+inline constexpr uint32_t kLensPair = 1u << 20;
 
 /// How light on a surface is estimated. All three converge to the same picture; kCombined does so fastest,
 /// the others are there to be compared with it. Punctual lights can only be sampled, in all three.
@@ -67,9 +67,11 @@ class PathTracer {
   struct Scattering;
   using FirstSurfaces = std::array<std::optional<FirstSurface>, kPacket>;
 
-  /// Weight of a sample of one strategy drawn with density `own`, where the other one would draw it with
-  /// `other`.
-  float MisWeight(LightStrategy own_strategy, float own, float other) const;
+  /// The weight of a light that a direction drawn with `bsdf_pdf` has met, and that a light sample would have
+  /// met with `light_pdf`.
+  float HitWeight(float bsdf_pdf, float light_pdf) const;
+  /// The weight of a light sample that Bsdf::Sample() would have met with `bsdf_pdf`, over its density.
+  float LightSampleWeight(const LightSample& sample, float bsdf_pdf) const;
   /// A point drawn on the emitters, its light divided by its density and weighted against Bsdf::Sample().
   /// What stands in its way is still to be seen.
   Connection DrawLight(const Surface& surface, const Bsdf& bsdf, float pick, const Numbers& numbers,
@@ -86,9 +88,9 @@ class PathTracer {
   /// The same for a ray that leaves the scene.
   Vec3 EmittedOnMiss(Vec3 direction, float pdf) const;
   Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
-  /// Radiance that arrives along `next`, whose hit is the path's surface number `bounce`. `visible` is the
-  /// path's throughput so far.
-  Tail TraceTail(Departure next, int bounce, Vec3 visible, const Numbers& numbers) const;
+  /// Radiance that arrives along `next`, which goes on with the path, and whose first hit is the path's
+  /// surface number `bounce`. `visible` is the path's throughput so far.
+  Tail TraceTail(Departure* next, int bounce, Vec3 visible, const Numbers& numbers) const;
   /// The light that surface number `bounce` of a path sends on, `connection` of it by a light sample; `lobe`
   /// is a random number.
   Scattering Scatter(const Surface& surface, const Bsdf& bsdf, const Connection& connection, float lobe,

@@ -6,7 +6,6 @@
 #include <span>
 #include <utility>
 
-#include "absl/container/inlined_vector.h"
 #include "absl/strings/str_cat.h"
 #include "filter/image/layers.h"
 #include "worker/render/camera.h"
@@ -33,20 +32,19 @@ std::string ProblemOf(const Lens& lens, const scene::Camera& camera) {
 /// Samples of one pixel that are traced together.
 class CameraPacket {
  public:
-  /// Of pixel (x, y) the samples of `range`, whose streams are the first of `samplers`.
-  CameraPacket(const PictureCamera& camera, int x, int y, const SamplerPacket& samplers, SampleRange range)
-      : range_(range) {
-    for (uint32_t i = 0; i < size(); ++i) {
-      const Sampler& sampler = samplers_.emplace_back(samplers[i]);
-      const Vec2 jitter = sampler.Get2D(kCameraPair);
+  /// Of pixel (x, y) the samples of `range`, whose streams are the first of `packet`.
+  CameraPacket(const PictureCamera& camera, int x, int y, const SamplerPacket& packet, SampleRange range)
+      : range_(range), samplers_(packet.samplers().first(range.last - range.first)) {
+    for (size_t i = 0; i < size(); ++i) {
+      const Vec2 jitter = samplers_[i].Get2D(kCameraPair);
       points_[i] = {static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y};
-      if (camera.HasLens()) lens_points_[i] = sampler.Get2D(kLensPair);
-      rays_[i] = camera.RayThrough(points_[i].x, points_[i].y, lens_points_[i]);
-      rays_[i].chance = sampler.Key(kCameraPair);
+      if (camera.HasLens()) lens_points_[i] = samplers_[i].Get2D(kLensPair);
+      camera.SetRay(points_[i], lens_points_[i], 1, &rays_[i]);
+      rays_[i].chance = samplers_[i].Key(kCameraPair);
     }
   }
 
-  size_t size() const { return range_.last - range_.first; }
+  size_t size() const { return samplers_.size(); }
   std::span<const Ray> rays() const { return {rays_.data(), size()}; }
   std::span<const Sampler> samplers() const { return samplers_; }
   /// The sample's number in the pixel, where it lies in the picture, and where its ray passes the lens.
@@ -56,7 +54,7 @@ class CameraPacket {
 
  private:
   SampleRange range_;
-  absl::InlinedVector<Sampler, PathTracer::kPacket> samplers_;
+  std::span<const Sampler> samplers_;
   std::array<Ray, PathTracer::kPacket> rays_;
   std::array<Vec2, PathTracer::kPacket> points_;
   std::array<Vec2, PathTracer::kPacket> lens_points_;

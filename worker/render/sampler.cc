@@ -1,5 +1,6 @@
 #include "worker/render/sampler.h"
 
+#include <array>
 #include <cstring>
 
 namespace lumifold::render {
@@ -135,10 +136,7 @@ const auto draw_pairs = __builtin_cpu_supports("avx2") ? DrawPairsWide : DrawPai
 }  // namespace
 
 Sampler::Sampler(uint64_t seed, int frame, int64_t pixel, uint32_t index)
-    : Sampler(KeyOf(seed, frame, pixel, index & 1u), index >> 1, nullptr, 0) {}
-
-Sampler::Sampler(uint64_t key, uint32_t index, const DrawnPairs* drawn, uint32_t lane)
-    : key_(key), index_(index), reversed_index_(ReverseBits(index)), drawn_(drawn), lane_(lane) {}
+    : key_(KeyOf(seed, frame, pixel, index & 1u)), index_(index >> 1), reversed_index_(ReverseBits(index_)) {}
 
 scene::Vec2 Sampler::Draw(uint32_t pair) const {
   const PairSeeds seeds(key_, pair);
@@ -149,9 +147,17 @@ scene::Vec2 Sampler::Draw(uint32_t pair) const {
   return {UnitFloat(x), UnitFloat(y)};
 }
 
-SamplerPacket::SamplerPacket(uint64_t seed, int frame, int64_t pixel, uint32_t first)
-    : first_(first), keys_{KeyOf(seed, frame, pixel, 0), KeyOf(seed, frame, pixel, 1)} {
-  draw_pairs(keys_, first, &drawn_);
+SamplerPacket::SamplerPacket(uint64_t seed, int frame, int64_t pixel, uint32_t first) {
+  const std::array<uint64_t, 2> keys = {KeyOf(seed, frame, pixel, 0), KeyOf(seed, frame, pixel, 1)};
+  draw_pairs(keys, first, &drawn_);
+  for (uint32_t i = 0; i < DrawnPairs::kSamples; ++i) {
+    Sampler& sampler = samplers_[i];
+    sampler.key_ = keys[(first + i) & 1u];
+    sampler.index_ = (first + i) >> 1;
+    sampler.reversed_index_ = ReverseBits(sampler.index_);
+    sampler.drawn_ = &drawn_;
+    sampler.lane_ = i;
+  }
 }
 
 }  // namespace lumifold::render

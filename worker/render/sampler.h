@@ -1,8 +1,7 @@
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "filter/image/mix_bits.h"
 #include "worker/scene/vec.h"
@@ -11,7 +10,7 @@ namespace lumifold::render {
 
 /// The first pairs of dimensions of samples that are drawn together, kept apart by sample.
 struct DrawnPairs {
-  static constexpr uint32_t kPairs = 8;  // the camera's, the lens's, and those of a path's first two surfaces
+  static constexpr uint32_t kPairs = 7;  // the camera's and those of a path's first two surfaces
   static constexpr uint32_t kSamples = 8;
 
   float x[kPairs][kSamples];
@@ -40,13 +39,13 @@ class Sampler {
 
  private:
   friend class SamplerPacket;
-  Sampler(uint64_t key, uint32_t index, const DrawnPairs* drawn, uint32_t lane);
+  Sampler() = default;
 
   scene::Vec2 Draw(uint32_t pair) const;
 
-  uint64_t key_;  // of the pixel's half
-  uint32_t index_;
-  uint32_t reversed_index_;
+  uint64_t key_ = 0;  // of the pixel's half
+  uint32_t index_ = 0;
+  uint32_t reversed_index_ = 0;
   const DrawnPairs* drawn_ = nullptr;
   uint32_t lane_ = 0;
 };
@@ -59,15 +58,11 @@ class SamplerPacket {
   SamplerPacket(const SamplerPacket&) = delete;
   SamplerPacket& operator=(const SamplerPacket&) = delete;
 
-  /// Of sample first + i, i below DrawnPairs::kSamples; for as long as this lives.
-  Sampler operator[](uint32_t i) const {
-    const uint32_t index = first_ + i;
-    return {keys_[index & 1u], index >> 1, &drawn_, i};
-  }
+  /// Of samples first, first + 1, ..., DrawnPairs::kSamples of them; for as long as this lives.
+  std::span<const Sampler> samplers() const { return {samplers_, DrawnPairs::kSamples}; }
 
  private:
-  uint32_t first_;
-  std::array<uint64_t, 2> keys_;  // of the pixel's halves
+  Sampler samplers_[DrawnPairs::kSamples];
   DrawnPairs drawn_;
 };
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "worker/render/lights.h"
 
@@ -58,16 +59,18 @@ bool IsFlat(const Mesh& mesh) {
 
 }  // namespace
 
-Ray Surface::Leave(const BsdfSample& step, uint64_t chance) const {
+void Surface::Leave(const BsdfSample& step, uint64_t chance, Ray* ray) const {
   // A diffuse bounce (density 1/pi at most) opens the cone to a sixth of a radian and more: small enough that
   // textures nearby keep their shape in what they light, wide enough that far ones are read from few texels.
   constexpr float kShareOfDensity = 0.1f;
-  Ray ray = {Offset(step.wi), step.wi};
-  ray.chance = chance;
-  if (cone_width <= 0) return ray;
-  ray.width = cone_width;
-  ray.spread = step.pdf > 0 ? std::max(cone_spread, kShareOfDensity / std::sqrt(step.pdf)) : cone_spread;
-  return ray;
+  ray->origin = Offset(step.wi);
+  ray->direction = step.wi;
+  ray->max_distance = std::numeric_limits<float>::infinity();
+  ray->chance = chance;
+  ray->width = cone_width;
+  ray->spread = 0;
+  if (cone_width <= 0) return;
+  ray->spread = step.pdf > 0 ? std::max(cone_spread, kShareOfDensity / std::sqrt(step.pdf)) : cone_spread;
 }
 
 SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& textures)
@@ -90,6 +93,7 @@ SurfaceReader::Place SurfaceReader::PlaceOf(const scene::Scene& scene, size_t me
   place.mesh = &mesh;
   place.material = mesh.material == scene::kNone ? &default_material_ : &scene.materials[mesh.material];
   place.is_textured = HasTextures(*place.material);
+  place.radiates = place.material->unlit || MaxComponent(place.material->emission) > 0;
   const bool is_uniform = !place.is_textured && mesh.colors.empty();
   place.is_plain = is_uniform && IsFlat(mesh);
   // What glass and coats are depends on the side and the normal.
@@ -107,6 +111,7 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   Surface surface;
   surface.material = place.material;
   surface.values = place.values;
+  surface.radiates = place.radiates;
   surface.position = ray.origin + ray.direction * hit.distance;
   const Vec3 face = Normalize(hit.face_normal);
   surface.front = Dot(face, ray.direction) < 0;
@@ -270,10 +275,10 @@ void SurfaceReader::ShadeLayers(const Surface& surface, SurfaceMaterial* out) co
   out->sheen_roughness = m.sheen_roughness * Data(m.sheen_roughness_texture, surface).w;
 }
 
-Vec3 SurfaceReader::Emitted(const Surface& surface) const {
+Vec3 SurfaceReader::EmittedBy(const Surface& surface) const {
   const scene::Material& m = *surface.material;
   if (m.unlit) return BaseColor(surface);
-  if (MaxComponent(m.emission) <= 0 || (!surface.front && !m.double_sided)) return {0, 0, 0};
+  if (!surface.front && !m.double_sided) return {0, 0, 0};
   return m.emission * Color(m.emission_texture, surface);
 }
 

@@ -18,7 +18,8 @@ struct Surface {
   Vec2 uv[2];
   Footprint footprint;  // of the ray, on a material with textures
   Vec3 vertex_color = {1, 1, 1};
-  bool front = true;  // the ray met the front (counter-clockwise) side
+  bool front = true;     // the ray met the front (counter-clockwise) side
+  bool radiates = true;  // the material, from one side at least
   const scene::Material* material = nullptr;
   const SurfaceMaterial* values = nullptr;  // the material's, where they are the same everywhere; else null
   float epsilon = 0;      // how far off the face a new ray must start so as not to hit it again
@@ -30,9 +31,9 @@ struct Surface {
     return position + geometric * (Dot(direction, geometric) < 0 ? -epsilon : epsilon);
   }
 
-  /// The ray that goes on in the direction drawn, with a chance of its own. Its cone is about as wide as the
-  /// share of directions the step stands for.
-  Ray Leave(const BsdfSample& step, uint64_t chance) const;
+  /// Makes `ray` the one that goes on in the direction drawn, with a chance of its own. Its cone is about as
+  /// wide as the share of directions the step stands for.
+  void Leave(const BsdfSample& step, uint64_t chance, Ray* ray) const;
 };
 
 /// Reconstructs surfaces from hits. Threads: safe concurrently. Keeps pointers to what it is given.
@@ -49,7 +50,7 @@ class SurfaceReader {
   SurfaceMaterial Shade(const Surface& surface) const;
 
   /// What it radiates towards the side it was seen from.
-  Vec3 Emitted(const Surface& surface) const;
+  Vec3 Emitted(const Surface& surface) const { return surface.radiates ? EmittedBy(surface) : Vec3{}; }
 
  private:
   /// What Read() asks about an instance.
@@ -59,11 +60,13 @@ class SurfaceReader {
     const SurfaceMaterial* values = nullptr;  // of the material, where they are the same everywhere
     const scene::Affine* to_world = nullptr;
     bool is_textured = false;  // the material has textures
+    bool radiates = false;     // the material does
     bool is_plain = false;     // beside the face nothing is to be read: no textures, colours, smooth normals
   };
 
   /// Of a mesh, placed nowhere yet.
   Place PlaceOf(const scene::Scene& scene, size_t mesh_index);
+  Vec3 EmittedBy(const Surface& surface) const;
   void ReadCorners(const Place& place, const Hit& hit, const Ray& ray, Surface* surface) const;
   Vec3 Color(const scene::TextureRef& ref, const Surface& surface) const;
   scene::Vec4 Data(const scene::TextureRef& ref, const Surface& surface) const;

@@ -139,6 +139,38 @@ double SampledAlbedo(const Bsdf& bsdf) {
 
 /// Directions below the horizon are drawn and rejected; the density of the others must integrate to their
 /// share.
+TEST(DiffuseOnly, IsTheLimitOfAThinningReflection) {
+  SurfaceMaterial bare;
+  bare.base_color = {0.8f, 0.5f, 0.2f};
+  bare.specular = 0;
+  SurfaceMaterial covered = bare;
+  covered.specular = 1e-7f;
+  const Vec3 wo = DirectionAt(0.6, 1);
+  const Vec3 geometric = Normalize(Vec3{0.3f, 0, 1});
+  const Bsdf one(bare, Table(), kUp, geometric, wo);
+  const Bsdf other(covered, Table(), kUp, geometric, wo);
+  EXPECT_NEAR(one.DiffuseAlbedo().x, other.DiffuseAlbedo().x, 1e-5f);
+  EXPECT_NEAR(one.Albedo().y, other.Albedo().y, 1e-5f);
+  for (const double phi : {0.0, 2.0, 3.1}) {
+    for (const double cosine : {-0.5, 0.1, 0.9}) {
+      float pdf = 0;
+      float other_pdf = 0;
+      const BsdfValue value = one.Evaluate(DirectionAt(cosine, phi), &pdf);
+      EXPECT_NEAR(value.diffuse, other.Evaluate(DirectionAt(cosine, phi), &other_pdf).diffuse, 1e-5f);
+      EXPECT_NEAR(pdf, other_pdf, 1e-5f);
+    }
+  }
+  for (const Vec2 u : {Vec2{0.2f, 0.3f}, Vec2{0.9f, 0.6f}, Vec2{0.01f, 0.5f}}) {
+    const BsdfSample sample = one.Sample(0.4f, u);
+    const BsdfSample same = other.Sample(0.4f, u);
+    EXPECT_EQ(sample.valid, same.valid);
+    if (!same.valid) continue;
+    EXPECT_EQ(sample.wi, same.wi);
+    EXPECT_NEAR(sample.pdf, same.pdf, 1e-5f);
+    EXPECT_NEAR(sample.weight.diffuse, same.weight.diffuse, 1e-4f);
+  }
+}
+
 TEST(Bsdf, DensityIntegratesToTheShareOfValidSamples) {
   constexpr uint32_t kSamples = 1 << 14;
   for (const auto& [name, material] : RoughMaterials()) {

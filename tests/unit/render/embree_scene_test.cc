@@ -2,12 +2,17 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <span>
 #include <thread>
+#include <vector>
 
 #include "absl/synchronization/notification.h"
+#include "filter/image/mix_bits.h"
 #include "filter/image/parallel.h"
+#include "tests/support/analytic_scenes.h"
 
 namespace lumifold::render {
 namespace {
@@ -25,6 +30,68 @@ TEST(EmbreeScene, LeavesOtherPoolsOfTheProcessTheirThreads) {
     if (begun[static_cast<size_t>(1 - i)].WaitForNotificationWithTimeout(absl::Seconds(30))) ++met;
   });
   EXPECT_EQ(met, 2);
+}
+
+/// The small room with a sheet of half opacity across it, and one that is cut out wherever it is thin.
+scene::Scene RoomWithSheets() {
+  scene::Scene scene = testing::SmallRoom();
+  for (const scene::AlphaMode mode : {scene::AlphaMode::kBlend, scene::AlphaMode::kMask}) {
+    scene::Material sheet = testing::Lambert({0.5f, 0.5f, 0.5f});
+    sheet.alpha_mode = mode;
+    sheet.alpha = 0.5f;
+    sheet.alpha_cutoff = 0.7f;
+    scene.materials.push_back(sheet);
+    const float z = mode == scene::AlphaMode::kBlend ? 0.5f : 0.6f;
+    testing::Place(&scene, testing::QuadMesh({-0.5f, -0.5f, z}, {1, 0, 0}, {0, 1, 0},
+                                             static_cast<int>(scene.materials.size()) - 1));
+  }
+  return scene;
+}
+
+/// Rays from one point to all sides, each with its chance.
+std::vector<Ray> Bundle(int count) {
+  std::vector<Ray> rays;
+  for (int i = 0; i < count; ++i) {
+    const uint64_t bits = MixBits(static_cast<uint64_t>(i));
+    const auto part = [bits](int shift) {
+      return static_cast<float>(bits >> shift & 0xffffu) * 0x1p-15f - 1;
+    };
+    Ray ray = {{0.1f, 0.2f, 0.8f}, Normalize(scene::Vec3{part(0), part(16), part(32) - 1.5f}), 1.2f};
+    ray.chance = static_cast<uint64_t>(i);
+    rays.push_back(ray);
+  }
+  return rays;
+}
+
+TEST(EmbreeScene, RaysMeetTogetherWhatTheyMeetAlone) {
+  const scene::Scene scene = RoomWithSheets();
+  const auto embree = EmbreeScene::Create(scene);
+  ASSERT_TRUE(embree.ok()) << embree.status();
+  const std::vector<Ray> rays = Bundle(400);
+  int met = 0;
+  for (size_t first = 0; first < rays.size();) {
+    const size_t count =
+        std::min(first % EmbreeScene::kPacket + 1, rays.size() - first);  // all sizes in turn
+    const std::span<const Ray> together(&rays[first], count);
+    std::array<Hit, EmbreeScene::kPacket> hits;
+    std::array<bool, EmbreeScene::kPacket> occluded;
+    (*embree)->IntersectTogether(together, hits);
+    (*embree)->AreOccludedTogether(together, occluded);
+    for (size_t i = 0; i < count; ++i) {
+      const Hit alone = (*embree)->Intersect(together[i]);
+      ASSERT_EQ(hits[i].instance, alone.instance) << first + i;
+      EXPECT_EQ(occluded[i], (*embree)->IsOccluded(together[i])) << first + i;
+      if (alone.IsMiss()) continue;
+      ++met;
+      EXPECT_EQ(hits[i].triangle, alone.triangle);
+      EXPECT_NEAR(hits[i].distance, alone.distance, 1e-5f * alone.distance);
+      EXPECT_NEAR(hits[i].u, alone.u, 1e-4f);
+      EXPECT_NEAR(hits[i].v, alone.v, 1e-4f);
+    }
+    first += count;
+  }
+  EXPECT_GT(met, 50);
+  EXPECT_LT(met, 400);
 }
 
 }  // namespace

@@ -70,6 +70,21 @@ TEST(Sampler, ConvergesFasterThanRandomNumbers) {
   EXPECT_LT(error2 / kPixels, 0.02 * random_variance);
 }
 
+TEST(SamplerPacket, GivesTheNumbersItsSamplesHaveAlone) {
+  for (const uint32_t first : {0u, 5u, 1u << 20}) {
+    const SamplerPacket packet(kSeed, 3, 77, first);
+    for (uint32_t i = 0; i < DrawnPairs::kSamples; ++i) {
+      const Sampler& together = packet.samplers()[i];
+      const Sampler alone(kSeed, 3, 77, first + i);
+      for (uint32_t pair = 0; pair < DrawnPairs::kPairs + 3; ++pair) {
+        EXPECT_EQ(together.Get2D(pair).x, alone.Get2D(pair).x) << first << " + " << i << " pair " << pair;
+        EXPECT_EQ(together.Get2D(pair).y, alone.Get2D(pair).y) << first << " + " << i << " pair " << pair;
+        EXPECT_EQ(together.Key(pair), alone.Key(pair));
+      }
+    }
+  }
+}
+
 TEST(Sampler, DependsOnEveryPartOfItsKey) {
   const scene::Vec2 base = Sampler(1, 2, 3, 4).Get2D(5);
   EXPECT_EQ(base.x, Sampler(1, 2, 3, 4).Get2D(5).x);

@@ -206,7 +206,7 @@ TEST(Lights, AllStrategiesConvergeToTheSamePicture) {
          {LightStrategy::kCombined, LightStrategy::kLightSamples, LightStrategy::kBsdfHits}) {
       RenderSettings settings = SettingsOf(16, 12, 2);
       settings.light_strategy = strategy;
-      const LayeredImage image = RenderAll(*MakeRenderer(c.scene, settings), 16, 12, 512);
+      const LayeredImage image = RenderAll(*MakeRenderer(c.scene, settings), 16, 12, 2048);
       mean[static_cast<int>(strategy)] = MeanOf(image, layers::kNoisy);
     }
     EXPECT_NEAR(mean[1] / mean[0], 1, c.tolerance);

@@ -113,7 +113,7 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
                                   TaskPool* pool) {
   const std::vector<Product> products = ProductsOf(film, pool);
   const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
-  const bool has_points = !points.rows.empty();
+  const bool has_points = edges != nullptr && !points.rows.empty();
   const Remainder remainder = MakeRemainder(film, products, pool);
   std::vector<Planes> filtered;
   std::array<FilteredPoints, 2> at_points;  // of D and I

@@ -123,9 +123,10 @@ Candidates MakeCandidates(const Halves& halves, const Planes& geometry, const La
   const Candidate& pilot = candidates.pictures[0];
   Guide second = MakeGuide(halves, pilot.a, pilot.b, params.knee, pool);
   const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
-  CrossFilter(halves,
-              MakeFeatures(std::move(second), second_basis, params.pilot_range_factor * noise, geometry, pool),
-              params.manifolds, {params.wide_reach, params.fine_reach}, points, pool, &candidates);
+  CrossFilter(
+      halves,
+      MakeFeatures(std::move(second), second_basis, params.pilot_range_factor * noise, geometry, pool),
+      params.manifolds, {params.wide_reach, params.fine_reach}, points, pool, &candidates);
   return candidates;
 }
 

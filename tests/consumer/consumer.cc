@@ -1,4 +1,5 @@
-// Filters a film of its own making with the installed library: a wall of even light, halves that differ by noise.
+// Filters a film of its own making with the installed library: a wall of even light, halves that differ by
+// noise.
 #include <cstdio>
 #include <utility>
 
@@ -63,7 +64,8 @@ int main() {
   }
   lumifold::LayeredImage truth(kSize, kSize);
   FillColor(&truth, layers::kBeauty, 0.5f);
-  const lumifold::ConstColorView filtered = {(*picture)[0].view(), (*picture)[1].view(), (*picture)[2].view()};
+  const lumifold::ConstColorView filtered = {(*picture)[0].view(), (*picture)[1].view(),
+                                             (*picture)[2].view()};
   const lumifold::ConstColorView reference = std::as_const(truth).GetColor(layers::kBeauty);
   const double before = lumifold::metrics::Mse255(std::as_const(film).GetColor(layers::kNoisy), reference);
   const double after = lumifold::metrics::Mse255(filtered, reference);

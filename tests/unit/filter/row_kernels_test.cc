@@ -71,25 +71,36 @@ struct SplatCase {
   Row eta, mask, weight, axis, labels, members, next_labels;
 };
 
-SplatFound RunSplat(SplatFound (*kernel)(const Widening&, const SplatArgs&, const SplitArgs*), int step, int count, bool splits,
-               SplatCase* c) {
+SplatFound RunSplat(SplatFound (*kernel)(const Widening&, const SplatArgs&, const SplitArgs*), int step,
+                    int count, bool splits, SplatCase* c) {
   const auto features = Pointers<const float*>(c->features);
   const auto signals = Pointers<const float*>(c->signals);
   const auto sums = Pointers<float*>(c->sums);
   const auto near_sums = Pointers<float*>(c->near_sums);
   const auto far_sums = Pointers<float*>(c->far_sums);
-  const SplatArgs args = {features.data(), c->eta.data(),    kRoom, features.size(), signals.data(), signals.size(),
-                          c->mask.data(),  c->weight.data(), sums.data(), count};
-  const SplitArgs split = {c->axis.data(),        2.0f,             c->labels.data(), c->members.data(),
-                           c->next_labels.data(), near_sums.data(), far_sums.data()};
+  const SplatArgs args = {features.data(), c->eta.data(),  kRoom,          features.size(),
+                          signals.data(),  signals.size(), c->mask.data(), c->weight.data(),
+                          sums.data(),     count};
+  const SplitArgs split = {
+      c->axis.data(),   2.0f,           c->labels.data(), c->members.data(), c->next_labels.data(),
+      near_sums.data(), far_sums.data()};
   return kernel(Widening(step), args, splits ? &split : nullptr);
 }
 
 TEST_F(RowKernels, SplatRowEqualsItsOracleOnEachTarget) {
   constexpr size_t kDimensions = 5;
-  SplatCase start{RandomRows(kDimensions, 0.6f), RandomRows(3), RandomRows(4), RandomRows(kDimensions + 1),
-                  RandomRows(kDimensions + 1),   {},            Random(),      Row(kRoom),
-                  Random(),                      Row(kRoom),    Random(),      Random()};
+  SplatCase start{RandomRows(kDimensions, 0.6f),
+                  RandomRows(3),
+                  RandomRows(4),
+                  RandomRows(kDimensions + 1),
+                  RandomRows(kDimensions + 1),
+                  {},
+                  Random(),
+                  Row(kRoom),
+                  Random(),
+                  Row(kRoom),
+                  Random(),
+                  Random()};
   start.eta = Random(kDimensions * kRoom, 0.6f);
   start.features[0][5] = 40;  // beyond reach of the manifold
   for (size_t x = 0; x < kRoom; ++x) start.labels[x] = static_cast<float>(x / 20 % 4);
@@ -149,7 +160,8 @@ TEST_F(RowKernels, BlendCellsEqualsItsOracleAndClampsAtBothEnds) {
         Row slow(2 * kRoom);
         const auto args = [&](Row* out) {
           const int count = std::min(columns + 3, kStripColumns + 2);
-          return BlendArgs{upper_rows.data(), lower_rows.data(), 0.375f, 2, first, count, columns, out->data(), kRoom};
+          return BlendArgs{upper_rows.data(), lower_rows.data(), 0.375f, 2, first, count,
+                           columns,           out->data(),       kRoom};
         };
         BlendCells(args(&fast));
         slow::BlendCells(args(&slow));
@@ -199,11 +211,17 @@ TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
               [&](float* out) { slow::PullRow(a.data() + offset, b.data(), count, out); });
         check([&](float* out) { StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); },
               [&](float* out) { slow::StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); });
-        check([&](float* out) { CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out); },
-              [&](float* out) { slow::CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out); });
+        check(
+            [&](float* out) {
+              CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out);
+            },
+            [&](float* out) {
+              slow::CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out);
+            });
         for (const int tap_count : {1, 3, 5, 7}) {
-          check([&](float* out) { CorrelateRow(taps.data(), tap_count, a.data() + offset, count, out); },
-                [&](float* out) { slow::CorrelateRow(taps.data(), tap_count, a.data() + offset, count, out); });
+          check(
+              [&](float* out) { CorrelateRow(taps.data(), tap_count, a.data() + offset, count, out); },
+              [&](float* out) { slow::CorrelateRow(taps.data(), tap_count, a.data() + offset, count, out); });
         }
       }
     }

@@ -3,8 +3,8 @@
 #include <memory>
 
 #include "filter/image/layers.h"
-#include "filter/methods.h"
 #include "filter/manifold/single_picture.h"
+#include "filter/methods.h"
 
 namespace lumifold::local {
 

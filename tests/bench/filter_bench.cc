@@ -6,8 +6,8 @@
 #include <random>
 
 #include "filter/image/parallel.h"
-#include "filter/methods.h"
 #include "filter/manifold/manifold_filter.h"
+#include "filter/methods.h"
 #include "tests/unit/filter/synthetic_film.h"
 
 namespace lumifold::filter {

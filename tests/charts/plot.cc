@@ -16,7 +16,7 @@ namespace {
 
 enum class Axis { kTime, kSamples };
 
-/// Okabe & Ito's colours, told apart by the colour-blind; points differ too.
+/// Okabe & Ito's colours, told apart by the colour-blind; points differ too, and dashes where colours repeat.
 constexpr std::array<const char*, 8> kColors = {"#000000", "#0072B2", "#D55E00", "#009E73",
                                                 "#CC79A7", "#E69F00", "#56B4E9", "#999999"};
 
@@ -58,9 +58,9 @@ std::string Script(const std::string& picture, absl::Span<const Row> rows, const
   for (size_t i = 0; i < methods.size(); ++i) {
     const std::vector<Row> curve = Curve(rows, scene, methods[i]);
     if (curve.empty()) continue;
-    absl::StrAppendFormat(&plots, "%s'-' using 1:2 with linespoints lw %d pt %d lc rgb '%s' title '%s'",
-                          plots.empty() ? "plot " : ", ", methods[i] == "default" ? 4 : 2, i + 1,
-                          kColors[i % kColors.size()], methods[i]);
+    absl::StrAppendFormat(&plots, "%s'-' using 1:2 with linespoints lw %d dt %d pt %d lc rgb '%s' title '%s'",
+                          plots.empty() ? "plot " : ", ", methods[i] == "default" ? 4 : 2,
+                          i / kColors.size() + 1, i + 1, kColors[i % kColors.size()], methods[i]);
     for (const Row& row : curve)
       absl::StrAppendFormat(&data, "%.6g %.6g\n", AxisValue(row, axis), row.mse255.whole);
     absl::StrAppend(&data, "e\n");

@@ -194,7 +194,7 @@ TEST(Radiosity, AWallBesideALampFollowsItsFormFactor) {
     wall.middle = {0.9f, height, 0.1f};
     wall.normal = {-1, 0, 0};
     const double expected = 0.8 * FormFactor(wall, lamp);
-    EXPECT_NEAR(RadianceSeen(scene, {0.6f, height - 0.1f, 0.1f}, wall.middle, 0, 4096) / expected, 1, 5e-3)
+    EXPECT_NEAR(RadianceSeen(scene, {0.6f, height - 0.1f, 0.1f}, wall.middle, 0, 8192) / expected, 1, 5e-3)
         << height;
   }
 }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/gltf_samples.h"
+#include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
 namespace {
@@ -12,20 +13,6 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
-
-Scene At(double time_seconds, const GltfFixture& fixture) {
-  LoadOptions options;
-  options.time_seconds = time_seconds;
-  auto scene = fixture.Load(options);
-  EXPECT_TRUE(scene.ok()) << scene.status();
-  return scene.ok() ? *std::move(scene) : Scene{};
-}
-
-std::string ErrorOf(const GltfFixture& fixture) {
-  const auto scene = fixture.Load();
-  EXPECT_FALSE(scene.ok());
-  return std::string(scene.status().message());
-}
 
 void ExpectNear(Vec3 actual, Vec3 expected) {
   EXPECT_NEAR(actual.x, expected.x, 1e-6);

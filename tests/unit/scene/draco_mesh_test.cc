@@ -6,17 +6,12 @@
 #include <algorithm>
 
 #include "tests/support/gltf_samples.h"
+#include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
 namespace {
 
 using testing::HasSubstr;
-
-std::string ErrorOf(const GltfFixture& fixture) {
-  const auto scene = fixture.Load();
-  EXPECT_FALSE(scene.ok());
-  return std::string(scene.status().message());
-}
 
 nlohmann::json& ExtensionOf(GltfFixture* fixture) {
   return fixture->json["meshes"][0]["primitives"][0]["extensions"]["KHR_draco_mesh_compression"];

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/gltf_fixture.h"
+#include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
 namespace {
@@ -14,18 +15,6 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 
 const std::vector<float> kFiveVertices = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 2, 0};
-
-Scene MustLoad(const GltfFixture& fixture) {
-  auto scene = fixture.Load();
-  EXPECT_TRUE(scene.ok()) << scene.status();
-  return scene.ok() ? *std::move(scene) : Scene{};
-}
-
-std::string ErrorOf(const GltfFixture& fixture) {
-  const auto scene = fixture.Load();
-  EXPECT_FALSE(scene.ok());
-  return std::string(scene.status().message());
-}
 
 TEST(Geometry, ReadsATriangleWithoutIndices) {
   GltfFixture fixture;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/gltf_samples.h"
+#include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
 namespace {
@@ -12,18 +13,6 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::StartsWith;
-
-Scene MustLoad(const GltfFixture& fixture) {
-  auto scene = fixture.Load();
-  EXPECT_TRUE(scene.ok()) << scene.status();
-  return scene.ok() ? *std::move(scene) : Scene{};
-}
-
-std::string ErrorOf(const GltfFixture& fixture) {
-  const auto scene = fixture.Load();
-  EXPECT_FALSE(scene.ok());
-  return std::string(scene.status().message());
-}
 
 nlohmann::json& LightsOf(GltfFixture* fixture) {
   return fixture->json["extensions"]["KHR_lights_punctual"]["lights"];

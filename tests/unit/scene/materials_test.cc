@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/gltf_fixture.h"
+#include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
 namespace {
@@ -25,21 +26,9 @@ GltfFixture WithMaterial(const json& material) {
   return fixture;
 }
 
-Scene MustLoad(const GltfFixture& fixture) {
-  auto scene = fixture.Load();
-  EXPECT_TRUE(scene.ok()) << scene.status();
-  return scene.ok() ? *std::move(scene) : Scene{};
-}
-
 Material MaterialOf(const json& material) {
   const Scene scene = MustLoad(WithMaterial(material));
   return scene.materials.empty() ? Material{} : scene.materials[0];
-}
-
-std::string ErrorOf(const GltfFixture& fixture) {
-  const auto scene = fixture.Load();
-  EXPECT_FALSE(scene.ok());
-  return std::string(scene.status().message());
 }
 
 TEST(Materials, HaveGltfsDefaults) {

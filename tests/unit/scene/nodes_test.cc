@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/gltf_fixture.h"
+#include "tests/unit/scene/load.h"
 
 namespace lumifold::scene {
 namespace {
@@ -13,18 +14,6 @@ using testing::Contains;
 using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::IsEmpty;
-
-Scene MustLoad(const GltfFixture& fixture) {
-  auto scene = fixture.Load();
-  EXPECT_TRUE(scene.ok()) << scene.status();
-  return scene.ok() ? *std::move(scene) : Scene{};
-}
-
-std::string ErrorOf(const GltfFixture& fixture) {
-  const auto scene = fixture.Load();
-  EXPECT_FALSE(scene.ok());
-  return std::string(scene.status().message());
-}
 
 /// A document with mesh 0 in node 0.
 GltfFixture OneTriangle() {

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <utility>
+
+#include "tests/support/gltf_fixture.h"
+
+/// Loading documents that must, or must not, be good ones.
+namespace lumifold::scene {
+
+/// The document's scene as it stands at a time; fails the test where it does not load.
+inline Scene At(double time_seconds, const GltfFixture& fixture) {
+  LoadOptions options;
+  options.time_seconds = time_seconds;
+  auto scene = fixture.Load(options);
+  EXPECT_TRUE(scene.ok()) << scene.status();
+  return scene.ok() ? *std::move(scene) : Scene{};
+}
+
+inline Scene MustLoad(const GltfFixture& fixture) { return At(LoadOptions{}.time_seconds, fixture); }
+
+/// Why the document does not load; fails the test where it does.
+inline std::string ErrorOf(const GltfFixture& fixture) {
+  const auto scene = fixture.Load();
+  EXPECT_FALSE(scene.ok());
+  return std::string(scene.status().message());
+}
+
+}  // namespace lumifold::scene

@@ -235,6 +235,12 @@ float LightTree::Importance(const Node& node, const LightReceiver& receiver) {
   return std::max(0.0f, node.power * cos_emitted * cos_received / reach2);
 }
 
+float LightTree::FirstShare(uint32_t index, const LightReceiver& receiver) const {
+  const float first = Importance(nodes_[index + 1], receiver);
+  const float sum = first + Importance(nodes_[nodes_[index].link], receiver);
+  return sum > 0 ? first / sum : -1.0f;
+}
+
 LightTree::Choice LightTree::Pick(const LightReceiver& receiver, float u) const {
   Choice choice;
   if (nodes_.empty()) return choice;
@@ -242,10 +248,8 @@ LightTree::Choice LightTree::Pick(const LightReceiver& receiver, float u) const 
   uint32_t index = 0;
   while ((nodes_[index].link & kLeaf) == 0) {
     const uint32_t second = nodes_[index].link;
-    const float first_share = Importance(nodes_[index + 1], receiver);
-    const float sum = first_share + Importance(nodes_[second], receiver);
-    if (!(sum > 0)) return choice;
-    const float share = first_share / sum;
+    const float share = FirstShare(index, receiver);
+    if (share < 0) return choice;
     const bool go_first = u < share;
     u = std::min(go_first ? u / share : (u - share) / (1.0f - share), 0x1.fffffep-1f);
     probability *= go_first ? share : 1.0f - share;
@@ -263,10 +267,8 @@ float LightTree::Probability(const LightReceiver& receiver, uint32_t emitter) co
   uint32_t index = 0;
   while ((nodes_[index].link & kLeaf) == 0) {
     const uint32_t second = nodes_[index].link;
-    const float first_share = Importance(nodes_[index + 1], receiver);
-    const float sum = first_share + Importance(nodes_[second], receiver);
-    if (!(sum > 0)) return 0;
-    const float share = first_share / sum;
+    const float share = FirstShare(index, receiver);
+    if (share < 0) return 0;
     const bool go_first = (trail & 1) == 0;
     trail >>= 1;
     probability *= go_first ? share : 1.0f - share;

@@ -63,6 +63,9 @@ class LightTree {
   struct Builder;
 
   static float Importance(const Node& node, const LightReceiver& receiver);
+  /// The probability of an inner node's first child; below 0 where neither child can light the receiver.
+  /// Pick() and Probability() must take it alike, to the bit.
+  float FirstShare(uint32_t index, const LightReceiver& receiver) const;
 
   std::vector<Node> nodes_;
   std::vector<uint64_t> trails_;  // an emitter's way down: bit k is the turn at depth k; kNowhere: not in it

@@ -107,11 +107,34 @@ Planes GlossyLight(const LayeredImage& film, const std::vector<Product>& product
   return light;
 }
 
+LayerParams LayerParamsOf(const DenoiseParts& parts) {
+  LayerParams params;
+  params.suppresses_fireflies = parts.fireflies;
+  params.has_second_pass = parts.second_pass;
+  params.chooses = parts.choice;
+  if (parts.patches) return params;
+  for (PatchParams* patches : {&params.patches, &params.pilot_patches})
+    patches->least_dimensions = patches->most_dimensions = 0;
+  return params;
+}
+
+/// The features that are on.
+Planes GuidesOf(const Planes& geometry, const DenoiseParts& parts) {
+  constexpr size_t kDepth = kGeometryFeatures - 1;  // after the normal
+  Planes guides;
+  for (size_t i = 0; i < geometry.size(); ++i) {
+    const bool is_on = i < kDepth ? parts.normals : (i > kDepth || parts.depth);
+    if (is_on) guides.push_back(geometry[i].Clone());
+  }
+  return guides;
+}
+
 }  // namespace
 
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
-                                  TaskPool* pool) {
-  const std::vector<Product> products = ProductsOf(film, pool);
+                                  TaskPool* pool, bool has_levels) {
+  std::vector<Product> products = ProductsOf(film, pool);
+  if (!has_levels) std::erase_if(products, [](const Product& product) { return product.is_level; });
   const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
   const bool has_points = edges != nullptr && !points.rows.empty();
   const Remainder remainder = MakeRemainder(film, products, pool);
@@ -132,12 +155,16 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   return picture;
 }
 
-std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool) {
-  const auto filter = [pool](Halves halves, const Planes& geometry, const SlicePoints* points) {
-    return FilterLayer(std::move(halves), geometry, LayerParams{}, points, pool);
+std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool,
+                             const DenoiseParts& parts) {
+  const LayerParams params = LayerParamsOf(parts);
+  const auto filter = [&](Halves halves, const Planes& geometry, const SlicePoints* points) {
+    if (parts.normals && parts.depth) return FilterLayer(std::move(halves), geometry, params, points, pool);
+    return FilterLayer(std::move(halves), GuidesOf(geometry, parts), params, points, pool);
   };
-  std::array<Plane, 3> picture = FilterLayers(film, edges, filter, pool);
-  ShrinkResidual(film, pool, &picture);
+  std::array<Plane, 3> picture =
+      FilterLayers(film, parts.edge_points ? edges : nullptr, filter, pool, parts.levels);
+  if (parts.convergence) ShrinkResidual(film, pool, &picture);
   return picture;
 }
 

@@ -18,13 +18,28 @@ using LayerFilter =
     absl::FunctionRef<FilteredLayer(Halves halves, const Planes& geometry, const SlicePoints* points)>;
 
 /// Filters each layer of light the film has, and what they leave of C, by `filter`, and puts the picture
-/// together again. Without edges `filter` is asked for no points and no edge is antialiased.
+/// together again. Without edges `filter` is asked for no points and no edge is antialiased. Without
+/// `has_levels` what is seen in mirrors and through glass is filtered with what the layers leave of C.
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
-                                  TaskPool* pool);
+                                  TaskPool* pool, bool has_levels = true);
+
+/// The parts of the default method. All are on but where what one of them is worth is measured.
+struct DenoiseParts {
+  bool patches = true;  // the NLM space; else geometry alone guides
+  bool normals = true;  // among the features
+  bool depth = true;
+  bool edge_points = true;  // edges antialiased by their sub-samples
+  bool levels = true;       // mirrors and glass filtered level by level
+  bool fireflies = true;    // taken out before, and their energy spread
+  bool second_pass = true;
+  bool choice = true;       // of the scale, per pixel by estimated error
+  bool convergence = true;  // the result drawn back to C
+};
 
 /// The default method: FilterLayer on each layer, then the result drawn back to C where noise cannot explain
 /// what they differ by.
-std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool);
+std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool,
+                             const DenoiseParts& parts = {});
 
 /// The paper's own: FilterLayerOnce on each layer.
 std::array<Plane, 3> DenoiseAsPublished(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool);

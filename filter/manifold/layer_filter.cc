@@ -120,6 +120,7 @@ Candidates MakeCandidates(const Halves& halves, const Planes& geometry, const La
   CrossFilter(halves, MakeFeatures(std::move(guide), basis, params.range_factor * noise, geometry, pool),
               params.pilot_manifolds, {params.pilot_reach}, points, pool, &candidates);
 
+  if (!params.has_second_pass) return candidates;
   const Candidate& pilot = candidates.pictures[0];
   Guide second = MakeGuide(halves, pilot.a, pilot.b, params.knee, pool);
   const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
@@ -170,6 +171,13 @@ FilteredPoints BlendPoints(const SlicePoints& points, const std::vector<Candidat
   return out;
 }
 
+/// Shares, as SelectCandidates', that give all to the wide filtering of the last pass there was.
+Planes AllToWide(const Halves& halves, const LayerParams& params, size_t candidates) {
+  Planes shares = MakePlanes(candidates + 1, halves.width(), halves.height());
+  shares[params.has_second_pass ? 2 : 1].Fill(1);
+  return shares;
+}
+
 }  // namespace
 
 FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params,
@@ -196,11 +204,13 @@ FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerPara
   if (!halves.has_noise_estimate) return FilterLayerOnce(std::move(halves), geometry, params, points, pool);
   const Planes raw = Combine(halves.a, halves.b, halves.share_a.view(), pool);
   const Planes raw_variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), pool);
-  const Planes removed = SuppressFireflies(&halves, pool);
+  const Planes removed = params.suppresses_fireflies ? SuppressFireflies(&halves, pool) : Planes{};
   const Planes spread =
       removed.empty() ? Planes{} : SpreadRemoved(removed, geometry, halves.weight.view(), pool);
   const Candidates candidates = MakeCandidates(halves, geometry, params, points, pool);
-  const Planes shares = SelectCandidates(halves, raw_variance, candidates.pictures, params.selection, pool);
+  const Planes shares =
+      params.chooses ? SelectCandidates(halves, raw_variance, candidates.pictures, params.selection, pool)
+                     : AllToWide(halves, params, candidates.pictures.size());
   FilteredLayer layer{Blend(raw, candidates.pictures, shares, spread, halves, pool), {}};
   if (points != nullptr)
     layer.points = BlendPoints(*points, candidates.points, shares, spread, halves.share_a.view());

@@ -23,6 +23,10 @@ struct LayerParams {
   float fine_reach = 3;                // px
   float wide_reach = 16;               // px
   SelectionParams selection;
+  // Steps that measurements leave out, to see what each is worth.
+  bool suppresses_fireflies = true;
+  bool has_second_pass = true;
+  bool chooses = true;  // else the wide filtering of the last pass everywhere
 };
 
 /// A filtered layer, in its halves' scale.

@@ -148,6 +148,7 @@ void AddLevel(const LayeredImage& film, Level level, TaskPool* pool, std::vector
         ProductOf(film, OfLevel(level, layer), OfLevel(level, layers::kAlbedo), samples_a, samples_b);
     product.box = *box;
     product.validity = MakeMask(*box, [&](int x, int y) { return holds(x, y) ? 1.0f : 0.0f; });
+    product.is_level = true;
     product.geometry = LevelGeometry(film, level, *box, product.validity.view(), pool);
     products->push_back(std::move(product));
   }

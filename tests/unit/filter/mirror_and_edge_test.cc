@@ -8,6 +8,7 @@
 
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
+#include "filter/manifold/denoise.h"
 #include "filter/methods.h"
 #include "tests/support/shuffling_pool.h"
 
@@ -207,6 +208,19 @@ TEST(EdgeAntialiasing, TakesTheMeanOfTheProducts) {
   double mean = 0;
   for (int y = 0; y < kHeight; ++y) mean += static_cast<double>(with[0].At(kEdgeColumn, y)) / kHeight;
   EXPECT_NEAR(mean, 0.505, 0.03);  // the noise of 64 pixels leaves 0.01
+}
+
+TEST(DenoiseParts, WithoutEdgePointsOrLevelsThereIsMoreError) {
+  const LayeredImage edge_film = EdgeFilm();
+  const LayeredImage edges = EdgeSet();
+  const auto without_points = Denoise(edge_film, &edges, nullptr, {.edge_points = false});
+  const auto without_edges = Filtered(edge_film, nullptr);
+  for (int y = 0; y < kHeight; ++y)
+    EXPECT_EQ(without_points[0].At(kEdgeColumn, y), without_edges[0].At(kEdgeColumn, y)) << y;
+  const LayeredImage mirror_film = MirrorFilm();
+  const auto without_levels = Denoise(mirror_film, nullptr, nullptr, {.levels = false});
+  EXPECT_GT(MirrorError(without_levels[1].view()),
+            1.5 * MirrorError(Filtered(mirror_film, nullptr)[1].view()));
 }
 
 TEST(EdgeAntialiasing, IsTheSameForAnyPool) {

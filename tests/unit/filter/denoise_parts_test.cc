@@ -1,0 +1,65 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "filter/manifold/denoise.h"
+#include "filter/methods.h"
+#include "synthetic_film.h"
+
+namespace lumifold::filter {
+namespace {
+
+using Picture = std::array<Plane, 3>;
+
+/// The synthetic film with one firefly.
+LayeredImage Film() {
+  LayeredImage film = MakeSyntheticFilm(72, 48, 0.4f, 5).film;
+  for (const char* channel : {"direct.R", "noisy.R"}) film.Get(channel).At(30, 30) += 40;
+  for (const char* channel : {"direct_a.R", "noisy_a.R"}) film.Get(channel).At(30, 30) += 80;
+  return film;
+}
+
+bool AreEqual(const Picture& a, const Picture& b) {
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < a[c].height(); ++y) {
+      if (!std::equal(a[c].Row(y), a[c].Row(y) + a[c].width(), b[c].Row(y))) return false;
+    }
+  }
+  return true;
+}
+
+bool IsFinite(const Picture& picture) {
+  for (const Plane& plane : picture) {
+    for (int y = 0; y < plane.height(); ++y) {
+      for (int x = 0; x < plane.width(); ++x) {
+        if (!std::isfinite(plane.At(x, y))) return false;
+      }
+    }
+  }
+  return true;
+}
+
+TEST(DenoiseParts, AllOfThemAreTheDefaultMethod) {
+  const LayeredImage film = Film();
+  EXPECT_TRUE(AreEqual(Denoise(film, nullptr, nullptr), *FilterFilm(film, "default", nullptr)));
+}
+
+TEST(DenoiseParts, EachChangesThePictureWhereItIsOff) {
+  const LayeredImage film = Film();
+  const Picture whole = Denoise(film, nullptr, nullptr);
+  for (bool DenoiseParts::*part :
+       {&DenoiseParts::patches, &DenoiseParts::normals, &DenoiseParts::depth, &DenoiseParts::fireflies,
+        &DenoiseParts::second_pass, &DenoiseParts::choice, &DenoiseParts::convergence}) {
+    DenoiseParts parts;
+    parts.*part = false;
+    const Picture without = Denoise(film, nullptr, nullptr, parts);
+    EXPECT_TRUE(IsFinite(without));
+    EXPECT_FALSE(AreEqual(whole, without));
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::filter

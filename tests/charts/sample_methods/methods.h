@@ -1,0 +1,15 @@
+#pragma once
+
+#include "tests/charts/sample_methods.h"
+
+namespace lumifold::charts {
+
+/// "epanechnikov": every sample is spread over the pixels around its own by a kernel 1 - t^2 whose radius is
+/// scale sqrt(Y / (n f)), Y its luminance, n the samples a pixel and f the picture's luminance there: spikes
+/// go far, all draws together as samples grow. No energy is lost; what would fall off the picture is mirrored
+/// back.
+/// Source:  Suykens & Willems 2000. A reconstruction: radii and the picture's estimate (means over windows)
+///          are ours.
+SampleMethod EpanechnikovMethod();
+
+}  // namespace lumifold::charts

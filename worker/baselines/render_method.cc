@@ -2,10 +2,12 @@
 
 #include <algorithm>
 
+#include "worker/baselines/irradiance_caching.h"
+
 namespace lumifold::render {
 
 const std::vector<RenderMethod>& RenderMethods() {
-  static const std::vector<RenderMethod> methods = {};
+  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod()};
   return methods;
 }
 

@@ -1,0 +1,141 @@
+// What holds for every method of worker/baselines.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "filter/image/layers.h"
+#include "tests/support/analytic_scenes.h"
+#include "tests/support/shuffling_pool.h"
+#include "tests/unit/render/pictures.h"
+#include "worker/baselines/render_method.h"
+
+namespace lumifold::render {
+namespace {
+
+RenderedPicture Render(const RenderMethod& method, const scene::Scene& scene, const RenderSettings& settings,
+                       uint32_t samples, TaskPool* pool = nullptr) {
+  absl::StatusOr<RenderedPicture> out = method.render(std::make_shared<scene::Scene>(scene), settings,
+                                                      samples, filter::DefaultsOf(method.parameters), pool);
+  EXPECT_TRUE(out.ok()) << method.name << ": " << out.status();
+  return *std::move(out);
+}
+
+double Mean(const RenderedPicture& rendered, size_t channel = 1) {
+  const Plane& plane = rendered.picture[channel];
+  double sum = 0;
+  for (int y = 0; y < plane.height(); ++y) {
+    for (int x = 0; x < plane.width(); ++x) sum += static_cast<double>(plane.At(x, y));
+  }
+  return sum / (plane.width() * plane.height());
+}
+
+scene::Scene GlowingBox(float albedo, float emission) {
+  scene::Scene scene;
+  scene.materials = {testing::Lambert({albedo, albedo, albedo})};
+  scene.materials[0].emission = {emission, emission, emission};
+  testing::PlaceBoxInside(&scene, 1, {0, 0, 0, 0, 0, 0});
+  scene.cameras = {testing::LookAt({0.3f, 0, 0.2f}, {0, -1, 0.1f}, 1)};
+  return scene;
+}
+
+TEST(RenderMethods, AreFoundByName) {
+  for (const RenderMethod& method : RenderMethods()) EXPECT_EQ(FindRenderMethod(method.name), &method);
+  EXPECT_EQ(FindRenderMethod("nothing"), nullptr);
+}
+
+TEST(RenderMethods, HaveDefaultsAndGridsWithinTheirLimits) {
+  for (const RenderMethod& method : RenderMethods()) {
+    for (const filter::BaselineParameter& p : method.parameters) {
+      EXPECT_THAT(p.grid, ::testing::Each(::testing::AllOf(::testing::Ge(p.least), ::testing::Le(p.most))))
+          << method.name << ": " << p.name;
+      EXPECT_THAT(p.grid, ::testing::Contains(p.default_value)) << method.name << ": " << p.name;
+    }
+  }
+}
+
+TEST(RenderMethods, SayWhatIsWrong) {
+  RenderSettings settings = SettingsOf(4, 4);
+  settings.camera = "nowhere";
+  for (const RenderMethod& method : RenderMethods()) {
+    const auto out = method.render(std::make_shared<scene::Scene>(testing::SmallRoom()), settings, 1,
+                                   filter::DefaultsOf(method.parameters), nullptr);
+    EXPECT_EQ(out.status().code(), absl::StatusCode::kNotFound) << method.name;
+  }
+}
+
+TEST(RenderMethods, GiveTheSameBitsForAnyPool) {
+  const RenderSettings settings = SettingsOf(24, 17, 3);
+  for (const RenderMethod& method : RenderMethods()) {
+    ShufflingPool shuffled(5);
+    const std::unique_ptr<TaskPool> two = MakeTaskPool(2);
+    const RenderedPicture alone = Render(method, testing::SmallRoom(), settings, 8);
+    for (TaskPool* pool : {static_cast<TaskPool*>(&shuffled), two.get()}) {
+      const RenderedPicture other = Render(method, testing::SmallRoom(), settings, 8, pool);
+      EXPECT_EQ(alone.gather_paths, other.gather_paths);
+      for (size_t c = 0; c < 3; ++c) {
+        for (int y = 0; y < 17; ++y) {
+          for (int x = 0; x < 24; ++x)
+            ASSERT_EQ(alone.picture[c].At(x, y), other.picture[c].At(x, y)) << method.name;
+        }
+      }
+    }
+  }
+}
+
+TEST(RenderMethods, ReachTheLightOfAGlowingBox) {
+  // Radiance after b bounces beyond the first surface: emission times the sum of albedo powers up to b + 1.
+  const double expected = 0.5 * (1 + 0.6 + 0.36 + 0.216);
+  for (const RenderMethod& method : RenderMethods()) {
+    const RenderedPicture out = Render(method, GlowingBox(0.6f, 0.5f), SettingsOf(24, 24, 2), 32);
+    EXPECT_NEAR(Mean(out) / expected, 1, 0.01) << method.name;
+  }
+}
+
+TEST(RenderMethods, ComeCloseToThePathTracerInARoom) {
+  const int width = 32;
+  const int height = 24;
+  const RenderSettings settings = SettingsOf(width, height, 4);
+  const double truth =
+      MeanOf(RenderAll(*MakeRenderer(testing::SmallRoom(), settings), width, height, 512), layers::kNoisy);
+  for (const RenderMethod& method : RenderMethods()) {
+    const RenderedPicture out = Render(method, testing::SmallRoom(), settings, 64);
+    EXPECT_NEAR(Mean(out) / truth, 1, 0.04) << method.name;
+  }
+}
+
+TEST(RenderMethods, TakeAboutAsManySamplesAsTheyMay) {
+  const RenderSettings settings = SettingsOf(16, 12, 2);
+  for (const RenderMethod& method : RenderMethods()) {
+    for (const uint32_t samples : {1u, 7u, 16u}) {
+      const RenderedPicture out = Render(method, testing::SmallRoom(), settings, samples);
+      const double budget = 16.0 * 12 * samples;
+      EXPECT_LE(static_cast<double>(out.camera_paths), budget) << method.name << " " << samples;
+      EXPECT_GE(static_cast<double>(out.camera_paths), 0.9 * budget) << method.name << " " << samples;
+    }
+  }
+}
+
+TEST(RenderMethods, StayFiniteInTheDarkAndOnOnePixel) {
+  scene::Scene dark = testing::SmallRoom();
+  for (scene::Material& material : dark.materials) material.emission = {};
+  for (const RenderMethod& method : RenderMethods()) {
+    EXPECT_EQ(Mean(Render(method, dark, SettingsOf(9, 5, 2), 4)), 0) << method.name;
+    EXPECT_TRUE(std::isfinite(Mean(Render(method, testing::SmallRoom(), SettingsOf(1, 1, 2), 2))))
+        << method.name;
+  }
+}
+
+TEST(RenderMethods, SeeTheSkyWhereNothingIs) {
+  scene::Scene empty;
+  empty.cameras = {testing::LookAt({0, 0, 0}, {0, 0, -1}, 1)};
+  RenderSettings settings = SettingsOf(8, 6);
+  for (const RenderMethod& method : RenderMethods())
+    EXPECT_EQ(Mean(Render(method, empty, settings, 4)), 0) << method.name;
+}
+
+}  // namespace
+}  // namespace lumifold::render

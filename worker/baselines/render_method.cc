@@ -1,0 +1,21 @@
+#include "worker/baselines/render_method.h"
+
+#include <algorithm>
+
+#include "worker/baselines/irradiance_caching.h"
+
+namespace lumifold::render {
+
+const std::vector<RenderMethod>& RenderMethods() {
+  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod()};
+  return methods;
+}
+
+const RenderMethod* FindRenderMethod(std::string_view name) {
+  const std::vector<RenderMethod>& all = RenderMethods();
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const RenderMethod& method) { return method.name == name; });
+  return found == all.end() ? nullptr : &*found;
+}
+
+}  // namespace lumifold::render

@@ -1,21 +1,28 @@
 #include "tests/charts/film_source.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdlib>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 #include "absl/time/clock.h"
 #include "filter/image/exr_io.h"
+#include "filter/image/file_io.h"
+#include "filter/image/picture_io.h"
 #include "proto/rpc/checksum.h"
 #include "server/film/film_builder.h"
+#include "tests/charts/clock.h"
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
-#include "worker/render/renderer.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::charts {
@@ -30,6 +37,10 @@ Rect TileOf(const FilmSettings& settings, int64_t number) {
   const int x = static_cast<int>(number) % columns * kTile;
   const int y = static_cast<int>(number) / columns * kTile;
   return {x, y, std::min(x + kTile, settings.width), std::min(y + kTile, settings.height)};
+}
+
+int64_t TileCount(const FilmSettings& settings) {
+  return int64_t{(settings.width + kTile - 1) / kTile} * ((settings.height + kTile - 1) / kTile);
 }
 
 void RenderTile(const render::Renderer& renderer, const Rect& rect, uint32_t samples,
@@ -52,7 +63,7 @@ FilmSource::FilmSource(std::string name, std::string bytes, std::string cache_fo
 absl::StatusOr<FilmSource> FilmSource::Create(const std::string& scene_name,
                                               const std::string& cache_folder) {
   const scenes::SceneEntry* entry = scenes::FindScene(scene_name);
-  if (entry == nullptr) return absl::NotFoundError(absl::StrCat("no scene is named '", scene_name, "'"));
+  if (entry == nullptr) return CreateFromFile(scene_name, cache_folder);
   absl::StatusOr<std::string> bytes = scenes::EncodeGlb(entry->build());
   if (!bytes.ok()) return bytes.status();
   std::error_code error;
@@ -61,11 +72,43 @@ absl::StatusOr<FilmSource> FilmSource::Create(const std::string& scene_name,
   return FilmSource(scene_name, *std::move(bytes), cache_folder);
 }
 
+absl::StatusOr<FilmSource> FilmSource::CreateFromFile(const std::string& name,
+                                                      const std::string& cache_folder) {
+  constexpr int64_t kMostBytes = int64_t{1} << 32;
+  const char* folder = std::getenv("LUMIFOLD_SCENES_DIR");
+  if (folder == nullptr) {
+    return absl::NotFoundError(
+        absl::StrCat("no scene is named '", name, "', and LUMIFOLD_SCENES_DIR is not set to look there"));
+  }
+  absl::StatusOr<std::string> bytes = ReadFile(absl::StrCat(folder, "/", name, ".glb"), kMostBytes);
+  if (!bytes.ok()) return bytes.status();
+  std::error_code error;
+  std::filesystem::create_directories(cache_folder, error);
+  if (error) return absl::UnavailableError(absl::StrCat(cache_folder, ": ", error.message()));
+  FilmSource source(name, *std::move(bytes), cache_folder);
+  const std::string sky_path = absl::StrCat(folder, "/", name, "-sky.exr");
+  absl::StatusOr<std::string> sky = ReadFile(sky_path, kMostBytes);
+  if (absl::IsNotFound(sky.status())) return source;
+  if (!sky.ok()) return sky.status();
+  const absl::StatusOr<LayeredImage> picture = DecodeLinearPicture(sky_path, *sky);
+  if (!picture.ok()) return picture.status();
+  absl::StatusOr<std::shared_ptr<const render::Environment>> environment =
+      render::Environment::Create(*picture, 0, 1);
+  if (!environment.ok()) return environment.status();
+  source.sky_ = *std::move(environment);
+  source.sky_bytes_ = *std::move(sky);
+  return source;
+}
+
+std::string FilmSource::HashOf(uint64_t seed) const {
+  std::string key = absl::StrCat(rpc::Checksum(bytes_), " ", render::NumericClass(), " ", seed);
+  if (sky_ != nullptr) absl::StrAppend(&key, " ", rpc::Checksum(sky_bytes_));
+  return absl::StrFormat("%016x", rpc::Checksum(key));
+}
+
 std::string FilmSource::PathOf(const FilmSettings& settings) const {
-  const std::string key =
-      absl::StrCat(rpc::Checksum(bytes_), " ", render::NumericClass(), " ", settings.seed);
-  return absl::StrFormat("%s/%s-%dx%d-%d-%016x.exr", cache_folder_, name_, settings.width, settings.height,
-                         settings.samples, rpc::Checksum(key));
+  return absl::StrFormat("%s/%s-%dx%d-%d-%s.exr", cache_folder_, name_, settings.width, settings.height,
+                         settings.samples, HashOf(settings.seed));
 }
 
 absl::StatusOr<TimedFilm> FilmSource::Get(const FilmSettings& settings, TaskPool* pool) const {
@@ -88,27 +131,95 @@ absl::StatusOr<TimedFilm> FilmSource::Get(const FilmSettings& settings, TaskPool
   return timed;
 }
 
-absl::StatusOr<TimedFilm> FilmSource::Render(const FilmSettings& settings, TaskPool* pool) const {
-  const auto no_files = [](const std::string& uri) {
-    return absl::NotFoundError(absl::StrCat("a generated scene has no file '", uri, "'"));
+absl::StatusOr<std::shared_ptr<const scene::Scene>> FilmSource::LoadScene() const {
+  const auto no_files = [this](const std::string& uri) {
+    return absl::NotFoundError(absl::StrCat(name_, " asks for a file '", uri, "': charts take .glb alone"));
   };
   absl::StatusOr<scene::Scene> scene = scene::LoadGltf(bytes_, name_, no_files);
   if (!scene.ok()) return scene.status();
+  return std::make_shared<const scene::Scene>(*std::move(scene));
+}
+
+render::RenderSettings FilmSource::SettingsFor(const FilmSettings& settings) const {
   render::RenderSettings render_settings;
   render_settings.width = settings.width;
   render_settings.height = settings.height;
   render_settings.seed = settings.seed;
+  render_settings.environment = sky_;
+  return render_settings;
+}
+
+absl::StatusOr<TimedFilm> FilmSource::Render(const FilmSettings& settings, TaskPool* pool) const {
+  const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = LoadScene();
+  if (!scene.ok()) return scene.status();
   const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
-      render::Renderer::Create(std::make_shared<const scene::Scene>(*std::move(scene)), render_settings);
+      render::Renderer::Create(*scene, SettingsFor(settings));
   if (!renderer.ok()) return renderer.status();
   film::FilmBuilder film(settings.width, settings.height);
   const absl::Time start = absl::Now();
-  const int64_t tiles =
-      int64_t{(settings.width + kTile - 1) / kTile} * ((settings.height + kTile - 1) / kTile);
-  ParallelFor(pool, tiles,
+  ParallelFor(pool, TileCount(settings),
               [&](int64_t i) { RenderTile(**renderer, TileOf(settings, i), settings.samples, &film); });
   const double seconds = absl::ToDoubleSeconds(absl::Now() - start);
   return TimedFilm{film.Take(), seconds};
+}
+
+absl::StatusOr<RenderRates> FilmSource::Rates(int width, int height, TaskPool* pool) const {
+  const std::string path =
+      absl::StrFormat("%s/%s-%dx%d-rates-%s.txt", cache_folder_, name_, width, height, HashOf(0));
+  const absl::StatusOr<std::string> kept = ReadFile(path, 1 << 10);
+  RenderRates rates;
+  if (kept.ok()) {
+    const std::vector<std::string> numbers = absl::StrSplit(*kept, ' ');
+    if (numbers.size() == 3 && absl::SimpleAtod(numbers[0], &rates.radiance) &&
+        absl::SimpleAtod(numbers[1], &rates.layered) && absl::SimpleAtod(numbers[2], &rates.geometry)) {
+      return rates;
+    }
+    return absl::DataLossError(absl::StrCat(path, ": holds no rates of a chart's cache"));
+  }
+  if (!absl::IsNotFound(kept.status())) return kept.status();
+  const absl::StatusOr<RenderRates> measured = MeasureRates(width, height, pool);
+  if (!measured.ok()) return measured.status();
+  const absl::Status written = WriteFileAtomically(
+      path, absl::StrCat(measured->radiance, " ", measured->layered, " ", measured->geometry));
+  if (!written.ok()) return written;
+  return measured;
+}
+
+absl::StatusOr<RenderRates> FilmSource::MeasureRates(int width, int height, TaskPool* pool) const {
+  constexpr int kRounds = 3;
+  constexpr uint32_t kSamples = 16;
+  const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = LoadScene();
+  if (!scene.ok()) return scene.status();
+  const FilmSettings settings = {width, height, kSamples, 0};
+  std::array<std::unique_ptr<render::Renderer>, 2> renderers;
+  for (const bool radiance_only : {false, true}) {
+    render::RenderSettings render_settings = SettingsFor(settings);
+    render_settings.radiance_only = radiance_only;
+    absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
+        render::Renderer::Create(*scene, render_settings);
+    if (!renderer.ok()) return renderer.status();
+    renderers[radiance_only ? 1 : 0] = *std::move(renderer);
+  }
+  const auto seconds_of = [&](auto task) {
+    const double start = CpuSeconds();
+    ParallelFor(pool, TileCount(settings), [&](int64_t i) { task(TileOf(settings, i)); });
+    return CpuSeconds() - start;
+  };
+  const auto passes_of = [&](const render::Renderer& renderer) {
+    return [&renderer](const Rect& tile) {
+      render::RenderCounts counted;
+      renderer.RenderPass(tile, 0, {0, kSamples}, &counted);
+    };
+  };
+  constexpr double kLong = std::numeric_limits<double>::max();
+  RenderRates rates = {kLong, kLong, kLong};
+  for (int round = 0; round < kRounds; ++round) {
+    rates.layered = std::min(rates.layered, seconds_of(passes_of(*renderers[0])) / kSamples);
+    rates.radiance = std::min(rates.radiance, seconds_of(passes_of(*renderers[1])) / kSamples);
+    rates.geometry = std::min(rates.geometry,
+                              seconds_of([&](const Rect& tile) { renderers[0]->RenderGeometry(tile, 0); }));
+  }
+  return rates;
 }
 
 }  // namespace lumifold::charts

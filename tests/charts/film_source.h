@@ -1,12 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/parallel.h"
+#include "worker/render/renderer.h"
+#include "worker/scene/scene.h"
 
 namespace lumifold::charts {
 
@@ -24,23 +26,47 @@ struct FilmSettings {
   uint64_t seed = 0;
 };
 
-/// Renders films of one generated scene, as a farm would, and keeps them as files, by a hash of the scene's
-/// bytes, the settings and the numeric class: a second run finds them, and the time the first took.
+/// What rendering costs: processor seconds, all threads together.
+struct RenderRates {
+  double radiance = 0;  // a sample of every pixel, C alone
+  double layered = 0;   // a sample of every pixel, all layers in halves
+  double geometry = 0;  // the geometry units of a frame
+};
+
+/// Renders films of one scene, as a farm would, and keeps them as files, by a hash of the scene's bytes, the
+/// settings and the numeric class: a second run finds them, and the time the first took.
 class FilmSource {
  public:
-  /// Errors: kNotFound for a name that scenes::FindScene does not know; kUnavailable without a cache folder.
+  /// `scene_name`: one that scenes::FindScene knows, or else a file LUMIFOLD_SCENES_DIR/NAME.glb, lit by
+  /// NAME-sky.exr where that is there too.
+  /// Errors: kNotFound for a name that is neither; kUnavailable without a cache folder; those of the files.
   static absl::StatusOr<FilmSource> Create(const std::string& scene_name, const std::string& cache_folder);
 
   /// Errors: those of loading and rendering the scene and of the cache's files.
   absl::StatusOr<TimedFilm> Get(const FilmSettings& settings, TaskPool* pool) const;
 
+  /// Where the film is kept, whether it is there or not.
+  std::string PathOf(const FilmSettings& settings) const;
+
+  /// The scene, and how it is rendered. Errors: those of loading it.
+  absl::StatusOr<std::shared_ptr<const scene::Scene>> LoadScene() const;
+  render::RenderSettings SettingsFor(const FilmSettings& settings) const;
+
+  /// Renders a few samples with and without layers, in turns, and takes the least time of each; keeps the
+  /// result as Get() keeps films. Errors: as Get().
+  absl::StatusOr<RenderRates> Rates(int width, int height, TaskPool* pool) const;
+
  private:
   FilmSource(std::string name, std::string bytes, std::string cache_folder);
-  std::string PathOf(const FilmSettings& settings) const;
+  static absl::StatusOr<FilmSource> CreateFromFile(const std::string& name, const std::string& cache_folder);
   absl::StatusOr<TimedFilm> Render(const FilmSettings& settings, TaskPool* pool) const;
+  absl::StatusOr<RenderRates> MeasureRates(int width, int height, TaskPool* pool) const;
+  std::string HashOf(uint64_t seed) const;
 
   std::string name_;
   std::string bytes_;
+  std::string sky_bytes_;
+  std::shared_ptr<const render::Environment> sky_;  // null: black
   std::string cache_folder_;
 };
 

@@ -1,113 +1,199 @@
 #include "tests/charts/measure.h"
 
 #include <algorithm>
-#include <array>
+#include <cstdio>
+#include <filesystem>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
-#include "filter/baselines/baseline.h"
+#include "absl/strings/str_format.h"
 #include "filter/image/layers.h"
-#include "filter/methods.h"
+#include "filter/metrics/flip.h"
+#include "filter/metrics/metrics.h"
+#include "filter/metrics/reference_noise.h"
+#include "filter/metrics/ssim.h"
 
 namespace lumifold::charts {
 namespace {
 
-/// A method and the parameters of one run, as FilterFilm and a row have them.
-struct Call {
-  std::string method;
-  std::string parameters;
-  bool is_default = true;
+constexpr int kRowVersion = 1;  // to be raised with what Judge() finds
+constexpr int kTimedRuns = 3;   // of a default that takes little time, the least of which counts
+constexpr double kLittleTime = 3;
 
-  std::string Text() const { return parameters.empty() ? method : absl::StrCat(method, ":", parameters); }
-};
-
-std::vector<Call> CallsOf(const filter::Baseline& baseline) {
-  std::vector<std::vector<float>> points = filter::GridOf(baseline);
-  const std::vector<float> defaults = filter::DefaultsOf(baseline);
-  if (std::find(points.begin(), points.end(), defaults) == points.end()) points.push_back(defaults);
-  std::vector<Call> calls;
-  for (const std::vector<float>& values : points)
-    calls.push_back({baseline.name, filter::FormatParameters(baseline, values), values == defaults});
-  return calls;
-}
-
-RegionMeans Minus(RegionMeans error, const RegionMeans& noise) {
+metrics::RegionMeans Minus(metrics::RegionMeans error, const metrics::RegionMeans& noise) {
   error.whole -= noise.whole;
-  for (size_t i = 0; i < kRegionCount; ++i) error.of_region[i] -= noise.of_region[i];
+  for (size_t i = 0; i < metrics::kRegionCount; ++i) error.of_region[i] -= noise.of_region[i];
   return error;
 }
 
-absl::StatusOr<Row> Run(const Subject& subject, const Reference& reference, const Call& call,
-                        TaskPool* pool) {
-  const EdgedImage& film = subject.timed.film;
-  const absl::Time start = absl::Now();
-  const absl::StatusOr<std::array<Plane, 3>> picture =
-      filter::FilterFilm(film.pixels, call.Text(), pool, &film.edges);
-  const double seconds = absl::ToDoubleSeconds(absl::Now() - start);
-  if (!picture.ok()) return picture.status();
-  const RegionMeans error = Mse255ByRegion({(*picture)[0].view(), (*picture)[1].view(), (*picture)[2].view()},
-                                           reference.film.pixels.GetColor(layers::kNoisy), reference.regions);
-  Row row;
-  row.scene = subject.scene;
-  row.samples = subject.samples;
-  row.method = call.method;
-  row.parameters = call.parameters;
-  row.is_default = call.is_default;
-  row.mse255 = Minus(error, reference.noise);
-  row.render_seconds = subject.timed.render_seconds;
-  row.filter_seconds = call.method == "none" ? 0 : seconds;
-  return row;
-}
-
-/// Appends the rows of one method's calls, the best marked.
-absl::Status RunAll(const Subject& subject, const Reference& reference, const std::vector<Call>& calls,
-                    TaskPool* pool, std::vector<Row>* rows) {
-  const auto first = static_cast<std::ptrdiff_t>(rows->size());
-  for (const Call& call : calls) {
-    absl::StatusOr<Row> row = Run(subject, reference, call, pool);
-    if (!row.ok()) return row.status();
-    rows->push_back(*std::move(row));
-  }
-  const auto best = std::min_element(rows->begin() + first, rows->end(), [](const Row& a, const Row& b) {
-    return a.mse255.whole < b.mse255.whole;
-  });
-  best->is_best = true;
-  return absl::OkStatus();
+double PixelRatio(const FilmSettings& now, const FilmSettings& then) {
+  return static_cast<double>(now.width) * now.height / (static_cast<double>(then.width) * then.height);
 }
 
 }  // namespace
 
-absl::StatusOr<Reference> MakeReference(EdgedImage film) {
+/// A method with the values of one run.
+struct Meter::Call {
+  const Method* method = nullptr;
+  std::vector<float> values;
+
+  std::string Parameters() const { return filter::FormatParameters(method->parameters, values); }
+};
+
+absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film) {
   if (!film.pixels.HasColor(layers::kNoisy)) return absl::NotFoundError("the reference has no layer 'noisy'");
-  Reference reference{std::move(film), {}, {}, false};
+  Reference reference{std::move(name), std::move(film), {}, {}, 0, false};
   const LayeredImage& pixels = reference.film.pixels;
-  reference.regions = RegionsOf(reference.film);
+  reference.regions = metrics::RegionsOf(reference.film);
   const std::string half_a = layers::HalfA(layers::kNoisy);
   const std::string half_b = layers::HalfB(layers::kNoisy);
   reference.has_halves = pixels.HasColor(half_a) && pixels.HasColor(half_b);
   if (!reference.has_halves) return reference;
   // The variance of the mean of two halves of equal size is a quarter of their squared difference.
-  reference.noise = Mse255ByRegion(pixels.GetColor(half_a), pixels.GetColor(half_b), reference.regions);
+  reference.noise =
+      metrics::Mse255ByRegion(pixels.GetColor(half_a), pixels.GetColor(half_b), reference.regions);
   reference.noise.whole /= 4;
   for (double& noise : reference.noise.of_region) noise /= 4;
+  reference.rel_mse_noise = metrics::RelMseNoise(pixels.GetColor(half_a), pixels.GetColor(half_b));
   return reference;
 }
 
-absl::StatusOr<std::vector<Row>> Measure(const Subject& subject, const Reference& reference, TaskPool* pool) {
-  if (subject.timed.film.pixels.bounds() != reference.film.pixels.bounds()) {
-    return absl::InvalidArgumentError(absl::StrCat(subject.scene, ": film and reference differ in size"));
+Errors Judge(const ConstColorView& picture, const Reference& reference) {
+  const ConstColorView truth = reference.film.pixels.GetColor(layers::kNoisy);
+  Errors errors;
+  errors.mse255 = Minus(metrics::Mse255ByRegion(picture, truth, reference.regions), reference.noise);
+  errors.rel_mse = metrics::RelMse(picture, truth) - reference.rel_mse_noise;
+  errors.ssim = metrics::Ssim(picture, truth).value_or(0);
+  errors.flip = metrics::Flip(picture, truth);
+  return errors;
+}
+
+Meter::Meter(MeasureOptions options, RowStore* store, std::string cache_folder, TaskPool* pool)
+    : options_(std::move(options)), store_(store), cache_folder_(std::move(cache_folder)), pool_(pool) {}
+
+absl::StatusOr<std::vector<Row>> Meter::Measure(Subject* subject, const Reference& reference) {
+  if (subject->timed.film.pixels.bounds() != reference.film.pixels.bounds()) {
+    return absl::InvalidArgumentError(absl::StrCat(subject->scene, ": film and reference differ in size"));
   }
   std::vector<Row> rows;
-  for (const char* ours : {"none", "default", "paper"}) {
-    const absl::Status status = RunAll(subject, reference, {{ours, "", true}}, pool, &rows);
-    if (!status.ok()) return status;
+  for (const Method* method : options_.methods) {
+    const absl::StatusOr<std::vector<Row>> measured = MeasureMethod(subject, reference, *method);
+    if (!measured.ok())
+      return absl::Status(measured.status().code(),
+                          absl::StrCat(method->name, ": ", measured.status().message()));
+    rows.insert(rows.end(), measured->begin(), measured->end());
   }
-  for (const filter::Baseline& baseline : filter::Baselines()) {
-    const absl::Status status = RunAll(subject, reference, CallsOf(baseline), pool, &rows);
-    if (!status.ok()) return status;
-  }
+  subject->samples.reset();
   return rows;
+}
+
+absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Reference& reference,
+                                                      const Method& method) {
+  Last& last = last_[absl::StrCat(subject->scene, " ", method.name)];
+  const Call standard = {&method, filter::DefaultsOf(method.parameters)};
+  absl::StatusOr<Row> first = FindOrRun(subject, reference, standard);
+  if (!first.ok()) return first.status();
+  if (!first->not_run.empty()) return std::vector<Row>{*std::move(first)};
+  const double seconds = first->render_seconds + first->filter_seconds;
+  std::vector<Row> rows = {*std::move(first)};
+  std::vector<std::vector<float>> points = {standard.values};
+  for (const std::vector<float>& values : PointsOf(*subject, method, seconds)) {
+    absl::StatusOr<Row> row = FindOrRun(subject, reference, {&method, values});
+    if (!row.ok()) return row.status();
+    rows.push_back(*std::move(row));
+    points.push_back(values);
+  }
+  const auto best = std::min_element(rows.begin(), rows.end(), [](const Row& a, const Row& b) {
+    return a.errors.mse255.whole < b.errors.mse255.whole;
+  });
+  best->is_best = true;
+  last = {seconds, subject->settings, points[static_cast<size_t>(best - rows.begin())]};
+  std::fprintf(stderr, "%s, %d spp, %s: MSE255 %.3f, best of %zu %.3f, %.2f s\n", subject->scene.c_str(),
+               static_cast<int>(subject->settings.samples), method.name.c_str(),
+               rows.front().errors.mse255.whole, rows.size(), best->errors.mse255.whole, seconds);
+  return rows;
+}
+
+/// What the default should take, from the last film of the scene; 0 where there was none.
+double Meter::ExpectedSeconds(const Subject& subject, const Method& method) const {
+  const auto found = last_.find(absl::StrCat(subject.scene, " ", method.name));
+  if (found == last_.end() || found->second.settings.width == 0) return 0;
+  const FilmSettings& then = found->second.settings;
+  const double samples = method.renders ? static_cast<double>(subject.settings.samples) / then.samples : 1.0;
+  return found->second.seconds * PixelRatio(subject.settings, then) * samples;
+}
+
+/// The points beside the default.
+std::vector<std::vector<float>> Meter::PointsOf(const Subject& subject, const Method& method,
+                                                double seconds) const {
+  const std::vector<float> standard = filter::DefaultsOf(method.parameters);
+  if (standard.empty()) return {};
+  std::vector<std::vector<float>> points = filter::GridOf(method.parameters);
+  std::erase(points, standard);
+  if (static_cast<double>(points.size()) * seconds <= options_.most_grid_seconds) return points;
+  const auto found = last_.find(absl::StrCat(subject.scene, " ", method.name));
+  if (found == last_.end() || found->second.best.empty() || found->second.best == standard) return {};
+  return {found->second.best};
+}
+
+absl::StatusOr<std::string> Meter::KeyOf(const Subject& subject, const Reference& reference,
+                                         const Call& call) {
+  const auto known = fingerprints_.find(call.method->name);
+  if (known == fingerprints_.end()) {
+    const absl::StatusOr<uint64_t> fingerprint = FingerprintOf(*call.method, cache_folder_, pool_);
+    if (!fingerprint.ok()) return fingerprint.status();
+    fingerprints_[call.method->name] = *fingerprint;
+  }
+  const std::string film =
+      subject.source != nullptr
+          ? std::filesystem::path(subject.source->PathOf(subject.settings)).stem().string()
+          : subject.scene;
+  return absl::StrFormat("%d %s %s %s:%s %016x", kRowVersion, film, reference.name, call.method->name,
+                         call.Parameters(), fingerprints_[call.method->name]);
+}
+
+absl::StatusOr<Row> Meter::FindOrRun(Subject* subject, const Reference& reference, const Call& call) {
+  const absl::StatusOr<std::string> key = KeyOf(*subject, reference, call);
+  if (!key.ok()) return key.status();
+  const bool is_again =
+      std::find(options_.again.begin(), options_.again.end(), call.method->name) != options_.again.end();
+  const std::optional<Row> kept = store_->Find(*key);
+  if (kept.has_value() && !is_again) return *kept;
+  const absl::StatusOr<Row> row = Run(subject, reference, call);
+  if (!row.ok() || !row->not_run.empty()) return row;
+  // Films from files are told apart by their names alone: what is known of them may be of another file.
+  if (subject->source == nullptr) return row;
+  if (const absl::Status status = store_->Add(*key, *row); !status.ok()) return status;
+  return row;
+}
+
+absl::StatusOr<Row> Meter::Run(Subject* subject, const Reference& reference, const Call& call) {
+  Row row;
+  row.scene = subject->scene;
+  row.width = subject->settings.width;
+  row.height = subject->settings.height;
+  row.samples = static_cast<int>(subject->settings.samples);
+  row.method = call.method->name;
+  row.parameters = call.Parameters();
+  row.is_default = call.values == filter::DefaultsOf(call.method->parameters);
+  if (ExpectedSeconds(*subject, *call.method) > options_.most_run_seconds) {
+    row.not_run = "cost";
+    return row;
+  }
+  absl::StatusOr<MadePicture> made = call.method->make(subject, call.values, pool_);
+  if (absl::IsUnimplemented(made.status())) {
+    row.not_run = std::string(made.status().message());
+    return row;
+  }
+  for (int i = 1; i < kTimedRuns && made.ok() && row.is_default && made->seconds < kLittleTime; ++i) {
+    const absl::StatusOr<MadePicture> more = call.method->make(subject, call.values, pool_);
+    if (!more.ok()) return more.status();
+    made->seconds = std::min(made->seconds, more->seconds);
+  }
+  if (!made.ok()) return made.status();
+  row.errors = Judge({made->picture[0].view(), made->picture[1].view(), made->picture[2].view()}, reference);
+  (call.method->renders ? row.render_seconds : row.filter_seconds) = made->seconds;
+  return row;
 }
 
 }  // namespace lumifold::charts

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -7,43 +8,69 @@
 #include "filter/image/edged_image.h"
 #include "filter/image/parallel.h"
 #include "filter/metrics/regions.h"
-#include "tests/charts/film_source.h"
+#include "tests/charts/method.h"
+#include "tests/charts/row.h"
+#include "tests/charts/row_store.h"
 
 namespace lumifold::charts {
 
 /// What a picture is judged against.
 struct Reference {
+  std::string name;  // its file's: part of a row's key
   EdgedImage film;
-  std::vector<Region> regions;
-  RegionMeans noise;  // MSE255 of the reference itself, from its halves; 0 where it has none
+  std::vector<metrics::Region> regions;
+  metrics::RegionMeans noise;  // MSE255 of the reference itself, from its halves; 0 where it has none
+  double rel_mse_noise = 0;
   bool has_halves = false;
 };
 
 /// Errors: kNotFound where the film has no noisy layer.
-absl::StatusOr<Reference> MakeReference(EdgedImage film);
+absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film);
 
-/// A film that is filtered by every method.
-struct Subject {
-  std::string scene;
-  int samples = 0;
-  TimedFilm timed;
+/// Judges a picture of the reference's size.
+Errors Judge(const ConstColorView& picture, const Reference& reference);
+
+/// Which methods are measured, and how far that may go.
+struct MeasureOptions {
+  std::vector<const Method*> methods;
+  std::vector<std::string> again;  // methods whose rows are measured anew: their speed has changed
+  double most_grid_seconds = 120;  // processor seconds for all points of a method's grid on one film ...
+  double most_run_seconds = 600;   // ... and for one point: what would take longer is not run
 };
 
-/// One way to filter one film.
-struct Row {
-  std::string scene;
-  int samples = 0;
-  std::string method;
-  std::string parameters;
-  bool is_default = false;  // of the method's own settings
-  bool is_best = false;     // of the method's grid on this film
-  RegionMeans mse255;       // the reference's noise taken off
-  double render_seconds = 0;
-  double filter_seconds = 0;
-};
+/// Measures methods on films, each with its default and every point of its grid, and keeps what it finds.
+/// Where a grid would cost too much, the point that was best with fewer samples stands for it.
+class Meter {
+ public:
+  Meter(MeasureOptions options, RowStore* store, std::string cache_folder, TaskPool* pool);
 
-/// Filters the film by our methods and by each baseline, with its default and every point of its grid.
-/// Errors: those of filter::FilterFilm; kInvalidArgument for a reference of another size.
-absl::StatusOr<std::vector<Row>> Measure(const Subject& subject, const Reference& reference, TaskPool* pool);
+  /// The rows of one film, a method's after another's, the best of each marked. Seconds are those of the
+  /// method alone. Errors: those of the methods; kInvalidArgument for a reference of another size.
+  absl::StatusOr<std::vector<Row>> Measure(Subject* subject, const Reference& reference);
+
+ private:
+  struct Call;
+
+  absl::StatusOr<std::vector<Row>> MeasureMethod(Subject* subject, const Reference& reference,
+                                                 const Method& method);
+  absl::StatusOr<Row> FindOrRun(Subject* subject, const Reference& reference, const Call& call);
+  absl::StatusOr<Row> Run(Subject* subject, const Reference& reference, const Call& call);
+  absl::StatusOr<std::string> KeyOf(const Subject& subject, const Reference& reference, const Call& call);
+  double ExpectedSeconds(const Subject& subject, const Method& method) const;
+  std::vector<std::vector<float>> PointsOf(const Subject& subject, const Method& method,
+                                           double seconds) const;
+
+  MeasureOptions options_;
+  RowStore* store_;
+  std::string cache_folder_;
+  TaskPool* pool_;
+  std::map<std::string, uint64_t> fingerprints_;  // by method
+  struct Last {
+    double seconds = 0;  // of the default
+    FilmSettings settings;
+    std::vector<float> best;
+  };
+  std::map<std::string, Last> last_;  // by scene and method: what the film before took, and its best point
+};
 
 }  // namespace lumifold::charts

@@ -1,0 +1,244 @@
+#include "tests/charts/error_charts.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "tests/charts/figure.h"
+#include "tests/charts/report.h"
+#include "tests/charts/series.h"
+
+namespace lumifold::charts {
+namespace {
+
+using Points = std::vector<std::pair<double, double>>;
+
+enum class Axis { kTime, kSamples };
+
+bool IsOurs(const std::string& method) { return method == "default"; }
+
+/// What none of the rows betters in both error and time, by time.
+Points FrontOf(absl::Span<const Row> rows, const std::string& scene) {
+  Points points;
+  for (const Row& row : rows) {
+    if (row.scene == scene && row.not_run.empty() && row.errors.mse255.whole > 0)
+      points.emplace_back(row.TotalSeconds(), row.errors.mse255.whole);
+  }
+  std::sort(points.begin(), points.end());
+  Points front;
+  for (const auto& point : points) {
+    if (front.empty() || point.second < front.back().second) front.push_back(point);
+  }
+  return front;
+}
+
+Figure ErrorFigure(absl::Span<const Row> rows, const std::string& scene, Axis axis) {
+  const bool is_time = axis == Axis::kTime;
+  Figure figure{absl::StrCat(scene, ": error of each method, at its best parameters"),
+                is_time ? "processor seconds: rendering, auxiliary data and filtering" : "samples per pixel",
+                "MSE255",
+                {},
+                {}};
+  for (const std::string& method : MethodsOf(rows)) {
+    Curve curve{method, Curve::Style::kLine, IsOurs(method), {}};
+    for (const Row& row : BestRows(rows, scene, method))
+      curve.points.emplace_back(is_time ? row.TotalSeconds() : row.samples, row.errors.mse255.whole);
+    figure.curves.push_back(std::move(curve));
+  }
+  if (is_time) {
+    figure.curves.push_back({"front of all", Curve::Style::kStairs, false, FrontOf(rows, scene)});
+    return figure;
+  }
+  const std::vector<Row> noisy = BestRows(rows, scene, "none");
+  if (noisy.size() < 2) return figure;
+  const double product = noisy.front().errors.mse255.whole * noisy.front().samples;
+  Curve slope{"slope -1", Curve::Style::kGuide, false, {}};
+  for (const Row* end : {&noisy.front(), &noisy.back()})
+    slope.points.emplace_back(end->samples, product / end->samples);
+  figure.curves.push_back(std::move(slope));
+  return figure;
+}
+
+/// How much longer the unfiltered picture takes to the error of each of our default's rows, by samples.
+Points SpeedUps(absl::Span<const Row> rows, const std::string& scene) {
+  Points time_by_error = ErrorByTime(BestRows(rows, scene, "none"));
+  for (auto& point : time_by_error) std::swap(point.first, point.second);
+  std::sort(time_by_error.begin(), time_by_error.end());
+  Points ratios;
+  for (const Row& row : DefaultRows(rows, scene, "default")) {
+    const std::optional<double> seconds = Interpolate(time_by_error, row.errors.mse255.whole);
+    if (seconds.has_value()) ratios.emplace_back(row.samples, *seconds / row.TotalSeconds());
+  }
+  return ratios;
+}
+
+bool HasSpeedUps(absl::Span<const Row> rows) {
+  const std::vector<std::string> scenes = ScenesOf(rows);
+  return std::any_of(scenes.begin(), scenes.end(),
+                     [&](const std::string& scene) { return !SpeedUps(rows, scene).empty(); });
+}
+
+Figure SpeedUpFigure(absl::Span<const Row> rows) {
+  Figure figure{"Speed-up at equal error over unfiltered path tracing",
+                "samples per pixel that are filtered",
+                "time of unfiltered / time of default",
+                {},
+                {}};
+  double least = 1e9;
+  double most = 0;
+  for (const std::string& scene : ScenesOf(rows)) {
+    figure.curves.push_back({scene, Curve::Style::kLine, false, SpeedUps(rows, scene)});
+    for (const auto& point : figure.curves.back().points) {
+      least = std::min(least, point.first);
+      most = std::max(most, point.first);
+    }
+  }
+  if (most <= least) return figure;
+  for (const auto& [name, value] :
+       {std::pair("the paper's least, 8.5", 8.5), {"the paper's most, 11.4", 11.4}, {"target, 20", 20.0}})
+    figure.curves.push_back({name, Curve::Style::kGuide, false, {{least, value}, {most, value}}});
+  return figure;
+}
+
+std::string SpeedUpTable(absl::Span<const Row> rows) {
+  std::string text = TableHead({"scene", "spp", "MSE255", "processor seconds", "speed-up"});
+  for (const std::string& scene : ScenesOf(rows)) {
+    const Points ratios = SpeedUps(rows, scene);
+    for (const Row& row : DefaultRows(rows, scene, "default")) {
+      const auto found = std::find_if(ratios.begin(), ratios.end(), [&](const auto& point) {
+        return point.first == static_cast<double>(row.samples);
+      });
+      absl::StrAppend(&text, TableLine({scene, absl::StrCat(row.samples),
+                                        absl::StrFormat("%.3f", row.errors.mse255.whole),
+                                        absl::StrFormat("%.2f", row.TotalSeconds()),
+                                        found == ratios.end() ? "outside what was rendered"
+                                                              : absl::StrFormat("%.1f", found->second)}));
+    }
+  }
+  return text;
+}
+
+/// Our default's error at the total time of each method's points, over theirs; the geometric mean over those
+/// within our own range of times.
+std::string EqualTimeTable(absl::Span<const Row> rows) {
+  const std::vector<std::string> scenes = ScenesOf(rows);
+  std::vector<std::string> head = {"method"};
+  head.insert(head.end(), scenes.begin(), scenes.end());
+  std::string text = TableHead(head);
+  for (const std::string& method : MethodsOf(rows)) {
+    if (IsOurs(method)) continue;
+    std::vector<std::string> cells = {method};
+    for (const std::string& scene : scenes) {
+      const Points ours = ErrorByTime(DefaultRows(rows, scene, "default"));
+      double sum = 0;
+      int count = 0;
+      for (const auto& [seconds, error] : ErrorByTime(BestRows(rows, scene, method))) {
+        const std::optional<double> at_equal_time = Interpolate(ours, seconds);
+        if (!at_equal_time.has_value()) continue;
+        sum += std::log(*at_equal_time / error);
+        ++count;
+      }
+      cells.push_back(count > 0 ? absl::StrFormat("%.3f (%d)", std::exp(sum / count), count)
+                                : "none in range");
+    }
+    absl::StrAppend(&text, TableLine(cells));
+  }
+  return text;
+}
+
+/// The part of the noisy error's fall, as a power of the samples, that each method keeps over its last two
+/// points: -1 is pure sampling's.
+std::string SlopeTable(absl::Span<const Row> rows) {
+  const std::vector<std::string> scenes = ScenesOf(rows);
+  std::vector<std::string> head = {"method"};
+  head.insert(head.end(), scenes.begin(), scenes.end());
+  std::string text = TableHead(head);
+  for (const std::string& method : MethodsOf(rows)) {
+    std::vector<std::string> cells = {method};
+    for (const std::string& scene : scenes) {
+      const std::vector<Row> curve = BestRows(rows, scene, method);
+      if (curve.size() < 2) {
+        cells.emplace_back("");
+        continue;
+      }
+      const Row& a = curve[curve.size() - 2];
+      const Row& b = curve.back();
+      cells.push_back(absl::StrFormat("%.2f (%d to %d)",
+                                      std::log(b.errors.mse255.whole / a.errors.mse255.whole) /
+                                          std::log(static_cast<double>(b.samples) / a.samples),
+                                      a.samples, b.samples));
+    }
+    absl::StrAppend(&text, TableLine(cells));
+  }
+  return text;
+}
+
+std::string PageOf(absl::Span<const Row> rows, bool has_times) {
+  std::string text =
+      "MSE255 of whole pictures, the reference's own noise taken off. Time is processor seconds of all "
+      "threads "
+      "together: what rendering takes, auxiliary data (layers, halves, features) and filter included; "
+      "unfiltered pictures are charged with C alone. Each method but ours stands at the best point of its "
+      "grid "
+      "for that very film, which favours it. `errors.csv` has every run, with regions, relMSE, SSIM and "
+      "FLIP.\n\n";
+  for (const std::string& scene : ScenesOf(rows)) {
+    if (has_times) absl::StrAppend(&text, "![", scene, ", error against time](", scene, "-time.svg)\n\n");
+    absl::StrAppend(&text, "![", scene, ", error against samples](", scene, "-samples.svg)\n\n");
+  }
+  absl::StrAppend(&text, "## At equal samples\n\nOur default's MSE255 over each method's best.\n\n",
+                  RatioTable(rows));
+  if (has_times) {
+    absl::StrAppend(
+        &text,
+        "\n## At equal time\n\nOur default's MSE255, read off its curve at the total time of each of "
+        "the method's points, over theirs: geometric mean, and how many points lie within our "
+        "curve.\n\n",
+        EqualTimeTable(rows));
+  }
+  absl::StrAppend(
+      &text,
+      "\n## Who stalls\n\nThe slope of error over samples between the last two points; pure sampling "
+      "falls with -1.\n\n",
+      SlopeTable(rows));
+  if (HasSpeedUps(rows)) {
+    absl::StrAppend(
+        &text,
+        "\n## Speed-up at equal error\n\n![speed-up](speed-up.svg)\n\nThe time unfiltered path tracing "
+        "(C alone) takes to our default's error, read off its curve, over our total time.\n\n",
+        SpeedUpTable(rows));
+  }
+  return text;
+}
+
+}  // namespace
+
+absl::StatusOr<bool> ChartErrors(const std::string& folder, absl::Span<const Row> rows,
+                                 const Provenance& provenance) {
+  const bool has_times =
+      std::any_of(rows.begin(), rows.end(), [](const Row& row) { return row.render_seconds > 0; });
+  bool is_drawn = true;
+  const auto draw = [&](const std::string& name, const Figure& figure) {
+    const absl::StatusOr<bool> drawn = Draw(absl::StrCat(folder, "/", name), figure);
+    is_drawn &= drawn.value_or(false);
+    return drawn.status();
+  };
+  for (const std::string& scene : ScenesOf(rows)) {
+    absl::Status status = draw(scene + "-samples", ErrorFigure(rows, scene, Axis::kSamples));
+    if (status.ok() && has_times) status = draw(scene + "-time", ErrorFigure(rows, scene, Axis::kTime));
+    if (!status.ok()) return status;
+  }
+  if (HasSpeedUps(rows)) {
+    if (const absl::Status status = draw("speed-up", SpeedUpFigure(rows)); !status.ok()) return status;
+  }
+  if (const absl::Status status = WriteCsv(folder + "/errors.csv", rows); !status.ok()) return status;
+  const absl::Status status =
+      WritePage(folder + "/errors.md", "Error against time and samples", provenance, PageOf(rows, has_times));
+  if (!status.ok()) return status;
+  return is_drawn;
+}
+
+}  // namespace lumifold::charts

@@ -1,0 +1,150 @@
+#include "tests/charts/knee.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "filter/image/file_io.h"
+#include "filter/manifold/denoise.h"
+#include "tests/charts/clock.h"
+#include "tests/charts/figure.h"
+
+namespace lumifold::charts {
+namespace {
+
+using filter::DenoiseParts;
+
+struct Part {
+  const char* name;
+  bool DenoiseParts::*is_on;  // null: nothing is left out
+};
+
+constexpr std::array<Part, 10> kParts = {{{"nothing", nullptr},
+                                          {"NLM space", &DenoiseParts::patches},
+                                          {"normals", &DenoiseParts::normals},
+                                          {"depth", &DenoiseParts::depth},
+                                          {"edge antialiasing", &DenoiseParts::edge_points},
+                                          {"levels of reflection", &DenoiseParts::levels},
+                                          {"firefly step", &DenoiseParts::fireflies},
+                                          {"second pass", &DenoiseParts::second_pass},
+                                          {"choice of scale", &DenoiseParts::choice},
+                                          {"drawing back to C", &DenoiseParts::convergence}}};
+
+const KneePoint& WholeOf(const std::vector<KneePoint>& points, const KneePoint& like) {
+  return *std::find_if(points.begin(), points.end(), [&](const KneePoint& point) {
+    return point.scene == like.scene && point.samples == like.samples && point.part == kParts[0].name;
+  });
+}
+
+/// What a point is relative to the whole method.
+struct Ratios {
+  double error = 0;
+  double cost = 0;
+};
+
+Ratios RatiosOf(const std::vector<KneePoint>& points, const KneePoint& point) {
+  const KneePoint& whole = WholeOf(points, point);
+  return {point.errors.mse255.whole / whole.errors.mse255.whole, point.seconds / whole.seconds};
+}
+
+Figure KneeFigure(const std::vector<KneePoint>& points, const std::string& title, const std::string& label,
+                  double Ratios::*value) {
+  Figure figure{title, label, "", {}, {}};
+  for (const Part& part : kParts) {
+    if (part.is_on != nullptr) figure.rows.emplace_back(part.name);
+  }
+  for (const KneePoint& point : points) {
+    const auto row = std::find(figure.rows.begin(), figure.rows.end(), point.part);
+    if (row == figure.rows.end()) continue;
+    const std::string name = absl::StrCat(point.scene, ", ", point.samples, " spp");
+    if (figure.curves.empty() || figure.curves.back().name != name)
+      figure.curves.push_back({name, Curve::Style::kDots, false, {}});
+    figure.curves.back().points.emplace_back(RatiosOf(points, point).*value,
+                                             static_cast<double>(row - figure.rows.begin()));
+  }
+  const auto last_row = static_cast<double>(figure.rows.size());
+  figure.curves.push_back({"the whole method", Curve::Style::kGuide, false, {{1, -0.8}, {1, last_row}}});
+  return figure;
+}
+
+std::string KneeTable(const std::vector<KneePoint>& points) {
+  std::string text =
+      TableHead({"scene", "spp", "without", "MSE255", "over the whole method's", "edges", "mirror", "shadow",
+                 "textured", "flat", "processor seconds", "cost over the whole's"});
+  for (const KneePoint& point : points) {
+    const Ratios ratios = RatiosOf(points, point);
+    std::vector<std::string> cells = {point.scene, absl::StrCat(point.samples), point.part,
+                                      absl::StrFormat("%.3f", point.errors.mse255.whole),
+                                      absl::StrFormat("%.3f", ratios.error)};
+    for (const double error : point.errors.mse255.of_region) cells.push_back(absl::StrFormat("%.2f", error));
+    cells.push_back(absl::StrFormat("%.2f", point.seconds));
+    cells.push_back(absl::StrFormat("%.2f", ratios.cost));
+    absl::StrAppend(&text, TableLine(cells));
+  }
+  return text;
+}
+
+std::string KneeCsv(const std::vector<KneePoint>& points) {
+  std::string text = "scene,spp,without,mse255,rel_mse,ssim,flip,processor_seconds\n";
+  for (const KneePoint& point : points) {
+    absl::StrAppendFormat(&text, "%s,%d,%s,%.6g,%.6g,%.6g,%.6g,%.4f\n", point.scene, point.samples,
+                          point.part, point.errors.mse255.whole, point.errors.rel_mse, point.errors.ssim,
+                          point.errors.flip, point.seconds);
+  }
+  return text;
+}
+
+}  // namespace
+
+std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& reference, TaskPool* pool) {
+  constexpr int kRounds = 3;
+  const EdgedImage& film = subject.timed.film;
+  std::vector<KneePoint> points;
+  for (const Part& part : kParts) {
+    points.push_back({subject.scene,
+                      static_cast<int>(subject.settings.samples),
+                      part.name,
+                      {},
+                      std::numeric_limits<double>::max()});
+  }
+  // In turns: what slows the machine down for a while slows all of them.
+  for (int round = 0; round < kRounds; ++round) {
+    for (size_t i = 0; i < kParts.size(); ++i) {
+      DenoiseParts parts;
+      if (kParts[i].is_on != nullptr) parts.*kParts[i].is_on = false;
+      const double start = CpuSeconds();
+      const std::array<Plane, 3> picture = filter::Denoise(film.pixels, &film.edges, pool, parts);
+      points[i].seconds = std::min(points[i].seconds, CpuSeconds() - start);
+      if (round == 0)
+        points[i].errors = Judge({picture[0].view(), picture[1].view(), picture[2].view()}, reference);
+    }
+  }
+  return points;
+}
+
+absl::StatusOr<bool> ChartKnee(const std::string& folder, const std::vector<KneePoint>& points,
+                               const Provenance& provenance) {
+  const absl::StatusOr<bool> drawn =
+      Draw(folder + "/knee-error", KneeFigure(points, "Error without one part of the method",
+                                              "MSE255 over that of the whole method", &Ratios::error));
+  if (!drawn.ok()) return drawn;
+  const absl::StatusOr<bool> cost_drawn =
+      Draw(folder + "/knee-cost", KneeFigure(points, "Cost without one part of the method",
+                                             "filter's time over that of the whole method", &Ratios::cost));
+  if (!cost_drawn.ok()) return cost_drawn;
+  if (const absl::Status status = WriteFileAtomically(folder + "/knee.csv", KneeCsv(points)); !status.ok())
+    return status;
+  const absl::Status status = WritePage(
+      folder + "/knee.md", "What each part of the method buys", provenance,
+      absl::StrCat("The default method with one part left out at a time. A ratio of errors over 1 is what "
+                   "the part takes off; a ratio of costs below 1 is what it takes.\n\n"
+                   "![error](knee-error.svg)\n\n![cost](knee-cost.svg)\n\n",
+                   KneeTable(points)));
+  if (!status.ok()) return status;
+  return drawn;
+}
+
+}  // namespace lumifold::charts

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "tests/charts/measure.h"
+#include "tests/charts/page.h"
+
+namespace lumifold::charts {
+
+/// The default method without one of its parts, on one film: error and cost over those of the whole.
+struct KneePoint {
+  std::string scene;
+  int samples = 0;
+  std::string part;  // what is left out; "nothing" for the whole method
+  Errors errors;
+  double seconds = 0;  // processor seconds of the filter
+};
+
+/// Filters a film with each part of the default method left out, one at a time.
+std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& reference, TaskPool* pool);
+
+/// Draws what each part buys ("knee-error") and costs ("knee-cost"), and writes knee.csv and knee.md.
+/// Result: whether there was a gnuplot. Errors: those of drawing and of the files.
+absl::StatusOr<bool> ChartKnee(const std::string& folder, const std::vector<KneePoint>& points,
+                               const Provenance& provenance);
+
+}  // namespace lumifold::charts

@@ -1,0 +1,138 @@
+#include "tests/charts/method.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/methods.h"
+#include "proto/rpc/checksum.h"
+#include "tests/charts/clock.h"
+#include "worker/baselines/render_method.h"
+
+namespace lumifold::charts {
+namespace {
+
+using Values = absl::Span<const float>;
+
+absl::Status NotRun(const std::string& why) { return absl::UnimplementedError(why); }
+
+/// One of filter/methods.h, ours and the baselines alike.
+Method FilterOf(const std::string& name, const std::string& summary, const std::string& source,
+                const filter::Baseline* baseline) {
+  Method method{name, summary, source, {}, false, {}};
+  if (baseline != nullptr) method.parameters = baseline->parameters;
+  method.make = [name, baseline](Subject* subject, Values values,
+                                 TaskPool* pool) -> absl::StatusOr<MadePicture> {
+    const EdgedImage& film = subject->timed.film;
+    const std::string call =
+        values.empty() ? name : absl::StrCat(name, ":", filter::FormatParameters(*baseline, values));
+    const double start = CpuSeconds();
+    absl::StatusOr<std::array<Plane, 3>> picture = filter::FilterFilm(film.pixels, call, pool, &film.edges);
+    if (!picture.ok()) return picture.status();
+    return MadePicture{*std::move(picture), name == "none" ? 0 : CpuSeconds() - start};
+  };
+  return method;
+}
+
+absl::Status TraceSamples(Subject* subject, TaskPool* pool) {
+  if (subject->samples.has_value()) return absl::OkStatus();
+  const auto [width, height, samples, seed] = subject->settings;
+  if (subject->source == nullptr) return NotRun("a film from a file has no samples");
+  if (int64_t{width} * height * samples > kMostChartSamples) return NotRun("cost");
+  const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = subject->source->LoadScene();
+  if (!scene.ok()) return scene.status();
+  const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
+      render::Renderer::Create(*scene, subject->source->SettingsFor(subject->settings));
+  if (!renderer.ok()) return renderer.status();
+  absl::StatusOr<SampleSet> set =
+      TraceSampleSet(**renderer, subject->settings, subject->timed.film.pixels, pool);
+  if (!set.ok()) return set.status();
+  subject->samples = *std::move(set);
+  return absl::OkStatus();
+}
+
+Method SampleMethodOf(const SampleMethod& sampled) {
+  Method method{sampled.name, sampled.summary, sampled.source, sampled.parameters, false, {}};
+  method.make = [&sampled](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
+    if (const absl::Status status = TraceSamples(subject, pool); !status.ok()) return status;
+    const double start = CpuSeconds();
+    absl::StatusOr<std::array<Plane, 3>> picture = sampled.filter(*subject->samples, values, pool);
+    if (!picture.ok()) return picture.status();
+    const double guide = sampled.uses_guide ? subject->samples->guide_seconds : 0;
+    return MadePicture{*std::move(picture), CpuSeconds() - start + guide};
+  };
+  return method;
+}
+
+Method RenderMethodOf(const render::RenderMethod& rendered) {
+  Method method{rendered.name, rendered.summary, rendered.source, rendered.parameters, true, {}};
+  method.make = [&rendered](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
+    if (subject->source == nullptr) return NotRun("a film from a file has no scene");
+    const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = subject->source->LoadScene();
+    if (!scene.ok()) return scene.status();
+    const double start = CpuSeconds();
+    absl::StatusOr<render::RenderedPicture> rendered_picture = rendered.render(
+        *scene, subject->source->SettingsFor(subject->settings), subject->settings.samples, values, pool);
+    if (!rendered_picture.ok()) return rendered_picture.status();
+    return MadePicture{std::move(rendered_picture->picture), CpuSeconds() - start};
+  };
+  return method;
+}
+
+std::vector<Method> ListMethods() {
+  std::vector<Method> methods;
+  for (const filter::Method& method : filter::Methods()) {
+    const filter::Baseline* baseline = filter::FindBaseline(method.name);
+    methods.push_back(
+        FilterOf(method.name, method.summary, baseline != nullptr ? baseline->source : "ours", baseline));
+  }
+  for (const SampleMethod& sampled : SampleMethods()) methods.push_back(SampleMethodOf(sampled));
+  for (const render::RenderMethod& rendered : render::RenderMethods())
+    methods.push_back(RenderMethodOf(rendered));
+  return methods;
+}
+
+}  // namespace
+
+const std::vector<Method>& AllMethods() {
+  static const std::vector<Method> methods = ListMethods();
+  return methods;
+}
+
+absl::StatusOr<std::vector<const Method*>> FindMethods(const std::vector<std::string>& names) {
+  const std::vector<Method>& all = AllMethods();
+  std::vector<const Method*> found;
+  for (const Method& method : all) {
+    if (names.empty() || std::find(names.begin(), names.end(), method.name) != names.end())
+      found.push_back(&method);
+  }
+  for (const std::string& name : names) {
+    if (std::none_of(all.begin(), all.end(), [&](const Method& method) { return method.name == name; }))
+      return absl::NotFoundError(absl::StrCat("no method is named '", name, "'"));
+  }
+  return found;
+}
+
+absl::StatusOr<uint64_t> FingerprintOf(const Method& method, const std::string& cache_folder,
+                                       TaskPool* pool) {
+  const absl::StatusOr<FilmSource> source = FilmSource::Create("meeting-room", cache_folder);
+  if (!source.ok()) return source.status();
+  Subject subject;
+  subject.scene = "meeting-room";
+  subject.source = &*source;
+  subject.settings = {48, 36, 8, 3};
+  absl::StatusOr<TimedFilm> film = source->Get(subject.settings, pool);
+  if (!film.ok()) return film.status();
+  subject.timed = *std::move(film);
+  const absl::StatusOr<MadePicture> made = method.make(&subject, filter::DefaultsOf(method.parameters), pool);
+  if (!made.ok()) return made.status();
+  std::string bits;
+  for (const Plane& plane : made->picture) {
+    for (int y = 0; y < plane.height(); ++y)
+      bits.append(reinterpret_cast<const char*>(plane.Row(y)), sizeof(float) * plane.width());
+  }
+  return rpc::Checksum(bits);
+}
+
+}  // namespace lumifold::charts

@@ -1,0 +1,133 @@
+#include "tests/charts/paper_tables.h"
+
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "tests/charts/report.h"
+#include "tests/charts/series.h"
+
+namespace lumifold::charts {
+namespace {
+
+/// What the paper's tables imply for one scene; 0 where they do not say.
+struct PaperScene {
+  const char* scene;
+  double over_manifolds;  // the method's error over that of ...
+  double over_bilateral;
+  double over_cache;
+  double filter_percent;  // of rendering
+  double truth_over_total;
+  double total_over_cache;
+  double synthesis_over_part;  // rendering over a sixteenth of the truth's
+};
+
+constexpr std::array<PaperScene, 4> kPaper = {{
+    {"cornell-box", 0.202, 0.233, 1.04, 12.0, 10.2, 2.49, 1.40},
+    {"meeting-room", 0.194, 0.210, 0.73, 11.3, 9.9, 0.64, 1.45},
+    {"bedroom", 0.464, 0.511, 1.18, 9.3, 9.3, 0.69, 1.57},
+    {"atrium", 0, 0, 0, 9.6, 8.5, 2.82, 1.72},
+}};
+
+const PaperScene* PaperOf(const std::string& scene) {
+  for (const PaperScene& paper : kPaper) {
+    if (paper.scene == scene) return &paper;
+  }
+  return nullptr;
+}
+
+/// "ours (the paper's)"; empty cells for what either does not know.
+std::string Beside(double ours, double paper, const char* format) {
+  const auto text = [&](double value) {
+    return value > 0 ? absl::StrFormat(*absl::ParsedFormat<'f'>::New(format), value) : std::string("-");
+  };
+  return absl::StrCat(text(ours), " (", text(paper), ")");
+}
+
+const Row* Find(const std::vector<Row>& rows, int samples) {
+  for (const Row& row : rows) {
+    if (row.samples == samples) return &row;
+  }
+  return nullptr;
+}
+
+std::string TableOfErrors(absl::Span<const Row> rows) {
+  std::string text = TableHead({"scene", "spp", "noisy", "default", "paper's method here",
+                                "over manifolds-color", "over bilateral", "over irradiance-cache"});
+  for (const std::string& scene : ScenesOf(rows)) {
+    const PaperScene* paper = PaperOf(scene);
+    for (const Row& ours : DefaultRows(rows, scene, "default")) {
+      const auto error_of = [&](const std::string& method) {
+        const std::vector<Row> best = BestRows(rows, scene, method);
+        const Row* row = Find(best, ours.samples);
+        return row != nullptr ? row->errors.mse255.whole : 0.0;
+      };
+      const auto over = [&](const std::string& method, double published) {
+        const double theirs = error_of(method);
+        return Beside(theirs > 0 ? ours.errors.mse255.whole / theirs : 0, published, "%.3f");
+      };
+      absl::StrAppend(&text,
+                      TableLine({scene, absl::StrCat(ours.samples), absl::StrFormat("%.3f", error_of("none")),
+                                 absl::StrFormat("%.3f", ours.errors.mse255.whole),
+                                 absl::StrFormat("%.3f", error_of("paper")),
+                                 over("manifolds-color", paper != nullptr ? paper->over_manifolds : 0),
+                                 over("bilateral", paper != nullptr ? paper->over_bilateral : 0),
+                                 over("irradiance-cache", paper != nullptr ? paper->over_cache : 0)}));
+    }
+  }
+  return text;
+}
+
+std::string TableOfTimes(absl::Span<const Row> rows, int truth_samples) {
+  std::string text =
+      TableHead({"scene", "spp", "rendering, s", "auxiliary data, %", "filter, s", "filter, % of rendering",
+                 "truth / total", "total / cache's total", "rendering / its part of the truth"});
+  for (const std::string& scene : ScenesOf(rows)) {
+    const PaperScene* paper = PaperOf(scene);
+    const PaperScene none = {};
+    const PaperScene& theirs = paper != nullptr ? *paper : none;
+    for (const Row& ours : DefaultRows(rows, scene, "default")) {
+      const double synthesis = ours.render_seconds + ours.auxiliary_seconds;
+      const double truth = ours.render_seconds / ours.samples * truth_samples;
+      const std::vector<Row> cached = BestRows(rows, scene, "irradiance-cache");
+      const Row* cache = Find(cached, ours.samples);
+      absl::StrAppend(
+          &text, TableLine({scene, absl::StrCat(ours.samples), absl::StrFormat("%.1f", synthesis),
+                            absl::StrFormat("%.1f", 100 * ours.auxiliary_seconds / ours.render_seconds),
+                            absl::StrFormat("%.2f", ours.filter_seconds),
+                            Beside(100 * ours.filter_seconds / synthesis, theirs.filter_percent, "%.2f"),
+                            Beside(truth / ours.TotalSeconds(), theirs.truth_over_total, "%.1f"),
+                            Beside(cache != nullptr ? ours.TotalSeconds() / cache->TotalSeconds() : 0,
+                                   theirs.total_over_cache, "%.2f"),
+                            Beside(synthesis / ours.render_seconds, theirs.synthesis_over_part, "%.2f")}));
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
+absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> rows, int truth_samples,
+                              const Provenance& provenance) {
+  const std::string size = rows.empty() ? "" : absl::StrCat(rows[0].width, "x", rows[0].height);
+  const std::string text = absl::StrCat(
+      size, ", truth of ", truth_samples,
+      " spp, whose own noise is taken off. The paper's figures are in brackets; its errors have no stated "
+      "unit, so "
+      "that ratios alone compare, and its scenes are others of the same kind (its Sponza is our atrium). "
+      "Methods "
+      "other than ours stand at their best known parameters. Seconds are processor seconds of all threads "
+      "together.\n\n## Errors (the paper's Table 1)\n\nMSE255, and our default's over that of the "
+      "others.\n\n",
+      TableOfErrors(rows),
+      "\n## Times (the paper's Table 2, its CPU figures)\n\nRendering includes auxiliary data: layers, "
+      "halves and "
+      "features, in percent of rendering C alone. The truth is rendered without them.\n\n",
+      TableOfTimes(rows, truth_samples));
+  if (const absl::Status status = WriteCsv(folder + "/tables.csv", rows); !status.ok()) return status;
+  return WritePage(folder + "/tables.md", "The paper's tables", provenance, text);
+}
+
+}  // namespace lumifold::charts

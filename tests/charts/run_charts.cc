@@ -1,0 +1,249 @@
+#include "tests/charts/run_charts.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/exr_io.h"
+#include "filter/image/layers.h"
+#include "tests/charts/error_charts.h"
+#include "tests/charts/film_source.h"
+#include "tests/charts/knee.h"
+#include "tests/charts/measure.h"
+#include "tests/charts/paper_tables.h"
+#include "tests/charts/report.h"
+#include "tests/charts/row_store.h"
+#include "tests/charts/stages.h"
+
+namespace lumifold::charts {
+namespace {
+
+constexpr uint64_t kFilmSeed = 1;
+constexpr uint64_t kReferenceSeed = 777;  // another one: noise in common would hide errors
+
+/// The most samples any pixel has.
+int SamplesOf(const LayeredImage& film) {
+  float most = 0;
+  if (!film.Has(layers::kSamplesA) || !film.Has(layers::kSamplesB)) return 0;
+  const ConstFloatView a = film.Get(layers::kSamplesA);
+  const ConstFloatView b = film.Get(layers::kSamplesB);
+  for (int y = 0; y < film.height(); ++y) {
+    for (int x = 0; x < film.width(); ++x) most = std::max(most, a.At(x, y) + b.At(x, y));
+  }
+  return static_cast<int>(most);
+}
+
+absl::StatusOr<Reference> ReadReference(const std::string& path) {
+  absl::StatusOr<EdgedImage> truth = ReadEdgedExr(path);
+  if (!truth.ok()) return truth.status();
+  absl::StatusOr<Reference> reference =
+      MakeReference(std::filesystem::path(path).stem().string(), *std::move(truth));
+  if (!reference.ok())
+    return absl::Status(reference.status().code(), absl::StrCat(path, ": ", reference.status().message()));
+  if (!reference->has_halves)
+    std::fprintf(stderr, "%s: has no halves; its noise is not taken off\n", path.c_str());
+  return reference;
+}
+
+/// All that the charts of one call have in common.
+class Session {
+ public:
+  Session(const Options& options, RowStore* store, TaskPool* pool, std::vector<const Method*> methods)
+      : options_(options),
+        pool_(pool),
+        meter_({std::move(methods), options.again, options.most_grid_seconds, options.most_run_seconds},
+               store, options.cache, pool) {}
+
+  absl::Status Run() {
+    for (const std::string& chart : options_.charts) {
+      const absl::Status status = chart == "errors"   ? ChartErrors()
+                                  : chart == "tables" ? Tables()
+                                  : chart == "stages" ? Stages()
+                                                      : Knee();
+      if (!status.ok()) return status;
+      std::fprintf(stderr, "wrote %s/%s.md\n", options_.output.c_str(), chart.c_str());
+    }
+    if (!is_drawn_) std::fprintf(stderr, "there is no gnuplot here: charts are left as scripts for it\n");
+    return absl::OkStatus();
+  }
+
+ private:
+  FilmSettings SettingsOf(int samples, uint64_t seed) const {
+    return {options_.width, options_.height, static_cast<uint32_t>(samples), seed};
+  }
+
+  int ReferenceSamplesOf(size_t scene) const {
+    return options_.reference_samples[options_.reference_samples.size() == 1 ? 0 : scene];
+  }
+
+  absl::StatusOr<Reference> RenderReference(const FilmSource& source, size_t scene) {
+    const FilmSettings settings = SettingsOf(ReferenceSamplesOf(scene), kReferenceSeed);
+    absl::StatusOr<TimedFilm> truth = source.Get(settings, pool_);
+    if (!truth.ok()) return truth.status();
+    return MakeReference(std::filesystem::path(source.PathOf(settings)).stem().string(),
+                         std::move(truth->film));
+  }
+
+  absl::Status RenderFilm(const FilmSource& source, const std::string& scene, int samples, Subject* subject) {
+    subject->scene = scene;
+    subject->source = &source;
+    subject->settings = SettingsOf(samples, kFilmSeed);
+    absl::StatusOr<TimedFilm> film = source.Get(subject->settings, pool_);
+    if (!film.ok()) return film.status();
+    subject->timed = *std::move(film);
+    return absl::OkStatus();
+  }
+
+  /// The rows of a scene's films.
+  absl::Status MeasureScene(size_t number, std::vector<Row>* rows) {
+    const std::string& scene = options_.scenes[number];
+    const absl::StatusOr<FilmSource> source = FilmSource::Create(scene, options_.cache);
+    if (!source.ok()) return source.status();
+    const absl::StatusOr<Reference> reference = RenderReference(*source, number);
+    if (!reference.ok()) return reference.status();
+    const absl::StatusOr<RenderRates> rates = source->Rates(options_.width, options_.height, pool_);
+    if (!rates.ok()) return rates.status();
+    for (const int samples : options_.samples) {
+      Subject subject;
+      if (absl::Status status = RenderFilm(*source, scene, samples, &subject); !status.ok()) return status;
+      absl::StatusOr<std::vector<Row>> measured = meter_.Measure(&subject, *reference);
+      if (!measured.ok()) return measured.status();
+      for (Row& row : *measured) {
+        if (row.render_seconds == 0) AddRendering(*rates, &row);
+        rows->push_back(std::move(row));
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  /// What the film costs the methods that do not render by themselves; the unfiltered picture needs C alone.
+  static void AddRendering(const RenderRates& rates, Row* row) {
+    row->render_seconds = rates.radiance * row->samples;
+    if (row->method == "none") return;
+    row->auxiliary_seconds = std::max(0.0, rates.layered - rates.radiance) * row->samples + rates.geometry;
+  }
+
+  absl::Status MeasurePair(const std::string& film_path, const std::string& reference_path,
+                           std::vector<Row>* rows) {
+    absl::StatusOr<EdgedImage> film = ReadEdgedExr(film_path);
+    if (!film.ok()) return film.status();
+    const absl::StatusOr<Reference> reference = ReadReference(reference_path);
+    if (!reference.ok()) return reference.status();
+    Subject subject;
+    subject.scene = std::filesystem::path(film_path).stem().string();
+    subject.settings = {film->pixels.width(), film->pixels.height(),
+                        static_cast<uint32_t>(SamplesOf(film->pixels)), 0};
+    subject.timed.film = *std::move(film);
+    const absl::StatusOr<std::vector<Row>> measured = meter_.Measure(&subject, *reference);
+    if (!measured.ok()) return measured.status();
+    rows->insert(rows->end(), measured->begin(), measured->end());
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<Row>> MeasureAll() {
+    std::vector<Row> rows;
+    for (size_t i = 0; i < options_.scenes.size(); ++i) {
+      if (const absl::Status status = MeasureScene(i, &rows); !status.ok()) return status;
+    }
+    for (size_t i = 0; i < options_.films.size(); ++i) {
+      const absl::Status status = MeasurePair(options_.films[i], options_.references[i], &rows);
+      if (!status.ok()) return status;
+    }
+    return rows;
+  }
+
+  absl::Status ChartErrors() {
+    const absl::StatusOr<std::vector<Row>> rows = MeasureAll();
+    if (!rows.ok()) return rows.status();
+    const absl::StatusOr<bool> drawn =
+        charts::ChartErrors(options_.output, *rows, {options_.command, options_.threads});
+    if (!drawn.ok()) return drawn.status();
+    is_drawn_ &= *drawn;
+    std::printf("%s", RatioTable(*rows).c_str());
+    return options_.quick ? CheckOrder(*rows) : absl::OkStatus();
+  }
+
+  absl::Status Tables() {
+    const absl::StatusOr<std::vector<Row>> rows = MeasureAll();
+    if (!rows.ok()) return rows.status();
+    return WritePaperTables(options_.output, *rows, options_.reference_samples.front(),
+                            {options_.command, options_.threads});
+  }
+
+  absl::Status Stages() {
+    std::vector<JobStages> jobs;
+    for (const std::string& scene : options_.scenes) {
+      const absl::StatusOr<FilmSource> source = FilmSource::Create(scene, options_.cache);
+      if (!source.ok()) return source.status();
+      absl::StatusOr<JobStages> job = MeasureStages(
+          scene, *source, SettingsOf(options_.samples.back(), kFilmSeed), options_.cache, pool_);
+      if (!job.ok()) return job.status();
+      jobs.push_back(*std::move(job));
+    }
+    const absl::StatusOr<bool> drawn =
+        ChartStages(options_.output, jobs, {options_.command, options_.threads});
+    is_drawn_ &= drawn.value_or(false);
+    return drawn.status();
+  }
+
+  absl::Status Knee() {
+    std::vector<KneePoint> points;
+    for (size_t i = 0; i < options_.scenes.size(); ++i) {
+      const absl::StatusOr<FilmSource> source = FilmSource::Create(options_.scenes[i], options_.cache);
+      if (!source.ok()) return source.status();
+      const absl::StatusOr<Reference> reference = RenderReference(*source, i);
+      if (!reference.ok()) return reference.status();
+      for (const int samples : options_.samples) {
+        Subject subject;
+        const absl::Status status = RenderFilm(*source, options_.scenes[i], samples, &subject);
+        if (!status.ok()) return status;
+        const std::vector<KneePoint> more = MeasureKnee(subject, *reference, pool_);
+        points.insert(points.end(), more.begin(), more.end());
+        std::fprintf(stderr, "%s, %d spp: every part left out once\n", options_.scenes[i].c_str(), samples);
+      }
+    }
+    const absl::StatusOr<bool> drawn =
+        ChartKnee(options_.output, points, {options_.command, options_.threads});
+    is_drawn_ &= drawn.value_or(false);
+    return drawn.status();
+  }
+
+  const Options& options_;
+  TaskPool* pool_;
+  Meter meter_;
+  bool is_drawn_ = true;
+};
+
+}  // namespace
+
+void MakeQuick(Options* options) {
+  options->scenes = {"cornell-box", "meeting-room"};
+  options->samples = {4, 16};
+  options->reference_samples = {512};
+  options->width = 128;
+  options->height = 96;
+  options->most_grid_seconds = 4;
+  options->most_run_seconds = 4;
+}
+
+absl::Status RunCharts(const Options& options) {
+  for (const std::string& folder : {options.output, options.cache}) {
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error) return absl::UnavailableError(absl::StrCat(folder, ": ", error.message()));
+  }
+  const absl::StatusOr<std::vector<const Method*>> methods = FindMethods(options.methods);
+  if (!methods.ok()) return methods.status();
+  if (absl::StatusOr<std::vector<const Method*>> again = FindMethods(options.again); !again.ok())
+    return again.status();
+  absl::StatusOr<RowStore> store = RowStore::Open(options.cache + "/rows.txt");
+  if (!store.ok()) return store.status();
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(options.threads);
+  return Session(options, &*store, pool.get(), *methods).Run();
+}
+
+}  // namespace lumifold::charts

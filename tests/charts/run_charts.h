@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+
+namespace lumifold::charts {
+
+/// What the program is asked for; its help says what each means.
+struct Options {
+  bool quick = false;
+  std::vector<std::string> charts = {"errors"};
+  std::vector<std::string> scenes;
+  std::vector<int> samples = {4, 16, 64, 256};
+  std::vector<int> reference_samples = {4096};  // one, or one a scene
+  std::vector<std::string> methods;             // empty: all
+  std::vector<std::string> again;
+  double most_grid_seconds = 120;
+  double most_run_seconds = 600;
+  int width = 256;
+  int height = 192;
+  std::vector<std::string> films;
+  std::vector<std::string> references;
+  std::string output = "lumifold-charts";
+  std::string cache;
+  int threads = 1;
+  std::string command;  // as it was called, for the pages
+};
+
+/// The options of --quick.
+void MakeQuick(Options* options);
+
+/// Measures and draws all that is asked for. Errors: those of its parts; with --quick also CheckOrder()'s.
+absl::Status RunCharts(const Options& options);
+
+}  // namespace lumifold::charts

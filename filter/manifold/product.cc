@@ -107,6 +107,7 @@ void AddGlossy(const LayeredImage& film, TaskPool* pool, std::vector<Product>* p
   Product product = ProductOf(film, std::string(layers::kGlossy), std::string(layers::kSpecular),
                               layers::kSamplesA, layers::kSamplesB);
   product.box = *box;
+  product.is_glossy = true;
   product.validity = MakeMask(*box, [&](int x, int y) { return holds(x, y) ? 1.0f : 0.0f; });
   product.geometry =
       GeometryFeatures({Crop(NormalOf(film), *box), distance.Crop(*box)}, product.validity.view(), pool);

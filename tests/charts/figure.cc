@@ -95,7 +95,9 @@ std::string RowCommands(const Figure& figure) {
   for (size_t i = 0; i < figure.rows.size(); ++i)
     absl::StrAppend(&tics, i == 0 ? "" : ", ", Quoted(figure.rows[i]), " ", i);
   return absl::StrFormat(
-      "set logscale x\nset yrange [%d:-1]\nset ytics (%s)\nset key outside bottom center horizontal\n",
+      "set logscale x\nset yrange [%d:-1]\nset ytics (%s)\n"
+      "set xtics (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1, 1.1, 1.2, 1.4, 1.6, 2, 3, 4, 6, 10)\n"
+      "set key outside right center vertical Left reverse\n",
       static_cast<int>(figure.rows.size()), tics);
 }
 
@@ -147,10 +149,10 @@ std::string BodyOf(const Figure& figure) {
 }
 
 std::string BodyOf(const Stacks& stacks) {
-  constexpr double kHalfWidth = 0.25;
+  constexpr double kHalfWidth = 0.13;
   constexpr double kLeastNamed = 1.2;  // percent: thinner parts have no room for a name
   std::string text = absl::StrFormat(
-      "set title %s\nset ylabel 'percent'\nset yrange [0:100]\nset xrange [-0.5:%.1f]\nset grid y\nunset "
+      "set title %s\nset ylabel 'percent'\nset yrange [0:100]\nset xrange [-0.25:%.2f]\nset grid y\nunset "
       "key\n",
       Quoted(stacks.title), static_cast<double>(stacks.columns.size()) - 0.2);
   std::string tics;

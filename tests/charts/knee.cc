@@ -119,7 +119,7 @@ std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& refe
       const std::array<Plane, 3> picture = filter::Denoise(film.pixels, &film.edges, pool, parts);
       points[i].seconds = std::min(points[i].seconds, CpuSeconds() - start);
       if (round == 0)
-        points[i].errors = Judge({picture[0].view(), picture[1].view(), picture[2].view()}, reference);
+        points[i].errors = Judge({picture[0].view(), picture[1].view(), picture[2].view()}, reference, true);
     }
   }
   return points;

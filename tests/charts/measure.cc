@@ -58,11 +58,12 @@ absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film) {
   return reference;
 }
 
-Errors Judge(const ConstColorView& picture, const Reference& reference) {
+Errors Judge(const ConstColorView& picture, const Reference& reference, bool is_thorough) {
   const ConstColorView truth = reference.film.pixels.GetColor(layers::kNoisy);
   Errors errors;
   errors.mse255 = Minus(metrics::Mse255ByRegion(picture, truth, reference.regions), reference.noise);
   errors.rel_mse = metrics::RelMse(picture, truth) - reference.rel_mse_noise;
+  if (!is_thorough) return errors;
   errors.ssim = metrics::Ssim(picture, truth).value_or(0);
   errors.flip = metrics::Flip(picture, truth);
   return errors;
@@ -191,7 +192,8 @@ absl::StatusOr<Row> Meter::Run(Subject* subject, const Reference& reference, con
     made->seconds = std::min(made->seconds, more->seconds);
   }
   if (!made.ok()) return made.status();
-  row.errors = Judge({made->picture[0].view(), made->picture[1].view(), made->picture[2].view()}, reference);
+  row.errors = Judge({made->picture[0].view(), made->picture[1].view(), made->picture[2].view()}, reference,
+                     row.is_default);
   (call.method->renders ? row.render_seconds : row.filter_seconds) = made->seconds;
   return row;
 }

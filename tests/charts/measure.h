@@ -27,8 +27,8 @@ struct Reference {
 /// Errors: kNotFound where the film has no noisy layer.
 absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film);
 
-/// Judges a picture of the reference's size.
-Errors Judge(const ConstColorView& picture, const Reference& reference);
+/// Judges a picture of the reference's size; by all metrics only where `is_thorough`.
+Errors Judge(const ConstColorView& picture, const Reference& reference, bool is_thorough);
 
 /// Which methods are measured, and how far that may go.
 struct MeasureOptions {

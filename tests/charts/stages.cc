@@ -118,8 +118,8 @@ EdgedImage MergeStage(const FilmSettings& settings, std::vector<TileUnits> tiles
 std::vector<Stage> FilterStages(const EdgedImage& film, TaskPool* pool) {
   std::vector<Stage> stages = {{"direct light", 0, 0},
                                {"indirect light", 0, 0},
-                               {"mirrors, glass, gloss, remainder", 0, 0},
-                               {"products, recombination, edges", 0, 0},
+                               {"mirrors, gloss, rest", 0, 0},
+                               {"put together, edges", 0, 0},
                                {"drawing back to C", 0, 0}};
   int with_points = 0;  // D and I alone are asked for points
   const auto filter = [&](filter::Halves halves, const filter::Planes& geometry,

@@ -1,0 +1,143 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "filter/image/file_io.h"
+#include "tests/charts/report.h"
+#include "tests/charts/row.h"
+#include "tests/charts/row_store.h"
+#include "tests/charts/series.h"
+
+namespace lumifold::charts {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+Row MakeRow(const std::string& method, int samples, double error, double filter_seconds) {
+  Row row;
+  row.scene = "room";
+  row.samples = samples;
+  row.method = method;
+  row.is_default = row.is_best = true;
+  row.errors.mse255.whole = error;
+  row.render_seconds = samples;
+  row.filter_seconds = filter_seconds;
+  return row;
+}
+
+/// Noise that falls by four with four times the samples; ours a tenth of it, a baseline a fifth.
+std::vector<Row> Rows() {
+  std::vector<Row> rows;
+  for (const int samples : {4, 16}) {
+    rows.push_back(MakeRow("none", samples, 400.0 / samples, 0));
+    rows.push_back(MakeRow("default", samples, 40.0 / samples, 1));
+    for (const char* baseline : {"manifolds-color", "bilateral", "cross-bilateral", "a-trous",
+                                 "a-trous-variance", "guided", "nlm", "nfor"})
+      rows.push_back(MakeRow(baseline, samples, 80.0 / samples, 0.5));
+  }
+  return rows;
+}
+
+Row& RowOf(std::vector<Row>* rows, const std::string& method, int samples) {
+  return *std::find_if(rows->begin(), rows->end(),
+                       [&](const Row& row) { return row.method == method && row.samples == samples; });
+}
+
+class RowStoreTest : public testing::Test {
+ protected:
+  ~RowStoreTest() override { std::filesystem::remove(path_); }
+
+  const std::string path_ =
+      testing::TempDir() + "/" + testing::UnitTest::GetInstance()->current_test_info()->name() + ".txt";
+};
+
+TEST(Row, SurvivesItsText) {
+  Row row = MakeRow("guided", 16, 1.25, 0.5);
+  row.parameters = "radius=3,epsilon=0.1";
+  row.errors.mse255.of_region[1] = 7;
+  row.errors.flip = 0.125;
+  const Row read = *DecodeRow(EncodeRow(row));
+  EXPECT_EQ(read.parameters, row.parameters);
+  EXPECT_EQ(read.errors.mse255.whole, 1.25);
+  EXPECT_EQ(read.errors.mse255.of_region[1], 7);
+  EXPECT_EQ(read.errors.flip, 0.125);
+  EXPECT_TRUE(absl::IsDataLoss(DecodeRow("{\"scene\": 3}").status()));
+}
+
+TEST_F(RowStoreTest, KeepsRowsFromOneRunToTheNext) {
+  {
+    RowStore store = *RowStore::Open(path_);
+    EXPECT_FALSE(store.Find("a film").has_value());
+    ASSERT_TRUE(store.Add("a film", MakeRow("nlm", 4, 3, 1)).ok());
+    ASSERT_TRUE(store.Add("a film", MakeRow("nlm", 4, 2, 1)).ok());
+  }
+  const RowStore store = *RowStore::Open(path_);
+  ASSERT_TRUE(store.Find("a film").has_value());
+  EXPECT_EQ(store.Find("a film")->errors.mse255.whole, 2);  // the later one
+  EXPECT_FALSE(store.Find("another film").has_value());
+}
+
+TEST_F(RowStoreTest, LeavesOutALineThatWasCutShortAndNamesABadOne) {
+  const std::string line = "key\t" + EncodeRow(MakeRow("nlm", 4, 3, 1)) + "\n";
+  ASSERT_TRUE(WriteFileAtomically(path_, line + "other\t{\"scen").ok());
+  EXPECT_TRUE(RowStore::Open(path_)->Find("key").has_value());
+  ASSERT_TRUE(WriteFileAtomically(path_, line + "other\t{}\n").ok());
+  EXPECT_THAT(std::string(RowStore::Open(path_).status().message()), HasSubstr(path_ + ":2: "));
+}
+
+TEST(Series, InterpolateOnLogarithmicAxes) {
+  const std::vector<std::pair<double, double>> points = {{1, 100}, {100, 1}};
+  EXPECT_NEAR(*Interpolate(points, 10), 10, 1e-9);
+  EXPECT_NEAR(*Interpolate(points, 1), 100, 1e-9);
+  EXPECT_FALSE(Interpolate(points, 101).has_value());
+  EXPECT_FALSE(Interpolate({{1, 2}}, 1).has_value());
+}
+
+TEST(Series, TakeTheBestThatRan) {
+  std::vector<Row> rows = Rows();
+  RowOf(&rows, "nlm", 4).not_run = "cost";
+  const std::vector<Row> best = BestRows(rows, "room", "nlm");
+  ASSERT_EQ(best.size(), 1u);
+  EXPECT_EQ(best[0].samples, 16);
+  EXPECT_THAT(ErrorByTime(best), ElementsAre(std::pair(16.5, 5.0)));
+}
+
+TEST(CheckOrder, HoldsWhereOursIsBest) { EXPECT_TRUE(CheckOrder(Rows()).ok()) << CheckOrder(Rows()); }
+
+TEST(CheckOrder, NamesAFilmWhereTheNoisyPictureIsBetter) {
+  std::vector<Row> rows = Rows();
+  RowOf(&rows, "default", 4).errors.mse255.whole = 101;
+  EXPECT_EQ(CheckOrder(rows).message(), "room, 4 spp: default has MSE255 101.000, the noisy picture 100.000");
+}
+
+TEST(CheckOrder, NamesABaselineThatIsBetterInTheSum) {
+  std::vector<Row> rows = Rows();
+  RowOf(&rows, "guided", 4).errors.mse255.whole = 0.1;
+  RowOf(&rows, "guided", 4).is_default = false;  // found by a search: no part of the front
+  EXPECT_EQ(CheckOrder(rows).message(),
+            "sum over all films: default has MSE255 12.500, the best of guided 5.100");
+}
+
+TEST(CheckOrder, NamesAMethodThatIsBetterInLessTime) {
+  std::vector<Row> rows = Rows();
+  rows.push_back(MakeRow("cache", 4, 2, 0));
+  EXPECT_EQ(CheckOrder(rows).message(),
+            "room: cache at 4 spp has less error in less time than default at 16");
+  rows.back().is_default = false;  // found by a search on this very film
+  EXPECT_TRUE(CheckOrder(rows).ok());
+}
+
+TEST(RatioTable, SetsOursOverEachBest) {
+  const std::string table = RatioTable(Rows());
+  EXPECT_THAT(table, HasSubstr("| scene | spp | noisy | default | manifolds-color |"));
+  EXPECT_THAT(table, HasSubstr("| room | 16 | 25.000 | 2.500 | 0.500 |"));
+  EXPECT_THAT(table, HasSubstr("| geometric mean |  |  |  | 0.500 |"));
+}
+
+}  // namespace
+}  // namespace lumifold::charts

@@ -11,7 +11,7 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kMostGuides = 8;
+constexpr int kMostGuides = 12;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMostGuides, kMostGuides>;
 using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostGuides, 1>;
 

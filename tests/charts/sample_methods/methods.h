@@ -12,4 +12,10 @@ namespace lumifold::charts {
 ///          are ours.
 SampleMethod EpanechnikovMethod();
 
+/// "guided-rays": the guided filter of filter/baselines on each layer of light, its guide normals, depth and
+/// the light found by one path through each pixel's centre that draws the same numbers everywhere. What is
+/// seen in mirrors that fill less than the frame does without that light.
+/// Source:  He, Sun & Tang 2010; Bauszat, Eisemann & Magnor 2011.
+SampleMethod GuidedRaysMethod();
+
 }  // namespace lumifold::charts

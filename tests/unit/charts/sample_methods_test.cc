@@ -275,5 +275,76 @@ TEST(Epanechnikov, SpreadsASpikeByItsParabola) {
   }
 }
 
+/// Sets what a film's pixel shows of D, halves and C with it.
+void SetDirect(int x, int y, float direct, LayeredImage* film) {
+  for (const std::string_view layer : {layers::kDirect, layers::kNoisy}) {
+    const float value = layer == layers::kDirect ? direct : (direct + 0.2f) * 0.5f;
+    for (const std::string& name : {std::string(layer), layers::HalfA(layer), layers::HalfB(layer)}) {
+      for (const FloatView& channel : film->GetColor(name)) channel.At(x, y) = value;
+    }
+  }
+}
+
+TEST(GuidedRays, KeepAShadowThatTheirLightShows) {
+  const auto room = OneWall(40, 24, 2);
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 20; ++x) SetDirect(x, y, 0, &room->film);
+  }
+  const SampleMethod& method = MethodCalled("guided-rays");
+  const float blurred = Filter(method, room->set)[0].At(19, 12);
+  for (const FloatView& channel : room->set.guide.GetColor(layers::kDirect)) {
+    for (int y = 0; y < 24; ++y) std::fill_n(channel.Row(y) + 20, 20, 1.0f);
+  }
+  const float kept = Filter(method, room->set)[0].At(19, 12);
+  EXPECT_GT(blurred, 0.2f);
+  EXPECT_NEAR(kept, 0.1f, 0.01f);
+}
+
+TEST(GuidedRays, AreTheSameHoweverTheFrameIsCut) {
+  const auto renderer = RoomRenderer({37, 20, 1, 4});
+  const LayeredImage whole = renderer->TraceGuide({0, 0, 37, 20}, 0);
+  const LayeredImage part = renderer->TraceGuide({5, 3, 30, 17}, 0);
+  for (const LayeredImage::Channel& channel : part.channels()) {
+    for (int y = 0; y < 14; ++y) {
+      for (int x = 0; x < 25; ++x)
+        ASSERT_EQ(channel.plane.At(x, y), whole.Get(channel.name).At(x + 5, y + 3)) << channel.name;
+    }
+  }
+}
+
+TEST(GuidedRays, NeedNoSamples) {
+  const auto room = TraceRoom({20, 14, 4, 3});
+  const auto renderer = RoomRenderer({20, 14, 4, 3});
+  const absl::StatusOr<SampleSet> none = TraceSampleSet(*renderer, {20, 14, 0, 3}, room->film, nullptr);
+  ASSERT_TRUE(none.ok()) << none.status();
+  for (const SampleMethod& method : SampleMethods()) {
+    if (method.uses_samples) continue;
+    EXPECT_EQ(Filter(method, *none)[1].At(9, 7), Filter(method, room->set)[1].At(9, 7)) << method.name;
+  }
+}
+
+/// The mean square of how pixels differ from the next, over their mean square.
+double RoughnessOf(const ConstFloatView& plane) {
+  double differences = 0;
+  double squares = 0;
+  for (int y = 0; y < plane.height(); ++y) {
+    for (int x = 0; x + 1 < plane.width(); ++x) {
+      const double difference = static_cast<double>(plane.At(x, y) - plane.At(x + 1, y));
+      differences += difference * difference;
+      squares += static_cast<double>(plane.At(x, y)) * static_cast<double>(plane.At(x, y));
+    }
+  }
+  return differences / squares;
+}
+
+TEST(GuidedRays, AreSmootherThanSamplesAsMany) {
+  const FilmSettings settings = {64, 48, 1, 4};
+  const auto renderer = RoomRenderer(settings);
+  const LayeredImage guide = renderer->TraceGuide({0, 0, 64, 48}, 0);
+  const LayeredImage film = FilmOf(*renderer, settings);
+  EXPECT_LT(RoughnessOf(guide.GetColor(layers::kDirect)[1]),
+            0.5 * RoughnessOf(film.GetColor(layers::kDirect)[1]));
+}
+
 }  // namespace
 }  // namespace lumifold::charts

@@ -18,4 +18,12 @@ SampleMethod EpanechnikovMethod();
 /// Source:  He, Sun & Tang 2010; Bauszat, Eisemann & Magnor 2011.
 SampleMethod GuidedRaysMethod();
 
+/// "probabilistic": in each cluster of light - by one step, by more, by mirrors and glass - a pixel becomes
+/// the mean of those around it with like normals and depths, weighed by how likely the number of their
+/// samples that brought light is, were this pixel's number the rule, and the reverse, by Poisson's
+/// distribution. Albedo stays out of it; what surfaces radiate is kept.
+/// Source:  Doidge & Jones 2013. A reconstruction: the clusters are those that layers tell apart, and the
+///          geometry's weights are those of our own features.
+SampleMethod ProbabilisticMethod();
+
 }  // namespace lumifold::charts

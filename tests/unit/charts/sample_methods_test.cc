@@ -346,5 +346,41 @@ TEST(GuidedRays, AreSmootherThanSamplesAsMany) {
             0.5 * RoughnessOf(film.GetColor(layers::kDirect)[1]));
 }
 
+/// A wall whose left half gets D = 3 by every sample, its right half 0.6 by one sample of eight.
+std::unique_ptr<Room> HalfRarelyLitWall() {
+  auto room = OneWall(32, 16, 8);
+  for (size_t i = 0; i < room->set.samples.size(); ++i) {
+    const bool is_left = i / 8 % 32 < 16;
+    const float direct = is_left ? 3.0f : (i % 8 == 0 ? 4.8f : 0.0f);
+    const float radiance = (direct + 0.2f) * 0.5f;
+    room->set.samples[i].direct = {direct, direct, direct};
+    room->set.samples[i].radiance = {radiance, radiance, radiance};
+  }
+  return room;
+}
+
+TEST(Probabilistic, WeighsByPoissonsDistribution) {
+  const auto room = HalfRarelyLitWall();
+  const absl::StatusOr<Picture> picture =
+      MethodCalled("probabilistic").filter(room->set, {1, 0.25f}, nullptr);
+  ASSERT_TRUE(picture.ok());
+  // The counts are 8 and 1 of 8. 8 where 1 is the rule is the less likely way, 1 / 8! over 1 / 1!; its fourth
+  // root is large enough to show.
+  const double likelihood = std::pow(1.0 / 40320.0, 0.25);
+  const double side = std::exp(-2.0);  // the kernel one pixel off
+  const double corner = std::exp(-4.0);
+  const double same = 1 + 3 * side + 2 * corner;          // the column itself, and the one on its side
+  const double other = likelihood * (side + 2 * corner);  // the column across the border
+  const double direct = (same * 3 + other * 0.6) / (same + other);
+  EXPECT_NEAR(static_cast<double>((*picture)[0].At(15, 8)), 0.5 * (direct + 0.2), 1e-4);
+}
+
+TEST(Probabilistic, TellsLightThatComesRarelyFromLightThatComesAlways) {
+  const auto room = HalfRarelyLitWall();
+  const Picture picture = Filter(MethodCalled("probabilistic"), room->set);
+  EXPECT_NEAR(picture[0].At(14, 8), 1.6f, 0.01f);
+  EXPECT_NEAR(picture[0].At(17, 8), 0.4f, 0.01f);
+}
+
 }  // namespace
 }  // namespace lumifold::charts

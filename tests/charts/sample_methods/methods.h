@@ -26,4 +26,14 @@ SampleMethod GuidedRaysMethod();
 ///          geometry's weights are those of our own features.
 SampleMethod ProbabilisticMethod();
 
+/// "random-parameters": random parameter filtering. In four passes, boxes of 55, 35, 17 and 7 pixels, each
+/// sample becomes the mean of others drawn from around its pixel, weighed by their colours and features; how
+/// much each of those counts follows from the mutual information it has with place and with the random
+/// numbers of the sample: light and lobe choice, point on the light, direction, lens. Features are position,
+/// normal and albedo of the first surface; those of the second are not recorded. What passes lose or gain by
+/// taming spikes is given back. Mutual information is freed of the bias that few samples give it, which as
+/// published makes everything seem to depend on chance.
+/// Source:  Sen & Darabi 2012.
+SampleMethod RandomParametersMethod();
+
 }  // namespace lumifold::charts

@@ -6,7 +6,7 @@ namespace lumifold::charts {
 
 const std::vector<SampleMethod>& SampleMethods() {
   static const std::vector<SampleMethod> methods = {EpanechnikovMethod(), GuidedRaysMethod(),
-                                                    ProbabilisticMethod()};
+                                                    ProbabilisticMethod(), RandomParametersMethod()};
   return methods;
 }
 

@@ -51,9 +51,9 @@ struct SampleSet {
 /// More samples than this are refused: they would not fit a small machine's memory, nor the methods end.
 inline constexpr int64_t kMostChartSamples = int64_t{256} * 192 * 16;
 
-/// Traces the samples that `film` was made of, and the guide; `renderer` is of the film's settings and scene.
-/// `film` must outlive the result. Errors: kInvalidArgument where the film has another size;
-/// kResourceExhausted for more samples than kMostChartSamples.
+/// Traces the samples that `film` was made of (settings.samples may be 0: none), and the guide; `renderer` is
+/// of the film's settings and scene. `film` must outlive the result. Errors: kInvalidArgument where the film
+/// has another size; kResourceExhausted for more samples than kMostChartSamples.
 absl::StatusOr<SampleSet> TraceSampleSet(const render::Renderer& renderer, const FilmSettings& settings,
                                          const LayeredImage& film, TaskPool* pool);
 
@@ -65,7 +65,8 @@ struct SampleMethod {
   std::string summary;  // one line
   std::string source;   // whose method it is; says so where ours is a reconstruction
   std::vector<filter::BaselineParameter> parameters;
-  bool uses_guide = false;  // whether SampleSet::guide_seconds are part of its cost
+  bool uses_samples = true;  // where not, a set of 0 samples a pixel will do, whatever the film has
+  bool uses_guide = false;   // whether SampleSet::guide_seconds are part of its cost
   absl::StatusOr<std::array<Plane, 3>> (*filter)(const SampleSet& set, absl::Span<const float> values,
                                                  TaskPool* pool) = nullptr;
 };

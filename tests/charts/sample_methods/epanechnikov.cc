@@ -134,19 +134,19 @@ absl::StatusOr<std::array<Plane, 3>> FilterProgressively(const SampleSet& set, a
 }  // namespace
 
 SampleMethod EpanechnikovMethod() {
-  return {.name = "epanechnikov",
-          .summary = "each sample spread by a parabola, the wider the more it stands out",
-          .source = "Suykens & Willems 2000, reconstructed",
-          .parameters =
-              {{"scale",
-                "radius in pixels of a sample as bright as the picture, times sqrt(spp)",
-                2,
-                {1, 2, 4, 8},
-                0.01f,
-                100},
-               {"most", "largest radius in pixels", 16, {16}, 1, 64},
-               {"pilot", "radius of the windows that tell the picture's luminance", 1, {0, 1}, 0, 32}},
-          .filter = FilterProgressively};
+  return {
+      .name = "epanechnikov",
+      .summary = "each sample spread by a parabola, the wider the more it stands out",
+      .source = "Suykens & Willems 2000, reconstructed",
+      .parameters = {{"scale",
+                      "radius in pixels of a sample as bright as the picture, times sqrt(spp)",
+                      2,
+                      {1, 2, 4, 8},
+                      0.01f,
+                      100},
+                     {"most", "largest radius in pixels", 16, {16}, 1, 64},
+                     {"pilot", "radius of the windows that tell the picture's luminance", 1, {0, 1}, 0, 32}},
+      .filter = FilterProgressively};
 }
 
 }  // namespace lumifold::charts

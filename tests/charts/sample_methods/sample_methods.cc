@@ -5,7 +5,8 @@
 namespace lumifold::charts {
 
 const std::vector<SampleMethod>& SampleMethods() {
-  static const std::vector<SampleMethod> methods = {EpanechnikovMethod()};
+  static const std::vector<SampleMethod> methods = {EpanechnikovMethod(), GuidedRaysMethod(),
+                                                    ProbabilisticMethod(), RandomParametersMethod()};
   return methods;
 }
 

@@ -275,5 +275,112 @@ TEST(Epanechnikov, SpreadsASpikeByItsParabola) {
   }
 }
 
+/// Sets what a film's pixel shows of D, halves and C with it.
+void SetDirect(int x, int y, float direct, LayeredImage* film) {
+  for (const std::string_view layer : {layers::kDirect, layers::kNoisy}) {
+    const float value = layer == layers::kDirect ? direct : (direct + 0.2f) * 0.5f;
+    for (const std::string& name : {std::string(layer), layers::HalfA(layer), layers::HalfB(layer)}) {
+      for (const FloatView& channel : film->GetColor(name)) channel.At(x, y) = value;
+    }
+  }
+}
+
+TEST(GuidedRays, KeepAShadowThatTheirLightShows) {
+  const auto room = OneWall(40, 24, 2);
+  for (int y = 0; y < 24; ++y) {
+    for (int x = 0; x < 20; ++x) SetDirect(x, y, 0, &room->film);
+  }
+  const SampleMethod& method = MethodCalled("guided-rays");
+  const float blurred = Filter(method, room->set)[0].At(19, 12);
+  for (const FloatView& channel : room->set.guide.GetColor(layers::kDirect)) {
+    for (int y = 0; y < 24; ++y) std::fill_n(channel.Row(y) + 20, 20, 1.0f);
+  }
+  const float kept = Filter(method, room->set)[0].At(19, 12);
+  EXPECT_GT(blurred, 0.2f);
+  EXPECT_NEAR(kept, 0.1f, 0.01f);
+}
+
+TEST(GuidedRays, AreTheSameHoweverTheFrameIsCut) {
+  const auto renderer = RoomRenderer({37, 20, 1, 4});
+  const LayeredImage whole = renderer->TraceGuide({0, 0, 37, 20}, 0);
+  const LayeredImage part = renderer->TraceGuide({5, 3, 30, 17}, 0);
+  for (const LayeredImage::Channel& channel : part.channels()) {
+    for (int y = 0; y < 14; ++y) {
+      for (int x = 0; x < 25; ++x)
+        ASSERT_EQ(channel.plane.At(x, y), whole.Get(channel.name).At(x + 5, y + 3)) << channel.name;
+    }
+  }
+}
+
+TEST(GuidedRays, NeedNoSamples) {
+  const auto room = TraceRoom({20, 14, 4, 3});
+  const auto renderer = RoomRenderer({20, 14, 4, 3});
+  const absl::StatusOr<SampleSet> none = TraceSampleSet(*renderer, {20, 14, 0, 3}, room->film, nullptr);
+  ASSERT_TRUE(none.ok()) << none.status();
+  for (const SampleMethod& method : SampleMethods()) {
+    if (method.uses_samples) continue;
+    EXPECT_EQ(Filter(method, *none)[1].At(9, 7), Filter(method, room->set)[1].At(9, 7)) << method.name;
+  }
+}
+
+/// The mean square of how pixels differ from the next, over their mean square.
+double RoughnessOf(const ConstFloatView& plane) {
+  double differences = 0;
+  double squares = 0;
+  for (int y = 0; y < plane.height(); ++y) {
+    for (int x = 0; x + 1 < plane.width(); ++x) {
+      const double difference = static_cast<double>(plane.At(x, y) - plane.At(x + 1, y));
+      differences += difference * difference;
+      squares += static_cast<double>(plane.At(x, y)) * static_cast<double>(plane.At(x, y));
+    }
+  }
+  return differences / squares;
+}
+
+TEST(GuidedRays, AreSmootherThanSamplesAsMany) {
+  const FilmSettings settings = {64, 48, 1, 4};
+  const auto renderer = RoomRenderer(settings);
+  const LayeredImage guide = renderer->TraceGuide({0, 0, 64, 48}, 0);
+  const LayeredImage film = FilmOf(*renderer, settings);
+  EXPECT_LT(RoughnessOf(guide.GetColor(layers::kDirect)[1]),
+            0.5 * RoughnessOf(film.GetColor(layers::kDirect)[1]));
+}
+
+/// A wall whose left half gets D = 3 by every sample, its right half 0.6 by one sample of eight.
+std::unique_ptr<Room> HalfRarelyLitWall() {
+  auto room = OneWall(32, 16, 8);
+  for (size_t i = 0; i < room->set.samples.size(); ++i) {
+    const bool is_left = i / 8 % 32 < 16;
+    const float direct = is_left ? 3.0f : (i % 8 == 0 ? 4.8f : 0.0f);
+    const float radiance = (direct + 0.2f) * 0.5f;
+    room->set.samples[i].direct = {direct, direct, direct};
+    room->set.samples[i].radiance = {radiance, radiance, radiance};
+  }
+  return room;
+}
+
+TEST(Probabilistic, WeighsByPoissonsDistribution) {
+  const auto room = HalfRarelyLitWall();
+  const absl::StatusOr<Picture> picture =
+      MethodCalled("probabilistic").filter(room->set, {1, 0.25f}, nullptr);
+  ASSERT_TRUE(picture.ok());
+  // The counts are 8 and 1 of 8. 8 where 1 is the rule is the less likely way, 1 / 8! over 1 / 1!; its fourth
+  // root is large enough to show.
+  const double likelihood = std::pow(1.0 / 40320.0, 0.25);
+  const double side = std::exp(-2.0);  // the kernel one pixel off
+  const double corner = std::exp(-4.0);
+  const double same = 1 + 3 * side + 2 * corner;          // the column itself, and the one on its side
+  const double other = likelihood * (side + 2 * corner);  // the column across the border
+  const double direct = (same * 3 + other * 0.6) / (same + other);
+  EXPECT_NEAR(static_cast<double>((*picture)[0].At(15, 8)), 0.5 * (direct + 0.2), 1e-4);
+}
+
+TEST(Probabilistic, TellsLightThatComesRarelyFromLightThatComesAlways) {
+  const auto room = HalfRarelyLitWall();
+  const Picture picture = Filter(MethodCalled("probabilistic"), room->set);
+  EXPECT_NEAR(picture[0].At(14, 8), 1.6f, 0.01f);
+  EXPECT_NEAR(picture[0].At(17, 8), 0.4f, 0.01f);
+}
+
 }  // namespace
 }  // namespace lumifold::charts

@@ -3,11 +3,12 @@
 #include <algorithm>
 
 #include "worker/baselines/irradiance_caching.h"
+#include "worker/baselines/irradiance_filtering.h"
 
 namespace lumifold::render {
 
 const std::vector<RenderMethod>& RenderMethods() {
-  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod()};
+  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod(), IrradianceFilteringMethod()};
   return methods;
 }
 

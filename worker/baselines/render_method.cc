@@ -2,13 +2,15 @@
 
 #include <algorithm>
 
+#include "worker/baselines/greedy_error_minimization.h"
 #include "worker/baselines/irradiance_caching.h"
 #include "worker/baselines/irradiance_filtering.h"
 
 namespace lumifold::render {
 
 const std::vector<RenderMethod>& RenderMethods() {
-  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod(), IrradianceFilteringMethod()};
+  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod(), IrradianceFilteringMethod(),
+                                                    GreedyErrorMinimizationMethod()};
   return methods;
 }
 

@@ -20,10 +20,6 @@ using filter::Planes;
 constexpr float kSamplingBank[] = {0, 1, 2, 4, 8};
 constexpr float kPictureBank[] = {0, 0.70710678f, 1, 1.41421356f, 2, 2.82842712f, 4, 5.65685425f, 8};
 
-/// Samples of every pixel before any is preferred: at least so many, where there are, and this share of all.
-constexpr uint32_t kFirstSamples = 4;
-constexpr uint32_t kFirstShare = 4;  // one in so many
-
 /// Pixels that get samples in a round, of all, and the share of the samples that all get alike: a pixel all
 /// of whose samples happened to be equal would never have another.
 constexpr double kChosenShare = 0.25;
@@ -235,8 +231,7 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
   if (!frame.ok()) return frame.status();
   const float gamma = values[0];
   SampledFrame sampled(*frame);
-  sampled.TakeEvenly(std::min(samples_per_pixel, std::max(kFirstSamples, samples_per_pixel / kFirstShare)),
-                     pool);
+  sampled.TakeFirst(samples_per_pixel, pool);
   PlaceSamples(static_cast<uint64_t>(frame->pixels()) * samples_per_pixel, static_cast<int>(values[1]), gamma,
                pool, &sampled);
   const std::vector<Level> bank = MakeBank(sampled, kPictureBank, pool);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "worker/baselines/adaptive_non_local_means.h"
 #include "worker/baselines/greedy_error_minimization.h"
 #include "worker/baselines/irradiance_caching.h"
 #include "worker/baselines/irradiance_filtering.h"
@@ -10,7 +11,8 @@ namespace lumifold::render {
 
 const std::vector<RenderMethod>& RenderMethods() {
   static const std::vector<RenderMethod> methods = {IrradianceCachingMethod(), IrradianceFilteringMethod(),
-                                                    GreedyErrorMinimizationMethod()};
+                                                    GreedyErrorMinimizationMethod(),
+                                                    AdaptiveNonLocalMeansMethod()};
   return methods;
 }
 

@@ -37,8 +37,9 @@ void SampledFrame::Take(absl::Span<const uint32_t> more, TaskPool* pool) {
   taken_ = std::accumulate(more.begin(), more.end(), taken_);
 }
 
-void SampledFrame::TakeEvenly(uint32_t more, TaskPool* pool) {
-  Take(std::vector<uint32_t>(pixels_.size(), more), pool);
+void SampledFrame::TakeFirst(uint32_t samples_per_pixel, TaskPool* pool) {
+  const uint32_t first = std::min(samples_per_pixel, std::max(4u, samples_per_pixel / 4));
+  Take(std::vector<uint32_t>(pixels_.size(), first), pool);
 }
 
 filter::Planes SampledFrame::Means() const {
@@ -102,6 +103,31 @@ filter::Planes SampledFrame::Variances() const {
     }
   }
   return variances;
+}
+
+filter::Planes SampledFrame::HalfVariances(size_t half) const {
+  filter::Planes variances = Variances();
+  for (Plane& plane : variances) {
+    for (int y = 0; y < height(); ++y) {
+      for (int x = 0; x < width(); ++x) {
+        const Pixel& pixel = At(x, y);
+        const float all = pixel.count[0] + pixel.count[1];
+        if (pixel.count[half] > 0) plane.At(x, y) *= all / pixel.count[half];
+      }
+    }
+  }
+  return variances;
+}
+
+Plane SampledFrame::ShareOfHalfA() const {
+  Plane share(width(), height());
+  for (int y = 0; y < height(); ++y) {
+    for (int x = 0; x < width(); ++x) {
+      const float all = At(x, y).count[0] + At(x, y).count[1];
+      share.At(x, y) = all > 0 ? At(x, y).count[0] / all : 0.5f;
+    }
+  }
+  return share;
 }
 
 Plane SampledFrame::Counts() const {

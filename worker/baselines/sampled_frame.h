@@ -20,8 +20,9 @@ class SampledFrame {
   /// Takes `more[p]` further samples of each pixel p, in row-major order. Samples that are not finite are
   /// left out.
   void Take(absl::Span<const uint32_t> more, TaskPool* pool);
-  /// The same number of each.
-  void TakeEvenly(uint32_t more, TaskPool* pool);
+  /// What an adaptive method begins with, the same number of each: a quarter of `samples_per_pixel`, at least
+  /// 4 where it may take so many.
+  void TakeFirst(uint32_t samples_per_pixel, TaskPool* pool);
 
   int width() const { return frame_->width(); }
   int height() const { return frame_->height(); }
@@ -34,8 +35,12 @@ class SampledFrame {
   /// The variance of Means(), from that of each pixel's samples; where there are fewer than two, from how the
   /// means differ within 3x3 pixels.
   filter::Planes Variances() const;
+  /// The variance of HalfMeans(), from the spread of all samples.
+  filter::Planes HalfVariances(size_t half) const;
   /// Samples of each pixel, at least 1.
   Plane Counts() const;
+  /// The part of each pixel's samples that is in half A; a half where there are none.
+  Plane ShareOfHalfA() const;
 
  private:
   struct Pixel {

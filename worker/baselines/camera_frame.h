@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
@@ -37,6 +38,12 @@ class CameraFrame {
     Ray ray = camera().RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
     ray.chance = Sampler(seed(), 0, static_cast<int64_t>(y) * width() + x, 0).Key(kCameraPair);
     return ray;
+  }
+
+  /// How wide a pixel of `ray` is at a surface it has met, in metres; above 0.
+  static float Footprint(const Ray& ray, const Surface& surface) {
+    constexpr float kLeast = 1e-12f;
+    return std::max(kLeast, ray.WidthAt(Length(surface.position - ray.origin)));
   }
 
   /// Calls visit(CameraPacket) for the samples of `range` of a pixel.

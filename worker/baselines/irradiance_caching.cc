@@ -107,7 +107,7 @@ class CacheFiller {
     const std::optional<Surface> surface = frame_.tracer().FirstDiffuseSurface(ray);
     if (!surface.has_value() || cache_->Look(surface->position, surface->normal, 1).has_value())
       return std::nullopt;
-    const float footprint = ray.WidthAt(Length(surface->position - ray.origin));
+    const float footprint = CameraFrame::Footprint(ray, *surface);
     return MakeRecord(*surface, GatherIrradiance(frame_.tracer(), *surface, strata_, frame_.seed(), pixel),
                       footprint, accuracy_);
   }

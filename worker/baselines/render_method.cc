@@ -2,12 +2,17 @@
 
 #include <algorithm>
 
+#include "worker/baselines/adaptive_non_local_means.h"
+#include "worker/baselines/greedy_error_minimization.h"
 #include "worker/baselines/irradiance_caching.h"
+#include "worker/baselines/irradiance_filtering.h"
 
 namespace lumifold::render {
 
 const std::vector<RenderMethod>& RenderMethods() {
-  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod()};
+  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod(), IrradianceFilteringMethod(),
+                                                    GreedyErrorMinimizationMethod(),
+                                                    AdaptiveNonLocalMeansMethod()};
   return methods;
 }
 

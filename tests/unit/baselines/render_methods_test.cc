@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/metrics/metrics.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/support/shuffling_pool.h"
 #include "tests/unit/render/pictures.h"
@@ -24,14 +25,21 @@ RenderedPicture Render(const RenderMethod& method, const scene::Scene& scene, co
   return *std::move(out);
 }
 
-double Mean(const RenderedPicture& rendered, size_t channel = 1) {
-  const Plane& plane = rendered.picture[channel];
-  double sum = 0;
-  for (int y = 0; y < plane.height(); ++y) {
-    for (int x = 0; x < plane.width(); ++x) sum += static_cast<double>(plane.At(x, y));
-  }
-  return sum / (plane.width() * plane.height());
+ConstColorView ViewOf(const RenderedPicture& out) {
+  return {out.picture[0].view(), out.picture[1].view(), out.picture[2].view()};
 }
+
+double Mean(const ConstColorView& picture) {
+  double sum = 0;
+  for (const ConstFloatView& plane : picture) {
+    for (int y = 0; y < plane.height(); ++y) {
+      for (int x = 0; x < plane.width(); ++x) sum += static_cast<double>(plane.At(x, y));
+    }
+  }
+  return sum / (3.0 * picture[0].width() * picture[0].height());
+}
+
+double Mean(const RenderedPicture& out) { return Mean(ViewOf(out)); }
 
 scene::Scene GlowingBox(float albedo, float emission) {
   scene::Scene scene;
@@ -95,16 +103,66 @@ TEST(RenderMethods, ReachTheLightOfAGlowingBox) {
   }
 }
 
-TEST(RenderMethods, ComeCloseToThePathTracerInARoom) {
-  const int width = 32;
-  const int height = 24;
-  const RenderSettings settings = SettingsOf(width, height, 4);
-  const double truth =
-      MeanOf(RenderAll(*MakeRenderer(testing::SmallRoom(), settings), width, height, 512), layers::kNoisy);
-  for (const RenderMethod& method : RenderMethods()) {
-    const RenderedPicture out = Render(method, testing::SmallRoom(), settings, 64);
-    EXPECT_NEAR(Mean(out) / truth, 1, 0.04) << method.name;
+/// A room's truth, and pictures judged against it.
+class RoomTruth {
+ public:
+  RoomTruth()
+      : reference_(
+            Picture(RenderAll(*MakeRenderer(testing::SmallRoom(), settings()), kWidth, kHeight, 768))) {}
+
+  static RenderSettings settings(uint64_t seed = 0) {
+    RenderSettings settings = SettingsOf(kWidth, kHeight, 4);
+    settings.seed = seed;
+    return settings;
   }
+
+  double mean() const { return Mean(reference_.GetColor(layers::kNoisy)); }
+  double ErrorOf(const RenderedPicture& out) const {
+    return metrics::Mse255(ViewOf(out), reference_.GetColor(layers::kNoisy));
+  }
+  double ErrorOf(const LayeredImage& sums) const {
+    const LayeredImage picture = Picture(sums);
+    return metrics::Mse255(picture.GetColor(layers::kNoisy), reference_.GetColor(layers::kNoisy));
+  }
+
+  static constexpr int kWidth = 32;
+  static constexpr int kHeight = 24;
+
+ private:
+  static LayeredImage Picture(const LayeredImage& sums) {
+    LayeredImage picture(kWidth, kHeight);
+    const ConstColorView a = sums.GetColor(layers::HalfA(layers::kNoisy));
+    const ConstColorView b = sums.GetColor(layers::HalfB(layers::kNoisy));
+    const ColorView out = picture.AddColor(layers::kNoisy);
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          const float count = sums.Get(layers::kSamplesA).At(x, y) + sums.Get(layers::kSamplesB).At(x, y);
+          out[c].At(x, y) = (a[c].At(x, y) + b[c].At(x, y)) / count;
+        }
+      }
+    }
+    return picture;
+  }
+
+  const LayeredImage reference_;
+};
+
+TEST(RenderMethods, ComeCloseToThePathTracerInARoom) {
+  const RoomTruth truth;
+  for (const RenderMethod& method : RenderMethods()) {
+    const RenderedPicture out = Render(method, testing::SmallRoom(), RoomTruth::settings(3), 64);
+    EXPECT_NEAR(Mean(out) / truth.mean(), 1, 0.03) << method.name;
+  }
+}
+
+TEST(RenderMethods, BeatThePathTracerAtEqualCameraSamples) {
+  const RoomTruth truth;
+  const RenderSettings settings = RoomTruth::settings(3);
+  const double plain = truth.ErrorOf(
+      RenderAll(*MakeRenderer(testing::SmallRoom(), settings), RoomTruth::kWidth, RoomTruth::kHeight, 32));
+  for (const RenderMethod& method : RenderMethods())
+    EXPECT_LT(truth.ErrorOf(Render(method, testing::SmallRoom(), settings, 32)), plain) << method.name;
 }
 
 TEST(RenderMethods, TakeAboutAsManySamplesAsTheyMay) {

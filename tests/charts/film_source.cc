@@ -5,6 +5,7 @@
 #include <memory>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -15,21 +16,23 @@
 #include "server/film/film_builder.h"
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
-#include "worker/render/renderer.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::charts {
 namespace {
 
-constexpr int kTile = 32;
 constexpr uint32_t kPassSamples = 64;
 constexpr char kSecondsKey[] = "lumifold.chart.render_seconds";
 
-Rect TileOf(const FilmSettings& settings, int64_t number) {
-  const int columns = (settings.width + kTile - 1) / kTile;
-  const int x = static_cast<int>(number) % columns * kTile;
-  const int y = static_cast<int>(number) / columns * kTile;
-  return {x, y, std::min(x + kTile, settings.width), std::min(y + kTile, settings.height)};
+/// The frame's tiles, row by row.
+std::vector<Rect> TilesOf(const FilmSettings& settings, TileSize tile) {
+  std::vector<Rect> tiles;
+  for (int y = 0; y < settings.height; y += tile.height) {
+    for (int x = 0; x < settings.width; x += tile.width)
+      tiles.push_back(
+          {x, y, std::min(x + tile.width, settings.width), std::min(y + tile.height, settings.height)});
+  }
+  return tiles;
 }
 
 void RenderTile(const render::Renderer& renderer, const Rect& rect, uint32_t samples,
@@ -53,12 +56,17 @@ absl::StatusOr<FilmSource> FilmSource::Create(const std::string& scene_name,
                                               const std::string& cache_folder) {
   const scenes::SceneEntry* entry = scenes::FindScene(scene_name);
   if (entry == nullptr) return absl::NotFoundError(absl::StrCat("no scene is named '", scene_name, "'"));
-  absl::StatusOr<std::string> bytes = scenes::EncodeGlb(entry->build());
+  return Create(entry->build(), cache_folder);
+}
+
+absl::StatusOr<FilmSource> FilmSource::Create(const scenes::SceneDescription& scene,
+                                              const std::string& cache_folder) {
+  absl::StatusOr<std::string> bytes = scenes::EncodeGlb(scene);
   if (!bytes.ok()) return bytes.status();
   std::error_code error;
   std::filesystem::create_directories(cache_folder, error);
   if (error) return absl::UnavailableError(absl::StrCat(cache_folder, ": ", error.message()));
-  return FilmSource(scene_name, *std::move(bytes), cache_folder);
+  return FilmSource(scene.name, *std::move(bytes), cache_folder);
 }
 
 std::string FilmSource::PathOf(const FilmSettings& settings) const {
@@ -88,7 +96,8 @@ absl::StatusOr<TimedFilm> FilmSource::Get(const FilmSettings& settings, TaskPool
   return timed;
 }
 
-absl::StatusOr<TimedFilm> FilmSource::Render(const FilmSettings& settings, TaskPool* pool) const {
+absl::StatusOr<std::unique_ptr<render::Renderer>> FilmSource::MakeRenderer(
+    const FilmSettings& settings) const {
   const auto no_files = [](const std::string& uri) {
     return absl::NotFoundError(absl::StrCat("a generated scene has no file '", uri, "'"));
   };
@@ -98,17 +107,25 @@ absl::StatusOr<TimedFilm> FilmSource::Render(const FilmSettings& settings, TaskP
   render_settings.width = settings.width;
   render_settings.height = settings.height;
   render_settings.seed = settings.seed;
-  const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
-      render::Renderer::Create(std::make_shared<const scene::Scene>(*std::move(scene)), render_settings);
+  return render::Renderer::Create(std::make_shared<const scene::Scene>(*std::move(scene)), render_settings);
+}
+
+absl::StatusOr<TimedFilm> FilmSource::Render(const FilmSettings& settings, TaskPool* pool) const {
+  const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer = MakeRenderer(settings);
   if (!renderer.ok()) return renderer.status();
-  film::FilmBuilder film(settings.width, settings.height);
   const absl::Time start = absl::Now();
-  const int64_t tiles =
-      int64_t{(settings.width + kTile - 1) / kTile} * ((settings.height + kTile - 1) / kTile);
-  ParallelFor(pool, tiles,
-              [&](int64_t i) { RenderTile(**renderer, TileOf(settings, i), settings.samples, &film); });
-  const double seconds = absl::ToDoubleSeconds(absl::Now() - start);
-  return TimedFilm{film.Take(), seconds};
+  EdgedImage film = RenderFilm(**renderer, settings, {}, pool);
+  return TimedFilm{std::move(film), absl::ToDoubleSeconds(absl::Now() - start)};
+}
+
+EdgedImage RenderFilm(const render::Renderer& renderer, const FilmSettings& settings, TileSize tile,
+                      TaskPool* pool) {
+  film::FilmBuilder film(settings.width, settings.height);
+  const std::vector<Rect> tiles = TilesOf(settings, tile);
+  ParallelFor(pool, static_cast<int64_t>(tiles.size()), [&](int64_t i) {
+    RenderTile(renderer, tiles[static_cast<size_t>(i)], settings.samples, &film);
+  });
+  return film.Take();
 }
 
 }  // namespace lumifold::charts

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <string_view>
@@ -12,8 +13,15 @@
 #include "absl/strings/str_split.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "client/exit_code.h"
+#include "client/output_file.h"
 #include "filter/image/exr_io.h"
+#include "filter/image/layers.h"
+#include "filter/image/png_io.h"
+#include "filter/metrics/flip.h"
+#include "filter/metrics/heat_map.h"
 #include "filter/metrics/metrics.h"
+#include "filter/metrics/regions.h"
 #include "filter/metrics/ssim.h"
 
 namespace lumifold::client {
@@ -26,6 +34,8 @@ struct CompareOptions {
   std::string reference_layer;
   std::string metrics = "mse255,psnr,relmse";
   float exposure = 1;
+  bool by_region = false;
+  std::string heat_map;
   bool json = false;
 };
 
@@ -43,7 +53,7 @@ struct Metric {
 };
 
 using Color = ConstColorView;
-constexpr std::array<Metric, 6> kMetrics = {{
+constexpr std::array<Metric, 8> kMetrics = {{
     {"mse255", "MSE255", "mse255", 4, "",
      [](const Color& x, const Color& r, float exposure) -> absl::StatusOr<double> {
        return metrics::Mse255(x, r, exposure);
@@ -60,6 +70,12 @@ constexpr std::array<Metric, 6> kMetrics = {{
      }},
     {"ssim", "SSIM", "ssim", 6, "", metrics::Ssim},
     {"ms-ssim", "MS-SSIM", "ms_ssim", 6, "", metrics::MsSsim},
+    {"flip", "FLIP", "flip", 6, "",
+     [](const Color& x, const Color& r, float exposure) -> absl::StatusOr<double> {
+       return metrics::Flip(x, r, exposure);
+     }},
+    {"flip-hdr", "HDR-FLIP", "flip_hdr", 6, "",
+     [](const Color& x, const Color& r, float) -> absl::StatusOr<double> { return metrics::HdrFlip(x, r); }},
 }};
 
 /// What one metric found.
@@ -68,10 +84,17 @@ struct Judged {
   double value = 0;
 };
 
-absl::StatusOr<LayeredImage> ReadWithLayer(const std::string& path, const std::string& layer) {
-  absl::StatusOr<LayeredImage> image = ReadExr(path);
+/// All that was found.
+struct Findings {
+  std::vector<Judged> judged;
+  std::optional<metrics::RegionMeans> regions;  // of MSE255
+  std::optional<float> heat_scale;              // 8-bit steps
+};
+
+absl::StatusOr<EdgedImage> ReadWithLayer(const std::string& path, const std::string& layer) {
+  absl::StatusOr<EdgedImage> image = ReadEdgedExr(path);
   if (absl::IsInvalidArgument(image.status())) return absl::DataLossError(image.status().message());
-  if (image.ok() && !image->HasColor(layer)) {
+  if (image.ok() && !image->pixels.HasColor(layer)) {
     return absl::NotFoundError(layer.empty() ? absl::StrCat(path, ": has no channels R, G and B")
                                              : absl::StrCat(path, ": has no colour layer '", layer, "'"));
   }
@@ -92,41 +115,104 @@ absl::StatusOr<std::vector<const Metric*>> ParseMetrics(const std::string& text)
   return chosen;
 }
 
-absl::StatusOr<std::vector<Judged>> Compare(const CompareOptions& options,
-                                            const std::vector<const Metric*>& chosen) {
-  const absl::StatusOr<LayeredImage> picture = ReadWithLayer(options.picture, options.layer);
-  if (!picture.ok()) return picture.status();
-  const absl::StatusOr<LayeredImage> reference = ReadWithLayer(options.reference, options.reference_layer);
-  if (!reference.ok()) return reference.status();
-  if (picture->bounds() != reference->bounds()) {
-    return absl::InvalidArgumentError(absl::StrCat(options.picture, " has ", picture->width(), "x",
-                                                   picture->height(), " pixels, ", options.reference, " has ",
-                                                   reference->width(), "x", reference->height()));
+/// Errors: kNotFound where the reference has none of the layers that tell regions apart.
+absl::StatusOr<metrics::RegionMeans> CompareRegions(const CompareOptions& options,
+                                                    const EdgedImage& reference, const Color& x,
+                                                    const Color& r) {
+  const LayeredImage& pixels = reference.pixels;
+  if (!pixels.HasColor(layers::kAlbedo) && !pixels.HasColor(layers::kDirect) &&
+      !reference.edges.Has(layers::kPixelX)) {
+    return absl::NotFoundError(absl::StrCat(
+        options.reference, ": has no layers to tell regions by: it takes 'albedo', 'direct' or edges"));
   }
-  const ConstColorView x = picture->GetColor(options.layer);
-  const ConstColorView r = reference->GetColor(options.reference_layer);
-  std::vector<Judged> judged;
+  return metrics::Mse255ByRegion(x, r, metrics::RegionsOf(reference), options.exposure);
+}
+
+/// Writes where the picture errs, and gives the scale.
+absl::StatusOr<float> PaintErrors(const CompareOptions& options, const Color& x, const Color& r) {
+  const Plane errors = metrics::StepErrors(x, r, options.exposure);
+  const float scale = metrics::HeatScale(errors.view());
+  const std::array<Plane, 3> map = metrics::HeatMap(errors.view(), scale);
+  const absl::Status written = WritePng(options.heat_map, {map[0].view(), map[1].view(), map[2].view()});
+  if (!written.ok()) return OfThisMachine(written);
+  return scale;
+}
+
+absl::StatusOr<Findings> Compare(const CompareOptions& options, const std::vector<const Metric*>& chosen) {
+  const absl::StatusOr<EdgedImage> picture = ReadWithLayer(options.picture, options.layer);
+  if (!picture.ok()) return picture.status();
+  const absl::StatusOr<EdgedImage> reference = ReadWithLayer(options.reference, options.reference_layer);
+  if (!reference.ok()) return reference.status();
+  if (picture->pixels.bounds() != reference->pixels.bounds()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        options.picture, " has ", picture->pixels.width(), "x", picture->pixels.height(), " pixels, ",
+        options.reference, " has ", reference->pixels.width(), "x", reference->pixels.height()));
+  }
+  const Color x = picture->pixels.GetColor(options.layer);
+  const Color r = reference->pixels.GetColor(options.reference_layer);
+  Findings findings;
   for (const Metric* metric : chosen) {
     const absl::StatusOr<double> value = metric->measure(x, r, options.exposure);
     if (!value.ok()) return value.status();
-    judged.push_back({metric, *value});
+    findings.judged.push_back({metric, *value});
   }
-  return judged;
+  if (options.by_region) {
+    const absl::StatusOr<metrics::RegionMeans> regions = CompareRegions(options, *reference, x, r);
+    if (!regions.ok()) return regions.status();
+    findings.regions = *regions;
+  }
+  if (!options.heat_map.empty()) {
+    const absl::StatusOr<float> scale = PaintErrors(options, x, r);
+    if (!scale.ok()) return scale.status();
+    findings.heat_scale = *scale;
+  }
+  return findings;
 }
 
-void PrintJson(const std::vector<Judged>& judged, std::ostream& out) {
+nlohmann::ordered_json RegionsJson(const metrics::RegionMeans& regions) {
+  nlohmann::ordered_json json;
+  for (size_t i = 0; i < metrics::kRegionCount; ++i) {
+    if (regions.share[i] == 0) continue;
+    json[std::string(metrics::kRegionNames[i])] = {{"share", regions.share[i]},
+                                                   {"mse255", regions.of_region[i]}};
+  }
+  return json;
+}
+
+void PrintJson(const Findings& findings, std::ostream& out) {
   // JSON knows no infinity: the PSNR of equal pictures is null.
   nlohmann::ordered_json json;
-  for (const Judged& j : judged) json[std::string(j.metric->json_key)] = j.value;
+  for (const Judged& j : findings.judged) json[std::string(j.metric->json_key)] = j.value;
+  if (findings.regions.has_value()) json["regions"] = RegionsJson(*findings.regions);
+  if (findings.heat_scale.has_value()) json["heatmap_scale"] = *findings.heat_scale;
   out << json.dump() << "\n" << std::flush;
 }
 
-void PrintWords(const std::vector<Judged>& judged, std::ostream& out) {
-  for (const Judged& j : judged) {
+void PrintWords(const CompareOptions& options, const Findings& findings, std::ostream& out) {
+  for (const Judged& j : findings.judged) {
     out << absl::StrFormat("%s %.*f%s\n", std::string(j.metric->title), j.metric->decimals, j.value,
                            std::string(j.metric->unit));
   }
+  for (size_t i = 0; findings.regions.has_value() && i < metrics::kRegionCount; ++i) {
+    if (findings.regions->share[i] == 0) continue;
+    out << absl::StrFormat("MSE255 of %s %.4f (%.1f %% of pixels)\n", std::string(metrics::kRegionNames[i]),
+                           findings.regions->of_region[i], 100 * findings.regions->share[i]);
+  }
+  if (findings.heat_scale.has_value()) {
+    out << absl::StrFormat("%s: black 0, pale yellow %g and more 8-bit steps, root mean square of R G B\n",
+                           options.heat_map, *findings.heat_scale);
+  }
   out << std::flush;
+}
+
+/// Errors: kInvalidArgument for a name that ends otherwise than in .png; those of CheckOutput.
+absl::Status CheckHeatMap(const std::string& path) {
+  if (path.empty()) return absl::OkStatus();
+  const absl::StatusOr<PictureFormat> format = PictureFormatOf(path);
+  if (!format.ok() || *format != PictureFormat::kPng)
+    return absl::InvalidArgumentError(
+        absl::StrCat("--heatmap: expected a name that ends in .png; got '", path, "'"));
+  return CheckOutput(path);
 }
 
 }  // namespace
@@ -141,19 +227,27 @@ ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment
   command_line.AddText("--reference-layer", "NAME", &options.reference_layer,
                        "Against this layer of REFERENCE (default: the finished picture)");
   command_line.AddPositiveNumber("--exposure", &options.exposure,
-                                 "Factor on the light, for all but relMSE (default 1)");
+                                 "Factor on the light, for all but relMSE and flip-hdr (default 1)");
   command_line.AddText("--metric", "NAME,...", &options.metrics,
-                       "What to measure: mse255, psnr, relmse, trimmed-relmse, ssim, ms-ssim (default "
-                       "mse255,psnr,relmse)");
+                       "What to measure: mse255, psnr, relmse, trimmed-relmse, ssim, ms-ssim, flip, flip-hdr "
+                       "(default mse255,psnr,relmse)");
+  command_line.AddFlag(
+      "--by-region", &options.by_region,
+      "Also MSE255 of edges, mirrors, shadow bands, textures and flat surfaces, as REFERENCE's "
+      "layers tell them");
+  command_line.AddText("--heatmap", "FILE.png", &options.heat_map, "Paint where PICTURE errs");
   AddJson(command_line, &options.json);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
   const absl::StatusOr<std::vector<const Metric*>> chosen = ParseMetrics(options.metrics);
   if (!chosen.ok())
     return ReportUsage(environment, "lumifold compare", std::string(chosen.status().message()));
 
-  const absl::StatusOr<std::vector<Judged>> judged = Compare(options, *chosen);
-  if (!judged.ok()) return ReportError(environment, judged.status());
-  options.json ? PrintJson(*judged, environment.out) : PrintWords(*judged, environment.out);
+  if (const absl::Status status = CheckHeatMap(options.heat_map); !status.ok())
+    return ReportError(environment, status);
+
+  const absl::StatusOr<Findings> findings = Compare(options, *chosen);
+  if (!findings.ok()) return ReportError(environment, findings.status());
+  options.json ? PrintJson(*findings, environment.out) : PrintWords(options, *findings, environment.out);
   return ExitCode::kOk;
 }
 

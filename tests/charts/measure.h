@@ -6,7 +6,7 @@
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/parallel.h"
-#include "tests/charts/error_map.h"
+#include "filter/metrics/regions.h"
 #include "tests/charts/film_source.h"
 
 namespace lumifold::charts {

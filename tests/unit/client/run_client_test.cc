@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "filter/image/exr_io.h"
 #include "tests/unit/client/fake_farm.h"
 #include "tests/unit/client/test_environment.h"
@@ -12,6 +14,7 @@ namespace {
 
 using testing::ElementsAre;
 using testing::HasSubstr;
+using testing::MatchesRegex;
 using testing::StartsWith;
 
 constexpr char kScene[] = R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}]})";
@@ -301,6 +304,44 @@ TEST_F(RunClientTest, RefusesToCompareWhatDoesNotFit) {
   EXPECT_EQ(Run({"compare", small, folder_.File("none.exr")}), 4);
   EXPECT_THAT(Err(), StartsWith("lumifold: " + small + " has 4x3 pixels, " + large + " has 5x3\nlumifold: " +
                                 small + ": has no colour layer 'direct'\nlumifold: "));
+}
+
+TEST_F(RunClientTest, ComparesByRegionAndPaintsWhereAPictureErrs) {
+  LayeredImage image(4, 3);
+  image.AddColor("");
+  image.AddColor("albedo");
+  const std::string reference = folder_.File("reference.exr");
+  ASSERT_EQ(WriteExr(reference, image), absl::OkStatus());
+  image.Get("G").At(1, 1) = 1;
+  const std::string picture = folder_.File("picture.exr");
+  ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
+  const std::string map = folder_.File("map.png");
+  EXPECT_EQ(Run({"compare", picture, reference, "--metric", "mse255,flip", "--by-region", "--heatmap", map}),
+            0)
+      << Err();
+  EXPECT_THAT(Out(), MatchesRegex("MSE255 1806\\.2500\nFLIP 0\\.[0-9]*\nMSE255 of flat 1806\\.2500 "
+                                  "\\(100\\.0 % of pixels\\)\n.*map\\.png: black 0, pale yellow 200 and more "
+                                  "8-bit steps, root mean square of R G B\n"));
+  EXPECT_TRUE(std::filesystem::exists(map));
+  test_.out.str("");
+  EXPECT_EQ(
+      Run({"compare", picture, reference, "--metric", "mse255", "--by-region", "--heatmap", map, "--json"}),
+      0);
+  EXPECT_EQ(Out(),
+            "{\"mse255\":1806.25,\"regions\":{\"flat\":{\"share\":1.0,\"mse255\":1806.25}},"
+            "\"heatmap_scale\":200.0}\n");
+}
+
+TEST_F(RunClientTest, SaysWhatKeepsItFromComparingByRegion) {
+  LayeredImage image(4, 3);
+  image.AddColor("");
+  const std::string picture = folder_.File("picture.exr");
+  ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
+  EXPECT_EQ(Run({"compare", picture, picture, "--by-region"}), 4);
+  EXPECT_EQ(Run({"compare", picture, picture, "--heatmap", "map.jpg"}), 2);
+  EXPECT_EQ(Err(), "lumifold: " + picture +
+                       ": has no layers to tell regions by: it takes 'albedo', 'direct' or edges\nlumifold: "
+                       "--heatmap: expected a name that ends in .png; got 'map.jpg'\n");
 }
 
 TEST_F(RunClientTest, CancelsAJob) {

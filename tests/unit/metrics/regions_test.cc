@@ -1,0 +1,116 @@
+#include "filter/metrics/regions.h"
+
+#include <gtest/gtest.h>
+
+#include "filter/image/layers.h"
+
+namespace lumifold::metrics {
+namespace {
+
+constexpr int kSide = 32;
+
+ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
+
+/// A plane that faces the camera, white and evenly lit.
+EdgedImage EvenPlane() {
+  EdgedImage film;
+  film.pixels = LayeredImage(kSide, kSide);
+  for (const std::string_view layer : {layers::kAlbedo, layers::kDirect}) {
+    for (const FloatView& channel : film.pixels.AddColor(layer)) {
+      for (int y = 0; y < kSide; ++y) {
+        for (int x = 0; x < kSide; ++x) channel.At(x, y) = 0.8f;
+      }
+    }
+  }
+  for (const std::string_view name :
+       {layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kObjectId})
+    film.pixels.Add(name);
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      film.pixels.Get(layers::kNormalZ).At(x, y) = 1;
+      film.pixels.Get(layers::kObjectId).At(x, y) = 1;
+    }
+  }
+  return film;
+}
+
+Region At(const EdgedImage& film, int x, int y) {
+  return RegionsOf(film)[static_cast<size_t>(y * kSide + x)];
+}
+
+void Darken(EdgedImage* film, int first_x) {
+  for (const FloatView& channel : film->pixels.GetColor(layers::kDirect)) {
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = first_x; x < kSide; ++x) channel.At(x, y) = 0.1f;
+    }
+  }
+}
+
+TEST(Regions, OfAnEvenPlaneAreFlat) {
+  for (const Region region : RegionsOf(EvenPlane())) EXPECT_EQ(region, Region::kFlat);
+}
+
+TEST(Regions, FindTheBandOfAShadow) {
+  EdgedImage film = EvenPlane();
+  Darken(&film, 16);
+  EXPECT_EQ(At(film, 15, 10), Region::kShadow);
+  EXPECT_EQ(At(film, 16, 10), Region::kShadow);
+  EXPECT_EQ(At(film, 8, 10), Region::kFlat);
+  EXPECT_EQ(At(film, 24, 10), Region::kFlat);
+}
+
+TEST(Regions, TakeNoStepBetweenTwoThingsForAShadow) {
+  EdgedImage film = EvenPlane();
+  Darken(&film, 16);
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 16; x < kSide; ++x) film.pixels.Get(layers::kObjectId).At(x, y) = 2;
+  }
+  EXPECT_EQ(At(film, 15, 10), Region::kFlat);
+  EXPECT_EQ(At(film, 16, 10), Region::kFlat);
+}
+
+TEST(Regions, TakeASlowRampForNoShadow) {
+  EdgedImage film = EvenPlane();
+  for (const FloatView& channel : film.pixels.GetColor(layers::kDirect)) {
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) channel.At(x, y) = 0.5f + 0.01f * static_cast<float>(x);
+    }
+  }
+  EXPECT_EQ(At(film, 16, 10), Region::kFlat);
+}
+
+TEST(Regions, FindTexturesMirrorsAndEdgesInThatOrder) {
+  EdgedImage film = EvenPlane();
+  film.pixels.Get("albedo.R").At(5, 5) = 0.2f;
+  EXPECT_EQ(At(film, 5, 5), Region::kTextured);
+  film.pixels.Add(layers::OfLevel({layers::Branch::kReflection, 1}, layers::kDistance)).At(5, 5) = 3;
+  EXPECT_EQ(At(film, 5, 5), Region::kMirror);
+  film.edges = LayeredImage(kSubSamples, 1);
+  for (const std::string_view name : {layers::kPixelX, layers::kPixelY}) {
+    const FloatView place = film.edges.Add(name);
+    for (int i = 0; i < kSubSamples; ++i) place.At(i, 0) = 5;
+  }
+  EXPECT_EQ(At(film, 5, 5), Region::kEdges);
+}
+
+TEST(Mse255ByRegion, SplitsTheErrorOfTheWhole) {
+  EdgedImage film = EvenPlane();
+  film.pixels.Get("albedo.R").At(20, 20) = 0.2f;  // textured, with its neighbours to the left and above
+  const std::vector<Region> regions = RegionsOf(film);
+  LayeredImage picture(kSide, kSide);
+  LayeredImage reference(kSide, kSide);
+  picture.AddColor("");
+  reference.AddColor("");
+  picture.Get("G").At(19, 20) = 1;  // textured
+  picture.Get("G").At(3, 3) = 1;    // flat
+  const RegionMeans means = Mse255ByRegion(ColorOf(picture), ColorOf(reference), regions);
+  const double one = 65025.0 / 3;
+  EXPECT_NEAR(means.whole, 2 * one / (kSide * kSide), 1e-9);
+  EXPECT_NEAR(means.of_region[static_cast<size_t>(Region::kTextured)], one / 3, 1e-9);
+  EXPECT_NEAR(means.of_region[static_cast<size_t>(Region::kFlat)], one / (kSide * kSide - 3), 1e-9);
+  EXPECT_NEAR(means.share[static_cast<size_t>(Region::kTextured)], 3.0 / (kSide * kSide), 1e-12);
+  EXPECT_EQ(means.of_region[static_cast<size_t>(Region::kEdges)], 0.0);
+}
+
+}  // namespace
+}  // namespace lumifold::metrics

@@ -24,9 +24,7 @@ class Random {
     return (static_cast<double>(MixBits(state_) >> 11) + 1) * 0x1p-53;
   }
   /// Exponentially distributed about 1, drawn in to the relative deviation `deviation`.
-  float Factor(float deviation) {
-    return 1 + deviation * (static_cast<float>(-std::log(Uniform())) - 1);
-  }
+  float Factor(float deviation) { return 1 + deviation * (static_cast<float>(-std::log(Uniform())) - 1); }
   /// Of mean 0 and deviation 1.
   float Normal() {
     double sum = -6;
@@ -130,8 +128,8 @@ class Painter {
   };
 
   Random RandomOf(int x, int y, uint64_t purpose) const {
-    const uint64_t pixel = static_cast<uint64_t>(y) * static_cast<uint64_t>(pixels_.width()) +
-                           static_cast<uint64_t>(x);
+    const uint64_t pixel =
+        static_cast<uint64_t>(y) * static_cast<uint64_t>(pixels_.width()) + static_cast<uint64_t>(x);
     return Random(sampling_.seed, pixel * 4 + purpose);
   }
 

@@ -34,8 +34,8 @@ using Drawing = std::function<Surface(float x, float y)>;
 struct Sampling {
   uint32_t samples = 16;  // per pixel; the first half (rounded up) is half A
   uint32_t seed = 1;
-  float noise = 1;           // relative deviation of one sample's D and of its I, at most 1
-  double spike_chance = 0;   // of a pixel's D to be spike_factor times as bright in one of its halves
+  float noise = 1;          // relative deviation of one sample's D and of its I, at most 1
+  double spike_chance = 0;  // of a pixel's D to be spike_factor times as bright in one of its halves
   float spike_factor = 1;
   float feature_noise = 0;  // deviation of one sample's normal, and relative of its distance, as out of focus
   int truth_grid = 4;       // a pixel's truth is the mean over so many by so many points
@@ -48,8 +48,8 @@ struct DrawnFilm {
 };
 
 /// Samples a drawing as a path tracer would: each sample is a random point of the truth's grid, its D and I
-/// are multiplied by noise of mean 1 with a long tail, and C = (D + I) T + E. Geometry and the sub-samples of edges are
-/// without chance, as those of a geometry unit are. The result depends on the arguments alone.
+/// are multiplied by noise of mean 1 with a long tail, and C = (D + I) T + E. Geometry and the sub-samples of
+/// edges are without chance, as those of a geometry unit are. The result depends on the arguments alone.
 DrawnFilm DrawFilm(int width, int height, const Drawing& drawing, const Sampling& sampling);
 
 }  // namespace lumifold::stability

@@ -13,7 +13,8 @@ namespace {
 double Display(float linear) { return 255 * static_cast<double>(SrgbFromLinear(linear)); }
 
 /// Mean of `value(c, x, y)` over channels and pixels that count.
-double MeanOver(const ConstColorView& picture, Where where, absl::FunctionRef<double(size_t, int, int)> value) {
+double MeanOver(const ConstColorView& picture, Where where,
+                absl::FunctionRef<double(size_t, int, int)> value) {
   double sum = 0;
   int64_t count = 0;
   for (int y = 0; y < picture[0].height(); ++y) {
@@ -46,7 +47,8 @@ Triple MeanColor(const ConstColorView& picture, Where where) {
 
 std::array<double, 3> LabOf(const Triple& rgb) {
   // sRGB's matrix, its rows divided by D65 white.
-  constexpr double kRows[3][3] = {{0.4339, 0.3762, 0.1899}, {0.2126, 0.7152, 0.0722}, {0.0177, 0.1095, 0.8728}};
+  constexpr double kRows[3][3] = {
+      {0.4339, 0.3762, 0.1899}, {0.2126, 0.7152, 0.0722}, {0.0177, 0.1095, 0.8728}};
   double f[3];
   for (int i = 0; i < 3; ++i) {
     double t = 0;
@@ -63,8 +65,7 @@ double Crossing(const std::vector<double>& profile, double level) {
   for (size_t i = 1; i < profile.size(); ++i) {
     const double before = (profile[i - 1] - low) / span;
     const double here = (profile[i] - low) / span;
-    if (here >= level)
-      return static_cast<double>(i) - (here > before ? (here - level) / (here - before) : 0);
+    if (here >= level) return static_cast<double>(i) - (here > before ? (here - level) / (here - before) : 0);
   }
   return static_cast<double>(profile.size() - 1);
 }
@@ -102,8 +103,8 @@ double MeanOf(const ConstColorView& picture, Where where) {
 }
 
 double DisplayShift(const ConstColorView& a, const ConstColorView& b, Where where) {
-  return MeanOver(
-      a, where, [&](size_t c, int x, int y) { return Display(a[c].At(x, y)) - Display(b[c].At(x, y)); });
+  return MeanOver(a, where,
+                  [&](size_t c, int x, int y) { return Display(a[c].At(x, y)) - Display(b[c].At(x, y)); });
 }
 
 int CountNotFinite(const ConstColorView& picture) {

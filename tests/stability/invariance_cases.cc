@@ -1,11 +1,11 @@
-// What must not change a picture: how it is cut into tiles, who computes it, the unit of light, left and right.
+// What must not change a picture: how it is cut into tiles, who computes it, the unit of light, left and
+// right.
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <string>
 #include <utility>
 
-#include "absl/strings/match.h"
 #include "filter/image/layers.h"
 #include "tests/stability/case.h"
 #include "tests/stability/drawings.h"
@@ -28,8 +28,7 @@ absl::StatusOr<Finding> Tiles(const Trial& trial) {
   if (!expected.ok()) return expected.status();
   int different = 0;
   for (const charts::TileSize tile : {charts::TileSize{64, 64}, {7, 3}, {1, 1}}) {
-    const absl::StatusOr<EdgedImage> cut =
-        trial.films.RenderInTiles(*scene, settings, tile, trial.pool);
+    const absl::StatusOr<EdgedImage> cut = trial.films.RenderInTiles(*scene, settings, tile, trial.pool);
     if (!cut.ok()) return cut.status();
     const absl::StatusOr<Picture> picture = trial.Filter({*cut, scene.get(), settings});
     if (!picture.ok()) return picture.status();
@@ -60,8 +59,9 @@ absl::StatusOr<Finding> Threads(const Trial& trial) {
 
 void MultiplyLight(float factor, LayeredImage* image) {
   for (LayeredImage::Channel& channel : image->channels()) {
-    const auto is_of = [&](std::string_view layer) { return absl::StartsWith(channel.name, layer); };
-    if (!std::any_of(layers::kHalved.begin(), layers::kHalved.end(), is_of) && !is_of(layers::kEmission)) continue;
+    const auto is_of = [&](std::string_view layer) { return channel.name.starts_with(layer); };
+    if (!std::any_of(layers::kHalved.begin(), layers::kHalved.end(), is_of) && !is_of(layers::kEmission))
+      continue;
     for (int y = 0; y < image->height(); ++y) {
       for (int x = 0; x < image->width(); ++x) channel.plane.At(x, y) *= factor;
     }
@@ -139,14 +139,34 @@ absl::StatusOr<Finding> Mirrored(const Trial& trial) {
 
 std::vector<Case> InvarianceCases() {
   return {
-      {25, "tiles", "a room with a mirror rendered in tiles of 32, 64, 7x3 and 1x1: pixels that differ after the filter",
-       "67x45, 8 spp", "", {{"different", 0}}, Tiles},
-      {26, "threads", "one film on 1, 2, 3 and 16 threads, in shuffled order and on none: pixels that differ",
-       "131x97, 16 spp", "", {{"different", 0}}, Threads},
-      {30, "dark room", "a film a million times darker, its result a million times brighter: largest relative difference",
-       "128x96, 16 spp", "", {{"difference", 1e-4}}, DarkRoom},
-      {31, "mirrored film", "left for right: largest relative difference, mean square difference over the error",
-       "128x128, 16 spp", "", {{"largest", 1e-4}, {"mean", 1e-4}}, Mirrored},
+      {25,
+       "tiles",
+       "a room with a mirror rendered in tiles of 32, 64, 7x3 and 1x1: pixels that differ after the filter",
+       "67x45, 8 spp",
+       "",
+       {{"different", 0}},
+       Tiles},
+      {26,
+       "threads",
+       "one film on 1, 2, 3 and 16 threads, in shuffled order and on none: pixels that differ",
+       "131x97, 16 spp",
+       "",
+       {{"different", 0}},
+       Threads},
+      {30,
+       "dark room",
+       "a film a million times darker, its result a million times brighter: largest relative difference",
+       "128x96, 16 spp",
+       "",
+       {{"difference", 1e-4}},
+       DarkRoom},
+      {31,
+       "mirrored film",
+       "left for right: largest relative difference, mean square difference over the error",
+       "128x128, 16 spp",
+       "",
+       {{"largest", 1e-4}, {"mean", 1e-4}},
+       Mirrored},
   };
 }
 

@@ -1,4 +1,5 @@
-// Light that is hard to filter: borders that geometry does not show, sources much brighter than what they light.
+// Light that is hard to filter: borders that geometry does not show, sources much brighter than what they
+// light.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -65,8 +66,8 @@ double LargestStep(const ConstFloatView& picture, const ConstFloatView& truth, i
 }
 
 absl::StatusOr<Finding> Penumbra(const Trial& trial) {
-  const DrawnFilm drawn = Draw(
-      [](float x, float) { return Lit(Gray(0.05f + 0.75f * std::clamp((x - 24) / 80, 0.0f, 1.0f))); });
+  const DrawnFilm drawn =
+      Draw([](float x, float) { return Lit(Gray(0.05f + 0.75f * std::clamp((x - 24) / 80, 0.0f, 1.0f))); });
   return Judge(trial, drawn, [](const Views& v) {
     return Figures{ErrorLeft(v), LargestStep(v.filtered[1], v.truth[1], 26, 102)};
   });
@@ -99,7 +100,8 @@ absl::StatusOr<Finding> Fireflies(const Trial& trial) {
   Sampling sampling;
   sampling.spike_chance = 1e-4;
   sampling.spike_factor = 1000;
-  DrawnFilm drawn = DrawFilm(256, 256, [](float x, float) { return Lit(Gray(0.2f + x / 512)); }, sampling);
+  DrawnFilm drawn = DrawFilm(
+      256, 256, [](float x, float) { return Lit(Gray(0.2f + x / 512)); }, sampling);
   return Judge(trial, drawn, [](const Views& v) {
     const double left =
         LinearError(v.filtered, v.truth, Everywhere) / LinearError(v.noisy, v.truth, Everywhere);
@@ -166,9 +168,7 @@ absl::StatusOr<Finding> ThinWall(const Trial& trial) {
     return s;
   });
   return Judge(trial, drawn, [](const Views& v) {
-    const auto behind = [](int x, int y) {
-      return PixelBesideLine(x, y) > 2 && PixelBesideLine(x, y) < 14;
-    };
+    const auto behind = [](int x, int y) { return PixelBesideLine(x, y) > 2 && PixelBesideLine(x, y) < 14; };
     return Figures{std::abs(DisplayShift(v.filtered, v.truth, behind)), ErrorLeft(v, behind)};
   });
 }
@@ -177,26 +177,77 @@ absl::StatusOr<Finding> ThinWall(const Trial& trial) {
 
 std::vector<Case> LightCases() {
   return {
-      {1, "constant light", "one lit plane, noise alone: error left", "256x256, 16 spp", "",
-       {{"error", 0.02}}, ConstantLight},
-      {4, "hard shadow", "a shadow's border on one plane, 16:1: error left within 4 px, 10-90 % width over the truth's, px",
-       "128x128, 16 spp", "", {{"error", 0.3}, {"wider", 1}}, HardShadow},
-      {5, "penumbra", "a ramp over 80 px: error left, largest step between columns over the true one",
-       "128x128, 16 spp", "", {{"error", 0.05}, {"step", 2}}, Penumbra},
-      {15, "lamp on a wall", "an emitter of 1000 on a wall of 0.5: shift of the 8 px round it in 8-bit steps, error left there",
-       "128x128, 16 spp", "", {{"shift", 1}, {"error", 0.1}}, LampOnWall},
-      {16, "fireflies", "spikes of 1000 in 1 of 10,000 half pixels: squared error left in light, light kept in %",
-       "256x256, 16 spp", "", {{"error", 0.05}, {"kept", 98, true}}, Fireflies},
-      {17, "caustic", "a curve of light 3 px wide: its crest kept in %, error left", "128x128, 16 spp", "",
-       {{"crest", 80, true}, {"error", 0.3}}, Caustic},
-      {18, "projector", "light with a picture in it on one plane: error left", "128x128, 16 spp", "",
-       {{"error", 0.5}}, Projector},
-      {29, "coloured light", "red light beside blue light: colour shift of either side (CIE 1976), pixels not finite",
-       "128x128, 16 spp", "", {{"shift", 1}, {"bad", 0}}, ColoredLight},
-      {35, "lights of 10,000:1", "a spot of 500 on a plane of 0.05: error left in the dark, its shift in 8-bit steps",
-       "128x128, 16 spp", "", {{"error", 0.1}, {"shift", 1}}, UnlikeLights},
-      {36, "light leak", "a dark floor behind a wall 2 px thin, a bright one before it: shift of the first 12 px in 8-bit steps, error left there",
-       "128x128, 16 spp", "", {{"shift", 1}, {"error", 0.1}}, ThinWall},
+      {1,
+       "constant light",
+       "one lit plane, noise alone: error left",
+       "256x256, 16 spp",
+       "",
+       {{"error", 0.02}},
+       ConstantLight},
+      {4,
+       "hard shadow",
+       "a shadow's border on one plane, 16:1: error left within 4 px, 10-90 % width over the truth's, px",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.3}, {"wider", 1}},
+       HardShadow},
+      {5,
+       "penumbra",
+       "a ramp over 80 px: error left, largest step between columns over the true one",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.05}, {"step", 2}},
+       Penumbra},
+      {15,
+       "lamp on a wall",
+       "an emitter of 1000 on a wall of 0.5: shift of the 8 px round it in 8-bit steps, error left there",
+       "128x128, 16 spp",
+       "",
+       {{"shift", 1}, {"error", 0.1}},
+       LampOnWall},
+      {16,
+       "fireflies",
+       "spikes of 1000 in 1 of 10,000 half pixels: squared error left in light, light kept in %",
+       "256x256, 16 spp",
+       "",
+       {{"error", 0.05}, {"kept", 98, true}},
+       Fireflies},
+      {17,
+       "caustic",
+       "a curve of light 3 px wide: its crest kept in %, error left",
+       "128x128, 16 spp",
+       "",
+       {{"crest", 80, true}, {"error", 0.3}},
+       Caustic},
+      {18,
+       "projector",
+       "light with a picture in it on one plane: error left",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.5}},
+       Projector},
+      {29,
+       "coloured light",
+       "red light beside blue light: colour shift of either side (CIE 1976), pixels not finite",
+       "128x128, 16 spp",
+       "",
+       {{"shift", 1}, {"bad", 0}},
+       ColoredLight},
+      {35,
+       "lights of 10,000:1",
+       "a spot of 500 on a plane of 0.05: error left in the dark, its shift in 8-bit steps",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.1}, {"shift", 1}},
+       UnlikeLights},
+      {36,
+       "light leak",
+       "a dark floor behind a wall 2 px thin, a bright one before it: shift of the first 12 px in 8-bit "
+       "steps, error left there",
+       "128x128, 16 spp",
+       "",
+       {{"shift", 1}, {"error", 0.1}},
+       ThinWall},
   };
 }
 

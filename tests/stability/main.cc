@@ -52,8 +52,8 @@ absl::StatusOr<Cell> RunCell(const Case& c, const Trial& trial) {
     return cell;
   }
   if (!finding.ok()) {
-    return absl::Status(finding.status().code(), absl::StrCat("case ", c.number, ", ", trial.column.name, ": ",
-                                                              finding.status().message()));
+    return absl::Status(finding.status().code(), absl::StrCat("case ", c.number, ", ", trial.column.name,
+                                                              ": ", finding.status().message()));
   }
   cell.figures = std::move(finding->figures);
   return cell;
@@ -150,7 +150,8 @@ int Main(int argc, char** argv) {
       "Runs every method through every case in which filters are known to fail.\n"
       "Exit codes: 0 done, 1 our own method does worse than it should, 2 wrong usage.",
       "lumifold-stability");
-  app.add_option("--column", options.columns, "Methods, such as default,paper (default: all)")->delimiter(',');
+  app.add_option("--column", options.columns, "Methods, such as default,paper (default: all)")
+      ->delimiter(',');
   app.add_option("--case", options.cases, "Numbers of cases (default: all)")->delimiter(',');
   app.add_option("--crop", options.crop, "CASE:METHOD FILE: writes that cell's pictures as PNG")->expected(2);
   app.add_option("--output", options.output, "Folder for stability.md and stability.csv");

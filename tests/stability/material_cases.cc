@@ -39,8 +39,7 @@ absl::StatusOr<Finding> PixelChequer(const Trial& trial) {
   if (!expected.ok()) return expected.status();
   for (Plane& plane : *expected) {
     for (int y = 0; y < kSize; ++y) {
-      for (int x = 0; x < kSize; ++x)
-        plane.At(x, y) *= shade(static_cast<float>(x), static_cast<float>(y));
+      for (int x = 0; x < kSize; ++x) plane.At(x, y) *= shade(static_cast<float>(x), static_cast<float>(y));
     }
   }
   return Judge(trial, DrawFilm(kSize, kSize, drawing(true), {}), [&](const Views& v) {
@@ -51,15 +50,14 @@ absl::StatusOr<Finding> PixelChequer(const Trial& trial) {
 absl::StatusOr<Finding> BlackStripes(const Trial& trial) {
   const auto is_black = [](int x, int) { return x / 4 % 2 == 0; };
   const auto is_white = [&](int x, int y) { return !is_black(x, y); };
-  const DrawnFilm drawn = DrawFilm(
-      kSize, kSize,
-      [&](float x, float y) {
-        Surface s;
-        s.direct = Gray(0.8f);
-        s.has_diffuse = !is_black(static_cast<int>(x), static_cast<int>(y));
-        return s;
-      },
-      {});
+  const DrawnFilm drawn = DrawFilm(kSize, kSize,
+                                   [&](float x, float y) {
+                                     Surface s;
+                                     s.direct = Gray(0.8f);
+                                     s.has_diffuse = !is_black(static_cast<int>(x), static_cast<int>(y));
+                                     return s;
+                                   },
+                                   {});
   return Judge(trial, drawn, [&](const Views& v) {
     const double into_black = std::abs(MeanOf(v.filtered, is_black)) / 0.8;
     const double from_white = std::abs(MeanOf(v.filtered, is_white) - MeanOf(v.noisy, is_white)) / 0.8;
@@ -90,8 +88,9 @@ absl::StatusOr<Finding> JudgeScene(const Trial& trial, SceneDescription (*build)
                                    uint32_t reference_samples,
                                    absl::FunctionRef<Figures(const Rendered&)> figures) {
   const auto scene = std::make_shared<const SceneDescription>(build());
-  const absl::StatusOr<JudgedFilm> judged = trial.films.GetJudged(
-      scene, {.width = kWidth, .height = kHeight, .samples = samples, .seed = 1}, reference_samples, trial.pool);
+  const absl::StatusOr<JudgedFilm> judged =
+      trial.films.GetJudged(scene, {.width = kWidth, .height = kHeight, .samples = samples, .seed = 1},
+                            reference_samples, trial.pool);
   if (!judged.ok()) return judged.status();
   absl::StatusOr<Picture> filtered = trial.Filter(judged->rendered.subject());
   if (!filtered.ok()) return filtered.status();
@@ -198,29 +197,87 @@ absl::StatusOr<Finding> CausticLight(const Trial& trial) {
 
 std::vector<Case> MaterialCases() {
   return {
-      {2, "chequer of pixels", "an albedo that alternates from pixel to pixel: mean square difference from albedo times what is made of the light alone",
-       "128x128, 16 spp", "", {{"difference", 1e-6}}, PixelChequer},
-      {3, "black stripes", "stripes of 4 px without a diffuse lobe beside lit white ones: pixels not finite, light that leaves the white or enters the black, over it",
-       "128x128, 16 spp", "", {{"bad", 0}, {"bleed", 0.01}}, BlackStripes},
-      {19, "flat mirror", "a mirror that shows a textured room: error left in it", "96x72, 16 spp", "",
-       {{"error", 0.1}}, FlatMirror},
-      {20, "curved mirror", "a mirroring ball before a flat mirror: error left in both", "96x72, 16 spp", "",
-       {{"error", 0.3}}, CurvedMirror},
-      {21, "pane before chequer", "a pane of glass before a chequered wall: FLIP, error left behind the pane", "96x72, 16 spp", "",
-       {{"FLIP", 0.1}, {"error", 0.3}}, GlassBeforeChequer},
-      {22, "roughness ramp", "seven metal panels from smooth to rough: largest quotient of neighbours' RMS error left, the largest RMS error left",
-       "96x72, 16 spp", "", {{"jump", 2}, {"error", 0.7}}, RoughnessRamp},
-      {23, "half metal", "a ball half metal, half diffuse: light gained or lost on it in %, error left on it",
-       "96x72, 16 spp", "", {{"light", 0.1}, {"error", 0.3}}, HalfMetal},
-      {28, "interior corner", "white walls in indirect light: error left within 3 px of their corners", "96x72, 16 spp",
-       "", {{"error", 0.3}}, Corner},
-      {38, "mirror facing mirror", "two mirrored walls: error left in the first reflection, in the second",
-       "96x72, 16 spp", "", {{"first", 0.3}, {"second", 0.3}}, FacingMirrors},
+      {2,
+       "chequer of pixels",
+       "an albedo that alternates from pixel to pixel: mean square difference from albedo times what is made "
+       "of the light alone",
+       "128x128, 16 spp",
+       "",
+       {{"difference", 1e-6}},
+       PixelChequer},
+      {3,
+       "black stripes",
+       "stripes of 4 px without a diffuse lobe beside lit white ones: pixels not finite, light that leaves "
+       "the white or enters the black, over it",
+       "128x128, 16 spp",
+       "",
+       {{"bad", 0}, {"bleed", 0.01}},
+       BlackStripes},
+      {19,
+       "flat mirror",
+       "a mirror that shows a textured room: error left in it",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.1}},
+       FlatMirror},
+      {20,
+       "curved mirror",
+       "a mirroring ball before a flat mirror: error left in both",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.3}},
+       CurvedMirror},
+      {21,
+       "pane before chequer",
+       "a pane of glass before a chequered wall: FLIP, error left behind the pane",
+       "96x72, 16 spp",
+       "",
+       {{"FLIP", 0.1}, {"error", 0.3}},
+       GlassBeforeChequer},
+      {22,
+       "roughness ramp",
+       "seven metal panels from smooth to rough: largest quotient of neighbours' RMS error left, the largest "
+       "RMS error left",
+       "96x72, 16 spp",
+       "",
+       {{"jump", 2}, {"error", 0.7}},
+       RoughnessRamp},
+      {23,
+       "half metal",
+       "a ball half metal, half diffuse: light gained or lost on it in %, error left on it",
+       "96x72, 16 spp",
+       "",
+       {{"light", 0.1}, {"error", 0.3}},
+       HalfMetal},
+      {28,
+       "interior corner",
+       "white walls in indirect light: error left within 3 px of their corners",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.3}},
+       Corner},
+      {38,
+       "mirror facing mirror",
+       "two mirrored walls: error left in the first reflection, in the second",
+       "96x72, 16 spp",
+       "",
+       {{"first", 0.3}, {"second", 0.3}},
+       FacingMirrors},
       {39, "slit", "a dark room lit through a slit: error left", "96x72, 16 spp", "", {{"error", 0.2}}, Slit},
-      {40, "chequer to the horizon", "a floor whose chequer shrinks to a pixel and below: error left far off, of the whole picture",
-       "96x72, 16 spp", "", {{"far", 0.3}, {"whole", 0.3}}, Hall},
-      {41, "caustic fireflies", "a small lamp and a ball of brushed metal: error left, light kept in %",
-       "96x72, 16 spp", "", {{"error", 0.3}, {"kept", 98, true}}, CausticLight},
+      {40,
+       "chequer to the horizon",
+       "a floor whose chequer shrinks to a pixel and below: error left far off, of the whole picture",
+       "96x72, 16 spp",
+       "",
+       {{"far", 0.3}, {"whole", 0.3}},
+       Hall},
+      {41,
+       "caustic fireflies",
+       "a small lamp and a ball of brushed metal: error left, light kept in %",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.3}, {"kept", 98, true}},
+       CausticLight},
   };
 }
 

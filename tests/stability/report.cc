@@ -69,7 +69,9 @@ std::string MatrixTable(const std::vector<std::string>& columns, const Matrix& m
 }
 
 std::string CaseTable(const Matrix& matrix) {
-  std::string text = "| # | what is drawn or rendered, and what is asked | size | if a threshold was moved: why |\n|--:|---|---|---|\n";
+  std::string text =
+      "| # | what is drawn or rendered, and what is asked | size | if a threshold was moved: why "
+      "|\n|--:|---|---|---|\n";
   for (const auto& [number, row] : matrix) {
     const Case& c = *row.begin()->second->of;
     absl::StrAppend(&text, "| ", number, " | ", c.what, " | ", c.size, " | ", c.moved, " |\n");
@@ -108,7 +110,8 @@ std::string Csv(const std::vector<Cell>& cells) {
       absl::StrAppend(&text, cell.of->number, ",", cell.of->name, ",", cell.column, ",", measure.name, ",",
                       measure.at_least ? ">=" : "<=", measure.threshold, ",");
       if (cell.IsApplicable()) {
-        absl::StrAppend(&text, cell.figures[i], ",", Passes(measure, cell.figures[i]) ? "pass" : "fail", "\n");
+        absl::StrAppend(&text, cell.figures[i], ",", Passes(measure, cell.figures[i]) ? "pass" : "fail",
+                        "\n");
       } else {
         absl::StrAppend(&text, ",not applicable\n");
       }
@@ -121,7 +124,8 @@ std::string Page(const std::string& about, const std::vector<std::string>& colum
                  const std::vector<Cell>& cells) {
   const Matrix matrix = MatrixOf(cells);
   return absl::StrCat(
-      "# Where filters fail\n\nEvery method by its default parameters, in every case known to be hard. Figures are "
+      "# Where filters fail\n\nEvery method by its default parameters, in every case known to be hard. "
+      "Figures are "
       "in the order of the measures; *error* is the squared error left, as displayed, over the noisy "
       "picture's. `none` is the noisy picture itself. Made by `lumifold-stability --output docs/results`; ",
       about, ".\n`lumifold-stability --crop CASE:METHOD out.png` shows any cell: noisy, filtered, truth.\n\n",
@@ -157,8 +161,8 @@ std::string Regression(const Cell& cell) {
     const Measure held = {c.measures[i].name, c.measures[i].at_least ? worst - drift : worst + drift,
                           c.measures[i].at_least};
     if (!Passes(c.measures[i], cell.figures[i]) && !Passes(held, cell.figures[i])) {
-      return absl::StrCat("case ", c.number, ", ", c.name, ": ", FormatCell(cell), "; known to fail, but not so far: ",
-                          FormatThreshold(held));
+      return absl::StrCat("case ", c.number, ", ", c.name, ": ", FormatCell(cell),
+                          "; known to fail, but not so far: ", FormatThreshold(held));
     }
   }
   return "";

@@ -26,8 +26,8 @@ std::string FormatCell(const Cell& cell);
 /// the known one. Empty where all is as it should be.
 std::string Regression(const Cell& cell);
 
-/// Writes FOLDER/stability.md, cases as rows and columns as columns with `about` (commit, machine, date) above
-/// them, and FOLDER/stability.csv, a line a figure. Errors: kUnavailable naming the file.
+/// Writes FOLDER/stability.md, cases as rows and columns as columns with `about` (commit, machine, date)
+/// above them, and FOLDER/stability.csv, a line a figure. Errors: kUnavailable naming the file.
 absl::Status WriteReport(const std::string& folder, const std::string& about,
                          const std::vector<std::string>& columns, const std::vector<Cell>& cells);
 

@@ -36,9 +36,7 @@ absl::StatusOr<Run> Filter(const Trial& trial, DrawnFilm drawn) {
   return Run{CopyOf(noisy), *std::move(filtered), std::move(drawn.truth)};
 }
 
-Exhibit Show(Run run) {
-  return {std::move(run.noisy), std::move(run.filtered), std::move(run.truth)};
-}
+Exhibit Show(Run run) { return {std::move(run.noisy), std::move(run.filtered), std::move(run.truth)}; }
 
 double Error(const Picture& picture, const Picture& truth) {
   return DisplayError(ViewOf(picture), ViewOf(truth), Everywhere);
@@ -97,8 +95,7 @@ absl::StatusOr<Finding> Seeds(const Trial& trial) {
     absl::StatusOr<Run> run =
         Filter(trial, DrawFilm(kWidth, kHeight, FlatRoomDrawing(kWidth, kHeight), {.seed = seed}));
     if (!run.ok()) return run.status();
-    const auto blotch =
-        metrics::MeasureBlotch(ViewOf(run->filtered), ViewOf(run->noisy), ViewOf(run->truth));
+    const auto blotch = metrics::MeasureBlotch(ViewOf(run->filtered), ViewOf(run->noisy), ViewOf(run->truth));
     if (!blotch.ok()) return blotch.status();
     luminance += blotch->luminance / kSeeds;
     chroma += blotch->chroma / kSeeds;
@@ -147,9 +144,9 @@ absl::StatusOr<Finding> Pan(const Trial& trial) {
   metrics::Flicker filtered, truth;
   Run before;
   for (int frame = 0; frame < kFrames; ++frame) {
-    absl::StatusOr<Run> run =
-        Filter(trial, DrawFilm(kWidth, kHeight, RoomDrawing(kWidth, kHeight, 0.7f * static_cast<float>(frame)),
-                               {.samples = 64, .seed = static_cast<uint32_t>(frame + 1)}));
+    absl::StatusOr<Run> run = Filter(
+        trial, DrawFilm(kWidth, kHeight, RoomDrawing(kWidth, kHeight, 0.7f * static_cast<float>(frame)),
+                        {.samples = 64, .seed = static_cast<uint32_t>(frame + 1)}));
     if (!run.ok()) return run.status();
     if (frame > 0) {
       const metrics::Flicker change = metrics::MeasureFlicker(ViewOf(before.filtered), ViewOf(run->filtered));
@@ -180,11 +177,11 @@ absl::StatusOr<Finding> NoisyFeatures(const Trial& trial) {
 void Poison(std::string_view layer, LayeredImage* film) {
   const float bad[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(),
                        -std::numeric_limits<float>::infinity(), -1e30f, 1e38f};
-  int next = 0;
+  size_t next = 0;
   for (const std::string& name : {std::string(layer), layers::HalfA(layer), layers::HalfB(layer)}) {
     const ColorView color = film->GetColor(name);
     for (int y = 3; y < film->height(); y += 11) {
-      for (int x = 5; x < film->width(); x += 13) color[static_cast<size_t>(next % 3)].At(x, y) = bad[next++ % 5];
+      for (int x = 5; x < film->width(); x += 13, ++next) color[next % 3].At(x, y) = bad[next % 5];
     }
   }
 }
@@ -210,8 +207,8 @@ absl::StatusOr<Finding> OddInput(const Trial& trial) {
   };
   Finding finding;
   int bad = 0;
-  for (const Drawing& drawing : {Drawing(two_values), Drawing(one_value), Drawing(nearly_all_sky),
-                                 RoomDrawing(kSize, kSize)}) {
+  for (const Drawing& drawing :
+       {Drawing(two_values), Drawing(one_value), Drawing(nearly_all_sky), RoomDrawing(kSize, kSize)}) {
     for (const float noise : {0.0f, 1.0f}) {
       for (const bool is_poisoned : {false, true}) {
         DrawnFilm drawn = DrawFilm(kSize, kSize, drawing, {.samples = 4, .noise = noise});
@@ -232,31 +229,73 @@ absl::StatusOr<Finding> OddInput(const Trial& trial) {
 
 absl::StatusOr<Finding> PerfectInput(const Trial& trial) {
   const DrawnFilm drawn = DrawFilm(128, 96, RoomDrawing(128, 96), {.samples = 16, .noise = 0});
-  return Judge(trial, drawn, [](const Views& v) {
-    return Figures{std::min(200.0, metrics::Psnr(v.filtered, v.noisy))};
-  });
+  return Judge(trial, drawn,
+               [](const Views& v) { return Figures{std::min(200.0, metrics::Psnr(v.filtered, v.noisy))}; });
 }
 
 }  // namespace
 
 std::vector<Case> RobustnessCases() {
   return {
-      {24, "more samples", "a room by 1, 4, ... 4096 samples: log-log slope of the error, the flattest one between two, the largest error left",
-       "96x72, 1 to 4096 spp", "", {{"slope", -0.5}, {"flattest", 0}, {"error", 1}}, MoreSamples},
-      {27, "seeds", "a flat room by 8 seeds: mean change from one to the next over the noisy one's, blotch index of luminance and of chroma",
-       "96x72, 16 spp", "", {{"flicker", 0.2}, {"blotch", 1.05}, {"chroma", 1.05}}, Seeds},
-      {32, "blurred features", "normals and distances noisy as out of focus (0.2): error left, over the error left with clean ones",
-       "96x72, 16 spp", "", {{"error", 0.5}, {"over clean", 4}}, NoisyFeatures},
-      {33, "odd input", "films of two values, of one, of one pixel; without noise; with NaN, infinities, 1e38 in them: pixels not finite",
-       "16 films, 48x48", "", {{"bad", 0}}, OddInput},
-      {34, "perfect input", "light without noise: PSNR of the result against the input in dB", "128x96, 16 spp", "",
-       {{"PSNR", 60, true}}, PerfectInput},
-      {42, "real samples", "a mirrored room by 1, 4, ... 1024 samples: the largest error left", "64x48, 1 to 1024 spp",
-       "", {{"error", 1}}, RealSamples},
-      {43, "real seeds", "a mirrored room by 8 seeds: variance and bias^2 over the noisy variance", "96x72, 16 spp", "",
-       {{"variance", 0.2}, {"bias^2", 0.2}}, RealSeeds},
-      {44, "slow pan", "16 frames, the camera moving by 0.7 px each: mean change and 99th percentile over those of the truth",
-       "96x72, 64 spp", "", {{"mean", 2}, {"99 %", 1.25}}, Pan},
+      {24,
+       "more samples",
+       "a room by 1, 4, ... 4096 samples: log-log slope of the error, the flattest one between two, the "
+       "largest error left",
+       "96x72, 1 to 4096 spp",
+       "",
+       {{"slope", -0.5}, {"flattest", 0}, {"error", 1}},
+       MoreSamples},
+      {27,
+       "seeds",
+       "a flat room by 8 seeds: mean change from one to the next over the noisy one's, blotch index of "
+       "luminance and of chroma",
+       "96x72, 16 spp",
+       "",
+       {{"flicker", 0.2}, {"blotch", 1.05}, {"chroma", 1.05}},
+       Seeds},
+      {32,
+       "blurred features",
+       "normals and distances noisy as out of focus (0.2): error left, over the error left with clean ones",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.5}, {"over clean", 4}},
+       NoisyFeatures},
+      {33,
+       "odd input",
+       "films of two values, of one, of one pixel; without noise; with NaN, infinities, 1e38 in them: pixels "
+       "not finite",
+       "16 films, 48x48",
+       "",
+       {{"bad", 0}},
+       OddInput},
+      {34,
+       "perfect input",
+       "light without noise: PSNR of the result against the input in dB",
+       "128x96, 16 spp",
+       "",
+       {{"PSNR", 60, true}},
+       PerfectInput},
+      {42,
+       "real samples",
+       "a mirrored room by 1, 4, ... 1024 samples: the largest error left",
+       "64x48, 1 to 1024 spp",
+       "",
+       {{"error", 1}},
+       RealSamples},
+      {43,
+       "real seeds",
+       "a mirrored room by 8 seeds: variance and bias^2 over the noisy variance",
+       "96x72, 16 spp",
+       "",
+       {{"variance", 0.2}, {"bias^2", 0.2}},
+       RealSeeds},
+      {44,
+       "slow pan",
+       "16 frames, the camera moving by 0.7 px each: mean change and 99th percentile over those of the truth",
+       "96x72, 64 spp",
+       "",
+       {{"mean", 2}, {"99 %", 1.25}},
+       Pan},
   };
 }
 

@@ -54,7 +54,8 @@ class RoomBuilder {
   MaterialId White() { return Add(scenes::Matte("white", {0.75, 0.75, 0.75})); }
   MaterialId Textured(scenes::Texture texture, double size_m) {
     const std::string name = texture.name;
-    return Add(scenes::Textured(scenes::Matte(name, {1, 1, 1}), scene_.Add(std::move(texture)), {size_m, size_m}));
+    return Add(
+        scenes::Textured(scenes::Matte(name, {1, 1, 1}), scene_.Add(std::move(texture)), {size_m, size_m}));
   }
   void Place(const std::string& name, Mesh mesh, MaterialId material) {
     scene_.PlaceOnce(name, {{std::move(mesh), material}});
@@ -163,8 +164,8 @@ SceneDescription RoughnessRoom() {
   for (int i = 0; i < kRoughnessPanels; ++i) {
     const MaterialId metal =
         room.Add(scenes::Metal("metal " + std::to_string(i), {0.9, 0.8, 0.6}, kRoughness[i]));
-    room.Place("panel " + std::to_string(i), Quad({-1.75 + 0.5 * i, 0.5, kRear + 0.02}, {0.5, 0, 0}, {0, 2, 0}),
-               metal);
+    room.Place("panel " + std::to_string(i),
+               Quad({-1.75 + 0.5 * i, 0.5, kRear + 0.02}, {0.5, 0, 0}, {0, 2, 0}), metal);
   }
   return room.Take();
 }

@@ -36,6 +36,7 @@ FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const Sl
   const Plane& validity = product.validity;
   const ConstColorView mean = Crop(product.mean, product.box);
   Halves halves = MakeHalves(Crop(product.halves, product.box), validity.view(), pool);
+  halves.is_difference = product.is_difference;
   if (halves.level == 0) return {CopyOf(mean), NothingAt(points)};  // nothing here shines
   const float scale = halves.scale;
   FilteredLayer filtered = filter(std::move(halves), product.geometry, points);
@@ -71,6 +72,7 @@ Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, Lay
   if (IsRounding(remainder, film, pool)) return CopyOf(ViewOf(remainder.mean));
   const ConstFloatView distance = film.Get(layers::kDistance);
   Product rest;
+  rest.is_difference = true;
   rest.mean = ViewOf(remainder.mean);
   rest.halves = {ViewOf(remainder.a), ViewOf(remainder.b), film.Get(layers::kSamplesA),
                  film.Get(layers::kSamplesB)};

@@ -86,7 +86,7 @@ bool Suppress(Planes* half, float bound, float sigma, float share, int x, int y,
 }  // namespace
 
 Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
-  if (!halves->has_noise_estimate) return {};
+  if (!halves->has_noise_estimate || halves->is_difference) return {};
   const int width = halves->width();
   const int height = halves->height();
   const Plane luminance =

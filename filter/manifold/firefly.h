@@ -7,7 +7,8 @@ namespace lumifold::filter {
 /// Takes single bright pixels out of both halves: where a half's luminance is over twice the 75th percentile
 /// of its 5x5 neighbourhood in X, and noise explains it (three sigma reach back down), the pixel is scaled to
 /// that bound. Returns what was taken out, as part of X (3 planes); empty when nothing was. Only brightness
-/// of valid pixels is judged. Source: Cycles' filter_prefilter. Threads: identical for any pool.
+/// of valid pixels is judged. Differences of light are left alone: they are mostly near 0, so that all they
+/// have to say would stand out. Source: Cycles' filter_prefilter. Threads: identical for any pool.
 Planes SuppressFireflies(Halves* halves, TaskPool* pool);
 
 }  // namespace lumifold::filter

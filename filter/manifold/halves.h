@@ -18,6 +18,7 @@ struct Halves {
   float scale = 1;  // stored value * scale = the layer's unit; a power of two, so that scaling loses nothing
   float level = 0;  // mean magnitude of the halves as they are here, about 1; 0 for a black layer
   bool has_noise_estimate = false;  // whether any pixel has both halves
+  bool is_difference = false;       // of light and not light itself: of either sign, and mostly near 0
 
   int width() const { return weight.width(); }
   int height() const { return weight.height(); }

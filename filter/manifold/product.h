@@ -19,8 +19,9 @@ struct Product {
   Rect box;         // the part of the frame it is filtered in: where it is, and a margin
   Plane validity;   // of the box: the part of each pixel that its surface covers; 0: not to be filtered
   Planes geometry;  // of the box: the features that guide it besides its own patches
-  bool is_glossy = false;  // G, of the surfaces seen first
-  bool is_level = false;   // seen in mirrors or through glass
+  bool is_glossy = false;      // G, of the surfaces seen first
+  bool is_level = false;       // seen in mirrors or through glass
+  bool is_difference = false;  // see Halves: the remainder
 };
 
 /// The layers of a film that have anything to filter: direct and indirect first, then glossy, then the levels

@@ -13,6 +13,9 @@ namespace {
 
 constexpr float kShrink = 4.0f;   // residuals up to this many variances are taken for noise
 constexpr int kShrinkRadius = 2;  // 5x5 window
+/// Few samples that find much light leave small windows that none has hit: they are dark and look free of
+/// noise.
+constexpr int kNoiseRadius = 12;  // 25x25 window
 constexpr float kLargest = 1e34f;
 constexpr float kRounding = 1e-6f;  // of C: what sums of a few floats lose
 
@@ -166,15 +169,16 @@ void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 
   const float unit = MeanMagnitude(film.GetColor(layers::kNoisy), pool);
   if (!(unit > 0)) return;
   const Plane mask = MeasurableMask(film);
-  const Planes means =
-      BoxMeans(MeasureResidual(film, *picture, unit, pool), mask.view(), kShrinkRadius, pool);
-  const Plane& variance = means[0];
+  Planes residual = MeasureResidual(film, *picture, unit, pool);
+  const Planes means = BoxMeans(residual, mask.view(), kShrinkRadius, pool);
+  residual.pop_back();
+  const Planes around = BoxMeans(residual, mask.view(), kNoiseRadius, pool);
   const Plane& square = means[1];
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < film.width(); ++x) {
-        const float noise = kShrink * variance.At(x, y);
+        const float noise = kShrink * std::max(means[0].At(x, y), around[0].At(x, y));
         if (mask.At(x, y) == 0 || !(square.At(x, y) > noise)) continue;
         const float back = 1.0f - noise / square.At(x, y);
         for (size_t c = 0; c < 3; ++c) {

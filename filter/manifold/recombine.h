@@ -32,8 +32,9 @@ std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Produ
                                const Planes& filtered_remainder, TaskPool* pool);
 
 /// Draws F back towards C where the two differ by more than C's noise can explain: F + max(0, 1 - c v / r^2)
-/// (C - F), v and r^2 means over a window of the variance of C's filtered part (from halves) and of (C -
-/// F)^2, c = 4. So F converges to C with the samples. Does nothing where the film has no second half.
+/// (C - F), v and r^2 means over a window of the variance of C's filtered part (from halves; the larger one
+/// of a small window and a wide one) and of (C - F)^2, c = 4. So F converges to C with the samples. Does
+/// nothing where the film has no second half.
 void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 3>* picture);
 
 }  // namespace lumifold::filter

@@ -28,19 +28,18 @@
 namespace lumifold::charts {
 namespace {
 
-constexpr int kTile = 32;
 constexpr uint32_t kPassSamples = 64;
 constexpr char kSecondsKey[] = "lumifold.chart.render_seconds";
 
-Rect TileOf(const FilmSettings& settings, int64_t number) {
-  const int columns = (settings.width + kTile - 1) / kTile;
-  const int x = static_cast<int>(number) % columns * kTile;
-  const int y = static_cast<int>(number) / columns * kTile;
-  return {x, y, std::min(x + kTile, settings.width), std::min(y + kTile, settings.height)};
-}
-
-int64_t TileCount(const FilmSettings& settings) {
-  return int64_t{(settings.width + kTile - 1) / kTile} * ((settings.height + kTile - 1) / kTile);
+/// The frame's tiles, row by row.
+std::vector<Rect> TilesOf(const FilmSettings& settings, TileSize tile) {
+  std::vector<Rect> tiles;
+  for (int y = 0; y < settings.height; y += tile.height) {
+    for (int x = 0; x < settings.width; x += tile.width)
+      tiles.push_back(
+          {x, y, std::min(x + tile.width, settings.width), std::min(y + tile.height, settings.height)});
+  }
+  return tiles;
 }
 
 void RenderTile(const render::Renderer& renderer, const Rect& rect, uint32_t samples,
@@ -64,12 +63,17 @@ absl::StatusOr<FilmSource> FilmSource::Create(const std::string& scene_name,
                                               const std::string& cache_folder) {
   const scenes::SceneEntry* entry = scenes::FindScene(scene_name);
   if (entry == nullptr) return CreateFromFile(scene_name, cache_folder);
-  absl::StatusOr<std::string> bytes = scenes::EncodeGlb(entry->build());
+  return Create(entry->build(), cache_folder);
+}
+
+absl::StatusOr<FilmSource> FilmSource::Create(const scenes::SceneDescription& scene,
+                                              const std::string& cache_folder) {
+  absl::StatusOr<std::string> bytes = scenes::EncodeGlb(scene);
   if (!bytes.ok()) return bytes.status();
   std::error_code error;
   std::filesystem::create_directories(cache_folder, error);
   if (error) return absl::UnavailableError(absl::StrCat(cache_folder, ": ", error.message()));
-  return FilmSource(scene_name, *std::move(bytes), cache_folder);
+  return FilmSource(scene.name, *std::move(bytes), cache_folder);
 }
 
 absl::StatusOr<FilmSource> FilmSource::CreateFromFile(const std::string& name,
@@ -149,18 +153,29 @@ render::RenderSettings FilmSource::SettingsFor(const FilmSettings& settings) con
   return render_settings;
 }
 
-absl::StatusOr<TimedFilm> FilmSource::Render(const FilmSettings& settings, TaskPool* pool) const {
-  const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = LoadScene();
+absl::StatusOr<std::unique_ptr<render::Renderer>> FilmSource::MakeRenderer(
+    const FilmSettings& settings) const {
+  absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = LoadScene();
   if (!scene.ok()) return scene.status();
-  const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
-      render::Renderer::Create(*scene, SettingsFor(settings));
+  return render::Renderer::Create(*std::move(scene), SettingsFor(settings));
+}
+
+absl::StatusOr<TimedFilm> FilmSource::Render(const FilmSettings& settings, TaskPool* pool) const {
+  const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer = MakeRenderer(settings);
   if (!renderer.ok()) return renderer.status();
-  film::FilmBuilder film(settings.width, settings.height);
   const absl::Time start = absl::Now();
-  ParallelFor(pool, TileCount(settings),
-              [&](int64_t i) { RenderTile(**renderer, TileOf(settings, i), settings.samples, &film); });
-  const double seconds = absl::ToDoubleSeconds(absl::Now() - start);
-  return TimedFilm{film.Take(), seconds};
+  EdgedImage film = RenderFilm(**renderer, settings, {}, pool);
+  return TimedFilm{std::move(film), absl::ToDoubleSeconds(absl::Now() - start)};
+}
+
+EdgedImage RenderFilm(const render::Renderer& renderer, const FilmSettings& settings, TileSize tile,
+                      TaskPool* pool) {
+  film::FilmBuilder film(settings.width, settings.height);
+  const std::vector<Rect> tiles = TilesOf(settings, tile);
+  ParallelFor(pool, static_cast<int64_t>(tiles.size()), [&](int64_t i) {
+    RenderTile(renderer, tiles[static_cast<size_t>(i)], settings.samples, &film);
+  });
+  return film.Take();
 }
 
 absl::StatusOr<RenderRates> FilmSource::Rates(int width, int height, TaskPool* pool) const {
@@ -200,9 +215,11 @@ absl::StatusOr<RenderRates> FilmSource::MeasureRates(int width, int height, Task
     if (!renderer.ok()) return renderer.status();
     renderers[radiance_only ? 1 : 0] = *std::move(renderer);
   }
+  const std::vector<Rect> tiles = TilesOf(settings, {});
   const auto seconds_of = [&](auto task) {
     const double start = CpuSeconds();
-    ParallelFor(pool, TileCount(settings), [&](int64_t i) { task(TileOf(settings, i)); });
+    ParallelFor(pool, static_cast<int64_t>(tiles.size()),
+                [&](int64_t i) { task(tiles[static_cast<size_t>(i)]); });
     return CpuSeconds() - start;
   };
   const auto passes_of = [&](const render::Renderer& renderer) {

@@ -7,6 +7,7 @@
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/parallel.h"
+#include "tests/scenes/scene_description.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/scene.h"
 
@@ -42,6 +43,10 @@ class FilmSource {
   /// Errors: kNotFound for a name that is neither; kUnavailable without a cache folder; those of the files.
   static absl::StatusOr<FilmSource> Create(const std::string& scene_name, const std::string& cache_folder);
 
+  /// Of a scene that has no place among those with a name.
+  static absl::StatusOr<FilmSource> Create(const scenes::SceneDescription& scene,
+                                           const std::string& cache_folder);
+
   /// Errors: those of loading and rendering the scene and of the cache's files.
   absl::StatusOr<TimedFilm> Get(const FilmSettings& settings, TaskPool* pool) const;
 
@@ -56,6 +61,9 @@ class FilmSource {
   /// result as Get() keeps films. Errors: as Get().
   absl::StatusOr<RenderRates> Rates(int width, int height, TaskPool* pool) const;
 
+  /// What renders the scene. Errors: those of loading it and of render::Renderer::Create.
+  absl::StatusOr<std::unique_ptr<render::Renderer>> MakeRenderer(const FilmSettings& settings) const;
+
  private:
   FilmSource(std::string name, std::string bytes, std::string cache_folder);
   static absl::StatusOr<FilmSource> CreateFromFile(const std::string& name, const std::string& cache_folder);
@@ -69,5 +77,14 @@ class FilmSource {
   std::shared_ptr<const render::Environment> sky_;  // null: black
   std::string cache_folder_;
 };
+
+struct TileSize {
+  int width = 32;
+  int height = 32;
+};
+
+/// Renders a film in passes and tiles, as a farm would. `renderer` is of the settings' size and seed.
+EdgedImage RenderFilm(const render::Renderer& renderer, const FilmSettings& settings, TileSize tile,
+                      TaskPool* pool);
 
 }  // namespace lumifold::charts

@@ -156,6 +156,10 @@ Json MaterialJson(const Material& material) {
   if (material.specular != 1) {
     json["extensions"]["KHR_materials_specular"]["specularFactor"] = RoundTo(kUnitGrid, material.specular);
   }
+  if (material.transmission > 0) {
+    json["extensions"]["KHR_materials_transmission"]["transmissionFactor"] =
+        RoundTo(kUnitGrid, material.transmission);
+  }
   const double strength = std::max({material.emission.x, material.emission.y, material.emission.z});
   if (strength > 0) {
     json["emissiveFactor"] = JsonVec3(material.emission * (1 / strength), kUnitGrid);

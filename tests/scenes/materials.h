@@ -22,6 +22,11 @@ inline Material Metal(std::string name, Vec3 color, double roughness) {
   return {.name = std::move(name), .base_color = color, .metallic = 1, .roughness = roughness};
 }
 
+/// A thin pane of clear, smooth glass.
+inline Material Glass(std::string name) {
+  return {.name = std::move(name), .base_color = {1, 1, 1}, .roughness = 0, .transmission = 1};
+}
+
 /// A lamp that reflects nothing.
 inline Material Emitter(std::string name, Vec3 radiance) {
   return {.name = std::move(name), .base_color = {0, 0, 0}, .specular = 0, .emission = radiance};

@@ -27,8 +27,9 @@ struct Material {
   Vec3 base_color = {0.8, 0.8, 0.8};
   double metallic = 0;
   double roughness = 1;
-  double specular = 1;  ///< KHR_materials_specular factor; 0 leaves a pure Lambert surface
-  Vec3 emission = {};   ///< emitted radiance, any size; seen from the front side only
+  double specular = 1;      ///< KHR_materials_specular factor; 0 leaves a pure Lambert surface
+  double transmission = 0;  ///< KHR_materials_transmission factor; thin: a pane does not bend light
+  Vec3 emission = {};       ///< emitted radiance, any size; seen from the front side only
   bool double_sided = false;
   std::optional<TextureId> texture = std::nullopt;  ///< multiplied into base_color
   Vec2 texture_size_m = {1, 1};  ///< how much of a surface one repeat of the texture covers

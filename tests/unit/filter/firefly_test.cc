@@ -52,5 +52,13 @@ TEST(Fireflies, AreNotJudgedWithoutHalvesOrOutsideTheMask) {
   EXPECT_TRUE(SuppressFireflies(&halves, nullptr).empty());
 }
 
+TEST(Fireflies, AreNotLookedForInDifferences) {
+  Halves halves = FlatHalves(11, 9, 0.0f);
+  halves.is_difference = true;
+  for (int y = 0; y < 9; ++y) halves.a[1].At(5, y) = 1.0f;  // what an edge says, in a field of zeros
+  EXPECT_TRUE(SuppressFireflies(&halves, nullptr).empty());
+  EXPECT_EQ(halves.a[1].At(5, 4), 1.0f);
+}
+
 }  // namespace
 }  // namespace lumifold::filter

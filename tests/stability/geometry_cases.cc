@@ -1,0 +1,351 @@
+// Shapes that are hard to filter: thin ones, ones at almost the same place, ones seen at a grazing angle.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "filter/metrics/seeds.h"
+#include "tests/stability/case.h"
+
+namespace lumifold::stability {
+namespace {
+
+using Figures = std::vector<double>;
+
+constexpr int kSize = 128;
+constexpr float kMiddle = kSize / 2;
+
+Surface Lit(float direct, float distance = 5) {
+  Surface s;
+  s.direct = Gray(direct);
+  s.distance = distance;
+  return s;
+}
+
+Surface Sky(float emission) {
+  Surface s;
+  s.object = 0;
+  s.emission = Gray(emission);
+  return s;
+}
+
+DrawnFilm Draw(const Drawing& drawing, const Sampling& sampling = {}) {
+  return DrawFilm(kSize, kSize, drawing, sampling);
+}
+
+/// By how much the filter moves the mean of the pixels, over the step between the two lights.
+double Bleed(const Views& v, float step, Where where) {
+  return std::abs(MeanOf(v.filtered, where) - MeanOf(v.noisy, where)) / static_cast<double>(step);
+}
+
+float BesidePole(float x, float y) { return x - kMiddle - 0.03f * (y - kMiddle); }
+
+absl::StatusOr<Finding> Pole(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    if (std::abs(BesidePole(x, y)) > 1) return Lit(0.8f, 10);
+    Surface pole = Lit(0.2f, 4);
+    pole.object = 2;
+    return pole;
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const auto on_pole = [](int x, int y) {
+      return std::abs(BesidePole(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f)) < 1;
+    };
+    return Figures{ErrorLeft(v, on_pole)};
+  });
+}
+
+constexpr float kWireSpacing = 9;
+
+bool IsWire(float x, float y) {
+  const float across = (x + 0.37f * y) / std::sqrt(1 + 0.37f * 0.37f);
+  return std::abs(across - kWireSpacing * std::round(across / kWireSpacing)) < 0.5f;
+}
+
+Surface WireAt(float x, float y) {
+  if (!IsWire(x, y)) return Lit(0.8f, 20);
+  Surface wire = Lit(0.3f, 3);
+  wire.object = 2;
+  wire.normal = {0.8f, 0, 0.6f};
+  wire.albedo = Gray(0.2f);
+  return wire;
+}
+
+absl::StatusOr<Finding> Wires(const Trial& trial) {
+  Sampling sampling;
+  sampling.samples = 64;
+  const Picture by_sub_samples = Draw(WireAt, sampling).truth;  // of 4x4 points, without noise
+  sampling.truth_grid = 16;
+  const DrawnFilm drawn = Draw(WireAt, sampling);
+  return Judge(trial, drawn, [&](const Views& v) {
+    const auto covered = [&](int x, int y) {
+      return by_sub_samples[0].At(x, y) < 0.79f && by_sub_samples[0].At(x, y) > 0.07f;
+    };
+    const double msaa = LinearError(ViewOf(by_sub_samples), v.truth, covered);
+    return Figures{std::sqrt(LinearError(v.filtered, v.truth, covered) / msaa)};
+  });
+}
+
+constexpr float kHorizon = 19.5f;
+
+absl::StatusOr<Finding> GrazingFloor(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    if (y < kHorizon + 0.5f) return Sky(0.7f);
+    const float z = 100 / (y - kHorizon);
+    const float across = (x - kMiddle) * z / 100;
+    Surface s = Lit(0.2f + 0.6f / (1 + z * z / 400) + 0.1f * std::sin(across), z);
+    s.normal = {0, 1, 0};
+    return s;
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    return Figures{ErrorLeft(v, [](int, int y) { return y >= 20 && y < 56; })};
+  });
+}
+
+absl::StatusOr<Finding> ParallelPlanes(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float) {
+    Surface s = x < kMiddle ? Lit(0.8f, 5) : Lit(0.4f, 5.05f);
+    s.object = x < kMiddle ? 1 : 2;
+    return s;
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const double left = Bleed(v, 0.4f, [](int x, int) { return x >= 56 && x < 64; });
+    const double right = Bleed(v, 0.4f, [](int x, int) { return x >= 64 && x < 72; });
+    return Figures{std::max(left, right)};
+  });
+}
+
+absl::StatusOr<Finding> Gap(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float) {
+    if (std::abs(x - kMiddle) < 3) return Sky(0);
+    Surface s = Lit(x < kMiddle ? 0.8f : 0.2f);
+    s.object = x < kMiddle ? 1 : 2;
+    return s;
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const double left = Bleed(v, 0.6f, [](int x, int) { return x >= 53 && x < 61; });
+    const double right = Bleed(v, 0.6f, [](int x, int) { return x >= 67 && x < 75; });
+    return Figures{std::max(left, right)};
+  });
+}
+
+/// What films that differ in their seeds alone have in common, and what not, as displayed.
+struct SeedErrors {
+  metrics::SeedError filtered, noisy;
+};
+
+absl::StatusOr<metrics::SeedError> MeasureWithin(const std::vector<Picture>& pictures, const Picture& truth,
+                                                 const Rect& crop) {
+  const auto within = [&](const Picture& picture) {
+    return ConstColorView{picture[0].view().Crop(crop), picture[1].view().Crop(crop),
+                          picture[2].view().Crop(crop)};
+  };
+  std::vector<ConstColorView> views;
+  for (const Picture& picture : pictures) views.push_back(within(picture));
+  return metrics::MeasureSeeds(views, within(truth));
+}
+
+/// Filters films of `runs` seeds and judges them within `crop`.
+absl::StatusOr<Finding> JudgeSeeds(const Trial& trial, const Drawing& drawing, int runs, const Rect& crop,
+                                   absl::FunctionRef<Figures(const SeedErrors&)> figures) {
+  std::vector<Picture> filtered, noisy;
+  Finding finding;
+  for (int run = 1; run <= runs; ++run) {
+    const DrawnFilm drawn = Draw(drawing, {.seed = static_cast<uint32_t>(run)});
+    absl::StatusOr<Finding> one = Judge(trial, drawn, [](const Views&) { return Figures(); });
+    if (!one.ok()) return one.status();
+    filtered.push_back(CopyOf(ViewOf(one->exhibit.filtered)));
+    noisy.push_back(CopyOf(ViewOf(one->exhibit.noisy)));
+    finding = *std::move(one);
+  }
+  const auto of_filtered = MeasureWithin(filtered, finding.exhibit.truth, crop);
+  if (!of_filtered.ok()) return of_filtered.status();
+  const auto of_noisy = MeasureWithin(noisy, finding.exhibit.truth, crop);
+  if (!of_noisy.ok()) return of_noisy.status();
+  finding.figures = figures({*of_filtered, *of_noisy});
+  return finding;
+}
+
+constexpr float kRadius = 50;
+
+absl::StatusOr<Finding> Sphere(const Trial& trial) {
+  const auto drawing = [](float x, float y) {
+    const float u = (x - kMiddle) / kRadius;
+    const float v = (kMiddle - y) / kRadius;
+    const float square = u * u + v * v;
+    if (square > 1) return Sky(0.3f);
+    const float z = std::sqrt(1 - square);
+    Surface s = Lit(0.1f + 0.7f * std::max(0.0f, 0.48f * u + 0.64f * v + 0.6f * z), 5 - z);
+    s.normal = {u, v, z};
+    return s;
+  };
+  const Rect inside = {34, 34, 94, 94};
+  return JudgeSeeds(trial, drawing, 8, inside, [](const SeedErrors& errors) {
+    return Figures{std::sqrt(std::max(0.0, errors.filtered.bias_squared))};
+  });
+}
+
+absl::StatusOr<Finding> NormalMap(const Trial& trial) {
+  const auto drawing = [](float x, float y) {
+    const bool up = (static_cast<int>(x / 2) + static_cast<int>(y / 2)) % 2 == 0;
+    const float tilt = up ? 0.3f : -0.3f;
+    const float z = std::sqrt(1 - tilt * tilt);
+    Surface s = Lit(0.7f * (0.6f * tilt + 0.8f * z));
+    s.normal = {tilt, 0, z};
+    return s;
+  };
+  return JudgeSeeds(trial, drawing, 4, {0, 0, kSize, kSize}, [](const SeedErrors& errors) {
+    return Figures{errors.filtered.variance / errors.noisy.variance,
+                   std::max(0.0, errors.filtered.bias_squared) / errors.noisy.variance};
+  });
+}
+
+absl::StatusOr<Finding> MixedEdge(const Trial& trial) {
+  Sampling sampling;
+  sampling.samples = 64;
+  const DrawnFilm drawn = DrawFilm(
+      kSize, 256,
+      [](float x, float) {
+        const bool is_white = x < kMiddle + 0.5f;
+        Surface s = Lit(is_white ? 1.0f : 0.1f, is_white ? 2.0f : 3.0f);
+        s.object = is_white ? 1 : 2;
+        s.normal = is_white ? Triple{1, 0, 0} : Triple{0, 1, 0};
+        s.albedo = s.direct;
+        return s;
+      },
+      sampling);
+  return Judge(trial, drawn, [](const Views& v) {
+    const double mean = MeanOf(v.filtered, [](int x, int) { return x == kSize / 2; });
+    return Figures{std::abs(mean - 0.505)};
+  });
+}
+
+absl::StatusOr<Finding> Silhouette(const Trial& trial) {
+  const auto is_sky = [](float x, float y) { return y < kMiddle + 20 * std::sin(x / 9); };
+  const DrawnFilm drawn = Draw([&](float x, float y) { return is_sky(x, y) ? Sky(0.7f) : Lit(0.3f); });
+  return Judge(trial, drawn, [&](const Views& v) {
+    int touched = 0;
+    for (int y = 0; y < kSize; ++y) {
+      for (int x = 0; x < kSize; ++x) {
+        const bool is_whole = drawn.film.pixels.Get("A").At(x, y) == 0;
+        touched += is_whole && v.filtered[1].At(x, y) != v.noisy[1].At(x, y) ? 1 : 0;
+      }
+    }
+    return Figures{static_cast<double>(touched)};
+  });
+}
+
+constexpr int kRods = 6;
+
+/// The rod at a point, 1 to kRods from thin to thick, or 0.
+int RodAt(float x, float y) {
+  for (int rod = 1; rod <= kRods; ++rod) {
+    const auto r = static_cast<float>(rod);
+    const float slope = 0.25f * (r - 3.5f);
+    const float across = (x - 18 * r - slope * (y - kMiddle)) / std::sqrt(1 + slope * slope);
+    if (std::abs(across) < 0.25f * r) return rod;
+  }
+  return 0;
+}
+
+absl::StatusOr<Finding> Rods(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    if (const int rod = RodAt(x, y); rod > 0) {
+      Surface s = Lit(0.15f + 0.1f * static_cast<float>(rod), 2);
+      s.object = 1 + rod;
+      s.normal = {0.6f, 0, 0.8f};
+      s.albedo = {0.8f, 0.5f, 0.3f};
+      return s;
+    }
+    const bool is_dark = std::sin(x / 4) * std::sin(y / 5) > 0;
+    Surface far = Lit(y < kMiddle ? 0.9f : 0.4f, 200);
+    far.albedo = is_dark ? Triple{0.2f, 0.3f, 0.4f} : Triple{0.8f, 0.8f, 0.7f};
+    return far;
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const auto on_rod = [](int x, int y) {
+      return RodAt(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f) > 0;
+    };
+    return Figures{ErrorLeft(v, on_rod), ErrorLeft(v)};
+  });
+}
+
+}  // namespace
+
+std::vector<Case> GeometryCases() {
+  return {
+      {6,
+       "pole",
+       "a pole 2 px wide before a brighter wall: error left on it",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.1}},
+       Pole},
+      {7,
+       "wires",
+       "wires 1 px wide: RMS error on them over that of 16 noise-free sub-samples",
+       "128x128, 64 spp",
+       "",
+       {{"over MSAA", 2}},
+       Wires},
+      {8,
+       "grazing floor",
+       "a floor that runs to the horizon: error left in its far third",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.1}},
+       GrazingFloor},
+      {9,
+       "parallel planes",
+       "two planes 1 % of their distance apart, light 2:1: shift of the mean of 8 px on either side, over "
+       "the step",
+       "128x128, 16 spp",
+       "",
+       {{"bleed", 0.02}},
+       ParallelPlanes},
+      {10,
+       "gap",
+       "two boards in one plane, light 4:1, 6 px of sky between: shift of the mean of 8 px on either side, "
+       "over the step",
+       "128x128, 16 spp",
+       "",
+       {{"bleed", 0.05}},
+       Gap},
+      {11,
+       "sphere",
+       "a smooth sphere, 8 seeds: RMS bias in 8-bit steps",
+       "128x128, 16 spp",
+       "",
+       {{"bias", 1}},
+       Sphere},
+      {12,
+       "normal map",
+       "normals that turn by 35 degrees every 2 px, 4 seeds: variance and bias^2 over the noisy variance",
+       "128x128, 16 spp",
+       "",
+       {{"variance", 0.3}, {"bias^2", 0.3}},
+       NormalMap},
+      {13,
+       "mixed edge",
+       "a column half lit white, half shaded dark: distance of its mean from 0.505",
+       "128x256, 64 spp",
+       "",
+       {{"off", 0.01}},
+       MixedEdge},
+      {14,
+       "silhouette",
+       "ground before sky: sky pixels that are not the input to the last bit",
+       "128x128, 16 spp",
+       "",
+       {{"touched", 0}},
+       Silhouette},
+      {37,
+       "thin rods",
+       "rods 0.5 to 3 px wide before a far, textured background: error left on them, of the whole picture",
+       "128x128, 16 spp",
+       "",
+       {{"on rods", 0.3}, {"whole", 0.2}},
+       Rods},
+  };
+}
+
+}  // namespace lumifold::stability

@@ -1,0 +1,173 @@
+// What must not change a picture: how it is cut into tiles, who computes it, the unit of light, left and
+// right.
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "tests/stability/case.h"
+#include "tests/stability/drawings.h"
+#include "tests/stability/test_scenes.h"
+#include "tests/support/shuffling_pool.h"
+
+namespace lumifold::stability {
+namespace {
+
+using Figures = std::vector<double>;
+
+bool Everywhere(int, int) { return true; }
+
+absl::StatusOr<Finding> Tiles(const Trial& trial) {
+  const auto scene = std::make_shared<const scenes::SceneDescription>(MirrorRoom());
+  const charts::FilmSettings settings = {.width = 67, .height = 45, .samples = 8, .seed = 1};
+  absl::StatusOr<RenderedFilm> whole = trial.films.Get(scene, settings, trial.pool);
+  if (!whole.ok()) return whole.status();
+  absl::StatusOr<Picture> expected = trial.Filter(whole->subject());
+  if (!expected.ok()) return expected.status();
+  int different = 0;
+  for (const charts::TileSize tile : {charts::TileSize{64, 64}, {7, 3}, {1, 1}}) {
+    const absl::StatusOr<EdgedImage> cut = trial.films.RenderInTiles(*scene, settings, tile, trial.pool);
+    if (!cut.ok()) return cut.status();
+    const absl::StatusOr<Picture> picture = trial.Filter({*cut, scene.get(), settings});
+    if (!picture.ok()) return picture.status();
+    different += CountDifferent(ViewOf(*picture), ViewOf(*expected));
+  }
+  Finding finding;
+  finding.figures = {static_cast<double>(different)};
+  const ConstColorView noisy = std::as_const(whole->film.pixels).GetColor(layers::kNoisy);
+  finding.exhibit = {CopyOf(noisy), CopyOf(ViewOf(*expected)), *std::move(expected)};
+  return finding;
+}
+
+absl::StatusOr<Finding> Threads(const Trial& trial) {
+  const DrawnFilm drawn = DrawFilm(131, 97, RoomDrawing(131, 97), {});
+  return Judge(trial, drawn, [&](const Views& v) {
+    std::vector<std::unique_ptr<TaskPool>> pools;
+    for (const int threads : {1, 2, 3, 16}) pools.push_back(MakeTaskPool(threads));
+    pools.push_back(std::make_unique<ShufflingPool>(7));
+    pools.push_back(nullptr);
+    int different = 0;
+    for (const std::unique_ptr<TaskPool>& pool : pools) {
+      const absl::StatusOr<Picture> picture = trial.FilterOn(pool.get(), {drawn.film});
+      different += picture.ok() ? CountDifferent(ViewOf(*picture), v.filtered) : 131 * 97;
+    }
+    return Figures{static_cast<double>(different)};
+  });
+}
+
+void MultiplyLight(float factor, LayeredImage* image) {
+  for (LayeredImage::Channel& channel : image->channels()) {
+    const auto is_of = [&](std::string_view layer) { return channel.name.starts_with(layer); };
+    if (!std::any_of(layers::kHalved.begin(), layers::kHalved.end(), is_of) && !is_of(layers::kEmission))
+      continue;
+    for (int y = 0; y < image->height(); ++y) {
+      for (int x = 0; x < image->width(); ++x) channel.plane.At(x, y) *= factor;
+    }
+  }
+}
+
+Picture Times(float factor, const ConstColorView& color) {
+  Picture product = CopyOf(color);
+  for (Plane& plane : product) {
+    for (int y = 0; y < plane.height(); ++y) {
+      for (int x = 0; x < plane.width(); ++x) plane.At(x, y) *= factor;
+    }
+  }
+  return product;
+}
+
+absl::StatusOr<Finding> DarkRoom(const Trial& trial) {
+  DrawnFilm drawn = DrawFilm(128, 96, RoomDrawing(128, 96), {});
+  DrawnFilm dark = DrawFilm(128, 96, RoomDrawing(128, 96), {});
+  MultiplyLight(1e-6f, &dark.film.pixels);
+  MultiplyLight(1e-6f, &dark.film.edges);
+  const absl::StatusOr<Picture> picture = trial.Filter({dark.film});
+  if (!picture.ok()) return picture.status();
+  const Picture brightened = Times(1e6f, ViewOf(*picture));
+  return Judge(trial, drawn, [&](const Views& v) {
+    return Figures{LargestRelativeDifference(ViewOf(brightened), v.filtered, Everywhere)};
+  });
+}
+
+/// Left for right: pixels, normals, and sub-samples within their pixels.
+void Mirror(Plane* plane) {
+  for (int y = 0; y < plane->height(); ++y) std::reverse(plane->Row(y), plane->Row(y) + plane->width());
+}
+
+void MirrorFilm(EdgedImage* film) {
+  for (LayeredImage::Channel& channel : film->pixels.channels()) Mirror(&channel.plane);
+  LayeredImage& edges = film->edges;
+  const int width = film->pixels.width();
+  for (LayeredImage::Channel& channel : edges.channels()) {
+    for (int row = 0; row < edges.height(); ++row) {
+      float* values = channel.plane.Row(row);
+      for (int j = 0; j < kSubSamples; j += 4) std::reverse(values + j, values + j + 4);
+    }
+  }
+  for (LayeredImage* image : {&film->pixels, &edges}) {
+    if (!image->Has(layers::kNormalX)) continue;
+    const FloatView normal = image->Get(layers::kNormalX);
+    for (int y = 0; y < image->height(); ++y) {
+      for (int x = 0; x < image->width(); ++x) normal.At(x, y) = -normal.At(x, y);
+    }
+  }
+  if (edges.height() == 0) return;
+  const FloatView place = edges.Get(layers::kPixelX);
+  for (int row = 0; row < edges.height(); ++row) {
+    for (int j = 0; j < kSubSamples; ++j) place.At(j, row) = static_cast<float>(width - 1) - place.At(j, row);
+  }
+}
+
+absl::StatusOr<Finding> Mirrored(const Trial& trial) {
+  constexpr int kSize = 128;
+  const DrawnFilm drawn = DrawFilm(kSize, kSize, RoomDrawing(kSize, kSize), {});
+  DrawnFilm other = DrawFilm(kSize, kSize, RoomDrawing(kSize, kSize), {});
+  MirrorFilm(&other.film);
+  absl::StatusOr<Picture> mirrored = trial.Filter({other.film});
+  if (!mirrored.ok()) return mirrored.status();
+  for (Plane& plane : *mirrored) Mirror(&plane);
+  return Judge(trial, drawn, [&](const Views& v) {
+    return Figures{LargestRelativeDifference(ViewOf(*mirrored), v.filtered, Everywhere),
+                   DisplayError(ViewOf(*mirrored), v.filtered, Everywhere) /
+                       DisplayError(v.filtered, v.truth, Everywhere)};
+  });
+}
+
+}  // namespace
+
+std::vector<Case> InvarianceCases() {
+  return {
+      {25,
+       "tiles",
+       "a room with a mirror rendered in tiles of 32, 64, 7x3 and 1x1: pixels that differ after the filter",
+       "67x45, 8 spp",
+       "",
+       {{"different", 0}},
+       Tiles},
+      {26,
+       "threads",
+       "one film on 1, 2, 3 and 16 threads, in shuffled order and on none: pixels that differ",
+       "131x97, 16 spp",
+       "",
+       {{"different", 0}},
+       Threads},
+      {30,
+       "dark room",
+       "a film a million times darker, its result a million times brighter: largest relative difference",
+       "128x96, 16 spp",
+       "",
+       {{"difference", 1e-4}},
+       DarkRoom},
+      {31,
+       "mirrored film",
+       "left for right: largest relative difference, mean square difference over the error",
+       "128x128, 16 spp",
+       "",
+       {{"largest", 1e-4}, {"mean", 1e-4}},
+       Mirrored},
+  };
+}
+
+}  // namespace lumifold::stability

@@ -1,0 +1,254 @@
+// Light that is hard to filter: borders that geometry does not show, sources much brighter than what they
+// light.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "tests/stability/case.h"
+
+namespace lumifold::stability {
+namespace {
+
+using Figures = std::vector<double>;
+
+constexpr int kSize = 128;
+constexpr float kMiddle = kSize / 2;
+
+bool Everywhere(int, int) { return true; }
+
+Surface Lit(const Triple& direct, const Triple& indirect = Gray(0)) {
+  Surface s;
+  s.direct = direct;
+  s.indirect = indirect;
+  return s;
+}
+
+DrawnFilm Draw(const Drawing& drawing, const Sampling& sampling = {}) {
+  return DrawFilm(kSize, kSize, drawing, sampling);
+}
+
+/// From the middle of the pixel (x, y) to a line that leans a little, to its right positive.
+float BesideLine(float x, float y) { return (x - kMiddle + 0.3f * (y - kMiddle)) / std::sqrt(1.09f); }
+float PixelBesideLine(int x, int y) {
+  return BesideLine(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f);
+}
+
+absl::StatusOr<Finding> ConstantLight(const Trial& trial) {
+  const DrawnFilm drawn = DrawFilm(256, 256, [](float, float) { return Lit(Gray(0.5f)); }, {});
+  return Judge(trial, drawn, [](const Views& v) { return Figures{ErrorLeft(v)}; });
+}
+
+absl::StatusOr<Finding> HardShadow(const Trial& trial) {
+  const DrawnFilm drawn =
+      Draw([](float x, float y) { return Lit(Gray(BesideLine(x, y) < 0 ? 0.05f : 0.8f)); });
+  return Judge(trial, drawn, [](const Views& v) {
+    const auto near = [](int x, int y) { return std::abs(PixelBesideLine(x, y)) < 4; };
+    constexpr float kReach = 16;
+    const double wider =
+        EdgeWidth(v.filtered[1], kReach, PixelBesideLine) - EdgeWidth(v.truth[1], kReach, PixelBesideLine);
+    return Figures{ErrorLeft(v, near), wider};
+  });
+}
+
+/// The largest difference between neighbouring columns' means over that of the truth, on the ramp.
+double LargestStep(const ConstFloatView& picture, const ConstFloatView& truth, int x0, int x1) {
+  const auto mean = [](const ConstFloatView& plane, int x) {
+    double sum = 0;
+    for (int y = 0; y < plane.height(); ++y) sum += static_cast<double>(plane.At(x, y));
+    return sum;
+  };
+  double largest = 0;
+  for (int x = x0; x + 1 < x1; ++x) {
+    const double expected = mean(truth, x + 1) - mean(truth, x);
+    largest = std::max(largest, (mean(picture, x + 1) - mean(picture, x)) / expected);
+  }
+  return largest;
+}
+
+absl::StatusOr<Finding> Penumbra(const Trial& trial) {
+  const DrawnFilm drawn =
+      Draw([](float x, float) { return Lit(Gray(0.05f + 0.75f * std::clamp((x - 24) / 80, 0.0f, 1.0f))); });
+  return Judge(trial, drawn, [](const Views& v) {
+    return Figures{ErrorLeft(v), LargestStep(v.filtered[1], v.truth[1], 26, 102)};
+  });
+}
+
+constexpr float kLampRadius = 10;
+
+float FromMiddle(int x, int y) {
+  return std::hypot(static_cast<float>(x) + 0.5f - kMiddle, static_cast<float>(y) + 0.5f - kMiddle);
+}
+
+absl::StatusOr<Finding> LampOnWall(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    Surface s = Lit(Gray(0.5f));
+    if (std::hypot(x - kMiddle, y - kMiddle) > kLampRadius) return s;
+    s.object = 2;
+    s.has_diffuse = false;
+    s.emission = Gray(1000);
+    return s;
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const auto ring = [](int x, int y) {
+      return FromMiddle(x, y) > kLampRadius + 1 && FromMiddle(x, y) < kLampRadius + 9;
+    };
+    return Figures{std::abs(DisplayShift(v.filtered, v.truth, ring)), ErrorLeft(v, ring)};
+  });
+}
+
+absl::StatusOr<Finding> Fireflies(const Trial& trial) {
+  Sampling sampling;
+  sampling.spike_chance = 1e-4;
+  sampling.spike_factor = 1000;
+  DrawnFilm drawn = DrawFilm(
+      256, 256, [](float x, float) { return Lit(Gray(0.2f + x / 512)); }, sampling);
+  return Judge(trial, drawn, [](const Views& v) {
+    const double left =
+        LinearError(v.filtered, v.truth, Everywhere) / LinearError(v.noisy, v.truth, Everywhere);
+    return Figures{left, 100 * MeanOf(v.filtered, Everywhere) / MeanOf(v.noisy, Everywhere)};
+  });
+}
+
+float BesideCaustic(float x, float y) { return y - kMiddle - 20 * std::sin(x / 20); }
+
+absl::StatusOr<Finding> Caustic(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    const float d = BesideCaustic(x, y);
+    return Lit(Gray(0.2f), Gray(0.05f + 0.6f * std::exp(-d * d / 4.5f)));
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const auto crest = [](int x, int y) {
+      return std::abs(BesideCaustic(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f)) < 0.5f;
+    };
+    return Figures{100 * MeanOf(v.filtered, crest) / MeanOf(v.truth, crest), ErrorLeft(v)};
+  });
+}
+
+absl::StatusOr<Finding> Projector(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    const float waves = 0.5f + 0.2f * std::sin(x / 3) + 0.2f * std::sin((x + 2 * y) / 5);
+    const bool is_bright = (static_cast<int>(x / 8) + static_cast<int>(y / 8)) % 2 == 0;
+    const float light = is_bright ? waves : 0.3f * waves;
+    return Lit({light, 0.8f * light, 0.6f * light});
+  });
+  return Judge(trial, drawn, [](const Views& v) { return Figures{ErrorLeft(v)}; });
+}
+
+absl::StatusOr<Finding> ColoredLight(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    return BesideLine(x, y) < 0 ? Lit({0.6f, 0, 0}) : Lit({0, 0, 0.6f});
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const auto left = [](int x, int y) { return PixelBesideLine(x, y) < -1; };
+    const auto right = [](int x, int y) { return PixelBesideLine(x, y) > 1; };
+    const double shift = std::max(DeltaE(v.filtered, v.truth, left), DeltaE(v.filtered, v.truth, right));
+    return Figures{shift, static_cast<double>(CountNotFinite(v.filtered))};
+  });
+}
+
+absl::StatusOr<Finding> UnlikeLights(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    return Lit(Gray(std::hypot(x - kMiddle, y - kMiddle) < kLampRadius ? 500.0f : 0.05f));
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const auto dark = [](int x, int y) { return FromMiddle(x, y) > kLampRadius + 1; };
+    return Figures{ErrorLeft(v, dark), std::abs(DisplayShift(v.filtered, v.truth, dark))};
+  });
+}
+
+absl::StatusOr<Finding> ThinWall(const Trial& trial) {
+  const DrawnFilm drawn = Draw([](float x, float y) {
+    const float d = BesideLine(x, y);
+    Surface s = Lit(Gray(d < 0 ? 0.9f : 0.004f));
+    s.normal = {0, 1, 0};
+    if (std::abs(d) > 1) return s;
+    s.object = 2;
+    s.normal = {0, 0, 1};
+    s.direct = Gray(0.3f);
+    return s;
+  });
+  return Judge(trial, drawn, [](const Views& v) {
+    const auto behind = [](int x, int y) { return PixelBesideLine(x, y) > 2 && PixelBesideLine(x, y) < 14; };
+    return Figures{std::abs(DisplayShift(v.filtered, v.truth, behind)), ErrorLeft(v, behind)};
+  });
+}
+
+}  // namespace
+
+std::vector<Case> LightCases() {
+  return {
+      {1,
+       "constant light",
+       "one lit plane, noise alone: error left",
+       "256x256, 16 spp",
+       "",
+       {{"error", 0.02}},
+       ConstantLight},
+      {4,
+       "hard shadow",
+       "a shadow's border on one plane, 16:1: error left within 4 px, 10-90 % width over the truth's, px",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.3}, {"wider", 1}},
+       HardShadow},
+      {5,
+       "penumbra",
+       "a ramp over 80 px: error left, largest step between columns over the true one",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.05}, {"step", 2}},
+       Penumbra},
+      {15,
+       "lamp on a wall",
+       "an emitter of 1000 on a wall of 0.5: shift of the 8 px round it in 8-bit steps, error left there",
+       "128x128, 16 spp",
+       "",
+       {{"shift", 1}, {"error", 0.1}},
+       LampOnWall},
+      {16,
+       "fireflies",
+       "spikes of 1000 in 1 of 10,000 half pixels: squared error left in light, light kept in %",
+       "256x256, 16 spp",
+       "",
+       {{"error", 0.05}, {"kept", 98, true}},
+       Fireflies},
+      {17,
+       "caustic",
+       "a curve of light 3 px wide: its crest kept in %, error left",
+       "128x128, 16 spp",
+       "",
+       {{"crest", 80, true}, {"error", 0.3}},
+       Caustic},
+      {18,
+       "projector",
+       "light with a picture in it on one plane: error left",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.5}},
+       Projector},
+      {29,
+       "coloured light",
+       "red light beside blue light: colour shift of either side (CIE 1976), pixels not finite",
+       "128x128, 16 spp",
+       "",
+       {{"shift", 1}, {"bad", 0}},
+       ColoredLight},
+      {35,
+       "lights of 10,000:1",
+       "a spot of 500 on a plane of 0.05: error left in the dark, its shift in 8-bit steps",
+       "128x128, 16 spp",
+       "",
+       {{"error", 0.1}, {"shift", 1}},
+       UnlikeLights},
+      {36,
+       "light leak",
+       "a dark floor behind a wall 2 px thin, a bright one before it: shift of the first 12 px in 8-bit "
+       "steps, error left there",
+       "128x128, 16 spp",
+       "",
+       {{"shift", 1}, {"error", 0.1}},
+       ThinWall},
+  };
+}
+
+}  // namespace lumifold::stability

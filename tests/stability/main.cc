@@ -1,0 +1,175 @@
+// Runs every method through every case in which filters are known to fail.
+//
+//   lumifold-stability                            all of it, as a table on stdout
+//   lumifold-stability --column default           our method alone: what the gate runs
+//   lumifold-stability --output docs/results      writes stability.md and stability.csv
+//   lumifold-stability --crop 6:paper out.png     a cell to look at: noisy, filtered, truth, side by side
+//
+// Fails where our default method fails a case that it is not known to fail, or one that it is by more.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "filter/image/png_io.h"
+#include "tests/stability/case.h"
+#include "tests/stability/columns.h"
+#include "tests/stability/report.h"
+
+namespace lumifold::stability {
+namespace {
+
+// Exit codes; 0 is success.
+constexpr int kFailure = 1;
+constexpr int kUsageError = 2;
+
+constexpr char kOurs[] = "default";
+
+struct Options {
+  std::vector<std::string> columns;
+  std::vector<int> cases;
+  std::vector<std::string> crop;  // CASE:METHOD and a file
+  std::string output;
+  std::string about = "commit, machine and date not said";
+  std::string cache = "lumifold-stability-cache";
+  int threads = 1;
+};
+
+absl::StatusOr<Cell> RunCell(const Case& c, const Trial& trial) {
+  Cell cell{&c, trial.column.name, {}, ""};
+  absl::StatusOr<Finding> finding = c.run(trial);
+  if (absl::IsUnimplemented(finding.status())) {
+    cell.not_applicable = std::string(finding.status().message());
+    return cell;
+  }
+  if (!finding.ok()) {
+    return absl::Status(finding.status().code(), absl::StrCat("case ", c.number, ", ", trial.column.name,
+                                                              ": ", finding.status().message()));
+  }
+  cell.figures = std::move(finding->figures);
+  return cell;
+}
+
+bool IsAsked(const Options& options, const Case& c) {
+  return options.cases.empty() ||
+         std::find(options.cases.begin(), options.cases.end(), c.number) != options.cases.end();
+}
+
+absl::StatusOr<std::vector<Cell>> RunAll(const Options& options, const FilmStore& films, TaskPool* pool) {
+  std::vector<Cell> cells;
+  for (const Case& c : AllCases()) {
+    if (!IsAsked(options, c)) continue;
+    std::printf("%d %s:", c.number, c.name.c_str());
+    for (const std::string& name : options.columns) {
+      absl::StatusOr<Cell> cell = RunCell(c, {*FindColumn(name), films, pool});
+      if (!cell.ok()) return cell.status();
+      std::printf("  %s %s", name.c_str(), FormatCell(*cell).c_str());
+      std::fflush(stdout);
+      cells.push_back(*std::move(cell));
+    }
+    std::printf("\n");
+  }
+  return cells;
+}
+
+absl::Status RunMatrix(const Options& options, const FilmStore& films, TaskPool* pool) {
+  const absl::StatusOr<std::vector<Cell>> cells = RunAll(options, films, pool);
+  if (!cells.ok()) return cells.status();
+  if (!options.output.empty()) {
+    const absl::Status status = WriteReport(options.output, options.about, options.columns, *cells);
+    if (!status.ok()) return status;
+  }
+  std::string wrong;
+  for (const Cell& cell : *cells) {
+    if (cell.column != kOurs) continue;
+    if (const std::string regression = Regression(cell); !regression.empty())
+      absl::StrAppend(&wrong, "\n  ", regression);
+  }
+  return wrong.empty() ? absl::OkStatus() : absl::InternalError(absl::StrCat("our method fails:", wrong));
+}
+
+/// The pictures one beside the other, with a gap between.
+LayeredImage SideBySide(const Exhibit& exhibit) {
+  constexpr int kGap = 4;
+  const ConstColorView whole = ViewOf(exhibit.truth);
+  const Rect crop = exhibit.crop.IsEmpty() ? Rect{0, 0, whole[0].width(), whole[0].height()} : exhibit.crop;
+  LayeredImage sheet(3 * crop.width() + 2 * kGap, crop.height());
+  const ColorView out = sheet.AddColor("");
+  int left = 0;
+  for (const Picture* picture : {&exhibit.noisy, &exhibit.filtered, &exhibit.truth}) {
+    for (size_t c = 0; c < 3; ++c) {
+      CopyPlane((*picture)[c].view().Crop(crop), out[c].Crop({left, 0, left + crop.width(), crop.height()}));
+    }
+    left += crop.width() + kGap;
+  }
+  return sheet;
+}
+
+absl::Status Crop(const Options& options, const FilmStore& films, TaskPool* pool) {
+  const std::vector<std::string> cell = absl::StrSplit(options.crop[0], ':');
+  int number = 0;
+  const Column* column = cell.size() == 2 ? FindColumn(cell[1]) : nullptr;
+  const std::vector<Case>& all = AllCases();
+  const auto found = std::find_if(all.begin(), all.end(), [&](const Case& c) {
+    return absl::SimpleAtoi(cell[0], &number) && c.number == number;
+  });
+  if (column == nullptr || found == all.end())
+    return absl::InvalidArgumentError(absl::StrCat("there is no cell ", options.crop[0]));
+  const absl::StatusOr<Finding> finding = found->run({*column, films, pool});
+  if (!finding.ok()) return finding.status();
+  const LayeredImage sheet = SideBySide(finding->exhibit);
+  return WritePng(options.crop[1], sheet.GetColor(""));
+}
+
+absl::Status Run(Options options) {
+  if (options.columns.empty()) {
+    for (const Column& column : AllColumns()) options.columns.push_back(column.name);
+  }
+  for (const std::string& name : options.columns) {
+    if (FindColumn(name) == nullptr)
+      return absl::InvalidArgumentError(absl::StrCat("no column is named '", name, "'"));
+  }
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(options.threads);
+  const FilmStore films(options.cache);
+  return options.crop.empty() ? RunMatrix(options, films, pool.get()) : Crop(options, films, pool.get());
+}
+
+int Main(int argc, char** argv) {
+  Options options;
+  options.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  CLI::App app(
+      "Runs every method through every case in which filters are known to fail.\n"
+      "Exit codes: 0 done, 1 our own method does worse than it should, 2 wrong usage.",
+      "lumifold-stability");
+  app.add_option("--column", options.columns, "Methods, such as default,paper (default: all)")
+      ->delimiter(',');
+  app.add_option("--case", options.cases, "Numbers of cases (default: all)")->delimiter(',');
+  app.add_option("--crop", options.crop, "CASE:METHOD FILE: writes that cell's pictures as PNG")->expected(2);
+  app.add_option("--output", options.output, "Folder for stability.md and stability.csv");
+  app.add_option("--about", options.about, "Commit, machine and date, for the page");
+  app.add_option("--cache", options.cache, "Folder that keeps films (default lumifold-stability-cache)");
+  app.add_option("--threads", options.threads, "Threads (default: all)")->check(CLI::Range(1, 4096));
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& wrong) {
+    return app.exit(wrong) == 0 ? 0 : kUsageError;
+  }
+  const absl::Status status = Run(options);
+  if (status.ok()) return 0;
+  std::fprintf(stderr, "lumifold-stability: %s\n", std::string(status.message()).c_str());
+  return absl::IsInvalidArgument(status) ? kUsageError : kFailure;
+}
+
+}  // namespace
+}  // namespace lumifold::stability
+
+int main(int argc, char** argv) { return lumifold::stability::Main(argc, argv); }

@@ -1,0 +1,284 @@
+// Surfaces that are hard to filter: textures, blackness, mirrors, glass, metal. Most are rendered.
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "filter/metrics/flip.h"
+#include "tests/stability/case.h"
+#include "tests/stability/test_scenes.h"
+
+namespace lumifold::stability {
+namespace {
+
+using Figures = std::vector<double>;
+using scenes::SceneDescription;
+
+constexpr int kSize = 128;
+constexpr int kWidth = 96;
+constexpr int kHeight = 72;
+
+bool Everywhere(int, int) { return true; }
+
+absl::StatusOr<Finding> PixelChequer(const Trial& trial) {
+  const auto shade = [](float x, float y) {
+    return (static_cast<int>(x) + static_cast<int>(y)) % 2 == 0 ? 0.9f : 0.1f;
+  };
+  const auto drawing = [&](bool textured) {
+    return [=](float x, float y) {
+      Surface s;
+      s.direct = Gray(0.6f);
+      if (textured) s.albedo = Gray(shade(x, y));
+      return s;
+    };
+  };
+  const DrawnFilm flat = DrawFilm(kSize, kSize, drawing(false), {});
+  absl::StatusOr<Picture> expected = trial.Filter({flat.film});
+  if (!expected.ok()) return expected.status();
+  for (Plane& plane : *expected) {
+    for (int y = 0; y < kSize; ++y) {
+      for (int x = 0; x < kSize; ++x) plane.At(x, y) *= shade(static_cast<float>(x), static_cast<float>(y));
+    }
+  }
+  return Judge(trial, DrawFilm(kSize, kSize, drawing(true), {}), [&](const Views& v) {
+    return Figures{LinearError(v.filtered, ViewOf(*expected), Everywhere)};
+  });
+}
+
+absl::StatusOr<Finding> BlackStripes(const Trial& trial) {
+  const auto is_black = [](int x, int) { return x / 4 % 2 == 0; };
+  const auto is_white = [&](int x, int y) { return !is_black(x, y); };
+  const DrawnFilm drawn = DrawFilm(kSize, kSize,
+                                   [&](float x, float y) {
+                                     Surface s;
+                                     s.direct = Gray(0.8f);
+                                     s.has_diffuse = !is_black(static_cast<int>(x), static_cast<int>(y));
+                                     return s;
+                                   },
+                                   {});
+  return Judge(trial, drawn, [&](const Views& v) {
+    const double into_black = std::abs(MeanOf(v.filtered, is_black)) / 0.8;
+    const double from_white = std::abs(MeanOf(v.filtered, is_white) - MeanOf(v.noisy, is_white)) / 0.8;
+    return Figures{static_cast<double>(CountNotFinite(v.filtered)), std::max(into_black, from_white)};
+  });
+}
+
+/// What a rendered film gives to judge by.
+struct Rendered {
+  Views views;
+  const LayeredImage& film;
+  ConstColorView reference_a, reference_b;
+
+  /// Error left, the reference's own noise (a quarter of its halves' squared difference) taken off both.
+  double Left(Where where) const {
+    const double own = DisplayError(reference_a, reference_b, where) / 4;
+    return (DisplayError(views.filtered, views.truth, where) - own) /
+           (DisplayError(views.noisy, views.truth, where) - own);
+  }
+  /// Whether most of the pixel shows a level.
+  bool Shows(layers::Level level, int x, int y) const {
+    const std::string mask = layers::OfLevel(level, layers::kMask);
+    return film.Has(mask) && film.Get(mask).At(x, y) > 0.5f;
+  }
+};
+
+absl::StatusOr<Finding> JudgeScene(const Trial& trial, SceneDescription (*build)(), uint32_t samples,
+                                   uint32_t reference_samples,
+                                   absl::FunctionRef<Figures(const Rendered&)> figures) {
+  const auto scene = std::make_shared<const SceneDescription>(build());
+  const absl::StatusOr<JudgedFilm> judged =
+      trial.films.GetJudged(scene, {.width = kWidth, .height = kHeight, .samples = samples, .seed = 1},
+                            reference_samples, trial.pool);
+  if (!judged.ok()) return judged.status();
+  absl::StatusOr<Picture> filtered = trial.Filter(judged->rendered.subject());
+  if (!filtered.ok()) return filtered.status();
+  const LayeredImage& film = judged->rendered.film.pixels;
+  const LayeredImage& reference = judged->reference.pixels;
+  const Views views = {ViewOf(*filtered), film.GetColor(layers::kNoisy), reference.GetColor(layers::kNoisy)};
+  Finding finding;
+  finding.figures = figures({views, film, reference.GetColor(layers::HalfA(layers::kNoisy)),
+                             reference.GetColor(layers::HalfB(layers::kNoisy))});
+  finding.exhibit = {CopyOf(views.noisy), *std::move(filtered), CopyOf(views.truth)};
+  return finding;
+}
+
+constexpr layers::Level kInMirror = {layers::Branch::kReflection, 1};
+constexpr layers::Level kBehindGlass = {layers::Branch::kTransmission, 1};
+
+absl::StatusOr<Finding> FlatMirror(const Trial& trial) {
+  return JudgeScene(trial, MirrorRoom, 16, 1024, [](const Rendered& r) {
+    return Figures{r.Left([&](int x, int y) { return r.Shows(kInMirror, x, y); })};
+  });
+}
+
+absl::StatusOr<Finding> CurvedMirror(const Trial& trial) {
+  return JudgeScene(trial, MirrorSphereRoom, 16, 1024, [](const Rendered& r) {
+    return Figures{r.Left([&](int x, int y) { return r.Shows(kInMirror, x, y); })};
+  });
+}
+
+absl::StatusOr<Finding> FacingMirrors(const Trial& trial) {
+  return JudgeScene(trial, FacingMirrorsRoom, 16, 1024, [](const Rendered& r) {
+    const auto deep = [&](int x, int y) { return r.Shows({layers::Branch::kReflection, 2}, x, y); };
+    return Figures{r.Left([&](int x, int y) { return r.Shows(kInMirror, x, y); }), r.Left(deep)};
+  });
+}
+
+absl::StatusOr<Finding> GlassBeforeChequer(const Trial& trial) {
+  return JudgeScene(trial, GlassRoom, 16, 1024, [](const Rendered& r) {
+    const auto behind = [&](int x, int y) { return r.Shows(kBehindGlass, x, y); };
+    return Figures{metrics::Flip(r.views.filtered, r.views.truth), r.Left(behind)};
+  });
+}
+
+absl::StatusOr<Finding> RoughnessRamp(const Trial& trial) {
+  return JudgeScene(trial, RoughnessRoom, 16, 2048, [](const Rendered& r) {
+    std::vector<double> left;
+    for (int panel = 0; panel < kRoughnessPanels; ++panel) {
+      // The panels are 0.5 m wide, 5.6 m before the camera.
+      const double half_width = 5.6 * 0.4663 * kWidth / kHeight;
+      const auto column = [&](double metres) { return (metres / half_width + 1) * kWidth / 2; };
+      const int x0 = static_cast<int>(column(-1.75 + 0.5 * panel)) + 2;
+      const int x1 = static_cast<int>(column(-1.25 + 0.5 * panel)) - 1;
+      left.push_back(std::sqrt(r.Left([&](int x, int y) { return x >= x0 && x < x1 && y > 24 && y < 44; })));
+    }
+    double jump = 1;
+    for (size_t i = 1; i < left.size(); ++i)
+      jump = std::max(jump, std::max(left[i] / left[i - 1], left[i - 1] / left[i]));
+    return Figures{jump, *std::max_element(left.begin(), left.end())};
+  });
+}
+
+absl::StatusOr<Finding> HalfMetal(const Trial& trial) {
+  return JudgeScene(trial, HalfMetalRoom, 16, 1024, [](const Rendered& r) {
+    const auto on_ball = [](int x, int y) { return std::hypot(x - 48.0, y - 38.0) < 14; };
+    const double energy = MeanOf(r.views.filtered, on_ball) / MeanOf(r.views.noisy, on_ball);
+    return Figures{100 * std::abs(energy - 1), r.Left(on_ball)};
+  });
+}
+
+absl::StatusOr<Finding> Corner(const Trial& trial) {
+  return JudgeScene(trial, CornerRoom, 16, 2048, [](const Rendered& r) {
+    const ConstFloatView nx = r.film.Get(layers::kNormalX);
+    const ConstFloatView ny = r.film.Get(layers::kNormalY);
+    const auto strip = [&](int x, int y) {
+      for (int j = std::max(y - 3, 0); j <= std::min(y + 3, kHeight - 1); ++j) {
+        for (int i = std::max(x - 3, 0); i <= std::min(x + 3, kWidth - 1); ++i) {
+          if (std::abs(nx.At(i, j) - nx.At(x, y)) + std::abs(ny.At(i, j) - ny.At(x, y)) > 0.5f) return true;
+        }
+      }
+      return false;
+    };
+    return Figures{r.Left(strip)};
+  });
+}
+
+absl::StatusOr<Finding> Slit(const Trial& trial) {
+  return JudgeScene(trial, SlitRoom, 16, 2048, [](const Rendered& r) { return Figures{r.Left(Everywhere)}; });
+}
+
+absl::StatusOr<Finding> Hall(const Trial& trial) {
+  return JudgeScene(trial, ChequeredHall, 16, 1024, [](const Rendered& r) {
+    const auto far = [](int, int y) { return y >= 34 && y < 50; };
+    return Figures{r.Left(far), r.Left(Everywhere)};
+  });
+}
+
+absl::StatusOr<Finding> CausticLight(const Trial& trial) {
+  return JudgeScene(trial, CausticRoom, 16, 4096, [](const Rendered& r) {
+    return Figures{r.Left(Everywhere),
+                   100 * MeanOf(r.views.filtered, Everywhere) / MeanOf(r.views.noisy, Everywhere)};
+  });
+}
+
+}  // namespace
+
+std::vector<Case> MaterialCases() {
+  return {
+      {2,
+       "chequer of pixels",
+       "an albedo that alternates from pixel to pixel: mean square difference from albedo times what is made "
+       "of the light alone",
+       "128x128, 16 spp",
+       "",
+       {{"difference", 1e-6}},
+       PixelChequer},
+      {3,
+       "black stripes",
+       "stripes of 4 px without a diffuse lobe beside lit white ones: pixels not finite, light that leaves "
+       "the white or enters the black, over it",
+       "128x128, 16 spp",
+       "",
+       {{"bad", 0}, {"bleed", 0.01}},
+       BlackStripes},
+      {19,
+       "flat mirror",
+       "a mirror that shows a textured room: error left in it",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.1}},
+       FlatMirror},
+      {20,
+       "curved mirror",
+       "a mirroring ball before a flat mirror: error left in both",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.3}},
+       CurvedMirror},
+      {21,
+       "pane before chequer",
+       "a pane of glass before a chequered wall: FLIP, error left behind the pane",
+       "96x72, 16 spp",
+       "",
+       {{"FLIP", 0.1}, {"error", 0.3}},
+       GlassBeforeChequer},
+      {22,
+       "roughness ramp",
+       "seven metal panels from smooth to rough: largest quotient of neighbours' RMS error left, the largest "
+       "RMS error left",
+       "96x72, 16 spp",
+       "",
+       {{"jump", 2}, {"error", 0.7}},
+       RoughnessRamp},
+      {23,
+       "half metal",
+       "a ball half metal, half diffuse: light gained or lost on it in %, error left on it",
+       "96x72, 16 spp",
+       "",
+       {{"light", 0.1}, {"error", 0.3}},
+       HalfMetal},
+      {28,
+       "interior corner",
+       "white walls in indirect light: error left within 3 px of their corners",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.3}},
+       Corner},
+      {38,
+       "mirror facing mirror",
+       "two mirrored walls: error left in the first reflection, in the second",
+       "96x72, 16 spp",
+       "",
+       {{"first", 0.3}, {"second", 0.3}},
+       FacingMirrors},
+      {39, "slit", "a dark room lit through a slit: error left", "96x72, 16 spp", "", {{"error", 0.2}}, Slit},
+      {40,
+       "chequer to the horizon",
+       "a floor whose chequer shrinks to a pixel and below: error left far off, of the whole picture",
+       "96x72, 16 spp",
+       "",
+       {{"far", 0.3}, {"whole", 0.3}},
+       Hall},
+      {41,
+       "caustic fireflies",
+       "a small lamp and a ball of brushed metal: error left, light kept in %",
+       "96x72, 16 spp",
+       "",
+       {{"error", 0.3}, {"kept", 98, true}},
+       CausticLight},
+  };
+}
+
+}  // namespace lumifold::stability

@@ -6,13 +6,14 @@
 #include "worker/baselines/greedy_error_minimization.h"
 #include "worker/baselines/irradiance_caching.h"
 #include "worker/baselines/irradiance_filtering.h"
+#include "worker/baselines/multidimensional_sampling.h"
 
 namespace lumifold::render {
 
 const std::vector<RenderMethod>& RenderMethods() {
-  static const std::vector<RenderMethod> methods = {IrradianceCachingMethod(), IrradianceFilteringMethod(),
-                                                    GreedyErrorMinimizationMethod(),
-                                                    AdaptiveNonLocalMeansMethod()};
+  static const std::vector<RenderMethod> methods = {
+      IrradianceCachingMethod(), IrradianceFilteringMethod(), GreedyErrorMinimizationMethod(),
+      AdaptiveNonLocalMeansMethod(), MultidimensionalSamplingMethod()};
   return methods;
 }
 

@@ -41,7 +41,7 @@ class Strip {
     }
   }
 
-  /// Adds a block's share of its result, and passes on channels of its core.
+  /// Blends a block's result in, and passes on channels of its core.
   absl::Status Add(int column, int row, const LayeredImage& film, const std::array<Plane, 3>& filtered) {
     const Rect core = grid_.Core(column, row);
     const Rect seen = grid_.Seen(column, row);
@@ -51,8 +51,8 @@ class Strip {
       CopyPlane(film.Get(names_[i]).Crop(Moved(core, seen.x0, seen.y0)),
                 rows_.Get(names_[i]).Crop(Moved(core, 0, first_row_)));
     }
-    const auto beauty = layers::ColorChannels(layers::kBeauty);
-    for (size_t c = 0; c < filtered.size(); ++c) AddShare(column, row, filtered[c], rows_.Get(beauty[c]));
+    const Rect given = grid_.Given(column, row);
+    for (int y = given.y0; y < given.y1; ++y) Blend(column, row, y, filtered);
     return absl::OkStatus();
   }
 
@@ -72,13 +72,17 @@ class Strip {
     return {rect.x0 - left, rect.y0 - up, rect.x1 - left, rect.y1 - up};
   }
 
-  void AddShare(int column, int row, const Plane& filtered, FloatView out) const {
+  void Blend(int column, int row, int y, const std::array<Plane, 3>& filtered) {
     const Rect given = grid_.Given(column, row);
     const Rect seen = grid_.Seen(column, row);
-    for (int y = given.y0; y < given.y1; ++y) {
-      const float* from = filtered.Row(y - seen.y0) - seen.x0;
-      float* to = out.Row(y - first_row_);
-      for (int x = given.x0; x < given.x1; ++x) to[x] += grid_.Share(column, row, x, y) * from[x];
+    const std::vector<float> pull = grid_.Pull(column, row, y);
+    const ColorView beauty = rows_.GetColor(layers::kBeauty);
+    for (size_t c = 0; c < filtered.size(); ++c) {
+      const float* from = filtered[c].Row(y - seen.y0) + given.x0 - seen.x0;
+      float* to = beauty[c].Row(y - first_row_) + given.x0;
+      for (size_t x = 0; x < pull.size(); ++x) {
+        to[x] = pull[x] < 1.0f ? to[x] + pull[x] * (from[x] - to[x]) : from[x];
+      }
     }
   }
 
@@ -111,14 +115,17 @@ BlockAxis::Span BlockAxis::Widened(int i, int px) const {
   return {std::max(0, i * core_ - px), std::min(size_, (i + 1) * core_ + px)};
 }
 
+float BlockAxis::Passed(int border, int p) const {
+  const float way = (static_cast<float>(p - border + fade_) + 0.5f) / static_cast<float>(2 * fade_);
+  return std::clamp(way, 0.0f, 1.0f);
+}
+
 float BlockAxis::Share(int i, int p) const {
-  const auto passed = [&](int border) {  // how far p is on the way across it
-    return std::clamp((static_cast<float>(p - border + fade_) + 0.5f) / static_cast<float>(2 * fade_), 0.0f,
-                      1.0f);
-  };
-  const float before = i > 0 ? passed(i * core_) : 1.0f;
-  const float after = i + 1 < count_ ? 1.0f - passed((i + 1) * core_) : 1.0f;
-  return std::min(before, after);
+  return std::min(i > 0 ? Passed(i * core_, p) : 1.0f, ShareSoFar(i, p));
+}
+
+float BlockAxis::ShareSoFar(int i, int p) const {
+  return i + 1 < count_ ? 1.0f - Passed((i + 1) * core_, p) : 1.0f;
 }
 
 BlockGrid::BlockGrid(int width, int height, const BlockParams& params)
@@ -130,6 +137,16 @@ Rect BlockGrid::Around(int column, int row, int px) const {
   const BlockAxis::Span x = columns_.Widened(column, px);
   const BlockAxis::Span y = rows_.Widened(row, px);
   return {x.begin, y.begin, x.end, y.end};
+}
+
+std::vector<float> BlockGrid::Pull(int column, int row, int y) const {
+  const Rect given = Given(column, row);
+  const float share = rows_.Share(row, y);
+  const float above = rows_.ShareSoFar(row, y) - share;
+  std::vector<float> pull;
+  for (int x = given.x0; x < given.x1; ++x)
+    pull.push_back(share * columns_.Share(column, x) / (above + share * columns_.ShareSoFar(column, x)));
+  return pull;
 }
 
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,

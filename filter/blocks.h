@@ -16,9 +16,9 @@ namespace lumifold::filter {
 /// How a large frame is cut into blocks, each filtered as a film of its own. This is part of the method:
 /// other numbers give another picture. All but the last are in pixels along one axis.
 struct BlockParams {
-  int core = 1280;   // most that a block answers for
-  int margin = 128;  // what it sees beyond its core: 8 sigma of the widest reach
-  int fade = 64;     // on either side of the border between two cores their blocks are cross-faded
+  int core = 1408;  // most that a block answers for
+  int margin = 64;  // what it sees beyond its core: 4 sigma of the widest reach
+  int fade = 32;    // on either side of the border between two cores their blocks are cross-faded
   int64_t whole = int64_t{1536} * 1536;  // pixels up to which a frame is one block
 };
 
@@ -41,8 +41,13 @@ class BlockAxis {
   /// Block i's share of pixel p: 1 within its core, 0 from `fade` pixels beyond it, linear between. The
   /// shares of all blocks sum to 1, exactly.
   float Share(int i, int p) const;
+  /// What this block and all before it take of pixel p together, where this one takes any.
+  float ShareSoFar(int i, int p) const;
 
  private:
+  /// How far p is on the way across a border, 0 to 1.
+  float Passed(int border, int p) const;
+
   int size_;
   int core_;
   int count_;
@@ -63,9 +68,10 @@ class BlockGrid {
   Rect Given(int column, int row) const { return Around(column, row, params_.fade); }
   /// What is filtered for it.
   Rect Seen(int column, int row) const { return Around(column, row, params_.margin); }
-  float Share(int column, int row, int x, int y) const {
-    return columns_.Share(column, x) * rows_.Share(row, y);
-  }
+  /// How far block (column, row) draws each pixel of row y in its Given() from the mean of the blocks before
+  /// it, from left to right and from the top down, towards its own: then all together make the mean by their
+  /// shares, and what all agree on stays as it is to the last bit.
+  std::vector<float> Pull(int column, int row, int y) const;
 
  private:
   Rect Around(int column, int row, int px) const;

@@ -4,10 +4,10 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 set(LUMIFOLD_PUBLIC_HEADERS
-  image/check.h image/color.h image/exr_io.h image/film_layout.h image/layered_image.h image/layers.h image/parallel.h
-  image/plane.h image/png_io.h image/rect.h
+  image/check.h image/color.h image/edged_image.h image/exr_io.h image/film_layout.h image/film_source.h
+  image/layered_image.h image/layers.h image/parallel.h image/plane.h image/png_io.h image/rect.h
   manifold/bands.h manifold/manifold_filter.h manifold/single_picture.h
-  methods.h
+  blocks.h methods.h
   metrics/metrics.h metrics/ssim.h)
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/lumifold)
 

@@ -86,17 +86,9 @@ absl::StatusOr<BaselineCall> ParseMethod(std::string_view method) {
       absl::StrCat("no filter is named \"", std::string(method), "\"; there are: ", names));
 }
 
-}  // namespace
-
-const std::vector<Method>& Methods() {
-  static const std::vector<Method> methods = ListMethods();
-  return methods;
-}
-
-absl::Status CheckMethod(std::string_view method) { return ParseMethod(method).status(); }
-
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
-                                                TaskPool* pool, const LayeredImage* edges) {
+/// FilterFilm for a film that is one block.
+absl::StatusOr<std::array<Plane, 3>> FilterBlock(const LayeredImage& film, std::string_view method,
+                                                 TaskPool* pool, const LayeredImage* edges) {
   const absl::StatusOr<BaselineCall> call = ParseMethod(method);
   if (!call.ok()) return call.status();
   if (method == "none") {
@@ -111,6 +103,42 @@ absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::s
   }
   if (call->baseline != nullptr) return call->baseline->filter(film, call->values, pool);
   return method == "paper" ? DenoiseAsPublished(film, edges, pool) : Denoise(film, edges, pool);
+}
+
+}  // namespace
+
+const std::vector<Method>& Methods() {
+  static const std::vector<Method> methods = ListMethods();
+  return methods;
+}
+
+absl::Status CheckMethod(std::string_view method) { return ParseMethod(method).status(); }
+
+absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
+                                                TaskPool* pool, const LayeredImage* edges) {
+  if (BlockGrid(film.width(), film.height(), {}).IsOneBlock()) return FilterBlock(film, method, pool, edges);
+  FilmInMemory source(film, edges);
+  std::array<Plane, 3> picture;
+  for (Plane& plane : picture) plane = Plane::Uninitialized(film.width(), film.height());
+  int y = 0;
+  const auto keep = [&](const LayeredImage& rows) {
+    const ConstColorView color = rows.GetColor(layers::kBeauty);
+    for (size_t c = 0; c < picture.size(); ++c)
+      CopyPlane(color[c], picture[c].view().Crop({0, y, rows.width(), y + rows.height()}));
+    y += rows.height();
+    return absl::OkStatus();
+  };
+  if (absl::Status status = FilterFilmInRows(&source, method, {}, pool, keep); !status.ok()) return status;
+  return picture;
+}
+
+absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
+                              const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
+                              const BlockParams& params) {
+  const auto filter = [&](const EdgedImage& block) {
+    return FilterBlock(block.pixels, method, pool, &block.edges);
+  };
+  return FilterInBlocks(film, params, passed_on, filter, sink);
 }
 
 }  // namespace lumifold::filter

@@ -7,6 +7,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "filter/blocks.h"
+#include "filter/image/film_source.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 
@@ -32,7 +34,8 @@ absl::Status CheckMethod(std::string_view method);
 ///          their halves (*_a, *_b), albedo, emission, N.X N.Y N.Z, distance.Z, mask.Y, samples_a.Y,
 ///          samples_b.Y. Result: W x H, R G B.
 /// Units:   linear scene-referred radiance; metres.
-/// Edges:   clamped.
+/// Edges:   clamped. A frame of more than 1536 x 1536 pixels is filtered in fixed blocks that overlap, see
+///          BlockParams.
 /// `method`: the name of one of Methods(); a baseline's may go on with its parameters, as in
 /// "bilateral:sigma_s=4,sigma_r=0.1".
 /// `edges`: the film's edge set, see EdgedImage; null or without channels where there is none.
@@ -41,5 +44,12 @@ absl::Status CheckMethod(std::string_view method);
 /// Source:  Gruzdev, Frolov & Ignatenko 2015; oracle: manifold_slow.cc. Each baseline names its own.
 absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
                                                 TaskPool* pool, const LayeredImage* edges = nullptr);
+
+/// FilterFilm for a film that need not be in memory whole: gives the picture's rows to `sink` from the top
+/// down, as R G B and the film's channels named in `passed_on`. The same bits as FilterFilm's. Errors:  those
+/// of FilterFilm and FilterInBlocks.
+absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
+                              const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
+                              const BlockParams& params = {});
 
 }  // namespace lumifold::filter

@@ -1,3 +1,6 @@
+#include <filesystem>
+#include <memory>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -5,10 +8,9 @@
 #include "absl/time/clock.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "client/film_file.h"
 #include "client/output_file.h"
-#include "filter/image/exr_io.h"
-#include "filter/image/file_io.h"
-#include "filter/image/film_layout.h"
+#include "filter/image/exr_row_writer.h"
 #include "filter/image/layers.h"
 #include "filter/image/png_io.h"
 
@@ -16,7 +18,6 @@ namespace lumifold::client {
 namespace {
 
 constexpr int kMostThreads = 4096;
-constexpr int64_t kMostLayoutBytes = 64 * 1024;
 
 struct FilterOptions {
   std::string picture;
@@ -62,70 +63,91 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   return std::nullopt;
 }
 
-absl::StatusOr<FilmLayout> LayoutOf(const std::string& name) {
-  if (const FilmLayout* known = FindFilmLayout(name)) return *known;
-  const absl::StatusOr<std::string> text = ReadFile(name, kMostLayoutBytes);
-  if (absl::IsNotFound(text.status())) {
-    return absl::NotFoundError(
-        absl::StrCat("--layout: no layout is named '", name, "', and there is no such file"));
+/// Where the filtered rows go, with the time that takes.
+class Output {
+ public:
+  /// The film's channels that the result keeps.
+  static std::vector<std::string> PassedOn(PictureFormat format) {
+    if (format == PictureFormat::kPng) return {};
+    std::vector<std::string> names = {std::string(layers::kAlpha)};
+    for (std::string& name : layers::ColorChannels(layers::kNoisy)) names.push_back(std::move(name));
+    return names;
   }
-  if (!text.ok()) return text.status();
-  return ParseFilmLayout(name, *text);
-}
 
-absl::StatusOr<ForeignFilm> ReadFilm(const std::string& path, const FilmLayout& layout) {
-  const absl::StatusOr<LayeredImage> file = ReadExr(path);
-  if (!file.ok()) return file.status();
-  return ReadForeignFilm(path, *file, layout);
-}
+  absl::Status Open(const FilterOptions& options, int width, int height) {
+    const PictureFormat format = *PictureFormatOf(options.output);
+    if (format == PictureFormat::kPng) {
+      png_.emplace(options.output, width, height, options.exposure);
+      return absl::OkStatus();
+    }
+    ExrLayout layout{width, height, PassedOn(format), {{"lumifold.filter", options.method}}};
+    for (std::string& name : layers::ColorChannels(layers::kBeauty))
+      layout.channels.push_back(std::move(name));
+    absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(options.output, layout);
+    if (writer.ok()) exr_.emplace(*std::move(writer));
+    return OfThisMachine(writer.status());
+  }
 
-/// What is wrong with a picture is no fault of the command line.
-absl::Status AsPictureError(const absl::Status& status) {
-  return absl::IsInvalidArgument(status) ? absl::DataLossError(status.message()) : status;
-}
+  absl::Status Append(const LayeredImage& rows) {
+    if (exr_.has_value()) return OfThisMachine(exr_->Append(rows));
+    png_->Append(rows.GetColor(layers::kBeauty));
+    return absl::OkStatus();
+  }
 
-/// A film that holds its own halves: what --save-film writes.
-bool IsWholeFilm(const LayeredImage& file) {
-  return file.Has(layers::kSamplesA) && file.HasColor(layers::HalfA(layers::kDirect));
-}
+  absl::Status Finish() { return OfThisMachine(exr_.has_value() ? exr_->Finish() : png_->Finish()); }
 
-/// What is to be filtered, and what the user should know of it.
-struct Input {
-  EdgedImage film;
-  std::vector<std::string> notes;
+ private:
+  std::optional<ExrRowWriter> exr_;
+  std::optional<PngRowWriter> png_;
 };
 
-absl::StatusOr<Input> ReadInput(const FilterOptions& options) {
-  const absl::StatusOr<FilmLayout> layout = LayoutOf(options.layout);
-  if (!layout.ok()) return layout.status();
-  absl::StatusOr<EdgedImage> file = ReadEdgedExr(options.picture);
-  if (!file.ok()) return file.status();
-  if (options.layout == "lumifold" && options.half_b.empty() && IsWholeFilm(file->pixels))
-    return Input{*std::move(file), {}};
-  absl::StatusOr<ForeignFilm> film = ReadForeignFilm(options.picture, file->pixels, *layout);
-  if (!film.ok()) return film.status();
-  if (options.half_b.empty()) {
-    film->notes.push_back("one picture: its noise is estimated from it, which takes fine detail for noise");
-    return Input{{std::move(film->film), {}}, std::move(film->notes)};
+/// Measures how much of the time is not spent in the filter.
+class TimedFilm final : public FilmSource {
+ public:
+  explicit TimedFilm(FilmSource* film) : film_(*film) {}
+
+  int width() const override { return film_.width(); }
+  int height() const override { return film_.height(); }
+  absl::StatusOr<EdgedImage> Read(const Rect& rect) override {
+    const absl::Time start = absl::Now();
+    absl::StatusOr<EdgedImage> part = film_.Read(rect);
+    elsewhere_ += absl::Now() - start;
+    return part;
   }
-  const absl::StatusOr<ForeignFilm> other = ReadFilm(options.half_b, *layout);
-  if (!other.ok()) return other.status();
-  absl::StatusOr<LayeredImage> joined = JoinHalves(film->film, other->film);
-  if (!joined.ok()) return joined.status();
-  return Input{{*std::move(joined), {}}, std::move(film->notes)};
+
+  absl::Status Write(const LayeredImage& rows, Output* output) {
+    const absl::Time start = absl::Now();
+    const absl::Status status = output->Append(rows);
+    elsewhere_ += absl::Now() - start;
+    return status;
+  }
+
+  absl::Duration elsewhere() const { return elsewhere_; }
+
+ private:
+  FilmSource& film_;
+  absl::Duration elsewhere_;
+};
+
+/// Filters the film into the output file. Gives the seconds the filter took.
+absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film, const FilmFilter& filter) {
+  Output output;
+  if (absl::Status status = output.Open(options, film->width(), film->height()); !status.ok()) return status;
+  TimedFilm timed(film);
+  const absl::Time start = absl::Now();
+  const absl::Status filtered =
+      filter(&timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)),
+             [&](const LayeredImage& rows) { return timed.Write(rows, &output); });
+  if (!filtered.ok()) return filtered;
+  const double seconds = absl::ToDoubleSeconds(absl::Now() - start - timed.elsewhere());
+  if (absl::Status status = output.Finish(); !status.ok()) return status;
+  return seconds;
 }
 
-absl::Status WriteResult(const FilterOptions& options, std::array<Plane, 3> filtered,
-                         const LayeredImage& film) {
-  LayeredImage result(film.width(), film.height());
-  const auto beauty = layers::ColorChannels(layers::kBeauty);
-  for (size_t c = 0; c < beauty.size(); ++c) result.Add(beauty[c], std::move(filtered[c]));
-  CopyPlane(film.Get(layers::kAlpha), result.Add(layers::kAlpha));
-  const ColorView noisy = result.AddColor(layers::kNoisy);
-  for (size_t c = 0; c < noisy.size(); ++c) CopyPlane(film.GetColor(layers::kNoisy)[c], noisy[c]);
-  result.metadata()["lumifold.filter"] = options.method;
-  if (*PictureFormatOf(options.output) == PictureFormat::kExr) return WriteExr(options.output, result);
-  return WritePng(options.output, std::as_const(result).GetColor(layers::kBeauty), options.exposure);
+/// The folder a file is or will be in.
+std::string FolderOf(const std::string& path) {
+  const std::string folder = std::filesystem::path(path).parent_path().string();
+  return folder.empty() ? "." : folder;
 }
 
 }  // namespace
@@ -135,18 +157,14 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
   if (const auto ended = ParseFilter(arguments, environment, &options)) return *ended;
   if (!environment.film_filter)
     return ReportError(environment, absl::UnimplementedError("this build has no filter"));
-  absl::StatusOr<Input> read = ReadInput(options);
-  if (!read.ok()) return ReportError(environment, AsPictureError(read.status()));
-  for (const std::string& note : read->notes)
+  const absl::StatusOr<std::unique_ptr<FilmFile>> film =
+      FilmFile::Open({options.picture, options.half_b, options.layout, FolderOf(options.output)});
+  if (!film.ok()) return ReportError(environment, film.status());
+  for (const std::string& note : (*film)->notes())
     ReportLine(environment, absl::StrCat(options.picture, ": ", note));
-  const absl::Time start = absl::Now();
-  absl::StatusOr<std::array<Plane, 3>> filtered =
-      environment.film_filter(&read->film, options.method, options.threads);
-  if (!filtered.ok()) return ReportError(environment, filtered.status());
-  const double seconds = absl::ToDoubleSeconds(absl::Now() - start);
-  const absl::Status written = WriteResult(options, *std::move(filtered), read->film.pixels);
-  if (!written.ok()) return ReportError(environment, OfThisMachine(written));
-  ReportLine(environment, absl::StrFormat("wrote %s (filtered in %.2f s)", options.output, seconds));
+  const absl::StatusOr<double> seconds = FilterInto(options, film->get(), environment.film_filter);
+  if (!seconds.ok()) return ReportError(environment, seconds.status());
+  ReportLine(environment, absl::StrFormat("wrote %s (filtered in %.2f s)", options.output, *seconds));
   return ExitCode::kOk;
 }
 

@@ -7,11 +7,34 @@
 #include "filter/methods.h"
 
 namespace lumifold::local {
+namespace {
 
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(EdgedImage* film, const std::string& method, int threads) {
+/// A film that is given halves where it has none.
+class FilmWithHalves final : public FilmSource {
+ public:
+  FilmWithHalves(FilmSource* film, TaskPool* pool) : film_(*film), pool_(pool) {}
+
+  int width() const override { return film_.width(); }
+  int height() const override { return film_.height(); }
+  absl::StatusOr<EdgedImage> Read(const Rect& rect) override {
+    absl::StatusOr<EdgedImage> part = film_.Read(rect);
+    if (part.ok() && !part->pixels.Has(layers::kSamplesA))
+      filter::SplitIntoHalves(&part->pixels, pool_, rect.x0, rect.y0);
+    return part;
+  }
+
+ private:
+  FilmSource& film_;
+  TaskPool* const pool_;
+};
+
+}  // namespace
+
+absl::Status FilterFilm(FilmSource* film, const std::string& method, int threads,
+                        const std::vector<std::string>& passed_on, const RowSink& sink) {
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
-  if (!film->pixels.Has(layers::kSamplesA)) filter::SplitIntoHalves(&film->pixels, pool.get());
-  return filter::FilterFilm(film->pixels, method, pool.get(), &film->edges);
+  FilmWithHalves halved(film, pool.get());
+  return filter::FilterFilmInRows(&halved, method, passed_on, pool.get(), sink);
 }
 
 }  // namespace lumifold::local

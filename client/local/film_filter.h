@@ -1,14 +1,15 @@
 #pragma once
 
-#include <array>
 #include <string>
+#include <vector>
 
-#include "absl/status/statusor.h"
-#include "filter/image/edged_image.h"
+#include "absl/status/status.h"
+#include "filter/image/film_source.h"
 
 namespace lumifold::local {
 
 /// The client::FilmFilter of the `lumifold` program.
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(EdgedImage* film, const std::string& method, int threads);
+absl::Status FilterFilm(FilmSource* film, const std::string& method, int threads,
+                        const std::vector<std::string>& passed_on, const RowSink& sink);
 
 }  // namespace lumifold::local

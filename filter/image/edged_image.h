@@ -1,6 +1,7 @@
 #pragma once
 
 #include "filter/image/layered_image.h"
+#include "filter/image/rect.h"
 
 namespace lumifold {
 
@@ -16,5 +17,9 @@ struct EdgedImage {
   LayeredImage pixels;
   LayeredImage edges;
 };
+
+/// The rows of an edge set whose pixels lie in `rect`, their places counted from its corner; without channels
+/// where there are none. An edge set that lacks places stays whole, for its reader to refuse.
+LayeredImage EdgesInside(const LayeredImage& edges, const Rect& rect);
 
 }  // namespace lumifold

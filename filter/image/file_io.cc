@@ -8,7 +8,9 @@
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <system_error>
+#include <utility>
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
@@ -32,15 +34,16 @@ std::string FolderOf(const std::string& path) {
   return slash == 0 ? "/" : path.substr(0, slash);
 }
 
-/// Writes all bytes and forces them to the disk. Returns 0 or errno.
-int WriteAndSync(int file, std::string_view bytes) {
+/// Writes all bytes at `offset`. Returns 0 or errno.
+int WriteAt(int file, uint64_t offset, std::string_view bytes) {
   while (!bytes.empty()) {
-    const ssize_t written = write(file, bytes.data(), bytes.size());
+    const ssize_t written = pwrite(file, bytes.data(), bytes.size(), static_cast<off_t>(offset));
     if (written < 0 && errno == EINTR) continue;
     if (written < 0) return errno;
     bytes.remove_prefix(static_cast<size_t>(written));
+    offset += static_cast<uint64_t>(written);
   }
-  return fsync(file) == 0 ? 0 : errno;
+  return 0;
 }
 
 /// Makes a rename in `folder` survive a power cut. Returns 0 or errno.
@@ -68,19 +71,94 @@ int ReadAll(int file, std::string* bytes) {
 
 }  // namespace
 
-absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
+AtomicFile::AtomicFile(std::string path, std::string temporary, int file)
+    : path_(std::move(path)), temporary_(std::move(temporary)), file_(file) {}
+
+AtomicFile::AtomicFile(AtomicFile&& other) noexcept
+    : path_(std::move(other.path_)),
+      temporary_(std::exchange(other.temporary_, std::string())),
+      file_(std::exchange(other.file_, -1)) {}
+
+AtomicFile::~AtomicFile() {
+  if (file_ >= 0) close(file_);
+  if (!temporary_.empty()) unlink(temporary_.c_str());
+}
+
+absl::StatusOr<AtomicFile> AtomicFile::Create(const std::string& path) {
   static std::atomic<uint64_t> counter{0};
-  const std::string temporary = absl::StrCat(path, ".", getpid(), "-", counter.fetch_add(1), ".partial");
+  std::string temporary = absl::StrCat(path, ".", getpid(), "-", counter.fetch_add(1), ".partial");
   const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (file < 0) return WriteError(path, errno);
-  auto remove_temporary = absl::MakeCleanup([&temporary] { unlink(temporary.c_str()); });
-  int error = WriteAndSync(file, bytes);
-  if (close(file) != 0 && error == 0) error = errno;
-  if (error == 0 && std::rename(temporary.c_str(), path.c_str()) != 0) error = errno;
-  if (error != 0) return WriteError(path, error);
-  std::move(remove_temporary).Cancel();
-  error = SyncFolder(FolderOf(path));
-  return error == 0 ? absl::OkStatus() : WriteError(path, error);
+  return AtomicFile(path, std::move(temporary), file);
+}
+
+absl::Status AtomicFile::Write(uint64_t offset, std::string_view bytes) {
+  const int error = WriteAt(file_, offset, bytes);
+  return error == 0 ? absl::OkStatus() : WriteError(path_, error);
+}
+
+absl::Status AtomicFile::Commit() {
+  int error = fsync(file_) == 0 ? 0 : errno;
+  if (close(std::exchange(file_, -1)) != 0 && error == 0) error = errno;
+  if (error == 0 && std::rename(temporary_.c_str(), path_.c_str()) != 0) error = errno;
+  if (error != 0) return WriteError(path_, error);
+  temporary_.clear();
+  error = SyncFolder(FolderOf(path_));
+  return error == 0 ? absl::OkStatus() : WriteError(path_, error);
+}
+
+ScratchFile::ScratchFile(ScratchFile&& other) noexcept
+    : folder_(std::move(other.folder_)), file_(std::exchange(other.file_, -1)) {}
+
+ScratchFile::~ScratchFile() {
+  if (file_ >= 0) close(file_);
+}
+
+absl::StatusOr<ScratchFile> ScratchFile::Create(const std::string& folder) {
+  std::string path = absl::StrCat(folder, "/lumifold-scratch-XXXXXX");
+  const int file = mkostemp(path.data(), O_CLOEXEC);
+  if (file < 0) return WriteError(path, errno);
+  unlink(path.c_str());
+  return ScratchFile(folder, file);
+}
+
+absl::Status ScratchFile::Write(uint64_t offset, std::string_view bytes) {
+  const int error = WriteAt(file_, offset, bytes);
+  return error == 0 ? absl::OkStatus() : WriteError(absl::StrCat("a scratch file in ", folder_), error);
+}
+
+absl::Status ScratchFile::Read(uint64_t offset, char* bytes, size_t count) const {
+  while (count > 0) {
+    const ssize_t got = pread(file_, bytes, count, static_cast<off_t>(offset));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) {
+      return absl::UnavailableError(
+          absl::StrCat("cannot read a scratch file in ", folder_, ": ",
+                       got < 0 ? std::system_category().message(errno) : "cut short"));
+    }
+    bytes += got;
+    count -= static_cast<size_t>(got);
+    offset += static_cast<uint64_t>(got);
+  }
+  return absl::OkStatus();
+}
+
+void ScratchFile::Forget(uint64_t offset) {
+  fallocate(file_, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0, static_cast<off_t>(offset));
+}
+
+absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
+  absl::StatusOr<AtomicFile> file = AtomicFile::Create(path);
+  if (!file.ok()) return file.status();
+  if (absl::Status status = file->Write(0, bytes); !status.ok()) return status;
+  return file->Commit();
+}
+
+absl::Status CheckIsFile(const std::string& path) {
+  struct stat info;
+  if (stat(path.c_str(), &info) != 0) return absl::NotFoundError(absl::StrCat(path, ": no such file"));
+  if (!S_ISREG(info.st_mode)) return absl::InvalidArgumentError(absl::StrCat(path, ": not a regular file"));
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::string> ReadFile(const std::string& path, int64_t max_bytes) {

@@ -55,4 +55,35 @@ ColorView LayeredImage::GetColor(std::string_view layer) {
   return {Get(names[0]), Get(names[1]), Get(names[2])};
 }
 
+LayeredImage LayeredImage::Crop(const Rect& rect) const {
+  LayeredImage part(rect.width(), rect.height());
+  for (const Channel& channel : channels_) {
+    Plane plane = Plane::Uninitialized(rect.width(), rect.height());
+    CopyPlane(channel.plane.view().Crop(rect), plane.view());
+    part.Add(channel.name, std::move(plane));
+  }
+  return part;
+}
+
+LayeredImage JoinRows(const std::vector<LayeredImage>& pieces) {
+  int height = 0;
+  const LayeredImage* sample = nullptr;
+  for (const LayeredImage& piece : pieces) {
+    height += piece.height();
+    if (!piece.channels().empty()) sample = &piece;
+  }
+  if (sample == nullptr) return {};
+  LayeredImage joined(sample->width(), height);
+  for (size_t i = 0; i < sample->channels().size(); ++i) {
+    const FloatView out = joined.Add(sample->channels()[i].name);
+    int y = 0;
+    for (const LayeredImage& piece : pieces) {
+      if (piece.channels().empty()) continue;
+      CopyPlane(piece.channels()[i].plane.view(), out.Crop({0, y, piece.width(), y + piece.height()}));
+      y += piece.height();
+    }
+  }
+  return joined;
+}
+
 }  // namespace lumifold

@@ -41,6 +41,9 @@ class LayeredImage {
   ColorView GetColor(std::string_view layer);
   ConstColorView GetColor(std::string_view layer) const;
 
+  /// A copy of the part inside `rect`, which must lie within the picture; without metadata.
+  LayeredImage Crop(const Rect& rect) const;
+
   const std::vector<Channel>& channels() const { return channels_; }
   std::vector<Channel>& channels() { return channels_; }
 
@@ -55,5 +58,8 @@ class LayeredImage {
   std::vector<Channel> channels_;
   std::map<std::string, std::string> metadata_;
 };
+
+/// The pictures one below the other; they have one width and one set of channels in one order, or are empty.
+LayeredImage JoinRows(const std::vector<LayeredImage>& pieces);
 
 }  // namespace lumifold

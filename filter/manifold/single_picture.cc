@@ -92,15 +92,25 @@ float NormalNumber(uint64_t layer, int x, int y) {
   return sum * 0x1p-16f - 6.0f;
 }
 
-/// e of one layer: 3 planes.
-Planes PseudoNoise(uint64_t layer, const ConstColorView& color, const Plane& uniform, TaskPool* pool) {
+/// Makes e of a layer: 3 planes.
+struct PseudoNoise {
+  const Plane& uniform;  // UniformMask
+  int x0;                // of the film's first pixel in the picture
+  int y0;
+  TaskPool* pool;
+
+  Planes operator()(uint64_t layer, const ConstColorView& color) const;
+};
+
+Planes PseudoNoise::operator()(uint64_t layer, const ConstColorView& color) const {
   Planes roughness;
   for (const ConstFloatView& channel : color) roughness.push_back(Roughness(channel, uniform, pool));
   Planes noise = BoxMeans(roughness, uniform.view(), kEstimateRadius, pool);
   for (Plane& plane : noise) {
     for (int y = 0; y < plane.height(); ++y) {
       float* row = plane.Row(y);
-      for (int x = 0; x < plane.width(); ++x) row[x] *= kMeanToSigma / kResponse * NormalNumber(layer, x, y);
+      for (int x = 0; x < plane.width(); ++x)
+        row[x] *= kMeanToSigma / kResponse * NormalNumber(layer, x0 + x, y0 + y);
     }
   }
   return noise;
@@ -142,11 +152,12 @@ Planes RemainderOf(const LayeredImage& film) {
 
 }  // namespace
 
-void SplitIntoHalves(LayeredImage* film, TaskPool* pool) {
+void SplitIntoHalves(LayeredImage* film, TaskPool* pool, int x0, int y0) {
   const Plane uniform = UniformMask(*film, pool);
-  const Planes direct = PseudoNoise(1, std::as_const(*film).GetColor(layers::kDirect), uniform, pool);
-  const Planes indirect = PseudoNoise(2, std::as_const(*film).GetColor(layers::kIndirect), uniform, pool);
-  Planes noisy = PseudoNoise(3, ViewOf(RemainderOf(*film)), uniform, pool);
+  const PseudoNoise noise_of{uniform, x0, y0, pool};
+  const Planes direct = noise_of(1, std::as_const(*film).GetColor(layers::kDirect));
+  const Planes indirect = noise_of(2, std::as_const(*film).GetColor(layers::kIndirect));
+  Planes noisy = noise_of(3, ViewOf(RemainderOf(*film)));
   const ConstColorView albedo = std::as_const(*film).GetColor(layers::kAlbedo);
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < film->height(); ++y) {

@@ -14,9 +14,11 @@ namespace lumifold::filter {
 /// *_b,
 ///          samples_a.Y and samples_b.Y are added, and must not be there.
 /// Edges:   the estimate looks at 3x3 pixels of one surface only; a pixel without any near takes 0.
-/// Threads: identical result for any pool, null included.
-/// Source:  Immerkaer 1996 (noise from second differences); Tian, Fithian et al. 2018 and later (splitting a
+/// (x0, y0) is where the film's first pixel lies in the picture it is a part of: e belongs to the picture's
+/// pixel, and parts that overlap agree but for 8 pixels along an edge that is none of the picture's. Threads:
+/// identical result for any pool, null included. Source:  Immerkaer 1996 (noise from second differences);
+/// Tian, Fithian et al. 2018 and later (splitting a
 ///          normal variable in two by adding noise).
-void SplitIntoHalves(LayeredImage* film, TaskPool* pool);
+void SplitIntoHalves(LayeredImage* film, TaskPool* pool, int x0 = 0, int y0 = 0);
 
 }  // namespace lumifold::filter

@@ -1,0 +1,168 @@
+#include "filter/blocks.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/check.h"
+#include "filter/image/layers.h"
+#include "filter/manifold/bands.h"
+
+namespace lumifold::filter {
+namespace {
+
+int RoundUp(int value, int step) { return (value + step - 1) / step * step; }
+
+/// Whether a frame of this size is not cut.
+bool IsWhole(int width, int height, const BlockParams& params) {
+  return int64_t{width} * height <= params.whole;
+}
+
+BlockParams Uncut(int width, int height, BlockParams params) {
+  params.core = RoundUp(std::max({width, height, 2 * params.fade}), kBandRows);
+  return params;
+}
+
+/// Rows of the picture that are still being summed.
+class Strip {
+ public:
+  Strip(const BlockGrid& grid, const std::vector<std::string>& passed_on) : grid_(grid), names_(passed_on) {
+    for (const std::string& name : layers::ColorChannels(layers::kBeauty)) names_.push_back(name);
+  }
+
+  /// Makes room for the rows that block row `row` touches; what was left by the one before comes first.
+  void Begin(int row) {
+    const Rect last = grid_.Given(grid_.columns() - 1, row);
+    const LayeredImage left = std::move(rows_);
+    rows_ = LayeredImage(last.x1, last.y1 - first_row_);
+    for (const std::string& name : names_) {
+      const FloatView view = rows_.Add(name);
+      if (left.height() > 0) CopyPlane(left.Get(name), view.Crop(left.bounds()));
+    }
+  }
+
+  /// Blends a block's result in, and passes on channels of its core.
+  absl::Status Add(int column, int row, const LayeredImage& film, const std::array<Plane, 3>& filtered) {
+    const Rect core = grid_.Core(column, row);
+    const Rect seen = grid_.Seen(column, row);
+    for (size_t i = 0; i + filtered.size() < names_.size(); ++i) {
+      if (!film.Has(names_[i]))
+        return absl::InvalidArgumentError(absl::StrCat("the film has no channel ", names_[i]));
+      CopyPlane(film.Get(names_[i]).Crop(Moved(core, seen.x0, seen.y0)),
+                rows_.Get(names_[i]).Crop(Moved(core, 0, first_row_)));
+    }
+    const Rect given = grid_.Given(column, row);
+    for (int y = given.y0; y < given.y1; ++y) Blend(column, row, y, filtered);
+    return absl::OkStatus();
+  }
+
+  /// The rows that no later block touches; keeps the others.
+  LayeredImage TakeFinished(int row) {
+    const int end = row + 1 < grid_.rows() ? grid_.Given(0, row + 1).y0 : first_row_ + rows_.height();
+    const int count = end - first_row_;
+    LayeredImage left = rows_.Crop({0, count, rows_.width(), rows_.height()});
+    LayeredImage finished = left.height() == 0 ? std::move(rows_) : rows_.Crop({0, 0, rows_.width(), count});
+    rows_ = std::move(left);
+    first_row_ = end;
+    return finished;
+  }
+
+ private:
+  static Rect Moved(const Rect& rect, int left, int up) {
+    return {rect.x0 - left, rect.y0 - up, rect.x1 - left, rect.y1 - up};
+  }
+
+  void Blend(int column, int row, int y, const std::array<Plane, 3>& filtered) {
+    const Rect given = grid_.Given(column, row);
+    const Rect seen = grid_.Seen(column, row);
+    const std::vector<float> pull = grid_.Pull(column, row, y);
+    const ColorView beauty = rows_.GetColor(layers::kBeauty);
+    for (size_t c = 0; c < filtered.size(); ++c) {
+      const float* from = filtered[c].Row(y - seen.y0) + given.x0 - seen.x0;
+      float* to = beauty[c].Row(y - first_row_) + given.x0;
+      for (size_t x = 0; x < pull.size(); ++x) {
+        to[x] = pull[x] < 1.0f ? to[x] + pull[x] * (from[x] - to[x]) : from[x];
+      }
+    }
+  }
+
+  const BlockGrid& grid_;
+  std::vector<std::string> names_;  // those passed on, then R G B
+  LayeredImage rows_;
+  int first_row_ = 0;  // of the picture, in rows_
+};
+
+absl::Status FilterBlock(FilmSource* film, const BlockGrid& grid, int column, int row, BlockFilter filter,
+                         Strip* strip) {
+  const absl::StatusOr<EdgedImage> part = film->Read(grid.Seen(column, row));
+  if (!part.ok()) return part.status();
+  const absl::StatusOr<std::array<Plane, 3>> filtered = filter(*part);
+  if (!filtered.ok()) return filtered.status();
+  return strip->Add(column, row, part->pixels, *filtered);
+}
+
+}  // namespace
+
+BlockAxis::BlockAxis(int size, const BlockParams& params) : size_(size), fade_(params.fade) {
+  LUMIFOLD_CHECK(fade_ > 0 && (fade_ & (fade_ - 1)) == 0 && params.core >= 2 * fade_);
+  LUMIFOLD_CHECK(params.margin >= fade_ && params.core % kBandRows == 0);
+  const int parts = std::max(1, (size + params.core - 1) / params.core);
+  core_ = std::max(RoundUp((size + parts - 1) / parts, kBandRows), RoundUp(2 * fade_, kBandRows));
+  count_ = std::max(1, (size + core_ - 1) / core_);
+}
+
+BlockAxis::Span BlockAxis::Widened(int i, int px) const {
+  return {std::max(0, i * core_ - px), std::min(size_, (i + 1) * core_ + px)};
+}
+
+float BlockAxis::Passed(int border, int p) const {
+  const float way = (static_cast<float>(p - border + fade_) + 0.5f) / static_cast<float>(2 * fade_);
+  return std::clamp(way, 0.0f, 1.0f);
+}
+
+float BlockAxis::Share(int i, int p) const {
+  return std::min(i > 0 ? Passed(i * core_, p) : 1.0f, ShareSoFar(i, p));
+}
+
+float BlockAxis::ShareSoFar(int i, int p) const {
+  return i + 1 < count_ ? 1.0f - Passed((i + 1) * core_, p) : 1.0f;
+}
+
+BlockGrid::BlockGrid(int width, int height, const BlockParams& params)
+    : params_(IsWhole(width, height, params) ? Uncut(width, height, params) : params),
+      columns_(width, params_),
+      rows_(height, params_) {}
+
+Rect BlockGrid::Around(int column, int row, int px) const {
+  const BlockAxis::Span x = columns_.Widened(column, px);
+  const BlockAxis::Span y = rows_.Widened(row, px);
+  return {x.begin, y.begin, x.end, y.end};
+}
+
+std::vector<float> BlockGrid::Pull(int column, int row, int y) const {
+  const Rect given = Given(column, row);
+  const float share = rows_.Share(row, y);
+  const float above = rows_.ShareSoFar(row, y) - share;
+  std::vector<float> pull;
+  for (int x = given.x0; x < given.x1; ++x)
+    pull.push_back(share * columns_.Share(column, x) / (above + share * columns_.ShareSoFar(column, x)));
+  return pull;
+}
+
+absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,
+                            const std::vector<std::string>& passed_on, BlockFilter filter,
+                            const RowSink& sink) {
+  const BlockGrid grid(film->width(), film->height(), params);
+  Strip strip(grid, passed_on);
+  for (int row = 0; row < grid.rows(); ++row) {
+    strip.Begin(row);
+    for (int column = 0; column < grid.columns(); ++column) {
+      const absl::Status status = FilterBlock(film, grid, column, row, filter, &strip);
+      if (!status.ok()) return status;
+    }
+    if (absl::Status status = sink(strip.TakeFinished(row)); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace lumifold::filter

@@ -1,0 +1,271 @@
+#include "filter/image/exr_film.h"
+
+#include <ImfInputPart.h>
+#include <ImfPartType.h>
+#include <ImfTiledInputPart.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/exr_parts.h"
+#include "filter/image/file_io.h"
+#include "filter/image/layers.h"
+
+namespace lumifold {
+namespace {
+
+/// Scan lines decoded at a time: what ZIP compresses together.
+constexpr int kLines = 16;
+/// Rows of the edge set looked through at a time.
+constexpr int kEdgeRows = 4096;
+
+/// Copies the common part of two pictures; `from` starts at (x, y) of `to`'s coordinates, and may overlap it
+/// anyhow.
+void CopyOverlap(const LayeredImage& from, int x, int y, LayeredImage* to) {
+  const Rect common = Intersect({x, y, x + from.width(), y + from.height()}, to->bounds());
+  if (common.IsEmpty()) return;
+  const Rect source = {common.x0 - x, common.y0 - y, common.x1 - x, common.y1 - y};
+  for (size_t i = 0; i < from.channels().size(); ++i) {
+    CopyPlane(from.channels()[i].plane.view().Crop(source), to->channels()[i].plane.view().Crop(common));
+  }
+}
+
+}  // namespace
+
+/// One part of the file.
+class ExrFilm::Part {
+ public:
+  /// `is_reread`: the same rows are asked for again, even from side to side.
+  Part(std::string path, std::string scratch_folder, Imf::MultiPartInputFile* file, int number,
+       bool is_reread)
+      : path_(std::move(path)),
+        scratch_folder_(std::move(scratch_folder)),
+        file_(*file),
+        number_(number),
+        window_(file->header(number).dataWindow()),
+        is_tiled_(file->header(number).hasTileDescription()),
+        is_reread_(is_reread) {}
+
+  int width() const { return window_.max.x - window_.min.x + 1; }
+  int height() const { return window_.max.y - window_.min.y + 1; }
+  LayeredImage Outline() const { return Image(0, 0); }
+
+  absl::StatusOr<LayeredImage> Read(const Rect& rect) {
+    const bool is_all = rect == Rect{0, 0, width(), height()};
+    const bool is_direct = is_tiled_ || is_all || (!is_reread_ && rect.width() == width());
+    if (!is_direct) return ReadSpooled(rect);
+    LayeredImage image;
+    const absl::Status status = CatchExr(path_, [&] {
+      image = is_tiled_ ? DecodeTiles(rect) : DecodeLines(rect.y0, rect.y1);
+      return absl::OkStatus();
+    });
+    if (!status.ok()) return status;
+    return image;
+  }
+
+  /// Rows [y0, y1) from side to side, leaving the scratch file alone.
+  absl::StatusOr<LayeredImage> Peek(int y0, int y1) {
+    LayeredImage image;
+    const absl::Status status = CatchExr(path_, [&] {
+      image = is_tiled_ ? DecodeTiles({0, y0, width(), y1}) : DecodeLines(y0, y1);
+      return absl::OkStatus();
+    });
+    if (!status.ok()) return status;
+    return image;
+  }
+
+ private:
+  LayeredImage Image(int columns, int rows) const { return ExrImage(file_.header(number_), columns, rows); }
+
+  /// May throw, as the next.
+  LayeredImage DecodeLines(int y0, int y1) {
+    LayeredImage image = Image(width(), y1 - y0);
+    if (y1 == y0) return image;
+    Imf::InputPart part(file_, number_);
+    part.setFrameBuffer(ExrFrameOf(image, window_.min.x, window_.min.y + y0));
+    part.readPixels(window_.min.y + y0, window_.min.y + y1 - 1);
+    return image;
+  }
+
+  LayeredImage DecodeTiles(const Rect& rect) {
+    Imf::TiledInputPart part(file_, number_);
+    const int tile_width = static_cast<int>(part.tileXSize());
+    const int tile_height = static_cast<int>(part.tileYSize());
+    LayeredImage image = Image(rect.width(), rect.height());
+    const int first = rect.x0 / tile_width;
+    const int last = (rect.x1 - 1) / tile_width;
+    for (int row = rect.y0 / tile_height; row * tile_height < rect.y1; ++row) {
+      const int x0 = first * tile_width;
+      const int y0 = row * tile_height;
+      const LayeredImage tiles =
+          Image(std::min((last + 1) * tile_width, width()) - x0, std::min(y0 + tile_height, height()) - y0);
+      part.setFrameBuffer(ExrFrameOf(tiles, window_.min.x + x0, window_.min.y + y0));
+      part.readTiles(first, last, row, row);
+      CopyOverlap(tiles, x0 - rect.x0, y0 - rect.y0, &image);
+    }
+    return image;
+  }
+
+  /// Where in the scratch file row y of channel c begins.
+  uint64_t PlaceOf(int y, size_t c) const {
+    const uint64_t row_bytes = sizeof(float) * static_cast<uint64_t>(width());
+    return (static_cast<uint64_t>(y) * channel_count_ + c) * row_bytes;
+  }
+
+  /// Makes the scratch file hold rows up to `y1` from `y0` at the latest, and no longer those before.
+  absl::Status Spool(int y0, int y1) {
+    if (!spool_.has_value()) {
+      absl::StatusOr<ScratchFile> scratch = ScratchFile::Create(scratch_folder_);
+      if (!scratch.ok()) return scratch.status();
+      spool_.emplace(*std::move(scratch));
+      channel_count_ = Outline().channels().size();
+    }
+    if (y0 < spooled_from_ || y0 > spooled_to_) spooled_to_ = y0 / kLines * kLines;
+    spooled_from_ = y0;
+    spool_->Forget(PlaceOf(std::min(y0, spooled_to_), 0));
+    while (spooled_to_ < y1) {
+      const int end = std::min(spooled_to_ + kLines, height());
+      const absl::StatusOr<LayeredImage> lines = Peek(spooled_to_, end);
+      if (!lines.ok()) return lines.status();
+      if (absl::Status status = Keep(*lines, spooled_to_); !status.ok()) return status;
+      spooled_to_ = end;
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status Keep(const LayeredImage& lines, int y0) {
+    for (int y = 0; y < lines.height(); ++y) {
+      for (size_t c = 0; c < channel_count_; ++c) {
+        const char* row = reinterpret_cast<const char*>(lines.channels()[c].plane.Row(y));
+        const absl::Status status =
+            spool_->Write(PlaceOf(y0 + y, c), {row, sizeof(float) * static_cast<size_t>(width())});
+        if (!status.ok()) return status;
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<LayeredImage> ReadSpooled(const Rect& rect) {
+    if (absl::Status status = Spool(rect.y0, rect.y1); !status.ok()) return status;
+    LayeredImage image = Image(rect.width(), rect.height());
+    const size_t bytes = sizeof(float) * static_cast<size_t>(rect.width());
+    for (int y = 0; y < rect.height(); ++y) {
+      for (size_t c = 0; c < channel_count_; ++c) {
+        const uint64_t place = PlaceOf(rect.y0 + y, c) + sizeof(float) * static_cast<uint64_t>(rect.x0);
+        char* row = reinterpret_cast<char*>(image.channels()[c].plane.Row(y));
+        if (absl::Status status = spool_->Read(place, row, bytes); !status.ok()) return status;
+      }
+    }
+    return image;
+  }
+
+  const std::string path_;
+  const std::string scratch_folder_;
+  Imf::MultiPartInputFile& file_;
+  const int number_;
+  const Imath::Box2i window_;
+  const bool is_tiled_;
+  const bool is_reread_;
+  std::optional<ScratchFile> spool_;
+  size_t channel_count_ = 0;
+  int spooled_from_ = 0;  // rows [spooled_from_, spooled_to_) are in the scratch file
+  int spooled_to_ = 0;
+};
+
+struct ExrFilm::File {
+  std::string path;
+  std::unique_ptr<Imf::MultiPartInputFile> input;
+  std::unique_ptr<Part> pixels;
+  std::unique_ptr<Part> edges;  // null where there is none
+};
+
+ExrFilm::ExrFilm(std::unique_ptr<File> file) : file_(std::move(file)) {}
+ExrFilm::~ExrFilm() = default;
+
+absl::StatusOr<std::unique_ptr<ExrFilm>> ExrFilm::Open(const std::string& path,
+                                                       const std::string& scratch_folder) {
+  if (absl::Status status = CheckIsFile(path); !status.ok()) return status;
+  auto file = std::make_unique<File>();
+  file->path = path;
+  const absl::Status status = CatchExr(path, [&] {
+    file->input = std::make_unique<Imf::MultiPartInputFile>(path.c_str());
+    return CheckExr(path, *file->input);
+  });
+  if (!status.ok()) return status;
+  file->pixels = std::make_unique<Part>(path, scratch_folder, file->input.get(), 0, false);
+  if (file->input->parts() == 2)
+    file->edges = std::make_unique<Part>(path, scratch_folder, file->input.get(), 1, true);
+  return std::unique_ptr<ExrFilm>(new ExrFilm(std::move(file)));
+}
+
+int ExrFilm::width() const { return file_->pixels->width(); }
+int ExrFilm::height() const { return file_->pixels->height(); }
+
+LayeredImage ExrFilm::Outline() const {
+  LayeredImage outline = file_->pixels->Outline();
+  outline.metadata() = ExrMetadata(file_->input->header(0));
+  return outline;
+}
+
+absl::StatusOr<EdgedImage> ExrFilm::Read(const Rect& rect) {
+  absl::StatusOr<LayeredImage> pixels = file_->pixels->Read(rect);
+  if (!pixels.ok()) return pixels.status();
+  if (file_->edges == nullptr) return EdgedImage{*std::move(pixels), {}};
+  const bool is_all = rect == Rect{0, 0, width(), height()};
+  absl::StatusOr<LayeredImage> edges =
+      is_all ? file_->edges->Peek(0, file_->edges->height()) : ReadEdges(rect);
+  if (!edges.ok()) return edges.status();
+  return EdgedImage{*std::move(pixels), *std::move(edges)};
+}
+
+/// The edge set's first row of a pixel in row y of the picture or below.
+absl::StatusOr<int> ExrFilm::FirstEdgeFrom(int y) {
+  int first = 0;
+  int last = file_->edges->height();
+  while (first < last) {
+    const int middle = first + (last - first) / 2;
+    const absl::StatusOr<LayeredImage> row = file_->edges->Peek(middle, middle + 1);
+    if (!row.ok()) return row.status();
+    if (row->Get(layers::kPixelY).At(0, 0) < static_cast<float>(y))
+      first = middle + 1;
+    else
+      last = middle;
+  }
+  return first;
+}
+
+absl::StatusOr<LayeredImage> ExrFilm::ReadEdges(const Rect& rect) {
+  const LayeredImage outline = file_->edges->Outline();
+  for (const std::string_view place : {layers::kPixelX, layers::kPixelY}) {
+    if (!outline.Has(place))
+      return absl::InvalidArgumentError(
+          absl::StrCat(file_->path, ": the edge set has no channel ", std::string(place)));
+  }
+  const absl::StatusOr<int> first = FirstEdgeFrom(rect.y0);
+  if (!first.ok()) return first.status();
+  const absl::StatusOr<int> last = FirstEdgeFrom(rect.y1);
+  if (!last.ok()) return last.status();
+  return ReadEdgeRows(*first, *last, rect);
+}
+
+absl::StatusOr<LayeredImage> ExrFilm::ReadEdgeRows(int first, int last, const Rect& rect) {
+  std::vector<LayeredImage> pieces;
+  for (int row = first; row < last; row += kEdgeRows) {
+    const absl::StatusOr<LayeredImage> rows =
+        file_->edges->Read({0, row, file_->edges->width(), std::min(row + kEdgeRows, last)});
+    if (!rows.ok()) return rows.status();
+    const ConstFloatView y = rows->Get(layers::kPixelY);
+    for (int i = 0; i < rows->height(); ++i) {
+      if (!(y.At(0, i) >= static_cast<float>(rect.y0) && y.At(0, i) < static_cast<float>(rect.y1)))
+        return absl::InvalidArgumentError(
+            absl::StrCat(file_->path, ": the edge set is not in the order of the picture's rows"));
+    }
+    pieces.push_back(EdgesInside(*rows, rect));
+  }
+  return JoinRows(pieces);
+}
+
+}  // namespace lumifold

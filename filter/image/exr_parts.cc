@@ -1,0 +1,104 @@
+#include "filter/image/exr_parts.h"
+
+#include <ImfChannelList.h>
+#include <ImfPartType.h>
+#include <ImfStringAttribute.h>
+
+#include <exception>
+#include <new>
+#include <string_view>
+
+#include "absl/strings/str_cat.h"
+#include "filter/image/exr_io.h"
+
+namespace lumifold {
+namespace {
+
+/// Channels a picture may have at most: ours have under a hundred, a damaged header may list any number.
+constexpr int kMaxChannels = 1024;
+
+absl::Status CheckHeader(const std::string& path, const Imf::Header& header) {
+  const auto invalid = [&path](const std::string& why) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": ", why));
+  };
+  if (header.hasType() && Imf::isDeepData(header.type()))
+    return invalid("holds deep data, which is not read");
+  const Imath::Box2i& window = header.dataWindow();
+  const int64_t width = int64_t{window.max.x} - window.min.x + 1;
+  const int64_t height = int64_t{window.max.y} - window.min.y + 1;
+  if (width <= 0 || height <= 0) return invalid("has no pixels");
+  if (width > kMaxPixels || height > kMaxPixels / width) {
+    return invalid(absl::StrCat(width, "x", height, " pixels is more than is read"));
+  }
+  int channels = 0;
+  for (auto it = header.channels().begin(); it != header.channels().end(); ++it) {
+    if (it.channel().xSampling != 1 || it.channel().ySampling != 1) {
+      return invalid(absl::StrCat("channel ", it.name(), " is subsampled, which is not read"));
+    }
+    ++channels;
+  }
+  if (channels == 0) return invalid("has no channels");
+  if (channels > kMaxChannels) return invalid(absl::StrCat(channels, " channels is more than is read"));
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status CatchExr(const std::string& path, absl::FunctionRef<absl::Status()> body) {
+  try {
+    return body();
+  } catch (const std::bad_alloc&) {
+    return absl::ResourceExhaustedError(absl::StrCat(path, ": not enough memory for this picture"));
+  } catch (const std::exception& error) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": ", error.what()));
+  }
+}
+
+Imf::Slice ExrSliceOf(FloatView view, int x0, int y0) {
+  const std::ptrdiff_t row_bytes = view.stride() * static_cast<std::ptrdiff_t>(sizeof(float));
+  const std::ptrdiff_t offset = y0 * row_bytes + x0 * static_cast<std::ptrdiff_t>(sizeof(float));
+  char* base = reinterpret_cast<char*>(view.Row(0)) - offset;
+  return Imf::Slice(Imf::FLOAT, base, sizeof(float), static_cast<size_t>(row_bytes));
+}
+
+Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0) {
+  Imf::FrameBuffer frame;
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    const ConstFloatView view = channel.plane.view();
+    // OpenEXR's slices are for both directions and so never const.
+    const FloatView writable(const_cast<float*>(view.Row(0)), view.width(), view.height(), view.stride());
+    frame.insert(channel.name, ExrSliceOf(writable, x0, y0));
+  }
+  return frame;
+}
+
+absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file) {
+  const bool has_edges =
+      file.parts() == 2 && file.header(1).hasName() && file.header(1).name() == kExrPartNames[1];
+  if (file.parts() != 1 && !has_edges) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": has several parts; only single-part OpenEXR is read"));
+  }
+  for (int part = 0; part < file.parts(); ++part) {
+    if (absl::Status status = CheckHeader(path, file.header(part)); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+std::map<std::string, std::string> ExrMetadata(const Imf::Header& header) {
+  std::map<std::string, std::string> metadata;
+  for (auto it = header.begin(); it != header.end(); ++it) {
+    const auto* text = dynamic_cast<const Imf::StringAttribute*>(&it.attribute());
+    const std::string_view name = it.name();
+    if (text != nullptr && name != "type" && name != "name") metadata[it.name()] = text->value();
+  }
+  return metadata;
+}
+
+LayeredImage ExrImage(const Imf::Header& header, int width, int height) {
+  LayeredImage image(width, height);
+  for (auto it = header.channels().begin(); it != header.channels().end(); ++it) image.Add(it.name());
+  return image;
+}
+
+}  // namespace lumifold

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "filter/image/layered_image.h"
+
+namespace lumifold {
+
+/// What a picture of an OpenEXR file is, beside its pixels.
+struct ExrLayout {
+  int width = 0;
+  int height = 0;
+  std::vector<std::string> channels;
+  std::map<std::string, std::string> metadata;
+};
+
+/// Writes an OpenEXR file some rows at a time, from the top down, so that the picture need not be in memory.
+/// Every channel is 32-bit float, in ZIP-compressed scan lines. The same rows give the same bytes, however
+/// they are portioned. The file appears whole or not at all. Errors: kInvalidArgument for a picture without
+/// channels or pixels, or rows of another size or other channels than were announced; kUnavailable with the
+/// system's words when the disk refuses. Threads: one at a time.
+class ExrRowWriter {
+ public:
+  /// With an edge set the file has a second part; `edges` may be null.
+  static absl::StatusOr<ExrRowWriter> Create(const std::string& path, const ExrLayout& picture,
+                                             const ExrLayout* edges = nullptr);
+  ExrRowWriter(ExrRowWriter&&) noexcept;
+  ~ExrRowWriter();
+
+  /// The next rows of the picture.
+  absl::Status Append(const LayeredImage& rows) { return AppendTo(0, rows); }
+  /// The next rows of the edge set.
+  absl::Status AppendEdges(const LayeredImage& rows) { return AppendTo(1, rows); }
+  /// Gives the file its name. All rows must have come. Once.
+  absl::Status Finish();
+
+ private:
+  struct File;
+  explicit ExrRowWriter(std::unique_ptr<File> file);
+  absl::Status AppendTo(size_t part, const LayeredImage& rows);
+
+  std::unique_ptr<File> file_;
+};
+
+}  // namespace lumifold

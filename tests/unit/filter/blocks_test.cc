@@ -1,0 +1,163 @@
+#include "filter/blocks.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "filter/image/layers.h"
+#include "filter/methods.h"
+#include "synthetic_film.h"
+
+namespace lumifold::filter {
+namespace {
+
+constexpr BlockParams kSmall = {.core = 64, .margin = 64, .fade = 16, .whole = 0};
+
+/// The picture that FilterFilmInRows gives, rows put together.
+LayeredImage InBlocks(FilmSource* film, const std::string& method, const BlockParams& params,
+                      const std::vector<std::string>& passed_on = {}) {
+  std::vector<LayeredImage> pieces;
+  const absl::Status status = FilterFilmInRows(
+      film, method, passed_on, nullptr,
+      [&](const LayeredImage& rows) {
+        pieces.push_back(rows.Crop(rows.bounds()));
+        return absl::OkStatus();
+      },
+      params);
+  EXPECT_TRUE(status.ok()) << status;
+  return JoinRows(pieces);
+}
+
+bool SameBits(ConstFloatView a, ConstFloatView b) {
+  if (a.width() != b.width() || a.height() != b.height()) return false;
+  for (int y = 0; y < a.height(); ++y) {
+    if (!std::equal(a.Row(y), a.Row(y) + a.width(), b.Row(y))) return false;
+  }
+  return true;
+}
+
+TEST(BlockAxis, SharesSumToOneExactlyOnAnyAxis) {
+  for (const int size : {1, 63, 64, 65, 200, 321, 1000}) {
+    const BlockAxis axis(size, kSmall);
+    for (int p = 0; p < size; ++p) {
+      float sum = 0;
+      for (int i = 0; i < axis.count(); ++i) sum += axis.Share(i, p);
+      ASSERT_EQ(sum, 1.0f) << size << " " << p;
+    }
+  }
+}
+
+TEST(BlockAxis, CoresTileItAndNoneIsEmpty) {
+  for (const int size : {1, 64, 65, 129, 1281, 2160, 16384}) {
+    for (const BlockParams& params : {kSmall, BlockParams{}}) {
+      const BlockAxis axis(size, params);
+      int end = 0;
+      for (int i = 0; i < axis.count(); ++i) {
+        EXPECT_EQ(axis.Core(i).begin, end);
+        EXPECT_GT(axis.Core(i).end, axis.Core(i).begin);
+        EXPECT_LE(axis.Core(i).end - axis.Core(i).begin, params.core);
+        end = axis.Core(i).end;
+      }
+      EXPECT_EQ(end, size);
+    }
+  }
+}
+
+TEST(BlockGrid, LeavesFramesUpToFullHighDefinitionWhole) {
+  EXPECT_TRUE(BlockGrid(1920, 1080, {}).IsOneBlock());
+  EXPECT_TRUE(BlockGrid(1, 200'000, {}).IsOneBlock());
+  EXPECT_TRUE(BlockGrid(0, 0, {}).IsOneBlock());
+  EXPECT_FALSE(BlockGrid(3840, 2160, {}).IsOneBlock());
+  EXPECT_EQ(BlockGrid(1920, 1080, {}).Seen(0, 0), (Rect{0, 0, 1920, 1080}));
+}
+
+TEST(FilterInBlocks, PutsWhatNothingChangesTogetherToTheLastBit) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(211, 150, 0.3f, 5);
+  FilmInMemory film(synthetic.film);
+  const LayeredImage picture = InBlocks(&film, "none", kSmall, {"distance.Z"});
+  for (const auto& [from, to] : {std::pair("noisy.R", "R"), std::pair("noisy.G", "G"),
+                                 std::pair("noisy.B", "B"), std::pair("distance.Z", "distance.Z")}) {
+    EXPECT_TRUE(SameBits(picture.Get(to), synthetic.film.Get(from))) << to;
+  }
+}
+
+TEST(FilterInBlocks, LeavesNoSeamWhereCoresMeet) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(512, 128, 0.3f, 6);
+  FilmInMemory film(synthetic.film);
+  const BlockParams params = {.core = 256, .margin = 64, .fade = 32, .whole = 0};
+  const LayeredImage picture = InBlocks(&film, "default", params);
+  const auto whole = FilterFilm(synthetic.film, "default", nullptr);
+  ASSERT_TRUE(whole.ok());
+  double border = 0;
+  double interior = 0;
+  for (int y = 0; y < 128; ++y) {
+    for (int x = 0; x < 512; ++x) {
+      const double off = std::abs(static_cast<double>(picture.Get("G").At(x, y) - (*whole)[1].At(x, y)));
+      (x >= 252 && x < 260 ? border : interior) += off;
+    }
+  }
+  EXPECT_GT(interior, 0);
+  EXPECT_LT(border / (8 * 128), 2 * interior / (504 * 128));
+}
+
+TEST(FilterInBlocks, TakesOutAsMuchNoiseAsOneBlock) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(384, 256, 0.4f, 7);
+  FilmInMemory film(synthetic.film);
+  const LayeredImage picture =
+      InBlocks(&film, "default", {.core = 128, .margin = 64, .fade = 32, .whole = 0});
+  const auto whole = FilterFilm(synthetic.film, "default", nullptr);
+  ASSERT_TRUE(whole.ok());
+  double in_blocks = 0;
+  double in_one = 0;
+  for (int y = 0; y < 256; ++y) {
+    for (int x = 0; x < 384; ++x) {
+      const float truth = synthetic.truth.Get("G").At(x, y);
+      in_blocks += std::pow(static_cast<double>(picture.Get("G").At(x, y) - truth), 2);
+      in_one += std::pow(static_cast<double>((*whole)[1].At(x, y) - truth), 2);
+    }
+  }
+  EXPECT_LT(in_blocks, 1.1 * in_one);
+}
+
+TEST(FilterInBlocks, TellsWhatIsMissingAndStopsWhereTheSinkRefuses) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(100, 200, 0.3f, 5);
+  FilmInMemory film(synthetic.film);
+  const absl::Status missing = FilterFilmInRows(
+      &film, "none", {"no.Y"}, nullptr, [](const LayeredImage&) { return absl::OkStatus(); }, kSmall);
+  EXPECT_EQ(missing.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(missing.message()), ::testing::HasSubstr("no.Y"));
+  int calls = 0;
+  const auto refuse = [&](const LayeredImage&) {
+    ++calls;
+    return absl::UnavailableError("full");
+  };
+  EXPECT_EQ(FilterFilmInRows(&film, "none", {}, nullptr, refuse, kSmall).code(),
+            absl::StatusCode::kUnavailable);
+  EXPECT_EQ(calls, 1);
+}
+
+TEST(EdgesInside, KeepsThePixelsOfThePartAndCountsFromItsCorner) {
+  LayeredImage edges(kSubSamples, 3);
+  const FloatView x = edges.Add(layers::kPixelX);
+  const FloatView y = edges.Add(layers::kPixelY);
+  const FloatView id = edges.Add(layers::kObjectId);
+  for (int row = 0; row < 3; ++row) {
+    for (int s = 0; s < kSubSamples; ++s) {
+      x.At(s, row) = static_cast<float>(10 * row);
+      y.At(s, row) = static_cast<float>(5 * row);
+      id.At(s, row) = static_cast<float>(row);
+    }
+  }
+  const LayeredImage inside = EdgesInside(edges, {8, 4, 20, 20});
+  ASSERT_EQ(inside.height(), 1);
+  EXPECT_EQ(inside.Get(layers::kPixelX).At(15, 0), 2.0f);
+  EXPECT_EQ(inside.Get(layers::kPixelY).At(15, 0), 1.0f);
+  EXPECT_EQ(inside.Get(layers::kObjectId).At(15, 0), 1.0f);
+  EXPECT_TRUE(EdgesInside(edges, {1, 0, 9, 20}).channels().empty());
+}
+
+}  // namespace
+}  // namespace lumifold::filter

@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/manifold/edge_means.h"
+#include "filter/manifold/edge_regression.h"
 #include "filter/manifold/features.h"
 #include "filter/manifold/product.h"
 #include "filter/manifold/recombine.h"
@@ -131,10 +133,21 @@ Planes GuidesOf(const Planes& geometry, const DenoiseParts& parts) {
   return guides;
 }
 
+void AddTo(const Planes& change, std::array<Plane, 3>* picture) {
+  for (size_t c = 0; c < 3; ++c) {
+    Plane& plane = (*picture)[c];
+    for (int y = 0; y < plane.height(); ++y) {
+      const float* __restrict in = change[c].Row(y);
+      float* __restrict out = plane.Row(y);
+      for (int x = 0; x < plane.width(); ++x) out[x] += in[x];
+    }
+  }
+}
+
 }  // namespace
 
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
-                                  TaskPool* pool, bool has_levels) {
+                                  TaskPool* pool, bool has_levels, Planes* edge_change) {
   std::vector<Product> products = ProductsOf(film, pool);
   if (!has_levels) std::erase_if(products, [](const Product& product) { return product.is_level; });
   const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
@@ -150,6 +163,10 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   }
   const Planes rest = FilterRemainder(film, remainder, filter, pool);
   std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
+  if (edge_change != nullptr) {
+    *edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1]);
+    AddTo(*edge_change, &picture);
+  }
   if (has_points) {
     AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),
                    pool, &picture);
@@ -164,8 +181,10 @@ std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges
     if (parts.normals && parts.depth) return FilterLayer(std::move(halves), geometry, params, points, pool);
     return FilterLayer(std::move(halves), GuidesOf(geometry, parts), params, points, pool);
   };
-  std::array<Plane, 3> picture =
-      FilterLayers(film, parts.edge_points ? edges : nullptr, filter, pool, parts.levels);
+  const LayeredImage* used_edges = parts.edge_points ? edges : nullptr;
+  Planes edge_change;
+  std::array<Plane, 3> picture = FilterLayers(film, used_edges, filter, pool, parts.levels, &edge_change);
+  RegressEdges(film, used_edges, edge_change, pool, &picture);
   if (parts.convergence) ShrinkResidual(film, pool, &picture);
   return picture;
 }

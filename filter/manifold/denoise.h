@@ -19,9 +19,10 @@ using LayerFilter =
 
 /// Filters each layer of light the film has, and what they leave of C, by `filter`, and puts the picture
 /// together again. Without edges `filter` is asked for no points and no edge is antialiased. Without
-/// `has_levels` what is seen in mirrors and through glass is filtered with what the layers leave of C.
+/// `has_levels` what is seen in mirrors and through glass is filtered with what the layers leave of C. Where
+/// `edge_change` is not null, EdgeMeansChange() is added to the picture and stored there.
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
-                                  TaskPool* pool, bool has_levels = true);
+                                  TaskPool* pool, bool has_levels = true, Planes* edge_change = nullptr);
 
 /// The parts of the default method. All are on but where what one of them is worth is measured.
 struct DenoiseParts {
@@ -36,8 +37,8 @@ struct DenoiseParts {
   bool convergence = true;  // the result drawn back to C
 };
 
-/// The default method: FilterLayer on each layer, then the result drawn back to C where noise cannot explain
-/// what they differ by.
+/// The default method: FilterLayer on each layer, T and E of edges steadied, what is left on edges and in
+/// mirrors fitted, then the result drawn back to C where noise cannot explain what they differ by.
 std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool,
                              const DenoiseParts& parts = {});
 

@@ -120,7 +120,8 @@ double Meter::ExpectedSeconds(const Subject& subject, const Method& method) cons
   const auto found = last_.find(absl::StrCat(subject.scene, " ", method.name));
   if (found == last_.end() || found->second.settings.width == 0) return 0;
   const FilmSettings& then = found->second.settings;
-  const double samples = method.renders ? static_cast<double>(subject.settings.samples) / then.samples : 1.0;
+  const double samples =
+      method.grows_with_samples ? static_cast<double>(subject.settings.samples) / then.samples : 1.0;
   return found->second.seconds * PixelRatio(subject.settings, then) * samples;
 }
 

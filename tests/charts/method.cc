@@ -20,7 +20,7 @@ absl::Status NotRun(const std::string& why) { return absl::UnimplementedError(wh
 /// One of filter/methods.h, ours and the baselines alike.
 Method FilterOf(const std::string& name, const std::string& summary, const std::string& source,
                 const filter::Baseline* baseline) {
-  Method method{name, summary, source, {}, false, {}};
+  Method method{name, summary, source, {}, false, false, {}};
   if (baseline != nullptr) method.parameters = baseline->parameters;
   method.make = [name, baseline](Subject* subject, Values values,
                                  TaskPool* pool) -> absl::StatusOr<MadePicture> {
@@ -53,7 +53,7 @@ absl::Status TraceSamples(Subject* subject, TaskPool* pool) {
 }
 
 Method SampleMethodOf(const SampleMethod& sampled) {
-  Method method{sampled.name, sampled.summary, sampled.source, sampled.parameters, false, {}};
+  Method method{sampled.name, sampled.summary, sampled.source, sampled.parameters, false, true, {}};
   method.make = [&sampled](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
     if (const absl::Status status = TraceSamples(subject, pool); !status.ok()) return status;
     const double start = CpuSeconds();
@@ -66,7 +66,7 @@ Method SampleMethodOf(const SampleMethod& sampled) {
 }
 
 Method RenderMethodOf(const render::RenderMethod& rendered) {
-  Method method{rendered.name, rendered.summary, rendered.source, rendered.parameters, true, {}};
+  Method method{rendered.name, rendered.summary, rendered.source, rendered.parameters, true, true, {}};
   method.make = [&rendered](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
     if (subject->source == nullptr) return NotRun("a film from a file has no scene");
     const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = subject->source->LoadScene();

@@ -40,7 +40,8 @@ struct Method {
   std::string summary;
   std::string source;
   std::vector<filter::BaselineParameter> parameters;
-  bool renders = false;  // by itself: the film's own cost is no part of its
+  bool renders = false;             // by itself: the film's own cost is no part of its
+  bool grows_with_samples = false;  // its cost, not only the film's
   std::function<absl::StatusOr<MadePicture>(Subject* subject, absl::Span<const float> values, TaskPool* pool)>
       make;
 };

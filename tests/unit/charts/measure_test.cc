@@ -33,7 +33,7 @@ EdgedImage GreyFilm(float value, float spread) {
 
 /// A method that paints one value and counts how often it is asked.
 Method Painter(int* calls) {
-  Method method{"painter", "", "", {{"value", "", 0.5f, {0.25f, 0.5f, 1}, 0, 1}}, false, {}};
+  Method method{"painter", "", "", {{"value", "", 0.5f, {0.25f, 0.5f, 1}, 0, 1}}, false, false, {}};
   method.make = [calls](Subject* subject, absl::Span<const float> values, TaskPool*) {
     ++*calls;
     MadePicture made;

@@ -11,6 +11,7 @@
 #include "filter/baselines/bilateral.h"
 #include "filter/baselines/guided.h"
 #include "filter/baselines/manifolds_color.h"
+#include "filter/baselines/nfor.h"
 #include "filter/baselines/non_local_means.h"
 
 namespace lumifold::filter {
@@ -43,7 +44,7 @@ absl::Status ReadParameter(const Baseline& baseline, const std::string& key, con
 const std::vector<Baseline>& Baselines() {
   static const std::vector<Baseline> baselines = {
       ManifoldsColorBaseline(), BilateralBaseline(), CrossBilateralBaseline(), ATrousBaseline(),
-      ATrousVarianceBaseline(), GuidedBaseline(),    NonLocalMeansBaseline(),
+      ATrousVarianceBaseline(), GuidedBaseline(),    NonLocalMeansBaseline(),  NforBaseline(),
   };
   return baselines;
 }

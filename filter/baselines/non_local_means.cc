@@ -1,14 +1,10 @@
 #include "filter/baselines/non_local_means.h"
 
 #include <algorithm>
-#include <cmath>
-#include <utility>
 #include <vector>
 
-#include "filter/image/layers.h"
+#include "filter/baselines/noisy_halves.h"
 #include "filter/image/portable_math.h"
-#include "filter/manifold/box_mean.h"
-#include "filter/manifold/halves.h"
 
 namespace lumifold::filter {
 namespace {
@@ -16,7 +12,6 @@ namespace {
 constexpr int kStripRows = 16;
 constexpr float kLeastVariance = 1e-7f;
 constexpr float kMostTerm = 1e4f;
-constexpr int kVarianceRadius = 3;
 
 /// The plane with its edge pixels repeated `apron` pixels outwards.
 Plane Pad(const Plane& plane, int apron) {
@@ -135,39 +130,6 @@ class Strip {
   Planes sums_;
 };
 
-/// The variance of each half, from what the two differ by; 0 where one is unknown.
-Planes HalfVariance(const Halves& halves, TaskPool* pool) {
-  Planes variance = MakePlanes(3, halves.width(), halves.height());
-  for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < halves.height(); ++y) {
-      for (int x = 0; x < halves.width(); ++x) {
-        const float difference = halves.a[c].At(x, y) - halves.b[c].At(x, y);
-        variance[c].At(x, y) = 0.5f * difference * difference;
-      }
-    }
-  }
-  return BoxMeans(variance, halves.weight.view(), kVarianceRadius, pool);
-}
-
-/// The film's noisy picture; light a trillion times the mean counts as that, so that its square is a float.
-Halves NoisyHalves(const LayeredImage& film, TaskPool* pool) {
-  constexpr float kMost = 1e12f;
-  Plane everywhere(film.width(), film.height());
-  everywhere.Fill(1.0f);
-  Halves halves =
-      MakeHalves({film.GetColor(layers::HalfA(layers::kNoisy)), film.GetColor(layers::HalfB(layers::kNoisy)),
-                  film.Get(layers::kSamplesA), film.Get(layers::kSamplesB)},
-                 everywhere.view(), pool);
-  for (Planes* half : {&halves.a, &halves.b}) {
-    for (Plane& plane : *half) {
-      for (int y = 0; y < plane.height(); ++y) {
-        for (int x = 0; x < plane.width(); ++x) plane.At(x, y) = std::clamp(plane.At(x, y), -kMost, kMost);
-      }
-    }
-  }
-  return halves;
-}
-
 std::array<Plane, 3> FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const Halves halves = NoisyHalves(film, pool);
   NonLocalMeansParams params;
@@ -177,18 +139,7 @@ std::array<Plane, 3> FilterColor(const LayeredImage& film, absl::Span<const floa
   const Planes variance = HalfVariance(halves, pool);
   const Planes a = NonLocalMeans(halves.a, halves.b, variance, params, pool);
   const Planes b = NonLocalMeans(halves.b, halves.a, variance, params, pool);
-  Planes mean = Combine(a, b, halves.share_a.view(), pool);
-  std::array<Plane, 3> picture;
-  for (size_t c = 0; c < 3; ++c) {
-    picture[c] = std::move(mean[c]);
-    for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) {
-        float& value = picture[c].At(x, y);
-        value = std::isfinite(value) ? value * halves.scale : 0.0f;  // counts that are no numbers
-      }
-    }
-  }
-  return picture;
+  return FinitePicture(Combine(a, b, halves.share_a.view(), pool), halves.scale);
 }
 
 }  // namespace

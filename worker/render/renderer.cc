@@ -51,6 +51,12 @@ class CameraPacket {
   uint32_t Index(size_t i) const { return range_.first + static_cast<uint32_t>(i); }
   Vec2 Point(size_t i) const { return points_[i]; }
   Vec2 LensPoint(size_t i) const { return lens_points_[i]; }
+  std::array<Vec2, kFirstSurfacePairs> FirstSurfaceNumbers(size_t i) const {
+    std::array<Vec2, kFirstSurfacePairs> numbers;
+    for (uint32_t pair = 0; pair < kFirstSurfacePairs; ++pair)
+      numbers[pair] = samplers_[i].Get2D(kCameraPair + 1 + pair);
+    return numbers;
+  }
 
  private:
   SampleRange range_;
@@ -117,16 +123,47 @@ class RendererImpl final : public Renderer {
           tracer_.TraceGeometry(packet.rays(), geometry);
           for (size_t i = 0; i < packet.size(); ++i) {
             sink->OnSample({PixelNumber(x, y), packet.Index(i), packet.Point(i), packet.LensPoint(i),
-                            samples[i], geometry[i]});
+                            packet.FirstSurfaceNumbers(i), samples[i], geometry[i]});
           }
         });
       }
     }
   }
 
+  LayeredImage TraceGuide(const Rect& rect, int frame) const override {
+    const ScopedFloatEnvironment environment;
+    LayeredImage image(rect.width(), rect.height());
+    const ColorView direct = image.AddColor(layers::kDirect);
+    const ColorView indirect = image.AddColor(layers::kIndirect);
+    const std::vector<Sampler> samplers(PathTracer::kPacket, Sampler(settings_.seed, frame, 0, 0));
+    std::array<Ray, PathTracer::kPacket> rays;
+    std::array<LayerSample, PathTracer::kPacket> samples;
+    for (int y = rect.y0; y < rect.y1; ++y) {
+      for (int first = rect.x0; first < rect.x1; first += static_cast<int>(PathTracer::kPacket)) {
+        const size_t count = std::min(PathTracer::kPacket, static_cast<size_t>(rect.x1 - first));
+        for (size_t i = 0; i < count; ++i) rays[i] = CentreRay(first + static_cast<int>(i), y, samplers[i]);
+        tracer_.Trace({rays.data(), count}, {samplers.data(), count}, samples);
+        for (size_t i = 0; i < count; ++i) {
+          if (!IsFinite(samples[i])) continue;
+          const int x = first + static_cast<int>(i) - rect.x0;
+          Put(direct, x, y - rect.y0, samples[i].direct);
+          Put(indirect, x, y - rect.y0, samples[i].indirect);
+        }
+      }
+    }
+    return image;
+  }
+
   const std::vector<std::string>& warnings() const override { return warnings_; }
 
  private:
+  Ray CentreRay(int x, int y, const Sampler& sampler) const {
+    constexpr Vec2 kMidLens = {0.5f, 0.5f};
+    Ray ray = camera_.RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, kMidLens);
+    ray.chance = sampler.Key(kCameraPair);
+    return ray;
+  }
+
   int64_t PixelNumber(int x, int y) const { return static_cast<int64_t>(y) * settings_.width + x; }
 
   /// Calls visit(CameraPacket) for the samples of a pixel. What comes together depends on the range alone.

@@ -68,6 +68,12 @@ class Renderer {
   /// Traces the samples RenderPass would, and hands them one by one, bad ones too, to `sink`.
   virtual void TraceSamples(const Rect& rect, int frame, SampleRange range, SampleSink* sink) const = 0;
 
+  /// Lights what is seen through the pixels' centres by one path each, all of which draw the same random
+  /// numbers: what comes out is far from the truth but smooth wherever the scene is. For tests and charts.
+  /// Shapes: rect's size; channels direct.* and indirect.*; what is not finite is 0.
+  /// Source: the guide image of Bauszat, Eisemann & Magnor 2011.
+  virtual LayeredImage TraceGuide(const Rect& rect, int frame) const = 0;
+
   /// What the artist should know: the loader's warnings, a scene without lights, a camera made up.
   virtual const std::vector<std::string>& warnings() const = 0;
 };

@@ -12,6 +12,7 @@
 #include "filter/baselines/bilateral.h"
 #include "filter/baselines/guided.h"
 #include "filter/baselines/non_local_means.h"
+#include "filter/baselines/patch_regression.h"
 #include "filter/image/layers.h"
 #include "filter/image/portable_math.h"
 #include "filter/methods.h"
@@ -264,6 +265,104 @@ TEST(NonLocalMeans, AgreesWithTheSumOverPatches) {
       }
       ASSERT_NEAR(static_cast<double>(filtered[0].At(x, y)), sum / total, 1e-4) << x << "," << y;
     }
+  }
+}
+
+/// Solves a x = b for a symmetric positive a, by elimination.
+std::vector<double> Solve(std::vector<std::vector<double>> a, std::vector<double> b) {
+  const size_t n = b.size();
+  for (size_t i = 0; i < n; ++i) {
+    for (size_t j = i + 1; j < n; ++j) {
+      const double factor = a[j][i] / a[i][i];
+      for (size_t k = i; k < n; ++k) a[j][k] -= factor * a[i][k];
+      b[j] -= factor * b[i];
+    }
+  }
+  for (size_t i = n; i-- > 0;) {
+    for (size_t k = i + 1; k < n; ++k) b[i] -= a[i][k] * b[k];
+    b[i] /= a[i][i];
+  }
+  return b;
+}
+
+/// Fits one window after another, and gives each pixel what they say of it.
+std::vector<double> SlowPatchRegression(const RegressionInput& input) {
+  const int width = input.image[0].width();
+  const int height = input.image[0].height();
+  const NonLocalMeansParams params = {.search_radius = 9, .patch_radius = 3, .strength = input.strength};
+  std::vector<double> sums(static_cast<size_t>(width * height), 0.0);
+  std::vector<double> totals = sums;
+  for (int p = 0; p < width * height; ++p) {
+    const int px = p % width;
+    const int py = p / width;
+    const auto columns = [&](int x, int y) {
+      const Plane& f = input.features[0];
+      return std::array<double, 4>{1, (x - px) / 9.0, (y - py) / 9.0,
+                                   static_cast<double>(f.At(x, y) - f.At(px, py))};
+    };
+    std::vector<std::vector<double>> normal(4, std::vector<double>(4, 0.0));
+    std::vector<double> right(4, 0.0);
+    const auto for_window = [&](absl::FunctionRef<void(int, int, double)> visit) {
+      for (int y = std::max(0, py - 9); y < std::min(height, py + 10); ++y) {
+        for (int x = std::max(0, px - 9); x < std::min(width, px + 10); ++x)
+          visit(x, y, SlowWeight(input.guide, input.variance, params, px, py, x, y));
+      }
+    };
+    for_window([&](int x, int y, double w) {
+      const auto column = columns(x, y);
+      for (size_t i = 0; i < 4; ++i) {
+        for (size_t j = 0; j < 4; ++j) normal[i][j] += w * column[i] * column[j];
+        right[i] += w * column[i] * static_cast<double>(input.image[0].At(x, y));
+      }
+    });
+    for (size_t i = 1; i < 4; ++i) normal[i][i] += 1e-4 * normal[0][0];
+    const std::vector<double> fit = Solve(normal, right);
+    for_window([&](int x, int y, double w) {
+      const auto column = columns(x, y);
+      for (size_t i = 0; i < 4; ++i) sums[static_cast<size_t>(y * width + x)] += w * column[i] * fit[i];
+      totals[static_cast<size_t>(y * width + x)] += w;
+    });
+  }
+  for (size_t i = 0; i < sums.size(); ++i) sums[i] /= totals[i];
+  return sums;
+}
+
+TEST(PatchRegression, AgreesWithWindowsFittedOneByOne) {
+  constexpr int kWidth = 35;  // more than one tile
+  constexpr int kHeight = 22;
+  const Planes image = RandomPlanes(3, kWidth, kHeight, 10);
+  const Planes guide = RandomPlanes(3, kWidth, kHeight, 11);
+  const Planes variance = RandomPlanes(3, kWidth, kHeight, 12);
+  const Planes features = RandomPlanes(1, kWidth, kHeight, 13);
+  const RegressionInput input = {image, guide, variance, features, 0.8f};
+  const Planes fitted = PatchRegression(input, nullptr);
+  const std::vector<double> expected = SlowPatchRegression(input);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      ASSERT_NEAR(static_cast<double>(fitted[0].At(x, y)), expected[static_cast<size_t>(y * kWidth + x)],
+                  1e-4)
+          << x << "," << y;
+    }
+  }
+}
+
+TEST(PatchRegression, KeepsAPictureThatFollowsItsFeatures) {
+  constexpr int kSize = 40;
+  const Planes features = RandomPlanes(2, kSize, kSize, 14);
+  Planes image = MakePlanes(3, kSize, kSize);
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < kSize; ++y) {
+      for (int x = 0; x < kSize; ++x)
+        image[c].At(x, y) =
+            2 * features[0].At(x, y) - features[1].At(x, y) + 0.02f * static_cast<float>(x + 3);
+    }
+  }
+  Planes variance = MakePlanes(3, kSize, kSize);
+  for (Plane& plane : variance) plane.Fill(1.0f);
+  const Planes fitted = PatchRegression({image, image, variance, features, 1}, nullptr);
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x)
+      ASSERT_NEAR(fitted[1].At(x, y), image[1].At(x, y), 5e-3f) << x << "," << y;
   }
 }
 

@@ -56,15 +56,15 @@ const Baseline* FindBaseline(std::string_view name) {
   return found == all.end() ? nullptr : &*found;
 }
 
-std::vector<float> DefaultsOf(const Baseline& baseline) {
+std::vector<float> DefaultsOf(absl::Span<const BaselineParameter> parameters) {
   std::vector<float> values;
-  for (const BaselineParameter& parameter : baseline.parameters) values.push_back(parameter.default_value);
+  for (const BaselineParameter& parameter : parameters) values.push_back(parameter.default_value);
   return values;
 }
 
-std::vector<std::vector<float>> GridOf(const Baseline& baseline) {
+std::vector<std::vector<float>> GridOf(absl::Span<const BaselineParameter> parameters) {
   std::vector<std::vector<float>> points = {{}};
-  for (const BaselineParameter& parameter : baseline.parameters) {
+  for (const BaselineParameter& parameter : parameters) {
     std::vector<std::vector<float>> longer;
     for (const std::vector<float>& point : points) {
       for (const float value : parameter.grid) {
@@ -90,10 +90,10 @@ absl::StatusOr<std::vector<float>> ParseParameters(const Baseline& baseline, std
   return values;
 }
 
-std::string FormatParameters(const Baseline& baseline, absl::Span<const float> values) {
+std::string FormatParameters(absl::Span<const BaselineParameter> parameters, absl::Span<const float> values) {
   std::string text;
   for (size_t i = 0; i < values.size(); ++i)
-    absl::StrAppend(&text, i == 0 ? "" : ",", baseline.parameters[i].name, "=", values[i]);
+    absl::StrAppend(&text, i == 0 ? "" : ",", parameters[i].name, "=", values[i]);
   return text;
 }
 

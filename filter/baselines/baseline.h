@@ -41,16 +41,23 @@ const std::vector<Baseline>& Baselines();
 /// Null where none has the name.
 const Baseline* FindBaseline(std::string_view name);
 
-std::vector<float> DefaultsOf(const Baseline& baseline);
+std::vector<float> DefaultsOf(absl::Span<const BaselineParameter> parameters);
+inline std::vector<float> DefaultsOf(const Baseline& baseline) { return DefaultsOf(baseline.parameters); }
 
 /// Every combination of the grids' values, the last parameter changing fastest.
-std::vector<std::vector<float>> GridOf(const Baseline& baseline);
+std::vector<std::vector<float>> GridOf(absl::Span<const BaselineParameter> parameters);
+inline std::vector<std::vector<float>> GridOf(const Baseline& baseline) {
+  return GridOf(baseline.parameters);
+}
 
 /// "sigma_s=8,sigma_r=0.1": what is not named keeps its default; "" names none. Errors: kInvalidArgument
 /// naming a parameter that is unknown or given twice, or a value that is no number or outside its limits.
 absl::StatusOr<std::vector<float>> ParseParameters(const Baseline& baseline, std::string_view text);
 
 /// The text that ParseParameters reads these values from.
-std::string FormatParameters(const Baseline& baseline, absl::Span<const float> values);
+std::string FormatParameters(absl::Span<const BaselineParameter> parameters, absl::Span<const float> values);
+inline std::string FormatParameters(const Baseline& baseline, absl::Span<const float> values) {
+  return FormatParameters(baseline.parameters, values);
+}
 
 }  // namespace lumifold::filter

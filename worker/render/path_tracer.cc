@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "filter/image/portable_math.h"
@@ -116,6 +117,7 @@ struct PathTracer::Departure {
 struct PathTracer::Tail {
   Vec3 one_step;
   Vec3 longer;
+  float first_step = 0;  // metres to the first surface that is no clear pane; infinity where there is none
 };
 
 /// What a surface sends on to its viewer by its lobes that are not perfectly specular, and the perfectly
@@ -230,8 +232,8 @@ Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
   return radiance * HitWeight(pdf, light_pdf);
 }
 
-PathTracer::Tail PathTracer::TraceTail(Departure* next, int bounce, Vec3 visible,
-                                       const Numbers& numbers) const {
+PathTracer::Tail PathTracer::TraceTail(Departure* next, int bounce, Vec3 visible, const Numbers& numbers,
+                                       Indirect indirect) const {
   Tail tail;
   Vec3* arrival = &tail.one_step;
   Vec3 throughput = {1, 1, 1};
@@ -240,8 +242,10 @@ PathTracer::Tail PathTracer::TraceTail(Departure* next, int bounce, Vec3 visible
     const Hit hit = embree_->Intersect(next->ray);
     if (hit.IsMiss()) {
       *arrival += throughput * EmittedOnMiss(next->ray.direction, next->pdf);
+      if (arrival == &tail.one_step) tail.first_step = std::numeric_limits<float>::infinity();
       return tail;
     }
+    if (arrival == &tail.one_step) tail.first_step += hit.distance;
     const Surface surface = surfaces_.Read(hit, next->ray);
     if (!surface.front && surface.material->has_volume)
       throughput *= Attenuation(*surface.material, hit.distance);
@@ -251,8 +255,10 @@ PathTracer::Tail PathTracer::TraceTail(Departure* next, int bounce, Vec3 visible
 
     const Bsdf bsdf = MakeBsdf(surface, -next->ray.direction);
     const Vec2 light_and_lobe = numbers.Get(bounce, kLightAndLobe);
-    const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, numbers, bounce);
-    tail.longer += throughput * TotalOf(connection.value, bsdf.DiffuseAlbedo()) * connection.light;
+    if (indirect == Indirect::kTraced) {
+      const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, numbers, bounce);
+      tail.longer += throughput * TotalOf(connection.value, bsdf.DiffuseAlbedo()) * connection.light;
+    }
 
     float lobe = light_and_lobe.y;
     if (bounce >= kFirstRouletteBounce) {
@@ -268,6 +274,7 @@ PathTracer::Tail PathTracer::TraceTail(Departure* next, int bounce, Vec3 visible
       surface.Leave(step, chance, &next->ray);
       continue;
     }
+    if (indirect == Indirect::kLeftOut) return tail;
     next->Set(surface, step, chance);
     arrival = &tail.longer;
     ++scatterings;
@@ -276,7 +283,7 @@ PathTracer::Tail PathTracer::TraceTail(Departure* next, int bounce, Vec3 visible
 
 PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& bsdf,
                                            const Connection& connection, float lobe, int bounce, Vec3 visible,
-                                           const Numbers& numbers) const {
+                                           const Numbers& numbers, Indirect indirect) const {
   Scattering out;
   const Vec3 albedo = bsdf.DiffuseAlbedo();
   out.direct = connection.light * connection.value.diffuse;
@@ -294,7 +301,9 @@ PathTracer::Scattering PathTracer::Scatter(const Surface& surface, const Bsdf& b
   if (step.specular_event || !step.valid) return out;
   const Vec3 weight = TotalOf(step.weight, albedo);
   Departure next(surface, step, numbers.Chance(bounce));
-  const Tail tail = TraceTail(&next, bounce + 1, visible * weight, numbers);
+  const bool brings_more = indirect == Indirect::kTraced || MaxComponent(step.weight.specular) > 0;
+  const Tail tail = TraceTail(&next, bounce + 1, visible * weight, numbers,
+                              brings_more ? Indirect::kTraced : Indirect::kLeftOut);
   out.direct += tail.one_step * step.weight.diffuse;
   out.indirect = tail.longer * step.weight.diffuse;
   out.specular += (tail.one_step + tail.longer) * step.weight.specular;
@@ -354,11 +363,13 @@ PathTracer::FirstSurfaces PathTracer::Meet(std::span<const Ray> rays,
   return surfaces;
 }
 
-void PathTracer::TraceFrom(const FirstSurface& first, const Sampler& sampler, LayerSample* out) const {
+void PathTracer::TraceFrom(const FirstSurface& first, const Sampler& sampler, Indirect indirect,
+                           LayerSample* out) const {
   const Surface& surface = first.surface;
   const Bsdf& bsdf = first.bsdf;
   const Numbers numbers(sampler);
-  const Scattering light = Scatter(surface, bsdf, first.connection, first.lobe, 0, {1, 1, 1}, numbers);
+  const Scattering light =
+      Scatter(surface, bsdf, first.connection, first.lobe, 0, {1, 1, 1}, numbers, indirect);
   out->emitted = surfaces_.Emitted(surface);
   out->albedo = bsdf.DiffuseAlbedo();
   out->direct = light.direct;
@@ -381,18 +392,59 @@ void PathTracer::TraceFrom(const FirstSurface& first, const Sampler& sampler, La
   }
 }
 
+void PathTracer::TraceMiss(const Ray& ray, LayerSample* out) const {
+  out->emitted = EmittedOnMiss(ray.direction, 0);
+  out->combined = out->emitted;
+}
+
 void PathTracer::Trace(std::span<const Ray> rays, std::span<const Sampler> samplers,
                        std::span<LayerSample> out) const {
   const FirstSurfaces surfaces = Meet(rays, samplers);
   for (size_t i = 0; i < rays.size(); ++i) {
     out[i].Clear();
     if (surfaces[i].has_value()) {
-      TraceFrom(*surfaces[i], samplers[i], &out[i]);
+      TraceFrom(*surfaces[i], samplers[i], Indirect::kTraced, &out[i]);
     } else {
-      out[i].emitted = EmittedOnMiss(rays[i].direction, 0);
-      out[i].combined = out[i].emitted;
+      TraceMiss(rays[i], &out[i]);
     }
   }
+}
+
+void PathTracer::TraceWithoutIndirect(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                                      std::span<LayerSample> out,
+                                      std::span<std::optional<Surface>> diffuse) const {
+  const FirstSurfaces surfaces = Meet(rays, samplers);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    out[i].Clear();
+    diffuse[i].reset();
+    if (!surfaces[i].has_value()) {
+      TraceMiss(rays[i], &out[i]);
+      continue;
+    }
+    TraceFrom(*surfaces[i], samplers[i], Indirect::kLeftOut, &out[i]);
+    // Of paths that were followed for their specular light.
+    out[i].combined = out[i].combined - out[i].indirect * out[i].albedo;
+    out[i].indirect = {};
+    if (surfaces[i]->bsdf.HasDiffuse()) diffuse[i] = surfaces[i]->surface;
+  }
+}
+
+std::optional<Surface> PathTracer::FirstDiffuseSurface(const Ray& ray) const {
+  const Hit hit = embree_->Intersect(ray);
+  if (hit.IsMiss()) return std::nullopt;
+  const Surface surface = surfaces_.Read(hit, ray);
+  if (!MakeBsdf(surface, -ray.direction).HasDiffuse()) return std::nullopt;
+  return surface;
+}
+
+Arrival PathTracer::TraceArrival(const Surface& surface, Vec3 direction, const Sampler& sampler) const {
+  const Numbers numbers(sampler);
+  BsdfSample step;
+  step.wi = direction;
+  step.pdf = Dot(direction, surface.normal) / kPi;
+  Departure next(surface, step, numbers.Chance(0));
+  const Tail tail = TraceTail(&next, 1, {1, 1, 1}, numbers);
+  return {tail.longer, tail.first_step};
 }
 
 Vec3 PathTracer::RadianceFrom(const FirstSurface& first, const Sampler& sampler) const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -31,6 +32,12 @@ enum class LightStrategy {
   kBsdfHits,      // directions drawn from the material that happen to meet a light
 };
 
+/// Indirect light that arrives at a surface from one direction.
+struct Arrival {
+  Vec3 radiance;  // of light that has been scattered at least once on its way here
+  float distance = std::numeric_limits<float>::infinity();  // of what is seen there, clear panes apart
+};
+
 /// Unbiased path tracing with next-event estimation and multiple importance sampling (balance heuristic).
 /// The lobes of the first surface, and of those seen in mirrors and through glass, are kept apart for the
 /// layers; behind them all lobes act as one, so the layers cost next to nothing. Smooth glass that is seen
@@ -53,6 +60,15 @@ class PathTracer {
   void Trace(std::span<const Ray> rays, std::span<const Sampler> samplers, std::span<LayerSample> out) const;
   /// The samples' radiance alone, glass followed one way like all else: estimates of the same picture.
   void TraceRadiance(std::span<const Ray> rays, std::span<const Sampler> samplers, std::span<Vec3> out) const;
+  /// The same as Trace() but for I, which is left black and is missing in C: paths that would bring nothing
+  /// else are not followed. `diffuse` receives the first surfaces that have a diffuse lobe.
+  void TraceWithoutIndirect(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                            std::span<LayerSample> out, std::span<std::optional<Surface>> diffuse) const;
+  /// What TraceWithoutIndirect() gives of `ray` as the surface.
+  std::optional<Surface> FirstDiffuseSurface(const Ray& ray) const;
+  /// One path from `surface` towards unit `direction`, which is above it: I of a diffuse surface is the mean
+  /// of arrivals over directions drawn by their cosine.
+  Arrival TraceArrival(const Surface& surface, Vec3 direction, const Sampler& sampler) const;
   /// What up to kPacket rays meet; they have their chance.
   void TraceGeometry(std::span<const Ray> rays, std::span<GeometrySample> out) const;
 
@@ -65,6 +81,8 @@ class PathTracer {
   struct FirstSurface;
   struct Tail;
   struct Scattering;
+  /// Whether paths are followed that bring nothing but the first surface's I.
+  enum class Indirect { kTraced, kLeftOut };
   using FirstSurfaces = std::array<std::optional<FirstSurface>, kPacket>;
 
   /// The weight of a light that a direction drawn with `bsdf_pdf` has met, and that a light sample would have
@@ -89,15 +107,21 @@ class PathTracer {
   Vec3 EmittedOnMiss(Vec3 direction, float pdf) const;
   Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
   /// Radiance that arrives along `next`, which goes on with the path, and whose first hit is the path's
-  /// surface number `bounce`. `visible` is the path's throughput so far.
-  Tail TraceTail(Departure* next, int bounce, Vec3 visible, const Numbers& numbers) const;
+  /// surface number `bounce`. `visible` is the path's throughput so far. Without indirect light it is what
+  /// came in one step.
+  Tail TraceTail(Departure* next, int bounce, Vec3 visible, const Numbers& numbers,
+                 Indirect indirect = Indirect::kTraced) const;
   /// The light that surface number `bounce` of a path sends on, `connection` of it by a light sample; `lobe`
   /// is a random number.
   Scattering Scatter(const Surface& surface, const Bsdf& bsdf, const Connection& connection, float lobe,
-                     int bounce, Vec3 visible, const Numbers& numbers) const;
+                     int bounce, Vec3 visible, const Numbers& numbers,
+                     Indirect indirect = Indirect::kTraced) const;
   /// Empty where a ray meets nothing.
   FirstSurfaces Meet(std::span<const Ray> rays, std::span<const Sampler> samplers) const;
-  void TraceFrom(const FirstSurface& first, const Sampler& sampler, LayerSample* out) const;
+  void TraceFrom(const FirstSurface& first, const Sampler& sampler, Indirect indirect,
+                 LayerSample* out) const;
+  /// What leaves the scene by a camera ray.
+  void TraceMiss(const Ray& ray, LayerSample* out) const;
   Vec3 RadianceFrom(const FirstSurface& first, const Sampler& sampler) const;
   /// Follows a perfectly specular event of weight `throughput` from the first surface on, level by level.
   void FollowChain(const Surface& first, const BsdfSample& event, Vec3 throughput, const Numbers& numbers,

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/layers.h"
 #include "worker/render/camera.h"
+#include "worker/render/camera_packet.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/floating_point.h"
 #include "worker/render/geometry_unit.h"
@@ -28,45 +29,6 @@ std::string ProblemOf(const Lens& lens, const scene::Camera& camera) {
     return absl::StrCat("the camera '", camera.name, "' is orthographic and has no lens to focus");
   return "";
 }
-
-/// Samples of one pixel that are traced together.
-class CameraPacket {
- public:
-  /// Of pixel (x, y) the samples of `range`, whose streams are the first of `packet`.
-  CameraPacket(const PictureCamera& camera, int x, int y, const SamplerPacket& packet, SampleRange range)
-      : range_(range), samplers_(packet.samplers().first(range.last - range.first)) {
-    for (size_t i = 0; i < size(); ++i) {
-      const Vec2 jitter = samplers_[i].Get2D(kCameraPair);
-      points_[i] = {static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y};
-      if (camera.HasLens()) lens_points_[i] = samplers_[i].Get2D(kLensPair);
-      camera.SetRay(points_[i], lens_points_[i], 1, &rays_[i]);
-      rays_[i].chance = samplers_[i].Key(kCameraPair);
-    }
-  }
-
-  size_t size() const { return samplers_.size(); }
-  std::span<const Ray> rays() const { return {rays_.data(), size()}; }
-  std::span<const Sampler> samplers() const { return samplers_; }
-  /// The sample's number in the pixel, where it lies in the picture, and where its ray passes the lens.
-  uint32_t Index(size_t i) const { return range_.first + static_cast<uint32_t>(i); }
-  Vec2 Point(size_t i) const { return points_[i]; }
-  Vec2 LensPoint(size_t i) const { return lens_points_[i]; }
-  std::array<Vec2, kFirstSurfacePairs> FirstSurfaceNumbers(size_t i) const {
-    std::array<Vec2, kFirstSurfacePairs> numbers;
-    for (uint32_t pair = 0; pair < kFirstSurfacePairs; ++pair)
-      numbers[pair] = samplers_[i].Get2D(kCameraPair + 1 + pair);
-    return numbers;
-  }
-
- private:
-  SampleRange range_;
-  std::span<const Sampler> samplers_;
-  std::array<Ray, PathTracer::kPacket> rays_;
-  std::array<Vec2, PathTracer::kPacket> points_;
-  std::array<Vec2, PathTracer::kPacket> lens_points_;
-};
-
-static_assert(PathTracer::kPacket == DrawnPairs::kSamples);
 
 class RendererImpl final : public Renderer {
  public:
@@ -154,6 +116,9 @@ class RendererImpl final : public Renderer {
     return image;
   }
 
+  const PathTracer& tracer() const override { return tracer_; }
+  const PictureCamera& camera() const override { return camera_; }
+
   const std::vector<std::string>& warnings() const override { return warnings_; }
 
  private:
@@ -166,14 +131,10 @@ class RendererImpl final : public Renderer {
 
   int64_t PixelNumber(int x, int y) const { return static_cast<int64_t>(y) * settings_.width + x; }
 
-  /// Calls visit(CameraPacket) for the samples of a pixel. What comes together depends on the range alone.
+  /// Calls visit(CameraPacket) for the samples of a pixel.
   template <typename Visit>
   void ForEachPacket(int x, int y, int frame, SampleRange range, Visit visit) const {
-    for (uint32_t first = range.first; first < range.last; first += PathTracer::kPacket) {
-      const SamplerPacket samplers(settings_.seed, frame, PixelNumber(x, y), first);
-      const SampleRange together = {first, std::min<uint32_t>(range.last, first + PathTracer::kPacket)};
-      visit(CameraPacket(camera_, x, y, samplers, together));
-    }
+    ForEachCameraPacket(camera_, settings_.seed, frame, settings_.width, x, y, range, visit);
   }
 
   /// Counts a sample; gives back whether it is good.

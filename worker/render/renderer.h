@@ -9,6 +9,7 @@
 #include "filter/image/edged_image.h"
 #include "filter/image/layered_image.h"
 #include "worker/render/camera.h"
+#include "worker/render/camera_packet.h"
 #include "worker/render/environment.h"
 #include "worker/render/path_tracer.h"
 #include "worker/render/sample_sink.h"
@@ -28,12 +29,6 @@ struct RenderSettings {
   LightStrategy light_strategy = LightStrategy::kCombined;
   /// Passes carry C and the sample counts alone: what the layers cost and change is measured against that.
   bool radiance_only = false;
-};
-
-/// Sample indices [first, last) of every pixel.
-struct SampleRange {
-  uint32_t first = 0;
-  uint32_t last = 0;
 };
 
 /// What rendering a unit counted.
@@ -73,6 +68,11 @@ class Renderer {
   /// Shapes: rect's size; channels direct.* and indirect.*; what is not finite is 0.
   /// Source: the guide image of Bauszat, Eisemann & Magnor 2011.
   virtual LayeredImage TraceGuide(const Rect& rect, int frame) const = 0;
+
+  /// What it traces with, for methods that ask for other samples than passes do. They live as long as it
+  /// does; who calls them holds a ScopedFloatEnvironment.
+  virtual const PathTracer& tracer() const = 0;
+  virtual const PictureCamera& camera() const = 0;
 
   /// What the artist should know: the loader's warnings, a scene without lights, a camera made up.
   virtual const std::vector<std::string>& warnings() const = 0;

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "filter/image/parallel.h"
+#include "filter/image/plane.h"
+#include "worker/render/camera_packet.h"
+#include "worker/render/floating_point.h"
+#include "worker/render/renderer.h"
+
+namespace lumifold::render {
+
+/// One frame's pixels and what samples of them are traced with. Threads: safe concurrently.
+class CameraFrame {
+ public:
+  /// Errors: those of Renderer::Create.
+  static absl::StatusOr<CameraFrame> Create(std::shared_ptr<const scene::Scene> scene,
+                                            const RenderSettings& settings) {
+    absl::StatusOr<std::unique_ptr<Renderer>> renderer = Renderer::Create(std::move(scene), settings);
+    if (!renderer.ok()) return renderer.status();
+    return CameraFrame(*std::move(renderer), settings);
+  }
+
+  const PathTracer& tracer() const { return renderer_->tracer(); }
+  const PictureCamera& camera() const { return renderer_->camera(); }
+  int width() const { return settings_.width; }
+  int height() const { return settings_.height; }
+  int64_t pixels() const { return static_cast<int64_t>(settings_.width) * settings_.height; }
+  uint64_t seed() const { return settings_.seed; }
+
+  /// The ray through a pixel's centre and the middle of the lens.
+  Ray CentreRay(int x, int y) const {
+    Ray ray = camera().RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
+    ray.chance = Sampler(seed(), 0, static_cast<int64_t>(y) * width() + x, 0).Key(kCameraPair);
+    return ray;
+  }
+
+  /// How wide a pixel of `ray` is at a surface it has met, in metres; above 0.
+  static float Footprint(const Ray& ray, const Surface& surface) {
+    constexpr float kLeast = 1e-12f;
+    return std::max(kLeast, ray.WidthAt(Length(surface.position - ray.origin)));
+  }
+
+  /// Calls visit(CameraPacket) for the samples of `range` of a pixel.
+  template <typename Visit>
+  void ForEachPacket(int x, int y, SampleRange range, Visit visit) const {
+    ForEachCameraPacket(camera(), seed(), 0, width(), x, y, range, visit);
+  }
+
+  /// Calls visit(i) for each i below `count`, as the pool likes, where this may be traced with.
+  template <typename Visit>
+  static void ForEach(TaskPool* pool, int64_t count, Visit visit) {
+    ParallelFor(pool, count, [&](int64_t i) {
+      const ScopedFloatEnvironment environment;
+      visit(i);
+    });
+  }
+  /// Calls visit(x, y) for each pixel, row by row.
+  template <typename Visit>
+  void ForEachPixel(TaskPool* pool, Visit visit) const {
+    ForEach(pool, height(), [&](int64_t y) {
+      for (int x = 0; x < width(); ++x) visit(x, static_cast<int>(y));
+    });
+  }
+
+ private:
+  CameraFrame(std::unique_ptr<Renderer> renderer, RenderSettings settings)
+      : renderer_(std::move(renderer)), settings_(std::move(settings)) {}
+
+  std::unique_ptr<Renderer> renderer_;
+  RenderSettings settings_;
+};
+
+/// Three planes of a colour.
+inline std::array<Plane, 3> MakePicture(int width, int height) {
+  return {Plane(width, height), Plane(width, height), Plane(width, height)};
+}
+
+/// Sets one pixel of a picture.
+inline void PutPixel(std::array<Plane, 3>* picture, int x, int y, Vec3 value) {
+  for (int c = 0; c < 3; ++c) (*picture)[static_cast<size_t>(c)].At(x, y) = value[c];
+}
+
+}  // namespace lumifold::render

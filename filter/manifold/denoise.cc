@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/manifold/edge_means.h"
+#include "filter/manifold/edge_regression.h"
 #include "filter/manifold/features.h"
 #include "filter/manifold/product.h"
 #include "filter/manifold/recombine.h"
@@ -109,10 +111,21 @@ Planes GlossyLight(const LayeredImage& film, const std::vector<Product>& product
   return light;
 }
 
+void AddTo(const Planes& change, std::array<Plane, 3>* picture) {
+  for (size_t c = 0; c < 3; ++c) {
+    Plane& plane = (*picture)[c];
+    for (int y = 0; y < plane.height(); ++y) {
+      const float* __restrict in = change[c].Row(y);
+      float* __restrict out = plane.Row(y);
+      for (int x = 0; x < plane.width(); ++x) out[x] += in[x];
+    }
+  }
+}
+
 }  // namespace
 
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
-                                  TaskPool* pool) {
+                                  TaskPool* pool, Planes* edge_change) {
   const std::vector<Product> products = ProductsOf(film, pool);
   const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
   const bool has_points = edges != nullptr && !points.rows.empty();
@@ -127,6 +140,10 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   }
   const Planes rest = FilterRemainder(film, remainder, filter, pool);
   std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
+  if (edge_change != nullptr) {
+    *edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1]);
+    AddTo(*edge_change, &picture);
+  }
   if (has_points) {
     AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),
                    pool, &picture);
@@ -138,7 +155,9 @@ std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges
   const auto filter = [pool](Halves halves, const Planes& geometry, const SlicePoints* points) {
     return FilterLayer(std::move(halves), geometry, LayerParams{}, points, pool);
   };
-  std::array<Plane, 3> picture = FilterLayers(film, edges, filter, pool);
+  Planes edge_change;
+  std::array<Plane, 3> picture = FilterLayers(film, edges, filter, pool, &edge_change);
+  RegressEdges(film, edges, edge_change, pool, &picture);
   ShrinkResidual(film, pool, &picture);
   return picture;
 }

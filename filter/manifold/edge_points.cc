@@ -7,6 +7,7 @@
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
 #include "filter/manifold/box_mean.h"
+#include "filter/manifold/edge_pixels.h"
 #include "filter/manifold/features.h"
 
 namespace lumifold::filter {
@@ -173,14 +174,12 @@ EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, flo
   if (edges.channels().empty()) return out;
   const EdgeViews views(edges);
   const Unknown unknown(film, most_specular);
-  for (int row = 0; row < edges.height(); ++row) {
-    const int x = static_cast<int>(views.x.At(0, row));
-    const int y = static_cast<int>(views.y.At(0, row));
-    if (!film.bounds().Contains(x, y) || unknown.Contains(x, y)) continue;
+  ForEachEdgePixel(&edges, film.bounds(), [&](int row, int x, int y) {
+    if (unknown.Contains(x, y)) return;
     bool plain = true;
     for (int sample = 0; sample < kSubSamples; ++sample) plain = plain && views.IsPlain(sample, row);
     if (plain) AddPixel(views, row, &out);
-  }
+  });
   return out;
 }
 

@@ -74,19 +74,6 @@ Plane MeasurableMask(const LayeredImage& film) {
   return mask;
 }
 
-float MeanMagnitude(const ConstColorView& color, TaskPool* pool) {
-  const int width = color[0].width();
-  const int height = color[0].height();
-  const double sum = SumRows(pool, height, [&](int y) {
-    double row = 0;
-    for (const ConstFloatView& channel : color) {
-      for (int x = 0; x < width; ++x) row += static_cast<double>(std::abs(Finite(channel.At(x, y))));
-    }
-    return row;
-  });
-  return static_cast<float>(sum / (3.0 * width * height));
-}
-
 /// What the shrink compares: variance of C and (C - F)^2, summed over the channels and relative to the mean
 /// brightness squared, so that neither tiny nor huge units leave float's range.
 Planes MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& picture, float unit,
@@ -114,6 +101,19 @@ Planes MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& pic
 }
 
 }  // namespace
+
+float MeanMagnitude(const ConstColorView& color, TaskPool* pool) {
+  const int width = color[0].width();
+  const int height = color[0].height();
+  const double sum = SumRows(pool, height, [&](int y) {
+    double row = 0;
+    for (const ConstFloatView& channel : color) {
+      for (int x = 0; x < width; ++x) row += static_cast<double>(std::abs(Finite(channel.At(x, y))));
+    }
+    return row;
+  });
+  return static_cast<float>(sum / (3.0 * width * height));
+}
 
 Remainder MakeRemainder(const LayeredImage& film, const std::vector<Product>& products, TaskPool* pool) {
   Remainder rest;

@@ -19,6 +19,9 @@ struct Remainder {
   Planes b;
 };
 
+/// Mean of |x| over all channels; not finite values count as 0.
+float MeanMagnitude(const ConstColorView& color, TaskPool* pool);
+
 Remainder MakeRemainder(const LayeredImage& film, const std::vector<Product>& products, TaskPool* pool);
 
 /// Whether nothing but the rounding of sums is left: there is nothing to filter then.

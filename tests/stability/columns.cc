@@ -1,21 +1,94 @@
 #include "tests/stability/columns.h"
 
 #include <algorithm>
+#include <memory>
+#include <utility>
 
 #include "filter/methods.h"
+#include "tests/charts/sample_methods.h"
+#include "tests/scenes/glb_writer.h"
+#include "worker/baselines/render_method.h"
+#include "worker/scene/gltf_loader.h"
 
 namespace lumifold::stability {
 namespace {
 
-Column FilterColumn(const std::string& method) {
-  return {method, "", [method](const Subject& subject, TaskPool* pool) {
-            return filter::FilterFilm(subject.film.pixels, method, pool, &subject.film.edges);
+std::vector<float> DefaultsOf(const std::vector<filter::BaselineParameter>& parameters) {
+  std::vector<float> values;
+  for (const filter::BaselineParameter& parameter : parameters) values.push_back(parameter.default_value);
+  return values;
+}
+
+absl::StatusOr<std::shared_ptr<const scene::Scene>> LoadScene(const scenes::SceneDescription& description) {
+  const absl::StatusOr<std::string> bytes = scenes::EncodeGlb(description);
+  if (!bytes.ok()) return bytes.status();
+  const auto no_files = [](const std::string& uri) { return absl::NotFoundError(uri); };
+  absl::StatusOr<scene::Scene> scene = scene::LoadGltf(*bytes, description.name, no_files);
+  if (!scene.ok()) return scene.status();
+  return std::make_shared<const scene::Scene>(*std::move(scene));
+}
+
+render::RenderSettings SettingsOf(const charts::FilmSettings& film) {
+  render::RenderSettings settings;
+  settings.width = film.width;
+  settings.height = film.height;
+  settings.seed = film.seed;
+  return settings;
+}
+
+Column FilterColumn(const filter::Method& method) {
+  return {method.name, "", [name = method.name](const Subject& subject, TaskPool* pool) {
+            return filter::FilterFilm(subject.film.pixels, name, pool, &subject.film.edges);
+          }};
+}
+
+/// More samples than this a method that takes them one by one is not given: it would not end.
+constexpr uint32_t kMostSamples = 16;
+
+absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, const Subject& subject,
+                                        TaskPool* pool) {
+  if (method.uses_samples && subject.settings.samples > kMostSamples)
+    return absl::UnimplementedError("not run, cost: it takes samples one by one");
+  const auto scene = LoadScene(*subject.scene);
+  if (!scene.ok()) return scene.status();
+  const auto renderer = render::Renderer::Create(*scene, SettingsOf(subject.settings));
+  if (!renderer.ok()) return renderer.status();
+  charts::FilmSettings settings = subject.settings;
+  if (!method.uses_samples) settings.samples = 0;
+  const auto samples = charts::TraceSampleSet(**renderer, settings, subject.film.pixels, pool);
+  if (!samples.ok()) return samples.status();
+  return method.filter(*samples, DefaultsOf(method.parameters), pool);
+}
+
+Column SampleColumn(const charts::SampleMethod& method) {
+  return {method.name, "it needs what a film does not hold, and a drawn film has no scene to trace it in",
+          [&method](const Subject& subject, TaskPool* pool) {
+            return RunSampleMethod(method, subject, pool);
+          }};
+}
+
+absl::StatusOr<Picture> RunRenderMethod(const render::RenderMethod& method, const Subject& subject,
+                                        TaskPool* pool) {
+  const auto scene = LoadScene(*subject.scene);
+  if (!scene.ok()) return scene.status();
+  absl::StatusOr<render::RenderedPicture> rendered = method.render(
+      *scene, SettingsOf(subject.settings), subject.settings.samples, DefaultsOf(method.parameters), pool);
+  if (!rendered.ok()) return rendered.status();
+  return std::move(rendered->picture);
+}
+
+Column RenderColumn(const render::RenderMethod& method) {
+  return {method.name, "it renders for itself, and a drawn film has no scene",
+          [&method](const Subject& subject, TaskPool* pool) {
+            return RunRenderMethod(method, subject, pool);
           }};
 }
 
 std::vector<Column> ListColumns() {
   std::vector<Column> columns;
-  for (const filter::Method& method : filter::Methods()) columns.push_back(FilterColumn(method.name));
+  for (const filter::Method& method : filter::Methods()) columns.push_back(FilterColumn(method));
+  for (const charts::SampleMethod& method : charts::SampleMethods()) columns.push_back(SampleColumn(method));
+  for (const render::RenderMethod& method : render::RenderMethods()) columns.push_back(RenderColumn(method));
   return columns;
 }
 

@@ -110,7 +110,7 @@ void MirrorFilm(EdgedImage* film) {
     if (!image->Has(layers::kNormalX)) continue;
     const FloatView normal = image->Get(layers::kNormalX);
     for (int y = 0; y < image->height(); ++y) {
-      for (int x = 0; x < image->width(); ++x) normal.At(x, y) = -normal.At(x, y);
+      for (int x = 0; x < image->width(); ++x) normal.At(x, y) = getenv("NOFLIP") ? normal.At(x,y) : -normal.At(x, y);
     }
   }
   if (edges.height() == 0) return;

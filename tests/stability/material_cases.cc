@@ -108,33 +108,33 @@ constexpr layers::Level kInMirror = {layers::Branch::kReflection, 1};
 constexpr layers::Level kBehindGlass = {layers::Branch::kTransmission, 1};
 
 absl::StatusOr<Finding> FlatMirror(const Trial& trial) {
-  return JudgeScene(trial, MirrorRoom, 16, 1024, [](const Rendered& r) {
+  return JudgeScene(trial, MirrorRoom, 16, 512, [](const Rendered& r) {
     return Figures{r.Left([&](int x, int y) { return r.Shows(kInMirror, x, y); })};
   });
 }
 
 absl::StatusOr<Finding> CurvedMirror(const Trial& trial) {
-  return JudgeScene(trial, MirrorSphereRoom, 16, 1024, [](const Rendered& r) {
+  return JudgeScene(trial, MirrorSphereRoom, 16, 512, [](const Rendered& r) {
     return Figures{r.Left([&](int x, int y) { return r.Shows(kInMirror, x, y); })};
   });
 }
 
 absl::StatusOr<Finding> FacingMirrors(const Trial& trial) {
-  return JudgeScene(trial, FacingMirrorsRoom, 16, 1024, [](const Rendered& r) {
+  return JudgeScene(trial, FacingMirrorsRoom, 16, 512, [](const Rendered& r) {
     const auto deep = [&](int x, int y) { return r.Shows({layers::Branch::kReflection, 2}, x, y); };
     return Figures{r.Left([&](int x, int y) { return r.Shows(kInMirror, x, y); }), r.Left(deep)};
   });
 }
 
 absl::StatusOr<Finding> GlassBeforeChequer(const Trial& trial) {
-  return JudgeScene(trial, GlassRoom, 16, 1024, [](const Rendered& r) {
+  return JudgeScene(trial, GlassRoom, 16, 512, [](const Rendered& r) {
     const auto behind = [&](int x, int y) { return r.Shows(kBehindGlass, x, y); };
     return Figures{metrics::Flip(r.views.filtered, r.views.truth), r.Left(behind)};
   });
 }
 
 absl::StatusOr<Finding> RoughnessRamp(const Trial& trial) {
-  return JudgeScene(trial, RoughnessRoom, 16, 2048, [](const Rendered& r) {
+  return JudgeScene(trial, RoughnessRoom, 16, 512, [](const Rendered& r) {
     std::vector<double> left;
     for (int panel = 0; panel < kRoughnessPanels; ++panel) {
       // The panels are 0.5 m wide, 5.6 m before the camera.
@@ -152,7 +152,7 @@ absl::StatusOr<Finding> RoughnessRamp(const Trial& trial) {
 }
 
 absl::StatusOr<Finding> HalfMetal(const Trial& trial) {
-  return JudgeScene(trial, HalfMetalRoom, 16, 1024, [](const Rendered& r) {
+  return JudgeScene(trial, HalfMetalRoom, 16, 512, [](const Rendered& r) {
     const auto on_ball = [](int x, int y) { return std::hypot(x - 48.0, y - 38.0) < 14; };
     const double energy = MeanOf(r.views.filtered, on_ball) / MeanOf(r.views.noisy, on_ball);
     return Figures{100 * std::abs(energy - 1), r.Left(on_ball)};
@@ -160,7 +160,7 @@ absl::StatusOr<Finding> HalfMetal(const Trial& trial) {
 }
 
 absl::StatusOr<Finding> Corner(const Trial& trial) {
-  return JudgeScene(trial, CornerRoom, 16, 2048, [](const Rendered& r) {
+  return JudgeScene(trial, CornerRoom, 16, 1024, [](const Rendered& r) {
     const ConstFloatView nx = r.film.Get(layers::kNormalX);
     const ConstFloatView ny = r.film.Get(layers::kNormalY);
     const auto strip = [&](int x, int y) {
@@ -176,18 +176,18 @@ absl::StatusOr<Finding> Corner(const Trial& trial) {
 }
 
 absl::StatusOr<Finding> Slit(const Trial& trial) {
-  return JudgeScene(trial, SlitRoom, 16, 2048, [](const Rendered& r) { return Figures{r.Left(Everywhere)}; });
+  return JudgeScene(trial, SlitRoom, 16, 1024, [](const Rendered& r) { return Figures{r.Left(Everywhere)}; });
 }
 
 absl::StatusOr<Finding> Hall(const Trial& trial) {
-  return JudgeScene(trial, ChequeredHall, 16, 1024, [](const Rendered& r) {
+  return JudgeScene(trial, ChequeredHall, 16, 512, [](const Rendered& r) {
     const auto far = [](int, int y) { return y >= 34 && y < 50; };
     return Figures{r.Left(far), r.Left(Everywhere)};
   });
 }
 
 absl::StatusOr<Finding> CausticLight(const Trial& trial) {
-  return JudgeScene(trial, CausticRoom, 16, 4096, [](const Rendered& r) {
+  return JudgeScene(trial, CausticRoom, 16, 1024, [](const Rendered& r) {
     return Figures{r.Left(Everywhere),
                    100 * MeanOf(r.views.filtered, Everywhere) / MeanOf(r.views.noisy, Everywhere)};
   });

@@ -138,7 +138,7 @@ SceneDescription MirrorSphereRoom() {
 SceneDescription FacingMirrorsRoom() {
   RoomBuilder room("facing-mirrors-room");
   Walls walls = FurnishedWalls(&room);
-  walls.left = walls.right = AddMirror(&room);
+  walls.rear = walls.front = AddMirror(&room);
   room.PlaceWalls(walls);
   room.PlaceLamp(7);
   room.PlaceBox({0.3, 0.4, -0.5}, {0.5, 0.8, 0.5}, room.Add(scenes::Matte("green", {0.2, 0.6, 0.3})));

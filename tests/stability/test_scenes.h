@@ -10,7 +10,7 @@ namespace lumifold::stability {
 scenes::SceneDescription MirrorRoom();
 /// A mirroring sphere before a flat mirror.
 scenes::SceneDescription MirrorSphereRoom();
-/// The left and the right wall are mirrors.
+/// The rear and the front wall are mirrors.
 scenes::SceneDescription FacingMirrorsRoom();
 /// A pane of glass over the right half of a chequered wall.
 scenes::SceneDescription GlassRoom();

@@ -41,6 +41,7 @@ class CameraPacket {
   uint32_t Index(size_t i) const { return range_.first + static_cast<uint32_t>(i); }
   Vec2 Point(size_t i) const { return points_[i]; }
   Vec2 LensPoint(size_t i) const { return lens_points_[i]; }
+  /// What the first surface draws from.
   std::array<Vec2, kFirstSurfacePairs> FirstSurfaceNumbers(size_t i) const {
     std::array<Vec2, kFirstSurfacePairs> numbers;
     for (uint32_t pair = 0; pair < kFirstSurfacePairs; ++pair)

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "filter/image/check.h"
@@ -59,7 +60,7 @@ Blocks MakeBlocks(const Planes& planes, int tile_x, int tile_y) {
 class TileWeights {
  public:
   TileWeights(const Blocks& guide, const Blocks& variance, float strength)
-      : weights_(static_cast<size_t>(kTile * kTile) * kPaddedOffsets) {
+      : weights_(static_cast<size_t>(kTile) * kTile * kPaddedOffsets) {
     int number = 0;
     for (int dy = -kRadius; dy <= kRadius; ++dy) {
       for (int dx = -kRadius; dx <= kRadius; ++dx) {
@@ -124,9 +125,11 @@ class WindowFit {
  public:
   explicit WindowFit(size_t features) : columns_(kFixedColumns + features) {
     for (int k = 0; k < kOffsets; ++k) {
+      const int dx = k % kSide - kRadius;
+      const int dy = k / kSide - kRadius;
       x_(k, 0) = 1;
-      x_(k, 1) = static_cast<float>(k % kSide - kRadius) / kRadius;
-      x_(k, 2) = static_cast<float>(k / kSide - kRadius) / kRadius;
+      x_(k, 1) = static_cast<float>(dx) / kRadius;
+      x_(k, 2) = static_cast<float>(dy) / kRadius;
     }
   }
 
@@ -219,7 +222,7 @@ TileSums FitTile(const RegressionInput& input, int tile_x, int tile_y) {
       MakeBlocks(input.guide, tile_x, tile_y), MakeBlocks(input.variance, tile_x, tile_y), input.strength);
   const auto fit = std::make_unique<WindowFit>(input.features.size());
   TileSums tile;
-  for (std::vector<float>& sums : tile.sums) sums.resize(static_cast<size_t>(kReach * kReach));
+  for (std::vector<float>& sums : tile.sums) sums.resize(static_cast<size_t>(kReach) * kReach);
   for (int y = 0; y < std::min(kTile, height - tile_y); ++y) {
     for (int x = 0; x < std::min(kTile, width - tile_x); ++x) {
       float* w = weights->Of(x, y);

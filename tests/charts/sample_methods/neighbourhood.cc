@@ -63,7 +63,7 @@ Offset NormalOffset(float sigma, Stream* stream) {
 /// Tells samples whose features are like those of one pixel's samples.
 class FeatureGate {
  public:
-  FeatureGate(const Neighbourhood& own) {
+  explicit FeatureGate(const Neighbourhood& own) {
     for (size_t f = 0; f < moments_.size(); ++f)
       moments_[f] = MomentsOf(own.Standard(Variables::kFeature + f));
   }

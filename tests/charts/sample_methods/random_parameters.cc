@@ -1,6 +1,6 @@
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <functional>
 #include <utility>
 
 #include "filter/image/portable_math.h"

@@ -27,9 +27,10 @@ SampleSet Wall(Radiance radiance) {
   for (int i = 0; i < kWidth * kHeight; ++i) {
     for (uint32_t k = 0; k < kSamples; ++k) {
       ChartSample s;
-      s.point = {static_cast<float>(i % kWidth) + uniform(random),
-                 static_cast<float>(i / kWidth) + uniform(random)};
-      s.distance = i % kWidth < kWidth / 2 ? 2.0f : 52.0f;
+      const int x = i % kWidth;
+      const int y = i / kWidth;
+      s.point = {static_cast<float>(x) + uniform(random), static_cast<float>(y) + uniform(random)};
+      s.distance = x < kWidth / 2 ? 2.0f : 52.0f;
       s.position = {0.01f * s.point.x, 0.01f * s.point.y, s.distance};
       s.normal = {0, 0, 1};
       s.albedo = {0.5f, 0.5f, 0.5f};

@@ -124,8 +124,9 @@ std::unique_ptr<Room> OneWall(int width, int height, uint32_t samples) {
   for (int i = 0; i < width * height; ++i) {
     for (uint32_t k = 0; k < samples; ++k) {
       ChartSample s;
-      s.point = {static_cast<float>(i % width) + uniform(random),
-                 static_cast<float>(i / width) + uniform(random)};
+      const int x = i % width;
+      const int y = i / width;
+      s.point = {static_cast<float>(x) + uniform(random), static_cast<float>(y) + uniform(random)};
       s.radiance = {0.4f, 0.4f, 0.4f};
       s.direct = {0.6f, 0.6f, 0.6f};
       s.indirect = {0.2f, 0.2f, 0.2f};

@@ -61,10 +61,9 @@ absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, cons
 }
 
 Column SampleColumn(const charts::SampleMethod& method) {
-  return {method.name, "it needs what a film does not hold, and a drawn film has no scene to trace it in",
-          [&method](const Subject& subject, TaskPool* pool) {
-            return RunSampleMethod(method, subject, pool);
-          }};
+  return {
+      method.name, "it needs what a film does not hold, and a drawn film has no scene to trace it in",
+      [&method](const Subject& subject, TaskPool* pool) { return RunSampleMethod(method, subject, pool); }};
 }
 
 absl::StatusOr<Picture> RunRenderMethod(const render::RenderMethod& method, const Subject& subject,
@@ -78,10 +77,9 @@ absl::StatusOr<Picture> RunRenderMethod(const render::RenderMethod& method, cons
 }
 
 Column RenderColumn(const render::RenderMethod& method) {
-  return {method.name, "it renders for itself, and a drawn film has no scene",
-          [&method](const Subject& subject, TaskPool* pool) {
-            return RunRenderMethod(method, subject, pool);
-          }};
+  return {
+      method.name, "it renders for itself, and a drawn film has no scene",
+      [&method](const Subject& subject, TaskPool* pool) { return RunRenderMethod(method, subject, pool); }};
 }
 
 std::vector<Column> ListColumns() {

@@ -23,7 +23,7 @@ constexpr float kMostOverMean = 8;
 /// How far around, in pixels, the halves' difference tells how much less noise stratified samples have than
 /// their spread says.
 constexpr int kStratificationRadius = 10;
-constexpr float kMostRatio = 100;
+constexpr float kMostRatio = 10;
 
 /// Sigma in pixels of the blur of the error.
 constexpr float kErrorSigma = 0.8f;
@@ -56,29 +56,30 @@ float LevelOf(const Planes& planes) {
   return mean > static_cast<double>(kTiny) ? static_cast<float>(mean) : 1.0f;
 }
 
-/// Makes the variances those that the halves' difference shows on average around each pixel.
+/// Makes the variances those that the halves' difference shows on average around each pixel. The mean is of
+/// ratios, so that the few pixels of the highest variance do not stand for all others.
 void FitToDifference(const Planes& a, const Planes& b, TaskPool* pool, Planes* var_a, Planes* var_b) {
   const int width = a[0].width();
   const int height = a[0].height();
-  Planes seen = filter::MakePlanes(3, width, height);
-  Planes expected = filter::MakePlanes(3, width, height);
-  for (size_t c = 0; c < 3; ++c) {
-    ForEachPixelOf(a[c], [&](int x, int y) {
+  Planes ratio = filter::MakePlanes(1, width, height);
+  Plane weight(width, height);
+  ForEachPixelOf(weight, [&](int x, int y) {
+    float seen = 0;
+    float expected = 0;
+    for (size_t c = 0; c < 3; ++c) {
       const float difference = a[c].At(x, y) - b[c].At(x, y);
-      seen[c].At(x, y) = difference * difference;
-      expected[c].At(x, y) = (*var_a)[c].At(x, y) + (*var_b)[c].At(x, y);
-    });
-  }
-  Plane everywhere(width, height);
-  everywhere.Fill(1);
-  seen = filter::BoxMeans(seen, everywhere.view(), kStratificationRadius, pool);
-  expected = filter::BoxMeans(expected, everywhere.view(), kStratificationRadius, pool);
-  for (size_t c = 0; c < 3; ++c) {
-    ForEachPixelOf(a[c], [&](int x, int y) {
-      const float ratio = std::min(kMostRatio, seen[c].At(x, y) / std::max(kTiny, expected[c].At(x, y)));
-      (*var_a)[c].At(x, y) *= ratio;
-      (*var_b)[c].At(x, y) *= ratio;
-    });
+      seen += difference * difference;
+      expected += (*var_a)[c].At(x, y) + (*var_b)[c].At(x, y);
+    }
+    if (expected <= kTiny) return;
+    ratio[0].At(x, y) = std::min(kMostRatio, seen / expected);
+    weight.At(x, y) = 1;
+  });
+  ratio = filter::BoxMeans(ratio, weight.view(), kStratificationRadius, pool);
+  for (Planes* variances : {var_a, var_b}) {
+    for (Plane& variance : *variances) {
+      ForEachPixelOf(variance, [&](int x, int y) { variance.At(x, y) *= ratio[0].At(x, y); });
+    }
   }
 }
 

@@ -92,6 +92,7 @@ std::vector<Level> MakeBank(const SampledFrame& frame, absl::Span<const float> s
   const Plane counts = frame.Counts();
   const Planes variances = SteadyVariances(frame.Variances(), counts, pool);
   std::vector<Level> bank;
+  bank.reserve(sigmas.size());
   for (const float sigma : sigmas) bank.push_back(MakeLevel(means, variances, counts, sigma, pool));
   return bank;
 }

@@ -48,7 +48,8 @@ class GradientSums {
   static constexpr float kLeastDistance = 1e-30f;
 
   const Arrival& At(int ring, int sector) const {
-    return arrivals_[static_cast<size_t>(ring * strata_.sectors + sector)];
+    return arrivals_[static_cast<size_t>(ring) * static_cast<size_t>(strata_.sectors) +
+                     static_cast<size_t>(sector)];
   }
   /// The sine of the angle to the normal where ring number `ring` begins.
   float SineBefore(int ring) const {
@@ -105,11 +106,11 @@ class GradientSums {
 }  // namespace
 
 HemisphereStrata HemisphereStrata::OfRings(int rings) {
-  return {rings, std::max(1, static_cast<int>(kPi * static_cast<float>(rings) + 0.5f))};
+  return {rings, std::max(1, static_cast<int>(std::lround(kPi * static_cast<float>(rings))))};
 }
 
 HemisphereStrata HemisphereStrata::OfRays(int rays) {
-  return OfRings(std::max(1, static_cast<int>(std::sqrt(static_cast<float>(rays) / kPi) + 0.5f)));
+  return OfRings(std::max(1, static_cast<int>(std::lround(std::sqrt(static_cast<float>(rays) / kPi)))));
 }
 
 Vec3 HemisphereStrata::Direction(int index, Vec2 jitter) const {

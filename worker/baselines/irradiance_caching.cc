@@ -83,6 +83,7 @@ class CacheFiller {
     }
     std::sort(scattered.begin(), scattered.end());
     std::vector<int64_t> pixels;
+    pixels.reserve(scattered.size());
     for (const auto& [place, pixel] : scattered) pixels.push_back(pixel);
     return pixels;
   }
@@ -123,10 +124,11 @@ class CacheFiller {
 absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene,
                                        const RenderSettings& settings, uint32_t samples_per_pixel,
                                        absl::Span<const float> values, TaskPool* pool) {
-  const absl::StatusOr<CameraFrame> frame = CameraFrame::Create(scene, settings);
+  const scene::Bounds bounds = WorldBounds(*scene);
+  const absl::StatusOr<CameraFrame> frame = CameraFrame::Create(std::move(scene), settings);
   if (!frame.ok()) return frame.status();
   const float accuracy = values[0];
-  IrradianceCache cache(WorldBounds(*scene), accuracy);
+  IrradianceCache cache(bounds, accuracy);
   RenderedPicture out;
   out.gather_paths =
       CacheFiller(*frame, HemisphereStrata::OfRings(static_cast<int>(values[1])), accuracy, pool, &cache)

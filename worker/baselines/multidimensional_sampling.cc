@@ -113,6 +113,7 @@ class AdaptiveSampler {
     }
     std::sort(scattered.begin(), scattered.end());
     std::vector<Point> points;
+    points.reserve(scattered.size());
     for (const auto& [place, point] : scattered) points.push_back(point);
     return points;
   }
@@ -126,6 +127,7 @@ class AdaptiveSampler {
     const size_t count = std::min<size_t>(most, std::max<size_t>(1, leaves.size() / kBoxesPerSample));
     std::nth_element(leaves.begin(), leaves.begin() + static_cast<std::ptrdiff_t>(count - 1), leaves.end());
     std::vector<size_t> worst;
+    worst.reserve(count);
     for (size_t i = 0; i < count; ++i) worst.push_back(leaves[i].second);
     std::sort(worst.begin(), worst.end());
     return worst;
@@ -133,6 +135,7 @@ class AdaptiveSampler {
 
   std::vector<Point> Refine(const std::vector<size_t>& leaves, int round) const {
     std::vector<Point> points;
+    points.reserve(leaves.size());
     for (const size_t leaf : leaves) {
       const uint64_t key =
           MixBits(MixBits(frame_.seed() ^ kCandidateSeed) + static_cast<uint64_t>(round)) + leaf;
@@ -168,6 +171,7 @@ class AdaptiveSampler {
   /// Traces side by side, inserts one by one.
   void Add(const std::vector<Point>& points) {
     std::vector<uint32_t> indices;
+    indices.reserve(points.size());
     for (const Point& point : points) indices.push_back(next_[space_.PixelOf(point)]++);
     std::vector<Vec3> values(points.size());
     const auto count = static_cast<int64_t>(points.size());

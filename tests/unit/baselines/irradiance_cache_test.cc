@@ -27,8 +27,10 @@ TEST(IrradianceCache, GivesEvenIrradianceBackAsItIs) {
     for (int j = -6; j <= 6; ++j)
       cache.Insert(RecordAt({static_cast<float>(i) * 0.15f, static_cast<float>(j) * 0.15f, 0}, {0, 0, 1}, 4));
   }
-  for (float x = -0.95f; x < 0.95f; x += 0.07f) {
-    for (float y = -0.95f; y < 0.95f; y += 0.07f) {
+  for (int i = -13; i <= 13; ++i) {
+    for (int j = -13; j <= 13; ++j) {
+      const float x = 0.07f * static_cast<float>(i);
+      const float y = 0.07f * static_cast<float>(j);
       const std::optional<Vec3> found = cache.Look({x, y, 0}, {0, 0, 1}, 1);
       ASSERT_TRUE(found.has_value()) << x << " " << y;
       EXPECT_NEAR(found->x, 4, 1e-5);

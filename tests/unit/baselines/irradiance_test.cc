@@ -18,6 +18,7 @@ template <typename See>
 std::vector<Arrival> Arrivals(const HemisphereStrata& strata, Vec3 normal, See see) {
   const Frame frame(normal);
   std::vector<Arrival> arrivals;
+  arrivals.reserve(static_cast<size_t>(strata.count()));
   for (int i = 0; i < strata.count(); ++i)
     arrivals.push_back(see(frame.ToWorld(strata.Direction(i, {0.5f, 0.5f}))));
   return arrivals;

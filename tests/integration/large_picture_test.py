@@ -9,10 +9,10 @@ import unittest
 from farm import BIN, make_scene, run
 from tall_exr import repeat_rows
 
-WIDTH = 4096
-ROWS = 384
-TIMES = (4, 12)  # 6 and 19 Mpx
-LIMIT_BYTES = 3 * 2**30  # of address space; a whole film of the taller picture alone would take more
+WIDTH = 2048
+ROWS = 352
+TIMES = (8, 16)  # 6 and 12 Mpx, in blocks of one size
+LIMIT_BYTES = 3 * 2**30  # of address space: the taller film alone takes that, without what filters it
 
 
 class LargePictureTest(unittest.TestCase):

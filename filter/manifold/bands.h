@@ -45,6 +45,14 @@ inline Planes MakePlanes(size_t count, int width, int height) {
   return planes;
 }
 
+/// The same, to be written before they are read: their values are anything.
+inline Planes MakeUninitializedPlanes(size_t count, int width, int height) {
+  Planes planes;
+  planes.reserve(count);
+  for (size_t i = 0; i < count; ++i) planes.push_back(Plane::Uninitialized(width, height));
+  return planes;
+}
+
 /// Three planes as a colour.
 inline ConstColorView ViewOf(const Planes& color) {
   return {color[0].view(), color[1].view(), color[2].view()};

@@ -98,7 +98,7 @@ Planes BoxMeans(const Planes& values, ConstFloatView weight, int radius, TaskPoo
   const int height = weight.height();
   // A window over the whole picture reaches no further.
   const int reach = std::min(radius, std::max(width, height));
-  Planes means = MakePlanes(values.size(), width, height);
+  Planes means = MakeUninitializedPlanes(values.size(), width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     Window total(kStripColumns, kBandRows, reach);
     Window window(kStripColumns, kBandRows, reach);

@@ -45,7 +45,7 @@ void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, P
 Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool) {
   const float shift = Asinh(origin * (1.0f / knee));
   const int height = color[0].height();
-  Planes stable = MakePlanes(color.size(), color[0].width(), height);
+  Planes stable = MakeUninitializedPlanes(color.size(), color[0].width(), height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     for (size_t c = 0; c < color.size(); ++c) {
       for (int y = y0; y < y1; ++y)

@@ -119,10 +119,10 @@ Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* poo
   const int width = validity.width();
   const int height = validity.height();
   Halves halves;
-  halves.a = MakePlanes(3, width, height);
-  halves.b = MakePlanes(3, width, height);
+  halves.a = MakeUninitializedPlanes(3, width, height);
+  halves.b = MakeUninitializedPlanes(3, width, height);
   for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight, &halves.share_a})
-    *plane = Plane(width, height);
+    *plane = Plane::Uninitialized(width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < width; ++x) WeighPixel(film, validity, x, y, &halves);
@@ -145,7 +145,7 @@ Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* poo
 }
 
 Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool) {
-  Planes combined = MakePlanes(a.size(), share_a.width(), share_a.height());
+  Planes combined = MakeUninitializedPlanes(a.size(), share_a.width(), share_a.height());
   ForEachBand(pool, share_a.height(), [&](int, int y0, int y1) {
     for (size_t c = 0; c < a.size(); ++c) {
       for (int y = y0; y < y1; ++y) {
@@ -160,7 +160,7 @@ Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPoo
 }
 
 Planes PixelVariance(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool) {
-  Planes variance = MakePlanes(a.size(), share_a.width(), share_a.height());
+  Planes variance = MakeUninitializedPlanes(a.size(), share_a.width(), share_a.height());
   ForEachBand(pool, share_a.height(), [&](int, int y0, int y1) {
     for (size_t c = 0; c < a.size(); ++c) {
       for (int y = y0; y < y1; ++y) {

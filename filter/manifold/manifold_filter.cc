@@ -144,15 +144,9 @@ void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Pla
 void Filter::DivideSums(Planes* sums) const {
   ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
     for (size_t c = 0; c + 1 < sums->size(); ++c) {
-      for (int y = y0; y < y1; ++y) {
-        const float* __restrict total = sums->back().Row(y);
-        const float* __restrict own = state_.signals[c].Row(y);
-        float* __restrict sum = (*sums)[c].Row(y);
-        for (int x = 0; x < state_.lattice.width; ++x) {
-          const float quotient = sum[x] / total[x];
-          sum[x] = total[x] < kLeastWeight ? own[x] : quotient;
-        }
-      }
+      for (int y = y0; y < y1; ++y)
+        QuotientRow(sums->back().Row(y), kLeastWeight, state_.signals[c].Row(y), state_.lattice.width,
+                    (*sums)[c].Row(y));
     }
   });
   sums->pop_back();

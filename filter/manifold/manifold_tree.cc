@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "filter/manifold/recursive.h"
+#include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {
@@ -12,13 +13,8 @@ namespace {
 void DivideByWeight(const Plane& weight, const Plane* fallback, Plane* eta) {
   const std::vector<float> zeros(static_cast<size_t>(eta->width()), 0.0f);
   for (int y = 0; y < eta->height(); ++y) {
-    const float* __restrict total = weight.Row(y);
-    const float* __restrict instead = fallback != nullptr ? fallback->Row(y) : zeros.data();
-    float* __restrict out = eta->Row(y);
-    for (int x = 0; x < eta->width(); ++x) {
-      const float quotient = out[x] / total[x];
-      out[x] = total[x] < kLeastClusterMass ? instead[x] : quotient;
-    }
+    const float* instead = fallback != nullptr ? fallback->Row(y) : zeros.data();
+    QuotientRow(weight.Row(y), kLeastClusterMass, instead, eta->width(), eta->Row(y));
   }
 }
 

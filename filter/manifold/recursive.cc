@@ -13,11 +13,6 @@ namespace {
 constexpr int kRowsPerTask = 16;
 constexpr int kColumnsPerTask = 128;
 
-/// to += weight * (from - to), weight one number for the row.
-void PullEvenly(float weight, const float* __restrict from, float* __restrict to, int width) {
-  for (int x = 0; x < width; ++x) to[x] += weight * (from[x] - to[x]);
-}
-
 /// Forward and backward along kChains rows; weight(i, x) links x - 1 and x in row i. Each row is a chain
 /// of dependent steps, and several together hide each other's latency.
 template <size_t kChains, typename Weight>
@@ -116,8 +111,13 @@ void LowPass(float sigma, const Plane& from, Plane* to) {
   }
   RecurseAlongRows(
       sources, rows, [weight](size_t, int) { return weight; }, width);
-  for (int y = 1; y < height; ++y) PullEvenly(weight, to->Row(y - 1), to->Row(y), width);
-  for (int y = height - 2; y >= 0; --y) PullEvenly(weight, to->Row(y + 1), to->Row(y), width);
+  const std::vector<float> weights(kColumnsPerTask, weight);
+  for (int x0 = 0; x0 < width; x0 += kColumnsPerTask) {  // side by side as many as stay in the cache
+    const int count = std::min(kColumnsPerTask, width - x0);
+    for (int y = 1; y < height; ++y) PullRow(weights.data(), to->Row(y - 1) + x0, count, to->Row(y) + x0);
+    for (int y = height - 2; y >= 0; --y)
+      PullRow(weights.data(), to->Row(y + 1) + x0, count, to->Row(y) + x0);
+  }
 }
 
 void GuidedLowPass(float sigma, float range, const Planes& guide, TaskPool* pool, Planes* signals) {

@@ -89,10 +89,24 @@ HWY_INLINE void AddTo(float* sum, Float value) {
   hn::StoreU(hn::Add(hn::LoadU(d, sum), value), d, sum);
 }
 
-/// Squared distance from the manifold, and position along the axis that splits its cluster where there is
-/// one.
-template <bool kSplits>
-HWY_INLINE Float SquareAt(const LanesAt& at, const SplatArgs& args, const float* axis, int x, Float* along) {
+/// Squared distance from the manifold. Sums of squares only grow: once all pixels are too far to have a
+/// weight, what is left of them is not added.
+HWY_INLINE Float SquareAt(const LanesAt& at, const SplatArgs& args, int x) {
+  const Floats d;
+  const Float farthest = hn::Set(d, kFarthest);
+  Float square = hn::Zero(d);
+  for (size_t k = 0; k < args.dimensions; ++k) {
+    const Float eta = Widen(at, args.eta + k * args.eta_stride);
+    const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + x), eta);
+    square = hn::Add(square, hn::Mul(offset, offset));
+    if ((k & 1) != 0 && hn::AllTrue(d, hn::Ge(square, farthest))) break;
+  }
+  return square;
+}
+
+/// The same to the end, and position along the axis that splits the manifold's cluster.
+HWY_INLINE Float SquareAndPositionAt(const LanesAt& at, const SplatArgs& args, const float* axis, int x,
+                                     Float* along) {
   const Floats d;
   Float square = hn::Zero(d);
   *along = hn::Zero(d);
@@ -100,7 +114,7 @@ HWY_INLINE Float SquareAt(const LanesAt& at, const SplatArgs& args, const float*
     const Float eta = Widen(at, args.eta + k * args.eta_stride);
     const Float offset = hn::Sub(hn::LoadU(d, args.features[k] + x), eta);
     square = hn::Add(square, hn::Mul(offset, offset));
-    if constexpr (kSplits) *along = hn::Add(*along, hn::Mul(hn::Set(d, axis[k]), offset));
+    *along = hn::Add(*along, hn::Mul(hn::Set(d, axis[k]), offset));
   }
   return square;
 }
@@ -113,12 +127,16 @@ HWY_INLINE void SplatSignals(const SplatArgs& args, Float weight, int x) {
   AddTo(args.sums[args.signal_count] + x, mass);
 }
 
-/// Returns whether any of the pixels belongs to the cluster.
-HWY_INLINE bool SplitCluster(const SplatArgs& args, const SplitArgs& split, Float weight, Float along,
+/// Whether any of the pixels belongs to the cluster.
+HWY_INLINE bool HasMembers(const SplitArgs& split, int x) {
+  const Floats d;
+  return !hn::AllFalse(d, hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster)));
+}
+
+HWY_INLINE void SplitCluster(const SplatArgs& args, const SplitArgs& split, Float weight, Float along,
                              int x) {
   const Floats d;
   const auto is_own = hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster));
-  if (hn::AllFalse(d, is_own)) return false;
   const Float before = hn::LoadU(d, split.members + x);
   const Float fade = hn::Min(hn::Set(d, 1.0f), hn::Mul(hn::Abs(along), hn::Set(d, 1.0f / kSeam)));
   const Float member = hn::Mul(before, fade);
@@ -136,7 +154,6 @@ HWY_INLINE bool SplitCluster(const SplatArgs& args, const SplitArgs& split, Floa
   }
   AddTo(split.near_sums[args.dimensions] + x, near_mass);
   AddTo(split.far_sums[args.dimensions] + x, far_mass);
-  return true;
 }
 
 template <bool kSplits>
@@ -145,8 +162,10 @@ HWY_INLINE SplatFound SplatStrip(const Widening& widening, const SplatArgs& args
   SplatFound found;
   for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(d))) {
     const LanesAt at = LanesFrom(widening, x);
-    Float along;
-    const Float square = SquareAt<kSplits>(at, args, kSplits ? split->axis : nullptr, x, &along);
+    const bool has_members = kSplits && HasMembers(*split, x);
+    Float along = hn::Zero(d);
+    const Float square =
+        has_members ? SquareAndPositionAt(at, args, split->axis, x, &along) : SquareAt(at, args, x);
     const auto is_near = hn::Lt(square, hn::Set(d, kFarthest));
     const Float weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(square)));
     hn::StoreU(weight, d, args.weight + x);
@@ -154,7 +173,9 @@ HWY_INLINE SplatFound SplatStrip(const Widening& widening, const SplatArgs& args
       found.has_weight = true;
       SplatSignals(args, weight, x);
     }
-    if constexpr (kSplits) found.has_members |= SplitCluster(args, *split, weight, along, x);
+    if (!has_members) continue;
+    found.has_members = true;
+    SplitCluster(args, *split, weight, along, x);
   }
   return found;
 }
@@ -168,12 +189,12 @@ HWY_ATTR void SliceRow(const Widening& widening, const SliceArgs& args) {
   const Floats d;
   for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(d))) {
     const LanesAt at = LanesFrom(widening, x);
-    for (size_t c = 0; c < args.planes; ++c) {
-      Float sum = hn::LoadU(d, args.sums[c] + x);
-      const float* psi = args.psi + c * args.psi_stride;
-      for (size_t i = 0; i < args.manifolds; ++i, psi += args.planes * args.psi_stride)
-        sum = hn::Add(sum, hn::Mul(hn::LoadU(d, args.weights[i] + x), Widen(at, psi)));
-      hn::StoreU(sum, d, args.sums[c] + x);
+    const float* psi = args.psi;
+    for (size_t i = 0; i < args.manifolds; ++i, psi += args.planes * args.psi_stride) {
+      const Float weight = hn::LoadU(d, args.weights[i] + x);
+      if (hn::AllTrue(d, hn::Eq(weight, hn::Zero(d)))) continue;  // most pixels are far from most manifolds
+      for (size_t c = 0; c < args.planes; ++c)
+        AddTo(args.sums[c] + x, hn::Mul(weight, Widen(at, psi + c * args.psi_stride)));
     }
   }
 }
@@ -214,6 +235,14 @@ HWY_ATTR void AddProductRow(const float* HWY_RESTRICT a, const float* HWY_RESTRI
 HWY_ATTR void SumRows(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b, int count,
                       float* HWY_RESTRICT out) {
   for (int x = 0; x < count; ++x) out[x] = a[x] + b[x];
+}
+
+HWY_ATTR void QuotientRow(const float* HWY_RESTRICT total, float least, const float* HWY_RESTRICT instead,
+                          int count, float* HWY_RESTRICT sums) {
+  for (int x = 0; x < count; ++x) {
+    const float quotient = sums[x] / total[x];
+    sums[x] = total[x] < least ? instead[x] : quotient;
+  }
 }
 
 HWY_ATTR void PullRow(const float* HWY_RESTRICT weight, const float* HWY_RESTRICT from, int count,
@@ -297,6 +326,7 @@ HWY_EXPORT(AddPairs);
 HWY_EXPORT(BlendCells);
 HWY_EXPORT(AddProductRow);
 HWY_EXPORT(SumRows);
+HWY_EXPORT(QuotientRow);
 HWY_EXPORT(PullRow);
 HWY_EXPORT(LinkRow);
 HWY_EXPORT(CorrelateRow);
@@ -325,6 +355,9 @@ void AddProductRow(const float* a, const float* b, int count, float* sums) {
 }
 void SumRows(const float* a, const float* b, int count, float* out) {
   HWY_DYNAMIC_DISPATCH(SumRows)(a, b, count, out);
+}
+void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {
+  HWY_DYNAMIC_DISPATCH(QuotientRow)(total, least, instead, count, sums);
 }
 void PullRow(const float* weight, const float* from, int count, float* to) {
   HWY_DYNAMIC_DISPATCH(PullRow)(weight, from, count, to);

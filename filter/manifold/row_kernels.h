@@ -99,6 +99,8 @@ void AddProductRow(const float* a, const float* b, int count, float* sums);
 void SumRows(const float* a, const float* b, int count, float* out);
 /// In place: values[i] = values[2 i] + values[2 i + 1] for i < count / 2. `count` is even.
 void AddPairs(int count, float* values);
+/// sums[x] /= total[x]; instead[x] where the total is below `least`.
+void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 /// to[x] += weight[x] * (from[x] - to[x]).
 void PullRow(const float* weight, const float* from, int count, float* to);
 /// weight[x] = exp(-sqrt(2)/sigma sqrt(1 + stretch |here - there|^2)), distances over `planes` rows of cells
@@ -120,6 +122,7 @@ void SliceRow(const Widening& widening, const SliceArgs& args);
 void AddProductRow(const float* a, const float* b, int count, float* sums);
 void SumRows(const float* a, const float* b, int count, float* out);
 void AddPairs(int count, float* values);
+void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 void PullRow(const float* weight, const float* from, int count, float* to);
 void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
              int count, float* weight);

@@ -93,6 +93,10 @@ void AddPairs(int count, float* values) {
   for (int i = 0; i < count / 2; ++i) values[i] = values[2 * i] + values[2 * i + 1];
 }
 
+void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {
+  for (int x = 0; x < count; ++x) sums[x] = total[x] < least ? instead[x] : sums[x] / total[x];
+}
+
 void PullRow(const float* weight, const float* from, int count, float* to) {
   for (int x = 0; x < count; ++x) to[x] += weight[x] * (from[x] - to[x]);
 }

@@ -20,7 +20,7 @@ class PointSlicer {
   void Slice(size_t pixel, const Manifold& manifold, const Planes& psi, SlicedPoints* sums) {
     const auto [x, y] = points_.pixels[pixel];
     const CellReader reader(state_.lattice, x, y);
-    Measure(pixel, manifold, reader);
+    if (!Measure(pixel, manifold, reader)) return;
     const size_t samples = points_.samples;
     float* weights = sums->weights.data() + pixel * samples;
     const float found = reader.Read(psi.back());
@@ -33,8 +33,8 @@ class PointSlicer {
   }
 
  private:
-  /// The points' weights on the manifold, into squares_.
-  void Measure(size_t pixel, const Manifold& manifold, const CellReader& reader) {
+  /// The points' weights on the manifold, into squares_; false where all are 0.
+  bool Measure(size_t pixel, const Manifold& manifold, const CellReader& reader) {
     const auto [x, y] = points_.pixels[pixel];
     const size_t shared = manifold.eta.size() - points_.own_features;
     float square = 0;
@@ -42,13 +42,16 @@ class PointSlicer {
       const float offset = state_.features[k].At(x, y) - reader.Read(manifold.eta[k]);
       square += offset * offset;
     }
+    if (square / points_.pixel_divisor >= kFarthest) return false;
     std::fill(squares_.begin(), squares_.end(), square / points_.pixel_divisor);
     const float* own = points_.features.data() + pixel * points_.own_features * points_.samples;
     for (size_t k = 0; k < points_.own_features; ++k, own += points_.samples) {
       const float eta = reader.Read(manifold.eta[shared + k]);
       for (size_t j = 0; j < points_.samples; ++j) squares_[j] += (own[j] - eta) * (own[j] - eta);
     }
+    if (*std::min_element(squares_.begin(), squares_.end()) >= kFarthest) return false;
     for (float& s : squares_) s = s < kFarthest ? Exp(-s) : 0.0f;
+    return true;
   }
 
   const PixelState& state_;

@@ -4,6 +4,8 @@
 
 #include <memory>
 #include <random>
+#include <utility>
+#include <vector>
 
 #include "filter/image/parallel.h"
 #include "filter/manifold/manifold_filter.h"
@@ -50,7 +52,20 @@ void BM_Manifolds(benchmark::State& state) {
   CountPixels(state);
 }
 
-/// The same with 16 points in a twentieth of the pixels, as on edges: what their slices cost.
+/// As much work as opencv_ratio.py gives to OpenCV: 3 signals, 9 features, 7 manifolds.
+void BM_SevenManifolds(benchmark::State& state) {
+  const Planes signals = NoisySteps(3, 1);
+  const Planes features = NoisySteps(9, 2);
+  Plane mask(kWidth, kHeight);
+  mask.Fill(1);
+  ManifoldParams params;
+  params.height = 3;
+  for (auto _ : state)
+    benchmark::DoNotOptimize(ManifoldFilter(signals, features, mask.view(), params, nullptr));
+  CountPixels(state);
+}
+
+/// BM_Manifolds with 16 points in a twentieth of the pixels, as on edges: what their slices cost.
 void BM_ManifoldsAndPoints(benchmark::State& state) {
   const Planes signals = NoisySteps(6, 1);
   const Planes features = NoisySteps(10, 2);
@@ -84,10 +99,82 @@ void BM_Film(benchmark::State& state, const char* method) {
   CountPixels(state);
 }
 
+/// A film of any size: a small one, repeated.
+class RepeatedFilm final : public FilmSource {
+ public:
+  RepeatedFilm(const LayeredImage& film, int width, int height)
+      : film_(film), width_(width), height_(height) {}
+
+  int width() const override { return width_; }
+  int height() const override { return height_; }
+  absl::StatusOr<EdgedImage> Read(const Rect& rect) override {
+    LayeredImage part(rect.width(), rect.height());
+    for (const LayeredImage::Channel& channel : film_.channels()) {
+      const FloatView out = part.Add(channel.name);
+      for (int y = 0; y < rect.height(); ++y) {
+        const float* row = channel.plane.Row((rect.y0 + y) % film_.height());
+        for (int x = 0; x < rect.width(); ++x) out.At(x, y) = row[(rect.x0 + x) % film_.width()];
+      }
+    }
+    return EdgedImage{std::move(part), {}};
+  }
+
+ private:
+  const LayeredImage& film_;
+  int width_;
+  int height_;
+};
+
+/// The default method at any size, larger ones in blocks: the time of a pixel should not depend on it.
+void BM_Size(benchmark::State& state) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(kWidth, kHeight, 0.3f, 3);
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(2);
+  RepeatedFilm film(synthetic.film, static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
+  for (auto _ : state) {
+    const absl::Status status = FilterFilmInRows(&film, "default", {}, pool.get(),
+                                                 [](const LayeredImage&) { return absl::OkStatus(); });
+    if (!status.ok()) return state.SkipWithError(std::string(status.message()).c_str());
+  }
+  state.counters["pixels/s"] = benchmark::Counter(
+      static_cast<double>(state.iterations()) * static_cast<double>(state.range(0) * state.range(1)),
+      benchmark::Counter::kIsRate);
+}
+
+/// out = a + 3 b over arrays larger than every cache: what the machine's memory gives, to compare traffic
+/// with.
+void BM_Triad(benchmark::State& state) {
+  constexpr size_t kFloats = size_t{64} << 20;
+  const std::vector<float> a(kFloats, 1.0f);
+  const std::vector<float> b(kFloats, 2.0f);
+  std::vector<float> out(kFloats);
+  constexpr int64_t kParts = 256;
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
+  for (auto _ : state) {
+    ParallelFor(pool.get(), kParts, [&](int64_t part) {
+      const size_t first = static_cast<size_t>(part) * (kFloats / kParts);
+      for (size_t i = first; i < first + kFloats / kParts; ++i) out[i] = a[i] + 3.0f * b[i];
+    });
+    benchmark::DoNotOptimize(out.data());
+  }
+  state.SetBytesProcessed(state.iterations() * static_cast<int64_t>(3 * kFloats * sizeof(float)));
+}
+
 BENCHMARK(BM_Manifolds)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_SevenManifolds)->Unit(benchmark::kMillisecond);
 BENCHMARK(BM_ManifoldsAndPoints)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Film, paper, "paper")->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Film, default, "default")->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_Size)
+    ->Args({384, 256})
+    ->Args({1024, 768})
+    ->Args({2048, 1536})
+    ->Args({4096, 3072})
+    ->Args({8192, 6144})
+    ->Args({16384, 8192})
+    ->Unit(benchmark::kSecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
+BENCHMARK(BM_Triad)->Arg(1)->Arg(2)->UseRealTime();
 
 }  // namespace
 }  // namespace lumifold::filter

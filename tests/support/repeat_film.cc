@@ -1,8 +1,10 @@
 // Makes a film of any size by repeating a small one, row by row: pictures larger than memory, for tests.
-//   repeat-film FILM.exr WIDTH HEIGHT OUT.exr
+//   repeat-film FILM.exr WIDTH HEIGHT OUT.exr [--without-edges]
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "filter/image/exr_io.h"
@@ -98,11 +100,13 @@ absl::Status Repeat(const EdgedImage& film, int width, int height, const std::st
 }
 
 int Run(int argc, char** argv) {
-  if (argc != 5) {
-    std::fputs("usage: repeat-film FILM.exr WIDTH HEIGHT OUT.exr\n", stderr);
+  const bool without_edges = argc == 6 && std::string_view(argv[5]) == "--without-edges";
+  if (argc != 5 && !without_edges) {
+    std::fputs("usage: repeat-film FILM.exr WIDTH HEIGHT OUT.exr [--without-edges]\n", stderr);
     return 2;
   }
-  const absl::StatusOr<EdgedImage> film = ReadEdgedExr(argv[1]);
+  absl::StatusOr<EdgedImage> film = ReadEdgedExr(argv[1]);
+  if (film.ok() && without_edges) film->edges = {};
   const absl::Status status =
       film.ok() ? Repeat(*film, std::atoi(argv[2]), std::atoi(argv[3]), argv[4]) : film.status();
   if (status.ok()) return 0;

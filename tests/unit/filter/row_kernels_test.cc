@@ -207,6 +207,8 @@ TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
               [&](float* out) { slow::AddProductRow(a.data() + offset, b.data(), count, out); });
         check([&](float* out) { SumRows(a.data() + offset, b.data(), count, out); },
               [&](float* out) { slow::SumRows(a.data() + offset, b.data(), count, out); });
+        check([&](float* out) { QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); },
+              [&](float* out) { slow::QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); });
         check([&](float* out) { PullRow(a.data() + offset, b.data(), count, out); },
               [&](float* out) { slow::PullRow(a.data() + offset, b.data(), count, out); });
         check([&](float* out) { StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); },

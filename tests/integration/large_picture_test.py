@@ -1,0 +1,45 @@
+"""`lumifold filter` takes no more memory for a taller picture, and the same for one that would not fit."""
+
+import os
+import pathlib
+import subprocess
+import tempfile
+import unittest
+
+from farm import BIN, make_scene, run
+from tall_exr import repeat_rows
+
+WIDTH = 2048
+ROWS = 352
+TIMES = (8, 16)  # 6 and 12 Mpx, in blocks of one size
+LIMIT_BYTES = 3 * 2**30  # of address space: the taller film alone takes that, without what filters it
+
+
+class LargePictureTest(unittest.TestCase):
+    def peak_bytes(self, picture, output):
+        """Filters a picture in a limited address space; gives the most memory that took."""
+        command = ["sh", "-c", f'ulimit -v {LIMIT_BYTES // 1024} && exec "$@"', "sh",
+                   str(BIN / "lumifold"), "filter", str(picture), "--threads", "2", "-o", str(output)]
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        words = process.stderr.read()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        self.assertEqual(process.returncode, 0, words)
+        return 1024 * usage.ru_maxrss
+
+    def test_memory_does_not_grow_with_the_height(self):
+        with tempfile.TemporaryDirectory() as folder:
+            root = pathlib.Path(folder)
+            scene = make_scene("cornell-box", root)
+            run("lumifold", "render", scene, "--size", f"512x{ROWS}", "--spp", 4, "--filter", "none", "--save-film", "-o", root / "film.exr")
+            run("repeat-film", root / "film.exr", WIDTH, ROWS, root / "short.exr", "--without-edges", timeout=600)
+            peaks = []
+            for times in TIMES:
+                repeat_rows(root / "short.exr", root / "tall.exr", times)
+                peaks.append(self.peak_bytes(root / "tall.exr", root / "out.exr"))
+                print(f"{WIDTH}x{times * ROWS}: {peaks[-1] / 2**20:.0f} MiB")
+            self.assertLess(peaks[1], 1.1 * peaks[0])
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,216 @@
+#include "filter/image/exr_film.h"
+
+#include <ImfChannelList.h>
+#include <ImfFrameBuffer.h>
+#include <ImfHeader.h>
+#include <ImfTiledOutputFile.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "filter/image/exr_io.h"
+#include "filter/image/exr_row_writer.h"
+#include "filter/image/file_io.h"
+#include "filter/image/layers.h"
+#include "tests/support/temp_folder.h"
+
+namespace lumifold {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr int kWidth = 75;
+constexpr int kHeight = 53;
+
+/// A picture whose every value is another.
+LayeredImage SamplePicture(int width = kWidth, int height = kHeight) {
+  LayeredImage image(width, height);
+  float value = 0;
+  for (const char* name : {"R", "noisy.G"}) {
+    const FloatView view = image.Add(name);
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) view.At(x, y) = value += 0.25f;
+    }
+  }
+  image.metadata()["lumifold:job"] = "j-1";
+  return image;
+}
+
+/// An edge set of every seventh pixel, in the order of rows.
+LayeredImage SampleEdges() {
+  constexpr int kRows = kWidth * kHeight / 7;
+  LayeredImage edges(kSubSamples, kRows);
+  const FloatView x = edges.Add(layers::kPixelX);
+  const FloatView y = edges.Add(layers::kPixelY);
+  for (int row = 0; row < kRows; ++row) {
+    for (int s = 0; s < kSubSamples; ++s) {
+      x.At(s, row) = static_cast<float>(7 * row % kWidth);
+      y.At(s, row) = static_cast<float>(7 * row / kWidth);
+    }
+  }
+  return edges;
+}
+
+void ExpectSame(const LayeredImage& a, const LayeredImage& b) {
+  ASSERT_EQ(a.bounds(), b.bounds());
+  ASSERT_EQ(a.channels().size(), b.channels().size());
+  for (const LayeredImage::Channel& channel : a.channels()) {
+    ASSERT_TRUE(b.Has(channel.name)) << channel.name;
+    for (int y = 0; y < a.height(); ++y) {
+      const float* row = channel.plane.Row(y);
+      ASSERT_TRUE(std::equal(row, row + a.width(), b.Get(channel.name).Row(y))) << channel.name << " " << y;
+    }
+  }
+}
+
+void WriteTiled(const std::string& path, const LayeredImage& image) {
+  Imf::Header header(image.width(), image.height());
+  header.setTileDescription(Imf::TileDescription(16, 24, Imf::ONE_LEVEL));
+  Imf::FrameBuffer frame;
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    header.channels().insert(channel.name, Imf::Channel(Imf::FLOAT));
+    const ConstFloatView view = channel.plane.view();
+    char* base = reinterpret_cast<char*>(const_cast<float*>(view.Row(0)));
+    frame.insert(channel.name, Imf::Slice(Imf::FLOAT, base, sizeof(float),
+                                          static_cast<size_t>(view.stride()) * sizeof(float)));
+  }
+  Imf::TiledOutputFile file(path.c_str(), header);
+  file.setFrameBuffer(frame);
+  file.writeTiles(0, file.numXTiles() - 1, 0, file.numYTiles() - 1);
+}
+
+/// Parts as blocks ask for them, then some that go back and those that need no scratch file.
+const std::vector<Rect> kParts = {
+    {0, 0, 40, 30},   {30, 0, 75, 30},    {0, 20, 40, 53}, {30, 20, 75, 53}, {5, 3, 6, 4},
+    {70, 50, 75, 53}, {0, 7, kWidth, 29}, {0, 0, 1, 1},    {74, 52, 75, 53}, {0, 0, kWidth, kHeight}};
+
+class ExrFilmTest : public testing::Test {
+ protected:
+  std::unique_ptr<ExrFilm> Open(const std::string& path) {
+    absl::StatusOr<std::unique_ptr<ExrFilm>> film = ExrFilm::Open(path, folder_.path());
+    EXPECT_TRUE(film.ok()) << film.status();
+    return film.ok() ? *std::move(film) : nullptr;
+  }
+
+  TempFolder folder_;
+};
+
+TEST_F(ExrFilmTest, ReadsAnyPartOfScanLinesAndTiles) {
+  const LayeredImage picture = SamplePicture();
+  ASSERT_TRUE(WriteExr(folder_.PathOf("lines.exr"), picture).ok());
+  WriteTiled(folder_.PathOf("tiles.exr"), picture);
+  for (const char* name : {"lines.exr", "tiles.exr"}) {
+    const std::unique_ptr<ExrFilm> film = Open(folder_.PathOf(name));
+    EXPECT_EQ(film->width(), kWidth);
+    EXPECT_EQ(film->height(), kHeight);
+    for (const Rect& part : kParts) {
+      const absl::StatusOr<EdgedImage> read = film->Read(part);
+      ASSERT_TRUE(read.ok()) << read.status();
+      ExpectSame(read->pixels, picture.Crop(part));
+      EXPECT_TRUE(read->edges.channels().empty());
+    }
+  }
+}
+
+TEST_F(ExrFilmTest, GivesAPartItsEdges) {
+  const EdgedImage film{SamplePicture(), SampleEdges()};
+  ASSERT_TRUE(WriteExr(folder_.PathOf("film.exr"), film).ok());
+  const std::unique_ptr<ExrFilm> source = Open(folder_.PathOf("film.exr"));
+  for (const Rect& part : kParts) {
+    const absl::StatusOr<EdgedImage> read = source->Read(part);
+    ASSERT_TRUE(read.ok()) << read.status();
+    ExpectSame(read->pixels, film.pixels.Crop(part));
+    ExpectSame(read->edges, EdgesInside(film.edges, part));
+  }
+}
+
+TEST_F(ExrFilmTest, TellsItsChannelsWithoutReadingPixels) {
+  ASSERT_TRUE(WriteExr(folder_.PathOf("a.exr"), SamplePicture()).ok());
+  const LayeredImage outline = Open(folder_.PathOf("a.exr"))->Outline();
+  EXPECT_TRUE(outline.Has("noisy.G"));
+  EXPECT_EQ(outline.width(), 0);
+  EXPECT_EQ(outline.metadata().at("lumifold:job"), "j-1");
+}
+
+TEST_F(ExrFilmTest, LeavesNoScratchFileBehind) {
+  ASSERT_TRUE(WriteExr(folder_.PathOf("a.exr"), SamplePicture()).ok());
+  const std::unique_ptr<ExrFilm> film = Open(folder_.PathOf("a.exr"));
+  ASSERT_TRUE(film->Read({0, 0, 9, 9}).ok());
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder_.path()), {}), 1);
+}
+
+TEST_F(ExrFilmTest, NamesWhatIsWrongWithAFile) {
+  const std::string path = folder_.PathOf("a.exr");
+  EXPECT_EQ(ExrFilm::Open(path, folder_.path()).status().code(), absl::StatusCode::kNotFound);
+  ASSERT_TRUE(WriteFileAtomically(path, "text").ok());
+  EXPECT_EQ(ExrFilm::Open(path, folder_.path()).status().code(), absl::StatusCode::kInvalidArgument);
+  ASSERT_TRUE(WriteExr(path, SamplePicture()).ok());
+  const std::string bytes = ReadFile(path, 1 << 24).value();
+  ASSERT_TRUE(WriteFileAtomically(path, bytes.substr(0, bytes.size() - 9)).ok());
+  const absl::StatusOr<EdgedImage> cut = Open(path)->Read({0, 40, 9, kHeight});
+  EXPECT_EQ(cut.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(cut.status().message()), HasSubstr(path));
+}
+
+TEST_F(ExrFilmTest, RefusesAnEdgeSetInAnotherOrderOrWithoutPlaces) {
+  EdgedImage film{SamplePicture(), SampleEdges()};
+  film.edges.Get(layers::kPixelY).At(0, 1) = 50;
+  ASSERT_TRUE(WriteExr(folder_.PathOf("disorder.exr"), film).ok());
+  EXPECT_THAT(std::string(Open(folder_.PathOf("disorder.exr"))->Read({0, 0, 40, 30}).status().message()),
+              HasSubstr("not in the order"));
+  LayeredImage placeless(kSubSamples, 4);
+  placeless.Add("id.Y");
+  film.edges = std::move(placeless);
+  ASSERT_TRUE(WriteExr(folder_.PathOf("placeless.exr"), film).ok());
+  EXPECT_THAT(std::string(Open(folder_.PathOf("placeless.exr"))->Read({0, 0, 40, 30}).status().message()),
+              HasSubstr("pixel.X"));
+}
+
+TEST_F(ExrFilmTest, SaysWhereItsScratchFileCannotBe) {
+  ASSERT_TRUE(WriteExr(folder_.PathOf("a.exr"), SamplePicture()).ok());
+  const absl::StatusOr<std::unique_ptr<ExrFilm>> film =
+      ExrFilm::Open(folder_.PathOf("a.exr"), folder_.PathOf("missing"));
+  ASSERT_TRUE(film.ok());
+  EXPECT_TRUE((*film)->Read({0, 0, kWidth, kHeight}).ok());  // it needs none
+  const absl::Status status = (*film)->Read({0, 0, 9, 9}).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
+  EXPECT_THAT(std::string(status.message()), HasSubstr(folder_.PathOf("missing")));
+}
+
+TEST_F(ExrFilmTest, RowsGiveTheSameFileHoweverTheyArePortioned) {
+  const EdgedImage film{SamplePicture(), SampleEdges()};
+  ASSERT_TRUE(WriteExr(folder_.PathOf("whole.exr"), film).ok());
+  const auto layout = [](const LayeredImage& image) {
+    ExrLayout result{image.width(), image.height(), {}, image.metadata()};
+    for (const LayeredImage::Channel& channel : image.channels()) result.channels.push_back(channel.name);
+    return result;
+  };
+  const ExrLayout edges = layout(film.edges);
+  absl::StatusOr<ExrRowWriter> writer =
+      ExrRowWriter::Create(folder_.PathOf("rows.exr"), layout(film.pixels), &edges);
+  ASSERT_TRUE(writer.ok()) << writer.status();
+  for (int y = 0; y < kHeight; y += 10)
+    ASSERT_TRUE(writer->Append(film.pixels.Crop({0, y, kWidth, std::min(y + 10, kHeight)})).ok());
+  EXPECT_FALSE(std::filesystem::exists(folder_.PathOf("rows.exr")));
+  ASSERT_TRUE(writer->AppendEdges(film.edges).ok());
+  ASSERT_TRUE(writer->Finish().ok());
+  EXPECT_EQ(ReadFile(folder_.PathOf("rows.exr"), 1 << 24).value(),
+            ReadFile(folder_.PathOf("whole.exr"), 1 << 24).value());
+}
+
+TEST_F(ExrFilmTest, AWriterRefusesOtherRowsAndLeavesNothingUnfinished) {
+  {
+    absl::StatusOr<ExrRowWriter> writer =
+        ExrRowWriter::Create(folder_.PathOf("a.exr"), {kWidth, kHeight, {"R", "G"}, {}});
+    ASSERT_TRUE(writer.ok());
+    EXPECT_FALSE(writer->Append(SamplePicture()).ok());       // no G
+    EXPECT_FALSE(writer->Append(SamplePicture(8, 8)).ok());   // too narrow
+    EXPECT_FALSE(writer->AppendEdges(SamplePicture()).ok());  // none were announced
+  }
+  EXPECT_TRUE(std::filesystem::is_empty(folder_.path()));
+}
+
+}  // namespace
+}  // namespace lumifold

@@ -52,13 +52,20 @@ TEST(DenoiseParts, EachChangesThePictureWhereItIsOff) {
   const Picture whole = Denoise(film, nullptr, nullptr);
   for (bool DenoiseParts::*part :
        {&DenoiseParts::patches, &DenoiseParts::normals, &DenoiseParts::depth, &DenoiseParts::fireflies,
-        &DenoiseParts::second_pass, &DenoiseParts::choice, &DenoiseParts::convergence}) {
+        &DenoiseParts::second_pass, &DenoiseParts::choice}) {
     DenoiseParts parts;
     parts.*part = false;
     const Picture without = Denoise(film, nullptr, nullptr, parts);
     EXPECT_TRUE(IsFinite(without));
     EXPECT_FALSE(AreEqual(whole, without));
   }
+}
+
+// With the choice on nothing is left for it to do in a film as plain as this.
+TEST(DenoiseParts, ConvergenceMattersWhereTheFilterIsWrong) {
+  const LayeredImage film = MakeSyntheticFilm(72, 48, 0.05f, 5).film;
+  EXPECT_FALSE(AreEqual(Denoise(film, nullptr, nullptr, {.choice = false}),
+                        Denoise(film, nullptr, nullptr, {.choice = false, .convergence = false})));
 }
 
 }  // namespace

@@ -17,7 +17,8 @@ namespace {
 using Role = FilmLayout::Role;
 
 constexpr std::array<const char*, FilmLayout::kRoles> kRoleNames = {
-    "combined", "direct", "indirect", "albedo", "emission", "normal", "depth"};
+    "combined", "direct", "indirect", "albedo",      "emission",     "normal",
+    "depth",    "glossy", "specular", "transmitted", "transmittance"};
 
 /// Colour roles and the layer of ours each becomes.
 constexpr std::array<std::pair<Role, std::string_view>, 5> kColorRoles = {{
@@ -27,6 +28,16 @@ constexpr std::array<std::pair<Role, std::string_view>, 5> kColorRoles = {{
     {FilmLayout::kAlbedo, layers::kAlbedo},
     {FilmLayout::kEmission, layers::kEmission},
 }};
+
+/// Roles that a file has in pairs, light and factor, or not at all.
+struct RolePair {
+  Role light;
+  Role factor;
+  layers::SpecularLayer layer;
+};
+constexpr std::array<RolePair, 2> kSpecularRoles = {
+    {{FilmLayout::kGlossy, FilmLayout::kSpecular, layers::kSpecularLayers[0]},
+     {FilmLayout::kTransmitted, FilmLayout::kTransmittance, layers::kSpecularLayers[1]}}};
 
 /// Blender writes 1e10 where a ray leaves the scene.
 constexpr float kSkyDepth = 1e10f;
@@ -86,6 +97,7 @@ class Reader {
   ForeignFilm Read() {
     result_.film = LayeredImage(file_.width(), file_.height());
     for (const auto& [role, layer] : kColorRoles) AddColor(role, layer);
+    for (const RolePair& pair : kSpecularRoles) AddPair(pair);
     AddNormal();
     AddDistance();
     AddMask();
@@ -96,6 +108,12 @@ class Reader {
  private:
   /// The role's layers that the file has; notes it where it has none.
   std::vector<std::string> Present(Role role, const std::vector<std::string>& suffixes) {
+    std::vector<std::string> present = Find(role, suffixes);
+    if (present.empty()) Note(role);
+    return present;
+  }
+
+  std::vector<std::string> Find(Role role, const std::vector<std::string>& suffixes) const {
     std::vector<std::string> present;
     for (const std::string& source : layout_.sources[role]) {
       const std::string layer = prefix_ + source;
@@ -103,7 +121,6 @@ class Reader {
                                      [&](const std::string& suffix) { return file_.Has(layer + suffix); });
       if (whole) present.push_back(layer);
     }
-    if (present.empty()) Note(role);
     return present;
   }
 
@@ -115,9 +132,21 @@ class Reader {
         absl::StrCat("no ", kRoleNames[role], " (", looked_for, "): ", WhatFollows(role)));
   }
 
-  void AddColor(Role role, std::string_view layer) {
+  void AddColor(Role role, std::string_view layer) { AddSum(Present(role, kColorSuffixes), layer); }
+
+  /// Light without its factor cannot be put back. Layouts that name neither have nothing to miss.
+  void AddPair(const RolePair& pair) {
+    if (layout_.sources[pair.light].empty() && layout_.sources[pair.factor].empty()) return;
+    const std::vector<std::string> light = Present(pair.light, kColorSuffixes);
+    const std::vector<std::string> factor = Present(pair.factor, kColorSuffixes);
+    if (light.empty() || factor.empty()) return;
+    AddSum(light, pair.layer.light);
+    AddSum(factor, pair.layer.factor);
+  }
+
+  void AddSum(const std::vector<std::string>& sources, std::string_view layer) {
     const ColorView out = result_.film.AddColor(layer);
-    for (const std::string& source : Present(role, {".R", ".G", ".B"})) {
+    for (const std::string& source : sources) {
       const ConstColorView in = file_.GetColor(source);
       for (size_t c = 0; c < 3; ++c) {
         for (int y = 0; y < file_.height(); ++y) {
@@ -175,6 +204,8 @@ class Reader {
     }
   }
 
+  const std::vector<std::string> kColorSuffixes = {".R", ".G", ".B"};
+
   const LayeredImage& file_;
   const FilmLayout& layout_;
   const std::string prefix_;
@@ -208,15 +239,28 @@ absl::StatusOr<FilmLayout> ParseFilmLayout(const std::string& name, const std::s
 }
 
 const FilmLayout* FindFilmLayout(std::string_view name) {
-  static const FilmLayout* const cycles = new FilmLayout{
-      {{{"Combined"}, {"DiffDir"}, {"DiffInd"}, {"DiffCol"}, {"Emit", "Env"}, {"Normal"}, {"Depth"}}}};
+  static const FilmLayout* const cycles = new FilmLayout{{{{"Combined"},
+                                                           {"DiffDir"},
+                                                           {"DiffInd"},
+                                                           {"DiffCol"},
+                                                           {"Emit", "Env"},
+                                                           {"Normal"},
+                                                           {"Depth"},
+                                                           {"GlossDir", "GlossInd"},
+                                                           {"GlossCol"},
+                                                           {"TransDir", "TransInd"},
+                                                           {"TransCol"}}}};
   static const FilmLayout* const lumifold = new FilmLayout{{{{std::string(layers::kNoisy)},
                                                              {std::string(layers::kDirect)},
                                                              {std::string(layers::kIndirect)},
                                                              {std::string(layers::kAlbedo)},
                                                              {std::string(layers::kEmission)},
                                                              {"N"},
-                                                             {"distance"}}}};
+                                                             {"distance"},
+                                                             {std::string(layers::kGlossy)},
+                                                             {std::string(layers::kSpecular)},
+                                                             {},
+                                                             {}}}};
   if (name == "cycles") return cycles;
   return name == "lumifold" ? lumifold : nullptr;
 }
@@ -241,9 +285,13 @@ absl::StatusOr<LayeredImage> JoinHalves(const LayeredImage& a, const LayeredImag
   }
   LayeredImage film(a.width(), a.height());
   for (const LayeredImage::Channel& channel : a.channels()) {
-    AddMean(channel.name, channel.plane.view(), b.Get(channel.name), &film);
+    if (b.Has(channel.name)) AddMean(channel.name, channel.plane.view(), b.Get(channel.name), &film);
   }
-  for (const std::string_view layer : {layers::kNoisy, layers::kDirect, layers::kIndirect}) {
+  std::vector<std::string_view> halved = {layers::kNoisy, layers::kDirect, layers::kIndirect};
+  for (const layers::SpecularLayer& layer : layers::kSpecularLayers) {
+    if (film.HasColor(layer.light)) halved.push_back(layer.light);
+  }
+  for (const std::string_view layer : halved) {
     const ColorView half_a = film.AddColor(layers::HalfA(layer));
     const ColorView half_b = film.AddColor(layers::HalfB(layer));
     for (size_t c = 0; c < 3; ++c) {

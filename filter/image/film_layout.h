@@ -14,15 +14,28 @@ namespace lumifold {
 /// the file, or of none. Colours are in channels LAYER.R LAYER.G LAYER.B; normals in .X .Y .Z (or .R .G .B);
 /// depth in the one channel LAYER.Z, .V, .Y or .R.
 struct FilmLayout {
-  enum Role { kCombined, kDirect, kIndirect, kAlbedo, kEmission, kNormal, kDepth, kRoles };
+  enum Role {
+    kCombined,
+    kDirect,
+    kIndirect,
+    kAlbedo,
+    kEmission,
+    kNormal,
+    kDepth,
+    kGlossy,
+    kSpecular,
+    kTransmitted,
+    kTransmittance,
+    kRoles
+  };
 
   std::array<std::vector<std::string>, kRoles> sources;
 };
 
-/// Reads a layout's text. Roles are combined, direct, indirect, albedo, emission, normal and depth; lines
-/// are "ROLE = LAYER" or "ROLE = LAYER + LAYER"; what follows a # is a comment.
-/// Errors: kInvalidArgument naming `name`, the line and what is wrong with it: an unknown role, a role given
-/// twice, no `combined`.
+/// Reads a layout's text. Roles are combined, direct, indirect, albedo, emission, normal, depth, glossy and
+/// its factor specular, transmitted and its factor transmittance; lines are "ROLE = LAYER" or "ROLE = LAYER +
+/// LAYER"; what follows a # is a comment. Errors: kInvalidArgument naming `name`, the line and what is wrong
+/// with it: an unknown role, a role given twice, no `combined`.
 absl::StatusOr<FilmLayout> ParseFilmLayout(const std::string& name, const std::string& text);
 
 /// The layouts that have a name: "lumifold", our own pictures, and "cycles", the passes of Blender's Cycles
@@ -38,8 +51,9 @@ struct ForeignFilm {
 /// Makes a film of a renderer's picture. The combined layer may have any view layer's name before it
 /// ("ViewLayer.Combined.R"); all others are then looked for behind the same prefix.
 /// Shapes:  result: the file's size; channels noisy, direct, indirect, albedo, emission, N.X N.Y N.Z,
-///          distance.Z, mask.Y, A. Roles without a layer are 0 (depth: 1): what they would have held stays in
-///          the remainder C - (D + I) T - E.
+///          distance.Z, mask.Y, A, and glossy with specular, transmitted with transmittance where the file
+///          has both of a pair. Other roles without a layer are 0 (depth: 1). What is not there stays in the
+///          remainder, C without all layers.
 /// Edges:   a depth that is not finite, negative or 1e10 and more is sky; mask.Y is 1 where the albedo is not
 /// 0. Errors:  kInvalidArgument naming `name` where there is no combined layer, or a layer lacks a channel.
 /// Threads: pure.
@@ -47,8 +61,9 @@ absl::StatusOr<ForeignFilm> ReadForeignFilm(const std::string& name, const Layer
                                             const FilmLayout& layout);
 
 /// The film of which `a` and `b` are the two independent halves, of equal sample counts: noisy, direct and
-/// indirect as the mean of both, and as halves (*_a, *_b, samples_a.Y, samples_b.Y); all else as the mean.
-/// Errors: kInvalidArgument where they differ in size.
+/// indirect, glossy and transmitted as the mean of both, and as halves (*_a, *_b, samples_a.Y, samples_b.Y);
+/// all else as the mean. What only one of them has is left out, and stays in the remainder. Errors:
+/// kInvalidArgument where they differ in size.
 absl::StatusOr<LayeredImage> JoinHalves(const LayeredImage& a, const LayeredImage& b);
 
 }  // namespace lumifold

@@ -19,6 +19,9 @@ inline constexpr std::string_view kAlbedo = "albedo";      // T
 inline constexpr std::string_view kEmission = "emission";  // E
 inline constexpr std::string_view kGlossy = "glossy";      // G, glossy lobes of the first surface over S
 inline constexpr std::string_view kSpecular = "specular";  // S, the directional albedo of those lobes
+inline constexpr std::string_view kTransmitted = "transmitted";  // in pictures of other renderers alone:
+inline constexpr std::string_view kTransmittance =
+    "transmittance";                                             // light through the surface, and its factor
 inline constexpr std::string_view kReflection1 = "reflection1";  // R = C - (D + I) T - E, in files alone
 
 // Single channels of the geometry unit. Mask is METHODS' validity: 1 where a surface with a diffuse lobe is
@@ -43,6 +46,14 @@ inline constexpr std::string_view kPixelY = "pixel.Y";
 
 /// The layers that are kept in two independent halves, in the order they are stored.
 inline constexpr std::array<std::string_view, 4> kHalved = {kNoisy, kDirect, kIndirect, kGlossy};
+/// Light of the first surface beside D and I that a film may have, and the layer that multiplies it.
+struct SpecularLayer {
+  std::string_view light;
+  std::string_view factor;
+};
+inline constexpr std::array<SpecularLayer, 2> kSpecularLayers = {
+    {{kGlossy, kSpecular}, {kTransmitted, kTransmittance}}};
+
 /// The layers that are kept once, over all samples.
 inline constexpr std::array<std::string_view, 3> kWhole = {kAlbedo, kEmission, kSpecular};
 

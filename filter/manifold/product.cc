@@ -93,10 +93,11 @@ void AddDiffuse(const LayeredImage& film, TaskPool* pool, std::vector<Product>* 
   }
 }
 
-/// G, where the film has it.
-void AddGlossy(const LayeredImage& film, TaskPool* pool, std::vector<Product>* products) {
-  if (!film.HasColor(layers::kGlossy) || !film.HasColor(layers::kSpecular)) return;
-  const ConstColorView specular = film.GetColor(layers::kSpecular);
+/// G and its like, where the film has them.
+void AddGlossy(const LayeredImage& film, const layers::SpecularLayer& layer, TaskPool* pool,
+               std::vector<Product>* products) {
+  if (!film.HasColor(layer.light) || !film.HasColor(layer.factor)) return;
+  const ConstColorView specular = film.GetColor(layer.factor);
   const ConstFloatView distance = film.Get(layers::kDistance);
   const auto holds = [&](int x, int y) {
     const bool shines = specular[0].At(x, y) > 0 || specular[1].At(x, y) > 0 || specular[2].At(x, y) > 0;
@@ -104,8 +105,8 @@ void AddGlossy(const LayeredImage& film, TaskPool* pool, std::vector<Product>* p
   };
   const std::optional<Rect> box = BoxOf(film.bounds(), holds);
   if (!box.has_value()) return;
-  Product product = ProductOf(film, std::string(layers::kGlossy), std::string(layers::kSpecular),
-                              layers::kSamplesA, layers::kSamplesB);
+  Product product = ProductOf(film, std::string(layer.light), std::string(layer.factor), layers::kSamplesA,
+                              layers::kSamplesB);
   product.box = *box;
   product.is_glossy = true;
   product.validity = MakeMask(*box, [&](int x, int y) { return holds(x, y) ? 1.0f : 0.0f; });
@@ -168,7 +169,7 @@ ConstColorView Crop(const ConstColorView& color, const Rect& box) {
 std::vector<Product> ProductsOf(const LayeredImage& film, TaskPool* pool) {
   std::vector<Product> products;
   AddDiffuse(film, pool, &products);
-  AddGlossy(film, pool, &products);
+  for (const layers::SpecularLayer& layer : layers::kSpecularLayers) AddGlossy(film, layer, pool, &products);
   for (int depth = layers::kMaxDepth; depth >= 1; --depth) {
     for (const layers::Branch branch : {layers::Branch::kTransmission, layers::Branch::kReflection})
       AddLevel(film, {branch, depth}, pool, &products);

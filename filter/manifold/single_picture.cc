@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "filter/image/layers.h"
 #include "filter/image/mix_bits.h"
@@ -131,22 +133,42 @@ void AddHalves(std::string_view layer, const Planes& noise, LayeredImage* film) 
   }
 }
 
-/// C - (D + I) T - E.
+/// A layer of light and the layer that multiplies it.
+struct LightLayer {
+  std::string_view light;
+  std::string_view factor;
+};
+
+std::vector<LightLayer> LightLayersOf(const LayeredImage& film) {
+  std::vector<LightLayer> all = {{layers::kDirect, layers::kAlbedo}, {layers::kIndirect, layers::kAlbedo}};
+  for (const layers::SpecularLayer& layer : layers::kSpecularLayers) {
+    if (film.HasColor(layer.light) && film.HasColor(layer.factor)) all.push_back({layer.light, layer.factor});
+  }
+  return all;
+}
+
+/// sum += sign * light * factor.
+void AddProduct(const ConstColorView& light, const ConstColorView& factor, float sign, Planes* sum) {
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < light[c].height(); ++y) {
+      for (int x = 0; x < light[c].width(); ++x)
+        (*sum)[c].At(x, y) += sign * light[c].At(x, y) * factor[c].At(x, y);
+    }
+  }
+}
+
+/// C without E and all layers of light.
 Planes RemainderOf(const LayeredImage& film) {
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
-  const ConstColorView direct = film.GetColor(layers::kDirect);
-  const ConstColorView indirect = film.GetColor(layers::kIndirect);
-  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
   const ConstColorView emission = film.GetColor(layers::kEmission);
   Planes rest = MakePlanes(3, film.width(), film.height());
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) {
-        const float diffuse = (direct[c].At(x, y) + indirect[c].At(x, y)) * albedo[c].At(x, y);
-        rest[c].At(x, y) = noisy[c].At(x, y) - diffuse - emission[c].At(x, y);
-      }
+      for (int x = 0; x < film.width(); ++x) rest[c].At(x, y) = noisy[c].At(x, y) - emission[c].At(x, y);
     }
   }
+  for (const LightLayer& layer : LightLayersOf(film))
+    AddProduct(film.GetColor(layer.light), film.GetColor(layer.factor), -1, &rest);
   return rest;
 }
 
@@ -155,19 +177,15 @@ Planes RemainderOf(const LayeredImage& film) {
 void SplitIntoHalves(LayeredImage* film, TaskPool* pool, int x0, int y0) {
   const Plane uniform = UniformMask(*film, pool);
   const PseudoNoise noise_of{uniform, x0, y0, pool};
-  const Planes direct = noise_of(1, std::as_const(*film).GetColor(layers::kDirect));
-  const Planes indirect = noise_of(2, std::as_const(*film).GetColor(layers::kIndirect));
-  Planes noisy = noise_of(3, ViewOf(RemainderOf(*film)));
-  const ConstColorView albedo = std::as_const(*film).GetColor(layers::kAlbedo);
-  for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < film->height(); ++y) {
-      for (int x = 0; x < film->width(); ++x)
-        noisy[c].At(x, y) += (direct[c].At(x, y) + indirect[c].At(x, y)) * albedo[c].At(x, y);
-    }
+  Planes noisy = noise_of(0, ViewOf(RemainderOf(*film)));
+  uint64_t number = 0;
+  for (const LightLayer& layer : LightLayersOf(*film)) {
+    const LayeredImage& read = *film;
+    const Planes noise = noise_of(++number, read.GetColor(layer.light));
+    AddProduct(ViewOf(noise), read.GetColor(layer.factor), 1, &noisy);
+    AddHalves(layer.light, noise, film);
   }
   AddHalves(layers::kNoisy, noisy, film);
-  AddHalves(layers::kDirect, direct, film);
-  AddHalves(layers::kIndirect, indirect, film);
   for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB}) {
     Plane ones(film->width(), film->height());
     ones.Fill(1);

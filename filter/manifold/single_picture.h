@@ -5,12 +5,12 @@
 
 namespace lumifold::filter {
 
-/// Gives a film without halves halves to be filtered by: A = X + e and B = X - e for D, I and the remainder,
-/// with e a fixed pseudo-random number of the variance that the noise of X is estimated to have there. Where
-/// that noise is normal and the estimate right, A and B are independent and each has twice X's variance, as
-/// real halves have; X stays their mean. The estimate takes what second differences show within a window, so
-/// detail of one pixel's size counts as noise.
-/// Shapes:  film: W x H with noisy, direct, indirect, albedo, emission, N.*, distance.Z; the channels *_a,
+/// Gives a film without halves halves to be filtered by: A = X + e and B = X - e for each layer of light and
+/// the remainder, with e a fixed pseudo-random number of the variance that the noise of X is estimated to
+/// have there. Where that noise is normal and the estimate right, A and B are independent and each has twice
+/// X's variance, as real halves have; X stays their mean. The estimate takes what second differences show
+/// within a window, so detail of one pixel's size counts as noise. Shapes:  film: W x H with noisy, direct,
+/// indirect, albedo, emission, N.*, distance.Z; the channels *_a,
 /// *_b,
 ///          samples_a.Y and samples_b.Y are added, and must not be there.
 /// Edges:   the estimate looks at 3x3 pixels of one surface only; a pixel without any near takes 0.

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/manifold/product.h"
 #include "filter/methods.h"
 #include "filter/metrics/metrics.h"
 #include "tests/support/shuffling_pool.h"
@@ -64,6 +65,21 @@ TEST(SinglePicture, HalvesHaveThePictureForMean) {
     EXPECT_NE(a, b) << layer;
     EXPECT_NEAR(0.5f * (a + b), film.GetColor(layer)[0].At(50, 100), 1e-5) << layer;
   }
+}
+
+TEST(SinglePicture, SplitsLightThroughASurfaceLikeAnyOther) {
+  LayeredImage film = WithoutHalves(MakeSyntheticFilm(kWidth, kHeight, 0.3f, 1).film);
+  for (const std::string_view layer : {layers::kTransmitted, layers::kTransmittance}) {
+    const ColorView out = film.AddColor(layer);
+    for (size_t c = 0; c < 3; ++c) CopyPlane(std::as_const(film).GetColor(layers::kIndirect)[c], out[c]);
+  }
+  SplitIntoHalves(&film, nullptr);
+  const std::vector<Product> products = ProductsOf(film, nullptr);
+  EXPECT_TRUE(std::any_of(products.begin(), products.end(), [&](const Product& product) {
+    return product.mean[0].Row(0) == std::as_const(film).GetColor(layers::kTransmitted)[0].Row(0);
+  }));
+  EXPECT_NE(film.GetColor(layers::HalfA(layers::kTransmitted))[0].At(50, 100),
+            film.GetColor(layers::HalfB(layers::kTransmitted))[0].At(50, 100));
 }
 
 TEST(SinglePicture, FindsNoNoiseWhereThereIsNone) {

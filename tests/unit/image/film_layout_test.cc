@@ -35,6 +35,9 @@ LayeredImage CyclesPicture(const std::string& prefix) {
   float value = 1;
   for (const char* layer : {"Combined", "DiffDir", "DiffInd", "DiffCol", "GlossDir", "Emit", "Env"})
     AddFilled(prefix + layer, value++, &image);
+  AddFilled(prefix + "GlossInd", 20, &image);
+  AddFilled(prefix + "GlossCol", 0.25f, &image);
+  for (const char* layer : {"TransDir", "TransInd", "TransCol"}) AddFilled(prefix + layer, 0.5f, &image);
   Fill(image.Add(prefix + "Combined.A"), 0.5f);
   for (const char* axis : {"X", "Y", "Z"}) Fill(image.Add(prefix + "Normal." + axis), value++);
   Fill(image.Add(prefix + "Depth.Z"), value);
@@ -57,6 +60,10 @@ TEST(FilmLayout, FindsThePassesOfCyclesBehindAnyViewLayer) {
     EXPECT_EQ(film.GetColor(layers::kIndirect)[2].At(2, 1), 3);
     EXPECT_EQ(film.GetColor(layers::kAlbedo)[0].At(1, 0), 4);
     EXPECT_EQ(film.GetColor(layers::kEmission)[0].At(1, 0), 6 + 7) << "Emit + Env";
+    EXPECT_EQ(film.GetColor(layers::kGlossy)[1].At(1, 0), 5 + 20) << "GlossDir + GlossInd";
+    EXPECT_EQ(film.GetColor(layers::kSpecular)[1].At(1, 0), 0.25f);
+    EXPECT_EQ(film.GetColor(layers::kTransmitted)[1].At(1, 0), 1);
+    EXPECT_EQ(film.GetColor(layers::kTransmittance)[1].At(1, 0), 0.5f);
     EXPECT_EQ(film.Get(layers::kNormalY).At(1, 0), 9);
     EXPECT_EQ(film.Get(layers::kDistance).At(1, 0), 11);
     EXPECT_EQ(film.Get(layers::kMask).At(1, 0), 1);
@@ -82,11 +89,23 @@ TEST(FilmLayout, SaysWhatIsMissing) {
   AddFilled("ViewLayer.Combined", 1, &file);
   AddFilled("ViewLayer.DiffDir", 1, &file);
   const ForeignFilm read = ReadCycles(file);
-  EXPECT_THAT(read.notes, SizeIs(5));
+  EXPECT_THAT(read.notes, SizeIs(9));
   EXPECT_THAT(read.notes, testing::Contains(HasSubstr("no indirect (no layer ViewLayer.DiffInd)")));
   EXPECT_THAT(read.notes, testing::Contains(HasSubstr("no depth (no layer ViewLayer.Depth)")));
   EXPECT_EQ(read.film.Get(layers::kDistance).At(0, 0), 1) << "without depth nothing is sky";
   EXPECT_EQ(read.film.Get(layers::kAlpha).At(0, 0), 1);
+}
+
+TEST(FilmLayout, TakesNoGlossyLightWithoutItsFactor) {
+  const LayeredImage whole = CyclesPicture("");
+  LayeredImage file(kWidth, kHeight);
+  for (const LayeredImage::Channel& channel : whole.channels()) {
+    if (channel.name != "GlossCol.G") file.Add(channel.name, channel.plane.Clone());
+  }
+  const ForeignFilm read = ReadCycles(file);
+  EXPECT_THAT(read.notes, ElementsAre(HasSubstr("no specular (no layer GlossCol)")));
+  EXPECT_FALSE(read.film.HasColor(layers::kGlossy));
+  EXPECT_TRUE(read.film.HasColor(layers::kTransmitted));
 }
 
 TEST(FilmLayout, RefusesAFileWithoutTheCombinedLayer) {
@@ -105,11 +124,13 @@ TEST(FilmLayout, ReadsALayoutOfTheUsers) {
                                       "combined = beauty\n"
                                       "  emission=glow + sky # both\r\n"
                                       "\n"
+                                      "glossy = sharp + rough\n"
                                       "albedo = diffuse color\n");
   ASSERT_TRUE(layout.ok()) << layout.status();
   EXPECT_THAT(layout->sources[FilmLayout::kCombined], ElementsAre("beauty"));
   EXPECT_THAT(layout->sources[FilmLayout::kEmission], ElementsAre("glow", "sky"));
   EXPECT_THAT(layout->sources[FilmLayout::kAlbedo], ElementsAre("diffuse color"));
+  EXPECT_THAT(layout->sources[FilmLayout::kGlossy], ElementsAre("sharp", "rough"));
   EXPECT_THAT(layout->sources[FilmLayout::kDepth], IsEmpty());
 }
 
@@ -135,6 +156,17 @@ TEST(FilmLayout, JoinsTwoHalves) {
   EXPECT_EQ(film->GetColor(layers::HalfB(layers::kDirect))[0].At(1, 1), 4);
   EXPECT_EQ(film->Get(layers::kSamplesA).At(0, 0), film->Get(layers::kSamplesB).At(0, 0));
   EXPECT_GT(film->Get(layers::kSamplesA).At(0, 0), 0);
+  EXPECT_EQ(film->GetColor(layers::HalfB(layers::kGlossy))[0].At(1, 1), 25);
+}
+
+TEST(FilmLayout, LeavesOutWhatOneHalfAloneHas) {
+  const LayeredImage a = ReadCycles(CyclesPicture("")).film;
+  LayeredImage plain(kWidth, kHeight);
+  AddFilled("Combined", 1, &plain);
+  const auto film = JoinHalves(a, ReadCycles(plain).film);
+  ASSERT_TRUE(film.ok()) << film.status();
+  EXPECT_FALSE(film->HasColor(layers::kGlossy));
+  EXPECT_TRUE(film->HasColor(layers::HalfA(layers::kDirect)));
 }
 
 TEST(FilmLayout, RefusesHalvesOfTwoSizes) {

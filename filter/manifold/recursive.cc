@@ -1,7 +1,6 @@
 #include "filter/manifold/recursive.h"
 
 #include <algorithm>
-#include <array>
 
 #include "filter/image/portable_math.h"
 #include "filter/manifold/manifold_constants.h"
@@ -12,41 +11,6 @@ namespace {
 
 constexpr int kRowsPerTask = 16;
 constexpr int kColumnsPerTask = 128;
-
-/// Forward and backward along kChains rows; weight(i, x) links x - 1 and x in row i. Each row is a chain
-/// of dependent steps, and several together hide each other's latency.
-template <size_t kChains, typename Weight>
-void RecurseChains(const float* const* first_source, float* const* first_row, Weight weight, int width) {
-  std::array<const float*, kChains> sources;
-  std::array<float*, kChains> rows;
-  std::array<float, kChains> last;
-  std::copy_n(first_source, kChains, sources.begin());
-  std::copy_n(first_row, kChains, rows.begin());
-  for (size_t i = 0; i < kChains; ++i) rows[i][0] = last[i] = sources[i][0];
-  for (int x = 1; x < width; ++x) {
-    for (size_t i = 0; i < kChains; ++i) {
-      const float value = sources[i][x];
-      rows[i][x] = last[i] = value + weight(i, x) * (last[i] - value);
-    }
-  }
-  for (int x = width - 2; x >= 0; --x) {
-    for (size_t i = 0; i < kChains; ++i) {
-      const float value = rows[i][x];
-      rows[i][x] = last[i] = value + weight(i, x + 1) * (last[i] - value);
-    }
-  }
-}
-
-/// The same for any number of rows.
-template <typename Weight>
-void RecurseAlongRows(const std::vector<const float*>& sources, const std::vector<float*>& rows,
-                      Weight weight, int width) {
-  size_t first = 0;
-  const auto from_first = [&](size_t i, int x) { return weight(first + i, x); };
-  for (; first + 8 <= rows.size(); first += 8)
-    RecurseChains<8>(&sources[first], &rows[first], from_first, width);
-  for (; first < rows.size(); ++first) RecurseChains<1>(&sources[first], &rows[first], from_first, width);
-}
 
 /// Rows of each plane, from column x0.
 template <typename PlaneOf, typename Value>
@@ -73,8 +37,7 @@ void GuidedRows(float sigma, float range, const Planes& guide, int y0, int y1, P
   std::vector<const float*> row_weights;
   for (size_t i = 0; i < rows.size(); ++i)
     row_weights.push_back(weights.Row(static_cast<int>(i / signals->size())));
-  RecurseAlongRows(
-      {rows.begin(), rows.end()}, rows, [&](size_t i, int x) { return row_weights[i][x]; }, width);
+  RecurseRows(rows.data(), row_weights.data(), rows.size(), width, rows.data());
 }
 
 /// Columns [x0, x1), all of them side by side.
@@ -103,15 +66,15 @@ void LowPass(float sigma, const Plane& from, Plane* to) {
   const int width = to->width();
   const int height = to->height();
   if (width == 0) return;
+  const std::vector<float> weights(static_cast<size_t>(std::max(width, kColumnsPerTask)), weight);
+  const std::vector<const float*> row_weights(static_cast<size_t>(height), weights.data());
   std::vector<const float*> sources;
   std::vector<float*> rows;
   for (int y = 0; y < height; ++y) {
     sources.push_back(from.Row(y));
     rows.push_back(to->Row(y));
   }
-  RecurseAlongRows(
-      sources, rows, [weight](size_t, int) { return weight; }, width);
-  const std::vector<float> weights(kColumnsPerTask, weight);
+  RecurseRows(sources.data(), row_weights.data(), rows.size(), width, rows.data());
   for (int x0 = 0; x0 < width; x0 += kColumnsPerTask) {  // side by side as many as stay in the cache
     const int count = std::min(kColumnsPerTask, width - x0);
     for (int y = 1; y < height; ++y) PullRow(weights.data(), to->Row(y - 1) + x0, count, to->Row(y) + x0);

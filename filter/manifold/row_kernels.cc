@@ -250,6 +250,101 @@ HWY_ATTR void PullRow(const float* HWY_RESTRICT weight, const float* HWY_RESTRIC
   for (int x = 0; x < count; ++x) to[x] += weight[x] * (from[x] - to[x]);
 }
 
+/// One row after the other. Returns nothing that the vector form does not.
+HWY_INLINE void RecurseRow(const float* from, const float* weight, int count, float* to) {
+  float last = to[0] = from[0];
+  for (int x = 1; x < count; ++x) to[x] = last = from[x] + weight[x] * (last - from[x]);
+  for (int x = count - 2; x >= 0; --x) to[x] = last = to[x] + weight[x + 1] * (last - to[x]);
+}
+
+#if HWY_TARGET != HWY_SCALAR && !HWY_HAVE_SCALABLE
+#define LUMIFOLD_RECURSE_TOGETHER 1
+
+using Four = hn::FixedTag<float, 4>;
+using FourFloats = hn::Vec<Four>;
+
+/// Four rows of four numbers become four columns, and back.
+HWY_INLINE void Transpose(FourFloats* v) {
+  const Four d;
+  const FourFloats ab_low = hn::InterleaveLower(d, v[0], v[1]);
+  const FourFloats ab_high = hn::InterleaveUpper(d, v[0], v[1]);
+  const FourFloats cd_low = hn::InterleaveLower(d, v[2], v[3]);
+  const FourFloats cd_high = hn::InterleaveUpper(d, v[2], v[3]);
+  v[0] = hn::ConcatLowerLower(d, cd_low, ab_low);
+  v[1] = hn::ConcatUpperUpper(d, cd_low, ab_low);
+  v[2] = hn::ConcatLowerLower(d, cd_high, ab_high);
+  v[3] = hn::ConcatUpperUpper(d, cd_high, ab_high);
+}
+
+/// Rows in step: a row is a chain of dependent steps, and many together hide each other's latency.
+constexpr size_t kFours = 4;
+constexpr size_t kRowsTogether = 4 * kFours;
+
+/// Columns x to x + 3 of four rows, as columns.
+HWY_INLINE void LoadColumns(const float* const* rows, int x, FourFloats* columns) {
+  const Four d;
+  for (size_t i = 0; i < 4; ++i) columns[i] = hn::LoadU(d, rows[i] + x);
+  Transpose(columns);
+}
+
+/// Four columns of kRowsTogether rows, from the left or from the right; `weights_at`: where the link of
+/// column x lies.
+template <bool kForward>
+HWY_INLINE void RecurseColumns(const float* const* from, const float* const* weights, int x, FourFloats* last,
+                               float* const* to) {
+  const Four d;
+  FourFloats values[kFours][4];
+  FourFloats links[kFours][4];
+  for (size_t g = 0; g < kFours; ++g) {
+    LoadColumns(from + 4 * g, x, values[g]);
+    LoadColumns(weights + 4 * g, kForward ? x : x + 1, links[g]);
+  }
+  for (size_t step = 0; step < 4; ++step) {
+    const size_t k = kForward ? step : 3 - step;
+    for (size_t g = 0; g < kFours; ++g) {
+      last[g] = hn::Add(values[g][k], hn::Mul(links[g][k], hn::Sub(last[g], values[g][k])));
+      values[g][k] = last[g];
+    }
+  }
+  for (size_t g = 0; g < kFours; ++g) {
+    Transpose(values[g]);
+    for (size_t i = 0; i < 4; ++i) hn::StoreU(values[g][i], d, to[4 * g + i] + x);
+  }
+}
+
+/// kRowsTogether rows. Columns 1 to 4 n come four at a time, the others one by one.
+HWY_INLINE void RecurseTogether(const float* const* from, const float* const* weights, int count,
+                                float* const* to) {
+  const Four d;
+  const int end = 1 + (count - 1) / 4 * 4;
+  HWY_ALIGN float ends[kRowsTogether];
+  FourFloats last[kFours];
+  for (size_t i = 0; i < kRowsTogether; ++i) ends[i] = to[i][0] = from[i][0];
+  for (size_t g = 0; g < kFours; ++g) last[g] = hn::Load(d, ends + 4 * g);
+  for (int x = 1; x < end; x += 4) RecurseColumns<true>(from, weights, x, last, to);
+  for (size_t i = 0; i < kRowsTogether; ++i) {
+    float* row = to[i];
+    for (int x = end; x < count; ++x) row[x] = from[i][x] + weights[i][x] * (row[x - 1] - from[i][x]);
+    for (int x = count - 2; x >= end - 1; --x) row[x] += weights[i][x + 1] * (row[x + 1] - row[x]);
+    ends[i] = row[end - 1];
+  }
+  for (size_t g = 0; g < kFours; ++g) last[g] = hn::Load(d, ends + 4 * g);
+  int x = end - 5;
+  for (; x >= 0; x -= 4) RecurseColumns<false>(to, weights, x, last, to);
+}
+#endif
+
+HWY_ATTR void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
+                          float* const* to) {
+  size_t row = 0;
+#ifdef LUMIFOLD_RECURSE_TOGETHER
+  for (; row + kRowsTogether <= rows; row += kRowsTogether)
+    RecurseTogether(from + row, weights + row, count, to + row);
+#endif
+  for (; row < rows; ++row) RecurseRow(from[row], weights[row], count, to[row]);
+}
+#undef LUMIFOLD_RECURSE_TOGETHER
+
 /// The links at x and after, a vector of them.
 HWY_INLINE Float LinksAt(float slope, float stretch, const float* const* here, const float* const* there,
                          size_t planes, int x) {
@@ -328,6 +423,7 @@ HWY_EXPORT(AddProductRow);
 HWY_EXPORT(SumRows);
 HWY_EXPORT(QuotientRow);
 HWY_EXPORT(PullRow);
+HWY_EXPORT(RecurseRows);
 HWY_EXPORT(LinkRow);
 HWY_EXPORT(CorrelateRow);
 HWY_EXPORT(CandidateErrorRow);
@@ -361,6 +457,10 @@ void QuotientRow(const float* total, float least, const float* instead, int coun
 }
 void PullRow(const float* weight, const float* from, int count, float* to) {
   HWY_DYNAMIC_DISPATCH(PullRow)(weight, from, count, to);
+}
+void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
+                 float* const* to) {
+  HWY_DYNAMIC_DISPATCH(RecurseRows)(from, weights, rows, count, to);
 }
 void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
              int count, float* weight) {

@@ -103,6 +103,11 @@ void AddPairs(int count, float* values);
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 /// to[x] += weight[x] * (from[x] - to[x]).
 void PullRow(const float* weight, const float* from, int count, float* to);
+/// For each row: to[x] = from[x] + w (to[x - 1] - from[x]) from the left, then to[x] += w' (to[x + 1] -
+/// to[x]) from the right, where w is what links x - 1 and x, weights[row][x], and w' what links x and x + 1.
+/// from and to may be the same.
+void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
+                 float* const* to);
 /// weight[x] = exp(-sqrt(2)/sigma sqrt(1 + stretch |here - there|^2)), distances over `planes` rows of cells
 /// each.
 void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
@@ -124,6 +129,8 @@ void SumRows(const float* a, const float* b, int count, float* out);
 void AddPairs(int count, float* values);
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 void PullRow(const float* weight, const float* from, int count, float* to);
+void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
+                 float* const* to);
 void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
              int count, float* weight);
 void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out);

@@ -101,6 +101,16 @@ void PullRow(const float* weight, const float* from, int count, float* to) {
   for (int x = 0; x < count; ++x) to[x] += weight[x] * (from[x] - to[x]);
 }
 
+void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
+                 float* const* to) {
+  for (size_t row = 0; row < rows; ++row) {
+    to[row][0] = from[row][0];
+    for (int x = 1; x < count; ++x)
+      to[row][x] = from[row][x] + weights[row][x] * (to[row][x - 1] - from[row][x]);
+    for (int x = count - 2; x >= 0; --x) to[row][x] += weights[row][x + 1] * (to[row][x + 1] - to[row][x]);
+  }
+}
+
 void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
              int count, float* weight) {
   for (int x = 0; x < count; ++x) {

@@ -230,6 +230,28 @@ TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
   });
 }
 
+TEST_F(RowKernels, RecurseRowsEqualsItsOracleForAnyNumberOfRowsOnEachTarget) {
+  std::vector<Row> from = RandomRows(37);
+  std::vector<Row> weights = RandomRows(37);
+  for (Row& row : weights) {
+    for (float& weight : row) weight = std::abs(std::fmod(weight, 1.0f));
+  }
+  const auto links = Pointers<const float*>(weights);
+  const auto sources = Pointers<const float*>(from);
+  OnEachTarget([&] {
+    for (const size_t rows : {1u, 15u, 16u, 17u, 37u}) {
+      for (const int count : kCounts) {
+        std::vector<Row> fast = from;
+        std::vector<Row> slow = from;
+        const auto in_place = Pointers<float*>(slow);
+        RecurseRows(sources.data(), links.data(), rows, count, Pointers<float*>(fast).data());
+        slow::RecurseRows(in_place.data(), links.data(), rows, count, in_place.data());
+        ExpectSame(fast, slow, static_cast<int>(kRoom));
+      }
+    }
+  });
+}
+
 TEST_F(RowKernels, AddPairsEqualsItsOracleOnEachTarget) {
   const Row start = Random();
   OnEachTarget([&] {

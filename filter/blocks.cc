@@ -157,7 +157,7 @@ absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,
   for (int row = 0; row < grid.rows(); ++row) {
     strip.Begin(row);
     for (int column = 0; column < grid.columns(); ++column) {
-      const absl::Status status = FilterBlock(film, grid, column, row, filter, &strip);
+      absl::Status status = FilterBlock(film, grid, column, row, filter, &strip);
       if (!status.ok()) return status;
     }
     if (absl::Status status = sink(strip.TakeFinished(row)); !status.ok()) return status;

@@ -135,6 +135,7 @@ absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::s
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
                               const BlockParams& params) {
+  if (absl::Status status = CheckMethod(method); !status.ok()) return status;  // before anything is read
   const auto filter = [&](const EdgedImage& block) {
     return FilterBlock(block.pixels, method, pool, &block.edges);
   };

@@ -117,7 +117,7 @@ class TimedFilm final : public FilmSource {
 
   absl::Status Write(const LayeredImage& rows, Output* output) {
     const absl::Time start = absl::Now();
-    const absl::Status status = output->Append(rows);
+    absl::Status status = output->Append(rows);
     elsewhere_ += absl::Now() - start;
     return status;
   }

@@ -140,7 +140,7 @@ class ExrFilm::Part {
     for (int y = 0; y < lines.height(); ++y) {
       for (size_t c = 0; c < channel_count_; ++c) {
         const char* row = reinterpret_cast<const char*>(lines.channels()[c].plane.Row(y));
-        const absl::Status status =
+        absl::Status status =
             spool_->Write(PlaceOf(y0 + y, c), {row, sizeof(float) * static_cast<size_t>(width())});
         if (!status.ok()) return status;
       }

@@ -88,11 +88,11 @@ absl::Status Repeat(const EdgedImage& film, int width, int height, const std::st
                                                              edges.empty() ? nullptr : &edge_layout);
   if (!writer.ok()) return writer.status();
   for (int y = 0; y < height; y += kRows) {
-    const absl::Status status = writer->Append(RowsOf(film.pixels, width, y, std::min(y + kRows, height)));
+    absl::Status status = writer->Append(RowsOf(film.pixels, width, y, std::min(y + kRows, height)));
     if (!status.ok()) return status;
   }
   for (size_t i = 0; i < edges.size(); i += kEdgeRows) {
-    const absl::Status status =
+    absl::Status status =
         writer->AppendEdges(EdgeRows(film.edges, edges, i, std::min(i + kEdgeRows, edges.size())));
     if (!status.ok()) return status;
   }

@@ -42,7 +42,7 @@ Column FilterColumn(const filter::Method& method) {
           }};
 }
 
-/// More samples than this a method that takes them one by one is not given: it would not end.
+/// More samples a pixel than this are not given to a method that takes them one by one.
 constexpr uint32_t kMostSamples = 16;
 
 absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, const Subject& subject,

@@ -239,7 +239,10 @@ std::vector<Case> LightCases() {
        "128x128, 16 spp",
        "",
        {{"error", 0.1}, {"shift", 1}},
-       UnlikeLights},
+       UnlikeLights,
+       KnownFailure{{0.27, 1.7},
+                    "samples that graze the spot's border pass for fireflies, and what is taken from them is "
+                    "spread over the dark plane"}},
       {36,
        "light leak",
        "a dark floor behind a wall 2 px thin, a bright one before it: shift of the first 12 px in 8-bit "
@@ -247,7 +250,10 @@ std::vector<Case> LightCases() {
        "128x128, 16 spp",
        "",
        {{"shift", 1}, {"error", 0.1}},
-       ThinWall},
+       ThinWall,
+       KnownFailure{{0.71, 0.85},
+                    "a pixel or two behind the wall still take light from before it, at a brightness where "
+                    "the noise is below two 8-bit steps"}},
   };
 }
 

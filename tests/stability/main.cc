@@ -64,32 +64,33 @@ bool IsAsked(const Options& options, const Case& c) {
          std::find(options.cases.begin(), options.cases.end(), c.number) != options.cases.end();
 }
 
-absl::StatusOr<std::vector<Cell>> RunAll(const Options& options, const FilmStore& films, TaskPool* pool) {
-  std::vector<Cell> cells;
-  for (const Case& c : AllCases()) {
-    if (!IsAsked(options, c)) continue;
-    std::printf("%d %s:", c.number, c.name.c_str());
-    for (const std::string& name : options.columns) {
-      absl::StatusOr<Cell> cell = RunCell(c, {*FindColumn(name), films, pool});
-      if (!cell.ok()) return cell.status();
-      std::printf("  %s %s", name.c_str(), FormatCell(*cell).c_str());
-      std::fflush(stdout);
-      cells.push_back(*std::move(cell));
-    }
-    std::printf("\n");
+/// Appends the case's row.
+absl::Status RunCase(const Options& options, const Case& c, const FilmStore& films, TaskPool* pool,
+                     std::vector<Cell>* cells) {
+  std::printf("%d %s:", c.number, c.name.c_str());
+  for (const std::string& name : options.columns) {
+    absl::StatusOr<Cell> cell = RunCell(c, {*FindColumn(name), films, pool});
+    if (!cell.ok()) return cell.status();
+    std::printf("  %s %s", name.c_str(), FormatCell(*cell).c_str());
+    std::fflush(stdout);
+    cells->push_back(*std::move(cell));
   }
-  return cells;
+  std::printf("\n");
+  return absl::OkStatus();
 }
 
 absl::Status RunMatrix(const Options& options, const FilmStore& films, TaskPool* pool) {
-  const absl::StatusOr<std::vector<Cell>> cells = RunAll(options, films, pool);
-  if (!cells.ok()) return cells.status();
-  if (!options.output.empty()) {
-    const absl::Status status = WriteReport(options.output, options.about, options.columns, *cells);
+  std::vector<Cell> cells;
+  for (const Case& c : AllCases()) {
+    if (!IsAsked(options, c)) continue;
+    if (const absl::Status status = RunCase(options, c, films, pool, &cells); !status.ok()) return status;
+    if (options.output.empty()) continue;
+    // After each case: all of it takes long, and what is there can be read.
+    const absl::Status status = WriteReport(options.output, options.about, options.columns, cells);
     if (!status.ok()) return status;
   }
   std::string wrong;
-  for (const Cell& cell : *cells) {
+  for (const Cell& cell : cells) {
     if (cell.column != kOurs) continue;
     if (const std::string regression = Regression(cell); !regression.empty())
       absl::StrAppend(&wrong, "\n  ", regression);

@@ -207,6 +207,16 @@ LayeredImage EdgeSet() {
   return edges;
 }
 
+TEST(EdgeAntialiasing, LeavesPixelsAloneThatNothingHits) {
+  const LayeredImage film = EdgeFilm();
+  LayeredImage edges = EdgeSet();
+  const FloatView ids = edges.Get(layers::kObjectId);
+  for (int y = 0; y < kHeight; ++y) std::fill_n(ids.Row(y), kSubSamples, 0.0f);
+  const auto with = Filtered(film, &edges);
+  const auto without = Filtered(film, nullptr);
+  for (int y = 0; y < kHeight; ++y) EXPECT_EQ(with[0].At(kEdgeColumn, y), without[0].At(kEdgeColumn, y)) << y;
+}
+
 TEST(EdgeAntialiasing, TakesTheMeanOfTheProducts) {
   const LayeredImage edges = EdgeSet();
   constexpr int kFilms = 6;

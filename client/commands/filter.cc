@@ -85,8 +85,9 @@ class Output {
     for (std::string& name : layers::ColorChannels(layers::kBeauty))
       layout.channels.push_back(std::move(name));
     absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(options.output, layout);
-    if (writer.ok()) exr_.emplace(*std::move(writer));
-    return OfThisMachine(writer.status());
+    if (!writer.ok()) return OfThisMachine(writer.status());
+    exr_.emplace(*std::move(writer));
+    return absl::OkStatus();
   }
 
   absl::Status Append(const LayeredImage& rows) {

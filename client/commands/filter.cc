@@ -1,4 +1,5 @@
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -84,8 +85,9 @@ class Output {
     for (std::string& name : layers::ColorChannels(layers::kBeauty))
       layout.channels.push_back(std::move(name));
     absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(options.output, layout);
-    if (writer.ok()) exr_.emplace(*std::move(writer));
-    return OfThisMachine(writer.status());
+    if (!writer.ok()) return OfThisMachine(writer.status());
+    exr_.emplace(*std::move(writer));
+    return absl::OkStatus();
   }
 
   absl::Status Append(const LayeredImage& rows) {
@@ -101,14 +103,16 @@ class Output {
   std::optional<PngRowWriter> png_;
 };
 
-/// Measures how much of the time is not spent in the filter.
+/// Measures how much of the time is not spent in the filter, and ends it once the user wants that.
 class TimedFilm final : public FilmSource {
  public:
-  explicit TimedFilm(FilmSource* film) : film_(*film) {}
+  TimedFilm(FilmSource* film, const std::function<bool()>& interrupted)
+      : film_(*film), interrupted_(interrupted) {}
 
   int width() const override { return film_.width(); }
   int height() const override { return film_.height(); }
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override {
+    if (interrupted_()) return absl::CancelledError("interrupted");
     const absl::Time start = absl::Now();
     absl::StatusOr<EdgedImage> part = film_.Read(rect);
     elsewhere_ += absl::Now() - start;
@@ -126,18 +130,20 @@ class TimedFilm final : public FilmSource {
 
  private:
   FilmSource& film_;
+  const std::function<bool()>& interrupted_;
   absl::Duration elsewhere_;
 };
 
 /// Filters the film into the output file. Gives the seconds the filter took.
-absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film, const FilmFilter& filter) {
+absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film,
+                                  const Environment& environment) {
   Output output;
   if (absl::Status status = output.Open(options, film->width(), film->height()); !status.ok()) return status;
-  TimedFilm timed(film);
+  TimedFilm timed(film, environment.interrupted);
   const absl::Time start = absl::Now();
-  const absl::Status filtered =
-      filter(&timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)),
-             [&](const LayeredImage& rows) { return timed.Write(rows, &output); });
+  const absl::Status filtered = environment.film_filter(
+      &timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)),
+      [&](const LayeredImage& rows) { return timed.Write(rows, &output); });
   if (!filtered.ok()) return filtered;
   const double seconds = absl::ToDoubleSeconds(absl::Now() - start - timed.elsewhere());
   if (absl::Status status = output.Finish(); !status.ok()) return status;
@@ -162,7 +168,7 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
   if (!film.ok()) return ReportError(environment, film.status());
   for (const std::string& note : (*film)->notes())
     ReportLine(environment, absl::StrCat(options.picture, ": ", note));
-  const absl::StatusOr<double> seconds = FilterInto(options, film->get(), environment.film_filter);
+  const absl::StatusOr<double> seconds = FilterInto(options, film->get(), environment);
   if (!seconds.ok()) return ReportError(environment, seconds.status());
   ReportLine(environment, absl::StrFormat("wrote %s (filtered in %.2f s)", options.output, *seconds));
   return ExitCode::kOk;

@@ -344,6 +344,22 @@ TEST_F(RunClientTest, SaysWhatKeepsItFromComparingByRegion) {
                        "--heatmap: expected a name that ends in .png; got 'map.jpg'\n");
 }
 
+TEST_F(RunClientTest, InterruptedFilteringLeavesNoFile) {
+  const std::string picture = folder_.File("picture.exr");
+  LayeredImage image(4, 3);
+  image.AddColor("noisy");
+  ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
+  const int files = folder_.FileCount();
+  test_.environment.film_filter = [](FilmSource* film, const std::string&, int,
+                                     const std::vector<std::string>&, const RowSink&) {
+    return film->Read({0, 0, 4, 3}).status();
+  };
+  test_.interrupted = true;
+  EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 130);
+  EXPECT_THAT(Err(), testing::EndsWith("lumifold: interrupted\n"));
+  EXPECT_EQ(folder_.FileCount(), files);
+}
+
 TEST_F(RunClientTest, CancelsAJob) {
   EXPECT_EQ(Run({"cancel", "job-1"}), 0);
   EXPECT_THAT(farm_.cancelled(), ElementsAre("job-1"));

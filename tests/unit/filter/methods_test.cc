@@ -51,6 +51,10 @@ bool IsFinite(const Picture& picture) {
   return true;
 }
 
+void Fill(float value, FloatView plane) {
+  for (int y = 0; y < plane.height(); ++y) std::fill_n(plane.Row(y), plane.width(), value);
+}
+
 void ExpectSamePixels(const Picture& a, const Picture& b) {
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < a[c].height(); ++y) {
@@ -243,16 +247,72 @@ TEST(FilterFilm, StaysFiniteOnAnySizeAndOnAllSky) {
     }
   }
   SyntheticFilm sky = MakeSyntheticFilm(40, 30, 0.3f, 9);
-  for (const std::string_view name : {layers::kMask, layers::kDistance}) {
-    for (int y = 0; y < 30; ++y) std::fill_n(sky.film.Get(name).Row(y), 40, 0.0f);
-  }
+  for (const std::string_view name : {layers::kMask, layers::kDistance}) Fill(0, sky.film.Get(name));
   const Picture picture = Filter(sky.film);
   EXPECT_TRUE(IsFinite(picture));
   EXPECT_EQ(picture[0].At(20, 20), std::as_const(sky.film).Get("noisy.R").At(20, 20));
 }
 
+/// One surface, lit alike everywhere: 0.75 of light on an albedo of 0.8.
+LayeredImage FilmOfOneValue(int width, int height) {
+  SyntheticFilm synthetic = MakeSyntheticFilm(width, height, 0.0f, 19);
+  for (LayeredImage::Channel& channel : synthetic.film.channels()) {
+    const auto is_of = [&](std::string_view layer) { return channel.name.rfind(layer, 0) == 0; };
+    float value = 0;
+    if (is_of(layers::kDirect)) value = 0.5f;
+    if (is_of(layers::kIndirect)) value = 0.25f;
+    if (is_of(layers::kAlbedo)) value = 0.8f;
+    if (is_of(layers::kNoisy)) value = 0.6f;
+    if (is_of(layers::kSamplesA) || is_of(layers::kSamplesB)) value = 8;
+    if (is_of(layers::kNormalZ) || is_of(layers::kMask)) value = 1;
+    if (is_of(layers::kDistance)) value = 4;
+    Fill(value, channel.plane.view());
+  }
+  return std::move(synthetic.film);
+}
+
+TEST(FilterFilm, KeepsAFilmOfOneValue) {
+  for (const std::string_view method : {"default", "paper"}) {
+    const Picture picture = Filter(FilmOfOneValue(40, 30), method);
+    for (const Plane& plane : picture) {
+      for (int y = 0; y < 30; ++y) {
+        for (int x = 0; x < 40; ++x)
+          ASSERT_NEAR(plane.At(x, y), 0.6f, 1e-5f) << method << " " << x << "," << y;
+      }
+    }
+  }
+}
+
+TEST(FilterFilm, KeepsTheOnlyPixelThatHitsASurface) {
+  for (const std::string_view method : {"default", "paper"}) {
+    SyntheticFilm synthetic = MakeSyntheticFilm(40, 30, 0.3f, 20);
+    LayeredImage& film = synthetic.film;
+    const float distance = film.Get(layers::kDistance).At(17, 20);
+    for (const std::string_view name : {layers::kMask, layers::kDistance}) Fill(0, film.Get(name));
+    film.Get(layers::kMask).At(17, 20) = 1;
+    film.Get(layers::kDistance).At(17, 20) = distance;
+    const Picture picture = Filter(film, method);
+    const ConstColorView noisy = std::as_const(film).GetColor(layers::kNoisy);
+    for (size_t c = 0; c < 3; ++c) {
+      EXPECT_NEAR(picture[c].At(17, 20), noisy[c].At(17, 20), 1e-3f * noisy[c].At(17, 20)) << method;
+    }
+    EXPECT_EQ(picture[0].At(16, 20), noisy[0].At(16, 20)) << method;
+  }
+}
+
+TEST(FilterFilm, IsGuidedByLightAloneWhereFeaturesAreConstant) {
+  SyntheticFilm synthetic = MakeSyntheticFilm(128, 96, 0.3f, 21);
+  LayeredImage& film = synthetic.film;
+  for (const std::string_view name : {layers::kNormalX, layers::kNormalY}) Fill(0, film.Get(name));
+  for (const std::string_view name : {layers::kNormalZ, layers::kDistance, layers::kMask})
+    Fill(1, film.Get(name));
+  const Picture picture = Filter(film);
+  EXPECT_TRUE(IsFinite(picture));
+  EXPECT_LT(ErrorOf(ViewOf(picture), synthetic), 0.2 * NoisyError(synthetic));
+}
+
 TEST(FilterFilm, StaysFiniteWhateverTheFilmHolds) {
-  for (const float poison : {NAN, INFINITY, -INFINITY, -1e38f, 3e38f}) {
+  for (const float poison : {NAN, INFINITY, -INFINITY, -0.5f, -1e38f, 3e38f}) {
     for (const char* channel :
          {"direct_a.R", "indirect_b.G", "noisy.R", "albedo.B", "N.X", "distance.Z", "glossy.R"}) {
       SyntheticFilm synthetic = MakeSyntheticFilm(48, 40, 0.3f, 10);
@@ -265,11 +325,11 @@ TEST(FilterFilm, StaysFiniteWhateverTheFilmHolds) {
 TEST(FilterFilm, WorksWithOneSampleInOneHalf) {
   SyntheticFilm synthetic = MakeSyntheticFilm(128, 96, 0.4f, 11);
   LayeredImage& film = synthetic.film;
-  for (int y = 0; y < 96; ++y) std::fill_n(film.Get(layers::kSamplesB).Row(y), 128, 0.0f);
+  Fill(0, film.Get(layers::kSamplesB));
   for (const std::string_view layer : layers::kHalved) {
     for (size_t c = 0; c < 3; ++c) {
       CopyPlane(std::as_const(film).GetColor(layers::HalfA(layer))[c], film.GetColor(layer)[c]);
-      for (int y = 0; y < 96; ++y) std::fill_n(film.GetColor(layers::HalfB(layer))[c].Row(y), 128, 0.0f);
+      Fill(0, film.GetColor(layers::HalfB(layer))[c]);
     }
   }
   EXPECT_LT(ErrorOf(ViewOf(Filter(film)), synthetic), 0.3 * NoisyError(synthetic));

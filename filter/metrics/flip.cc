@@ -77,23 +77,24 @@ using Taps = std::vector<float>;
 
 /// Filters rows by `across` and columns by `down`, of one length.
 Plane Convolve(ConstFloatView in, const Taps& across, const Taps& down) {
-  const int radius = static_cast<int>(across.size() / 2);
+  const int taps = static_cast<int>(across.size());
+  const int radius = taps / 2;
   Plane rows(in.width(), in.height());
   for (int y = 0; y < in.height(); ++y) {
     const float* row = in.Row(y);
     for (int x = 0; x < in.width(); ++x) {
       float sum = 0;
-      for (int i = -radius; i <= radius; ++i)
-        sum += across[static_cast<size_t>(i + radius)] * row[std::clamp(x + i, 0, in.width() - 1)];
+      for (int i = 0; i < taps; ++i)
+        sum += across[static_cast<size_t>(i)] * row[std::clamp(x + i - radius, 0, in.width() - 1)];
       rows.At(x, y) = sum;
     }
   }
   Plane out(in.width(), in.height());
   for (int y = 0; y < in.height(); ++y) {
     float* sums = out.Row(y);
-    for (int i = -radius; i <= radius; ++i) {
-      const float tap = down[static_cast<size_t>(i + radius)];
-      const float* row = rows.Row(std::clamp(y + i, 0, in.height() - 1));
+    for (int i = 0; i < taps; ++i) {
+      const float tap = down[static_cast<size_t>(i)];
+      const float* row = rows.Row(std::clamp(y + i - radius, 0, in.height() - 1));
       for (int x = 0; x < in.width(); ++x) sums[x] += tap * row[x];
     }
   }

@@ -71,6 +71,7 @@ std::vector<double> Exposures(const ConstColorView& reference) {
   const double stop = std::log2(Aces::LightOf(kShown) / median);
   const int count = std::max(2, static_cast<int>(std::ceil(stop - start)));
   std::vector<double> exposures;
+  exposures.reserve(static_cast<size_t>(count));
   for (int i = 0; i < count; ++i) exposures.push_back(std::exp2(start + (stop - start) * i / (count - 1)));
   return exposures;
 }

@@ -24,13 +24,14 @@ constexpr float kLeastCosine = 0.95f;  // between normals of one surface
 class RegionMap {
  public:
   explicit RegionMap(const LayeredImage& film)
-      : width_(film.width()), regions_(static_cast<size_t>(film.width() * film.height()), Region::kFlat) {}
+      : width_(static_cast<size_t>(film.width())),
+        regions_(width_ * static_cast<size_t>(film.height()), Region::kFlat) {}
 
-  Region& At(int x, int y) { return regions_[static_cast<size_t>(y * width_ + x)]; }
+  Region& At(int x, int y) { return regions_[static_cast<size_t>(y) * width_ + static_cast<size_t>(x)]; }
   std::vector<Region> Take() { return std::move(regions_); }
 
  private:
-  int width_;
+  size_t width_;
   std::vector<Region> regions_;
 };
 
@@ -171,9 +172,10 @@ RegionMeans Mse255ByRegion(const ConstColorView& picture, const ConstColorView& 
   RegionMeans means;
   std::array<int64_t, kRegionCount> counts = {};
   const int width = reference[0].width();
+  auto next = regions.begin();
   for (int y = 0; y < reference[0].height(); ++y) {
     for (int x = 0; x < width; ++x) {
-      const auto region = static_cast<size_t>(regions[static_cast<size_t>(y * width + x)]);
+      const auto region = static_cast<size_t>(*next++);
       const double error = SquaredError(picture, reference, x, y, exposure);
       means.whole += error;
       means.of_region[region] += error;

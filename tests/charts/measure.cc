@@ -17,7 +17,6 @@ namespace lumifold::charts {
 namespace {
 
 constexpr int kRowVersion = 1;  // to be raised with what Judge() finds
-constexpr int kTimedRuns = 3;   // of a default that takes little time, the least of which counts
 constexpr double kLittleTime = 3;
 
 metrics::RegionMeans Minus(metrics::RegionMeans error, const metrics::RegionMeans& noise) {
@@ -187,7 +186,8 @@ absl::StatusOr<Row> Meter::Run(Subject* subject, const Reference& reference, con
     row.not_run = std::string(made.status().message());
     return row;
   }
-  for (int i = 1; i < kTimedRuns && made.ok() && row.is_default && made->seconds < kLittleTime; ++i) {
+  for (int i = 1; i < options_.timed_runs && made.ok() && row.is_default && made->seconds < kLittleTime;
+       ++i) {
     const absl::StatusOr<MadePicture> more = call.method->make(subject, call.values, pool_);
     if (!more.ok()) return more.status();
     made->seconds = std::min(made->seconds, more->seconds);

@@ -36,6 +36,7 @@ struct MeasureOptions {
   std::vector<std::string> again;  // methods whose rows are measured anew: their speed has changed
   double most_grid_seconds = 120;  // processor seconds for all points of a method's grid on one film ...
   double most_run_seconds = 600;   // ... and for one point: what would take longer is not run
+  int timed_runs = 3;              // of a default that takes little time, the least of which counts
 };
 
 /// Measures methods on films, each with its default and every point of its grid, and keeps what it finds.

@@ -55,7 +55,8 @@ class Session {
   Session(const Options& options, RowStore* store, TaskPool* pool, std::vector<const Method*> methods)
       : options_(options),
         pool_(pool),
-        meter_({std::move(methods), options.again, options.most_grid_seconds, options.most_run_seconds},
+        meter_({std::move(methods), options.again, options.most_grid_seconds, options.most_run_seconds,
+                options.timed_runs},
                store, options.cache, pool) {}
 
   absl::Status Run() {
@@ -226,8 +227,9 @@ void MakeQuick(Options* options) {
   options->reference_samples = {512};
   options->width = 128;
   options->height = 96;
-  options->most_grid_seconds = 4;
-  options->most_run_seconds = 4;
+  options->most_grid_seconds = 2;
+  options->most_run_seconds = 2;
+  options->timed_runs = 1;
 }
 
 absl::Status RunCharts(const Options& options) {

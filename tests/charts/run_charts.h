@@ -18,6 +18,7 @@ struct Options {
   std::vector<std::string> again;
   double most_grid_seconds = 120;
   double most_run_seconds = 600;
+  int timed_runs = 3;
   int width = 256;
   int height = 192;
   std::vector<std::string> films;

@@ -35,7 +35,7 @@ EdgedImage EvenPlane() {
 }
 
 Region At(const EdgedImage& film, int x, int y) {
-  return RegionsOf(film)[static_cast<size_t>(y * kSide + x)];
+  return RegionsOf(film)[static_cast<size_t>(y) * kSide + static_cast<size_t>(x)];
 }
 
 void Darken(EdgedImage* film, int first_x) {

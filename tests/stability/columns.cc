@@ -44,9 +44,14 @@ Column FilterColumn(const filter::Method& method) {
 
 /// More samples a pixel than this are not given to a method that takes them one by one.
 constexpr uint32_t kMostSamples = 16;
+/// This one takes a minute a film even so.
+constexpr char kDearest[] = "random-parameters";
+/// More than this are not given to a method that renders for itself.
+constexpr uint32_t kMostOwnSamples = 64;
 
 absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, const Subject& subject,
                                         TaskPool* pool) {
+  if (method.name == kDearest) return absl::UnimplementedError("not run, cost: a minute a film");
   if (method.uses_samples && subject.settings.samples > kMostSamples)
     return absl::UnimplementedError("not run, cost: it takes samples one by one");
   const auto scene = LoadScene(*subject.scene);
@@ -68,6 +73,8 @@ Column SampleColumn(const charts::SampleMethod& method) {
 
 absl::StatusOr<Picture> RunRenderMethod(const render::RenderMethod& method, const Subject& subject,
                                         TaskPool* pool) {
+  if (subject.settings.samples > kMostOwnSamples)
+    return absl::UnimplementedError("not run, cost: it renders for itself");
   const auto scene = LoadScene(*subject.scene);
   if (!scene.ok()) return scene.status();
   absl::StatusOr<render::RenderedPicture> rendered = method.render(

@@ -13,12 +13,6 @@
 namespace lumifold::stability {
 namespace {
 
-std::vector<float> DefaultsOf(const std::vector<filter::BaselineParameter>& parameters) {
-  std::vector<float> values;
-  for (const filter::BaselineParameter& parameter : parameters) values.push_back(parameter.default_value);
-  return values;
-}
-
 absl::StatusOr<std::shared_ptr<const scene::Scene>> LoadScene(const scenes::SceneDescription& description) {
   const absl::StatusOr<std::string> bytes = scenes::EncodeGlb(description);
   if (!bytes.ok()) return bytes.status();
@@ -62,7 +56,7 @@ absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, cons
   if (!method.uses_samples) settings.samples = 0;
   const auto samples = charts::TraceSampleSet(**renderer, settings, subject.film.pixels, pool);
   if (!samples.ok()) return samples.status();
-  return method.filter(*samples, DefaultsOf(method.parameters), pool);
+  return method.filter(*samples, filter::DefaultsOf(method.parameters), pool);
 }
 
 Column SampleColumn(const charts::SampleMethod& method) {
@@ -78,7 +72,7 @@ absl::StatusOr<Picture> RunRenderMethod(const render::RenderMethod& method, cons
   const auto scene = LoadScene(*subject.scene);
   if (!scene.ok()) return scene.status();
   absl::StatusOr<render::RenderedPicture> rendered = method.render(
-      *scene, SettingsOf(subject.settings), subject.settings.samples, DefaultsOf(method.parameters), pool);
+      *scene, SettingsOf(subject.settings), subject.settings.samples, filter::DefaultsOf(method.parameters), pool);
   if (!rendered.ok()) return rendered.status();
   return std::move(rendered->picture);
 }

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
+#include <system_error>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -170,6 +172,9 @@ std::string Regression(const Cell& cell) {
 
 absl::Status WriteReport(const std::string& folder, const std::string& about,
                          const std::vector<std::string>& columns, const std::vector<Cell>& cells) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return absl::UnavailableError(absl::StrCat(folder, ": ", error.message()));
   const absl::Status status = scenes::WriteFile(absl::StrCat(folder, "/stability.csv"), Csv(cells));
   if (!status.ok()) return status;
   return scenes::WriteFile(absl::StrCat(folder, "/stability.md"), Page(about, columns, cells));

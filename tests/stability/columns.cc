@@ -71,8 +71,9 @@ absl::StatusOr<Picture> RunRenderMethod(const render::RenderMethod& method, cons
     return absl::UnimplementedError("not run, cost: it renders for itself");
   const auto scene = LoadScene(*subject.scene);
   if (!scene.ok()) return scene.status();
-  absl::StatusOr<render::RenderedPicture> rendered = method.render(
-      *scene, SettingsOf(subject.settings), subject.settings.samples, filter::DefaultsOf(method.parameters), pool);
+  absl::StatusOr<render::RenderedPicture> rendered =
+      method.render(*scene, SettingsOf(subject.settings), subject.settings.samples,
+                    filter::DefaultsOf(method.parameters), pool);
   if (!rendered.ok()) return rendered.status();
   return std::move(rendered->picture);
 }

@@ -25,7 +25,6 @@ class Series(typing.NamedTuple):
 
 
 NOISY = Series(("cornell-box", "meeting-room", "bedroom", "atrium"), 128, 96, (1, 4, 16, 64), 1024)
-CONVERGING = Series(("cornell-box", "meeting-room"), 48, 36, (256, 1024, 4096), 16384)
 
 
 class Part(typing.NamedTuple):
@@ -82,9 +81,6 @@ class QualityTest(unittest.TestCase):
 
     def test_filtered_error_is_no_more_than_the_noisy_one(self):
         self.check_series(NOISY)
-
-    def test_converging_pictures_stay_as_good_as_they_are(self):
-        self.check_series(CONVERGING)
 
 
 if __name__ == "__main__":

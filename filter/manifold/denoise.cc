@@ -1,5 +1,6 @@
 #include "filter/manifold/denoise.h"
 
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -22,6 +23,9 @@ Planes CopyOf(const ConstColorView& color) {
 /// Glossy light of more than this share stands in the way of antialiasing by sub-samples, which know T and E
 /// alone.
 constexpr float kMostSpecular = 0.12f;
+/// With more samples than this, EdgeMeansChange() and RegressEdges() leave nothing for light read at
+/// sub-samples to better, and reading it takes two fifths of the filter's time.
+constexpr float kFewSamples = 8;
 
 /// What a black layer shows at the points.
 FilteredPoints NothingAt(const SlicePoints* points) {
@@ -150,7 +154,9 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
                                   TaskPool* pool, bool has_levels, Planes* edge_change) {
   std::vector<Product> products = ProductsOf(film, pool);
   if (!has_levels) std::erase_if(products, [](const Product& product) { return product.is_level; });
-  const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular) : EdgePoints{};
+  const float most_samples = edge_change != nullptr ? kFewSamples : std::numeric_limits<float>::infinity();
+  const EdgePoints points =
+      edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular, most_samples) : EdgePoints{};
   const bool has_points = edges != nullptr && !points.rows.empty();
   const Remainder remainder = MakeRemainder(film, products, pool);
   std::vector<Planes> filtered;

@@ -43,10 +43,14 @@ struct EdgeViews {
   }
 };
 
-/// Pixels of the film whose picture the sub-samples do not tell.
+/// Pixels of the film whose picture the sub-samples do not tell, or no better than their own samples.
 class Unknown {
  public:
-  Unknown(const LayeredImage& film, float most_specular) : most_specular_(most_specular) {
+  Unknown(const LayeredImage& film, float most_specular, float most_samples)
+      : most_specular_(most_specular),
+        most_samples_(most_samples),
+        samples_a_(film.Get(layers::kSamplesA)),
+        samples_b_(film.Get(layers::kSamplesB)) {
     if (film.HasColor(layers::kSpecular)) specular_ = film.GetColor(layers::kSpecular);
     for (size_t i = 0; i < layers::kLevelCount; ++i) {
       for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB}) {
@@ -57,6 +61,7 @@ class Unknown {
   }
 
   bool Contains(int x, int y) const {
+    if (samples_a_.At(x, y) + samples_b_.At(x, y) > most_samples_) return true;
     const auto shines = [&](const ConstFloatView& s) { return !s.IsEmpty() && s.At(x, y) > most_specular_; };
     return std::any_of(specular_.begin(), specular_.end(), shines) ||
            std::any_of(levels_.begin(), levels_.end(),
@@ -65,6 +70,9 @@ class Unknown {
 
  private:
   float most_specular_;
+  float most_samples_;
+  ConstFloatView samples_a_;
+  ConstFloatView samples_b_;
   ConstColorView specular_;
   std::vector<ConstFloatView> levels_;
 };
@@ -167,13 +175,14 @@ Plane TrustIn(const Planes& values, const Plane& mask, const LayeredImage& film,
 
 }  // namespace
 
-EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float most_specular) {
+EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float most_specular,
+                        float most_samples) {
   EdgePoints out;
   out.points.samples = kSamples;
   out.points.own_features = kGeometryFeatures;
   if (edges.channels().empty()) return out;
   const EdgeViews views(edges);
-  const Unknown unknown(film, most_specular);
+  const Unknown unknown(film, most_specular, most_samples);
   ForEachEdgePixel(&edges, film.bounds(), [&](int row, int x, int y) {
     if (unknown.Contains(x, y)) return;
     bool plain = true;

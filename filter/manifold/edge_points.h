@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <vector>
 
 #include "filter/image/layered_image.h"
@@ -19,9 +20,10 @@ struct EdgePoints {
 };
 
 /// What is left out: pixels with a mirror, glass or metal in a sub-sample, and those where more than
-/// `most_specular` of the light is reflected by glossy lobes. `film` has the channels mask.Y and, where it
-/// knows them, specular.*
-EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float most_specular);
+/// `most_specular` of the light is reflected by glossy lobes, and pixels of more than `most_samples`. `film`
+/// has the channels mask.Y and, where it knows them, specular.*
+EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float most_specular,
+                        float most_samples = std::numeric_limits<float>::infinity());
 
 /// A layer at the points, and the share of the untouched layer that was chosen at their pixels.
 struct FilteredPoints {

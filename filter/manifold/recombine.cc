@@ -16,6 +16,9 @@ constexpr int kShrinkRadius = 2;  // 5x5 window
 /// Few samples that find much light leave small windows that none has hit: they are dark and look free of
 /// noise.
 constexpr int kNoiseRadius = 12;  // 25x25 window
+/// Up to so many samples such a window speaks in full; with more, the less the more they are, or it would
+/// keep the picture from converging beside lamps.
+constexpr float kNoiseSamples = 16;
 constexpr float kLargest = 1e34f;
 constexpr float kRounding = 1e-6f;  // of C: what sums of a few floats lose
 
@@ -175,10 +178,13 @@ void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 
   const Planes around = BoxMeans(residual, mask.view(), kNoiseRadius, pool);
   const Plane& square = means[1];
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
+  const ConstFloatView n_a = film.Get(layers::kSamplesA);
+  const ConstFloatView n_b = film.Get(layers::kSamplesB);
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < film.width(); ++x) {
-        const float noise = kShrink * std::max(means[0].At(x, y), around[0].At(x, y));
+        const float few = kNoiseSamples / std::max(n_a.At(x, y) + n_b.At(x, y), kNoiseSamples);
+        const float noise = kShrink * std::max(means[0].At(x, y), few * around[0].At(x, y));
         if (mask.At(x, y) == 0 || !(square.At(x, y) > noise)) continue;
         const float back = 1.0f - noise / square.At(x, y);
         for (size_t c = 0; c < 3; ++c) {

@@ -291,7 +291,7 @@ std::vector<Case> GeometryCases() {
        {{"over MSAA", 2}},
        Wires,
        KnownFailure{
-           {2.5},
+           {2.2},
            "every pixel is an edge: what the noise of the coverage leaves is more than sub-samples err by"}},
       {8,
        "grazing floor",
@@ -338,10 +338,7 @@ std::vector<Case> GeometryCases() {
        "128x256, 64 spp",
        "",
        {{"off", 0.01}},
-       MixedEdge,
-       KnownFailure{
-           {0.021},
-           "what the split loses in a column one pixel wide is filtered with the nothing beside it"}},
+       MixedEdge},
       {14,
        "silhouette",
        "ground before sky: sky pixels that are not the input to the last bit",

@@ -250,10 +250,7 @@ std::vector<Case> LightCases() {
        "128x128, 16 spp",
        "",
        {{"shift", 1}, {"error", 0.1}},
-       ThinWall,
-       KnownFailure{{0.71, 0.85},
-                    "a pixel or two behind the wall still take light from before it, at a brightness where "
-                    "the noise is below two 8-bit steps"}},
+       ThinWall},
   };
 }
 

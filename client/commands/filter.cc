@@ -51,10 +51,12 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
                               "Threads to filter with (default: all of this machine)");
   command_line.SetFooter(
       "A layout file has lines of ROLE = LAYER or ROLE = LAYER + LAYER, with the roles combined, direct,\n"
-      "indirect, albedo, emission, normal and depth. What it leaves out is filtered as part of the rest.\n\n"
+      "indirect, albedo, emission, normal, depth, glossy, specular, transmitted and transmittance. What it\n"
+      "leaves out is filtered as part of the rest.\n\n"
       "Methods to compare with: manifolds-color, bilateral, cross-bilateral, a-trous, a-trous-variance, "
-      "guided\n"
-      "and nlm; with parameters as in --method bilateral:sigma_s=4,sigma_r=0.1 (docs/method.md lists them).");
+      "guided,\n"
+      "nlm and nfor; with parameters as in --method bilateral:sigma_s=4,sigma_r=0.1 (docs/method.md lists "
+      "them).");
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(options->output);
   if (!format.ok())

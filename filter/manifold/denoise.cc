@@ -1,6 +1,5 @@
 #include "filter/manifold/denoise.h"
 
-#include <limits>
 #include <utility>
 #include <vector>
 
@@ -151,12 +150,11 @@ void AddTo(const Planes& change, std::array<Plane, 3>* picture) {
 }  // namespace
 
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
-                                  TaskPool* pool, bool has_levels, Planes* edge_change) {
+                                  TaskPool* pool, const Assembly& assembly) {
   std::vector<Product> products = ProductsOf(film, pool);
-  if (!has_levels) std::erase_if(products, [](const Product& product) { return product.is_level; });
-  const float most_samples = edge_change != nullptr ? kFewSamples : std::numeric_limits<float>::infinity();
+  if (!assembly.has_levels) std::erase_if(products, [](const Product& product) { return product.is_level; });
   const EdgePoints points =
-      edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular, most_samples) : EdgePoints{};
+      edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular, assembly.most_samples) : EdgePoints{};
   const bool has_points = edges != nullptr && !points.rows.empty();
   const Remainder remainder = MakeRemainder(film, products, pool);
   std::vector<Planes> filtered;
@@ -169,9 +167,9 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   }
   const Planes rest = FilterRemainder(film, remainder, filter, pool);
   std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
-  if (edge_change != nullptr) {
-    *edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1]);
-    AddTo(*edge_change, &picture);
+  if (assembly.edge_change != nullptr) {
+    *assembly.edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1]);
+    AddTo(*assembly.edge_change, &picture);
   }
   if (has_points) {
     AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),
@@ -189,7 +187,9 @@ std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges
   };
   const LayeredImage* used_edges = parts.edge_points ? edges : nullptr;
   Planes edge_change;
-  std::array<Plane, 3> picture = FilterLayers(film, used_edges, filter, pool, parts.levels, &edge_change);
+  std::array<Plane, 3> picture =
+      FilterLayers(film, used_edges, filter, pool,
+                   {.has_levels = parts.levels, .most_samples = kFewSamples, .edge_change = &edge_change});
   RegressEdges(film, used_edges, edge_change, pool, &picture);
   if (parts.convergence) ShrinkResidual(film, pool, &picture);
   return picture;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 
 #include "absl/functional/function_ref.h"
 #include "filter/image/layered_image.h"
@@ -17,12 +18,19 @@ namespace lumifold::filter {
 using LayerFilter =
     absl::FunctionRef<FilteredLayer(Halves halves, const Planes& geometry, const SlicePoints* points)>;
 
+/// How FilterLayers() puts a picture together.
+struct Assembly {
+  bool has_levels = true;  // or mirrors and glass are filtered with what the layers leave of C
+  /// Pixels of the edge set with more samples than this are not antialiased by light read at their
+  /// sub-samples.
+  float most_samples = std::numeric_limits<float>::infinity();
+  Planes* edge_change = nullptr;  // not null: EdgeMeansChange() is added to the picture and stored there
+};
+
 /// Filters each layer of light the film has, and what they leave of C, by `filter`, and puts the picture
-/// together again. Without edges `filter` is asked for no points and no edge is antialiased. Without
-/// `has_levels` what is seen in mirrors and through glass is filtered with what the layers leave of C. Where
-/// `edge_change` is not null, EdgeMeansChange() is added to the picture and stored there.
+/// together again. Without edges `filter` is asked for no points and no edge is antialiased.
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
-                                  TaskPool* pool, bool has_levels = true, Planes* edge_change = nullptr);
+                                  TaskPool* pool, const Assembly& assembly = {});
 
 /// The parts of the default method. All are on but where what one of them is worth is measured.
 struct DenoiseParts {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <limits>
 #include <vector>
 
 #include "filter/image/layered_image.h"
@@ -23,7 +22,7 @@ struct EdgePoints {
 /// `most_specular` of the light is reflected by glossy lobes, and pixels of more than `most_samples`. `film`
 /// has the channels mask.Y and, where it knows them, specular.*
 EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float most_specular,
-                        float most_samples = std::numeric_limits<float>::infinity());
+                        float most_samples);
 
 /// A layer at the points, and the share of the untouched layer that was chosen at their pixels.
 struct FilteredPoints {

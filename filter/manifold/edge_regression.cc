@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/image/level_mask.h"
 #include "filter/image/portable_math.h"
 #include "filter/manifold/box_mean.h"
 #include "filter/manifold/edge_pixels.h"
@@ -122,8 +123,8 @@ class Fit {
   std::array<std::array<float, kRowSize>, kTerms> sums_ = {};
 };
 
-/// How much of `other` goes into the fit of `centre`, apart from their distance.
-float Likeness(const Sample& centre, const Sample& other) {
+/// Half the square of how far apart the two pixels' F are, in sigmas.
+float Unlikeness(const Sample& centre, const Sample& other) {
   float square = 0;
   for (size_t c = 0; c < 3; ++c) {
     const float difference = other.likeness[c] - centre.likeness[c];
@@ -158,7 +159,7 @@ class SampleRows {
         const Sample& other = At(i, j);
         if (!other.is_usable) continue;
         const auto apart = static_cast<float>((i - x) * (i - x) + (j - y) * (j - y));
-        fit.Add(other, centre, Exp(-Likeness(centre, other) - kNearness * apart));
+        fit.Add(other, centre, Exp(-Unlikeness(centre, other) - kNearness * apart));
       }
     }
     return fit.Solve();
@@ -199,17 +200,7 @@ float ShareOfFit(const Errors& errors) {
 
 /// 1 at pixels of the edge set and at those that show a level.
 Plane MixedPixels(const LayeredImage& film, const LayeredImage* edges) {
-  Plane mixed(film.width(), film.height());
-  for (const layers::Branch branch : {layers::Branch::kReflection, layers::Branch::kTransmission}) {
-    const std::string name = layers::OfLevel({branch, 1}, layers::kDistance);
-    if (!film.Has(name)) continue;
-    const ConstFloatView distance = film.Get(name);
-    for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) {
-        if (distance.At(x, y) > 0) mixed.At(x, y) = 1;
-      }
-    }
-  }
+  Plane mixed = LevelMask(film);
   ForEachEdgePixel(edges, film.bounds(), [&](int, int x, int y) { mixed.At(x, y) = 1; });
   return mixed;
 }

@@ -8,6 +8,7 @@
 
 #include "filter/image/color.h"
 #include "filter/image/layers.h"
+#include "filter/image/level_mask.h"
 #include "filter/metrics/mean.h"
 
 namespace lumifold::metrics {
@@ -124,14 +125,10 @@ void MarkShadows(const EdgedImage& film, RegionMap* map) {
 }
 
 void MarkMirrors(const LayeredImage& film, RegionMap* map) {
-  for (const layers::Branch branch : {layers::Branch::kReflection, layers::Branch::kTransmission}) {
-    const std::string name = layers::OfLevel({branch, 1}, layers::kDistance);
-    if (!film.Has(name)) continue;
-    const ConstFloatView distance = film.Get(name);
-    for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) {
-        if (distance.At(x, y) > 0) map->At(x, y) = Region::kMirror;
-      }
+  const Plane mask = LevelMask(film);
+  for (int y = 0; y < film.height(); ++y) {
+    for (int x = 0; x < film.width(); ++x) {
+      if (mask.At(x, y) > 0) map->At(x, y) = Region::kMirror;
     }
   }
 }

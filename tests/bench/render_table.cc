@@ -17,7 +17,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -35,6 +34,7 @@
 #include "tests/bench/embree_tap.h"
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
+#include "tests/support/cpu_seconds.h"
 #include "tests/support/temp_folder.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/gltf_loader.h"
@@ -117,12 +117,6 @@ int64_t ResidentBytes(const std::string& field) {
   }
   LUMIFOLD_CHECK(false);
   return 0;
-}
-
-double CpuSeconds() {
-  timespec now = {};
-  LUMIFOLD_CHECK(clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now) == 0);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 /// Does `work` and lowers `cost` to what it took, where that is less.

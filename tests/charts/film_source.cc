@@ -20,9 +20,9 @@
 #include "filter/image/picture_io.h"
 #include "proto/rpc/checksum.h"
 #include "server/film/film_builder.h"
-#include "tests/charts/clock.h"
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
+#include "tests/support/cpu_seconds.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::charts {
@@ -30,6 +30,13 @@ namespace {
 
 constexpr uint32_t kPassSamples = 64;
 constexpr char kSecondsKey[] = "lumifold.chart.render_seconds";
+
+absl::Status MakeFolder(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (error) return absl::UnavailableError(absl::StrCat(path, ": ", error.message()));
+  return absl::OkStatus();
+}
 
 /// The frame's tiles, row by row.
 std::vector<Rect> TilesOf(const FilmSettings& settings, TileSize tile) {
@@ -70,9 +77,7 @@ absl::StatusOr<FilmSource> FilmSource::Create(const scenes::SceneDescription& sc
                                               const std::string& cache_folder) {
   absl::StatusOr<std::string> bytes = scenes::EncodeGlb(scene);
   if (!bytes.ok()) return bytes.status();
-  std::error_code error;
-  std::filesystem::create_directories(cache_folder, error);
-  if (error) return absl::UnavailableError(absl::StrCat(cache_folder, ": ", error.message()));
+  if (absl::Status status = MakeFolder(cache_folder); !status.ok()) return status;
   return FilmSource(scene.name, *std::move(bytes), cache_folder);
 }
 
@@ -86,9 +91,7 @@ absl::StatusOr<FilmSource> FilmSource::CreateFromFile(const std::string& name,
   }
   absl::StatusOr<std::string> bytes = ReadFile(absl::StrCat(folder, "/", name, ".glb"), kMostBytes);
   if (!bytes.ok()) return bytes.status();
-  std::error_code error;
-  std::filesystem::create_directories(cache_folder, error);
-  if (error) return absl::UnavailableError(absl::StrCat(cache_folder, ": ", error.message()));
+  if (absl::Status status = MakeFolder(cache_folder); !status.ok()) return status;
   FilmSource source(name, *std::move(bytes), cache_folder);
   const std::string sky_path = absl::StrCat(folder, "/", name, "-sky.exr");
   absl::StatusOr<std::string> sky = ReadFile(sky_path, kMostBytes);

@@ -19,6 +19,9 @@ struct TimedFilm {
   double render_seconds = 0;
 };
 
+/// The seed of references. It is no film's: noise in common would hide errors.
+inline constexpr uint64_t kReferenceSeed = 777;
+
 /// What is rendered of a scene.
 struct FilmSettings {
   int width = 0;

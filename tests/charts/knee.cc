@@ -9,8 +9,8 @@
 #include "absl/strings/str_format.h"
 #include "filter/image/file_io.h"
 #include "filter/manifold/denoise.h"
-#include "tests/charts/clock.h"
 #include "tests/charts/figure.h"
+#include "tests/support/cpu_seconds.h"
 
 namespace lumifold::charts {
 namespace {

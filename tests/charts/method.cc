@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/methods.h"
 #include "proto/rpc/checksum.h"
-#include "tests/charts/clock.h"
+#include "tests/support/cpu_seconds.h"
 #include "worker/baselines/render_method.h"
 
 namespace lumifold::charts {
@@ -40,10 +40,8 @@ absl::Status TraceSamples(Subject* subject, TaskPool* pool) {
   const auto [width, height, samples, seed] = subject->settings;
   if (subject->source == nullptr) return NotRun("a film from a file has no samples");
   if (int64_t{width} * height * samples > kMostChartSamples) return NotRun("cost");
-  const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = subject->source->LoadScene();
-  if (!scene.ok()) return scene.status();
   const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
-      render::Renderer::Create(*scene, subject->source->SettingsFor(subject->settings));
+      subject->source->MakeRenderer(subject->settings);
   if (!renderer.ok()) return renderer.status();
   absl::StatusOr<SampleSet> set =
       TraceSampleSet(**renderer, subject->settings, subject->timed.film.pixels, pool);
@@ -93,6 +91,31 @@ std::vector<Method> ListMethods() {
   return methods;
 }
 
+/// Samples of the films that fingerprints are taken of: methods may work otherwise where samples are many.
+constexpr uint32_t kFewSamples = 8;
+constexpr uint32_t kManySamples = 64;
+
+/// The bits of a method's default picture of a small film, added to `bits`.
+absl::Status AddBits(const Method& method, uint32_t samples, const std::string& cache_folder, TaskPool* pool,
+                     std::string* bits) {
+  const absl::StatusOr<FilmSource> source = FilmSource::Create("meeting-room", cache_folder);
+  if (!source.ok()) return source.status();
+  Subject subject;
+  subject.scene = "meeting-room";
+  subject.source = &*source;
+  subject.settings = {48, 36, samples, 3};
+  absl::StatusOr<TimedFilm> film = source->Get(subject.settings, pool);
+  if (!film.ok()) return film.status();
+  subject.timed = *std::move(film);
+  const absl::StatusOr<MadePicture> made = method.make(&subject, filter::DefaultsOf(method.parameters), pool);
+  if (!made.ok()) return made.status();
+  for (const Plane& plane : made->picture) {
+    for (int y = 0; y < plane.height(); ++y)
+      bits->append(reinterpret_cast<const char*>(plane.Row(y)), sizeof(float) * plane.width());
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 const std::vector<Method>& AllMethods() {
@@ -116,21 +139,11 @@ absl::StatusOr<std::vector<const Method*>> FindMethods(const std::vector<std::st
 
 absl::StatusOr<uint64_t> FingerprintOf(const Method& method, const std::string& cache_folder,
                                        TaskPool* pool) {
-  const absl::StatusOr<FilmSource> source = FilmSource::Create("meeting-room", cache_folder);
-  if (!source.ok()) return source.status();
-  Subject subject;
-  subject.scene = "meeting-room";
-  subject.source = &*source;
-  subject.settings = {48, 36, 8, 3};
-  absl::StatusOr<TimedFilm> film = source->Get(subject.settings, pool);
-  if (!film.ok()) return film.status();
-  subject.timed = *std::move(film);
-  const absl::StatusOr<MadePicture> made = method.make(&subject, filter::DefaultsOf(method.parameters), pool);
-  if (!made.ok()) return made.status();
   std::string bits;
-  for (const Plane& plane : made->picture) {
-    for (int y = 0; y < plane.height(); ++y)
-      bits.append(reinterpret_cast<const char*>(plane.Row(y)), sizeof(float) * plane.width());
+  for (const uint32_t samples : {kFewSamples, kManySamples}) {
+    if (samples == kManySamples && method.grows_with_samples) continue;  // these take minutes of many
+    if (const absl::Status status = AddBits(method, samples, cache_folder, pool, &bits); !status.ok())
+      return status;
   }
   return rpc::Checksum(bits);
 }

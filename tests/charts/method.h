@@ -53,7 +53,8 @@ const std::vector<Method>& AllMethods();
 /// Those of the given names; all for no name. Errors: kNotFound naming one that there is not.
 absl::StatusOr<std::vector<const Method*>> FindMethods(const std::vector<std::string>& names);
 
-/// A number that changes when what the method makes changes: a hash of its default picture of a small film.
+/// A number that changes when what the method makes changes: a hash of its default pictures of small films
+/// of few samples and, where its cost does not grow with them, of many.
 /// Errors: the method's own.
 absl::StatusOr<uint64_t> FingerprintOf(const Method& method, const std::string& cache_folder, TaskPool* pool);
 

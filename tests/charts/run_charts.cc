@@ -23,7 +23,6 @@ namespace lumifold::charts {
 namespace {
 
 constexpr uint64_t kFilmSeed = 1;
-constexpr uint64_t kReferenceSeed = 777;  // another one: noise in common would hide errors
 
 /// The most samples any pixel has.
 int SamplesOf(const LayeredImage& film) {

@@ -15,8 +15,8 @@
 #include "filter/manifold/recombine.h"
 #include "server/film/film_builder.h"
 #include "server/film/result.h"
-#include "tests/charts/clock.h"
 #include "tests/charts/figure.h"
+#include "tests/support/cpu_seconds.h"
 
 namespace lumifold::charts {
 namespace {

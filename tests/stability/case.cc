@@ -10,7 +10,7 @@
 namespace lumifold::stability {
 
 absl::StatusOr<Picture> Trial::FilterOn(TaskPool* other_pool, const Subject& subject) const {
-  if (subject.scene == nullptr && !column.needs_scene.empty())
+  if (subject.source == nullptr && !column.needs_scene.empty())
     return absl::UnimplementedError(column.needs_scene);
   return column.filter(subject, other_pool);
 }

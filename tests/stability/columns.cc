@@ -6,29 +6,10 @@
 
 #include "filter/methods.h"
 #include "tests/charts/sample_methods.h"
-#include "tests/scenes/glb_writer.h"
 #include "worker/baselines/render_method.h"
-#include "worker/scene/gltf_loader.h"
 
 namespace lumifold::stability {
 namespace {
-
-absl::StatusOr<std::shared_ptr<const scene::Scene>> LoadScene(const scenes::SceneDescription& description) {
-  const absl::StatusOr<std::string> bytes = scenes::EncodeGlb(description);
-  if (!bytes.ok()) return bytes.status();
-  const auto no_files = [](const std::string& uri) { return absl::NotFoundError(uri); };
-  absl::StatusOr<scene::Scene> scene = scene::LoadGltf(*bytes, description.name, no_files);
-  if (!scene.ok()) return scene.status();
-  return std::make_shared<const scene::Scene>(*std::move(scene));
-}
-
-render::RenderSettings SettingsOf(const charts::FilmSettings& film) {
-  render::RenderSettings settings;
-  settings.width = film.width;
-  settings.height = film.height;
-  settings.seed = film.seed;
-  return settings;
-}
 
 Column FilterColumn(const filter::Method& method) {
   return {method.name, "", [name = method.name](const Subject& subject, TaskPool* pool) {
@@ -48,9 +29,7 @@ absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, cons
   if (method.name == kDearest) return absl::UnimplementedError("not run, cost: a minute a film");
   if (method.uses_samples && subject.settings.samples > kMostSamples)
     return absl::UnimplementedError("not run, cost: it takes samples one by one");
-  const auto scene = LoadScene(*subject.scene);
-  if (!scene.ok()) return scene.status();
-  const auto renderer = render::Renderer::Create(*scene, SettingsOf(subject.settings));
+  const auto renderer = subject.source->MakeRenderer(subject.settings);
   if (!renderer.ok()) return renderer.status();
   charts::FilmSettings settings = subject.settings;
   if (!method.uses_samples) settings.samples = 0;
@@ -69,10 +48,10 @@ absl::StatusOr<Picture> RunRenderMethod(const render::RenderMethod& method, cons
                                         TaskPool* pool) {
   if (subject.settings.samples > kMostOwnSamples)
     return absl::UnimplementedError("not run, cost: it renders for itself");
-  const auto scene = LoadScene(*subject.scene);
+  const auto scene = subject.source->LoadScene();
   if (!scene.ok()) return scene.status();
   absl::StatusOr<render::RenderedPicture> rendered =
-      method.render(*scene, SettingsOf(subject.settings), subject.settings.samples,
+      method.render(*scene, subject.source->SettingsFor(subject.settings), subject.settings.samples,
                     filter::DefaultsOf(method.parameters), pool);
   if (!rendered.ok()) return rendered.status();
   return std::move(rendered->picture);

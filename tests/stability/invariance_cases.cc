@@ -20,7 +20,7 @@ using Figures = std::vector<double>;
 bool Everywhere(int, int) { return true; }
 
 absl::StatusOr<Finding> Tiles(const Trial& trial) {
-  const auto scene = std::make_shared<const scenes::SceneDescription>(MirrorRoom());
+  const scenes::SceneDescription scene = MirrorRoom();
   const charts::FilmSettings settings = {.width = 67, .height = 45, .samples = 8, .seed = 1};
   absl::StatusOr<RenderedFilm> whole = trial.films.Get(scene, settings, trial.pool);
   if (!whole.ok()) return whole.status();
@@ -28,9 +28,9 @@ absl::StatusOr<Finding> Tiles(const Trial& trial) {
   if (!expected.ok()) return expected.status();
   int different = 0;
   for (const charts::TileSize tile : {charts::TileSize{64, 64}, {7, 3}, {1, 1}}) {
-    const absl::StatusOr<EdgedImage> cut = trial.films.RenderInTiles(*scene, settings, tile, trial.pool);
+    const absl::StatusOr<EdgedImage> cut = trial.films.RenderInTiles(scene, settings, tile, trial.pool);
     if (!cut.ok()) return cut.status();
-    const absl::StatusOr<Picture> picture = trial.Filter({*cut, scene.get(), settings});
+    const absl::StatusOr<Picture> picture = trial.Filter({*cut, whole->source.get(), settings});
     if (!picture.ok()) return picture.status();
     different += CountDifferent(ViewOf(*picture), ViewOf(*expected));
   }

@@ -87,7 +87,7 @@ struct Rendered {
 absl::StatusOr<Finding> JudgeScene(const Trial& trial, SceneDescription (*build)(), uint32_t samples,
                                    uint32_t reference_samples,
                                    absl::FunctionRef<Figures(const Rendered&)> figures) {
-  const auto scene = std::make_shared<const SceneDescription>(build());
+  const SceneDescription scene = build();
   const absl::StatusOr<JudgedFilm> judged =
       trial.films.GetJudged(scene, {.width = kWidth, .height = kHeight, .samples = samples, .seed = 1},
                             reference_samples, trial.pool);

@@ -16,17 +16,17 @@ namespace lumifold::stability {
 /// A film that is put before a method and, where it was rendered and not drawn, of what.
 struct Subject {
   const EdgedImage& film;
-  const scenes::SceneDescription* scene = nullptr;  // null: drawn
+  const charts::FilmSource* source = nullptr;  // null: drawn
   charts::FilmSettings settings = {};
 };
 
 /// A film that was rendered, and of what.
 struct RenderedFilm {
   EdgedImage film;
-  std::shared_ptr<const scenes::SceneDescription> scene;
+  std::shared_ptr<const charts::FilmSource> source;
   charts::FilmSettings settings;
 
-  Subject subject() const { return {film, scene.get(), settings}; }
+  Subject subject() const { return {film, source.get(), settings}; }
 };
 
 /// A film and the same by many samples of other seeds.
@@ -41,11 +41,11 @@ class FilmStore {
   explicit FilmStore(std::string folder) : folder_(std::move(folder)) {}
 
   /// Renders the scene, or finds it. Errors: those of charts::FilmSource.
-  absl::StatusOr<RenderedFilm> Get(std::shared_ptr<const scenes::SceneDescription> scene,
+  absl::StatusOr<RenderedFilm> Get(const scenes::SceneDescription& scene,
                                    const charts::FilmSettings& settings, TaskPool* pool) const;
 
   /// The film of `settings` with one of `reference_samples`.
-  absl::StatusOr<JudgedFilm> GetJudged(std::shared_ptr<const scenes::SceneDescription> scene,
+  absl::StatusOr<JudgedFilm> GetJudged(const scenes::SceneDescription& scene,
                                        const charts::FilmSettings& settings, uint32_t reference_samples,
                                        TaskPool* pool) const;
 

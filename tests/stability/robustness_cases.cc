@@ -64,7 +64,7 @@ absl::StatusOr<Finding> MoreSamples(const Trial& trial) {
 }
 
 absl::StatusOr<Finding> RealSamples(const Trial& trial) {
-  const auto scene = std::make_shared<const scenes::SceneDescription>(MirrorRoom());
+  const scenes::SceneDescription scene = MirrorRoom();
   Finding finding;
   double worst = 0;
   for (uint32_t samples = 1; samples <= 1024; samples *= 4) {
@@ -109,7 +109,7 @@ absl::StatusOr<Finding> Seeds(const Trial& trial) {
 }
 
 absl::StatusOr<Finding> RealSeeds(const Trial& trial) {
-  const auto scene = std::make_shared<const scenes::SceneDescription>(MirrorRoom());
+  const scenes::SceneDescription scene = MirrorRoom();
   constexpr uint64_t kSeeds = 8;
   std::vector<Picture> filtered;
   std::vector<Picture> noisy;

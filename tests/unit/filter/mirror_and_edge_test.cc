@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <string>
 #include <utility>
@@ -256,7 +257,8 @@ TEST(EdgeAntialiasing, ReadsNoLightWhereASubSampleShowsAMirror) {
   const LayeredImage film = EdgeFilm();
   LayeredImage edges = EdgeSet();
   for (int y = 1; y < kHeight; ++y) edges.Get(layers::kMask).At(5, y) = 0;  // hit, not diffuse, not radiating
-  EXPECT_EQ(EdgePointsOf(film, edges, 1.0f).rows, std::vector<int>{0});
+  EXPECT_EQ(EdgePointsOf(film, edges, 1.0f, std::numeric_limits<float>::infinity()).rows,
+            std::vector<int>{0});
 }
 
 // A lamp of radiance 8 that covers half of an edge pixel, which few samples hit by chance.

@@ -154,7 +154,7 @@ std::string BodyOf(const Stacks& stacks) {
   std::string text = absl::StrFormat(
       "set title %s\nset ylabel 'percent'\nset yrange [0:100]\nset xrange [-0.25:%.2f]\nset grid y\nunset "
       "key\n",
-      Quoted(stacks.title), static_cast<double>(stacks.columns.size()) - 0.2);
+      Quoted(stacks.title), static_cast<double>(stacks.columns.size()) - 0.05);
   std::string tics;
   for (size_t i = 0; i < stacks.columns.size(); ++i) {
     absl::StrAppend(&tics, i == 0 ? "" : ", ", Quoted(stacks.columns[i]), " ", i);

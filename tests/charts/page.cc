@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
 #include "absl/time/clock.h"
@@ -51,6 +52,10 @@ std::string TableLine(const std::vector<std::string>& cells) {
 
 std::string TableHead(const std::vector<std::string>& names) {
   return absl::StrCat(TableLine(names), TableLine(std::vector<std::string>(names.size(), "---")));
+}
+
+std::string ErrorCell(std::optional<double> error) {
+  return error.has_value() ? absl::StrFormat("%.3f", *error) : "not run";
 }
 
 }  // namespace lumifold::charts

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,5 +23,7 @@ absl::Status WritePage(const std::string& path, const std::string& title, const 
 std::string TableLine(const std::vector<std::string>& cells);
 /// The line of names and the one of dashes below it.
 std::string TableHead(const std::vector<std::string>& names);
+/// "0.123", or "not run" for what was not.
+std::string ErrorCell(std::optional<double> error);
 
 }  // namespace lumifold::charts

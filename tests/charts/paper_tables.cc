@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -59,22 +60,20 @@ std::string TableOfErrors(absl::Span<const Row> rows) {
   for (const std::string& scene : ScenesOf(rows)) {
     const PaperScene* paper = PaperOf(scene);
     for (const Row& ours : DefaultRows(rows, scene, "default")) {
-      const auto error_of = [&](const std::string& method) {
+      const auto error_of = [&](const std::string& method) -> std::optional<double> {
         const std::vector<Row> best = BestRows(rows, scene, method);
         const Row* row = Find(best, ours.samples);
-        return row != nullptr ? row->errors.mse255.whole : 0.0;
+        return row != nullptr ? std::optional(row->errors.mse255.whole) : std::nullopt;
       };
       const auto over = [&](const std::string& method, double published) {
-        const double theirs = error_of(method);
+        const double theirs = error_of(method).value_or(0);
         return Beside(theirs > 0 ? ours.errors.mse255.whole / theirs : 0, published, "%.3f");
       };
-      absl::StrAppend(&text,
-                      TableLine({scene, absl::StrCat(ours.samples), absl::StrFormat("%.3f", error_of("none")),
-                                 absl::StrFormat("%.3f", ours.errors.mse255.whole),
-                                 absl::StrFormat("%.3f", error_of("paper")),
-                                 over("manifolds-color", paper != nullptr ? paper->over_manifolds : 0),
-                                 over("bilateral", paper != nullptr ? paper->over_bilateral : 0),
-                                 over("irradiance-cache", paper != nullptr ? paper->over_cache : 0)}));
+      absl::StrAppend(&text, TableLine({scene, absl::StrCat(ours.samples), ErrorCell(error_of("none")),
+                                        ErrorCell(ours.errors.mse255.whole), ErrorCell(error_of("paper")),
+                                        over("manifolds-color", paper != nullptr ? paper->over_manifolds : 0),
+                                        over("bilateral", paper != nullptr ? paper->over_bilateral : 0),
+                                        over("irradiance-cache", paper != nullptr ? paper->over_cache : 0)}));
     }
   }
   return text;

@@ -1,6 +1,7 @@
 #include "tests/charts/report.h"
 
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -13,12 +14,12 @@
 namespace lumifold::charts {
 namespace {
 
-/// The error of `method`'s best on the film that `like` is of; 0 where it did not run.
-double BestError(absl::Span<const Row> rows, const Row& like, const std::string& method) {
+/// The error of `method`'s best on the film that `like` is of, where it ran.
+std::optional<double> BestError(absl::Span<const Row> rows, const Row& like, const std::string& method) {
   for (const Row& row : BestRows(rows, like.scene, method)) {
     if (row.samples == like.samples) return row.errors.mse255.whole;
   }
-  return 0;
+  return std::nullopt;
 }
 
 /// Another method's own settings that give less error than our default in less time on one scene; null where
@@ -79,10 +80,9 @@ std::string RatioTable(absl::Span<const Row> rows) {
   for (const Row& film : Films(rows)) {
     const double error = film.errors.mse255.whole;
     std::vector<std::string> cells = {film.scene, absl::StrCat(film.samples),
-                                      absl::StrFormat("%.3f", BestError(rows, film, "none")),
-                                      absl::StrFormat("%.3f", error)};
+                                      ErrorCell(BestError(rows, film, "none")), ErrorCell(error)};
     for (size_t i = 0; i < others.size(); ++i) {
-      const double theirs = BestError(rows, film, others[i]);
+      const double theirs = BestError(rows, film, others[i]).value_or(0);
       cells.push_back(theirs > 0 ? absl::StrFormat("%.3f", error / theirs) : "not run");
       if (theirs <= 0) continue;
       logs[i] += std::log(error / theirs);
@@ -99,7 +99,7 @@ std::string RatioTable(absl::Span<const Row> rows) {
 absl::Status CheckOrder(absl::Span<const Row> rows) {
   const std::vector<Row> films = Films(rows);
   for (const Row& film : films) {
-    const double noisy = BestError(rows, film, "none");
+    const double noisy = BestError(rows, film, "none").value_or(0);
     if (film.errors.mse255.whole >= noisy) {
       return absl::FailedPreconditionError(
           absl::StrFormat("%s, %d spp: default has MSE255 %.3f, the noisy picture %.3f", film.scene,
@@ -117,7 +117,7 @@ absl::Status CheckOrder(absl::Span<const Row> rows) {
     double theirs = 0;
     for (const Row& film : films) {
       ours += film.errors.mse255.whole;
-      theirs += BestError(rows, film, baseline.name);
+      theirs += BestError(rows, film, baseline.name).value_or(0);
     }
     if (ours < theirs) continue;
     return absl::FailedPreconditionError(absl::StrFormat(

@@ -195,7 +195,7 @@ absl::StatusOr<RenderRates> FilmSource::Rates(int width, int height, TaskPool* p
     return absl::DataLossError(absl::StrCat(path, ": holds no rates of a chart's cache"));
   }
   if (!absl::IsNotFound(kept.status())) return kept.status();
-  const absl::StatusOr<RenderRates> measured = MeasureRates(width, height, pool);
+  absl::StatusOr<RenderRates> measured = MeasureRates(width, height, pool);
   if (!measured.ok()) return measured.status();
   const absl::Status written = WriteFileAtomically(
       path, absl::StrCat(measured->radiance, " ", measured->layered, " ", measured->geometry));

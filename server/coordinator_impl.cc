@@ -118,8 +118,8 @@ absl::Status Coordinator::RestoreJob(const ledger::JobRecord& record) {
   if (!finished.ok()) return finished.status();
   for (const int32_t frame : *finished) scheduler_.RestoreFinishedFrame(record.id, frame);
   std::map<int32_t, uint64_t> committed_bytes;
-  const absl::Status read =
-      store_->ForEachUnit(record.id, [&](const ledger::UnitRecord& unit) ABSL_NO_THREAD_SAFETY_ANALYSIS {
+  const absl::Status read = store_->ForEachUnit(
+      record.id, std::nullopt, [&](const ledger::UnitRecord& unit) ABSL_NO_THREAD_SAFETY_ANALYSIS {
         scheduler_.RestoreMergedUnit(unit.unit);
         uint64_t& end = committed_bytes[unit.unit.key.frame];
         end = std::max(end, unit.offset + unit.length);

@@ -119,7 +119,7 @@ class Finish {
   }
 
   absl::Status Write(EdgedImage part, std::array<Plane, 3> filtered) {
-    const absl::Status status = result_.Append(std::move(part), std::move(filtered));
+    absl::Status status = result_.Append(std::move(part), std::move(filtered));
     clock_.Charge(StageClock::kWrite);
     return status;
   }

@@ -48,6 +48,7 @@ absl::StatusOr<EdgedImage> ReadChecked(const UnitSource& units, const UnitKey& k
 /// The units of a tile: its passes in order, then its geometry.
 std::vector<UnitKey> UnitsOf(const FrameUnits& tiles, int32_t frame, int32_t tile) {
   std::vector<UnitKey> keys;
+  keys.reserve(static_cast<size_t>(tiles.pass_count()) + 1);
   for (int32_t pass = 0; pass < tiles.pass_count(); ++pass)
     keys.push_back({frame, tile, pass, v1::UNIT_KIND_PASS});
   keys.push_back({frame, tile, 0, v1::UNIT_KIND_GEOMETRY});

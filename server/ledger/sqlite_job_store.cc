@@ -11,7 +11,6 @@ namespace lumifold::ledger {
 namespace {
 
 using scheduler::JobId;
-using scheduler::UnitRef;
 
 constexpr int kSchemaVersion = 1;
 

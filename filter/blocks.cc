@@ -48,8 +48,8 @@ class Strip {
     for (size_t i = 0; i + filtered.size() < names_.size(); ++i) {
       if (!film.Has(names_[i]))
         return absl::InvalidArgumentError(absl::StrCat("the film has no channel ", names_[i]));
-      CopyPlane(film.Get(names_[i]).Crop(Moved(core, seen.x0, seen.y0)),
-                rows_.Get(names_[i]).Crop(Moved(core, 0, first_row_)));
+      CopyPlane(film.Get(names_[i]).Crop(SeenFrom(seen.x0, seen.y0, core)),
+                rows_.Get(names_[i]).Crop(SeenFrom(0, first_row_, core)));
     }
     const Rect given = grid_.Given(column, row);
     for (int y = given.y0; y < given.y1; ++y) Blend(column, row, y, filtered);
@@ -68,10 +68,6 @@ class Strip {
   }
 
  private:
-  static Rect Moved(const Rect& rect, int left, int up) {
-    return {rect.x0 - left, rect.y0 - up, rect.x1 - left, rect.y1 - up};
-  }
-
   void Blend(int column, int row, int y, const std::array<Plane, 3>& filtered) {
     const Rect given = grid_.Given(column, row);
     const Rect seen = grid_.Seen(column, row);

@@ -118,12 +118,12 @@ absl::Status Coordinator::RestoreJob(const ledger::JobRecord& record) {
   if (!finished.ok()) return finished.status();
   for (const int32_t frame : *finished) scheduler_.RestoreFinishedFrame(record.id, frame);
   std::map<int32_t, uint64_t> committed_bytes;
-  const absl::Status read =
-      store_->ForEachUnit(record.id, [&](const ledger::UnitRecord& unit) ABSL_NO_THREAD_SAFETY_ANALYSIS {
-        scheduler_.RestoreMergedUnit(unit.unit);
-        uint64_t& end = committed_bytes[unit.unit.key.frame];
-        end = std::max(end, unit.offset + unit.length);
-      });
+  absl::Status read = store_->ForEachUnit(record.id, std::nullopt,
+                                          [&](const ledger::UnitRecord& unit) ABSL_NO_THREAD_SAFETY_ANALYSIS {
+                                            scheduler_.RestoreMergedUnit(unit.unit);
+                                            uint64_t& end = committed_bytes[unit.unit.key.frame];
+                                            end = std::max(end, unit.offset + unit.length);
+                                          });
   if (!read.ok()) return read;
   for (const auto& [frame, bytes] : committed_bytes) committer_->RestoreLog(record.id, frame, bytes);
   for (const int32_t frame : scheduler_.MergedFrames(record.id)) merged_frames_.push_back({record.id, frame});

@@ -7,9 +7,11 @@
 #include <cstring>
 #include <filesystem>
 #include <system_error>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "filter/image/file_io.h"
 
 namespace lumifold::server {
 
@@ -39,6 +41,24 @@ absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
         absl::StrCat(root_, ": another coordinator is using this data folder"));
   }
   return lock;
+}
+
+absl::Status DataFolder::RemoveLeftovers() const {
+  // What was being received was never whole.
+  if (absl::Status status = RemoveAll(IncomingPath()); !status.ok()) return status;
+  if (absl::Status status = MakeFolder(IncomingPath()); !status.ok()) return status;
+  // Nor was a result that has not got its name.
+  std::vector<std::string> partial;
+  std::error_code error;
+  for (std::filesystem::recursive_directory_iterator entry(root_ + "/results", error), end;
+       !error && entry != end; entry.increment(error)) {
+    if (entry->path().extension() == kPartialSuffix) partial.push_back(entry->path().string());
+  }
+  if (error) return absl::UnavailableError(absl::StrCat(root_, "/results: ", error.message()));
+  for (const std::string& path : partial) {
+    if (absl::Status status = RemoveAll(path); !status.ok()) return status;
+  }
+  return absl::OkStatus();
 }
 
 std::string DataFolder::UnitLogName(const scheduler::JobId& job, int32_t frame) {

@@ -27,6 +27,9 @@ class DataFolder {
   /// Both name the folder.
   absl::StatusOr<rpc::FileHandle> Claim() const;
 
+  /// Removes what a coordinator that was killed left half done. Errors: kUnavailable naming the file.
+  absl::Status RemoveLeftovers() const;
+
   const std::string& root() const { return root_; }
   std::string LedgerPath() const { return root_ + "/ledger.db"; }
   std::string AssetsPath() const { return root_ + "/assets"; }

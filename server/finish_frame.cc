@@ -1,108 +1,165 @@
 #include "server/finish_frame.h"
 
+#include <algorithm>
 #include <array>
-#include <map>
+#include <string>
 #include <utility>
-#include <vector>
 
-#include "absl/strings/str_cat.h"
-#include "filter/image/exr_io.h"
+#include "filter/image/layers.h"
 #include "filter/methods.h"
-#include "server/film/assemble.h"
-#include "server/film/result.h"
-#include "server/film/unit_log.h"
-#include "server/scheduler/tile_grid.h"
+#include "server/film/result_writer.h"
+#include "server/film/unit_film.h"
+#include "server/merged_units.h"
 
 namespace lumifold::server {
 namespace {
 
 using ledger::JobRecord;
-using ledger::UnitRecord;
-using scheduler::UnitKey;
-using scheduler::UnitRef;
 
-/// A frame's merged units: finds the ledger's row of a unit and reads its record. Threads: safe.
-class MergedUnits {
+/// Measures stages that take turns.
+class StageClock {
  public:
-  static absl::StatusOr<MergedUnits> Open(const DataFolder& folder, const JobRecord& job,
-                                          std::vector<UnitRecord> records);
-  absl::StatusOr<EdgedImage> Read(const UnitKey& key) const;
+  enum Stage { kAssemble, kFilter, kWrite, kStages };
+
+  explicit StageClock(const std::function<absl::Time()>& now) : now_(now), since_(now()) {}
+
+  /// The time since the last call, or the beginning, went into `stage`.
+  void Charge(Stage stage) {
+    const absl::Time now = now_();
+    spent_[stage] += now - since_;
+    since_ = now;
+  }
+
+  v1::StageTimes Times() const {
+    v1::StageTimes times;
+    times.set_assemble_seconds(absl::ToDoubleSeconds(spent_[kAssemble]));
+    times.set_filter_seconds(absl::ToDoubleSeconds(spent_[kFilter]));
+    times.set_write_seconds(absl::ToDoubleSeconds(spent_[kWrite]));
+    return times;
+  }
 
  private:
-  explicit MergedUnits(const v1::JobSpec& spec) : units_(spec), rows_(static_cast<size_t>(units_.count())) {}
-
-  scheduler::FrameUnits units_;
-  std::vector<UnitRecord> records_;
-  std::vector<const UnitRecord*> rows_;  // by number within the frame
-  std::map<std::string, film::UnitLogReader> logs_;
+  const std::function<absl::Time()>& now_;
+  absl::Time since_;
+  std::array<absl::Duration, kStages> spent_;
 };
 
-absl::StatusOr<MergedUnits> MergedUnits::Open(const DataFolder& folder, const JobRecord& job,
-                                              std::vector<UnitRecord> records) {
-  MergedUnits merged(job.spec);
-  merged.records_ = std::move(records);
-  for (const UnitRecord& record : merged.records_) {
-    const std::optional<int64_t> number = merged.units_.NumberOf(record.unit.key);
-    if (!number.has_value()) {
-      return absl::DataLossError(absl::StrCat("ledger: the job has no unit ", Describe(record.unit)));
+/// A film whose reading is measured; what comes between is the filter.
+class TimedFilm final : public FilmSource {
+ public:
+  TimedFilm(FilmSource* film, StageClock* clock) : film_(*film), clock_(*clock) {}
+
+  int width() const override { return film_.width(); }
+  int height() const override { return film_.height(); }
+  absl::StatusOr<EdgedImage> Read(const Rect& rect) override {
+    clock_.Charge(StageClock::kFilter);
+    absl::StatusOr<EdgedImage> part = film_.Read(rect);
+    clock_.Charge(StageClock::kAssemble);
+    return part;
+  }
+
+ private:
+  FilmSource& film_;
+  StageClock& clock_;
+};
+
+/// The filtered picture's part inside `rect` of some rows of it.
+std::array<Plane, 3> PictureIn(const LayeredImage& rows, const Rect& rect) {
+  const ConstColorView color = rows.GetColor(layers::kBeauty);
+  std::array<Plane, 3> picture;
+  for (size_t c = 0; c < picture.size(); ++c) {
+    picture[c] = Plane::Uninitialized(rect.width(), rect.height());
+    CopyPlane(color[c].Crop(rect), picture[c].view());
+  }
+  return picture;
+}
+
+/// A frame on its way into its file.
+class Finish {
+ public:
+  Finish(film::UnitFilm* film, film::ResultWriter* result, std::string method, TaskPool* pool,
+         StageClock* clock)
+      : film_(*film),
+        timed_(film, clock),
+        result_(*result),
+        method_(std::move(method)),
+        pool_(pool),
+        clock_(*clock) {}
+
+  /// A frame of one block: the film is read once.
+  absl::Status Whole() {
+    absl::StatusOr<EdgedImage> film = timed_.Read({0, 0, film_.width(), film_.height()});
+    if (!film.ok()) return film.status();
+    absl::StatusOr<std::array<Plane, 3>> filtered =
+        filter::FilterFilm(film->pixels, method_, pool_, &film->edges);
+    if (!filtered.ok()) return filtered.status();
+    clock_.Charge(StageClock::kFilter);
+    return Write(*std::move(film), *std::move(filtered));
+  }
+
+  /// A frame of several: what the file holds beside the picture is read again once the picture's rows are
+  /// there. To keep it from when they were filtered would take a row of blocks of the whole film.
+  absl::Status InRows(const filter::BlockParams& blocks) {
+    const auto write = [this](const LayeredImage& rows) { return WriteRows(rows); };
+    return filter::FilterFilmInRows(&timed_, method_, {}, pool_, write, blocks);
+  }
+
+ private:
+  absl::Status WriteRows(const LayeredImage& rows) {
+    const int first = y_;
+    while (y_ < first + rows.height()) {
+      const Rect band = {0, y_, film_.width(), std::min(first + rows.height(), film_.BandEnd(y_))};
+      absl::StatusOr<EdgedImage> part = timed_.Read(band);
+      if (!part.ok()) return part.status();
+      absl::Status status = Write(*std::move(part), PictureIn(rows, SeenFrom(0, first, band)));
+      if (!status.ok()) return status;
+      y_ = band.y1;
     }
-    merged.rows_[static_cast<size_t>(*number)] = &record;
-    if (merged.logs_.contains(record.file)) continue;
-    absl::StatusOr<film::UnitLogReader> log = film::UnitLogReader::Open(folder.PathOf(record.file));
-    if (!log.ok()) return log.status();
-    merged.logs_.emplace(record.file, *std::move(log));
+    return absl::OkStatus();
   }
-  return merged;
-}
 
-absl::StatusOr<EdgedImage> MergedUnits::Read(const UnitKey& key) const {
-  const UnitRecord* row = rows_[static_cast<size_t>(*units_.NumberOf(key))];
-  if (row == nullptr)
-    return absl::DataLossError(absl::StrCat("ledger: tile ", key.tile, " is not merged whole"));
-  absl::StatusOr<film::StoredUnit> stored = logs_.at(row->file).Read({row->offset, row->length});
-  if (!stored.ok()) return stored.status();
-  if (stored->unit != row->unit) {
-    return absl::DataLossError(absl::StrCat(row->file, ": record at ", row->offset, " is of ",
-                                            Describe(stored->unit), ", not of ", Describe(row->unit)));
+  absl::Status Write(EdgedImage part, std::array<Plane, 3> filtered) {
+    absl::Status status = result_.Append(std::move(part), std::move(filtered));
+    clock_.Charge(StageClock::kWrite);
+    return status;
   }
-  return std::move(stored->image);
-}
 
-absl::StatusOr<EdgedImage> ReadFilm(const DataFolder& folder, ledger::JobStore& store, const JobRecord& job,
-                                    int32_t frame, TaskPool* pool) {
-  absl::StatusOr<std::vector<UnitRecord>> records = store.FrameUnits(job.id, frame);
-  if (!records.ok()) return records.status();
-  const absl::StatusOr<MergedUnits> units = MergedUnits::Open(folder, job, *std::move(records));
-  if (!units.ok()) return units.status();
-  return film::AssembleFilm(
-      job.spec, frame, [&units](const UnitKey& key) { return units->Read(key); }, pool);
-}
+  const film::UnitFilm& film_;
+  TimedFilm timed_;
+  film::ResultWriter& result_;
+  const std::string method_;
+  TaskPool* const pool_;
+  StageClock& clock_;
+  int y_ = 0;  // rows above are written
+};
 
 }  // namespace
 
 absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
                                            const scheduler::JobId& job_id, int32_t frame, TaskPool* pool,
-                                           const std::function<absl::Time()>& now) {
+                                           const std::function<absl::Time()>& now,
+                                           const filter::BlockParams& blocks) {
   const absl::StatusOr<JobRecord> job = store.GetJob(job_id);
   if (!job.ok()) return job.status();
-  v1::StageTimes times;
-  const absl::Time start = now();
-  absl::StatusOr<EdgedImage> film = ReadFilm(folder, store, *job, frame, pool);
+  StageClock clock(now);
+  const absl::StatusOr<MergedUnits> units = MergedUnits::Open(folder, store, *job, frame);
+  if (!units.ok()) return units.status();
+  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(job->spec, frame, &*units, pool);
   if (!film.ok()) return film.status();
-  const absl::Time assembled = now();
-  absl::StatusOr<std::array<Plane, 3>> filtered =
-      filter::FilterFilm(film->pixels, job->spec.filter().method(), pool, &film->edges);
-  if (!filtered.ok()) return filtered.status();
-  const absl::Time filtered_at = now();
-  const EdgedImage result =
-      film::BuildResult(*std::move(film), *std::move(filtered),
-                        {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class});
+  clock.Charge(StageClock::kAssemble);
   if (absl::Status status = MakeFolder(folder.ResultsPath(job_id)); !status.ok()) return status;
-  if (absl::Status status = WriteExr(folder.ResultPath(job_id, frame), result); !status.ok()) return status;
-  times.set_assemble_seconds(absl::ToDoubleSeconds(assembled - start));
-  times.set_filter_seconds(absl::ToDoubleSeconds(filtered_at - assembled));
-  times.set_write_seconds(absl::ToDoubleSeconds(now() - filtered_at));
-  return times;
+  absl::StatusOr<film::ResultWriter> result =
+      film::ResultWriter::Create(folder.ResultPath(job_id, frame), *film,
+                                 {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class});
+  if (!result.ok()) return result.status();
+  clock.Charge(StageClock::kWrite);
+  Finish finish(&*film, &*result, job->spec.filter().method(), pool, &clock);
+  const bool is_one_block = filter::BlockGrid(film->width(), film->height(), blocks).IsOneBlock();
+  const absl::Status written = is_one_block ? finish.Whole() : finish.InRows(blocks);
+  if (!written.ok()) return written;
+  if (absl::Status status = result->Finish(); !status.ok()) return status;
+  clock.Charge(StageClock::kWrite);
+  return clock.Times();
 }
 
 }  // namespace lumifold::server

@@ -65,9 +65,7 @@ absl::Status ServerImpl::Open() {
   absl::StatusOr<rpc::FileHandle> lock = folder_.Claim();
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
-  // What a stopped coordinator was receiving was never whole.
-  if (absl::Status status = RemoveAll(folder_.IncomingPath()); !status.ok()) return status;
-  if (absl::Status status = MakeFolder(folder_.IncomingPath()); !status.ok()) return status;
+  if (absl::Status status = folder_.RemoveLeftovers(); !status.ok()) return status;
   absl::StatusOr<std::unique_ptr<ledger::JobStore>> store = ledger::OpenSqliteJobStore(folder_.LedgerPath());
   if (!store.ok()) return store.status();
   store_ = *std::move(store);

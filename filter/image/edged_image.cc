@@ -13,7 +13,7 @@ int PlaceOf(float place) { return place >= 0 && place < 1e9f ? static_cast<int>(
 
 void Shift(int by, FloatView places) {
   for (int row = 0; row < places.height(); ++row) {
-    for (int x = 0; x < places.width(); ++x) places.At(x, row) -= static_cast<float>(by);
+    for (int x = 0; x < places.width(); ++x) places.At(x, row) += static_cast<float>(by);
   }
 }
 
@@ -35,9 +35,14 @@ LayeredImage EdgesInside(const LayeredImage& edges, const Rect& rect) {
     for (size_t i = 0; i < rows.size(); ++i)
       std::copy_n(channel.plane.Row(rows[i]), edges.width(), out.Row(static_cast<int>(i)));
   }
-  Shift(rect.x0, inside.Get(layers::kPixelX));
-  Shift(rect.y0, inside.Get(layers::kPixelY));
+  MovePlaces(-rect.x0, -rect.y0, &inside);
   return inside;
+}
+
+void MovePlaces(int right, int down, LayeredImage* edges) {
+  if (edges->channels().empty()) return;
+  Shift(right, edges->Get(layers::kPixelX));
+  Shift(down, edges->Get(layers::kPixelY));
 }
 
 }  // namespace lumifold

@@ -22,4 +22,7 @@ struct EdgedImage {
 /// where there are none. An edge set that lacks places stays whole, for its reader to refuse.
 LayeredImage EdgesInside(const LayeredImage& edges, const Rect& rect);
 
+/// Moves the places of an edge set, in pixels; one without channels has none.
+void MovePlaces(int right, int down, LayeredImage* edges);
+
 }  // namespace lumifold

@@ -61,16 +61,10 @@ absl::StatusOr<LayeredImage> PixelsOf(absl::StatusOr<EdgedImage> image) {
   return std::move(image->pixels);
 }
 
-ExrLayout LayoutOf(const LayeredImage& image) {
-  ExrLayout layout{image.width(), image.height(), {}, image.metadata()};
-  for (const LayeredImage::Channel& channel : image.channels()) layout.channels.push_back(channel.name);
-  return layout;
-}
-
 }  // namespace
 
 absl::Status WriteExr(const std::string& path, const LayeredImage& image) {
-  absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(path, LayoutOf(image));
+  absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(path, ExrLayoutOf(image));
   if (!writer.ok()) return writer.status();
   if (absl::Status status = writer->Append(image); !status.ok()) return status;
   return writer->Finish();
@@ -78,8 +72,8 @@ absl::Status WriteExr(const std::string& path, const LayeredImage& image) {
 
 absl::Status WriteExr(const std::string& path, const EdgedImage& image) {
   if (image.edges.channels().empty()) return WriteExr(path, image.pixels);
-  const ExrLayout edges = LayoutOf(image.edges);
-  absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(path, LayoutOf(image.pixels), &edges);
+  const ExrLayout edges = ExrLayoutOf(image.edges);
+  absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(path, ExrLayoutOf(image.pixels), &edges);
   if (!writer.ok()) return writer.status();
   if (absl::Status status = writer->Append(image.pixels); !status.ok()) return status;
   if (absl::Status status = writer->AppendEdges(image.edges); !status.ok()) return status;

@@ -57,6 +57,12 @@ bool IsEmpty(const ExrLayout& layout) {
 
 }  // namespace
 
+ExrLayout ExrLayoutOf(const LayeredImage& image) {
+  ExrLayout layout{image.width(), image.height(), {}, image.metadata()};
+  for (const LayeredImage::Channel& channel : image.channels()) layout.channels.push_back(channel.name);
+  return layout;
+}
+
 struct ExrRowWriter::File {
   File(std::string name, AtomicFile target, std::vector<ExrLayout> parts)
       : path(std::move(name)),

@@ -19,6 +19,9 @@ struct ExrLayout {
   std::map<std::string, std::string> metadata;
 };
 
+/// The layout of a picture in memory.
+ExrLayout ExrLayoutOf(const LayeredImage& image);
+
 /// Writes an OpenEXR file some rows at a time, from the top down, so that the picture need not be in memory.
 /// Every channel is 32-bit float, in ZIP-compressed scan lines. The same rows give the same bytes, however
 /// they are portioned. The file appears whole or not at all. Errors: kInvalidArgument for a picture without

@@ -86,7 +86,7 @@ AtomicFile::~AtomicFile() {
 
 absl::StatusOr<AtomicFile> AtomicFile::Create(const std::string& path) {
   static std::atomic<uint64_t> counter{0};
-  std::string temporary = absl::StrCat(path, ".", getpid(), "-", counter.fetch_add(1), ".partial");
+  std::string temporary = absl::StrCat(path, ".", getpid(), "-", counter.fetch_add(1), kPartialSuffix);
   const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (file < 0) return WriteError(path, errno);
   return AtomicFile(path, std::move(temporary), file);

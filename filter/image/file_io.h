@@ -10,6 +10,9 @@
 
 namespace lumifold {
 
+/// What an AtomicFile's name ends with until it is whole, even where its process was killed.
+inline constexpr char kPartialSuffix[] = ".partial";
+
 /// A file that comes into being whole or not at all: written beside its place, moved there at the end. Gone
 /// without a trace where it is destroyed before. Errors: kUnavailable with path and the system's words.
 class AtomicFile {

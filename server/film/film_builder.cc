@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "filter/image/layers.h"
-#include "server/film/unit_layout.h"
 
 namespace lumifold::film {
 namespace {
@@ -31,13 +30,25 @@ std::vector<std::string> LevelFilmChannels(Level level) {
   return names;
 }
 
-// Writes value(i) for each pixel i of the tile, rows one after another, into `channel` of the film.
+/// A tile and the part of the frame that is built, both in the frame's pixels.
+struct Placing {
+  Rect tile;
+  Rect part;
+
+  /// The pixels that are written, as seen from the tile's corner and from the part's.
+  Rect InTile() const { return SeenFrom(tile.x0, tile.y0, Intersect(tile, part)); }
+  Rect InPart() const { return SeenFrom(part.x0, part.y0, Intersect(tile, part)); }
+};
+
+// Writes value(i) for pixels i of the tile, counted along its rows, into `channel` of the film.
 template <typename Value>
-void WriteTile(const Rect& rect, std::string_view channel, LayeredImage* film, Value value) {
-  const FloatView view = film->Get(channel).Crop(rect);
-  size_t i = 0;
-  for (int y = 0; y < rect.height(); ++y) {
-    for (int x = 0; x < rect.width(); ++x) view.At(x, y) = static_cast<float>(value(i++));
+void WriteTile(const Placing& placing, std::string_view channel, LayeredImage* film, Value value) {
+  const FloatView view = film->Get(channel).Crop(placing.InPart());
+  const Rect inside = placing.InTile();
+  const auto tile_width = static_cast<size_t>(placing.tile.width());
+  for (int y = 0; y < view.height(); ++y) {
+    size_t i = static_cast<size_t>(inside.y0 + y) * tile_width + static_cast<size_t>(inside.x0);
+    for (int x = 0; x < view.width(); ++x) view.At(x, y) = static_cast<float>(value(i++));
   }
 }
 
@@ -49,14 +60,14 @@ struct Counts {
   const std::vector<double>& b;
 };
 
-void WriteCounts(const Rect& rect, const Counts& counts, std::string_view a, std::string_view b,
+void WriteCounts(const Placing& placing, const Counts& counts, std::string_view a, std::string_view b,
                  LayeredImage* film) {
-  WriteTile(rect, a, film, [&](size_t i) { return counts.a[i]; });
-  WriteTile(rect, b, film, [&](size_t i) { return counts.b[i]; });
+  WriteTile(placing, a, film, [&](size_t i) { return counts.a[i]; });
+  WriteTile(placing, b, film, [&](size_t i) { return counts.b[i]; });
 }
 
 /// Means of a halved layer: of both halves together and of each.
-void WriteHalved(const Rect& rect, const TileSums& sums, std::string_view layer, const Counts& counts,
+void WriteHalved(const Placing& placing, const TileSums& sums, std::string_view layer, const Counts& counts,
                  LayeredImage* film) {
   const auto both = layers::ColorChannels(layer);
   const auto half_a = layers::ColorChannels(layers::HalfA(layer));
@@ -64,18 +75,18 @@ void WriteHalved(const Rect& rect, const TileSums& sums, std::string_view layer,
   for (size_t c = 0; c < both.size(); ++c) {
     const std::vector<double>& a = sums.Of(half_a[c]);
     const std::vector<double>& b = sums.Of(half_b[c]);
-    WriteTile(rect, both[c], film, [&](size_t i) { return Mean(a[i] + b[i], counts.a[i] + counts.b[i]); });
-    WriteTile(rect, half_a[c], film, [&](size_t i) { return Mean(a[i], counts.a[i]); });
-    WriteTile(rect, half_b[c], film, [&](size_t i) { return Mean(b[i], counts.b[i]); });
+    WriteTile(placing, both[c], film, [&](size_t i) { return Mean(a[i] + b[i], counts.a[i] + counts.b[i]); });
+    WriteTile(placing, half_a[c], film, [&](size_t i) { return Mean(a[i], counts.a[i]); });
+    WriteTile(placing, half_b[c], film, [&](size_t i) { return Mean(b[i], counts.b[i]); });
   }
 }
 
 /// Means of a layer kept once.
-void WriteWhole(const Rect& rect, const TileSums& sums, std::string_view layer, const Counts& counts,
+void WriteWhole(const Placing& placing, const TileSums& sums, std::string_view layer, const Counts& counts,
                 LayeredImage* film) {
   for (const std::string& name : layers::ColorChannels(layer)) {
     const std::vector<double>& sum = sums.Of(name);
-    WriteTile(rect, name, film, [&](size_t i) { return Mean(sum[i], counts.a[i] + counts.b[i]); });
+    WriteTile(placing, name, film, [&](size_t i) { return Mean(sum[i], counts.a[i] + counts.b[i]); });
   }
 }
 
@@ -123,13 +134,20 @@ const std::vector<double>& TileSums::Of(std::string_view channel) const {
   return found->second;
 }
 
-FilmBuilder::FilmBuilder(int width, int height)
-    : film_(width, height), levels_(width, height, LevelFilmChannels) {
+FilmBuilder::FilmBuilder(int width, int height) : FilmBuilder({0, 0, width, height}, {}) {}
+
+FilmBuilder::FilmBuilder(const Rect& part, const LevelSet& levels)
+    : part_(part),
+      film_(part.width(), part.height()),
+      levels_(part.width(), part.height(), LevelFilmChannels) {
   for (const std::string_view layer : layers::kHalved) AddHalved(layer, &film_);
   for (const std::string_view layer : layers::kWhole) film_.AddColor(layer);
   film_.Add(layers::kSamplesA);
   film_.Add(layers::kSamplesB);
   for (const std::string& name : GeometryChannels()) film_.Add(name);
+  for (size_t i = 0; i < levels.size(); ++i) {
+    if (levels[i]) LevelOf(Level::Of(i));
+  }
 }
 
 LayeredImage* FilmBuilder::LevelOf(Level level) {
@@ -138,30 +156,33 @@ LayeredImage* FilmBuilder::LevelOf(Level level) {
 }
 
 void FilmBuilder::SetMeans(const Rect& rect, const TileSums& sums) {
+  const Placing placing = {rect, part_};
   const Counts counts = CountsOf(sums);
-  WriteCounts(rect, counts, layers::kSamplesA, layers::kSamplesB, &film_);
-  for (const std::string_view layer : layers::kHalved) WriteHalved(rect, sums, layer, counts, &film_);
-  for (const std::string_view layer : layers::kWhole) WriteWhole(rect, sums, layer, counts, &film_);
+  WriteCounts(placing, counts, layers::kSamplesA, layers::kSamplesB, &film_);
+  for (const std::string_view layer : layers::kHalved) WriteHalved(placing, sums, layer, counts, &film_);
+  for (const std::string_view layer : layers::kWhole) WriteWhole(placing, sums, layer, counts, &film_);
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
     if (sums.Has(OfLevel(Level::Of(i), layers::kSamplesA))) SetLevelMeans(rect, sums, Level::Of(i));
   }
 }
 
 void FilmBuilder::SetLevelMeans(const Rect& rect, const TileSums& sums, Level level) {
+  const Placing placing = {rect, part_};
   const std::string samples_a = OfLevel(level, layers::kSamplesA);
   const std::string samples_b = OfLevel(level, layers::kSamplesB);
   const Counts reached = {sums.Of(samples_a), sums.Of(samples_b)};
   LayeredImage* film = LevelOf(level);
-  WriteCounts(rect, reached, samples_a, samples_b, film);
+  WriteCounts(placing, reached, samples_a, samples_b, film);
   for (const std::string_view layer : layers::kLevelHalved)
-    WriteHalved(rect, sums, OfLevel(level, layer), reached, film);
+    WriteHalved(placing, sums, OfLevel(level, layer), reached, film);
   for (const std::string_view layer : layers::kLevelWhole)
-    WriteWhole(rect, sums, OfLevel(level, layer), CountsOf(sums), film);
+    WriteWhole(placing, sums, OfLevel(level, layer), CountsOf(sums), film);
 }
 
 void FilmBuilder::SetGeometry(const Rect& rect, const LayeredImage& geometry) {
+  const Placing placing = {rect, part_};
   const auto copy = [&](const std::string& name, LayeredImage* film) {
-    CopyPlane(geometry.Get(name), film->Get(name).Crop(rect));
+    CopyPlane(geometry.Get(name).Crop(placing.InTile()), film->Get(name).Crop(placing.InPart()));
   };
   for (const std::string& name : GeometryChannels()) copy(name, &film_);
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
@@ -172,9 +193,10 @@ void FilmBuilder::SetGeometry(const Rect& rect, const LayeredImage& geometry) {
   }
 }
 
-void FilmBuilder::AddEdges(LayeredImage edges) {
+void FilmBuilder::AddEdges(const LayeredImage& edges) {
+  LayeredImage inside = EdgesInside(edges, part_);
   absl::MutexLock lock(&mutex_);
-  edges_.push_back(std::move(edges));
+  edges_.push_back(std::move(inside));
 }
 
 EdgedImage FilmBuilder::Take() {

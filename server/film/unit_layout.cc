@@ -30,6 +30,12 @@ int CountOf(const std::string& name, const v1::PixelLayout& layout) {
   return static_cast<int>(std::count(layout.channels().begin(), layout.channels().end(), name));
 }
 
+/// What a unit of this kind has of a level it carries.
+std::vector<std::string> LevelChannels(v1::UnitKind kind, Level level) {
+  return kind == v1::UNIT_KIND_GEOMETRY ? layers::LevelFeatureChannels(level)
+                                        : layers::LevelPassChannels(level);
+}
+
 absl::Status CheckEachOnce(const std::vector<std::string>& names, const v1::PixelLayout& layout) {
   for (const std::string& name : names) {
     if (CountOf(name, layout) != 1)
@@ -51,6 +57,13 @@ const std::vector<std::string>& GeometryChannels() {
       std::string(layers::kDistance),    std::string(layers::kMask),      std::string(layers::kObjectId),
       std::string(layers::kPlanarDepth), std::string(layers::kRoughness), std::string(layers::kAlpha)};
   return names;
+}
+
+LevelSet LevelsOf(v1::UnitKind kind, const v1::PixelLayout& layout) {
+  LevelSet levels;
+  for (size_t i = 0; i < levels.size(); ++i)
+    levels[i] = CountOf(LevelChannels(kind, Level::Of(i)).front(), layout) > 0;
+  return levels;
 }
 
 rpc::PixelLimits UnitLimits(const Rect& rect) {
@@ -75,14 +88,14 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
     return absl::InvalidArgumentError(absl::StrCat("unit: size ", layout.width(), "x", layout.height(),
                                                    " where the tile has ", rect.width(), "x", rect.height()));
   }
-  const bool is_geometry = kind == v1::UNIT_KIND_GEOMETRY;
-  const std::vector<std::string>& wanted = is_geometry ? GeometryChannels() : PassChannels();
+  const std::vector<std::string>& wanted =
+      kind == v1::UNIT_KIND_GEOMETRY ? GeometryChannels() : PassChannels();
   if (absl::Status status = CheckEachOnce(wanted, layout); !status.ok()) return status;
   size_t due = wanted.size();
-  for (size_t i = 0; i < layers::kLevelCount; ++i) {
-    const std::vector<std::string> of_level =
-        is_geometry ? layers::LevelFeatureChannels(Level::Of(i)) : layers::LevelPassChannels(Level::Of(i));
-    if (CountOf(of_level.front(), layout) == 0) continue;
+  const LevelSet levels = LevelsOf(kind, layout);
+  for (size_t i = 0; i < levels.size(); ++i) {
+    if (!levels[i]) continue;
+    const std::vector<std::string> of_level = LevelChannels(kind, Level::Of(i));
     if (absl::Status status = CheckEachOnce(of_level, layout); !status.ok()) return status;
     due += of_level.size();
   }

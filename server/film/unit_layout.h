@@ -1,10 +1,12 @@
 #pragma once
 
+#include <bitset>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "filter/image/edged_image.h"
+#include "filter/image/layers.h"
 #include "filter/image/rect.h"
 #include "lumifold/v1/image.pb.h"
 #include "lumifold/v1/worker.pb.h"
@@ -19,6 +21,12 @@ const std::vector<std::string>& PassChannels();
 
 /// Channels every geometry unit has, all means. Those of levels (layers::LevelFeatureChannels) come on top.
 const std::vector<std::string>& GeometryChannels();
+
+/// Levels, each by its Level::index().
+using LevelSet = std::bitset<layers::kLevelCount>;
+
+/// The levels a unit of this layout carries.
+LevelSet LevelsOf(v1::UnitKind kind, const v1::PixelLayout& layout);
 
 /// What the pixels of a unit of one tile may take at most, and its edge set.
 rpc::PixelLimits UnitLimits(const Rect& rect);

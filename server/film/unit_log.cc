@@ -113,7 +113,7 @@ absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::st
   return image;
 }
 
-// Reads as much of [offset, offset + size) as the file has.
+/// Reads as much of [offset, offset + size) as the file has.
 absl::StatusOr<std::string> ReadAt(const rpc::FileHandle& file, const std::string& path, uint64_t offset,
                                    uint64_t size) {
   std::string bytes(size, '\0');
@@ -128,6 +128,40 @@ absl::StatusOr<std::string> ReadAt(const rpc::FileHandle& file, const std::strin
   }
   bytes.resize(done);
   return bytes;
+}
+
+/// Reads the beginning of the record at `offset`.
+absl::StatusOr<Preamble> ReadPreamble(const rpc::FileHandle& file, const std::string& path, uint64_t offset) {
+  const absl::StatusOr<std::string> bytes = ReadAt(file, path, offset, sizeof(Preamble));
+  if (!bytes.ok()) return bytes.status();
+  if (bytes->size() != sizeof(Preamble)) return DamagedRecord(path, offset, "is cut short");
+  Preamble preamble;
+  std::memcpy(&preamble, bytes->data(), sizeof(preamble));
+  if (IsOfAnotherVersion(preamble)) return AnotherVersion(path, offset);
+  if (preamble.magic != kMagic || preamble.header_bytes > kMaxHeaderBytes ||
+      preamble.payload_bytes > kMaxPayloadBytes) {
+    return DamagedRecord(path, offset, "does not begin as a record does");
+  }
+  return preamble;
+}
+
+uint64_t LengthOf(const Preamble& preamble) {
+  return sizeof(preamble) + preamble.header_bytes + preamble.payload_bytes;
+}
+
+/// Reads the header of the record at `place`, which begins with `preamble`.
+absl::StatusOr<v1::UnitChunk> ReadHeaderOf(const rpc::FileHandle& file, const std::string& path,
+                                           const RecordPlace& place, const Preamble& preamble) {
+  if (LengthOf(preamble) != place.length)
+    return DamagedRecord(path, place.offset, "does not begin as a record does");
+  const absl::StatusOr<std::string> bytes =
+      ReadAt(file, path, place.offset + sizeof(preamble), preamble.header_bytes);
+  if (!bytes.ok()) return bytes.status();
+  if (HeaderChecksum(preamble, *bytes) != preamble.header_checksum)
+    return DamagedRecord(path, place.offset, "the header's checksum does not agree");
+  v1::UnitChunk header;
+  if (!header.ParseFromString(*bytes)) return DamagedRecord(path, place.offset, "the header cannot be read");
+  return header;
 }
 
 }  // namespace
@@ -177,51 +211,43 @@ absl::StatusOr<UnitLogReader> UnitLogReader::Open(const std::string& path) {
   return UnitLogReader(path, std::move(file), static_cast<uint64_t>(info.st_size));
 }
 
+absl::Status UnitLogReader::CheckWithinFile(const RecordPlace& place) const {
+  if (place.offset <= size_ && place.length <= size_ - place.offset) return absl::OkStatus();
+  return DamagedRecord(path_, place.offset, "is not within the file");
+}
+
+absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) const {
+  if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
+  const absl::StatusOr<Preamble> preamble = ReadPreamble(file_, path_, place.offset);
+  if (!preamble.ok()) return preamble.status();
+  absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
+  if (!header.ok()) return header.status();
+  return UnitHeader{
+      scheduler::UnitFromProto(header->unit()),
+      {std::move(*header->mutable_pixels()->mutable_layout()), header->edges().layout().height()}};
+}
+
 absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
-  if (place.offset > size_ || place.length > size_ - place.offset || place.length < sizeof(Preamble)) {
-    return DamagedRecord(path_, place.offset, "is not within the file");
-  }
-  const absl::StatusOr<std::string> bytes = ReadAt(file_, path_, place.offset, place.length);
-  if (!bytes.ok()) return bytes.status();
-  if (bytes->size() != place.length) return DamagedRecord(path_, place.offset, "is cut short");
-  Preamble preamble;
-  std::memcpy(&preamble, bytes->data(), sizeof(preamble));
-  if (IsOfAnotherVersion(preamble)) return AnotherVersion(path_, place.offset);
-  if (preamble.magic != kMagic || preamble.header_bytes > kMaxHeaderBytes ||
-      preamble.payload_bytes > kMaxPayloadBytes ||
-      sizeof(preamble) + preamble.header_bytes + preamble.payload_bytes != place.length) {
-    return DamagedRecord(path_, place.offset, "does not begin as a record does");
-  }
-  const std::string_view body = std::string_view(*bytes).substr(sizeof(preamble));
-  const std::string_view header_bytes = body.substr(0, preamble.header_bytes);
-  const std::string_view payload = body.substr(preamble.header_bytes);
-  if (HeaderChecksum(preamble, header_bytes) != preamble.header_checksum) {
-    return DamagedRecord(path_, place.offset, "the header's checksum does not agree");
-  }
-  if (rpc::Checksum(payload) != preamble.payload_checksum) {
+  if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
+  const absl::StatusOr<Preamble> preamble = ReadPreamble(file_, path_, place.offset);
+  if (!preamble.ok()) return preamble.status();
+  const absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
+  if (!header.ok()) return header.status();
+  const absl::StatusOr<std::string> payload =
+      ReadAt(file_, path_, place.offset + place.length - preamble->payload_bytes, preamble->payload_bytes);
+  if (!payload.ok()) return payload.status();
+  if (rpc::Checksum(*payload) != preamble->payload_checksum)
     return DamagedRecord(path_, place.offset, "the pixels' checksum does not agree");
-  }
-  v1::UnitChunk header;
-  if (!header.ParseFromArray(header_bytes.data(), static_cast<int>(header_bytes.size()))) {
-    return DamagedRecord(path_, place.offset, "the header cannot be read");
-  }
-  absl::StatusOr<EdgedImage> image = ImageFromPayload(header, payload);
+  absl::StatusOr<EdgedImage> image = ImageFromPayload(*header, *payload);
   if (!image.ok()) return DamagedRecord(path_, place.offset, "layout and pixels do not fit");
-  return StoredUnit{scheduler::UnitFromProto(header.unit()), scheduler::Attempt(header.attempt()),
-                    header.stats(), *std::move(image)};
+  return StoredUnit{scheduler::UnitFromProto(header->unit()), scheduler::Attempt(header->attempt()),
+                    header->stats(), *std::move(image)};
 }
 
 absl::StatusOr<RecordPlace> UnitLogReader::PlaceAt(uint64_t offset) const {
-  const absl::StatusOr<std::string> bytes = ReadAt(file_, path_, offset, sizeof(Preamble));
-  if (!bytes.ok()) return bytes.status();
-  if (bytes->size() != sizeof(Preamble)) return DamagedRecord(path_, offset, "is cut short");
-  Preamble preamble;
-  std::memcpy(&preamble, bytes->data(), sizeof(preamble));
-  if (IsOfAnotherVersion(preamble)) return AnotherVersion(path_, offset);
-  if (preamble.header_bytes > kMaxHeaderBytes || preamble.payload_bytes > kMaxPayloadBytes) {
-    return DamagedRecord(path_, offset, "does not begin as a record does");
-  }
-  return RecordPlace{offset, sizeof(preamble) + preamble.header_bytes + preamble.payload_bytes};
+  const absl::StatusOr<Preamble> preamble = ReadPreamble(file_, path_, offset);
+  if (!preamble.ok()) return preamble.status();
+  return RecordPlace{offset, LengthOf(*preamble)};
 }
 
 absl::StatusOr<uint64_t> UnitLogReader::Scan(

@@ -9,6 +9,7 @@
 #include "filter/image/edged_image.h"
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/byte_stream.h"
+#include "server/film/unit_source.h"
 #include "server/scheduler/unit.h"
 
 namespace lumifold::film {
@@ -19,6 +20,12 @@ struct StoredUnit {
   scheduler::Attempt attempt;
   v1::UnitStats stats;
   EdgedImage image;
+};
+
+/// What the header of a record says.
+struct UnitHeader {
+  scheduler::UnitRef unit;
+  UnitOutline outline;
 };
 
 /// Where a record lies in its log.
@@ -74,12 +81,16 @@ class UnitLogReader {
   /// kFailedPrecondition where it was written by a Lumifold of another version.
   absl::StatusOr<StoredUnit> Read(const RecordPlace& place) const;
 
+  /// The same for the header alone: the pixels may be damaged.
+  absl::StatusOr<UnitHeader> ReadHeader(const RecordPlace& place) const;
+
   /// Reads records from the beginning until the end of the file or the first that is not whole; gives the
   /// bytes that are good. Errors: kFailedPrecondition as Read().
   absl::StatusOr<uint64_t> Scan(absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const;
 
  private:
   UnitLogReader(std::string path, rpc::FileHandle file, uint64_t size);
+  absl::Status CheckWithinFile(const RecordPlace& place) const;
   absl::StatusOr<RecordPlace> PlaceAt(uint64_t offset) const;
 
   std::string path_;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -84,10 +85,9 @@ class JobStore {
   /// Records merged units and news of their jobs, all in one transaction. A unit enters once: where one of
   /// them is recorded already nothing is, and the error is kAlreadyExists naming it.
   virtual absl::Status CommitUnits(absl::Span<const UnitRecord> units, absl::Span<const JobNews> news) = 0;
-  /// The units of a frame ordered by tile, then kind (passes before geometry), then pass.
-  virtual absl::StatusOr<std::vector<UnitRecord>> FrameUnits(const scheduler::JobId& job, int32_t frame) = 0;
-  /// Every unit of a job, frame by frame.
-  virtual absl::Status ForEachUnit(const scheduler::JobId& job,
+  /// The units of a frame, or of all frames one after another, ordered by tile, then kind (passes before
+  /// geometry), then pass. `visit` must not call the store.
+  virtual absl::Status ForEachUnit(const scheduler::JobId& job, std::optional<int32_t> frame,
                                    absl::FunctionRef<void(const UnitRecord&)> visit) = 0;
 
   /// Records that a frame's result is written, and adds `times` to the job's. A frame already recorded stays

@@ -11,7 +11,6 @@ namespace lumifold::ledger {
 namespace {
 
 using scheduler::JobId;
-using scheduler::UnitRef;
 
 constexpr int kSchemaVersion = 1;
 
@@ -93,8 +92,8 @@ class SqliteJobStore final : public JobStore {
   absl::StatusOr<std::vector<JobRecord>> ListJobs(int limit) override;
   absl::StatusOr<std::vector<JobRecord>> UnfinishedJobs() override;
   absl::Status CommitUnits(absl::Span<const UnitRecord> units, absl::Span<const JobNews> news) override;
-  absl::StatusOr<std::vector<UnitRecord>> FrameUnits(const JobId& job, int32_t frame) override;
-  absl::Status ForEachUnit(const JobId& job, absl::FunctionRef<void(const UnitRecord&)> visit) override;
+  absl::Status ForEachUnit(const JobId& job, std::optional<int32_t> frame,
+                           absl::FunctionRef<void(const UnitRecord&)> visit) override;
   absl::Status RecordFrame(const JobId& job, int32_t frame, const v1::StageTimes& times) override;
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const JobId& job) override;
   absl::Status EndJob(const JobId& job, v1::JobState state, const std::string& error) override;
@@ -267,26 +266,16 @@ absl::Status SqliteJobStore::CommitUnits(absl::Span<const UnitRecord> units, abs
   return db_.EndTransaction(outcome);
 }
 
-absl::StatusOr<std::vector<UnitRecord>> SqliteJobStore::FrameUnits(const JobId& job, int32_t frame) {
+absl::Status SqliteJobStore::ForEachUnit(const JobId& job, std::optional<int32_t> frame,
+                                         absl::FunctionRef<void(const UnitRecord&)> visit) {
   absl::MutexLock lock(&mutex_);
   const absl::StatusOr<int64_t> number = NumberOf(job);
   if (!number.ok()) return number.status();
   SqliteStatement rows =
-      db_.Prepare(absl::StrCat(kUnitColumns, "WHERE job = ? AND frame = ? ORDER BY tile, kind, pass"));
-  rows.Bind(*number).Bind(int64_t{frame});
-  std::vector<UnitRecord> units;
-  while (rows.Next()) units.push_back(ReadUnit(job, rows));
-  if (!rows.status().ok()) return rows.status();
-  return units;
-}
-
-absl::Status SqliteJobStore::ForEachUnit(const JobId& job, absl::FunctionRef<void(const UnitRecord&)> visit) {
-  absl::MutexLock lock(&mutex_);
-  const absl::StatusOr<int64_t> number = NumberOf(job);
-  if (!number.ok()) return number.status();
-  SqliteStatement rows =
-      db_.Prepare(absl::StrCat(kUnitColumns, "WHERE job = ? ORDER BY frame, tile, kind, pass"));
+      db_.Prepare(absl::StrCat(kUnitColumns, "WHERE job = ?", frame.has_value() ? " AND frame = ?" : "",
+                               " ORDER BY frame, tile, kind, pass"));
   rows.Bind(*number);
+  if (frame.has_value()) rows.Bind(int64_t{*frame});
   while (rows.Next()) visit(ReadUnit(job, rows));
   return rows.status();
 }

@@ -27,6 +27,16 @@ Rect TileGrid::RectOf(int tile) const {
   return {x0, y0, std::min(x0 + tile_size_, width_), std::min(y0 + tile_size_, height_)};
 }
 
+std::vector<int32_t> TileGrid::TilesIn(const Rect& rect) const {
+  LUMIFOLD_CHECK(!rect.IsEmpty() && Intersect(rect, {0, 0, width_, height_}) == rect);
+  std::vector<int32_t> tiles;
+  for (int row = rect.y0 / tile_size_; row * tile_size_ < rect.y1; ++row) {
+    for (int column = rect.x0 / tile_size_; column * tile_size_ < rect.x1; ++column)
+      tiles.push_back(row * columns_ + column);
+  }
+  return tiles;
+}
+
 FrameUnits::FrameUnits(const v1::JobSpec& spec)
     : tiles_(spec.width(), spec.height(), spec.tile_size()),
       samples_per_pixel_(spec.samples_per_pixel()),

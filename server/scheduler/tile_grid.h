@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "filter/image/rect.h"
 #include "lumifold/v1/job.pb.h"
@@ -19,6 +20,8 @@ class TileGrid {
   int count() const { return columns_ * rows_; }
   /// The pixels of a tile in [0, count()).
   Rect RectOf(int tile) const;
+  /// The tiles that have pixels inside `rect`, which lies within the frame and is not empty, in order.
+  std::vector<int32_t> TilesIn(const Rect& rect) const;
 
  private:
   int width_;

@@ -56,9 +56,9 @@ void RenderTile(const render::Renderer& renderer, const Rect& rect, uint32_t sam
   for (uint32_t first = 0; first < samples; first += kPassSamples)
     sums.Add(renderer.RenderPass(rect, 0, {first, std::min(first + kPassSamples, samples)}, &counts));
   film->SetMeans(rect, sums);
-  EdgedImage geometry = renderer.RenderGeometry(rect, 0);
+  const EdgedImage geometry = renderer.RenderGeometry(rect, 0);
   film->SetGeometry(rect, geometry.pixels);
-  film->AddEdges(std::move(geometry.edges));
+  film->AddEdges(geometry.edges);
 }
 
 }  // namespace

@@ -106,7 +106,7 @@ EdgedImage MergeStage(const FilmSettings& settings, std::vector<TileUnits> tiles
           for (const LayeredImage& pass : tile.passes) sums.Add(pass);
           builder.SetMeans(tile.rect, sums);
           builder.SetGeometry(tile.rect, tile.geometry.pixels);
-          builder.AddEdges(std::move(tile.geometry.edges));
+          builder.AddEdges(tile.geometry.edges);
         });
         film = builder.Take();
       },

@@ -1,4 +1,4 @@
-"""`lumifold filter` takes no more memory for a taller picture, and the same for one that would not fit."""
+"""`lumifold filter` and the coordinator take no more memory for a taller picture, and the same for one that would not fit."""
 
 import os
 import pathlib
@@ -6,13 +6,14 @@ import subprocess
 import tempfile
 import unittest
 
-from farm import BIN, make_scene, run
+from farm import BIN, Farm, make_scene, run
 from tall_exr import repeat_rows
 
 WIDTH = 1472
 ROWS = 352
 TIMES = (8, 16)  # 4 and 8 Mpx, in blocks of one size
 LIMIT_BYTES = 2 * 2**30  # of address space: the taller film alone takes that, without what filters it
+FINISH_LIMIT_MIB = 1536  # less than the 56 floats a pixel that the taller film has: 1772 MiB
 
 
 class LargePictureTest(unittest.TestCase):
@@ -40,6 +41,20 @@ class LargePictureTest(unittest.TestCase):
                 peaks.append(self.peak_bytes(root / "tall.exr", root / "out.exr"))
                 print(f"{WIDTH}x{times * ROWS}: {peaks[-1] / 2**20:.0f} MiB")
             self.assertLess(peaks[1], 1.1 * peaks[0])
+
+    def test_a_coordinator_finishes_a_frame_whose_film_does_not_fit(self):
+        height = TIMES[-1] * ROWS
+        self.assertGreater(4 * 56 * WIDTH * height, FINISH_LIMIT_MIB * 2**20)
+        with tempfile.TemporaryDirectory() as folder:
+            root = pathlib.Path(folder)
+            scene = make_scene("cornell-box", root)
+            with Farm(root / "data", "--filter-memory-mb", FINISH_LIMIT_MIB, "--filter-threads", "2") as farm:
+                farm.start_worker(threads=2)
+                job = farm.client("submit", scene, "--size", f"{WIDTH}x{height}", "--spp", 1, "--filter", "paper").stdout.strip()
+                farm.client("wait", job, timeout=1500)
+                self.assertEqual(farm.status(job)["state"], "done")
+                farm.client("download", job, "-o", root / "out.exr")
+                self.assertGreater((root / "out.exr").stat().st_size, 2**20)
 
 
 if __name__ == "__main__":

@@ -4,8 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "filter/image/exr_io.h"
-#include "server/film/assemble.h"
-#include "tests/support/random_unit.h"
+#include "tests/support/film_of_units.h"
 #include "tests/support/temp_folder.h"
 
 namespace lumifold::film {
@@ -29,16 +28,7 @@ v1::JobSpec Spec() {
   return spec;
 }
 
-EdgedImage FilmOf(const v1::JobSpec& spec) {
-  const scheduler::FrameUnits units(spec);
-  return *AssembleFilm(
-      spec, 0,
-      [&](const scheduler::UnitKey& key) {
-        return absl::StatusOr<EdgedImage>(
-            RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1));
-      },
-      nullptr);
-}
+EdgedImage FilmOf(const v1::JobSpec& spec) { return *WholeFilm(spec, 0, RandomUnitsOf(spec, 1)); }
 
 EdgedImage EdgedResult(const v1::JobSpec& spec) {
   std::array<Plane, 3> filtered = {Plane(9, 4), Plane(9, 4), Plane(9, 4)};

@@ -87,6 +87,38 @@ TEST_F(UnitLogTest, GivesBackWhatWasWritten) {
   }
 }
 
+TEST_F(UnitLogTest, AHeaderIsReadWithoutThePixels) {
+  const std::vector<RecordPlace> places = WriteUnits(3);
+  std::string damaged = File();
+  for (const RecordPlace& place : places) damaged[place.offset + place.length - 1] ^= 1;
+  SetFile(damaged);
+  const absl::StatusOr<UnitLogReader> reader = UnitLogReader::Open(path_);
+  for (const int tile : {2, 0, 1}) {
+    const RecordPlace& place = places[static_cast<size_t>(tile)];
+    const absl::StatusOr<UnitHeader> header = reader->ReadHeader(place);
+    ASSERT_TRUE(header.ok()) << header.status();
+    EXPECT_EQ(header->unit, Unit(tile).unit);
+    EXPECT_EQ(header->outline.pixels.SerializeAsString(),
+              rpc::LayoutOf(Unit(tile).image.pixels).SerializeAsString());
+    EXPECT_EQ(header->outline.edge_rows, tile == 2 ? 2 : 0);
+    EXPECT_EQ(reader->Read(place).status().code(), absl::StatusCode::kDataLoss);
+  }
+}
+
+TEST_F(UnitLogTest, EveryFlippedBitOfAHeaderIsFound) {
+  const RecordPlace place = WriteUnits(1).front();
+  const std::string good = File();
+  const size_t payload_bytes = rpc::BytesFromImage(Unit(0).image.pixels).size();
+  for (size_t at = 0; at < good.size() - payload_bytes; ++at) {
+    std::string bad = good;
+    bad[at] ^= static_cast<char>(1 << at % 8);
+    SetFile(bad);
+    const absl::Status status = UnitLogReader::Open(path_)->ReadHeader(place).status();
+    ASSERT_EQ(status.code(), absl::StatusCode::kDataLoss) << at;
+    ASSERT_THAT(std::string(status.message()), HasSubstr("record at 0"));
+  }
+}
+
 TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
   const RecordPlace place = WriteUnits(1).front();
   const std::string good = File();

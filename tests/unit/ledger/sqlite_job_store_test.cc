@@ -47,6 +47,13 @@ class SqliteJobStoreTest : public ::testing::Test {
     store_ = *std::move(store);
   }
 
+  std::vector<UnitRecord> Units(const char* job, std::optional<int32_t> frame = std::nullopt) {
+    std::vector<UnitRecord> units;
+    EXPECT_TRUE(
+        store_->ForEachUnit(JobId(job), frame, [&](const UnitRecord& unit) { units.push_back(unit); }).ok());
+    return units;
+  }
+
   TempFolder folder_;
   const std::string path_ = folder_.PathOf("ledger.db");
   std::unique_ptr<JobStore> store_;
@@ -94,7 +101,7 @@ TEST_F(SqliteJobStoreTest, AUnitEntersOnceAndItsBatchWithIt) {
   EXPECT_EQ(again.code(), absl::StatusCode::kAlreadyExists);
   EXPECT_THAT(std::string(again.message()), HasSubstr("j-a frame 0 tile 0 pass 1"));
   Reopen();
-  EXPECT_THAT(*store_->FrameUnits(JobId("j-a"), 0), SizeIs(2));
+  EXPECT_THAT(Units("j-a", 0), SizeIs(2));
   EXPECT_EQ(store_->GetJob(JobId("j-a"))->units_done, 2);
   EXPECT_EQ(store_->GetJob(JobId("j-a"))->samples_done, 200);
   EXPECT_EQ(store_->GetJob(JobId("j-a"))->bad_samples, 2);
@@ -112,13 +119,11 @@ TEST_F(SqliteJobStoreTest, UnitsComeInTheOrderOfTheFilm) {
                                 {})
                   .ok());
   std::vector<std::string> names;
-  ASSERT_TRUE(
-      store_->ForEachUnit(JobId("j-a"), [&](const UnitRecord& unit) { names.push_back(Describe(unit.unit)); })
-          .ok());
+  for (const UnitRecord& unit : Units("j-a")) names.push_back(Describe(unit.unit));
   EXPECT_THAT(names, ElementsAre("j-a frame 0 tile 0 pass 0", "j-a frame 0 tile 0 geometry",
                                  "j-a frame 0 tile 1 pass 0", "j-a frame 0 tile 1 pass 1",
                                  "j-a frame 1 tile 0 pass 0"));
-  const UnitRecord unit = store_->FrameUnits(JobId("j-a"), 1)->at(0);
+  const UnitRecord unit = Units("j-a", 1).at(0);
   EXPECT_EQ(unit.file, "film/x");
   EXPECT_EQ(unit.offset, uint64_t{1} << 40);
   EXPECT_EQ(unit.length, 77u);

@@ -35,6 +35,18 @@ TEST(TileGrid, CoversEveryPixelOnce) {
   }
 }
 
+TEST(TileGrid, TilesInARectangleAreThoseThatMeetIt) {
+  const TileGrid grid(70, 40, 16);
+  for (const Rect& rect : {Rect{0, 0, 70, 40}, Rect{0, 0, 1, 1}, Rect{16, 16, 32, 32}, Rect{15, 31, 33, 33},
+                           Rect{69, 39, 70, 40}}) {
+    std::vector<int32_t> expected;
+    for (int32_t tile = 0; tile < grid.count(); ++tile) {
+      if (!Intersect(grid.RectOf(tile), rect).IsEmpty()) expected.push_back(tile);
+    }
+    EXPECT_EQ(grid.TilesIn(rect), expected);
+  }
+}
+
 TEST(TileGrid, NumbersRowByRow) {
   const TileGrid grid(70, 40, 32);
   EXPECT_EQ(grid.count(), 6);

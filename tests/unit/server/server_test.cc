@@ -8,8 +8,7 @@
 #include <fstream>
 
 #include "filter/image/exr_io.h"
-#include "server/film/assemble.h"
-#include "tests/support/random_unit.h"
+#include "tests/support/film_of_units.h"
 #include "tests/unit/server/farm_fixture.h"
 
 namespace lumifold::server {
@@ -43,14 +42,7 @@ TEST_F(ServerTest, ATinyJobBecomesAPicture) {
   std::ofstream(path, std::ios::binary) << *bytes;
   const absl::StatusOr<LayeredImage> result = ReadExr(path);
   ASSERT_TRUE(result.ok()) << result.status();
-  const scheduler::FrameUnits units(spec);
-  const absl::StatusOr<EdgedImage> film = film::AssembleFilm(
-      spec, 0,
-      [&](const scheduler::UnitKey& key) {
-        return absl::StatusOr<EdgedImage>(
-            RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1));
-      },
-      nullptr);
+  const absl::StatusOr<EdgedImage> film = WholeFilm(spec, 0, RandomUnitsOf(spec, 1));
   for (const char* channel : {"noisy.R", "direct.G", "albedo.B", "Z", "A"}) {
     EXPECT_EQ(result->Get(channel).At(19, 11), film->pixels.Get(channel).At(19, 11)) << channel;
   }
@@ -253,6 +245,17 @@ TEST_F(ServerTest, ATakenPortIsNamed) {
   const absl::Status status = Server::Start(options).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
   EXPECT_THAT(std::string(status.message()), HasSubstr(options.listen));
+}
+
+TEST_F(ServerTest, AResultThatWasNeverWholeIsRemovedAtTheStart) {
+  StopServer();
+  const std::string partial = folder_.PathOf("data/results/j-1/frame-0000.exr.12-0.partial");
+  const std::string whole = folder_.PathOf("data/results/j-1/frame-0001.exr");
+  std::filesystem::create_directories(folder_.PathOf("data/results/j-1"));
+  for (const std::string& path : {partial, whole}) std::ofstream(path) << "pixels";
+  StartServer();
+  EXPECT_FALSE(std::filesystem::exists(partial));
+  EXPECT_TRUE(std::filesystem::exists(whole));
 }
 
 TEST_F(ServerTest, OffLoopbackIsClosedByDefault) {

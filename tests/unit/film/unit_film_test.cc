@@ -1,10 +1,14 @@
-#include "server/film/assemble.h"
+#include "server/film/unit_film.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <memory>
+#include <vector>
+
 #include "proto/rpc/image_codec.h"
-#include "tests/support/random_unit.h"
+#include "tests/support/film_of_units.h"
 #include "tests/support/shuffling_pool.h"
 
 namespace lumifold::film {
@@ -28,14 +32,13 @@ std::string Bytes(const absl::StatusOr<EdgedImage>& film) {
   return rpc::BytesFromImage(film->pixels) + rpc::BytesFromImage(film->edges);
 }
 
-class AssembleTest : public ::testing::Test {
+class UnitFilmTest : public ::testing::Test {
  protected:
   absl::StatusOr<EdgedImage> Read(const UnitKey& key) const {
     return RandomUnit(key, units_.tiles().RectOf(key.tile), units_.SamplesOf(key), 9);
   }
   absl::StatusOr<EdgedImage> Assemble(TaskPool* pool) const {
-    return AssembleFilm(
-        spec_, 0, [this](const UnitKey& key) { return Read(key); }, pool);
+    return WholeFilm(spec_, 0, RandomUnitsOf(spec_, 9), pool);
   }
   /// Sum of a channel over the passes of the tile that holds the pixel, in pass order.
   double Sum(const std::string& channel, int x, int y) const {
@@ -55,7 +58,7 @@ class AssembleTest : public ::testing::Test {
   const FrameUnits units_{spec_};
 };
 
-TEST_F(AssembleTest, EqualsTheDirectSumInPassOrder) {
+TEST_F(UnitFilmTest, EqualsTheDirectSumInPassOrder) {
   const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
   ASSERT_TRUE(film.ok()) << film.status();
   for (int y = 0; y < spec_.height(); ++y) {
@@ -77,7 +80,7 @@ TEST_F(AssembleTest, EqualsTheDirectSumInPassOrder) {
   }
 }
 
-TEST_F(AssembleTest, ALevelsLightIsAMeanOverTheSamplesThatReachedIt) {
+TEST_F(UnitFilmTest, ALevelsLightIsAMeanOverTheSamplesThatReachedIt) {
   const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
   ASSERT_TRUE(film.ok()) << film.status();
   for (int y = 0; y < spec_.height(); ++y) {
@@ -100,7 +103,7 @@ TEST_F(AssembleTest, ALevelsLightIsAMeanOverTheSamplesThatReachedIt) {
   EXPECT_FALSE(film->pixels.Has("reflection2_direct.G"));  // no tile has it
 }
 
-TEST_F(AssembleTest, EdgesComeInTheOrderOfTheFramesRows) {
+TEST_F(UnitFilmTest, EdgesComeInTheOrderOfTheFramesRows) {
   const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
   const LayeredImage& edges = film->edges;
   ASSERT_EQ(edges.width(), kSubSamples);
@@ -124,20 +127,19 @@ TEST_F(AssembleTest, EdgesComeInTheOrderOfTheFramesRows) {
   EXPECT_EQ(found, 1);
 }
 
-TEST_F(AssembleTest, RefusesAnEdgeThatIsNotOfItsTile) {
-  const absl::StatusOr<EdgedImage> film = AssembleFilm(
-      spec_, 0,
-      [&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
-        EdgedImage unit = *Read(key);
-        if (key.tile == 1 && unit.edges.height() > 0) unit.edges.Get(layers::kPixelX).At(0, 0) = 3;
-        return unit;
-      },
-      nullptr);
+TEST_F(UnitFilmTest, RefusesAnEdgeThatIsNotOfItsTile) {
+  const absl::StatusOr<EdgedImage> film =
+      WholeFilm(spec_, 0, UnitsOfFunction([&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+                  EdgedImage unit = *Read(key);
+                  if (key.tile == 1 && unit.edges.height() > 0) unit.edges.Get(layers::kPixelX).At(0, 0) = 3;
+                  return unit;
+                }),
+                nullptr);
   EXPECT_EQ(film.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(film.status().message()), HasSubstr("the pixel 3,0 of row 0"));
 }
 
-TEST_F(AssembleTest, GeometryIsTakenAsItIs) {
+TEST_F(UnitFilmTest, GeometryIsTakenAsItIs) {
   const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
   const Rect rect = units_.tiles().RectOf(4);
   const LayeredImage geometry = (*Read({0, 4, 0, v1::UNIT_KIND_GEOMETRY})).pixels;
@@ -150,7 +152,7 @@ TEST_F(AssembleTest, GeometryIsTakenAsItIs) {
   }
 }
 
-TEST_F(AssembleTest, IsTheSameForAnyOrderOfTiles) {
+TEST_F(UnitFilmTest, IsTheSameForAnyOrderOfTiles) {
   const std::string expected = Bytes(Assemble(nullptr));
   for (uint32_t seed = 0; seed < 5; ++seed) {
     ShufflingPool pool(seed);
@@ -159,17 +161,16 @@ TEST_F(AssembleTest, IsTheSameForAnyOrderOfTiles) {
   EXPECT_EQ(Bytes(Assemble(MakeTaskPool(4).get())), expected);
 }
 
-TEST_F(AssembleTest, AnEmptyHalfIsZeroAndNotNan) {
+TEST_F(UnitFilmTest, AnEmptyHalfIsZeroAndNotNan) {
   const v1::JobSpec spec = Spec(1);
   const FrameUnits units(spec);
-  const absl::StatusOr<EdgedImage> film = AssembleFilm(
-      spec, 0,
-      [&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
-        EdgedImage unit = RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 3);
-        if (key.kind == v1::UNIT_KIND_PASS) unit.pixels.GetColor("direct_b")[0].At(0, 0) = 0.0f;
-        return unit;
-      },
-      nullptr);
+  const absl::StatusOr<EdgedImage> film =
+      WholeFilm(spec, 0, UnitsOfFunction([&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+                  EdgedImage unit = RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 3);
+                  if (key.kind == v1::UNIT_KIND_PASS) unit.pixels.GetColor("direct_b")[0].At(0, 0) = 0.0f;
+                  return unit;
+                }),
+                nullptr);
   ASSERT_TRUE(film.ok());
   EXPECT_EQ(film->pixels.Get("samples_a.Y").At(0, 0), 1.0f);
   EXPECT_EQ(film->pixels.Get("samples_b.Y").At(0, 0), 0.0f);
@@ -177,43 +178,118 @@ TEST_F(AssembleTest, AnEmptyHalfIsZeroAndNotNan) {
   EXPECT_EQ(film->pixels.Get("direct.R").At(0, 0), film->pixels.Get("direct_a.R").At(0, 0));
 }
 
-TEST_F(AssembleTest, NeverTurnsFewSamplesIntoNan) {
-  const absl::StatusOr<EdgedImage> film = AssembleFilm(
-      spec_, 0,
-      [&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
-        EdgedImage unit = *Read(key);
-        for (LayeredImage::Channel& channel : unit.pixels.channels())
-          channel.plane.Fill(0.0f);  // every sample was bad
-        return unit;
-      },
-      nullptr);
+TEST_F(UnitFilmTest, NeverTurnsFewSamplesIntoNan) {
+  const absl::StatusOr<EdgedImage> film =
+      WholeFilm(spec_, 0, UnitsOfFunction([&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+                  EdgedImage unit = *Read(key);
+                  for (LayeredImage::Channel& channel : unit.pixels.channels())
+                    channel.plane.Fill(0.0f);  // every sample was bad
+                  return unit;
+                }),
+                nullptr);
   ASSERT_TRUE(film.ok());
   for (const LayeredImage::Channel& channel : film->pixels.channels()) {
     EXPECT_EQ(channel.plane.At(20, 9), 0.0f) << channel.name;
   }
 }
 
-TEST_F(AssembleTest, TellsTheErrorOfTheLowestTile) {
+TEST_F(UnitFilmTest, TellsTheErrorOfTheLowestTile) {
   ShufflingPool pool(1);
-  const absl::StatusOr<EdgedImage> film = AssembleFilm(
-      spec_, 0,
-      [&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
-        if (key.tile >= 2) return absl::DataLossError("tile " + std::to_string(key.tile));
-        return Read(key);
-      },
-      &pool);
+  const absl::StatusOr<EdgedImage> film =
+      WholeFilm(spec_, 0, UnitsOfFunction([&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+                  if (key.tile >= 2) return absl::DataLossError("tile " + std::to_string(key.tile));
+                  return Read(key);
+                }),
+                &pool);
   EXPECT_EQ(film.status(), absl::DataLossError("tile 2"));
 }
 
-TEST_F(AssembleTest, RefusesAUnitOfTheWrongShape) {
-  const absl::StatusOr<EdgedImage> film = AssembleFilm(
-      spec_, 0,
-      [&](const UnitKey& key) {
-        return absl::StatusOr<EdgedImage>(RandomUnit(key, {0, 0, 3, 3}, {0, 4}, 1));
-      },
-      nullptr);
+TEST_F(UnitFilmTest, RefusesAUnitOfTheWrongShape) {
+  const absl::StatusOr<EdgedImage> film =
+      WholeFilm(spec_, 0, UnitsOfFunction([&](const UnitKey& key) {
+                  return absl::StatusOr<EdgedImage>(RandomUnit(key, {0, 0, 3, 3}, {0, 4}, 1));
+                }),
+                nullptr);
   EXPECT_EQ(film.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(film.status().message()), HasSubstr("size 3x3"));
+}
+
+TEST_F(UnitFilmTest, APartIsWhatTheWholeHasThere) {
+  const EdgedImage whole = *Assemble(nullptr);
+  FilmInMemory expected(whole.pixels, &whole.edges);
+  const UnitsOfFunction units = RandomUnitsOf(spec_, 9);
+  const std::unique_ptr<TaskPool> pool = MakeTaskPool(2);
+  absl::StatusOr<UnitFilm> film = UnitFilm::Open(spec_, 0, &units, pool.get());
+  ASSERT_TRUE(film.ok()) << film.status();
+  for (const Rect& rect : {Rect{0, 0, 21, 10}, Rect{3, 2, 19, 9}, Rect{8, 0, 16, 8}, Rect{0, 7, 21, 8},
+                           Rect{9, 1, 11, 3}, Rect{20, 9, 21, 10}}) {
+    const absl::StatusOr<EdgedImage> part = film->Read(rect);
+    ASSERT_TRUE(part.ok()) << part.status();
+    const absl::StatusOr<EdgedImage> there = expected.Read(rect);
+    EXPECT_EQ(rpc::LayoutOf(part->pixels).SerializeAsString(),
+              rpc::LayoutOf(there->pixels).SerializeAsString());
+    EXPECT_EQ(Bytes(part), Bytes(there));
+  }
+}
+
+TEST_F(UnitFilmTest, OnlyTheUnitsOfTheTilesThereAreRead) {
+  std::vector<int32_t> read;
+  const UnitsOfFunction units([&](const UnitKey& key) {
+    read.push_back(key.tile);
+    return Read(key);
+  });
+  absl::StatusOr<UnitFilm> film = UnitFilm::Open(spec_, 0, &units, nullptr);
+  read.clear();
+  ASSERT_TRUE(film->Read({8, 0, 17, 3}).ok());
+  ASSERT_EQ(read.size(), 2u * static_cast<size_t>(units_.pass_count() + 1));
+  EXPECT_EQ(std::count(read.begin(), read.end(), 1), units_.pass_count() + 1);
+  EXPECT_EQ(std::count(read.begin(), read.end(), 2), units_.pass_count() + 1);
+}
+
+TEST_F(UnitFilmTest, TheOutlineIsThatOfTheWholeFilm) {
+  const EdgedImage whole = *Assemble(nullptr);
+  const UnitsOfFunction units = RandomUnitsOf(spec_, 9);
+  const absl::StatusOr<UnitFilm> film = UnitFilm::Open(spec_, 0, &units, nullptr);
+  const LayeredImage outline = film->Outline();
+  ASSERT_EQ(outline.channels().size(), whole.pixels.channels().size());
+  for (size_t i = 0; i < outline.channels().size(); ++i)
+    EXPECT_EQ(outline.channels()[i].name, whole.pixels.channels()[i].name);
+  EXPECT_EQ(film->edge_rows(), whole.edges.height());
+}
+
+TEST_F(UnitFilmTest, BandsEndWithTheTiles) {
+  const UnitsOfFunction units = RandomUnitsOf(spec_, 9);
+  const absl::StatusOr<UnitFilm> film = UnitFilm::Open(spec_, 0, &units, nullptr);
+  EXPECT_EQ(film->BandEnd(0), 8);
+  EXPECT_EQ(film->BandEnd(5), 8);
+  EXPECT_EQ(film->BandEnd(8), 10);
+}
+
+/// A unit cut from one picture of the whole frame.
+EdgedImage UnitOfFrame(const UnitKey& key, const Rect& rect) {
+  const Rect frame = {0, 0, 21, 10};
+  const UnitKey whole = {0, 1, key.pass, key.kind};  // tile 1 has a level
+  const EdgedImage unit = RandomUnit(whole, frame, {4 * key.pass, 4 * key.pass + 4}, 5);
+  LayeredImage edges = EdgesInside(unit.edges, rect);
+  MovePlaces(rect.x0, rect.y0, &edges);
+  return {unit.pixels.Crop(rect), std::move(edges)};
+}
+
+TEST_F(UnitFilmTest, IsTheSameForAnyTiles) {
+  std::string expected;
+  for (const int tile_size : {32, 8, 9}) {
+    v1::JobSpec spec = Spec(16);
+    spec.set_tile_size(tile_size);
+    const FrameUnits units(spec);
+    const absl::StatusOr<EdgedImage> film =
+        WholeFilm(spec, 0, UnitsOfFunction([&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+                    return UnitOfFrame(key, units.tiles().RectOf(key.tile));
+                  }));
+    ASSERT_TRUE(film.ok()) << film.status();
+    EXPECT_EQ(film->edges.height(), 2);
+    if (expected.empty()) expected = Bytes(film);
+    EXPECT_EQ(Bytes(film), expected) << tile_size;
+  }
 }
 
 }  // namespace

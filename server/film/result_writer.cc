@@ -1,0 +1,32 @@
+#include "server/film/result_writer.h"
+
+#include <utility>
+
+#include "filter/image/layers.h"
+
+namespace lumifold::film {
+
+ResultWriter::ResultWriter(ExrRowWriter file, ResultInfo info)
+    : file_(std::move(file)), info_(std::move(info)) {}
+
+absl::StatusOr<ResultWriter> ResultWriter::Create(const std::string& path, const UnitFilm& film,
+                                                  ResultInfo info) {
+  ExrLayout picture = ExrLayoutOf(BuildResult({film.Outline(), {}}, {}, info).pixels);
+  picture.width = film.width();
+  picture.height = film.height();
+  const ExrLayout edges = {kSubSamples, static_cast<int>(film.edge_rows()), layers::EdgeChannels(), {}};
+  const bool has_edges = info.spec.save_film() && film.edge_rows() > 0;
+  absl::StatusOr<ExrRowWriter> file = ExrRowWriter::Create(path, picture, has_edges ? &edges : nullptr);
+  if (!file.ok()) return file.status();
+  return ResultWriter(*std::move(file), std::move(info));
+}
+
+absl::Status ResultWriter::Append(EdgedImage part, std::array<Plane, 3> filtered) {
+  EdgedImage rows = BuildResult(std::move(part), std::move(filtered), info_);
+  if (absl::Status status = file_.Append(rows.pixels); !status.ok()) return status;
+  MovePlaces(0, rows_, &rows.edges);
+  rows_ += rows.pixels.height();
+  return rows.edges.channels().empty() ? absl::OkStatus() : file_.AppendEdges(rows.edges);
+}
+
+}  // namespace lumifold::film

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "filter/image/exr_row_writer.h"
+#include "server/film/result.h"
+#include "server/film/unit_film.h"
+
+namespace lumifold::film {
+
+/// Writes a frame's result, BuildResult's, some rows at a time from the top down. Errors: those of
+/// ExrRowWriter. Threads: one at a time.
+class ResultWriter {
+ public:
+  static absl::StatusOr<ResultWriter> Create(const std::string& path, const UnitFilm& film, ResultInfo info);
+
+  /// The next rows: the film's part there as UnitFilm::Read gives it, and the filtered picture.
+  absl::Status Append(EdgedImage part, std::array<Plane, 3> filtered);
+  /// Gives the file its name. All rows must have come. Once.
+  absl::Status Finish() { return file_.Finish(); }
+
+ private:
+  ResultWriter(ExrRowWriter file, ResultInfo info);
+
+  ExrRowWriter file_;
+  ResultInfo info_;
+  int rows_ = 0;
+};
+
+}  // namespace lumifold::film

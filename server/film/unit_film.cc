@@ -1,0 +1,127 @@
+#include "server/film/unit_film.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
+#include "absl/synchronization/mutex.h"
+#include "proto/rpc/image_codec.h"
+#include "server/film/film_builder.h"
+
+namespace lumifold::film {
+namespace {
+
+using scheduler::FrameUnits;
+using scheduler::UnitKey;
+
+/// What a part of whole rows may take where tiles reach further.
+constexpr int64_t kMostBandBytes = int64_t{512} << 20;
+
+/// Runs `task` for each tile. The error is that of the lowest one, so that which one is told does not depend
+/// on the race between threads.
+absl::Status ForEachTile(TaskPool* pool, const std::vector<int32_t>& tiles,
+                         absl::FunctionRef<absl::Status(int32_t)> task) {
+  absl::Mutex mutex;
+  std::map<int32_t, absl::Status> errors;
+  ParallelFor(pool, static_cast<int64_t>(tiles.size()), [&](int64_t i) {
+    const int32_t tile = tiles[static_cast<size_t>(i)];
+    absl::Status status = task(tile);
+    if (status.ok()) return;
+    absl::MutexLock lock(&mutex);
+    errors.emplace(tile, std::move(status));
+  });
+  return errors.empty() ? absl::OkStatus() : errors.begin()->second;
+}
+
+absl::StatusOr<EdgedImage> ReadChecked(const UnitSource& units, const UnitKey& key, const Rect& rect) {
+  absl::StatusOr<EdgedImage> unit = units.Read(key);
+  if (!unit.ok()) return unit.status();
+  if (absl::Status status = CheckUnitLayout(key.kind, rect, rpc::LayoutOf(unit->pixels)); !status.ok())
+    return status;
+  if (absl::Status status = CheckEdges(rect, unit->edges); !status.ok()) return status;
+  return unit;
+}
+
+/// The units of a tile: its passes in order, then its geometry.
+std::vector<UnitKey> UnitsOf(const FrameUnits& tiles, int32_t frame, int32_t tile) {
+  std::vector<UnitKey> keys;
+  keys.reserve(static_cast<size_t>(tiles.pass_count()) + 1);
+  for (int32_t pass = 0; pass < tiles.pass_count(); ++pass)
+    keys.push_back({frame, tile, pass, v1::UNIT_KIND_PASS});
+  keys.push_back({frame, tile, 0, v1::UNIT_KIND_GEOMETRY});
+  return keys;
+}
+
+absl::Status AssembleTile(const UnitSource& units, const std::vector<UnitKey>& keys, const Rect& rect,
+                          FilmBuilder* film) {
+  TileSums sums;
+  for (const UnitKey& key : keys) {
+    const absl::StatusOr<EdgedImage> unit = ReadChecked(units, key, rect);
+    if (!unit.ok()) return unit.status();
+    if (key.kind == v1::UNIT_KIND_PASS) {
+      sums.Add(unit->pixels);
+    } else {
+      film->SetGeometry(rect, unit->pixels);
+      film->AddEdges(unit->edges);
+    }
+  }
+  film->SetMeans(rect, sums);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+UnitFilm::UnitFilm(const v1::JobSpec& spec, int32_t frame, const UnitSource* units, TaskPool* pool)
+    : width_(spec.width()),
+      height_(spec.height()),
+      tile_size_(spec.tile_size()),
+      frame_(frame),
+      tiles_(spec),
+      units_(*units),
+      pool_(pool) {}
+
+absl::StatusOr<UnitFilm> UnitFilm::Open(const v1::JobSpec& spec, int32_t frame, const UnitSource* units,
+                                        TaskPool* pool) {
+  UnitFilm film(spec, frame, units, pool);
+  if (absl::Status status = film.FindOutline(); !status.ok()) return status;
+  return film;
+}
+
+absl::Status UnitFilm::FindOutline() {
+  absl::Mutex mutex;
+  const std::vector<int32_t> all = tiles_.tiles().TilesIn({0, 0, width_, height_});
+  return ForEachTile(pool_, all, [&](int32_t tile) -> absl::Status {
+    for (const UnitKey& key : UnitsOf(tiles_, frame_, tile)) {
+      const absl::StatusOr<UnitOutline> outline = units_.Outline(key);
+      if (!outline.ok()) return outline.status();
+      const LevelSet levels = LevelsOf(key.kind, outline->pixels);
+      absl::MutexLock lock(&mutex);
+      levels_ |= levels;
+      edge_rows_ += outline->edge_rows;
+    }
+    return absl::OkStatus();
+  });
+}
+
+LayeredImage UnitFilm::Outline() const { return FilmBuilder(Rect{}, levels_).Take().pixels; }
+
+int UnitFilm::BandEnd(int y) const {
+  const int64_t row_bytes =
+      int64_t{width_} * static_cast<int64_t>(Outline().channels().size() * sizeof(float));
+  const auto most = static_cast<int>(std::clamp<int64_t>(kMostBandBytes / row_bytes, 1, height_));
+  return std::min({(y / tile_size_ + 1) * tile_size_, y + most, height_});
+}
+
+absl::StatusOr<EdgedImage> UnitFilm::Read(const Rect& rect) {
+  FilmBuilder film(rect, levels_);
+  const absl::Status status = ForEachTile(pool_, tiles_.tiles().TilesIn(rect), [&](int32_t tile) {
+    return AssembleTile(units_, UnitsOf(tiles_, frame_, tile), tiles_.tiles().RectOf(tile), &film);
+  });
+  if (!status.ok()) return status;
+  return film.Take();
+}
+
+}  // namespace lumifold::film

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "filter/image/edged_image.h"
+#include "lumifold/v1/image.pb.h"
+#include "server/scheduler/unit.h"
+
+namespace lumifold::film {
+
+/// What a unit is, without its pixels.
+struct UnitOutline {
+  v1::PixelLayout pixels;
+  int edge_rows = 0;
+};
+
+/// The merged units of a frame. Threads: safe.
+class UnitSource {
+ public:
+  virtual ~UnitSource() = default;
+
+  /// Errors of both: kDataLoss for a unit that is not there or damaged.
+  virtual absl::StatusOr<UnitOutline> Outline(const scheduler::UnitKey& key) const = 0;
+  virtual absl::StatusOr<EdgedImage> Read(const scheduler::UnitKey& key) const = 0;
+};
+
+}  // namespace lumifold::film

@@ -1,0 +1,124 @@
+#include "server/finish_frame.h"
+
+#include <gtest/gtest.h>
+
+#include "filter/image/exr_io.h"
+#include "filter/image/file_io.h"
+#include "filter/methods.h"
+#include "server/film/result.h"
+#include "tests/support/film_of_units.h"
+#include "tests/support/same_image.h"
+#include "tests/unit/server/merged_frame_fixture.h"
+
+namespace lumifold::server {
+namespace {
+
+using scheduler::JobId;
+
+const JobId kJob("j-1");
+/// Cuts the frames of these tests.
+constexpr filter::BlockParams kSmallBlocks = {.core = 64, .margin = 32, .fade = 16, .whole = 4096};
+
+/// The picture of a film that is in memory.
+std::array<Plane, 3> Filtered(const EdgedImage& film, const std::string& method,
+                              const filter::BlockParams& blocks) {
+  FilmInMemory source(film.pixels, &film.edges);
+  std::vector<LayeredImage> pieces;
+  const auto keep = [&](const LayeredImage& rows) {
+    pieces.push_back(rows.Crop(rows.bounds()));
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(filter::FilterFilmInRows(&source, method, {}, nullptr, keep, blocks).ok());
+  LayeredImage rows = JoinRows(pieces);
+  std::array<Plane, 3> picture;
+  for (size_t c = 0; c < picture.size(); ++c) picture[c] = std::move(rows.channels()[c].plane);
+  return picture;
+}
+
+EdgedImage ExpectedResult(const v1::JobSpec& spec, const filter::BlockParams& blocks) {
+  EdgedImage film = *WholeFilm(spec, 0, RandomUnitsOf(spec, 1));
+  std::array<Plane, 3> picture = Filtered(film, spec.filter().method(), blocks);
+  return film::BuildResult(std::move(film), std::move(picture),
+                           {.spec = spec, .frame = 0, .numeric_class = ""});
+}
+
+class FinishFrameTest : public MergedFrameFixture {
+ protected:
+  v1::StageTimes Finish(const JobId& job, TaskPool* pool, const filter::BlockParams& blocks) {
+    const absl::StatusOr<v1::StageTimes> times = FinishFrame(
+        folder_, *store_, job, 0, pool, [] { return absl::Now(); }, blocks);
+    EXPECT_TRUE(times.ok()) << times.status();
+    return *times;
+  }
+};
+
+TEST_F(FinishFrameTest, AFrameOfOneBlockIsTheWholeFilmFiltered) {
+  v1::JobSpec spec = Spec(40, 30);
+  spec.set_save_film(true);
+  Merge(kJob, spec);
+  Finish(kJob, nullptr, {});
+  const std::string path = temp_.PathOf("expected.exr");
+  ASSERT_TRUE(WriteExr(path, ExpectedResult(spec, {})).ok());
+  EXPECT_EQ(Result(kJob), *ReadFile(path, 1 << 30));
+}
+
+TEST_F(FinishFrameTest, AFrameOfSeveralBlocksIsTheWholeFilmFilteredInBlocks) {
+  for (const bool save_film : {false, true}) {
+    v1::JobSpec spec = Spec(120, 80);
+    spec.set_tile_size(save_film ? 24 : 16);
+    spec.mutable_filter()->set_method(save_film ? "default" : "bilateral");
+    spec.set_save_film(save_film);
+    const JobId job(save_film ? "j-film" : "j-picture");
+    Merge(job, spec);
+    Finish(job, MakeTaskPool(2).get(), kSmallBlocks);
+    const absl::StatusOr<EdgedImage> result = ReadEdgedExr(folder_.ResultPath(job, 0));
+    ASSERT_TRUE(result.ok()) << result.status();
+    const EdgedImage expected = ExpectedResult(spec, kSmallBlocks);
+    ExpectSameImage(result->pixels, expected.pixels);
+    ExpectSameImage(result->edges, expected.edges);
+    EXPECT_EQ(result->pixels.metadata(), expected.pixels.metadata());
+  }
+}
+
+TEST_F(FinishFrameTest, TheFileKnowsNothingOfThreadsOrTheOrderOfUnits) {
+  v1::JobSpec spec = Spec(120, 80);
+  spec.mutable_filter()->set_method("none");
+  spec.set_save_film(true);
+  Merge(kJob, spec);
+  Finish(kJob, nullptr, kSmallBlocks);
+  const JobId other("j-2");
+  Merge(other, spec, /*is_forward=*/true);
+  Finish(other, MakeTaskPool(4).get(), kSmallBlocks);
+  EXPECT_EQ(Result(kJob), Result(other));
+}
+
+TEST_F(FinishFrameTest, StagesMakeUpTheWholeTime) {
+  v1::JobSpec spec = Spec(120, 80);
+  spec.mutable_filter()->set_method("none");
+  Merge(kJob, spec);
+  absl::Time time = absl::FromUnixSeconds(1000);
+  const absl::StatusOr<v1::StageTimes> times = FinishFrame(
+      folder_, *store_, kJob, 0, nullptr, [&] { return time += absl::Seconds(1); }, kSmallBlocks);
+  ASSERT_TRUE(times.ok()) << times.status();
+  const int blocks = 2 * 2;
+  const int bands = 10;  // tiles of 8 rows
+  EXPECT_EQ(times->assemble_seconds(), 1 + blocks + bands);
+  EXPECT_EQ(times->filter_seconds(), blocks + bands);
+  EXPECT_EQ(times->write_seconds(), 1 + bands + 1);
+}
+
+TEST_F(FinishFrameTest, AUnitThatIsNotMergedIsNamedAndNothingIsWritten) {
+  v1::JobSpec spec = Spec(20, 12);
+  Merge(kJob, spec);
+  spec.set_samples_per_pixel(14);  // a pass more than was merged
+  const JobId other("j-2");
+  ASSERT_TRUE(
+      store_->CreateJob({.id = other, .request_id = "r", .spec = spec, .submitted = absl::Now()}).ok());
+  const absl::Status status =
+      FinishFrame(folder_, *store_, other, 0, nullptr, [] { return absl::Now(); }).status();
+  EXPECT_EQ(status, absl::DataLossError("ledger: tile 0 is not merged whole"));
+  EXPECT_EQ(Result(other), "");
+}
+
+}  // namespace
+}  // namespace lumifold::server

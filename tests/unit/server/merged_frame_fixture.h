@@ -1,0 +1,74 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/time/clock.h"
+#include "server/data_folder.h"
+#include "server/film/unit_log.h"
+#include "server/ledger/sqlite_job_store.h"
+#include "server/scheduler/tile_grid.h"
+#include "tests/support/random_unit.h"
+#include "tests/support/temp_folder.h"
+
+namespace lumifold::server {
+
+/// A data folder with merged frames, as a coordinator leaves it. Units are RandomUnits of seed 1.
+class MergedFrameFixture : public ::testing::Test {
+ protected:
+  MergedFrameFixture() {
+    EXPECT_TRUE(folder_.Claim().ok());
+    store_ = *ledger::OpenSqliteJobStore(folder_.LedgerPath());
+  }
+
+  static v1::JobSpec Spec(int width, int height) {
+    v1::JobSpec spec;
+    spec.set_width(width);
+    spec.set_height(height);
+    spec.set_tile_size(8);
+    spec.set_samples_per_pixel(10);
+    spec.set_pass_samples(4);
+    spec.set_frame_count(1);
+    spec.mutable_filter()->set_method("default");
+    return spec;
+  }
+
+  /// Frame 0 of a job, its units merged from the last to the first, or the other way.
+  void Merge(const scheduler::JobId& id, const v1::JobSpec& spec, bool is_forward = false) {
+    ledger::NewJob job{.id = id, .request_id = id.value(), .spec = spec, .submitted = absl::Now()};
+    EXPECT_TRUE(store_->CreateJob(job).ok());
+    EXPECT_TRUE(MakeFolder(folder_.FilmPath(id)).ok());
+    const std::string name = DataFolder::UnitLogName(id, 0);
+    absl::StatusOr<film::UnitLog> log = film::UnitLog::Open(folder_.PathOf(name), 0);
+    const scheduler::FrameUnits units(spec);
+    std::vector<ledger::UnitRecord> records;
+    for (int64_t i = 0; i < units.count(); ++i) {
+      const scheduler::UnitKey key = units.KeyOf(0, is_forward ? i : units.count() - 1 - i);
+      const film::StoredUnit unit{{id, key},
+                                  scheduler::Attempt(1),
+                                  {},
+                                  RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1)};
+      const film::RecordPlace place = *log->Append(unit);
+      records.push_back({.unit = unit.unit, .file = name, .offset = place.offset, .length = place.length});
+    }
+    EXPECT_TRUE(store_->CommitUnits(records, {}).ok());
+  }
+
+  /// The bytes of frame 0's result; empty where there is none.
+  std::string Result(const scheduler::JobId& id) const {
+    std::ifstream file(folder_.ResultPath(id, 0), std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+
+  TempFolder temp_;
+  const DataFolder folder_{temp_.PathOf("data")};
+  std::unique_ptr<ledger::JobStore> store_;
+};
+
+}  // namespace lumifold::server

@@ -17,7 +17,11 @@ Plane Plane::Uninitialized(int width, int height) {
   plane.width_ = width;
   plane.height_ = height;
   constexpr std::ptrdiff_t kFloatsPerLine = kAlignment / sizeof(float);
-  plane.stride_ = (width + kFloatsPerLine - 1) / kFloatsPerLine * kFloatsPerLine;
+  std::ptrdiff_t lines = (width + kFloatsPerLine - 1) / kFloatsPerLine;
+  // Rows a power of two apart would share a few sets of the cache, and drive each other out.
+  constexpr std::ptrdiff_t kCrowdedLines = 8;
+  if (lines > 0 && lines % kCrowdedLines == 0) ++lines;
+  plane.stride_ = lines * kFloatsPerLine;
   const size_t bytes = static_cast<size_t>(plane.stride_) * static_cast<size_t>(height) * sizeof(float);
   if (bytes == 0) return plane;
   plane.data_.reset(static_cast<float*>(std::aligned_alloc(kAlignment, bytes)));

@@ -60,14 +60,14 @@ class Filter {
     manifolds.push_back(MakeManifold(RootSums(), nullptr, sigma_cells, AxisSteps(1), pool_));
     for (int depth = 1;; ++depth) {
       Level level = Splat(std::move(manifolds), depth == params_.height);
-      const std::vector<ClusterSums> children = std::move(level.children);
+      std::vector<ClusterSums> children = std::move(level.children);
       std::vector<Manifold> parents = BlurAndSlice(std::move(level));
       if (depth == params_.height) return Quotients();
       manifolds = std::vector<Manifold>(children.size());
       ParallelFor(pool_, static_cast<int64_t>(children.size()), [&](int64_t i) {
         const size_t at = static_cast<size_t>(i);
-        manifolds[at] =
-            MakeManifold(children[at], &parents[at / 2].eta, sigma_cells, AxisSteps(depth + 1), pool_);
+        manifolds[at] = MakeManifold(std::move(children[at]), &parents[at / 2].eta, sigma_cells,
+                                     AxisSteps(depth + 1), pool_);
       });
     }
   }
@@ -104,7 +104,8 @@ Level Filter::Splat(std::vector<Manifold> manifolds, bool is_last) {
   Level level;
   level.manifolds = std::move(manifolds);
   for (size_t i = 0; i < level.manifolds.size(); ++i) {
-    level.splats.push_back(MakePlanes(state_.signals.size() + 1, lattice.Columns(), lattice.Rows()));
+    level.splats.push_back(
+        MakeUninitializedPlanes(state_.signals.size() + 1, lattice.Columns(), lattice.Rows()));
     for (int child = 0; child < 2 && !is_last; ++child)
       level.children.push_back(MakeClusterSums(state_.features.size(), lattice));
   }
@@ -117,19 +118,18 @@ Level Filter::Splat(std::vector<Manifold> manifolds, bool is_last) {
 }
 
 std::vector<Manifold> Filter::BlurAndSlice(Level level) {
-  for (size_t r = 0; r < reaches_.size(); ++r) {
-    const bool is_last = r + 1 == reaches_.size();
-    std::vector<Planes> psi(level.splats.size());
-    ParallelFor(pool_, static_cast<int64_t>(psi.size()), [&](int64_t i) {
-      const size_t at = static_cast<size_t>(i);
-      if (is_last)
-        psi[at] = std::move(level.splats[at]);
-      else
-        for (const Plane& plane : level.splats[at]) psi[at].push_back(plane.Clone());
-      GuidedLowPass(reaches_[r].sigma_cells, kBlurRange, level.manifolds[at].eta, pool_, &psi[at]);
-    });
-    Slice(level.manifolds, psi, &reaches_[r]);
-  }
+  std::vector<float> sigmas;
+  for (const Reach& reach : reaches_) sigmas.push_back(reach.sigma_cells);
+  std::vector<std::vector<Planes>> psi(reaches_.size());  // of each reach, of each manifold
+  for (std::vector<Planes>& planes : psi) planes.resize(level.splats.size());
+  ParallelFor(pool_, static_cast<int64_t>(level.splats.size()), [&](int64_t i) {
+    const size_t at = static_cast<size_t>(i);
+    std::vector<Planes> blurred =
+        GuidedLowPass(sigmas, kBlurRange, level.manifolds[at].eta, level.splats[at], pool_);
+    level.splats[at].clear();
+    for (size_t r = 0; r < psi.size(); ++r) psi[r][at] = std::move(blurred[r]);
+  });
+  for (size_t r = 0; r < psi.size(); ++r) Slice(level.manifolds, psi[r], &reaches_[r]);
   return std::move(level.manifolds);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "filter/manifold/recursive.h"
 #include "filter/manifold/row_kernels.h"
@@ -21,18 +22,32 @@ void DivideByWeight(const Plane& weight, const Plane* fallback, Plane* eta) {
 /// Rows of cells from one that the axis is measured on to the next.
 int AxisRowStep(const Plane& cells) { return std::max(1, cells.height() / kAxisRows); }
 
+/// The rows that the axis is measured on.
+Plane AxisRows(const Plane& cells) {
+  const int step = AxisRowStep(cells);
+  Plane rows = Plane::Uninitialized(cells.width(), (cells.height() + step - 1) / step);
+  for (int y = 0; y < rows.height(); ++y) std::copy_n(cells.Row(y * step), cells.width(), rows.Row(y));
+  return rows;
+}
+ClusterSums AxisRows(const ClusterSums& sums) {
+  ClusterSums rows;
+  for (const Plane& plane : sums.weighted) rows.weighted.push_back(AxisRows(plane));
+  rows.weight = AxisRows(sums.weight);
+  return rows;
+}
+
 /// Covariance of the cells' mean features about the manifold, each cell weighing what its cluster weighs
-/// there, over some kAxisRows rows. Row-major d x d.
-std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta) {
+/// there, over the rows of `sums`, every `step`-th of the manifold. Row-major d x d.
+std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta, int step) {
   const size_t d = eta.size();
   std::vector<double> covariance(d * d, 0.0);
   std::vector<double> offset(d);
-  for (int y = 0; y < sums.weight.height(); y += AxisRowStep(sums.weight)) {
+  for (int y = 0; y < sums.weight.height(); ++y) {
     for (int x = 0; x < sums.weight.width(); ++x) {
       const float weight = sums.weight.At(x, y);
       if (weight < kLeastClusterMass) continue;
       for (size_t k = 0; k < d; ++k)
-        offset[k] = static_cast<double>(sums.weighted[k].At(x, y) / weight - eta[k].At(x, y));
+        offset[k] = static_cast<double>(sums.weighted[k].At(x, y) / weight - eta[k].At(x, y * step));
       for (size_t i = 0; i < d; ++i) {
         for (size_t j = 0; j <= i; ++j)
           covariance[i * d + j] += static_cast<double>(weight) * offset[i] * offset[j];
@@ -55,7 +70,7 @@ void Normalise(std::vector<double>* v) {
 
 double TotalWeight(const Plane& weight) {
   double sum = 0;
-  for (int y = 0; y < weight.height(); y += AxisRowStep(weight)) {
+  for (int y = 0; y < weight.height(); ++y) {
     for (int x = 0; x < weight.width(); ++x) sum += static_cast<double>(weight.At(x, y));
   }
   return sum;
@@ -84,27 +99,24 @@ std::vector<float> SplitAxis(const std::vector<double>& covariance, double weigh
 }  // namespace
 
 ClusterSums MakeClusterSums(size_t features, const Lattice& lattice) {
-  return {MakePlanes(features, lattice.Columns(), lattice.Rows()), Plane(lattice.Columns(), lattice.Rows())};
+  return {MakeUninitializedPlanes(features, lattice.Columns(), lattice.Rows()),
+          Plane::Uninitialized(lattice.Columns(), lattice.Rows())};
 }
 
-Manifold MakeManifold(const ClusterSums& sums, const Planes* parent, float sigma_cells, int iterations,
+Manifold MakeManifold(ClusterSums sums, const Planes* parent, float sigma_cells, int iterations,
                       TaskPool* pool) {
-  const int width = sums.weight.width();
-  const int height = sums.weight.height();
-  Plane weight = Plane::Uninitialized(width, height);
-  LowPass(sigma_cells, sums.weight, &weight);
-  Manifold manifold;
-  manifold.eta.resize(sums.weighted.size());
+  const int axis_step = AxisRowStep(sums.weight);
+  const ClusterSums axis_rows = iterations > 0 ? AxisRows(sums) : ClusterSums{};
+  LowPass(sigma_cells, &sums.weight);
+  Manifold manifold{std::move(sums.weighted), {}};
   ParallelFor(pool, static_cast<int64_t>(manifold.eta.size()), [&](int64_t task) {
     const size_t k = static_cast<size_t>(task);
-    Plane& eta = manifold.eta[k];
-    eta = Plane::Uninitialized(width, height);
-    LowPass(sigma_cells, sums.weighted[k], &eta);
-    DivideByWeight(weight, parent != nullptr ? &(*parent)[k] : nullptr, &eta);
+    LowPass(sigma_cells, &manifold.eta[k]);
+    DivideByWeight(sums.weight, parent != nullptr ? &(*parent)[k] : nullptr, &manifold.eta[k]);
   });
   if (iterations > 0) {
-    manifold.axis = SplitAxis(CellCovariance(sums, manifold.eta), TotalWeight(sums.weight),
-                              manifold.eta.size(), iterations);
+    manifold.axis = SplitAxis(CellCovariance(axis_rows, manifold.eta, axis_step),
+                              TotalWeight(axis_rows.weight), manifold.eta.size(), iterations);
   }
   return manifold;
 }

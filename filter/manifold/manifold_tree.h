@@ -20,12 +20,13 @@ struct ClusterSums {
   Plane weight;
 };
 
+/// Planes to be written: their values are anything.
 ClusterSums MakeClusterSums(size_t features, const Lattice& lattice);
 
 /// The manifold through a cluster: low-passed weighted features over low-passed weight; `parent`'s height
 /// where there is no weight (0 when parent is null). Its axis: `iterations` steps of power iteration on the
 /// cells' covariance about the manifold; left empty for 0. Threads: identical for any pool.
-Manifold MakeManifold(const ClusterSums& sums, const Planes* parent, float sigma_cells, int iterations,
+Manifold MakeManifold(ClusterSums sums, const Planes* parent, float sigma_cells, int iterations,
                       TaskPool* pool);
 
 }  // namespace lumifold::filter

@@ -156,16 +156,18 @@ Planes ProjectPatches(const Planes& color, const PatchBasis& basis, TaskPool* po
   const int side = 2 * basis.radius + 1;
   Planes padded;
   for (const Plane& plane : color) padded.push_back(Padded(plane, basis.radius));
-  Planes coordinates = MakePlanes(static_cast<size_t>(basis.dimensions), width, height);
+  Planes coordinates = MakeUninitializedPlanes(static_cast<size_t>(basis.dimensions), width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
+    std::vector<const float*> pixels;
     for (int y = y0; y < y1; ++y) {
+      pixels.clear();
+      for (const Plane& plane : padded) {
+        for (int dy = 0; dy < side; ++dy) pixels.push_back(plane.Row(y + dy));
+      }
       const float* taps = basis.kernels.data();
       for (Plane& coordinate : coordinates) {
-        for (const Plane& plane : padded) {
-          for (int dy = 0; dy < side; ++dy, taps += side) {
-            CorrelateRow(taps, side, plane.Row(y + dy), width, coordinate.Row(y));
-          }
-        }
+        CorrelateRows({taps, side, pixels.data(), pixels.size(), width}, coordinate.Row(y));
+        taps += pixels.size() * static_cast<size_t>(side);
       }
     }
   });

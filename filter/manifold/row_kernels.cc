@@ -11,19 +11,14 @@
 #include "hwy/foreach_target.h"
 #include "hwy/highway.h"
 
+#include "filter/manifold/exp-inl.h"
+
 // Loops that need shuffles or masks are written with Highway; plain ones the compiler turns into vector code,
 // once for each target. Multiplications and additions stay apart everywhere, and sums over x never cross
 // lanes except pair by pair.
 HWY_BEFORE_NAMESPACE();
 namespace lumifold::filter {
 namespace HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
-
-using Floats = hn::ScalableTag<float>;
-using Ints = hn::RebindToSigned<Floats>;
-using Float = hn::Vec<Floats>;
-using Int = hn::Vec<Ints>;
 
 /// Where the lanes of a vector of pixels lie between cells.
 struct LanesAt {
@@ -60,28 +55,6 @@ HWY_INLINE Float Widen(const LanesAt& at, const float* cells) {
   const Float right = hn::TableLookupLanes(here, hn::IndicesFromVec(d, at.right));
 #endif
   return hn::Add(left, hn::Mul(at.part, hn::Sub(right, left)));
-}
-
-/// Exp of portable_math.h for x <= 0, above -87 to the last bit; meaningless below.
-HWY_INLINE Float ExpOfNegative(Float x) {
-  const Floats d;
-  const Ints di;
-  const Float rounder = hn::Set(d, 12582912.0f);
-  const Float clamped = hn::Max(x, hn::Set(d, -87.0f));
-  const Float shifted = hn::Add(hn::Mul(clamped, hn::Set(d, 1.44269504f)), rounder);
-  const Float n = hn::Sub(shifted, rounder);
-  const Float r = hn::Sub(hn::Sub(clamped, hn::Mul(n, hn::Set(d, 0.693359375f))),
-                          hn::Mul(n, hn::Set(d, -2.12194440e-4f)));
-  Float p = hn::Set(d, 1.9875691500e-4f);
-  p = hn::Add(hn::Mul(p, r), hn::Set(d, 1.3981999507e-3f));
-  p = hn::Add(hn::Mul(p, r), hn::Set(d, 8.3334519073e-3f));
-  p = hn::Add(hn::Mul(p, r), hn::Set(d, 4.1665795894e-2f));
-  p = hn::Add(hn::Mul(p, r), hn::Set(d, 1.6666665459e-1f));
-  p = hn::Add(hn::Mul(p, r), hn::Set(d, 5.0000001201e-1f));
-  const Float mantissa = hn::Add(hn::Add(hn::Mul(p, hn::Mul(r, r)), r), hn::Set(d, 1.0f));
-  const Int exponent = hn::Sub(hn::BitCast(di, shifted), hn::BitCast(di, rounder));
-  const Int power = hn::ShiftLeft<23>(hn::Add(exponent, hn::Set(di, 127)));
-  return hn::Mul(mantissa, hn::BitCast(d, power));
 }
 
 HWY_INLINE void AddTo(float* sum, Float value) {
@@ -167,12 +140,13 @@ HWY_INLINE SplatFound SplatStrip(const Widening& widening, const SplatArgs& args
     const Float square =
         has_members ? SquareAndPositionAt(at, args, split->axis, x, &along) : SquareAt(at, args, x);
     const auto is_near = hn::Lt(square, hn::Set(d, kFarthest));
-    const Float weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(square)));
-    hn::StoreU(weight, d, args.weight + x);
+    Float weight = hn::Zero(d);
     if (!hn::AllFalse(d, is_near)) {
+      weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(square)));
       found.has_weight = true;
       SplatSignals(args, weight, x);
     }
+    hn::StoreU(weight, d, args.weight + x);
     if (!has_members) continue;
     found.has_members = true;
     SplitCluster(args, *split, weight, along, x);
@@ -185,43 +159,70 @@ HWY_ATTR SplatFound SplatRow(const Widening& widening, const SplatArgs& args, co
                           : SplatStrip<false>(widening, args, nullptr);
 }
 
-HWY_ATTR void SliceRow(const Widening& widening, const SliceArgs& args) {
+/// `n` planes from plane `first` on, at the pixels of one vector.
+template <size_t n>
+HWY_INLINE void SlicePlanes(const LanesAt& at, const SliceArgs& args, size_t first, int x) {
   const Floats d;
-  for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(d))) {
+  const float* psi = args.psi + first * args.psi_stride;
+  Float sums[n];
+#pragma GCC unroll 4
+  for (size_t c = 0; c < n; ++c) sums[c] = hn::LoadU(d, args.sums[first + c] + x);
+  for (size_t i = 0; i < args.manifolds; ++i, psi += args.planes * args.psi_stride) {
+    const Float weight = hn::LoadU(d, args.weights[i] + x);
+    if (hn::AllTrue(d, hn::Eq(weight, hn::Zero(d)))) continue;  // most pixels are far from most manifolds
+#pragma GCC unroll 4
+    for (size_t c = 0; c < n; ++c)
+      sums[c] = hn::Add(sums[c], hn::Mul(weight, Widen(at, psi + c * args.psi_stride)));
+  }
+#pragma GCC unroll 4
+  for (size_t c = 0; c < n; ++c) hn::StoreU(sums[c], d, args.sums[first + c] + x);
+}
+
+HWY_ATTR void SliceRow(const Widening& widening, const SliceArgs& args) {
+  for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(Floats()))) {
     const LanesAt at = LanesFrom(widening, x);
-    const float* psi = args.psi;
-    for (size_t i = 0; i < args.manifolds; ++i, psi += args.planes * args.psi_stride) {
-      const Float weight = hn::LoadU(d, args.weights[i] + x);
-      if (hn::AllTrue(d, hn::Eq(weight, hn::Zero(d)))) continue;  // most pixels are far from most manifolds
-      for (size_t c = 0; c < args.planes; ++c)
-        AddTo(args.sums[c] + x, hn::Mul(weight, Widen(at, psi + c * args.psi_stride)));
-    }
+    size_t c = 0;
+    for (; c + 4 <= args.planes; c += 4) SlicePlanes<4>(at, args, c, x);
+    for (; c < args.planes; ++c) SlicePlanes<1>(at, args, c, x);
   }
 }
 
-HWY_ATTR void AddPairs(int count, float* values) {
+HWY_ATTR void AddPairs(const float* from, int count, float scale, float* to) {
   int i = 0;
 #if HWY_TARGET != HWY_SCALAR
   const Floats d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (; 2 * (i + lanes) <= count; i += lanes) {
-    const Float lower = hn::LoadU(d, values + 2 * i);
-    const Float upper = hn::LoadU(d, values + 2 * i + lanes);
-    hn::StoreU(hn::Add(hn::ConcatEven(d, upper, lower), hn::ConcatOdd(d, upper, lower)), d, values + i);
+    const Float lower = hn::LoadU(d, from + 2 * i);
+    const Float upper = hn::LoadU(d, from + 2 * i + lanes);
+    const Float sum = hn::Add(hn::ConcatEven(d, upper, lower), hn::ConcatOdd(d, upper, lower));
+    hn::StoreU(hn::Mul(hn::Set(d, scale), sum), d, to + i);
   }
 #endif
-  for (; i < count / 2; ++i) values[i] = values[2 * i] + values[2 * i + 1];
+  for (; i < count / 2; ++i) to[i] = scale * (from[2 * i] + from[2 * i + 1]);
+}
+
+HWY_INLINE void BlendRow(const float* upper, const float* lower, float fraction, int begin, int end,
+                         float* out) {
+  const Floats d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto blend = [&](int c) HWY_ATTR {
+    const Float from = hn::LoadU(d, upper + c);
+    hn::StoreU(hn::Add(from, hn::Mul(hn::Set(d, fraction), hn::Sub(hn::LoadU(d, lower + c), from))), d,
+               out + c - begin);
+  };
+  int c = begin;
+  for (; c + lanes <= end; c += lanes) blend(c);
+  if (c < end && begin + lanes <= end) return blend(end - lanes);  // some cells twice, and alike
+  for (; c < end; ++c) out[c - begin] = upper[c] + fraction * (lower[c] - upper[c]);
 }
 
 HWY_ATTR void BlendCells(const BlendArgs& args) {
   const int begin = std::max(0, args.first);
   const int end = std::min(args.columns, args.first + args.count);
-  const float fraction = args.fraction;
   for (size_t i = 0; i < args.planes; ++i) {
-    const float* __restrict upper = args.upper[i];
-    const float* __restrict lower = args.lower[i];
-    float* __restrict out = args.out + i * args.out_stride;
-    for (int c = begin; c < end; ++c) out[c - args.first] = upper[c] + fraction * (lower[c] - upper[c]);
+    float* out = args.out + i * args.out_stride;
+    BlendRow(args.upper[i], args.lower[i], args.fraction, begin, end, out + begin - args.first);
     for (int c = args.first; c < begin; ++c) out[c - args.first] = out[begin - args.first];
     for (int c = end; c < args.first + args.count; ++c) out[c - args.first] = out[end - 1 - args.first];
   }
@@ -245,150 +246,42 @@ HWY_ATTR void QuotientRow(const float* HWY_RESTRICT total, float least, const fl
   }
 }
 
-HWY_ATTR void PullRow(const float* HWY_RESTRICT weight, const float* HWY_RESTRICT from, int count,
-                      float* HWY_RESTRICT to) {
-  for (int x = 0; x < count; ++x) to[x] += weight[x] * (from[x] - to[x]);
-}
-
-/// One row after the other. Returns nothing that the vector form does not.
-HWY_INLINE void RecurseRow(const float* from, const float* weight, int count, float* to) {
-  float last = to[0] = from[0];
-  for (int x = 1; x < count; ++x) to[x] = last = from[x] + weight[x] * (last - from[x]);
-  for (int x = count - 2; x >= 0; --x) to[x] = last = to[x] + weight[x + 1] * (last - to[x]);
-}
-
-#if HWY_TARGET != HWY_SCALAR && !HWY_HAVE_SCALABLE
-#define LUMIFOLD_RECURSE_TOGETHER 1
-
-using Four = hn::FixedTag<float, 4>;
-using FourFloats = hn::Vec<Four>;
-
-/// Four rows of four numbers become four columns, and back.
-HWY_INLINE void Transpose(FourFloats* v) {
-  const Four d;
-  const FourFloats ab_low = hn::InterleaveLower(d, v[0], v[1]);
-  const FourFloats ab_high = hn::InterleaveUpper(d, v[0], v[1]);
-  const FourFloats cd_low = hn::InterleaveLower(d, v[2], v[3]);
-  const FourFloats cd_high = hn::InterleaveUpper(d, v[2], v[3]);
-  v[0] = hn::ConcatLowerLower(d, cd_low, ab_low);
-  v[1] = hn::ConcatUpperUpper(d, cd_low, ab_low);
-  v[2] = hn::ConcatLowerLower(d, cd_high, ab_high);
-  v[3] = hn::ConcatUpperUpper(d, cd_high, ab_high);
-}
-
-/// Rows in step: a row is a chain of dependent steps, and many together hide each other's latency.
-constexpr size_t kFours = 4;
-constexpr size_t kRowsTogether = 4 * kFours;
-
-/// Columns x to x + 3 of four rows, as columns.
-HWY_INLINE void LoadColumns(const float* const* rows, int x, FourFloats* columns) {
-  const Four d;
-  for (size_t i = 0; i < 4; ++i) columns[i] = hn::LoadU(d, rows[i] + x);
-  Transpose(columns);
-}
-
-/// Four columns of kRowsTogether rows, from the left or from the right; `weights_at`: where the link of
-/// column x lies.
-template <bool kForward>
-HWY_INLINE void RecurseColumns(const float* const* from, const float* const* weights, int x, FourFloats* last,
-                               float* const* to) {
-  const Four d;
-  FourFloats values[kFours][4];
-  FourFloats links[kFours][4];
-  for (size_t g = 0; g < kFours; ++g) {
-    LoadColumns(from + 4 * g, x, values[g]);
-    LoadColumns(weights + 4 * g, kForward ? x : x + 1, links[g]);
-  }
-  for (size_t step = 0; step < 4; ++step) {
-    const size_t k = kForward ? step : 3 - step;
-    for (size_t g = 0; g < kFours; ++g) {
-      last[g] = hn::Add(values[g][k], hn::Mul(links[g][k], hn::Sub(last[g], values[g][k])));
-      values[g][k] = last[g];
-    }
-  }
-  for (size_t g = 0; g < kFours; ++g) {
-    Transpose(values[g]);
-    for (size_t i = 0; i < 4; ++i) hn::StoreU(values[g][i], d, to[4 * g + i] + x);
-  }
-}
-
-/// kRowsTogether rows. Columns 1 to 4 n come four at a time, the others one by one.
-HWY_INLINE void RecurseTogether(const float* const* from, const float* const* weights, int count,
-                                float* const* to) {
-  const Four d;
-  const int end = 1 + (count - 1) / 4 * 4;
-  HWY_ALIGN float ends[kRowsTogether];
-  FourFloats last[kFours];
-  for (size_t i = 0; i < kRowsTogether; ++i) ends[i] = to[i][0] = from[i][0];
-  for (size_t g = 0; g < kFours; ++g) last[g] = hn::Load(d, ends + 4 * g);
-  for (int x = 1; x < end; x += 4) RecurseColumns<true>(from, weights, x, last, to);
-  for (size_t i = 0; i < kRowsTogether; ++i) {
-    float* row = to[i];
-    for (int x = end; x < count; ++x) row[x] = from[i][x] + weights[i][x] * (row[x - 1] - from[i][x]);
-    for (int x = count - 2; x >= end - 1; --x) row[x] += weights[i][x + 1] * (row[x + 1] - row[x]);
-    ends[i] = row[end - 1];
-  }
-  for (size_t g = 0; g < kFours; ++g) last[g] = hn::Load(d, ends + 4 * g);
-  int x = end - 5;
-  for (; x >= 0; x -= 4) RecurseColumns<false>(to, weights, x, last, to);
-}
-#endif
-
-HWY_ATTR void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
-                          float* const* to) {
-  size_t row = 0;
-#ifdef LUMIFOLD_RECURSE_TOGETHER
-  for (; row + kRowsTogether <= rows; row += kRowsTogether)
-    RecurseTogether(from + row, weights + row, count, to + row);
-#endif
-  for (; row < rows; ++row) RecurseRow(from[row], weights[row], count, to[row]);
-}
-#undef LUMIFOLD_RECURSE_TOGETHER
-
-/// The links at x and after, a vector of them.
-HWY_INLINE Float LinksAt(float slope, float stretch, const float* const* here, const float* const* there,
-                         size_t planes, int x) {
-  const Floats d;
-  Float square = hn::Zero(d);
-  for (size_t k = 0; k < planes; ++k) {
-    const Float difference = hn::Sub(hn::LoadU(d, here[k] + x), hn::LoadU(d, there[k] + x));
-    square = hn::Add(square, hn::Mul(difference, difference));
-  }
-  const Float length = hn::Sqrt(hn::Add(hn::Set(d, 1.0f), hn::Mul(hn::Set(d, stretch), square)));
-  const Float exponent = hn::Mul(hn::Set(d, slope), length);
-  return hn::IfThenElseZero(hn::Ge(exponent, hn::Set(d, -87.0f)), ExpOfNegative(exponent));
-}
-
-HWY_ATTR void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there,
-                      size_t planes, int count, float* weight) {
+/// CorrelateRows at n vectors of pixels from x on: sums stay in registers.
+template <int n>
+HWY_INLINE void CorrelateVectors(const CorrelateArgs& args, int x, float* out) {
   const Floats d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const float slope = -kSqrt2 / sigma;
-  int x = 0;
-  for (; x + lanes <= count; x += lanes)
-    hn::StoreU(LinksAt(slope, stretch, here, there, planes, x), d, weight + x);
-  for (; x < count; ++x) {
-    float square = 0;
-    for (size_t k = 0; k < planes; ++k) square += (here[k][x] - there[k][x]) * (here[k][x] - there[k][x]);
-    weight[x] = Exp(slope * std::sqrt(1.0f + stretch * square));
+  Float sums[n];
+  for (Float& sum : sums) sum = hn::Zero(d);
+  const float* taps = args.taps;
+  for (size_t r = 0; r < args.rows; ++r, taps += args.row_taps) {
+    const float* row = args.pixels[r] + x;
+    const auto product = [&](int j, int i) HWY_ATTR {
+      return hn::Mul(hn::Set(d, taps[j]), hn::LoadU(d, row + j + i * lanes));
+    };
+    int j = 0;
+    for (; j + 2 < args.row_taps; j += 3) {
+#pragma GCC unroll 4
+      for (int i = 0; i < n; ++i)
+        sums[i] = hn::Add(sums[i], hn::Add(hn::Add(product(j, i), product(j + 1, i)), product(j + 2, i)));
+    }
+    for (; j < args.row_taps; ++j) {
+#pragma GCC unroll 4
+      for (int i = 0; i < n; ++i) sums[i] = hn::Add(sums[i], product(j, i));
+    }
   }
+  for (int i = 0; i < n; ++i) hn::StoreU(sums[i], d, out + x + i * lanes);
 }
 
-HWY_ATTR void CorrelateRow(const float* taps, int tap_count, const float* HWY_RESTRICT row, int count,
-                           float* HWY_RESTRICT out) {
-  int j = 0;
-  for (; j + 2 < tap_count; j += 3) {  // three at a time: a third of the traffic to and from `out`
-    const float t0 = taps[j];
-    const float t1 = taps[j + 1];
-    const float t2 = taps[j + 2];
-    const float* HWY_RESTRICT at = row + j;
-    for (int x = 0; x < count; ++x) out[x] += (t0 * at[x] + t1 * at[x + 1]) + t2 * at[x + 2];
-  }
-  for (; j < tap_count; ++j) {
-    const float tap = taps[j];
-    const float* HWY_RESTRICT at = row + j;
-    for (int x = 0; x < count; ++x) out[x] += tap * at[x];
-  }
+HWY_ATTR void CorrelateRows(const CorrelateArgs& args, float* out) {
+  constexpr int kTogether = 4;
+  const int lanes = static_cast<int>(hn::Lanes(Floats()));
+  if (args.count < lanes) return slow::CorrelateRows(args, out);
+  int x = 0;
+  for (; x + kTogether * lanes <= args.count; x += kTogether * lanes)
+    CorrelateVectors<kTogether>(args, x, out);
+  for (; x + lanes <= args.count; x += lanes) CorrelateVectors<1>(args, x, out);
+  if (x < args.count) CorrelateVectors<1>(args, args.count - lanes, out);  // some twice, and alike
 }
 
 HWY_ATTR void CandidateErrorRow(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b,
@@ -422,10 +315,7 @@ HWY_EXPORT(BlendCells);
 HWY_EXPORT(AddProductRow);
 HWY_EXPORT(SumRows);
 HWY_EXPORT(QuotientRow);
-HWY_EXPORT(PullRow);
-HWY_EXPORT(RecurseRows);
-HWY_EXPORT(LinkRow);
-HWY_EXPORT(CorrelateRow);
+HWY_EXPORT(CorrelateRows);
 HWY_EXPORT(CandidateErrorRow);
 HWY_EXPORT(StabiliseRow);
 
@@ -444,7 +334,9 @@ SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const Split
 void SliceRow(const Widening& widening, const SliceArgs& args) {
   HWY_DYNAMIC_DISPATCH(SliceRow)(widening, args);
 }
-void AddPairs(int count, float* values) { HWY_DYNAMIC_DISPATCH(AddPairs)(count, values); }
+void AddPairs(const float* from, int count, float scale, float* to) {
+  HWY_DYNAMIC_DISPATCH(AddPairs)(from, count, scale, to);
+}
 void BlendCells(const BlendArgs& args) { HWY_DYNAMIC_DISPATCH(BlendCells)(args); }
 void AddProductRow(const float* a, const float* b, int count, float* sums) {
   HWY_DYNAMIC_DISPATCH(AddProductRow)(a, b, count, sums);
@@ -455,20 +347,7 @@ void SumRows(const float* a, const float* b, int count, float* out) {
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {
   HWY_DYNAMIC_DISPATCH(QuotientRow)(total, least, instead, count, sums);
 }
-void PullRow(const float* weight, const float* from, int count, float* to) {
-  HWY_DYNAMIC_DISPATCH(PullRow)(weight, from, count, to);
-}
-void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
-                 float* const* to) {
-  HWY_DYNAMIC_DISPATCH(RecurseRows)(from, weights, rows, count, to);
-}
-void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
-             int count, float* weight) {
-  HWY_DYNAMIC_DISPATCH(LinkRow)(sigma, stretch, here, there, planes, count, weight);
-}
-void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out) {
-  HWY_DYNAMIC_DISPATCH(CorrelateRow)(taps, tap_count, row, count, out);
-}
+void CorrelateRows(const CorrelateArgs& args, float* out) { HWY_DYNAMIC_DISPATCH(CorrelateRows)(args, out); }
 void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
                        int count, float* error) {
   HWY_DYNAMIC_DISPATCH(CandidateErrorRow)(a, b, filtered_a, filtered_b, count, error);

@@ -97,23 +97,21 @@ void SliceRow(const Widening& widening, const SliceArgs& args);
 void AddProductRow(const float* a, const float* b, int count, float* sums);
 /// out[x] = a[x] + b[x].
 void SumRows(const float* a, const float* b, int count, float* out);
-/// In place: values[i] = values[2 i] + values[2 i + 1] for i < count / 2. `count` is even.
-void AddPairs(int count, float* values);
+/// to[i] = scale * (from[2 i] + from[2 i + 1]) for i < count / 2. `count` is even; `to` may be `from`.
+void AddPairs(const float* from, int count, float scale, float* to);
 /// sums[x] /= total[x]; instead[x] where the total is below `least`.
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
-/// to[x] += weight[x] * (from[x] - to[x]).
-void PullRow(const float* weight, const float* from, int count, float* to);
-/// For each row: to[x] = from[x] + w (to[x - 1] - from[x]) from the left, then to[x] += w' (to[x + 1] -
-/// to[x]) from the right, where w is what links x - 1 and x, weights[row][x], and w' what links x and x + 1.
-/// from and to may be the same.
-void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
-                 float* const* to);
-/// weight[x] = exp(-sqrt(2)/sigma sqrt(1 + stretch |here - there|^2)), distances over `planes` rows of cells
-/// each.
-void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
-             int count, float* weight);
-/// out[x] += sum over taps of taps[j] * row[x + j], added in groups of three taps, each group from the left.
-void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out);
+/// Rows of pixels under a window: `rows` of them, and `row_taps` factors for each, one row's after another's.
+struct CorrelateArgs {
+  const float* taps;
+  int row_taps;
+  const float* const* pixels;
+  size_t rows;
+  int count;
+};
+/// out[x] = sum over rows and taps j of taps[row][j] * pixels[row][x + j], row after row, added in groups of
+/// three taps, each group from the left.
+void CorrelateRows(const CorrelateArgs& args, float* out);
 /// error[x] += a candidate's squared error in one channel, estimated as SelectCandidates states.
 void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
                        int count, float* error);
@@ -126,14 +124,9 @@ SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const Split
 void SliceRow(const Widening& widening, const SliceArgs& args);
 void AddProductRow(const float* a, const float* b, int count, float* sums);
 void SumRows(const float* a, const float* b, int count, float* out);
-void AddPairs(int count, float* values);
+void AddPairs(const float* from, int count, float scale, float* to);
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
-void PullRow(const float* weight, const float* from, int count, float* to);
-void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
-                 float* const* to);
-void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
-             int count, float* weight);
-void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out);
+void CorrelateRows(const CorrelateArgs& args, float* out);
 void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
                        int count, float* error);
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);

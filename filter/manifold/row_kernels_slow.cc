@@ -89,43 +89,25 @@ void SumRows(const float* a, const float* b, int count, float* out) {
   for (int x = 0; x < count; ++x) out[x] = a[x] + b[x];
 }
 
-void AddPairs(int count, float* values) {
-  for (int i = 0; i < count / 2; ++i) values[i] = values[2 * i] + values[2 * i + 1];
+void AddPairs(const float* from, int count, float scale, float* to) {
+  for (int i = 0; i < count / 2; ++i) to[i] = scale * (from[2 * i] + from[2 * i + 1]);
 }
 
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {
   for (int x = 0; x < count; ++x) sums[x] = total[x] < least ? instead[x] : sums[x] / total[x];
 }
 
-void PullRow(const float* weight, const float* from, int count, float* to) {
-  for (int x = 0; x < count; ++x) to[x] += weight[x] * (from[x] - to[x]);
-}
-
-void RecurseRows(const float* const* from, const float* const* weights, size_t rows, int count,
-                 float* const* to) {
-  for (size_t row = 0; row < rows; ++row) {
-    to[row][0] = from[row][0];
-    for (int x = 1; x < count; ++x)
-      to[row][x] = from[row][x] + weights[row][x] * (to[row][x - 1] - from[row][x]);
-    for (int x = count - 2; x >= 0; --x) to[row][x] += weights[row][x + 1] * (to[row][x + 1] - to[row][x]);
-  }
-}
-
-void LinkRow(float sigma, float stretch, const float* const* here, const float* const* there, size_t planes,
-             int count, float* weight) {
-  for (int x = 0; x < count; ++x) {
-    float square = 0;
-    for (size_t k = 0; k < planes; ++k) square += (here[k][x] - there[k][x]) * (here[k][x] - there[k][x]);
-    weight[x] = Exp((-kSqrt2 / sigma) * std::sqrt(1.0f + stretch * square));
-  }
-}
-
-void CorrelateRow(const float* taps, int tap_count, const float* row, int count, float* out) {
-  for (int x = 0; x < count; ++x) {
-    int j = 0;
-    for (; j + 2 < tap_count; j += 3)
-      out[x] += (taps[j] * row[x + j] + taps[j + 1] * row[x + j + 1]) + taps[j + 2] * row[x + j + 2];
-    for (; j < tap_count; ++j) out[x] += taps[j] * row[x + j];
+void CorrelateRows(const CorrelateArgs& args, float* out) {
+  for (int x = 0; x < args.count; ++x) {
+    const float* taps = args.taps;
+    out[x] = 0;
+    for (size_t r = 0; r < args.rows; ++r, taps += args.row_taps) {
+      const float* row = args.pixels[r] + x;
+      int j = 0;
+      for (; j + 2 < args.row_taps; j += 3)
+        out[x] += (taps[j] * row[j] + taps[j + 1] * row[j + 1]) + taps[j + 2] * row[j + 2];
+      for (; j < args.row_taps; ++j) out[x] += taps[j] * row[j];
+    }
   }
 }
 

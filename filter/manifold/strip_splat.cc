@@ -11,15 +11,20 @@ constexpr size_t kEtaStride = kStripColumns + 2 + kCellPadding;
 /// sums[c] of a strip: the means of its cells, into `cells` from the strip's first on.
 void StoreCellMeans(const Lattice& lattice, int row, int x0, int count, float* sums, float* cells) {
   const int columns = (count + lattice.step - 1) / lattice.step;
+  const int rows = lattice.RowHeight(row);
   int left = columns * lattice.step;
   std::fill(sums + count, sums + left, 0.0f);
-  for (int step = lattice.step; step > 1; step /= 2, left /= 2) AddPairs(left, sums);
-  const int first = x0 / lattice.step;
-  const float area = static_cast<float>(lattice.step * lattice.RowHeight(row));
-  for (int c = 0; c < columns; ++c) cells[first + c] = sums[c] / area;
-  const int last = columns - 1;
-  cells[first + last] =
-      sums[last] / static_cast<float>(lattice.ColumnWidth(first + last) * lattice.RowHeight(row));
+  const bool are_whole = left == count && rows == lattice.step;
+  for (int step = lattice.step; step > 2; step /= 2, left /= 2) AddPairs(sums, left, 1.0f, sums);
+  float* means = cells + x0 / lattice.step;
+  // The area of whole cells is a power of two: its inverse gives the quotient's bits.
+  const float scale = are_whole ? 1.0f / static_cast<float>(lattice.step * rows) : 1.0f;
+  if (lattice.step > 1)
+    AddPairs(sums, left, scale, means);
+  else
+    std::copy_n(sums, columns, means);
+  for (int c = 0; c < columns && !are_whole; ++c)
+    means[c] /= static_cast<float>(lattice.ColumnWidth(x0 / lattice.step + c) * rows);
 }
 
 }  // namespace
@@ -55,15 +60,18 @@ void StripSplat::Strip(size_t manifold, int row, int x0) {
     found.has_weight |= in_row.has_weight;
     found.has_members |= in_row.has_members;
   }
-  for (size_t c = 0; c < planes && found.has_weight; ++c)
-    StoreCellMeans(lattice, row, x0, count, Sums(c), level_.splats[manifold][c].Row(row));
-  if (!found.has_members) return;
-  for (size_t side = 0; side < 2; ++side) {
+  const auto store = [&](bool has_values, float* sums, Plane* cells) {
+    float* to = cells->Row(row);
+    if (has_values) return StoreCellMeans(lattice, row, x0, count, sums, to);
+    std::fill_n(to + x0 / lattice.step, (count + lattice.step - 1) / lattice.step, 0.0f);
+  };
+  for (size_t c = 0; c < planes; ++c) store(found.has_weight, Sums(c), &level_.splats[manifold][c]);
+  for (size_t side = 0; side < 2 && splits; ++side) {
     ClusterSums& child = level_.children[2 * manifold + side];
     const size_t first = planes + side * cluster_planes;
     for (size_t k = 0; k < cluster_planes; ++k) {
       Plane& cells = k + 1 < cluster_planes ? child.weighted[k] : child.weight;
-      StoreCellMeans(lattice, row, x0, count, Sums(first + k), cells.Row(row));
+      store(found.has_members, Sums(first + k), &cells);
     }
   }
 }

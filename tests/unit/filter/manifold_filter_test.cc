@@ -325,8 +325,8 @@ TEST(ManifoldFilter, AveragesNoiseAndKeepsAnEdgeOfTheFeatures) {
   EXPECT_LT(filtered, 0.02 * noisy);
 }
 
-TEST(ManifoldTree, FeedsThePowerIterationBack) {
-  // Cells spread mostly along (1, 1, 1): each step must turn the axis further towards it.
+/// Sums of a cluster whose cells spread mostly along (1, 1, 1).
+ClusterSums SpreadAlongADiagonal() {
   const Lattice lattice(64, 64, 4);
   ClusterSums sums = MakeClusterSums(3, lattice);
   sums.weight.Fill(1);
@@ -339,9 +339,13 @@ TEST(ManifoldTree, FeedsThePowerIterationBack) {
       sums.weighted[2].At(x, y) = along;
     }
   }
+  return sums;
+}
+
+TEST(ManifoldTree, FeedsThePowerIterationBack) {  // each step must turn the axis further towards the spread
   float previous = 0;
   for (const int iterations : {1, 2, 3, 6}) {
-    const Manifold manifold = MakeManifold(sums, nullptr, 4.0f, iterations, nullptr);
+    const Manifold manifold = MakeManifold(SpreadAlongADiagonal(), nullptr, 4.0f, iterations, nullptr);
     const float aligned = std::abs(manifold.axis[0] + manifold.axis[1] + manifold.axis[2]) / std::sqrt(3.0f);
     EXPECT_GT(aligned, previous) << iterations;
     previous = aligned;

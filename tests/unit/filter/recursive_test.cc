@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "filter/manifold/lattice.h"
 
@@ -12,7 +14,7 @@ namespace {
 TEST(LowPass, AnswersAnImpulseSymmetricallyAwayFromTheEdges) {
   Plane plane(129, 129);
   plane.At(64, 64) = 1;
-  LowPass(3.0f, plane, &plane);
+  LowPass(3.0f, &plane);
   const float peak = plane.At(64, 64);
   for (int offset = 1; offset < 12; ++offset) {
     EXPECT_NEAR(plane.At(64 - offset, 64), plane.At(64 + offset, 64), 1e-6f * peak) << offset;
@@ -24,12 +26,12 @@ TEST(LowPass, AnswersAnImpulseSymmetricallyAwayFromTheEdges) {
 TEST(LowPass, KeepsConstantsAndTheSumOfAnInnerImpulse) {
   Plane constant(17, 9);
   constant.Fill(2.5f);
-  LowPass(4.0f, constant, &constant);
+  LowPass(4.0f, &constant);
   EXPECT_NEAR(constant.At(3, 4), 2.5f, 1e-5f);
 
   Plane impulse(201, 201);
   impulse.At(100, 100) = 1;
-  LowPass(4.0f, impulse, &impulse);
+  LowPass(4.0f, &impulse);
   double sum = 0;
   for (int y = 0; y < 201; ++y) {
     for (int x = 0; x < 201; ++x) sum += static_cast<double>(impulse.At(x, y));
@@ -42,10 +44,33 @@ TEST(GuidedLowPass, EqualsLowPassWhereTheGuideIsFlat) {
   Planes signals = MakePlanes(5, 40, 30);
   for (size_t c = 0; c < signals.size(); ++c) signals[c].At(7 * static_cast<int>(c) + 3, 11) = 1;
   Plane expected = signals[2].Clone();
-  LowPass(4.0f, expected, &expected);
-  GuidedLowPass(4.0f, 0.7f, guide, nullptr, &signals);
+  LowPass(4.0f, &expected);
+  const std::vector<Planes> blurred = GuidedLowPass({4.0f}, 0.7f, guide, signals, nullptr);
   for (int y = 0; y < 30; ++y) {
-    for (int x = 0; x < 40; ++x) EXPECT_NEAR(signals[2].At(x, y), expected.At(x, y), 1e-7f);
+    for (int x = 0; x < 40; ++x) EXPECT_NEAR(blurred[0][2].At(x, y), expected.At(x, y), 1e-7f);
+  }
+}
+
+TEST(GuidedLowPass, GivesForEachSigmaWhatItGivesForThatAlone) {
+  Planes guide = MakePlanes(2, 150, 21);
+  Planes signals = MakePlanes(3, 150, 21);
+  for (int y = 0; y < 21; ++y) {
+    for (int x = 0; x < 150; ++x) {
+      guide[0].At(x, y) = 0.1f * static_cast<float>(x * y % 7);
+      guide[1].At(x, y) = 0.1f * static_cast<float>((x + 3 * y) % 11);
+      for (size_t c = 0; c < signals.size(); ++c)
+        signals[c].At(x, y) = static_cast<float>((x + y * static_cast<int>(c + 2)) % 13);
+    }
+  }
+  const std::vector<float> sigmas = {4.0f, 0.75f};
+  const std::vector<Planes> both = GuidedLowPass(sigmas, 0.7f, guide, signals, nullptr);
+  for (size_t r = 0; r < sigmas.size(); ++r) {
+    const std::vector<Planes> alone = GuidedLowPass({sigmas[r]}, 0.7f, guide, signals, nullptr);
+    for (size_t c = 0; c < signals.size(); ++c) {
+      for (int y = 0; y < 21; ++y) {
+        for (int x = 0; x < 150; ++x) ASSERT_EQ(both[r][c].At(x, y), alone[0][c].At(x, y)) << x << " " << y;
+      }
+    }
   }
 }
 
@@ -56,7 +81,7 @@ TEST(GuidedLowPass, StopsAtAStepOfTheGuide) {
     for (int x = 20; x < 40; ++x) guide[0].At(x, y) = 6;
     for (int x = 0; x < 20; ++x) signals[0].At(x, y) = 1;
   }
-  GuidedLowPass(4.0f, 0.7f, guide, nullptr, &signals);
+  signals = std::move(GuidedLowPass({4.0f}, 0.7f, guide, signals, nullptr)[0]);
   EXPECT_GT(signals[0].At(19, 4), 0.99f);
   EXPECT_LT(signals[0].At(20, 4), 0.01f);
 }

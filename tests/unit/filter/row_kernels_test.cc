@@ -1,70 +1,19 @@
 #include "filter/manifold/row_kernels.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <random>
 #include <vector>
 
 #include "filter/image/portable_math.h"
+#include "tests/unit/filter/kernel_rows.h"
 
 namespace lumifold::filter {
 namespace {
 
-using Row = std::vector<float>;
-
-/// Widths around those of vectors, strips and cells.
-constexpr int kCounts[] = {1, 2, 3, 4, 5, 7, 8, 9, 15, 16, 17, 31, 33, 63, 64, 65, 100, 255, 256};
-constexpr int kSteps[] = {1, 2, 4, 8, 16, 32, 64};
-constexpr size_t kRoom = kStripColumns + kRowPadding + kCellPadding + 2;
-
-class RowKernels : public testing::Test {
- protected:
-  /// Runs `check` with each instruction set that this program and this processor have.
-  template <typename Check>
-  void OnEachTarget(Check check) {
-    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-      hwy::SetSupportedTargetsForTest(target);
-      SCOPED_TRACE(hwy::TargetName(target));
-      check();
-    }
-    hwy::SetSupportedTargetsForTest(0);
-  }
-
-  Row Random(size_t count = kRoom, float scale = 1.5f) {
-    Row row(count);
-    std::normal_distribution<float> normal(0.0f, scale);
-    for (float& value : row) value = normal(random_);
-    return row;
-  }
-
-  std::vector<Row> RandomRows(size_t rows, float scale = 1.5f) {
-    std::vector<Row> result;
-    for (size_t i = 0; i < rows; ++i) result.push_back(Random(kRoom, scale));
-    return result;
-  }
-
-  std::mt19937 random_{7};
-};
-
-/// The first `count` floats are the same bits (but for the sign of zero).
-void ExpectSame(const Row& a, const Row& b, int count) {
-  for (size_t x = 0; x < static_cast<size_t>(count); ++x) ASSERT_EQ(a[x], b[x]) << x << " of " << count;
-}
-
-void ExpectSame(const std::vector<Row>& a, const std::vector<Row>& b, int count) {
-  for (size_t i = 0; i < a.size(); ++i) ExpectSame(a[i], b[i], count);
-}
-
-template <typename Pointer>
-std::vector<Pointer> Pointers(std::vector<Row>& rows) {
-  std::vector<Pointer> pointers;
-  for (Row& row : rows) pointers.push_back(row.data());
-  return pointers;
-}
+using RowKernels = KernelTest;
 
 struct SplatCase {
   std::vector<Row> features, signals, sums, near_sums, far_sums;
@@ -171,28 +120,11 @@ TEST_F(RowKernels, BlendCellsEqualsItsOracleAndClampsAtBothEnds) {
   });
 }
 
-TEST_F(RowKernels, LinkRowEqualsItsOracleOnEachTarget) {
-  std::vector<Row> here = RandomRows(4);
-  std::vector<Row> there = RandomRows(4);
-  const auto here_rows = Pointers<const float*>(here);
-  const auto there_rows = Pointers<const float*>(there);
-  OnEachTarget([&] {
-    for (const int count : kCounts) {
-      Row fast(kRoom);
-      Row slow(kRoom);
-      LinkRow(4.0f, 32.0f, here_rows.data(), there_rows.data(), 4, count, fast.data());
-      slow::LinkRow(4.0f, 32.0f, here_rows.data(), there_rows.data(), 4, count, slow.data());
-      ExpectSame(fast, slow, count);
-    }
-  });
-}
-
 TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
   const Row a = Random();
   const Row b = Random();
   const Row c = Random();
   const Row d = Random();
-  const Row taps = Random(7);
   OnEachTarget([&] {
     for (const int count : kCounts) {
       for (const int offset : {0, 1, 5}) {
@@ -209,8 +141,6 @@ TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
               [&](float* out) { slow::SumRows(a.data() + offset, b.data(), count, out); });
         check([&](float* out) { QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); },
               [&](float* out) { slow::QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); });
-        check([&](float* out) { PullRow(a.data() + offset, b.data(), count, out); },
-              [&](float* out) { slow::PullRow(a.data() + offset, b.data(), count, out); });
         check([&](float* out) { StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); },
               [&](float* out) { slow::StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); });
         check(
@@ -220,47 +150,40 @@ TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
             [&](float* out) {
               slow::CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out);
             });
-        for (const int tap_count : {1, 3, 5, 7}) {
-          check(
-              [&](float* out) { CorrelateRow(taps.data(), tap_count, a.data() + offset, count, out); },
-              [&](float* out) { slow::CorrelateRow(taps.data(), tap_count, a.data() + offset, count, out); });
-        }
       }
     }
   });
 }
 
-TEST_F(RowKernels, RecurseRowsEqualsItsOracleForAnyNumberOfRowsOnEachTarget) {
-  std::vector<Row> from = RandomRows(37);
-  std::vector<Row> weights = RandomRows(37);
-  for (Row& row : weights) {
-    for (float& weight : row) weight = std::abs(std::fmod(weight, 1.0f));
-  }
-  const auto links = Pointers<const float*>(weights);
-  const auto sources = Pointers<const float*>(from);
+TEST_F(RowKernels, CorrelateRowsEqualsItsOracleOnEachTarget) {
+  std::vector<Row> pixels = RandomRows(6);
+  const auto rows = Pointers<const float*>(pixels);
+  const Row taps = Random(6 * 7);
   OnEachTarget([&] {
-    for (const size_t rows : {1u, 15u, 16u, 17u, 37u}) {
+    for (const int row_taps : {1, 3, 5, 7}) {
       for (const int count : kCounts) {
-        std::vector<Row> fast = from;
-        std::vector<Row> slow = from;
-        const auto in_place = Pointers<float*>(slow);
-        RecurseRows(sources.data(), links.data(), rows, count, Pointers<float*>(fast).data());
-        slow::RecurseRows(in_place.data(), links.data(), rows, count, in_place.data());
+        Row fast(kRoom, 9.0f);
+        Row slow(kRoom, 9.0f);
+        CorrelateRows({taps.data(), row_taps, rows.data(), rows.size(), count}, fast.data());
+        slow::CorrelateRows({taps.data(), row_taps, rows.data(), rows.size(), count}, slow.data());
         ExpectSame(fast, slow, static_cast<int>(kRoom));
       }
     }
   });
 }
 
-TEST_F(RowKernels, AddPairsEqualsItsOracleOnEachTarget) {
+TEST_F(RowKernels, AddPairsEqualsItsOracleOnEachTargetAndInPlace) {
   const Row start = Random();
   OnEachTarget([&] {
     for (int count = 0; count <= kStripColumns; count += 2) {
-      Row fast = start;
-      Row slow = start;
-      AddPairs(count, fast.data());
-      slow::AddPairs(count, slow.data());
-      ExpectSame(fast, slow, count / 2);
+      Row fast(kRoom, 9.0f);
+      Row slow(kRoom, 9.0f);
+      AddPairs(start.data(), count, 0.25f, fast.data());
+      slow::AddPairs(start.data(), count, 0.25f, slow.data());
+      ExpectSame(fast, slow, static_cast<int>(kRoom));
+      Row in_place = start;
+      AddPairs(in_place.data(), count, 0.25f, in_place.data());
+      ExpectSame(in_place, slow, count / 2);
     }
   });
 }

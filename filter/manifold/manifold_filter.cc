@@ -80,7 +80,8 @@ class Filter {
   Level Splat(std::vector<Manifold> manifolds, bool is_last);
   /// Consumes the level's splats; gives back its manifolds.
   std::vector<Manifold> BlurAndSlice(Level level);
-  void Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi, Reach* reach);
+  /// `psi`: of each reach, of each manifold.
+  void Slice(const std::vector<Manifold>& manifolds, const std::vector<std::vector<Planes>>& psi);
   ManifoldResult Quotients();
   void DivideSums(Planes* sums) const;
   void DividePoints(SlicedPoints* points) const;
@@ -129,16 +130,20 @@ std::vector<Manifold> Filter::BlurAndSlice(Level level) {
     level.splats[at].clear();
     for (size_t r = 0; r < psi.size(); ++r) psi[r][at] = std::move(blurred[r]);
   });
-  for (size_t r = 0; r < psi.size(); ++r) Slice(level.manifolds, psi[r], &reaches_[r]);
+  Slice(level.manifolds, psi);
   return std::move(level.manifolds);
 }
 
-void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi, Reach* reach) {
+void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<std::vector<Planes>>& psi) {
   ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
-    StripSlice task(state_, psi);
-    for (int y = y0; y < y1; ++y) task.PixelRow(y, &reach->sums);
+    std::vector<StripSlice> slices;
+    for (const std::vector<Planes>& planes : psi) slices.emplace_back(state_, planes);
+    for (int y = y0; y < y1; ++y) {  // all reaches of a row while its weights are at hand
+      for (size_t r = 0; r < slices.size(); ++r) slices[r].PixelRow(y, &reaches_[r].sums);
+    }
   });
-  if (points_ != nullptr) SlicePointsAt(state_, manifolds, psi, *points_, pool_, &reach->points);
+  for (size_t r = 0; r < psi.size() && points_ != nullptr; ++r)
+    SlicePointsAt(state_, manifolds, psi[r], *points_, pool_, &reaches_[r].points);
 }
 
 void Filter::DivideSums(Planes* sums) const {
@@ -200,7 +205,7 @@ ManifoldResult ManifoldFilterAtReaches(const Planes& signals, const Planes& feat
       empty.filtered.push_back(MakePlanes(signals.size(), mask.width(), mask.height()));
     return empty;
   }
-  Plane own_mask(mask.width(), mask.height());
+  Plane own_mask = Plane::Uninitialized(mask.width(), mask.height());
   CopyPlane(mask, own_mask.view());
   PixelState state = MakeState(signals, features, own_mask, CellOf(params), params.height);
   return Filter(std::move(state), params, reaches, points, pool).Run();

@@ -111,7 +111,7 @@ int DimensionsFor(const Eigen::VectorXd& ascending_variances, const PatchParams&
 
 /// A picture with `radius` copies of its edge pixels around it.
 Plane Padded(const Plane& plane, int radius) {
-  Plane padded(plane.width() + 2 * radius, plane.height() + 2 * radius);
+  Plane padded = Plane::Uninitialized(plane.width() + 2 * radius, plane.height() + 2 * radius);
   for (int y = 0; y < padded.height(); ++y) {
     const float* from = plane.Row(std::clamp(y - radius, 0, plane.height() - 1));
     float* to = padded.Row(y);

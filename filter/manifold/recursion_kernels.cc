@@ -47,6 +47,7 @@ HWY_INLINE void RecurseRow(const float* from, Link link, int count, float* to) {
 /// them hide each other's latency.
 constexpr size_t kLanes = hn::MaxLanes(Floats());
 constexpr size_t kGroups = 4;
+constexpr int kFloatsPerLine = 16;  // of the cache
 
 /// Four floats of every fourth row, from the first to the last that fills the vector.
 template <class D>
@@ -145,7 +146,7 @@ HWY_INLINE void RecurseColumns(const float* const* from, size_t stride, Links* l
   }
 }
 
-/// Column x of n groups.
+/// Column x of n groups, as vectors.
 template <size_t n>
 HWY_INLINE void LoadColumn(float* const* rows, size_t stride, int x, Float* column) {
   HWY_ALIGN float values[kLanes];
@@ -155,9 +156,13 @@ HWY_INLINE void LoadColumn(float* const* rows, size_t stride, int x, Float* colu
   }
 }
 
+/// Columns from the one at work to those asked for: so many rows side by side are more than the processor
+/// foresees by itself.
 constexpr int kAhead = 32;
+
+/// Asks for column x of n groups.
 template <size_t n>
-HWY_INLINE void Prefetch(const Groups& groups, int x) {
+HWY_INLINE void FetchAhead(const Groups& groups, int x) {
   for (size_t g = 0; g < n; ++g) {
     for (size_t i = g * groups.stride; i < g * groups.stride + kLanes; ++i) {
       __builtin_prefetch(groups.from[i] + x);
@@ -177,7 +182,7 @@ HWY_INLINE void RecurseTogether(const Groups& groups, Links links, int count) {
   }
   LoadColumn<n>(groups.to, stride, 0, last);
   for (int x = 1; x < end; x += 4) {
-    if (x % 16 == 1) Prefetch<n>(groups, x + kAhead);
+    if (x % kFloatsPerLine == 1 && x + kAhead < count) FetchAhead<n>(groups, x + kAhead);
     RecurseColumns<true, n>(groups.from, stride, &links, x, last, groups.to);
   }
   for (size_t g = 0; g < n; ++g) {

@@ -1,6 +1,7 @@
 #include "filter/manifold/row_kernels.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "filter/image/portable_math.h"
@@ -34,7 +35,7 @@ HWY_INLINE LanesAt LanesFrom(const Widening& widening, int x) {
   const int phase = x % 64;
   const int32_t* left = widening.left.data() + phase;
   LanesAt at;
-  at.cell = *left + (x - phase) / widening.step;
+  at.cell = *left + ((x - phase) >> widening.shift);
   at.left = hn::Sub(hn::LoadU(di, left), hn::Set(di, *left));
   // With one-pixel cells the last right neighbour is out of reach; its part is 0 there.
   at.right = hn::Min(hn::Add(at.left, hn::Set(di, 1)),
@@ -238,12 +239,20 @@ HWY_ATTR void SumRows(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b, 
   for (int x = 0; x < count; ++x) out[x] = a[x] + b[x];
 }
 
-HWY_ATTR void QuotientRow(const float* HWY_RESTRICT total, float least, const float* HWY_RESTRICT instead,
-                          int count, float* HWY_RESTRICT sums) {
-  for (int x = 0; x < count; ++x) {
-    const float quotient = sums[x] / total[x];
-    sums[x] = total[x] < least ? instead[x] : quotient;
+HWY_ATTR void QuotientRow(const float* total, float least, const float* instead, int count, float* sums) {
+  const Floats d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  int x = 0;
+  for (; x + lanes <= count; x += lanes) {
+    const Float by = hn::LoadU(d, total + x);
+    const Float quotient = hn::Div(hn::LoadU(d, sums + x), by);
+    const auto is_little = hn::Lt(by, hn::Set(d, least));
+    if (hn::AllFalse(d, is_little))  // nearly everywhere: what to take instead need not be read
+      hn::StoreU(quotient, d, sums + x);
+    else
+      hn::StoreU(hn::IfThenElse(is_little, hn::LoadU(d, instead + x), quotient), d, sums + x);
   }
+  for (; x < count; ++x) sums[x] = total[x] < least ? instead[x] : sums[x] / total[x];
 }
 
 /// CorrelateRows at n vectors of pixels from x on: sums stay in registers.
@@ -319,10 +328,11 @@ HWY_EXPORT(CorrelateRows);
 HWY_EXPORT(CandidateErrorRow);
 HWY_EXPORT(StabiliseRow);
 
-Widening::Widening(int cell_step) : step(cell_step) {
-  const int shift = step == 1 ? 1 : step / 2;  // a one-pixel cell is read as it is
+Widening::Widening(int cell_step)
+    : step(cell_step), shift(std::countr_zero(static_cast<unsigned>(cell_step))) {
+  const int offset = step == 1 ? 1 : step / 2;  // a one-pixel cell is read as it is
   for (size_t x = 0; x < left.size(); ++x) {
-    const int position = static_cast<int>(x) + shift;
+    const int position = static_cast<int>(x) + offset;
     left[x] = position / step;
     part[x] = step == 1 ? 0.0f : (static_cast<float>(position % step) + 0.5f) / static_cast<float>(step);
   }

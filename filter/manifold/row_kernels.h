@@ -26,7 +26,8 @@ inline constexpr int kCellPadding = 32;
 struct Widening {
   explicit Widening(int cell_step);
 
-  int step;  // pixels to a cell: a power of two up to 64
+  int step;   // pixels to a cell: a power of two up to 64
+  int shift;  // its logarithm
   std::array<int32_t, 64 + kRowPadding> left;
   std::array<float, 64 + kRowPadding> part;
 };

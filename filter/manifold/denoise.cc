@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/manifold/edge_light.h"
 #include "filter/manifold/edge_means.h"
 #include "filter/manifold/edge_regression.h"
 #include "filter/manifold/features.h"
@@ -22,8 +23,8 @@ Planes CopyOf(const ConstColorView& color) {
 /// Glossy light of more than this share stands in the way of antialiasing by sub-samples, which know T and E
 /// alone.
 constexpr float kMostSpecular = 0.12f;
-/// With more samples than this, EdgeMeansChange() and RegressEdges() leave nothing for light read at
-/// sub-samples to better, and reading it takes two fifths of the filter's time.
+/// With more samples than this, EdgeMeansChange(), RelightEdges() and RegressEdges() leave nothing for light
+/// read at sub-samples to better, and reading it takes two fifths of the filter's time.
 constexpr float kFewSamples = 8;
 
 /// What a black layer shows at the points.
@@ -190,6 +191,7 @@ std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges
   std::array<Plane, 3> picture =
       FilterLayers(film, used_edges, filter, pool,
                    {.has_levels = parts.levels, .most_samples = kFewSamples, .edge_change = &edge_change});
+  RelightEdges(film, used_edges, kMostSpecular, pool, &picture);
   RegressEdges(film, used_edges, edge_change, pool, &picture);
   if (parts.convergence) ShrinkResidual(film, pool, &picture);
   return picture;

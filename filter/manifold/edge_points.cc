@@ -6,8 +6,9 @@
 #include "filter/image/color.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
-#include "filter/manifold/box_mean.h"
 #include "filter/manifold/edge_pixels.h"
+#include "filter/manifold/edge_trust.h"
+#include "filter/manifold/edge_views.h"
 #include "filter/manifold/features.h"
 
 namespace lumifold::filter {
@@ -15,67 +16,6 @@ namespace {
 
 constexpr size_t kSamples = kSubSamples;
 constexpr float kLargestFit = 2;
-constexpr int kTrustRadius = 4;  // 9x9 window
-/// Variance of an edge pixel filtered without its sub-samples, over that of C.
-constexpr float kNoiseLeft = 0.05f;
-
-/// The edge set's channels.
-struct EdgeViews {
-  ConstFloatView x, y, distance, id, mask;
-  ConstColorView normal, albedo, emission;
-
-  explicit EdgeViews(const LayeredImage& edges)
-      : x(edges.Get(layers::kPixelX)),
-        y(edges.Get(layers::kPixelY)),
-        distance(edges.Get(layers::kDistance)),
-        id(edges.Get(layers::kObjectId)),
-        mask(edges.Get(layers::kMask)),
-        normal{edges.Get(layers::kNormalX), edges.Get(layers::kNormalY), edges.Get(layers::kNormalZ)},
-        albedo(edges.GetColor(layers::kAlbedo)),
-        emission(edges.GetColor(layers::kEmission)) {}
-
-  bool IsLit(int sample, int row) const { return mask.At(sample, row) > 0 && distance.At(sample, row) > 0; }
-
-  /// Whether all its light is known from D, I, T and E: sky, lamps and diffuse surfaces.
-  bool IsPlain(int sample, int row) const {
-    if (IsLit(sample, row) || id.At(sample, row) == 0) return true;
-    return emission[0].At(sample, row) + emission[1].At(sample, row) + emission[2].At(sample, row) > 0;
-  }
-};
-
-/// Pixels of the film whose picture the sub-samples do not tell, or no better than their own samples.
-class Unknown {
- public:
-  Unknown(const LayeredImage& film, float most_specular, float most_samples)
-      : most_specular_(most_specular),
-        most_samples_(most_samples),
-        samples_a_(film.Get(layers::kSamplesA)),
-        samples_b_(film.Get(layers::kSamplesB)) {
-    if (film.HasColor(layers::kSpecular)) specular_ = film.GetColor(layers::kSpecular);
-    for (size_t i = 0; i < layers::kLevelCount; ++i) {
-      for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB}) {
-        const std::string name = layers::OfLevel(layers::Level::Of(i), count);
-        if (film.Has(name)) levels_.push_back(film.Get(name));
-      }
-    }
-  }
-
-  bool Contains(int x, int y) const {
-    if (samples_a_.At(x, y) + samples_b_.At(x, y) > most_samples_) return true;
-    const auto shines = [&](const ConstFloatView& s) { return !s.IsEmpty() && s.At(x, y) > most_specular_; };
-    return std::any_of(specular_.begin(), specular_.end(), shines) ||
-           std::any_of(levels_.begin(), levels_.end(),
-                       [&](const ConstFloatView& count) { return count.At(x, y) > 0; });
-  }
-
- private:
-  float most_specular_;
-  float most_samples_;
-  ConstFloatView samples_a_;
-  ConstFloatView samples_b_;
-  ConstColorView specular_;
-  std::vector<ConstFloatView> levels_;
-};
 
 void AddPixel(const EdgeViews& views, int row, EdgePoints* out) {
   out->rows.push_back(row);
@@ -137,42 +77,6 @@ float RawShare(const PixelMean& mean, float direct_raw, float indirect_raw) {
   return brightness > 0 ? (direct_raw * mean.direct + indirect_raw * mean.indirect) / brightness : 0.0f;
 }
 
-/// How far the values are to be believed where `mask` is above 0: v / (v + bias^2) with v what noise is left
-/// in the picture without them and bias^2 what (values - C)^2 has over C's variance, both averaged over edge
-/// pixels near by.
-Plane TrustIn(const Planes& values, const Plane& mask, const LayeredImage& film, TaskPool* pool) {
-  const ConstColorView noisy = film.GetColor(layers::kNoisy);
-  const ConstColorView a = film.GetColor(layers::HalfA(layers::kNoisy));
-  const ConstColorView b = film.GetColor(layers::HalfB(layers::kNoisy));
-  const ConstFloatView n_a = film.Get(layers::kSamplesA);
-  const ConstFloatView n_b = film.Get(layers::kSamplesB);
-  Planes errors = MakePlanes(2, film.width(), film.height());
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) {
-      if (mask.At(x, y) <= 0) continue;
-      const float n = std::max(1.0f, n_a.At(x, y) + n_b.At(x, y));
-      const float share = n_a.At(x, y) * n_b.At(x, y) / (n * n);
-      for (size_t c = 0; c < 3; ++c) {
-        const float difference = a[c].At(x, y) - b[c].At(x, y);
-        const float off = values[c].At(x, y) - noisy[c].At(x, y);
-        errors[0].At(x, y) += off * off;
-        errors[1].At(x, y) += share * difference * difference;
-      }
-    }
-  }
-  const Planes means = BoxMeans(errors, mask.view(), kTrustRadius, pool);
-  Plane trust(film.width(), film.height());
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) {
-      if (mask.At(x, y) <= 0) continue;
-      const float left = kNoiseLeft * means[1].At(x, y);
-      const float bias = std::max(0.0f, means[0].At(x, y) - means[1].At(x, y));
-      trust.At(x, y) = left + bias > 0 ? left / (left + bias) : 0.0f;
-    }
-  }
-  return trust;
-}
-
 }  // namespace
 
 EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float most_specular,
@@ -182,12 +86,12 @@ EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, flo
   out.points.own_features = kGeometryFeatures;
   if (edges.channels().empty()) return out;
   const EdgeViews views(edges);
-  const Unknown unknown(film, most_specular, most_samples);
+  const UnknownPixels unknown(film, most_specular);
+  const ConstFloatView n_a = film.Get(layers::kSamplesA);
+  const ConstFloatView n_b = film.Get(layers::kSamplesB);
   ForEachEdgePixel(&edges, film.bounds(), [&](int row, int x, int y) {
-    if (unknown.Contains(x, y)) return;
-    bool plain = true;
-    for (int sample = 0; sample < kSubSamples; ++sample) plain = plain && views.IsPlain(sample, row);
-    if (plain) AddPixel(views, row, &out);
+    if (n_a.At(x, y) + n_b.At(x, y) > most_samples || unknown.Contain(x, y)) return;
+    if (views.IsPlain(row)) AddPixel(views, row, &out);
   });
   return out;
 }
@@ -227,7 +131,7 @@ void AntialiasEdges(const LayeredImage& film, const LayeredImage& edges, const E
     filtered.At(x, y) = 1.0f - RawShare(mean, direct.raw[pixel], indirect.raw[pixel]);
     for (size_t c = 0; c < 3; ++c) values[c].At(x, y) = mean.light[c] + rest[c].At(x, y);
   }
-  const Plane trust = TrustIn(values, filtered, film, pool);
+  const Plane trust = TrustIn(values, filtered, film, {}, pool);
   for (const auto& [x, y] : points.points.pixels) {
     const float share = filtered.At(x, y) * trust.At(x, y);
     for (size_t c = 0; c < 3; ++c) {

@@ -8,12 +8,17 @@
 #include <vector>
 
 #include "filter/image/color.h"
+#include "filter/manifold/features.h"
+#include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
 namespace {
 
 constexpr int kRadius = 2;
 constexpr size_t kLeastNeighbours = 4;
+constexpr float kSpreadReach = 16;   // px
+constexpr int kSpreadHeight = 3;     // geometry and how bright it is lit are simple
+constexpr float kSigmaLight = 1.7f;  // of a channel, stabilised
 
 float LuminanceAt(const Planes& color, int x, int y) {
   return Luminance(color[0].At(x, y), color[1].At(x, y), color[2].At(x, y));
@@ -116,6 +121,17 @@ Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
     if (is_any_here) is_any = true;
   });
   return is_any ? std::move(removed) : Planes{};
+}
+
+Planes SpreadRemoved(const Planes& removed, const Planes& light, const Planes& geometry,
+                     ConstFloatView weight, TaskPool* pool) {
+  Planes guide;
+  for (const Plane& feature : geometry) guide.push_back(feature.Clone());
+  for (const Plane& channel : light) AppendFeature(channel.view(), kSigmaLight, weight, &guide);
+  ManifoldParams params;
+  params.sigma_s = kSpreadReach;
+  params.height = kSpreadHeight;
+  return ManifoldFilter(removed, guide, weight, params, pool);
 }
 
 }  // namespace lumifold::filter

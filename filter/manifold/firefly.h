@@ -11,4 +11,10 @@ namespace lumifold::filter {
 /// have to say would stand out. Source: Cycles' filter_prefilter. Threads: identical for any pool.
 Planes SuppressFireflies(Halves* halves, TaskPool* pool);
 
+/// Spreads what SuppressFireflies() took out over what is lit alike on the same surface nearby, so that the
+/// layer keeps its energy and the dark beside a bright spot stays dark. `light`: the layer free of noise, as
+/// Stabilise() gives it; `geometry`: features. All of the layer's size. Threads: identical for any pool.
+Planes SpreadRemoved(const Planes& removed, const Planes& light, const Planes& geometry,
+                     ConstFloatView weight, TaskPool* pool);
+
 }  // namespace lumifold::filter

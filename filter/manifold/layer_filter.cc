@@ -73,15 +73,6 @@ void CrossFilter(const Halves& halves, const FeaturePair& features, const Manifo
   }
 }
 
-/// Spreads what fireflies lost over their surroundings on the same surface, so that the layer keeps its
-/// energy.
-Planes SpreadRemoved(const Planes& removed, const Planes& geometry, ConstFloatView weight, TaskPool* pool) {
-  ManifoldParams params;
-  params.sigma_s = 16;
-  params.height = 3;  // geometry alone is simple
-  return ManifoldFilter(removed, geometry, weight, params, pool);
-}
-
 void AddProduct(const Plane& share, const Plane& value, int y, Plane* sum) {
   const float* __restrict s = share.Row(y);
   const float* __restrict v = value.Row(y);
@@ -205,9 +196,14 @@ FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerPara
   const Planes raw = Combine(halves.a, halves.b, halves.share_a.view(), pool);
   const Planes raw_variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), pool);
   const Planes removed = params.suppresses_fireflies ? SuppressFireflies(&halves, pool) : Planes{};
-  const Planes spread =
-      removed.empty() ? Planes{} : SpreadRemoved(removed, geometry, halves.weight.view(), pool);
   const Candidates candidates = MakeCandidates(halves, geometry, params, points, pool);
+  Planes spread;
+  if (!removed.empty()) {
+    const Candidate& first = candidates.pictures[0];
+    const Planes light = Combine(first.a, first.b, halves.share_a.view(), pool);
+    const Planes stable = Stabilise(light, params.knee * halves.level, halves.level, pool);
+    spread = SpreadRemoved(removed, stable, geometry, halves.weight.view(), pool);
+  }
   const Planes shares =
       params.chooses ? SelectCandidates(halves, raw_variance, candidates.pictures, params.selection, pool)
                      : AllToWide(halves, params, candidates.pictures.size());

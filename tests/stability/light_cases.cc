@@ -239,10 +239,7 @@ std::vector<Case> LightCases() {
        "128x128, 16 spp",
        "",
        {{"error", 0.1}, {"shift", 1}},
-       UnlikeLights,
-       KnownFailure{{0.27, 1.7},
-                    "samples that graze the spot's border pass for fireflies, and what is taken from them is "
-                    "spread over the dark plane"}},
+       UnlikeLights},
       {36,
        "light leak",
        "a dark floor behind a wall 2 px thin, a bright one before it: shift of the first 12 px in 8-bit "

@@ -60,5 +60,30 @@ TEST(Fireflies, AreNotLookedForInDifferences) {
   EXPECT_EQ(halves.a[1].At(5, 4), 1.0f);
 }
 
+TEST(Fireflies, WhatTheyLoseIsSpreadOverWhatIsLitAlike) {
+  constexpr int kWidth = 48;
+  constexpr int kHeight = 24;
+  Planes removed = MakePlanes(3, kWidth, kHeight);
+  removed[0].At(20, 12) = 100.0f;
+  Planes light = MakePlanes(3, kWidth, kHeight);
+  for (Plane& plane : light) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) plane.At(x, y) = x < kWidth / 2 ? 6.0f : 0.0f;
+    }
+  }
+  Planes geometry;
+  geometry.push_back(Plane(kWidth, kHeight));  // one plane of the same normal and distance
+  Plane weight(kWidth, kHeight);
+  weight.Fill(1);
+  const Planes spread = SpreadRemoved(removed, light, geometry, weight.view(), nullptr);
+  float in_light = 0;
+  float in_dark = 0;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) (x < kWidth / 2 ? in_light : in_dark) += spread[0].At(x, y);
+  }
+  EXPECT_GT(in_light, 50.0f);
+  EXPECT_LT(in_dark, 0.1f);
+}
+
 }  // namespace
 }  // namespace lumifold::filter

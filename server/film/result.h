@@ -16,10 +16,11 @@ struct ResultInfo {
   std::string numeric_class;
 };
 
-/// Makes a frame's result, or some rows of it: `filtered` as R G B, coverage A, the usual layers of the film (noisy, direct,
-/// indirect, albedo, emission), reflection1 (what those leave: C - (D + I) T - E, still noisy), N, Z,
-/// distance.Z, id.Y; with save_film also all else the film has, and its edges, so that it can be filtered
-/// again. Takes the film's planes over. `film` is what UnitFilm::Read gives, `filtered` has its size.
+/// Makes a frame's result, or some rows of it: `filtered` as R G B, coverage A, the usual layers of the film
+/// (noisy, direct, indirect, albedo, emission), reflection1 (what those leave: C - (D + I) T - E, still
+/// noisy), N, Z, distance.Z, id.Y; with save_film also all else the film has, and its edges, so that it can
+/// be filtered again. Takes the film's planes over. `film` is what UnitFilm::Read gives, `filtered` has its
+/// size.
 EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const ResultInfo& info);
 
 }  // namespace lumifold::film

@@ -45,9 +45,9 @@ struct DenoiseParts {
   bool convergence = true;  // the result drawn back to C
 };
 
-/// The default method: FilterLayer on each layer, T and E of edges steadied, pixels of several surfaces relit,
-/// what is left on edges and in mirrors fitted, then the result drawn back to C where noise cannot explain
-/// what they differ by.
+/// The default method: FilterLayer on each layer, T and E of edges steadied, pixels of several surfaces
+/// relit, what is left on edges and in mirrors fitted, then the result drawn back to C where noise cannot
+/// explain what they differ by.
 std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool,
                              const DenoiseParts& parts = {});
 

@@ -316,7 +316,8 @@ std::vector<Case> GeometryCases() {
        "sphere",
        "a smooth sphere, 8 seeds: RMS bias of its lit side in 8-bit steps",
        "128x128, 64 spp",
-       "",
+       "bands of less than a step of 255, as first asked: the RMS of what all seeds err by alike stands for "
+       "them",
        {{"bias", 1}},
        Sphere},
       {12,

@@ -1,5 +1,6 @@
 // Surfaces that are hard to filter: textures, blackness, mirrors, glass, metal. Most are rendered.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <string>
@@ -71,12 +72,12 @@ struct Rendered {
   const LayeredImage& film;
   ConstColorView reference_a, reference_b;
 
-  /// Error left, the reference's own noise (a quarter of its halves' squared difference) taken off both.
-  double Left(Where where) const {
-    const double own = DisplayError(reference_a, reference_b, where) / 4;
-    return (DisplayError(views.filtered, views.truth, where) - own) /
-           (DisplayError(views.noisy, views.truth, where) - own);
+  /// Of a picture, the reference's own noise (a quarter of its halves' squared difference) taken off.
+  double ErrorOf(const ConstColorView& picture, Where where) const {
+    return DisplayError(picture, views.truth, where) - DisplayError(reference_a, reference_b, where) / 4;
   }
+  /// Error left over the noisy picture's.
+  double Left(Where where) const { return ErrorOf(views.filtered, where) / ErrorOf(views.noisy, where); }
   /// Whether most of the pixel shows a level.
   bool Shows(layers::Level level, int x, int y) const {
     const std::string mask = layers::OfLevel(level, layers::kMask);
@@ -86,10 +87,10 @@ struct Rendered {
 
 absl::StatusOr<Finding> JudgeScene(const Trial& trial, SceneDescription (*build)(), uint32_t samples,
                                    uint32_t reference_samples,
-                                   absl::FunctionRef<Figures(const Rendered&)> figures) {
+                                   absl::FunctionRef<Figures(const Rendered&)> figures, uint64_t seed = 1) {
   const SceneDescription scene = build();
   const absl::StatusOr<JudgedFilm> judged =
-      trial.films.GetJudged(scene, {.width = kWidth, .height = kHeight, .samples = samples, .seed = 1},
+      trial.films.GetJudged(scene, {.width = kWidth, .height = kHeight, .samples = samples, .seed = seed},
                             reference_samples, trial.pool);
   if (!judged.ok()) return judged.status();
   absl::StatusOr<Picture> filtered = trial.Filter(judged->rendered.subject());
@@ -133,22 +134,46 @@ absl::StatusOr<Finding> GlassBeforeChequer(const Trial& trial) {
   });
 }
 
+/// Columns well inside a panel.
+std::pair<int, int> ColumnsOf(int panel) {
+  // The panels are 0.5 m wide, 5.6 m before the camera.
+  const double half_width = 5.6 * 0.4663 * kWidth / kHeight;
+  const auto column = [&](double metres) { return (metres / half_width + 1) * kWidth / 2; };
+  return {static_cast<int>(column(-1.75 + 0.5 * panel)) + 2,
+          static_cast<int>(column(-1.25 + 0.5 * panel)) - 1};
+}
+
 absl::StatusOr<Finding> RoughnessRamp(const Trial& trial) {
-  return JudgeScene(trial, RoughnessRoom, 16, 512, [](const Rendered& r) {
-    std::vector<double> left;
-    for (int panel = 0; panel < kRoughnessPanels; ++panel) {
-      // The panels are 0.5 m wide, 5.6 m before the camera.
-      const double half_width = 5.6 * 0.4663 * kWidth / kHeight;
-      const auto column = [&](double metres) { return (metres / half_width + 1) * kWidth / 2; };
-      const int x0 = static_cast<int>(column(-1.75 + 0.5 * panel)) + 2;
-      const int x1 = static_cast<int>(column(-1.25 + 0.5 * panel)) - 1;
-      left.push_back(std::sqrt(r.Left([&](int x, int y) { return x >= x0 && x < x1 && y > 24 && y < 44; })));
-    }
-    double jump = 1;
-    for (size_t i = 1; i < left.size(); ++i)
-      jump = std::max(jump, std::max(left[i] / left[i - 1], left[i - 1] / left[i]));
-    return Figures{jump, *std::max_element(left.begin(), left.end())};
-  });
+  constexpr uint64_t kSeeds = 8;  // a panel has too few pixels to be judged by one film
+  std::array<double, kRoughnessPanels> filtered = {};
+  std::array<double, kRoughnessPanels> noisy = {};
+  absl::StatusOr<Finding> finding;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    finding = JudgeScene(
+        trial, RoughnessRoom, 16, 512,
+        [&](const Rendered& r) {
+          for (size_t panel = 0; panel < filtered.size(); ++panel) {
+            const auto [x0, x1] = ColumnsOf(static_cast<int>(panel));
+            const auto inside = [&](int x, int y) { return x >= x0 && x < x1 && y > 24 && y < 44; };
+            filtered[panel] += r.ErrorOf(r.views.filtered, inside);
+            noisy[panel] += r.ErrorOf(r.views.noisy, inside);
+          }
+          return Figures();
+        },
+        seed);
+    if (!finding.ok()) return finding;
+  }
+  double jump = 1;
+  double most = 0;
+  double before = 0;
+  for (size_t panel = 0; panel < filtered.size(); ++panel) {
+    const double left = std::sqrt(filtered[panel] / noisy[panel]);
+    if (panel > 0) jump = std::max(jump, std::max(left / before, before / left));
+    most = std::max(most, left);
+    before = left;
+  }
+  finding->figures = {jump, most};
+  return finding;
 }
 
 absl::StatusOr<Finding> HalfMetal(const Trial& trial) {
@@ -220,8 +245,11 @@ std::vector<Case> MaterialCases() {
        "",
        {{"error", 0.1}},
        FlatMirror,
-       KnownFailure{{0.12},
-                    "textures in the mirror are mixed within its pixels, and levels have no sub-samples"}},
+       KnownFailure{
+           {0.12},
+           "textures in the mirror are mixed within its pixels, and levels have no sub-samples; fitting "
+           "C - F to what the mirror shows of T, normal and distance changed nothing, fitting less gave "
+           "0.10 here and cost rendered scenes up to 5 %"}},
       {20,
        "curved mirror",
        "a mirroring ball before a flat mirror: error left in both",
@@ -238,14 +266,12 @@ std::vector<Case> MaterialCases() {
        GlassBeforeChequer},
       {22,
        "roughness ramp",
-       "seven metal panels from smooth to rough: largest quotient of neighbours' RMS error left, the largest "
-       "RMS error left",
+       "seven metal panels from smooth to rough, 8 seeds: largest quotient of neighbours' RMS error left, "
+       "the largest RMS error left",
        "96x72, 16 spp",
-       "",
+       "the jump's is the first one; the error is asked for, too, since no filter at all has no jump",
        {{"jump", 2}, {"error", 0.7}},
-       RoughnessRamp,
-       KnownFailure{{2.8, 0.53},
-                    "a mirror is filtered by what it shows, a slightly rough panel by its own geometry"}},
+       RoughnessRamp},
       {23,
        "half metal",
        "a ball half metal, half diffuse: light gained or lost on it in %, error left on it",
@@ -257,7 +283,8 @@ std::vector<Case> MaterialCases() {
        "interior corner",
        "white walls in indirect light: error left within 3 px of their corners",
        "96x72, 16 spp",
-       "",
+       "half of what the irradiance cache leaves asked to beat a method that gathers paths of its own at "
+       "every record, which the film's samples do not hold: 0.3 of the film's noise",
        {{"error", 0.3}},
        Corner},
       {38,

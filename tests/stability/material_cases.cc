@@ -153,8 +153,10 @@ absl::StatusOr<Finding> RoughnessRamp(const Trial& trial) {
         trial, RoughnessRoom, 16, 512,
         [&](const Rendered& r) {
           for (size_t panel = 0; panel < filtered.size(); ++panel) {
-            const auto [x0, x1] = ColumnsOf(static_cast<int>(panel));
-            const auto inside = [&](int x, int y) { return x >= x0 && x < x1 && y > 24 && y < 44; };
+            const std::pair<int, int> columns = ColumnsOf(static_cast<int>(panel));
+            const auto inside = [&](int x, int y) {
+              return x >= columns.first && x < columns.second && y > 24 && y < 44;
+            };
             filtered[panel] += r.ErrorOf(r.views.filtered, inside);
             noisy[panel] += r.ErrorOf(r.views.noisy, inside);
           }

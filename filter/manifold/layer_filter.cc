@@ -47,6 +47,80 @@ FeaturePair MakeFeatures(Guide guide, const PatchBasis& basis, float sigma_q, co
           JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
 }
 
+/// What one half was filtered to.
+struct HalfResult {
+  Planes picture;
+  SlicedPoints points;  // empty where no points were asked for
+};
+
+/// One way a layer was filtered.
+struct Filtering {
+  HalfResult a;
+  HalfResult b;
+};
+
+Planes Difference(const Planes& x, const Planes& y, TaskPool* pool) {
+  Planes difference = MakeUninitializedPlanes(x.size(), x[0].width(), x[0].height());
+  ForEachBand(pool, x[0].height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < x.size(); ++c) {
+      for (int row = y0; row < y1; ++row) {
+        const float* __restrict from = x[c].Row(row);
+        const float* __restrict less = y[c].Row(row);
+        float* __restrict out = difference[c].Row(row);
+        for (int i = 0; i < x[c].width(); ++i) out[i] = from[i] - less[i];
+      }
+    }
+  });
+  return difference;
+}
+
+/// What the base finds counts, with what is added where that finds anything: `added` is 0 elsewhere.
+void AddToPoints(const SlicedPoints& base, SlicedPoints* added) {
+  for (size_t i = 0; i < base.values.size(); ++i) added->values[i] += base.values[i];
+  added->weights = base.weights;
+}
+
+void AddToHalf(const HalfResult& base, TaskPool* pool, HalfResult* added) {
+  ForEachBand(pool, base.picture[0].height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < base.picture.size(); ++c) {
+      for (int y = y0; y < y1; ++y) {
+        const float* __restrict in = base.picture[c].Row(y);
+        float* __restrict out = added->picture[c].Row(y);
+        for (int x = 0; x < base.picture[c].width(); ++x) out[x] += in[x];
+      }
+    }
+  });
+  AddToPoints(base.points, &added->points);
+}
+
+/// How one half is filtered.
+struct Pass {
+  const ManifoldParams& manifolds;
+  float reach;
+  const SlicePoints* points;  // may be null
+  TaskPool* pool;
+};
+
+/// `base`, which may be null and is 0 then, and what filtering gives of all that it leaves of the half.
+HalfResult FilterHalf(const Planes& half, ConstFloatView weight, const Planes& features,
+                      const HalfResult* base, const Pass& pass) {
+  const Planes rest = base != nullptr ? Difference(half, base->picture, pass.pool) : Planes{};
+  ManifoldResult result = ManifoldFilterAtReaches(base != nullptr ? rest : half, features, weight,
+                                                  pass.manifolds, {pass.reach}, pass.points, pass.pool);
+  HalfResult filtered{std::move(result.filtered[0]), {}};
+  if (pass.points != nullptr) filtered.points = std::move(result.points[0]);
+  if (base != nullptr) AddToHalf(*base, pass.pool, &filtered);
+  return filtered;
+}
+
+/// Each half guided by the other.
+Filtering CrossFilter(const Halves& halves, const FeaturePair& features, const Filtering* base,
+                      const Pass& pass) {
+  return {
+      FilterHalf(halves.a, halves.weight_a.view(), features.b, base != nullptr ? &base->a : nullptr, pass),
+      FilterHalf(halves.b, halves.weight_b.view(), features.a, base != nullptr ? &base->b : nullptr, pass)};
+}
+
 /// A candidate's values at the points, read from either half.
 struct CandidatePoints {
   SlicedPoints a;
@@ -56,21 +130,12 @@ struct CandidatePoints {
 /// The ways a layer was filtered, in step.
 struct Candidates {
   std::vector<Candidate> pictures;
-  std::vector<CandidatePoints> points;  // none where no points were asked for
+  std::vector<CandidatePoints> points;  // empty ones where no points were asked for
 };
 
-/// Appends one candidate for each reach.
-void CrossFilter(const Halves& halves, const FeaturePair& features, const ManifoldParams& manifolds,
-                 absl::Span<const float> reaches, const SlicePoints* points, TaskPool* pool,
-                 Candidates* candidates) {
-  ManifoldResult a =
-      ManifoldFilterAtReaches(halves.a, features.b, halves.weight_a.view(), manifolds, reaches, points, pool);
-  ManifoldResult b =
-      ManifoldFilterAtReaches(halves.b, features.a, halves.weight_b.view(), manifolds, reaches, points, pool);
-  for (size_t r = 0; r < reaches.size(); ++r) {
-    candidates->pictures.push_back({std::move(a.filtered[r]), std::move(b.filtered[r])});
-    if (points != nullptr) candidates->points.push_back({std::move(a.points[r]), std::move(b.points[r])});
-  }
+void Append(Filtering filtering, Candidates* candidates) {
+  candidates->pictures.push_back({std::move(filtering.a.picture), std::move(filtering.b.picture)});
+  candidates->points.push_back({std::move(filtering.a.points), std::move(filtering.b.points)});
 }
 
 void AddProduct(const Plane& share, const Plane& value, int y, Plane* sum) {
@@ -101,24 +166,29 @@ Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const 
   return sums;
 }
 
-/// The first filtering, guided by noisy patches, and two guided by patches of its result.
+/// The first filtering, guided by noisy patches, and the second: guided by patches of the first, of what that
+/// leaves of the halves.
 Candidates MakeCandidates(const Halves& halves, const Planes& geometry, const LayerParams& params,
                           const SlicePoints* points, TaskPool* pool) {
   Guide guide = MakeGuide(halves, halves.a, halves.b, params.knee, pool);
   const float noise = guide.sigma;
   const PatchBasis basis = BasisOf(guide, halves, params.patches, pool);
   Candidates candidates;
-  CrossFilter(halves, MakeFeatures(std::move(guide), basis, params.range_factor * noise, geometry, pool),
-              params.pilot_manifolds, {params.pilot_reach}, points, pool, &candidates);
-
-  if (!params.has_second_pass) return candidates;
-  const Candidate& pilot = candidates.pictures[0];
-  Guide second = MakeGuide(halves, pilot.a, pilot.b, params.knee, pool);
+  Filtering first =
+      CrossFilter(halves, MakeFeatures(std::move(guide), basis, params.range_factor * noise, geometry, pool),
+                  nullptr, {params.pilot_manifolds, params.pilot_reach, points, pool});
+  if (!params.has_second_pass) {
+    Append(std::move(first), &candidates);
+    return candidates;
+  }
+  Guide second = MakeGuide(halves, first.a.picture, first.b.picture, params.knee, pool);
   const PatchBasis second_basis = BasisOf(second, halves, params.pilot_patches, pool);
-  CrossFilter(
+  Filtering rest = CrossFilter(
       halves,
       MakeFeatures(std::move(second), second_basis, params.pilot_range_factor * noise, geometry, pool),
-      params.manifolds, {params.wide_reach, params.fine_reach}, points, pool, &candidates);
+      &first, {params.manifolds, params.reach, points, pool});
+  Append(std::move(first), &candidates);
+  Append(std::move(rest), &candidates);
   return candidates;
 }
 
@@ -162,10 +232,10 @@ FilteredPoints BlendPoints(const SlicePoints& points, const std::vector<Candidat
   return out;
 }
 
-/// Shares, as SelectCandidates', that give all to the wide filtering of the last pass there was.
-Planes AllToWide(const Halves& halves, const LayerParams& params, size_t candidates) {
+/// Shares, as SelectCandidates', that give all to the last candidate.
+Planes AllToLast(const Halves& halves, size_t candidates) {
   Planes shares = MakePlanes(candidates + 1, halves.width(), halves.height());
-  shares[params.has_second_pass ? 2 : 1].Fill(1);
+  shares.back().Fill(1);
   return shares;
 }
 
@@ -179,9 +249,10 @@ FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const Layer
   constexpr float kPaperRangeFactor = 1.8f;
   const Planes features = JointFeatures(mean, basis, kPaperRangeFactor * sigma, geometry, pool);
   ManifoldParams manifolds;
-  manifolds.sigma_s = params.wide_reach;
-  ManifoldResult result = ManifoldFilterAtReaches(mean, features, halves.weight.view(), manifolds,
-                                                  {params.wide_reach}, points, pool);
+  constexpr float kPaperReach = 16;
+  manifolds.sigma_s = kPaperReach;
+  ManifoldResult result =
+      ManifoldFilterAtReaches(mean, features, halves.weight.view(), manifolds, {kPaperReach}, points, pool);
   FilteredLayer layer{std::move(result.filtered[0]), {}};
   if (points != nullptr) {
     layer.points = {std::move(result.points[0].values), std::move(result.points[0].weights),
@@ -206,7 +277,7 @@ FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerPara
   }
   const Planes shares =
       params.chooses ? SelectCandidates(halves, raw_variance, candidates.pictures, params.selection, pool)
-                     : AllToWide(halves, params, candidates.pictures.size());
+                     : AllToLast(halves, candidates.pictures.size());
   FilteredLayer layer{Blend(raw, candidates.pictures, shares, spread, halves, pool), {}};
   if (points != nullptr)
     layer.points = BlendPoints(*points, candidates.points, shares, spread, halves.share_a.view());

@@ -13,20 +13,19 @@ namespace lumifold::filter {
 struct LayerParams {
   PatchParams patches;                          // of the noisy layer
   PatchParams pilot_patches = {1, 3, 6, 0.95};  // of its first filtering
-  float range_factor = 1.8f;         // sigma_q of the first filtering over the noise of the half that guides
-  float pilot_range_factor = 0.25f;  // sigma_q of the second, over the same
-  float knee = 0.2f;                 // of the stabilised guide, over the layer's mean
-  ManifoldParams pilot_manifolds = {.sigma_s = 8, .height = 5, .cell = 4};  // of the first filtering
+  float range_factor = 1.8f;        // sigma_q of the first filtering over the noise of the half that guides
+  float pilot_range_factor = 0.3f;  // sigma_q of the second, over the same
+  float knee = 0.2f;                // of the stabilised guide, over the layer's mean
+  // Manifolds of both are near each other, for they have to follow fine detail.
+  ManifoldParams pilot_manifolds = {.sigma_s = 7, .height = 5, .cell = 4};  // of the first filtering
   float pilot_reach = 12;                                                   // px
-  ManifoldParams manifolds = {.sigma_s =
-                                  3};  // of the second: near each other, for they have to follow fine detail
-  float fine_reach = 3;                // px
-  float wide_reach = 16;               // px
+  ManifoldParams manifolds = {.sigma_s = 2, .height = 4};                   // of the second
+  float reach = 6;                                                          // px
   SelectionParams selection;
   // Steps that measurements leave out, to see what each is worth.
   bool suppresses_fireflies = true;
   bool has_second_pass = true;
-  bool chooses = true;  // else the wide filtering of the last pass everywhere
+  bool chooses = true;  // else the last filtering everywhere
 };
 
 /// A filtered layer, in its halves' scale.
@@ -35,8 +34,8 @@ struct FilteredLayer {
   FilteredPoints points;  // where points were asked for
 };
 
-/// Filters one layer: cross-filters its halves at a few scales, in one pass and in two, and blends per pixel
-/// what is nearest the truth by estimate, the untouched input among the choices. `points`, which may be null,
+/// Filters one layer: cross-filters its halves, once and then what that leaves of them once more, and blends
+/// per pixel what is nearest the truth by estimate, the untouched input among the choices. `points`, which may be null,
 /// are read from the same manifolds and blended by their pixels' choice. Where only one half is known
 /// anywhere there is nothing to choose by: one wide filtering. Threads: identical for any pool.
 FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params,

@@ -186,6 +186,8 @@ LayeredImage EdgeFilm(uint32_t seed = 11) {
       Set(film.GetColor(layers::kAlbedo), x, y, kAlbedo[0] + share * (kAlbedo[1] - kAlbedo[0]));
       SetSide(normal, film.Get(layers::kDistance), x, y, x > kEdgeColumn ? 1 : 0);
     }
+    for (const FloatView& side : normal) side.At(kEdgeColumn, y) = 0.5f;  // means over the sub-samples
+    film.Get(layers::kDistance).At(kEdgeColumn, y) = 2.5f;
   }
   return film;
 }

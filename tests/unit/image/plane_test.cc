@@ -9,6 +9,12 @@
 namespace lumifold {
 namespace {
 
+TEST(Plane, RowsDoNotCrowdIntoFewSetsOfTheCache) {
+  constexpr std::ptrdiff_t kFloatsOfEightLines = 8 * Plane::kAlignment / sizeof(float);
+  for (const int width : {128, 512, 1000, 1024, 4096})
+    EXPECT_NE(Plane(width, 2).view().stride() % kFloatsOfEightLines, 0) << width;
+}
+
 TEST(Plane, StartsZeroAndAlignsItsRows) {
   Plane plane(13, 5);
   for (int y = 0; y < 5; ++y) {

@@ -35,9 +35,9 @@ struct FilteredLayer {
 };
 
 /// Filters one layer: cross-filters its halves, once and then what that leaves of them once more, and blends
-/// per pixel what is nearest the truth by estimate, the untouched input among the choices. `points`, which may be null,
-/// are read from the same manifolds and blended by their pixels' choice. Where only one half is known
-/// anywhere there is nothing to choose by: one wide filtering. Threads: identical for any pool.
+/// per pixel what is nearest the truth by estimate, the untouched input among the choices. `points`, which
+/// may be null, are read from the same manifolds and blended by their pixels' choice. Where only one half is
+/// known anywhere there is nothing to choose by: one wide filtering. Threads: identical for any pool.
 FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params,
                           const SlicePoints* points, TaskPool* pool);
 

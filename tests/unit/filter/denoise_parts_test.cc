@@ -64,8 +64,9 @@ TEST(DenoiseParts, EachChangesThePictureWhereItIsOff) {
 // With the choice on nothing is left for it to do in a film as plain as this.
 TEST(DenoiseParts, ConvergenceMattersWhereTheFilterIsWrong) {
   const LayeredImage film = MakeSyntheticFilm(72, 48, 0.05f, 5).film;
-  EXPECT_FALSE(AreEqual(Denoise(film, nullptr, nullptr, {.patches = false, .choice = false}),
-                        Denoise(film, nullptr, nullptr, {.patches = false, .choice = false, .convergence = false})));
+  EXPECT_FALSE(
+      AreEqual(Denoise(film, nullptr, nullptr, {.patches = false, .choice = false}),
+               Denoise(film, nullptr, nullptr, {.patches = false, .choice = false, .convergence = false})));
 }
 
 }  // namespace

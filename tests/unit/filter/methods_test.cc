@@ -232,7 +232,8 @@ TEST(FilterFilm, ScalesWithTheUnitOfLight) {
       for (int x = 0; x < 96; ++x) {
         const double expected = static_cast<double>(plain[0].At(x, y));
         const double value = static_cast<double>(picture[0].At(x, y)) / static_cast<double>(factor);
-        ASSERT_NEAR(value, expected, 1e-4 * std::max(expected, brightness))
+        // The second filtering works on differences, in which rounding weighs more.
+        ASSERT_NEAR(value, expected, 5e-4 * std::max(expected, brightness))
             << factor << " at " << x << "," << y;
       }
     }

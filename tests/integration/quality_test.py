@@ -24,7 +24,9 @@ class Series(typing.NamedTuple):
     reference_samples: int
 
 
-NOISY = Series(("cornell-box", "meeting-room", "bedroom", "atrium"), 128, 96, (1, 4, 16, 64), 1024)
+SCENES = ("cornell-box", "meeting-room", "bedroom", "atrium")
+NOISY = Series(SCENES, 128, 96, (1, 4, 16, 64), 1024)
+CLEAN = Series(SCENES, 64, 48, (256, 1024, 4096), 16384)
 
 
 class Part(typing.NamedTuple):
@@ -79,8 +81,11 @@ class QualityTest(unittest.TestCase):
                     self.render(scene, series, samples, 1, "default", picture)
                     self.check_picture(series, picture, reference, f"{name} {samples} spp")
 
-    def test_filtered_error_is_no_more_than_the_noisy_one(self):
+    def test_no_noisy_picture_gets_worse(self):
         self.check_series(NOISY)
+
+    def test_no_picture_of_many_samples_gets_worse(self):
+        self.check_series(CLEAN)
 
 
 if __name__ == "__main__":

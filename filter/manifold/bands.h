@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/functional/function_ref.h"
+#include "absl/types/span.h"
 #include "filter/image/parallel.h"
 #include "filter/image/plane.h"
 
@@ -51,6 +52,19 @@ inline Planes MakeUninitializedPlanes(size_t count, int width, int height) {
   planes.reserve(count);
   for (size_t i = 0; i < count; ++i) planes.push_back(Plane::Uninitialized(width, height));
   return planes;
+}
+
+/// sum += x, plane by plane.
+inline void AddPlanes(absl::Span<const Plane> x, TaskPool* pool, absl::Span<Plane> sum) {
+  ForEachBand(pool, sum[0].height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < sum.size(); ++c) {
+      for (int y = y0; y < y1; ++y) {
+        const float* __restrict in = x[c].Row(y);
+        float* __restrict out = sum[c].Row(y);
+        for (int i = 0; i < sum[c].width(); ++i) out[i] += in[i];
+      }
+    }
+  });
 }
 
 /// Three planes as a colour.

@@ -137,17 +137,6 @@ Planes GuidesOf(const Planes& geometry, const DenoiseParts& parts) {
   return guides;
 }
 
-void AddTo(const Planes& change, std::array<Plane, 3>* picture) {
-  for (size_t c = 0; c < 3; ++c) {
-    Plane& plane = (*picture)[c];
-    for (int y = 0; y < plane.height(); ++y) {
-      const float* __restrict in = change[c].Row(y);
-      float* __restrict out = plane.Row(y);
-      for (int x = 0; x < plane.width(); ++x) out[x] += in[x];
-    }
-  }
-}
-
 }  // namespace
 
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
@@ -170,7 +159,7 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
   if (assembly.edge_change != nullptr) {
     *assembly.edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1]);
-    AddTo(*assembly.edge_change, &picture);
+    AddPlanes(*assembly.edge_change, pool, absl::MakeSpan(picture));
   }
   if (has_points) {
     AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),

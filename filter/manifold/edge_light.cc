@@ -7,6 +7,7 @@
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
 #include "filter/image/portable_math.h"
+#include "filter/manifold/band_pixels.h"
 #include "filter/manifold/bands.h"
 #include "filter/manifold/edge_pixels.h"
 #include "filter/manifold/edge_trust.h"
@@ -200,47 +201,42 @@ class LightFit {
   float product_ = 0;
 };
 
-/// The mixtures of a band of rows and of the rows about it.
-class MixtureRows {
- public:
-  MixtureRows(const Source& source, const Rect& frame, int y0, int y1)
-      : area_(Inflate({0, y0, frame.x1, y1}, kRadius, frame)) {
-    mixtures_.reserve(static_cast<size_t>(area_.width()) * static_cast<size_t>(area_.height()));
-    for (int y = area_.y0; y < area_.y1; ++y) {
-      for (int x = 0; x < area_.x1; ++x) mixtures_.push_back(source.At(x, y));
+/// The pixel's picture by the light of its surfaces about it.
+std::array<float, 3> FitAt(const BandPixels<Mixture>& mixtures, int x, int y,
+                           const std::array<Plane, 3>& picture) {
+  constexpr float kNearness = 1.0f / (2 * kSigmaPixels * kSigmaPixels);
+  const Mixture& centre = mixtures.At(x, y);
+  std::array<LightFit, 3> fits = {LightFit(centre.count), LightFit(centre.count), LightFit(centre.count)};
+  const Rect window = mixtures.WindowAt(x, y);
+  Parts parts;
+  for (int j = window.y0; j < window.y1; ++j) {
+    for (int i = window.x0; i < window.x1; ++i) {
+      const Mixture& other = mixtures.At(i, j);
+      if (!other.is_known || other.count == 0 || !FindParts(centre, other, &parts)) continue;
+      const float weight = Exp(-kNearness * static_cast<float>((i - x) * (i - x) + (j - y) * (j - y)));
+      for (size_t c = 0; c < 3; ++c) fits[c].Add(parts[c], picture[c].At(i, j) - other.emission[c], weight);
     }
   }
+  FindParts(centre, centre, &parts);
+  std::array<float, 3> value;
+  for (size_t c = 0; c < 3; ++c) value[c] = centre.emission[c] + fits[c].PictureOf(parts[c]);
+  return value;
+}
 
-  const Mixture& At(int x, int y) const {
-    return mixtures_[static_cast<size_t>(y - area_.y0) * static_cast<size_t>(area_.width()) +
-                     static_cast<size_t>(x)];
-  }
-
-  /// The pixel's picture by the light of its surfaces about it.
-  std::array<float, 3> FitAt(int x, int y, const std::array<Plane, 3>& picture) const {
-    constexpr float kNearness = 1.0f / (2 * kSigmaPixels * kSigmaPixels);
-    const Mixture& centre = At(x, y);
-    std::array<LightFit, 3> fits = {LightFit(centre.count), LightFit(centre.count), LightFit(centre.count)};
-    const Rect window = Inflate({x, y, x + 1, y + 1}, kRadius, area_);
-    Parts parts;
-    for (int j = window.y0; j < window.y1; ++j) {
-      for (int i = window.x0; i < window.x1; ++i) {
-        const Mixture& other = At(i, j);
-        if (!other.is_known || other.count == 0 || !FindParts(centre, other, &parts)) continue;
-        const float weight = Exp(-kNearness * static_cast<float>((i - x) * (i - x) + (j - y) * (j - y)));
-        for (size_t c = 0; c < 3; ++c) fits[c].Add(parts[c], picture[c].At(i, j) - other.emission[c], weight);
+/// Draws the picture towards the values, as far as these are trusted.
+void Follow(const Planes& values, const Plane& trust, TaskPool* pool, std::array<Plane, 3>* picture) {
+  ForEachBand(pool, trust.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < trust.width(); ++x) {
+        if (!(trust.At(x, y) > 0)) continue;
+        for (size_t c = 0; c < 3; ++c) {
+          float& out = (*picture)[c].At(x, y);
+          if (std::isfinite(values[c].At(x, y))) out += trust.At(x, y) * (values[c].At(x, y) - out);
+        }
       }
     }
-    FindParts(centre, centre, &parts);
-    std::array<float, 3> value;
-    for (size_t c = 0; c < 3; ++c) value[c] = centre.emission[c] + fits[c].PictureOf(parts[c]);
-    return value;
-  }
-
- private:
-  Rect area_;
-  std::vector<Mixture> mixtures_;
-};
+  });
+}
 
 }  // namespace
 
@@ -251,26 +247,18 @@ void RelightEdges(const LayeredImage& film, const LayeredImage* edges, float mos
   Planes values = MakePlanes(3, film.width(), film.height());
   Plane is_mixed(film.width(), film.height());
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
-    const MixtureRows rows(source, film.bounds(), y0, y1);
+    const BandPixels<Mixture> mixtures(film.bounds(), y0, y1, kRadius,
+                                       [&](int x, int y) { return source.At(x, y); });
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < film.width(); ++x) {
-        if (!rows.At(x, y).is_mixed) continue;
+        if (!mixtures.At(x, y).is_mixed) continue;
         is_mixed.At(x, y) = 1;
-        const std::array<float, 3> value = rows.FitAt(x, y, *picture);
+        const std::array<float, 3> value = FitAt(mixtures, x, y, *picture);
         for (size_t c = 0; c < 3; ++c) values[c].At(x, y) = value[c];
       }
     }
   });
-  const Plane trust = TrustIn(values, is_mixed, film, kTrust, pool);
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) {
-      if (!(trust.At(x, y) > 0)) continue;
-      for (size_t c = 0; c < 3; ++c) {
-        float& out = (*picture)[c].At(x, y);
-        if (std::isfinite(values[c].At(x, y))) out += trust.At(x, y) * (values[c].At(x, y) - out);
-      }
-    }
-  }
+  Follow(values, TrustIn(values, is_mixed, film, kTrust, pool), pool, picture);
 }
 
 }  // namespace lumifold::filter

@@ -8,6 +8,7 @@
 #include "filter/image/layers.h"
 #include "filter/image/level_mask.h"
 #include "filter/image/portable_math.h"
+#include "filter/manifold/band_pixels.h"
 #include "filter/manifold/box_mean.h"
 #include "filter/manifold/edge_pixels.h"
 #include "filter/manifold/recombine.h"
@@ -133,42 +134,22 @@ float Unlikeness(const Sample& centre, const Sample& other) {
   return square * (1.0f / (2 * kSigmaLikeness * kSigmaLikeness));
 }
 
-/// The samples of a band of rows and of the rows about it.
-class SampleRows {
- public:
-  SampleRows(const Source& source, const Rect& frame, int y0, int y1)
-      : area_(Inflate({0, y0, frame.x1, y1}, kRadius, frame)) {
-    samples_.reserve(static_cast<size_t>(area_.width()) * static_cast<size_t>(area_.height()));
-    for (int y = area_.y0; y < area_.y1; ++y) {
-      for (int x = 0; x < area_.x1; ++x) samples_.push_back(source.At(x, y));
+/// What the pixels about (x, y) that look alike leave there.
+std::array<float, kSignals> FitAt(const BandPixels<Sample>& samples, int x, int y) {
+  constexpr float kNearness = 1.0f / (2 * kSigmaPixels * kSigmaPixels);
+  const Sample& centre = samples.At(x, y);
+  const Rect window = samples.WindowAt(x, y);
+  Fit fit;
+  for (int j = window.y0; j < window.y1; ++j) {
+    for (int i = window.x0; i < window.x1; ++i) {
+      const Sample& other = samples.At(i, j);
+      if (!other.is_usable) continue;
+      const auto apart = static_cast<float>((i - x) * (i - x) + (j - y) * (j - y));
+      fit.Add(other, centre, Exp(-Unlikeness(centre, other) - kNearness * apart));
     }
   }
-
-  const Sample& At(int x, int y) const {
-    return samples_[static_cast<size_t>(y - area_.y0) * static_cast<size_t>(area_.width()) +
-                    static_cast<size_t>(x)];
-  }
-
-  std::array<float, kSignals> FitAt(int x, int y) const {
-    constexpr float kNearness = 1.0f / (2 * kSigmaPixels * kSigmaPixels);
-    const Sample& centre = At(x, y);
-    const Rect window = Inflate({x, y, x + 1, y + 1}, kRadius, area_);
-    Fit fit;
-    for (int j = window.y0; j < window.y1; ++j) {
-      for (int i = window.x0; i < window.x1; ++i) {
-        const Sample& other = At(i, j);
-        if (!other.is_usable) continue;
-        const auto apart = static_cast<float>((i - x) * (i - x) + (j - y) * (j - y));
-        fit.Add(other, centre, Exp(-Unlikeness(centre, other) - kNearness * apart));
-      }
-    }
-    return fit.Solve();
-  }
-
- private:
-  Rect area_;
-  std::vector<Sample> samples_;
-};
+  return fit.Solve();
+}
 
 /// Half B judges what half A was fitted by, and the reverse.
 Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit) {
@@ -212,15 +193,15 @@ struct Fits {
   Planes errors;       // without, with, variance
 };
 
-void FitBand(const SampleRows& rows, int y0, int y1, Fits* fits) {
+void FitBand(const BandPixels<Sample>& samples, int y0, int y1, Fits* fits) {
   for (int y = y0; y < y1; ++y) {
     for (int x = 0; x < fits->is_fitted.width(); ++x) {
       float& is_fitted = fits->is_fitted.At(x, y);
-      if (!rows.At(x, y).is_usable) is_fitted = 0;
+      if (!samples.At(x, y).is_usable) is_fitted = 0;
       if (is_fitted == 0) continue;
-      const std::array<float, kSignals> fit = rows.FitAt(x, y);
+      const std::array<float, kSignals> fit = FitAt(samples, x, y);
       for (size_t c = 0; c < 3; ++c) fits->corrections[c].At(x, y) = 0.5f * (fit[c] + fit[3 + c]);
-      const Errors errors = ErrorsOf(rows.At(x, y), fit);
+      const Errors errors = ErrorsOf(samples.At(x, y), fit);
       fits->errors[0].At(x, y) = errors.without;
       fits->errors[1].At(x, y) = errors.with;
       fits->errors[2].At(x, y) = errors.variance;
@@ -239,16 +220,20 @@ void RegressEdges(const LayeredImage& film, const LayeredImage* edges, const Pla
   const int height = film.height();
   Fits fits{MixedPixels(film, edges), MakePlanes(3, width, height), MakePlanes(3, width, height)};
   ForEachBand(pool, height, [&](int, int y0, int y1) {
-    FitBand(SampleRows(source, film.bounds(), y0, y1), y0, y1, &fits);
+    const BandPixels<Sample> samples(film.bounds(), y0, y1, kRadius,
+                                     [&](int x, int y) { return source.At(x, y); });
+    FitBand(samples, y0, y1, &fits);
   });
   const Planes means = BoxMeans(fits.errors, fits.is_fitted.view(), kTrustRadius, pool);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      if (fits.is_fitted.At(x, y) == 0) continue;
-      const float share = ShareOfFit({means[0].At(x, y), means[1].At(x, y), means[2].At(x, y)});
-      for (size_t c = 0; c < 3; ++c) (*picture)[c].At(x, y) += share * fits.corrections[c].At(x, y) * unit;
+  ForEachBand(pool, height, [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < width; ++x) {
+        if (fits.is_fitted.At(x, y) == 0) continue;
+        const float share = ShareOfFit({means[0].At(x, y), means[1].At(x, y), means[2].At(x, y)});
+        for (size_t c = 0; c < 3; ++c) (*picture)[c].At(x, y) += share * fits.corrections[c].At(x, y) * unit;
+      }
     }
-  }
+  });
 }
 
 }  // namespace lumifold::filter

@@ -6,38 +6,50 @@
 #include "filter/manifold/box_mean.h"
 
 namespace lumifold::filter {
+namespace {
 
-Plane TrustIn(const Planes& values, const Plane& mask, const LayeredImage& film, const TrustParams& params,
-              TaskPool* pool) {
+/// Of the pixels in the mask, summed over the channels: (values - C)^2 and the variance of C.
+Planes SquaresIn(const Planes& values, const Plane& mask, const LayeredImage& film, TaskPool* pool) {
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
   const ConstColorView a = film.GetColor(layers::HalfA(layers::kNoisy));
   const ConstColorView b = film.GetColor(layers::HalfB(layers::kNoisy));
   const ConstFloatView n_a = film.Get(layers::kSamplesA);
   const ConstFloatView n_b = film.Get(layers::kSamplesB);
-  Planes errors = MakePlanes(2, film.width(), film.height());
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) {
-      if (mask.At(x, y) <= 0) continue;
-      const float n = std::max(1.0f, n_a.At(x, y) + n_b.At(x, y));
-      const float share = n_a.At(x, y) * n_b.At(x, y) / (n * n);
-      for (size_t c = 0; c < 3; ++c) {
-        const float difference = a[c].At(x, y) - b[c].At(x, y);
-        const float off = values[c].At(x, y) - noisy[c].At(x, y);
-        errors[0].At(x, y) += off * off;
-        errors[1].At(x, y) += share * difference * difference;
+  Planes squares = MakePlanes(2, film.width(), film.height());
+  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < film.width(); ++x) {
+        if (mask.At(x, y) <= 0) continue;
+        const float n = std::max(1.0f, n_a.At(x, y) + n_b.At(x, y));
+        const float share = n_a.At(x, y) * n_b.At(x, y) / (n * n);
+        for (size_t c = 0; c < 3; ++c) {
+          const float difference = a[c].At(x, y) - b[c].At(x, y);
+          const float off = values[c].At(x, y) - noisy[c].At(x, y);
+          squares[0].At(x, y) += off * off;
+          squares[1].At(x, y) += share * difference * difference;
+        }
       }
     }
-  }
-  const Planes means = BoxMeans(errors, mask.view(), params.radius, pool);
+  });
+  return squares;
+}
+
+}  // namespace
+
+Plane TrustIn(const Planes& values, const Plane& mask, const LayeredImage& film, const TrustParams& params,
+              TaskPool* pool) {
+  const Planes means = BoxMeans(SquaresIn(values, mask, film, pool), mask.view(), params.radius, pool);
   Plane trust(film.width(), film.height());
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) {
-      if (mask.At(x, y) <= 0) continue;
-      const float left = params.noise_left * means[1].At(x, y);
-      const float bias = std::max(0.0f, means[0].At(x, y) - means[1].At(x, y));
-      trust.At(x, y) = left + bias > 0 ? left / (left + bias) : 0.0f;
+  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < film.width(); ++x) {
+        if (mask.At(x, y) <= 0) continue;
+        const float left = params.noise_left * means[1].At(x, y);
+        const float bias = std::max(0.0f, means[0].At(x, y) - means[1].At(x, y));
+        trust.At(x, y) = left + bias > 0 ? left / (left + bias) : 0.0f;
+      }
     }
-  }
+  });
   return trust;
 }
 

@@ -40,9 +40,10 @@ struct FeaturePair {
   Planes b;
 };
 
-/// Takes the guide over, so that its planes are gone before manifolds need memory.
-FeaturePair MakeFeatures(Guide guide, const PatchBasis& basis, float sigma_q, const Planes& geometry,
+/// Takes the guide over: its planes are gone before manifolds need memory.
+FeaturePair MakeFeatures(Guide&& from, const PatchBasis& basis, float sigma_q, const Planes& geometry,
                          TaskPool* pool) {
+  const Guide guide = std::move(from);
   return {JointFeatures(guide.a, basis, sigma_q, geometry, pool),
           JointFeatures(guide.b, basis, sigma_q, geometry, pool)};
 }
@@ -80,19 +81,6 @@ void AddToPoints(const SlicedPoints& base, SlicedPoints* added) {
   added->weights = base.weights;
 }
 
-void AddToHalf(const HalfResult& base, TaskPool* pool, HalfResult* added) {
-  ForEachBand(pool, base.picture[0].height(), [&](int, int y0, int y1) {
-    for (size_t c = 0; c < base.picture.size(); ++c) {
-      for (int y = y0; y < y1; ++y) {
-        const float* __restrict in = base.picture[c].Row(y);
-        float* __restrict out = added->picture[c].Row(y);
-        for (int x = 0; x < base.picture[c].width(); ++x) out[x] += in[x];
-      }
-    }
-  });
-  AddToPoints(base.points, &added->points);
-}
-
 /// How one half is filtered.
 struct Pass {
   const ManifoldParams& manifolds;
@@ -109,7 +97,10 @@ HalfResult FilterHalf(const Planes& half, ConstFloatView weight, const Planes& f
                                                   pass.manifolds, {pass.reach}, pass.points, pass.pool);
   HalfResult filtered{std::move(result.filtered[0]), {}};
   if (pass.points != nullptr) filtered.points = std::move(result.points[0]);
-  if (base != nullptr) AddToHalf(*base, pass.pool, &filtered);
+  if (base != nullptr) {
+    AddPlanes(base->picture, pass.pool, absl::MakeSpan(filtered.picture));
+    AddToPoints(base->points, &filtered.points);
+  }
   return filtered;
 }
 
@@ -149,6 +140,7 @@ void AddProduct(const Plane& share, const Plane& value, int y, Plane* sum) {
 Planes Blend(const Planes& raw, const std::vector<Candidate>& candidates, const Planes& shares,
              const Planes& spread, const Halves& halves, TaskPool* pool) {
   std::vector<Planes> means;
+  means.reserve(candidates.size());
   for (const Candidate& candidate : candidates)
     means.push_back(Combine(candidate.a, candidate.b, halves.share_a.view(), pool));
   Planes sums = MakePlanes(3, halves.width(), halves.height());

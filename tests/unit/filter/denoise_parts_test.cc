@@ -1,12 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <cmath>
 #include <utility>
 
 #include "filter/image/layers.h"
 #include "filter/manifold/denoise.h"
 #include "filter/methods.h"
+#include "is_finite.h"
 #include "synthetic_film.h"
 
 namespace lumifold::filter {
@@ -26,17 +26,6 @@ bool AreEqual(const Picture& a, const Picture& b) {
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < a[c].height(); ++y) {
       if (!std::equal(a[c].Row(y), a[c].Row(y) + a[c].width(), b[c].Row(y))) return false;
-    }
-  }
-  return true;
-}
-
-bool IsFinite(const Picture& picture) {
-  for (const Plane& plane : picture) {
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x) {
-        if (!std::isfinite(plane.At(x, y))) return false;
-      }
     }
   }
   return true;

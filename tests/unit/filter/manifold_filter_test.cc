@@ -10,6 +10,7 @@
 
 #include "filter/manifold/manifold_slow.h"
 #include "filter/manifold/manifold_tree.h"
+#include "is_finite.h"
 #include "tests/support/shuffling_pool.h"
 
 namespace lumifold::filter {
@@ -57,17 +58,6 @@ double WorstDifference(const Planes& a, const Planes& b) {
     }
   }
   return worst;
-}
-
-bool IsFinite(const Planes& planes) {
-  for (const Plane& plane : planes) {
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x) {
-        if (!std::isfinite(plane.At(x, y))) return false;
-      }
-    }
-  }
-  return true;
 }
 
 TEST(ManifoldFilter, EqualsItsOracleForOddSizesMasksReachesAndHeights) {

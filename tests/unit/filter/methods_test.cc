@@ -13,6 +13,7 @@
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
 #include "filter/metrics/metrics.h"
+#include "is_finite.h"
 #include "synthetic_film.h"
 #include "tests/support/shuffling_pool.h"
 
@@ -38,17 +39,6 @@ double ErrorOf(const ConstColorView& picture, const SyntheticFilm& synthetic) {
 
 double NoisyError(const SyntheticFilm& synthetic) {
   return ErrorOf(std::as_const(synthetic.film).GetColor(layers::kNoisy), synthetic);
-}
-
-bool IsFinite(const Picture& picture) {
-  for (const Plane& plane : picture) {
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x) {
-        if (!std::isfinite(plane.At(x, y))) return false;
-      }
-    }
-  }
-  return true;
 }
 
 void Fill(float value, FloatView plane) {

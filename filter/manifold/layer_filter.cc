@@ -93,10 +93,9 @@ struct Pass {
 HalfResult FilterHalf(const Planes& half, ConstFloatView weight, const Planes& features,
                       const HalfResult* base, const Pass& pass) {
   const Planes rest = base != nullptr ? Difference(half, base->picture, pass.pool) : Planes{};
-  ManifoldResult result = ManifoldFilterAtReaches(base != nullptr ? rest : half, features, weight,
-                                                  pass.manifolds, {pass.reach}, pass.points, pass.pool);
-  HalfResult filtered{std::move(result.filtered[0]), {}};
-  if (pass.points != nullptr) filtered.points = std::move(result.points[0]);
+  ManifoldResult result = ManifoldFilterAtPoints(base != nullptr ? rest : half, features, weight,
+                                                 pass.manifolds, pass.reach, pass.points, pass.pool);
+  HalfResult filtered{std::move(result.filtered), std::move(result.points)};
   if (base != nullptr) {
     AddPlanes(base->picture, pass.pool, absl::MakeSpan(filtered.picture));
     AddToPoints(base->points, &filtered.points);
@@ -244,10 +243,10 @@ FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const Layer
   constexpr float kPaperReach = 16;
   manifolds.sigma_s = kPaperReach;
   ManifoldResult result =
-      ManifoldFilterAtReaches(mean, features, halves.weight.view(), manifolds, {kPaperReach}, points, pool);
-  FilteredLayer layer{std::move(result.filtered[0]), {}};
+      ManifoldFilterAtPoints(mean, features, halves.weight.view(), manifolds, kPaperReach, points, pool);
+  FilteredLayer layer{std::move(result.filtered), {}};
   if (points != nullptr) {
-    layer.points = {std::move(result.points[0].values), std::move(result.points[0].weights),
+    layer.points = {std::move(result.points.values), std::move(result.points.weights),
                     std::vector<float>(points->pixels.size(), 0.0f)};
   }
   return layer;

@@ -31,27 +31,16 @@ PixelState MakeState(const Planes& signals, const Planes& features, const Plane&
           std::move(weights)};
 }
 
-/// The slices of one reach, while they are summed over manifolds.
-struct Reach {
-  float sigma_cells;
-  Planes sums;  // w * Psi of each signal, and of the weight
-  SlicedPoints points;
-};
-
 class Filter {
  public:
-  Filter(PixelState state, const ManifoldParams& params, absl::Span<const float> reaches,
-         const SlicePoints* points, TaskPool* pool)
-      : state_(std::move(state)), params_(params), points_(points), pool_(pool) {
-    const size_t planes = state_.signals.size() + 1;
-    for (const float sigma : reaches) {
-      Reach reach{InCells(sigma), MakePlanes(planes, state_.lattice.width, state_.lattice.height), {}};
-      if (points != nullptr) {
-        const size_t count = points->pixels.size() * points->samples;
-        reach.points = {std::vector<float>(count * (planes - 1)), std::vector<float>(count)};
-      }
-      reaches_.push_back(std::move(reach));
-    }
+  Filter(PixelState state, const ManifoldParams& params, float reach, const SlicePoints* points,
+         TaskPool* pool)
+      : state_(std::move(state)), params_(params), reach_(reach), points_(points), pool_(pool) {
+    const size_t signals = state_.signals.size();
+    result_.filtered = MakePlanes(signals + 1, state_.lattice.width, state_.lattice.height);
+    if (points == nullptr) return;
+    const size_t count = points->pixels.size() * points->samples;
+    result_.points = {std::vector<float>(count * signals), std::vector<float>(count)};
   }
 
   ManifoldResult Run() {
@@ -62,7 +51,7 @@ class Filter {
       Level level = Splat(std::move(manifolds), depth == params_.height);
       std::vector<ClusterSums> children = std::move(level.children);
       std::vector<Manifold> parents = BlurAndSlice(std::move(level));
-      if (depth == params_.height) return Quotients();
+      if (depth == params_.height) break;
       manifolds = std::vector<Manifold>(children.size());
       ParallelFor(pool_, static_cast<int64_t>(children.size()), [&](int64_t i) {
         const size_t at = static_cast<size_t>(i);
@@ -70,6 +59,9 @@ class Filter {
                                      AxisSteps(depth + 1), pool_);
       });
     }
+    DivideSums();
+    DividePoints();
+    return std::move(result_);
   }
 
  private:
@@ -80,17 +72,17 @@ class Filter {
   Level Splat(std::vector<Manifold> manifolds, bool is_last);
   /// Consumes the level's splats; gives back its manifolds.
   std::vector<Manifold> BlurAndSlice(Level level);
-  /// `psi`: of each reach, of each manifold.
-  void Slice(const std::vector<Manifold>& manifolds, const std::vector<std::vector<Planes>>& psi);
-  ManifoldResult Quotients();
-  void DivideSums(Planes* sums) const;
-  void DividePoints(SlicedPoints* points) const;
+  /// Adds w * Psi of each manifold to the result.
+  void Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi);
+  void DivideSums();
+  void DividePoints();
 
   PixelState state_;
   const ManifoldParams params_;
+  const float reach_;  // px
   const SlicePoints* const points_;
   TaskPool* const pool_;
-  std::vector<Reach> reaches_;
+  ManifoldResult result_;  // sums of w * Psi until all manifolds are in, the weight's after the signals'
 };
 
 ClusterSums Filter::RootSums() const {
@@ -119,67 +111,48 @@ Level Filter::Splat(std::vector<Manifold> manifolds, bool is_last) {
 }
 
 std::vector<Manifold> Filter::BlurAndSlice(Level level) {
-  std::vector<float> sigmas;
-  for (const Reach& reach : reaches_) sigmas.push_back(reach.sigma_cells);
-  std::vector<std::vector<Planes>> psi(reaches_.size());  // of each reach, of each manifold
-  for (std::vector<Planes>& planes : psi) planes.resize(level.splats.size());
-  ParallelFor(pool_, static_cast<int64_t>(level.splats.size()), [&](int64_t i) {
+  std::vector<Planes> psi(level.splats.size());
+  ParallelFor(pool_, static_cast<int64_t>(psi.size()), [&](int64_t i) {
     const size_t at = static_cast<size_t>(i);
-    std::vector<Planes> blurred =
-        GuidedLowPass(sigmas, kBlurRange, level.manifolds[at].eta, level.splats[at], pool_);
+    psi[at] = GuidedLowPass(InCells(reach_), kBlurRange, level.manifolds[at].eta, level.splats[at], pool_);
     level.splats[at].clear();
-    for (size_t r = 0; r < psi.size(); ++r) psi[r][at] = std::move(blurred[r]);
   });
   Slice(level.manifolds, psi);
   return std::move(level.manifolds);
 }
 
-void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<std::vector<Planes>>& psi) {
+void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi) {
   ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
-    std::vector<StripSlice> slices;
-    for (const std::vector<Planes>& planes : psi) slices.emplace_back(state_, planes);
-    for (int y = y0; y < y1; ++y) {  // all reaches of a row while its weights are at hand
-      for (size_t r = 0; r < slices.size(); ++r) slices[r].PixelRow(y, &reaches_[r].sums);
-    }
+    StripSlice slice(state_, psi);
+    for (int y = y0; y < y1; ++y) slice.PixelRow(y, &result_.filtered);
   });
-  for (size_t r = 0; r < psi.size() && points_ != nullptr; ++r)
-    SlicePointsAt(state_, manifolds, psi[r], *points_, pool_, &reaches_[r].points);
+  if (points_ != nullptr) SlicePointsAt(state_, manifolds, psi, *points_, pool_, &result_.points);
 }
 
-void Filter::DivideSums(Planes* sums) const {
+void Filter::DivideSums() {
+  Planes& sums = result_.filtered;
   ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
-    for (size_t c = 0; c + 1 < sums->size(); ++c) {
+    for (size_t c = 0; c + 1 < sums.size(); ++c) {
       for (int y = y0; y < y1; ++y)
-        QuotientRow(sums->back().Row(y), kLeastWeight, state_.signals[c].Row(y), state_.lattice.width,
-                    (*sums)[c].Row(y));
+        QuotientRow(sums.back().Row(y), kLeastWeight, state_.signals[c].Row(y), state_.lattice.width,
+                    sums[c].Row(y));
     }
   });
-  sums->pop_back();
+  sums.pop_back();
 }
 
-void Filter::DividePoints(SlicedPoints* points) const {
+void Filter::DividePoints() {
+  SlicedPoints& points = result_.points;
   const size_t channels = state_.signals.size();
-  for (size_t i = 0; i < points->weights.size(); ++i) {
-    const bool is_lost = points->weights[i] < kLeastWeight;
+  for (size_t i = 0; i < points.weights.size(); ++i) {
+    const bool is_lost = points.weights[i] < kLeastWeight;
     const size_t first = i / points_->samples * channels * points_->samples + i % points_->samples;
     for (size_t c = 0; c < channels; ++c) {
-      float& value = points->values[first + c * points_->samples];
-      value = is_lost ? 0.0f : value / points->weights[i];
+      float& value = points.values[first + c * points_->samples];
+      value = is_lost ? 0.0f : value / points.weights[i];
     }
-    if (is_lost) points->weights[i] = 0;
+    if (is_lost) points.weights[i] = 0;
   }
-}
-
-ManifoldResult Filter::Quotients() {
-  ManifoldResult result;
-  for (Reach& reach : reaches_) {
-    DivideSums(&reach.sums);
-    result.filtered.push_back(std::move(reach.sums));
-    if (points_ == nullptr) continue;
-    DividePoints(&reach.points);
-    result.points.push_back(std::move(reach.points));
-  }
-  return result;
 }
 
 }  // namespace
@@ -190,31 +163,26 @@ int CellSize(float sigma_s) {
   return size;
 }
 
-ManifoldResult ManifoldFilterAtReaches(const Planes& signals, const Planes& features, ConstFloatView mask,
-                                       const ManifoldParams& params, absl::Span<const float> reaches,
-                                       const SlicePoints* points, TaskPool* pool) {
+ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& features, ConstFloatView mask,
+                                      const ManifoldParams& params, float reach, const SlicePoints* points,
+                                      TaskPool* pool) {
   LUMIFOLD_CHECK(!features.empty() && params.height >= 1 && params.height <= 8 &&
-                 params.pca_iterations >= 1 && params.sigma_s > 0);
+                 params.pca_iterations >= 1 && params.sigma_s > 0 && reach > 0);
   LUMIFOLD_CHECK(points == nullptr ||
                  (points->own_features <= features.size() &&
                   points->features.size() == points->pixels.size() * points->own_features * points->samples));
   LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
-  if (mask.width() == 0 || mask.height() == 0) {
-    ManifoldResult empty;
-    for (size_t r = 0; r < reaches.size(); ++r)
-      empty.filtered.push_back(MakePlanes(signals.size(), mask.width(), mask.height()));
-    return empty;
-  }
+  if (mask.width() == 0 || mask.height() == 0)
+    return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
   Plane own_mask = Plane::Uninitialized(mask.width(), mask.height());
   CopyPlane(mask, own_mask.view());
   PixelState state = MakeState(signals, features, own_mask, CellOf(params), params.height);
-  return Filter(std::move(state), params, reaches, points, pool).Run();
+  return Filter(std::move(state), params, reach, points, pool).Run();
 }
 
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
                       const ManifoldParams& params, TaskPool* pool) {
-  return std::move(ManifoldFilterAtReaches(signals, features, mask, params, {params.sigma_s}, nullptr, pool)
-                       .filtered.front());
+  return ManifoldFilterAtPoints(signals, features, mask, params, params.sigma_s, nullptr, pool).filtered;
 }
 
 }  // namespace lumifold::filter

@@ -3,7 +3,6 @@
 #include <array>
 #include <vector>
 
-#include "absl/types/span.h"
 #include "filter/image/parallel.h"
 #include "filter/image/plane.h"
 #include "filter/manifold/bands.h"
@@ -65,16 +64,16 @@ struct SlicedPoints {
 
 /// What one run of the filter gives.
 struct ManifoldResult {
-  std::vector<Planes> filtered;      // one for each reach
-  std::vector<SlicedPoints> points;  // the same, where points were asked for
+  Planes filtered;
+  SlicedPoints points;  // empty where none were asked for
 };
 
-/// ManifoldFilter with several reaches at once: manifolds, weights and splats are those of params.sigma_s,
-/// and each of `reaches` (sigmas in pixels, > 0) blurs and reads them once. The result for params.sigma_s
-/// itself is ManifoldFilter's. `points`, which may be null, are read from the same manifolds without another
-/// blur. Source of the points: Gruzdev et al. 2015, antialiasing.
-ManifoldResult ManifoldFilterAtReaches(const Planes& signals, const Planes& features, ConstFloatView mask,
-                                       const ManifoldParams& params, absl::Span<const float> reaches,
-                                       const SlicePoints* points, TaskPool* pool);
+/// ManifoldFilter with a reach of its own and points: manifolds, weights and splats are those of
+/// params.sigma_s, the blur along the manifolds is of sigma `reach` (pixels, > 0). With params.sigma_s for
+/// it, `filtered` is ManifoldFilter's. `points`, which may be null, are read from the same manifolds without
+/// another blur. Source of the points: Gruzdev et al. 2015, antialiasing.
+ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& features, ConstFloatView mask,
+                                      const ManifoldParams& params, float reach, const SlicePoints* points,
+                                      TaskPool* pool);
 
 }  // namespace lumifold::filter

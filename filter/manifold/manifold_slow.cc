@@ -54,13 +54,6 @@ void Recurse(const Link& link, Grid* g) {
   }
 }
 
-/// The slices of one reach: sums over manifolds of w * Psi of each signal, and of the weight.
-struct SlowReach {
-  double sigma;  // cells
-  Grids sums;
-  Grids points;  // the same at the points: samples x pixels
-};
-
 Planes Quotients(const Grids& signals, const Grids& sums) {
   Planes result = MakePlanes(signals.size(), signals[0].width, signals[0].height);
   for (size_t c = 0; c < result.size(); ++c) {
@@ -94,32 +87,25 @@ SlicedPoints PointQuotients(const Grids& sums) {
 class SlowFilter {
  public:
   SlowFilter(const Planes& signals, const Planes& features, ConstFloatView mask, const ManifoldParams& params,
-             absl::Span<const float> reaches, const SlicePoints* points)
+             float reach, const SlicePoints* points)
       : params_(params),
         points_(points),
         mask_(FromView(mask)),
         step_(CellOf(params)),
-        sigma_(static_cast<double>(params.sigma_s) / step_) {
+        sigma_(static_cast<double>(params.sigma_s) / step_),
+        blur_sigma_(static_cast<double>(reach) / step_),
+        sums_(signals.size() + 1, Grid(mask_.width, mask_.height)) {
     for (const Plane& plane : signals) signals_.push_back(FromView(plane.view()));
     for (const Plane& plane : features) features_.push_back(FromView(plane.view()));
     const Grid no_points(points != nullptr ? static_cast<int>(points->samples) : 0,
                          points != nullptr ? static_cast<int>(points->pixels.size()) : 0);
-    for (const float sigma : reaches) {
-      reaches_.push_back({static_cast<double>(sigma) / step_,
-                          Grids(signals_.size() + 1, Grid(mask_.width, mask_.height)),
-                          Grids(signals_.size() + 1, no_points)});
-    }
+    point_sums_.assign(signals.size() + 1, no_points);
   }
 
   ManifoldResult Run() {
     const Grids root = Heights(mask_, nullptr);
     Visit(root, Axis(mask_, root), mask_, 1);
-    ManifoldResult result;
-    for (const SlowReach& reach : reaches_) {
-      result.filtered.push_back(Quotients(signals_, reach.sums));
-      if (points_ != nullptr) result.points.push_back(PointQuotients(reach.points));
-    }
-    return result;
+    return {Quotients(signals_, sums_), points_ != nullptr ? PointQuotients(point_sums_) : SlicedPoints{}};
   }
 
  private:
@@ -269,21 +255,19 @@ class SlowFilter {
 
   void SplatBlurSlice(const Grids& eta, const Grid& weight) {
     const Grid splat = Times(mask_, weight);
-    for (SlowReach& reach : reaches_) {
-      const double stretch = reach.sigma / static_cast<double>(kBlurRange);
-      const Link guided = [&](int x, int y, int dx, int dy) {
-        double square = 0;
-        for (const Grid& height : eta) square += std::pow(height.At(x, y) - height.At(x - dx, y - dy), 2);
-        return std::exp(-std::sqrt(2.0) / reach.sigma * std::sqrt(1 + stretch * stretch * square));
-      };
-      for (size_t c = 0; c <= signals_.size(); ++c) {
-        Grid psi = Down(c < signals_.size() ? Times(splat, signals_[c]) : splat);
-        Recurse(guided, &psi);
-        for (int y = 0; y < mask_.height; ++y) {
-          for (int x = 0; x < mask_.width; ++x) reach.sums[c].At(x, y) += weight.At(x, y) * Up(psi, x, y);
-        }
-        SliceAtPoints(eta, psi, &reach.points[c]);
+    const double stretch = blur_sigma_ / static_cast<double>(kBlurRange);
+    const Link guided = [&](int x, int y, int dx, int dy) {
+      double square = 0;
+      for (const Grid& height : eta) square += std::pow(height.At(x, y) - height.At(x - dx, y - dy), 2);
+      return std::exp(-std::sqrt(2.0) / blur_sigma_ * std::sqrt(1 + stretch * stretch * square));
+    };
+    for (size_t c = 0; c <= signals_.size(); ++c) {
+      Grid psi = Down(c < signals_.size() ? Times(splat, signals_[c]) : splat);
+      Recurse(guided, &psi);
+      for (int y = 0; y < mask_.height; ++y) {
+        for (int x = 0; x < mask_.width; ++x) sums_[c].At(x, y) += weight.At(x, y) * Up(psi, x, y);
       }
+      SliceAtPoints(eta, psi, &point_sums_[c]);
     }
   }
 
@@ -291,18 +275,19 @@ class SlowFilter {
   const SlicePoints* const points_;
   const Grid mask_;
   const int step_;
-  const double sigma_;
+  const double sigma_;       // cells
+  const double blur_sigma_;  // cells
   Grids signals_;
   Grids features_;
-  std::vector<SlowReach> reaches_;
+  Grids sums_;        // over manifolds of w * Psi of each signal, and of the weight
+  Grids point_sums_;  // the same at the points: samples x pixels
 };
 
 }  // namespace
 
 ManifoldResult ManifoldFilterSlow(const Planes& signals, const Planes& features, ConstFloatView mask,
-                                  const ManifoldParams& params, absl::Span<const float> reaches,
-                                  const SlicePoints* points) {
-  return SlowFilter(signals, features, mask, params, reaches, points).Run();
+                                  const ManifoldParams& params, float reach, const SlicePoints* points) {
+  return SlowFilter(signals, features, mask, params, reach, points).Run();
 }
 
 }  // namespace lumifold::filter

@@ -241,27 +241,24 @@ HWY_ATTR void PullRowEvenly(float weight, const float* HWY_RESTRICT from, int co
 }
 
 /// The links at x and after, a vector of them.
-HWY_INLINE void LinksAt(const LinkArgs& args, const LinkReach* reaches, size_t count, int x,
-                        float* const* weights) {
+HWY_INLINE void LinksAt(const LinkArgs& args, const LinkReach& reach, int x, float* weights) {
   const Floats d;
   Float square = hn::Zero(d);
   for (size_t k = 0; k < args.planes; ++k) {
     const Float difference = hn::Sub(hn::LoadU(d, args.here[k] + x), hn::LoadU(d, args.there[k] + x));
     square = hn::Add(square, hn::Mul(difference, difference));
   }
-  for (size_t r = 0; r < count; ++r) {
-    const Float length = hn::Sqrt(hn::Add(hn::Set(d, 1.0f), hn::Mul(hn::Set(d, reaches[r].stretch), square)));
-    const Float exponent = hn::Mul(hn::Set(d, -kSqrt2 / reaches[r].sigma), length);
-    hn::StoreU(hn::IfThenElseZero(hn::Ge(exponent, hn::Set(d, -87.0f)), ExpOfNegative(exponent)), d,
-               weights[r] + x);
-  }
+  const Float length = hn::Sqrt(hn::Add(hn::Set(d, 1.0f), hn::Mul(hn::Set(d, reach.stretch), square)));
+  const Float exponent = hn::Mul(hn::Set(d, -kSqrt2 / reach.sigma), length);
+  hn::StoreU(hn::IfThenElseZero(hn::Ge(exponent, hn::Set(d, -87.0f)), ExpOfNegative(exponent)), d,
+             weights + x);
 }
 
-HWY_ATTR void LinkRow(const LinkArgs& args, const LinkReach* reaches, size_t count, float* const* weights) {
+HWY_ATTR void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights) {
   const int lanes = static_cast<int>(hn::Lanes(Floats()));
-  if (args.count < lanes) return slow::LinkRow(args, reaches, count, weights);
-  for (int x = 0; x + lanes <= args.count; x += lanes) LinksAt(args, reaches, count, x, weights);
-  if (args.count % lanes != 0) LinksAt(args, reaches, count, args.count - lanes, weights);
+  if (args.count < lanes) return slow::LinkRow(args, reach, weights);
+  for (int x = 0; x + lanes <= args.count; x += lanes) LinksAt(args, reach, x, weights);
+  if (args.count % lanes != 0) LinksAt(args, reach, args.count - lanes, weights);
 }
 
 }  // namespace HWY_NAMESPACE
@@ -289,8 +286,8 @@ void PullRow(const float* weight, const float* from, int count, float* to) {
 void PullRowEvenly(float weight, const float* from, int count, float* to) {
   HWY_DYNAMIC_DISPATCH(PullRowEvenly)(weight, from, count, to);
 }
-void LinkRow(const LinkArgs& args, const LinkReach* reaches, size_t count, float* const* weights) {
-  HWY_DYNAMIC_DISPATCH(LinkRow)(args, reaches, count, weights);
+void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights) {
+  HWY_DYNAMIC_DISPATCH(LinkRow)(args, reach, weights);
 }
 
 }  // namespace lumifold::filter

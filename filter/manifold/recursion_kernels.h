@@ -40,15 +40,15 @@ struct LinkReach {
   float sigma;
   float stretch;
 };
-/// weights[r][x] = exp(-sqrt(2)/sigma sqrt(1 + stretch |here - there|^2)) for each of `count` reaches.
-void LinkRow(const LinkArgs& args, const LinkReach* reaches, size_t count, float* const* weights);
+/// weights[x] = exp(-sqrt(2)/sigma sqrt(1 + stretch |here - there|^2)).
+void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights);
 
 namespace slow {
 void RecurseRows(const RecurseArgs& args, const float* const* weights);
 void RecurseRowsEvenly(const RecurseArgs& args, float weight);
 void PullRow(const float* weight, const float* from, int count, float* to);
 void PullRowEvenly(float weight, const float* from, int count, float* to);
-void LinkRow(const LinkArgs& args, const LinkReach* reaches, size_t count, float* const* weights);
+void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights);
 }  // namespace slow
 
 }  // namespace lumifold::filter

@@ -32,15 +32,14 @@ void PullRowEvenly(float weight, const float* from, int count, float* to) {
   for (int x = 0; x < count; ++x) to[x] += weight * (from[x] - to[x]);
 }
 
-void LinkRow(const LinkArgs& args, const LinkReach* reaches, size_t count, float* const* weights) {
+void LinkRow(const LinkArgs& args, const LinkReach& reach, float* weights) {
   for (int x = 0; x < args.count; ++x) {
     float square = 0;
     for (size_t k = 0; k < args.planes; ++k) {
       const float difference = args.here[k][x] - args.there[k][x];
       square += difference * difference;
     }
-    for (size_t r = 0; r < count; ++r)
-      weights[r][x] = Exp((-kSqrt2 / reaches[r].sigma) * std::sqrt(1.0f + reaches[r].stretch * square));
+    weights[x] = Exp((-kSqrt2 / reach.sigma) * std::sqrt(1.0f + reach.stretch * square));
   }
 }
 

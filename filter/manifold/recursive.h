@@ -1,8 +1,5 @@
 #pragma once
 
-#include <vector>
-
-#include "absl/types/span.h"
 #include "filter/manifold/bands.h"
 
 namespace lumifold::filter {
@@ -13,10 +10,8 @@ namespace lumifold::filter {
 void LowPass(float sigma, Plane* plane);
 
 /// The same recursion on all `signals` at once, its weight between neighbouring cells lowered where `guide`
-/// changes: a^sqrt(1 + (sigma/range)^2 |dguide|^2), a = exp(-sqrt(2)/sigma). Gives the signals blurred with
-/// each of `sigmas`. Threads: identical for any pool. Source: Gastal & Oliveira 2011, recursive filter, one
-/// iteration.
-std::vector<Planes> GuidedLowPass(absl::Span<const float> sigmas, float range, const Planes& guide,
-                                  const Planes& signals, TaskPool* pool);
+/// changes: a^sqrt(1 + (sigma/range)^2 |dguide|^2), a = exp(-sqrt(2)/sigma). Threads: identical for any pool.
+/// Source: Gastal & Oliveira 2011, recursive filter, one iteration.
+Planes GuidedLowPass(float sigma, float range, const Planes& guide, const Planes& signals, TaskPool* pool);
 
 }  // namespace lumifold::filter

@@ -82,8 +82,8 @@ void BM_ManifoldsAndPoints(benchmark::State& state) {
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
   const ManifoldParams params;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(ManifoldFilterAtReaches(signals, features, mask.view(), params, {params.sigma_s},
-                                                     &points, pool.get()));
+    benchmark::DoNotOptimize(
+        ManifoldFilterAtPoints(signals, features, mask.view(), params, params.sigma_s, &points, pool.get()));
   }
   CountPixels(state);
 }

@@ -77,28 +77,27 @@ TEST(ManifoldFilter, EqualsItsOracleForOddSizesMasksReachesAndHeights) {
     params.sigma_s = c.sigma_s;
     params.height = c.tree_height;
     const ManifoldResult slow =
-        ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, {c.sigma_s}, nullptr);
-    EXPECT_LT(WorstDifference(Filtered(input, params), slow.filtered[0]), 2e-5)
+        ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, c.sigma_s, nullptr);
+    EXPECT_LT(WorstDifference(Filtered(input, params), slow.filtered), 2e-5)
         << c.width << "x" << c.height << " H " << c.tree_height;
   }
 }
 
-TEST(ManifoldFilter, EqualsItsOracleAtReachesAndCellsOfItsOwn) {
+TEST(ManifoldFilter, EqualsItsOracleAtAReachAndCellsOfItsOwn) {
   const Input input = MakeInput(67, 45, 5, true, 12);
-  const float reaches[] = {12, 3, 24};
   ManifoldParams params;
   params.sigma_s = 8;
   params.height = 3;
   for (const int cell : {1, 2, 4, 16}) {
     params.cell = cell;
-    const ManifoldResult fast = ManifoldFilterAtReaches(input.signals, input.features, input.mask.view(),
-                                                        params, reaches, nullptr, nullptr);
-    const ManifoldResult slow =
-        ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reaches, nullptr);
-    ASSERT_EQ(fast.filtered.size(), 3u);
-    EXPECT_TRUE(fast.points.empty());
-    for (size_t r = 0; r < 3; ++r)
-      EXPECT_LT(WorstDifference(fast.filtered[r], slow.filtered[r]), 3e-5) << cell << " " << r;
+    for (const float reach : {12.0f, 3.0f, 24.0f}) {
+      const ManifoldResult fast = ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(),
+                                                         params, reach, nullptr, nullptr);
+      const ManifoldResult slow =
+          ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reach, nullptr);
+      EXPECT_TRUE(fast.points.values.empty());
+      EXPECT_LT(WorstDifference(fast.filtered, slow.filtered), 3e-5) << cell << " " << reach;
+    }
   }
 }
 
@@ -135,35 +134,33 @@ double WorstDifference(const std::vector<float>& a, const std::vector<float>& b)
 TEST(ManifoldFilter, SlicesPointsBetweenPixelsAsItsOracleDoes) {
   const Input input = MakeInput(75, 50, 7, true, 13);
   const SlicePoints points = MakePoints(input, 16, 4);
-  const float reaches[] = {16, 3};
   ManifoldParams params;
   params.height = 3;
-  const ManifoldResult fast = ManifoldFilterAtReaches(input.signals, input.features, input.mask.view(),
-                                                      params, reaches, &points, nullptr);
-  const ManifoldResult slow =
-      ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reaches, &points);
-  for (size_t r = 0; r < 2; ++r) {
-    EXPECT_EQ(WorstDifference(fast.filtered[r], Filtered(input, params)) == 0,
-              r == 0);  // points change nothing
-    EXPECT_LT(WorstDifference(fast.points[r].values, slow.points[r].values), 1e-4) << r;
-    EXPECT_LT(WorstDifference(fast.points[r].weights, slow.points[r].weights), 1e-4) << r;
+  for (const float reach : {params.sigma_s, 3.0f}) {
+    const ManifoldResult fast = ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(),
+                                                       params, reach, &points, nullptr);
+    const ManifoldResult slow =
+        ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reach, &points);
+    EXPECT_EQ(WorstDifference(fast.filtered, Filtered(input, params)) == 0,
+              reach == params.sigma_s);  // points change nothing
+    EXPECT_LT(WorstDifference(fast.points.values, slow.points.values), 1e-4) << reach;
+    EXPECT_LT(WorstDifference(fast.points.weights, slow.points.weights), 1e-4) << reach;
   }
 }
 
 TEST(ManifoldFilter, FindsNothingForAPointFarFromAllManifolds) {
   const Input input = MakeInput(40, 40, 5, false, 14);
   const SlicePoints points = MakePoints(input, 4, 3);
-  const float reaches[] = {16};
-  const ManifoldResult result = ManifoldFilterAtReaches(input.signals, input.features, input.mask.view(), {},
-                                                        reaches, &points, nullptr);
+  const ManifoldResult result =
+      ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(), {}, 16, &points, nullptr);
   size_t lost = 0;
   for (size_t pixel = 0; pixel < points.pixels.size(); ++pixel) {
     const auto [x, y] = points.pixels[pixel];
     if ((x + y) % 5 != 0) continue;
     ++lost;
-    EXPECT_EQ(result.points[0].weights[pixel * 4 + 1], 0.0f);
-    for (size_t c = 0; c < 3; ++c) EXPECT_EQ(result.points[0].values[(pixel * 3 + c) * 4 + 1], 0.0f);
-    EXPECT_GT(result.points[0].weights[pixel * 4 + 2], 0.0f);
+    EXPECT_EQ(result.points.weights[pixel * 4 + 1], 0.0f);
+    for (size_t c = 0; c < 3; ++c) EXPECT_EQ(result.points.values[(pixel * 3 + c) * 4 + 1], 0.0f);
+    EXPECT_GT(result.points.weights[pixel * 4 + 2], 0.0f);
   }
   EXPECT_GT(lost, 10u);
 }
@@ -171,16 +168,14 @@ TEST(ManifoldFilter, FindsNothingForAPointFarFromAllManifolds) {
 TEST(ManifoldFilter, GivesPointsTheSameBitsForAnyPool) {
   const Input input = MakeInput(90, 70, 6, true, 15);
   const SlicePoints points = MakePoints(input, 16, 4);
-  const float reaches[] = {16};
   ShufflingPool pool(9);
   const auto run = [&](TaskPool* with) {
-    return ManifoldFilterAtReaches(input.signals, input.features, input.mask.view(), {}, reaches, &points,
-                                   with);
+    return ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(), {}, 16, &points, with);
   };
   const ManifoldResult alone = run(nullptr);
   const ManifoldResult shuffled = run(&pool);
-  EXPECT_EQ(alone.points[0].values, shuffled.points[0].values);
-  EXPECT_EQ(alone.points[0].weights, shuffled.points[0].weights);
+  EXPECT_EQ(alone.points.values, shuffled.points.values);
+  EXPECT_EQ(alone.points.weights, shuffled.points.weights);
 }
 
 TEST(ManifoldFilter, GivesTheSameBitsOnEachInstructionSet) {

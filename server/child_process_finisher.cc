@@ -18,6 +18,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/clock.h"
+#include "filter/image/exr_io.h"
+#include "filter/image/memory.h"
 #include "proto/rpc/byte_stream.h"
 #include "server/finish_frame.h"
 #include "server/frame_finisher.h"
@@ -166,6 +168,8 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   const absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =
       ledger::OpenSqliteJobStore(folder.LedgerPath());
   if (!store.ok()) return store.status();
+  KeepFreedMemory();
+  SetExrThreads(threads);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   try {
     return FinishFrame(folder, **store, scheduler::JobId(arguments[1]), frame, pool.get(), absl::Now);

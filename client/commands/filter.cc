@@ -11,8 +11,10 @@
 #include "client/commands/shared_options.h"
 #include "client/film_file.h"
 #include "client/output_file.h"
+#include "filter/image/exr_io.h"
 #include "filter/image/exr_row_writer.h"
 #include "filter/image/layers.h"
+#include "filter/image/memory.h"
 #include "filter/image/png_io.h"
 
 namespace lumifold::client {
@@ -165,6 +167,8 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
   if (const auto ended = ParseFilter(arguments, environment, &options)) return *ended;
   if (!environment.film_filter)
     return ReportError(environment, absl::UnimplementedError("this build has no filter"));
+  KeepFreedMemory();
+  SetExrThreads(options.threads);
   const absl::StatusOr<std::unique_ptr<FilmFile>> film =
       FilmFile::Open({options.picture, options.half_b, options.layout, FolderOf(options.output)});
   if (!film.ok()) return ReportError(environment, film.status());

@@ -4,6 +4,7 @@
 #include <ImfIO.h>
 #include <ImfInputPart.h>
 #include <ImfMultiPartInputFile.h>
+#include <ImfThreading.h>
 
 #include <algorithm>
 #include <utility>
@@ -62,6 +63,11 @@ absl::StatusOr<LayeredImage> PixelsOf(absl::StatusOr<EdgedImage> image) {
 }
 
 }  // namespace
+
+void SetExrThreads(int threads) {
+  LUMIFOLD_CHECK(threads >= 1);
+  Imf::setGlobalThreadCount(threads > 1 ? threads : 0);  // 0: no others, and nothing to hand over
+}
 
 absl::Status WriteExr(const std::string& path, const LayeredImage& image) {
   absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(path, ExrLayoutOf(image));

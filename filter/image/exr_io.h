@@ -15,6 +15,11 @@ namespace lumifold {
 /// ask for all memory.
 inline constexpr int64_t kMaxPixels = int64_t{1} << 28;
 
+/// Compresses and decompresses all OpenEXR files that this process opens from now on with `threads` (>= 1)
+/// threads; before it is called, with the caller's own. For programs: a library does not decide for its
+/// process. The bytes are the same with any number.
+void SetExrThreads(int threads);
+
 /// Writes every channel as 32-bit float, ZIP-compressed scanlines, metadata as string attributes. The file
 /// appears whole or not at all (written beside itself, synced, renamed). Errors: kInvalidArgument for a
 /// picture without channels or pixels; kUnavailable with the system's words when the disk refuses. Threads:

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "absl/strings/str_cat.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/exr_row_writer.h"
 #include "filter/image/file_io.h"
@@ -198,6 +199,22 @@ TEST_F(ExrFilmTest, RowsGiveTheSameFileHoweverTheyArePortioned) {
   ASSERT_TRUE(writer->Finish().ok());
   EXPECT_EQ(ReadFile(folder_.PathOf("rows.exr"), 1 << 24).value(),
             ReadFile(folder_.PathOf("whole.exr"), 1 << 24).value());
+}
+
+TEST_F(ExrFilmTest, AnyNumberOfThreadsGivesTheSameFileAndPicture) {
+  const EdgedImage film{SamplePicture(300, 200), SampleEdges()};
+  std::vector<std::string> files;
+  for (const int threads : {1, 2, 5}) {
+    SetExrThreads(threads);
+    const std::string path = folder_.PathOf(absl::StrCat(threads, ".exr"));
+    ASSERT_TRUE(WriteExr(path, film).ok());
+    files.push_back(ReadFile(path, 1 << 24).value());
+    const absl::StatusOr<LayeredImage> read = ReadExr(path);
+    ASSERT_TRUE(read.ok()) << read.status();
+    EXPECT_TRUE(files.back() == files[0]) << threads;
+    ExpectSame(*read, film.pixels);
+  }
+  SetExrThreads(1);
 }
 
 TEST_F(ExrFilmTest, AWriterRefusesOtherRowsAndLeavesNothingUnfinished) {

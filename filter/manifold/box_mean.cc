@@ -8,6 +8,9 @@
 namespace lumifold::filter {
 namespace {
 
+/// Columns of a block: what it and its apron take stays in the second-level cache.
+constexpr int kBlockColumns = 256;
+
 /// A block of pixels with an apron of `radius` around it, row after row, zero beyond the picture, and sums
 /// over windows of it.
 class Window {
@@ -100,10 +103,10 @@ Planes BoxMeans(const Planes& values, ConstFloatView weight, int radius, TaskPoo
   const int reach = std::min(radius, std::max(width, height));
   Planes means = MakeUninitializedPlanes(values.size(), width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
-    Window total(kStripColumns, kBandRows, reach);
-    Window window(kStripColumns, kBandRows, reach);
-    for (int x0 = 0; x0 < width; x0 += kStripColumns)
-      BlockMeans({x0, y0, std::min(x0 + kStripColumns, width), y1}, values, weight, &total, &window, &means);
+    Window total(kBlockColumns, kBandRows, reach);
+    Window window(kBlockColumns, kBandRows, reach);
+    for (int x0 = 0; x0 < width; x0 += kBlockColumns)
+      BlockMeans({x0, y0, std::min(x0 + kBlockColumns, width), y1}, values, weight, &total, &window, &means);
   });
   return means;
 }

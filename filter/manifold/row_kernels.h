@@ -13,9 +13,9 @@ namespace lumifold::filter {
 // kStripColumns; rows of pixels may be read and written up to the next multiple of kRowPadding floats, as
 // Plane allows. All are safe to run side by side.
 
-/// Columns of pixels that one call works on at most: what it sums stays in the first-level cache. A multiple
-/// of every cell.
-inline constexpr int kStripColumns = 256;
+/// Columns of pixels that one call works on at most: what it sums stays in the cache, yet rows of cells are
+/// read far enough for the processor to foresee what comes next. A multiple of every cell.
+inline constexpr int kStripColumns = 1024;
 /// Floats to which rows of pixels are padded.
 inline constexpr int kRowPadding = 16;
 /// Floats that may be read (not used) after the last cell of a row of cells.

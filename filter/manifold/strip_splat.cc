@@ -32,13 +32,13 @@ void StoreCellMeans(const Lattice& lattice, int row, int x0, int count, float* s
 StripSplat::StripSplat(PixelState* state, Level* level)
     : state_(*state),
       level_(*level),
-      sums_((state->signals.size() + 2 * state->features.size() + 3) * kStripColumns),
+      sums_((state->signals.size() + 2 * state->features.size() + 3) * kSumStride),
       eta_(state->features.size() * kEtaStride),
       upper_(state->features.size()),
       lower_(state->features.size()),
       feature_rows_(state->features.size()),
       signal_rows_(state->signals.size()) {
-  for (size_t i = 0; i * kStripColumns < sums_.size(); ++i) sum_rows_.push_back(Sums(i));
+  for (size_t i = 0; i * kSumStride < sums_.size(); ++i) sum_rows_.push_back(Sums(i));
 }
 
 void StripSplat::CellRow(int row) {
@@ -53,7 +53,8 @@ void StripSplat::Strip(size_t manifold, int row, int x0) {
   const bool splits = !level_.children.empty();
   const size_t planes = state_.signals.size() + 1;
   const size_t cluster_planes = state_.features.size() + 1;
-  std::fill_n(sums_.begin(), (planes + (splits ? 2 * cluster_planes : 0)) * kStripColumns, 0.0f);
+  const size_t strips = planes + (splits ? 2 * cluster_planes : 0);
+  for (size_t i = 0; i < strips; ++i) std::fill_n(Sums(i), count, 0.0f);
   SplatFound found;
   for (int y = row * lattice.step; y < row * lattice.step + lattice.RowHeight(row); ++y) {
     const SplatFound in_row = PixelRow(manifold, y, x0, count);

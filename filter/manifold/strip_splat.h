@@ -37,9 +37,12 @@ class StripSplat {
   void CellRow(int row);
 
  private:
+  /// Strips a power of two apart would share a few sets of the cache, and drive each other out.
+  static constexpr size_t kSumStride = kStripColumns + kRowPadding;
+
   void Strip(size_t manifold, int row, int x0);
   SplatFound PixelRow(size_t manifold, int y, int x0, int count);
-  float* Sums(size_t i) { return sums_.data() + i * kStripColumns; }
+  float* Sums(size_t i) { return sums_.data() + i * kSumStride; }
 
   PixelState& state_;
   Level& level_;

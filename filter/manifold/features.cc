@@ -60,7 +60,12 @@ Planes JointFeatures(const Planes& color, const PatchBasis& basis, float sigma_q
   PatchBasis scaled = basis;
   for (float& tap : scaled.kernels) tap /= sigma_q;
   Planes features = ProjectPatches(color, scaled, pool);
-  for (const Plane& plane : geometry) features.push_back(plane.Clone());
+  const size_t patches = features.size();
+  features.resize(patches + geometry.size());
+  ParallelFor(pool, static_cast<int64_t>(geometry.size()), [&](int64_t i) {
+    const size_t k = static_cast<size_t>(i);
+    features[patches + k] = geometry[k].Clone();
+  });
   return features;
 }
 

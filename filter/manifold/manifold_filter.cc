@@ -1,5 +1,6 @@
 #include "filter/manifold/manifold_filter.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "filter/manifold/manifold_tree.h"
@@ -13,22 +14,29 @@
 namespace lumifold::filter {
 namespace {
 
-PixelState MakeState(const Planes& signals, const Planes& features, const Plane& mask, int cell_size,
-                     int height) {
-  const int picture_width = mask.width();
-  const int picture_height = mask.height();
-  Planes weights;
-  for (int i = 0; i < 1 << (height - 1); ++i)
-    weights.push_back(Plane::Uninitialized(picture_width, picture_height));
-  return {signals,
-          features,
-          mask,
-          Lattice(picture_width, picture_height, cell_size),
-          Widening(cell_size),
-          mask.Clone(),
-          Plane(picture_width, picture_height),
-          Plane::Uninitialized(picture_width, picture_height),
-          std::move(weights)};
+PixelState MakeState(const Planes& signals, const Planes& features, ConstFloatView mask,
+                     const ManifoldParams& params, TaskPool* pool) {
+  const int width = mask.width();
+  const int height = mask.height();
+  const auto plane = [&] { return Plane::Uninitialized(width, height); };
+  const size_t manifolds = size_t{1} << (params.height - 1);
+  PixelState state{.signals = signals,
+                   .features = features,
+                   .mask = plane(),
+                   .lattice = Lattice(width, height, CellOf(params)),
+                   .widening = Widening(CellOf(params)),
+                   .members = plane(),
+                   .labels = plane(),
+                   .next_labels = plane(),
+                   .weights = MakeUninitializedPlanes(manifolds, width, height)};
+  ForEachBand(pool, height, [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      std::copy_n(mask.Row(y), width, state.mask.Row(y));
+      std::copy_n(mask.Row(y), width, state.members.Row(y));
+      std::fill_n(state.labels.Row(y), width, 0.0f);
+    }
+  });
+  return state;
 }
 
 class Filter {
@@ -37,7 +45,7 @@ class Filter {
          TaskPool* pool)
       : state_(std::move(state)), params_(params), reach_(reach), points_(points), pool_(pool) {
     const size_t signals = state_.signals.size();
-    result_.filtered = MakePlanes(signals + 1, state_.lattice.width, state_.lattice.height);
+    result_.filtered = MakeUninitializedPlanes(signals + 1, state_.lattice.width, state_.lattice.height);
     if (points == nullptr) return;
     const size_t count = points->pixels.size() * points->samples;
     result_.points = {std::vector<float>(count * signals), std::vector<float>(count)};
@@ -50,7 +58,7 @@ class Filter {
     for (int depth = 1;; ++depth) {
       Level level = Splat(std::move(manifolds), depth == params_.height);
       std::vector<ClusterSums> children = std::move(level.children);
-      std::vector<Manifold> parents = BlurAndSlice(std::move(level));
+      std::vector<Manifold> parents = BlurAndSlice(std::move(level), depth == 1);
       if (depth == params_.height) break;
       manifolds = std::vector<Manifold>(children.size());
       ParallelFor(pool_, static_cast<int64_t>(children.size()), [&](int64_t i) {
@@ -71,9 +79,9 @@ class Filter {
   ClusterSums RootSums() const;
   Level Splat(std::vector<Manifold> manifolds, bool is_last);
   /// Consumes the level's splats; gives back its manifolds.
-  std::vector<Manifold> BlurAndSlice(Level level);
-  /// Adds w * Psi of each manifold to the result.
-  void Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi);
+  std::vector<Manifold> BlurAndSlice(Level level, bool is_first);
+  /// Adds w * Psi of each manifold to the result; to nothing yet at the first level.
+  void Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi, bool is_first);
   void DivideSums();
   void DividePoints();
 
@@ -110,21 +118,26 @@ Level Filter::Splat(std::vector<Manifold> manifolds, bool is_last) {
   return level;
 }
 
-std::vector<Manifold> Filter::BlurAndSlice(Level level) {
+std::vector<Manifold> Filter::BlurAndSlice(Level level, bool is_first) {
   std::vector<Planes> psi(level.splats.size());
   ParallelFor(pool_, static_cast<int64_t>(psi.size()), [&](int64_t i) {
     const size_t at = static_cast<size_t>(i);
     psi[at] = GuidedLowPass(InCells(reach_), kBlurRange, level.manifolds[at].eta, level.splats[at], pool_);
     level.splats[at].clear();
   });
-  Slice(level.manifolds, psi);
+  Slice(level.manifolds, psi, is_first);
   return std::move(level.manifolds);
 }
 
-void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi) {
+void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi, bool is_first) {
   ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
     StripSlice slice(state_, psi);
-    for (int y = y0; y < y1; ++y) slice.PixelRow(y, &result_.filtered);
+    for (int y = y0; y < y1; ++y) {
+      for (Plane& sums : result_.filtered) {
+        if (is_first) std::fill_n(sums.Row(y), sums.width(), 0.0f);
+      }
+      slice.PixelRow(y, &result_.filtered);
+    }
   });
   if (points_ != nullptr) SlicePointsAt(state_, manifolds, psi, *points_, pool_, &result_.points);
 }
@@ -174,10 +187,7 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
   LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
   if (mask.width() == 0 || mask.height() == 0)
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
-  Plane own_mask = Plane::Uninitialized(mask.width(), mask.height());
-  CopyPlane(mask, own_mask.view());
-  PixelState state = MakeState(signals, features, own_mask, CellOf(params), params.height);
-  return Filter(std::move(state), params, reach, points, pool).Run();
+  return Filter(MakeState(signals, features, mask, params, pool), params, reach, points, pool).Run();
 }
 
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,

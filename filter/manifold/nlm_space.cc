@@ -154,8 +154,10 @@ Planes ProjectPatches(const Planes& color, const PatchBasis& basis, TaskPool* po
   const int width = color[0].width();
   const int height = color[0].height();
   const int side = 2 * basis.radius + 1;
-  Planes padded;
-  for (const Plane& plane : color) padded.push_back(Padded(plane, basis.radius));
+  Planes padded(color.size());
+  ParallelFor(pool, static_cast<int64_t>(color.size()), [&](int64_t i) {
+    padded[static_cast<size_t>(i)] = Padded(color[static_cast<size_t>(i)], basis.radius);
+  });
   Planes coordinates = MakeUninitializedPlanes(static_cast<size_t>(basis.dimensions), width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     std::vector<const float*> pixels;

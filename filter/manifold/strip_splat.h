@@ -11,7 +11,7 @@ namespace lumifold::filter {
 struct PixelState {
   const Planes& signals;
   const Planes& features;
-  const Plane& mask;
+  Plane mask;
   Lattice lattice;
   Widening widening;
   Plane members;      // mask times how far the pixel belongs to its cluster

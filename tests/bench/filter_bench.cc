@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "filter/image/memory.h"
 #include "filter/image/parallel.h"
 #include "filter/manifold/manifold_filter.h"
 #include "filter/methods.h"
@@ -179,4 +180,9 @@ BENCHMARK(BM_Triad)->Arg(1)->Arg(2)->UseRealTime();
 }  // namespace
 }  // namespace lumifold::filter
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  lumifold::KeepFreedMemory();  // as the programs that filter do
+  benchmark::Initialize(&argc, argv);
+  benchmark::RunSpecifiedBenchmarks();
+  benchmark::Shutdown();
+}

@@ -1,5 +1,6 @@
 #include "filter/manifold/denoise.h"
 
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -43,6 +44,7 @@ FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const Sl
   const ConstColorView mean = Crop(product.mean, product.box);
   Halves halves = MakeHalves(Crop(product.halves, product.box), validity.view(), pool);
   halves.is_difference = product.is_difference;
+  halves.picture_light = product.picture_light.Clone();
   if (halves.level == 0) return {CopyOf(mean), NothingAt(points)};  // nothing here shines
   const float scale = halves.scale;
   FilteredLayer filtered = filter(std::move(halves), product.geometry, points);
@@ -72,13 +74,29 @@ bool OnlyRadiates(const ConstColorView& albedo, const ConstColorView& emission, 
   return radiates;
 }
 
-/// The remainder, on all that is hit and does more than radiate, as one more product of factor 1.
-Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder, LayerFilter filter,
-                       TaskPool* pool) {
+/// Magnitude of the picture over the mean, all channels together.
+Plane LightOf(const std::array<Plane, 3>& picture, float mean, TaskPool* pool) {
+  const float share = mean > 0 ? 1.0f / (3.0f * mean) : 0.0f;
+  Plane light(picture[0].width(), picture[0].height());
+  ForEachBand(pool, light.height(), [&](int, int y0, int y1) {
+    for (const Plane& channel : picture) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < light.width(); ++x) light.At(x, y) += share * std::abs(channel.At(x, y));
+      }
+    }
+  });
+  return light;
+}
+
+/// The remainder, on all that is hit and does more than radiate, as one more product of factor 1. `picture`:
+/// with all other products filtered.
+Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder,
+                       const std::array<Plane, 3>& picture, LayerFilter filter, TaskPool* pool) {
   if (IsRounding(remainder, film, pool)) return CopyOf(ViewOf(remainder.mean));
   const ConstFloatView distance = film.Get(layers::kDistance);
   Product rest;
   rest.is_difference = true;
+  rest.picture_light = LightOf(picture, MeanMagnitude(film.GetColor(layers::kNoisy), pool), pool);
   rest.mean = ViewOf(remainder.mean);
   rest.halves = {ViewOf(remainder.a), ViewOf(remainder.b), film.Get(layers::kSamplesA),
                  film.Get(layers::kSamplesB)};
@@ -155,8 +173,9 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
     filtered.push_back(std::move(layer.planes));
     if (wanted != nullptr) at_points[i] = std::move(layer.points);
   }
-  const Planes rest = FilterRemainder(film, remainder, filter, pool);
-  std::array<Plane, 3> picture = Recombine(film, products, filtered, remainder, rest, pool);
+  std::array<Plane, 3> picture = Recombine(film, products, filtered, pool);
+  const Planes rest = FilterRemainder(film, remainder, picture, filter, pool);
+  AddChange(remainder.mean, rest, pool, &picture);
   if (assembly.edge_change != nullptr) {
     *assembly.edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1]);
     AddPlanes(*assembly.edge_change, pool, absl::MakeSpan(picture));

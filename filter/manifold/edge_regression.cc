@@ -11,6 +11,7 @@
 #include "filter/manifold/band_pixels.h"
 #include "filter/manifold/box_mean.h"
 #include "filter/manifold/edge_pixels.h"
+#include "filter/manifold/error_weight.h"
 #include "filter/manifold/recombine.h"
 
 namespace lumifold::filter {
@@ -36,6 +37,7 @@ constexpr size_t kRowSize = 16;  // both, padded to whole vectors
 struct Sample {
   std::array<float, kRowSize> row = {};
   std::array<float, 3> likeness = {};
+  float light = 0;         // F, over the mean
   bool is_usable = false;  // both halves known and finite
 };
 
@@ -77,6 +79,7 @@ class Source {
       sample.is_usable = sample.is_usable && std::abs(a) < kLargest && std::abs(b) < kLargest;
       sample.row[kTerms + c] = a;
       sample.row[kTerms + 3 + c] = b;
+      sample.light += std::abs(f / unit_) / 3;
       sample.likeness[c] = Asinh(f / unit_ * (1.0f / kKnee));
     }
     return sample;
@@ -154,6 +157,7 @@ std::array<float, kSignals> FitAt(const BandPixels<Sample>& samples, int x, int 
 /// Half B judges what half A was fitted by, and the reverse.
 Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit) {
   Errors errors;
+  const float weight = ErrorWeight(sample.light);
   for (size_t c = 0; c < 3; ++c) {
     const float a = sample.row[kTerms + c];
     const float b = sample.row[kTerms + 3 + c];
@@ -161,9 +165,9 @@ Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit) {
     const float off_b = fit[3 + c] - a;
     const float apart = fit[c] - fit[3 + c];
     const float noise = (a - b) * (a - b);
-    errors.without += a * b;
-    errors.with += (off_a * off_a + off_b * off_b - noise) / 2 - apart * apart / 4;
-    errors.variance += noise / 4;
+    errors.without += weight * a * b;
+    errors.with += weight * ((off_a * off_a + off_b * off_b - noise) / 2 - apart * apart / 4);
+    errors.variance += weight * noise / 4;
   }
   return errors;
 }

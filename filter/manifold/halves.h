@@ -19,6 +19,9 @@ struct Halves {
   float level = 0;  // mean magnitude of the halves as they are here, about 1; 0 for a black layer
   bool has_noise_estimate = false;  // whether any pixel has both halves
   bool is_difference = false;       // of light and not light itself: of either sign, and mostly near 0
+  /// Light of the picture it is part of, over the picture's mean, by which its errors are weighed
+  /// (ErrorWeight); empty: the layer's own.
+  Plane picture_light;
 
   int width() const { return weight.width(); }
   int height() const { return weight.height(); }

@@ -22,6 +22,7 @@ struct Product {
   bool is_glossy = false;      // G, of the surfaces seen first
   bool is_level = false;       // seen in mirrors or through glass
   bool is_difference = false;  // see Halves: the remainder
+  Plane picture_light;         // of the box; see Halves
 };
 
 /// The layers of a film that have anything to filter: direct and indirect first, then glossy, then the levels

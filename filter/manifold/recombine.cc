@@ -137,8 +137,7 @@ bool IsRounding(const Remainder& remainder, const LayeredImage& film, TaskPool* 
 }
 
 std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Product>& products,
-                               const std::vector<Planes>& filtered, const Remainder& before,
-                               const Planes& filtered_remainder, TaskPool* pool) {
+                               const std::vector<Planes>& filtered, TaskPool* pool) {
   Planes changes = MakePlanes(3, film.width(), film.height());
   for (size_t i = 0; i < products.size(); ++i) {
     const Rect& box = products[i].box;
@@ -154,8 +153,6 @@ std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Produ
       }
     });
   }
-  AddTo(ViewOf(filtered_remainder), 1, pool, &changes);
-  AddTo(ViewOf(before.mean), -1, pool, &changes);
   std::array<Plane, 3> picture;
   for (size_t c = 0; c < 3; ++c) {
     const ConstFloatView noisy = film.GetColor(layers::kNoisy)[c];
@@ -166,6 +163,18 @@ std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Produ
     }
   }
   return picture;
+}
+
+void AddChange(const Planes& before, const Planes& after, TaskPool* pool, std::array<Plane, 3>* picture) {
+  ForEachBand(pool, before[0].height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < 3; ++c) {
+      for (int y = y0; y < y1; ++y) {
+        float* row = (*picture)[c].Row(y);
+        for (int x = 0; x < before[c].width(); ++x)
+          row[x] = Finite(row[x] + Finite(after[c].At(x, y) - before[c].At(x, y)));
+      }
+    }
+  });
 }
 
 void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 3>* picture) {

@@ -28,11 +28,13 @@ Remainder MakeRemainder(const LayeredImage& film, const std::vector<Product>& pr
 bool IsRounding(const Remainder& remainder, const LayeredImage& film, TaskPool* pool);
 
 /// C plus what the filter changed, so that what it left alone passes through to the last bit: C + sum of
-/// (filtered - mean) * factor + (filtered remainder - remainder). `filtered`: a product's, of its box's size,
-/// each. Not finite values count as 0.
+/// (filtered - mean) * factor. `filtered`: a product's, of its box's size, each. Not finite values count as
+/// 0.
 std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Product>& products,
-                               const std::vector<Planes>& filtered, const Remainder& before,
-                               const Planes& filtered_remainder, TaskPool* pool);
+                               const std::vector<Planes>& filtered, TaskPool* pool);
+
+/// picture += after - before, W x H and 3 planes each. Not finite values count as 0.
+void AddChange(const Planes& before, const Planes& after, TaskPool* pool, std::array<Plane, 3>* picture);
 
 /// Draws F back towards C where the two differ by more than C's noise can explain: F + max(0, 1 - c v / r^2)
 /// (C - F), v and r^2 means over a window of the variance of C's filtered part (from halves; the larger one

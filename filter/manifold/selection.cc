@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "filter/manifold/box_mean.h"
+#include "filter/manifold/error_weight.h"
 #include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
@@ -45,6 +46,37 @@ Plane CandidateError(const Halves& halves, const Candidate& candidate, TaskPool*
     }
   });
   return error;
+}
+
+/// The light of a row over its mean, as far as it is known without the input's noise: what the picture shows
+/// there, or `first`, the first candidate.
+void LightRow(const Halves& halves, const Candidate& first, int y, std::vector<float>* light) {
+  if (halves.picture_light.width() > 0) {
+    std::copy_n(halves.picture_light.Row(y), light->size(), light->begin());
+    return;
+  }
+  std::fill(light->begin(), light->end(), 0.0f);
+  const float share = 1.0f / (6.0f * halves.level);
+  for (const Planes* half : {&first.a, &first.b}) {
+    for (const Plane& channel : *half) {
+      const float* __restrict in = channel.Row(y);
+      for (size_t x = 0; x < light->size(); ++x) (*light)[x] += share * std::abs(in[x]);
+    }
+  }
+}
+
+void WeighErrors(const Halves& halves, const Candidate& first, TaskPool* pool, Planes* errors) {
+  ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
+    std::vector<float> light(static_cast<size_t>(halves.width()));
+    for (int y = y0; y < y1; ++y) {
+      LightRow(halves, first, y, &light);
+      for (float& value : light) value = ErrorWeight(value);
+      for (Plane& error : *errors) {
+        float* __restrict row = error.Row(y);
+        for (size_t x = 0; x < light.size(); ++x) row[x] *= light[x];
+      }
+    }
+  });
 }
 
 Planes Smooth(const Planes& errors, const Plane& mask, const SelectionParams& params, TaskPool* pool) {
@@ -89,6 +121,7 @@ Planes SelectCandidates(const Halves& halves, const Planes& raw_variance,
   Planes estimates;
   estimates.push_back(RawError(raw_variance, pool));
   for (const Candidate& candidate : candidates) estimates.push_back(CandidateError(halves, candidate, pool));
+  WeighErrors(halves, candidates.front(), pool, &estimates);
   const Planes errors = Smooth(estimates, mask, params, pool);
   Planes chosen = MakePlanes(errors.size(), halves.width(), halves.height());
   ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {

@@ -27,6 +27,8 @@ class Series(typing.NamedTuple):
 SCENES = ("cornell-box", "meeting-room", "bedroom", "atrium")
 NOISY = Series(SCENES, 128, 96, (1, 4, 16, 64), 1024)
 CLEAN = Series(SCENES, 64, 48, (256, 1024, 4096), 16384)
+# Most pixels on edges, next to pixels many times as bright and as noisy.
+SMALL = tuple(Series(SCENES, width, height, (256, 1024, 4096), 32768) for width, height in ((16, 12), (24, 18)))
 
 
 class Part(typing.NamedTuple):
@@ -79,13 +81,18 @@ class QualityTest(unittest.TestCase):
                 for samples in series.sample_counts:
                     picture = root / f"{samples}.exr"
                     self.render(scene, series, samples, 1, "default", picture)
-                    self.check_picture(series, picture, reference, f"{name} {samples} spp")
+                    self.check_picture(series, picture, reference,
+                                       f"{name} {series.width}x{series.height}, {samples} spp")
 
     def test_no_noisy_picture_gets_worse(self):
         self.check_series(NOISY)
 
     def test_no_picture_of_many_samples_gets_worse(self):
         self.check_series(CLEAN)
+
+    def test_no_picture_of_few_pixels_gets_worse(self):
+        for series in SMALL:
+            self.check_series(series)
 
 
 if __name__ == "__main__":

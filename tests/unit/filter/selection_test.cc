@@ -21,6 +21,7 @@ Halves NoisyHalves() {
   for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight}) plane->Fill(1);
   halves.share_a.Fill(0.5f);
   halves.has_noise_estimate = true;
+  halves.level = 1.5f;
   for (Planes* half : {&halves.a, &halves.b}) {
     *half = MakePlanes(3, kSize, kSize);
     for (Plane& plane : *half) {
@@ -51,6 +52,78 @@ TEST(SelectCandidates, TakesTheFilterWhereItIsRightAndTheInputWhereItIsWrong) {
   EXPECT_GT(shares[1].At(10, 32), 0.95f);
   EXPECT_GT(shares[0].At(54, 32), 0.95f);
   for (int x = 0; x < kSize; ++x) EXPECT_NEAR(shares[0].At(x, 20) + shares[1].At(x, 20), 1.0f, 1e-5f);
+}
+
+/// A lamp's rim: a column 30 times as bright and as noisy as the dark about it.
+constexpr int kRim = kSize / 2;
+
+Halves RimInTheDark() {
+  Halves halves = NoisyHalves();
+  for (Planes* half : {&halves.a, &halves.b}) {
+    for (Plane& plane : *half) {
+      for (int y = 0; y < kSize; ++y) {
+        for (int x = 0; x < kSize; ++x) {
+          const float noise = plane.At(x, y) - Truth(x);
+          plane.At(x, y) = x == kRim ? 3.0f + noise : 0.1f + noise / 30;
+        }
+      }
+    }
+  }
+  halves.level = 0.15f;
+  return halves;
+}
+
+/// Perfect on the rim, twice as bright as the truth beside it.
+Candidate WrongBesideTheRim() {
+  Candidate candidate = ConstantCandidate();
+  for (Planes* half : {&candidate.a, &candidate.b}) {
+    for (Plane& plane : *half) {
+      for (int y = 0; y < kSize; ++y) {
+        for (int x = 0; x < kSize; ++x) plane.At(x, y) = x == kRim ? 3.0f : 0.2f;
+      }
+    }
+  }
+  return candidate;
+}
+
+TEST(SelectCandidates, LetsNoLampDecideForTheDarkBesideIt) {
+  const Halves halves = RimInTheDark();
+  const Planes variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), nullptr);
+  std::vector<Candidate> candidates;
+  candidates.push_back(WrongBesideTheRim());
+  const Planes shares = SelectCandidates(halves, variance, candidates, {}, nullptr);
+  EXPECT_GT(shares[0].At(kRim - 2, 32), 0.95f);
+}
+
+TEST(SelectCandidates, JudgesADifferenceByTheLightOfThePicture) {
+  Halves halves = RimInTheDark();
+  // Of either sign: only the picture tells where the lamp is.
+  for (Planes* half : {&halves.a, &halves.b}) {
+    for (Plane& plane : *half) {
+      for (int y = 0; y < kSize; ++y) {
+        for (int x = 0; x < kSize; ++x) plane.At(x, y) -= x == kRim ? 3.0f : 0.1f;
+      }
+    }
+  }
+  Candidate candidate = WrongBesideTheRim();
+  for (Planes* half : {&candidate.a, &candidate.b}) {
+    for (Plane& plane : *half) {
+      for (int y = 0; y < kSize; ++y) {
+        for (int x = 0; x < kSize; ++x) plane.At(x, y) = x == kRim ? 0.0f : 0.1f;
+      }
+    }
+  }
+  const Planes variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), nullptr);
+  std::vector<Candidate> candidates;
+  candidates.push_back(std::move(candidate));
+  const auto raw_share = [&] {
+    return SelectCandidates(halves, variance, candidates, {}, nullptr)[0].At(kRim - 2, 32);
+  };
+  EXPECT_LT(raw_share(), 0.5f);
+  halves.picture_light = Plane(kSize, kSize);
+  halves.picture_light.Fill(0.6f);
+  for (int y = 0; y < kSize; ++y) halves.picture_light.At(kRim, y) = 20;
+  EXPECT_GT(raw_share(), 0.95f);
 }
 
 }  // namespace

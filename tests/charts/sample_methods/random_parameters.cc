@@ -272,7 +272,7 @@ SampleMethod RandomParametersMethod() {
   return {.name = "random-parameters",
           .summary = "means of samples, by what their colour depends on: place and surface, or chance",
           .source = "Sen & Darabi 2012",
-          .parameters = {{"variance", "of the weights, at 8 spp", 0.02f, {0.02f, 0.1f, 0.5f}, 1e-4f, 100},
+          .parameters = {{"variance", "of the weights, at 8 spp", 0.02f, {0.02f, 0.1f, 0.5f, 2}, 1e-4f, 100},
                          {"budget", "samples compared, over the published number", 1, {1}, 0.01f, 4},
                          {"unbias", "1: takes the bias of few samples off mutual information", 1, {1}, 0, 1}},
           .filter = FilterByDependency};

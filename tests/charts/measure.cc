@@ -172,7 +172,7 @@ absl::StatusOr<Row> Meter::FindOrRun(Subject* subject, const Reference& referenc
       std::find(options_.again.begin(), options_.again.end(), call.method->name) != options_.again.end();
   const std::optional<Row> kept = store_->Find(*key);
   if (kept.has_value() && !is_again) return *kept;
-  const absl::StatusOr<Row> row = Run(subject, reference, call);
+  absl::StatusOr<Row> row = Run(subject, reference, call);
   if (!row.ok() || !row->not_run.empty()) return row;
   // Films from files are told apart by their names alone: what is known of them may be of another file.
   if (subject->source == nullptr) return row;

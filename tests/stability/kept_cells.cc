@@ -13,7 +13,7 @@ namespace lumifold::stability {
 namespace {
 
 constexpr int64_t kMostBytes = int64_t{1} << 24;
-constexpr int kFields = 7;
+constexpr size_t kFields = 6;  // from after the name: nothing, method, measure, threshold, figure, result
 
 bool IsOf(const Cell& cell, int number, const std::string& column) {
   return cell.of->number == number && cell.column == column;
@@ -30,20 +30,25 @@ Cell* CellFor(int number, const std::string& column, std::vector<Cell>* cells) {
   return nullptr;
 }
 
-/// Adds one line: a figure, or why there is none. Result: whether it can be read.
+/// Adds one line, NUMBER,"NAME",METHOD,...: a figure, or why there is none. Result: whether it can be read.
 bool AddLine(const std::string& line, std::vector<Cell>* cells) {
-  const std::vector<std::string> fields = absl::StrSplit(line, absl::MaxSplits(',', kFields - 1));
+  const std::vector<std::string> around_name = absl::StrSplit(line, absl::MaxSplits('"', 2));
+  const std::vector<std::string> fields =
+      absl::StrSplit(around_name.back(), absl::MaxSplits(',', kFields - 1));
   int number = 0;
-  if (fields.size() != kFields || !absl::SimpleAtoi(fields[0], &number)) return false;
-  Cell* cell = CellFor(number, fields[2], cells);
+  if (around_name.size() != 3 || fields.size() != kFields ||
+      !absl::SimpleAtoi(absl::StripSuffix(around_name[0], ","), &number)) {
+    return false;
+  }
+  Cell* cell = CellFor(number, fields[1], cells);
   if (cell == nullptr) return true;
-  absl::string_view reason = fields[6];
+  absl::string_view reason = fields[5];
   if (absl::ConsumePrefix(&reason, kNotApplicable)) {
     cell->not_applicable = std::string(reason);
     return true;
   }
   double figure = 0;
-  if (!absl::SimpleAtod(fields[5], &figure)) return false;
+  if (!absl::SimpleAtod(fields[4], &figure)) return false;
   cell->figures.push_back(figure);
   return true;
 }

@@ -114,8 +114,8 @@ std::string Csv(const std::vector<Cell>& cells) {
   for (const Cell& cell : cells) {
     for (size_t i = 0; i < cell.of->measures.size(); ++i) {
       const Measure& measure = cell.of->measures[i];
-      absl::StrAppend(&text, cell.of->number, ",", cell.of->name, ",", cell.column, ",", measure.name, ",",
-                      measure.at_least ? ">=" : "<=", measure.threshold, ",");
+      absl::StrAppend(&text, cell.of->number, ",\"", cell.of->name, "\",", cell.column, ",", measure.name,
+                      ",", measure.at_least ? ">=" : "<=", measure.threshold, ",");
       if (cell.IsApplicable()) {
         absl::StrAppend(&text, cell.figures[i], ",", Passes(measure, cell.figures[i]) ? "pass" : "fail",
                         "\n");

@@ -128,7 +128,7 @@ absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> r
       "them.\n\n",
       TableOfTimes(rows));
   if (!truths.empty()) absl::StrAppend(&text, "\n## References\n\n", TruthTable(truths));
-  if (const absl::Status status = WriteCsv(folder + "/tables.csv", rows); !status.ok()) return status;
+  if (absl::Status status = WriteCsv(folder + "/tables.csv", rows); !status.ok()) return status;
   return WritePage(folder + "/tables.md", "The paper's tables", provenance, text);
 }
 

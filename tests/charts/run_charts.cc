@@ -60,10 +60,10 @@ class Session {
 
   absl::Status Run() {
     for (const std::string& chart : options_.charts) {
-      const absl::Status status = chart == "errors"   ? ChartErrors()
-                                  : chart == "tables" ? Tables()
-                                  : chart == "stages" ? Stages()
-                                                      : Knee();
+      absl::Status status = chart == "errors"   ? ChartErrors()
+                            : chart == "tables" ? Tables()
+                            : chart == "stages" ? Stages()
+                                                : Knee();
       if (!status.ok()) return status;
       std::fprintf(stderr, "wrote %s/%s.md\n", options_.output.c_str(), chart.c_str());
     }
@@ -200,7 +200,7 @@ class Session {
       if (!reference.ok()) return reference.status();
       for (const int samples : options_.samples) {
         Subject subject;
-        const absl::Status status = RenderFilm(*source, options_.scenes[i], samples, &subject);
+        absl::Status status = RenderFilm(*source, options_.scenes[i], samples, &subject);
         if (!status.ok()) return status;
         const std::vector<KneePoint> more = MeasureKnee(subject, *reference, pool_);
         points.insert(points.end(), more.begin(), more.end());

@@ -8,7 +8,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "tests/charts/figure.h"
-#include "tests/charts/report.h"
 #include "tests/charts/series.h"
 
 namespace lumifold::charts {
@@ -184,7 +183,7 @@ std::string SlopeTable(absl::Span<const Row> rows) {
   return text;
 }
 
-std::string PageOf(absl::Span<const Row> rows, bool has_times) {
+std::string PageOf(absl::Span<const Row> rows, absl::Span<const Truth> truths, bool has_times) {
   std::string text =
       "MSE255 of whole pictures, the reference's own noise taken off. Time is processor seconds of all "
       "threads "
@@ -220,13 +219,14 @@ std::string PageOf(absl::Span<const Row> rows, bool has_times) {
         "sampling, -1), over our total time.\n\n",
         SpeedUpTable(rows));
   }
+  if (!truths.empty()) absl::StrAppend(&text, "\n## References\n\n", TruthTable(truths));
   return text;
 }
 
 }  // namespace
 
 absl::StatusOr<bool> ChartErrors(const std::string& folder, absl::Span<const Row> rows,
-                                 const Provenance& provenance) {
+                                 absl::Span<const Truth> truths, const Provenance& provenance) {
   const bool has_times =
       std::any_of(rows.begin(), rows.end(), [](const Row& row) { return row.render_seconds > 0; });
   bool is_drawn = true;
@@ -244,8 +244,8 @@ absl::StatusOr<bool> ChartErrors(const std::string& folder, absl::Span<const Row
     if (const absl::Status status = draw("speed-up", SpeedUpFigure(rows)); !status.ok()) return status;
   }
   if (const absl::Status status = WriteCsv(folder + "/errors.csv", rows); !status.ok()) return status;
-  const absl::Status status =
-      WritePage(folder + "/errors.md", "Error against time and samples", provenance, PageOf(rows, has_times));
+  const absl::Status status = WritePage(folder + "/errors.md", "Error against time and samples", provenance,
+                                        PageOf(rows, truths, has_times));
   if (!status.ok()) return status;
   return is_drawn;
 }

@@ -97,7 +97,9 @@ absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Re
   const double seconds = first->render_seconds + first->filter_seconds;
   std::vector<Row> rows = {*std::move(first)};
   std::vector<std::vector<float>> points = {standard.values};
-  for (const std::vector<float>& values : PointsOf(*subject, method, seconds)) {
+  const absl::StatusOr<std::vector<std::vector<float>>> grid = PointsOf(*subject, reference, method, seconds);
+  if (!grid.ok()) return grid.status();
+  for (const std::vector<float>& values : *grid) {
     absl::StatusOr<Row> row = FindOrRun(subject, reference, {&method, values});
     if (!row.ok()) return row.status();
     rows.push_back(*std::move(row));
@@ -125,16 +127,26 @@ double Meter::ExpectedSeconds(const Subject& subject, const Method& method) cons
 }
 
 /// The points beside the default.
-std::vector<std::vector<float>> Meter::PointsOf(const Subject& subject, const Method& method,
-                                                double seconds) const {
+absl::StatusOr<std::vector<std::vector<float>>> Meter::PointsOf(const Subject& subject,
+                                                                const Reference& reference,
+                                                                const Method& method, double seconds) {
   const std::vector<float> standard = filter::DefaultsOf(method.parameters);
-  if (standard.empty()) return {};
+  if (standard.empty()) return std::vector<std::vector<float>>();
   std::vector<std::vector<float>> points = filter::GridOf(method.parameters);
   std::erase(points, standard);
-  if (static_cast<double>(points.size()) * seconds <= options_.most_grid_seconds) return points;
+  std::vector<std::vector<float>> kept;
+  for (const std::vector<float>& values : points) {
+    const absl::StatusOr<std::string> key = KeyOf(subject, reference, {&method, values});
+    if (!key.ok()) return key.status();
+    if (store_->Find(*key).has_value()) kept.push_back(values);
+  }
+  const auto missing = static_cast<double>(points.size() - kept.size());
+  if (missing * seconds <= options_.most_grid_seconds) return points;
   const auto found = last_.find(absl::StrCat(subject.scene, " ", method.name));
-  if (found == last_.end() || found->second.best.empty() || found->second.best == standard) return {};
-  return {found->second.best};
+  if (found == last_.end() || found->second.best.empty() || found->second.best == standard) return kept;
+  if (std::find(kept.begin(), kept.end(), found->second.best) == kept.end())
+    kept.push_back(found->second.best);
+  return kept;
 }
 
 absl::StatusOr<std::string> Meter::KeyOf(const Subject& subject, const Reference& reference,
@@ -160,7 +172,7 @@ absl::StatusOr<Row> Meter::FindOrRun(Subject* subject, const Reference& referenc
       std::find(options_.again.begin(), options_.again.end(), call.method->name) != options_.again.end();
   const std::optional<Row> kept = store_->Find(*key);
   if (kept.has_value() && !is_again) return *kept;
-  const absl::StatusOr<Row> row = Run(subject, reference, call);
+  absl::StatusOr<Row> row = Run(subject, reference, call);
   if (!row.ok() || !row->not_run.empty()) return row;
   // Films from files are told apart by their names alone: what is known of them may be of another file.
   if (subject->source == nullptr) return row;
@@ -177,8 +189,8 @@ absl::StatusOr<Row> Meter::Run(Subject* subject, const Reference& reference, con
   row.method = call.method->name;
   row.parameters = call.Parameters();
   row.is_default = call.values == filter::DefaultsOf(call.method->parameters);
-  if (ExpectedSeconds(*subject, *call.method) > options_.most_run_seconds) {
-    row.not_run = "cost";
+  if (const double seconds = ExpectedSeconds(*subject, *call.method); seconds > options_.most_run_seconds) {
+    row.not_run = absl::StrFormat("cost: %.0f s", seconds);
     return row;
   }
   absl::StatusOr<MadePicture> made = call.method->make(subject, call.values, pool_);

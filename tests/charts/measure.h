@@ -34,13 +34,16 @@ Errors Judge(const ConstColorView& picture, const Reference& reference, bool is_
 struct MeasureOptions {
   std::vector<const Method*> methods;
   std::vector<std::string> again;  // methods whose rows are measured anew: their speed has changed
-  double most_grid_seconds = 120;  // processor seconds for all points of a method's grid on one film ...
-  double most_run_seconds = 600;   // ... and for one point: what would take longer is not run
-  int timed_runs = 3;              // of a default that takes little time, the least of which counts
+  // Processor seconds for all points of a method's grid on one film that no row is kept of, and for one point
+  // such: what would take longer is not run.
+  double most_grid_seconds = 120;
+  double most_run_seconds = 600;
+  int timed_runs = 3;  // of a default that takes little time, the least of which counts
 };
 
 /// Measures methods on films, each with its default and every point of its grid, and keeps what it finds.
-/// Where a grid would cost too much, the point that was best with fewer samples stands for it.
+/// Where a grid would cost too much, the points that rows are kept of and the one that was best with fewer
+/// samples stand for it.
 class Meter {
  public:
   Meter(MeasureOptions options, RowStore* store, std::string cache_folder, TaskPool* pool);
@@ -58,8 +61,8 @@ class Meter {
   absl::StatusOr<Row> Run(Subject* subject, const Reference& reference, const Call& call);
   absl::StatusOr<std::string> KeyOf(const Subject& subject, const Reference& reference, const Call& call);
   double ExpectedSeconds(const Subject& subject, const Method& method) const;
-  std::vector<std::vector<float>> PointsOf(const Subject& subject, const Method& method,
-                                           double seconds) const;
+  absl::StatusOr<std::vector<std::vector<float>>> PointsOf(const Subject& subject, const Reference& reference,
+                                                           const Method& method, double seconds);
 
   MeasureOptions options_;
   RowStore* store_;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "filter/methods.h"
 #include "proto/rpc/checksum.h"
 #include "tests/support/cpu_seconds.h"
@@ -39,7 +40,10 @@ absl::Status TraceSamples(Subject* subject, TaskPool* pool) {
   if (subject->samples.has_value()) return absl::OkStatus();
   const auto [width, height, samples, seed] = subject->settings;
   if (subject->source == nullptr) return NotRun("a film from a file has no samples");
-  if (int64_t{width} * height * samples > kMostChartSamples) return NotRun("cost");
+  if (const int64_t count = int64_t{width} * height * samples; count > kMostChartSamples)
+    return NotRun(
+        absl::StrFormat("cost: %.1f GB of samples",
+                        1e-9 * static_cast<double>(sizeof(ChartSample)) * static_cast<double>(count)));
   const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
       subject->source->MakeRenderer(subject->settings);
   if (!renderer.ok()) return renderer.status();

@@ -7,11 +7,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "tests/charts/report.h"
 #include "tests/charts/series.h"
 
 namespace lumifold::charts {
 namespace {
+
+constexpr int kPaperTruthSamples = 4096;
 
 /// What the paper's tables imply for one scene; 0 where they do not say.
 struct PaperScene {
@@ -79,7 +80,7 @@ std::string TableOfErrors(absl::Span<const Row> rows) {
   return text;
 }
 
-std::string TableOfTimes(absl::Span<const Row> rows, int truth_samples) {
+std::string TableOfTimes(absl::Span<const Row> rows) {
   std::string text =
       TableHead({"scene", "spp", "rendering, s", "auxiliary data, %", "filter, s", "filter, % of rendering",
                  "truth / total", "total / cache's total", "rendering / its part of the truth"});
@@ -89,7 +90,7 @@ std::string TableOfTimes(absl::Span<const Row> rows, int truth_samples) {
     const PaperScene& theirs = paper != nullptr ? *paper : none;
     for (const Row& ours : DefaultRows(rows, scene, "default")) {
       const double synthesis = ours.render_seconds + ours.auxiliary_seconds;
-      const double truth = ours.render_seconds / ours.samples * truth_samples;
+      const double truth = ours.render_seconds / ours.samples * kPaperTruthSamples;
       const std::vector<Row> cached = BestRows(rows, scene, "irradiance-cache");
       const Row* cache = Find(cached, ours.samples);
       absl::StrAppend(
@@ -108,12 +109,12 @@ std::string TableOfTimes(absl::Span<const Row> rows, int truth_samples) {
 
 }  // namespace
 
-absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> rows, int truth_samples,
-                              const Provenance& provenance) {
+absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> rows,
+                              absl::Span<const Truth> truths, const Provenance& provenance) {
   const std::string size = rows.empty() ? "" : absl::StrCat(rows[0].width, "x", rows[0].height);
-  const std::string text = absl::StrCat(
-      size, ", truth of ", truth_samples,
-      " spp, whose own noise is taken off. The paper's figures are in brackets; its errors have no stated "
+  std::string text = absl::StrCat(
+      size,
+      ", the references' own noise taken off. The paper's figures are in brackets; its errors have no stated "
       "unit, so "
       "that ratios alone compare, and its scenes are others of the same kind (its Sponza is our atrium). "
       "Methods "
@@ -123,9 +124,11 @@ absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> r
       TableOfErrors(rows),
       "\n## Times (the paper's Table 2, its CPU figures)\n\nRendering includes auxiliary data: layers, "
       "halves and "
-      "features, in percent of rendering C alone. The truth is rendered without them.\n\n",
-      TableOfTimes(rows, truth_samples));
-  if (const absl::Status status = WriteCsv(folder + "/tables.csv", rows); !status.ok()) return status;
+      "features, in percent of rendering C alone. The truth of 4096 spp, as the paper's, is rendered without "
+      "them.\n\n",
+      TableOfTimes(rows));
+  if (!truths.empty()) absl::StrAppend(&text, "\n## References\n\n", TruthTable(truths));
+  if (absl::Status status = WriteCsv(folder + "/tables.csv", rows); !status.ok()) return status;
   return WritePage(folder + "/tables.md", "The paper's tables", provenance, text);
 }
 

@@ -22,6 +22,14 @@ std::optional<double> BestError(absl::Span<const Row> rows, const Row& like, con
   return std::nullopt;
 }
 
+/// Why `method` did not run on the film that `like` is of; empty where nothing is known of it there.
+std::string WhyNotRun(absl::Span<const Row> rows, const Row& like, const std::string& method) {
+  for (const Row& row : rows) {
+    if (row.scene == like.scene && row.samples == like.samples && row.method == method) return row.not_run;
+  }
+  return "";
+}
+
 /// Another method's own settings that give less error than our default in less time on one scene; null where
 /// there are none. Settings found by a search for the best of that very film do not count: nobody has them.
 const Row* BetterThan(absl::Span<const Row> rows, const Row& ours) {
@@ -53,6 +61,15 @@ std::vector<std::string> Others(absl::Span<const Row> rows) {
 
 }  // namespace
 
+std::string TruthTable(absl::Span<const Truth> truths) {
+  std::string text = TableHead({"scene", "reference, spp", "MSE255 of its own noise, taken off"});
+  for (const Truth& truth : truths) {
+    absl::StrAppend(&text, TableLine({truth.scene, absl::StrCat(truth.samples),
+                                      truth.noise > 0 ? absl::StrFormat("%.3f", truth.noise) : "not known"}));
+  }
+  return text;
+}
+
 absl::Status WriteCsv(const std::string& path, absl::Span<const Row> rows) {
   std::string text = "scene,width,height,spp,method,parameters,default,best,not_run,mse255";
   for (const std::string_view region : metrics::kRegionNames)
@@ -83,8 +100,12 @@ std::string RatioTable(absl::Span<const Row> rows) {
                                       ErrorCell(BestError(rows, film, "none")), ErrorCell(error)};
     for (size_t i = 0; i < others.size(); ++i) {
       const double theirs = BestError(rows, film, others[i]).value_or(0);
-      cells.push_back(theirs > 0 ? absl::StrFormat("%.3f", error / theirs) : "not run");
-      if (theirs <= 0) continue;
+      if (theirs <= 0) {
+        const std::string why = WhyNotRun(rows, film, others[i]);
+        cells.push_back(why.empty() ? "" : absl::StrCat("not run, ", why));
+        continue;
+      }
+      cells.push_back(absl::StrFormat("%.3f", error / theirs));
       logs[i] += std::log(error / theirs);
       ++counts[i];
     }

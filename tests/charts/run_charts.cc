@@ -60,10 +60,10 @@ class Session {
 
   absl::Status Run() {
     for (const std::string& chart : options_.charts) {
-      const absl::Status status = chart == "errors"   ? ChartErrors()
-                                  : chart == "tables" ? Tables()
-                                  : chart == "stages" ? Stages()
-                                                      : Knee();
+      absl::Status status = chart == "errors"   ? ChartErrors()
+                            : chart == "tables" ? Tables()
+                            : chart == "stages" ? Stages()
+                                                : Knee();
       if (!status.ok()) return status;
       std::fprintf(stderr, "wrote %s/%s.md\n", options_.output.c_str(), chart.c_str());
     }
@@ -107,6 +107,7 @@ class Session {
     if (!reference.ok()) return reference.status();
     const absl::StatusOr<RenderRates> rates = source->Rates(options_.width, options_.height, pool_);
     if (!rates.ok()) return rates.status();
+    truths_.push_back({scene, ReferenceSamplesOf(number), reference->noise.whole});
     for (const int samples : options_.samples) {
       Subject subject;
       if (absl::Status status = RenderFilm(*source, scene, samples, &subject); !status.ok()) return status;
@@ -146,6 +147,7 @@ class Session {
 
   absl::StatusOr<std::vector<Row>> MeasureAll() {
     std::vector<Row> rows;
+    truths_.clear();
     for (size_t i = 0; i < options_.scenes.size(); ++i) {
       if (const absl::Status status = MeasureScene(i, &rows); !status.ok()) return status;
     }
@@ -160,7 +162,7 @@ class Session {
     const absl::StatusOr<std::vector<Row>> rows = MeasureAll();
     if (!rows.ok()) return rows.status();
     const absl::StatusOr<bool> drawn =
-        charts::ChartErrors(options_.output, *rows, {options_.command, options_.threads});
+        charts::ChartErrors(options_.output, *rows, truths_, {options_.command, options_.threads});
     if (!drawn.ok()) return drawn.status();
     is_drawn_ &= *drawn;
     std::printf("%s", RatioTable(*rows).c_str());
@@ -170,8 +172,7 @@ class Session {
   absl::Status Tables() {
     const absl::StatusOr<std::vector<Row>> rows = MeasureAll();
     if (!rows.ok()) return rows.status();
-    return WritePaperTables(options_.output, *rows, options_.reference_samples.front(),
-                            {options_.command, options_.threads});
+    return WritePaperTables(options_.output, *rows, truths_, {options_.command, options_.threads});
   }
 
   absl::Status Stages() {
@@ -199,7 +200,7 @@ class Session {
       if (!reference.ok()) return reference.status();
       for (const int samples : options_.samples) {
         Subject subject;
-        const absl::Status status = RenderFilm(*source, options_.scenes[i], samples, &subject);
+        absl::Status status = RenderFilm(*source, options_.scenes[i], samples, &subject);
         if (!status.ok()) return status;
         const std::vector<KneePoint> more = MeasureKnee(subject, *reference, pool_);
         points.insert(points.end(), more.begin(), more.end());
@@ -215,6 +216,7 @@ class Session {
   const Options& options_;
   TaskPool* pool_;
   Meter meter_;
+  std::vector<Truth> truths_;  // of the scenes measured last
   bool is_drawn_ = true;
 };
 

@@ -19,14 +19,11 @@ Column FilterColumn(const filter::Method& method) {
 
 /// More samples a pixel than this are not given to a method that takes them one by one.
 constexpr uint32_t kMostSamples = 16;
-/// This one takes a minute a film even so.
-constexpr char kDearest[] = "random-parameters";
 /// More than this are not given to a method that renders for itself.
 constexpr uint32_t kMostOwnSamples = 64;
 
 absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, const Subject& subject,
                                         TaskPool* pool) {
-  if (method.name == kDearest) return absl::UnimplementedError("not run, cost: a minute a film");
   if (method.uses_samples && subject.settings.samples > kMostSamples)
     return absl::UnimplementedError("not run, cost: it takes samples one by one");
   const auto renderer = subject.source->MakeRenderer(subject.settings);

@@ -2,7 +2,8 @@
 //
 //   lumifold-stability                            all of it, as a table on stdout
 //   lumifold-stability --column default           our method alone: what the gate runs
-//   lumifold-stability --output docs/results      writes stability.md and stability.csv
+//   lumifold-stability --output docs/results      writes stability.md and stability.csv; with --column or
+//                                                 --case, the other cells are those the CSV there has
 //   lumifold-stability --crop 6:paper out.png     a cell to look at: noisy, filtered, truth, side by side
 //
 // Fails where our default method fails a case that it is not known to fail, or one that it is by more.
@@ -23,6 +24,7 @@
 #include "filter/image/png_io.h"
 #include "tests/stability/case.h"
 #include "tests/stability/columns.h"
+#include "tests/stability/kept_cells.h"
 #include "tests/stability/report.h"
 
 namespace lumifold::stability {
@@ -79,14 +81,28 @@ absl::Status RunCase(const Options& options, const Case& c, const FilmStore& fil
   return absl::OkStatus();
 }
 
+/// The page of all that ran so far and, of what did not, all that the folder's CSV has.
+absl::Status WriteAll(const Options& options, const std::vector<Cell>& kept, const std::vector<Cell>& cells) {
+  const std::vector<Cell> all = WithKept(cells, kept);
+  std::vector<std::string> columns;
+  for (const Column& column : AllColumns()) {
+    if (std::any_of(all.begin(), all.end(), [&](const Cell& cell) { return cell.column == column.name; }))
+      columns.push_back(column.name);
+  }
+  return WriteReport(options.output, options.about, columns, all);
+}
+
 absl::Status RunMatrix(const Options& options, const FilmStore& films, TaskPool* pool) {
+  absl::StatusOr<std::vector<Cell>> kept;
+  if (!options.output.empty()) kept = ReadCells(options.output + "/stability.csv");
+  if (!options.output.empty() && !kept.ok()) return kept.status();
   std::vector<Cell> cells;
   for (const Case& c : AllCases()) {
     if (!IsAsked(options, c)) continue;
     if (const absl::Status status = RunCase(options, c, films, pool, &cells); !status.ok()) return status;
     if (options.output.empty()) continue;
     // After each case: all of it takes long, and what is there can be read.
-    const absl::Status status = WriteReport(options.output, options.about, options.columns, cells);
+    const absl::Status status = WriteAll(options, *kept, cells);
     if (!status.ok()) return status;
   }
   std::string wrong;
@@ -155,7 +171,9 @@ int Main(int argc, char** argv) {
       ->delimiter(',');
   app.add_option("--case", options.cases, "Numbers of cases (default: all)")->delimiter(',');
   app.add_option("--crop", options.crop, "CASE:METHOD FILE: writes that cell's pictures as PNG")->expected(2);
-  app.add_option("--output", options.output, "Folder for stability.md and stability.csv");
+  app.add_option(
+      "--output", options.output,
+      "Folder for stability.md and stability.csv; cells that are not asked for stay as they are there");
   app.add_option("--about", options.about, "Commit, machine and date, for the page");
   app.add_option("--cache", options.cache, "Folder that keeps films (default lumifold-stability-cache)");
   app.add_option("--threads", options.threads, "Threads (default: all)")->check(CLI::Range(1, 4096));

@@ -109,9 +109,24 @@ constexpr layers::Level kInMirror = {layers::Branch::kReflection, 1};
 constexpr layers::Level kBehindGlass = {layers::Branch::kTransmission, 1};
 
 absl::StatusOr<Finding> FlatMirror(const Trial& trial) {
-  return JudgeScene(trial, MirrorRoom, 16, 512, [](const Rendered& r) {
-    return Figures{r.Left([&](int x, int y) { return r.Shows(kInMirror, x, y); })};
-  });
+  constexpr uint64_t kSeeds = 8;  // single bright samples decide about one film: 0.10 to 0.20 of ours
+  double filtered = 0;
+  double noisy = 0;
+  absl::StatusOr<Finding> finding;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    finding = JudgeScene(
+        trial, MirrorRoom, 16, 2048,
+        [&](const Rendered& r) {
+          const auto in_mirror = [&](int x, int y) { return r.Shows(kInMirror, x, y); };
+          filtered += r.ErrorOf(r.views.filtered, in_mirror);
+          noisy += r.ErrorOf(r.views.noisy, in_mirror);
+          return Figures();
+        },
+        seed);
+    if (!finding.ok()) return finding;
+  }
+  finding->figures = {filtered / noisy};
+  return finding;
 }
 
 absl::StatusOr<Finding> CurvedMirror(const Trial& trial) {
@@ -242,16 +257,17 @@ std::vector<Case> MaterialCases() {
        BlackStripes},
       {19,
        "flat mirror",
-       "a mirror that shows a textured room: error left in it",
+       "a mirror that shows a textured room, 8 seeds: error left in it",
        "96x72, 16 spp",
        "",
        {{"error", 0.1}},
        FlatMirror,
        KnownFailure{
-           {0.12},
-           "textures in the mirror are mixed within its pixels, and levels have no sub-samples; fitting "
-           "C - F to what the mirror shows of T, normal and distance changed nothing, fitting less gave "
-           "0.10 here and cost rendered scenes up to 5 %"}},
+           {0.13},
+           "a fifth of it lies on a box face of 24 pixels in the mirror, a third of whose light comes from "
+           "the lamp by way of the mirror: of all their 384 samples none to two meet it, which no filter can "
+           "make good; without them it would be 0.10. The true T of what is shown, in place of the samples', "
+           "changes nothing"}},
       {20,
        "curved mirror",
        "a mirroring ball before a flat mirror: error left in both",

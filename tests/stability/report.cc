@@ -56,7 +56,12 @@ std::string MatrixTable(const std::vector<std::string>& columns, const Matrix& m
     const Case& c = *row.begin()->second->of;
     absl::StrAppend(&text, "| ", number, " | ", c.name, " | ", FormatThresholds(c), " |");
     for (const std::string& column : columns) {
-      const Cell& cell = *row.at(column);
+      const auto found = row.find(column);
+      if (found == row.end()) {
+        text += " |";
+        continue;
+      }
+      const Cell& cell = *found->second;
       absl::StrAppend(&text, " ", FormatCell(cell), " |");
       if (!cell.IsApplicable()) continue;
       ++applicable[column];
@@ -109,13 +114,13 @@ std::string Csv(const std::vector<Cell>& cells) {
   for (const Cell& cell : cells) {
     for (size_t i = 0; i < cell.of->measures.size(); ++i) {
       const Measure& measure = cell.of->measures[i];
-      absl::StrAppend(&text, cell.of->number, ",", cell.of->name, ",", cell.column, ",", measure.name, ",",
-                      measure.at_least ? ">=" : "<=", measure.threshold, ",");
+      absl::StrAppend(&text, cell.of->number, ",\"", cell.of->name, "\",", cell.column, ",", measure.name,
+                      ",", measure.at_least ? ">=" : "<=", measure.threshold, ",");
       if (cell.IsApplicable()) {
         absl::StrAppend(&text, cell.figures[i], ",", Passes(measure, cell.figures[i]) ? "pass" : "fail",
                         "\n");
       } else {
-        absl::StrAppend(&text, ",not applicable\n");
+        absl::StrAppend(&text, ",", kNotApplicable, cell.not_applicable, "\n");
       }
     }
   }

@@ -8,6 +8,9 @@
 
 namespace lumifold::stability {
 
+/// What stability.csv says, before the reason, of a cell that is not applicable.
+inline constexpr char kNotApplicable[] = "not applicable: ";
+
 /// What one method did in one case.
 struct Cell {
   const Case* of = nullptr;
@@ -27,7 +30,8 @@ std::string FormatCell(const Cell& cell);
 std::string Regression(const Cell& cell);
 
 /// Writes FOLDER/stability.md, cases as rows and columns as columns with `about` (commit, machine, date)
-/// above them, and FOLDER/stability.csv, a line a figure. Errors: kUnavailable naming the file.
+/// above them, and FOLDER/stability.csv, a line a figure. Cells that there are none of stay empty. Errors:
+/// kUnavailable naming the file.
 absl::Status WriteReport(const std::string& folder, const std::string& about,
                          const std::vector<std::string>& columns, const std::vector<Cell>& cells);
 

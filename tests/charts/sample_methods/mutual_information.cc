@@ -10,9 +10,9 @@ namespace lumifold::charts {
 
 void SortIntoBins(absl::Span<const float> values, std::vector<uint8_t>* bins) {
   constexpr float kHalf = 0.5f * kBins;
-  bins->clear();
-  for (const float value : values)
-    bins->push_back(static_cast<uint8_t>(std::clamp(value + kHalf, 0.0f, kBins - 0.5f)));
+  bins->resize(values.size());
+  for (size_t i = 0; i < values.size(); ++i)
+    (*bins)[i] = static_cast<uint8_t>(std::clamp(values[i] + kHalf, 0.0f, kBins - 0.5f));
 }
 
 MutualInformation::MutualInformation(size_t most_samples) : n_log_n_(most_samples + 1, 0.0) {

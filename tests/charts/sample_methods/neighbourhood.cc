@@ -97,8 +97,7 @@ void Neighbourhood::Clear() {
   for (std::vector<float>& values : standard_) values.clear();
 }
 
-void Neighbourhood::Add(const ChartSample& sample, Vec3 color) {
-  const Variables::Values values = Variables::Of(sample, color);
+void Neighbourhood::Add(const Variables::Values& values, Vec3 color) {
   for (size_t v = 0; v < values.size(); ++v) standard_[v].push_back(values[v]);
   colors_.push_back(color);
 }
@@ -111,7 +110,10 @@ void Neighbourhood::Draw(const SampleSet& set, const std::vector<Vec3>& colors, 
                set.samples_per_pixel +
            i;
   };
-  for (uint32_t i = 0; i < set.samples_per_pixel; ++i) Add(set.At(x, y, i), colors[index_of(x, y, i)]);
+  for (uint32_t i = 0; i < set.samples_per_pixel; ++i) {
+    const Vec3 color = colors[index_of(x, y, i)];
+    Add(Variables::Of(set.At(x, y, i), color), color);
+  }
   const FeatureGate gate(*this);
   Stream stream(int64_t{y} * set.width + x, pass);
   for (size_t drawn = set.samples_per_pixel; drawn < most; ++drawn) {
@@ -125,7 +127,8 @@ void Neighbourhood::Draw(const SampleSet& set, const std::vector<Vec3>& colors, 
     if (is_own || !is_within) continue;
     const uint32_t i = std::min(static_cast<uint32_t>(pick), set.samples_per_pixel - 1);
     const size_t index = index_of(qx, qy, i);
-    if (gate.Admits(Variables::Of(set.samples[index], colors[index]))) Add(set.samples[index], colors[index]);
+    const Variables::Values values = Variables::Of(set.samples[index], colors[index]);
+    if (gate.Admits(values)) Add(values, colors[index]);
   }
   Standardise();
 }

@@ -39,7 +39,7 @@ class Neighbourhood {
 
  private:
   void Clear();
-  void Add(const ChartSample& sample, scene::Vec3 color);
+  void Add(const Variables::Values& values, scene::Vec3 color);
   void Standardise();
 
   std::vector<scene::Vec3> colors_;

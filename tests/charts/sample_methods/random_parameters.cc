@@ -35,8 +35,11 @@ struct Importance {
 /// The mutual information of the variables of a neighbourhood.
 class Dependencies {
  public:
-  Dependencies(const Neighbourhood& samples, const MutualInformation& information, bool unbiased)
-      : information_(information), unbiased_(unbiased) {
+  Dependencies(const MutualInformation& information, bool unbiased)
+      : information_(information), unbiased_(unbiased) {}
+
+  /// Those asked about from now on.
+  void Set(const Neighbourhood& samples) {
     for (size_t v = 0; v < bins_.size(); ++v) {
       SortIntoBins(samples.Standard(v), &bins_[v]);
       varies_[v] =
@@ -96,15 +99,18 @@ Importance ImportanceOf(const Dependencies& dependencies, int pass) {
 /// Weighs all samples of a neighbourhood for one of them after another.
 class Weights {
  public:
-  Weights(const Neighbourhood& samples, const Importance& importance, double variance)
-      : count_(samples.size()), padded_((count_ + kLanes - 1) / kLanes * kLanes) {
+  /// Those weighed from now on.
+  void Set(const Neighbourhood& samples, const Importance& importance, double variance) {
+    count_ = samples.size();
+    padded_ = (count_ + kLanes - 1) / kLanes * kLanes;
+    used_ = 0;
     const double sharpness = (1 - importance.chance) * (1 - importance.chance) / (2 * variance);
     for (size_t c = 0; c < kColors; ++c)
       AddVariable(samples.Standard(Variables::kColor + c), sharpness * importance.color);
     for (size_t f = 0; f < kFeatures; ++f)
       AddVariable(samples.Standard(Variables::kFeature + f), sharpness * importance.features[f]);
     for (size_t c = 0; c < 3; ++c) {
-      light_[c].resize(padded_, 0.0f);
+      light_[c].assign(padded_, 0.0f);
       for (size_t i = 0; i < count_; ++i) light_[c][i] = samples.colors()[i][static_cast<int>(c)];
     }
     weights_.resize(padded_);
@@ -113,7 +119,7 @@ class Weights {
   /// The mean colour as sample `own` weighs it.
   Vec3 MeanFor(size_t own) {
     std::fill(weights_.begin(), weights_.end(), 0.0f);
-    for (const std::vector<float>& variable : variables_) AddSquares(variable[own], variable.data());
+    for (size_t v = 0; v < used_; ++v) AddSquares(variables_[v][own], variables_[v].data());
     for (size_t i = 0; i < padded_; i += kLanes) {
       for (size_t l = 0; l < kLanes; ++l) weights_[i + l] = Exp(-weights_[i + l]);
     }
@@ -140,7 +146,8 @@ class Weights {
   void AddVariable(absl::Span<const float> values, double weight) {
     if (weight <= 0) return;
     const float scale = static_cast<float>(std::sqrt(weight));
-    std::vector<float>& variable = variables_.emplace_back(padded_, 0.0f);
+    std::vector<float>& variable = variables_[used_++];
+    variable.assign(padded_, 0.0f);
     for (size_t i = 0; i < count_; ++i) variable[i] = scale * values[i];
   }
 
@@ -151,9 +158,11 @@ class Weights {
     }
   }
 
-  size_t count_;
-  size_t padded_;
-  std::vector<std::vector<float>> variables_;  // scaled so that their squares add up to the exponent
+  size_t count_ = 0;
+  size_t padded_ = 0;
+  size_t used_ = 0;  // variables that count
+  std::array<std::vector<float>, kColors + kFeatures>
+      variables_;  // scaled so that their squares add up to the exponent
   std::array<std::vector<float>, 3> light_;
   std::vector<float> weights_;
 };
@@ -186,19 +195,38 @@ struct Settings {
   bool unbiased = false;
 };
 
-/// One pass over one pixel; writes its samples' new colours.
-void FilterPixel(const SampleSet& set, const std::vector<Vec3>& colors, const Settings& settings, int pass,
-                 int x, int y, const MutualInformation& information, absl::Span<Vec3> out) {
-  const Pass& step = kPasses[static_cast<size_t>(pass)];
-  const double in_box = static_cast<double>(step.side * step.side) * set.samples_per_pixel;
-  Neighbourhood samples;
-  samples.Draw(set, colors, x, y, pass, step.side,
-               static_cast<size_t>(in_box * step.share * settings.budget));
-  const Importance importance = ImportanceOf(Dependencies(samples, information, settings.unbiased), pass);
-  Weights weights(samples, importance, settings.variance);
-  for (size_t i = 0; i < out.size(); ++i) out[i] = weights.MeanFor(i);
-  TameSpikes(out);
-}
+/// One pass over pixels, one after another: their memory is the same.
+class PixelFilter {
+ public:
+  PixelFilter(const SampleSet& set, const std::vector<Vec3>& colors, const Settings& settings, int pass,
+              const MutualInformation& information)
+      : set_(set),
+        colors_(colors),
+        settings_(settings),
+        pass_(pass),
+        dependencies_(information, settings.unbiased) {}
+
+  /// Writes a pixel's samples' new colours.
+  void Filter(int x, int y, absl::Span<Vec3> out) {
+    const Pass& step = kPasses[static_cast<size_t>(pass_)];
+    const double in_box = static_cast<double>(step.side * step.side) * set_.samples_per_pixel;
+    samples_.Draw(set_, colors_, x, y, pass_, step.side,
+                  static_cast<size_t>(in_box * step.share * settings_.budget));
+    dependencies_.Set(samples_);
+    weights_.Set(samples_, ImportanceOf(dependencies_, pass_), settings_.variance);
+    for (size_t i = 0; i < out.size(); ++i) out[i] = weights_.MeanFor(i);
+    TameSpikes(out);
+  }
+
+ private:
+  const SampleSet& set_;
+  const std::vector<Vec3>& colors_;
+  const Settings& settings_;
+  int pass_;
+  Neighbourhood samples_;
+  Dependencies dependencies_;
+  Weights weights_;
+};
 
 size_t MostSamples(const SampleSet& set, double budget) {
   double most = 0;
@@ -222,8 +250,8 @@ absl::StatusOr<std::array<Plane, 3>> FilterByDependency(const SampleSet& set, ab
   for (int pass = 0; pass < static_cast<int>(kPasses.size()); ++pass) {
     ParallelFor(pool, set.height, [&](int64_t row) {
       const int y = static_cast<int>(row);
-      for (int x = 0; x < set.width; ++x)
-        FilterPixel(set, colors, settings, pass, x, y, information, samples_of(&filtered, x, y));
+      PixelFilter filter(set, colors, settings, pass, information);
+      for (int x = 0; x < set.width; ++x) filter.Filter(x, y, samples_of(&filtered, x, y));
     });
     std::swap(colors, filtered);
   }
@@ -244,7 +272,7 @@ SampleMethod RandomParametersMethod() {
   return {.name = "random-parameters",
           .summary = "means of samples, by what their colour depends on: place and surface, or chance",
           .source = "Sen & Darabi 2012",
-          .parameters = {{"variance", "of the weights, at 8 spp", 0.02f, {0.02f, 0.1f, 0.5f}, 1e-4f, 100},
+          .parameters = {{"variance", "of the weights, at 8 spp", 0.02f, {0.02f, 0.1f, 0.5f, 2}, 1e-4f, 100},
                          {"budget", "samples compared, over the published number", 1, {1}, 0.01f, 4},
                          {"unbias", "1: takes the bias of few samples off mutual information", 1, {1}, 0, 1}},
           .filter = FilterByDependency};

@@ -103,11 +103,18 @@ TEST_F(MeterTest, LeavesOutAGridThatCostsTooMuch) {
   EXPECT_EQ(Measure(Painter(&calls), 9).size(), 1u);  // two points of 5 s beside the default
 }
 
+TEST_F(MeterTest, TakesAGridThatIsKeptWhateverItCost) {
+  int calls = 0;
+  const Method painter = Painter(&calls);
+  Measure(painter, 100);
+  EXPECT_EQ(Measure(painter, 9).size(), 3u);
+}
+
 TEST_F(MeterTest, DoesNotRunWhatWouldTakeTooLong) {
   int calls = 0;
   const std::vector<Row> rows = Measure(Painter(&calls), 100, 4);
   ASSERT_EQ(rows.size(), 1u);
-  EXPECT_EQ(rows[0].not_run, "cost");
+  EXPECT_EQ(rows[0].not_run, "cost: 5 s");
 }
 
 TEST(Reference, KnowsItsOwnNoise) {

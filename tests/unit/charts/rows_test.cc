@@ -107,6 +107,20 @@ TEST(Series, TakeTheBestThatRan) {
   EXPECT_THAT(ErrorByTime(best), ElementsAre(std::pair(16.5, 5.0)));
 }
 
+TEST(RatioTable, SaysWhyAMethodDidNotRun) {
+  std::vector<Row> rows = Rows();
+  RowOf(&rows, "nlm", 16).not_run = "cost: 52 s";
+  const std::string table = RatioTable(rows);
+  EXPECT_THAT(table, HasSubstr("0.500 | not run, cost: 52 s | 0.500"));
+  EXPECT_THAT(table, HasSubstr("| room | 4 | 100.000 | 10.000 | 0.500"));
+}
+
+TEST(TruthTable, NamesNoiseThatIsTakenOff) {
+  const std::string table = TruthTable({{"room", 4096, 0.25}, {"hall", 512, 0}});
+  EXPECT_THAT(table, HasSubstr("| room | 4096 | 0.250 |"));
+  EXPECT_THAT(table, HasSubstr("| hall | 512 | not known |"));
+}
+
 TEST(CheckOrder, HoldsWhereOursIsBest) { EXPECT_TRUE(CheckOrder(Rows()).ok()) << CheckOrder(Rows()); }
 
 TEST(CheckOrder, NamesAFilmWhereTheNoisyPictureIsBetter) {

@@ -1,0 +1,82 @@
+#include "tests/stability/kept_cells.h"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
+#include "filter/image/file_io.h"
+
+namespace lumifold::stability {
+namespace {
+
+constexpr int64_t kMostBytes = int64_t{1} << 24;
+constexpr size_t kFields = 6;  // from after the name: nothing, method, measure, threshold, figure, result
+
+bool IsOf(const Cell& cell, int number, const std::string& column) {
+  return cell.of->number == number && cell.column == column;
+}
+
+/// The cell of a case and column, made where there is none; null for a case that is no more.
+Cell* CellFor(int number, const std::string& column, std::vector<Cell>* cells) {
+  for (Cell& cell : *cells) {
+    if (IsOf(cell, number, column)) return &cell;
+  }
+  for (const Case& c : AllCases()) {
+    if (c.number == number) return &cells->emplace_back(Cell{&c, column, {}, ""});
+  }
+  return nullptr;
+}
+
+/// Adds one line, NUMBER,"NAME",METHOD,...: a figure, or why there is none. Result: whether it can be read.
+bool AddLine(const std::string& line, std::vector<Cell>* cells) {
+  const std::vector<std::string> around_name = absl::StrSplit(line, absl::MaxSplits('"', 2));
+  const std::vector<std::string> fields =
+      absl::StrSplit(around_name.back(), absl::MaxSplits(',', kFields - 1));
+  int number = 0;
+  if (around_name.size() != 3 || fields.size() != kFields ||
+      !absl::SimpleAtoi(absl::StripSuffix(around_name[0], ","), &number)) {
+    return false;
+  }
+  Cell* cell = CellFor(number, fields[1], cells);
+  if (cell == nullptr) return true;
+  absl::string_view reason = fields[5];
+  if (absl::ConsumePrefix(&reason, kNotApplicable)) {
+    cell->not_applicable = std::string(reason);
+    return true;
+  }
+  double figure = 0;
+  if (!absl::SimpleAtod(fields[4], &figure)) return false;
+  cell->figures.push_back(figure);
+  return true;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<Cell>> ReadCells(const std::string& path) {
+  const absl::StatusOr<std::string> text = ReadFile(path, kMostBytes);
+  if (absl::IsNotFound(text.status())) return std::vector<Cell>();
+  if (!text.ok()) return text.status();
+  const std::vector<std::string> lines = absl::StrSplit(*text, '\n', absl::SkipEmpty());
+  std::vector<Cell> cells;
+  for (size_t i = 1; i < lines.size(); ++i) {  // below the names
+    if (!AddLine(lines[i], &cells)) return absl::DataLossError(absl::StrCat(path, ":", i + 1, ": no cell"));
+  }
+  std::erase_if(cells, [](const Cell& cell) {
+    return cell.IsApplicable() && cell.figures.size() != cell.of->measures.size();
+  });
+  return cells;
+}
+
+std::vector<Cell> WithKept(std::vector<Cell> cells, const std::vector<Cell>& kept) {
+  for (const Cell& old : kept) {
+    const bool is_new = std::any_of(cells.begin(), cells.end(),
+                                    [&](const Cell& cell) { return IsOf(cell, old.of->number, old.column); });
+    if (!is_new) cells.push_back(old);
+  }
+  return cells;
+}
+
+}  // namespace lumifold::stability

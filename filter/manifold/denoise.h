@@ -40,6 +40,7 @@ struct DenoiseParts {
   bool edge_points = true;  // edges antialiased by their sub-samples
   bool levels = true;       // mirrors and glass filtered level by level
   bool fireflies = true;    // taken out before, and their energy spread
+  bool first_order = true;  // planes fitted through the light, not means
   bool second_pass = true;
   bool choice = true;       // of the scale, per pixel by estimated error
   bool convergence = true;  // the result drawn back to C

@@ -22,13 +22,14 @@ struct Part {
   bool DenoiseParts::*is_on;  // null: nothing is left out
 };
 
-constexpr std::array<Part, 10> kParts = {{{"nothing", nullptr},
+constexpr std::array<Part, 11> kParts = {{{"nothing", nullptr},
                                           {"NLM space", &DenoiseParts::patches},
                                           {"normals", &DenoiseParts::normals},
                                           {"depth", &DenoiseParts::depth},
                                           {"edge antialiasing", &DenoiseParts::edge_points},
                                           {"levels of reflection", &DenoiseParts::levels},
                                           {"firefly step", &DenoiseParts::fireflies},
+                                          {"first order", &DenoiseParts::first_order},
                                           {"second pass", &DenoiseParts::second_pass},
                                           {"choice of scale", &DenoiseParts::choice},
                                           {"drawing back to C", &DenoiseParts::convergence}}};

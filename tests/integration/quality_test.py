@@ -28,7 +28,7 @@ SCENES = ("cornell-box", "meeting-room", "bedroom", "atrium")
 NOISY = Series(SCENES, 128, 96, (1, 4, 16, 64), 1024)
 CLEAN = Series(SCENES, 64, 48, (256, 1024, 4096), 16384)
 # Most pixels on edges, next to pixels many times as bright and as noisy.
-SMALL = tuple(Series(SCENES, width, height, (256, 1024, 4096), 32768) for width, height in ((16, 12), (24, 18)))
+SMALL = tuple(Series(SCENES, width, height, (256, 1024), 16384) for width, height in ((16, 12), (24, 18)))
 
 
 class Part(typing.NamedTuple):

@@ -41,7 +41,7 @@ TEST(DenoiseParts, EachChangesThePictureWhereItIsOff) {
   const Picture whole = Denoise(film, nullptr, nullptr);
   for (bool DenoiseParts::*part :
        {&DenoiseParts::patches, &DenoiseParts::normals, &DenoiseParts::depth, &DenoiseParts::fireflies,
-        &DenoiseParts::second_pass, &DenoiseParts::choice}) {
+        &DenoiseParts::first_order, &DenoiseParts::second_pass, &DenoiseParts::choice}) {
     DenoiseParts parts;
     parts.*part = false;
     const Picture without = Denoise(film, nullptr, nullptr, parts);

@@ -1,0 +1,112 @@
+#include "filter/manifold/first_order.h"
+
+#include <algorithm>
+#include <array>
+
+namespace lumifold::filter {
+namespace {
+
+constexpr size_t kColors = 3;
+constexpr size_t kSignals = 14;
+/// Of the spread over positions, in units: slopes that few pixels tell of stay small.
+constexpr float kRidge = 1.5e-3f;
+
+/// Position along one axis, in units from the middle.
+float PositionOf(int pixel, int size, float unit) {
+  return (static_cast<float>(pixel) - 0.5f * static_cast<float>(size - 1)) / unit;
+}
+
+/// Weighted means at one point, in the order of WithMoments().
+struct Moments {
+  std::array<float, kColors> f;
+  float x, y;
+  std::array<float, kColors> xf, yf;
+  float xx, xy, yy;
+};
+
+/// `read(k)`: the mean of signal k.
+template <typename Read>
+Moments ReadMoments(Read&& read) {
+  return {{read(0), read(1), read(2)},  read(3),  read(4),  {read(5), read(6), read(7)},
+          {read(8), read(9), read(10)}, read(11), read(12), read(13)};
+}
+
+/// The plane's value at (x0, y0): mean f less slope times how far the mean position is from there.
+std::array<float, kColors> PlaneAt(const Moments& m, float x0, float y0) {
+  // Far from the middle of a very wide picture rounding may make spreads negative.
+  const float xx = std::max(m.xx - m.x * m.x, 0.0f) + kRidge;
+  const float yy = std::max(m.yy - m.y * m.y, 0.0f) + kRidge;
+  const float xy = m.xy - m.x * m.y;
+  const float determinant = std::max(xx * yy - xy * xy, kRidge * kRidge);
+  const float off_x = x0 - m.x;
+  const float off_y = y0 - m.y;
+  // What each covariance with the light is worth at (x0, y0): the solution of a symmetric 2x2 system.
+  const float by_x = (off_x * yy - off_y * xy) / determinant;
+  const float by_y = (off_y * xx - off_x * xy) / determinant;
+  std::array<float, kColors> value;
+  for (size_t c = 0; c < kColors; ++c)
+    value[c] = m.f[c] + by_x * (m.xf[c] - m.x * m.f[c]) + by_y * (m.yf[c] - m.y * m.f[c]);
+  return value;
+}
+
+}  // namespace
+
+Planes WithMoments(const Planes& light, float unit, TaskPool* pool) {
+  const int width = light[0].width();
+  const int height = light[0].height();
+  Planes moments = MakeUninitializedPlanes(kSignals, width, height);
+  ForEachBand(pool, height, [&](int, int y0, int y1) {
+    for (int row = y0; row < y1; ++row) {
+      const float y = PositionOf(row, height, unit);
+      for (int column = 0; column < width; ++column) {
+        const float x = PositionOf(column, width, unit);
+        size_t plane = 0;
+        const auto put = [&](float value) { moments[plane++].At(column, row) = value; };
+        for (const Plane& channel : light) put(channel.At(column, row));
+        put(x);
+        put(y);
+        for (const Plane& channel : light) put(x * channel.At(column, row));
+        for (const Plane& channel : light) put(y * channel.At(column, row));
+        put(x * x);
+        put(x * y);
+        put(y * y);
+      }
+    }
+  });
+  return moments;
+}
+
+Planes FitLight(const Planes& means, float unit, TaskPool* pool) {
+  const int width = means[0].width();
+  const int height = means[0].height();
+  Planes light = MakeUninitializedPlanes(kColors, width, height);
+  ForEachBand(pool, height, [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const auto value = PlaneAt(ReadMoments([&](size_t k) { return means[k].At(x, y); }),
+                                   PositionOf(x, width, unit), PositionOf(y, height, unit));
+        for (size_t c = 0; c < kColors; ++c) light[c].At(x, y) = value[c];
+      }
+    }
+  });
+  return light;
+}
+
+SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit, int width,
+                              int height) {
+  const size_t samples = points.samples;
+  SlicedPoints light{std::vector<float>(points.pixels.size() * kColors * samples), means.weights};
+  for (size_t i = 0; i < points.pixels.size(); ++i) {
+    const float x = PositionOf(points.pixels[i][0], width, unit);
+    const float y = PositionOf(points.pixels[i][1], height, unit);
+    for (size_t j = 0; j < samples; ++j) {
+      if (means.weights[i * samples + j] == 0) continue;
+      const auto value = PlaneAt(
+          ReadMoments([&](size_t k) { return means.values[(i * kSignals + k) * samples + j]; }), x, y);
+      for (size_t c = 0; c < kColors; ++c) light.values[(i * kColors + c) * samples + j] = value[c];
+    }
+  }
+  return light;
+}
+
+}  // namespace lumifold::filter

@@ -5,10 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
+#include "filter/image/color.h"
 #include "filter/image/layers.h"
 #include "filter/image/level_mask.h"
 #include "filter/image/portable_math.h"
-#include "filter/manifold/band_pixels.h"
 #include "filter/manifold/box_mean.h"
 #include "filter/manifold/edge_pixels.h"
 #include "filter/manifold/error_weight.h"
@@ -20,26 +21,38 @@ namespace {
 constexpr int kRadius = 3;       // 7x7 window
 constexpr int kTrustRadius = 3;  // of the errors' means
 constexpr float kSigmaPixels = 2.1f;
-constexpr float kSigmaLikeness = 0.5f;  // in units of asinh(F / (kKnee mean))
+constexpr float kSigmaLikeness = 0.3f;  // in units of asinh(F / (kKnee mean))
 constexpr float kKnee = 0.2f;
-constexpr float kRidge = 1e-2f;  // of the window's weight
+/// What counts for less than e to the minus this in a window is left out of it.
+constexpr float kMostExponent = 5;
+/// What is expected of a term before any pixel is seen: over its unit, C - F changes by so many times F.
+constexpr float kExpectedSlope = 2;
+constexpr float kLeastLight = 1e-3f;  // of the mean's square: F^2 counts as no less
+constexpr float kLeastRidge = 1e-5f;  // of the window's weight
+constexpr float kMostRidge = 1;       // of the same
 /// Of C's variance: what is added to both errors, so that estimates that noise made small or negative decide
 /// nothing.
-constexpr float kLeastError = 0.15f;
+constexpr float kLeastError = 0.25f;
+constexpr float kTermsOfLogDistance = 2;
 constexpr float kLargestFeature = 10;
 constexpr float kLargest = 1e12f;  // of C over its mean: squares of squares must stay finite
 
-constexpr size_t kTerms = 8;     // 1, T, normal, covered part
-constexpr size_t kSignals = 6;   // C - F of half A and of half B
-constexpr size_t kRowSize = 16;  // both, padded to whole vectors
+constexpr size_t kTerms = 10;   // 1, T, normal, covered part, S, log distance
+constexpr size_t kSignals = 6;  // C - F of half A and of half B
+constexpr size_t kRowSize = kTerms + kSignals;
 
 /// What the regression needs of one pixel.
 struct Sample {
-  std::array<float, kRowSize> row = {};
+  std::array<float, kRowSize> row = {};  // signals, then terms
   std::array<float, 3> likeness = {};
-  float light = 0;         // F, over the mean
+  float variance = 0;      // of C, mean over the channels
+  float light = 0;         // mean of |F|
+  float power = 0;         // mean of F^2
   bool is_usable = false;  // both halves known and finite
 };
+
+/// C - F of each half as a linear function of the terms: term by term a factor for each signal.
+using Model = std::array<float, kTerms * kSignals>;
 
 /// Squared errors, summed over the channels, by the halves.
 struct Errors {
@@ -61,70 +74,115 @@ class Source {
         albedo_(film.GetColor(layers::kAlbedo)),
         normal_{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)},
         mask_(film.Get(layers::kMask)),
+        distance_(film.Get(layers::kDistance)),
         change_(ViewOf(change)),
         picture_{picture[0].view(), picture[1].view(), picture[2].view()},
-        unit_(unit) {}
+        unit_(unit) {
+    if (film.HasColor(layers::kSpecular)) specular_ = film.GetColor(layers::kSpecular);
+  }
 
   Sample At(int x, int y) const {
     Sample sample;
+    SetTerms(x, y, &sample);
     sample.is_usable = n_a_.At(x, y) > 0 && n_b_.At(x, y) > 0;
-    sample.row[0] = 1;
-    sample.row[kTerms - 1] = Bounded(mask_.At(x, y));
     for (size_t c = 0; c < 3; ++c) {
-      sample.row[1 + c] = Bounded(albedo_[c].At(x, y));
-      sample.row[4 + c] = Bounded(normal_[c].At(x, y));
       const float f = picture_[c].At(x, y);
       const float a = (a_[c].At(x, y) + change_[c].At(x, y) - f) / unit_;
       const float b = (b_[c].At(x, y) + change_[c].At(x, y) - f) / unit_;
       sample.is_usable = sample.is_usable && std::abs(a) < kLargest && std::abs(b) < kLargest;
-      sample.row[kTerms + c] = a;
-      sample.row[kTerms + 3 + c] = b;
+      sample.row[c] = a;
+      sample.row[3 + c] = b;
+      sample.variance += (a - b) * (a - b) / 12;
       sample.light += std::abs(f / unit_) / 3;
+      sample.power += f / unit_ * (f / unit_) / 3;
       sample.likeness[c] = Asinh(f / unit_ * (1.0f / kKnee));
     }
     return sample;
   }
 
  private:
+  void SetTerms(int x, int y, Sample* sample) const {
+    sample->row[kSignals] = 1;
+    for (size_t c = 0; c < 3; ++c) {
+      sample->row[kSignals + 1 + c] = Bounded(albedo_[c].At(x, y));
+      sample->row[kSignals + 4 + c] = Bounded(normal_[c].At(x, y));
+    }
+    sample->row[kSignals + 7] = Bounded(mask_.At(x, y));
+    if (!specular_[0].IsEmpty()) {
+      sample->row[kSignals + 8] =
+          Bounded(Luminance(specular_[0].At(x, y), specular_[1].At(x, y), specular_[2].At(x, y)));
+    }
+    const float distance = distance_.At(x, y);
+    if (distance > 0 && std::isfinite(distance))
+      sample->row[kSignals + 9] = kTermsOfLogDistance * Log(distance);
+  }
+
   ConstColorView a_, b_;
   ConstFloatView n_a_, n_b_;
   ConstColorView albedo_, normal_;
-  ConstFloatView mask_;
+  ConstFloatView mask_, distance_;
+  ConstColorView specular_;
   ConstColorView change_, picture_;
   float unit_;
 };
 
-/// Weighted least squares over samples whose terms are counted from those of the pixel itself: what the fit
-/// says of that pixel is its constant.
+/// Weighted least squares over samples whose terms are counted from those of the pixel in the middle. A slope
+/// is drawn to 0 by what is expected of it, the more the noisier the samples are: Bayesian linear regression.
 class Fit {
  public:
   void Add(const Sample& sample, const Sample& centre, float weight) {
+    variance_ += weight * sample.variance;
+    power_ += weight * sample.power;
     std::array<float, kRowSize> row = sample.row;
-    for (size_t i = 1; i < kTerms; ++i) row[i] -= centre.row[i];
-    for (size_t i = 0; i < kTerms; ++i) {
-      const float by = weight * row[i];
-      for (size_t j = 0; j < kRowSize; ++j) sums_[i][j] += by * row[j];
-    }
+    for (size_t i = 1; i < kTerms; ++i) row[kSignals + i] -= centre.row[kSignals + i];
+    for (size_t i = 0; i < kTerms; ++i) AddTimes(weight * row[kSignals + i], row, i);
   }
 
-  /// The constant of each signal. Consumes the sums.
-  std::array<float, kSignals> Solve() {
-    for (size_t i = 1; i < kTerms; ++i) sums_[i][i] += kRidge * sums_[0][0];
+  /// Of terms counted from 0. Consumes the sums.
+  Model Solve(const Sample& centre) {
+    const float ridge = Ridge();
+    for (size_t i = 1; i < kTerms; ++i) sums_[i][kSignals + i] += ridge;
     // Elimination from the last term up to the constant, whose row then stands alone. It needs no pivots: the
     // ridge keeps the matrix positive definite.
     for (size_t k = kTerms - 1; k > 0; --k) {
-      for (size_t i = 0; i < k; ++i) {
-        const float by = sums_[i][k] / sums_[k][k];
-        for (size_t j = 0; j < kRowSize; ++j) sums_[i][j] -= by * sums_[k][j];
+      const float inverse = 1.0f / sums_[k][kSignals + k];
+      for (size_t i = 0; i < k; ++i) AddTimes(-sums_[k][kSignals + i] * inverse, sums_[k], i);
+    }
+    Model model = {};
+    for (size_t i = 0; i < kTerms; ++i) {
+      const float inverse = 1.0f / sums_[i][kSignals + i];
+      for (size_t s = 0; s < kSignals; ++s) {
+        float right = sums_[i][s];
+        for (size_t j = 0; j < i; ++j) right -= sums_[i][kSignals + j] * model[j * kSignals + s];
+        model[i * kSignals + s] = right * inverse;
       }
     }
-    std::array<float, kSignals> constants;
-    for (size_t s = 0; s < kSignals; ++s) constants[s] = sums_[0][kTerms + s] / sums_[0][0];
-    return constants;
+    for (size_t i = 1; i < kTerms; ++i) {
+      for (size_t s = 0; s < kSignals; ++s) model[s] -= model[i * kSignals + s] * centre.row[kSignals + i];
+    }
+    return model;
   }
 
  private:
+  /// The samples' variance over the square of what is expected of a slope.
+  float Ridge() const {
+    const float weight = sums_[0][kSignals];
+    const float expected = kExpectedSlope * kExpectedSlope * (power_ + kLeastLight * weight);
+    return std::min(variance_ / expected, kMostRidge * weight) + kLeastRidge * weight;
+  }
+
+  /// Adds to the sums of term i. The matrix is symmetric: columns of later terms are left out, but for what
+  /// fills vectors.
+  void AddTimes(float by, const std::array<float, kRowSize>& row, size_t i) {
+    constexpr size_t kLanes = 4;
+    for (size_t j = 0; j <= kSignals + i; j += kLanes) {
+      for (size_t k = j; k < j + kLanes; ++k) sums_[i][k] += by * row[k];
+    }
+  }
+
   std::array<std::array<float, kRowSize>, kTerms> sums_ = {};
+  float variance_ = 0;
+  float power_ = 0;
 };
 
 /// Half the square of how far apart the two pixels' F are, in sigmas.
@@ -137,21 +195,85 @@ float Unlikeness(const Sample& centre, const Sample& other) {
   return square * (1.0f / (2 * kSigmaLikeness * kSigmaLikeness));
 }
 
-/// What the pixels about (x, y) that look alike leave there.
-std::array<float, kSignals> FitAt(const BandPixels<Sample>& samples, int x, int y) {
-  constexpr float kNearness = 1.0f / (2 * kSigmaPixels * kSigmaPixels);
-  const Sample& centre = samples.At(x, y);
-  const Rect window = samples.WindowAt(x, y);
-  Fit fit;
-  for (int j = window.y0; j < window.y1; ++j) {
-    for (int i = window.x0; i < window.x1; ++i) {
-      const Sample& other = samples.At(i, j);
-      if (!other.is_usable) continue;
-      const auto apart = static_cast<float>((i - x) * (i - x) + (j - y) * (j - y));
-      fit.Add(other, centre, Exp(-Unlikeness(centre, other) - kNearness * apart));
+/// The samples of a whole frame, and the pixels that are fitted.
+class Frame {
+ public:
+  Frame(const Source& source, const Plane& is_mixed, TaskPool* pool)
+      : bounds_{0, 0, is_mixed.width(), is_mixed.height()},
+        samples_(static_cast<size_t>(bounds_.width()) * static_cast<size_t>(bounds_.height())),
+        model_of_(samples_.size(), -1) {
+    ForEachBand(pool, bounds_.height(), [&](int, int y0, int y1) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < bounds_.x1; ++x) samples_[IndexOf(x, y)] = source.At(x, y);
+      }
+    });
+    for (int y = 0; y < bounds_.y1; ++y) {
+      for (int x = 0; x < bounds_.x1; ++x) {
+        if (is_mixed.At(x, y) > 0 && At(x, y).is_usable) model_of_[IndexOf(x, y)] = models_++;
+      }
     }
   }
-  return fit.Solve();
+
+  const Sample& At(int x, int y) const { return samples_[IndexOf(x, y)]; }
+
+  /// Which of the models is the pixel's; below 0 where it is not fitted.
+  int ModelOf(int x, int y) const { return model_of_[IndexOf(x, y)]; }
+  int models() const { return models_; }
+
+  const Rect& bounds() const { return bounds_; }
+
+ private:
+  size_t IndexOf(int x, int y) const {
+    return static_cast<size_t>(y) * static_cast<size_t>(bounds_.width()) + static_cast<size_t>(x);
+  }
+
+  Rect bounds_;
+  std::vector<Sample> samples_;
+  std::vector<int> model_of_;
+  int models_ = 0;
+};
+
+/// Calls body(i, j, weight) for the pixels about (x, y), itself among them, that count for it: the less the
+/// farther away and the more unlike they are.
+template <typename Body>
+void ForEachAlike(const Frame& frame, int x, int y, const Body& body) {
+  constexpr float kNearness = 1.0f / (2 * kSigmaPixels * kSigmaPixels);
+  const Rect window = Inflate({x, y, x + 1, y + 1}, kRadius, frame.bounds());
+  for (int j = window.y0; j < window.y1; ++j) {
+    for (int i = window.x0; i < window.x1; ++i) {
+      const auto apart = static_cast<float>((i - x) * (i - x) + (j - y) * (j - y));
+      const float exponent = Unlikeness(frame.At(x, y), frame.At(i, j)) + kNearness * apart;
+      if (exponent < kMostExponent) body(i, j, Exp(-exponent));
+    }
+  }
+}
+
+/// What the pixels about (x, y) that look alike leave there.
+Model FitAt(const Frame& frame, int x, int y) {
+  const Sample& centre = frame.At(x, y);
+  Fit fit;
+  ForEachAlike(frame, x, y, [&](int i, int j, float weight) {
+    if (frame.At(i, j).is_usable) fit.Add(frame.At(i, j), centre, weight);
+  });
+  return fit.Solve(centre);
+}
+
+/// What the models fitted about (x, y) say of it in the mean.
+std::array<float, kSignals> MeanFitAt(const Frame& frame, const std::vector<Model>& models, int x, int y) {
+  Model sum = {};
+  float total = 0;
+  ForEachAlike(frame, x, y, [&](int i, int j, float weight) {
+    if (frame.ModelOf(i, j) < 0) return;
+    const Model& model = models[static_cast<size_t>(frame.ModelOf(i, j))];
+    total += weight;
+    for (size_t k = 0; k < sum.size(); ++k) sum[k] += weight * model[k];
+  });
+  std::array<float, kSignals> fit = {};
+  for (size_t i = 0; i < kTerms; ++i) {
+    const float term = frame.At(x, y).row[kSignals + i] / total;
+    for (size_t s = 0; s < kSignals; ++s) fit[s] += term * sum[i * kSignals + s];
+  }
+  return fit;
 }
 
 /// Half B judges what half A was fitted by, and the reverse.
@@ -159,8 +281,8 @@ Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit) {
   Errors errors;
   const float weight = ErrorWeight(sample.light);
   for (size_t c = 0; c < 3; ++c) {
-    const float a = sample.row[kTerms + c];
-    const float b = sample.row[kTerms + 3 + c];
+    const float a = sample.row[c];
+    const float b = sample.row[3 + c];
     const float off_a = fit[c] - b;
     const float off_b = fit[3 + c] - a;
     const float apart = fit[c] - fit[3 + c];
@@ -172,15 +294,12 @@ Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit) {
   return errors;
 }
 
-/// How far the fit is followed: by the squares of the inverse errors.
+/// How far the fit is followed: by the inverse errors.
 float ShareOfFit(const Errors& errors) {
   const float least = kLeastError * errors.variance;
   const float without = least + std::max(errors.without, 0.0f);
   const float with = least + std::max(errors.with, 0.0f);
-  if (!(without + with > 0)) return 0;
-  const float relative = without / (without + with);
-  const float rest = 1.0f - relative;
-  return relative * relative / (relative * relative + rest * rest);
+  return without + with > 0 ? without / (without + with) : 0.0f;
 }
 
 /// 1 at pixels of the edge set and at those that show a level.
@@ -190,6 +309,17 @@ Plane MixedPixels(const LayeredImage& film, const LayeredImage* edges) {
   return mixed;
 }
 
+/// Calls body(x, y) for each pixel that is fitted.
+void ForEachFitted(const Frame& frame, TaskPool* pool, absl::FunctionRef<void(int, int)> body) {
+  ForEachBand(pool, frame.bounds().height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < frame.bounds().x1; ++x) {
+        if (frame.ModelOf(x, y) >= 0) body(x, y);
+      }
+    }
+  });
+}
+
 /// The fits of all pixels that are fitted, in the source's units.
 struct Fits {
   Plane is_fitted;     // 1 or 0
@@ -197,20 +327,24 @@ struct Fits {
   Planes errors;       // without, with, variance
 };
 
-void FitBand(const BandPixels<Sample>& samples, int y0, int y1, Fits* fits) {
-  for (int y = y0; y < y1; ++y) {
-    for (int x = 0; x < fits->is_fitted.width(); ++x) {
-      float& is_fitted = fits->is_fitted.At(x, y);
-      if (!samples.At(x, y).is_usable) is_fitted = 0;
-      if (is_fitted == 0) continue;
-      const std::array<float, kSignals> fit = FitAt(samples, x, y);
-      for (size_t c = 0; c < 3; ++c) fits->corrections[c].At(x, y) = 0.5f * (fit[c] + fit[3 + c]);
-      const Errors errors = ErrorsOf(samples.At(x, y), fit);
-      fits->errors[0].At(x, y) = errors.without;
-      fits->errors[1].At(x, y) = errors.with;
-      fits->errors[2].At(x, y) = errors.variance;
-    }
-  }
+Fits FitAll(const Source& source, const Plane& is_mixed, TaskPool* pool) {
+  const Frame frame(source, is_mixed, pool);
+  std::vector<Model> models(static_cast<size_t>(frame.models()));
+  ForEachFitted(frame, pool,
+                [&](int x, int y) { models[static_cast<size_t>(frame.ModelOf(x, y))] = FitAt(frame, x, y); });
+  const int width = is_mixed.width();
+  const int height = is_mixed.height();
+  Fits fits{Plane(width, height), MakePlanes(3, width, height), MakePlanes(3, width, height)};
+  ForEachFitted(frame, pool, [&](int x, int y) {
+    const std::array<float, kSignals> fit = MeanFitAt(frame, models, x, y);
+    for (size_t c = 0; c < 3; ++c) fits.corrections[c].At(x, y) = 0.5f * (fit[c] + fit[3 + c]);
+    const Errors errors = ErrorsOf(frame.At(x, y), fit);
+    fits.errors[0].At(x, y) = errors.without;
+    fits.errors[1].At(x, y) = errors.with;
+    fits.errors[2].At(x, y) = errors.variance;
+    fits.is_fitted.At(x, y) = 1;
+  });
+  return fits;
 }
 
 }  // namespace
@@ -219,19 +353,11 @@ void RegressEdges(const LayeredImage& film, const LayeredImage* edges, const Pla
                   std::array<Plane, 3>* picture) {
   const float unit = MeanMagnitude(film.GetColor(layers::kNoisy), pool);
   if (!(unit > 0)) return;
-  const Source source(film, change, *picture, unit);
-  const int width = film.width();
-  const int height = film.height();
-  Fits fits{MixedPixels(film, edges), MakePlanes(3, width, height), MakePlanes(3, width, height)};
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    const BandPixels<Sample> samples(film.bounds(), y0, y1, kRadius,
-                                     [&](int x, int y) { return source.At(x, y); });
-    FitBand(samples, y0, y1, &fits);
-  });
+  const Fits fits = FitAll(Source(film, change, *picture, unit), MixedPixels(film, edges), pool);
   const Planes means = BoxMeans(fits.errors, fits.is_fitted.view(), kTrustRadius, pool);
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
+  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < width; ++x) {
+      for (int x = 0; x < film.width(); ++x) {
         if (fits.is_fitted.At(x, y) == 0) continue;
         const float share = ShareOfFit({means[0].At(x, y), means[1].At(x, y), means[2].At(x, y)});
         for (size_t c = 0; c < 3; ++c) (*picture)[c].At(x, y) += share * fits.corrections[c].At(x, y) * unit;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <random>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -319,6 +320,72 @@ TEST(EdgeRegression, TakesOutABiasOfEdgesAndLeavesTheRest) {
   EXPECT_LT(MeanAtEdge(biased), 0.6);
   EXPECT_EQ(biased[0].At(kEdgeColumn - 1, 9), kLight[0] * kAlbedo[0]);
   EXPECT_EQ(biased[0].At(kEdgeColumn + 1, 9), kLight[1] * kAlbedo[1]);
+}
+
+constexpr Rect kPatch = {30, 20, 60, 44};  // of pixels on edges
+
+/// The edge set of kPatch: all that is told of it is that its pixels are on edges.
+LayeredImage PatchOfEdges() {
+  LayeredImage edges(kSubSamples, kPatch.width() * kPatch.height());
+  for (const std::string& name : layers::EdgeChannels()) edges.Add(name);
+  for (int row = 0; row < edges.height(); ++row) {
+    const int x = kPatch.x0 + row % kPatch.width();
+    const int y = kPatch.y0 + row / kPatch.width();
+    for (int j = 0; j < kSubSamples; ++j) {
+      edges.Get(layers::kPixelX).At(j, row) = static_cast<float>(x);
+      edges.Get(layers::kPixelY).At(j, row) = static_cast<float>(y);
+      edges.Get(layers::kObjectId).At(j, row) = 1;
+    }
+  }
+  return edges;
+}
+
+/// One of two numbers, without any order from pixel to pixel.
+int SideOf(int x, int y) { return (x * 7 + y * 13 + x * y) / 4 % 2; }
+
+/// RMS error in kPatch after the regression of F = 0.5. The truth is 0.5 and `off` more on one side, less on
+/// the other; `side_channel` is `mean` and half of that more or less; the halves have deviation `noise`.
+double ErrorAfterRegression(std::string_view side_channel, float mean, float off, float noise) {
+  LayeredImage film = WallFilm();
+  film.AddColor(layers::kSpecular);
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal;
+  const NoisyLayer noisy(std::string(layers::kNoisy), &film);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const auto sign = static_cast<float>(2 * SideOf(x, y) - 1);
+      const float truth = 0.5f + sign * off;
+      noisy.Set(x, y, truth + noise * normal(random), truth + noise * normal(random));
+      if (film.HasColor(side_channel)) Set(film.GetColor(side_channel), x, y, mean * (1 + 0.5f * sign));
+      if (film.Has(side_channel)) film.Get(side_channel).At(x, y) = mean * (1 + 0.5f * sign);
+    }
+  }
+  const LayeredImage edges = PatchOfEdges();
+  std::array<Plane, 3> picture;
+  for (Plane& plane : picture) {
+    plane = Plane(kWidth, kHeight);
+    plane.Fill(0.5f);
+  }
+  RegressEdges(film, &edges, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  double square = 0;
+  for (int y = kPatch.y0; y < kPatch.y1; ++y) {
+    for (int x = kPatch.x0; x < kPatch.x1; ++x) {
+      const float truth = 0.5f + static_cast<float>(2 * SideOf(x, y) - 1) * off;
+      square += std::pow(static_cast<double>(picture[0].At(x, y) - truth), 2);
+    }
+  }
+  return std::sqrt(square / (kPatch.width() * kPatch.height()));
+}
+
+TEST(EdgeRegression, TellsSurfacesApartByEachOfItsTerms) {
+  for (const std::string_view channel :
+       {layers::kAlbedo, layers::kNormalX, layers::kMask, layers::kSpecular, layers::kDistance})
+    EXPECT_LT(ErrorAfterRegression(channel, 0.5f, 0.1f, 0.01f), 0.02) << channel;
+}
+
+TEST(EdgeRegression, AddsLittleNoiseWhereThereIsNothingToCorrect) {
+  constexpr float kDeviation = 0.5f;
+  EXPECT_LT(ErrorAfterRegression(layers::kAlbedo, 0.5f, 0, kDeviation), 0.025);
 }
 
 TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {

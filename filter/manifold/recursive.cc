@@ -86,6 +86,7 @@ void LowPass(float sigma, Plane* plane) {
   const int height = plane->height();
   if (width == 0) return;
   std::vector<float*> rows;
+  rows.reserve(static_cast<size_t>(height));
   for (int y = 0; y < height; ++y) rows.push_back(plane->Row(y));
   RecurseRowsEvenly({rows.data(), rows.data(), 1, rows.size(), width}, weight);
   for (int x0 = 0; x0 < width; x0 += kColumnsPerTask) {  // side by side as many as stay in the cache

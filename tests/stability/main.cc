@@ -99,10 +99,10 @@ absl::Status RunMatrix(const Options& options, const FilmStore& films, TaskPool*
   std::vector<Cell> cells;
   for (const Case& c : AllCases()) {
     if (!IsAsked(options, c)) continue;
-    if (const absl::Status status = RunCase(options, c, films, pool, &cells); !status.ok()) return status;
+    if (absl::Status status = RunCase(options, c, films, pool, &cells); !status.ok()) return status;
     if (options.output.empty()) continue;
     // After each case: all of it takes long, and what is there can be read.
-    const absl::Status status = WriteAll(options, *kept, cells);
+    absl::Status status = WriteAll(options, *kept, cells);
     if (!status.ok()) return status;
   }
   std::string wrong;

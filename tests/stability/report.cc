@@ -180,7 +180,7 @@ absl::Status WriteReport(const std::string& folder, const std::string& about,
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) return absl::UnavailableError(absl::StrCat(folder, ": ", error.message()));
-  const absl::Status status = scenes::WriteFile(absl::StrCat(folder, "/stability.csv"), Csv(cells));
+  absl::Status status = scenes::WriteFile(absl::StrCat(folder, "/stability.csv"), Csv(cells));
   if (!status.ok()) return status;
   return scenes::WriteFile(absl::StrCat(folder, "/stability.md"), Page(about, columns, cells));
 }

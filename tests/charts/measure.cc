@@ -102,6 +102,7 @@ absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Re
   for (const std::vector<float>& values : *grid) {
     absl::StatusOr<Row> row = FindOrRun(subject, reference, {&method, values});
     if (!row.ok()) return row.status();
+    if (!row->not_run.empty()) continue;  // has no error that could be the least
     rows.push_back(*std::move(row));
     points.push_back(values);
   }

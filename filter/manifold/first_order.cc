@@ -9,7 +9,7 @@ namespace {
 constexpr size_t kColors = 3;
 constexpr size_t kSignals = 14;
 /// Of the spread over positions, in units: slopes that few pixels tell of stay small.
-constexpr float kRidge = 1.5e-3f;
+constexpr float kRidge = 6e-3f;
 
 /// Position along one axis, in units from the middle.
 float PositionOf(int pixel, int size, float unit) {

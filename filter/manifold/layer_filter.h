@@ -18,7 +18,7 @@ struct LayerParams {
   float knee = 0.2f;                // of the stabilised guide, over the layer's mean
   // Manifolds of both are near each other, for they have to follow fine detail.
   ManifoldParams pilot_manifolds = {.sigma_s = 7, .height = 5, .cell = 4};  // of the first filtering
-  float pilot_reach = 16;                                                   // px
+  float pilot_reach = 12;                                                   // px
   ManifoldParams manifolds = {.sigma_s = 2, .height = 4};                   // of the second
   float reach = 6;                                                          // px
   SelectionParams selection;

@@ -49,7 +49,7 @@ TEST(FitLight, KeepsAPlaneUpToThePicturesBorder) {
   EXPECT_GT(std::abs(mean[2].At(0, 0) - Rising(2, 0, 0)), 0.2f);  // what a mean is wrong by there
   for (size_t c = 0; c < 3; ++c) {
     for (const auto& [x, y] : {std::pair{0, 0}, {kWidth - 1, 0}, {5, kHeight - 1}, {30, 20}})
-      EXPECT_NEAR(fitted[c].At(x, y), Rising(c, x, y), 0.02f) << c << ": " << x << "," << y;
+      EXPECT_NEAR(fitted[c].At(x, y), Rising(c, x, y), 0.05f) << c << ": " << x << "," << y;
   }
 }
 

@@ -136,7 +136,7 @@ Planes GlossyLight(const LayeredImage& film, const std::vector<Product>& product
 LayerParams LayerParamsOf(const DenoiseParts& parts) {
   LayerParams params;
   params.suppresses_fireflies = parts.fireflies;
-  params.is_first_order = parts.first_order;
+  params.pilot_manifolds.is_first_order = parts.first_order;
   params.has_second_pass = parts.second_pass;
   params.chooses = parts.choice;
   if (parts.patches) return params;

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
+
+#include "filter/image/check.h"
 
 namespace lumifold::filter {
 namespace {
 
 constexpr size_t kColors = 3;
-constexpr size_t kSignals = 14;
 /// Of the spread over positions, in units: slopes that few pixels tell of stay small.
 constexpr float kRidge = 6e-3f;
 
@@ -16,7 +18,13 @@ float PositionOf(int pixel, int size, float unit) {
   return (static_cast<float>(pixel) - 0.5f * static_cast<float>(size - 1)) / unit;
 }
 
-/// Weighted means at one point, in the order of WithMoments().
+/// The same of the middle of a cell, which the picture's edge may cut.
+float CentreOf(int cell, int step, int size, float unit) {
+  const int first = cell * step;
+  return 0.5f * (PositionOf(first, size, unit) + PositionOf(std::min(first + step, size) - 1, size, unit));
+}
+
+/// Weighted means at one point, in the order of kMoments.
 struct Moments {
   std::array<float, kColors> f;
   float x, y;
@@ -51,29 +59,31 @@ std::array<float, kColors> PlaneAt(const Moments& m, float x0, float y0) {
 
 }  // namespace
 
-Planes WithMoments(const Planes& light, float unit, TaskPool* pool) {
-  const int width = light[0].width();
-  const int height = light[0].height();
-  Planes moments = MakeUninitializedPlanes(kSignals, width, height);
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    for (int row = y0; row < y1; ++row) {
-      const float y = PositionOf(row, height, unit);
-      for (int column = 0; column < width; ++column) {
-        const float x = PositionOf(column, width, unit);
-        size_t plane = 0;
-        const auto put = [&](float value) { moments[plane++].At(column, row) = value; };
-        for (const Plane& channel : light) put(channel.At(column, row));
-        put(x);
-        put(y);
-        for (const Plane& channel : light) put(x * channel.At(column, row));
-        for (const Plane& channel : light) put(y * channel.At(column, row));
-        put(x * x);
-        put(x * y);
-        put(y * y);
-      }
+void AddMoments(const Lattice& lattice, float unit, Planes* splat) {
+  LUMIFOLD_CHECK(splat->size() == kColors + 1);
+  Planes planes = std::move(*splat);
+  Plane weight = std::move(planes.back());
+  planes.pop_back();
+  for (size_t i = kColors; i < kMoments; ++i)
+    planes.push_back(Plane::Uninitialized(weight.width(), weight.height()));
+  for (int row = 0; row < weight.height(); ++row) {
+    const float y = CentreOf(row, lattice.step, lattice.height, unit);
+    for (int column = 0; column < weight.width(); ++column) {
+      const float x = CentreOf(column, lattice.step, lattice.width, unit);
+      const float w = weight.At(column, row);
+      size_t plane = kColors;
+      const auto put = [&](float value) { planes[plane++].At(column, row) = value; };
+      put(x * w);
+      put(y * w);
+      for (size_t c = 0; c < kColors; ++c) put(x * planes[c].At(column, row));
+      for (size_t c = 0; c < kColors; ++c) put(y * planes[c].At(column, row));
+      put(x * x * w);
+      put(x * y * w);
+      put(y * y * w);
     }
-  });
-  return moments;
+  }
+  planes.push_back(std::move(weight));
+  *splat = std::move(planes);
 }
 
 Planes FitLight(const Planes& means, float unit, TaskPool* pool) {
@@ -102,7 +112,7 @@ SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& mea
     for (size_t j = 0; j < samples; ++j) {
       if (means.weights[i * samples + j] == 0) continue;
       const auto value = PlaneAt(
-          ReadMoments([&](size_t k) { return means.values[(i * kSignals + k) * samples + j]; }), x, y);
+          ReadMoments([&](size_t k) { return means.values[(i * kMoments + k) * samples + j]; }), x, y);
       for (size_t c = 0; c < kColors; ++c) light.values[(i * kColors + c) * samples + j] = value[c];
     }
   }

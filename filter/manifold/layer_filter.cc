@@ -5,7 +5,6 @@
 
 #include "filter/manifold/features.h"
 #include "filter/manifold/firefly.h"
-#include "filter/manifold/first_order.h"
 
 namespace lumifold::filter {
 namespace {
@@ -86,29 +85,17 @@ void AddToPoints(const SlicedPoints& base, SlicedPoints* added) {
 struct Pass {
   const ManifoldParams& manifolds;
   float reach;
-  bool is_first_order;        // a plane through the light, not its mean
   const SlicePoints* points;  // may be null
   TaskPool* pool;
 };
-
-HalfResult Average(const Planes& light, ConstFloatView weight, const Planes& features, const Pass& pass) {
-  const Planes moments = pass.is_first_order ? WithMoments(light, pass.reach, pass.pool) : Planes{};
-  ManifoldResult result = ManifoldFilterAtPoints(pass.is_first_order ? moments : light, features, weight,
-                                                 pass.manifolds, pass.reach, pass.points, pass.pool);
-  HalfResult filtered{std::move(result.filtered), std::move(result.points)};
-  if (!pass.is_first_order) return filtered;
-  filtered.picture = FitLight(filtered.picture, pass.reach, pass.pool);
-  if (pass.points != nullptr)
-    filtered.points =
-        FitLightAtPoints(*pass.points, filtered.points, pass.reach, weight.width(), weight.height());
-  return filtered;
-}
 
 /// `base`, which may be null and is 0 then, and what filtering gives of all that it leaves of the half.
 HalfResult FilterHalf(const Planes& half, ConstFloatView weight, const Planes& features,
                       const HalfResult* base, const Pass& pass) {
   const Planes rest = base != nullptr ? Difference(half, base->picture, pass.pool) : Planes{};
-  HalfResult filtered = Average(base != nullptr ? rest : half, weight, features, pass);
+  ManifoldResult result = ManifoldFilterAtPoints(base != nullptr ? rest : half, features, weight,
+                                                 pass.manifolds, pass.reach, pass.points, pass.pool);
+  HalfResult filtered{std::move(result.filtered), std::move(result.points)};
   if (base != nullptr) {
     AddPlanes(base->picture, pass.pool, absl::MakeSpan(filtered.picture));
     AddToPoints(base->points, &filtered.points);
@@ -180,7 +167,7 @@ Candidates MakeCandidates(const Halves& halves, const Planes& geometry, const La
   Candidates candidates;
   Filtering first =
       CrossFilter(halves, MakeFeatures(std::move(guide), basis, params.range_factor * noise, geometry, pool),
-                  nullptr, {params.pilot_manifolds, params.pilot_reach, params.is_first_order, points, pool});
+                  nullptr, {params.pilot_manifolds, params.pilot_reach, points, pool});
   if (!params.has_second_pass) {
     Append(std::move(first), &candidates);
     return candidates;
@@ -190,7 +177,7 @@ Candidates MakeCandidates(const Halves& halves, const Planes& geometry, const La
   Filtering rest = CrossFilter(
       halves,
       MakeFeatures(std::move(second), second_basis, params.pilot_range_factor * noise, geometry, pool),
-      &first, {params.manifolds, params.reach, false, points, pool});
+      &first, {params.manifolds, params.reach, points, pool});
   Append(std::move(first), &candidates);
   Append(std::move(rest), &candidates);
   return candidates;

@@ -17,16 +17,16 @@ struct LayerParams {
   float pilot_range_factor = 0.3f;  // sigma_q of the second, over the same
   float knee = 0.2f;                // of the stabilised guide, over the layer's mean
   // Manifolds of both are near each other, for they have to follow fine detail.
-  ManifoldParams pilot_manifolds = {.sigma_s = 7, .height = 5, .cell = 4};  // of the first filtering
-  float pilot_reach = 12;                                                   // px
-  ManifoldParams manifolds = {.sigma_s = 2, .height = 4};                   // of the second
-  float reach = 6;                                                          // px
+  ManifoldParams pilot_manifolds = {
+      .sigma_s = 7, .height = 5, .cell = 4, .is_first_order = true};  // of the first filtering
+  float pilot_reach = 12;                                             // px
+  ManifoldParams manifolds = {.sigma_s = 2, .height = 4};             // of the second
+  float reach = 6;                                                    // px
   SelectionParams selection;
   // Steps that measurements leave out, to see what each is worth.
   bool suppresses_fireflies = true;
   bool has_second_pass = true;
-  bool is_first_order = true;  // the first filtering fits planes through the light, else it takes means
-  bool chooses = true;         // else the last filtering everywhere
+  bool chooses = true;  // else the last filtering everywhere
 };
 
 /// A filtered layer, in its halves' scale.

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <utility>
+#include <vector>
 
+#include "filter/manifold/first_order.h"
 #include "filter/manifold/manifold_tree.h"
 #include "filter/manifold/recursive.h"
 #include "filter/manifold/slice.h"
@@ -44,7 +46,7 @@ class Filter {
   Filter(PixelState state, const ManifoldParams& params, float reach, const SlicePoints* points,
          TaskPool* pool)
       : state_(std::move(state)), params_(params), reach_(reach), points_(points), pool_(pool) {
-    const size_t signals = state_.signals.size();
+    const size_t signals = params.is_first_order ? kMoments : state_.signals.size();
     result_.filtered = MakeUninitializedPlanes(signals + 1, state_.lattice.width, state_.lattice.height);
     if (points == nullptr) return;
     const size_t count = points->pixels.size() * points->samples;
@@ -69,6 +71,7 @@ class Filter {
     }
     DivideSums();
     DividePoints();
+    if (params_.is_first_order) FitPlanes();
     return std::move(result_);
   }
 
@@ -84,6 +87,7 @@ class Filter {
   void Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi, bool is_first);
   void DivideSums();
   void DividePoints();
+  void FitPlanes();
 
   PixelState state_;
   const ManifoldParams params_;
@@ -122,6 +126,7 @@ std::vector<Manifold> Filter::BlurAndSlice(Level level, bool is_first) {
   std::vector<Planes> psi(level.splats.size());
   ParallelFor(pool_, static_cast<int64_t>(psi.size()), [&](int64_t i) {
     const size_t at = static_cast<size_t>(i);
+    if (params_.is_first_order) AddMoments(state_.lattice, reach_, &level.splats[at]);
     psi[at] = GuidedLowPass(InCells(reach_), kBlurRange, level.manifolds[at].eta, level.splats[at], pool_);
     level.splats[at].clear();
   });
@@ -144,11 +149,14 @@ void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Pla
 
 void Filter::DivideSums() {
   Planes& sums = result_.filtered;
+  // Moments that are all 0 leave the fit a pixel's own light.
+  const std::vector<float> no_moment(static_cast<size_t>(state_.lattice.width));
   ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
     for (size_t c = 0; c + 1 < sums.size(); ++c) {
-      for (int y = y0; y < y1; ++y)
-        QuotientRow(sums.back().Row(y), kLeastWeight, state_.signals[c].Row(y), state_.lattice.width,
-                    sums[c].Row(y));
+      for (int y = y0; y < y1; ++y) {
+        const float* lost = c < state_.signals.size() ? state_.signals[c].Row(y) : no_moment.data();
+        QuotientRow(sums.back().Row(y), kLeastWeight, lost, state_.lattice.width, sums[c].Row(y));
+      }
     }
   });
   sums.pop_back();
@@ -156,7 +164,7 @@ void Filter::DivideSums() {
 
 void Filter::DividePoints() {
   SlicedPoints& points = result_.points;
-  const size_t channels = state_.signals.size();
+  const size_t channels = result_.filtered.size();
   for (size_t i = 0; i < points.weights.size(); ++i) {
     const bool is_lost = points.weights[i] < kLeastWeight;
     const size_t first = i / points_->samples * channels * points_->samples + i % points_->samples;
@@ -166,6 +174,13 @@ void Filter::DividePoints() {
     }
     if (is_lost) points.weights[i] = 0;
   }
+}
+
+void Filter::FitPlanes() {
+  result_.filtered = FitLight(result_.filtered, reach_, pool_);
+  if (points_ == nullptr) return;
+  result_.points =
+      FitLightAtPoints(*points_, result_.points, reach_, state_.lattice.width, state_.lattice.height);
 }
 
 }  // namespace
@@ -181,6 +196,7 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
                                       TaskPool* pool) {
   LUMIFOLD_CHECK(!features.empty() && params.height >= 1 && params.height <= 8 &&
                  params.pca_iterations >= 1 && params.sigma_s > 0 && reach > 0);
+  LUMIFOLD_CHECK(!params.is_first_order || signals.size() == 3);
   LUMIFOLD_CHECK(points == nullptr ||
                  (points->own_features <= features.size() &&
                   points->features.size() == points->pixels.size() * points->own_features * points->samples));

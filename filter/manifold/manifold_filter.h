@@ -14,6 +14,7 @@ struct ManifoldParams {
   int height = 4;          // levels of the tree, 1..8: 2^height - 1 manifolds
   int pca_iterations = 3;  // >= 1: steps of power iteration for the axis that splits a cluster
   int cell = 0;  // side of a coarse cell in pixels: a power of two up to kBandRows; 0: CellSize(sigma_s)
+  bool is_first_order = false;  // planes are fitted through the signals, 3 of them (first_order.h)
 };
 
 /// The side of a coarse cell for a reach, in pixels: 2^floor(log2(sigma_s / 4)), from 2 (1 for sigma_s

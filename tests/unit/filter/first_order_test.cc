@@ -2,16 +2,21 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <random>
+#include <utility>
+#include <vector>
 
-#include "filter/manifold/layer_filter.h"
+#include "filter/manifold/manifold_filter.h"
+#include "filter/manifold/manifold_slow.h"
 
 namespace lumifold::filter {
 namespace {
 
 constexpr int kWidth = 64;
 constexpr int kHeight = 48;
-constexpr float kUnit = 16;
+constexpr float kReach = 7;
 
 /// Light that rises to the right and down, of another slope in each channel.
 float Rising(size_t channel, int x, int y) {
@@ -36,16 +41,67 @@ struct Scene {
   Scene() { mask.Fill(1); }
 };
 
-Planes Filtered(const Planes& signals, const Scene& scene) {
-  return ManifoldFilter(signals, scene.features, scene.mask.view(), {.sigma_s = 7, .height = 3, .cell = 4},
-                        nullptr);
+constexpr ManifoldParams kFit = {.sigma_s = kReach, .height = 3, .cell = 4, .is_first_order = true};
+
+Planes Filtered(const Planes& light, const Scene& scene, const ManifoldParams& params) {
+  return ManifoldFilter(light, scene.features, scene.mask.view(), params, nullptr);
 }
 
-TEST(FitLight, KeepsAPlaneUpToThePicturesBorder) {
+/// Light and its moments, pixels standing where their cells' centres are: what the oracle takes for signals.
+Planes MomentsOf(const Planes& light, const Lattice& lattice) {
+  const auto centre = [](int pixel, int step, int size) {
+    const int first = pixel / step * step;
+    const int last = std::min(first + step, size) - 1;
+    return 0.5f * static_cast<float>(first + last - (size - 1)) / kReach;
+  };
+  Planes moments = MakePlanes(kMoments, lattice.width, lattice.height);
+  for (int row = 0; row < lattice.height; ++row) {
+    for (int column = 0; column < lattice.width; ++column) {
+      const float x = centre(column, lattice.step, lattice.width);
+      const float y = centre(row, lattice.step, lattice.height);
+      std::vector<float> values = {1, 1, 1, x, y, x, x, x, y, y, y, x * x, x * y, y * y};
+      for (size_t k : {0u, 1u, 2u, 5u, 6u, 7u, 8u, 9u, 10u})
+        values[k] *= light[k < 3 ? k : (k - 5) % 3].At(column, row);
+      for (size_t k = 0; k < kMoments; ++k) moments[k].At(column, row) = values[k];
+    }
+  }
+  return moments;
+}
+
+TEST(FirstOrder, EqualsItsOracle) {
+  Scene scene;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> uniform(0, 1);
+  Planes light = RisingLight();
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      scene.features[0].At(x, y) = x + y < 50 ? 0.0f : 0.8f + 0.5f * uniform(random);
+      scene.mask.At(x, y) = uniform(random) < 0.1f ? 0.0f : 1.0f;
+      for (Plane& channel : light) channel.At(x, y) += uniform(random);
+    }
+  }
+  ManifoldParams plain = kFit;
+  plain.is_first_order = false;
+  const Planes means = ManifoldFilterSlow(MomentsOf(light, Lattice(kWidth, kHeight, plain.cell)),
+                                          scene.features, scene.mask.view(), plain, kReach, nullptr)
+                           .filtered;
+  const Planes expected = FitLight(means, kReach, nullptr);
+  const Planes fast = Filtered(light, scene, kFit);
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x)
+        ASSERT_NEAR(fast[c].At(x, y), expected[c].At(x, y), 2e-3f) << c << ": " << x << "," << y;
+    }
+  }
+}
+
+TEST(FirstOrder, KeepsAPlaneUpToThePicturesBorder) {
   const Scene scene;
   const Planes light = RisingLight();
-  const Planes mean = Filtered(light, scene);
-  const Planes fitted = FitLight(Filtered(WithMoments(light, kUnit, nullptr), scene), kUnit, nullptr);
+  ManifoldParams plain = kFit;
+  plain.is_first_order = false;
+  const Planes mean = Filtered(light, scene, plain);
+  const Planes fitted = Filtered(light, scene, kFit);
   EXPECT_GT(std::abs(mean[2].At(0, 0) - Rising(2, 0, 0)), 0.2f);  // what a mean is wrong by there
   for (size_t c = 0; c < 3; ++c) {
     for (const auto& [x, y] : {std::pair{0, 0}, {kWidth - 1, 0}, {5, kHeight - 1}, {30, 20}})
@@ -53,42 +109,49 @@ TEST(FitLight, KeepsAPlaneUpToThePicturesBorder) {
   }
 }
 
-TEST(FitLight, TakesThePixelsOwnLightWhereTheFilterFoundNothing) {
+TEST(FirstOrder, KeepsAConstant) {
+  const Scene scene;
+  Planes light = MakePlanes(3, kWidth, kHeight);
+  for (Plane& channel : light) channel.Fill(0.7f);
+  const Planes fitted = Filtered(light, scene, kFit);
+  for (int x = 0; x < kWidth; ++x) EXPECT_NEAR(fitted[1].At(x, 3), 0.7f, 1e-4f);
+}
+
+TEST(FirstOrder, TakesThePixelsOwnLightWhereTheFilterFoundNothing) {
+  Scene scene;
+  scene.mask.Fill(0);
   const Planes light = RisingLight();
-  const Planes fitted = FitLight(WithMoments(light, kUnit, nullptr), kUnit, nullptr);
-  for (int x = 0; x < kWidth; ++x) EXPECT_NEAR(fitted[1].At(x, 7), Rising(1, x, 7), 1e-5f);
+  const Planes fitted = Filtered(light, scene, kFit);
+  for (int x = 0; x < kWidth; ++x) EXPECT_EQ(fitted[1].At(x, 7), light[1].At(x, 7));
 }
 
 TEST(FitLight, StaysFiniteWhereRoundingMakesSpreadsNegative) {
-  Planes means = WithMoments(RisingLight(), kUnit, nullptr);
+  Planes means = MomentsOf(RisingLight(), Lattice(kWidth, kHeight, 1));
   for (size_t k : {11u, 13u}) {
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) means[k].At(x, y) -= 0.01f;
     }
   }
-  const Planes fitted = FitLight(means, kUnit, nullptr);
+  const Planes fitted = FitLight(means, kReach, nullptr);
   for (int x = 0; x < kWidth; ++x) EXPECT_NEAR(fitted[0].At(x, 3), Rising(0, x, 3), 1e-3f);
 }
 
-TEST(FitLightAtPoints, FindsWhatThePixelsFind) {
+TEST(FirstOrder, FindsAtPointsWhatThePixelsFind) {
   const Scene scene;
-  const Planes moments = WithMoments(RisingLight(), kUnit, nullptr);
   SlicePoints points;
   points.samples = 2;
   points.pixels = {{0, 0}, {40, 30}};
   points.own_features = 1;
   points.features.assign(4, 0.0f);
-  ManifoldResult result =
-      ManifoldFilterAtPoints(moments, scene.features, scene.mask.view(),
-                             {.sigma_s = 7, .height = 3, .cell = 4}, 7.0f, &points, nullptr);
-  const Planes fitted = FitLight(result.filtered, kUnit, nullptr);
-  const SlicedPoints found = FitLightAtPoints(points, result.points, kUnit, kWidth, kHeight);
-  ASSERT_EQ(found.values.size(), 12u);
+  const ManifoldResult result = ManifoldFilterAtPoints(RisingLight(), scene.features, scene.mask.view(), kFit,
+                                                       kReach, &points, nullptr);
+  ASSERT_EQ(result.points.values.size(), 12u);
   for (size_t i = 0; i < 2; ++i) {
     const auto [x, y] = points.pixels[i];
     for (size_t c = 0; c < 3; ++c) {
       for (size_t j = 0; j < 2; ++j)
-        EXPECT_NEAR(found.values[(i * 3 + c) * 2 + j], fitted[c].At(x, y), 1e-3f) << i << " " << c;
+        EXPECT_NEAR(result.points.values[(i * 3 + c) * 2 + j], result.filtered[c].At(x, y), 1e-3f)
+            << i << " " << c;
     }
   }
 }

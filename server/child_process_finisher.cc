@@ -61,6 +61,7 @@ absl::StatusOr<Child> Spawn(const std::vector<std::string>& command) {
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
 
   std::vector<char*> arguments;
+  arguments.reserve(command.size() + 1);
   for (const std::string& word : command)
     arguments.push_back(const_cast<char*>(word.c_str()));  // execve's old signature
   arguments.push_back(nullptr);

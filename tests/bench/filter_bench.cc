@@ -47,7 +47,7 @@ void BM_Manifolds(benchmark::State& state) {
   Plane mask(kWidth, kHeight);
   mask.Fill(1);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     benchmark::DoNotOptimize(ManifoldFilter(signals, features, mask.view(), ManifoldParams{}, pool.get()));
   }
   CountPixels(state);
@@ -61,7 +61,7 @@ void BM_SevenManifolds(benchmark::State& state) {
   mask.Fill(1);
   ManifoldParams params;
   params.height = 3;
-  for (auto _ : state)
+  while (state.KeepRunning())
     benchmark::DoNotOptimize(ManifoldFilter(signals, features, mask.view(), params, nullptr));
   CountPixels(state);
 }
@@ -82,7 +82,7 @@ void BM_ManifoldsAndPoints(benchmark::State& state) {
   }
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
   const ManifoldParams params;
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     benchmark::DoNotOptimize(
         ManifoldFilterAtPoints(signals, features, mask.view(), params, params.sigma_s, &points, pool.get()));
   }
@@ -92,7 +92,7 @@ void BM_ManifoldsAndPoints(benchmark::State& state) {
 void BM_Film(benchmark::State& state, const char* method) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(kWidth, kHeight, 0.3f, 3);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     const auto picture = FilterFilm(synthetic.film, method, pool.get());
     if (!picture.ok()) return state.SkipWithError(std::string(picture.status().message()).c_str());
     benchmark::DoNotOptimize(picture->data());
@@ -131,7 +131,7 @@ void BM_Size(benchmark::State& state) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(kWidth, kHeight, 0.3f, 3);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(2);
   RepeatedFilm film(synthetic.film, static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     const absl::Status status = FilterFilmInRows(&film, "default", {}, pool.get(),
                                                  [](const LayeredImage&) { return absl::OkStatus(); });
     if (!status.ok()) return state.SkipWithError(std::string(status.message()).c_str());
@@ -150,7 +150,7 @@ void BM_Triad(benchmark::State& state) {
   std::vector<float> out(kFloats);
   constexpr int64_t kParts = 256;
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(static_cast<int>(state.range(0)));
-  for (auto _ : state) {
+  while (state.KeepRunning()) {
     ParallelFor(pool.get(), kParts, [&](int64_t part) {
       const size_t first = static_cast<size_t>(part) * (kFloats / kParts);
       for (size_t i = first; i < first + kFloats / kParts; ++i) out[i] = a[i] + 3.0f * b[i];

@@ -104,6 +104,7 @@ std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& refe
   constexpr int kRounds = 3;
   const EdgedImage& film = subject.timed.film;
   std::vector<KneePoint> points;
+  points.reserve(kParts.size());
   for (const Part& part : kParts) {
     points.push_back({subject.scene,
                       static_cast<int>(subject.settings.samples),
@@ -128,17 +129,17 @@ std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& refe
 
 absl::StatusOr<bool> ChartKnee(const std::string& folder, const std::vector<KneePoint>& points,
                                const Provenance& provenance) {
-  const absl::StatusOr<bool> drawn =
+  absl::StatusOr<bool> drawn =
       Draw(folder + "/knee-error", KneeFigure(points, "Error without one part of the method",
                                               "MSE255 over that of the whole method", &Ratios::error));
   if (!drawn.ok()) return drawn;
-  const absl::StatusOr<bool> cost_drawn =
+  absl::StatusOr<bool> cost_drawn =
       Draw(folder + "/knee-cost", KneeFigure(points, "Cost without one part of the method",
                                              "filter's time over that of the whole method", &Ratios::cost));
   if (!cost_drawn.ok()) return cost_drawn;
-  if (const absl::Status status = WriteFileAtomically(folder + "/knee.csv", KneeCsv(points)); !status.ok())
+  if (absl::Status status = WriteFileAtomically(folder + "/knee.csv", KneeCsv(points)); !status.ok())
     return status;
-  const absl::Status status = WritePage(
+  absl::Status status = WritePage(
       folder + "/knee.md", "What each part of the method buys", provenance,
       absl::StrCat("The default method with one part left out at a time. A ratio of errors over 1 is what "
                    "the part takes off; a ratio of costs below 1 is what it takes.\n\n"

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/strings/str_join.h"
+#include "filter/image/memory.h"
 #include "tests/charts/run_charts.h"
 
 namespace lumifold::charts {
@@ -63,6 +64,7 @@ bool IsUsable(const Options& options) {
 }
 
 int Main(int argc, char** argv) {
+  KeepFreedMemory();  // as the programs do that filter
   Options options;
   options.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   CLI::App app(

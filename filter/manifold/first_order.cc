@@ -18,12 +18,6 @@ float PositionOf(int pixel, int size, float unit) {
   return (static_cast<float>(pixel) - 0.5f * static_cast<float>(size - 1)) / unit;
 }
 
-/// The same of the middle of a cell, which the picture's edge may cut.
-float CentreOf(int cell, int step, int size, float unit) {
-  const int first = cell * step;
-  return 0.5f * (PositionOf(first, size, unit) + PositionOf(std::min(first + step, size) - 1, size, unit));
-}
-
 /// Weighted means at one point, in the order of kMoments.
 struct Moments {
   std::array<float, kColors> f;
@@ -59,27 +53,42 @@ std::array<float, kColors> PlaneAt(const Moments& m, float x0, float y0) {
 
 }  // namespace
 
-void AddMoments(const Lattice& lattice, float unit, Planes* splat) {
-  LUMIFOLD_CHECK(splat->size() == kColors + 1);
+Planes WithPosition(const Planes& light, float unit, TaskPool* pool) {
+  const int width = light[0].width();
+  const int height = light[0].height();
+  Planes planes = MakeUninitializedPlanes(kPlaneSignals, width, height);
+  ForEachBand(pool, height, [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (size_t c = 0; c < kColors; ++c) std::copy_n(light[c].Row(y), width, planes[c].Row(y));
+      for (int x = 0; x < width; ++x) planes[kColors].At(x, y) = PositionOf(x, width, unit);
+      std::fill_n(planes[kColors + 1].Row(y), width, PositionOf(y, height, unit));
+    }
+  });
+  return planes;
+}
+
+void AddMoments(Planes* splat) {
+  LUMIFOLD_CHECK(splat->size() == kPlaneSignals + 1);
   Planes planes = std::move(*splat);
   Plane weight = std::move(planes.back());
   planes.pop_back();
-  for (size_t i = kColors; i < kMoments; ++i)
+  for (size_t i = kPlaneSignals; i < kMoments; ++i)
     planes.push_back(Plane::Uninitialized(weight.width(), weight.height()));
   for (int row = 0; row < weight.height(); ++row) {
-    const float y = CentreOf(row, lattice.step, lattice.height, unit);
     for (int column = 0; column < weight.width(); ++column) {
-      const float x = CentreOf(column, lattice.step, lattice.width, unit);
       const float w = weight.At(column, row);
-      size_t plane = kColors;
+      const float inverse = w > 0 ? 1.0f / w : 0.0f;
+      const float sum_x = planes[kColors].At(column, row);
+      const float sum_y = planes[kColors + 1].At(column, row);
+      const float x = sum_x * inverse;
+      const float y = sum_y * inverse;
+      size_t plane = kPlaneSignals;
       const auto put = [&](float value) { planes[plane++].At(column, row) = value; };
-      put(x * w);
-      put(y * w);
       for (size_t c = 0; c < kColors; ++c) put(x * planes[c].At(column, row));
       for (size_t c = 0; c < kColors; ++c) put(y * planes[c].At(column, row));
-      put(x * x * w);
-      put(x * y * w);
-      put(y * y * w);
+      put(x * sum_x);
+      put(x * sum_y);
+      put(y * sum_y);
     }
   }
   planes.push_back(std::move(weight));

@@ -2,7 +2,6 @@
 
 #include "filter/image/parallel.h"
 #include "filter/manifold/bands.h"
-#include "filter/manifold/lattice.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
@@ -11,17 +10,22 @@ namespace lumifold::filter {
 // at edges, in corners and at the picture's border. A plane through the light, fitted with the same weights,
 // is not. The filter is linear in its signals, so that the sums it needs can be blurred as they are.
 
-/// Means of a fit: f (3); x, y; x f, y f (6); x^2, x y, y^2.
+/// What is splatted for a fit: f (3), x, y.
+inline constexpr size_t kPlaneSignals = 5;
+/// The means that it takes: these; x f, y f (6); x^2, x y, y^2.
 inline constexpr size_t kMoments = 14;
 
-/// Adds moments over the position to a manifold's splat of light (3 planes of cells) and of weights: both
-/// times where the cells' centres are, counted from the picture's middle in units of `unit` pixels, > 0.
-/// Taking pixels to stand there keeps constants as they are and makes slopes a few percent too small. Result:
-/// kMoments planes and the weight's.
-void AddMoments(const Lattice& lattice, float unit, Planes* splat);
+/// Light (3 planes), and where pixels are, counted from the picture's middle in units of `unit` pixels, > 0.
+/// kPlaneSignals planes.
+Planes WithPosition(const Planes& light, float unit, TaskPool* pool);
 
-/// What the plane through the light says of each pixel. `means`: sums of AddMoments() of the same unit,
-/// blurred and read back, over the weight's. 3 planes. Where the filter found nothing, the pixel's own light.
+/// Adds moments to a manifold's splat of WithPosition() and of weights. All that a cell holds is taken to be
+/// where its pixels are in the mean: on a plane its light is the plane's there, so that the fit stays true of
+/// planes. Result: kMoments planes and the weight's.
+void AddMoments(Planes* splat);
+
+/// What the plane through the light says of each pixel. `means`: sums of AddMoments(), blurred and
+/// read back, over the weight's. 3 planes. Where the filter found nothing, the pixel's own light.
 /// Threads: identical for any pool.
 Planes FitLight(const Planes& means, float unit, TaskPool* pool);
 

@@ -126,7 +126,7 @@ std::vector<Manifold> Filter::BlurAndSlice(Level level, bool is_first) {
   std::vector<Planes> psi(level.splats.size());
   ParallelFor(pool_, static_cast<int64_t>(psi.size()), [&](int64_t i) {
     const size_t at = static_cast<size_t>(i);
-    if (params_.is_first_order) AddMoments(state_.lattice, reach_, &level.splats[at]);
+    if (params_.is_first_order) AddMoments(&level.splats[at]);
     psi[at] = GuidedLowPass(InCells(reach_), kBlurRange, level.manifolds[at].eta, level.splats[at], pool_);
     level.splats[at].clear();
   });
@@ -203,7 +203,10 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
   LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
   if (mask.width() == 0 || mask.height() == 0)
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
-  return Filter(MakeState(signals, features, mask, params, pool), params, reach, points, pool).Run();
+  if (!params.is_first_order)
+    return Filter(MakeState(signals, features, mask, params, pool), params, reach, points, pool).Run();
+  const Planes with_position = WithPosition(signals, reach, pool);
+  return Filter(MakeState(with_position, features, mask, params, pool), params, reach, points, pool).Run();
 }
 
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,

@@ -47,18 +47,13 @@ Planes Filtered(const Planes& light, const Scene& scene, const ManifoldParams& p
   return ManifoldFilter(light, scene.features, scene.mask.view(), params, nullptr);
 }
 
-/// Light and its moments, pixels standing where their cells' centres are: what the oracle takes for signals.
-Planes MomentsOf(const Planes& light, const Lattice& lattice) {
-  const auto centre = [](int pixel, int step, int size) {
-    const int first = pixel / step * step;
-    const int last = std::min(first + step, size) - 1;
-    return 0.5f * static_cast<float>(first + last - (size - 1)) / kReach;
-  };
-  Planes moments = MakePlanes(kMoments, lattice.width, lattice.height);
-  for (int row = 0; row < lattice.height; ++row) {
-    for (int column = 0; column < lattice.width; ++column) {
-      const float x = centre(column, lattice.step, lattice.width);
-      const float y = centre(row, lattice.step, lattice.height);
+/// Light and its moments over pixels: what the oracle takes for signals.
+Planes MomentsOf(const Planes& light) {
+  Planes moments = MakePlanes(kMoments, kWidth, kHeight);
+  for (int row = 0; row < kHeight; ++row) {
+    for (int column = 0; column < kWidth; ++column) {
+      const float x = (static_cast<float>(column) - 0.5f * (kWidth - 1)) / kReach;
+      const float y = (static_cast<float>(row) - 0.5f * (kHeight - 1)) / kReach;
       std::vector<float> values = {1, 1, 1, x, y, x, x, x, y, y, y, x * x, x * y, y * y};
       for (size_t k : {0u, 1u, 2u, 5u, 6u, 7u, 8u, 9u, 10u})
         values[k] *= light[k < 3 ? k : (k - 5) % 3].At(column, row);
@@ -68,7 +63,7 @@ Planes MomentsOf(const Planes& light, const Lattice& lattice) {
   return moments;
 }
 
-TEST(FirstOrder, EqualsItsOracle) {
+TEST(FirstOrder, EqualsItsOracleOnCellsOfAPixel) {
   Scene scene;
   std::mt19937 random(3);
   std::uniform_real_distribution<float> uniform(0, 1);
@@ -80,13 +75,15 @@ TEST(FirstOrder, EqualsItsOracle) {
       for (Plane& channel : light) channel.At(x, y) += uniform(random);
     }
   }
-  ManifoldParams plain = kFit;
+  ManifoldParams fit = kFit;
+  fit.cell = 1;
+  ManifoldParams plain = fit;
   plain.is_first_order = false;
-  const Planes means = ManifoldFilterSlow(MomentsOf(light, Lattice(kWidth, kHeight, plain.cell)),
-                                          scene.features, scene.mask.view(), plain, kReach, nullptr)
-                           .filtered;
+  const Planes means =
+      ManifoldFilterSlow(MomentsOf(light), scene.features, scene.mask.view(), plain, kReach, nullptr)
+          .filtered;
   const Planes expected = FitLight(means, kReach, nullptr);
-  const Planes fast = Filtered(light, scene, kFit);
+  const Planes fast = Filtered(light, scene, fit);
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x)
@@ -109,6 +106,21 @@ TEST(FirstOrder, KeepsAPlaneUpToThePicturesBorder) {
   }
 }
 
+TEST(FirstOrder, KeepsAPlaneHoweverPixelsLieInTheirCells) {
+  Scene scene;
+  std::mt19937 random(5);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      scene.mask.At(x, y) = random() % 3 == 0 ? 1.0f : 0.0f;
+      scene.features[0].At(x, y) = 0.01f * static_cast<float>(x);
+    }
+  }
+  const Planes fitted = Filtered(RisingLight(), scene, kFit);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) EXPECT_NEAR(fitted[2].At(x, y), Rising(2, x, y), 0.06f) << x << "," << y;
+  }
+}
+
 TEST(FirstOrder, KeepsAConstant) {
   const Scene scene;
   Planes light = MakePlanes(3, kWidth, kHeight);
@@ -126,7 +138,7 @@ TEST(FirstOrder, TakesThePixelsOwnLightWhereTheFilterFoundNothing) {
 }
 
 TEST(FitLight, StaysFiniteWhereRoundingMakesSpreadsNegative) {
-  Planes means = MomentsOf(RisingLight(), Lattice(kWidth, kHeight, 1));
+  Planes means = MomentsOf(RisingLight());
   for (size_t k : {11u, 13u}) {
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) means[k].At(x, y) -= 0.01f;

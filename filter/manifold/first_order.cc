@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <utility>
 
 #include "filter/image/check.h"
@@ -77,7 +78,8 @@ void AddMoments(Planes* splat) {
   for (int row = 0; row < weight.height(); ++row) {
     for (int column = 0; column < weight.width(); ++column) {
       const float w = weight.At(column, row);
-      const float inverse = w > 0 ? 1.0f / w : 0.0f;
+      // What is less than a normal number has no inverse, and nothing to say.
+      const float inverse = w >= std::numeric_limits<float>::min() ? 1.0f / w : 0.0f;
       const float sum_x = planes[kColors].At(column, row);
       const float sum_y = planes[kColors + 1].At(column, row);
       const float x = sum_x * inverse;

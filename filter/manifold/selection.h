@@ -24,8 +24,8 @@ struct SelectionParams {
 /// valid pixels. The error of a candidate against the truth is estimated without knowing it, as ((gA - B)^2 +
 /// (gB - A)^2 - (A - B)^2) / 2 - (gA - gB)^2 / 4; that of the input as its variance; both relative to the
 /// light (ErrorWeight). `raw_variance`: PixelVariance of the input before fireflies were taken out. At least
-/// one candidate. Source: Rousselle et al. 2012 and Bitterli et
-/// al. 2016, by halves. Threads: identical for any pool.
+/// one candidate. Source: Rousselle et al. 2012 and Bitterli et al. 2016, by halves. Threads: identical for
+/// any pool.
 Planes SelectCandidates(const Halves& halves, const Planes& raw_variance,
                         const std::vector<Candidate>& candidates, const SelectionParams& params,
                         TaskPool* pool);

@@ -10,6 +10,7 @@
 
 #include "filter/manifold/manifold_filter.h"
 #include "filter/manifold/manifold_slow.h"
+#include "is_finite.h"
 
 namespace lumifold::filter {
 namespace {
@@ -135,6 +136,14 @@ TEST(FirstOrder, TakesThePixelsOwnLightWhereTheFilterFoundNothing) {
   const Planes light = RisingLight();
   const Planes fitted = Filtered(light, scene, kFit);
   for (int x = 0; x < kWidth; ++x) EXPECT_EQ(fitted[1].At(x, 7), light[1].At(x, 7));
+}
+
+TEST(FirstOrder, StaysFiniteBesideWeightsBelowNormalNumbers) {
+  Scene scene;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = kWidth / 2; x < kWidth; ++x) scene.mask.At(x, y) = 1e-42f;
+  }
+  EXPECT_TRUE(IsFinite(Filtered(RisingLight(), scene, kFit)));
 }
 
 TEST(FitLight, StaysFiniteWhereRoundingMakesSpreadsNegative) {

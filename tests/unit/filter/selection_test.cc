@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <random>
 
 namespace lumifold::filter {
@@ -11,6 +12,18 @@ constexpr int kSize = 64;
 
 /// Truth 1 on the left, 1 or 3 in 2-pixel stripes on the right; noise of standard deviation 0.3 a half.
 float Truth(int x) { return x < kSize / 2 || x / 2 % 2 == 0 ? 1.0f : 3.0f; }
+
+/// Sets each value of both halves to value(x, what it was).
+template <typename Value>
+void SetPixels(const std::array<Planes*, 2>& halves, const Value& value) {
+  for (Planes* half : halves) {
+    for (Plane& plane : *half) {
+      for (int y = 0; y < kSize; ++y) {
+        for (int x = 0; x < kSize; ++x) plane.At(x, y) = value(x, plane.At(x, y));
+      }
+    }
+  }
+}
 
 Halves NoisyHalves() {
   std::mt19937 random(5);
@@ -22,14 +35,8 @@ Halves NoisyHalves() {
   halves.share_a.Fill(0.5f);
   halves.has_noise_estimate = true;
   halves.level = 1.5f;
-  for (Planes* half : {&halves.a, &halves.b}) {
-    *half = MakePlanes(3, kSize, kSize);
-    for (Plane& plane : *half) {
-      for (int y = 0; y < kSize; ++y) {
-        for (int x = 0; x < kSize; ++x) plane.At(x, y) = Truth(x) + noise(random);
-      }
-    }
-  }
+  for (Planes* half : {&halves.a, &halves.b}) *half = MakePlanes(3, kSize, kSize);
+  SetPixels({&halves.a, &halves.b}, [&](int x, float) { return Truth(x) + noise(random); });
   return halves;
 }
 
@@ -59,16 +66,10 @@ constexpr int kRim = kSize / 2;
 
 Halves RimInTheDark() {
   Halves halves = NoisyHalves();
-  for (Planes* half : {&halves.a, &halves.b}) {
-    for (Plane& plane : *half) {
-      for (int y = 0; y < kSize; ++y) {
-        for (int x = 0; x < kSize; ++x) {
-          const float noise = plane.At(x, y) - Truth(x);
-          plane.At(x, y) = x == kRim ? 3.0f + noise : 0.1f + noise / 30;
-        }
-      }
-    }
-  }
+  SetPixels({&halves.a, &halves.b}, [](int x, float value) {
+    const float noise = value - Truth(x);
+    return x == kRim ? 3.0f + noise : 0.1f + noise / 30;
+  });
   halves.level = 0.15f;
   return halves;
 }
@@ -76,13 +77,7 @@ Halves RimInTheDark() {
 /// Perfect on the rim, twice as bright as the truth beside it.
 Candidate WrongBesideTheRim() {
   Candidate candidate = ConstantCandidate();
-  for (Planes* half : {&candidate.a, &candidate.b}) {
-    for (Plane& plane : *half) {
-      for (int y = 0; y < kSize; ++y) {
-        for (int x = 0; x < kSize; ++x) plane.At(x, y) = x == kRim ? 3.0f : 0.2f;
-      }
-    }
-  }
+  SetPixels({&candidate.a, &candidate.b}, [](int x, float) { return x == kRim ? 3.0f : 0.2f; });
   return candidate;
 }
 
@@ -98,21 +93,9 @@ TEST(SelectCandidates, LetsNoLampDecideForTheDarkBesideIt) {
 TEST(SelectCandidates, JudgesADifferenceByTheLightOfThePicture) {
   Halves halves = RimInTheDark();
   // Of either sign: only the picture tells where the lamp is.
-  for (Planes* half : {&halves.a, &halves.b}) {
-    for (Plane& plane : *half) {
-      for (int y = 0; y < kSize; ++y) {
-        for (int x = 0; x < kSize; ++x) plane.At(x, y) -= x == kRim ? 3.0f : 0.1f;
-      }
-    }
-  }
+  SetPixels({&halves.a, &halves.b}, [](int x, float value) { return value - (x == kRim ? 3.0f : 0.1f); });
   Candidate candidate = WrongBesideTheRim();
-  for (Planes* half : {&candidate.a, &candidate.b}) {
-    for (Plane& plane : *half) {
-      for (int y = 0; y < kSize; ++y) {
-        for (int x = 0; x < kSize; ++x) plane.At(x, y) = x == kRim ? 0.0f : 0.1f;
-      }
-    }
-  }
+  SetPixels({&candidate.a, &candidate.b}, [](int x, float) { return x == kRim ? 0.0f : 0.1f; });
   const Planes variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), nullptr);
   std::vector<Candidate> candidates;
   candidates.push_back(std::move(candidate));

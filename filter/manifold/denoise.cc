@@ -9,8 +9,10 @@
 #include "filter/manifold/edge_means.h"
 #include "filter/manifold/edge_regression.h"
 #include "filter/manifold/features.h"
+#include "filter/manifold/picture_size.h"
 #include "filter/manifold/product.h"
 #include "filter/manifold/recombine.h"
+#include "filter/manifold/seen_surface.h"
 
 namespace lumifold::filter {
 namespace {
@@ -88,12 +90,36 @@ Plane LightOf(const std::array<Plane, 3>& picture, float mean, TaskPool* pool) {
   return light;
 }
 
+/// 1 at all that is hit and does more than radiate.
+Plane ReflectingMask(const LayeredImage& film) {
+  Plane mask(film.width(), film.height());
+  const ConstFloatView distance = film.Get(layers::kDistance);
+  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
+  const ConstColorView emission = film.GetColor(layers::kEmission);
+  for (int y = 0; y < film.height(); ++y) {
+    for (int x = 0; x < film.width(); ++x) {
+      const bool reflects = distance.At(x, y) > 0 && !OnlyRadiates(albedo, emission, x, y);
+      mask.At(x, y) = reflects ? 1.0f : 0.0f;
+    }
+  }
+  return mask;
+}
+
+Planes RemainderGeometry(const LayeredImage& film, ConstFloatView validity, const Assembly& assembly,
+                         TaskPool* pool) {
+  if (assembly.rest_sees_levels)
+    return GeometryFeatures(SeenSurfaceOf(film, pool).geometry(), validity, assembly.sigma_normal, pool);
+  const ConstColorView normal = {film.Get(layers::kNormalX), film.Get(layers::kNormalY),
+                                 film.Get(layers::kNormalZ)};
+  return GeometryFeatures({normal, film.Get(layers::kDistance)}, validity, assembly.sigma_normal, pool);
+}
+
 /// The remainder, on all that is hit and does more than radiate, as one more product of factor 1. `picture`:
 /// with all other products filtered.
 Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder,
-                       const std::array<Plane, 3>& picture, LayerFilter filter, TaskPool* pool) {
+                       const std::array<Plane, 3>& picture, LayerFilter filter, TaskPool* pool,
+                       const Assembly& assembly) {
   if (IsRounding(remainder, film, pool)) return CopyOf(ViewOf(remainder.mean));
-  const ConstFloatView distance = film.Get(layers::kDistance);
   Product rest;
   rest.is_difference = true;
   rest.picture_light = LightOf(picture, MeanMagnitude(film.GetColor(layers::kNoisy), pool), pool);
@@ -101,18 +127,8 @@ Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder,
   rest.halves = {ViewOf(remainder.a), ViewOf(remainder.b), film.Get(layers::kSamplesA),
                  film.Get(layers::kSamplesB)};
   rest.box = film.bounds();
-  rest.validity = Plane(film.width(), film.height());
-  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
-  const ConstColorView emission = film.GetColor(layers::kEmission);
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) {
-      const bool reflects = distance.At(x, y) > 0 && !OnlyRadiates(albedo, emission, x, y);
-      rest.validity.At(x, y) = reflects ? 1.0f : 0.0f;
-    }
-  }
-  rest.geometry = GeometryFeatures(
-      {{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)}, distance},
-      rest.validity.view(), pool);
+  rest.validity = ReflectingMask(film);
+  rest.geometry = RemainderGeometry(film, rest.validity.view(), assembly, pool);
   return FilterProduct(rest, filter, nullptr, pool).planes;
 }
 
@@ -133,8 +149,9 @@ Planes GlossyLight(const LayeredImage& film, const std::vector<Product>& product
   return light;
 }
 
-LayerParams LayerParamsOf(const DenoiseParts& parts) {
+LayerParams LayerParamsOf(const DenoiseParts& parts, float reach_scale) {
   LayerParams params;
+  params.reach *= reach_scale;
   params.suppresses_fireflies = parts.fireflies;
   params.pilot_manifolds.is_first_order = parts.first_order;
   params.has_second_pass = parts.second_pass;
@@ -160,10 +177,11 @@ Planes GuidesOf(const Planes& geometry, const DenoiseParts& parts) {
 
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
                                   TaskPool* pool, const Assembly& assembly) {
-  std::vector<Product> products = ProductsOf(film, pool);
+  std::vector<Product> products = ProductsOf(film, assembly.sigma_normal, pool);
   if (!assembly.has_levels) std::erase_if(products, [](const Product& product) { return product.is_level; });
-  const EdgePoints points =
-      edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular, assembly.most_samples) : EdgePoints{};
+  const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular,
+                                                            assembly.most_samples, assembly.sigma_normal)
+                                             : EdgePoints{};
   const bool has_points = edges != nullptr && !points.rows.empty();
   const Remainder remainder = MakeRemainder(film, products, pool);
   std::vector<Planes> filtered;
@@ -175,7 +193,7 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
     if (wanted != nullptr) at_points[i] = std::move(layer.points);
   }
   std::array<Plane, 3> picture = Recombine(film, products, filtered, pool);
-  const Planes rest = FilterRemainder(film, remainder, picture, filter, pool);
+  const Planes rest = FilterRemainder(film, remainder, picture, filter, pool, assembly);
   AddChange(remainder.mean, rest, pool, &picture);
   if (assembly.edge_change != nullptr) {
     *assembly.edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1]);
@@ -190,16 +208,19 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
 
 std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool,
                              const DenoiseParts& parts) {
-  const LayerParams params = LayerParamsOf(parts);
+  const LayerParams params = LayerParamsOf(parts, ReachScale(film.width(), film.height()));
   const auto filter = [&](Halves halves, const Planes& geometry, const SlicePoints* points) {
     if (parts.normals && parts.depth) return FilterLayer(std::move(halves), geometry, params, points, pool);
     return FilterLayer(std::move(halves), GuidesOf(geometry, parts), params, points, pool);
   };
   const LayeredImage* used_edges = parts.edge_points ? edges : nullptr;
   Planes edge_change;
-  std::array<Plane, 3> picture =
-      FilterLayers(film, used_edges, filter, pool,
-                   {.has_levels = parts.levels, .most_samples = kFewSamples, .edge_change = &edge_change});
+  std::array<Plane, 3> picture = FilterLayers(film, used_edges, filter, pool,
+                                              {.has_levels = parts.levels,
+                                               .most_samples = kFewSamples,
+                                               .edge_change = &edge_change,
+                                               .sigma_normal = SigmaNormal(film.width(), film.height()),
+                                               .rest_sees_levels = parts.levels});
   RelightEdges(film, used_edges, kMostSpecular, pool, &picture);
   RegressEdges(film, used_edges, edge_change, pool, &picture);
   if (parts.convergence) ShrinkResidual(film, pool, &picture);

@@ -6,6 +6,7 @@
 #include "absl/functional/function_ref.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
+#include "filter/manifold/features.h"
 #include "filter/manifold/layer_filter.h"
 
 namespace lumifold::filter {
@@ -24,7 +25,10 @@ struct Assembly {
   /// Pixels of the edge set with more samples than this are not antialiased by light read at their
   /// sub-samples.
   float most_samples = std::numeric_limits<float>::infinity();
-  Planes* edge_change = nullptr;  // not null: EdgeMeansChange() is added to the picture and stored there
+  Planes* edge_change = nullptr;      // not null: EdgeMeansChange() is added to the picture and stored there
+  float sigma_normal = kSigmaNormal;  // of the features that guide
+  /// What the layers leave of C is guided by what is seen in mirrors and through glass, not by these.
+  bool rest_sees_levels = false;
 };
 
 /// Filters each layer of light the film has, and what they leave of C, by `filter`, and puts the picture

@@ -17,7 +17,7 @@ namespace {
 constexpr size_t kSamples = kSubSamples;
 constexpr float kLargestFit = 2;
 
-void AddPixel(const EdgeViews& views, int row, EdgePoints* out) {
+void AddPixel(const EdgeViews& views, int row, float sigma_normal, EdgePoints* out) {
   out->rows.push_back(row);
   out->points.pixels.push_back({static_cast<int>(views.x.At(0, row)), static_cast<int>(views.y.At(0, row))});
   std::array<std::array<float, kGeometryFeatures>, kSamples> features = {};
@@ -28,7 +28,7 @@ void AddPixel(const EdgeViews& views, int row, EdgePoints* out) {
     if (!lit) continue;
     features[j] = GeometryFeature(
         {views.normal[0].At(sample, row), views.normal[1].At(sample, row), views.normal[2].At(sample, row)},
-        views.distance.At(sample, row));
+        views.distance.At(sample, row), sigma_normal);
   }
   for (size_t k = 0; k < kGeometryFeatures; ++k) {
     for (size_t j = 0; j < kSamples; ++j) out->points.features.push_back(features[j][k]);
@@ -80,7 +80,7 @@ float RawShare(const PixelMean& mean, float direct_raw, float indirect_raw) {
 }  // namespace
 
 EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float most_specular,
-                        float most_samples) {
+                        float most_samples, float sigma_normal) {
   EdgePoints out;
   out.points.samples = kSamples;
   out.points.own_features = kGeometryFeatures;
@@ -91,7 +91,7 @@ EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, flo
   const ConstFloatView n_b = film.Get(layers::kSamplesB);
   ForEachEdgePixel(&edges, film.bounds(), [&](int row, int x, int y) {
     if (n_a.At(x, y) + n_b.At(x, y) > most_samples || unknown.Contain(x, y)) return;
-    if (views.IsPlain(row)) AddPixel(views, row, &out);
+    if (views.IsPlain(row)) AddPixel(views, row, sigma_normal, &out);
   });
   return out;
 }

@@ -20,9 +20,9 @@ struct EdgePoints {
 
 /// What is left out: pixels with a mirror, glass or metal in a sub-sample, and those where more than
 /// `most_specular` of the light is reflected by glossy lobes, and pixels of more than `most_samples`. `film`
-/// has the channels mask.Y and, where it knows them, specular.*
+/// has the channels mask.Y and, where it knows them, specular.*; `sigma_normal` as the products' features.
 EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float most_specular,
-                        float most_samples);
+                        float most_samples, float sigma_normal);
 
 /// A layer at the points, and the share of the untouched layer that was chosen at their pixels.
 struct FilteredPoints {

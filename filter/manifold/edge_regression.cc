@@ -14,6 +14,7 @@
 #include "filter/manifold/edge_pixels.h"
 #include "filter/manifold/error_weight.h"
 #include "filter/manifold/recombine.h"
+#include "filter/manifold/seen_surface.h"
 
 namespace lumifold::filter {
 namespace {
@@ -63,18 +64,16 @@ struct Errors {
 
 float Bounded(float x) { return std::isfinite(x) ? std::clamp(x, -kLargestFeature, kLargestFeature) : 0.0f; }
 
-/// Reads samples out of a film and its filtered picture; light in units of `unit`.
+/// Reads samples out of a film and its filtered picture, all of which outlive it; light in units of `unit`.
 class Source {
  public:
-  Source(const LayeredImage& film, const Planes& change, const std::array<Plane, 3>& picture, float unit)
+  Source(const LayeredImage& film, const SeenSurface& seen, const Planes& change,
+         const std::array<Plane, 3>& picture, float unit)
       : a_(film.GetColor(layers::HalfA(layers::kNoisy))),
         b_(film.GetColor(layers::HalfB(layers::kNoisy))),
         n_a_(film.Get(layers::kSamplesA)),
         n_b_(film.Get(layers::kSamplesB)),
-        albedo_(film.GetColor(layers::kAlbedo)),
-        normal_{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)},
-        mask_(film.Get(layers::kMask)),
-        distance_(film.Get(layers::kDistance)),
+        seen_(seen),
         change_(ViewOf(change)),
         picture_{picture[0].view(), picture[1].view(), picture[2].view()},
         unit_(unit) {
@@ -104,23 +103,22 @@ class Source {
   void SetTerms(int x, int y, Sample* sample) const {
     sample->row[kSignals] = 1;
     for (size_t c = 0; c < 3; ++c) {
-      sample->row[kSignals + 1 + c] = Bounded(albedo_[c].At(x, y));
-      sample->row[kSignals + 4 + c] = Bounded(normal_[c].At(x, y));
+      sample->row[kSignals + 1 + c] = Bounded(seen_.albedo[c].At(x, y));
+      sample->row[kSignals + 4 + c] = Bounded(seen_.normal[c].At(x, y));
     }
-    sample->row[kSignals + 7] = Bounded(mask_.At(x, y));
+    sample->row[kSignals + 7] = Bounded(seen_.mask.At(x, y));
     if (!specular_[0].IsEmpty()) {
       sample->row[kSignals + 8] =
           Bounded(Luminance(specular_[0].At(x, y), specular_[1].At(x, y), specular_[2].At(x, y)));
     }
-    const float distance = distance_.At(x, y);
+    const float distance = seen_.distance.At(x, y);
     if (distance > 0 && std::isfinite(distance))
       sample->row[kSignals + 9] = kTermsOfLogDistance * Log(distance);
   }
 
   ConstColorView a_, b_;
   ConstFloatView n_a_, n_b_;
-  ConstColorView albedo_, normal_;
-  ConstFloatView mask_, distance_;
+  const SeenSurface& seen_;
   ConstColorView specular_;
   ConstColorView change_, picture_;
   float unit_;
@@ -353,7 +351,8 @@ void RegressEdges(const LayeredImage& film, const LayeredImage* edges, const Pla
                   std::array<Plane, 3>* picture) {
   const float unit = MeanMagnitude(film.GetColor(layers::kNoisy), pool);
   if (!(unit > 0)) return;
-  const Fits fits = FitAll(Source(film, change, *picture, unit), MixedPixels(film, edges), pool);
+  const SeenSurface seen = SeenSurfaceOf(film, pool);
+  const Fits fits = FitAll(Source(film, seen, change, *picture, unit), MixedPixels(film, edges), pool);
   const Planes means = BoxMeans(fits.errors, fits.is_fitted.view(), kTrustRadius, pool);
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {

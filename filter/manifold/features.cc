@@ -13,20 +13,22 @@ float FiniteOr0(float x) { return std::abs(x) < 1e6f ? x : 0.0f; }
 
 }  // namespace
 
-std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance) {
-  return {FiniteOr0(normal[0] / kSigmaNormal), FiniteOr0(normal[1] / kSigmaNormal),
-          FiniteOr0(normal[2] / kSigmaNormal), FiniteOr0(Log(distance) / kSigmaLogDepth)};
+std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
+                                                     float sigma_normal) {
+  return {FiniteOr0(normal[0] / sigma_normal), FiniteOr0(normal[1] / sigma_normal),
+          FiniteOr0(normal[2] / sigma_normal), FiniteOr0(Log(distance) / kSigmaLogDepth)};
 }
 
-Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, TaskPool* pool) {
+Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
+                        TaskPool* pool) {
   Planes features = MakePlanes(kGeometryFeatures, validity.width(), validity.height());
   const ConstColorView& n = geometry.normal;
   ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < validity.width(); ++x) {
         if (validity.At(x, y) == 0) continue;
-        const auto u =
-            GeometryFeature({n[0].At(x, y), n[1].At(x, y), n[2].At(x, y)}, geometry.distance.At(x, y));
+        const auto u = GeometryFeature({n[0].At(x, y), n[1].At(x, y), n[2].At(x, y)},
+                                       geometry.distance.At(x, y), sigma_normal);
         for (size_t k = 0; k < u.size(); ++k) features[k].At(x, y) = u[k];
       }
     }

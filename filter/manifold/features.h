@@ -18,11 +18,13 @@ inline constexpr size_t kGeometryFeatures = 4;
 inline constexpr float kSigmaNormal = 0.3f;  // chord between unit normals: 10 degrees are 0.58 sigma
 inline constexpr float kSigmaLogDepth = 0.05f;
 
-/// One geometry feature of unit normal n and distance z: n[0..2] / kSigmaNormal, ln(z) / kSigmaLogDepth.
-std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance);
+/// One geometry feature of unit normal n and distance z: n[0..2] / sigma_normal, ln(z) / kSigmaLogDepth.
+std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
+                                                     float sigma_normal);
 
 /// The geometry part of the feature vector u, kGeometryFeatures planes; 0 where `validity` is 0.
-Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, TaskPool* pool);
+Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
+                        TaskPool* pool);
 
 /// Appends value / sigma, 0 where `validity` is 0, to the features.
 void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, Planes* features);

@@ -73,7 +73,8 @@ Planes Clone(const Planes& planes) {
 }
 
 /// D and I of the surfaces seen first.
-void AddDiffuse(const LayeredImage& film, TaskPool* pool, std::vector<Product>* products) {
+void AddDiffuse(const LayeredImage& film, float sigma_normal, TaskPool* pool,
+                std::vector<Product>* products) {
   const ConstFloatView mask = film.Get(layers::kMask);
   const ConstFloatView distance = film.Get(layers::kDistance);
   const Plane surface =
@@ -82,7 +83,7 @@ void AddDiffuse(const LayeredImage& film, TaskPool* pool, std::vector<Product>* 
     const float part = mask.At(x, y) * surface.At(x, y);
     return part >= kWhollyValid ? 1.0f : (part >= kLeastValid ? part : 0.0f);
   });
-  const Planes geometry = GeometryFeatures({NormalOf(film), distance}, surface.view(), pool);
+  const Planes geometry = GeometryFeatures({NormalOf(film), distance}, surface.view(), sigma_normal, pool);
   for (const std::string_view layer : {layers::kDirect, layers::kIndirect}) {
     Product product = ProductOf(film, std::string(layer), std::string(layers::kAlbedo), layers::kSamplesA,
                                 layers::kSamplesB);
@@ -94,8 +95,8 @@ void AddDiffuse(const LayeredImage& film, TaskPool* pool, std::vector<Product>* 
 }
 
 /// G and its like, where the film has them.
-void AddGlossy(const LayeredImage& film, const layers::SpecularLayer& layer, TaskPool* pool,
-               std::vector<Product>* products) {
+void AddGlossy(const LayeredImage& film, const layers::SpecularLayer& layer, float sigma_normal,
+               TaskPool* pool, std::vector<Product>* products) {
   if (!film.HasColor(layer.light) || !film.HasColor(layer.factor)) return;
   const ConstColorView specular = film.GetColor(layer.factor);
   const ConstFloatView distance = film.Get(layers::kDistance);
@@ -110,8 +111,8 @@ void AddGlossy(const LayeredImage& film, const layers::SpecularLayer& layer, Tas
   product.box = *box;
   product.is_glossy = true;
   product.validity = MakeMask(*box, [&](int x, int y) { return holds(x, y) ? 1.0f : 0.0f; });
-  product.geometry =
-      GeometryFeatures({Crop(NormalOf(film), *box), distance.Crop(*box)}, product.validity.view(), pool);
+  product.geometry = GeometryFeatures({Crop(NormalOf(film), *box), distance.Crop(*box)},
+                                      product.validity.view(), sigma_normal, pool);
   if (film.Has(layers::kRoughness)) {
     AppendFeature(film.Get(layers::kRoughness).Crop(*box), kSigmaRoughness, product.validity.view(),
                   &product.geometry);
@@ -121,18 +122,19 @@ void AddGlossy(const LayeredImage& film, const layers::SpecularLayer& layer, Tas
 
 /// What guides a level: what is seen there, and the normal of the surface it is seen in.
 Planes LevelGeometry(const LayeredImage& film, Level level, const Rect& box, ConstFloatView validity,
-                     TaskPool* pool) {
+                     float sigma_normal, TaskPool* pool) {
   const auto channel = [&](std::string_view name) { return film.Get(OfLevel(level, name)).Crop(box); };
   Planes geometry =
       GeometryFeatures({{channel(layers::kNormalX), channel(layers::kNormalY), channel(layers::kNormalZ)},
                         channel(layers::kDistance)},
-                       validity, pool);
+                       validity, sigma_normal, pool);
   for (const ConstFloatView& normal : Crop(NormalOf(film), box))
     AppendFeature(normal, kSigmaMirrorNormal, validity, &geometry);
   return geometry;
 }
 
-void AddLevel(const LayeredImage& film, Level level, TaskPool* pool, std::vector<Product>* products) {
+void AddLevel(const LayeredImage& film, Level level, float sigma_normal, TaskPool* pool,
+              std::vector<Product>* products) {
   if (!film.HasColor(OfLevel(level, layers::kDirect)) || !film.Has(OfLevel(level, layers::kMask))) return;
   const std::string samples_a = OfLevel(level, layers::kSamplesA);
   const std::string samples_b = OfLevel(level, layers::kSamplesB);
@@ -151,7 +153,7 @@ void AddLevel(const LayeredImage& film, Level level, TaskPool* pool, std::vector
     product.box = *box;
     product.validity = MakeMask(*box, [&](int x, int y) { return holds(x, y) ? 1.0f : 0.0f; });
     product.is_level = true;
-    product.geometry = LevelGeometry(film, level, *box, product.validity.view(), pool);
+    product.geometry = LevelGeometry(film, level, *box, product.validity.view(), sigma_normal, pool);
     products->push_back(std::move(product));
   }
 }
@@ -166,13 +168,14 @@ ConstColorView Crop(const ConstColorView& color, const Rect& box) {
   return {color[0].Crop(box), color[1].Crop(box), color[2].Crop(box)};
 }
 
-std::vector<Product> ProductsOf(const LayeredImage& film, TaskPool* pool) {
+std::vector<Product> ProductsOf(const LayeredImage& film, float sigma_normal, TaskPool* pool) {
   std::vector<Product> products;
-  AddDiffuse(film, pool, &products);
-  for (const layers::SpecularLayer& layer : layers::kSpecularLayers) AddGlossy(film, layer, pool, &products);
+  AddDiffuse(film, sigma_normal, pool, &products);
+  for (const layers::SpecularLayer& layer : layers::kSpecularLayers)
+    AddGlossy(film, layer, sigma_normal, pool, &products);
   for (int depth = layers::kMaxDepth; depth >= 1; --depth) {
     for (const layers::Branch branch : {layers::Branch::kTransmission, layers::Branch::kReflection})
-      AddLevel(film, {branch, depth}, pool, &products);
+      AddLevel(film, {branch, depth}, sigma_normal, pool, &products);
   }
   return products;
 }

@@ -27,8 +27,8 @@ struct Product {
 
 /// The layers of a film that have anything to filter: direct and indirect first, then glossy, then the levels
 /// the film has, deepest first. Keeps views of `film`. Not finite factors count as they are: Recombine()
-/// guards.
-std::vector<Product> ProductsOf(const LayeredImage& film, TaskPool* pool);
+/// guards. `sigma_normal`: what normals are divided by to guide.
+std::vector<Product> ProductsOf(const LayeredImage& film, float sigma_normal, TaskPool* pool);
 
 /// The part of the views inside `box`.
 HalvesView Crop(const HalvesView& halves, const Rect& box);

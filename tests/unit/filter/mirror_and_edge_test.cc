@@ -260,7 +260,7 @@ TEST(EdgeAntialiasing, ReadsNoLightWhereASubSampleShowsAMirror) {
   const LayeredImage film = EdgeFilm();
   LayeredImage edges = EdgeSet();
   for (int y = 1; y < kHeight; ++y) edges.Get(layers::kMask).At(5, y) = 0;  // hit, not diffuse, not radiating
-  EXPECT_EQ(EdgePointsOf(film, edges, 1.0f, std::numeric_limits<float>::infinity()).rows,
+  EXPECT_EQ(EdgePointsOf(film, edges, 1.0f, std::numeric_limits<float>::infinity(), kSigmaNormal).rows,
             std::vector<int>{0});
 }
 

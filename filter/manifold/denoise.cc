@@ -196,7 +196,7 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   const Planes rest = FilterRemainder(film, remainder, picture, filter, pool, assembly);
   AddChange(remainder.mean, rest, pool, &picture);
   if (assembly.edge_change != nullptr) {
-    *assembly.edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1]);
+    *assembly.edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1], pool);
     AddPlanes(*assembly.edge_change, pool, absl::MakeSpan(picture));
   }
   if (has_points) {

@@ -279,15 +279,39 @@ TEST(EdgeMeans, TakeOutTheNoiseOfWhereFewSamplesFell) {
   Planes direct = MakePlanes(3, kWidth, kHeight);
   for (Plane& plane : direct) plane.Fill(1.5f);
   const Planes none = MakePlanes(3, kWidth, kHeight);
-  const Planes change = EdgeMeansChange(film, &edges, direct, none);
-  const float share = 256.0f / (256.0f + 4.0f);
+  const Planes change = EdgeMeansChange(film, &edges, direct, none, nullptr);
+  // Two samples beside 256 / 2 that say nothing, and no other pixel alike; then own ones once more.
+  const float share = (1 - 2.0f / (2.0f + 128.0f)) * (1 - 4.0f / (4.0f + 1024.0f));
   EXPECT_NEAR(change[1].At(kEdgeColumn, 5), share * ((4.0f - 8.0f) + 1.5f * 0.3f), 1e-5f);
   EXPECT_EQ(change[1].At(kEdgeColumn + 1, 5), 0);
 
   for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB})
     film.Get(count).At(kEdgeColumn, 5) = 2048;
-  EXPECT_NEAR(EdgeMeansChange(film, &edges, direct, none)[1].At(kEdgeColumn, 5), 0, 1e-4f);
-  EXPECT_EQ(EdgeMeansChange(film, nullptr, direct, none)[1].At(kEdgeColumn, 5), 0);
+  EXPECT_NEAR(EdgeMeansChange(film, &edges, direct, none, nullptr)[1].At(kEdgeColumn, 5), 0, 1e-4f);
+  EXPECT_EQ(EdgeMeansChange(film, nullptr, direct, none, nullptr)[1].At(kEdgeColumn, 5), 0);
+}
+
+// A lamp of radiance 8 left of the edge, which covers a twentieth of the pixels there: so little that all
+// sub-samples miss it, and of 16 samples four fall on it in every fifth pixel.
+
+TEST(EdgeMeans, FindWhatSubSamplesMissByThePixelsAlike) {
+  LayeredImage film = WallFilm();
+  LayeredImage edges = EdgeSet();
+  const ColorView emission = film.GetColor(layers::kEmission);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kEdgeColumn; ++x) Set(emission, x, y, 8.0f);
+    Set(emission, kEdgeColumn, y, y % 5 == 0 ? 2.0f : 0.0f);
+    for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB})
+      film.Get(count).At(kEdgeColumn, y) = 8;
+    for (int j = 0; j < kSubSamples; ++j) Set(edges.GetColor(layers::kAlbedo), j, y, 0.0f);
+  }
+  const Planes none = MakePlanes(3, kWidth, kHeight);
+  const Planes change = EdgeMeansChange(film, &edges, none, none, nullptr);
+  for (int y = 16; y < kHeight - 16; ++y) {
+    const float steady = emission[1].At(kEdgeColumn, y) + change[1].At(kEdgeColumn, y);
+    EXPECT_GT(steady, 0.25f) << y;  // of .4; without the pixels alike: 0 or 1
+    EXPECT_LT(steady, 0.8f) << y;
+  }
 }
 
 /// The truth on both sides, `at_edge` between them.

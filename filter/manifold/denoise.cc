@@ -38,8 +38,18 @@ FilteredPoints NothingAt(const SlicePoints* points) {
           std::vector<float>(points->pixels.size(), 0.0f)};
 }
 
+/// The points as seen from the box's corner.
+SlicePoints SeenFrom(const Rect& box, const SlicePoints& points) {
+  SlicePoints moved = points;
+  for (auto& [x, y] : moved.pixels) {
+    x -= box.x0;
+    y -= box.y0;
+  }
+  return moved;
+}
+
 /// One product, filtered where its validity says and as it was elsewhere; of its box's size, in the film's
-/// unit.
+/// unit. `points`, which may be null: places in the box.
 FilteredLayer FilterProduct(const Product& product, LayerFilter filter, const SlicePoints* points,
                             TaskPool* pool) {
   const Plane& validity = product.validity;
@@ -76,28 +86,29 @@ bool OnlyRadiates(const ConstColorView& albedo, const ConstColorView& emission, 
   return radiates;
 }
 
-/// Magnitude of the picture over the mean, all channels together.
-Plane LightOf(const std::array<Plane, 3>& picture, float mean, TaskPool* pool) {
+/// Magnitude of the picture in the box over the mean, all channels together.
+Plane LightOf(const std::array<Plane, 3>& picture, const Rect& box, float mean, TaskPool* pool) {
   const float share = mean > 0 ? 1.0f / (3.0f * mean) : 0.0f;
-  Plane light(picture[0].width(), picture[0].height());
+  Plane light(box.width(), box.height());
   ForEachBand(pool, light.height(), [&](int, int y0, int y1) {
     for (const Plane& channel : picture) {
       for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < light.width(); ++x) light.At(x, y) += share * std::abs(channel.At(x, y));
+        for (int x = 0; x < light.width(); ++x)
+          light.At(x, y) += share * std::abs(channel.At(box.x0 + x, box.y0 + y));
       }
     }
   });
   return light;
 }
 
-/// 1 at all that is hit and does more than radiate.
-Plane ReflectingMask(const LayeredImage& film) {
-  Plane mask(film.width(), film.height());
-  const ConstFloatView distance = film.Get(layers::kDistance);
-  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
-  const ConstColorView emission = film.GetColor(layers::kEmission);
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) {
+/// 1 at all in the box that is hit and does more than radiate.
+Plane ReflectingMask(const LayeredImage& film, const Rect& box) {
+  Plane mask(box.width(), box.height());
+  const ConstFloatView distance = film.Get(layers::kDistance).Crop(box);
+  const ConstColorView albedo = Crop(film.GetColor(layers::kAlbedo), box);
+  const ConstColorView emission = Crop(film.GetColor(layers::kEmission), box);
+  for (int y = 0; y < mask.height(); ++y) {
+    for (int x = 0; x < mask.width(); ++x) {
       const bool reflects = distance.At(x, y) > 0 && !OnlyRadiates(albedo, emission, x, y);
       mask.At(x, y) = reflects ? 1.0f : 0.0f;
     }
@@ -105,31 +116,46 @@ Plane ReflectingMask(const LayeredImage& film) {
   return mask;
 }
 
-Planes RemainderGeometry(const LayeredImage& film, ConstFloatView validity, const Assembly& assembly,
-                         TaskPool* pool) {
-  if (assembly.rest_sees_levels)
-    return GeometryFeatures(SeenSurfaceOf(film, pool).geometry(), validity, assembly.sigma_normal, pool);
-  const ConstColorView normal = {film.Get(layers::kNormalX), film.Get(layers::kNormalY),
-                                 film.Get(layers::kNormalZ)};
-  return GeometryFeatures({normal, film.Get(layers::kDistance)}, validity, assembly.sigma_normal, pool);
+Planes RemainderGeometry(const LayeredImage& film, const Rect& box, ConstFloatView validity,
+                         const Assembly& assembly, TaskPool* pool) {
+  GeometryViews views = {{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)},
+                         film.Get(layers::kDistance)};
+  SeenSurface seen;
+  if (assembly.rest_sees_levels) {
+    seen = SeenSurfaceOf(film, pool);
+    views = seen.geometry();
+  }
+  return GeometryFeatures({Crop(views.normal, box), views.distance.Crop(box)}, validity,
+                          assembly.products.sigma_normal, pool);
 }
 
-/// The remainder, on all that is hit and does more than radiate, as one more product of factor 1. `picture`:
-/// with all other products filtered.
-Planes FilterRemainder(const LayeredImage& film, const Remainder& remainder,
-                       const std::array<Plane, 3>& picture, LayerFilter filter, TaskPool* pool,
-                       const Assembly& assembly) {
-  if (IsRounding(remainder, film, pool)) return CopyOf(ViewOf(remainder.mean));
+/// The remainder, on all in the box that is hit and does more than radiate, as one more product of factor 1.
+/// `picture`: with all other products filtered.
+FilteredLayer FilterRemainder(const LayeredImage& film, const Remainder& remainder, const Rect& box,
+                              const std::array<Plane, 3>& picture, LayerFilter filter, TaskPool* pool,
+                              const Assembly& assembly) {
   Product rest;
   rest.is_difference = true;
-  rest.picture_light = LightOf(picture, MeanMagnitude(film.GetColor(layers::kNoisy), pool), pool);
+  rest.picture_light = LightOf(picture, box, MeanMagnitude(film.GetColor(layers::kNoisy), pool), pool);
   rest.mean = ViewOf(remainder.mean);
   rest.halves = {ViewOf(remainder.a), ViewOf(remainder.b), film.Get(layers::kSamplesA),
                  film.Get(layers::kSamplesB)};
-  rest.box = film.bounds();
-  rest.validity = ReflectingMask(film);
-  rest.geometry = RemainderGeometry(film, rest.validity.view(), assembly, pool);
-  return FilterProduct(rest, filter, nullptr, pool).planes;
+  rest.box = box;
+  rest.validity = ReflectingMask(film, box);
+  rest.geometry = RemainderGeometry(film, box, rest.validity.view(), assembly, pool);
+  return FilterProduct(rest, filter, nullptr, pool);
+}
+
+/// D + I as filtered, over all of the frame; 0 where they were not.
+Planes DiffuseLight(const LayeredImage& film, const Rect& box, const Planes& direct, const Planes& indirect) {
+  Planes light = MakePlanes(3, film.width(), film.height());
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = box.y0; y < box.y1; ++y) {
+      for (int x = box.x0; x < box.x1; ++x)
+        light[c].At(x, y) = direct[c].At(x - box.x0, y - box.y0) + indirect[c].At(x - box.x0, y - box.y0);
+    }
+  }
+  return light;
 }
 
 /// What the products after D and I, glossy light that is, add to the picture of the pixels on edges.
@@ -177,26 +203,32 @@ Planes GuidesOf(const Planes& geometry, const DenoiseParts& parts) {
 
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
                                   TaskPool* pool, const Assembly& assembly) {
-  std::vector<Product> products = ProductsOf(film, assembly.sigma_normal, pool);
+  std::vector<Product> products = ProductsOf(film, assembly.products, pool);
   if (!assembly.has_levels) std::erase_if(products, [](const Product& product) { return product.is_level; });
-  const EdgePoints points = edges != nullptr ? EdgePointsOf(film, *edges, kMostSpecular,
-                                                            assembly.most_samples, assembly.sigma_normal)
-                                             : EdgePoints{};
+  const EdgePoints points =
+      edges != nullptr
+          ? EdgePointsOf(film, *edges, kMostSpecular, assembly.most_samples, assembly.products.sigma_normal)
+          : EdgePoints{};
   const bool has_points = edges != nullptr && !points.rows.empty();
   const Remainder remainder = MakeRemainder(film, products, pool);
+  const Rect box = products.front().box;  // of D and I
+  const SlicePoints points_in_box = has_points ? SeenFrom(box, points.points) : SlicePoints{};
   std::vector<Planes> filtered;
   std::array<FilteredPoints, 2> at_points;  // of D and I
   for (size_t i = 0; i < products.size(); ++i) {
-    const SlicePoints* wanted = has_points && i < at_points.size() ? &points.points : nullptr;
+    const SlicePoints* wanted = has_points && i < at_points.size() ? &points_in_box : nullptr;
     FilteredLayer layer = FilterProduct(products[i], filter, wanted, pool);
     filtered.push_back(std::move(layer.planes));
     if (wanted != nullptr) at_points[i] = std::move(layer.points);
   }
   std::array<Plane, 3> picture = Recombine(film, products, filtered, pool);
-  const Planes rest = FilterRemainder(film, remainder, picture, filter, pool, assembly);
-  AddChange(remainder.mean, rest, pool, &picture);
+  if (!IsRounding(remainder, film, pool)) {
+    const FilteredLayer rest = FilterRemainder(film, remainder, box, picture, filter, pool, assembly);
+    AddChange(remainder.mean, rest.planes, box, pool, &picture);
+  }
   if (assembly.edge_change != nullptr) {
-    *assembly.edge_change = EdgeMeansChange(film, edges, filtered[0], filtered[1], pool);
+    *assembly.edge_change =
+        EdgeMeansChange(film, edges, DiffuseLight(film, box, filtered[0], filtered[1]), pool);
     AddPlanes(*assembly.edge_change, pool, absl::MakeSpan(picture));
   }
   if (has_points) {
@@ -215,12 +247,13 @@ std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges
   };
   const LayeredImage* used_edges = parts.edge_points ? edges : nullptr;
   Planes edge_change;
-  std::array<Plane, 3> picture = FilterLayers(film, used_edges, filter, pool,
-                                              {.has_levels = parts.levels,
-                                               .most_samples = kFewSamples,
-                                               .edge_change = &edge_change,
-                                               .sigma_normal = SigmaNormal(film.width(), film.height()),
-                                               .rest_sees_levels = parts.levels});
+  std::array<Plane, 3> picture = FilterLayers(
+      film, used_edges, filter, pool,
+      {.has_levels = parts.levels,
+       .most_samples = kFewSamples,
+       .edge_change = &edge_change,
+       .products = {.sigma_normal = SigmaNormal(film.width(), film.height()), .cuts_frame = true},
+       .rest_sees_levels = parts.levels});
   RelightEdges(film, used_edges, kMostSpecular, pool, &picture);
   RegressEdges(film, used_edges, edge_change, pool, &picture);
   if (parts.convergence) ShrinkResidual(film, pool, &picture);

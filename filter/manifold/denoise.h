@@ -6,8 +6,8 @@
 #include "absl/functional/function_ref.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
-#include "filter/manifold/features.h"
 #include "filter/manifold/layer_filter.h"
+#include "filter/manifold/product.h"
 
 namespace lumifold::filter {
 
@@ -25,8 +25,8 @@ struct Assembly {
   /// Pixels of the edge set with more samples than this are not antialiased by light read at their
   /// sub-samples.
   float most_samples = std::numeric_limits<float>::infinity();
-  Planes* edge_change = nullptr;      // not null: EdgeMeansChange() is added to the picture and stored there
-  float sigma_normal = kSigmaNormal;  // of the features that guide
+  Planes* edge_change = nullptr;  // not null: EdgeMeansChange() is added to the picture and stored there
+  ProductParams products;         // how layers are taken from the film
   /// What the layers leave of C is guided by what is seen in mirrors and through glass, not by these.
   bool rest_sees_levels = false;
 };

@@ -156,8 +156,8 @@ Means OwnBeyond(const EdgeMeans& means, int x, int y) {
 
 }  // namespace
 
-Planes EdgeMeansChange(const LayeredImage& film, const LayeredImage* edges, const Planes& direct,
-                       const Planes& indirect, TaskPool* pool) {
+Planes EdgeMeansChange(const LayeredImage& film, const LayeredImage* edges, const Planes& light,
+                       TaskPool* pool) {
   Planes change = MakePlanes(3, film.width(), film.height());
   if (edges == nullptr || edges->channels().empty()) return change;
   const EdgeMeans means = EdgeMeansOf(film, *edges);
@@ -168,9 +168,8 @@ Planes EdgeMeansChange(const LayeredImage& film, const LayeredImage* edges, cons
         const Means beyond = OwnBeyond(means, x, y);
         const Means& known = means.BeyondAt(x, y);
         for (size_t c = 0; c < 3; ++c) {
-          const float light = direct[c].At(x, y) + indirect[c].At(x, y);
           const size_t e = kFirstOfE + c;
-          const float off = light * (beyond[c] - known[c]) + beyond[e] - known[e];
+          const float off = light[c].At(x, y) * (beyond[c] - known[c]) + beyond[e] - known[e];
           if (std::isfinite(off)) change[c].At(x, y) = off;
         }
       }

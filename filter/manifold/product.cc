@@ -21,9 +21,10 @@ constexpr float kLeastValid = 0.06f;  // of 16 sub-pixels one
 /// Range of the normal of the mirror itself, so that curved mirrors do not blur what they show.
 constexpr float kSigmaMirrorNormal = 0.6f;
 constexpr float kSigmaRoughness = 0.1f;
-/// How far a box reaches past what is in it; then its edges are moved out to multiples of kBandRows, so that
-/// coarse cells lie as they would in the whole frame.
+/// How far a box reaches past what is in it; then its edges are moved out to whole bands and to multiples of
+/// kBoxColumns, so that coarse cells lie as they would in the whole frame.
 constexpr int kBoxMargin = 16;
+constexpr int kBoxColumns = 16;
 
 /// `part(x, y)` of every pixel of `box`.
 Plane MakeMask(const Rect& box, absl::FunctionRef<float(int, int)> part) {
@@ -44,11 +45,12 @@ std::optional<Rect> BoxOf(const Rect& frame, absl::FunctionRef<bool(int, int)> h
     }
   }
   if (box.x0 >= box.x1) return std::nullopt;
-  const auto down = [](int v) { return std::max(v - kBoxMargin, 0) / kBandRows * kBandRows; };
-  const auto up = [](int v, int end) {
-    return std::min((v + kBoxMargin + kBandRows - 1) / kBandRows * kBandRows, end);
+  const auto down = [](int v, int unit) { return std::max(v - kBoxMargin, 0) / unit * unit; };
+  const auto up = [](int v, int unit, int end) {
+    return std::min((v + kBoxMargin + unit - 1) / unit * unit, end);
   };
-  return Rect{down(box.x0), down(box.y0), up(box.x1, frame.x1), up(box.y1, frame.y1)};
+  return Rect{down(box.x0, kBoxColumns), down(box.y0, kBandRows), up(box.x1, kBoxColumns, frame.x1),
+              up(box.y1, kBandRows, frame.y1)};
 }
 
 ConstColorView NormalOf(const LayeredImage& film) {
@@ -73,21 +75,24 @@ Planes Clone(const Planes& planes) {
 }
 
 /// D and I of the surfaces seen first.
-void AddDiffuse(const LayeredImage& film, float sigma_normal, TaskPool* pool,
+void AddDiffuse(const LayeredImage& film, const ProductParams& params, TaskPool* pool,
                 std::vector<Product>* products) {
   const ConstFloatView mask = film.Get(layers::kMask);
   const ConstFloatView distance = film.Get(layers::kDistance);
-  const Plane surface =
-      MakeMask(film.bounds(), [&](int x, int y) { return distance.At(x, y) > 0 ? 1.0f : 0.0f; });
-  const Plane validity = MakeMask(film.bounds(), [&](int x, int y) {
-    const float part = mask.At(x, y) * surface.At(x, y);
+  const auto is_hit = [&](int x, int y) { return distance.At(x, y) > 0; };
+  const std::optional<Rect> cut = params.cuts_frame ? BoxOf(film.bounds(), is_hit) : std::nullopt;
+  const Rect box = cut.value_or(film.bounds());
+  const Plane surface = MakeMask(box, [&](int x, int y) { return is_hit(x, y) ? 1.0f : 0.0f; });
+  const Plane validity = MakeMask(box, [&](int x, int y) {
+    const float part = is_hit(x, y) ? mask.At(x, y) : 0.0f;
     return part >= kWhollyValid ? 1.0f : (part >= kLeastValid ? part : 0.0f);
   });
-  const Planes geometry = GeometryFeatures({NormalOf(film), distance}, surface.view(), sigma_normal, pool);
+  const Planes geometry = GeometryFeatures({Crop(NormalOf(film), box), distance.Crop(box)}, surface.view(),
+                                           params.sigma_normal, pool);
   for (const std::string_view layer : {layers::kDirect, layers::kIndirect}) {
     Product product = ProductOf(film, std::string(layer), std::string(layers::kAlbedo), layers::kSamplesA,
                                 layers::kSamplesB);
-    product.box = film.bounds();
+    product.box = box;
     product.validity = validity.Clone();
     product.geometry = Clone(geometry);
     products->push_back(std::move(product));
@@ -168,14 +173,14 @@ ConstColorView Crop(const ConstColorView& color, const Rect& box) {
   return {color[0].Crop(box), color[1].Crop(box), color[2].Crop(box)};
 }
 
-std::vector<Product> ProductsOf(const LayeredImage& film, float sigma_normal, TaskPool* pool) {
+std::vector<Product> ProductsOf(const LayeredImage& film, const ProductParams& params, TaskPool* pool) {
   std::vector<Product> products;
-  AddDiffuse(film, sigma_normal, pool, &products);
+  AddDiffuse(film, params, pool, &products);
   for (const layers::SpecularLayer& layer : layers::kSpecularLayers)
-    AddGlossy(film, layer, sigma_normal, pool, &products);
+    AddGlossy(film, layer, params.sigma_normal, pool, &products);
   for (int depth = layers::kMaxDepth; depth >= 1; --depth) {
     for (const layers::Branch branch : {layers::Branch::kTransmission, layers::Branch::kReflection})
-      AddLevel(film, {branch, depth}, sigma_normal, pool, &products);
+      AddLevel(film, {branch, depth}, params.sigma_normal, pool, &products);
   }
   return products;
 }

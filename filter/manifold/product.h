@@ -6,6 +6,7 @@
 #include "filter/image/parallel.h"
 #include "filter/image/rect.h"
 #include "filter/manifold/bands.h"
+#include "filter/manifold/features.h"
 #include "filter/manifold/halves.h"
 
 namespace lumifold::filter {
@@ -25,10 +26,15 @@ struct Product {
   Plane picture_light;         // of the box; see Halves
 };
 
+struct ProductParams {
+  float sigma_normal = kSigmaNormal;  // what normals are divided by to guide
+  bool cuts_frame = false;            // D and I are filtered in the box round all that is hit
+};
+
 /// The layers of a film that have anything to filter: direct and indirect first, then glossy, then the levels
 /// the film has, deepest first. Keeps views of `film`. Not finite factors count as they are: Recombine()
-/// guards. `sigma_normal`: what normals are divided by to guide.
-std::vector<Product> ProductsOf(const LayeredImage& film, float sigma_normal, TaskPool* pool);
+/// guards.
+std::vector<Product> ProductsOf(const LayeredImage& film, const ProductParams& params, TaskPool* pool);
 
 /// The part of the views inside `box`.
 HalvesView Crop(const HalvesView& halves, const Rect& box);

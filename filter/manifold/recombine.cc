@@ -165,13 +165,15 @@ std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Produ
   return picture;
 }
 
-void AddChange(const Planes& before, const Planes& after, TaskPool* pool, std::array<Plane, 3>* picture) {
-  ForEachBand(pool, before[0].height(), [&](int, int y0, int y1) {
+void AddChange(const Planes& before, const Planes& after, const Rect& box, TaskPool* pool,
+               std::array<Plane, 3>* picture) {
+  ForEachBand(pool, box.height(), [&](int, int y0, int y1) {
     for (size_t c = 0; c < 3; ++c) {
       for (int y = y0; y < y1; ++y) {
-        float* row = (*picture)[c].Row(y);
-        for (int x = 0; x < before[c].width(); ++x)
-          row[x] = Finite(row[x] + Finite(after[c].At(x, y) - before[c].At(x, y)));
+        const float* from = before[c].Row(box.y0 + y) + box.x0;
+        const float* to = after[c].Row(y);
+        float* row = (*picture)[c].Row(box.y0 + y) + box.x0;
+        for (int x = 0; x < box.width(); ++x) row[x] = Finite(row[x] + Finite(to[x] - from[x]));
       }
     }
   });

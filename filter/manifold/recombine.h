@@ -33,8 +33,10 @@ bool IsRounding(const Remainder& remainder, const LayeredImage& film, TaskPool* 
 std::array<Plane, 3> Recombine(const LayeredImage& film, const std::vector<Product>& products,
                                const std::vector<Planes>& filtered, TaskPool* pool);
 
-/// picture += after - before, W x H and 3 planes each. Not finite values count as 0.
-void AddChange(const Planes& before, const Planes& after, TaskPool* pool, std::array<Plane, 3>* picture);
+/// picture += after - before in the box, 3 planes each: `after` of the box's size, all else W x H. Not finite
+/// values count as 0.
+void AddChange(const Planes& before, const Planes& after, const Rect& box, TaskPool* pool,
+               std::array<Plane, 3>* picture);
 
 /// Draws F back towards C where the two differ by more than C's noise can explain: F + max(0, 1 - c v / r^2)
 /// (C - F), v and r^2 means over a window of the variance of C's filtered part (from halves; the larger one

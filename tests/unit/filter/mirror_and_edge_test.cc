@@ -276,10 +276,9 @@ TEST(EdgeMeans, TakeOutTheNoiseOfWhereFewSamplesFell) {
     Set(edges.GetColor(layers::kEmission), j, 5, is_lamp ? 8.0f : 0.0f);
     Set(edges.GetColor(layers::kAlbedo), j, 5, is_lamp ? 0.0f : 0.6f);
   }
-  Planes direct = MakePlanes(3, kWidth, kHeight);
-  for (Plane& plane : direct) plane.Fill(1.5f);
-  const Planes none = MakePlanes(3, kWidth, kHeight);
-  const Planes change = EdgeMeansChange(film, &edges, direct, none, nullptr);
+  Planes light = MakePlanes(3, kWidth, kHeight);
+  for (Plane& plane : light) plane.Fill(1.5f);
+  const Planes change = EdgeMeansChange(film, &edges, light, nullptr);
   // Two samples beside 256 / 2 that say nothing, and no other pixel alike; then own ones once more.
   const float share = (1 - 2.0f / (2.0f + 128.0f)) * (1 - 4.0f / (4.0f + 1024.0f));
   EXPECT_NEAR(change[1].At(kEdgeColumn, 5), share * ((4.0f - 8.0f) + 1.5f * 0.3f), 1e-5f);
@@ -287,8 +286,8 @@ TEST(EdgeMeans, TakeOutTheNoiseOfWhereFewSamplesFell) {
 
   for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB})
     film.Get(count).At(kEdgeColumn, 5) = 2048;
-  EXPECT_NEAR(EdgeMeansChange(film, &edges, direct, none, nullptr)[1].At(kEdgeColumn, 5), 0, 1e-4f);
-  EXPECT_EQ(EdgeMeansChange(film, nullptr, direct, none, nullptr)[1].At(kEdgeColumn, 5), 0);
+  EXPECT_NEAR(EdgeMeansChange(film, &edges, light, nullptr)[1].At(kEdgeColumn, 5), 0, 1e-4f);
+  EXPECT_EQ(EdgeMeansChange(film, nullptr, light, nullptr)[1].At(kEdgeColumn, 5), 0);
 }
 
 // A lamp of radiance 8 left of the edge, which covers a twentieth of the pixels there: so little that all
@@ -306,7 +305,7 @@ TEST(EdgeMeans, FindWhatSubSamplesMissByThePixelsAlike) {
     for (int j = 0; j < kSubSamples; ++j) Set(edges.GetColor(layers::kAlbedo), j, y, 0.0f);
   }
   const Planes none = MakePlanes(3, kWidth, kHeight);
-  const Planes change = EdgeMeansChange(film, &edges, none, none, nullptr);
+  const Planes change = EdgeMeansChange(film, &edges, none, nullptr);
   for (int y = 16; y < kHeight - 16; ++y) {
     const float steady = emission[1].At(kEdgeColumn, y) + change[1].At(kEdgeColumn, y);
     EXPECT_GT(steady, 0.25f) << y;  // of .4; without the pixels alike: 0 or 1

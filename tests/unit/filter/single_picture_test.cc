@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "filter/image/layers.h"
-#include "filter/manifold/features.h"
 #include "filter/manifold/product.h"
 #include "filter/methods.h"
 #include "filter/metrics/metrics.h"
@@ -75,7 +74,7 @@ TEST(SinglePicture, SplitsLightThroughASurfaceLikeAnyOther) {
     for (size_t c = 0; c < 3; ++c) CopyPlane(std::as_const(film).GetColor(layers::kIndirect)[c], out[c]);
   }
   SplitIntoHalves(&film, nullptr);
-  const std::vector<Product> products = ProductsOf(film, kSigmaNormal, nullptr);
+  const std::vector<Product> products = ProductsOf(film, {}, nullptr);
   EXPECT_TRUE(std::any_of(products.begin(), products.end(), [&](const Product& product) {
     return product.mean[0].Row(0) == std::as_const(film).GetColor(layers::kTransmitted)[0].Row(0);
   }));

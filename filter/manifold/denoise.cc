@@ -199,6 +199,16 @@ Planes GuidesOf(const Planes& geometry, const DenoiseParts& parts) {
   return guides;
 }
 
+void Tell(const StepWatch& watch, DenoiseStep step) {
+  if (watch) watch(step);
+}
+
+/// The step that filters layer i.
+DenoiseStep StepOf(size_t i) {
+  if (i == 0) return DenoiseStep::kDirect;
+  return i == 1 ? DenoiseStep::kIndirect : DenoiseStep::kOtherLayers;
+}
+
 }  // namespace
 
 std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* edges, LayerFilter filter,
@@ -213,6 +223,7 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
   const Remainder remainder = MakeRemainder(film, products, pool);
   const Rect box = products.front().box;  // of D and I
   const SlicePoints points_in_box = has_points ? SeenFrom(box, points.points) : SlicePoints{};
+  Tell(assembly.watch, DenoiseStep::kSetUp);
   std::vector<Planes> filtered;
   std::array<FilteredPoints, 2> at_points;  // of D and I
   for (size_t i = 0; i < products.size(); ++i) {
@@ -220,12 +231,14 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
     FilteredLayer layer = FilterProduct(products[i], filter, wanted, pool);
     filtered.push_back(std::move(layer.planes));
     if (wanted != nullptr) at_points[i] = std::move(layer.points);
+    Tell(assembly.watch, StepOf(i));
   }
   std::array<Plane, 3> picture = Recombine(film, products, filtered, pool);
   if (!IsRounding(remainder, film, pool)) {
     const FilteredLayer rest = FilterRemainder(film, remainder, box, picture, filter, pool, assembly);
     AddChange(remainder.mean, rest.planes, box, pool, &picture);
   }
+  Tell(assembly.watch, DenoiseStep::kRemainder);
   if (assembly.edge_change != nullptr) {
     *assembly.edge_change =
         EdgeMeansChange(film, edges, DiffuseLight(film, box, filtered[0], filtered[1]), pool);
@@ -235,6 +248,7 @@ std::array<Plane, 3> FilterLayers(const LayeredImage& film, const LayeredImage* 
     AntialiasEdges(film, *edges, points, at_points[0], at_points[1], GlossyLight(film, products, filtered),
                    pool, &picture);
   }
+  Tell(assembly.watch, DenoiseStep::kEdgeMeans);
   return picture;
 }
 
@@ -253,10 +267,14 @@ std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges
        .most_samples = kFewSamples,
        .edge_change = &edge_change,
        .products = {.sigma_normal = SigmaNormal(film.width(), film.height()), .cuts_frame = true},
-       .rest_sees_levels = parts.levels});
+       .rest_sees_levels = parts.levels,
+       .watch = parts.watch});
   RelightEdges(film, used_edges, kMostSpecular, pool, &picture);
+  Tell(parts.watch, DenoiseStep::kRelighting);
   RegressEdges(film, used_edges, edge_change, pool, &picture);
+  Tell(parts.watch, DenoiseStep::kRegression);
   if (parts.convergence) ShrinkResidual(film, pool, &picture);
+  Tell(parts.watch, DenoiseStep::kConvergence);
   return picture;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <limits>
 
 #include "absl/functional/function_ref.h"
@@ -19,6 +20,22 @@ namespace lumifold::filter {
 using LayerFilter =
     absl::FunctionRef<FilteredLayer(Halves halves, const Planes& geometry, const SlicePoints* points)>;
 
+/// The steps of the default method, in the order they end; kOtherLayers as often as there are layers.
+enum class DenoiseStep {
+  kSetUp,
+  kDirect,
+  kIndirect,
+  kOtherLayers,  // gloss, mirrors and glass
+  kRemainder,    // put together, and what the layers leave of C
+  kEdgeMeans,    // T and E of edges, and light read at their sub-samples
+  kRelighting,
+  kRegression,
+  kConvergence
+};
+inline constexpr size_t kDenoiseSteps = static_cast<size_t>(DenoiseStep::kConvergence) + 1;
+/// Where it is set, told of each step that is through: for those who measure.
+using StepWatch = std::function<void(DenoiseStep)>;
+
 /// How FilterLayers() puts a picture together.
 struct Assembly {
   bool has_levels = true;  // or mirrors and glass are filtered with what the layers leave of C
@@ -29,6 +46,7 @@ struct Assembly {
   ProductParams products;         // how layers are taken from the film
   /// What the layers leave of C is guided by what is seen in mirrors and through glass, not by these.
   bool rest_sees_levels = false;
+  StepWatch watch = nullptr;
 };
 
 /// Filters each layer of light the film has, and what they leave of C, by `filter`, and puts the picture
@@ -48,6 +66,7 @@ struct DenoiseParts {
   bool second_pass = true;
   bool choice = true;       // of the scale, per pixel by estimated error
   bool convergence = true;  // the result drawn back to C
+  StepWatch watch = nullptr;
 };
 
 /// The default method: FilterLayer on each layer, T and E of edges steadied, pixels of several surfaces

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <filesystem>
 #include <memory>
+#include <string>
 #include <system_error>
 #include <utility>
 
@@ -12,7 +13,6 @@
 #include "filter/image/exr_io.h"
 #include "filter/image/file_io.h"
 #include "filter/manifold/denoise.h"
-#include "filter/manifold/recombine.h"
 #include "server/film/film_builder.h"
 #include "server/film/result.h"
 #include "tests/charts/figure.h"
@@ -114,29 +114,22 @@ EdgedImage MergeStage(const FilmSettings& settings, std::vector<TileUnits> tiles
   return film;
 }
 
-/// The default method once more, its layers timed one by one.
+/// The default method once more, timed step by step.
 std::vector<Stage> FilterStages(const EdgedImage& film, TaskPool* pool) {
-  std::vector<Stage> stages = {{"direct light", 0, 0},
-                               {"indirect light", 0, 0},
-                               {"mirrors, gloss, rest", 0, 0},
-                               {"put together, edges", 0, 0},
-                               {"drawing back to C", 0, 0}};
-  int with_points = 0;  // D and I alone are asked for points
-  const auto filter = [&](filter::Halves halves, const filter::Planes& geometry,
-                          const filter::SlicePoints* points) {
-    const size_t stage = points == nullptr ? 2 : (with_points++ == 0 ? 0 : 1);
-    const double start = CpuSeconds();
-    filter::FilteredLayer layer =
-        filter::FilterLayer(std::move(halves), geometry, filter::LayerParams{}, points, pool);
-    stages[stage].seconds += CpuSeconds() - start;
-    return layer;
+  const std::array<std::string, filter::kDenoiseSteps> names = {
+      "layers taken from the film", "direct light",        "indirect light", "gloss, mirrors, glass",
+      "what layers leave",          "edges: T, E, points", "edges relit",    "edges and mirrors fitted",
+      "drawing back to C"};
+  std::vector<Stage> stages;
+  for (const std::string& name : names) stages.push_back({name, 0, 0});
+  double last = CpuSeconds();
+  filter::DenoiseParts parts;
+  parts.watch = [&](filter::DenoiseStep step) {
+    const double now = CpuSeconds();
+    stages[static_cast<size_t>(step)].seconds += now - last;
+    last = now;
   };
-  const double start = CpuSeconds();
-  std::array<Plane, 3> picture = filter::FilterLayers(film.pixels, &film.edges, filter, pool);
-  const double layers_end = CpuSeconds();
-  filter::ShrinkResidual(film.pixels, pool, &picture);
-  stages[4].seconds = CpuSeconds() - layers_end;
-  stages[3].seconds = layers_end - start - stages[0].seconds - stages[1].seconds - stages[2].seconds;
+  filter::Denoise(film.pixels, &film.edges, pool, parts);
   return stages;
 }
 

@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <utility>
+#include <vector>
 
 #include "filter/image/layers.h"
 #include "filter/manifold/denoise.h"
@@ -56,6 +58,17 @@ TEST(DenoiseParts, ConvergenceMattersWhereTheFilterIsWrong) {
   EXPECT_FALSE(
       AreEqual(Denoise(film, nullptr, nullptr, {.patches = false, .choice = false}),
                Denoise(film, nullptr, nullptr, {.patches = false, .choice = false, .convergence = false})));
+}
+
+TEST(DenoiseParts, AreWatchedStepByStep) {
+  const LayeredImage film = Film();
+  std::vector<DenoiseStep> steps;
+  DenoiseParts parts;
+  parts.watch = [&](DenoiseStep step) { steps.push_back(step); };
+  EXPECT_TRUE(AreEqual(Denoise(film, nullptr, nullptr, parts), Denoise(film, nullptr, nullptr)));
+  EXPECT_TRUE(std::is_sorted(steps.begin(), steps.end()));
+  EXPECT_EQ(steps.front(), DenoiseStep::kSetUp);
+  EXPECT_EQ(steps.back(), DenoiseStep::kConvergence);
 }
 
 }  // namespace

@@ -5,9 +5,11 @@
 #include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "filter/image/color.h"
+#include "filter/manifold/box_mean.h"
 #include "filter/manifold/features.h"
 #include "filter/manifold/manifold_filter.h"
 
@@ -16,6 +18,7 @@ namespace {
 
 constexpr int kRadius = 2;
 constexpr size_t kLeastNeighbours = 4;
+constexpr int kNoiseRadius = 12;     // 25x25 window
 constexpr float kSpreadReach = 16;   // px
 constexpr int kSpreadHeight = 3;     // geometry and how bright it is lit are simple
 constexpr float kSigmaLight = 1.7f;  // of a channel, stabilised
@@ -75,6 +78,40 @@ Plane PaddedLuminance(const Planes& color, const Plane& weight, TaskPool* pool) 
   return padded;
 }
 
+/// Deviation of one half over its light about each pixel. Each pixel tells of its own by what its halves
+/// differ by over what they sum up to, so that none counts for much.
+Plane RelativeNoise(const Halves& halves, TaskPool* pool) {
+  Planes square = MakePlanes(1, halves.width(), halves.height());
+  ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < halves.width(); ++x) {
+        const float a = LuminanceAt(halves.a, x, y);
+        const float b = LuminanceAt(halves.b, x, y);
+        const float ratio = (a - b) / (a + b);
+        if (ratio >= -1 && ratio <= 1) square[0].At(x, y) = 2 * ratio * ratio;
+      }
+    }
+  });
+  Plane noise = std::move(BoxMeans(square, halves.weight.view(), kNoiseRadius, pool)[0]);
+  for (int y = 0; y < noise.height(); ++y) {
+    for (int x = 0; x < noise.width(); ++x) noise.At(x, y) = std::sqrt(noise.At(x, y));
+  }
+  return noise;
+}
+
+/// Whether the pixel is over twice as bright as any other valid one about it. `luminance` as PaddedLuminance
+/// gives it.
+bool StandsAlone(const Plane& luminance, int x, int y) {
+  const float half = 0.5f * luminance.At(x + kRadius, y + kRadius);
+  for (int j = 0; j <= 2 * kRadius; ++j) {
+    for (int i = 0; i <= 2 * kRadius; ++i) {
+      const float value = luminance.At(x + i, y + j);
+      if (value < INFINITY && value > half && (i != kRadius || j != kRadius)) return false;
+    }
+  }
+  return true;
+}
+
 /// Scales the half's pixel to `bound` if it is an outlier; what it loses, times `share`, goes to `removed`.
 bool Suppress(Planes* half, float bound, float sigma, float share, int x, int y, Planes* removed) {
   const float luminance = LuminanceAt(*half, x, y);
@@ -96,6 +133,7 @@ Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
   const int height = halves->height();
   const Plane luminance =
       PaddedLuminance(Combine(halves->a, halves->b, halves->share_a.view(), pool), halves->weight, pool);
+  const Plane noise = RelativeNoise(*halves, pool);
   Planes removed = MakePlanes(3, width, height);
   std::atomic<bool> is_any{false};
   ForEachBand(pool, height, [&](int, int y0, int y1) {
@@ -112,7 +150,10 @@ Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
           continue;
         const float bound = BrightestExpected(luminance, x, y);
         const float difference = LuminanceAt(halves->a, x, y) - LuminanceAt(halves->b, x, y);
-        const float sigma = std::abs(difference) * 0.70710678f;  // of one half
+        float sigma = std::abs(difference) * 0.70710678f;  // of one half
+        // Where both halves have caught one, they hardly differ; what is about them tells.
+        if (StandsAlone(luminance, x, y))
+          sigma = std::max(sigma, noise.At(x, y) * loud[static_cast<size_t>(x)]);
         const float share = halves->share_a.At(x, y);
         is_any_here |= Suppress(&halves->a, bound, sigma, share, x, y, &removed);
         is_any_here |= Suppress(&halves->b, bound, sigma, 1.0f - share, x, y, &removed);

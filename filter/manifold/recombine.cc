@@ -103,6 +103,23 @@ Planes MeasureResidual(const LayeredImage& film, const std::array<Plane, 3>& pic
   return residual;
 }
 
+/// How much the noise of a wide window counts with n samples.
+float Fewness(float n) { return kNoiseSamples / std::max(n, kNoiseSamples); }
+
+/// Bounds what one pixel says of how far F is from C, so that with few samples it takes two to draw the
+/// window back: a firefly that both halves have caught looks free of noise.
+void CapSquares(const LayeredImage& film, const Plane& variance_around, Plane* squares) {
+  constexpr float kWindow = (2 * kShrinkRadius + 1) * (2 * kShrinkRadius + 1);
+  const ConstFloatView n_a = film.Get(layers::kSamplesA);
+  const ConstFloatView n_b = film.Get(layers::kSamplesB);
+  for (int y = 0; y < squares->height(); ++y) {
+    for (int x = 0; x < squares->width(); ++x) {
+      const float most = kWindow * kShrink * variance_around.At(x, y) / Fewness(n_a.At(x, y) + n_b.At(x, y));
+      squares->At(x, y) = std::min(squares->At(x, y), most);
+    }
+  }
+}
+
 }  // namespace
 
 float MeanMagnitude(const ConstColorView& color, TaskPool* pool) {
@@ -184,9 +201,12 @@ void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 
   if (!(unit > 0)) return;
   const Plane mask = MeasurableMask(film);
   Planes residual = MeasureResidual(film, *picture, unit, pool);
-  const Planes means = BoxMeans(residual, mask.view(), kShrinkRadius, pool);
+  Plane square_of_each = std::move(residual.back());
   residual.pop_back();
   const Planes around = BoxMeans(residual, mask.view(), kNoiseRadius, pool);
+  CapSquares(film, around[0], &square_of_each);
+  residual.push_back(std::move(square_of_each));
+  const Planes means = BoxMeans(residual, mask.view(), kShrinkRadius, pool);
   const Plane& square = means[1];
   const ConstColorView noisy = film.GetColor(layers::kNoisy);
   const ConstFloatView n_a = film.Get(layers::kSamplesA);
@@ -194,7 +214,7 @@ void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < film.width(); ++x) {
-        const float few = kNoiseSamples / std::max(n_a.At(x, y) + n_b.At(x, y), kNoiseSamples);
+        const float few = Fewness(n_a.At(x, y) + n_b.At(x, y));
         const float noise = kShrink * std::max(means[0].At(x, y), few * around[0].At(x, y));
         if (mask.At(x, y) == 0 || !(square.At(x, y) > noise)) continue;
         const float back = 1.0f - noise / square.At(x, y);

@@ -40,7 +40,8 @@ void AddChange(const Planes& before, const Planes& after, const Rect& box, TaskP
 
 /// Draws F back towards C where the two differ by more than C's noise can explain: F + max(0, 1 - c v / r^2)
 /// (C - F), v and r^2 means over a window of the variance of C's filtered part (from halves; the larger one
-/// of a small window and a wide one) and of (C - F)^2, c = 4. So F converges to C with the samples. Does
+/// of a small window and a wide one) and of (C - F)^2, c = 4. With few samples a single pixel does not draw
+/// its window back. So F converges to C with the samples. Does
 /// nothing where the film has no second half.
 void ShrinkResidual(const LayeredImage& film, TaskPool* pool, std::array<Plane, 3>* picture);
 

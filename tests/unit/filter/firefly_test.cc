@@ -42,6 +42,30 @@ TEST(Fireflies, BrightPixelsThatBothHalvesSeeStay) {
   EXPECT_EQ(halves.a[1].At(5, 4), 1000.0f);
 }
 
+/// Halves of which every second pixel has nothing in one of them, about `bright` pixels that both see.
+Halves NoisyHalves(int bright) {
+  Halves halves = FlatHalves(11, 9, 0.0f);
+  for (Planes* half : {&halves.a, &halves.b}) {
+    for (Plane& plane : *half) {
+      for (int y = 0; y < 9; ++y) {
+        for (int x = 0; x < 11; ++x)
+          plane.At(x, y) = (x + y) % 2 == (half == &halves.a ? 0 : 1) ? 2.0f : 0.0f;
+      }
+      for (int i = 0; i < bright; ++i) plane.At(5 + i, 4) = 1000.0f;
+    }
+  }
+  return halves;
+}
+
+TEST(Fireflies, ThatBothHalvesCaughtAreToldByTheNoiseAbout) {
+  Halves halves = NoisyHalves(1);
+  ASSERT_FALSE(SuppressFireflies(&halves, nullptr).empty());
+  EXPECT_NEAR(halves.a[1].At(5, 4), 2.0f, 1e-3f);
+  EXPECT_NEAR(halves.b[1].At(5, 4), 2.0f, 1e-3f);
+  Halves two = NoisyHalves(2);  // no longer by chance
+  EXPECT_TRUE(SuppressFireflies(&two, nullptr).empty());
+}
+
 TEST(Fireflies, AreNotJudgedWithoutHalvesOrOutsideTheMask) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;

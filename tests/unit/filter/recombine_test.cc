@@ -60,5 +60,27 @@ TEST(ShrinkResidual, ConvergesBesideNoiseAtManySamples) {
   EXPECT_LT(OffAfterShrinking(65536), 0.002f * kOff);
 }
 
+/// What a picture that is 1 shows in the midst of the noise where C has `bright` pixels of 100, alike in both
+/// halves.
+float ShownOfBright(int bright, float samples) {
+  LayeredImage film = FilmOf(samples);
+  std::array<Plane, 3> picture;
+  for (size_t c = 0; c < 3; ++c) {
+    picture[c] = Plane(kSize, kSize);
+    picture[c].Fill(1);
+    for (const std::string_view layer : {"noisy", "noisy_a", "noisy_b"}) {
+      for (int i = 0; i < bright; ++i) film.GetColor(layer)[c].At(36 + i, 24) += 99;
+    }
+  }
+  ShrinkResidual(film, nullptr, &picture);
+  return picture[0].At(36, 24);
+}
+
+TEST(ShrinkResidual, DoesNotFollowAPixelAloneOfFewSamples) {
+  EXPECT_FLOAT_EQ(ShownOfBright(1, 4), 1);
+  EXPECT_GT(ShownOfBright(2, 4), 20);
+  EXPECT_GT(ShownOfBright(1, 1024), 50);
+}
+
 }  // namespace
 }  // namespace lumifold::filter

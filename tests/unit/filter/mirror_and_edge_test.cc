@@ -313,6 +313,32 @@ TEST(EdgeMeans, FindWhatSubSamplesMissByThePixelsAlike) {
   }
 }
 
+/// A film whose pixels in `where` show a mirror.
+LayeredImage ShowingMirror(LayeredImage film, const Rect& where) {
+  const FloatView distance = film.Add(layers::OfLevel(kMirror, layers::kDistance));
+  for (int y = where.y0; y < where.y1; ++y) {
+    for (int x = where.x0; x < where.x1; ++x) distance.At(x, y) = 4;
+  }
+  return film;
+}
+
+TEST(EdgeMeans, LeaveTWhereAMirrorTakesPartOfThePixel) {
+  constexpr Rect kMirrored = {kEdgeColumn, 0, kEdgeColumn + 1, 6};
+  const LayeredImage film = ShowingMirror(WallFilm(), kMirrored);
+  LayeredImage edges = EdgeSet();
+  for (const int row : {5, 6}) {
+    for (int j = 0; j < kSubSamples; ++j) {
+      Set(edges.GetColor(layers::kAlbedo), j, row, 0.6f);
+      Set(edges.GetColor(layers::kEmission), j, row, 0.0f);
+    }
+  }
+  Planes light = MakePlanes(3, kWidth, kHeight);
+  for (Plane& plane : light) plane.Fill(1.5f);
+  const Planes change = EdgeMeansChange(film, &edges, light, nullptr);
+  EXPECT_EQ(change[1].At(kEdgeColumn, 5), 0);
+  EXPECT_GT(change[1].At(kEdgeColumn, 6), 0.8f);  // .6 of 1.5, which the own samples did not see
+}
+
 /// The truth on both sides, `at_edge` between them.
 std::array<Plane, 3> PictureWithEdge(float at_edge) {
   std::array<Plane, 3> picture;

@@ -437,6 +437,37 @@ TEST(EdgeRegression, AddsLittleNoiseWhereThereIsNothingToCorrect) {
   EXPECT_LT(ErrorAfterRegression(layers::kAlbedo, 0.5f, 0, kDeviation), 0.025);
 }
 
+/// What the regression adds to F = 0.5 at the pixel in the midst of kPatch, all of which shows a mirror: of
+/// C = 0.5 + `off`, one of whose halves is `firefly` brighter two pixels beside it.
+float ChangeInMirror(float off, float firefly) {
+  LayeredImage film = ShowingMirror(WallFilm(), kPatch);
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal(0.5f + off, 0.02f);
+  const NoisyLayer noisy(std::string(layers::kNoisy), &film);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const float a = normal(random);
+      noisy.Set(x, y, a, normal(random));
+    }
+  }
+  constexpr int kX = (kPatch.x0 + kPatch.x1) / 2;
+  constexpr int kY = (kPatch.y0 + kPatch.y1) / 2;
+  noisy.Set(kX + 2, kY, 0.5f + off + firefly, 0.5f + off);
+  std::array<Plane, 3> picture;
+  for (Plane& plane : picture) {
+    plane = Plane(kWidth, kHeight);
+    plane.Fill(0.5f);
+  }
+  RegressEdges(film, nullptr, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  return picture[0].At(kX, kY) - 0.5f;
+}
+
+TEST(EdgeRegression, TakesOutABiasInMirrorsButFollowsNoSingleSample) {
+  EXPECT_NEAR(ChangeInMirror(0.2f, 0), 0.2f, 0.04f);
+  EXPECT_NEAR(ChangeInMirror(0, 0), 0, 0.01f);
+  EXPECT_NEAR(ChangeInMirror(0, 20), 0, 0.05f);
+}
+
 TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {
   LayeredImage film = EdgeFilm();
   for (int y = 0; y < kHeight; ++y) std::fill_n(film.Get(layers::kSamplesB).Row(y), kWidth, 0.0f);

@@ -8,6 +8,7 @@
 
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
+#include "filter/image/level_mask.h"
 #include "filter/image/portable_math.h"
 #include "filter/manifold/edge_pixels.h"
 
@@ -161,15 +162,17 @@ Planes EdgeMeansChange(const LayeredImage& film, const LayeredImage* edges, cons
   Planes change = MakePlanes(3, film.width(), film.height());
   if (edges == nullptr || edges->channels().empty()) return change;
   const EdgeMeans means = EdgeMeansOf(film, *edges);
+  const Plane shows_level = LevelMask(film);
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < film.width(); ++x) {
         if (means.samples.At(x, y) < 0) continue;
         const Means beyond = OwnBeyond(means, x, y);
         const Means& known = means.BeyondAt(x, y);
+        const float share = shows_level.At(x, y) > 0 ? 0.0f : 1.0f;
         for (size_t c = 0; c < 3; ++c) {
           const size_t e = kFirstOfE + c;
-          const float off = light[c].At(x, y) * (beyond[c] - known[c]) + beyond[e] - known[e];
+          const float off = share * light[c].At(x, y) * (beyond[c] - known[c]) + beyond[e] - known[e];
           if (std::isfinite(off)) change[c].At(x, y) = off;
         }
       }

@@ -34,6 +34,9 @@ constexpr float kMostRidge = 1;       // of the same
 /// Of C's variance: what is added to both errors, so that estimates that noise made small or negative decide
 /// nothing.
 constexpr float kLeastError = 0.25f;
+/// The same of the error without the fit, off the edge set: what is seen in mirrors was filtered by itself,
+/// and is taken to be right until the halves say that it is not.
+constexpr float kLeastErrorOfLevels = 0.05f;
 constexpr float kTermsOfLogDistance = 2;
 constexpr float kLargestFeature = 10;
 constexpr float kLargest = 1e12f;  // of C over its mean: squares of squares must stay finite
@@ -274,8 +277,10 @@ std::array<float, kSignals> MeanFitAt(const Frame& frame, const std::vector<Mode
   return fit;
 }
 
-/// Half B judges what half A was fitted by, and the reverse.
-Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit) {
+/// Half B judges what half A was fitted by, and the reverse. Off the edge set, in mirrors that is, a pixel
+/// counts the less the noisier it is: one bright sample would otherwise decide for all about it, and the
+/// fit put back what was taken out of it as a firefly.
+Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit, bool is_on_edge) {
   Errors errors;
   const float weight = ErrorWeight(sample.light);
   for (size_t c = 0; c < 3; ++c) {
@@ -289,23 +294,30 @@ Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit) {
     errors.with += weight * ((off_a * off_a + off_b * off_b - noise) / 2 - apart * apart / 4);
     errors.variance += weight * noise / 4;
   }
-  return errors;
+  if (is_on_edge) return errors;
+  const float share = 1.0f / (1.0f + errors.variance);
+  return {share * errors.without, share * errors.with, share * errors.variance};
 }
 
 /// How far the fit is followed: by the inverse errors.
-float ShareOfFit(const Errors& errors) {
-  const float least = kLeastError * errors.variance;
-  const float without = least + std::max(errors.without, 0.0f);
-  const float with = least + std::max(errors.with, 0.0f);
+float ShareOfFit(const Errors& errors, bool is_on_edge) {
+  const float least_without = is_on_edge ? kLeastError : kLeastErrorOfLevels;
+  const float without = least_without * errors.variance + std::max(errors.without, 0.0f);
+  const float with = kLeastError * errors.variance + std::max(errors.with, 0.0f);
   return without + with > 0 ? without / (without + with) : 0.0f;
 }
 
-/// 1 at pixels of the edge set and at those that show a level.
-Plane MixedPixels(const LayeredImage& film, const LayeredImage* edges) {
-  Plane mixed = LevelMask(film);
-  ForEachEdgePixel(edges, film.bounds(), [&](int, int x, int y) { mixed.At(x, y) = 1; });
-  return mixed;
-}
+/// Which pixels are fitted: those of the edge set, and those that show a level. 1 or 0.
+struct MixedPixels {
+  Plane is_on_edge;
+  Plane is_mixed;  // either
+
+  MixedPixels(const LayeredImage& film, const LayeredImage* edges)
+      : is_on_edge(film.width(), film.height()), is_mixed(LevelMask(film)) {
+    ForEachEdgePixel(edges, film.bounds(),
+                     [&](int, int x, int y) { is_on_edge.At(x, y) = is_mixed.At(x, y) = 1; });
+  }
+};
 
 /// Calls body(x, y) for each pixel that is fitted.
 void ForEachFitted(const Frame& frame, TaskPool* pool, absl::FunctionRef<void(int, int)> body) {
@@ -325,18 +337,18 @@ struct Fits {
   Planes errors;       // without, with, variance
 };
 
-Fits FitAll(const Source& source, const Plane& is_mixed, TaskPool* pool) {
-  const Frame frame(source, is_mixed, pool);
+Fits FitAll(const Source& source, const MixedPixels& pixels, TaskPool* pool) {
+  const Frame frame(source, pixels.is_mixed, pool);
   std::vector<Model> models(static_cast<size_t>(frame.models()));
   ForEachFitted(frame, pool,
                 [&](int x, int y) { models[static_cast<size_t>(frame.ModelOf(x, y))] = FitAt(frame, x, y); });
-  const int width = is_mixed.width();
-  const int height = is_mixed.height();
+  const int width = pixels.is_mixed.width();
+  const int height = pixels.is_mixed.height();
   Fits fits{Plane(width, height), MakePlanes(3, width, height), MakePlanes(3, width, height)};
   ForEachFitted(frame, pool, [&](int x, int y) {
     const std::array<float, kSignals> fit = MeanFitAt(frame, models, x, y);
     for (size_t c = 0; c < 3; ++c) fits.corrections[c].At(x, y) = 0.5f * (fit[c] + fit[3 + c]);
-    const Errors errors = ErrorsOf(frame.At(x, y), fit);
+    const Errors errors = ErrorsOf(frame.At(x, y), fit, pixels.is_on_edge.At(x, y) > 0);
     fits.errors[0].At(x, y) = errors.without;
     fits.errors[1].At(x, y) = errors.with;
     fits.errors[2].At(x, y) = errors.variance;
@@ -352,13 +364,15 @@ void RegressEdges(const LayeredImage& film, const LayeredImage* edges, const Pla
   const float unit = MeanMagnitude(film.GetColor(layers::kNoisy), pool);
   if (!(unit > 0)) return;
   const SeenSurface seen = SeenSurfaceOf(film, pool);
-  const Fits fits = FitAll(Source(film, seen, change, *picture, unit), MixedPixels(film, edges), pool);
+  const MixedPixels pixels(film, edges);
+  const Fits fits = FitAll(Source(film, seen, change, *picture, unit), pixels, pool);
   const Planes means = BoxMeans(fits.errors, fits.is_fitted.view(), kTrustRadius, pool);
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < film.width(); ++x) {
         if (fits.is_fitted.At(x, y) == 0) continue;
-        const float share = ShareOfFit({means[0].At(x, y), means[1].At(x, y), means[2].At(x, y)});
+        const float share = ShareOfFit({means[0].At(x, y), means[1].At(x, y), means[2].At(x, y)},
+                                       pixels.is_on_edge.At(x, y) > 0);
         for (size_t c = 0; c < 3; ++c) (*picture)[c].At(x, y) += share * fits.corrections[c].At(x, y) * unit;
       }
     }

@@ -12,10 +12,11 @@ namespace lumifold::filter {
 /// covered part, S and the distance over the 7x7 pixels about it, the more the more alike their F is; slopes
 /// are drawn to 0 as C's noise asks. What the mean of the functions fitted about a pixel says of it is added.
 /// Each half of C is fitted by itself: how far the fit is followed is told by the errors of each against the
-/// other, averaged over such pixels near by. Does nothing where one half alone is known. `change`: what F has
-/// of the truth that C has not (EdgeMeansChange), W x H, 3 planes. `edges` may be null. Source: the
-/// regression of Bitterli et al. 2016 and their mean over fits, here on what another filter left. Threads:
-/// identical for any pool.
+/// other, averaged over such pixels near by; off the edge set noisy pixels count less for it, and F is
+/// believed where they do not tell. Does nothing where one half alone is known. `change`: what F has of the
+/// truth that C has not (EdgeMeansChange), W x H, 3 planes. `edges` may be null. Source: the regression of
+/// Bitterli et al. 2016 and their mean over fits, here on what another filter left. Threads: identical for
+/// any pool.
 void RegressEdges(const LayeredImage& film, const LayeredImage* edges, const Planes& change, TaskPool* pool,
                   std::array<Plane, 3>* picture);
 

@@ -261,13 +261,7 @@ std::vector<Case> MaterialCases() {
        "96x72, 16 spp",
        "",
        {{"error", 0.1}},
-       FlatMirror,
-       KnownFailure{
-           {0.13},
-           "a fifth of it lies on a box face of 24 pixels in the mirror, a third of whose light comes from "
-           "the lamp by way of the mirror: of all their 384 samples none to two meet it, which no filter can "
-           "make good; without them it would be 0.10. The true T of what is shown, in place of the samples', "
-           "changes nothing"}},
+       FlatMirror},
       {20,
        "curved mirror",
        "a mirroring ball before a flat mirror: error left in both",

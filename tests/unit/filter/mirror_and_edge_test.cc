@@ -313,6 +313,32 @@ TEST(EdgeMeans, FindWhatSubSamplesMissByThePixelsAlike) {
   }
 }
 
+/// A film whose pixels in `where` show a mirror.
+LayeredImage ShowingMirror(LayeredImage film, const Rect& where) {
+  const FloatView distance = film.Add(layers::OfLevel(kMirror, layers::kDistance));
+  for (int y = where.y0; y < where.y1; ++y) {
+    for (int x = where.x0; x < where.x1; ++x) distance.At(x, y) = 4;
+  }
+  return film;
+}
+
+TEST(EdgeMeans, LeaveTWhereAMirrorTakesPartOfThePixel) {
+  constexpr Rect kMirrored = {kEdgeColumn, 0, kEdgeColumn + 1, 6};
+  const LayeredImage film = ShowingMirror(WallFilm(), kMirrored);
+  LayeredImage edges = EdgeSet();
+  for (const int row : {5, 6}) {
+    for (int j = 0; j < kSubSamples; ++j) {
+      Set(edges.GetColor(layers::kAlbedo), j, row, 0.6f);
+      Set(edges.GetColor(layers::kEmission), j, row, 0.0f);
+    }
+  }
+  Planes light = MakePlanes(3, kWidth, kHeight);
+  for (Plane& plane : light) plane.Fill(1.5f);
+  const Planes change = EdgeMeansChange(film, &edges, light, nullptr);
+  EXPECT_EQ(change[1].At(kEdgeColumn, 5), 0);
+  EXPECT_GT(change[1].At(kEdgeColumn, 6), 0.8f);  // .6 of 1.5, which the own samples did not see
+}
+
 /// The truth on both sides, `at_edge` between them.
 std::array<Plane, 3> PictureWithEdge(float at_edge) {
   std::array<Plane, 3> picture;
@@ -409,6 +435,37 @@ TEST(EdgeRegression, TellsSurfacesApartByEachOfItsTerms) {
 TEST(EdgeRegression, AddsLittleNoiseWhereThereIsNothingToCorrect) {
   constexpr float kDeviation = 0.5f;
   EXPECT_LT(ErrorAfterRegression(layers::kAlbedo, 0.5f, 0, kDeviation), 0.025);
+}
+
+/// What the regression adds to F = 0.5 at the pixel in the midst of kPatch, all of which shows a mirror: of
+/// C = 0.5 + `off`, one of whose halves is `firefly` brighter two pixels beside it.
+float ChangeInMirror(float off, float firefly) {
+  LayeredImage film = ShowingMirror(WallFilm(), kPatch);
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal(0.5f + off, 0.02f);
+  const NoisyLayer noisy(std::string(layers::kNoisy), &film);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const float a = normal(random);
+      noisy.Set(x, y, a, normal(random));
+    }
+  }
+  constexpr int kX = (kPatch.x0 + kPatch.x1) / 2;
+  constexpr int kY = (kPatch.y0 + kPatch.y1) / 2;
+  noisy.Set(kX + 2, kY, 0.5f + off + firefly, 0.5f + off);
+  std::array<Plane, 3> picture;
+  for (Plane& plane : picture) {
+    plane = Plane(kWidth, kHeight);
+    plane.Fill(0.5f);
+  }
+  RegressEdges(film, nullptr, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  return picture[0].At(kX, kY) - 0.5f;
+}
+
+TEST(EdgeRegression, TakesOutABiasInMirrorsButFollowsNoSingleSample) {
+  EXPECT_NEAR(ChangeInMirror(0.2f, 0), 0.2f, 0.04f);
+  EXPECT_NEAR(ChangeInMirror(0, 0), 0, 0.01f);
+  EXPECT_NEAR(ChangeInMirror(0, 20), 0, 0.05f);
 }
 
 TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {

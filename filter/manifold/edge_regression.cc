@@ -19,30 +19,40 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kRadius = 3;       // 7x7 window
-constexpr int kTrustRadius = 3;  // of the errors' means
-constexpr float kSigmaPixels = 2.1f;
+constexpr int kRadius = 6;  // 13x13 window
+/// Functions are fitted at every second pixel of every second row: pixels between have them from those about.
+constexpr int kFitStep = 2;
+constexpr float kLeastModels = 1;  // a pixel with less weight of functions about it is fitted by itself
+constexpr int kTrustRadius = 3;    // of the errors' means
+constexpr float kSigmaPixels = 4;
 constexpr float kSigmaLikeness = 0.3f;  // in units of asinh(F / (kKnee mean))
 constexpr float kKnee = 0.2f;
 /// What counts for less than e to the minus this in a window is left out of it.
-constexpr float kMostExponent = 5;
-/// What is expected of a term before any pixel is seen: over its unit, C - F changes by so many times F.
-constexpr float kExpectedSlope = 2;
+constexpr float kMostExponent = 4;
+/// What is expected of a term before any pixel is seen: over its unit, C changes by so many times F.
+constexpr float kExpectedSlope = 4;
 constexpr float kLeastLight = 1e-3f;  // of the mean's square: F^2 counts as no less
 constexpr float kLeastRidge = 1e-5f;  // of the window's weight
 constexpr float kMostRidge = 1;       // of the same
-/// Of C's variance: what is added to both errors, so that estimates that noise made small or negative decide
+/// Of C's variance: what is added to all errors, so that estimates that noise made small or negative decide
 /// nothing.
 constexpr float kLeastError = 0.25f;
-/// The same of the error without the fit, off the edge set: what is seen in mirrors was filtered by itself,
-/// and is taken to be right until the halves say that it is not.
+/// The same of F's error in mirrors off the edge set: what is seen there was filtered by itself, and is taken
+/// to be right until the halves say that it is not.
 constexpr float kLeastErrorOfLevels = 0.05f;
-constexpr float kTermsOfLogDistance = 2;
+/// As many samples make a fit count as much as F where both err alike; four times as many, twice as much: F
+/// has noise in common with the C that its error is estimated from and looks better than it is, and few
+/// samples leave the fits noisier than their pixels' errors tell.
+constexpr float kSamplesOfTrust = 64;
+/// Where S is more than this, nearly all light is glossy, and what it mirrors tells pixels apart: the
+/// features that guide F do not.
+constexpr float kMetallic = 0.5f;
+constexpr float kTermsOfLogDistance = 8;
 constexpr float kLargestFeature = 10;
 constexpr float kLargest = 1e12f;  // of C over its mean: squares of squares must stay finite
 
-constexpr size_t kTerms = 10;   // 1, T, normal, covered part, S, log distance
-constexpr size_t kSignals = 6;  // C - F of half A and of half B
+constexpr size_t kTerms = 11;   // 1, T, normal, covered part, S, log distance, roughness
+constexpr size_t kSignals = 9;  // C of half A and of half B, F
 constexpr size_t kRowSize = kTerms + kSignals;
 
 /// What the regression needs of one pixel.
@@ -55,13 +65,14 @@ struct Sample {
   bool is_usable = false;  // both halves known and finite
 };
 
-/// C - F of each half as a linear function of the terms: term by term a factor for each signal.
+/// The signals as linear functions of the terms: term by term a factor for each signal.
 using Model = std::array<float, kTerms * kSignals>;
 
 /// Squared errors, summed over the channels, by the halves.
 struct Errors {
-  float without = 0;   // of F as it is
-  float with = 0;      // with the fit
+  float kept = 0;      // of F as it is
+  float mended = 0;    // of F and the fit of C - F
+  float anew = 0;      // of the fit of C
   float variance = 0;  // of C
 };
 
@@ -81,6 +92,7 @@ class Source {
         picture_{picture[0].view(), picture[1].view(), picture[2].view()},
         unit_(unit) {
     if (film.HasColor(layers::kSpecular)) specular_ = film.GetColor(layers::kSpecular);
+    if (film.Has(layers::kRoughness)) roughness_ = film.Get(layers::kRoughness);
   }
 
   Sample At(int x, int y) const {
@@ -88,16 +100,17 @@ class Source {
     SetTerms(x, y, &sample);
     sample.is_usable = n_a_.At(x, y) > 0 && n_b_.At(x, y) > 0;
     for (size_t c = 0; c < 3; ++c) {
-      const float f = picture_[c].At(x, y);
-      const float a = (a_[c].At(x, y) + change_[c].At(x, y) - f) / unit_;
-      const float b = (b_[c].At(x, y) + change_[c].At(x, y) - f) / unit_;
-      sample.is_usable = sample.is_usable && std::abs(a) < kLargest && std::abs(b) < kLargest;
+      const float f = picture_[c].At(x, y) / unit_;
+      const float a = (a_[c].At(x, y) + change_[c].At(x, y)) / unit_;
+      const float b = (b_[c].At(x, y) + change_[c].At(x, y)) / unit_;
+      for (const float signal : {a, b, f}) sample.is_usable = sample.is_usable && std::abs(signal) < kLargest;
       sample.row[c] = a;
       sample.row[3 + c] = b;
+      sample.row[6 + c] = f;
       sample.variance += (a - b) * (a - b) / 12;
-      sample.light += std::abs(f / unit_) / 3;
-      sample.power += f / unit_ * (f / unit_) / 3;
-      sample.likeness[c] = Asinh(f / unit_ * (1.0f / kKnee));
+      sample.light += std::abs(f) / 3;
+      sample.power += f * f / 3;
+      sample.likeness[c] = Asinh(f * (1.0f / kKnee));
     }
     return sample;
   }
@@ -117,12 +130,14 @@ class Source {
     const float distance = seen_.distance.At(x, y);
     if (distance > 0 && std::isfinite(distance))
       sample->row[kSignals + 9] = kTermsOfLogDistance * Log(distance);
+    if (!roughness_.IsEmpty()) sample->row[kSignals + 10] = Bounded(roughness_.At(x, y));
   }
 
   ConstColorView a_, b_;
   ConstFloatView n_a_, n_b_;
   const SeenSurface& seen_;
   ConstColorView specular_;
+  ConstFloatView roughness_;
   ConstColorView change_, picture_;
   float unit_;
 };
@@ -202,7 +217,7 @@ class Frame {
   Frame(const Source& source, const Plane& is_mixed, TaskPool* pool)
       : bounds_{0, 0, is_mixed.width(), is_mixed.height()},
         samples_(static_cast<size_t>(bounds_.width()) * static_cast<size_t>(bounds_.height())),
-        model_of_(samples_.size(), -1) {
+        model_of_(samples_.size(), kUnfitted) {
     ForEachBand(pool, bounds_.height(), [&](int, int y0, int y1) {
       for (int y = y0; y < y1; ++y) {
         for (int x = 0; x < bounds_.x1; ++x) samples_[IndexOf(x, y)] = source.At(x, y);
@@ -210,20 +225,27 @@ class Frame {
     });
     for (int y = 0; y < bounds_.y1; ++y) {
       for (int x = 0; x < bounds_.x1; ++x) {
-        if (is_mixed.At(x, y) > 0 && At(x, y).is_usable) model_of_[IndexOf(x, y)] = models_++;
+        if (!(is_mixed.At(x, y) > 0) || !At(x, y).is_usable) continue;
+        const bool has_model = x % kFitStep == 0 && y % kFitStep == 0;
+        model_of_[IndexOf(x, y)] = has_model ? models_++ : kOfOthers;
       }
     }
   }
 
   const Sample& At(int x, int y) const { return samples_[IndexOf(x, y)]; }
 
-  /// Which of the models is the pixel's; below 0 where it is not fitted.
+  bool IsFitted(int x, int y) const { return model_of_[IndexOf(x, y)] != kUnfitted; }
+
+  /// Which of the models is the pixel's; below 0 where it has none of its own.
   int ModelOf(int x, int y) const { return model_of_[IndexOf(x, y)]; }
   int models() const { return models_; }
 
   const Rect& bounds() const { return bounds_; }
 
  private:
+  static constexpr int kUnfitted = -1;
+  static constexpr int kOfOthers = -2;  // the pixel has the functions of those about it
+
   size_t IndexOf(int x, int y) const {
     return static_cast<size_t>(y) * static_cast<size_t>(bounds_.width()) + static_cast<size_t>(x);
   }
@@ -263,12 +285,14 @@ Model FitAt(const Frame& frame, int x, int y) {
 std::array<float, kSignals> MeanFitAt(const Frame& frame, const std::vector<Model>& models, int x, int y) {
   Model sum = {};
   float total = 0;
-  ForEachAlike(frame, x, y, [&](int i, int j, float weight) {
-    if (frame.ModelOf(i, j) < 0) return;
-    const Model& model = models[static_cast<size_t>(frame.ModelOf(i, j))];
+  const auto add = [&](const Model& model, float weight) {
     total += weight;
     for (size_t k = 0; k < sum.size(); ++k) sum[k] += weight * model[k];
+  };
+  ForEachAlike(frame, x, y, [&](int i, int j, float weight) {
+    if (frame.ModelOf(i, j) >= 0) add(models[static_cast<size_t>(frame.ModelOf(i, j))], weight);
   });
+  if (frame.ModelOf(x, y) < 0 && total < kLeastModels) add(FitAt(frame, x, y), 1);
   std::array<float, kSignals> fit = {};
   for (size_t i = 0; i < kTerms; ++i) {
     const float term = frame.At(x, y).row[kSignals + i] / total;
@@ -277,45 +301,90 @@ std::array<float, kSignals> MeanFitAt(const Frame& frame, const std::vector<Mode
   return fit;
 }
 
-/// Half B judges what half A was fitted by, and the reverse. Off the edge set, in mirrors that is, a pixel
-/// counts the less the noisier it is: one bright sample would otherwise decide for all about it, and the
-/// fit put back what was taken out of it as a firefly.
-Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit, bool is_on_edge) {
+/// Half B judges what half A was fitted by, and the reverse. In mirrors off the edge set a pixel counts the
+/// less the noisier it is: one bright sample would otherwise decide for all about it, and the fit put back
+/// what was taken out of it as a firefly.
+Errors ErrorsOf(const Sample& sample, const std::array<float, kSignals>& fit, bool is_level) {
   Errors errors;
   const float weight = ErrorWeight(sample.light);
   for (size_t c = 0; c < 3; ++c) {
     const float a = sample.row[c];
     const float b = sample.row[3 + c];
-    const float off_a = fit[c] - b;
-    const float off_b = fit[3 + c] - a;
+    const float f = sample.row[6 + c];
     const float apart = fit[c] - fit[3 + c];
     const float noise = (a - b) * (a - b);
-    errors.without += weight * a * b;
-    errors.with += weight * ((off_a * off_a + off_b * off_b - noise) / 2 - apart * apart / 4);
+    const auto error_of = [&](float off_a, float off_b) {
+      return weight * ((off_a * off_a + off_b * off_b - noise) / 2 - apart * apart / 4);
+    };
+    const float left = f - fit[6 + c];  // of F by its own fit
+    errors.kept += weight * (a - f) * (b - f);
+    errors.mended += error_of(fit[c] + left - b, fit[3 + c] + left - a);
+    errors.anew += error_of(fit[c] - b, fit[3 + c] - a);
     errors.variance += weight * noise / 4;
   }
-  if (is_on_edge) return errors;
+  if (!is_level) return errors;
   const float share = 1.0f / (1.0f + errors.variance);
-  return {share * errors.without, share * errors.with, share * errors.variance};
+  return {share * errors.kept, share * errors.mended, share * errors.anew, share * errors.variance};
 }
 
-/// How far the fit is followed: by the inverse errors.
-float ShareOfFit(const Errors& errors, bool is_on_edge) {
-  const float least_without = is_on_edge ? kLeastError : kLeastErrorOfLevels;
-  const float without = least_without * errors.variance + std::max(errors.without, 0.0f);
-  const float with = kLeastError * errors.variance + std::max(errors.with, 0.0f);
-  return without + with > 0 ? without / (without + with) : 0.0f;
+/// How far the fits are followed in place of F.
+struct Shares {
+  float mended = 0;
+  float anew = 0;
+};
+
+/// By the inverse errors; by the number of samples for how far these are believed. F is all where nothing is
+/// known to be wrong with it.
+Shares SharesOf(const Errors& errors, float samples, bool is_level) {
+  const float least = kLeastError * errors.variance;
+  const float least_kept = is_level ? kLeastErrorOfLevels * errors.variance : least;
+  const float kept = least_kept + std::max(errors.kept, 0.0f);
+  if (!(kept > 0)) return {};
+  const float mended = least + std::max(errors.mended, 0.0f);
+  const float anew = least + std::max(errors.anew, 0.0f);
+  const float smallest = std::min({kept, mended, anew});
+  const auto weight_of = [&](float error) { return error > smallest ? smallest / error : 1.0f; };
+  const float trust = std::sqrt(samples / kSamplesOfTrust);
+  const float total = weight_of(kept) + trust * (weight_of(mended) + weight_of(anew));
+  return {trust * weight_of(mended) / total, trust * weight_of(anew) / total};
 }
 
-/// Which pixels are fitted: those of the edge set, and those that show a level. 1 or 0.
+/// Which pixels are fitted: those of the edge set and next to them, but for sky and lamps there, metals, and
+/// those that show a level. 1 or 0.
 struct MixedPixels {
-  Plane is_on_edge;
-  Plane is_mixed;  // either
+  Plane is_mixed;  // any
+  Plane is_level;  // they show a level and are off the edge set
 
   MixedPixels(const LayeredImage& film, const LayeredImage* edges)
-      : is_on_edge(film.width(), film.height()), is_mixed(LevelMask(film)) {
-    ForEachEdgePixel(edges, film.bounds(),
-                     [&](int, int x, int y) { is_on_edge.At(x, y) = is_mixed.At(x, y) = 1; });
+      : is_mixed(LevelMask(film)), is_level(is_mixed.Clone()) {
+    AddEdges(film, edges);
+    AddMetals(film);
+  }
+
+ private:
+  void AddEdges(const LayeredImage& film, const LayeredImage* edges) {
+    const ConstFloatView mask = film.Get(layers::kMask);
+    ForEachEdgePixel(edges, film.bounds(), [&](int, int x, int y) {
+      is_mixed.At(x, y) = 1;
+      is_level.At(x, y) = 0;
+      const Rect about = Inflate({x, y, x + 1, y + 1}, 1, film.bounds());
+      for (int j = about.y0; j < about.y1; ++j) {
+        for (int i = about.x0; i < about.x1; ++i) {
+          if (mask.At(i, j) > 0) is_mixed.At(i, j) = 1;
+        }
+      }
+    });
+  }
+
+  void AddMetals(const LayeredImage& film) {
+    if (!film.HasColor(layers::kSpecular)) return;
+    const ConstColorView specular = film.GetColor(layers::kSpecular);
+    for (int y = 0; y < film.height(); ++y) {
+      for (int x = 0; x < film.width(); ++x) {
+        if (Luminance(specular[0].At(x, y), specular[1].At(x, y), specular[2].At(x, y)) > kMetallic)
+          is_mixed.At(x, y) = 1;
+      }
+    }
   }
 };
 
@@ -324,7 +393,7 @@ void ForEachFitted(const Frame& frame, TaskPool* pool, absl::FunctionRef<void(in
   ForEachBand(pool, frame.bounds().height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < frame.bounds().x1; ++x) {
-        if (frame.ModelOf(x, y) >= 0) body(x, y);
+        if (frame.IsFitted(x, y)) body(x, y);
       }
     }
   });
@@ -333,25 +402,32 @@ void ForEachFitted(const Frame& frame, TaskPool* pool, absl::FunctionRef<void(in
 /// The fits of all pixels that are fitted, in the source's units.
 struct Fits {
   Plane is_fitted;     // 1 or 0
-  Planes corrections;  // 3
-  Planes errors;       // without, with, variance
+  Planes corrections;  // 3 of F and the fit of C - F, then 3 of the fit of C: what they are more than F
+  Planes errors;       // kept, mended, anew, variance
 };
 
 Fits FitAll(const Source& source, const MixedPixels& pixels, TaskPool* pool) {
   const Frame frame(source, pixels.is_mixed, pool);
   std::vector<Model> models(static_cast<size_t>(frame.models()));
-  ForEachFitted(frame, pool,
-                [&](int x, int y) { models[static_cast<size_t>(frame.ModelOf(x, y))] = FitAt(frame, x, y); });
+  ForEachFitted(frame, pool, [&](int x, int y) {
+    if (frame.ModelOf(x, y) >= 0) models[static_cast<size_t>(frame.ModelOf(x, y))] = FitAt(frame, x, y);
+  });
   const int width = pixels.is_mixed.width();
   const int height = pixels.is_mixed.height();
-  Fits fits{Plane(width, height), MakePlanes(3, width, height), MakePlanes(3, width, height)};
+  Fits fits{Plane(width, height), MakePlanes(6, width, height), MakePlanes(4, width, height)};
   ForEachFitted(frame, pool, [&](int x, int y) {
     const std::array<float, kSignals> fit = MeanFitAt(frame, models, x, y);
-    for (size_t c = 0; c < 3; ++c) fits.corrections[c].At(x, y) = 0.5f * (fit[c] + fit[3 + c]);
-    const Errors errors = ErrorsOf(frame.At(x, y), fit, pixels.is_on_edge.At(x, y) > 0);
-    fits.errors[0].At(x, y) = errors.without;
-    fits.errors[1].At(x, y) = errors.with;
-    fits.errors[2].At(x, y) = errors.variance;
+    const Sample& sample = frame.At(x, y);
+    for (size_t c = 0; c < 3; ++c) {
+      const float mean = 0.5f * (fit[c] + fit[3 + c]);
+      fits.corrections[c].At(x, y) = mean - fit[6 + c];
+      fits.corrections[3 + c].At(x, y) = mean - sample.row[6 + c];
+    }
+    const Errors errors = ErrorsOf(sample, fit, pixels.is_level.At(x, y) > 0);
+    fits.errors[0].At(x, y) = errors.kept;
+    fits.errors[1].At(x, y) = errors.mended;
+    fits.errors[2].At(x, y) = errors.anew;
+    fits.errors[3].At(x, y) = errors.variance;
     fits.is_fitted.At(x, y) = 1;
   });
   return fits;
@@ -367,13 +443,18 @@ void RegressEdges(const LayeredImage& film, const LayeredImage* edges, const Pla
   const MixedPixels pixels(film, edges);
   const Fits fits = FitAll(Source(film, seen, change, *picture, unit), pixels, pool);
   const Planes means = BoxMeans(fits.errors, fits.is_fitted.view(), kTrustRadius, pool);
+  const ConstFloatView n_a = film.Get(layers::kSamplesA);
+  const ConstFloatView n_b = film.Get(layers::kSamplesB);
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < film.width(); ++x) {
         if (fits.is_fitted.At(x, y) == 0) continue;
-        const float share = ShareOfFit({means[0].At(x, y), means[1].At(x, y), means[2].At(x, y)},
-                                       pixels.is_on_edge.At(x, y) > 0);
-        for (size_t c = 0; c < 3; ++c) (*picture)[c].At(x, y) += share * fits.corrections[c].At(x, y) * unit;
+        const Errors errors = {means[0].At(x, y), means[1].At(x, y), means[2].At(x, y), means[3].At(x, y)};
+        const Shares shares = SharesOf(errors, n_a.At(x, y) + n_b.At(x, y), pixels.is_level.At(x, y) > 0);
+        for (size_t c = 0; c < 3; ++c) {
+          (*picture)[c].At(x, y) += unit * (shares.mended * fits.corrections[c].At(x, y) +
+                                            shares.anew * fits.corrections[3 + c].At(x, y));
+        }
       }
     }
   });

@@ -27,6 +27,8 @@ constexpr float kSameDistance = 0.1f;  // relative
 /// The picture is noisier than the fit by about this much of C's variance. A wide window: at few samples C
 /// tells of a small one's bias little but its own noise.
 constexpr TrustParams kTrust = {.radius = 8, .noise_left = 0.1f};
+/// Slices that no sub-sample hits are not filtered before.
+constexpr TrustParams kTrustInSlices = {.radius = 8, .noise_left = 1};
 
 /// Something a pixel shows.
 struct Surface {
@@ -42,6 +44,8 @@ bool AreAlike(const Surface& a, const Surface& b) {
          std::abs(a.distance - b.distance) <= kSameDistance * std::max(a.distance, b.distance);
 }
 
+float SumOf(const std::array<float, 3>& color) { return color[0] + color[1] + color[2]; }
+
 /// What a pixel shows: its picture is the sum of light times albedo over its surfaces, plus E.
 struct Mixture {
   std::array<Surface, kMostSurfaces> surfaces;
@@ -49,6 +53,7 @@ struct Mixture {
   std::array<float, 3> emission = {0, 0, 0};
   bool is_known = true;   // it is, and they are no more than fit in here
   bool is_mixed = false;  // of several surfaces, or of one and what has no diffuse lobe
+  bool is_slice = false;  // of one that no sub-sample hits
 
   void Add(const Surface& surface) {
     const auto end = surfaces.begin() + static_cast<std::ptrdiff_t>(count);
@@ -101,13 +106,42 @@ class Source {
       mixture.is_known = false;
       return mixture;
     }
-    const int row = rows_[IndexOf(x, y)];
-    return row < 0 ? WholePixel(x, y) : EdgePixel(row);
+    Mixture mixture = SeenAt(x, y);
+    if (mixture.count == 0) AddSlice(x, y, &mixture);
+    return mixture;
   }
 
  private:
   size_t IndexOf(int x, int y) const {
     return static_cast<size_t>(y) * static_cast<size_t>(id_.width()) + static_cast<size_t>(x);
+  }
+
+  /// What the sub-samples of an edge pixel show, or the pixel as a whole.
+  Mixture SeenAt(int x, int y) const {
+    const int row = rows_[IndexOf(x, y)];
+    return row < 0 ? WholePixel(x, y) : EdgePixel(row);
+  }
+
+  /// Adds the slice of a surface that all sub-samples miss and own samples hit: its T is theirs, the surface
+  /// the one that a pixel beside it shows most of.
+  void AddSlice(int x, int y, Mixture* mixture) const {
+    const std::array<float, 3> own = {albedo_[0].At(x, y), albedo_[1].At(x, y), albedo_[2].At(x, y)};
+    if (!(SumOf(own) > 0)) return;
+    const Rect window = Inflate({x, y, x + 1, y + 1}, 1, {0, 0, id_.width(), id_.height()});
+    Surface slice;
+    for (int j = window.y0; j < window.y1; ++j) {
+      for (int i = window.x0; i < window.x1; ++i) {
+        if (unknown_.Contain(i, j)) continue;
+        const Mixture beside = SeenAt(i, j);
+        for (size_t k = 0; beside.is_known && k < beside.count; ++k) {
+          if (SumOf(beside.surfaces[k].albedo) > SumOf(slice.albedo)) slice = beside.surfaces[k];
+        }
+      }
+    }
+    if (!(SumOf(slice.albedo) > 0)) return;
+    slice.albedo = own;
+    mixture->Add(slice);
+    mixture->is_slice = mixture->is_known;
   }
 
   Mixture WholePixel(int x, int y) const {
@@ -246,19 +280,22 @@ void RelightEdges(const LayeredImage& film, const LayeredImage* edges, float mos
   const Source source(film, *edges, most_specular);
   Planes values = MakePlanes(3, film.width(), film.height());
   Plane is_mixed(film.width(), film.height());
+  Plane is_slice(film.width(), film.height());
   ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
     const BandPixels<Mixture> mixtures(film.bounds(), y0, y1, kRadius,
                                        [&](int x, int y) { return source.At(x, y); });
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < film.width(); ++x) {
-        if (!mixtures.At(x, y).is_mixed) continue;
-        is_mixed.At(x, y) = 1;
+        const Mixture& shown = mixtures.At(x, y);
+        if (!shown.is_mixed && !shown.is_slice) continue;
+        (shown.is_slice ? is_slice : is_mixed).At(x, y) = 1;
         const std::array<float, 3> value = FitAt(mixtures, x, y, *picture);
         for (size_t c = 0; c < 3; ++c) values[c].At(x, y) = value[c];
       }
     }
   });
   Follow(values, TrustIn(values, is_mixed, film, kTrust, pool), pool, picture);
+  Follow(values, TrustIn(values, is_slice, film, kTrustInSlices, pool), pool, picture);
 }
 
 }  // namespace lumifold::filter

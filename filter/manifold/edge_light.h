@@ -12,10 +12,12 @@ namespace lumifold::filter {
 /// decides which of few samples fell on which. The light of each surface that the sub-samples show is fitted,
 /// by least squares, to `picture` over the 5x5 pixels about it that show no other ones, and the pixel is
 /// drawn towards the mean of light times T, plus E, over its sub-samples: as far as it agrees with C on such
-/// pixels near by (TrustIn). Surfaces are told apart by object, normal and distance; films without id.Y stay
-/// as they are. So do pixels with a mirror, glass or metal in a sub-sample, those where more than
-/// `most_specular` of the light is reflected by glossy lobes, and those of one half alone. `edges` may be
-/// null. Source: the sub-samples of Gruzdev et al. 2015; the fit is our own. Threads: identical for any pool.
+/// pixels near by (TrustIn). A slice of a surface that all sub-samples of a pixel miss and its own
+/// samples hit is lit as the pixels beside it. Surfaces are told apart by object, normal and distance; films
+/// without id.Y stay as they are. So do pixels with a mirror, glass or metal in a sub-sample, those where
+/// more than `most_specular` of the light is reflected by glossy lobes, and those of one half alone. `edges`
+/// may be null. Source: the sub-samples of Gruzdev et al. 2015; the fit is our own. Threads: identical for
+/// any pool.
 void RelightEdges(const LayeredImage& film, const LayeredImage* edges, float most_specular, TaskPool* pool,
                   std::array<Plane, 3>* picture);
 

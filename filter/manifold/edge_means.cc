@@ -26,7 +26,7 @@ constexpr float kWorthOfAlike = 4 * kWorthOfSubSamples;
 /// With more samples than this the pixels alike have nothing to add.
 constexpr float kMostSamples = 128;
 constexpr int kRadius = 16;               // of the window in which pixels are alike
-constexpr float kStep = kSubSamples;      // one sub-sample's part is the unit of how far patches are apart
+constexpr float kStep = 2 * kSubSamples;  // half a sub-sample's part is the unit of how far patches are apart
 constexpr float kMostUnlike = 8;          // exp(-8) and less is left out
 constexpr float kLeastOfRadiance = 0.5f;  // of what radiates near both, the smaller part over the greater
 constexpr float kLargest = 1e30f;
@@ -151,7 +151,10 @@ Means OwnBeyond(const EdgeMeans& means, int x, int y) {
   const bool asks = means.radiance.At(x, y) > 0 && n > 0 && n <= kMostSamples;
   Means beyond = asks ? BeyondAlike(means, x, y) : Means{};
   const float own = n * n / (n * n + (asks ? kWorthOfAlike : kWorthOfSubSamples));
-  for (size_t c = 0; c < kChannels; ++c) beyond[c] += own * (means.BeyondAt(x, y)[c] - beyond[c]);
+  for (size_t c = 0; c < kChannels; ++c) {
+    beyond[c] += own * (means.BeyondAt(x, y)[c] - beyond[c]);
+    beyond[c] = std::max(beyond[c], -means.SubAt(x, y)[c]);  // neither T nor E is below 0
+  }
   return beyond;
 }
 

@@ -121,6 +121,7 @@ std::vector<Stage> FilterStages(const EdgedImage& film, TaskPool* pool) {
       "what layers leave",          "edges: T, E, points", "edges relit",    "edges and mirrors fitted",
       "drawing back to C"};
   std::vector<Stage> stages;
+  stages.reserve(names.size());
   for (const std::string& name : names) stages.push_back({name, 0, 0});
   double last = CpuSeconds();
   filter::DenoiseParts parts;
@@ -165,6 +166,7 @@ double SumOf(const std::vector<Stage>& stages) {
 
 std::vector<Stacks::Part> PartsOf(const std::vector<Stage>& stages) {
   std::vector<Stacks::Part> parts;
+  parts.reserve(stages.size());
   for (const Stage& stage : stages) parts.push_back({stage.name, 100 * stage.seconds / SumOf(stages)});
   return parts;
 }
@@ -225,7 +227,7 @@ absl::StatusOr<bool> ChartStages(const std::string& folder, const std::vector<Jo
       }
     }
   }
-  const absl::StatusOr<bool> drawn = Draw(folder + "/stages", stacks);
+  absl::StatusOr<bool> drawn = Draw(folder + "/stages", stacks);
   if (!drawn.ok()) return drawn;
   if (const absl::Status status = WriteFileAtomically(folder + "/stages.csv", csv); !status.ok())
     return status;

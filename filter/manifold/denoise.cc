@@ -280,7 +280,7 @@ std::array<Plane, 3> Denoise(const LayeredImage& film, const LayeredImage* edges
 
 std::array<Plane, 3> DenoiseAsPublished(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool) {
   const auto filter = [pool](Halves halves, const Planes& geometry, const SlicePoints* points) {
-    return FilterLayerOnce(std::move(halves), geometry, LayerParams{}, points, pool);
+    return FilterLayerOnce(std::move(halves), geometry, PatchParams{}, OnePassParams{}, points, pool);
   };
   return FilterLayers(film, edges, filter, pool);
 }

@@ -232,18 +232,14 @@ Planes AllToLast(const Halves& halves, size_t candidates) {
 
 }  // namespace
 
-FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params,
-                              const SlicePoints* points, TaskPool* pool) {
+FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const PatchParams& patches,
+                              const OnePassParams& params, const SlicePoints* points, TaskPool* pool) {
   const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
   const float sigma = std::max(NoiseLevel(halves, halves.a, halves.b, pool), kLeastNoise * halves.level);
-  const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), params.patches, pool);
-  constexpr float kPaperRangeFactor = 1.8f;
-  const Planes features = JointFeatures(mean, basis, kPaperRangeFactor * sigma, geometry, pool);
-  ManifoldParams manifolds;
-  constexpr float kPaperReach = 16;
-  manifolds.sigma_s = kPaperReach;
-  ManifoldResult result =
-      ManifoldFilterAtPoints(mean, features, halves.weight.view(), manifolds, kPaperReach, points, pool);
+  const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), patches, pool);
+  const Planes features = JointFeatures(mean, basis, params.range_factor * sigma, geometry, pool);
+  ManifoldResult result = ManifoldFilterAtPoints(mean, features, halves.weight.view(), params.manifolds,
+                                                 params.manifolds.sigma_s, points, pool);
   FilteredLayer layer{std::move(result.filtered), {}};
   if (points != nullptr) {
     layer.points = {std::move(result.points.values), std::move(result.points.weights),
@@ -254,7 +250,9 @@ FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const Layer
 
 FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params,
                           const SlicePoints* points, TaskPool* pool) {
-  if (!halves.has_noise_estimate) return FilterLayerOnce(std::move(halves), geometry, params, points, pool);
+  if (!halves.has_noise_estimate) {
+    return FilterLayerOnce(std::move(halves), geometry, params.patches, params.without_halves, points, pool);
+  }
   const Planes raw = Combine(halves.a, halves.b, halves.share_a.view(), pool);
   const Planes raw_variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), pool);
   const Planes removed = params.suppresses_fireflies ? SuppressFireflies(&halves, pool) : Planes{};

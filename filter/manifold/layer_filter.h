@@ -9,6 +9,12 @@
 
 namespace lumifold::filter {
 
+/// One wide filtering, without a choice. The defaults are the paper's own.
+struct OnePassParams {
+  float range_factor = 1.8f;  // sigma_q over the layer's noise
+  ManifoldParams manifolds;
+};
+
 /// How one layer is filtered. The defaults are the "default" method.
 struct LayerParams {
   PatchParams patches;                          // of the noisy layer
@@ -23,6 +29,9 @@ struct LayerParams {
   ManifoldParams manifolds = {.sigma_s = 2, .height = 4};             // of the second
   float reach = 6;                                                    // px
   SelectionParams selection;
+  /// Where one half alone is known: its noise is then a rough guess, and geometry guides far better than
+  /// patches.
+  OnePassParams without_halves = {.range_factor = 8, .manifolds = {.sigma_s = 8, .height = 5}};
   // Steps that measurements leave out, to see what each is worth.
   bool suppresses_fireflies = true;
   bool has_second_pass = true;
@@ -42,9 +51,8 @@ struct FilteredLayer {
 FilteredLayer FilterLayer(Halves halves, const Planes& geometry, const LayerParams& params,
                           const SlicePoints* points, TaskPool* pool);
 
-/// The paper's own: one pass over the mean of the halves, guided by its own patches and the geometry, without
-/// a choice.
-FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const LayerParams& params,
-                              const SlicePoints* points, TaskPool* pool);
+/// One pass over the mean of the halves, guided by its own patches and the geometry.
+FilteredLayer FilterLayerOnce(Halves halves, const Planes& geometry, const PatchParams& patches,
+                              const OnePassParams& params, const SlicePoints* points, TaskPool* pool);
 
 }  // namespace lumifold::filter

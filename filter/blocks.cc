@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/check.h"
 #include "filter/image/layers.h"
-#include "filter/manifold/bands.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 namespace {

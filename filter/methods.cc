@@ -6,8 +6,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/baselines/baseline.h"
+#include "filter/denoise/denoise.h"
 #include "filter/image/layers.h"
-#include "filter/manifold/denoise.h"
 
 namespace lumifold::filter {
 namespace {

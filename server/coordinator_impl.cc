@@ -9,9 +9,9 @@
 #include "filter/methods.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/version.h"
+#include "server/job/job_id.h"
+#include "server/job/job_spec.h"
 #include "server/job_status.h"
-#include "server/ledger/job_id.h"
-#include "server/scheduler/job_spec.h"
 
 namespace lumifold::server {
 namespace {

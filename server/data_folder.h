@@ -5,7 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "proto/rpc/byte_stream.h"
-#include "server/scheduler/unit.h"
+#include "server/job/unit.h"
 
 namespace lumifold::server {
 

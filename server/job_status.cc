@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "server/scheduler/tile_grid.h"
+#include "server/job/tile_grid.h"
 
 namespace lumifold::server {
 

@@ -8,8 +8,8 @@
 #include "server/data_folder.h"
 #include "server/film/unit_log.h"
 #include "server/film/unit_source.h"
+#include "server/job/tile_grid.h"
 #include "server/ledger/job_store.h"
-#include "server/scheduler/tile_grid.h"
 
 namespace lumifold::server {
 

@@ -53,7 +53,7 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
                               "Threads to filter with (default: all of this machine)");
   command_line.SetFooter(
       "A layout file has lines of ROLE = LAYER or ROLE = LAYER + LAYER, with the roles combined, direct,\n"
-      "indirect, albedo, emission, normal, depth, glossy, specular, transmitted and transmittance. What it\n"
+      "indirect, albedo, emission, normal, depth, glossy, glossy_albedo, transmitted and transmittance. What it\n"
       "leaves out is filtered as part of the rest.\n\n"
       "Methods to compare with: manifolds-color, bilateral, cross-bilateral, a-trous, a-trous-variance, "
       "guided,\n"

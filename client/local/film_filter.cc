@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "filter/image/layers.h"
-#include "filter/manifold/single_picture.h"
+#include "filter/layers/single_picture.h"
 #include "filter/methods.h"
 
 namespace lumifold::local {

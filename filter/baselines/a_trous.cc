@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "absl/functional/function_ref.h"
+#include "filter/denoise/denoise.h"
 #include "filter/image/color.h"
 #include "filter/image/portable_math.h"
-#include "filter/manifold/box_mean.h"
-#include "filter/manifold/denoise.h"
-#include "filter/manifold/features.h"
+#include "filter/kernels/box_mean.h"
+#include "filter/layers/features.h"
 
 namespace lumifold::filter {
 namespace {

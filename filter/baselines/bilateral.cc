@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "filter/baselines/display_color.h"
+#include "filter/denoise/denoise.h"
 #include "filter/image/portable_math.h"
-#include "filter/manifold/denoise.h"
-#include "filter/manifold/features.h"
-#include "filter/manifold/nlm_space.h"
+#include "filter/layers/features.h"
+#include "filter/layers/nlm_space.h"
 
 namespace lumifold::filter {
 namespace {

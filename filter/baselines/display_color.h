@@ -4,7 +4,7 @@
 
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
-#include "filter/manifold/bands.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 

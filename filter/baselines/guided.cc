@@ -4,9 +4,9 @@
 #include <Eigen/Core>
 
 #include "filter/baselines/standardise.h"
+#include "filter/denoise/denoise.h"
 #include "filter/image/check.h"
-#include "filter/manifold/box_mean.h"
-#include "filter/manifold/denoise.h"
+#include "filter/kernels/box_mean.h"
 
 namespace lumifold::filter {
 namespace {

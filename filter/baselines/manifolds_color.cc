@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "filter/baselines/display_color.h"
+#include "filter/layers/nlm_space.h"
 #include "filter/manifold/manifold_filter.h"
-#include "filter/manifold/nlm_space.h"
 
 namespace lumifold::filter {
 namespace {

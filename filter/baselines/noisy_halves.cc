@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "filter/image/layers.h"
-#include "filter/manifold/box_mean.h"
+#include "filter/kernels/box_mean.h"
 
 namespace lumifold::filter {
 

@@ -4,8 +4,8 @@
 
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
-#include "filter/manifold/bands.h"
-#include "filter/manifold/halves.h"
+#include "filter/image/planes.h"
+#include "filter/layers/halves.h"
 
 namespace lumifold::filter {
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "filter/baselines/baseline.h"
-#include "filter/manifold/bands.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 

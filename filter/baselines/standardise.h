@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "filter/image/parallel.h"
-#include "filter/manifold/bands.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 

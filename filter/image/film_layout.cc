@@ -17,8 +17,8 @@ namespace {
 using Role = FilmLayout::Role;
 
 constexpr std::array<const char*, FilmLayout::kRoles> kRoleNames = {
-    "combined", "direct", "indirect", "albedo",      "emission",     "normal",
-    "depth",    "glossy", "specular", "transmitted", "transmittance"};
+    "combined", "direct", "indirect",      "albedo",      "emission",     "normal",
+    "depth",    "glossy", "glossy_albedo", "transmitted", "transmittance"};
 
 /// Colour roles and the layer of ours each becomes.
 constexpr std::array<std::pair<Role, std::string_view>, 5> kColorRoles = {{
@@ -33,11 +33,11 @@ constexpr std::array<std::pair<Role, std::string_view>, 5> kColorRoles = {{
 struct RolePair {
   Role light;
   Role factor;
-  layers::SpecularLayer layer;
+  layers::LobeLayer layer;
 };
-constexpr std::array<RolePair, 2> kSpecularRoles = {
-    {{FilmLayout::kGlossy, FilmLayout::kSpecular, layers::kSpecularLayers[0]},
-     {FilmLayout::kTransmitted, FilmLayout::kTransmittance, layers::kSpecularLayers[1]}}};
+constexpr std::array<RolePair, 2> kLobeRoles = {
+    {{FilmLayout::kGlossy, FilmLayout::kGlossyAlbedo, layers::kLobeLayers[0]},
+     {FilmLayout::kTransmitted, FilmLayout::kTransmittance, layers::kLobeLayers[1]}}};
 
 /// Blender writes 1e10 where a ray leaves the scene.
 constexpr float kSkyDepth = 1e10f;
@@ -97,7 +97,7 @@ class Reader {
   ForeignFilm Read() {
     result_.film = LayeredImage(file_.width(), file_.height());
     for (const auto& [role, layer] : kColorRoles) AddColor(role, layer);
-    for (const RolePair& pair : kSpecularRoles) AddPair(pair);
+    for (const RolePair& pair : kLobeRoles) AddPair(pair);
     AddNormal();
     AddDistance();
     AddMask();
@@ -258,7 +258,7 @@ const FilmLayout* FindFilmLayout(std::string_view name) {
                                                              {"N"},
                                                              {"distance"},
                                                              {std::string(layers::kGlossy)},
-                                                             {std::string(layers::kSpecular)},
+                                                             {std::string(layers::kGlossyAlbedo)},
                                                              {},
                                                              {}}}};
   if (name == "cycles") return cycles;
@@ -288,7 +288,7 @@ absl::StatusOr<LayeredImage> JoinHalves(const LayeredImage& a, const LayeredImag
     if (b.Has(channel.name)) AddMean(channel.name, channel.plane.view(), b.Get(channel.name), &film);
   }
   std::vector<std::string_view> halved = {layers::kNoisy, layers::kDirect, layers::kIndirect};
-  for (const layers::SpecularLayer& layer : layers::kSpecularLayers) {
+  for (const layers::LobeLayer& layer : layers::kLobeLayers) {
     if (film.HasColor(layer.light)) halved.push_back(layer.light);
   }
   for (const std::string_view layer : halved) {

@@ -23,7 +23,7 @@ struct FilmLayout {
     kNormal,
     kDepth,
     kGlossy,
-    kSpecular,
+    kGlossyAlbedo,
     kTransmitted,
     kTransmittance,
     kRoles
@@ -33,9 +33,9 @@ struct FilmLayout {
 };
 
 /// Reads a layout's text. Roles are combined, direct, indirect, albedo, emission, normal, depth, glossy and
-/// its factor specular, transmitted and its factor transmittance; lines are "ROLE = LAYER" or "ROLE = LAYER +
-/// LAYER"; what follows a # is a comment. Errors: kInvalidArgument naming `name`, the line and what is wrong
-/// with it: an unknown role, a role given twice, no `combined`.
+/// its factor glossy_albedo, transmitted and its factor transmittance; lines are "ROLE = LAYER" or "ROLE =
+/// LAYER + LAYER"; what follows a # is a comment. Errors: kInvalidArgument naming `name`, the line and what
+/// is wrong with it: an unknown role, a role given twice, no `combined`.
 absl::StatusOr<FilmLayout> ParseFilmLayout(const std::string& name, const std::string& text);
 
 /// The layouts that have a name: "lumifold", our own pictures, and "cycles", the passes of Blender's Cycles
@@ -51,9 +51,9 @@ struct ForeignFilm {
 /// Makes a film of a renderer's picture. The combined layer may have any view layer's name before it
 /// ("ViewLayer.Combined.R"); all others are then looked for behind the same prefix.
 /// Shapes:  result: the file's size; channels noisy, direct, indirect, albedo, emission, N.X N.Y N.Z,
-///          distance.Z, mask.Y, A, and glossy with specular, transmitted with transmittance where the file
-///          has both of a pair. Other roles without a layer are 0 (depth: 1). What is not there stays in the
-///          remainder, C without all layers.
+///          distance.Z, mask.Y, A, and glossy with glossy_albedo, transmitted with transmittance where the
+///          file has both of a pair. Other roles without a layer are 0 (depth: 1). What is not there stays in
+///          the remainder, C without all layers.
 /// Edges:   a depth that is not finite, negative or 1e10 and more is sky; mask.Y is 1 where the albedo is not
 /// 0. Errors:  kInvalidArgument naming `name` where there is no combined layer, or a layer lacks a channel.
 /// Threads: pure.

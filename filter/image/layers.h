@@ -18,7 +18,8 @@ inline constexpr std::string_view kIndirect = "indirect";  // I
 inline constexpr std::string_view kAlbedo = "albedo";      // T
 inline constexpr std::string_view kEmission = "emission";  // E
 inline constexpr std::string_view kGlossy = "glossy";      // G, glossy lobes of the first surface over S
-inline constexpr std::string_view kSpecular = "specular";  // S, the directional albedo of those lobes
+inline constexpr std::string_view kGlossyAlbedo =
+    "glossy_albedo";                                             // S, the directional albedo of those lobes
 inline constexpr std::string_view kTransmitted = "transmitted";  // in pictures of other renderers alone:
 inline constexpr std::string_view kTransmittance =
     "transmittance";                                             // light through the surface, and its factor
@@ -47,15 +48,15 @@ inline constexpr std::string_view kPixelY = "pixel.Y";
 /// The layers that are kept in two independent halves, in the order they are stored.
 inline constexpr std::array<std::string_view, 4> kHalved = {kNoisy, kDirect, kIndirect, kGlossy};
 /// Light of the first surface beside D and I that a film may have, and the layer that multiplies it.
-struct SpecularLayer {
+struct LobeLayer {
   std::string_view light;
   std::string_view factor;
 };
-inline constexpr std::array<SpecularLayer, 2> kSpecularLayers = {
-    {{kGlossy, kSpecular}, {kTransmitted, kTransmittance}}};
+inline constexpr std::array<LobeLayer, 2> kLobeLayers = {
+    {{kGlossy, kGlossyAlbedo}, {kTransmitted, kTransmittance}}};
 
 /// The layers that are kept once, over all samples.
-inline constexpr std::array<std::string_view, 3> kWhole = {kAlbedo, kEmission, kSpecular};
+inline constexpr std::array<std::string_view, 3> kWhole = {kAlbedo, kEmission, kGlossyAlbedo};
 
 /// A level: the surface that is met after `depth` perfectly specular events, the first of which was of this
 /// kind.

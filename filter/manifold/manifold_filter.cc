@@ -8,7 +8,7 @@
 #include "filter/manifold/manifold_tree.h"
 #include "filter/manifold/recursive.h"
 #include "filter/manifold/slice.h"
-#include "filter/manifold/strip_splat.h"
+#include "filter/manifold/splat.h"
 
 // The tree is walked level by level, so that the full-resolution planes are read twice a level and not twice
 // a manifold. All that is done at full resolution is per pixel: distance to the manifolds, splat into the

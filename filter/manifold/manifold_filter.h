@@ -5,7 +5,7 @@
 
 #include "filter/image/parallel.h"
 #include "filter/image/plane.h"
-#include "filter/manifold/bands.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "filter/kernels/row_kernels.h"
 #include "filter/manifold/recursive.h"
-#include "filter/manifold/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {

@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "filter/image/portable_math.h"
+#include "filter/kernels/recursion_kernels.h"
 #include "filter/manifold/manifold_constants.h"
-#include "filter/manifold/recursion_kernels.h"
 
 namespace lumifold::filter {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "filter/manifold/bands.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "filter/manifold/manifold_filter.h"
-#include "filter/manifold/strip_splat.h"
+#include "filter/manifold/splat.h"
 
 namespace lumifold::filter {
 

@@ -8,7 +8,7 @@
 #include "lumifold/v1/job.pb.h"
 #include "server/film/unit_layout.h"
 #include "server/film/unit_source.h"
-#include "server/scheduler/tile_grid.h"
+#include "server/job/tile_grid.h"
 
 namespace lumifold::film {
 

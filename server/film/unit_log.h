@@ -10,7 +10,7 @@
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "server/film/unit_source.h"
-#include "server/scheduler/unit.h"
+#include "server/job/unit.h"
 
 namespace lumifold::film {
 

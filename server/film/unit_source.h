@@ -3,7 +3,7 @@
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
 #include "lumifold/v1/image.pb.h"
-#include "server/scheduler/unit.h"
+#include "server/job/unit.h"
 
 namespace lumifold::film {
 

@@ -11,7 +11,7 @@
 #include "absl/time/time.h"
 #include "absl/types/span.h"
 #include "lumifold/v1/job.pb.h"
-#include "server/scheduler/unit.h"
+#include "server/job/unit.h"
 
 namespace lumifold::ledger {
 

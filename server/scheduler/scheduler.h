@@ -12,8 +12,8 @@
 #include "absl/types/span.h"
 #include "filter/image/rect.h"
 #include "lumifold/v1/job.pb.h"
-#include "server/scheduler/tile_grid.h"
-#include "server/scheduler/unit.h"
+#include "server/job/tile_grid.h"
+#include "server/job/unit.h"
 
 namespace lumifold::scheduler {
 

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "filter/denoise/denoise.h"
 #include "filter/image/file_io.h"
-#include "filter/manifold/denoise.h"
 #include "tests/charts/figure.h"
 #include "tests/support/cpu_seconds.h"
 

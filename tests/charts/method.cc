@@ -8,8 +8,8 @@
 #include "absl/strings/str_format.h"
 #include "filter/methods.h"
 #include "proto/rpc/checksum.h"
+#include "tests/charts/methods/rendering/render_method.h"
 #include "tests/support/cpu_seconds.h"
-#include "worker/baselines/render_method.h"
 
 namespace lumifold::charts {
 namespace {

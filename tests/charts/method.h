@@ -11,7 +11,7 @@
 #include "filter/baselines/baseline.h"
 #include "filter/image/parallel.h"
 #include "tests/charts/film_source.h"
-#include "tests/charts/sample_methods.h"
+#include "tests/charts/methods/samples/sample_method.h"
 
 namespace lumifold::charts {
 

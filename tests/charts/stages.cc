@@ -10,9 +10,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "filter/denoise/denoise.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/file_io.h"
-#include "filter/manifold/denoise.h"
 #include "server/film/film_builder.h"
 #include "server/film/result.h"
 #include "tests/charts/figure.h"

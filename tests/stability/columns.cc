@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "filter/methods.h"
-#include "tests/charts/sample_methods.h"
-#include "worker/baselines/render_method.h"
+#include "tests/charts/methods/rendering/render_method.h"
+#include "tests/charts/methods/samples/sample_method.h"
 
 namespace lumifold::stability {
 namespace {

@@ -96,7 +96,7 @@ class Painter {
         pixels_.AddColor(name);
     }
     for (const std::string_view layer : layers::kWhole) {
-      if (layer != layers::kSpecular) pixels_.AddColor(layer);
+      if (layer != layers::kGlossyAlbedo) pixels_.AddColor(layer);
     }
     for (const std::string_view name :
          {layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kDistance, layers::kObjectId,

@@ -10,7 +10,7 @@
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
 #include "server/film/unit_layout.h"
-#include "server/scheduler/tile_grid.h"
+#include "server/job/tile_grid.h"
 
 namespace lumifold {
 

@@ -1,4 +1,4 @@
-#include "tests/charts/sample_methods/mutual_information.h"
+#include "tests/charts/methods/samples/mutual_information.h"
 
 #include <gtest/gtest.h>
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <random>
 
-#include "tests/charts/sample_methods/methods.h"
-#include "tests/charts/sample_methods/neighbourhood.h"
+#include "tests/charts/methods/samples/methods.h"
+#include "tests/charts/methods/samples/neighbourhood.h"
 
 namespace lumifold::charts {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/charts/sample_methods.h"
+#include "tests/charts/methods/samples/sample_method.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

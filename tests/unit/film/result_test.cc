@@ -59,7 +59,7 @@ TEST(Result, KeepsTheWholeFilmWhenAsked) {
   spec.set_save_film(true);
   const std::vector<std::string> names = Names(Result(spec));
   for (const char* name :
-       {"noisy_a.R", "direct_b.G", "glossy_a.B", "specular.R", "mask.Y", "roughness.Y", "samples_a.Y",
+       {"noisy_a.R", "direct_b.G", "glossy_a.B", "glossy_albedo.R", "mask.Y", "roughness.Y", "samples_a.Y",
         "reflection1_direct_a.R", "reflection1_N.X", "reflection1_samples_b.Y"}) {
     EXPECT_THAT(names, Contains(name));
     EXPECT_THAT(Names(Result(Spec())), Not(Contains(name)));

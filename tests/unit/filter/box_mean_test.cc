@@ -1,4 +1,4 @@
-#include "filter/manifold/box_mean.h"
+#include "filter/kernels/box_mean.h"
 
 #include <gtest/gtest.h>
 

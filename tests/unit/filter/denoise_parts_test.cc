@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include "filter/denoise/denoise.h"
 #include "filter/image/layers.h"
-#include "filter/manifold/denoise.h"
 #include "filter/methods.h"
 #include "is_finite.h"
 #include "synthetic_film.h"

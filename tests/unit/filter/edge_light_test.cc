@@ -1,4 +1,4 @@
-#include "filter/manifold/edge_light.h"
+#include "filter/edges/relighting.h"
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ constexpr int kWidth = 24;
 constexpr int kHeight = 40;
 constexpr int kColumn = 12;                // of the pixels that show both surfaces
 constexpr float kLight[2] = {0.8f, 0.2f};  // left, right; both white
-constexpr float kMostSpecular = 0.12f;
+constexpr float kMaxGlossyAlbedo = 0.12f;
 
 /// What part of the pixel shows the surface to the right.
 float RightPart(int y) { return static_cast<float>(1 + y % 3) / 4; }
@@ -87,7 +87,7 @@ std::array<Plane, 3> NoisyPicture(const LayeredImage& film) {
 
 std::array<Plane, 3> Relit(const EdgedImage& film, TaskPool* pool = nullptr) {
   std::array<Plane, 3> picture = NoisyPicture(film.pixels);
-  RelightEdges(film.pixels, &film.edges, kMostSpecular, pool, &picture);
+  RelightEdges(film.pixels, &film.edges, kMaxGlossyAlbedo, pool, &picture);
   return picture;
 }
 
@@ -172,7 +172,7 @@ TEST(RelightEdges, LeavesAloneWhatTheSubSamplesDoNotTell) {
     mirror.edges.Get(layers::kMask).At(3, y) = 0;  // hit, neither lit nor a lamp
   EXPECT_TRUE(IsAsBefore(mirror, Relit(mirror)));
   EdgedImage glossy = TwoSurfaces();
-  const ColorView specular = glossy.pixels.AddColor(layers::kSpecular);
+  const ColorView specular = glossy.pixels.AddColor(layers::kGlossyAlbedo);
   for (int y = 0; y < kHeight; ++y) Fill(specular, kColumn, y, 0.5f);
   EXPECT_TRUE(IsAsBefore(glossy, Relit(glossy)));
   EdgedImage one_half = TwoSurfaces();

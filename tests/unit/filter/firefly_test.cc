@@ -1,4 +1,4 @@
-#include "filter/manifold/firefly.h"
+#include "filter/denoise/firefly.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "filter/manifold/halves.h"
+#include "filter/layers/halves.h"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "filter/manifold/row_kernels.h"
+#include "filter/kernels/row_kernels.h"
 
 namespace lumifold::filter {
 

@@ -9,12 +9,12 @@
 #include <utility>
 #include <vector>
 
+#include "filter/denoise/denoise.h"
+#include "filter/edges/antialiasing.h"
+#include "filter/edges/coverage_means.h"
+#include "filter/edges/regression.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
-#include "filter/manifold/denoise.h"
-#include "filter/manifold/edge_means.h"
-#include "filter/manifold/edge_points.h"
-#include "filter/manifold/edge_regression.h"
 #include "filter/methods.h"
 #include "tests/support/shuffling_pool.h"
 #include "tests/unit/filter/synthetic_film.h"
@@ -402,7 +402,7 @@ int SideOf(int x, int y) { return (x * 7 + y * 13 + x * y) / 4 % 2; }
 /// the other; `side_channel` is `mean` and half of that more or less; the halves have deviation `noise`.
 double ErrorAfterRegression(std::string_view side_channel, float mean, float off, float noise) {
   LayeredImage film = WallFilm();
-  film.AddColor(layers::kSpecular);
+  film.AddColor(layers::kGlossyAlbedo);
   film.Add(layers::kRoughness);
   std::mt19937 random(5);
   std::normal_distribution<float> normal;
@@ -434,8 +434,8 @@ double ErrorAfterRegression(std::string_view side_channel, float mean, float off
 }
 
 TEST(EdgeRegression, TellsSurfacesApartByEachOfItsTerms) {
-  for (const std::string_view channel : {layers::kAlbedo, layers::kNormalX, layers::kMask, layers::kSpecular,
-                                         layers::kDistance, layers::kRoughness})
+  for (const std::string_view channel : {layers::kAlbedo, layers::kNormalX, layers::kMask,
+                                         layers::kGlossyAlbedo, layers::kDistance, layers::kRoughness})
     EXPECT_LT(ErrorAfterRegression(channel, 0.5f, 0.1f, 0.01f), 0.02) << channel;
 }
 
@@ -494,8 +494,8 @@ TEST(EdgeRegression, BelievesTheFitsTheMoreOfMoreSamples) {
 TEST(EdgeRegression, FitsMetalsOffTheEdgeSetToo) {
   for (const float specular : {0.04f, 0.9f}) {
     LayeredImage film = EdgeFilm();
-    film.AddColor(layers::kSpecular);
-    for (int y = 0; y < kHeight; ++y) Set(film.GetColor(layers::kSpecular), kEdgeColumn, y, specular);
+    film.AddColor(layers::kGlossyAlbedo);
+    for (int y = 0; y < kHeight; ++y) Set(film.GetColor(layers::kGlossyAlbedo), kEdgeColumn, y, specular);
     std::array<Plane, 3> picture = PictureWithEdge(1.4f);
     RegressEdges(film, nullptr, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
     if (specular < 0.5f) {

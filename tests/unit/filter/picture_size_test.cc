@@ -1,4 +1,4 @@
-#include "filter/manifold/picture_size.h"
+#include "filter/denoise/picture_size.h"
 
 #include <gtest/gtest.h>
 

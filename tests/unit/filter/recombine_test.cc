@@ -1,4 +1,4 @@
-#include "filter/manifold/recombine.h"
+#include "filter/layers/recombine.h"
 
 #include <gtest/gtest.h>
 

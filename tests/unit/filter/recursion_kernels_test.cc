@@ -1,4 +1,4 @@
-#include "filter/manifold/recursion_kernels.h"
+#include "filter/kernels/recursion_kernels.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "filter/manifold/row_kernels.h"
+#include "filter/kernels/row_kernels.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "filter/manifold/selection.h"
+#include "filter/layers/selection.h"
 
 #include <gtest/gtest.h>
 

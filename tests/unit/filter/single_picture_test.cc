@@ -1,4 +1,4 @@
-#include "filter/manifold/single_picture.h"
+#include "filter/layers/single_picture.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
-#include "filter/manifold/product.h"
+#include "filter/layers/product.h"
 #include "filter/methods.h"
 #include "filter/metrics/metrics.h"
 #include "tests/support/shuffling_pool.h"

@@ -61,7 +61,7 @@ TEST(FilmLayout, FindsThePassesOfCyclesBehindAnyViewLayer) {
     EXPECT_EQ(film.GetColor(layers::kAlbedo)[0].At(1, 0), 4);
     EXPECT_EQ(film.GetColor(layers::kEmission)[0].At(1, 0), 6 + 7) << "Emit + Env";
     EXPECT_EQ(film.GetColor(layers::kGlossy)[1].At(1, 0), 5 + 20) << "GlossDir + GlossInd";
-    EXPECT_EQ(film.GetColor(layers::kSpecular)[1].At(1, 0), 0.25f);
+    EXPECT_EQ(film.GetColor(layers::kGlossyAlbedo)[1].At(1, 0), 0.25f);
     EXPECT_EQ(film.GetColor(layers::kTransmitted)[1].At(1, 0), 1);
     EXPECT_EQ(film.GetColor(layers::kTransmittance)[1].At(1, 0), 0.5f);
     EXPECT_EQ(film.Get(layers::kNormalY).At(1, 0), 9);

@@ -242,7 +242,7 @@ TEST(Layers, GlossyLightIsFreeOfTheMetalsColour) {
   const LayeredImage unit = RenderAll(*MakeRenderer(testing::Furnace(metal), SettingsOf(8, 8)), 8, 8, 512);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(MeanOf(unit, layers::kGlossy, c), 1, 0.03) << c;  // S is a table
   const double count = 8.0 * 8 * 512;
-  EXPECT_NEAR(SumOf(unit, "specular.B") / count, MeanOf(unit, layers::kNoisy, 2), 0.01);
+  EXPECT_NEAR(SumOf(unit, "glossy_albedo.B") / count, MeanOf(unit, layers::kNoisy, 2), 0.01);
 }
 
 TEST(Layers, ASampleIsBadWhereAnyOfItsValuesIs) {

@@ -1,0 +1,74 @@
+#include "filter/layers/features.h"
+
+#include <cmath>
+
+#include "filter/image/portable_math.h"
+#include "filter/kernels/row_kernels.h"
+
+namespace lumifold::filter {
+namespace {
+
+/// x where it is a number, else 0: features must be finite everywhere.
+float FiniteOr0(float x) { return std::abs(x) < 1e6f ? x : 0.0f; }
+
+}  // namespace
+
+std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
+                                                     float sigma_normal) {
+  return {FiniteOr0(normal[0] / sigma_normal), FiniteOr0(normal[1] / sigma_normal),
+          FiniteOr0(normal[2] / sigma_normal), FiniteOr0(Log(distance) / kSigmaLogDepth)};
+}
+
+Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
+                        TaskPool* pool) {
+  Planes features = MakePlanes(kGeometryFeatures, validity.width(), validity.height());
+  const ConstColorView& n = geometry.normal;
+  ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < validity.width(); ++x) {
+        if (validity.At(x, y) == 0) continue;
+        const auto u = GeometryFeature({n[0].At(x, y), n[1].At(x, y), n[2].At(x, y)},
+                                       geometry.distance.At(x, y), sigma_normal);
+        for (size_t k = 0; k < u.size(); ++k) features[k].At(x, y) = u[k];
+      }
+    }
+  });
+  return features;
+}
+
+void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, Planes* features) {
+  Plane& feature = features->emplace_back(validity.width(), validity.height());
+  for (int y = 0; y < validity.height(); ++y) {
+    for (int x = 0; x < validity.width(); ++x)
+      feature.At(x, y) = validity.At(x, y) > 0 ? FiniteOr0(value.At(x, y) / sigma) : 0.0f;
+  }
+}
+
+Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool) {
+  const float shift = Asinh(origin * (1.0f / knee));
+  const int height = color[0].height();
+  Planes stable = MakeUninitializedPlanes(color.size(), color[0].width(), height);
+  ForEachBand(pool, height, [&](int, int y0, int y1) {
+    for (size_t c = 0; c < color.size(); ++c) {
+      for (int y = y0; y < y1; ++y)
+        StabiliseRow(color[c].Row(y), 1.0f / knee, shift, color[c].width(), stable[c].Row(y));
+    }
+  });
+  return stable;
+}
+
+Planes JointFeatures(const Planes& color, const PatchBasis& basis, float sigma_q, const Planes& geometry,
+                     TaskPool* pool) {
+  PatchBasis scaled = basis;
+  for (float& tap : scaled.kernels) tap /= sigma_q;
+  Planes features = ProjectPatches(color, scaled, pool);
+  const size_t patches = features.size();
+  features.resize(patches + geometry.size());
+  ParallelFor(pool, static_cast<int64_t>(geometry.size()), [&](int64_t i) {
+    const size_t k = static_cast<size_t>(i);
+    features[patches + k] = geometry[k].Clone();
+  });
+  return features;
+}
+
+}  // namespace lumifold::filter

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <array>
+
+#include "filter/image/parallel.h"
+#include "filter/image/planes.h"
+#include "filter/layers/nlm_space.h"
+
+namespace lumifold::filter {
+
+/// What is known of the surface a pixel shows.
+struct GeometryViews {
+  ConstColorView normal;
+  ConstFloatView distance;  // along the way the light came, mirrors and all
+};
+
+inline constexpr size_t kGeometryFeatures = 4;
+inline constexpr float kSigmaNormal = 0.3f;  // chord between unit normals: 10 degrees are 0.58 sigma
+inline constexpr float kSigmaLogDepth = 0.05f;
+
+/// One geometry feature of unit normal n and distance z: n[0..2] / sigma_normal, ln(z) / kSigmaLogDepth.
+std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
+                                                     float sigma_normal);
+
+/// The geometry part of the feature vector u, kGeometryFeatures planes; 0 where `validity` is 0.
+Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
+                        TaskPool* pool);
+
+/// Appends value / sigma, 0 where `validity` is 0, to the features.
+void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, Planes* features);
+
+/// asinh(x / knee) - asinh(origin / knee), plane by plane: near linear where noise is additive, logarithmic
+/// where it grows with the signal, so that one range sigma suits dark and bright. knee > 0 and origin, a
+/// value in the midst of the picture's, in the unit of the planes: sums of small numbers round less.
+Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool);
+
+/// u = [NLM coordinates of `color` / sigma_q | geometry].
+Planes JointFeatures(const Planes& color, const PatchBasis& basis, float sigma_q, const Planes& geometry,
+                     TaskPool* pool);
+
+}  // namespace lumifold::filter

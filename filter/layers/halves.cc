@@ -1,0 +1,184 @@
+#include "filter/layers/halves.h"
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+namespace lumifold::filter {
+namespace {
+
+constexpr float kLargest = 1e30f;
+
+bool IsUsable(const ConstColorView& color, int x, int y) {
+  for (const ConstFloatView& channel : color) {
+    if (!(std::abs(channel.At(x, y)) <= kLargest)) return false;
+  }
+  return true;
+}
+
+/// Mean magnitude of what is known, 0 for a black layer.
+double MeanMagnitude(const HalvesView& film, const Halves& halves, TaskPool* pool) {
+  const auto sum_row = [](const ConstColorView& color, const Plane& weight, int y) {
+    double sum = 0;
+    for (int x = 0; x < weight.width(); ++x) {
+      if (weight.At(x, y) == 0) continue;
+      for (const ConstFloatView& channel : color) sum += static_cast<double>(std::abs(channel.At(x, y)));
+    }
+    return sum;
+  };
+  const double total = SumRows(pool, halves.height(), [&](int y) {
+    return sum_row(film.a, halves.weight_a, y) + sum_row(film.b, halves.weight_b, y);
+  });
+  const double known = SumRows(pool, halves.height(), [&](int y) {
+    double sum = 0;
+    for (int x = 0; x < halves.width(); ++x) {
+      sum += static_cast<double>(halves.weight_a.At(x, y) + halves.weight_b.At(x, y));
+    }
+    return sum;
+  });
+  return known > 0 ? total / (3 * known) : 0;
+}
+
+/// Sets scale to the power of two below the mean magnitude, and level to what is left of it.
+void SetScale(double mean, Halves* halves) {
+  if (!(mean > 1e-36)) return;
+  const double power = std::bit_cast<double>(std::bit_cast<uint64_t>(mean) & 0x7ff0000000000000u);
+  halves->scale = static_cast<float>(power);
+  halves->level = static_cast<float>(mean / power);
+}
+
+void FillPixel(const HalvesView& film, ConstFloatView validity, float inverse_scale, int x, int y,
+               Halves* out) {
+  const bool has_a = film.samples_a.At(x, y) > 0 && IsUsable(film.a, x, y);
+  const bool has_b = film.samples_b.At(x, y) > 0 && IsUsable(film.b, x, y);
+  const float unit = validity.At(x, y) > 0 ? inverse_scale / validity.At(x, y) : inverse_scale;
+  for (size_t c = 0; c < 3; ++c) {
+    const float a = has_a ? film.a[c].At(x, y) * unit : 0.0f;
+    const float b = has_b ? film.b[c].At(x, y) * unit : a;
+    out->a[c].At(x, y) = has_a ? a : b;
+    out->b[c].At(x, y) = b;
+  }
+}
+
+void WeighPixel(const HalvesView& film, ConstFloatView validity, int x, int y, Halves* out) {
+  const float n_a = IsUsable(film.a, x, y) ? film.samples_a.At(x, y) : 0.0f;
+  const float n_b = IsUsable(film.b, x, y) ? film.samples_b.At(x, y) : 0.0f;
+  const float covered = validity.At(x, y);
+  out->weight_a.At(x, y) = n_a > 0 ? covered : 0.0f;
+  out->weight_b.At(x, y) = n_b > 0 ? covered : 0.0f;
+  out->weight.At(x, y) = n_a > 0 || n_b > 0 ? covered : 0.0f;
+  out->share_a.At(x, y) = n_a > 0 ? n_a / (n_a + (n_b > 0 ? n_b : 0.0f)) : 0.0f;
+}
+
+/// Mean square of x[i-1] - 2 x[i] + x[i+1] over valid triples, over 6: the variance of white noise.
+double SecondDifferenceVariance(const Halves& halves, const Planes& picture, TaskPool* pool) {
+  std::vector<double> counts(static_cast<size_t>(halves.height()), 0.0);
+  const double sum = SumRows(pool, halves.height(), [&](int y) {
+    double row_sum = 0;
+    const float* weight = halves.weight.Row(y);
+    for (int x = 1; x + 1 < halves.width(); ++x) {
+      if (weight[x - 1] * weight[x] * weight[x + 1] == 0) continue;
+      counts[static_cast<size_t>(y)] += 3;
+      for (const Plane& plane : picture) {
+        const float* row = plane.Row(y);
+        const double difference = static_cast<double>(row[x - 1] - 2 * row[x] + row[x + 1]);
+        row_sum += difference * difference;
+      }
+    }
+    return row_sum;
+  });
+  double count = 0;
+  for (const double row_count : counts) count += row_count;
+  return count > 0 ? sum / (6 * count) : 0;
+}
+
+double HalfDifferenceVariance(const Halves& halves, const Planes& a, const Planes& b, TaskPool* pool) {
+  std::vector<double> counts(static_cast<size_t>(halves.height()), 0.0);
+  const double sum = SumRows(pool, halves.height(), [&](int y) {
+    double row_sum = 0;
+    for (int x = 0; x < halves.width(); ++x) {
+      const double weight = static_cast<double>(halves.weight_a.At(x, y) * halves.weight_b.At(x, y));
+      if (weight == 0) continue;
+      counts[static_cast<size_t>(y)] += 3 * weight;
+      const double share = static_cast<double>(halves.share_a.At(x, y));
+      for (size_t c = 0; c < a.size(); ++c) {
+        const double difference = static_cast<double>(a[c].At(x, y) - b[c].At(x, y));
+        row_sum += weight * share * (1 - share) * difference * difference;
+      }
+    }
+    return row_sum;
+  });
+  double count = 0;
+  for (const double row_count : counts) count += row_count;
+  return count > 0 ? sum / count : 0;
+}
+
+}  // namespace
+
+Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* pool) {
+  const int width = validity.width();
+  const int height = validity.height();
+  Halves halves;
+  halves.a = MakeUninitializedPlanes(3, width, height);
+  halves.b = MakeUninitializedPlanes(3, width, height);
+  for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight, &halves.share_a})
+    *plane = Plane::Uninitialized(width, height);
+  ForEachBand(pool, height, [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < width; ++x) WeighPixel(film, validity, x, y, &halves);
+    }
+  });
+  SetScale(MeanMagnitude(film, halves, pool), &halves);
+  ForEachBand(pool, height, [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < width; ++x) FillPixel(film, validity, 1.0f / halves.scale, x, y, &halves);
+    }
+  });
+  const double pairs = SumRows(pool, height, [&](int y) {
+    double count = 0;
+    for (int x = 0; x < width; ++x)
+      count += static_cast<double>(halves.weight_a.At(x, y) * halves.weight_b.At(x, y));
+    return count;
+  });
+  halves.has_noise_estimate = pairs > 0;
+  return halves;
+}
+
+Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool) {
+  Planes combined = MakeUninitializedPlanes(a.size(), share_a.width(), share_a.height());
+  ForEachBand(pool, share_a.height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < a.size(); ++c) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < share_a.width(); ++x) {
+          const float share = share_a.At(x, y);
+          combined[c].At(x, y) = share * a[c].At(x, y) + (1.0f - share) * b[c].At(x, y);
+        }
+      }
+    }
+  });
+  return combined;
+}
+
+Planes PixelVariance(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool) {
+  Planes variance = MakeUninitializedPlanes(a.size(), share_a.width(), share_a.height());
+  ForEachBand(pool, share_a.height(), [&](int, int y0, int y1) {
+    for (size_t c = 0; c < a.size(); ++c) {
+      for (int y = y0; y < y1; ++y) {
+        for (int x = 0; x < share_a.width(); ++x) {
+          const float share = share_a.At(x, y);
+          const float difference = a[c].At(x, y) - b[c].At(x, y);
+          variance[c].At(x, y) = share * (1.0f - share) * difference * difference;
+        }
+      }
+    }
+  });
+  return variance;
+}
+
+float NoiseLevel(const Halves& halves, const Planes& a, const Planes& b, TaskPool* pool) {
+  const double variance = halves.has_noise_estimate ? HalfDifferenceVariance(halves, a, b, pool)
+                                                    : SecondDifferenceVariance(halves, a, pool);
+  return static_cast<float>(std::sqrt(variance));
+}
+
+}  // namespace lumifold::filter

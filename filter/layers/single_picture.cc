@@ -1,0 +1,196 @@
+#include "filter/layers/single_picture.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "filter/image/layers.h"
+#include "filter/image/mix_bits.h"
+#include "filter/image/planes.h"
+#include "filter/image/portable_math.h"
+#include "filter/kernels/box_mean.h"
+
+namespace lumifold::filter {
+namespace {
+
+constexpr float kSameNormal = 0.9f;  // least cosine between the normals of one surface
+constexpr float kSameDepth = 0.05f;  // largest relative change of depth within a 3x3 window of it
+constexpr int kEstimateRadius = 7;   // 15x15 window
+constexpr float kResponse = 6.0f;    // standard deviation of the mask's answer to white noise of deviation 1
+constexpr float kMeanToSigma =
+    1.2533141f;  // sqrt(pi / 2): from mean magnitude to deviation, for a normal variable
+constexpr float kLargest = 1e30f;
+
+/// The guides that tell whether two pixels show one surface.
+struct Guides {
+  ConstFloatView normal[3];
+  ConstFloatView distance;
+
+  explicit Guides(const LayeredImage& film)
+      : normal{film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)},
+        distance(film.Get(layers::kDistance)) {}
+
+  bool SameSurface(int x0, int y0, int x1, int y1) const {
+    const float z = distance.At(x0, y0);
+    if (std::abs(distance.At(x1, y1) - z) > kSameDepth * z) return false;
+    float dot = 0;
+    float square = 0;
+    for (const ConstFloatView& n : normal) {
+      dot += n.At(x0, y0) * n.At(x1, y1);
+      square += n.At(x0, y0) * n.At(x0, y0);
+    }
+    return square == 0 || dot >= kSameNormal;
+  }
+};
+
+/// 1 where all of a pixel's 3x3 window shows one surface.
+Plane UniformMask(const LayeredImage& film, TaskPool* pool) {
+  const Guides guides(film);
+  Plane mask(film.width(), film.height());
+  ForEachBand(pool, film.height(), [&](int, int y0, int y1) {
+    for (int y = std::max(y0, 1); y < std::min(y1, film.height() - 1); ++y) {
+      for (int x = 1; x + 1 < film.width(); ++x) {
+        bool uniform = true;
+        for (int i = 0; i < 9; ++i)
+          uniform = uniform && guides.SameSurface(x, y, x - 1 + i % 3, y - 1 + i / 3);
+        mask.At(x, y) = uniform ? 1.0f : 0.0f;
+      }
+    }
+  });
+  return mask;
+}
+
+/// The magnitude of the second difference along both axes, (1 -2 1) times (1 -2 1): a plane gives 0.
+Plane Roughness(ConstFloatView channel, const Plane& mask, TaskPool* pool) {
+  Plane roughness(channel.width(), channel.height());
+  const auto across = [&](int x, int y) {
+    return channel.At(x - 1, y) - 2 * channel.At(x, y) + channel.At(x + 1, y);
+  };
+  ForEachBand(pool, channel.height(), [&](int, int y0, int y1) {
+    for (int y = y0; y < y1; ++y) {
+      for (int x = 0; x < channel.width(); ++x) {
+        if (mask.At(x, y) == 0) continue;
+        const float answer = std::abs(across(x, y - 1) - 2 * across(x, y) + across(x, y + 1));
+        roughness.At(x, y) = answer <= kLargest ? answer : 0.0f;
+      }
+    }
+  });
+  return roughness;
+}
+
+/// A number of mean 0, variance 1 and nearly normal distribution (the sum of 12 uniform ones), fixed for each
+/// (layer, pixel). The channels of a pixel share it, as they share the paths that were noisy.
+float NormalNumber(uint64_t layer, int x, int y) {
+  const uint64_t key = MixBits((layer << 56) ^ (static_cast<uint64_t>(static_cast<uint32_t>(y)) << 28) ^
+                               static_cast<uint64_t>(static_cast<uint32_t>(x)));
+  float sum = 0;
+  for (uint64_t word = 0; word < 3; ++word) {
+    const uint64_t bits = MixBits(key + (word + 1) * 0x9e3779b97f4a7c15u);
+    for (int i = 0; i < 4; ++i) sum += static_cast<float>((bits >> (16 * i)) & 0xffffu) + 0.5f;
+  }
+  return sum * 0x1p-16f - 6.0f;
+}
+
+/// Makes e of a layer: 3 planes.
+struct PseudoNoise {
+  const Plane& uniform;  // UniformMask
+  int x0;                // of the film's first pixel in the picture
+  int y0;
+  TaskPool* pool;
+
+  Planes operator()(uint64_t layer, const ConstColorView& color) const;
+};
+
+Planes PseudoNoise::operator()(uint64_t layer, const ConstColorView& color) const {
+  Planes roughness;
+  for (const ConstFloatView& channel : color) roughness.push_back(Roughness(channel, uniform, pool));
+  Planes noise = BoxMeans(roughness, uniform.view(), kEstimateRadius, pool);
+  for (Plane& plane : noise) {
+    for (int y = 0; y < plane.height(); ++y) {
+      float* row = plane.Row(y);
+      for (int x = 0; x < plane.width(); ++x)
+        row[x] *= kMeanToSigma / kResponse * NormalNumber(layer, x0 + x, y0 + y);
+    }
+  }
+  return noise;
+}
+
+/// Adds the halves X + e and X - e of a layer.
+void AddHalves(std::string_view layer, const Planes& noise, LayeredImage* film) {
+  const ColorView half_a = film->AddColor(layers::HalfA(layer));
+  const ColorView half_b = film->AddColor(layers::HalfB(layer));
+  const ConstColorView mean = std::as_const(*film).GetColor(layer);
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < film->height(); ++y) {
+      for (int x = 0; x < film->width(); ++x) {
+        half_a[c].At(x, y) = mean[c].At(x, y) + noise[c].At(x, y);
+        half_b[c].At(x, y) = mean[c].At(x, y) - noise[c].At(x, y);
+      }
+    }
+  }
+}
+
+/// A layer of light and the layer that multiplies it.
+struct LightLayer {
+  std::string_view light;
+  std::string_view factor;
+};
+
+std::vector<LightLayer> LightLayersOf(const LayeredImage& film) {
+  std::vector<LightLayer> all = {{layers::kDirect, layers::kAlbedo}, {layers::kIndirect, layers::kAlbedo}};
+  for (const layers::LobeLayer& layer : layers::kLobeLayers) {
+    if (film.HasColor(layer.light) && film.HasColor(layer.factor)) all.push_back({layer.light, layer.factor});
+  }
+  return all;
+}
+
+/// sum += sign * light * factor.
+void AddProduct(const ConstColorView& light, const ConstColorView& factor, float sign, Planes* sum) {
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < light[c].height(); ++y) {
+      for (int x = 0; x < light[c].width(); ++x)
+        (*sum)[c].At(x, y) += sign * light[c].At(x, y) * factor[c].At(x, y);
+    }
+  }
+}
+
+/// C without E and all layers of light.
+Planes RemainderOf(const LayeredImage& film) {
+  const ConstColorView noisy = film.GetColor(layers::kNoisy);
+  const ConstColorView emission = film.GetColor(layers::kEmission);
+  Planes rest = MakePlanes(3, film.width(), film.height());
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < film.height(); ++y) {
+      for (int x = 0; x < film.width(); ++x) rest[c].At(x, y) = noisy[c].At(x, y) - emission[c].At(x, y);
+    }
+  }
+  for (const LightLayer& layer : LightLayersOf(film))
+    AddProduct(film.GetColor(layer.light), film.GetColor(layer.factor), -1, &rest);
+  return rest;
+}
+
+}  // namespace
+
+void SplitIntoHalves(LayeredImage* film, TaskPool* pool, int x0, int y0) {
+  const Plane uniform = UniformMask(*film, pool);
+  const PseudoNoise noise_of{uniform, x0, y0, pool};
+  Planes noisy = noise_of(0, ViewOf(RemainderOf(*film)));
+  uint64_t number = 0;
+  for (const LightLayer& layer : LightLayersOf(*film)) {
+    const LayeredImage& read = *film;
+    const Planes noise = noise_of(++number, read.GetColor(layer.light));
+    AddProduct(ViewOf(noise), read.GetColor(layer.factor), 1, &noisy);
+    AddHalves(layer.light, noise, film);
+  }
+  AddHalves(layers::kNoisy, noisy, film);
+  for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB}) {
+    Plane ones(film->width(), film->height());
+    ones.Fill(1);
+    film->Add(count, std::move(ones));
+  }
+}
+
+}  // namespace lumifold::filter

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "filter/image/rect.h"
+#include "lumifold/v1/job.pb.h"
+#include "server/job/unit.h"
+
+namespace lumifold::scheduler {
+
+/// The tiles of a frame, numbered row by row from the top left. Those at the right and lower border are
+/// smaller.
+class TileGrid {
+ public:
+  /// All at least 1.
+  TileGrid(int width, int height, int tile_size);
+
+  int count() const { return columns_ * rows_; }
+  /// The pixels of a tile in [0, count()).
+  Rect RectOf(int tile) const;
+  /// The tiles that have pixels inside `rect`, which lies within the frame and is not empty, in order.
+  std::vector<int32_t> TilesIn(const Rect& rect) const;
+
+ private:
+  int width_;
+  int height_;
+  int tile_size_;
+  int columns_;
+  int rows_;
+};
+
+/// Sample indices [first, last).
+struct SampleRange {
+  int first = 0;
+  int last = 0;
+
+  int count() const { return last - first; }
+  friend bool operator==(const SampleRange&, const SampleRange&) = default;
+};
+
+/// The units of one frame, numbered in the order they are handed out: the geometry of every tile, then pass 0
+/// of every tile, then pass 1 and so on, so that an unfinished frame is evenly converged.
+class FrameUnits {
+ public:
+  /// `spec` is normalised (server/job/job_spec.h).
+  explicit FrameUnits(const v1::JobSpec& spec);
+
+  const TileGrid& tiles() const { return tiles_; }
+  int pass_count() const { return pass_count_; }
+  /// Units of one frame.
+  int64_t count() const { return int64_t{tiles_.count()} * (1 + pass_count_); }
+
+  /// Number of a unit; nothing where the frame has no such unit. The key's frame is not looked at.
+  std::optional<int64_t> NumberOf(const UnitKey& key) const;
+  /// The inverse, for a number in [0, count()).
+  UnitKey KeyOf(int32_t frame, int64_t number) const;
+
+  /// Samples per pixel of a unit; none for geometry.
+  SampleRange SamplesOf(const UnitKey& key) const;
+  /// Camera samples of a unit, over all its pixels; 0 for geometry.
+  int64_t CameraSamplesOf(const UnitKey& key) const;
+
+ private:
+  TileGrid tiles_;
+  int samples_per_pixel_;
+  int pass_samples_;
+  int pass_count_;
+};
+
+}  // namespace lumifold::scheduler

@@ -1,0 +1,28 @@
+#include "server/job/unit.h"
+
+#include "absl/strings/str_cat.h"
+
+namespace lumifold::scheduler {
+
+v1::UnitId ProtoFromUnit(const UnitRef& unit) {
+  v1::UnitId id;
+  id.set_job_id(unit.job.value());
+  id.set_frame(unit.key.frame);
+  id.set_tile(unit.key.tile);
+  id.set_pass(unit.key.pass);
+  id.set_kind(unit.key.kind);
+  return id;
+}
+
+UnitRef UnitFromProto(const v1::UnitId& id) {
+  return {JobId(id.job_id()), {id.frame(), id.tile(), id.pass(), id.kind()}};
+}
+
+std::string Describe(const UnitRef& unit) {
+  const std::string place =
+      absl::StrCat(unit.job.value(), " frame ", unit.key.frame, " tile ", unit.key.tile);
+  if (unit.key.kind == v1::UNIT_KIND_GEOMETRY) return absl::StrCat(place, " geometry");
+  return absl::StrCat(place, " pass ", unit.key.pass);
+}
+
+}  // namespace lumifold::scheduler

@@ -1,0 +1,231 @@
+#include "tests/charts/methods/rendering/adaptive_non_local_means.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "filter/baselines/non_local_means.h"
+#include "filter/kernels/box_mean.h"
+#include "tests/charts/methods/rendering/gaussian.h"
+#include "tests/charts/methods/rendering/sampled_frame.h"
+
+namespace lumifold::render {
+namespace {
+
+using Planes;
+
+constexpr int kRounds = 3;
+
+/// The share of a round's samples that all pixels get alike, and the most a pixel gets, over the mean.
+constexpr float kEvenShare = 0.1f;
+constexpr float kMostOverMean = 8;
+
+/// How far around, in pixels, the halves' difference tells how much less noise stratified samples have than
+/// their spread says.
+constexpr int kStratificationRadius = 10;
+constexpr float kMostRatio = 10;
+
+/// Sigma in pixels of the blur of the error.
+constexpr float kErrorSigma = 0.8f;
+
+/// The squared brightness below which errors count as they are, not against it.
+constexpr float kDarkness = 1e-3f;
+
+constexpr float kTiny = 1e-20f;
+
+template <typename Visit>
+void ForEachPixelOf(const Plane& plane, Visit visit) {
+  for (int y = 0; y < plane.height(); ++y) {
+    for (int x = 0; x < plane.width(); ++x) visit(x, y);
+  }
+}
+
+/// The two halves' means and their variances, scaled to a mean of about 1.
+struct Buffers {
+  std::array<Planes, 2> means;
+  std::array<Planes, 2> variances;
+  float scale = 1;  // that they were multiplied by
+};
+
+/// The mean of all values, or 1 where that is nothing.
+float LevelOf(const Planes& planes) {
+  double sum = 0;
+  for (const Plane& plane : planes)
+    ForEachPixelOf(plane, [&](int x, int y) { sum += static_cast<double>(plane.At(x, y)); });
+  const double mean = sum / (3.0 * planes[0].width() * planes[0].height());
+  return mean > static_cast<double>(kTiny) ? static_cast<float>(mean) : 1.0f;
+}
+
+/// Makes the variances those that the halves' difference shows on average around each pixel. The mean is of
+/// ratios, so that the few pixels of the highest variance do not stand for all others.
+void FitToDifference(const Planes& a, const Planes& b, TaskPool* pool, Planes* var_a, Planes* var_b) {
+  const int width = a[0].width();
+  const int height = a[0].height();
+  Planes ratio = MakePlanes(1, width, height);
+  Plane weight(width, height);
+  ForEachPixelOf(weight, [&](int x, int y) {
+    float seen = 0;
+    float expected = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      const float difference = a[c].At(x, y) - b[c].At(x, y);
+      seen += difference * difference;
+      expected += (*var_a)[c].At(x, y) + (*var_b)[c].At(x, y);
+    }
+    if (expected <= kTiny) return;
+    ratio[0].At(x, y) = std::min(kMostRatio, seen / expected);
+    weight.At(x, y) = 1;
+  });
+  ratio = filter::BoxMeans(ratio, weight.view(), kStratificationRadius, pool);
+  for (Planes* variances : {var_a, var_b}) {
+    for (Plane& variance : *variances) {
+      ForEachPixelOf(variance, [&](int x, int y) { variance.At(x, y) *= ratio[0].At(x, y); });
+    }
+  }
+}
+
+Buffers MakeBuffers(const SampledFrame& frame, TaskPool* pool) {
+  Buffers out;
+  out.scale = 1 / LevelOf(frame.Means());
+  for (size_t half = 0; half < 2; ++half) {
+    out.means[half] = frame.HalfMeans(half);
+    out.variances[half] = frame.HalfVariances(half);
+    for (size_t c = 0; c < 3; ++c) {
+      ForEachPixelOf(out.means[half][c], [&](int x, int y) {
+        out.means[half][c].At(x, y) *= out.scale;
+        out.variances[half][c].At(x, y) *= out.scale * out.scale;
+      });
+    }
+  }
+  FitToDifference(out.means[0], out.means[1], pool, &out.variances[0], &out.variances[1]);
+  return out;
+}
+
+/// Each half filtered by the other's weights.
+std::array<Planes, 2> FilterHalves(const Buffers& buffers, const filter::NonLocalMeansParams& params,
+                                   TaskPool* pool) {
+  std::array<Planes, 2> out;
+  for (size_t half = 0; half < 2; ++half)
+    out[half] = filter::NonLocalMeans(buffers.means[half], buffers.means[1 - half],
+                                      buffers.variances[1 - half], params, pool);
+  return out;
+}
+
+/// The error that is left, against the brightness and over the samples of the pixel.
+Plane ErrorMap(const std::array<Planes, 2>& filtered, const Plane& counts, TaskPool* pool) {
+  Plane error(counts.width(), counts.height());
+  ForEachPixelOf(counts, [&](int x, int y) {
+    float squared = 0;
+    float mean = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      const float difference = filtered[0][c].At(x, y) - filtered[1][c].At(x, y);
+      squared += 2 * difference * difference;
+      mean += (filtered[0][c].At(x, y) + filtered[1][c].At(x, y)) / 6;
+    }
+    error.At(x, y) = squared / (kDarkness + mean * mean) / counts.At(x, y);
+  });
+  return Gaussian(kErrorSigma, counts.width(), counts.height()).Mean(error, pool);
+}
+
+/// `budget` samples in proportion to the error, none more than `most`: what is cut off goes to the others.
+/// Some can be left over where all have their most.
+Plane Densities(const Plane& error, double budget, float most) {
+  Plane density(error.width(), error.height());
+  constexpr int kRedistributions = 8;
+  for (int i = 0; i < kRedistributions; ++i) {
+    double left = budget;
+    double open = 0;
+    ForEachPixelOf(error, [&](int x, int y) {
+      if (density.At(x, y) >= most) {
+        left -= static_cast<double>(most);
+      } else {
+        open += static_cast<double>(error.At(x, y));
+      }
+    });
+    if (open <= 0) break;
+    const auto factor = static_cast<float>(left / open);
+    ForEachPixelOf(error, [&](int x, int y) {
+      if (density.At(x, y) < most) density.At(x, y) = std::min(most, factor * error.At(x, y));
+    });
+  }
+  return density;
+}
+
+/// Whole numbers of about that density, at most `budget` in all: what a pixel loses to rounding, the next one
+/// gets.
+std::vector<uint32_t> Diffused(const Plane& density, float floor, uint64_t budget) {
+  std::vector<uint32_t> samples;
+  double carried = 0;
+  ForEachPixelOf(density, [&](int x, int y) {
+    carried += static_cast<double>(density.At(x, y) + floor);
+    const auto whole = std::min<uint64_t>(budget, static_cast<uint64_t>(std::max(0.0, carried)));
+    samples.push_back(static_cast<uint32_t>(whole));
+    carried -= static_cast<double>(whole);
+    budget -= whole;
+  });
+  return samples;
+}
+
+void PlaceRound(uint64_t budget, const filter::NonLocalMeansParams& params, TaskPool* pool,
+                SampledFrame* frame) {
+  if (budget == 0) return;
+  const Plane error = ErrorMap(FilterHalves(MakeBuffers(*frame, pool), params, pool), frame->Counts(), pool);
+  const float mean = static_cast<float>(budget) / static_cast<float>(error.width() * error.height());
+  const Plane density = Densities(error, static_cast<double>((1 - kEvenShare)) * static_cast<double>(budget),
+                                  kMostOverMean * mean);
+  frame->Take(Diffused(density, kEvenShare * mean, budget), pool);
+}
+
+/// The mean of the filtered halves, by their samples.
+std::array<Plane, 3> PictureOf(const SampledFrame& frame, const filter::NonLocalMeansParams& params,
+                               TaskPool* pool) {
+  const Buffers buffers = MakeBuffers(frame, pool);
+  const std::array<Planes, 2> filtered = FilterHalves(buffers, params, pool);
+  const Plane share = frame.ShareOfHalfA();
+  std::array<Plane, 3> picture = MakePicture(frame.width(), frame.height());
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixelOf(share, [&](int x, int y) {
+      const float of_a = share.At(x, y);
+      picture[c].At(x, y) =
+          (of_a * filtered[0][c].At(x, y) + (1 - of_a) * filtered[1][c].At(x, y)) / buffers.scale;
+    });
+  }
+  return picture;
+}
+
+absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene,
+                                       const RenderSettings& settings, uint32_t samples_per_pixel,
+                                       absl::Span<const float> values, TaskPool* pool) {
+  const absl::StatusOr<CameraFrame> frame = CameraFrame::Create(std::move(scene), settings);
+  if (!frame.ok()) return frame.status();
+  const filter::NonLocalMeansParams params = {.search_radius = static_cast<int>(values[2]),
+                                              .patch_radius = static_cast<int>(values[1]),
+                                              .strength = values[0]};
+  const uint64_t budget = static_cast<uint64_t>(frame->pixels()) * samples_per_pixel;
+  SampledFrame sampled(*frame);
+  sampled.TakeFirst(samples_per_pixel, pool);
+  for (int round = 0; round < kRounds; ++round)
+    PlaceRound((budget - sampled.taken()) / static_cast<uint64_t>(kRounds - round), params, pool, &sampled);
+  RenderedPicture out;
+  out.camera_paths = sampled.taken();
+  out.picture = PictureOf(sampled, params, pool);
+  return out;
+}
+
+}  // namespace
+
+RenderMethod AdaptiveNonLocalMeansMethod() {
+  return {.name = "adaptive-nlm",
+          .summary = "samples placed where two filtered halves differ, non-local means for the picture",
+          .source = "Rousselle et al. 2012, without its second filter of what noise stays",
+          .parameters = {{"k",
+                          "strength: deviations that alike patches may differ by",
+                          0.45f,
+                          {0.25f, 0.45f, 0.9f},
+                          0.01f,
+                          100},
+                         {"patch", "radius of patches in pixels", 3, {3}, 0, 8},
+                         {"search", "radius of the search in pixels", 10, {10}, 0, 32}},
+          .render = Render};
+}
+
+}  // namespace lumifold::render

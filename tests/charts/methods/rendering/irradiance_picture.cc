@@ -1,0 +1,78 @@
+#include "tests/charts/methods/rendering/irradiance_picture.h"
+
+#include <array>
+#include <numeric>
+#include <vector>
+
+#include "filter/image/portable_math.h"
+#include "tests/charts/methods/rendering/irradiance.h"
+#include "worker/render/frame.h"
+
+namespace lumifold::render {
+namespace {
+
+/// The dimension pair of the direction of a path that stands in for an unknown irradiance: past all its own.
+constexpr uint32_t kStandInPair = kLensPair + 1;
+
+/// I of a Lambertian surface by one path.
+Vec3 StandIn(const PathTracer& tracer, const Surface& surface, const Sampler& sampler) {
+  const HemisphereStrata whole = {1, 1};
+  const Vec3 direction = Frame(surface.normal).ToWorld(whole.Direction(0, sampler.Get2D(kStandInPair)));
+  if (Dot(direction, surface.geometric) <= 0) return {};
+  return tracer.TraceArrival(surface, direction, sampler).radiance;
+}
+
+/// Renders the pixels of one task.
+class PixelRenderer {
+ public:
+  PixelRenderer(const CameraFrame& frame, uint32_t samples, IrradianceLookup irradiance)
+      : frame_(frame), samples_(samples), irradiance_(irradiance) {}
+
+  /// The pixel's mean; counts the paths that stood in.
+  Vec3 Render(int x, int y, uint64_t* stand_ins) const {
+    std::array<LayerSample, PathTracer::kPacket> layers;
+    std::array<std::optional<Surface>, PathTracer::kPacket> diffuse;
+    Vec3 sum;
+    float count = 0;
+    frame_.ForEachPacket(x, y, {0, samples_}, [&](const CameraPacket& packet) {
+      frame_.tracer().TraceWithoutIndirect(packet.rays(), packet.samplers(), layers, diffuse);
+      for (size_t i = 0; i < packet.size(); ++i) {
+        Vec3 radiance = layers[i].combined;
+        if (diffuse[i].has_value())
+          radiance += layers[i].albedo * Indirect(*diffuse[i], packet.samplers()[i], x, y, stand_ins);
+        if (!IsFinite(radiance)) continue;
+        sum += radiance;
+        count += 1;
+      }
+    });
+    return count > 0 ? sum / count : Vec3{};
+  }
+
+ private:
+  Vec3 Indirect(const Surface& surface, const Sampler& sampler, int x, int y, uint64_t* stand_ins) const {
+    const std::optional<Vec3> known = irradiance_(surface, x, y);
+    if (known.has_value()) return *known / kPi;
+    ++*stand_ins;
+    return StandIn(frame_.tracer(), surface, sampler);
+  }
+
+  const CameraFrame& frame_;
+  uint32_t samples_;
+  IrradianceLookup irradiance_;
+};
+
+}  // namespace
+
+void RenderWithIrradiance(const CameraFrame& frame, uint32_t samples_per_pixel, IrradianceLookup irradiance,
+                          TaskPool* pool, RenderedPicture* out) {
+  const PixelRenderer renderer(frame, samples_per_pixel, irradiance);
+  out->picture = MakePicture(frame.width(), frame.height());
+  std::vector<uint64_t> stand_ins(static_cast<size_t>(frame.height()));
+  frame.ForEachPixel(pool, [&](int x, int y) {
+    PutPixel(&out->picture, x, y, renderer.Render(x, y, &stand_ins[static_cast<size_t>(y)]));
+  });
+  out->camera_paths += static_cast<uint64_t>(frame.pixels()) * samples_per_pixel;
+  out->gather_paths = std::accumulate(stand_ins.begin(), stand_ins.end(), out->gather_paths);
+}
+
+}  // namespace lumifold::render

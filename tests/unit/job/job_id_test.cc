@@ -1,0 +1,27 @@
+#include "server/job/job_id.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+namespace lumifold::ledger {
+namespace {
+
+TEST(JobId, SortsByTime) {
+  const absl::Time time = absl::FromUnixMillis(1'700'000'000'000);
+  const auto early = MakeJobId(time, ~uint64_t{0});
+  const auto late = MakeJobId(time + absl::Milliseconds(1), 0);
+  EXPECT_LT(early, late);
+  EXPECT_EQ(early.value().size(), 15u);
+  EXPECT_EQ(early.value().substr(0, 2), "j-");
+}
+
+TEST(JobId, SameTimeAndRandomGiveTheSameId) {
+  const absl::Time time = absl::FromUnixMillis(1'700'000'000'000);
+  EXPECT_EQ(MakeJobId(time, 5), MakeJobId(time, 5));
+  std::set<scheduler::JobId> ids;
+  for (uint64_t random = 0; random < 1000; ++random) EXPECT_TRUE(ids.insert(MakeJobId(time, random)).second);
+}
+
+}  // namespace
+}  // namespace lumifold::ledger

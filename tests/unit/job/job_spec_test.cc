@@ -1,0 +1,110 @@
+#include "server/job/job_spec.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace lumifold::scheduler {
+namespace {
+
+using ::testing::HasSubstr;
+
+v1::JobSpec GoodSpec() {
+  v1::JobSpec spec;
+  spec.mutable_scene()->mutable_file()->set_sha256(std::string(64, 'a'));
+  spec.set_width(512);
+  spec.set_height(384);
+  spec.set_frame_count(1);
+  spec.set_samples_per_pixel(64);
+  spec.set_max_bounces(8);
+  return spec;
+}
+
+/// A sound environment map, and its file among the scene's.
+v1::EnvironmentMap& AddEnvironment(v1::JobSpec& spec) {
+  spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.exr");
+  spec.mutable_environment()->set_uri("environment:sky.exr");
+  spec.mutable_environment()->set_scale(1);
+  return *spec.mutable_environment();
+}
+
+TEST(JobSpec, TakesAnEnvironmentAndALens) {
+  v1::JobSpec spec = GoodSpec();
+  AddEnvironment(spec).set_rotate_degrees(-90);
+  spec.mutable_lens()->set_f_stop(2.8f);
+  spec.mutable_lens()->set_focus_metres(3);
+  EXPECT_TRUE(NormaliseJobSpec(spec).ok());
+}
+
+TEST(JobSpec, FillsInWhatIsLeftOpen) {
+  const absl::StatusOr<v1::JobSpec> spec = NormaliseJobSpec(GoodSpec());
+  ASSERT_TRUE(spec.ok()) << spec.status();
+  EXPECT_EQ(spec->tile_size(), 32);
+  EXPECT_EQ(spec->pass_samples(), 64);
+  EXPECT_EQ(spec->frames_per_second(), 24);
+  EXPECT_EQ(spec->filter().method(), "default");
+}
+
+TEST(JobSpec, LongPassesKeepTheirNumberSmall) {
+  v1::JobSpec open = GoodSpec();
+  open.set_samples_per_pixel(4112);
+  const absl::StatusOr<v1::JobSpec> spec = NormaliseJobSpec(open);
+  ASSERT_TRUE(spec.ok()) << spec.status();
+  EXPECT_EQ(spec->pass_samples(), 258);  // 4112 / 16 = 257, made even
+}
+
+TEST(JobSpec, KeepsWhatIsGiven) {
+  v1::JobSpec given = GoodSpec();
+  given.set_tile_size(16);
+  given.set_pass_samples(8);
+  given.set_frames_per_second(29.97);
+  given.mutable_filter()->set_method("none");
+  const absl::StatusOr<v1::JobSpec> spec = NormaliseJobSpec(given);
+  ASSERT_TRUE(spec.ok());
+  EXPECT_EQ(spec->SerializeAsString(), given.SerializeAsString());
+}
+
+TEST(JobSpec, EachBadFieldIsNamed) {
+  struct Case {
+    std::function<void(v1::JobSpec&)> spoil;
+    const char* message;
+  };
+  const std::vector<Case> cases = {
+      {[](auto& s) { s.set_width(0); }, "width is 0, not 1 to 16384"},
+      {[](auto& s) { s.set_height(16385); }, "height is 16385"},
+      {[](auto& s) { s.set_frame_count(0); }, "frame_count is 0"},
+      {[](auto& s) { s.set_first_frame(2147483647); }, "first_frame is 2147483647"},
+      {[](auto& s) { s.set_samples_per_pixel(-4); }, "samples_per_pixel is -4"},
+      {[](auto& s) { s.set_max_bounces(1025); }, "max_bounces is 1025"},
+      {[](auto& s) { s.set_tile_size(7); }, "tile_size is 7"},
+      {[](auto& s) { s.set_pass_samples(3); }, "pass_samples is 3, not even"},
+      {[](auto& s) { s.set_frames_per_second(-24); }, "frames_per_second is -24"},
+      {[](auto& s) { s.set_frames_per_second(HUGE_VAL); }, "frames_per_second is inf"},
+      {[](auto& s) {
+         s.set_width(16384), s.set_height(16384), s.set_tile_size(8);
+         s.set_samples_per_pixel(1 << 20), s.set_pass_samples(2);
+       },
+       "cuts a frame into"},
+      {[](auto& s) { s.mutable_scene()->mutable_file()->set_size(uint64_t{1} << 50); }, "scene.file.size"},
+      {[](auto& s) { s.mutable_scene()->add_dependencies(); }, "the uri is empty"},
+      {[](auto& s) { AddEnvironment(s).set_uri("environment:x"); }, "'environment:x' is not among"},
+      {[](auto& s) { AddEnvironment(s).set_scale(0); }, "environment.scale is 0"},
+      {[](auto& s) { AddEnvironment(s).set_rotate_degrees(std::nanf("")); }, "environment.rotate_degrees"},
+      {[](auto& s) { s.mutable_lens()->set_focus_metres(1); }, "lens.f_stop is 0"},
+      {[](auto& s) { s.mutable_lens()->set_f_stop(2); }, "lens.focus_metres is 0"},
+  };
+  for (const Case& c : cases) {
+    v1::JobSpec spec = GoodSpec();
+    c.spoil(spec);
+    const absl::StatusOr<v1::JobSpec> result = NormaliseJobSpec(spec);
+    EXPECT_EQ(result.status().code(), absl::StatusCode::kInvalidArgument) << c.message;
+    EXPECT_THAT(std::string(result.status().message()), HasSubstr(c.message));
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

@@ -1,0 +1,104 @@
+#include "server/job/tile_grid.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+#include <vector>
+
+namespace lumifold::scheduler {
+namespace {
+
+v1::JobSpec Spec(int width, int height, int tile_size, int samples, int pass_samples) {
+  v1::JobSpec spec;
+  spec.set_width(width);
+  spec.set_height(height);
+  spec.set_tile_size(tile_size);
+  spec.set_samples_per_pixel(samples);
+  spec.set_pass_samples(pass_samples);
+  return spec;
+}
+
+TEST(TileGrid, CoversEveryPixelOnce) {
+  for (const int width : {1, 31, 32, 33, 100}) {
+    for (const int height : {1, 32, 65}) {
+      const TileGrid grid(width, height, 32);
+      std::vector<int> covered(static_cast<size_t>(width * height));
+      for (int tile = 0; tile < grid.count(); ++tile) {
+        const Rect rect = grid.RectOf(tile);
+        ASSERT_FALSE(rect.IsEmpty());
+        for (int y = rect.y0; y < rect.y1; ++y) {
+          for (int x = rect.x0; x < rect.x1; ++x) ++covered.at(static_cast<size_t>(y * width + x));
+        }
+      }
+      for (const int count : covered) EXPECT_EQ(count, 1);
+    }
+  }
+}
+
+TEST(TileGrid, TilesInARectangleAreThoseThatMeetIt) {
+  const TileGrid grid(70, 40, 16);
+  for (const Rect& rect : {Rect{0, 0, 70, 40}, Rect{0, 0, 1, 1}, Rect{16, 16, 32, 32}, Rect{15, 31, 33, 33},
+                           Rect{69, 39, 70, 40}}) {
+    std::vector<int32_t> expected;
+    for (int32_t tile = 0; tile < grid.count(); ++tile) {
+      if (!Intersect(grid.RectOf(tile), rect).IsEmpty()) expected.push_back(tile);
+    }
+    EXPECT_EQ(grid.TilesIn(rect), expected);
+  }
+}
+
+TEST(TileGrid, NumbersRowByRow) {
+  const TileGrid grid(70, 40, 32);
+  EXPECT_EQ(grid.count(), 6);
+  EXPECT_EQ(grid.RectOf(2), (Rect{64, 0, 70, 32}));
+  EXPECT_EQ(grid.RectOf(3), (Rect{0, 32, 32, 40}));
+}
+
+TEST(FrameUnits, PassesCoverEverySampleOnce) {
+  const FrameUnits units(Spec(10, 10, 8, 100, 64));
+  EXPECT_EQ(units.pass_count(), 2);
+  EXPECT_EQ(units.SamplesOf({0, 0, 0, v1::UNIT_KIND_PASS}), (SampleRange{0, 64}));
+  EXPECT_EQ(units.SamplesOf({0, 0, 1, v1::UNIT_KIND_PASS}), (SampleRange{64, 100}));
+  EXPECT_EQ(units.SamplesOf({0, 0, 0, v1::UNIT_KIND_GEOMETRY}), (SampleRange{0, 0}));
+}
+
+TEST(FrameUnits, NumbersAndKeysAreInverse) {
+  const FrameUnits units(Spec(70, 40, 32, 100, 16));
+  ASSERT_EQ(units.count(), 6 * 8);
+  std::set<UnitKey> seen;
+  for (int64_t number = 0; number < units.count(); ++number) {
+    const UnitKey key = units.KeyOf(3, number);
+    EXPECT_EQ(key.frame, 3);
+    EXPECT_EQ(units.NumberOf(key), number);
+    EXPECT_TRUE(seen.insert(key).second);
+  }
+}
+
+TEST(FrameUnits, GeometryComesFirstThenPassByPass) {
+  const FrameUnits units(Spec(64, 32, 32, 64, 32));
+  EXPECT_EQ(units.KeyOf(0, 0), (UnitKey{0, 0, 0, v1::UNIT_KIND_GEOMETRY}));
+  EXPECT_EQ(units.KeyOf(0, 1), (UnitKey{0, 1, 0, v1::UNIT_KIND_GEOMETRY}));
+  EXPECT_EQ(units.KeyOf(0, 2), (UnitKey{0, 0, 0, v1::UNIT_KIND_PASS}));
+  EXPECT_EQ(units.KeyOf(0, 3), (UnitKey{0, 1, 0, v1::UNIT_KIND_PASS}));
+  EXPECT_EQ(units.KeyOf(0, 4), (UnitKey{0, 0, 1, v1::UNIT_KIND_PASS}));
+}
+
+TEST(FrameUnits, ForeignKeysHaveNoNumber) {
+  const FrameUnits units(Spec(64, 32, 32, 64, 32));
+  EXPECT_FALSE(units.NumberOf({0, 2, 0, v1::UNIT_KIND_PASS}).has_value());
+  EXPECT_FALSE(units.NumberOf({0, -1, 0, v1::UNIT_KIND_PASS}).has_value());
+  EXPECT_FALSE(units.NumberOf({0, 0, 2, v1::UNIT_KIND_PASS}).has_value());
+  EXPECT_FALSE(units.NumberOf({0, 0, -1, v1::UNIT_KIND_PASS}).has_value());
+  EXPECT_FALSE(units.NumberOf({0, 0, 1, v1::UNIT_KIND_GEOMETRY}).has_value());
+  EXPECT_FALSE(units.NumberOf({0, 0, 0, v1::UNIT_KIND_UNSPECIFIED}).has_value());
+}
+
+TEST(FrameUnits, CountsCameraSamplesOfSmallerTiles) {
+  const FrameUnits units(Spec(40, 8, 32, 10, 4));
+  EXPECT_EQ(units.CameraSamplesOf({0, 0, 0, v1::UNIT_KIND_PASS}), 32 * 8 * 4);
+  EXPECT_EQ(units.CameraSamplesOf({0, 1, 2, v1::UNIT_KIND_PASS}), 8 * 8 * 2);
+  EXPECT_EQ(units.CameraSamplesOf({0, 1, 0, v1::UNIT_KIND_GEOMETRY}), 0);
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

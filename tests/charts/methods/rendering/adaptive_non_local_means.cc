@@ -12,7 +12,6 @@
 namespace lumifold::render {
 namespace {
 
-using Planes;
 
 constexpr int kRounds = 3;
 

@@ -14,7 +14,6 @@
 namespace lumifold::render {
 namespace {
 
-using Planes;
 
 /// Sigmas in pixels, the pixel itself first: while samples are placed, and for the picture.
 constexpr float kSamplingBank[] = {0, 1, 2, 4, 8};

@@ -6,11 +6,11 @@
 #include <utility>
 
 #include "absl/functional/function_ref.h"
-#include "filter/denoise/denoise.h"
 #include "filter/image/color.h"
 #include "filter/image/portable_math.h"
 #include "filter/kernels/box_mean.h"
 #include "filter/layers/features.h"
+#include "filter/layers/filter_layers.h"
 
 namespace lumifold::filter {
 namespace {
@@ -72,7 +72,7 @@ float SquaredDistance(const Planes& planes, size_t first, size_t last, Pixel p, 
 std::array<Plane, 3> FilterPlain(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const float phi_normal = values[1] / (kSigmaNormal * kSigmaNormal);  // of the feature squared
   const float sigma_depth = values[2] / kSigmaLogDepth;
-  const auto filter_layer = [&](const Halves& halves, const Planes& geometry, const SlicePoints*) {
+  const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
     Planes light = Combine(halves.a, halves.b, halves.share_a.view(), pool);
     for (int round = 0; round < kRounds; ++round) {
       const int step = 1 << round;
@@ -87,9 +87,9 @@ std::array<Plane, 3> FilterPlain(const LayeredImage& film, absl::Span<const floa
       };
       light = FilterRound(light, halves.weight.view(), step, weight, pool);
     }
-    return FilteredLayer{std::move(light), {}};
+    return light;
   };
-  return FilterLayers(film, nullptr, filter_layer, pool);
+  return FilterLayers(film, filter_layer, pool);
 }
 
 float LuminanceAt(const Planes& color, Pixel p) {
@@ -139,7 +139,7 @@ std::array<Plane, 3> FilterGuidedByVariance(const LayeredImage& film, absl::Span
                                             TaskPool* pool) {
   const float sigma_luminance = values[0];
   const float sigma_depth = values[1] / kSigmaLogDepth;
-  const auto filter_layer = [&](const Halves& halves, const Planes& geometry, const SlicePoints*) {
+  const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
     Planes light = Combine(halves.a, halves.b, halves.share_a.view(), pool);
     light.push_back(LuminanceVariance(halves, pool));
     for (int round = 0; round < kRounds; ++round) {
@@ -159,9 +159,9 @@ std::array<Plane, 3> FilterGuidedByVariance(const LayeredImage& film, absl::Span
       light = FilterRound(light, halves.weight.view(), step, weight, pool);
     }
     light.pop_back();
-    return FilteredLayer{std::move(light), {}};
+    return light;
   };
-  return FilterLayers(film, nullptr, filter_layer, pool);
+  return FilterLayers(film, filter_layer, pool);
 }
 
 }  // namespace

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "filter/baselines/display_color.h"
-#include "filter/denoise/denoise.h"
 #include "filter/image/portable_math.h"
 #include "filter/layers/features.h"
+#include "filter/layers/filter_layers.h"
 #include "filter/layers/nlm_space.h"
 
 namespace lumifold::filter {
@@ -97,12 +97,12 @@ Planes CrossGuide(const Halves& halves, const Planes& mean, const Planes& geomet
 }
 
 std::array<Plane, 3> FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
-  const auto filter_layer = [&](const Halves& halves, const Planes& geometry, const SlicePoints*) {
+  const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
     const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
     const Planes guide = CrossGuide(halves, mean, geometry, values[1], pool);
-    return FilteredLayer{BilateralFilter(mean, guide, halves.weight.view(), values[0], pool), {}};
+    return BilateralFilter(mean, guide, halves.weight.view(), values[0], pool);
   };
-  return FilterLayers(film, nullptr, filter_layer, pool);
+  return FilterLayers(film, filter_layer, pool);
 }
 
 }  // namespace

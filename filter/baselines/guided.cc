@@ -4,9 +4,9 @@
 #include <Eigen/Core>
 
 #include "filter/baselines/standardise.h"
-#include "filter/denoise/denoise.h"
 #include "filter/image/check.h"
 #include "filter/kernels/box_mean.h"
+#include "filter/layers/filter_layers.h"
 
 namespace lumifold::filter {
 namespace {
@@ -65,15 +65,13 @@ void FitWindow(const Planes& moments, size_t guides, size_t signals, double epsi
 }
 
 std::array<Plane, 3> FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
-  const auto filter_layer = [&](const Halves& halves, const Planes& geometry, const SlicePoints*) {
+  const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
     const ConstFloatView mask = halves.weight.view();
     const Planes guide = Standardise(geometry, mask, true, pool, nullptr);
     const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
-    return FilteredLayer{
-        GuidedFilter(mean, guide, mask, static_cast<int>(values[0]), static_cast<double>(values[1]), pool),
-        {}};
+    return GuidedFilter(mean, guide, mask, static_cast<int>(values[0]), static_cast<double>(values[1]), pool);
   };
-  return FilterLayers(film, nullptr, filter_layer, pool);
+  return FilterLayers(film, filter_layer, pool);
 }
 
 }  // namespace

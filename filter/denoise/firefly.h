@@ -1,21 +1,33 @@
 #pragma once
 
+#include "filter/image/parallel.h"
+#include "filter/image/planes.h"
 #include "filter/layers/halves.h"
 
 namespace lumifold::filter {
 
-/// Takes single bright pixels out of both halves: where a half's luminance is over twice the 75th percentile
-/// of its 5x5 neighbourhood in X, and noise explains it (three sigma reach back down), the pixel is scaled to
-/// that bound. Sigma is what the halves differ by; where the pixel is over twice as bright as all about it,
-/// at least the relative noise of the 25x25 pixels there: two samples of a half now and then both meet one.
-/// Returns what was taken out, as part of X (3 planes); empty when nothing was. Only brightness of valid
-/// pixels is judged. Differences of light are left alone: they are mostly near 0, so that all they have to
-/// say would stand out. Source: Cycles' filter_prefilter. Threads: identical for any pool.
+/// Clamps fireflies in both halves. A half's pixel is scaled down to twice the 75th percentile of the
+/// luminance of its 5x5 neighbourhood in X if it is above that bound and noise explains the excess: three
+/// sigma reach from the pixel down to the bound. Sigma is the difference of the halves; where the pixel is
+/// over twice as bright as each neighbour, it is at least the relative noise of the 25x25 window, since both
+/// halves may have hit a firefly. Layers that are differences of light stay: they are mostly near 0, so that
+/// all detail would be an outlier.
+/// Shapes:  result: what was removed, as a part of X, 3 planes; empty where nothing was.
+/// Threads: identical for any pool.
+/// Source:  the outlier test of Cycles' feature prefilter.
 Planes SuppressFireflies(Halves* halves, TaskPool* pool);
 
-/// Spreads what SuppressFireflies() took out over what is lit alike on the same surface nearby, so that the
-/// layer keeps its energy and the dark beside a bright spot stays dark. `light`: the layer free of noise, as
-/// Stabilise() gives it; `geometry`: features. All of the layer's size. Threads: identical for any pool.
+/// Radius in pixels of what SuppressFireflies() reads for a pixel.
+int FireflyWindow();
+
+/// Sigma of the blur that spreads the removed energy.
+inline constexpr float kSpreadReachPx = 16;
+
+/// Spreads the energy that SuppressFireflies() removed over pixels of similar light on the same surface
+/// nearby, so that the layer keeps its energy and dark pixels beside a bright spot stay dark.
+/// Shapes:  removed, light: 3 planes; geometry: features; all of the layer's size. `light`: the layer without
+///          noise, from Stabilise().
+/// Threads: identical for any pool.
 Planes SpreadRemoved(const Planes& removed, const Planes& light, const Planes& geometry,
                      ConstFloatView weight, TaskPool* pool);
 

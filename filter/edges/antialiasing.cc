@@ -3,19 +3,17 @@
 #include <algorithm>
 #include <cmath>
 
-#include "filter/edges/edge_pixels.h"
-#include "filter/edges/edge_views.h"
 #include "filter/edges/trust.h"
+#include "filter/edges/unknown_pixels.h"
 #include "filter/image/color.h"
 #include "filter/image/edged_image.h"
-#include "filter/image/layers.h"
 #include "filter/layers/features.h"
 
 namespace lumifold::filter {
 namespace {
 
 constexpr size_t kSamples = kSubSamples;
-constexpr float kLargestFit = 2;
+constexpr float kMaxScale = 2;  // of the points of one pixel
 
 void AddPixel(const EdgeViews& views, int row, float sigma_normal, EdgePoints* out) {
   out->rows.push_back(row);
@@ -35,11 +33,11 @@ void AddPixel(const EdgeViews& views, int row, float sigma_normal, EdgePoints* o
   }
 }
 
-/// What the sub-samples of a pixel add up to.
+/// Mean over the sub-samples of a pixel.
 struct PixelMean {
   std::array<float, 3> light = {0, 0, 0};
-  float direct = 0;  // brightness of what D and I give of it
-  float indirect = 0;
+  float direct = 0;    // luminance of D T, summed over the sub-samples
+  float indirect = 0;  // of I T
   int found = 0;
 };
 
@@ -71,29 +69,40 @@ PixelMean MeanOf(const EdgeViews& views, const EdgePoints& points, size_t pixel,
   return mean;
 }
 
-/// How much of the pixel's light was left as it was.
+/// Share of the pixel's light that the choice left noisy.
 float RawShare(const PixelMean& mean, float direct_raw, float indirect_raw) {
-  const float brightness = mean.direct + mean.indirect;
-  return brightness > 0 ? (direct_raw * mean.direct + indirect_raw * mean.indirect) / brightness : 0.0f;
+  const float luminance = mean.direct + mean.indirect;
+  return luminance > 0 ? (direct_raw * mean.direct + indirect_raw * mean.indirect) / luminance : 0.0f;
 }
 
 }  // namespace
 
-EdgePoints EdgePointsOf(const LayeredImage& film, const LayeredImage& edges, float max_glossy_albedo,
-                        float most_samples, float sigma_normal) {
+EdgePoints EdgePointsOf(const Frame& frame, float max_glossy_albedo, float max_samples, float sigma_normal) {
   EdgePoints out;
   out.points.samples = kSamples;
   out.points.own_features = kGeometryFeatures;
-  if (edges.channels().empty()) return out;
-  const EdgeViews views(edges);
-  const UnknownPixels unknown(film, max_glossy_albedo);
-  const ConstFloatView n_a = film.Get(layers::kSamplesA);
-  const ConstFloatView n_b = film.Get(layers::kSamplesB);
-  ForEachEdgePixel(&edges, film.bounds(), [&](int row, int x, int y) {
-    if (n_a.At(x, y) + n_b.At(x, y) > most_samples || unknown.Contain(x, y)) return;
-    if (views.IsPlain(row)) AddPixel(views, row, sigma_normal, &out);
+  if (!frame.edges.has_value()) return out;
+  const UnknownPixels unknown(frame, max_glossy_albedo);
+  frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
+    if (frame.samples.At(x, y) > max_samples || unknown.Contain(x, y)) return;
+    if (frame.edges->IsPlain(row)) AddPixel(*frame.edges, row, sigma_normal, &out);
   });
   return out;
+}
+
+SlicePoints RelativeTo(const Rect& box, const SlicePoints& points) {
+  SlicePoints moved = points;
+  for (auto& [x, y] : moved.pixels) {
+    x -= box.x0;
+    y -= box.y0;
+  }
+  return moved;
+}
+
+FilteredPoints BlackPoints(const SlicePoints& points, float raw) {
+  const size_t count = points.pixels.size() * points.samples;
+  return {std::vector<float>(3 * count, 0.0f), std::vector<float>(count, 1.0f),
+          std::vector<float>(points.pixels.size(), raw)};
 }
 
 void FitToPixels(const SlicePoints& points, const Planes& planes, FilteredPoints* at_points) {
@@ -112,33 +121,26 @@ void FitToPixels(const SlicePoints& points, const Planes& planes, FilteredPoints
       }
     }
     if (!(sum > 0 && own > 0)) continue;
-    const float ratio = std::clamp(own * count / (3 * sum), 1 / kLargestFit, kLargestFit);
+    const float ratio = std::clamp(own * count / (3 * sum), 1 / kMaxScale, kMaxScale);
     for (size_t i = pixel * 3 * samples; i < (pixel + 1) * 3 * samples; ++i) at_points->values[i] *= ratio;
   }
 }
 
-void AntialiasEdges(const LayeredImage& film, const LayeredImage& edges, const EdgePoints& points,
-                    const FilteredPoints& direct, const FilteredPoints& indirect, const Planes& rest,
-                    TaskPool* pool, std::array<Plane, 3>* picture) {
+void AntialiasEdges(const Frame& frame, const EdgePoints& points, const FilteredPoints& direct,
+                    const FilteredPoints& indirect, const Planes& glossy, TaskPool* pool, Picture* picture) {
   if (points.rows.empty()) return;
-  const EdgeViews views(edges);
-  Planes values = MakePlanes(3, film.width(), film.height());
-  Plane filtered(film.width(), film.height());  // the share of the pixel's light that was filtered
+  Planes values = MakePlanes(3, frame.width, frame.height);
+  Plane filtered(frame.width, frame.height);  // share of the pixel's light that was filtered
   for (size_t pixel = 0; pixel < points.rows.size(); ++pixel) {
-    const PixelMean mean = MeanOf(views, points, pixel, direct, indirect);
+    const PixelMean mean = MeanOf(*frame.edges, points, pixel, direct, indirect);
     if (mean.found <= kSubSamples / 2) continue;
     const auto [x, y] = points.points.pixels[pixel];
     filtered.At(x, y) = 1.0f - RawShare(mean, direct.raw[pixel], indirect.raw[pixel]);
-    for (size_t c = 0; c < 3; ++c) values[c].At(x, y) = mean.light[c] + rest[c].At(x, y);
+    for (size_t c = 0; c < 3; ++c) values[c].At(x, y) = mean.light[c] + glossy[c].At(x, y);
   }
-  const Plane trust = TrustIn(values, filtered, film, {}, pool);
-  for (const auto& [x, y] : points.points.pixels) {
-    const float share = filtered.At(x, y) * trust.At(x, y);
-    for (size_t c = 0; c < 3; ++c) {
-      float& out = (*picture)[c].At(x, y);
-      if (share > 0 && std::isfinite(values[c].At(x, y))) out += share * (values[c].At(x, y) - out);
-    }
-  }
+  Plane share = TrustIn(values, filtered, frame, {}, pool);
+  ForEachPixel(pool, frame.width, frame.height, [&](int x, int y) { share.At(x, y) *= filtered.At(x, y); });
+  Follow(values, share, pool, picture);
 }
 
 }  // namespace lumifold::filter

@@ -1,22 +1,27 @@
 #pragma once
 
-#include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
+#include "filter/layers/frame.h"
 
 namespace lumifold::filter {
 
-/// What the sub-samples of edge pixels know of T and E better than the pixel's own samples: the change of
-/// (D + I) T + E when T and E are taken as means of both, each trusted by the square of its count, for both
-/// are spread evenly over the pixel. It takes out the noise of where few samples fell, and vanishes as
-/// samples grow. What is thinner than the sub-samples' grid they all miss or all hit; beside what radiates,
-/// where that is seen, the own samples of all pixels whose surroundings look alike to the sub-samples say
-/// together what is beyond these. T is left where a mirror or glass takes part of the pixel: what samples of
-/// the surface are too many are too few of what is seen there. `light`: D + I as filtered, W x H, 3 planes.
-/// `edges`: as FilterFilm() has them; may be null. Result: W x H, 3 planes; 0 off the edges and where it is
-/// not finite. Threads: identical for any pool. Source: our own; the likeness of non-local means (Buades et
-/// al. 2005).
-Planes EdgeMeansChange(const LayeredImage& film, const LayeredImage* edges, const Planes& light,
-                       TaskPool* pool);
+/// Change of (D + I) T + E at edge pixels when T and E are estimated from the pixel's own samples and its
+/// sub-samples together, each weighted by the square of its count, since both are stratified over the pixel.
+/// It removes the noise of the coverage and vanishes as samples grow.
+///
+/// A detail thinner than the sub-samples' grid is missed or hit by all of them. Next to emitters, the own
+/// samples of all pixels with similar sub-samples nearby estimate together what the sub-samples miss. T stays
+/// where the pixel shows a level: the samples that hit its surface and those of the level depend on each
+/// other.
+///
+/// Shapes:  light: D + I as filtered, W x H, 3 planes. Result: W x H, 3 planes; 0 off the edge set and where
+///          the change is not finite.
+/// Threads: identical for any pool.
+/// Source:  our own; the patch distance is that of non-local means (Buades et al. 2005).
+Planes CoverageChange(const Frame& frame, const Planes& light, TaskPool* pool);
+
+/// Radius in pixels of what a pixel of the result depends on.
+int CoverageWindow();
 
 }  // namespace lumifold::filter

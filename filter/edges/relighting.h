@@ -1,24 +1,25 @@
 #pragma once
 
-#include <array>
-
-#include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
-#include "filter/image/plane.h"
+#include "filter/image/planes.h"
+#include "filter/layers/frame.h"
 
 namespace lumifold::filter {
 
-/// Takes the noise of the coverage out of pixels that show several surfaces, or one in a part of them: chance
-/// decides which of few samples fell on which. The light of each surface that the sub-samples show is fitted,
-/// by least squares, to `picture` over the 5x5 pixels about it that show no other ones, and the pixel is
-/// drawn towards the mean of light times T, plus E, over its sub-samples: as far as it agrees with C on such
-/// pixels near by (TrustIn). A slice of a surface that all sub-samples of a pixel miss and its own
-/// samples hit is lit as the pixels beside it. Surfaces are told apart by object, normal and distance; films
-/// without id.Y stay as they are. So do pixels with a mirror, glass or metal in a sub-sample, those where
-/// more than `max_glossy_albedo` of the light is reflected by glossy lobes, and those of one half alone.
-/// `edges` may be null. Source: the sub-samples of Gruzdev et al. 2015; the fit is our own. Threads:
-/// identical for any pool.
-void RelightEdges(const LayeredImage& film, const LayeredImage* edges, float max_glossy_albedo,
-                  TaskPool* pool, std::array<Plane, 3>* picture);
+/// Removes the noise of the coverage from pixels that show several surfaces, or one surface in a part of the
+/// pixel: few samples fall on each surface at random. The light of each surface that the sub-samples hit is
+/// fitted to `picture` by least squares over the pixels of a 5x5 window that show no other surfaces. The
+/// pixel is then drawn towards the mean of light * T + E over its sub-samples, as far as TrustIn() follows
+/// it. A surface that all sub-samples of a pixel miss but its own samples hit is lit like the pixels beside
+/// it. Surfaces differ by object id, normal and distance.
+///
+/// Left as they are: films without object ids, pixels with a mirror, glass or metal in a sub-sample, pixels
+/// where the albedo of the glossy lobes is above `max_glossy_albedo`, and pixels with one half alone.
+/// Threads: identical for any pool.
+/// Source:  the sub-samples of Gruzdev et al. 2015; the fit is our own.
+void RelightEdges(const Frame& frame, float max_glossy_albedo, TaskPool* pool, Picture* picture);
+
+/// Radius in pixels of what a pixel of the result depends on.
+int RelightingWindow();
 
 }  // namespace lumifold::filter

@@ -1,22 +1,28 @@
 #pragma once
 
-#include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
+#include "filter/layers/frame.h"
 
 namespace lumifold::filter {
 
-/// What TrustIn() takes for granted.
+/// What TrustIn() assumes.
 struct TrustParams {
-  int radius = 4;            // of the window that errors are averaged over
-  float noise_left = 0.05f;  // variance of the picture that the values compete with, over that of C
+  int radius = 4;  // px: window over which errors are averaged
+  /// Variance of the picture that the values compete with, over the variance of C.
+  float competing_variance = 0.05f;
 };
 
-/// How far values that all but lack noise are to be believed where `mask` is above 0: v / (v + bias^2) with v
-/// what noise is left in the picture without them and bias^2 what (values - C)^2 has over C's variance, both
-/// averaged over the pixels of the mask near by, relative to the light (ErrorWeight). `values`: W x H, 3
-/// planes; may hold what is not finite, and then so may the trust about it. Threads: identical for any pool.
-Plane TrustIn(const Planes& values, const Plane& mask, const LayeredImage& film, const TrustParams& params,
+/// How far nearly noise-free values are to be followed where `mask` is above 0: v / (v + bias^2). v is the
+/// variance of the picture that they compete with, bias^2 the excess of (values - C)^2 over C's variance;
+/// both are averaged over the pixels of the mask in a window and weighted by ErrorWeight().
+/// Shapes:  values: W x H, 3 planes; mask, result: W x H. Values may be not finite; the trust around them
+///          then is, too.
+/// Threads: identical for any pool.
+Plane TrustIn(const Planes& values, const Plane& mask, const Frame& frame, const TrustParams& params,
               TaskPool* pool);
+
+/// picture += share * (values - picture) where the share is above 0 and the value is finite.
+void Follow(const Planes& values, const Plane& share, TaskPool* pool, Picture* picture);
 
 }  // namespace lumifold::filter

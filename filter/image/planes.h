@@ -99,7 +99,15 @@ inline Plane Clone(ConstFloatView view) {
   return copy;
 }
 
-inline Picture Clone(const ConstColorView& color) {
+/// The colour's planes, one after another.
+inline Planes ClonePlanes(const ConstColorView& color) {
+  Planes planes;
+  for (const ConstFloatView& channel : color) planes.push_back(Clone(channel));
+  return planes;
+}
+
+/// The colour as a picture of its own.
+inline Picture ClonePicture(const ConstColorView& color) {
   return {Clone(color[0]), Clone(color[1]), Clone(color[2])};
 }
 

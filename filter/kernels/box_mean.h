@@ -6,9 +6,11 @@
 
 namespace lumifold::filter {
 
-/// The weighted means of some planes over the (2 radius + 1)^2 window around each pixel, cut at the picture's
-/// edge; 0 where nothing weighs. Weights are >= 0, all planes of one size. Threads: identical for any pool.
-/// Cost grows with the logarithm of radius.
+/// Weighted means of planes over the (2 radius + 1)^2 window around each pixel; 0 where the weights sum to 0.
+/// Shapes:  values, weight, result: W x H. Weights are >= 0.
+/// Edges:   the window is cut at the picture's edge.
+/// Cost:    grows with the logarithm of radius.
+/// Threads: identical for any pool.
 Planes BoxMeans(const Planes& values, ConstFloatView weight, int radius, TaskPool* pool);
 
 }  // namespace lumifold::filter

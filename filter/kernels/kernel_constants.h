@@ -8,8 +8,8 @@ inline constexpr float kSqrt2 = 1.41421356f;
 /// Squared distance from a manifold at which a pixel's weight becomes 0: below e^-23 it could only bring
 /// denormals.
 inline constexpr float kFarthest = 23.0f;
-/// Pixels nearer than this to the plane that splits a cluster, in feature units, fade out of both parts:
-/// which side rounding puts them on must not show in the result.
+/// Distance in feature units from the plane that splits a cluster within which pixels fade out of both parts,
+/// so that rounding, which puts them on one side or the other, does not show in the result.
 inline constexpr float kSeam = 0.3f;
 
 }  // namespace lumifold::filter

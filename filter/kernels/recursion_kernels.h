@@ -4,9 +4,9 @@
 
 namespace lumifold::filter {
 
-// The inner loops of the recursive low-passes (recursive.h), by the rules of row_kernels.h: the same bits
-// with any vectors, each with an oracle in namespace slow (recursion_kernels_slow.cc) that it equals to the
-// last bit. All are safe to run side by side.
+// The inner loops of recursive low-pass filters, by the rules of row_kernels.h: the same bits with any vector
+// width, each with an oracle in namespace slow (recursion_kernels_slow.cc) that is equal to the last bit. All
+// are safe to run concurrently.
 
 /// Rows of cells of some signals. from and to may be the same.
 struct RecurseArgs {
@@ -18,24 +18,24 @@ struct RecurseArgs {
 };
 
 /// For each row: to[x] = from[x] + w (to[x - 1] - from[x]) from the left, then to[x] += w' (to[x + 1] -
-/// to[x]) from the right, where w is what links x - 1 and x, and w' what links x and x + 1. `weights`: for
-/// each row of any signal the link of each x with x - 1.
+/// to[x]) from the right. w is the feedback coefficient between x - 1 and x, w' that between x and x + 1.
+/// `weights`: for each row, shared by all signals, the coefficient between x - 1 and x at x.
 void RecurseRows(const RecurseArgs& args, const float* const* weights);
-/// The same where all links are `weight`.
+/// The same with one coefficient, `weight`.
 void RecurseRowsEvenly(const RecurseArgs& args, float weight);
 /// to[x] += weight[x] * (from[x] - to[x]).
 void PullRow(const float* weight, const float* from, int count, float* to);
-/// The same where all weights are `weight`.
+/// The same with one weight.
 void PullRowEvenly(float weight, const float* from, int count, float* to);
 
-/// Rows of cells that are linked: cell x of `here` with cell x of `there`, `planes` rows each.
+/// Two neighbouring rows of cells of the guide: cell x of `here` and cell x of `there`, `planes` rows each.
 struct LinkArgs {
   const float* const* here;
   const float* const* there;
   size_t planes;
   int count;
 };
-/// How far a blur reaches: its sigma in cells, and what it multiplies squared distances by.
+/// Width of a blur: its sigma in cells, and the factor on squared differences of the guide.
 struct LinkReach {
   float sigma;
   float stretch;

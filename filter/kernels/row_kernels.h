@@ -6,23 +6,23 @@
 
 namespace lumifold::filter {
 
-// The inner loops of the manifold filter, over one strip of one row of pixels or cells. They run with the
-// widest vectors the processor has, chosen at run time, and give the same bits with any: nothing is fused,
-// and no order of summation depends on the width. Each has an oracle of the same signature in namespace slow
-// (row_kernels_slow.cc), equal to the last bit. Pixels come in strips that begin at a multiple of
+// The inner loops of the filter, over one strip of one row of pixels or cells. They run with the widest
+// vectors of the processor, chosen at run time, and give the same bits with any width: no multiply-add is
+// fused, and no order of summation depends on the width. Each has an oracle of the same signature in
+// namespace slow (row_kernels_slow.cc) that is equal to the last bit. Strips begin at a multiple of
 // kStripColumns; rows of pixels may be read and written up to the next multiple of kRowPadding floats, as
-// Plane allows. All are safe to run side by side.
+// Plane allows. All are safe to run concurrently.
 
-/// Columns of pixels that one call works on at most: what it sums stays in the cache, yet rows of cells are
-/// read far enough for the processor to foresee what comes next. A multiple of every cell.
+/// Greatest number of columns that one call works on: its sums stay in the cache, yet rows of cells are long
+/// enough for hardware prefetching. A multiple of every cell's side.
 inline constexpr int kStripColumns = 1024;
 /// Floats to which rows of pixels are padded.
 inline constexpr int kRowPadding = 16;
 /// Floats that may be read (not used) after the last cell of a row of cells.
 inline constexpr int kCellPadding = 32;
 
-/// How a row of cells is read at full resolution: pixel x lies `part[x % 64]` of the way from cell left(x) to
-/// the next, cells counted from one before the strip's first.
+/// Interpolation of a row of cells at full resolution: pixel x lies `part[x % 64]` of the way from cell
+/// left(x) to the next; cell 0 is one before the strip's first.
 struct Widening {
   explicit Widening(int cell_step);
 
@@ -50,7 +50,7 @@ struct BlendArgs {
 /// One row of pixels on one manifold.
 struct SplatArgs {
   const float* const* features;  // d rows of pixels
-  const float* eta;              // d rows of cells, from one before the strip's first: the manifold's height
+  const float* eta;              // d rows of cells, from one before the strip's first: the manifold
   size_t eta_stride;
   size_t dimensions;
   const float* const* signals;  // C rows of pixels
@@ -66,14 +66,14 @@ struct SplitArgs {
   const float* axis;  // d
   float cluster;      // label of the manifold's own pixels
   const float* labels;
-  float* members;           // how far a pixel belongs to its cluster: lowered near the split
+  float* members;           // membership of each pixel in its cluster: lowered near the split
   float* next_labels;       // out, own pixels only: 2 * cluster, + 1 on the axis' side
   float* const* near_sums;  // d + 1 strips of cluster 2 * cluster: += member * (1 - weight) * feature, and
                             // without feature
   float* const* far_sums;   // the same of cluster 2 * cluster + 1
 };
 
-/// One row of pixels read back from manifolds.
+/// One row of pixels sliced from manifolds.
 struct SliceArgs {
   const float* const* weights;  // M rows of pixels
   size_t manifolds;
@@ -84,7 +84,7 @@ struct SliceArgs {
   int count;
 };
 
-/// What a splat met, to spare work on what stayed zero.
+/// What a splat found, so that later work on zeros is skipped.
 struct SplatFound {
   bool has_weight = false;   // a pixel of weight over 0
   bool has_members = false;  // a pixel of the cluster

@@ -2,9 +2,9 @@
 
 namespace lumifold::filter {
 
-/// Weight of a squared error in a mean over pixels lit unlike: errors count relative to the light, as the
-/// eye and every display take them, down to a part of the picture's mean. Counted alike they would let one
-/// pixel on a lamp's rim decide what its dark neighbours become. `light`: over the mean, >= 0.
+/// Weight of a pixel's squared error in a mean over pixels: errors count relative to the light, as they are
+/// seen, down to a part of the picture's mean. With equal weights one pixel at the rim of an emitter would
+/// decide for all dark pixels around it. `light`: over the picture's mean, >= 0.
 inline float ErrorWeight(float light) {
   constexpr float kDim = 0.3f;
   const float relative_to = light + kDim;

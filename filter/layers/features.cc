@@ -1,22 +1,22 @@
 #include "filter/layers/features.h"
 
-#include <cmath>
-
 #include "filter/image/portable_math.h"
 #include "filter/kernels/row_kernels.h"
 
 namespace lumifold::filter {
 namespace {
 
-/// x where it is a number, else 0: features must be finite everywhere.
-float FiniteOr0(float x) { return std::abs(x) < 1e6f ? x : 0.0f; }
+/// Features above this count as unusable: their squared distances must stay finite.
+constexpr float kLargestFeature = 1e6f;
+
+float FeatureOr0(float x) { return UsableOr0(x, kLargestFeature); }
 
 }  // namespace
 
 std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
                                                      float sigma_normal) {
-  return {FiniteOr0(normal[0] / sigma_normal), FiniteOr0(normal[1] / sigma_normal),
-          FiniteOr0(normal[2] / sigma_normal), FiniteOr0(Log(distance) / kSigmaLogDepth)};
+  return {FeatureOr0(normal[0] / sigma_normal), FeatureOr0(normal[1] / sigma_normal),
+          FeatureOr0(normal[2] / sigma_normal), FeatureOr0(Log(distance) / kSigmaLogDepth)};
 }
 
 Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
@@ -40,7 +40,7 @@ void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, P
   Plane& feature = features->emplace_back(validity.width(), validity.height());
   for (int y = 0; y < validity.height(); ++y) {
     for (int x = 0; x < validity.width(); ++x)
-      feature.At(x, y) = validity.At(x, y) > 0 ? FiniteOr0(value.At(x, y) / sigma) : 0.0f;
+      feature.At(x, y) = validity.At(x, y) > 0 ? FeatureOr0(value.At(x, y) / sigma) : 0.0f;
   }
 }
 

@@ -8,10 +8,10 @@
 
 namespace lumifold::filter {
 
-/// What is known of the surface a pixel shows.
+/// Geometry of the surface that a pixel shows.
 struct GeometryViews {
   ConstColorView normal;
-  ConstFloatView distance;  // along the way the light came, mirrors and all
+  ConstFloatView distance;  // along the whole path, through mirrors and glass
 };
 
 inline constexpr size_t kGeometryFeatures = 4;
@@ -22,16 +22,18 @@ inline constexpr float kSigmaLogDepth = 0.05f;
 std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
                                                      float sigma_normal);
 
-/// The geometry part of the feature vector u, kGeometryFeatures planes; 0 where `validity` is 0.
+/// The geometry features of all pixels: kGeometryFeatures planes; 0 where `validity` is 0. Threads: identical
+/// for any pool.
 Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
                         TaskPool* pool);
 
 /// Appends value / sigma, 0 where `validity` is 0, to the features.
 void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, Planes* features);
 
-/// asinh(x / knee) - asinh(origin / knee), plane by plane: near linear where noise is additive, logarithmic
-/// where it grows with the signal, so that one range sigma suits dark and bright. knee > 0 and origin, a
-/// value in the midst of the picture's, in the unit of the planes: sums of small numbers round less.
+/// Variance stabilisation, plane by plane: asinh(x / knee) - asinh(origin / knee). It is linear where noise
+/// is additive and logarithmic where noise is proportional to the signal, so that one range sigma suits dark
+/// and bright. knee > 0; subtracting that of `origin`, a typical value, keeps numbers small, which round
+/// less.
 Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool);
 
 /// u = [NLM coordinates of `color` / sigma_q | geometry].

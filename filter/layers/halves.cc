@@ -4,30 +4,19 @@
 #include <cmath>
 #include <cstdint>
 
+#include "filter/layers/magnitude.h"
+
 namespace lumifold::filter {
 namespace {
 
-constexpr float kLargest = 1e30f;
-
-bool IsUsable(const ConstColorView& color, int x, int y) {
-  for (const ConstFloatView& channel : color) {
-    if (!(std::abs(channel.At(x, y)) <= kLargest)) return false;
-  }
-  return true;
+bool IsUsableColor(const ConstColorView& color, int x, int y) {
+  return IsUsable(color[0].At(x, y)) && IsUsable(color[1].At(x, y)) && IsUsable(color[2].At(x, y));
 }
 
-/// Mean magnitude of what is known, 0 for a black layer.
-double MeanMagnitude(const HalvesView& film, const Halves& halves, TaskPool* pool) {
-  const auto sum_row = [](const ConstColorView& color, const Plane& weight, int y) {
-    double sum = 0;
-    for (int x = 0; x < weight.width(); ++x) {
-      if (weight.At(x, y) == 0) continue;
-      for (const ConstFloatView& channel : color) sum += static_cast<double>(std::abs(channel.At(x, y)));
-    }
-    return sum;
-  };
+/// Mean magnitude of the usable values, 0 for a black layer.
+double MeanOfUsable(const HalvesView& film, const Halves& halves, TaskPool* pool) {
   const double total = SumRows(pool, halves.height(), [&](int y) {
-    return sum_row(film.a, halves.weight_a, y) + sum_row(film.b, halves.weight_b, y);
+    return RowMagnitude(film.a, halves.weight_a.view(), y) + RowMagnitude(film.b, halves.weight_b.view(), y);
   });
   const double known = SumRows(pool, halves.height(), [&](int y) {
     double sum = 0;
@@ -49,8 +38,8 @@ void SetScale(double mean, Halves* halves) {
 
 void FillPixel(const HalvesView& film, ConstFloatView validity, float inverse_scale, int x, int y,
                Halves* out) {
-  const bool has_a = film.samples_a.At(x, y) > 0 && IsUsable(film.a, x, y);
-  const bool has_b = film.samples_b.At(x, y) > 0 && IsUsable(film.b, x, y);
+  const bool has_a = film.samples_a.At(x, y) > 0 && IsUsableColor(film.a, x, y);
+  const bool has_b = film.samples_b.At(x, y) > 0 && IsUsableColor(film.b, x, y);
   const float unit = validity.At(x, y) > 0 ? inverse_scale / validity.At(x, y) : inverse_scale;
   for (size_t c = 0; c < 3; ++c) {
     const float a = has_a ? film.a[c].At(x, y) * unit : 0.0f;
@@ -61,8 +50,8 @@ void FillPixel(const HalvesView& film, ConstFloatView validity, float inverse_sc
 }
 
 void WeighPixel(const HalvesView& film, ConstFloatView validity, int x, int y, Halves* out) {
-  const float n_a = IsUsable(film.a, x, y) ? film.samples_a.At(x, y) : 0.0f;
-  const float n_b = IsUsable(film.b, x, y) ? film.samples_b.At(x, y) : 0.0f;
+  const float n_a = IsUsableColor(film.a, x, y) ? film.samples_a.At(x, y) : 0.0f;
+  const float n_b = IsUsableColor(film.b, x, y) ? film.samples_b.At(x, y) : 0.0f;
   const float covered = validity.At(x, y);
   out->weight_a.At(x, y) = n_a > 0 ? covered : 0.0f;
   out->weight_b.At(x, y) = n_b > 0 ? covered : 0.0f;
@@ -128,7 +117,7 @@ Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* poo
       for (int x = 0; x < width; ++x) WeighPixel(film, validity, x, y, &halves);
     }
   });
-  SetScale(MeanMagnitude(film, halves, pool), &halves);
+  SetScale(MeanOfUsable(film, halves, pool), &halves);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < width; ++x) FillPixel(film, validity, 1.0f / halves.scale, x, y, &halves);
@@ -142,6 +131,13 @@ Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* poo
   });
   halves.has_noise_estimate = pairs > 0;
   return halves;
+}
+
+Plane BothHalvesMask(const Halves& halves) {
+  Plane mask = Plane::Uninitialized(halves.width(), halves.height());
+  ForEachPixel(mask.width(), mask.height(),
+               [&](int x, int y) { mask.At(x, y) = halves.weight_a.At(x, y) * halves.weight_b.At(x, y); });
+  return mask;
 }
 
 Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool) {

@@ -6,10 +6,10 @@
 
 namespace lumifold::filter {
 
-/// One layer as its two independent halves A and B, safe to compute with: finite, and scaled so that the
+/// A layer as its two independent halves A and B, safe to compute with: finite, and scaled so that the
 /// layer's mean is about 1.
 struct Halves {
-  Planes a;  // 3 planes; where half A knows nothing, what B knows
+  Planes a;  // 3 planes; where half A has no usable value, that of B, and the reverse
   Planes b;
   Plane weight_a;  // the part of the pixel that is valid where half A has a usable value, else 0
   Plane weight_b;
@@ -18,16 +18,16 @@ struct Halves {
   float scale = 1;  // stored value * scale = the layer's unit; a power of two, so that scaling loses nothing
   float level = 0;  // mean magnitude of the halves as they are here, about 1; 0 for a black layer
   bool has_noise_estimate = false;  // whether any pixel has both halves
-  bool is_difference = false;       // of light and not light itself: of either sign, and mostly near 0
-  /// Light of the picture it is part of, over the picture's mean, by which its errors are weighed
-  /// (ErrorWeight); empty: the layer's own.
+  bool is_difference = false;       // a difference of light: of either sign, and mostly near 0
+  /// Light of the whole picture over its mean, which weights the layer's errors (ErrorWeight); empty: the
+  /// layer's own light.
   Plane picture_light;
 
   int width() const { return weight.width(); }
   int height() const { return weight.height(); }
 };
 
-/// A layer's halves as a film has them. All views of one size.
+/// A layer's halves as in a film. All views have one size.
 struct HalvesView {
   ConstColorView a;
   ConstColorView b;
@@ -35,20 +35,23 @@ struct HalvesView {
   ConstFloatView samples_b;
 };
 
-/// NaN, infinite and absurd values (over 1e30) count as unknown. `validity`: the part of each
-/// pixel the layer's surface covers, 0 to 1. Values are means over the whole pixel; the halves hold what the
-/// covered part alone would show.
+/// Scales a film's halves and marks what is usable (IsUsable). `validity`: the part of each pixel that the
+/// layer's surface covers, 0 to 1. The film's values are means over the whole pixel; the halves hold means
+/// over the covered part. Threads: identical for any pool.
 Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* pool);
+
+/// weight_a * weight_b: over 0 where both halves are known, since errors can be measured only there.
+Plane BothHalvesMask(const Halves& halves);
 
 /// X = share_a * A + (1 - share_a) * B, plane by plane.
 Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool);
 
-/// Variance of X, per pixel and channel: nA nB (A - B)^2 / n^2. A single pixel's is very rough: average
-/// before use.
+/// Variance of X for each pixel and channel: nA nB (A - B)^2 / n^2. That of a single pixel is very noisy:
+/// average before use.
 Planes PixelVariance(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool);
 
-/// RMS noise of X over all channels and the pixels where both halves are known; where none is, a guess from
-/// the picture's own second differences along rows, which edges and texture make too large.
+/// RMS noise of X over all channels and the pixels where both halves are known. Where none is, an estimate
+/// from second differences along rows, which edges and texture make too large.
 float NoiseLevel(const Halves& halves, const Planes& a, const Planes& b, TaskPool* pool);
 
 }  // namespace lumifold::filter

@@ -1,20 +1,14 @@
 #include "filter/layers/product.h"
 
 #include <algorithm>
-#include <array>
 #include <optional>
-#include <string>
 #include <utility>
 
 #include "absl/functional/function_ref.h"
 #include "filter/image/layers.h"
-#include "filter/layers/features.h"
 
 namespace lumifold::filter {
 namespace {
-
-using layers::Level;
-using layers::OfLevel;
 
 constexpr float kWhollyValid = 0.999f;
 constexpr float kLeastValid = 0.06f;  // of 16 sub-pixels one
@@ -53,127 +47,151 @@ std::optional<Rect> BoxOf(const Rect& frame, absl::FunctionRef<bool(int, int)> h
               up(box.y1, kBandRows, frame.y1)};
 }
 
-ConstColorView NormalOf(const LayeredImage& film) {
-  return {film.Get(layers::kNormalX), film.Get(layers::kNormalY), film.Get(layers::kNormalZ)};
+HalvesView ViewOf(const HalvedLayer& layer, const SampleCounts& samples) {
+  return {layer.a, layer.b, samples.a, samples.b};
 }
 
-/// A layer of `film` whose halves are counted by the channels `samples_a` and `samples_b`.
-Product ProductOf(const LayeredImage& film, const std::string& layer, const std::string& factor,
-                  std::string_view samples_a, std::string_view samples_b) {
-  Product product;
-  product.mean = film.GetColor(layer);
-  product.factor = film.GetColor(factor);
-  product.halves = {film.GetColor(layers::HalfA(layer)), film.GetColor(layers::HalfB(layer)),
-                    film.Get(samples_a), film.Get(samples_b)};
-  return product;
+Plane BinaryMask(const Rect& box, absl::FunctionRef<bool(int, int)> holds) {
+  return MakeMask(box, [&](int x, int y) { return holds(x, y) ? 1.0f : 0.0f; });
 }
 
-/// D and I of the surfaces seen first.
-void AddDiffuse(const LayeredImage& film, const ProductParams& params, TaskPool* pool,
+GeometryViews GeometryOf(const SurfaceViews& surface, const Rect& box) {
+  return {Crop(surface.normal, box), surface.distance.Crop(box)};
+}
+
+/// D and I of the first hit.
+void AddDiffuse(const Frame& frame, const ProductParams& params, TaskPool* pool,
                 std::vector<Product>* products) {
-  const ConstFloatView mask = film.Get(layers::kMask);
-  const ConstFloatView distance = film.Get(layers::kDistance);
-  const auto is_hit = [&](int x, int y) { return distance.At(x, y) > 0; };
-  const std::optional<Rect> cut = params.cuts_frame ? BoxOf(film.bounds(), is_hit) : std::nullopt;
-  const Rect box = cut.value_or(film.bounds());
-  const Plane surface = MakeMask(box, [&](int x, int y) { return is_hit(x, y) ? 1.0f : 0.0f; });
+  const SurfaceViews& surface = frame.surface;
+  const auto is_hit = [&](int x, int y) { return surface.distance.At(x, y) > 0; };
+  const std::optional<Rect> cut = params.cuts_frame ? BoxOf(frame.bounds(), is_hit) : std::nullopt;
+  const Rect box = cut.value_or(frame.bounds());
+  const Plane hits = BinaryMask(box, is_hit);
   const Plane validity = MakeMask(box, [&](int x, int y) {
-    const float part = is_hit(x, y) ? mask.At(x, y) : 0.0f;
+    const float part = is_hit(x, y) ? surface.mask.At(x, y) : 0.0f;
     return part >= kWhollyValid ? 1.0f : (part >= kLeastValid ? part : 0.0f);
   });
-  const Planes geometry = GeometryFeatures({Crop(NormalOf(film), box), distance.Crop(box)}, surface.view(),
-                                           params.sigma_normal, pool);
-  for (const std::string_view layer : {layers::kDirect, layers::kIndirect}) {
-    Product product = ProductOf(film, std::string(layer), std::string(layers::kAlbedo), layers::kSamplesA,
-                                layers::kSamplesB);
-    product.box = box;
-    product.validity = validity.Clone();
-    product.geometry = Clone(geometry);
-    products->push_back(std::move(product));
-  }
+  const Planes geometry = GeometryFeatures(GeometryOf(surface, box), hits.view(), params.sigma_normal, pool);
+  const auto add = [&](Product::Kind kind, const HalvedLayer& layer) {
+    products->push_back({.kind = kind,
+                         .mean = layer.mean,
+                         .factor = surface.albedo,
+                         .halves = ViewOf(layer, frame.samples),
+                         .box = box,
+                         .validity = validity.Clone(),
+                         .geometry = Clone(geometry),
+                         .picture_light = {}});
+  };
+  add(Product::Kind::kDirect, frame.direct);
+  add(Product::Kind::kIndirect, frame.indirect);
 }
 
-/// G and its like, where the film has them.
-void AddGlossy(const LayeredImage& film, const layers::LobeLayer& layer, float sigma_normal, TaskPool* pool,
-               std::vector<Product>* products) {
-  if (!film.HasColor(layer.light) || !film.HasColor(layer.factor)) return;
-  const ConstColorView glossy_albedo = film.GetColor(layer.factor);
-  const ConstFloatView distance = film.Get(layers::kDistance);
+void AddLobe(const Frame& frame, const LobeViews& lobe, float sigma_normal, TaskPool* pool,
+             std::vector<Product>* products) {
+  const ConstColorView& factor = lobe.factor;
+  const ConstFloatView& distance = frame.surface.distance;
   const auto holds = [&](int x, int y) {
-    const bool shines =
-        glossy_albedo[0].At(x, y) > 0 || glossy_albedo[1].At(x, y) > 0 || glossy_albedo[2].At(x, y) > 0;
-    return shines && distance.At(x, y) > 0;
+    const bool reflects = factor[0].At(x, y) > 0 || factor[1].At(x, y) > 0 || factor[2].At(x, y) > 0;
+    return reflects && distance.At(x, y) > 0;
   };
-  const std::optional<Rect> box = BoxOf(film.bounds(), holds);
+  const std::optional<Rect> box = BoxOf(frame.bounds(), holds);
   if (!box.has_value()) return;
-  Product product = ProductOf(film, std::string(layer.light), std::string(layer.factor), layers::kSamplesA,
-                              layers::kSamplesB);
+  Product product;
+  product.kind = Product::Kind::kLobe;
+  product.mean = lobe.light.mean;
+  product.factor = factor;
+  product.halves = ViewOf(lobe.light, frame.samples);
   product.box = *box;
-  product.is_glossy = true;
-  product.validity = MakeMask(*box, [&](int x, int y) { return holds(x, y) ? 1.0f : 0.0f; });
-  product.geometry = GeometryFeatures({Crop(NormalOf(film), *box), distance.Crop(*box)},
-                                      product.validity.view(), sigma_normal, pool);
-  if (film.Has(layers::kRoughness)) {
-    AppendFeature(film.Get(layers::kRoughness).Crop(*box), kSigmaRoughness, product.validity.view(),
-                  &product.geometry);
-  }
+  product.validity = BinaryMask(*box, holds);
+  const ConstFloatView validity = product.validity.view();
+  product.geometry = GeometryFeatures(GeometryOf(frame.surface, *box), validity, sigma_normal, pool);
+  if (!frame.roughness.IsEmpty())
+    AppendFeature(frame.roughness.Crop(*box), kSigmaRoughness, validity, &product.geometry);
   products->push_back(std::move(product));
 }
 
-/// What guides a level: what is seen there, and the normal of the surface it is seen in.
-Planes LevelGeometry(const LayeredImage& film, Level level, const Rect& box, ConstFloatView validity,
+/// Features of a level: the surface seen there, and the normal of the surface that it is seen in.
+Planes LevelGeometry(const Frame& frame, const LevelViews& level, const Rect& box, ConstFloatView validity,
                      float sigma_normal, TaskPool* pool) {
-  const auto channel = [&](std::string_view name) { return film.Get(OfLevel(level, name)).Crop(box); };
-  Planes geometry =
-      GeometryFeatures({{channel(layers::kNormalX), channel(layers::kNormalY), channel(layers::kNormalZ)},
-                        channel(layers::kDistance)},
-                       validity, sigma_normal, pool);
-  for (const ConstFloatView& normal : Crop(NormalOf(film), box))
+  Planes geometry = GeometryFeatures(GeometryOf(level.surface, box), validity, sigma_normal, pool);
+  for (const ConstFloatView& normal : Crop(frame.surface.normal, box))
     AppendFeature(normal, kSigmaMirrorNormal, validity, &geometry);
   return geometry;
 }
 
-void AddLevel(const LayeredImage& film, Level level, float sigma_normal, TaskPool* pool,
+bool CanBeFiltered(const LevelViews& level) {
+  return !level.direct.IsEmpty() && !level.indirect.IsEmpty() && !level.surface.mask.IsEmpty() &&
+         !level.surface.distance.IsEmpty() && !level.surface.normal[0].IsEmpty() &&
+         !level.surface.albedo[0].IsEmpty() && !level.samples.IsEmpty();
+}
+
+void AddLevel(const Frame& frame, const LevelViews& level, float sigma_normal, TaskPool* pool,
               std::vector<Product>* products) {
-  if (!film.HasColor(OfLevel(level, layers::kDirect)) || !film.Has(OfLevel(level, layers::kMask))) return;
-  const std::string samples_a = OfLevel(level, layers::kSamplesA);
-  const std::string samples_b = OfLevel(level, layers::kSamplesB);
-  const ConstFloatView mask = film.Get(OfLevel(level, layers::kMask));
-  const ConstFloatView distance = film.Get(OfLevel(level, layers::kDistance));
-  const ConstFloatView n_a = film.Get(samples_a);
-  const ConstFloatView n_b = film.Get(samples_b);
+  if (!CanBeFiltered(level)) return;
   const auto holds = [&](int x, int y) {
-    return mask.At(x, y) > 0 && distance.At(x, y) > 0 && n_a.At(x, y) + n_b.At(x, y) > 0;
+    return level.surface.mask.At(x, y) > 0 && level.surface.distance.At(x, y) > 0 &&
+           level.samples.At(x, y) > 0;
   };
-  const std::optional<Rect> box = BoxOf(film.bounds(), holds);
+  const std::optional<Rect> box = BoxOf(frame.bounds(), holds);
   if (!box.has_value()) return;
-  for (const std::string_view layer : {layers::kDirect, layers::kIndirect}) {
-    Product product =
-        ProductOf(film, OfLevel(level, layer), OfLevel(level, layers::kAlbedo), samples_a, samples_b);
+  for (const HalvedLayer* layer : {&level.direct, &level.indirect}) {
+    Product product;
+    product.kind = Product::Kind::kLevel;
+    product.mean = layer->mean;
+    product.factor = level.surface.albedo;
+    product.halves = ViewOf(*layer, level.samples);
     product.box = *box;
-    product.validity = MakeMask(*box, [&](int x, int y) { return holds(x, y) ? 1.0f : 0.0f; });
-    product.is_level = true;
-    product.geometry = LevelGeometry(film, level, *box, product.validity.view(), sigma_normal, pool);
+    product.validity = BinaryMask(*box, holds);
+    product.geometry = LevelGeometry(frame, level, *box, product.validity.view(), sigma_normal, pool);
     products->push_back(std::move(product));
   }
 }
 
-}  // namespace
-
-HalvesView Crop(const HalvesView& halves, const Rect& box) {
-  return {Crop(halves.a, box), Crop(halves.b, box), halves.samples_a.Crop(box), halves.samples_b.Crop(box)};
+/// The frame's level of this branch and depth; null where it has none.
+const LevelViews* FindLevel(const Frame& frame, layers::Level wanted) {
+  const auto found = std::find_if(frame.levels.begin(), frame.levels.end(), [&](const LevelViews& level) {
+    return level.level.index() == wanted.index();
+  });
+  return found == frame.levels.end() ? nullptr : &*found;
 }
 
-std::vector<Product> ProductsOf(const LayeredImage& film, const ProductParams& params, TaskPool* pool) {
+HalvesView Crop(const HalvesView& halves, const Rect& box) {
+  return {lumifold::Crop(halves.a, box), lumifold::Crop(halves.b, box), halves.samples_a.Crop(box),
+          halves.samples_b.Crop(box)};
+}
+
+}  // namespace
+
+std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params, TaskPool* pool) {
   std::vector<Product> products;
-  AddDiffuse(film, params, pool, &products);
-  for (const layers::LobeLayer& layer : layers::kLobeLayers)
-    AddGlossy(film, layer, params.sigma_normal, pool, &products);
-  for (int depth = layers::kMaxDepth; depth >= 1; --depth) {
-    for (const layers::Branch branch : {layers::Branch::kTransmission, layers::Branch::kReflection})
-      AddLevel(film, {branch, depth}, params.sigma_normal, pool, &products);
+  AddDiffuse(frame, params, pool, &products);
+  for (const LobeViews& lobe : frame.lobes) AddLobe(frame, lobe, params.sigma_normal, pool, &products);
+  for (int depth = layers::kMaxDepth; params.has_levels && depth >= 1; --depth) {
+    for (const layers::Branch branch : {layers::Branch::kTransmission, layers::Branch::kReflection}) {
+      const LevelViews* level = FindLevel(frame, {branch, depth});
+      if (level != nullptr) AddLevel(frame, *level, params.sigma_normal, pool, &products);
+    }
   }
   return products;
+}
+
+Halves HalvesOf(const Product& product, TaskPool* pool) {
+  Halves halves = MakeHalves(Crop(product.halves, product.box), product.validity.view(), pool);
+  halves.is_difference = product.kind == Product::Kind::kRemainder;
+  halves.picture_light = product.picture_light.Clone();
+  return halves;
+}
+
+void RestoreUnits(const Product& product, float scale, TaskPool* pool, Planes* planes) {
+  const Plane& validity = product.validity;
+  const ConstColorView mean = lumifold::Crop(product.mean, product.box);
+  for (size_t c = 0; c < 3; ++c) {
+    Plane& plane = (*planes)[c];
+    ForEachPixel(pool, validity.width(), validity.height(), [&](int x, int y) {
+      float& value = plane.At(x, y);
+      value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : mean[c].At(x, y);
+    });
+  }
 }
 
 }  // namespace lumifold::filter

@@ -2,41 +2,58 @@
 
 #include <vector>
 
-#include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/image/rect.h"
 #include "filter/layers/features.h"
+#include "filter/layers/frame.h"
 #include "filter/layers/halves.h"
 
 namespace lumifold::filter {
 
 /// One noisy layer of light with all that is needed to filter it and to put it back into the picture, to
-/// which it gives mean * factor: D and I with T, G with S, and the same of each level of reflection.
+/// which it contributes mean * factor.
 struct Product {
-  ConstColorView mean;    // the film's size, as all views here
-  ConstColorView factor;  // the chain's throughput in it
+  enum class Kind {
+    kDirect,     // D with T
+    kIndirect,   // I with T
+    kLobe,       // G with S, transmitted light with its transmittance: of the first surface
+    kLevel,      // D and I of a level, with the throughput of the chain times T
+    kRemainder,  // what all other layers and E leave of C, with factor 1
+  };
+
+  Kind kind = Kind::kDirect;
+  ConstColorView mean;    // W x H, as all views here
+  ConstColorView factor;  // empty for the remainder
   HalvesView halves;
-  Rect box;         // the part of the frame it is filtered in: where it is, and a margin
-  Plane validity;   // of the box: the part of each pixel that its surface covers; 0: not to be filtered
-  Planes geometry;  // of the box: the features that guide it besides its own patches
-  bool is_glossy = false;      // G, of the surfaces seen first
-  bool is_level = false;       // seen in mirrors or through glass
-  bool is_difference = false;  // see Halves: the remainder
-  Plane picture_light;         // of the box; see Halves
+  Rect box;             // part of the frame that is filtered: the layer's extent and a margin
+  Plane validity;       // of the box: part of each pixel that the layer's surface covers; 0: not filtered
+  Planes geometry;      // of the box: the features that guide the filter besides the layer's own patches
+  Plane picture_light;  // of the box; see Halves
 };
 
 struct ProductParams {
-  float sigma_normal = kSigmaNormal;  // what normals are divided by to guide
-  bool cuts_frame = false;            // D and I are filtered in the box round all that is hit
+  float sigma_normal = kSigmaNormal;   // range of normals in the features
+  bool cuts_frame = false;             // D and I are filtered in the box around all hits, not in the frame
+  bool has_levels = true;              // else levels stay in the remainder
+  bool remainder_sees_levels = false;  // features of the remainder are those of SeenSurface
 };
 
-/// The layers of a film that have anything to filter: direct and indirect first, then glossy, then the levels
-/// the film has, deepest first. Keeps views of `film`. Not finite factors count as they are: Recombine()
-/// guards.
-std::vector<Product> ProductsOf(const LayeredImage& film, const ProductParams& params, TaskPool* pool);
+/// The layers of a film that have anything to filter: direct and indirect first, then the lobes, then the
+/// levels, deepest first. Keeps views of the frame's film.
+std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params, TaskPool* pool);
 
-/// The part of the views inside `box`.
-HalvesView Crop(const HalvesView& halves, const Rect& box);
+/// Filtered planes of one product, of its box's size, in the film's unit.
+struct FilteredProduct {
+  Product product;
+  Planes planes;
+};
+
+/// The product's halves inside its box, scaled and made safe to compute with.
+Halves HalvesOf(const Product& product, TaskPool* pool);
+
+/// Converts filtered halves' units back to the film's: planes * scale * validity, and the product's own mean
+/// where validity is 0. `planes`: 3, of the box's size.
+void RestoreUnits(const Product& product, float scale, TaskPool* pool, Planes* planes);
 
 }  // namespace lumifold::filter

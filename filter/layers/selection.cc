@@ -10,18 +10,8 @@
 namespace lumifold::filter {
 namespace {
 
-/// Errors below this part of the input's own count as this much.
+/// Errors below this part of the noisy layer's own count as this much.
 constexpr float kLeastError = 0.01f;
-
-/// 1 where both halves are known: only there can errors be measured.
-Plane MeasurableMask(const Halves& halves) {
-  Plane mask(halves.width(), halves.height());
-  for (int y = 0; y < mask.height(); ++y) {
-    for (int x = 0; x < mask.width(); ++x)
-      mask.At(x, y) = halves.weight_a.At(x, y) * halves.weight_b.At(x, y);
-  }
-  return mask;
-}
 
 Plane RawError(const Planes& variance, TaskPool* pool) {
   Plane error(variance[0].width(), variance[0].height());
@@ -48,8 +38,8 @@ Plane CandidateError(const Halves& halves, const Candidate& candidate, TaskPool*
   return error;
 }
 
-/// The light of a row over its mean, as far as it is known without the input's noise: what the picture shows
-/// there, or `first`, the first candidate.
+/// The light of a row over its mean, with little noise: that of the picture, or of `first`, the first
+/// candidate.
 void LightRow(const Halves& halves, const Candidate& first, int y, std::vector<float>* light) {
   if (halves.picture_light.width() > 0) {
     std::copy_n(halves.picture_light.Row(y), light->size(), light->begin());
@@ -65,7 +55,7 @@ void LightRow(const Halves& halves, const Candidate& first, int y, std::vector<f
   }
 }
 
-void WeighErrors(const Halves& halves, const Candidate& first, TaskPool* pool, Planes* errors) {
+void WeightErrors(const Halves& halves, const Candidate& first, TaskPool* pool, Planes* errors) {
   ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
     std::vector<float> light(static_cast<size_t>(halves.width()));
     for (int y = y0; y < y1; ++y) {
@@ -94,11 +84,11 @@ Planes Smooth(const Planes& errors, const Plane& mask, const SelectionParams& pa
   return smooth;
 }
 
-/// Shares one pixel among the ways to filter it: by the fourth power of the inverse error, so that the best
-/// takes nearly all unless others are as good, and a rounding error never turns the picture.
-void ShareOut(const Planes& errors, int x, int y, Planes* shares) {
+/// Shares of one pixel: proportional to the fourth power of the inverse error, so that the best candidate has
+/// nearly all unless others are as good, and rounding never changes the picture visibly.
+void SetShares(const Planes& errors, int x, int y, Planes* shares) {
   const float floor =
-      kLeastError * errors[0].At(x, y);  // estimates of small errors are rough, and may fall below 0
+      kLeastError * errors[0].At(x, y);  // estimates of small errors are noisy and may be negative
   float best = INFINITY;
   for (const Plane& error : errors) best = std::min(best, std::max(error.At(x, y), floor));
   float total = 0;
@@ -114,19 +104,23 @@ void ShareOut(const Planes& errors, int x, int y, Planes* shares) {
 
 }  // namespace
 
+int SelectionWindow(const SelectionParams& params) {
+  return std::max(params.error_radius, params.region_radius) + params.blend_radius;
+}
+
 Planes SelectCandidates(const Halves& halves, const Planes& raw_variance,
-                        const std::vector<Candidate>& candidates, const SelectionParams& params,
+                        const std::vector<const Candidate*>& candidates, const SelectionParams& params,
                         TaskPool* pool) {
-  const Plane mask = MeasurableMask(halves);
+  const Plane mask = BothHalvesMask(halves);
   Planes estimates;
   estimates.push_back(RawError(raw_variance, pool));
-  for (const Candidate& candidate : candidates) estimates.push_back(CandidateError(halves, candidate, pool));
-  WeighErrors(halves, candidates.front(), pool, &estimates);
+  for (const Candidate* candidate : candidates) estimates.push_back(CandidateError(halves, *candidate, pool));
+  WeightErrors(halves, *candidates.front(), pool, &estimates);
   const Planes errors = Smooth(estimates, mask, params, pool);
   Planes chosen = MakePlanes(errors.size(), halves.width(), halves.height());
   ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < halves.width(); ++x) ShareOut(errors, x, y, &chosen);
+      for (int x = 0; x < halves.width(); ++x) SetShares(errors, x, y, &chosen);
     }
   });
   return BoxMeans(chosen, halves.weight.view(), params.blend_radius, pool);

@@ -12,6 +12,8 @@
 #include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 #include "filter/kernels/box_mean.h"
+#include "filter/layers/frame.h"
+#include "filter/layers/remainder.h"
 
 namespace lumifold::filter {
 namespace {
@@ -22,7 +24,6 @@ constexpr int kEstimateRadius = 7;   // 15x15 window
 constexpr float kResponse = 6.0f;    // standard deviation of the mask's answer to white noise of deviation 1
 constexpr float kMeanToSigma =
     1.2533141f;  // sqrt(pi / 2): from mean magnitude to deviation, for a normal variable
-constexpr float kLargest = 1e30f;
 
 /// The guides that tell whether two pixels show one surface.
 struct Guides {
@@ -74,7 +75,7 @@ Plane Roughness(ConstFloatView channel, const Plane& mask, TaskPool* pool) {
       for (int x = 0; x < channel.width(); ++x) {
         if (mask.At(x, y) == 0) continue;
         const float answer = std::abs(across(x, y - 1) - 2 * across(x, y) + across(x, y + 1));
-        roughness.At(x, y) = answer <= kLargest ? answer : 0.0f;
+        roughness.At(x, y) = answer <= kLargestUsable ? answer : 0.0f;
       }
     }
   });
@@ -133,43 +134,36 @@ void AddHalves(std::string_view layer, const Planes& noise, LayeredImage* film) 
   }
 }
 
-/// A layer of light and the layer that multiplies it.
+/// A layer of light by name, its mean and the layer that multiplies it.
 struct LightLayer {
-  std::string_view light;
-  std::string_view factor;
+  std::string_view name;
+  ConstColorView light;
+  ConstColorView factor;
 };
 
 std::vector<LightLayer> LightLayersOf(const LayeredImage& film) {
-  std::vector<LightLayer> all = {{layers::kDirect, layers::kAlbedo}, {layers::kIndirect, layers::kAlbedo}};
-  for (const layers::LobeLayer& layer : layers::kLobeLayers) {
-    if (film.HasColor(layer.light) && film.HasColor(layer.factor)) all.push_back({layer.light, layer.factor});
+  const ConstColorView albedo = film.GetColor(layers::kAlbedo);
+  std::vector<LightLayer> all = {{layers::kDirect, film.GetColor(layers::kDirect), albedo},
+                                 {layers::kIndirect, film.GetColor(layers::kIndirect), albedo}};
+  for (const layers::LobeLayer& lobe : layers::kLobeLayers) {
+    if (film.HasColor(lobe.light) && film.HasColor(lobe.factor))
+      all.push_back({lobe.light, film.GetColor(lobe.light), film.GetColor(lobe.factor)});
   }
   return all;
 }
 
-/// sum += sign * light * factor.
-void AddProduct(const ConstColorView& light, const ConstColorView& factor, float sign, Planes* sum) {
-  for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < light[c].height(); ++y) {
-      for (int x = 0; x < light[c].width(); ++x)
-        (*sum)[c].At(x, y) += sign * light[c].At(x, y) * factor[c].At(x, y);
-    }
-  }
+/// C without E.
+Planes Unemitted(const LayeredImage& film, TaskPool* pool) {
+  const Frame frame(film);
+  return WithoutEmission(frame, frame.combined.mean, pool);
 }
 
-/// C without E and all layers of light.
-Planes RemainderOf(const LayeredImage& film) {
-  const ConstColorView noisy = film.GetColor(layers::kNoisy);
-  const ConstColorView emission = film.GetColor(layers::kEmission);
-  Planes rest = MakePlanes(3, film.width(), film.height());
+/// sum += light * factor.
+void AddProduct(const Planes& light, const ConstColorView& factor, Planes* sum) {
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) rest[c].At(x, y) = noisy[c].At(x, y) - emission[c].At(x, y);
-    }
+    ForEachPixel(light[c].width(), light[c].height(),
+                 [&](int x, int y) { (*sum)[c].At(x, y) += light[c].At(x, y) * factor[c].At(x, y); });
   }
-  for (const LightLayer& layer : LightLayersOf(film))
-    AddProduct(film.GetColor(layer.light), film.GetColor(layer.factor), -1, &rest);
-  return rest;
 }
 
 }  // namespace
@@ -177,13 +171,16 @@ Planes RemainderOf(const LayeredImage& film) {
 void SplitIntoHalves(LayeredImage* film, TaskPool* pool, int x0, int y0) {
   const Plane uniform = UniformMask(*film, pool);
   const PseudoNoise noise_of{uniform, x0, y0, pool};
-  Planes noisy = noise_of(0, ViewOf(RemainderOf(*film)));
+  const std::vector<LightLayer> light_layers = LightLayersOf(*film);  // its planes stay where they are
+  Planes rest = Unemitted(*film, pool);
+  for (const LightLayer& layer : light_layers)
+    SubtractProduct(layer.light, layer.factor, nullptr, layer.light, pool, &rest);
+  Planes noisy = noise_of(0, ViewOf(rest));
   uint64_t number = 0;
-  for (const LightLayer& layer : LightLayersOf(*film)) {
-    const LayeredImage& read = *film;
-    const Planes noise = noise_of(++number, read.GetColor(layer.light));
-    AddProduct(ViewOf(noise), read.GetColor(layer.factor), 1, &noisy);
-    AddHalves(layer.light, noise, film);
+  for (const LightLayer& layer : light_layers) {
+    const Planes noise = noise_of(++number, layer.light);
+    AddProduct(noise, layer.factor, &noisy);
+    AddHalves(layer.name, noise, film);
   }
   AddHalves(layers::kNoisy, noisy, film);
   for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB}) {

@@ -5,7 +5,7 @@
 
 namespace lumifold::filter {
 
-/// Gives a film without halves halves to be filtered by: A = X + e and B = X - e for each layer of light and
+/// Adds halves to a film that has none: A = X + e and B = X - e for each layer of light and
 /// the remainder, with e a fixed pseudo-random number of the variance that the noise of X is estimated to
 /// have there. Where that noise is normal and the estimate right, A and B are independent and each has twice
 /// X's variance, as real halves have; X stays their mean. The estimate takes what second differences show

@@ -11,12 +11,12 @@ namespace lumifold::filter {
 namespace {
 
 constexpr size_t kColors = 3;
-/// Of the spread over positions, in units: slopes that few pixels tell of stay small.
+/// Added to the variances of positions, so that slopes that few pixels support stay small.
 constexpr float kRidge = 6e-3f;
 
-/// Position along one axis, in units from the middle.
-float PositionOf(int pixel, int size, float unit) {
-  return (static_cast<float>(pixel) - 0.5f * static_cast<float>(size - 1)) / unit;
+/// Position along one axis relative to the centre, in units.
+float PositionOf(int pixel, int size, float unit_px) {
+  return (static_cast<float>(pixel) - 0.5f * static_cast<float>(size - 1)) / unit_px;
 }
 
 /// Weighted means at one point, in the order of kMoments.
@@ -34,16 +34,16 @@ Moments ReadMoments(Read&& read) {
           {read(8), read(9), read(10)}, read(11), read(12), read(13)};
 }
 
-/// The plane's value at (x0, y0): mean f less slope times how far the mean position is from there.
+/// The plane's value at (x0, y0): the mean light plus slope times the offset from the mean position.
 std::array<float, kColors> PlaneAt(const Moments& m, float x0, float y0) {
-  // Far from the middle of a very wide picture rounding may make spreads negative.
+  // Far from the centre of a very wide picture, rounding may make variances negative.
   const float xx = std::max(m.xx - m.x * m.x, 0.0f) + kRidge;
   const float yy = std::max(m.yy - m.y * m.y, 0.0f) + kRidge;
   const float xy = m.xy - m.x * m.y;
   const float determinant = std::max(xx * yy - xy * xy, kRidge * kRidge);
   const float off_x = x0 - m.x;
   const float off_y = y0 - m.y;
-  // What each covariance with the light is worth at (x0, y0): the solution of a symmetric 2x2 system.
+  // Factors of the covariances with the light: the solution of a symmetric 2x2 system.
   const float by_x = (off_x * yy - off_y * xy) / determinant;
   const float by_y = (off_y * xx - off_x * xy) / determinant;
   std::array<float, kColors> value;
@@ -54,15 +54,15 @@ std::array<float, kColors> PlaneAt(const Moments& m, float x0, float y0) {
 
 }  // namespace
 
-Planes WithPosition(const Planes& light, float unit, TaskPool* pool) {
+Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool) {
   const int width = light[0].width();
   const int height = light[0].height();
   Planes planes = MakeUninitializedPlanes(kPlaneSignals, width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
       for (size_t c = 0; c < kColors; ++c) std::copy_n(light[c].Row(y), width, planes[c].Row(y));
-      for (int x = 0; x < width; ++x) planes[kColors].At(x, y) = PositionOf(x, width, unit);
-      std::fill_n(planes[kColors + 1].Row(y), width, PositionOf(y, height, unit));
+      for (int x = 0; x < width; ++x) planes[kColors].At(x, y) = PositionOf(x, width, unit_px);
+      std::fill_n(planes[kColors + 1].Row(y), width, PositionOf(y, height, unit_px));
     }
   });
   return planes;
@@ -78,7 +78,7 @@ void AddMoments(Planes* splat) {
   for (int row = 0; row < weight.height(); ++row) {
     for (int column = 0; column < weight.width(); ++column) {
       const float w = weight.At(column, row);
-      // What is less than a normal number has no inverse, and nothing to say.
+      // Denormal weights have no finite inverse.
       const float inverse = w >= std::numeric_limits<float>::min() ? 1.0f / w : 0.0f;
       const float sum_x = planes[kColors].At(column, row);
       const float sum_y = planes[kColors + 1].At(column, row);
@@ -97,7 +97,7 @@ void AddMoments(Planes* splat) {
   *splat = std::move(planes);
 }
 
-Planes FitLight(const Planes& means, float unit, TaskPool* pool) {
+Planes FitLight(const Planes& means, float unit_px, TaskPool* pool) {
   const int width = means[0].width();
   const int height = means[0].height();
   Planes light = MakeUninitializedPlanes(kColors, width, height);
@@ -105,7 +105,7 @@ Planes FitLight(const Planes& means, float unit, TaskPool* pool) {
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < width; ++x) {
         const auto value = PlaneAt(ReadMoments([&](size_t k) { return means[k].At(x, y); }),
-                                   PositionOf(x, width, unit), PositionOf(y, height, unit));
+                                   PositionOf(x, width, unit_px), PositionOf(y, height, unit_px));
         for (size_t c = 0; c < kColors; ++c) light[c].At(x, y) = value[c];
       }
     }
@@ -113,13 +113,13 @@ Planes FitLight(const Planes& means, float unit, TaskPool* pool) {
   return light;
 }
 
-SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit, int width,
+SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px, int width,
                               int height) {
   const size_t samples = points.samples;
   SlicedPoints light{std::vector<float>(points.pixels.size() * kColors * samples), means.weights};
   for (size_t i = 0; i < points.pixels.size(); ++i) {
-    const float x = PositionOf(points.pixels[i][0], width, unit);
-    const float y = PositionOf(points.pixels[i][1], height, unit);
+    const float x = PositionOf(points.pixels[i][0], width, unit_px);
+    const float y = PositionOf(points.pixels[i][1], height, unit_px);
     for (size_t j = 0; j < samples; ++j) {
       if (means.weights[i * samples + j] == 0) continue;
       const auto value = PlaneAt(

@@ -6,9 +6,8 @@
 
 namespace lumifold::filter {
 
-/// The coarse grid that manifolds live on: cells of `step` x `step` pixels from the top left, the last ones
-/// of a row or column perhaps cut by the picture's edge. A cell's value stands at its centre, in pixels (c +
-/// 1/2) * step - 1/2.
+/// The coarse grid that manifolds are sampled on: cells of `step` x `step` pixels from the top left; the
+/// picture's edge may cut the last ones. A cell's value is that at its centre, pixel (c + 1/2) * step - 1/2.
 struct Lattice {
   int width = 0;
   int height = 0;
@@ -24,7 +23,7 @@ struct Lattice {
   int RowHeight(int r) const { return std::min(step, height - r * step); }
 };
 
-/// Where a pixel lies between the cells of one axis: `part` of the way from cell `first` to cell `second`,
+/// Linear interpolation between the cells of one axis: `part` of the way from cell `first` to cell `second`,
 /// both clamped.
 struct CellSpan {
   int first;

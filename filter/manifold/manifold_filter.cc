@@ -10,9 +10,9 @@
 #include "filter/manifold/slice.h"
 #include "filter/manifold/splat.h"
 
-// The tree is walked level by level, so that the full-resolution planes are read twice a level and not twice
-// a manifold. All that is done at full resolution is per pixel: distance to the manifolds, splat into the
-// pixel's own cell, slice. Recursion is on cells.
+// The tree is walked level by level, so that full-resolution planes are read twice for each level and not
+// twice for each manifold. Work at full resolution is per pixel: distance to the manifolds, splat into the
+// pixel's own cell, slice. All recursion is on cells.
 namespace lumifold::filter {
 namespace {
 
@@ -149,7 +149,7 @@ void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Pla
 
 void Filter::DivideSums() {
   Planes& sums = result_.filtered;
-  // Moments that are all 0 leave the fit a pixel's own light.
+  // Where all moments are 0, the fit gives the pixel's own light.
   const std::vector<float> no_moment(static_cast<size_t>(state_.lattice.width));
   ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
     for (size_t c = 0; c + 1 < sums.size(); ++c) {

@@ -14,65 +14,65 @@ struct ManifoldParams {
   int height = 4;          // levels of the tree, 1..8: 2^height - 1 manifolds
   int pca_iterations = 3;  // >= 1: steps of power iteration for the axis that splits a cluster
   int cell = 0;  // side of a coarse cell in pixels: a power of two up to kBandRows; 0: CellSize(sigma_s)
-  bool is_first_order = false;  // planes are fitted through the signals, 3 of them (first_order.h)
+  bool is_first_order = false;  // fits planes to the signals, of which there are 3 (first_order.h)
 };
 
-/// The side of a coarse cell for a reach, in pixels: 2^floor(log2(sigma_s / 4)), from 2 (1 for sigma_s
-/// below 2) to kBandRows: cells of one pixel cost more than all else together, for 2 % less error.
+/// Side of a coarse cell for a reach, in pixels: 2^floor(log2(sigma_s / 4)), from 2 (1 for sigma_s below 2)
+/// to kBandRows. Cells of one pixel would double the cost for 2 % less error.
 int CellSize(float sigma_s);
-/// The side of a coarse cell that these parameters ask for.
+/// Side of a coarse cell with these parameters.
 inline int CellOf(const ManifoldParams& params) {
   return params.cell > 0 ? params.cell : CellSize(params.sigma_s);
 }
 
 /// Filters `signals` with adaptive manifolds through the space spanned by `features`:
-///   out = sum_k w_k up(Psi_k) / sum_k w_k up(Psi0_k),  w_k = exp(-|u - up(eta_k)|^2),
+///   out = sum_k w_k up(Psi_k) / sum_k w_k up(Psi0_k), w_k = exp(-|u - up(eta_k)|^2),
 /// where Psi_k is the signal splatted with w_k onto manifold k's coarse cells and blurred along the manifold.
 /// Shapes:  signals: C planes, features: d planes (>= 1), mask: all W x H. Result: C planes, W x H.
 /// Units:   features are divided by their range sigmas beforehand, so that 1 is one sigma; the signal's unit
 ///          does not matter.
-/// Mask:    weight >= 0 of a pixel in splats, clusters and blurs. A pixel of weight 0 gives nothing, yet
-///          takes: its result is what its features find on the manifolds, or its own signal where they find
-///          nothing. Signals and features must be finite everywhere, under the mask too.
+/// Mask:    weight >= 0 of a pixel in splats, clusters and blurs. A pixel of weight 0 contributes nothing;
+///          its result is what its features find on the manifolds, or its own signal where they find nothing.
+///          Signals and features must be finite everywhere, also where the mask is 0.
 /// Edges:   clamped.
 /// Threads: safe concurrently; the result is identical for any pool, null included, and any instruction set.
-/// Source:  Gastal & Oliveira 2012, with box-mean downsampling, deterministic clustering and all recursion on
-///          coarse grids; oracle: manifold_slow.cc.
+/// Source:  Gastal & Oliveira 2012, Algorithm 1 and Eq. (4), without the outliers' adjustment of Eq. (10);
+///          box-mean downsampling, deterministic clusters and all recursion on coarse grids
+///          (docs/decisions/0006-filter-deviations.md). Oracle: manifold_slow.cc.
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
                       const ManifoldParams& params, TaskPool* pool);
 
-/// Points of the space that lie between pixels: the sub-samples of pixels on edges.
+/// Points in feature space that belong to no pixel centre: the sub-samples of edge pixels.
 struct SlicePoints {
   size_t samples = 1;                      // points of a pixel
   std::vector<std::array<int, 2>> pixels;  // x, y of each pixel that has points
-  /// The last features of each point, in the unit of the filter's: feature k of point j of pixel i at
-  /// [(i * own_features + k) * samples + j]. The first d - own_features are the pixel's.
+  /// The last features of each point, in units of the filter's features: feature k of point j of pixel i is
+  /// at [(i * own_features + k) * samples + j]. The first d - own_features features are the pixel's.
   size_t own_features = 0;
   std::vector<float> features;
-  /// What the squared distance over the pixel's features is divided by: a patch on an edge mixes its
-  /// surfaces.
+  /// Divisor of the squared distance over the pixel's features, whose patch on an edge mixes surfaces.
   float pixel_divisor = 16;
 };
 
-/// What the points found.
+/// The filter's result at points.
 struct SlicedPoints {
   /// Channel c of point j of pixel i at [(i * C + c) * samples + j].
   std::vector<float> values;
-  /// Sum over manifolds of w * up(Psi0), at [i * samples + j]; 0 where a point found nothing, whose values
-  /// are 0.
+  /// Sum over manifolds of w * up(Psi0), at [i * samples + j]; 0 where a point found nothing; its values are
+  /// then 0.
   std::vector<float> weights;
 };
 
-/// What one run of the filter gives.
+/// Result of one run of the filter.
 struct ManifoldResult {
   Planes filtered;
   SlicedPoints points;  // empty where none were asked for
 };
 
-/// ManifoldFilter with a reach of its own and points: manifolds, weights and splats are those of
-/// params.sigma_s, the blur along the manifolds is of sigma `reach` (pixels, > 0). With params.sigma_s for
-/// it, `filtered` is ManifoldFilter's. `points`, which may be null, are read from the same manifolds without
-/// another blur. Source of the points: Gruzdev et al. 2015, antialiasing.
+/// ManifoldFilter with a blur of its own and with points. Manifolds and splats are those of params.sigma_s;
+/// the blur along the manifolds has sigma `reach` (pixels, > 0). With reach = params.sigma_s, `filtered` is
+/// ManifoldFilter's. `points`, which may be null, are read from the same manifolds without another blur.
+/// Source: the points are those of Gruzdev et al. 2015, antialiasing.
 ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& features, ConstFloatView mask,
                                       const ManifoldParams& params, float reach, const SlicePoints* points,
                                       TaskPool* pool);

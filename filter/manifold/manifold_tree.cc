@@ -10,7 +10,7 @@
 namespace lumifold::filter {
 namespace {
 
-/// Low-passed weighted features to heights, in place; `fallback` (0 where null) where there is no weight.
+/// eta = eta / weight, in place; `fallback` (0 where null) where there is no weight.
 void DivideByWeight(const Plane& weight, const Plane* fallback, Plane* eta) {
   const std::vector<float> zeros(static_cast<size_t>(eta->width()), 0.0f);
   for (int y = 0; y < eta->height(); ++y) {
@@ -19,10 +19,10 @@ void DivideByWeight(const Plane& weight, const Plane* fallback, Plane* eta) {
   }
 }
 
-/// Rows of cells from one that the axis is measured on to the next.
+/// Distance between the rows of cells that the axis is measured on.
 int AxisRowStep(const Plane& cells) { return std::max(1, cells.height() / kAxisRows); }
 
-/// The rows that the axis is measured on.
+/// Every AxisRowStep()-th row.
 Plane AxisRows(const Plane& cells) {
   const int step = AxisRowStep(cells);
   Plane rows = Plane::Uninitialized(cells.width(), (cells.height() + step - 1) / step);
@@ -36,8 +36,8 @@ ClusterSums AxisRows(const ClusterSums& sums) {
   return rows;
 }
 
-/// Covariance of the cells' mean features about the manifold, each cell weighing what its cluster weighs
-/// there, over the rows of `sums`, every `step`-th of the manifold. Row-major d x d.
+/// Covariance of the cells' mean features around the manifold, weighted by the cluster's weight in each cell.
+/// Row y of `sums` is row y * step of the manifold. Row-major d x d.
 std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta, int step) {
   const size_t d = eta.size();
   std::vector<double> covariance(d * d, 0.0);
@@ -84,7 +84,7 @@ std::vector<float> SplitAxis(const std::vector<double>& covariance, double weigh
     spread += covariance[k * d + k];
   }
   if (!(spread > kLeastSpread * weight))
-    iterations = 0;  // all cells lie on the manifold: any direction serves
+    iterations = 0;  // all cells lie on the manifold: it has no principal axis
   for (int step = 0; step < iterations; ++step) {
     std::vector<double> next(d, 0.0);
     for (size_t i = 0; i < d; ++i) {

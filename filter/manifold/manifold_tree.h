@@ -8,24 +8,27 @@
 
 namespace lumifold::filter {
 
-/// One manifold, on the coarse grid.
+/// One manifold eta_k, sampled on the coarse grid.
 struct Manifold {
-  Planes eta;               // its height in each feature
-  std::vector<float> axis;  // the direction that splits its cluster in two
+  Planes eta;               // its value in each feature
+  std::vector<float> axis;  // v1, the principal axis that splits its cluster in two; Eq. (6)
 };
 
-/// What a cluster leaves on the coarse grid: mean over each cell's pixels of weight * u, and of the weight.
+/// A cluster on the coarse grid: means over each cell's pixels of weight * u, and of the weight.
 struct ClusterSums {
   Planes weighted;
   Plane weight;
 };
 
-/// Planes to be written: their values are anything.
+/// Uninitialised planes.
 ClusterSums MakeClusterSums(size_t features, const Lattice& lattice);
 
-/// The manifold through a cluster: low-passed weighted features over low-passed weight; `parent`'s height
-/// where there is no weight (0 when parent is null). Its axis: `iterations` steps of power iteration on the
-/// cells' covariance about the manifold; left empty for 0. Threads: identical for any pool.
+/// The manifold of a cluster: low-passed weighted features over low-passed weight; `parent`'s value where
+/// there is no weight (0 where parent is null). Its axis comes from `iterations` steps of power iteration on
+/// the covariance of the cells around the manifold; it is empty for 0 iterations.
+/// Units:   sigma_cells in cells.
+/// Threads: identical for any pool.
+/// Source:  Gastal & Oliveira 2012, Algorithm 1, steps 1 and 4, Eq. (7) and (8); the axis: Appendix B.
 Manifold MakeManifold(ClusterSums sums, const Planes* parent, float sigma_cells, int iterations,
                       TaskPool* pool);
 

@@ -7,10 +7,12 @@
 
 namespace lumifold::filter {
 
-/// Reads rows of pixels back from the manifolds of a level. Holds scratch memory: one for each task.
+/// Gathers rows of pixels from the blurred manifolds of a level, bilinearly between cells.
+/// Threads: holds scratch memory, so one object for each task.
+/// Source:  Gastal & Oliveira 2012, slicing: the sums of Eq. (4).
 class StripSlice {
  public:
-  /// `psi`: a manifold's blurred planes of cells, C of signals and one of the weight.
+  /// `psi`: for each manifold the blurred planes of cells, C of signals and one of the weight.
   StripSlice(const PixelState& state, const std::vector<Planes>& psi);
 
   /// (*sums)[c] += sum over manifolds of w * psi, in pixel row y.
@@ -25,8 +27,8 @@ class StripSlice {
   std::vector<float*> sum_rows_;
 };
 
-/// Adds w * psi of a level's manifolds to the points' sums: values and weights, as SlicedPoints lays them
-/// out.
+/// Adds w * psi of a level's manifolds to the points' sums: values and weights, laid out as in SlicedPoints.
+/// Source: Gruzdev et al. 2015, antialiasing.
 void SlicePointsAt(const PixelState& state, const std::vector<Manifold>& manifolds,
                    const std::vector<Planes>& psi, const SlicePoints& points, TaskPool* pool,
                    SlicedPoints* sums);

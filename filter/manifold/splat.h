@@ -7,29 +7,31 @@
 
 namespace lumifold::filter {
 
-/// What pixels bring to the manifolds and what they keep from level to level, at full resolution.
+/// Per-pixel data at full resolution: the filter's input, and what is kept from level to level of the tree.
 struct PixelState {
   const Planes& signals;
   const Planes& features;
   Plane mask;
   Lattice lattice;
   Widening widening;
-  Plane members;      // mask times how far the pixel belongs to its cluster
-  Plane labels;       // the manifold of the present level whose cluster the pixel belongs to
+  Plane members;      // mask times the pixel's membership in its cluster, 0 to 1
+  Plane labels;       // manifold of the current level whose cluster the pixel belongs to
   Plane next_labels;  // the same of the next level
-  Planes weights;     // a manifold of the present level: the pixel's weight on it
+  Planes weights;     // for each manifold of the current level: w_ki, the pixel's weight on it
 };
 
-/// All manifolds of one level. Manifold i's children are 2i and 2i + 1 of the next level.
+/// All manifolds of one level of the tree. The children of manifold i are 2i and 2i + 1 of the next level.
 struct Level {
   std::vector<Manifold> manifolds;
-  std::vector<Planes>
-      splats;  // a manifold: C planes of cells with the mean of mask * w * f, one with that of mask * w
+  std::vector<Planes> splats;  // for each manifold, per cell: mean of mask * w * f (C planes), of mask * w
   std::vector<ClusterSums> children;  // of the next level's clusters; empty at the last level
 };
 
-/// Splats pixels onto the manifolds of a level, a row of cells at a time, in strips that stay in the cache.
-/// Holds scratch memory: one for each task. Rows of cells are independent of each other.
+/// Splats pixels onto the manifolds of a level, one row of cells at a time, in strips that stay in the cache;
+/// also splits each cluster by its axis and sums its children.
+/// Threads: holds scratch memory, so one object for each task; rows of cells are independent.
+/// Source:  Gastal & Oliveira 2012, splatting, Eq. (3) and (5), with box means onto cells; the clusters, Eq.
+///          (6).
 class StripSplat {
  public:
   StripSplat(PixelState* state, Level* level);
@@ -52,7 +54,8 @@ class StripSplat {
   std::vector<const float*> upper_, lower_, feature_rows_, signal_rows_;
 };
 
-/// Sums of mask * feature and of mask over each cell, as means: the root's cluster. One row of cells.
+/// Means of mask * feature and of mask over each cell of one row: the cluster of the root, which has all
+/// pixels.
 void RootCellRow(const PixelState& state, int row, ClusterSums* sums);
 
 }  // namespace lumifold::filter

@@ -1,42 +1,36 @@
 #include "tests/charts/knee.h"
 
 #include <algorithm>
-#include <array>
 #include <limits>
-#include <utility>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "filter/denoise/denoise.h"
 #include "filter/image/file_io.h"
+#include "filter/image/planes.h"
 #include "tests/charts/figure.h"
 #include "tests/support/cpu_seconds.h"
 
 namespace lumifold::charts {
 namespace {
 
-using filter::DenoiseParts;
+constexpr char kNothing[] = "nothing";
 
-struct Part {
-  const char* name;
-  bool DenoiseParts::*is_on;  // null: nothing is left out
-};
-
-constexpr std::array<Part, 11> kParts = {{{"nothing", nullptr},
-                                          {"NLM space", &DenoiseParts::patches},
-                                          {"normals", &DenoiseParts::normals},
-                                          {"depth", &DenoiseParts::depth},
-                                          {"edge antialiasing", &DenoiseParts::edge_points},
-                                          {"levels of reflection", &DenoiseParts::levels},
-                                          {"firefly step", &DenoiseParts::fireflies},
-                                          {"first order", &DenoiseParts::first_order},
-                                          {"second pass", &DenoiseParts::second_pass},
-                                          {"choice of scale", &DenoiseParts::choice},
-                                          {"drawing back to C", &DenoiseParts::convergence}}};
+/// What can be left out, by name: first nothing, then each guide and each stage that can be switched off.
+std::vector<std::string> PartNames() {
+  std::vector<std::string> names = {kNothing};
+  for (const filter::GuideInfo& guide : filter::Guides()) names.emplace_back(guide.name);
+  for (const filter::StageInfo& stage : filter::Stages()) {
+    if (!stage.is_required) names.emplace_back(stage.name);
+  }
+  return names;
+}
 
 const KneePoint& WholeOf(const std::vector<KneePoint>& points, const KneePoint& like) {
   return *std::find_if(points.begin(), points.end(), [&](const KneePoint& point) {
-    return point.scene == like.scene && point.samples == like.samples && point.part == kParts[0].name;
+    return point.scene == like.scene && point.samples == like.samples && point.part == kNothing;
   });
 }
 
@@ -54,8 +48,8 @@ Ratios RatiosOf(const std::vector<KneePoint>& points, const KneePoint& point) {
 Figure KneeFigure(const std::vector<KneePoint>& points, const std::string& title, const std::string& label,
                   double Ratios::*value) {
   Figure figure{title, label, "", {}, {}};
-  for (const Part& part : kParts) {
-    if (part.is_on != nullptr) figure.rows.emplace_back(part.name);
+  for (const std::string& name : PartNames()) {
+    if (name != kNothing) figure.rows.push_back(name);
   }
   for (const KneePoint& point : points) {
     const auto row = std::find(figure.rows.begin(), figure.rows.end(), point.part);
@@ -104,24 +98,22 @@ std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& refe
   constexpr int kRounds = 3;
   const EdgedImage& film = subject.timed.film;
   std::vector<KneePoint> points;
-  points.reserve(kParts.size());
-  for (const Part& part : kParts) {
+  for (const std::string& name : PartNames()) {
     points.push_back({subject.scene,
                       static_cast<int>(subject.settings.samples),
-                      part.name,
+                      name,
                       {},
                       std::numeric_limits<double>::max()});
   }
   // In turns: what slows the machine down for a while slows all of them.
   for (int round = 0; round < kRounds; ++round) {
-    for (size_t i = 0; i < kParts.size(); ++i) {
-      DenoiseParts parts;
-      if (kParts[i].is_on != nullptr) parts.*kParts[i].is_on = false;
+    for (KneePoint& point : points) {
+      filter::DenoiseOptions options;
+      if (point.part != kNothing) options.off.push_back(point.part);
       const double start = CpuSeconds();
-      const std::array<Plane, 3> picture = filter::Denoise(film.pixels, &film.edges, pool, parts);
-      points[i].seconds = std::min(points[i].seconds, CpuSeconds() - start);
-      if (round == 0)
-        points[i].errors = Judge({picture[0].view(), picture[1].view(), picture[2].view()}, reference, true);
+      const Picture picture = filter::Denoise(film.pixels, &film.edges, pool, options);
+      point.seconds = std::min(point.seconds, CpuSeconds() - start);
+      if (round == 0) point.errors = Judge(ViewOf(picture), reference, true);
     }
   }
   return points;

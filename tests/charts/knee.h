@@ -9,16 +9,16 @@
 
 namespace lumifold::charts {
 
-/// The default method without one of its parts, on one film: error and cost over those of the whole.
+/// The default method without one stage or guide, on one film: error and cost.
 struct KneePoint {
   std::string scene;
   int samples = 0;
-  std::string part;  // what is left out; "nothing" for the whole method
+  std::string part;  // name of the stage or guide that is off; "nothing" for the whole method
   Errors errors;
   double seconds = 0;  // processor seconds of the filter
 };
 
-/// Filters a film with each part of the default method left out, one at a time.
+/// Filters a film with each stage and each guide of the default method switched off, one at a time.
 std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& reference, TaskPool* pool);
 
 /// Draws what each part buys ("knee-error") and costs ("knee-cost"), and writes knee.csv and knee.md.

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -114,23 +115,20 @@ EdgedImage MergeStage(const FilmSettings& settings, std::vector<TileUnits> tiles
   return film;
 }
 
-/// The default method once more, timed step by step.
+/// The default method once more, timed stage by stage; the stages of layers are summed over all layers.
 std::vector<Stage> FilterStages(const EdgedImage& film, TaskPool* pool) {
-  const std::array<std::string, filter::kDenoiseSteps> names = {
-      "layers taken from the film", "direct light",        "indirect light", "gloss, mirrors, glass",
-      "what layers leave",          "edges: T, E, points", "edges relit",    "edges and mirrors fitted",
-      "drawing back to C"};
   std::vector<Stage> stages;
-  stages.reserve(names.size());
-  for (const std::string& name : names) stages.push_back({name, 0, 0});
+  for (const filter::StageInfo& info : filter::Stages()) stages.push_back({std::string(info.name), 0, 0});
   double last = CpuSeconds();
-  filter::DenoiseParts parts;
-  parts.watch = [&](filter::DenoiseStep step) {
+  filter::DenoiseOptions options;
+  options.watch = [&](std::string_view name) {
     const double now = CpuSeconds();
-    stages[static_cast<size_t>(step)].seconds += now - last;
+    for (Stage& stage : stages) {
+      if (stage.name == name) stage.seconds += now - last;
+    }
     last = now;
   };
-  filter::Denoise(film.pixels, &film.edges, pool, parts);
+  filter::Denoise(film.pixels, &film.edges, pool, options);
   return stages;
 }
 

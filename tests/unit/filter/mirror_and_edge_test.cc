@@ -233,15 +233,15 @@ TEST(EdgeAntialiasing, TakesTheMeanOfTheProducts) {
   EXPECT_NEAR(mean, 0.505, 0.045);  // three deviations of C in so many pixels
 }
 
-TEST(DenoiseParts, WithoutEdgePointsOrLevelsThereIsMoreError) {
+TEST(Stages, WithoutEdgesOrLevelsThereIsMoreError) {
   const LayeredImage edge_film = EdgeFilm();
   const LayeredImage edges = EdgeSet();
-  const auto without_points = Denoise(edge_film, &edges, nullptr, {.edge_points = false});
+  const auto without_stages = Denoise(edge_film, &edges, nullptr, {.off = {"antialiasing", "coverage", "relighting", "regression"}, .watch = {}});
   const auto without_edges = Filtered(edge_film, nullptr);
   for (int y = 0; y < kHeight; ++y)
-    EXPECT_EQ(without_points[0].At(kEdgeColumn, y), without_edges[0].At(kEdgeColumn, y)) << y;
+    EXPECT_EQ(without_stages[0].At(kEdgeColumn, y), without_edges[0].At(kEdgeColumn, y)) << y;
   const LayeredImage mirror_film = MirrorFilm();
-  const auto without_levels = Denoise(mirror_film, nullptr, nullptr, {.levels = false});
+  const auto without_levels = Denoise(mirror_film, nullptr, nullptr, {.off = {"levels"}, .watch = {}});
   EXPECT_GT(MirrorError(without_levels[1].view()),
             1.5 * MirrorError(Filtered(mirror_film, nullptr)[1].view()));
 }
@@ -260,13 +260,13 @@ TEST(EdgeAntialiasing, ReadsNoLightWhereASubSampleShowsAMirror) {
   const LayeredImage film = EdgeFilm();
   LayeredImage edges = EdgeSet();
   for (int y = 1; y < kHeight; ++y) edges.Get(layers::kMask).At(5, y) = 0;  // hit, not diffuse, not radiating
-  EXPECT_EQ(EdgePointsOf(film, edges, 1.0f, std::numeric_limits<float>::infinity(), kSigmaNormal).rows,
+  EXPECT_EQ(EdgePointsOf(Frame(film, &edges), 1.0f, std::numeric_limits<float>::infinity(), kSigmaNormal).rows,
             std::vector<int>{0});
 }
 
 // A lamp of radiance 8 that covers half of an edge pixel, which few samples hit by chance.
 
-TEST(EdgeMeans, TakeOutTheNoiseOfWhereFewSamplesFell) {
+TEST(CoverageChange, TakeOutTheNoiseOfWhereFewSamplesFell) {
   LayeredImage film = WallFilm();  // two samples a pixel
   LayeredImage edges = EdgeSet();
   Set(film.GetColor(layers::kEmission), kEdgeColumn, 5, 8.0f);  // both hit
@@ -278,7 +278,7 @@ TEST(EdgeMeans, TakeOutTheNoiseOfWhereFewSamplesFell) {
   }
   Planes light = MakePlanes(3, kWidth, kHeight);
   for (Plane& plane : light) plane.Fill(1.5f);
-  const Planes change = EdgeMeansChange(film, &edges, light, nullptr);
+  const Planes change = CoverageChange(Frame(film, &edges), light, nullptr);
   // Two samples beside 256 / 2 that say nothing, and no other pixel alike; then own ones once more.
   const float share = (1 - 2.0f / (2.0f + 128.0f)) * (1 - 4.0f / (4.0f + 1024.0f));
   EXPECT_NEAR(change[1].At(kEdgeColumn, 5), share * ((4.0f - 8.0f) + 1.5f * 0.3f), 1e-5f);
@@ -286,14 +286,14 @@ TEST(EdgeMeans, TakeOutTheNoiseOfWhereFewSamplesFell) {
 
   for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB})
     film.Get(count).At(kEdgeColumn, 5) = 2048;
-  EXPECT_NEAR(EdgeMeansChange(film, &edges, light, nullptr)[1].At(kEdgeColumn, 5), 0, 1e-4f);
-  EXPECT_EQ(EdgeMeansChange(film, nullptr, light, nullptr)[1].At(kEdgeColumn, 5), 0);
+  EXPECT_NEAR(CoverageChange(Frame(film, &edges), light, nullptr)[1].At(kEdgeColumn, 5), 0, 1e-4f);
+  EXPECT_EQ(CoverageChange(Frame(film, nullptr), light, nullptr)[1].At(kEdgeColumn, 5), 0);
 }
 
 // A lamp of radiance 8 left of the edge, which covers a twentieth of the pixels there: so little that all
 // sub-samples miss it, and of 16 samples four fall on it in every fifth pixel.
 
-TEST(EdgeMeans, FindWhatSubSamplesMissByThePixelsAlike) {
+TEST(CoverageChange, FindWhatSubSamplesMissByThePixelsAlike) {
   LayeredImage film = WallFilm();
   LayeredImage edges = EdgeSet();
   const ColorView emission = film.GetColor(layers::kEmission);
@@ -305,7 +305,7 @@ TEST(EdgeMeans, FindWhatSubSamplesMissByThePixelsAlike) {
     for (int j = 0; j < kSubSamples; ++j) Set(edges.GetColor(layers::kAlbedo), j, y, 0.0f);
   }
   const Planes none = MakePlanes(3, kWidth, kHeight);
-  const Planes change = EdgeMeansChange(film, &edges, none, nullptr);
+  const Planes change = CoverageChange(Frame(film, &edges), none, nullptr);
   for (int y = 16; y < kHeight - 16; ++y) {
     const float steady = emission[1].At(kEdgeColumn, y) + change[1].At(kEdgeColumn, y);
     EXPECT_GT(steady, 0.25f) << y;  // of .4; without the pixels alike: 0 or 1
@@ -322,7 +322,7 @@ LayeredImage ShowingMirror(LayeredImage film, const Rect& where) {
   return film;
 }
 
-TEST(EdgeMeans, LeaveTWhereAMirrorTakesPartOfThePixel) {
+TEST(CoverageChange, LeaveTWhereAMirrorTakesPartOfThePixel) {
   constexpr Rect kMirrored = {kEdgeColumn, 0, kEdgeColumn + 1, 6};
   const LayeredImage film = ShowingMirror(WallFilm(), kMirrored);
   LayeredImage edges = EdgeSet();
@@ -334,7 +334,7 @@ TEST(EdgeMeans, LeaveTWhereAMirrorTakesPartOfThePixel) {
   }
   Planes light = MakePlanes(3, kWidth, kHeight);
   for (Plane& plane : light) plane.Fill(1.5f);
-  const Planes change = EdgeMeansChange(film, &edges, light, nullptr);
+  const Planes change = CoverageChange(Frame(film, &edges), light, nullptr);
   EXPECT_EQ(change[1].At(kEdgeColumn, 5), 0);
   EXPECT_GT(change[1].At(kEdgeColumn, 6), 0.8f);  // .6 of 1.5, which the own samples did not see
 }
@@ -367,7 +367,7 @@ TEST(EdgeRegression, TakesOutABiasOfEdgesAndLeavesTheRest) {
   const LayeredImage edges = EdgeSet();
   const Planes none = MakePlanes(3, kWidth, kHeight);
   std::array<Plane, 3> biased = PictureWithEdge(1.4f);  // C is about 0.5 there
-  RegressEdges(film, &edges, none, nullptr, &biased);
+  RegressEdges(Frame(film, &edges), none, nullptr, &biased);
   EXPECT_LT(MeanAtEdge(biased), 0.6);
   for (const int side : {0, 1}) {
     const int outwards = 2 * side - 1;
@@ -422,7 +422,7 @@ double ErrorAfterRegression(std::string_view side_channel, float mean, float off
     plane = Plane(kWidth, kHeight);
     plane.Fill(0.5f);
   }
-  RegressEdges(film, &edges, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  RegressEdges(Frame(film, &edges), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
   double square = 0;
   for (int y = kPatch.y0; y < kPatch.y1; ++y) {
     for (int x = kPatch.x0; x < kPatch.x1; ++x) {
@@ -467,7 +467,7 @@ float ChangeInMirror(float off, float firefly) {
     plane = Plane(kWidth, kHeight);
     plane.Fill(0.5f);
   }
-  RegressEdges(film, nullptr, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  RegressEdges(Frame(film, nullptr), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
   return picture[0].At(kX, kY) - 0.5f;
 }
 
@@ -485,7 +485,7 @@ TEST(EdgeRegression, BelievesTheFitsTheMoreOfMoreSamples) {
     for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB})
       for (int y = 0; y < kHeight; ++y) std::fill_n(film.Get(count).Row(y), kWidth, samples);
     std::array<Plane, 3> picture = PictureWithEdge(1.4f);
-    RegressEdges(film, &edges, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+    RegressEdges(Frame(film, &edges), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
     EXPECT_LT(MeanAtEdge(picture), before) << samples;
     before = MeanAtEdge(picture);
   }
@@ -497,7 +497,7 @@ TEST(EdgeRegression, FitsMetalsOffTheEdgeSetToo) {
     film.AddColor(layers::kGlossyAlbedo);
     for (int y = 0; y < kHeight; ++y) Set(film.GetColor(layers::kGlossyAlbedo), kEdgeColumn, y, specular);
     std::array<Plane, 3> picture = PictureWithEdge(1.4f);
-    RegressEdges(film, nullptr, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+    RegressEdges(Frame(film, nullptr), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
     if (specular < 0.5f) {
       EXPECT_EQ(picture[0].At(kEdgeColumn, 9), 1.4f);
     } else {
@@ -511,7 +511,7 @@ TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {
   for (int y = 0; y < kHeight; ++y) std::fill_n(film.Get(layers::kSamplesB).Row(y), kWidth, 0.0f);
   const LayeredImage edges = EdgeSet();
   std::array<Plane, 3> picture = PictureWithEdge(1.4f);
-  RegressEdges(film, &edges, MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  RegressEdges(Frame(film, &edges), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
   for (int y = 0; y < kHeight; ++y) EXPECT_EQ(picture[0].At(kEdgeColumn, y), 1.4f) << y;
 }
 
@@ -519,7 +519,7 @@ TEST(EdgeRegression, ScalesWithTheUnitOfLightAndStaysFinite) {
   const LayeredImage edges = EdgeSet();
   const Planes none = MakePlanes(3, kWidth, kHeight);
   std::array<Plane, 3> plain = PictureWithEdge(1.4f);
-  RegressEdges(EdgeFilm(), &edges, none, nullptr, &plain);
+  RegressEdges(Frame(EdgeFilm(), &edges), none, nullptr, &plain);
   for (const float factor : {1e-20f, 1e20f}) {
     LayeredImage film = EdgeFilm();
     std::array<Plane, 3> picture = PictureWithEdge(1.4f);
@@ -529,12 +529,12 @@ TEST(EdgeRegression, ScalesWithTheUnitOfLightAndStaysFinite) {
       }
     }
     ScaleRadiance(factor, &film);
-    RegressEdges(film, &edges, none, nullptr, &picture);
+    RegressEdges(Frame(film, &edges), none, nullptr, &picture);
     for (int y = 0; y < kHeight; ++y)
       EXPECT_NEAR(picture[0].At(kEdgeColumn, y) / factor, plain[0].At(kEdgeColumn, y), 1e-4f) << y;
     film.GetColor(layers::HalfA(layers::kNoisy))[0].At(kEdgeColumn, 20) = NAN;
     film.Get(layers::kNormalX).At(kEdgeColumn + 1, 30) = INFINITY;
-    RegressEdges(film, &edges, none, nullptr, &picture);
+    RegressEdges(Frame(film, &edges), none, nullptr, &picture);
     for (int y = 0; y < kHeight; ++y) EXPECT_TRUE(std::isfinite(picture[0].At(kEdgeColumn, y))) << y;
   }
 }

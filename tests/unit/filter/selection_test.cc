@@ -52,9 +52,8 @@ Candidate ConstantCandidate() {
 TEST(SelectCandidates, TakesTheFilterWhereItIsRightAndTheInputWhereItIsWrong) {
   const Halves halves = NoisyHalves();
   const Planes variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), nullptr);
-  std::vector<Candidate> candidates;
-  candidates.push_back(ConstantCandidate());
-  const Planes shares = SelectCandidates(halves, variance, candidates, {}, nullptr);
+  const Candidate candidate = ConstantCandidate();
+  const Planes shares = SelectCandidates(halves, variance, {&candidate}, {}, nullptr);
   ASSERT_EQ(shares.size(), 2u);
   EXPECT_GT(shares[1].At(10, 32), 0.95f);
   EXPECT_GT(shares[0].At(54, 32), 0.95f);
@@ -84,9 +83,8 @@ Candidate WrongBesideTheRim() {
 TEST(SelectCandidates, LetsNoLampDecideForTheDarkBesideIt) {
   const Halves halves = RimInTheDark();
   const Planes variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), nullptr);
-  std::vector<Candidate> candidates;
-  candidates.push_back(WrongBesideTheRim());
-  const Planes shares = SelectCandidates(halves, variance, candidates, {}, nullptr);
+  const Candidate candidate = WrongBesideTheRim();
+  const Planes shares = SelectCandidates(halves, variance, {&candidate}, {}, nullptr);
   EXPECT_GT(shares[0].At(kRim - 2, 32), 0.95f);
 }
 
@@ -97,10 +95,8 @@ TEST(SelectCandidates, JudgesADifferenceByTheLightOfThePicture) {
   Candidate candidate = WrongBesideTheRim();
   SetPixels({&candidate.a, &candidate.b}, [](int x, float) { return x == kRim ? 0.0f : 0.1f; });
   const Planes variance = PixelVariance(halves.a, halves.b, halves.share_a.view(), nullptr);
-  std::vector<Candidate> candidates;
-  candidates.push_back(std::move(candidate));
   const auto raw_share = [&] {
-    return SelectCandidates(halves, variance, candidates, {}, nullptr)[0].At(kRim - 2, 32);
+    return SelectCandidates(halves, variance, {&candidate}, {}, nullptr)[0].At(kRim - 2, 32);
   };
   EXPECT_LT(raw_share(), 0.5f);
   halves.picture_light = Plane(kSize, kSize);

@@ -1,7 +1,7 @@
 #include "filter/baselines/guided.h"
 #include "filter/baselines/standardise.h"
-#include "filter/denoise/denoise.h"
 #include "filter/image/layers.h"
+#include "filter/layers/filter_layers.h"
 #include "filter/layers/halves.h"
 #include "tests/charts/methods/samples/methods.h"
 
@@ -24,8 +24,7 @@ Planes GuideLight(const LayeredImage& guide) {
 absl::StatusOr<std::array<Plane, 3>> FilterByGuideRays(const SampleSet& set, absl::Span<const float> values,
                                                        TaskPool* pool) {
   const Planes light = GuideLight(set.guide);
-  const auto filter_layer = [&](const filter::Halves& halves, const Planes& geometry,
-                                const filter::SlicePoints*) {
+  const auto filter_layer = [&](const filter::Halves& halves, const Planes& geometry) {
     Planes guide;
     for (const Plane& plane : geometry) guide.push_back(plane.Clone());
     if (halves.width() == set.width && halves.height() == set.height) {
@@ -34,11 +33,10 @@ absl::StatusOr<std::array<Plane, 3>> FilterByGuideRays(const SampleSet& set, abs
     const ConstFloatView mask = halves.weight.view();
     guide = filter::Standardise(guide, mask, true, pool, nullptr);
     const Planes mean = filter::Combine(halves.a, halves.b, halves.share_a.view(), pool);
-    return filter::FilteredLayer{filter::GuidedFilter(mean, guide, mask, static_cast<int>(values[0]),
-                                                      static_cast<double>(values[1]), pool),
-                                 {}};
+    return filter::GuidedFilter(mean, guide, mask, static_cast<int>(values[0]), static_cast<double>(values[1]),
+                                pool);
   };
-  return filter::FilterLayers(*set.film, nullptr, filter_layer, pool);
+  return filter::FilterLayers(*set.film, filter_layer, pool);
 }
 
 }  // namespace

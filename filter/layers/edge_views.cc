@@ -1,7 +1,6 @@
-#include "filter/edges/edge_views.h"
+#include "filter/layers/edge_views.h"
 
 #include <algorithm>
-#include <string>
 
 #include "filter/image/layers.h"
 
@@ -29,24 +28,14 @@ bool EdgeViews::IsPlain(int row) const {
   return true;
 }
 
-UnknownPixels::UnknownPixels(const LayeredImage& film, float max_glossy_albedo)
-    : max_glossy_albedo_(max_glossy_albedo) {
-  if (film.HasColor(layers::kGlossyAlbedo)) glossy_albedo_ = film.GetColor(layers::kGlossyAlbedo);
-  for (size_t i = 0; i < layers::kLevelCount; ++i) {
-    for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB}) {
-      const std::string name = layers::OfLevel(layers::Level::Of(i), count);
-      if (film.Has(name)) levels_.push_back(film.Get(name));
-    }
+void EdgeViews::ForEachPixel(const Rect& bounds, absl::FunctionRef<void(int, int, int)> body) const {
+  for (int row = 0; row < id.height(); ++row) {
+    const int px = static_cast<int>(x.At(0, row));
+    const int py = static_cast<int>(y.At(0, row));
+    const float* ids = id.Row(row);
+    const bool hits = std::any_of(ids, ids + id.width(), [](float instance) { return instance > 0; });
+    if (hits && bounds.Contains(px, py)) body(row, px, py);
   }
-}
-
-bool UnknownPixels::Contain(int x, int y) const {
-  const auto shines = [&](const ConstFloatView& s) {
-    return !s.IsEmpty() && s.At(x, y) > max_glossy_albedo_;
-  };
-  return std::any_of(glossy_albedo_.begin(), glossy_albedo_.end(), shines) ||
-         std::any_of(levels_.begin(), levels_.end(),
-                     [&](const ConstFloatView& count) { return count.At(x, y) > 0; });
 }
 
 }  // namespace lumifold::filter

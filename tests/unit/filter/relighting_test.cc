@@ -87,7 +87,7 @@ std::array<Plane, 3> NoisyPicture(const LayeredImage& film) {
 
 std::array<Plane, 3> Relit(const EdgedImage& film, TaskPool* pool = nullptr) {
   std::array<Plane, 3> picture = NoisyPicture(film.pixels);
-  RelightEdges(film.pixels, &film.edges, kMaxGlossyAlbedo, pool, &picture);
+  RelightEdges(Frame(film.pixels, &film.edges), kMaxGlossyAlbedo, pool, &picture);
   return picture;
 }
 

@@ -1,4 +1,4 @@
-#include "filter/layers/recombine.h"
+#include "filter/denoise/convergence.h"
 
 #include <gtest/gtest.h>
 
@@ -46,7 +46,7 @@ float OffAfterShrinking(float samples) {
     plane = Plane(kSize, kSize);
     plane.Fill(1 + kOff);
   }
-  ShrinkResidual(film, nullptr, &picture);
+  ShrinkResidual(Frame(film), nullptr, &picture);
   return picture[0].At(kBeside, kSize / 2) - 1;
 }
 
@@ -72,7 +72,7 @@ float ShownOfBright(int bright, float samples) {
       for (int i = 0; i < bright; ++i) film.GetColor(layer)[c].At(36 + i, 24) += 99;
     }
   }
-  ShrinkResidual(film, nullptr, &picture);
+  ShrinkResidual(Frame(film), nullptr, &picture);
   return picture[0].At(36, 24);
 }
 

@@ -1,0 +1,82 @@
+#include "filter/layers/frame.h"
+
+#include <string>
+#include <string_view>
+
+#include "filter/image/level_mask.h"
+
+namespace lumifold::filter {
+namespace {
+
+/// Reads channels by name; those that the film lacks give empty views.
+class Channels {
+ public:
+  explicit Channels(const LayeredImage& film) : film_(film) {}
+
+  ConstFloatView One(std::string_view name) const {
+    return film_.Has(name) ? film_.Get(name) : ConstFloatView{};
+  }
+  ConstColorView Color(std::string_view layer) const {
+    return film_.HasColor(layer) ? film_.GetColor(layer) : ConstColorView{};
+  }
+  HalvedLayer Halved(std::string_view layer) const {
+    return {Color(layer), Color(layers::HalfA(layer)), Color(layers::HalfB(layer))};
+  }
+
+ private:
+  const LayeredImage& film_;
+};
+
+SurfaceViews FirstSurface(const Channels& film) {
+  return {film.Color(layers::kAlbedo),
+          {film.One(layers::kNormalX), film.One(layers::kNormalY), film.One(layers::kNormalZ)},
+          film.One(layers::kDistance),
+          film.One(layers::kMask)};
+}
+
+LevelViews LevelOf(const Channels& film, layers::Level level) {
+  const auto name = [&](std::string_view channel) { return layers::OfLevel(level, channel); };
+  return {
+      level,
+      film.Halved(name(layers::kDirect)),
+      film.Halved(name(layers::kIndirect)),
+      film.Color(name(layers::kEmission)),
+      {film.Color(name(layers::kAlbedo)),
+       {film.One(name(layers::kNormalX)), film.One(name(layers::kNormalY)), film.One(name(layers::kNormalZ))},
+       film.One(name(layers::kDistance)),
+       film.One(name(layers::kMask))},
+      {film.One(name(layers::kSamplesA)), film.One(name(layers::kSamplesB))}};
+}
+
+bool HasAny(const LevelViews& level) {
+  return !level.direct.mean[0].IsEmpty() || !level.emission[0].IsEmpty() ||
+         !level.surface.albedo[0].IsEmpty() || !level.surface.mask.IsEmpty() || !level.samples.a.IsEmpty() ||
+         !level.samples.b.IsEmpty();
+}
+
+}  // namespace
+
+Frame::Frame(const LayeredImage& film, const LayeredImage* edge_set)
+    : width(film.width()), height(film.height()), level_mask(LevelMask(film)) {
+  const Channels channels(film);
+  combined = channels.Halved(layers::kNoisy);
+  direct = channels.Halved(layers::kDirect);
+  indirect = channels.Halved(layers::kIndirect);
+  emission = channels.Color(layers::kEmission);
+  surface = FirstSurface(channels);
+  object_id = channels.One(layers::kObjectId);
+  roughness = channels.One(layers::kRoughness);
+  glossy_albedo = channels.Color(layers::kGlossyAlbedo);
+  samples = {channels.One(layers::kSamplesA), channels.One(layers::kSamplesB)};
+  for (const layers::LobeLayer& lobe : layers::kLobeLayers) {
+    if (film.HasColor(lobe.light) && film.HasColor(lobe.factor))
+      lobes.push_back({channels.Halved(lobe.light), channels.Color(lobe.factor)});
+  }
+  for (size_t i = 0; i < layers::kLevelCount; ++i) {
+    LevelViews level = LevelOf(channels, layers::Level::Of(i));
+    if (HasAny(level)) levels.push_back(level);
+  }
+  if (edge_set != nullptr && !edge_set->channels().empty()) edges.emplace(*edge_set);
+}
+
+}  // namespace lumifold::filter

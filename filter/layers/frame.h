@@ -1,0 +1,75 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "filter/image/layered_image.h"
+#include "filter/image/layers.h"
+#include "filter/layers/edge_views.h"
+
+namespace lumifold::filter {
+
+/// A layer of light: the mean over all samples, and the means of its two independent halves.
+struct HalvedLayer {
+  ConstColorView mean, a, b;
+
+  bool IsEmpty() const { return mean[0].IsEmpty() || a[0].IsEmpty() || b[0].IsEmpty(); }
+};
+
+/// Sample counts of the two halves.
+struct SampleCounts {
+  ConstFloatView a, b;
+
+  bool IsEmpty() const { return a.IsEmpty() || b.IsEmpty(); }
+  float At(int x, int y) const { return a.At(x, y) + b.At(x, y); }
+  bool HasBoth(int x, int y) const { return a.At(x, y) > 0 && b.At(x, y) > 0; }
+};
+
+/// What is known of the surface that a pixel shows.
+struct SurfaceViews {
+  ConstColorView albedo;    // T, the throughput of the chain in it
+  ConstColorView normal;    // turned back by mirrors on the way
+  ConstFloatView distance;  // along the whole way; 0 where nothing is hit
+  ConstFloatView mask;      // part of the pixel that shows a surface with a diffuse lobe
+};
+
+/// Light of the first surface's lobes other than the diffuse one, and the layer that multiplies it.
+struct LobeViews {
+  HalvedLayer light;
+  ConstColorView factor;
+};
+
+/// The surface seen after a chain of delta events.
+struct LevelViews {
+  layers::Level level;
+  HalvedLayer direct, indirect;
+  ConstColorView emission;
+  SurfaceViews surface;
+  SampleCounts samples;
+};
+
+/// Typed views of a film and its edge set, resolved once; both must outlive it. Views of channels that the
+/// film lacks are empty. All others are W x H.
+struct Frame {
+  int width = 0;
+  int height = 0;
+  HalvedLayer combined;          // C
+  HalvedLayer direct, indirect;  // D, I
+  ConstColorView emission;       // E
+  SurfaceViews surface;          // of the first hit, with T
+  ConstFloatView object_id;
+  ConstFloatView roughness;
+  ConstColorView glossy_albedo;    // S
+  std::vector<LobeViews> lobes;    // G and transmitted light, where the film has both light and factor
+  std::vector<LevelViews> levels;  // all that the film has any channel of, in the order of their index
+  SampleCounts samples;            // of the first hit
+  Plane level_mask;                // 1 where a pixel shows a level, else 0
+  std::optional<EdgeViews> edges;
+
+  /// `edges` may be null or without channels.
+  explicit Frame(const LayeredImage& film, const LayeredImage* edge_set = nullptr);
+
+  Rect bounds() const { return {0, 0, width, height}; }
+};
+
+}  // namespace lumifold::filter

@@ -1,0 +1,117 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "filter/denoise/denoise.h"
+#include "filter/image/layers.h"
+#include "filter/methods.h"
+#include "is_finite.h"
+#include "synthetic_film.h"
+
+namespace lumifold::filter {
+namespace {
+
+/// The synthetic film with one firefly.
+LayeredImage Film() {
+  LayeredImage film = MakeSyntheticFilm(72, 48, 0.4f, 5).film;
+  for (const char* channel : {"direct.R", "noisy.R"}) film.Get(channel).At(30, 30) += 40;
+  for (const char* channel : {"direct_a.R", "noisy_a.R"}) film.Get(channel).At(30, 30) += 80;
+  return film;
+}
+
+bool AreEqual(const Picture& a, const Picture& b) {
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < a[c].height(); ++y) {
+      if (!std::equal(a[c].Row(y), a[c].Row(y) + a[c].width(), b[c].Row(y))) return false;
+    }
+  }
+  return true;
+}
+
+Picture Without(const LayeredImage& film, const SwitchedOff& off) {
+  return Denoise(film, nullptr, nullptr, {.off = off, .watch = {}});
+}
+
+TEST(Stages, AreTheDefaultMethod) {
+  const LayeredImage film = Film();
+  EXPECT_TRUE(AreEqual(Denoise(film, nullptr, nullptr), *FilterFilm(film, "default", nullptr)));
+}
+
+TEST(Stages, HaveNamesOfTheirOwnAndSayWhatTheyDo) {
+  std::vector<std::string_view> names;
+  for (const StageInfo& stage : Stages()) {
+    names.push_back(stage.name);
+    for (const std::string_view text :
+         {stage.name, stage.reads, stage.writes, stage.off_when, stage.source, stage.header})
+      EXPECT_FALSE(text.empty()) << stage.name;
+  }
+  for (const GuideInfo& guide : Guides()) names.push_back(guide.name);
+  std::sort(names.begin(), names.end());
+  EXPECT_EQ(std::adjacent_find(names.begin(), names.end()), names.end());
+}
+
+TEST(Stages, ChangeThePictureWhereTheyAreOff) {
+  const LayeredImage film = Film();
+  const Picture whole = Denoise(film, nullptr, nullptr);
+  for (const char* name : {"patches", "normals", "depth", "first-order", "fireflies", "firefly-energy",
+                           "first-filtering", "second-filtering", "choice", "remainder"}) {
+    const Picture without = Without(film, {name});
+    EXPECT_TRUE(IsFinite(without)) << name;
+    EXPECT_FALSE(AreEqual(whole, without)) << name;
+  }
+}
+
+// With the choice on, nothing is left for it to do in a film as plain as this.
+TEST(Stages, ConvergenceMattersWhereTheFilterIsWrong) {
+  const LayeredImage film = MakeSyntheticFilm(72, 48, 0.05f, 5).film;
+  EXPECT_FALSE(
+      AreEqual(Without(film, {"patches", "choice"}), Without(film, {"patches", "choice", "convergence"})));
+}
+
+TEST(Stages, WithoutAnyOfThemThePictureIsC) {
+  const LayeredImage film = Film();
+  SwitchedOff off;
+  for (const StageInfo& stage : Stages()) {
+    if (!stage.is_required) off.emplace_back(stage.name);
+  }
+  const Picture picture = Without(film, off);
+  const ConstColorView noisy = film.GetColor(layers::kNoisy);
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < film.height(); ++y) {
+      for (int x = 0; x < film.width(); ++x) ASSERT_NEAR(picture[c].At(x, y), noisy[c].At(x, y), 1e-5f);
+    }
+  }
+}
+
+TEST(Stages, RefuseNamesThatCannotBeSwitchedOff) {
+  EXPECT_TRUE(CheckSwitchedOff({"relighting", "depth"}).ok());
+  EXPECT_THAT(CheckSwitchedOff({"gloss"}).message(), testing::HasSubstr("'gloss'"));
+  EXPECT_FALSE(CheckSwitchedOff({"recombination"}).ok());
+}
+
+TEST(Stages, AreWatchedInTheirOrder) {
+  const LayeredImage film = Film();
+  std::vector<std::string> ended;
+  const StageWatch watch = [&](std::string_view stage) { ended.emplace_back(stage); };
+  EXPECT_TRUE(AreEqual(Denoise(film, nullptr, nullptr, {.off = {}, .watch = watch}),
+                       Denoise(film, nullptr, nullptr)));
+  EXPECT_EQ(ended.front(), "layers");
+  EXPECT_EQ(ended.back(), "convergence");
+  for (const std::string& name : ended) {
+    EXPECT_TRUE(std::any_of(Stages().begin(), Stages().end(),
+                            [&](const StageInfo& stage) { return stage.name == name; }))
+        << name;
+  }
+}
+
+TEST(Stages, TellWhatABlockHasToSeeBeyondItsCore) {
+  EXPECT_EQ(BlurWindow(16), 60);  // 1/200 of the weight is left there
+  EXPECT_EQ(DenoiseApron(), 64);  // of the second filtering in the largest picture
+}
+
+}  // namespace
+}  // namespace lumifold::filter

@@ -33,6 +33,9 @@ RETIRED_IN_PAGES = (
 )
 
 LINK = re.compile(r"\[(?P<text>[^\]]*)\]\((?P<target>[^)\s]+)\)")
+FILE = re.compile(
+    r"(?<![\w/.-])(?:client|deploy|docs|filter|proto|server|tests|worker)/[\w./-]*\.(?:h|cc|py|sh|md|proto|cmake)\b"
+)
 FUNCTION = re.compile(r"`(?P<name>[A-Za-z_]\w*(?:::[A-Za-z_]\w*)*)`")
 
 
@@ -94,6 +97,13 @@ class Pages(unittest.TestCase):
                         self.assertTrue(file.exists(), f"{target} does not exist")
                         if fragment:
                             self.assertIn(fragment, anchors(file))
+
+    def test_files_named_in_the_text_exist(self):
+        for page in PAGES:
+            for number, line in enumerate(page.read_text().split("\n"), start=1):
+                for file in FILE.findall(line):
+                    with self.subTest(page=str(page.relative_to(ROOT)), line=number):
+                        self.assertTrue((ROOT / file).exists(), f"{file} does not exist")
 
     def test_tour_names_functions_that_are_there(self):
         tour = ROOT / "docs/tour.md"

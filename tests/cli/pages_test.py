@@ -62,6 +62,11 @@ def paragraphs(page):
         words += line.split()
 
 
+def marked(text, name):
+    """The part of a page between <!-- name --> and <!-- /name -->."""
+    return text.partition(f"<!-- {name} -->")[2].partition(f"<!-- /{name} -->")[0]
+
+
 def anchor(heading):
     """The anchor that GitHub gives a heading."""
     return re.sub(r"[^\w\- ]", "", heading.lower().replace("`", "")).replace(" ", "-")
@@ -117,6 +122,18 @@ class Pages(unittest.TestCase):
                 with self.subTest(link=link.group()):
                     self.assertTrue(is_defined(function["name"], (tour.parent / link["target"]).read_text()))
         self.assertEqual(stops, 15)
+
+    def test_the_method_lists_the_stages_and_guides_of_the_code(self):
+        denoise = ROOT / "filter/denoise"
+        stages = {}
+        for file in ("layer_stages.cc", "frame_stages.cc"):
+            stages |= dict(re.findall(r'\.name = "([\w-]+)".*?\.header = "([^"]+)"', (denoise / file).read_text(), re.DOTALL))
+        guides = re.findall(r'\{"([\w-]+)",\s*"[^"]*",\s*\[\]\(Settings', (denoise / "denoise.cc").read_text())
+        self.assertTrue(stages and guides)
+        page = (ROOT / "docs/method.md").read_text()
+        row = re.compile(r"^\| `([\w-]+)` \|.*\(\.\./(\S+)\) \|$", re.MULTILINE)
+        self.assertEqual(dict(row.findall(marked(page, "stages"))), stages)
+        self.assertEqual([name for name, _ in row.findall(marked(page, "guides"))], guides)
 
     def test_paragraphs_are_short(self):
         for page in PAGES:

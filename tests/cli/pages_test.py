@@ -20,7 +20,8 @@ RETIRED_IN_SOURCES = (
     r"\b(Departure|Arrival)\b",  # path segment, incident radiance
     r"\bOpenness\b|\bVeils?\b",  # alpha mode, transparent hits
     r"\bsuns_",  # directional lights
-    r"\b(Unlikeness|Fewness|UnknownPixels|HasRival)\b",
+    r"\b(Unlikeness|Fewness|HasRival|mended|loud)\b",
+    r"\b(MergedUnits?|UnitMerged|FrameMerged)\b",  # committed, assembled
     r"\bMETHODS'",
 )
 RETIRED_IN_PAGES = (

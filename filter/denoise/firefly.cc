@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "filter/image/color.h"
 #include "filter/kernels/box_mean.h"
 #include "filter/layers/features.h"
 #include "filter/manifold/manifold_filter.h"
@@ -21,10 +20,6 @@ constexpr size_t kMinNeighbours = 4;
 constexpr int kNoiseRadius = 12;     // 25x25 window
 constexpr int kSpreadHeight = 3;     // of the manifold tree: geometry and brightness vary little
 constexpr float kSigmaLight = 1.7f;  // of a channel, stabilised
-
-float LuminanceAt(const Planes& color, int x, int y) {
-  return Luminance(color[0].At(x, y), color[1].At(x, y), color[2].At(x, y));
-}
 
 /// The bound: twice the 75th percentile of the valid pixels of the window; infinity where there are too few.
 /// `luminance`: from PaddedLuminance().
@@ -82,20 +77,15 @@ Plane PaddedLuminance(const Planes& color, const Plane& weight, TaskPool* pool) 
 /// difference to their sum is bounded, so that no pixel dominates the mean.
 Plane RelativeNoise(const Halves& halves, TaskPool* pool) {
   Planes square = MakePlanes(1, halves.width(), halves.height());
-  ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < halves.width(); ++x) {
-        const float a = LuminanceAt(halves.a, x, y);
-        const float b = LuminanceAt(halves.b, x, y);
-        const float ratio = (a - b) / (a + b);
-        if (ratio >= -1 && ratio <= 1) square[0].At(x, y) = 2 * ratio * ratio;
-      }
-    }
+  ForEachPixel(pool, halves.width(), halves.height(), [&](int x, int y) {
+    const float a = LuminanceAt(halves.a, x, y);
+    const float b = LuminanceAt(halves.b, x, y);
+    const float ratio = (a - b) / (a + b);
+    if (ratio >= -1 && ratio <= 1) square[0].At(x, y) = 2 * ratio * ratio;
   });
   Plane noise = std::move(BoxMeans(square, halves.weight.view(), kNoiseRadius, pool)[0]);
-  for (int y = 0; y < noise.height(); ++y) {
-    for (int x = 0; x < noise.width(); ++x) noise.At(x, y) = std::sqrt(noise.At(x, y));
-  }
+  ForEachPixel(noise.width(), noise.height(),
+               [&](int x, int y) { noise.At(x, y) = std::sqrt(noise.At(x, y)); });
   return noise;
 }
 

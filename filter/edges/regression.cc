@@ -7,7 +7,6 @@
 
 #include "absl/functional/function_ref.h"
 #include "filter/edges/linear_fit.h"
-#include "filter/image/color.h"
 #include "filter/image/portable_math.h"
 #include "filter/kernels/box_mean.h"
 #include "filter/layers/error_weight.h"
@@ -99,8 +98,7 @@ class SampleReader {
     }
     terms[7] = Bounded(seen_.mask.At(x, y));
     const ConstColorView& glossy = frame_.glossy_albedo;
-    if (!glossy[0].IsEmpty())
-      terms[8] = Bounded(Luminance(glossy[0].At(x, y), glossy[1].At(x, y), glossy[2].At(x, y)));
+    if (!glossy[0].IsEmpty()) terms[8] = Bounded(LuminanceAt(glossy, x, y));
     const float distance = seen_.distance.At(x, y);
     if (distance > 0 && std::isfinite(distance)) terms[9] = kLogDistanceScale * Log(distance);
     if (!frame_.roughness.IsEmpty()) terms[10] = Bounded(frame_.roughness.At(x, y));
@@ -286,8 +284,7 @@ struct MixedPixels {
     const ConstColorView& glossy = frame.glossy_albedo;
     if (glossy[0].IsEmpty()) return;
     ForEachPixel(frame.width, frame.height, [&](int x, int y) {
-      if (Luminance(glossy[0].At(x, y), glossy[1].At(x, y), glossy[2].At(x, y)) > kMetallicAlbedo)
-        is_mixed.At(x, y) = 1;
+      if (LuminanceAt(glossy, x, y) > kMetallicAlbedo) is_mixed.At(x, y) = 1;
     });
   }
 };

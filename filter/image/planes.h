@@ -8,6 +8,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/types/span.h"
+#include "filter/image/color.h"
 #include "filter/image/parallel.h"
 #include "filter/image/plane.h"
 
@@ -109,6 +110,12 @@ inline Planes ClonePlanes(const ConstColorView& color) {
 /// The colour as a picture of its own.
 inline Picture ClonePicture(const ConstColorView& color) {
   return {Clone(color[0]), Clone(color[1]), Clone(color[2])};
+}
+
+/// Luminance of pixel (x, y) of three planes or views.
+template <typename Color>
+float LuminanceAt(const Color& color, int x, int y) {
+  return Luminance(color[0].At(x, y), color[1].At(x, y), color[2].At(x, y));
 }
 
 /// sum += x, plane by plane.

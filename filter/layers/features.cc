@@ -23,25 +23,20 @@ Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, 
                         TaskPool* pool) {
   Planes features = MakePlanes(kGeometryFeatures, validity.width(), validity.height());
   const ConstColorView& n = geometry.normal;
-  ForEachBand(pool, validity.height(), [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < validity.width(); ++x) {
-        if (validity.At(x, y) == 0) continue;
-        const auto u = GeometryFeature({n[0].At(x, y), n[1].At(x, y), n[2].At(x, y)},
-                                       geometry.distance.At(x, y), sigma_normal);
-        for (size_t k = 0; k < u.size(); ++k) features[k].At(x, y) = u[k];
-      }
-    }
+  ForEachPixel(pool, validity.width(), validity.height(), [&](int x, int y) {
+    if (validity.At(x, y) == 0) return;
+    const auto u = GeometryFeature({n[0].At(x, y), n[1].At(x, y), n[2].At(x, y)}, geometry.distance.At(x, y),
+                                   sigma_normal);
+    for (size_t k = 0; k < u.size(); ++k) features[k].At(x, y) = u[k];
   });
   return features;
 }
 
 void AppendFeature(ConstFloatView value, float sigma, ConstFloatView validity, Planes* features) {
   Plane& feature = features->emplace_back(validity.width(), validity.height());
-  for (int y = 0; y < validity.height(); ++y) {
-    for (int x = 0; x < validity.width(); ++x)
-      feature.At(x, y) = validity.At(x, y) > 0 ? FeatureOr0(value.At(x, y) / sigma) : 0.0f;
-  }
+  ForEachPixel(validity.width(), validity.height(), [&](int x, int y) {
+    feature.At(x, y) = validity.At(x, y) > 0 ? FeatureOr0(value.At(x, y) / sigma) : 0.0f;
+  });
 }
 
 Planes Stabilise(const Planes& color, float knee, float origin, TaskPool* pool) {

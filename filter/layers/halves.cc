@@ -49,7 +49,7 @@ void FillPixel(const HalvesView& film, ConstFloatView validity, float inverse_sc
   }
 }
 
-void WeighPixel(const HalvesView& film, ConstFloatView validity, int x, int y, Halves* out) {
+void WeightPixel(const HalvesView& film, ConstFloatView validity, int x, int y, Halves* out) {
   const float n_a = IsUsableColor(film.a, x, y) ? film.samples_a.At(x, y) : 0.0f;
   const float n_b = IsUsableColor(film.b, x, y) ? film.samples_b.At(x, y) : 0.0f;
   const float covered = validity.At(x, y);
@@ -112,17 +112,10 @@ Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* poo
   halves.b = MakeUninitializedPlanes(3, width, height);
   for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight, &halves.share_a})
     *plane = Plane::Uninitialized(width, height);
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < width; ++x) WeighPixel(film, validity, x, y, &halves);
-    }
-  });
+  ForEachPixel(pool, width, height, [&](int x, int y) { WeightPixel(film, validity, x, y, &halves); });
   SetScale(MeanOfUsable(film, halves, pool), &halves);
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < width; ++x) FillPixel(film, validity, 1.0f / halves.scale, x, y, &halves);
-    }
-  });
+  ForEachPixel(pool, width, height,
+               [&](int x, int y) { FillPixel(film, validity, 1.0f / halves.scale, x, y, &halves); });
   const double pairs = SumRows(pool, height, [&](int y) {
     double count = 0;
     for (int x = 0; x < width; ++x)
@@ -142,32 +135,24 @@ Plane BothHalvesMask(const Halves& halves) {
 
 Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool) {
   Planes combined = MakeUninitializedPlanes(a.size(), share_a.width(), share_a.height());
-  ForEachBand(pool, share_a.height(), [&](int, int y0, int y1) {
-    for (size_t c = 0; c < a.size(); ++c) {
-      for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < share_a.width(); ++x) {
-          const float share = share_a.At(x, y);
-          combined[c].At(x, y) = share * a[c].At(x, y) + (1.0f - share) * b[c].At(x, y);
-        }
-      }
-    }
-  });
+  for (size_t c = 0; c < a.size(); ++c) {
+    ForEachPixel(pool, share_a.width(), share_a.height(), [&](int x, int y) {
+      const float share = share_a.At(x, y);
+      combined[c].At(x, y) = share * a[c].At(x, y) + (1.0f - share) * b[c].At(x, y);
+    });
+  }
   return combined;
 }
 
 Planes PixelVariance(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool) {
   Planes variance = MakeUninitializedPlanes(a.size(), share_a.width(), share_a.height());
-  ForEachBand(pool, share_a.height(), [&](int, int y0, int y1) {
-    for (size_t c = 0; c < a.size(); ++c) {
-      for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < share_a.width(); ++x) {
-          const float share = share_a.At(x, y);
-          const float difference = a[c].At(x, y) - b[c].At(x, y);
-          variance[c].At(x, y) = share * (1.0f - share) * difference * difference;
-        }
-      }
-    }
-  });
+  for (size_t c = 0; c < a.size(); ++c) {
+    ForEachPixel(pool, share_a.width(), share_a.height(), [&](int x, int y) {
+      const float share = share_a.At(x, y);
+      const float difference = a[c].At(x, y) - b[c].At(x, y);
+      variance[c].At(x, y) = share * (1.0f - share) * difference * difference;
+    });
+  }
   return variance;
 }
 

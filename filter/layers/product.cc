@@ -11,33 +11,30 @@ namespace lumifold::filter {
 namespace {
 
 constexpr float kWhollyValid = 0.999f;
-constexpr float kLeastValid = 0.06f;  // of 16 sub-pixels one
-/// Range of the normal of the mirror itself, so that curved mirrors do not blur what they show.
+constexpr float kLeastValid = 0.06f;  // one of 16 sub-samples
+/// Range of the normal of the mirror itself, so that curved mirrors do not blur their reflections.
 constexpr float kSigmaMirrorNormal = 0.6f;
 constexpr float kSigmaRoughness = 0.1f;
-/// How far a box reaches past what is in it; then its edges are moved out to whole bands and to multiples of
-/// kBoxColumns, so that coarse cells lie as they would in the whole frame.
+/// Margin of a box in pixels. Its edges are then moved outwards to whole bands and to multiples of kBoxColumns,
+/// so that coarse cells lie as in the whole frame.
 constexpr int kBoxMargin = 16;
 constexpr int kBoxColumns = 16;
 
 /// `part(x, y)` of every pixel of `box`.
 Plane MakeMask(const Rect& box, absl::FunctionRef<float(int, int)> part) {
   Plane mask(box.width(), box.height());
-  for (int y = 0; y < mask.height(); ++y) {
-    for (int x = 0; x < mask.width(); ++x) mask.At(x, y) = part(box.x0 + x, box.y0 + y);
-  }
+  ForEachPixel(mask.width(), mask.height(),
+               [&](int x, int y) { mask.At(x, y) = part(box.x0 + x, box.y0 + y); });
   return mask;
 }
 
-/// The smallest box of whole bands with a margin round the pixels that `holds`; none where there are none.
+/// The smallest box of whole bands around the pixels where `holds` is true, and a margin; none without any.
 std::optional<Rect> BoxOf(const Rect& frame, absl::FunctionRef<bool(int, int)> holds) {
   Rect box = {frame.x1, frame.y1, 0, 0};
-  for (int y = 0; y < frame.y1; ++y) {
-    for (int x = 0; x < frame.x1; ++x) {
-      if (!holds(x, y)) continue;
-      box = {std::min(box.x0, x), std::min(box.y0, y), std::max(box.x1, x + 1), std::max(box.y1, y + 1)};
-    }
-  }
+  ForEachPixel(frame.x1, frame.y1, [&](int x, int y) {
+    if (!holds(x, y)) return;
+    box = {std::min(box.x0, x), std::min(box.y0, y), std::max(box.x1, x + 1), std::max(box.y1, y + 1)};
+  });
   if (box.x0 >= box.x1) return std::nullopt;
   const auto down = [](int v, int unit) { return std::max(v - kBoxMargin, 0) / unit * unit; };
   const auto up = [](int v, int unit, int end) {

@@ -118,11 +118,8 @@ Planes SelectCandidates(const Halves& halves, const Planes& raw_variance,
   WeightErrors(halves, *candidates.front(), pool, &estimates);
   const Planes errors = Smooth(estimates, mask, params, pool);
   Planes chosen = MakePlanes(errors.size(), halves.width(), halves.height());
-  ForEachBand(pool, halves.height(), [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < halves.width(); ++x) SetShares(errors, x, y, &chosen);
-    }
-  });
+  ForEachPixel(pool, halves.width(), halves.height(),
+               [&](int x, int y) { SetShares(errors, x, y, &chosen); });
   return BoxMeans(chosen, halves.weight.view(), params.blend_radius, pool);
 }
 

@@ -21,7 +21,8 @@ namespace {
 constexpr float kSameNormal = 0.9f;  // least cosine between the normals of one surface
 constexpr float kSameDepth = 0.05f;  // largest relative change of depth within a 3x3 window of it
 constexpr int kEstimateRadius = 7;   // 15x15 window
-constexpr float kResponse = 6.0f;    // standard deviation of the mask's answer to white noise of deviation 1
+constexpr float kResponse =
+    6.0f;  // standard deviation of the second difference of white noise of deviation 1
 constexpr float kMeanToSigma =
     1.2533141f;  // sqrt(pi / 2): from mean magnitude to deviation, for a normal variable
 
@@ -64,26 +65,21 @@ Plane UniformMask(const LayeredImage& film, TaskPool* pool) {
   return mask;
 }
 
-/// The magnitude of the second difference along both axes, (1 -2 1) times (1 -2 1): a plane gives 0.
+/// Magnitude of the second difference along both axes, (1 -2 1) times (1 -2 1): 0 for a plane.
 Plane Roughness(ConstFloatView channel, const Plane& mask, TaskPool* pool) {
   Plane roughness(channel.width(), channel.height());
   const auto across = [&](int x, int y) {
     return channel.At(x - 1, y) - 2 * channel.At(x, y) + channel.At(x + 1, y);
   };
-  ForEachBand(pool, channel.height(), [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < channel.width(); ++x) {
-        if (mask.At(x, y) == 0) continue;
-        const float answer = std::abs(across(x, y - 1) - 2 * across(x, y) + across(x, y + 1));
-        roughness.At(x, y) = answer <= kLargestUsable ? answer : 0.0f;
-      }
-    }
+  ForEachPixel(pool, channel.width(), channel.height(), [&](int x, int y) {
+    if (mask.At(x, y) == 0) return;
+    roughness.At(x, y) = UsableOr0(std::abs(across(x, y - 1) - 2 * across(x, y) + across(x, y + 1)));
   });
   return roughness;
 }
 
-/// A number of mean 0, variance 1 and nearly normal distribution (the sum of 12 uniform ones), fixed for each
-/// (layer, pixel). The channels of a pixel share it, as they share the paths that were noisy.
+/// A nearly normal number of mean 0 and variance 1 (the sum of 12 uniform ones), fixed for each (layer, pixel).
+/// The channels of a pixel share it, as they share the paths that make noise.
 float NormalNumber(uint64_t layer, int x, int y) {
   const uint64_t key = MixBits((layer << 56) ^ (static_cast<uint64_t>(static_cast<uint32_t>(y)) << 28) ^
                                static_cast<uint64_t>(static_cast<uint32_t>(x)));
@@ -110,11 +106,9 @@ Planes PseudoNoise::operator()(uint64_t layer, const ConstColorView& color) cons
   for (const ConstFloatView& channel : color) roughness.push_back(Roughness(channel, uniform, pool));
   Planes noise = BoxMeans(roughness, uniform.view(), kEstimateRadius, pool);
   for (Plane& plane : noise) {
-    for (int y = 0; y < plane.height(); ++y) {
-      float* row = plane.Row(y);
-      for (int x = 0; x < plane.width(); ++x)
-        row[x] *= kMeanToSigma / kResponse * NormalNumber(layer, x0 + x, y0 + y);
-    }
+    ForEachPixel(plane.width(), plane.height(), [&](int x, int y) {
+      plane.At(x, y) *= kMeanToSigma / kResponse * NormalNumber(layer, x0 + x, y0 + y);
+    });
   }
   return noise;
 }
@@ -125,12 +119,10 @@ void AddHalves(std::string_view layer, const Planes& noise, LayeredImage* film) 
   const ColorView half_b = film->AddColor(layers::HalfB(layer));
   const ConstColorView mean = std::as_const(*film).GetColor(layer);
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < film->height(); ++y) {
-      for (int x = 0; x < film->width(); ++x) {
-        half_a[c].At(x, y) = mean[c].At(x, y) + noise[c].At(x, y);
-        half_b[c].At(x, y) = mean[c].At(x, y) - noise[c].At(x, y);
-      }
-    }
+    ForEachPixel(film->width(), film->height(), [&](int x, int y) {
+      half_a[c].At(x, y) = mean[c].At(x, y) + noise[c].At(x, y);
+      half_b[c].At(x, y) = mean[c].At(x, y) - noise[c].At(x, y);
+    });
   }
 }
 

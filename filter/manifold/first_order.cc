@@ -101,14 +101,10 @@ Planes FitLight(const Planes& means, float unit_px, TaskPool* pool) {
   const int width = means[0].width();
   const int height = means[0].height();
   Planes light = MakeUninitializedPlanes(kColors, width, height);
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const auto value = PlaneAt(ReadMoments([&](size_t k) { return means[k].At(x, y); }),
-                                   PositionOf(x, width, unit_px), PositionOf(y, height, unit_px));
-        for (size_t c = 0; c < kColors; ++c) light[c].At(x, y) = value[c];
-      }
-    }
+  ForEachPixel(pool, width, height, [&](int x, int y) {
+    const auto value = PlaneAt(ReadMoments([&](size_t k) { return means[k].At(x, y); }),
+                               PositionOf(x, width, unit_px), PositionOf(y, height, unit_px));
+    for (size_t c = 0; c < kColors; ++c) light[c].At(x, y) = value[c];
   });
   return light;
 }

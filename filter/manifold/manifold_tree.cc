@@ -42,18 +42,16 @@ std::vector<double> CellCovariance(const ClusterSums& sums, const Planes& eta, i
   const size_t d = eta.size();
   std::vector<double> covariance(d * d, 0.0);
   std::vector<double> offset(d);
-  for (int y = 0; y < sums.weight.height(); ++y) {
-    for (int x = 0; x < sums.weight.width(); ++x) {
-      const float weight = sums.weight.At(x, y);
-      if (weight < kLeastClusterMass) continue;
-      for (size_t k = 0; k < d; ++k)
-        offset[k] = static_cast<double>(sums.weighted[k].At(x, y) / weight - eta[k].At(x, y * step));
-      for (size_t i = 0; i < d; ++i) {
-        for (size_t j = 0; j <= i; ++j)
-          covariance[i * d + j] += static_cast<double>(weight) * offset[i] * offset[j];
-      }
+  ForEachPixel(sums.weight.width(), sums.weight.height(), [&](int x, int y) {
+    const float weight = sums.weight.At(x, y);
+    if (weight < kLeastClusterMass) return;
+    for (size_t k = 0; k < d; ++k)
+      offset[k] = static_cast<double>(sums.weighted[k].At(x, y) / weight - eta[k].At(x, y * step));
+    for (size_t i = 0; i < d; ++i) {
+      for (size_t j = 0; j <= i; ++j)
+        covariance[i * d + j] += static_cast<double>(weight) * offset[i] * offset[j];
     }
-  }
+  });
   for (size_t i = 0; i < d; ++i) {
     for (size_t j = i + 1; j < d; ++j) covariance[i * d + j] = covariance[j * d + i];
   }
@@ -70,9 +68,8 @@ void Normalise(std::vector<double>* v) {
 
 double TotalWeight(const Plane& weight) {
   double sum = 0;
-  for (int y = 0; y < weight.height(); ++y) {
-    for (int x = 0; x < weight.width(); ++x) sum += static_cast<double>(weight.At(x, y));
-  }
+  ForEachPixel(weight.width(), weight.height(),
+               [&](int x, int y) { sum += static_cast<double>(weight.At(x, y)); });
   return sum;
 }
 

@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <fstream>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "filter/denoise/denoise.h"
@@ -52,6 +54,33 @@ TEST(Stages, HaveNamesOfTheirOwnAndSayWhatTheyDo) {
   for (const GuideInfo& guide : Guides()) names.push_back(guide.name);
   std::sort(names.begin(), names.end());
   EXPECT_EQ(std::adjacent_find(names.begin(), names.end()), names.end());
+}
+
+/// The first cells of the table rows between <!-- name --> and <!-- /name --> in docs/method.md, and the rows.
+std::vector<std::pair<std::string, std::string>> RowsOfPage(const std::string& name) {
+  std::ifstream page(std::string(LUMIFOLD_DOCS_DIR) + "/method.md");
+  std::vector<std::pair<std::string, std::string>> rows;
+  bool is_inside = false;
+  for (std::string line; std::getline(page, line);) {
+    if (line == "<!-- " + name + " -->") is_inside = true;
+    if (line == "<!-- /" + name + " -->") break;
+    if (!is_inside || line.rfind("| `", 0) != 0) continue;
+    rows.emplace_back(line.substr(3, line.find('`', 3) - 3), line);
+  }
+  return rows;
+}
+
+TEST(Stages, AreListedInTheDocumentsAsTheyAre) {
+  const auto rows = RowsOfPage("stages");
+  ASSERT_EQ(rows.size(), Stages().size());
+  for (size_t i = 0; i < rows.size(); ++i) {
+    EXPECT_EQ(rows[i].first, Stages()[i].name);
+    EXPECT_THAT(rows[i].second, testing::HasSubstr("(../" + std::string(Stages()[i].header) + ")"));
+    EXPECT_THAT(rows[i].second, testing::HasSubstr("| " + std::string(Stages()[i].source) + " |"));
+  }
+  const auto guides = RowsOfPage("guides");
+  ASSERT_EQ(guides.size(), Guides().size());
+  for (size_t i = 0; i < guides.size(); ++i) EXPECT_EQ(guides[i].first, Guides()[i].name);
 }
 
 TEST(Stages, ChangeThePictureWhereTheyAreOff) {

@@ -1,0 +1,159 @@
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <string_view>
+
+#include "filter/image/edged_image.h"
+#include "filter/image/layers.h"
+#include "filter/image/mix_bits.h"
+#include "filter/image/planes.h"
+#include "filter/methods.h"
+
+// The bits of every method's picture of one film. They are the same on every processor: the film is made of
+// integers, and the filter promises its bits for any instruction set. A change of the method changes them on
+// purpose: then the failing test prints the new table.
+namespace lumifold::filter {
+namespace {
+
+constexpr int kWidth = 72;
+constexpr int kHeight = 56;
+constexpr int kEdgeColumn = 30;             // one surface ends within it
+constexpr Rect kMirror = {44, 20, 66, 44};  // shows a level
+constexpr float kHalfSamples = 3;           // of each half
+
+/// A number in [0, 1), fixed for each key.
+float Uniform(uint64_t key) { return static_cast<float>(MixBits(key) >> 40) * 0x1p-24f; }
+
+/// Noise of mean about 1 that is now and then large.
+float Noise(uint64_t layer, int half, int x, int y) {
+  const uint64_t key = ((layer * 2 + static_cast<uint64_t>(half)) * 4096 + static_cast<uint64_t>(y)) * 4096 +
+                       static_cast<uint64_t>(x);
+  const float u = Uniform(key);
+  return u > 0.995f ? 12.0f : 0.4f + 1.2f * u;
+}
+
+void Set(const ColorView& color, int x, int y, float value) {
+  for (size_t c = 0; c < 3; ++c) color[c].At(x, y) = value * (1.0f - 0.25f * static_cast<float>(c));
+}
+
+void AddHalved(const std::string& layer, LayeredImage* film) {
+  for (const std::string& name : {layer, layers::HalfA(layer), layers::HalfB(layer)}) film->AddColor(name);
+}
+
+/// Sets the noisy halves and the mean of a layer, and adds `factor` times them to C.
+void SetLayer(const std::string& layer, uint64_t number, int x, int y, float light, float factor,
+              LayeredImage* film) {
+  float sum = 0;
+  for (int half = 0; half < 2; ++half) {
+    const auto name_of = half == 0 ? layers::HalfA : layers::HalfB;
+    const float value = light * Noise(number, half, x, y);
+    Set(film->GetColor(name_of(layer)), x, y, value);
+    for (size_t c = 0; c < 3; ++c)
+      film->GetColor(name_of(layers::kNoisy))[c].At(x, y) +=
+          factor * film->GetColor(name_of(layer))[c].At(x, y);
+    sum += value;
+  }
+  Set(film->GetColor(layer), x, y, 0.5f * sum);
+  for (size_t c = 0; c < 3; ++c)
+    film->GetColor(layers::kNoisy)[c].At(x, y) += factor * film->GetColor(layer)[c].At(x, y);
+}
+
+LayeredImage EmptyFilm(const layers::Level& level) {
+  LayeredImage film(kWidth, kHeight);
+  for (const std::string_view layer : layers::kHalved) AddHalved(std::string(layer), &film);
+  for (const std::string_view layer : layers::kWhole) film.AddColor(layer);
+  for (const std::string_view name :
+       {layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kDistance, layers::kObjectId,
+        layers::kMask, layers::kRoughness, layers::kSamplesA, layers::kSamplesB})
+    film.Add(name);
+  for (const std::string_view layer : layers::kLevelHalved) AddHalved(layers::OfLevel(level, layer), &film);
+  for (const std::string_view layer : layers::kLevelWhole) film.AddColor(layers::OfLevel(level, layer));
+  for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB})
+    film.Add(layers::OfLevel(level, name));
+  for (const std::string& name : layers::LevelFeatureChannels(level)) film.Add(name);
+  return film;
+}
+
+void SetMirror(const layers::Level& level, int x, int y, LayeredImage* film) {
+  const auto channel = [&](std::string_view name) { return film->Get(layers::OfLevel(level, name)); };
+  const bool is_left = x < 54;
+  Set(film->GetColor(layers::OfLevel(level, layers::kAlbedo)), x, y, 0.8f);
+  SetLayer(layers::OfLevel(level, layers::kDirect), 4, x, y, is_left ? 1.0f : 0.3f, 0.8f, film);
+  SetLayer(layers::OfLevel(level, layers::kIndirect), 5, x, y, 0.2f, 0.8f, film);
+  channel(is_left ? layers::kNormalX : layers::kNormalY).At(x, y) = 1;
+  channel(layers::kDistance).At(x, y) = is_left ? 5.0f : 7.0f;
+  for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB})
+    channel(name).At(x, y) = kHalfSamples;
+  channel(layers::kMask).At(x, y) = 1;
+}
+
+/// Two walls that meet in a column of edge pixels, with a gloss of their own, and a mirror before the second.
+EdgedImage Film() {
+  const layers::Level level = {layers::Branch::kReflection, 1};
+  EdgedImage film{EmptyFilm(level), LayeredImage(kSubSamples, kHeight)};
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+    LayeredImage* pixels = &film.pixels;
+    const bool is_right = x > kEdgeColumn || (x == kEdgeColumn && y % 2 == 0);
+    const bool is_mirror = kMirror.Contains(x, y);
+    const float albedo = is_mirror ? 0.0f : ((x / 9 + y / 9) % 2 == 0 ? 0.75f : 0.25f);
+    const float shade = (y < 24 ? 1.0f : 0.25f) * (is_right ? 1.0f : 0.5f);
+    Set(pixels->GetColor(layers::kAlbedo), x, y, albedo);
+    if (!is_mirror) {
+      SetLayer(std::string(layers::kDirect), 1, x, y, shade, albedo, pixels);
+      SetLayer(std::string(layers::kIndirect), 2, x, y, 0.3f, albedo, pixels);
+    }
+    Set(pixels->GetColor(layers::kGlossyAlbedo), x, y, is_right ? 0.0625f : 0.0f);
+    if (is_right) SetLayer(std::string(layers::kGlossy), 3, x, y, 0.4f, 0.0625f, pixels);
+    pixels->Get(is_right ? layers::kNormalZ : layers::kNormalX).At(x, y) = 1;
+    pixels->Get(layers::kDistance).At(x, y) = is_right ? 3.0f : 2.0f;
+    pixels->Get(layers::kObjectId).At(x, y) = is_right ? 2.0f : 1.0f;
+    pixels->Get(layers::kMask).At(x, y) = is_mirror ? 0.0f : 1.0f;
+    pixels->Get(layers::kRoughness).At(x, y) = 0.5f;
+    for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB})
+      pixels->Get(name).At(x, y) = kHalfSamples;
+    if (is_mirror) SetMirror(level, x, y, pixels);
+  });
+  for (const std::string& name : layers::EdgeChannels()) film.edges.Add(name);
+  ForEachPixel(kSubSamples, kHeight, [&](int j, int y) {
+    const bool is_right = j % 4 >= 2;
+    film.edges.Get(layers::kPixelX).At(j, y) = kEdgeColumn;
+    film.edges.Get(layers::kPixelY).At(j, y) = static_cast<float>(y);
+    film.edges.Get(is_right ? layers::kNormalZ : layers::kNormalX).At(j, y) = 1;
+    film.edges.Get(layers::kDistance).At(j, y) = is_right ? 3.0f : 2.0f;
+    film.edges.Get(layers::kObjectId).At(j, y) = is_right ? 2.0f : 1.0f;
+    film.edges.Get(layers::kMask).At(j, y) = 1;
+    Set(film.edges.GetColor(layers::kAlbedo), j, y, y / 9 % 2 == 0 ? 0.25f : 0.75f);
+  });
+  return film;
+}
+
+/// FNV-1a over the bits of all pixels.
+uint64_t HashOf(const Picture& picture) {
+  uint64_t hash = 0xcbf29ce484222325u;
+  for (const Plane& plane : picture) {
+    ForEachPixel(plane.width(), plane.height(), [&](int x, int y) {
+      uint32_t bits = std::bit_cast<uint32_t>(plane.At(x, y));
+      for (int byte = 0; byte < 4; ++byte, bits >>= 8) hash = (hash ^ (bits & 0xffu)) * 0x100000001b3u;
+    });
+  }
+  return hash;
+}
+
+TEST(Pixels, KeepTheirBits) {
+  const std::map<std::string, uint64_t> expected = {};
+  const EdgedImage film = Film();
+  for (const MethodInfo& method : Methods()) {
+    const absl::StatusOr<Picture> picture = FilterFilm(film.pixels, method.name, nullptr, &film.edges);
+    ASSERT_TRUE(picture.ok()) << picture.status();
+    const auto found = expected.find(method.name);
+    const uint64_t hash = HashOf(*picture);
+    EXPECT_TRUE(found != expected.end() && found->second == hash)
+        << "{\"" << method.name << "\", 0x" << std::hex << hash << "u},";
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::filter

@@ -30,6 +30,8 @@ struct Environment {
   LocalFarmFactory local_farm = nullptr;
   /// Null in a build without the filter, which cannot `filter`.
   FilmFilter film_filter = nullptr;
+  /// Empty in a build without the filter.
+  MethodTexts methods = {};
   /// True once the user has asked us to stop (Ctrl-C); asked several times a second.
   std::function<bool()> interrupted = [] { return false; };
   /// Clock, sleep and jitter.

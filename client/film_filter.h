@@ -9,12 +9,19 @@
 
 namespace lumifold::client {
 
-/// Filters a film (channels of filter/image/layers.h) by the method of that name, on so many threads, and
-/// gives R G B and the channels named in `passed_on` to `sink` in rows from the top down. A film without
-/// halves is given some, made from its one picture. The program passes it in, so that the client library does
-/// not link the filter. Errors: those of filter::FilterFilmInRows.
+/// Filters a film (channels of filter/image/layers.h) by `method` on `threads` threads. R G B and the channels
+/// named in `passed_on` go to `sink` in rows from the top down. A film without halves gets halves made from its
+/// one picture. The program passes this function in, so that the client library does not link the filter.
+/// Errors: those of filter::FilterFilmInRows.
 using FilmFilter =
     std::function<absl::Status(FilmSource* film, const std::string& method, int threads,
                                const std::vector<std::string>& passed_on, const RowSink& sink)>;
+
+/// What the commands print about the filter's methods, made from filter::Methods().
+struct MethodTexts {
+  std::string names;  // "a, b and c"
+  std::string table;  // summary, source and parameters of each, for people
+  std::string json;   // the same, one JSON object a line
+};
 
 }  // namespace lumifold::client

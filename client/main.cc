@@ -34,5 +34,6 @@ int main(int argc, char** argv) {
   environment.interrupted = client::Interrupted;
   environment.local_farm = lumifold::local::StartLocalFarm;
   environment.film_filter = lumifold::local::FilterFilm;
+  environment.methods = lumifold::local::DescribeMethods();
   return client::RunClient(argc, argv, environment);
 }

@@ -42,7 +42,7 @@ class Strip {
   }
 
   /// Blends a block's result in, and passes on channels of its core.
-  absl::Status Add(int column, int row, const LayeredImage& film, const std::array<Plane, 3>& filtered) {
+  absl::Status Add(int column, int row, const LayeredImage& film, const Picture& filtered) {
     const Rect core = grid_.Core(column, row);
     const Rect seen = grid_.Seen(column, row);
     for (size_t i = 0; i + filtered.size() < names_.size(); ++i) {
@@ -68,7 +68,7 @@ class Strip {
   }
 
  private:
-  void Blend(int column, int row, int y, const std::array<Plane, 3>& filtered) {
+  void Blend(int column, int row, int y, const Picture& filtered) {
     const Rect given = grid_.Given(column, row);
     const Rect seen = grid_.Seen(column, row);
     const std::vector<float> pull = grid_.Pull(column, row, y);
@@ -92,7 +92,7 @@ absl::Status FilterBlock(FilmSource* film, const BlockGrid& grid, int column, in
                          Strip* strip) {
   const absl::StatusOr<EdgedImage> part = film->Read(grid.Seen(column, row));
   if (!part.ok()) return part.status();
-  const absl::StatusOr<std::array<Plane, 3>> filtered = filter(*part);
+  const absl::StatusOr<Picture> filtered = filter(*part);
   if (!filtered.ok()) return filtered.status();
   return strip->Add(column, row, part->pixels, *filtered);
 }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -9,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "filter/image/film_source.h"
+#include "filter/image/planes.h"
 #include "filter/image/rect.h"
 
 namespace lumifold::filter {
@@ -82,7 +82,7 @@ class BlockGrid {
 };
 
 /// Filters one block: a film and its edge set.
-using BlockFilter = absl::FunctionRef<absl::StatusOr<std::array<Plane, 3>>(const EdgedImage&)>;
+using BlockFilter = absl::FunctionRef<absl::StatusOr<Picture>(const EdgedImage&)>;
 
 /// Filters a film block by block, from left to right and from the top down, and gives the picture to `sink`,
 /// a row of blocks at a time: R G B and the film's channels named in `passed_on`. In memory are one block and

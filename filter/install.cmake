@@ -6,7 +6,7 @@ include(CMakePackageConfigHelpers)
 set(LUMIFOLD_PUBLIC_HEADERS
   image/check.h image/color.h image/edged_image.h image/exr_io.h image/film_layout.h image/film_source.h
   image/layered_image.h image/layers.h image/parallel.h image/plane.h image/planes.h image/png_io.h image/rect.h
-  layers/single_picture.h manifold/manifold_filter.h
+  baselines/method_info.h layers/single_picture.h manifold/manifold_filter.h
   blocks.h methods.h
   metrics/metrics.h metrics/ssim.h)
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/lumifold)

@@ -1,10 +1,12 @@
 #include "filter/methods.h"
 
 #include <algorithm>
+#include <functional>
 #include <initializer_list>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "filter/baselines/baseline.h"
 #include "filter/denoise/denoise.h"
 #include "filter/image/layers.h"
@@ -21,8 +23,10 @@ std::vector<std::string> NamesOf(std::initializer_list<std::string_view> singles
   return names;
 }
 
-/// What every method but "none" reads.
-std::vector<std::string> ChannelsToFilter() {
+std::vector<std::string> NoisyChannels() { return NamesOf({}, {layers::kNoisy}); }
+
+/// The channels that every filter may read.
+std::vector<std::string> FilterChannels() {
   std::vector<std::string> names =
       NamesOf({layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kDistance, layers::kMask,
                layers::kSamplesA, layers::kSamplesB},
@@ -42,102 +46,139 @@ absl::Status CheckChannels(const LayeredImage& film, const std::vector<std::stri
   return absl::OkStatus();
 }
 
-std::array<Plane, 3> Unfiltered(const LayeredImage& film) {
-  const ConstColorView noisy = film.GetColor(layers::kNoisy);
-  std::array<Plane, 3> copy;
-  for (size_t c = 0; c < 3; ++c) {
-    copy[c] = Plane(film.width(), film.height());
-    CopyPlane(noisy[c], copy[c].view());
-  }
-  return copy;
-}
+/// A film of one block and its edge set, which may be null.
+struct Film {
+  const LayeredImage& pixels;
+  const LayeredImage* edges;
+};
 
-std::vector<Method> ListMethods() {
-  std::vector<Method> methods = {
-      {"default", "adaptive manifolds, two passes, scale chosen per pixel by estimated error"},
-      {"paper", "adaptive manifolds as published: one pass with one scale"},
-      {"none", "the noisy picture itself"},
+/// A method, and how it makes a picture of a film that has the channels it needs.
+struct Entry {
+  MethodInfo info;
+  std::vector<std::string> channels;
+  bool reads_edges = true;
+  std::function<Picture(const Film& film, absl::Span<const float> values, TaskPool* pool)> filter;
+};
+
+std::vector<Entry> ListEntries() {
+  using Values = absl::Span<const float>;
+  std::vector<Entry> entries = {
+      {{.name = "default",
+        .summary = "adaptive manifolds, two passes, scale chosen per pixel by estimated error",
+        .source = "Gruzdev et al. 2015, extended: docs/method.md",
+        .parameters = {}},
+       FilterChannels(),
+       true,
+       [](const Film& film, Values, TaskPool* pool) { return Denoise(film.pixels, film.edges, pool); }},
+      {{.name = "paper",
+        .summary = "adaptive manifolds as published: one pass with one scale",
+        .source = "Gruzdev et al. 2015",
+        .parameters = {}},
+       FilterChannels(),
+       true,
+       [](const Film& film, Values, TaskPool* pool) {
+         return DenoiseAsPublished(film.pixels, film.edges, pool);
+       }},
+      {{.name = "none",
+        .summary = "the noisy picture itself",
+        .source = "path tracing alone",
+        .parameters = {}},
+       NoisyChannels(),
+       false,
+       [](const Film& film, Values, TaskPool*) { return Clone(film.pixels.GetColor(layers::kNoisy)); }},
   };
-  for (const Baseline& baseline : Baselines()) methods.push_back({baseline.name, baseline.summary});
-  return methods;
+  for (const Baseline& baseline : Baselines()) {
+    entries.push_back({baseline.info, FilterChannels(), true,
+                       [filter = baseline.filter](const Film& film, Values values, TaskPool* pool) {
+                         return filter(film.pixels, values, pool);
+                       }});
+  }
+  return entries;
 }
 
-/// A baseline and the values to run it with.
-struct BaselineCall {
-  const Baseline* baseline = nullptr;  // null: one of our own methods
+const std::vector<Entry>& Entries() {
+  static const std::vector<Entry> entries = ListEntries();
+  return entries;
+}
+
+/// A method and the values of its parameters.
+struct Call {
+  const Entry* method = nullptr;
   std::vector<float> values;
 };
 
-absl::StatusOr<BaselineCall> ParseMethod(std::string_view method) {
-  const size_t colon = method.find(':');
-  const std::string_view name = method.substr(0, colon);
-  if (const Baseline* baseline = FindBaseline(name)) {
-    absl::StatusOr<std::vector<float>> values = ParseParameters(
-        *baseline, colon == std::string_view::npos ? std::string_view() : method.substr(colon + 1));
-    if (!values.ok()) return values.status();
-    return BaselineCall{baseline, *std::move(values)};
+/// Reads "NAME" or "NAME:PARAMETERS".
+absl::StatusOr<Call> ParseCall(std::string_view text) {
+  const size_t colon = text.find(':');
+  const std::string_view name = text.substr(0, colon);
+  const std::vector<Entry>& all = Entries();
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const Entry& entry) { return entry.info.name == name; });
+  if (found == all.end()) {
+    const std::string names =
+        absl::StrJoin(Methods(), ", ", [](std::string* out, const MethodInfo& m) { out->append(m.name); });
+    return absl::InvalidArgumentError(
+        absl::StrCat("no method is named \"", std::string(name), "\"; there are: ", names));
   }
-  const std::vector<Method>& all = Methods();
-  if (std::any_of(all.begin(), all.end(), [&](const Method& m) { return m.name == method; }))
-    return BaselineCall{};
-  std::string names;
-  for (const Method& m : all) absl::StrAppend(&names, names.empty() ? "" : ", ", m.name);
-  return absl::InvalidArgumentError(
-      absl::StrCat("no filter is named \"", std::string(method), "\"; there are: ", names));
+  absl::StatusOr<std::vector<float>> values = ParseParameters(
+      found->info, colon == std::string_view::npos ? std::string_view() : text.substr(colon + 1));
+  if (!values.ok()) return values.status();
+  return Call{&*found, *std::move(values)};
 }
 
 /// FilterFilm for a film that is one block.
-absl::StatusOr<std::array<Plane, 3>> FilterBlock(const LayeredImage& film, std::string_view method,
-                                                 TaskPool* pool, const LayeredImage* edges) {
-  const absl::StatusOr<BaselineCall> call = ParseMethod(method);
-  if (!call.ok()) return call.status();
-  if (method == "none") {
-    const absl::Status status = CheckChannels(film, NamesOf({}, {layers::kNoisy}));
-    if (!status.ok()) return status;
-    return Unfiltered(film);
-  }
-  if (const absl::Status status = CheckChannels(film, ChannelsToFilter()); !status.ok()) return status;
-  if (edges != nullptr && !edges->channels().empty()) {
-    const absl::Status status = CheckChannels(*edges, layers::EdgeChannels());
+absl::StatusOr<Picture> FilterBlock(const Film& film, const Call& call, TaskPool* pool) {
+  if (absl::Status status = CheckChannels(film.pixels, call.method->channels); !status.ok()) return status;
+  if (call.method->reads_edges && film.edges != nullptr && !film.edges->channels().empty()) {
+    absl::Status status = CheckChannels(*film.edges, layers::EdgeChannels());
     if (!status.ok()) return status;
   }
-  if (call->baseline != nullptr) return call->baseline->filter(film, call->values, pool);
-  return method == "paper" ? DenoiseAsPublished(film, edges, pool) : Denoise(film, edges, pool);
+  return call.method->filter(film, call.values, pool);
 }
 
 }  // namespace
 
-const std::vector<Method>& Methods() {
-  static const std::vector<Method> methods = ListMethods();
+const std::vector<MethodInfo>& Methods() {
+  static const std::vector<MethodInfo> methods = [] {
+    std::vector<MethodInfo> infos;
+    for (const Entry& entry : Entries()) infos.push_back(entry.info);
+    return infos;
+  }();
   return methods;
 }
 
-absl::Status CheckMethod(std::string_view method) { return ParseMethod(method).status(); }
+absl::Status CheckMethod(std::string_view method) { return ParseCall(method).status(); }
 
-absl::StatusOr<std::array<Plane, 3>> FilterFilm(const LayeredImage& film, std::string_view method,
-                                                TaskPool* pool, const LayeredImage* edges) {
-  if (BlockGrid(film.width(), film.height(), {}).IsOneBlock()) return FilterBlock(film, method, pool, edges);
+absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view method, TaskPool* pool,
+                                   const LayeredImage* edges) {
+  if (BlockGrid(film.width(), film.height(), {}).IsOneBlock()) {
+    const absl::StatusOr<Call> call = ParseCall(method);
+    if (!call.ok()) return call.status();
+    return FilterBlock({film, edges}, *call, pool);
+  }
   FilmInMemory source(film, edges);
-  std::array<Plane, 3> picture;
+  Picture picture;
   for (Plane& plane : picture) plane = Plane::Uninitialized(film.width(), film.height());
   int y = 0;
-  const auto keep = [&](const LayeredImage& rows) {
+  const auto copy_rows = [&](const LayeredImage& rows) {
     const ConstColorView color = rows.GetColor(layers::kBeauty);
     for (size_t c = 0; c < picture.size(); ++c)
       CopyPlane(color[c], picture[c].view().Crop({0, y, rows.width(), y + rows.height()}));
     y += rows.height();
     return absl::OkStatus();
   };
-  if (absl::Status status = FilterFilmInRows(&source, method, {}, pool, keep); !status.ok()) return status;
+  absl::Status status = FilterFilmInRows(&source, method, {}, pool, copy_rows);
+  if (!status.ok()) return status;
   return picture;
 }
 
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
                               const BlockParams& params) {
-  if (absl::Status status = CheckMethod(method); !status.ok()) return status;  // before anything is read
+  const absl::StatusOr<Call> call = ParseCall(method);
+  if (!call.ok()) return call.status();
   const auto filter = [&](const EdgedImage& block) {
-    return FilterBlock(block.pixels, method, pool, &block.edges);
+    return FilterBlock({block.pixels, &block.edges}, *call, pool);
   };
   return FilterInBlocks(film, params, passed_on, filter, sink);
 }

@@ -44,24 +44,14 @@ class StageClock {
   std::array<absl::Duration, kStages> spent_;
 };
 
-/// A film whose reading is measured; what comes between is the filter.
-class TimedFilm final : public FilmSource {
- public:
-  TimedFilm(FilmSource* film, StageClock* clock) : film_(*film), clock_(*clock) {}
-
-  int width() const override { return film_.width(); }
-  int height() const override { return film_.height(); }
-  absl::StatusOr<EdgedImage> Read(const Rect& rect) override {
-    clock_.Charge(StageClock::kFilter);
-    absl::StatusOr<EdgedImage> part = film_.Read(rect);
-    clock_.Charge(StageClock::kAssemble);
-    return part;
-  }
-
- private:
-  FilmSource& film_;
-  StageClock& clock_;
-};
+/// A film whose reads are charged to assembly, and the time between them to the filter.
+TimedFilm MakeTimedFilm(FilmSource* film, StageClock* clock) {
+  const auto before = [clock] {
+    clock->Charge(StageClock::kFilter);
+    return absl::OkStatus();
+  };
+  return {film, before, [clock] { clock->Charge(StageClock::kAssemble); }};
+}
 
 /// The filtered picture's part inside `rect` of some rows of it.
 std::array<Plane, 3> PictureIn(const LayeredImage& rows, const Rect& rect) {
@@ -80,7 +70,7 @@ class Finish {
   Finish(film::UnitFilm* film, film::ResultWriter* result, std::string method, TaskPool* pool,
          StageClock* clock)
       : film_(*film),
-        timed_(film, clock),
+        timed_(MakeTimedFilm(film, clock)),
         result_(*result),
         method_(std::move(method)),
         pool_(pool),

@@ -158,8 +158,8 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
     unit.image = (*renderer)->RenderGeometry(rect, lease.unit().frame());
     for (const std::string& warning : (*renderer)->warnings()) unit.stats.add_warnings(warning);
   } else {
-    const render::SampleRange range = {static_cast<uint32_t>(lease.first_sample()),
-                                       static_cast<uint32_t>(lease.last_sample())};
+    const SampleRange range = {static_cast<uint32_t>(lease.first_sample()),
+                               static_cast<uint32_t>(lease.last_sample())};
     unit.image.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), range, &counts);
   }
   if (static_cast<double>(counts.bad_samples) > kMaxBadShare * static_cast<double>(counts.samples)) {

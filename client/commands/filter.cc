@@ -1,5 +1,5 @@
+#include <algorithm>
 #include <filesystem>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -13,6 +13,7 @@
 #include "client/output_file.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/exr_row_writer.h"
+#include "filter/image/film_source.h"
 #include "filter/image/layers.h"
 #include "filter/image/memory.h"
 #include "filter/image/png_io.h"
@@ -30,7 +31,25 @@ struct FilterOptions {
   std::string output;
   float exposure = 1;
   int threads = 1;
+  bool lists_methods = false;
+  bool json = false;
 };
+
+void AddListOptions(CommandLine* command_line, FilterOptions* options) {
+  command_line->AddFlag("--list-methods", &options->lists_methods,
+                        "Print all methods with their parameters and sources; needs no other option");
+  command_line->AddFlag("--json", &options->json, "Print that list as JSON, one object a line");
+}
+
+/// Runs `lumifold filter --list-methods [--json]`.
+ExitCode ListMethods(const std::vector<std::string>& arguments, const Environment& environment) {
+  FilterOptions options;
+  CommandLine command_line("filter", SummaryOf("filter"));
+  AddListOptions(&command_line, &options);
+  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+  environment.out << (options.json ? environment.methods.json : environment.methods.table) << std::flush;
+  return ExitCode::kOk;
+}
 
 std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, const Environment& environment,
                                     FilterOptions* options) {
@@ -44,22 +63,24 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   command_line.AddText("--layout", "NAME", &options->layout,
                        "'lumifold', 'cycles', or a file that names the layers (default 'lumifold')");
   command_line.AddText("--method", "METHOD", &options->method,
-                       "'default', 'paper', 'none', or a method to compare with, below (default 'default')");
+                       "One of the methods below (default 'default')");
   command_line.AddRequiredText("-o,--output", "FILE", &options->output,
                                "Where the picture goes: .exr with the noisy one as a layer, or .png");
   command_line.AddPositiveNumber("--exposure", &options->exposure,
                                  "Factor on the light of a .png (default 1)");
   command_line.AddWholeNumber("--threads", &options->threads, 1, kMostThreads,
                               "Threads to filter with (default: all of this machine)");
-  command_line.SetFooter(
+  AddListOptions(&command_line, options);
+  command_line.SetFooter(absl::StrCat(
       "A layout file has lines of ROLE = LAYER or ROLE = LAYER + LAYER, with the roles combined, direct,\n"
-      "indirect, albedo, emission, normal, depth, glossy, glossy_albedo, transmitted and transmittance. What it\n"
-      "leaves out is filtered as part of the rest.\n\n"
-      "Methods to compare with: manifolds-color, bilateral, cross-bilateral, a-trous, a-trous-variance, "
-      "guided,\n"
-      "nlm and nfor; with parameters as in --method bilateral:sigma_s=4,sigma_r=0.1 (docs/method.md lists "
-      "them).");
+      "indirect, albedo, emission, normal, depth, glossy, glossy_albedo, transmitted and transmittance. What "
+      "it\n"
+      "leaves out is filtered as part of the remainder.\n\n"
+      "Methods: ",
+      environment.methods.names,
+      ".\nParameters of a method follow its name, as in --method bilateral:sigma_s=4,sigma_r=0.1."));
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
+  if (options->json) return ReportUsage(environment, "lumifold filter", "--json goes with --list-methods");
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(options->output);
   if (!format.ok())
     return ReportUsage(environment, "lumifold filter", absl::StrCat("-o: ", format.status().message()));
@@ -68,10 +89,10 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   return std::nullopt;
 }
 
-/// Where the filtered rows go, with the time that takes.
+/// The file that the filtered rows are written to.
 class Output {
  public:
-  /// The film's channels that the result keeps.
+  /// The channels of the film that the result keeps.
   static std::vector<std::string> PassedOn(PictureFormat format) {
     if (format == PictureFormat::kPng) return {};
     std::vector<std::string> names = {std::string(layers::kAlpha)};
@@ -107,49 +128,41 @@ class Output {
   std::optional<PngRowWriter> png_;
 };
 
-/// Measures how much of the time is not spent in the filter, and ends it once the user wants that.
-class TimedFilm final : public FilmSource {
+/// The time spent in reads and writes.
+class IoClock {
  public:
-  TimedFilm(FilmSource* film, const std::function<bool()>& interrupted)
-      : film_(*film), interrupted_(interrupted) {}
-
-  int width() const override { return film_.width(); }
-  int height() const override { return film_.height(); }
-  absl::StatusOr<EdgedImage> Read(const Rect& rect) override {
-    if (interrupted_()) return absl::CancelledError("interrupted");
-    const absl::Time start = absl::Now();
-    absl::StatusOr<EdgedImage> part = film_.Read(rect);
-    elsewhere_ += absl::Now() - start;
-    return part;
-  }
-
-  absl::Status Write(const LayeredImage& rows, Output* output) {
-    const absl::Time start = absl::Now();
-    absl::Status status = output->Append(rows);
-    elsewhere_ += absl::Now() - start;
-    return status;
-  }
-
-  absl::Duration elsewhere() const { return elsewhere_; }
+  void Begin() { start_ = absl::Now(); }
+  void End() { spent_ += absl::Now() - start_; }
+  absl::Duration spent() const { return spent_; }
 
  private:
-  FilmSource& film_;
-  const std::function<bool()>& interrupted_;
-  absl::Duration elsewhere_;
+  absl::Time start_;
+  absl::Duration spent_;
 };
 
-/// Filters the film into the output file. Gives the seconds the filter took.
+/// Filters the film into the output file. Result: the seconds of the filter alone.
 absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film,
                                   const Environment& environment) {
   Output output;
   if (absl::Status status = output.Open(options, film->width(), film->height()); !status.ok()) return status;
-  TimedFilm timed(film, environment.interrupted);
+  IoClock io;
+  const auto before_read = [&] {
+    if (environment.interrupted()) return absl::CancelledError("interrupted");
+    io.Begin();
+    return absl::OkStatus();
+  };
+  TimedFilm timed(film, before_read, [&] { io.End(); });
+  const auto write = [&](const LayeredImage& rows) {
+    io.Begin();
+    absl::Status status = output.Append(rows);
+    io.End();
+    return status;
+  };
   const absl::Time start = absl::Now();
   const absl::Status filtered = environment.film_filter(
-      &timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)),
-      [&](const LayeredImage& rows) { return timed.Write(rows, &output); });
+      &timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)), write);
   if (!filtered.ok()) return filtered;
-  const double seconds = absl::ToDoubleSeconds(absl::Now() - start - timed.elsewhere());
+  const double seconds = absl::ToDoubleSeconds(absl::Now() - start - io.spent());
   if (absl::Status status = output.Finish(); !status.ok()) return status;
   return seconds;
 }
@@ -163,6 +176,8 @@ std::string FolderOf(const std::string& path) {
 }  // namespace
 
 ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment& environment) {
+  if (std::find(arguments.begin(), arguments.end(), "--list-methods") != arguments.end())
+    return ListMethods(arguments, environment);
   FilterOptions options;
   if (const auto ended = ParseFilter(arguments, environment, &options)) return *ended;
   if (!environment.film_filter)

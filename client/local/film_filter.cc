@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "filter/baselines/method_info.h"
 #include "filter/image/layers.h"
 #include "filter/layers/single_picture.h"
 #include "filter/methods.h"
@@ -35,6 +36,11 @@ absl::Status FilterFilm(FilmSource* film, const std::string& method, int threads
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   FilmWithHalves halved(film, pool.get());
   return filter::FilterFilmInRows(&halved, method, passed_on, pool.get(), sink);
+}
+
+client::MethodTexts DescribeMethods() {
+  const std::vector<filter::MethodInfo>& methods = filter::Methods();
+  return {filter::MethodNames(methods), filter::MethodTable(methods), filter::MethodsAsJson(methods)};
 }
 
 }  // namespace lumifold::local

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "client/film_filter.h"
 #include "filter/image/film_source.h"
 
 namespace lumifold::local {
@@ -11,5 +12,8 @@ namespace lumifold::local {
 /// The client::FilmFilter of the `lumifold` program.
 absl::Status FilterFilm(FilmSource* film, const std::string& method, int threads,
                         const std::vector<std::string>& passed_on, const RowSink& sink);
+
+/// The text of the `lumifold` program about the filter's methods.
+client::MethodTexts DescribeMethods();
 
 }  // namespace lumifold::local

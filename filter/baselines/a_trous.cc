@@ -7,6 +7,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "filter/image/color.h"
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 #include "filter/kernels/box_mean.h"
 #include "filter/layers/features.h"
@@ -69,7 +70,7 @@ float SquaredDistance(const Planes& planes, size_t first, size_t last, Pixel p, 
   return sum;
 }
 
-std::array<Plane, 3> FilterPlain(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterPlain(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const float phi_normal = values[1] / (kSigmaNormal * kSigmaNormal);  // of the feature squared
   const float sigma_depth = values[2] / kSigmaLogDepth;
   const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
@@ -92,20 +93,14 @@ std::array<Plane, 3> FilterPlain(const LayeredImage& film, absl::Span<const floa
   return FilterLayers(film, filter_layer, pool);
 }
 
-float LuminanceAt(const Planes& color, Pixel p) {
-  return Luminance(color[0].At(p.x, p.y), color[1].At(p.x, p.y), color[2].At(p.x, p.y));
-}
-
 /// The variance of the luminance of the halves' mean, averaged over a window.
 Plane LuminanceVariance(const Halves& halves, TaskPool* pool) {
   Planes variance = MakePlanes(1, halves.width(), halves.height());
-  for (int y = 0; y < halves.height(); ++y) {
-    for (int x = 0; x < halves.width(); ++x) {
-      const float difference = LuminanceAt(halves.a, {x, y}) - LuminanceAt(halves.b, {x, y});
-      const float share = halves.share_a.At(x, y);
-      variance[0].At(x, y) = share * (1.0f - share) * difference * difference;
-    }
-  }
+  ForEachPixel(halves.width(), halves.height(), [&](int x, int y) {
+    const float difference = LuminanceAt(halves.a, x, y) - LuminanceAt(halves.b, x, y);
+    const float share = halves.share_a.At(x, y);
+    variance[0].At(x, y) = share * (1.0f - share) * difference * difference;
+  });
   return std::move(BoxMeans(variance, halves.weight.view(), kVarianceRadius, pool)[0]);
 }
 
@@ -135,8 +130,7 @@ float PowerOf128(float x) {
   return x;
 }
 
-std::array<Plane, 3> FilterGuidedByVariance(const LayeredImage& film, absl::Span<const float> values,
-                                            TaskPool* pool) {
+Picture FilterGuidedByVariance(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const float sigma_luminance = values[0];
   const float sigma_depth = values[1] / kSigmaLogDepth;
   const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
@@ -147,7 +141,7 @@ std::array<Plane, 3> FilterGuidedByVariance(const LayeredImage& film, absl::Span
       const Plane variance = Smooth(light[3], pool);
       const auto weight = [&](Pixel p, Pixel q) {
         const float deviation = std::sqrt(variance.At(p.x, p.y));
-        const float luminance = std::abs(LuminanceAt(light, p) - LuminanceAt(light, q)) /
+        const float luminance = std::abs(LuminanceAt(light, p.x, p.y) - LuminanceAt(light, q.x, q.y)) /
                                 (sigma_luminance * deviation + kLeastDeviation);
         const float square_chord =
             kSigmaNormal * kSigmaNormal * SquaredDistance(geometry, 0, kDepthFeature, p, q);
@@ -168,27 +162,30 @@ std::array<Plane, 3> FilterGuidedByVariance(const LayeredImage& film, absl::Span
 
 Baseline ATrousBaseline() {
   return {
-      .name = "a-trous",
-      .summary = "edge-avoiding a-trous wavelets on each layer of light",
-      .source = "Dammertz et al. 2010",
-      .parameters = {{"sigma_c",
-                      "range of light over the layer's mean, halved each round",
-                      0.6f,
-                      {0.3f, 0.6f, 1.2f, 2.4f},
-                      1e-3f,
-                      1e3f},
-                     {"phi_n", "range of the squared difference of normals", 0.3f, {0.1f, 0.3f}, 1e-3f, 10},
-                     {"sigma_z", "range of relative depth", 0.05f, {0.05f}, 1e-3f, 10}},
+      .info = {.name = "a-trous",
+               .summary = "edge-avoiding a-trous wavelets on each layer of light",
+               .source = "Dammertz et al. 2010",
+               .parameters =
+                   {{"sigma_c",
+                     "range of light over the layer's mean, halved each round",
+                     0.6f,
+                     {0.3f, 0.6f, 1.2f, 2.4f},
+                     1e-3f,
+                     1e3f},
+                    {"phi_n", "range of the squared difference of normals", 0.3f, {0.1f, 0.3f}, 1e-3f, 10},
+                    {"sigma_z", "range of relative depth", 0.05f, {0.05f}, 1e-3f, 10}}},
       .filter = FilterPlain};
 }
 
 Baseline ATrousVarianceBaseline() {
-  return {.name = "a-trous-variance",
-          .summary = "a-trous wavelets on each layer of light, guided by its variance (SVGF's spatial part)",
-          .source = "Schied et al. 2017",
-          .parameters = {{"sigma_l", "range of luminance over its deviation", 4, {1, 2, 4, 8}, 1e-2f, 1e3f},
-                         {"sigma_z", "range of relative depth a pixel", 0.02f, {0.005f, 0.02f}, 1e-4f, 10}},
-          .filter = FilterGuidedByVariance};
+  return {
+      .info =
+          {.name = "a-trous-variance",
+           .summary = "a-trous wavelets on each layer of light, guided by its variance (SVGF's spatial part)",
+           .source = "Schied et al. 2017",
+           .parameters = {{"sigma_l", "range of luminance over its deviation", 4, {1, 2, 4, 8}, 1e-2f, 1e3f},
+                          {"sigma_z", "range of relative depth a pixel", 0.02f, {0.005f, 0.02f}, 1e-4f, 10}}},
+      .filter = FilterGuidedByVariance};
 }
 
 }  // namespace lumifold::filter

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "filter/baselines/display_color.h"
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 #include "filter/layers/features.h"
 #include "filter/layers/filter_layers.h"
@@ -71,15 +72,13 @@ class RowSum {
   std::vector<std::vector<float>> sums_;
 };
 
-std::array<Plane, 3> FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const Planes color = DisplayColor(film, pool);
   Planes guide = MakePlanes(3, film.width(), film.height());
-  Plane mask(film.width(), film.height());
-  mask.Fill(1.0f);
+  Plane mask = MakePlane(film.width(), film.height(), 1.0f);
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) guide[c].At(x, y) = color[c].At(x, y) / values[1];
-    }
+    ForEachPixel(film.width(), film.height(),
+                 [&](int x, int y) { guide[c].At(x, y) = color[c].At(x, y) / values[1]; });
   }
   return LinearColor(BilateralFilter(color, guide, mask.view(), values[0], pool), pool);
 }
@@ -91,12 +90,10 @@ Planes CrossGuide(const Halves& halves, const Planes& mean, const Planes& geomet
     const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), PatchParams{}, pool);
     return JointFeatures(mean, basis, sigma_q * noise, geometry, pool);
   }
-  Planes guide;
-  for (const Plane& plane : geometry) guide.push_back(plane.Clone());
-  return guide;
+  return Clone(geometry);
 }
 
-std::array<Plane, 3> FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
     const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
     const Planes guide = CrossGuide(halves, mean, geometry, values[1], pool);
@@ -127,26 +124,30 @@ Planes BilateralFilter(const Planes& signals, const Planes& features, ConstFloat
 }
 
 Baseline BilateralBaseline() {
-  return {.name = "bilateral",
-          .summary = "bilateral filter on the finished colours",
-          .source = "Tomasi & Manduchi 1998",
-          .parameters =
-              {{"sigma_s", "reach in pixels", 8, {2, 4, 8}, 0.5f, 32},
-               {"sigma_r", "range of displayed colour", 0.15f, {0.05f, 0.1f, 0.15f, 0.3f, 0.6f}, 0.01f, 10}},
+  return {.info = {.name = "bilateral",
+                   .summary = "bilateral filter on the finished colours",
+                   .source = "Tomasi & Manduchi 1998",
+                   .parameters = {{"sigma_s", "reach in pixels", 8, {2, 4, 8}, 0.5f, 32},
+                                  {"sigma_r",
+                                   "range of displayed colour",
+                                   0.15f,
+                                   {0.05f, 0.1f, 0.15f, 0.3f, 0.6f},
+                                   0.01f,
+                                   10}}},
           .filter = FilterColor};
 }
 
 Baseline CrossBilateralBaseline() {
-  return {.name = "cross-bilateral",
-          .summary = "bilateral filter on each layer of light, guided by normals, depth and patches",
-          .source = "Petschnigg et al. 2004; features of Gruzdev et al. 2015",
-          .parameters = {{"sigma_s", "reach in pixels", 8, {4, 8}, 0.5f, 32},
-                         {"sigma_q",
-                          "range of the layer's patches over its noise; 0: geometry alone",
-                          1.8f,
-                          {0, 0.9f, 1.8f},
-                          0,
-                          100}},
+  return {.info = {.name = "cross-bilateral",
+                   .summary = "bilateral filter on each layer of light, guided by normals, depth and patches",
+                   .source = "Petschnigg et al. 2004; features of Gruzdev et al. 2015",
+                   .parameters = {{"sigma_s", "reach in pixels", 8, {4, 8}, 0.5f, 32},
+                                  {"sigma_q",
+                                   "range of the layer's patches over its noise; 0: geometry alone",
+                                   1.8f,
+                                   {0, 0.9f, 1.8f},
+                                   0,
+                                   100}}},
           .filter = FilterLight};
 }
 

@@ -13,6 +13,6 @@ namespace lumifold::filter {
 Planes DisplayColor(const LayeredImage& film, TaskPool* pool);
 
 /// Back to linear light.
-std::array<Plane, 3> LinearColor(const Planes& display, TaskPool* pool);
+Picture LinearColor(const Planes& display, TaskPool* pool);
 
 }  // namespace lumifold::filter

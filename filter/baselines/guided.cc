@@ -5,6 +5,7 @@
 
 #include "filter/baselines/standardise.h"
 #include "filter/image/check.h"
+#include "filter/image/planes.h"
 #include "filter/kernels/box_mean.h"
 #include "filter/layers/filter_layers.h"
 
@@ -17,9 +18,7 @@ using Vector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMostGuides, 1>;
 
 Plane Product(const Plane& x, const Plane& y) {
   Plane product(x.width(), x.height());
-  for (int j = 0; j < x.height(); ++j) {
-    for (int i = 0; i < x.width(); ++i) product.At(i, j) = x.At(i, j) * y.At(i, j);
-  }
+  ForEachPixel(x.width(), x.height(), [&](int i, int j) { product.At(i, j) = x.At(i, j) * y.At(i, j); });
   return product;
 }
 
@@ -64,7 +63,7 @@ void FitWindow(const Planes& moments, size_t guides, size_t signals, double epsi
   }
 }
 
-std::array<Plane, 3> FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
     const ConstFloatView mask = halves.weight.view();
     const Planes guide = Standardise(geometry, mask, true, pool, nullptr);
@@ -91,25 +90,25 @@ Planes GuidedFilter(const Planes& signals, const Planes& guide, ConstFloatView m
   lines = BoxMeans(lines, mask, radius, pool);
   Planes out = MakePlanes(signals.size(), mask.width(), mask.height());
   for (size_t c = 0; c < signals.size(); ++c) {
-    for (int y = 0; y < mask.height(); ++y) {
-      for (int x = 0; x < mask.width(); ++x) {
-        float value = means[c] + lines[c * (m + 1) + m].At(x, y);
-        for (size_t i = 0; i < m; ++i) value += lines[c * (m + 1) + i].At(x, y) * guide[i].At(x, y);
-        out[c].At(x, y) = value;
-      }
-    }
+    ForEachPixel(mask.width(), mask.height(), [&](int x, int y) {
+      float value = means[c] + lines[c * (m + 1) + m].At(x, y);
+      for (size_t i = 0; i < m; ++i) value += lines[c * (m + 1) + i].At(x, y) * guide[i].At(x, y);
+      out[c].At(x, y) = value;
+    });
   }
   return out;
 }
 
 Baseline GuidedBaseline() {
-  return {.name = "guided",
-          .summary = "guided filter on each layer of light, by normals and depth",
-          .source = "He et al. 2010; Bauszat et al. 2011, without guide rays",
-          .parameters =
-              {{"radius", "of the windows, in pixels", 12, {2, 4, 8, 12, 24}, 1, 256},
-               {"epsilon", "ridge, over the guide's variance", 1e-3f, {1e-4f, 1e-3f, 1e-2f}, 1e-6f, 10}},
-          .filter = FilterLight};
+  return {
+      .info =
+          {.name = "guided",
+           .summary = "guided filter on each layer of light, by normals and depth",
+           .source = "He et al. 2010; Bauszat et al. 2011, without guide rays",
+           .parameters =
+               {{"radius", "of the windows, in pixels", 12, {2, 4, 8, 12, 24}, 1, 256},
+                {"epsilon", "ridge, over the guide's variance", 1e-3f, {1e-4f, 1e-3f, 1e-2f}, 1e-6f, 10}}},
+      .filter = FilterLight};
 }
 
 }  // namespace lumifold::filter

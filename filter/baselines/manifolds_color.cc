@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "filter/baselines/display_color.h"
+#include "filter/image/planes.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/manifold/manifold_filter.h"
 
@@ -21,23 +22,18 @@ Planes GuideOf(const Planes& color, int patch_radius, ConstFloatView mask, TaskP
   if (patch_radius > 0) {
     return ProjectPatches(color, FitPatchBasis(color, mask, {.radius = patch_radius}, pool), pool);
   }
-  Planes guide;
-  for (const Plane& plane : color) guide.push_back(plane.Clone());
-  return guide;
+  return Clone(color);
 }
 
-std::array<Plane, 3> Filter(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture Filter(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const float sigma_s = values[0];
   const float sigma_r = values[1];
   const int patch_radius = static_cast<int>(values[2]);
-  Plane mask(film.width(), film.height());
-  mask.Fill(1.0f);
+  Plane mask = MakePlane(film.width(), film.height(), 1.0f);
   const Planes color = DisplayColor(film, pool);
   Planes guide = GuideOf(color, patch_radius, mask.view(), pool);
   for (Plane& plane : guide) {
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x) plane.At(x, y) /= sigma_r;
-    }
+    ForEachPixel(plane.width(), plane.height(), [&](int x, int y) { plane.At(x, y) /= sigma_r; });
   }
   ManifoldParams params;
   params.sigma_s = sigma_s;
@@ -49,12 +45,13 @@ std::array<Plane, 3> Filter(const LayeredImage& film, absl::Span<const float> va
 }  // namespace
 
 Baseline ManifoldsColorBaseline() {
-  return {.name = "manifolds-color",
-          .summary = "adaptive manifolds on the finished colours, no layers, no geometry",
-          .source = "Gastal & Oliveira 2012",
-          .parameters = {{"sigma_s", "reach in pixels", 16, {8, 16, 32}, 1, 64},
-                         {"sigma_r", "range of displayed colour", 0.2f, {0.05f, 0.1f, 0.2f, 0.4f}, 0.01f, 1},
-                         {"patch", "radius of the patches that guide; 0: colours", 0, {0, 3}, 0, 5}},
+  return {.info = {.name = "manifolds-color",
+                   .summary = "adaptive manifolds on the finished colours, no layers, no geometry",
+                   .source = "Gastal & Oliveira 2012",
+                   .parameters =
+                       {{"sigma_s", "reach in pixels", 16, {8, 16, 32}, 1, 64},
+                        {"sigma_r", "range of displayed colour", 0.2f, {0.05f, 0.1f, 0.2f, 0.4f}, 0.01f, 1},
+                        {"patch", "radius of the patches that guide; 0: colours", 0, {0, 3}, 0, 5}}},
           .filter = Filter};
 }
 

@@ -12,6 +12,7 @@
 #include "filter/baselines/patch_regression.h"
 #include "filter/baselines/standardise.h"
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 namespace {
@@ -19,26 +20,24 @@ namespace {
 constexpr std::array<std::string_view, 4> kGeometry = {layers::kNormalX, layers::kNormalY, layers::kNormalZ,
                                                        layers::kDistance};
 
-/// How maps of errors and choices are smoothed.
+/// The filter of the maps of errors and choices.
 constexpr NonLocalMeansParams kMapSmoothing = {.search_radius = 9, .patch_radius = 1, .strength = 1};
 
-/// x where it is a number of reasonable size, else 0.
-float UsableOr0(float x) { return std::abs(x) < 1e6f ? x : 0.0f; }
+/// Features of 1e6 and more are taken for defects of the film.
+constexpr float kLargestFeature = 999999.9375f;
 
-/// A channel of the first surface and of those seen in it, each for as much of the pixel as it fills; what no
-/// surface with a diffuse lobe fills shows the first surface's.
+/// A channel of the first surface and of the surfaces seen in it, each weighted by the fraction of the pixel it
+/// covers. The fraction without a surface that has a diffuse lobe gets the first surface's value.
 Plane SeenGeometry(const LayeredImage& film, std::string_view channel) {
   Plane seen(film.width(), film.height());
-  Plane rest(film.width(), film.height());
-  rest.Fill(1.0f);
+  Plane rest = MakePlane(film.width(), film.height(), 1.0f);
   const auto add = [&](ConstFloatView value, ConstFloatView mask) {
-    for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) {
-        const float share = std::clamp(UsableOr0(mask.At(x, y)), 0.0f, std::max(0.0f, rest.At(x, y)));
-        seen.At(x, y) += share * UsableOr0(value.At(x, y));
-        rest.At(x, y) -= share;
-      }
-    }
+    ForEachPixel(film.width(), film.height(), [&](int x, int y) {
+      const float share =
+          std::clamp(UsableOr0(mask.At(x, y), kLargestFeature), 0.0f, std::max(0.0f, rest.At(x, y)));
+      seen.At(x, y) += share * UsableOr0(value.At(x, y), kLargestFeature);
+      rest.At(x, y) -= share;
+    });
   };
   add(film.Get(channel), film.Get(layers::kMask));
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
@@ -50,13 +49,12 @@ Plane SeenGeometry(const LayeredImage& film, std::string_view channel) {
   return seen;
 }
 
-/// T of the first surface and of all that is seen in it.
+/// The sum of T of the first surface and of the surfaces seen in it.
 Plane SeenAlbedo(const LayeredImage& film, size_t component) {
   Plane seen(film.width(), film.height());
   const auto add = [&](ConstFloatView albedo) {
-    for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) seen.At(x, y) += UsableOr0(albedo.At(x, y));
-    }
+    ForEachPixel(film.width(), film.height(),
+                 [&](int x, int y) { seen.At(x, y) += UsableOr0(albedo.At(x, y), kLargestFeature); });
   };
   add(film.GetColor(layers::kAlbedo)[component]);
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
@@ -70,8 +68,7 @@ Planes Features(const LayeredImage& film, TaskPool* pool) {
   Planes features;
   for (const std::string_view channel : kGeometry) features.push_back(SeenGeometry(film, channel));
   for (size_t c = 0; c < 3; ++c) features.push_back(SeenAlbedo(film, c));
-  Plane everywhere(film.width(), film.height());
-  everywhere.Fill(1.0f);
+  Plane everywhere = MakePlane(film.width(), film.height(), 1.0f);
   return Standardise(features, everywhere.view(), true, pool, nullptr);
 }
 
@@ -79,12 +76,8 @@ Planes Features(const LayeredImage& film, TaskPool* pool) {
 template <typename Value>
 Planes ForEachValue(int width, int height, TaskPool* pool, Value value) {
   Planes out = MakePlanes(3, width, height);
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    for (size_t c = 0; c < 3; ++c) {
-      for (int y = y0; y < y1; ++y) {
-        for (int x = 0; x < width; ++x) out[c].At(x, y) = value(c, x, y);
-      }
-    }
+  ForEachPixel(pool, width, height, [&](int x, int y) {
+    for (size_t c = 0; c < 3; ++c) out[c].At(x, y) = value(c, x, y);
   });
   return out;
 }
@@ -96,7 +89,7 @@ Planes MeanOf(const Planes& a, const Planes& b, TaskPool* pool) {
                       [&](size_t c, int x, int y) { return 0.5f * (a[c].At(x, y) + b[c].At(x, y)); });
 }
 
-/// Both halves after one fit.
+/// Both halves, fitted.
 struct FittedHalves {
   Planes a;
   Planes b;
@@ -108,7 +101,8 @@ FittedHalves FitHalves(const Halves& halves, const Planes& variance, const Plane
           PatchRegression({halves.b, halves.a, variance, features, strength}, pool)};
 }
 
-/// The squared error of the mean of the fitted halves, from what each differs from the other's input by.
+/// Estimated squared error of the mean of the fitted halves, from the difference of each to the other half's
+/// input.
 Planes EstimatedError(const Halves& halves, const Planes& variance, const FittedHalves& fitted,
                       TaskPool* pool) {
   return ForEachValue(halves.width(), halves.height(), pool, [&](size_t c, int x, int y) {
@@ -119,7 +113,7 @@ Planes EstimatedError(const Halves& halves, const Planes& variance, const Fitted
   });
 }
 
-/// Where the second fit is the better one: 1, elsewhere 0, smoothed.
+/// 1 where the second fit has the smaller estimated error, 0 elsewhere; smoothed.
 Planes Choice(const Halves& halves, const Planes& variance, const FittedHalves& first,
               const FittedHalves& second, TaskPool* pool) {
   const Planes mean = MeanOf(halves.a, halves.b, pool);
@@ -142,7 +136,7 @@ Planes Mix(const Planes& first, const Planes& second, const Planes& choice, Task
   });
 }
 
-std::array<Plane, 3> FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const Halves halves = NoisyHalves(film, pool);
   const Planes features = Features(film, pool);
   const Planes variance = HalfVariance(halves, pool);
@@ -160,12 +154,12 @@ std::array<Plane, 3> FilterColor(const LayeredImage& film, absl::Span<const floa
 }  // namespace
 
 Baseline NforBaseline() {
-  return {.name = "nfor",
-          .summary = "first-order regression on the features, weighed by non-local means",
-          .source = "Bitterli et al. 2016",
-          .parameters = {{"k_low", "strength of the first fit", 0.5f, {0.5f}, 0.01f, 100},
-                         {"k_high", "strength of the second", 1, {1, 2}, 0.01f, 100},
-                         {"k_final", "strength of the pass over the result", 1, {1}, 0.01f, 100}},
+  return {.info = {.name = "nfor",
+                   .summary = "first-order regression on the features, weighted by non-local means",
+                   .source = "Bitterli et al. 2016",
+                   .parameters = {{"k_low", "strength of the first fit", 0.5f, {0.5f}, 0.01f, 100},
+                                  {"k_high", "strength of the second fit", 1, {1, 2}, 0.01f, 100},
+                                  {"k_final", "strength of the pass over the result", 1, {1}, 0.01f, 100}}},
           .filter = FilterColor};
 }
 

@@ -1,27 +1,26 @@
 #include "filter/baselines/noisy_halves.h"
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 #include <utility>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/kernels/box_mean.h"
 
 namespace lumifold::filter {
 
 Halves NoisyHalves(const LayeredImage& film, TaskPool* pool) {
   constexpr float kMost = 1e12f;
-  Plane everywhere(film.width(), film.height());
-  everywhere.Fill(1.0f);
+  Plane everywhere = MakePlane(film.width(), film.height(), 1.0f);
   Halves halves =
       MakeHalves({film.GetColor(layers::HalfA(layers::kNoisy)), film.GetColor(layers::HalfB(layers::kNoisy)),
                   film.Get(layers::kSamplesA), film.Get(layers::kSamplesB)},
                  everywhere.view(), pool);
   for (Planes* half : {&halves.a, &halves.b}) {
     for (Plane& plane : *half) {
-      for (int y = 0; y < plane.height(); ++y) {
-        for (int x = 0; x < plane.width(); ++x) plane.At(x, y) = std::clamp(plane.At(x, y), -kMost, kMost);
-      }
+      ForEachPixel(plane.width(), plane.height(),
+                   [&](int x, int y) { plane.At(x, y) = std::clamp(plane.At(x, y), -kMost, kMost); });
     }
   }
   return halves;
@@ -31,26 +30,22 @@ Planes HalfVariance(const Halves& halves, TaskPool* pool) {
   constexpr int kRadius = 3;
   Planes variance = MakePlanes(3, halves.width(), halves.height());
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < halves.height(); ++y) {
-      for (int x = 0; x < halves.width(); ++x) {
-        const float difference = halves.a[c].At(x, y) - halves.b[c].At(x, y);
-        variance[c].At(x, y) = 0.5f * difference * difference;
-      }
-    }
+    ForEachPixel(halves.width(), halves.height(), [&](int x, int y) {
+      const float difference = halves.a[c].At(x, y) - halves.b[c].At(x, y);
+      variance[c].At(x, y) = 0.5f * difference * difference;
+    });
   }
   return BoxMeans(variance, halves.weight.view(), kRadius, pool);
 }
 
-std::array<Plane, 3> FinitePicture(Planes planes, float scale) {
-  std::array<Plane, 3> picture;
+Picture FinitePicture(Planes planes, float scale) {
+  Picture picture;
   for (size_t c = 0; c < 3; ++c) {
     picture[c] = std::move(planes[c]);
-    for (int y = 0; y < picture[c].height(); ++y) {
-      for (int x = 0; x < picture[c].width(); ++x) {
-        float& value = picture[c].At(x, y);
-        value = std::isfinite(value) ? value * scale : 0.0f;
-      }
-    }
+    ForEachPixel(picture[c].width(), picture[c].height(), [&](int x, int y) {
+      float& value = picture[c].At(x, y);
+      value = scale * UsableOr0(value, std::numeric_limits<float>::max());
+    });
   }
   return picture;
 }

@@ -18,6 +18,6 @@ Halves NoisyHalves(const LayeredImage& film, TaskPool* pool);
 Planes HalfVariance(const Halves& halves, TaskPool* pool);
 
 /// `planes`, 3 of them, in the film's unit: times scale, 0 where that is no number.
-std::array<Plane, 3> FinitePicture(Planes planes, float scale);
+Picture FinitePicture(Planes planes, float scale);
 
 }  // namespace lumifold::filter

@@ -130,7 +130,7 @@ class Strip {
   Planes sums_;
 };
 
-std::array<Plane, 3> FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
   const Halves halves = NoisyHalves(film, pool);
   NonLocalMeansParams params;
   params.strength = values[0];
@@ -163,17 +163,17 @@ Planes NonLocalMeans(const Planes& signals, const Planes& guide, const Planes& v
 }
 
 Baseline NonLocalMeansBaseline() {
-  return {.name = "nlm",
-          .summary = "non-local means on the finished colours, by the halves' variance",
-          .source = "Buades et al. 2005; Rousselle et al. 2012",
-          .parameters = {{"k",
-                          "strength: deviations that alike patches may differ by",
-                          0.5f,
-                          {0.25f, 0.5f, 1, 2},
-                          0.01f,
-                          100},
-                         {"patch", "radius of patches in pixels", 3, {1, 3}, 0, 8},
-                         {"search", "radius of the search in pixels", 9, {9}, 0, 32}},
+  return {.info = {.name = "nlm",
+                   .summary = "non-local means on the finished colours, by the halves' variance",
+                   .source = "Buades et al. 2005; Rousselle et al. 2012",
+                   .parameters = {{"k",
+                                   "strength: deviations that alike patches may differ by",
+                                   0.5f,
+                                   {0.25f, 0.5f, 1, 2},
+                                   0.01f,
+                                   100},
+                                  {"patch", "radius of patches in pixels", 3, {1, 3}, 0, 8},
+                                  {"search", "radius of the search in pixels", 9, {9}, 0, 32}}},
           .filter = FilterColor};
 }
 

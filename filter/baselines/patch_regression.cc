@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "filter/image/check.h"
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 
 namespace lumifold::filter {
@@ -223,15 +224,13 @@ TileSums FitTile(const RegressionInput& input, int tile_x, int tile_y) {
   const auto fit = std::make_unique<WindowFit>(input.features.size());
   TileSums tile;
   for (std::vector<float>& sums : tile.sums) sums.resize(static_cast<size_t>(kReach) * kReach);
-  for (int y = 0; y < std::min(kTile, height - tile_y); ++y) {
-    for (int x = 0; x < std::min(kTile, width - tile_x); ++x) {
-      float* w = weights->Of(x, y);
-      CutAtEdges(tile_x + x, tile_y + y, width, height, w);
-      fit->Fit(image, features, w, x, y);
-      for (size_t c = 0; c < 3; ++c) Add(fit->Predict(c), x, y, &tile.sums[c]);
-      Add(w, x, y, &tile.sums[3]);
-    }
-  }
+  ForEachPixel(std::min(kTile, width - tile_x), std::min(kTile, height - tile_y), [&](int x, int y) {
+    float* w = weights->Of(x, y);
+    CutAtEdges(tile_x + x, tile_y + y, width, height, w);
+    fit->Fit(image, features, w, x, y);
+    for (size_t c = 0; c < 3; ++c) Add(fit->Predict(c), x, y, &tile.sums[c]);
+    Add(w, x, y, &tile.sums[3]);
+  });
   return tile;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "absl/functional/function_ref.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::filter {
 
@@ -29,10 +30,9 @@ Planes Standardise(const Planes& planes, ConstFloatView mask, bool to_unit_varia
     const double deviation = std::sqrt(variance);
     const double scale = !to_unit_variance ? 1.0 : (deviation > kLeastDeviation ? 1.0 / deviation : 0.0);
     Plane& out = standard.emplace_back(plane.width(), plane.height());
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x)
-        out.At(x, y) = static_cast<float>((static_cast<double>(plane.At(x, y)) - mean) * scale);
-    }
+    ForEachPixel(plane.width(), plane.height(), [&](int x, int y) {
+      out.At(x, y) = static_cast<float>((static_cast<double>(plane.At(x, y)) - mean) * scale);
+    });
     if (means != nullptr) means->push_back(static_cast<float>(mean));
   }
   return standard;

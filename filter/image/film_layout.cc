@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 
 namespace lumifold {
 namespace {
@@ -149,9 +150,7 @@ class Reader {
     for (const std::string& source : sources) {
       const ConstColorView in = file_.GetColor(source);
       for (size_t c = 0; c < 3; ++c) {
-        for (int y = 0; y < file_.height(); ++y) {
-          for (int x = 0; x < file_.width(); ++x) out[c].At(x, y) += in[c].At(x, y);
-        }
+        ForEachPixel(file_.width(), file_.height(), [&](int x, int y) { out[c].At(x, y) += in[c].At(x, y); });
       }
     }
   }
@@ -176,32 +175,26 @@ class Reader {
       }
     }
     if (!depth.has_value()) Note(FilmLayout::kDepth);
-    for (int y = 0; y < file_.height(); ++y) {
-      for (int x = 0; x < file_.width(); ++x) {
-        const float z = depth.has_value() ? depth->At(x, y) : 1.0f;
-        out.At(x, y) = z > 0 && z < kSkyDepth ? z : 0.0f;
-      }
-    }
+    ForEachPixel(file_.width(), file_.height(), [&](int x, int y) {
+      const float z = depth.has_value() ? depth->At(x, y) : 1.0f;
+      out.At(x, y) = z > 0 && z < kSkyDepth ? z : 0.0f;
+    });
   }
 
   void AddMask() {
     const FloatView out = result_.film.Add(layers::kMask);
     const ConstColorView albedo = std::as_const(result_.film).GetColor(layers::kAlbedo);
-    for (int y = 0; y < file_.height(); ++y) {
-      for (int x = 0; x < file_.width(); ++x) {
-        const bool diffuse = albedo[0].At(x, y) > 0 || albedo[1].At(x, y) > 0 || albedo[2].At(x, y) > 0;
-        out.At(x, y) = diffuse ? 1.0f : 0.0f;
-      }
-    }
+    ForEachPixel(file_.width(), file_.height(), [&](int x, int y) {
+      const bool diffuse = albedo[0].At(x, y) > 0 || albedo[1].At(x, y) > 0 || albedo[2].At(x, y) > 0;
+      out.At(x, y) = diffuse ? 1.0f : 0.0f;
+    });
   }
 
   void AddAlpha() {
     const FloatView out = result_.film.Add(layers::kAlpha);
     const std::string channel = absl::StrCat(prefix_, layout_.sources[FilmLayout::kCombined][0], ".A");
-    for (int y = 0; y < file_.height(); ++y) {
-      for (int x = 0; x < file_.width(); ++x)
-        out.At(x, y) = file_.Has(channel) ? file_.Get(channel).At(x, y) : 1;
-    }
+    ForEachPixel(file_.width(), file_.height(),
+                 [&](int x, int y) { out.At(x, y) = file_.Has(channel) ? file_.Get(channel).At(x, y) : 1; });
   }
 
   const std::vector<std::string> kColorSuffixes = {".R", ".G", ".B"};
@@ -215,9 +208,8 @@ class Reader {
 /// Appends the mean of `a` and `b` under `name`.
 void AddMean(std::string_view name, ConstFloatView a, ConstFloatView b, LayeredImage* film) {
   const FloatView out = film->Add(name);
-  for (int y = 0; y < out.height(); ++y) {
-    for (int x = 0; x < out.width(); ++x) out.At(x, y) = 0.5f * a.At(x, y) + 0.5f * b.At(x, y);
-  }
+  ForEachPixel(out.width(), out.height(),
+               [&](int x, int y) { out.At(x, y) = 0.5f * a.At(x, y) + 0.5f * b.At(x, y); });
 }
 
 }  // namespace

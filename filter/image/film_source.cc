@@ -8,4 +8,11 @@ absl::StatusOr<EdgedImage> FilmInMemory::Read(const Rect& rect) {
   return part;
 }
 
+absl::StatusOr<EdgedImage> TimedFilm::Read(const Rect& rect) {
+  if (absl::Status status = before_(); !status.ok()) return status;
+  absl::StatusOr<EdgedImage> part = film_.Read(rect);
+  after_();
+  return part;
+}
+
 }  // namespace lumifold

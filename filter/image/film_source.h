@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -9,7 +10,7 @@
 
 namespace lumifold {
 
-/// A film that need not be in memory whole: it gives any part of itself. Threads: one at a time.
+/// A film that need not be in memory as a whole: any part of it can be read. Threads: one at a time.
 class FilmSource {
  public:
   virtual ~FilmSource() = default;
@@ -17,16 +18,16 @@ class FilmSource {
   virtual int width() const = 0;
   virtual int height() const = 0;
 
-  /// The part of the film inside `rect`, which lies within it: all its channels there, and the edge set of
-  /// the pixels there, which counts its places from the corner of `rect`. Cheapest where `rect` moves from
-  /// left to right and then downwards.
+  /// The part of the film inside `rect`, which lies within it: all channels, and the edge set of its pixels,
+  /// whose pixel coordinates start at the corner of `rect`. Cheapest if `rect` moves from left to right and
+  /// then downwards.
   virtual absl::StatusOr<EdgedImage> Read(const Rect& rect) = 0;
 };
 
-/// Takes the rows of a picture in order from the top, some at a time: `rows` has the picture's width.
+/// Receives the rows of a picture in order from the top, some at a time: `rows` has the picture's width.
 using RowSink = std::function<absl::Status(const LayeredImage& rows)>;
 
-/// A film in memory, which somebody else keeps. `edges` may be null.
+/// A film in memory, which the caller owns. `edges` may be null.
 class FilmInMemory final : public FilmSource {
  public:
   explicit FilmInMemory(const LayeredImage& film, const LayeredImage* edges = nullptr)
@@ -39,6 +40,23 @@ class FilmInMemory final : public FilmSource {
  private:
   const LayeredImage& film_;
   const LayeredImage* edges_;
+};
+
+/// A film whose reads are observed, to measure the time between them or to stop early.
+class TimedFilm final : public FilmSource {
+ public:
+  /// `before` is called ahead of each read; its error is the read's. `after` is called when the read is over.
+  TimedFilm(FilmSource* film, std::function<absl::Status()> before, std::function<void()> after)
+      : film_(*film), before_(std::move(before)), after_(std::move(after)) {}
+
+  int width() const override { return film_.width(); }
+  int height() const override { return film_.height(); }
+  absl::StatusOr<EdgedImage> Read(const Rect& rect) override;
+
+ private:
+  FilmSource& film_;
+  std::function<absl::Status()> before_;
+  std::function<void()> after_;
 };
 
 }  // namespace lumifold

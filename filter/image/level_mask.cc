@@ -3,6 +3,7 @@
 #include <string>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 
 namespace lumifold {
 
@@ -12,11 +13,9 @@ Plane LevelMask(const LayeredImage& film) {
     const std::string name = layers::OfLevel({branch, 1}, layers::kDistance);
     if (!film.Has(name)) continue;
     const ConstFloatView distance = film.Get(name);
-    for (int y = 0; y < film.height(); ++y) {
-      for (int x = 0; x < film.width(); ++x) {
-        if (distance.At(x, y) > 0) mask.At(x, y) = 1;
-      }
-    }
+    ForEachPixel(film.width(), film.height(), [&](int x, int y) {
+      if (distance.At(x, y) > 0) mask.At(x, y) = 1;
+    });
   }
   return mask;
 }

@@ -87,6 +87,18 @@ inline Planes MakeUninitializedPlanes(size_t count, int width, int height) {
   return planes;
 }
 
+/// A plane of one value.
+inline Plane MakePlane(int width, int height, float value) {
+  Plane plane = Plane::Uninitialized(width, height);
+  plane.Fill(value);
+  return plane;
+}
+
+/// A black picture.
+inline Picture MakePicture(int width, int height) {
+  return {Plane(width, height), Plane(width, height), Plane(width, height)};
+}
+
 inline Planes Clone(const Planes& planes) {
   Planes copy;
   copy.reserve(planes.size());
@@ -134,6 +146,12 @@ inline void AddPlanes(absl::Span<const Plane> x, TaskPool* pool, absl::Span<Plan
 /// Three planes as a colour.
 inline ConstColorView ViewOf(absl::Span<const Plane> color) {
   return {color[0].view(), color[1].view(), color[2].view()};
+}
+
+/// Luminance of one pixel; `color` is Planes, a Picture or a ColorView.
+template <typename Color>
+float LuminanceAt(const Color& color, int x, int y) {
+  return Luminance(color[0].At(x, y), color[1].At(x, y), color[2].At(x, y));
 }
 
 /// The part of the colour inside `rect`.

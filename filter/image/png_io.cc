@@ -8,6 +8,7 @@
 #include "filter/image/check.h"
 #include "filter/image/color.h"
 #include "filter/image/file_io.h"
+#include "filter/image/planes.h"
 
 namespace lumifold {
 
@@ -23,14 +24,12 @@ PngRowWriter::PngRowWriter(std::string path, int width, int height, float exposu
 }
 
 void PngRowWriter::Append(const ConstColorView& linear) {
-  for (int y = 0; y < linear[0].height(); ++y) {
-    for (int x = 0; x < width_; ++x) {
-      for (const ConstFloatView& channel : linear) {
-        const float encoded = SrgbFromLinear(exposure_ * channel.At(x, y));
-        bytes_.push_back(static_cast<uint8_t>(255.0f * encoded + 0.5f));
-      }
+  ForEachPixel(width_, linear[0].height(), [&](int x, int y) {
+    for (const ConstFloatView& channel : linear) {
+      const float encoded = SrgbFromLinear(exposure_ * channel.At(x, y));
+      bytes_.push_back(static_cast<uint8_t>(255.0f * encoded + 0.5f));
     }
-  }
+  });
 }
 
 absl::Status PngRowWriter::Finish() const {

@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "filter/image/check.h"
+#include "filter/image/planes.h"
 #include "filter/metrics/mean.h"
 
 namespace lumifold::metrics {
 namespace {
 
 using Color = std::array<float, 3>;
-using Picture = std::array<Plane, 3>;
 
 constexpr double kPixelsPerDegree = 67.0;
 constexpr float kColorPower = 0.7f;
@@ -144,10 +144,8 @@ Plane FilterBlueYellow(ConstFloatView in) {
   Plane out = Convolve(in, first.taps, first.taps);
   const Plane other = Convolve(in, second.taps, second.taps);
   const auto share = static_cast<float>(first.weight / (first.weight + second.weight));
-  for (int y = 0; y < out.height(); ++y) {
-    for (int x = 0; x < out.width(); ++x)
-      out.At(x, y) = share * out.At(x, y) + (1.0f - share) * other.At(x, y);
-  }
+  ForEachPixel(out.width(), out.height(),
+               [&](int x, int y) { out.At(x, y) = share * out.At(x, y) + (1.0f - share) * other.At(x, y); });
   return out;
 }
 
@@ -155,12 +153,10 @@ template <typename Function>
 Picture MapColors(const Picture& in, Function function) {
   Picture out;
   for (Plane& plane : out) plane = Plane(in[0].width(), in[0].height());
-  for (int y = 0; y < in[0].height(); ++y) {
-    for (int x = 0; x < in[0].width(); ++x) {
-      const Color color = function(Color{in[0].At(x, y), in[1].At(x, y), in[2].At(x, y)});
-      for (size_t c = 0; c < 3; ++c) out[c].At(x, y) = color[c];
-    }
-  }
+  ForEachPixel(in[0].width(), in[0].height(), [&](int x, int y) {
+    const Color color = function(Color{in[0].At(x, y), in[1].At(x, y), in[2].At(x, y)});
+    for (size_t c = 0; c < 3; ++c) out[c].At(x, y) = color[c];
+  });
   return out;
 }
 
@@ -217,9 +213,8 @@ FeatureTaps MakeFeatureTaps() {
 Plane Features(ConstFloatView grey, const Taps& kind, const Taps& smooth) {
   Plane across = Convolve(grey, kind, smooth);
   const Plane down = Convolve(grey, smooth, kind);
-  for (int y = 0; y < across.height(); ++y) {
-    for (int x = 0; x < across.width(); ++x) across.At(x, y) = std::hypot(across.At(x, y), down.At(x, y));
-  }
+  ForEachPixel(across.width(), across.height(),
+               [&](int x, int y) { across.At(x, y) = std::hypot(across.At(x, y), down.At(x, y)); });
   return across;
 }
 
@@ -228,9 +223,8 @@ Plane FeatureDifferences(const Picture& opponent_a, const Picture& opponent_b) {
   static const FeatureTaps taps = MakeFeatureTaps();
   const auto grey = [](const Picture& opponent) {
     Plane plane = opponent[0].Clone();
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x) plane.At(x, y) = (plane.At(x, y) + 16.0f) / 116.0f;
-    }
+    ForEachPixel(plane.width(), plane.height(),
+                 [&](int x, int y) { plane.At(x, y) = (plane.At(x, y) + 16.0f) / 116.0f; });
     return plane;
   };
   const Plane a = grey(opponent_a);
@@ -239,13 +233,11 @@ Plane FeatureDifferences(const Picture& opponent_a, const Picture& opponent_b) {
   const Plane other_edges = Features(b.view(), taps.edge, taps.smooth);
   const Plane points = Features(a.view(), taps.point, taps.smooth);
   const Plane other_points = Features(b.view(), taps.point, taps.smooth);
-  for (int y = 0; y < edges.height(); ++y) {
-    for (int x = 0; x < edges.width(); ++x) {
-      const float edge = std::abs(edges.At(x, y) - other_edges.At(x, y));
-      const float point = std::abs(points.At(x, y) - other_points.At(x, y));
-      edges.At(x, y) = std::sqrt(std::max(edge, point) / std::numbers::sqrt2_v<float>);
-    }
-  }
+  ForEachPixel(edges.width(), edges.height(), [&](int x, int y) {
+    const float edge = std::abs(edges.At(x, y) - other_edges.At(x, y));
+    const float point = std::abs(points.At(x, y) - other_points.At(x, y));
+    edges.At(x, y) = std::sqrt(std::max(edge, point) / std::numbers::sqrt2_v<float>);
+  });
   return edges;
 }
 
@@ -254,12 +246,10 @@ Picture Shown(const ConstColorView& color, float exposure) {
   Picture shown;
   for (size_t c = 0; c < 3; ++c) {
     shown[c] = Plane(color[c].width(), color[c].height());
-    for (int y = 0; y < color[c].height(); ++y) {
-      for (int x = 0; x < color[c].width(); ++x) {
-        const float value = exposure * color[c].At(x, y);
-        shown[c].At(x, y) = value > 0 ? std::min(value, 1.0f) : 0.0f;
-      }
-    }
+    ForEachPixel(color[c].width(), color[c].height(), [&](int x, int y) {
+      const float value = exposure * color[c].At(x, y);
+      shown[c].At(x, y) = value > 0 ? std::min(value, 1.0f) : 0.0f;
+    });
   }
   return shown;
 }
@@ -274,13 +264,11 @@ Plane FlipMap(const ConstColorView& picture, const ConstColorView& reference, fl
   Plane map = FeatureDifferences(a, b);
   const Picture lab_a = Perceived(a);
   const Picture lab_b = Perceived(b);
-  for (int y = 0; y < map.height(); ++y) {
-    for (int x = 0; x < map.width(); ++x) {
-      const float color = ColorDifference({lab_a[0].At(x, y), lab_a[1].At(x, y), lab_a[2].At(x, y)},
-                                          {lab_b[0].At(x, y), lab_b[1].At(x, y), lab_b[2].At(x, y)});
-      map.At(x, y) = std::pow(color, 1.0f - map.At(x, y));
-    }
-  }
+  ForEachPixel(map.width(), map.height(), [&](int x, int y) {
+    const float color = ColorDifference({lab_a[0].At(x, y), lab_a[1].At(x, y), lab_a[2].At(x, y)},
+                                        {lab_b[0].At(x, y), lab_b[1].At(x, y), lab_b[2].At(x, y)});
+    map.At(x, y) = std::pow(color, 1.0f - map.At(x, y));
+  });
   return map;
 }
 

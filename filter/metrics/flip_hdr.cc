@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "filter/image/color.h"
+#include "filter/image/planes.h"
 #include "filter/metrics/flip.h"
 #include "filter/metrics/mean.h"
 
@@ -34,14 +35,13 @@ struct Aces {
   }
 };
 
-std::array<Plane, 3> Show(const ConstColorView& light, double exposure) {
-  std::array<Plane, 3> shown;
+Picture Show(const ConstColorView& light, double exposure) {
+  Picture shown;
   for (size_t c = 0; c < 3; ++c) {
     shown[c] = Plane(light[c].width(), light[c].height());
-    for (int y = 0; y < light[c].height(); ++y) {
-      for (int x = 0; x < light[c].width(); ++x)
-        shown[c].At(x, y) = Aces::Show(exposure * static_cast<double>(light[c].At(x, y)));
-    }
+    ForEachPixel(light[c].width(), light[c].height(), [&](int x, int y) {
+      shown[c].At(x, y) = Aces::Show(exposure * static_cast<double>(light[c].At(x, y)));
+    });
   }
   return shown;
 }
@@ -49,12 +49,10 @@ std::array<Plane, 3> Show(const ConstColorView& light, double exposure) {
 /// The luminances over 0, in no order.
 std::vector<float> LuminancesOf(const ConstColorView& light) {
   std::vector<float> values;
-  for (int y = 0; y < light[0].height(); ++y) {
-    for (int x = 0; x < light[0].width(); ++x) {
-      const float value = Luminance(light[0].At(x, y), light[1].At(x, y), light[2].At(x, y));
-      if (value > 0 && std::isfinite(value)) values.push_back(value);
-    }
-  }
+  ForEachPixel(light[0].width(), light[0].height(), [&](int x, int y) {
+    const float value = LuminanceAt(light, x, y);
+    if (value > 0 && std::isfinite(value)) values.push_back(value);
+  });
   return values;
 }
 
@@ -81,13 +79,11 @@ std::vector<double> Exposures(const ConstColorView& reference) {
 Plane HdrFlipMap(const ConstColorView& picture, const ConstColorView& reference) {
   Plane worst(reference[0].width(), reference[0].height());
   for (const double exposure : Exposures(reference)) {
-    const std::array<Plane, 3> a = Show(picture, exposure);
-    const std::array<Plane, 3> b = Show(reference, exposure);
-    const Plane map =
-        FlipMap({a[0].view(), a[1].view(), a[2].view()}, {b[0].view(), b[1].view(), b[2].view()});
-    for (int y = 0; y < worst.height(); ++y) {
-      for (int x = 0; x < worst.width(); ++x) worst.At(x, y) = std::max(worst.At(x, y), map.At(x, y));
-    }
+    const Picture a = Show(picture, exposure);
+    const Picture b = Show(reference, exposure);
+    const Plane map = FlipMap(ViewOf(a), ViewOf(b));
+    ForEachPixel(worst.width(), worst.height(),
+                 [&](int x, int y) { worst.At(x, y) = std::max(worst.At(x, y), map.At(x, y)); });
   }
   return worst;
 }

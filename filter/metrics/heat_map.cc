@@ -6,6 +6,7 @@
 
 #include "filter/image/check.h"
 #include "filter/image/color.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -35,17 +36,15 @@ Color LinearColorAt(float share) {
 Plane StepErrors(const ConstColorView& picture, const ConstColorView& reference, float exposure) {
   LUMIFOLD_CHECK(picture[0].width() == reference[0].width() && picture[0].height() == reference[0].height());
   Plane errors(reference[0].width(), reference[0].height());
-  for (int y = 0; y < errors.height(); ++y) {
-    for (int x = 0; x < errors.width(); ++x) {
-      float sum = 0;
-      for (size_t c = 0; c < 3; ++c) {
-        const float step =
-            SrgbFromLinear(exposure * picture[c].At(x, y)) - SrgbFromLinear(exposure * reference[c].At(x, y));
-        sum += step * step;
-      }
-      errors.At(x, y) = 255.0f * std::sqrt(sum / 3.0f);
+  ForEachPixel(errors.width(), errors.height(), [&](int x, int y) {
+    float sum = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      const float step =
+          SrgbFromLinear(exposure * picture[c].At(x, y)) - SrgbFromLinear(exposure * reference[c].At(x, y));
+      sum += step * step;
     }
-  }
+    errors.At(x, y) = 255.0f * std::sqrt(sum / 3.0f);
+  });
   return errors;
 }
 
@@ -66,15 +65,13 @@ float HeatScale(ConstFloatView values) {
   return static_cast<float>(10 * decade);
 }
 
-std::array<Plane, 3> HeatMap(ConstFloatView values, float top) {
-  std::array<Plane, 3> map;
+Picture HeatMap(ConstFloatView values, float top) {
+  Picture map;
   for (Plane& plane : map) plane = Plane(values.width(), values.height());
-  for (int y = 0; y < values.height(); ++y) {
-    for (int x = 0; x < values.width(); ++x) {
-      const Color color = LinearColorAt(values.At(x, y) / top);
-      for (size_t c = 0; c < 3; ++c) map[c].At(x, y) = color[c];
-    }
-  }
+  ForEachPixel(values.width(), values.height(), [&](int x, int y) {
+    const Color color = LinearColorAt(values.At(x, y) / top);
+    for (size_t c = 0; c < 3; ++c) map[c].At(x, y) = color[c];
+  });
   return map;
 }
 

@@ -1,8 +1,6 @@
 #pragma once
 
-#include <array>
-
-#include "filter/image/plane.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::metrics {
 
@@ -17,6 +15,6 @@ float HeatScale(ConstFloatView values);
 
 /// Paints values from 0 (black) over violet, red and orange to `top` and above (pale yellow): lightness rises
 /// all the way, so that it reads alike for all eyes and in grey. Result: W x H, linear R G B.
-std::array<Plane, 3> HeatMap(ConstFloatView values, float top);
+Picture HeatMap(ConstFloatView values, float top);
 
 }  // namespace lumifold::metrics

@@ -9,6 +9,7 @@
 #include "absl/functional/function_ref.h"
 #include "filter/image/check.h"
 #include "filter/image/color.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -62,13 +63,11 @@ double TrimmedRelMse(const ConstColorView& picture, const ConstColorView& refere
   const int height = reference[0].height();
   LUMIFOLD_CHECK(width > 0 && height > 0 && picture[0].width() == width && picture[0].height() == height);
   std::vector<double> errors;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      double sum = 0;
-      for (size_t c = 0; c < 3; ++c) sum += RelativeSquare(picture[c].At(x, y), reference[c].At(x, y)) / 3.0;
-      errors.push_back(std::isnan(sum) ? std::numeric_limits<double>::infinity() : sum);
-    }
-  }
+  ForEachPixel(width, height, [&](int x, int y) {
+    double sum = 0;
+    for (size_t c = 0; c < 3; ++c) sum += RelativeSquare(picture[c].At(x, y), reference[c].At(x, y)) / 3.0;
+    errors.push_back(std::isnan(sum) ? std::numeric_limits<double>::infinity() : sum);
+  });
   std::sort(errors.begin(), errors.end());
   errors.resize(errors.size() - errors.size() / kPixelsPerTrimmed);
   return std::accumulate(errors.begin(), errors.end(), 0.0) / static_cast<double>(errors.size());

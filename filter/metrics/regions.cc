@@ -9,6 +9,7 @@
 #include "filter/image/color.h"
 #include "filter/image/layers.h"
 #include "filter/image/level_mask.h"
+#include "filter/image/planes.h"
 #include "filter/metrics/mean.h"
 
 namespace lumifold::metrics {
@@ -88,10 +89,8 @@ class Surfaces {
 Plane DirectLight(const LayeredImage& film) {
   const ConstColorView direct = film.GetColor(layers::kDirect);
   Plane light(film.width(), film.height());
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x)
-      light.At(x, y) = Luminance(direct[0].At(x, y), direct[1].At(x, y), direct[2].At(x, y));
-  }
+  ForEachPixel(film.width(), film.height(),
+               [&](int x, int y) { light.At(x, y) = LuminanceAt(direct, x, y); });
   return light;
 }
 
@@ -114,32 +113,26 @@ void MarkShadows(const EdgedImage& film, RegionMap* map) {
       }
     }
   };
-  for (int y = 0; y < light.height(); ++y) {
-    for (int x = 0; x < light.width(); ++x) {
-      const int right = x + kShadowReach;
-      const int below = y + kShadowReach;
-      if (changes(x, y, right, y)) mark((x + right) / 2, y);
-      if (changes(x, y, x, below)) mark(x, (y + below) / 2);
-    }
-  }
+  ForEachPixel(light.width(), light.height(), [&](int x, int y) {
+    const int right = x + kShadowReach;
+    const int below = y + kShadowReach;
+    if (changes(x, y, right, y)) mark((x + right) / 2, y);
+    if (changes(x, y, x, below)) mark(x, (y + below) / 2);
+  });
 }
 
 void MarkMirrors(const LayeredImage& film, RegionMap* map) {
   const Plane mask = LevelMask(film);
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) {
-      if (mask.At(x, y) > 0) map->At(x, y) = Region::kMirror;
-    }
-  }
+  ForEachPixel(film.width(), film.height(), [&](int x, int y) {
+    if (mask.At(x, y) > 0) map->At(x, y) = Region::kMirror;
+  });
 }
 
 void MarkEdges(const EdgedImage& film, RegionMap* map) {
   const Surfaces surfaces(film);
-  for (int y = 0; y < film.pixels.height(); ++y) {
-    for (int x = 0; x < film.pixels.width(); ++x) {
-      if (surfaces.IsOnEdge(x, y)) map->At(x, y) = Region::kEdges;
-    }
-  }
+  ForEachPixel(film.pixels.width(), film.pixels.height(), [&](int x, int y) {
+    if (surfaces.IsOnEdge(x, y)) map->At(x, y) = Region::kEdges;
+  });
 }
 
 double SquaredError(const ConstColorView& picture, const ConstColorView& reference, int x, int y,
@@ -170,15 +163,13 @@ RegionMeans Mse255ByRegion(const ConstColorView& picture, const ConstColorView& 
   std::array<int64_t, kRegionCount> counts = {};
   const int width = reference[0].width();
   auto next = regions.begin();
-  for (int y = 0; y < reference[0].height(); ++y) {
-    for (int x = 0; x < width; ++x) {
-      const auto region = static_cast<size_t>(*next++);
-      const double error = SquaredError(picture, reference, x, y, exposure);
-      means.whole += error;
-      means.of_region[region] += error;
-      ++counts[region];
-    }
-  }
+  ForEachPixel(width, reference[0].height(), [&](int x, int y) {
+    const auto region = static_cast<size_t>(*next++);
+    const double error = SquaredError(picture, reference, x, y, exposure);
+    means.whole += error;
+    means.of_region[region] += error;
+    ++counts[region];
+  });
   means.whole /= static_cast<double>(regions.size());
   for (size_t i = 0; i < kRegionCount; ++i) {
     if (counts[i] > 0) means.of_region[i] /= static_cast<double>(counts[i]);

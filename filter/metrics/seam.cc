@@ -5,6 +5,7 @@
 
 #include "filter/image/check.h"
 #include "filter/image/color.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -31,18 +32,16 @@ double SeamIndex(const ConstColorView& tiled, const ConstColorView& untiled, int
   LUMIFOLD_CHECK(tile > 2 && tiled[0].width() == width && tiled[0].height() == height);
   Sum boundary;
   Sum interior;
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      double difference = 0;
-      for (size_t c = 0; c < 3; ++c) {
-        difference += static_cast<double>(std::abs(SrgbFromLinear(exposure * tiled[c].At(x, y)) -
-                                                   SrgbFromLinear(exposure * untiled[c].At(x, y))));
-      }
-      Sum& sum = IsBesideBoundary(x, width, tile) || IsBesideBoundary(y, height, tile) ? boundary : interior;
-      sum.total += difference;
-      ++sum.count;
+  ForEachPixel(width, height, [&](int x, int y) {
+    double difference = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      difference += static_cast<double>(std::abs(SrgbFromLinear(exposure * tiled[c].At(x, y)) -
+                                                 SrgbFromLinear(exposure * untiled[c].At(x, y))));
     }
-  }
+    Sum& sum = IsBesideBoundary(x, width, tile) || IsBesideBoundary(y, height, tile) ? boundary : interior;
+    sum.total += difference;
+    ++sum.count;
+  });
   if (boundary.total == 0) return 0;
   return interior.total > 0 ? boundary.Mean() / interior.Mean() : std::numeric_limits<double>::infinity();
 }

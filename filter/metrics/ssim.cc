@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/check.h"
 #include "filter/image/color.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -56,11 +57,9 @@ std::array<double, kWindow> GaussianTaps() {
 Channel WindowMeans(const Channel& in) {
   static const std::array<double, kWindow> taps = GaussianTaps();
   Channel rows(in.width - kWindow + 1, in.height);
-  for (int y = 0; y < rows.height; ++y) {
-    for (int x = 0; x < rows.width; ++x) {
-      for (int i = 0; i < kWindow; ++i) rows.At(x, y) += taps[static_cast<size_t>(i)] * in.At(x + i, y);
-    }
-  }
+  ForEachPixel(rows.width, rows.height, [&](int x, int y) {
+    for (int i = 0; i < kWindow; ++i) rows.At(x, y) += taps[static_cast<size_t>(i)] * in.At(x + i, y);
+  });
   Channel out(rows.width, in.height - kWindow + 1);
   for (int y = 0; y < out.height; ++y) {
     for (int i = 0; i < kWindow; ++i) {
@@ -105,12 +104,10 @@ Similarity Compare(const Channel& a, const Channel& b) {
 /// Means over 2x2 pixels; an odd last row or column is left out.
 Channel Halve(const Channel& in) {
   Channel out(in.width / 2, in.height / 2);
-  for (int y = 0; y < out.height; ++y) {
-    for (int x = 0; x < out.width; ++x) {
-      out.At(x, y) = 0.25 * (in.At(2 * x, 2 * y) + in.At(2 * x + 1, 2 * y) + in.At(2 * x, 2 * y + 1) +
-                             in.At(2 * x + 1, 2 * y + 1));
-    }
-  }
+  ForEachPixel(out.width, out.height, [&](int x, int y) {
+    out.At(x, y) = 0.25 * (in.At(2 * x, 2 * y) + in.At(2 * x + 1, 2 * y) + in.At(2 * x, 2 * y + 1) +
+                           in.At(2 * x + 1, 2 * y + 1));
+  });
   return out;
 }
 

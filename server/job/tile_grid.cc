@@ -63,7 +63,8 @@ UnitKey FrameUnits::KeyOf(int32_t frame, int64_t number) const {
 SampleRange FrameUnits::SamplesOf(const UnitKey& key) const {
   if (key.kind == v1::UNIT_KIND_GEOMETRY) return {};
   const int first = key.pass * pass_samples_;
-  return {first, std::min(first + pass_samples_, samples_per_pixel_)};
+  return {static_cast<uint32_t>(first),
+          static_cast<uint32_t>(std::min(first + pass_samples_, samples_per_pixel_))};
 }
 
 int64_t FrameUnits::CameraSamplesOf(const UnitKey& key) const {

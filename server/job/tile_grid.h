@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "filter/image/rect.h"
+#include "filter/image/sample_range.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/job/unit.h"
 
@@ -29,15 +30,6 @@ class TileGrid {
   int tile_size_;
   int columns_;
   int rows_;
-};
-
-/// Sample indices [first, last).
-struct SampleRange {
-  int first = 0;
-  int last = 0;
-
-  int count() const { return last - first; }
-  friend bool operator==(const SampleRange&, const SampleRange&) = default;
 };
 
 /// The units of one frame, numbered in the order they are handed out: the geometry of every tile, then pass 0

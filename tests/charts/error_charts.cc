@@ -226,12 +226,13 @@ std::string PageOf(absl::Span<const Row> rows, absl::Span<const Truth> truths, b
 }  // namespace
 
 absl::StatusOr<bool> ChartErrors(const std::string& folder, absl::Span<const Row> rows,
-                                 absl::Span<const Truth> truths, const Provenance& provenance) {
+                                 absl::Span<const Truth> truths, const Provenance& provenance,
+                                 DrawFormat format) {
   const bool has_times =
       std::any_of(rows.begin(), rows.end(), [](const Row& row) { return row.render_seconds > 0; });
   bool is_drawn = true;
   const auto draw = [&](const std::string& name, const Figure& figure) {
-    const absl::StatusOr<bool> drawn = Draw(absl::StrCat(folder, "/", name), figure);
+    const absl::StatusOr<bool> drawn = Draw(absl::StrCat(folder, "/", name), figure, format);
     is_drawn &= drawn.value_or(false);
     return drawn.status();
   };

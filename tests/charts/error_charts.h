@@ -4,6 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
+#include "tests/charts/figure.h"
 #include "tests/charts/page.h"
 #include "tests/charts/report.h"
 #include "tests/charts/row.h"
@@ -17,6 +18,7 @@ namespace lumifold::charts {
 /// Scenes without times get the second alone. Result: whether there was a gnuplot. Errors: those of drawing
 /// and of the files.
 absl::StatusOr<bool> ChartErrors(const std::string& folder, absl::Span<const Row> rows,
-                                 absl::Span<const Truth> truths, const Provenance& provenance);
+                                 absl::Span<const Truth> truths, const Provenance& provenance,
+                                 DrawFormat format);
 
 }  // namespace lumifold::charts

@@ -37,10 +37,10 @@ std::string Quoted(const std::string& text) {
 
 const char* ColorOf(size_t index) { return kColors[index % kColors.size()]; }
 
-/// Where a curve's name stands: as near to its right end as the other names let it.
+/// The label of a curve, as near to its right end as the other labels allow.
 struct Label {
   size_t curve = 0;
-  double place = 0;  // of the chart's height, from below
+  double place = 0;  // fraction of the chart's height, from the bottom
 };
 
 std::vector<Label> PlaceLabels(const Figure& figure, const Range& y) {
@@ -101,7 +101,7 @@ std::string RowCommands(const Figure& figure) {
       static_cast<int>(figure.rows.size()), tics);
 }
 
-/// Fronts lie behind all else.
+/// Fronts are drawn first, behind all other curves.
 std::vector<size_t> DrawingOrder(const Figure& figure) {
   std::vector<size_t> order(figure.curves.size());
   std::iota(order.begin(), order.end(), size_t{0});
@@ -150,7 +150,7 @@ std::string BodyOf(const Figure& figure) {
 
 std::string BodyOf(const Stacks& stacks) {
   constexpr double kHalfWidth = 0.13;
-  constexpr double kLeastNamed = 1.2;  // percent: thinner parts have no room for a name
+  constexpr double kLeastNamed = 1.2;  // percent: thinner parts have no room for a label
   std::string text = absl::StrFormat(
       "set title %s\nset ylabel 'percent'\nset yrange [0:100]\nset xrange [-0.25:%.2f]\nset grid y\nunset "
       "key\n",
@@ -185,14 +185,14 @@ bool HasGnuplot() {
 }
 
 absl::Status RunGnuplot(const std::string& base, const std::string& script) {
-  // Through its standard input: no path of the user's goes through a shell.
+  // The script goes through standard input, so that no path of the user reaches a shell.
   FILE* gnuplot = popen("gnuplot", "w");
   const bool sent = gnuplot != nullptr && std::fputs(script.c_str(), gnuplot) >= 0;
   if (gnuplot != nullptr && pclose(gnuplot) == 0 && sent) return absl::OkStatus();
   return absl::InternalError(absl::StrCat(base, ": gnuplot failed"));
 }
 
-absl::StatusOr<bool> DrawBody(const std::string& base, const std::string& body) {
+absl::StatusOr<bool> DrawBody(const std::string& base, const std::string& body, DrawFormat format) {
   const std::string svg =
       absl::StrFormat("set terminal svg size 960,640 noenhanced background '#ffffff'\nset output %s\n%s",
                       Quoted(base + ".svg"), body);
@@ -201,23 +201,23 @@ absl::StatusOr<bool> DrawBody(const std::string& base, const std::string& body) 
     if (!written.ok()) return written;
     return false;
   }
+  if (const absl::Status status = RunGnuplot(base, svg); !status.ok()) return status;
+  if (format == DrawFormat::kSvg) return true;
   const std::string png =
       absl::StrFormat("set terminal pngcairo size 960,640 noenhanced background '#ffffff'\nset output %s\n%s",
                       Quoted(base + ".png"), body);
-  for (const std::string& script : {svg, png}) {
-    if (const absl::Status status = RunGnuplot(base, script); !status.ok()) return status;
-  }
+  if (const absl::Status status = RunGnuplot(base, png); !status.ok()) return status;
   return true;
 }
 
 }  // namespace
 
-absl::StatusOr<bool> Draw(const std::string& base, const Figure& figure) {
-  return DrawBody(base, BodyOf(figure));
+absl::StatusOr<bool> Draw(const std::string& base, const Figure& figure, DrawFormat format) {
+  return DrawBody(base, BodyOf(figure), format);
 }
 
-absl::StatusOr<bool> Draw(const std::string& base, const Stacks& stacks) {
-  return DrawBody(base, BodyOf(stacks));
+absl::StatusOr<bool> Draw(const std::string& base, const Stacks& stacks, DrawFormat format) {
+  return DrawBody(base, BodyOf(stacks), format);
 }
 
 }  // namespace lumifold::charts

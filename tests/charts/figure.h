@@ -10,10 +10,10 @@ namespace lumifold::charts {
 /// A named line or cloud of points.
 struct Curve {
   enum class Style {
-    kLine,   // with points, its name written at its right end
-    kDots,   // points alone, named in a legend
+    kLine,   // with points, and its name at its right end
+    kDots,   // points only, named in a legend
     kGuide,  // dashed and grey, without points
-    kStairs  // a broad pale band of steps: a front
+    kStairs  // a broad pale band of steps: a Pareto front
   };
 
   std::string name;
@@ -22,8 +22,8 @@ struct Curve {
   std::vector<std::pair<double, double>> points;
 };
 
-/// What gnuplot draws of one chart. Axes are logarithmic, but the vertical one where `rows` names its places:
-/// row i lies at y = i, the first on top.
+/// The contents of one chart. Both axes are logarithmic. If `rows` is not empty, the vertical axis lists these
+/// names instead: row i lies at y = i, the first at the top.
 struct Figure {
   std::string title;
   std::string x_label;
@@ -32,7 +32,7 @@ struct Figure {
   std::vector<Curve> curves;
 };
 
-/// Columns of stacked parts, each column's in percent.
+/// Columns of stacked parts, in percent of their column.
 struct Stacks {
   struct Part {
     std::string name;
@@ -41,13 +41,19 @@ struct Stacks {
 
   std::string title;
   std::vector<std::string> columns;
-  std::vector<std::vector<Part>> parts;  // of each column, from below
+  std::vector<std::vector<Part>> parts;  // of each column, from the bottom up
 };
 
-/// Draws BASE.svg and BASE.png. Colours are Okabe & Ito's, which the colour-blind tell apart; points differ
-/// in shape as well. Without a gnuplot the script is kept as BASE.gp instead. Result: whether there was a
-/// gnuplot. Errors: kUnavailable naming the file; kInternal where gnuplot fails.
-absl::StatusOr<bool> Draw(const std::string& base, const Figure& figure);
-absl::StatusOr<bool> Draw(const std::string& base, const Stacks& stacks);
+/// The files a drawing is written to.
+enum class DrawFormat {
+  kSvg,       // BASE.svg, for the page
+  kSvgAndPng  // and BASE.png
+};
+
+/// Draws the files of `format` with gnuplot. The palette is Okabe & Ito's, which colour-blind readers can tell
+/// apart; points differ in shape as well. If gnuplot is not installed, its script is kept as BASE.gp instead.
+/// Result: whether gnuplot is installed. Errors: kUnavailable naming the file; kInternal if gnuplot fails.
+absl::StatusOr<bool> Draw(const std::string& base, const Figure& figure, DrawFormat format);
+absl::StatusOr<bool> Draw(const std::string& base, const Stacks& stacks, DrawFormat format);
 
 }  // namespace lumifold::charts

@@ -118,24 +118,24 @@ std::string FilmSource::PathOf(const FilmSettings& settings) const {
                          settings.samples, HashOf(settings.seed));
 }
 
-absl::StatusOr<TimedFilm> FilmSource::Get(const FilmSettings& settings, TaskPool* pool) const {
+absl::StatusOr<RenderedFilm> FilmSource::Get(const FilmSettings& settings, TaskPool* pool) const {
   const std::string path = PathOf(settings);
   absl::StatusOr<EdgedImage> cached = ReadEdgedExr(path);
   if (cached.ok()) {
-    TimedFilm timed{*std::move(cached), 0};
-    const auto seconds = timed.film.pixels.metadata().find(kSecondsKey);
-    if (seconds != timed.film.pixels.metadata().end() &&
-        absl::SimpleAtod(seconds->second, &timed.render_seconds)) {
-      return timed;
+    RenderedFilm rendered{*std::move(cached), 0};
+    const auto seconds = rendered.film.pixels.metadata().find(kSecondsKey);
+    if (seconds != rendered.film.pixels.metadata().end() &&
+        absl::SimpleAtod(seconds->second, &rendered.render_seconds)) {
+      return rendered;
     }
     return absl::DataLossError(absl::StrCat(path, ": is no film of a chart's cache"));
   }
   if (!absl::IsNotFound(cached.status())) return cached.status();
-  absl::StatusOr<TimedFilm> timed = Render(settings, pool);
-  if (!timed.ok()) return timed.status();
-  timed->film.pixels.metadata()[kSecondsKey] = absl::StrCat(timed->render_seconds);
-  if (const absl::Status status = WriteExr(path, timed->film); !status.ok()) return status;
-  return timed;
+  absl::StatusOr<RenderedFilm> rendered = Render(settings, pool);
+  if (!rendered.ok()) return rendered.status();
+  rendered->film.pixels.metadata()[kSecondsKey] = absl::StrCat(rendered->render_seconds);
+  if (const absl::Status status = WriteExr(path, rendered->film); !status.ok()) return status;
+  return rendered;
 }
 
 absl::StatusOr<std::shared_ptr<const scene::Scene>> FilmSource::LoadScene() const {
@@ -163,12 +163,12 @@ absl::StatusOr<std::unique_ptr<render::Renderer>> FilmSource::MakeRenderer(
   return render::Renderer::Create(*std::move(scene), SettingsFor(settings));
 }
 
-absl::StatusOr<TimedFilm> FilmSource::Render(const FilmSettings& settings, TaskPool* pool) const {
+absl::StatusOr<RenderedFilm> FilmSource::Render(const FilmSettings& settings, TaskPool* pool) const {
   const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer = MakeRenderer(settings);
   if (!renderer.ok()) return renderer.status();
   const absl::Time start = absl::Now();
   EdgedImage film = RenderFilm(**renderer, settings, {}, pool);
-  return TimedFilm{std::move(film), absl::ToDoubleSeconds(absl::Now() - start)};
+  return RenderedFilm{std::move(film), absl::ToDoubleSeconds(absl::Now() - start)};
 }
 
 EdgedImage RenderFilm(const render::Renderer& renderer, const FilmSettings& settings, TileSize tile,

@@ -13,8 +13,8 @@
 
 namespace lumifold::charts {
 
-/// A film and what rendering it took on the clock, 0 where that is not known.
-struct TimedFilm {
+/// A film and the wall-clock seconds of its rendering; 0 if they are not known.
+struct RenderedFilm {
   EdgedImage film;
   double render_seconds = 0;
 };
@@ -51,7 +51,7 @@ class FilmSource {
                                            const std::string& cache_folder);
 
   /// Errors: those of loading and rendering the scene and of the cache's files.
-  absl::StatusOr<TimedFilm> Get(const FilmSettings& settings, TaskPool* pool) const;
+  absl::StatusOr<RenderedFilm> Get(const FilmSettings& settings, TaskPool* pool) const;
 
   /// Where the film is kept, whether it is there or not.
   std::string PathOf(const FilmSettings& settings) const;
@@ -70,7 +70,7 @@ class FilmSource {
  private:
   FilmSource(std::string name, std::string bytes, std::string cache_folder);
   static absl::StatusOr<FilmSource> CreateFromFile(const std::string& name, const std::string& cache_folder);
-  absl::StatusOr<TimedFilm> Render(const FilmSettings& settings, TaskPool* pool) const;
+  absl::StatusOr<RenderedFilm> Render(const FilmSettings& settings, TaskPool* pool) const;
   absl::StatusOr<RenderRates> MeasureRates(int width, int height, TaskPool* pool) const;
   std::string HashOf(uint64_t seed) const;
 

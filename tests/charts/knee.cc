@@ -96,7 +96,7 @@ std::string KneeCsv(const std::vector<KneePoint>& points) {
 
 std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& reference, TaskPool* pool) {
   constexpr int kRounds = 3;
-  const EdgedImage& film = subject.timed.film;
+  const EdgedImage& film = subject.rendered.film;
   std::vector<KneePoint> points;
   for (const std::string& name : PartNames()) {
     points.push_back({subject.scene,
@@ -120,14 +120,17 @@ std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& refe
 }
 
 absl::StatusOr<bool> ChartKnee(const std::string& folder, const std::vector<KneePoint>& points,
-                               const Provenance& provenance) {
-  absl::StatusOr<bool> drawn =
-      Draw(folder + "/knee-error", KneeFigure(points, "Error without one part of the method",
-                                              "MSE255 over that of the whole method", &Ratios::error));
+                               const Provenance& provenance, DrawFormat format) {
+  absl::StatusOr<bool> drawn = Draw(folder + "/knee-error",
+                                    KneeFigure(points, "Error without one part of the method",
+                                               "MSE255 over that of the whole method", &Ratios::error),
+                                    format);
   if (!drawn.ok()) return drawn;
   absl::StatusOr<bool> cost_drawn =
-      Draw(folder + "/knee-cost", KneeFigure(points, "Cost without one part of the method",
-                                             "filter's time over that of the whole method", &Ratios::cost));
+      Draw(folder + "/knee-cost",
+           KneeFigure(points, "Cost without one part of the method",
+                      "filter's time over that of the whole method", &Ratios::cost),
+           format);
   if (!cost_drawn.ok()) return cost_drawn;
   if (absl::Status status = WriteFileAtomically(folder + "/knee.csv", KneeCsv(points)); !status.ok())
     return status;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "tests/charts/figure.h"
 #include "tests/charts/measure.h"
 #include "tests/charts/page.h"
 
@@ -24,6 +25,6 @@ std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& refe
 /// Draws what each part buys ("knee-error") and costs ("knee-cost"), and writes knee.csv and knee.md.
 /// Result: whether there was a gnuplot. Errors: those of drawing and of the files.
 absl::StatusOr<bool> ChartKnee(const std::string& folder, const std::vector<KneePoint>& points,
-                               const Provenance& provenance);
+                               const Provenance& provenance, DrawFormat format);
 
 }  // namespace lumifold::charts

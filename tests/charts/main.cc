@@ -12,7 +12,9 @@
 #include <vector>
 
 #include "absl/strings/str_join.h"
+#include "filter/baselines/method_info.h"
 #include "filter/image/memory.h"
+#include "tests/charts/method.h"
 #include "tests/charts/run_charts.h"
 
 namespace lumifold::charts {
@@ -38,8 +40,11 @@ void AddOptions(CLI::App* app, Options* options) {
                   "Samples of the reference, of all scenes or of each (default 4096)")
       ->delimiter(',')
       ->check(CLI::Range(1, 1 << 20));
-  app->add_option("--methods", options->methods, "Only these (default: all; see docs/testing.md)")
+  app->add_option("--methods", options->methods, "Only these (default: all; see --list-methods)")
       ->delimiter(',');
+  app->add_flag("--list-methods", options->lists_methods,
+                "Print all methods with their parameters and sources, and exit");
+  app->add_flag("--json", options->json, "Print that list as JSON, one object a line");
   app->add_option("--again", options->again, "Measure these anew, whatever is kept of them")->delimiter(',');
   app->add_option(
       "--grid-seconds", options->most_grid_seconds,
@@ -53,6 +58,7 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--reference", options->references, "Its reference")->allow_extra_args(false);
   app->add_option("--output", options->output, "Folder for the results (default lumifold-charts)");
   app->add_option("--cache", options->cache, "Folder that keeps films and figures (default OUTPUT/cache)");
+  app->add_flag("--png", options->png, "Draw PNG beside SVG");
   app->add_option("--threads", options->threads, "Threads (default: all)")->check(CLI::Range(1, 4096));
 }
 
@@ -76,6 +82,11 @@ int Main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& wrong) {
     return app.exit(wrong) == 0 ? 0 : kUsageError;
+  }
+  if (options.lists_methods) {
+    const std::vector<filter::MethodInfo> methods = AllMethodInfos();
+    std::printf("%s", (options.json ? filter::MethodsAsJson(methods) : filter::MethodTable(methods)).c_str());
+    return 0;
   }
   if (options.quick) MakeQuick(&options);
   if (!IsUsable(options)) {

@@ -36,7 +36,7 @@ struct Meter::Call {
   const Method* method = nullptr;
   std::vector<float> values;
 
-  std::string Parameters() const { return filter::FormatParameters(method->parameters, values); }
+  std::string Parameters() const { return filter::FormatParameters(method->info, values); }
 };
 
 absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film) {
@@ -72,7 +72,7 @@ Meter::Meter(MeasureOptions options, RowStore* store, std::string cache_folder, 
     : options_(std::move(options)), store_(store), cache_folder_(std::move(cache_folder)), pool_(pool) {}
 
 absl::StatusOr<std::vector<Row>> Meter::Measure(Subject* subject, const Reference& reference) {
-  if (subject->timed.film.pixels.bounds() != reference.film.pixels.bounds()) {
+  if (subject->rendered.film.pixels.bounds() != reference.film.pixels.bounds()) {
     return absl::InvalidArgumentError(absl::StrCat(subject->scene, ": film and reference differ in size"));
   }
   std::vector<Row> rows;
@@ -80,7 +80,7 @@ absl::StatusOr<std::vector<Row>> Meter::Measure(Subject* subject, const Referenc
     const absl::StatusOr<std::vector<Row>> measured = MeasureMethod(subject, reference, *method);
     if (!measured.ok())
       return absl::Status(measured.status().code(),
-                          absl::StrCat(method->name, ": ", measured.status().message()));
+                          absl::StrCat(method->info.name, ": ", measured.status().message()));
     rows.insert(rows.end(), measured->begin(), measured->end());
   }
   subject->samples.reset();
@@ -89,8 +89,8 @@ absl::StatusOr<std::vector<Row>> Meter::Measure(Subject* subject, const Referenc
 
 absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Reference& reference,
                                                       const Method& method) {
-  Last& last = last_[absl::StrCat(subject->scene, " ", method.name)];
-  const Call standard = {&method, filter::DefaultsOf(method.parameters)};
+  Last& last = last_[absl::StrCat(subject->scene, " ", method.info.name)];
+  const Call standard = {&method, filter::DefaultsOf(method.info)};
   absl::StatusOr<Row> first = FindOrRun(subject, reference, standard);
   if (!first.ok()) return first.status();
   if (!first->not_run.empty()) return std::vector<Row>{*std::move(first)};
@@ -112,14 +112,14 @@ absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Re
   best->is_best = true;
   last = {seconds, subject->settings, points[static_cast<size_t>(best - rows.begin())]};
   std::fprintf(stderr, "%s, %d spp, %s: MSE255 %.3f, best of %zu %.3f, %.2f s\n", subject->scene.c_str(),
-               static_cast<int>(subject->settings.samples), method.name.c_str(),
+               static_cast<int>(subject->settings.samples), method.info.name.c_str(),
                rows.front().errors.mse255.whole, rows.size(), best->errors.mse255.whole, seconds);
   return rows;
 }
 
 /// What the default should take, from the last film of the scene; 0 where there was none.
 double Meter::ExpectedSeconds(const Subject& subject, const Method& method) const {
-  const auto found = last_.find(absl::StrCat(subject.scene, " ", method.name));
+  const auto found = last_.find(absl::StrCat(subject.scene, " ", method.info.name));
   if (found == last_.end() || found->second.settings.width == 0) return 0;
   const FilmSettings& then = found->second.settings;
   const double samples =
@@ -131,9 +131,9 @@ double Meter::ExpectedSeconds(const Subject& subject, const Method& method) cons
 absl::StatusOr<std::vector<std::vector<float>>> Meter::PointsOf(const Subject& subject,
                                                                 const Reference& reference,
                                                                 const Method& method, double seconds) {
-  const std::vector<float> standard = filter::DefaultsOf(method.parameters);
+  const std::vector<float> standard = filter::DefaultsOf(method.info);
   if (standard.empty()) return std::vector<std::vector<float>>();
-  std::vector<std::vector<float>> points = filter::GridOf(method.parameters);
+  std::vector<std::vector<float>> points = filter::GridOf(method.info);
   std::erase(points, standard);
   std::vector<std::vector<float>> kept;
   for (const std::vector<float>& values : points) {
@@ -143,7 +143,7 @@ absl::StatusOr<std::vector<std::vector<float>>> Meter::PointsOf(const Subject& s
   }
   const auto missing = static_cast<double>(points.size() - kept.size());
   if (missing * seconds <= options_.most_grid_seconds) return points;
-  const auto found = last_.find(absl::StrCat(subject.scene, " ", method.name));
+  const auto found = last_.find(absl::StrCat(subject.scene, " ", method.info.name));
   if (found == last_.end() || found->second.best.empty() || found->second.best == standard) return kept;
   if (std::find(kept.begin(), kept.end(), found->second.best) == kept.end())
     kept.push_back(found->second.best);
@@ -152,25 +152,25 @@ absl::StatusOr<std::vector<std::vector<float>>> Meter::PointsOf(const Subject& s
 
 absl::StatusOr<std::string> Meter::KeyOf(const Subject& subject, const Reference& reference,
                                          const Call& call) {
-  const auto known = fingerprints_.find(call.method->name);
+  const auto known = fingerprints_.find(call.method->info.name);
   if (known == fingerprints_.end()) {
     const absl::StatusOr<uint64_t> fingerprint = FingerprintOf(*call.method, cache_folder_, pool_);
     if (!fingerprint.ok()) return fingerprint.status();
-    fingerprints_[call.method->name] = *fingerprint;
+    fingerprints_[call.method->info.name] = *fingerprint;
   }
   const std::string film =
       subject.source != nullptr
           ? std::filesystem::path(subject.source->PathOf(subject.settings)).stem().string()
           : subject.scene;
-  return absl::StrFormat("%d %s %s %s:%s %016x", kRowVersion, film, reference.name, call.method->name,
-                         call.Parameters(), fingerprints_[call.method->name]);
+  return absl::StrFormat("%d %s %s %s:%s %016x", kRowVersion, film, reference.name, call.method->info.name,
+                         call.Parameters(), fingerprints_[call.method->info.name]);
 }
 
 absl::StatusOr<Row> Meter::FindOrRun(Subject* subject, const Reference& reference, const Call& call) {
   const absl::StatusOr<std::string> key = KeyOf(*subject, reference, call);
   if (!key.ok()) return key.status();
   const bool is_again =
-      std::find(options_.again.begin(), options_.again.end(), call.method->name) != options_.again.end();
+      std::find(options_.again.begin(), options_.again.end(), call.method->info.name) != options_.again.end();
   const std::optional<Row> kept = store_->Find(*key);
   if (kept.has_value() && !is_again) return *kept;
   absl::StatusOr<Row> row = Run(subject, reference, call);
@@ -187,9 +187,9 @@ absl::StatusOr<Row> Meter::Run(Subject* subject, const Reference& reference, con
   row.width = subject->settings.width;
   row.height = subject->settings.height;
   row.samples = static_cast<int>(subject->settings.samples);
-  row.method = call.method->name;
+  row.method = call.method->info.name;
   row.parameters = call.Parameters();
-  row.is_default = call.values == filter::DefaultsOf(call.method->parameters);
+  row.is_default = call.values == filter::DefaultsOf(call.method->info);
   if (const double seconds = ExpectedSeconds(*subject, *call.method); seconds > options_.most_run_seconds) {
     row.not_run = absl::StrFormat("cost: %.0f s", seconds);
     return row;
@@ -206,8 +206,7 @@ absl::StatusOr<Row> Meter::Run(Subject* subject, const Reference& reference, con
     made->seconds = std::min(made->seconds, more->seconds);
   }
   if (!made.ok()) return made.status();
-  row.errors = Judge({made->picture[0].view(), made->picture[1].view(), made->picture[2].view()}, reference,
-                     row.is_default);
+  row.errors = Judge(ViewOf(made->picture), reference, row.is_default);
   (call.method->renders ? row.render_seconds : row.filter_seconds) = made->seconds;
   return row;
 }

@@ -18,20 +18,17 @@ using Values = absl::Span<const float>;
 
 absl::Status NotRun(const std::string& why) { return absl::UnimplementedError(why); }
 
-/// One of filter/methods.h, ours and the baselines alike.
-Method FilterOf(const std::string& name, const std::string& summary, const std::string& source,
-                const filter::Baseline* baseline) {
-  Method method{name, summary, source, {}, false, false, {}};
-  if (baseline != nullptr) method.parameters = baseline->parameters;
-  method.make = [name, baseline](Subject* subject, Values values,
-                                 TaskPool* pool) -> absl::StatusOr<MadePicture> {
-    const EdgedImage& film = subject->timed.film;
+/// A method of filter::Methods().
+Method FilterOf(const filter::MethodInfo& info) {
+  Method method{info, false, false, {}};
+  method.make = [&info](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
+    const EdgedImage& film = subject->rendered.film;
     const std::string call =
-        values.empty() ? name : absl::StrCat(name, ":", filter::FormatParameters(*baseline, values));
+        values.empty() ? info.name : absl::StrCat(info.name, ":", filter::FormatParameters(info, values));
     const double start = CpuSeconds();
-    absl::StatusOr<std::array<Plane, 3>> picture = filter::FilterFilm(film.pixels, call, pool, &film.edges);
+    absl::StatusOr<Picture> picture = filter::FilterFilm(film.pixels, call, pool, &film.edges);
     if (!picture.ok()) return picture.status();
-    return MadePicture{*std::move(picture), name == "none" ? 0 : CpuSeconds() - start};
+    return MadePicture{*std::move(picture), info.name == "none" ? 0 : CpuSeconds() - start};
   };
   return method;
 }
@@ -48,18 +45,18 @@ absl::Status TraceSamples(Subject* subject, TaskPool* pool) {
       subject->source->MakeRenderer(subject->settings);
   if (!renderer.ok()) return renderer.status();
   absl::StatusOr<SampleSet> set =
-      TraceSampleSet(**renderer, subject->settings, subject->timed.film.pixels, pool);
+      TraceSampleSet(**renderer, subject->settings, subject->rendered.film.pixels, pool);
   if (!set.ok()) return set.status();
   subject->samples = *std::move(set);
   return absl::OkStatus();
 }
 
 Method SampleMethodOf(const SampleMethod& sampled) {
-  Method method{sampled.name, sampled.summary, sampled.source, sampled.parameters, false, true, {}};
+  Method method{sampled.info, false, true, {}};
   method.make = [&sampled](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
     if (const absl::Status status = TraceSamples(subject, pool); !status.ok()) return status;
     const double start = CpuSeconds();
-    absl::StatusOr<std::array<Plane, 3>> picture = sampled.filter(*subject->samples, values, pool);
+    absl::StatusOr<Picture> picture = sampled.filter(*subject->samples, values, pool);
     if (!picture.ok()) return picture.status();
     const double guide = sampled.uses_guide ? subject->samples->guide_seconds : 0;
     return MadePicture{*std::move(picture), CpuSeconds() - start + guide};
@@ -67,35 +64,30 @@ Method SampleMethodOf(const SampleMethod& sampled) {
   return method;
 }
 
-Method RenderMethodOf(const render::RenderMethod& rendered) {
-  Method method{rendered.name, rendered.summary, rendered.source, rendered.parameters, true, true, {}};
-  method.make = [&rendered](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
+Method RenderMethodOf(const RenderMethod& rendering) {
+  Method method{rendering.info, true, true, {}};
+  method.make = [&rendering](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
     if (subject->source == nullptr) return NotRun("a film from a file has no scene");
     const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = subject->source->LoadScene();
     if (!scene.ok()) return scene.status();
     const double start = CpuSeconds();
-    absl::StatusOr<render::RenderedPicture> rendered_picture = rendered.render(
+    absl::StatusOr<RenderedPicture> rendered = rendering.render(
         *scene, subject->source->SettingsFor(subject->settings), subject->settings.samples, values, pool);
-    if (!rendered_picture.ok()) return rendered_picture.status();
-    return MadePicture{std::move(rendered_picture->picture), CpuSeconds() - start};
+    if (!rendered.ok()) return rendered.status();
+    return MadePicture{std::move(rendered->picture), CpuSeconds() - start};
   };
   return method;
 }
 
 std::vector<Method> ListMethods() {
   std::vector<Method> methods;
-  for (const filter::Method& method : filter::Methods()) {
-    const filter::Baseline* baseline = filter::FindBaseline(method.name);
-    methods.push_back(
-        FilterOf(method.name, method.summary, baseline != nullptr ? baseline->source : "ours", baseline));
-  }
+  for (const filter::MethodInfo& info : filter::Methods()) methods.push_back(FilterOf(info));
   for (const SampleMethod& sampled : SampleMethods()) methods.push_back(SampleMethodOf(sampled));
-  for (const render::RenderMethod& rendered : render::RenderMethods())
-    methods.push_back(RenderMethodOf(rendered));
+  for (const RenderMethod& rendering : RenderMethods()) methods.push_back(RenderMethodOf(rendering));
   return methods;
 }
 
-/// Samples of the films that fingerprints are taken of: methods may work otherwise where samples are many.
+/// Samples per pixel of the films that fingerprints are taken of: some methods behave differently with many.
 constexpr uint32_t kFewSamples = 8;
 constexpr uint32_t kManySamples = 64;
 
@@ -108,10 +100,10 @@ absl::Status AddBits(const Method& method, uint32_t samples, const std::string& 
   subject.scene = "meeting-room";
   subject.source = &*source;
   subject.settings = {48, 36, samples, 3};
-  absl::StatusOr<TimedFilm> film = source->Get(subject.settings, pool);
+  absl::StatusOr<RenderedFilm> film = source->Get(subject.settings, pool);
   if (!film.ok()) return film.status();
-  subject.timed = *std::move(film);
-  const absl::StatusOr<MadePicture> made = method.make(&subject, filter::DefaultsOf(method.parameters), pool);
+  subject.rendered = *std::move(film);
+  const absl::StatusOr<MadePicture> made = method.make(&subject, filter::DefaultsOf(method.info), pool);
   if (!made.ok()) return made.status();
   for (const Plane& plane : made->picture) {
     for (int y = 0; y < plane.height(); ++y)
@@ -127,15 +119,21 @@ const std::vector<Method>& AllMethods() {
   return methods;
 }
 
+std::vector<filter::MethodInfo> AllMethodInfos() {
+  std::vector<filter::MethodInfo> infos;
+  for (const Method& method : AllMethods()) infos.push_back(method.info);
+  return infos;
+}
+
 absl::StatusOr<std::vector<const Method*>> FindMethods(const std::vector<std::string>& names) {
   const std::vector<Method>& all = AllMethods();
   std::vector<const Method*> found;
   for (const Method& method : all) {
-    if (names.empty() || std::find(names.begin(), names.end(), method.name) != names.end())
+    if (names.empty() || std::find(names.begin(), names.end(), method.info.name) != names.end())
       found.push_back(&method);
   }
   for (const std::string& name : names) {
-    if (std::none_of(all.begin(), all.end(), [&](const Method& method) { return method.name == name; }))
+    if (std::none_of(all.begin(), all.end(), [&](const Method& method) { return method.info.name == name; }))
       return absl::NotFoundError(absl::StrCat("no method is named '", name, "'"));
   }
   return found;
@@ -145,7 +143,7 @@ absl::StatusOr<uint64_t> FingerprintOf(const Method& method, const std::string& 
                                        TaskPool* pool) {
   std::string bits;
   for (const uint32_t samples : {kFewSamples, kManySamples}) {
-    if (samples == kManySamples && method.grows_with_samples) continue;  // these take minutes of many
+    if (samples == kManySamples && method.grows_with_samples) continue;  // that would take minutes
     if (const absl::Status status = AddBits(method, samples, cache_folder, pool, &bits); !status.ok())
       return status;
   }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <functional>
 #include <optional>
 #include <string>
@@ -8,54 +7,54 @@
 
 #include "absl/status/statusor.h"
 #include "absl/types/span.h"
-#include "filter/baselines/baseline.h"
+#include "filter/baselines/method_info.h"
 #include "filter/image/parallel.h"
+#include "filter/image/planes.h"
 #include "tests/charts/film_source.h"
 #include "tests/charts/methods/samples/sample_method.h"
 
 namespace lumifold::charts {
 
-/// What methods make their picture of: a film, and where it came from. Not copied: samples point into it.
+/// The input of the methods: a film, and where it came from. Not copied, because `samples` points into it.
 struct Subject {
   std::string scene;
   const FilmSource* source = nullptr;  // null for a film from a file
   FilmSettings settings;
-  TimedFilm timed;
-  std::optional<SampleSet> samples;  // traced for the first method that asks
+  RenderedFilm rendered;
+  std::optional<SampleSet> samples;  // traced for the first method that needs them
 
   Subject() = default;
   Subject(const Subject&) = delete;
   Subject& operator=(const Subject&) = delete;
 };
 
-/// A picture and the processor seconds its method took beside rendering the film.
+/// A picture and the processor seconds of its method, without those of rendering the film.
 struct MadePicture {
-  std::array<Plane, 3> picture;
+  Picture picture;
   double seconds = 0;
 };
 
-/// A way to make a picture, whoever its author. What cannot run on a subject says so: kUnimplemented.
+/// Any method that the charts compare, behind one interface.
 struct Method {
-  std::string name;
-  std::string summary;
-  std::string source;
-  std::vector<filter::BaselineParameter> parameters;
-  bool renders = false;             // by itself: the film's own cost is no part of its
-  bool grows_with_samples = false;  // its cost, not only the film's
+  filter::MethodInfo info;
+  bool renders = false;             // renders the scene itself: the cost of the film is not part of its cost
+  bool grows_with_samples = false;  // its own cost is proportional to the samples per pixel
+  /// Errors: kUnimplemented with the reason if the method cannot run on the subject; those of the method.
   std::function<absl::StatusOr<MadePicture>(Subject* subject, absl::Span<const float> values, TaskPool* pool)>
       make;
 };
 
-/// Ours ("none", "default", "paper"), then the filters of filter/baselines, the methods that need samples one
-/// by one, and those that render.
+/// The methods of filter::Methods(), then those that need single samples, then those that render.
 const std::vector<Method>& AllMethods();
 
-/// Those of the given names; all for no name. Errors: kNotFound naming one that there is not.
+/// The records of AllMethods(), for lists.
+std::vector<filter::MethodInfo> AllMethodInfos();
+
+/// The methods of the given names; all for no name. Errors: kNotFound naming a method that does not exist.
 absl::StatusOr<std::vector<const Method*>> FindMethods(const std::vector<std::string>& names);
 
-/// A number that changes when what the method makes changes: a hash of its default pictures of small films
-/// of few samples and, where its cost does not grow with them, of many.
-/// Errors: the method's own.
+/// A number that changes when the method's result changes: a hash of its default pictures of small films, with
+/// few samples and, unless its cost grows with them, with many. Errors: those of the method.
 absl::StatusOr<uint64_t> FingerprintOf(const Method& method, const std::string& cache_folder, TaskPool* pool);
 
 }  // namespace lumifold::charts

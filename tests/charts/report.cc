@@ -138,11 +138,12 @@ absl::Status CheckOrder(absl::Span<const Row> rows) {
     double theirs = 0;
     for (const Row& film : films) {
       ours += film.errors.mse255.whole;
-      theirs += BestError(rows, film, baseline.name).value_or(0);
+      theirs += BestError(rows, film, baseline.info.name).value_or(0);
     }
     if (ours < theirs) continue;
-    return absl::FailedPreconditionError(absl::StrFormat(
-        "sum over all films: default has MSE255 %.3f, the best of %s %.3f", ours, baseline.name, theirs));
+    return absl::FailedPreconditionError(
+        absl::StrFormat("sum over all films: default has MSE255 %.3f, the best of %s %.3f", ours,
+                        baseline.info.name, theirs));
   }
   return absl::OkStatus();
 }

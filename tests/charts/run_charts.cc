@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "tests/charts/error_charts.h"
 #include "tests/charts/film_source.h"
 #include "tests/charts/knee.h"
@@ -30,9 +31,8 @@ int SamplesOf(const LayeredImage& film) {
   if (!film.Has(layers::kSamplesA) || !film.Has(layers::kSamplesB)) return 0;
   const ConstFloatView a = film.Get(layers::kSamplesA);
   const ConstFloatView b = film.Get(layers::kSamplesB);
-  for (int y = 0; y < film.height(); ++y) {
-    for (int x = 0; x < film.width(); ++x) most = std::max(most, a.At(x, y) + b.At(x, y));
-  }
+  ForEachPixel(film.width(), film.height(),
+               [&](int x, int y) { most = std::max(most, a.At(x, y) + b.At(x, y)); });
   return static_cast<int>(most);
 }
 
@@ -76,13 +76,15 @@ class Session {
     return {options_.width, options_.height, static_cast<uint32_t>(samples), seed};
   }
 
+  DrawFormat Format() const { return options_.png ? DrawFormat::kSvgAndPng : DrawFormat::kSvg; }
+
   int ReferenceSamplesOf(size_t scene) const {
     return options_.reference_samples[options_.reference_samples.size() == 1 ? 0 : scene];
   }
 
   absl::StatusOr<Reference> RenderReference(const FilmSource& source, size_t scene) {
     const FilmSettings settings = SettingsOf(ReferenceSamplesOf(scene), kReferenceSeed);
-    absl::StatusOr<TimedFilm> truth = source.Get(settings, pool_);
+    absl::StatusOr<RenderedFilm> truth = source.Get(settings, pool_);
     if (!truth.ok()) return truth.status();
     return MakeReference(std::filesystem::path(source.PathOf(settings)).stem().string(),
                          std::move(truth->film));
@@ -92,9 +94,9 @@ class Session {
     subject->scene = scene;
     subject->source = &source;
     subject->settings = SettingsOf(samples, kFilmSeed);
-    absl::StatusOr<TimedFilm> film = source.Get(subject->settings, pool_);
+    absl::StatusOr<RenderedFilm> film = source.Get(subject->settings, pool_);
     if (!film.ok()) return film.status();
-    subject->timed = *std::move(film);
+    subject->rendered = *std::move(film);
     return absl::OkStatus();
   }
 
@@ -138,7 +140,7 @@ class Session {
     subject.scene = std::filesystem::path(film_path).stem().string();
     subject.settings = {film->pixels.width(), film->pixels.height(),
                         static_cast<uint32_t>(SamplesOf(film->pixels)), 0};
-    subject.timed.film = *std::move(film);
+    subject.rendered.film = *std::move(film);
     const absl::StatusOr<std::vector<Row>> measured = meter_.Measure(&subject, *reference);
     if (!measured.ok()) return measured.status();
     rows->insert(rows->end(), measured->begin(), measured->end());
@@ -162,7 +164,7 @@ class Session {
     const absl::StatusOr<std::vector<Row>> rows = MeasureAll();
     if (!rows.ok()) return rows.status();
     const absl::StatusOr<bool> drawn =
-        charts::ChartErrors(options_.output, *rows, truths_, {options_.command, options_.threads});
+        charts::ChartErrors(options_.output, *rows, truths_, {options_.command, options_.threads}, Format());
     if (!drawn.ok()) return drawn.status();
     is_drawn_ &= *drawn;
     std::printf("%s", RatioTable(*rows).c_str());
@@ -186,7 +188,7 @@ class Session {
       jobs.push_back(*std::move(job));
     }
     const absl::StatusOr<bool> drawn =
-        ChartStages(options_.output, jobs, {options_.command, options_.threads});
+        ChartStages(options_.output, jobs, {options_.command, options_.threads}, Format());
     is_drawn_ &= drawn.value_or(false);
     return drawn.status();
   }
@@ -208,7 +210,7 @@ class Session {
       }
     }
     const absl::StatusOr<bool> drawn =
-        ChartKnee(options_.output, points, {options_.command, options_.threads});
+        ChartKnee(options_.output, points, {options_.command, options_.threads}, Format());
     is_drawn_ &= drawn.value_or(false);
     return drawn.status();
   }

@@ -10,6 +10,8 @@ namespace lumifold::charts {
 /// What the program is asked for; its help says what each means.
 struct Options {
   bool quick = false;
+  bool lists_methods = false;
+  bool json = false;
   std::vector<std::string> charts = {"errors"};
   std::vector<std::string> scenes;
   std::vector<int> samples = {4, 16, 64, 256};
@@ -25,8 +27,9 @@ struct Options {
   std::vector<std::string> references;
   std::string output = "lumifold-charts";
   std::string cache;
+  bool png = false;  // draw PNG beside SVG
   int threads = 1;
-  std::string command;  // as it was called, for the pages
+  std::string command;  // the command line, for the pages
 };
 
 /// The options of --quick.

@@ -204,7 +204,7 @@ absl::StatusOr<JobStages> MeasureStages(const std::string& scene, const FilmSour
 }
 
 absl::StatusOr<bool> ChartStages(const std::string& folder, const std::vector<JobStages>& jobs,
-                                 const Provenance& provenance) {
+                                 const Provenance& provenance, DrawFormat format) {
   Stacks stacks{"Where the processor time of one job goes", {}, {}};
   std::string csv = "scene,width,height,spp,of,stage,processor_seconds,bytes\n";
   std::string text =
@@ -225,7 +225,7 @@ absl::StatusOr<bool> ChartStages(const std::string& folder, const std::vector<Jo
       }
     }
   }
-  absl::StatusOr<bool> drawn = Draw(folder + "/stages", stacks);
+  absl::StatusOr<bool> drawn = Draw(folder + "/stages", stacks, format);
   if (!drawn.ok()) return drawn;
   if (const absl::Status status = WriteFileAtomically(folder + "/stages.csv", csv); !status.ok())
     return status;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "tests/charts/figure.h"
 #include "tests/charts/film_source.h"
 #include "tests/charts/page.h"
 
@@ -35,6 +36,6 @@ absl::StatusOr<JobStages> MeasureStages(const std::string& scene, const FilmSour
 /// Draws the stages of all jobs ("stages"), and writes stages.csv and stages.md.
 /// Result: whether there was a gnuplot. Errors: those of drawing and of the files.
 absl::StatusOr<bool> ChartStages(const std::string& folder, const std::vector<JobStages>& jobs,
-                                 const Provenance& provenance);
+                                 const Provenance& provenance, DrawFormat format);
 
 }  // namespace lumifold::charts

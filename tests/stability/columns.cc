@@ -11,7 +11,7 @@
 namespace lumifold::stability {
 namespace {
 
-Column FilterColumn(const filter::Method& method) {
+Column FilterColumn(const filter::MethodInfo& method) {
   return {method.name, "", [name = method.name](const Subject& subject, TaskPool* pool) {
             return filter::FilterFilm(subject.film.pixels, name, pool, &subject.film.edges);
           }};
@@ -32,39 +32,39 @@ absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, cons
   if (!method.uses_samples) settings.samples = 0;
   const auto samples = charts::TraceSampleSet(**renderer, settings, subject.film.pixels, pool);
   if (!samples.ok()) return samples.status();
-  return method.filter(*samples, filter::DefaultsOf(method.parameters), pool);
+  return method.filter(*samples, filter::DefaultsOf(method.info), pool);
 }
 
 Column SampleColumn(const charts::SampleMethod& method) {
   return {
-      method.name, "it needs what a film does not hold, and a drawn film has no scene to trace it in",
+      method.info.name, "it needs what a film does not hold, and a drawn film has no scene to trace it in",
       [&method](const Subject& subject, TaskPool* pool) { return RunSampleMethod(method, subject, pool); }};
 }
 
-absl::StatusOr<Picture> RunRenderMethod(const render::RenderMethod& method, const Subject& subject,
+absl::StatusOr<Picture> RunRenderMethod(const charts::RenderMethod& method, const Subject& subject,
                                         TaskPool* pool) {
   if (subject.settings.samples > kMostOwnSamples)
     return absl::UnimplementedError("not run, cost: it renders for itself");
   const auto scene = subject.source->LoadScene();
   if (!scene.ok()) return scene.status();
-  absl::StatusOr<render::RenderedPicture> rendered =
+  absl::StatusOr<charts::RenderedPicture> rendered =
       method.render(*scene, subject.source->SettingsFor(subject.settings), subject.settings.samples,
-                    filter::DefaultsOf(method.parameters), pool);
+                    filter::DefaultsOf(method.info), pool);
   if (!rendered.ok()) return rendered.status();
   return std::move(rendered->picture);
 }
 
-Column RenderColumn(const render::RenderMethod& method) {
+Column RenderColumn(const charts::RenderMethod& method) {
   return {
-      method.name, "it renders for itself, and a drawn film has no scene",
+      method.info.name, "it renders for itself, and a drawn film has no scene",
       [&method](const Subject& subject, TaskPool* pool) { return RunRenderMethod(method, subject, pool); }};
 }
 
 std::vector<Column> ListColumns() {
   std::vector<Column> columns;
-  for (const filter::Method& method : filter::Methods()) columns.push_back(FilterColumn(method));
+  for (const filter::MethodInfo& method : filter::Methods()) columns.push_back(FilterColumn(method));
   for (const charts::SampleMethod& method : charts::SampleMethods()) columns.push_back(SampleColumn(method));
-  for (const render::RenderMethod& method : render::RenderMethods()) columns.push_back(RenderColumn(method));
+  for (const charts::RenderMethod& method : charts::RenderMethods()) columns.push_back(RenderColumn(method));
   return columns;
 }
 

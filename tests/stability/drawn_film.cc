@@ -7,6 +7,7 @@
 
 #include "filter/image/layers.h"
 #include "filter/image/mix_bits.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::stability {
 namespace {
@@ -107,17 +108,15 @@ class Painter {
   }
 
   DrawnFilm Paint() {
-    for (int y = 0; y < pixels_.height(); ++y) {
-      for (int x = 0; x < pixels_.width(); ++x) {
-        const std::vector<Surface> points = Look(drawing_, x, y, sampling_.truth_grid);
-        PaintTruth(x, y, points);
-        PaintLight(x, y, points);
-        const std::vector<Surface> sub_samples =
-            sampling_.truth_grid == kGrid ? points : Look(drawing_, x, y, kGrid);
-        PaintGeometry(x, y, sub_samples);
-        if (IsEdge(x, y, sub_samples)) edges_.push_back({x, y, sub_samples});
-      }
-    }
+    ForEachPixel(pixels_.width(), pixels_.height(), [&](int x, int y) {
+      const std::vector<Surface> points = Look(drawing_, x, y, sampling_.truth_grid);
+      PaintTruth(x, y, points);
+      PaintLight(x, y, points);
+      const std::vector<Surface> sub_samples =
+          sampling_.truth_grid == kGrid ? points : Look(drawing_, x, y, kGrid);
+      PaintGeometry(x, y, sub_samples);
+      if (IsEdge(x, y, sub_samples)) edges_.push_back({x, y, sub_samples});
+    });
     return {{std::move(pixels_), MakeEdgeSet()}, std::move(truth_)};
   }
 

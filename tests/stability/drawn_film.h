@@ -5,13 +5,12 @@
 #include <functional>
 
 #include "filter/image/edged_image.h"
-#include "filter/image/plane.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::stability {
 
 /// R G B, or X Y Z.
 using Triple = std::array<float, 3>;
-using Picture = std::array<Plane, 3>;
 
 constexpr Triple Gray(float value) { return {value, value, value}; }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "filter/image/color.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::stability {
 namespace {
@@ -17,13 +18,11 @@ double MeanOver(const ConstColorView& picture, Where where,
                 absl::FunctionRef<double(size_t, int, int)> value) {
   double sum = 0;
   int64_t count = 0;
-  for (int y = 0; y < picture[0].height(); ++y) {
-    for (int x = 0; x < picture[0].width(); ++x) {
-      if (!where(x, y)) continue;
-      for (size_t c = 0; c < 3; ++c) sum += value(c, x, y);
-      count += 3;
-    }
-  }
+  ForEachPixel(picture[0].width(), picture[0].height(), [&](int x, int y) {
+    if (!where(x, y)) return;
+    for (size_t c = 0; c < 3; ++c) sum += value(c, x, y);
+    count += 3;
+  });
   return count > 0 ? sum / static_cast<double>(count) : 0;
 }
 
@@ -32,13 +31,11 @@ double Square(double x) { return x * x; }
 Triple MeanColor(const ConstColorView& picture, Where where) {
   std::array<double, 3> sum = {};
   int64_t count = 0;
-  for (int y = 0; y < picture[0].height(); ++y) {
-    for (int x = 0; x < picture[0].width(); ++x) {
-      if (!where(x, y)) continue;
-      for (size_t c = 0; c < 3; ++c) sum[c] += static_cast<double>(picture[c].At(x, y));
-      ++count;
-    }
-  }
+  ForEachPixel(picture[0].width(), picture[0].height(), [&](int x, int y) {
+    if (!where(x, y)) return;
+    for (size_t c = 0; c < 3; ++c) sum[c] += static_cast<double>(picture[c].At(x, y));
+    ++count;
+  });
   Triple mean = {};
   for (size_t c = 0; c < 3; ++c)
     mean[c] = static_cast<float>(sum[c] / static_cast<double>(std::max<int64_t>(count, 1)));
@@ -71,19 +68,6 @@ double Crossing(const std::vector<double>& profile, double level) {
 }
 
 }  // namespace
-
-ConstColorView ViewOf(const Picture& picture) {
-  return {picture[0].view(), picture[1].view(), picture[2].view()};
-}
-
-Picture CopyOf(const ConstColorView& color) {
-  Picture copy;
-  for (size_t c = 0; c < 3; ++c) {
-    copy[c] = Plane(color[c].width(), color[c].height());
-    CopyPlane(color[c], copy[c].view());
-  }
-  return copy;
-}
 
 double DisplayError(const ConstColorView& a, const ConstColorView& b, Where where) {
   return MeanOver(a, where, [&](size_t c, int x, int y) {
@@ -120,14 +104,12 @@ int CountNotFinite(const ConstColorView& picture) {
 
 int CountDifferent(const ConstColorView& a, const ConstColorView& b) {
   int count = 0;
-  for (int y = 0; y < a[0].height(); ++y) {
-    for (int x = 0; x < a[0].width(); ++x) {
-      bool same = true;
-      for (size_t c = 0; c < 3; ++c)
-        same &= std::bit_cast<uint32_t>(a[c].At(x, y)) == std::bit_cast<uint32_t>(b[c].At(x, y));
-      count += same ? 0 : 1;
-    }
-  }
+  ForEachPixel(a[0].width(), a[0].height(), [&](int x, int y) {
+    bool same = true;
+    for (size_t c = 0; c < 3; ++c)
+      same &= std::bit_cast<uint32_t>(a[c].At(x, y)) == std::bit_cast<uint32_t>(b[c].At(x, y));
+    count += same ? 0 : 1;
+  });
   return count;
 }
 
@@ -135,16 +117,14 @@ double LargestRelativeDifference(const ConstColorView& a, const ConstColorView& 
   const double mean = MeanOver(
       b, where, [&](size_t c, int x, int y) { return std::abs(static_cast<double>(b[c].At(x, y))); });
   double largest = 0;
-  for (int y = 0; y < a[0].height(); ++y) {
-    for (int x = 0; x < a[0].width(); ++x) {
-      if (!where(x, y)) continue;
-      for (size_t c = 0; c < 3; ++c) {
-        const double expected = static_cast<double>(b[c].At(x, y));
-        const double off = std::abs(static_cast<double>(a[c].At(x, y)) - expected);
-        largest = std::max(largest, off / std::max(std::max(std::abs(expected), mean), 1e-30));
-      }
+  ForEachPixel(a[0].width(), a[0].height(), [&](int x, int y) {
+    if (!where(x, y)) return;
+    for (size_t c = 0; c < 3; ++c) {
+      const double expected = static_cast<double>(b[c].At(x, y));
+      const double off = std::abs(static_cast<double>(a[c].At(x, y)) - expected);
+      largest = std::max(largest, off / std::max(std::max(std::abs(expected), mean), 1e-30));
     }
-  }
+  });
   return largest;
 }
 
@@ -161,14 +141,12 @@ double EdgeWidth(ConstFloatView plane, float reach, absl::FunctionRef<float(int,
   const auto bins = static_cast<size_t>(2 * reach * kBinsPerPixel);
   std::vector<double> sums(bins, 0);
   std::vector<int> counts(bins, 0);
-  for (int y = 0; y < plane.height(); ++y) {
-    for (int x = 0; x < plane.width(); ++x) {
-      const float at = (distance(x, y) + reach) * kBinsPerPixel;
-      if (!(at >= 0) || at >= static_cast<float>(bins)) continue;
-      sums[static_cast<size_t>(at)] += static_cast<double>(plane.At(x, y));
-      ++counts[static_cast<size_t>(at)];
-    }
-  }
+  ForEachPixel(plane.width(), plane.height(), [&](int x, int y) {
+    const float at = (distance(x, y) + reach) * kBinsPerPixel;
+    if (!(at >= 0) || at >= static_cast<float>(bins)) return;
+    sums[static_cast<size_t>(at)] += static_cast<double>(plane.At(x, y));
+    ++counts[static_cast<size_t>(at)];
+  });
   std::vector<double> profile;
   for (size_t i = 0; i < bins; ++i) {
     if (counts[i] > 0) profile.push_back(sums[i] / counts[i]);

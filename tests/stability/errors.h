@@ -8,9 +8,6 @@ namespace lumifold::stability {
 /// Which pixels count.
 using Where = absl::FunctionRef<bool(int x, int y)>;
 
-ConstColorView ViewOf(const Picture& picture);
-Picture CopyOf(const ConstColorView& color);
-
 /// Mean over the pixels that count, and channels, of the squared difference: in 8-bit steps as displayed, or
 /// in light as it is. 0 where none counts.
 double DisplayError(const ConstColorView& a, const ConstColorView& b, Where where);

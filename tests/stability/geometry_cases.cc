@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "filter/image/planes.h"
 #include "filter/metrics/seeds.h"
 #include "tests/stability/case.h"
 
@@ -153,8 +154,8 @@ absl::StatusOr<Finding> JudgeSeeds(const Trial& trial, const Drawing& drawing, u
     const DrawnFilm drawn = Draw(drawing, {.samples = samples, .seed = static_cast<uint32_t>(run)});
     absl::StatusOr<Finding> one = Judge(trial, drawn, [](const Views&) { return Figures(); });
     if (!one.ok()) return one.status();
-    filtered.push_back(CopyOf(ViewOf(one->exhibit.filtered)));
-    noisy.push_back(CopyOf(ViewOf(one->exhibit.noisy)));
+    filtered.push_back(Clone(ViewOf(one->exhibit.filtered)));
+    noisy.push_back(Clone(ViewOf(one->exhibit.noisy)));
     finding = *std::move(one);
   }
   const auto of_filtered = MeasureWithin(filtered, finding.exhibit.truth, crop);
@@ -224,12 +225,10 @@ absl::StatusOr<Finding> Silhouette(const Trial& trial) {
   const DrawnFilm drawn = Draw([&](float x, float y) { return is_sky(x, y) ? Sky(0.7f) : Lit(0.3f); });
   return Judge(trial, drawn, [&](const Views& v) {
     int touched = 0;
-    for (int y = 0; y < kSize; ++y) {
-      for (int x = 0; x < kSize; ++x) {
-        const bool is_whole = drawn.film.pixels.Get("A").At(x, y) == 0;
-        touched += is_whole && v.filtered[1].At(x, y) != v.noisy[1].At(x, y) ? 1 : 0;
-      }
-    }
+    ForEachPixel(kSize, kSize, [&](int x, int y) {
+      const bool is_whole = drawn.film.pixels.Get("A").At(x, y) == 0;
+      touched += is_whole && v.filtered[1].At(x, y) != v.noisy[1].At(x, y) ? 1 : 0;
+    });
     return Figures{static_cast<double>(touched)};
   });
 }

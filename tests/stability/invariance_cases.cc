@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "tests/stability/case.h"
 #include "tests/stability/drawings.h"
 #include "tests/stability/test_scenes.h"
@@ -22,7 +23,7 @@ bool Everywhere(int, int) { return true; }
 absl::StatusOr<Finding> Tiles(const Trial& trial) {
   const scenes::SceneDescription scene = MirrorRoom();
   const charts::FilmSettings settings = {.width = 67, .height = 45, .samples = 8, .seed = 1};
-  absl::StatusOr<RenderedFilm> whole = trial.films.Get(scene, settings, trial.pool);
+  absl::StatusOr<SceneFilm> whole = trial.films.Get(scene, settings, trial.pool);
   if (!whole.ok()) return whole.status();
   absl::StatusOr<Picture> expected = trial.Filter(whole->subject());
   if (!expected.ok()) return expected.status();
@@ -37,7 +38,7 @@ absl::StatusOr<Finding> Tiles(const Trial& trial) {
   Finding finding;
   finding.figures = {static_cast<double>(different)};
   const ConstColorView noisy = std::as_const(whole->film.pixels).GetColor(layers::kNoisy);
-  finding.exhibit = {CopyOf(noisy), CopyOf(ViewOf(*expected)), *std::move(expected)};
+  finding.exhibit = {Clone(noisy), Clone(ViewOf(*expected)), *std::move(expected)};
   return finding;
 }
 
@@ -62,18 +63,14 @@ void MultiplyLight(float factor, LayeredImage* image) {
     const auto is_of = [&](std::string_view layer) { return channel.name.starts_with(layer); };
     if (!std::any_of(layers::kHalved.begin(), layers::kHalved.end(), is_of) && !is_of(layers::kEmission))
       continue;
-    for (int y = 0; y < image->height(); ++y) {
-      for (int x = 0; x < image->width(); ++x) channel.plane.At(x, y) *= factor;
-    }
+    ForEachPixel(image->width(), image->height(), [&](int x, int y) { channel.plane.At(x, y) *= factor; });
   }
 }
 
 Picture Times(float factor, const ConstColorView& color) {
-  Picture product = CopyOf(color);
+  Picture product = Clone(color);
   for (Plane& plane : product) {
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x) plane.At(x, y) *= factor;
-    }
+    ForEachPixel(plane.width(), plane.height(), [&](int x, int y) { plane.At(x, y) *= factor; });
   }
   return product;
 }
@@ -119,10 +116,7 @@ void MirrorFilm(EdgedImage* film) {
   for (LayeredImage* image : {&film->pixels, &edges}) {
     if (!image->Has(layers::kNormalX)) continue;
     const FloatView normal = image->Get(layers::kNormalX);
-    for (int y = 0; y < image->height(); ++y) {
-      for (int x = 0; x < image->width(); ++x)
-        normal.At(x, y) = getenv("NOFLIP") ? normal.At(x, y) : -normal.At(x, y);
-    }
+    ForEachPixel(image->width(), image->height(), [&](int x, int y) { normal.At(x, y) = -normal.At(x, y); });
   }
   if (edges.height() == 0) return;
   const FloatView place = edges.Get(layers::kPixelX);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/metrics/flip.h"
 #include "tests/stability/case.h"
 #include "tests/stability/test_scenes.h"
@@ -39,9 +40,9 @@ absl::StatusOr<Finding> PixelChequer(const Trial& trial) {
   absl::StatusOr<Picture> expected = trial.Filter({flat.film});
   if (!expected.ok()) return expected.status();
   for (Plane& plane : *expected) {
-    for (int y = 0; y < kSize; ++y) {
-      for (int x = 0; x < kSize; ++x) plane.At(x, y) *= shade(static_cast<float>(x), static_cast<float>(y));
-    }
+    ForEachPixel(kSize, kSize, [&](int x, int y) {
+      plane.At(x, y) *= shade(static_cast<float>(x), static_cast<float>(y));
+    });
   }
   return Judge(trial, DrawFilm(kSize, kSize, drawing(true), {}), [&](const Views& v) {
     return Figures{LinearError(v.filtered, ViewOf(*expected), Everywhere)};
@@ -101,7 +102,7 @@ absl::StatusOr<Finding> JudgeScene(const Trial& trial, SceneDescription (*build)
   Finding finding;
   finding.figures = figures({views, film, reference.GetColor(layers::HalfA(layers::kNoisy)),
                              reference.GetColor(layers::HalfB(layers::kNoisy))});
-  finding.exhibit = {CopyOf(views.noisy), *std::move(filtered), CopyOf(views.truth)};
+  finding.exhibit = {Clone(views.noisy), *std::move(filtered), Clone(views.truth)};
   return finding;
 }
 

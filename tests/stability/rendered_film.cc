@@ -7,14 +7,14 @@
 #include "worker/render/renderer.h"
 
 namespace lumifold::stability {
-absl::StatusOr<RenderedFilm> FilmStore::Get(const scenes::SceneDescription& scene,
-                                            const charts::FilmSettings& settings, TaskPool* pool) const {
+absl::StatusOr<SceneFilm> FilmStore::Get(const scenes::SceneDescription& scene,
+                                         const charts::FilmSettings& settings, TaskPool* pool) const {
   absl::StatusOr<charts::FilmSource> source = charts::FilmSource::Create(scene, folder_);
   if (!source.ok()) return source.status();
-  absl::StatusOr<charts::TimedFilm> timed = source->Get(settings, pool);
-  if (!timed.ok()) return timed.status();
-  return RenderedFilm{std::move(timed->film), std::make_shared<const charts::FilmSource>(*std::move(source)),
-                      settings};
+  absl::StatusOr<charts::RenderedFilm> rendered = source->Get(settings, pool);
+  if (!rendered.ok()) return rendered.status();
+  return SceneFilm{std::move(rendered->film), std::make_shared<const charts::FilmSource>(*std::move(source)),
+                   settings};
 }
 
 absl::StatusOr<JudgedFilm> FilmStore::GetJudged(const scenes::SceneDescription& scene,
@@ -23,9 +23,9 @@ absl::StatusOr<JudgedFilm> FilmStore::GetJudged(const scenes::SceneDescription& 
   charts::FilmSettings by_many = settings;
   by_many.samples = reference_samples;
   by_many.seed = charts::kReferenceSeed;
-  absl::StatusOr<RenderedFilm> reference = Get(scene, by_many, pool);
+  absl::StatusOr<SceneFilm> reference = Get(scene, by_many, pool);
   if (!reference.ok()) return reference.status();
-  absl::StatusOr<RenderedFilm> film = Get(scene, settings, pool);
+  absl::StatusOr<SceneFilm> film = Get(scene, settings, pool);
   if (!film.ok()) return film.status();
   return JudgedFilm{*std::move(film), std::move(reference->film)};
 }

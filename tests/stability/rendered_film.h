@@ -21,7 +21,7 @@ struct Subject {
 };
 
 /// A film that was rendered, and of what.
-struct RenderedFilm {
+struct SceneFilm {
   EdgedImage film;
   std::shared_ptr<const charts::FilmSource> source;
   charts::FilmSettings settings;
@@ -31,7 +31,7 @@ struct RenderedFilm {
 
 /// A film and the same by many samples of other seeds.
 struct JudgedFilm {
-  RenderedFilm rendered;
+  SceneFilm rendered;
   EdgedImage reference;
 };
 
@@ -41,8 +41,8 @@ class FilmStore {
   explicit FilmStore(std::string folder) : folder_(std::move(folder)) {}
 
   /// Renders the scene, or finds it. Errors: those of charts::FilmSource.
-  absl::StatusOr<RenderedFilm> Get(const scenes::SceneDescription& scene,
-                                   const charts::FilmSettings& settings, TaskPool* pool) const;
+  absl::StatusOr<SceneFilm> Get(const scenes::SceneDescription& scene, const charts::FilmSettings& settings,
+                                TaskPool* pool) const;
 
   /// The film of `settings` with one of `reference_samples`.
   absl::StatusOr<JudgedFilm> GetJudged(const scenes::SceneDescription& scene,

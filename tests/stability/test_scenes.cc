@@ -3,6 +3,7 @@
 #include <string>
 #include <utility>
 
+#include "filter/image/planes.h"
 #include "tests/scenes/materials.h"
 #include "tests/scenes/mesh_builder.h"
 #include "tests/scenes/textures.h"
@@ -29,12 +30,10 @@ Mesh Quad(Vec3 corner, Vec3 u, Vec3 v) {
 /// Squares of two shades, 2 x 2 of them.
 scenes::Texture Chequer() {
   scenes::Texture texture{.name = "chequer", .width = 64, .height = 64};
-  for (int y = 0; y < 64; ++y) {
-    for (int x = 0; x < 64; ++x) {
-      const std::uint8_t shade = (x / 32 + y / 32) % 2 == 0 ? 230 : 90;
-      texture.rgb.insert(texture.rgb.end(), {shade, shade, static_cast<std::uint8_t>(shade / 2 + 60)});
-    }
-  }
+  ForEachPixel(64, 64, [&](int x, int y) {
+    const std::uint8_t shade = (x / 32 + y / 32) % 2 == 0 ? 230 : 90;
+    texture.rgb.insert(texture.rgb.end(), {shade, shade, static_cast<std::uint8_t>(shade / 2 + 60)});
+  });
   return texture;
 }
 

@@ -6,18 +6,13 @@
 #include <cstdint>
 #include <span>
 
+#include "filter/image/sample_range.h"
 #include "worker/render/camera.h"
 #include "worker/render/path_tracer.h"
 #include "worker/render/sample_sink.h"
 #include "worker/render/sampler.h"
 
 namespace lumifold::render {
-
-/// Sample indices [first, last) of every pixel.
-struct SampleRange {
-  uint32_t first = 0;
-  uint32_t last = 0;
-};
 
 /// Samples of one pixel that are traced together.
 class CameraPacket {

@@ -33,11 +33,11 @@ EdgedImage GreyFilm(float value, float spread) {
 
 /// A method that paints one value and counts how often it is asked.
 Method Painter(int* calls) {
-  Method method{"painter", "", "", {{"value", "", 0.5f, {0.25f, 0.5f, 1}, 0, 1}}, false, false, {}};
+  Method method{{"painter", "", "", {{"value", "", 0.5f, {0.25f, 0.5f, 1}, 0, 1}}}, false, false, {}};
   method.make = [calls](Subject* subject, absl::Span<const float> values, TaskPool*) {
     ++*calls;
     MadePicture made;
-    const LayeredImage& film = subject->timed.film.pixels;
+    const LayeredImage& film = subject->rendered.film.pixels;
     for (Plane& plane : made.picture) {
       plane = Plane(film.width(), film.height());
       plane.Fill(values[0]);
@@ -60,7 +60,7 @@ class MeterTest : public testing::Test {
     subject.scene = "cornell-box";
     subject.source = &*source;
     subject.settings = {kWidth, kHeight, 4, 1};
-    subject.timed.film = GreyFilm(0.5f, 0);
+    subject.rendered.film = GreyFilm(0.5f, 0);
     const Reference reference = *MakeReference("truth", GreyFilm(0.25f, 0));
     Meter meter({{&method}, {}, most_grid_seconds, most_run_seconds}, &store, folder_, nullptr);
     for (int i = 0; i < 2; ++i) {  // the second film knows what the first took

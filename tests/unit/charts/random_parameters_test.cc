@@ -3,8 +3,9 @@
 #include <cmath>
 #include <random>
 
-#include "tests/charts/methods/samples/methods.h"
+#include "filter/image/planes.h"
 #include "tests/charts/methods/samples/neighbourhood.h"
+#include "tests/charts/methods/samples/random_parameters.h"
 
 namespace lumifold::charts {
 namespace {
@@ -74,16 +75,15 @@ TEST(Neighbourhood, IsStandardised) {
 
 /// Mean square of the first channel about `truth`.
 template <typename Truth>
-double ErrorOf(const std::array<Plane, 3>& picture, Truth truth) {
+double ErrorOf(const Picture& picture, Truth truth) {
   double sum = 0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x)
-      sum += std::pow(static_cast<double>(picture[0].At(x, y)) - truth(x, y), 2);
-  }
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+    sum += std::pow(static_cast<double>(picture[0].At(x, y)) - truth(x, y), 2);
+  });
   return sum / (kWidth * kHeight);
 }
 
-std::array<Plane, 3> Filtered(const SampleSet& set) {
+Picture Filtered(const SampleSet& set) {
   return *RandomParametersMethod().filter(set, {0.02f, 1, 1}, nullptr);
 }
 

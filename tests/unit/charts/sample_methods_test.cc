@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/metrics/metrics.h"
 #include "server/film/film_builder.h"
 #include "tests/support/analytic_scenes.h"
@@ -17,8 +18,6 @@
 
 namespace lumifold::charts {
 namespace {
-
-using Picture = std::array<Plane, 3>;
 
 std::unique_ptr<render::Renderer> RoomRenderer(const FilmSettings& settings) {
   render::RenderSettings room;
@@ -57,22 +56,15 @@ std::unique_ptr<Room> TraceRoom(const FilmSettings& settings, TaskPool* pool = n
   return room;
 }
 
-std::vector<float> DefaultsOf(const SampleMethod& method) {
-  std::vector<float> values;
-  for (const filter::BaselineParameter& parameter : method.parameters)
-    values.push_back(parameter.default_value);
-  return values;
-}
-
 Picture Filter(const SampleMethod& method, const SampleSet& set, TaskPool* pool = nullptr) {
-  absl::StatusOr<Picture> picture = method.filter(set, DefaultsOf(method), pool);
-  EXPECT_TRUE(picture.ok()) << method.name << ": " << picture.status();
+  absl::StatusOr<Picture> picture = method.filter(set, filter::DefaultsOf(method.info), pool);
+  EXPECT_TRUE(picture.ok()) << method.info.name << ": " << picture.status();
   return *std::move(picture);
 }
 
 const SampleMethod& MethodCalled(std::string_view name) {
   for (const SampleMethod& method : SampleMethods()) {
-    if (method.name == name) return method;
+    if (method.info.name == name) return method;
   }
   ADD_FAILURE() << "no method is called " << name;
   return SampleMethods().front();
@@ -176,7 +168,7 @@ TEST(SampleMethod, KeepsAPictureOfOneValue) {
     for (const Plane& plane : picture) {
       for (int y = 0; y < 20; ++y) {
         for (int x = 0; x < 24; ++x)
-          ASSERT_NEAR(plane.At(x, y), 0.4f, 2e-5f) << method.name << ": " << x << "," << y;
+          ASSERT_NEAR(plane.At(x, y), 0.4f, 2e-5f) << method.info.name << ": " << x << "," << y;
       }
     }
   }
@@ -190,7 +182,7 @@ TEST(SampleMethod, TakesNoiseOut) {
   const double noisy = metrics::Mse255(NoisyOf(room->film), NoisyOf(truth));
   for (const SampleMethod& method : SampleMethods()) {
     const double error = metrics::Mse255(ViewOf(Filter(method, room->set)), NoisyOf(truth));
-    EXPECT_LT(error, noisy) << method.name;
+    EXPECT_LT(error, noisy) << method.info.name;
   }
 }
 
@@ -203,7 +195,7 @@ TEST(SampleMethod, GivesTheSameBitsForAnyPool) {
     const Picture b = Filter(method, shuffled->set, &pool);
     for (size_t c = 0; c < 3; ++c) {
       for (int y = 0; y < 36; ++y) {
-        for (int x = 0; x < 20; ++x) ASSERT_EQ(a[c].At(x, y), b[c].At(x, y)) << method.name;
+        for (int x = 0; x < 20; ++x) ASSERT_EQ(a[c].At(x, y), b[c].At(x, y)) << method.info.name;
       }
     }
   }
@@ -213,15 +205,15 @@ TEST(SampleMethod, StaysFiniteAtBothLimitsOfEachParameter) {
   for (const FilmSettings& settings : {FilmSettings{12, 10, 2, 6}, FilmSettings{1, 1, 1, 7}}) {
     const auto room = TraceRoom(settings);
     for (const SampleMethod& method : SampleMethods()) {
-      for (size_t i = 0; i < method.parameters.size(); ++i) {
-        for (const float value : {method.parameters[i].least, method.parameters[i].most}) {
-          std::vector<float> values = DefaultsOf(method);
+      for (size_t i = 0; i < method.info.parameters.size(); ++i) {
+        for (const float value : {method.info.parameters[i].least, method.info.parameters[i].most}) {
+          std::vector<float> values = filter::DefaultsOf(method.info);
           values[i] = value;
           const absl::StatusOr<Picture> picture = method.filter(room->set, values, nullptr);
           ASSERT_TRUE(picture.ok()) << picture.status();
           for (int y = 0; y < settings.height; ++y) {
             for (int x = 0; x < settings.width; ++x)
-              ASSERT_TRUE(std::isfinite((*picture)[1].At(x, y))) << method.name << " " << value;
+              ASSERT_TRUE(std::isfinite((*picture)[1].At(x, y))) << method.info.name << " " << value;
           }
         }
       }
@@ -231,10 +223,10 @@ TEST(SampleMethod, StaysFiniteAtBothLimitsOfEachParameter) {
 
 TEST(SampleMethod, HasDefaultsAndGridsWithinItsLimits) {
   for (const SampleMethod& method : SampleMethods()) {
-    for (const filter::BaselineParameter& p : method.parameters) {
+    for (const filter::MethodParameter& p : method.info.parameters) {
       EXPECT_THAT(p.grid, ::testing::Each(::testing::AllOf(::testing::Ge(p.least), ::testing::Le(p.most))))
-          << method.name << ": " << p.name;
-      EXPECT_THAT(p.grid, ::testing::Contains(p.default_value)) << method.name << ": " << p.name;
+          << method.info.name << ": " << p.name;
+      EXPECT_THAT(p.grid, ::testing::Contains(p.default_value)) << method.info.name << ": " << p.name;
     }
   }
 }
@@ -242,9 +234,8 @@ TEST(SampleMethod, HasDefaultsAndGridsWithinItsLimits) {
 /// Sum over all pixels of one channel.
 double EnergyOf(const ConstFloatView& plane) {
   double sum = 0;
-  for (int y = 0; y < plane.height(); ++y) {
-    for (int x = 0; x < plane.width(); ++x) sum += static_cast<double>(plane.At(x, y));
-  }
+  ForEachPixel(plane.width(), plane.height(),
+               [&](int x, int y) { sum += static_cast<double>(plane.At(x, y)); });
   return sum;
 }
 
@@ -268,12 +259,10 @@ TEST(Epanechnikov, SpreadsASpikeByItsParabola) {
   for (int dy = -4; dy <= 4; ++dy) {
     for (int dx = -4; dx <= 4; ++dx) total += weight(dx, dy);
   }
-  for (int y = 0; y < 15; ++y) {
-    for (int x = 0; x < 15; ++x) {
-      EXPECT_NEAR(static_cast<double>((*picture)[0].At(x, y)), 490 * weight(x - 7, y - 7) / total, 1e-3)
-          << x << "," << y;
-    }
-  }
+  ForEachPixel(15, 15, [&](int x, int y) {
+    EXPECT_NEAR(static_cast<double>((*picture)[0].At(x, y)), 490 * weight(x - 7, y - 7) / total, 1e-3)
+        << x << "," << y;
+  });
 }
 
 /// Sets what a film's pixel shows of D, halves and C with it.
@@ -288,9 +277,7 @@ void SetDirect(int x, int y, float direct, LayeredImage* film) {
 
 TEST(GuidedRays, KeepAShadowThatTheirLightShows) {
   const auto room = OneWall(40, 24, 2);
-  for (int y = 0; y < 24; ++y) {
-    for (int x = 0; x < 20; ++x) SetDirect(x, y, 0, &room->film);
-  }
+  ForEachPixel(20, 24, [&](int x, int y) { SetDirect(x, y, 0, &room->film); });
   const SampleMethod& method = MethodCalled("guided-rays");
   const float blurred = Filter(method, room->set)[0].At(19, 12);
   for (const FloatView& channel : room->set.guide.GetColor(layers::kDirect)) {
@@ -320,7 +307,7 @@ TEST(GuidedRays, NeedNoSamples) {
   ASSERT_TRUE(none.ok()) << none.status();
   for (const SampleMethod& method : SampleMethods()) {
     if (method.uses_samples) continue;
-    EXPECT_EQ(Filter(method, *none)[1].At(9, 7), Filter(method, room->set)[1].At(9, 7)) << method.name;
+    EXPECT_EQ(Filter(method, *none)[1].At(9, 7), Filter(method, room->set)[1].At(9, 7)) << method.info.name;
   }
 }
 

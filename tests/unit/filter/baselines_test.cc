@@ -14,6 +14,7 @@
 #include "filter/baselines/non_local_means.h"
 #include "filter/baselines/patch_regression.h"
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 #include "filter/methods.h"
 #include "filter/metrics/metrics.h"
@@ -25,10 +26,9 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using Picture = std::array<Plane, 3>;
 
 Picture Filter(const Baseline& baseline, const LayeredImage& film, TaskPool* pool = nullptr) {
-  absl::StatusOr<Picture> picture = FilterFilm(film, baseline.name, pool);
+  absl::StatusOr<Picture> picture = FilterFilm(film, baseline.info.name, pool);
   EXPECT_TRUE(picture.ok()) << picture.status();
   return *std::move(picture);
 }
@@ -38,9 +38,7 @@ Planes RandomPlanes(size_t count, int width, int height, uint32_t seed) {
   std::uniform_real_distribution<float> uniform(0.0f, 1.0f);
   Planes planes = MakePlanes(count, width, height);
   for (Plane& plane : planes) {
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) plane.At(x, y) = uniform(random);
-    }
+    ForEachPixel(width, height, [&](int x, int y) { plane.At(x, y) = uniform(random); });
   }
   return planes;
 }
@@ -71,7 +69,7 @@ TEST(Baseline, KeepsAPictureOfOneValue) {
     for (const Plane& plane : picture) {
       for (int y = 0; y < film.height(); ++y) {
         for (int x = 0; x < film.width(); ++x)
-          ASSERT_NEAR(plane.At(x, y), 0.4f, 2e-5f) << baseline.name << ": " << x << "," << y;
+          ASSERT_NEAR(plane.At(x, y), 0.4f, 2e-5f) << baseline.info.name << ": " << x << "," << y;
       }
     }
   }
@@ -83,8 +81,8 @@ TEST(Baseline, TakesNoiseOut) {
   const double noisy = metrics::Mse255(synthetic.film.GetColor(layers::kNoisy), truth);
   for (const Baseline& baseline : Baselines()) {
     const Picture picture = Filter(baseline, synthetic.film);
-    const double error = metrics::Mse255({picture[0].view(), picture[1].view(), picture[2].view()}, truth);
-    EXPECT_LT(error, noisy) << baseline.name;
+    const double error = metrics::Mse255(ViewOf(picture), truth);
+    EXPECT_LT(error, noisy) << baseline.info.name;
   }
 }
 
@@ -96,7 +94,7 @@ TEST(Baseline, GivesTheSameBitsForAnyPool) {
     const Picture shuffled = Filter(baseline, synthetic.film, &pool);
     for (size_t c = 0; c < 3; ++c) {
       for (int y = 0; y < 70; ++y) {
-        for (int x = 0; x < 28; ++x) ASSERT_EQ(alone[c].At(x, y), shuffled[c].At(x, y)) << baseline.name;
+        for (int x = 0; x < 28; ++x) ASSERT_EQ(alone[c].At(x, y), shuffled[c].At(x, y)) << baseline.info.name;
       }
     }
   }
@@ -122,7 +120,7 @@ TEST(Baseline, StaysFiniteWhateverTheFilmHolds) {
     for (const Plane& plane : Filter(baseline, synthetic.film)) {
       for (int y = 0; y < plane.height(); ++y) {
         for (int x = 0; x < plane.width(); ++x)
-          ASSERT_TRUE(std::isfinite(plane.At(x, y))) << baseline.name << ": " << x << "," << y;
+          ASSERT_TRUE(std::isfinite(plane.At(x, y))) << baseline.info.name << ": " << x << "," << y;
       }
     }
   }
@@ -131,20 +129,20 @@ TEST(Baseline, StaysFiniteWhateverTheFilmHolds) {
 TEST(Baseline, TakesAPictureOfOnePixel) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(1, 1, 0.3f, 8);
   for (const Baseline& baseline : Baselines())
-    EXPECT_TRUE(std::isfinite(Filter(baseline, synthetic.film)[0].At(0, 0))) << baseline.name;
+    EXPECT_TRUE(std::isfinite(Filter(baseline, synthetic.film)[0].At(0, 0))) << baseline.info.name;
 }
 
 TEST(Baseline, RunsAtBothLimitsOfEachParameter) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(20, 16, 0.3f, 9);
   for (const Baseline& baseline : Baselines()) {
-    for (size_t i = 0; i < baseline.parameters.size(); ++i) {
-      for (const float value : {baseline.parameters[i].least, baseline.parameters[i].most}) {
-        std::vector<float> values = DefaultsOf(baseline);
+    for (size_t i = 0; i < baseline.info.parameters.size(); ++i) {
+      for (const float value : {baseline.info.parameters[i].least, baseline.info.parameters[i].most}) {
+        std::vector<float> values = DefaultsOf(baseline.info);
         values[i] = value;
         for (const Plane& plane : baseline.filter(synthetic.film, values, nullptr)) {
           for (int y = 0; y < plane.height(); ++y) {
             for (int x = 0; x < plane.width(); ++x)
-              ASSERT_TRUE(std::isfinite(plane.At(x, y))) << baseline.name << " " << value;
+              ASSERT_TRUE(std::isfinite(plane.At(x, y))) << baseline.info.name << " " << value;
           }
         }
       }
@@ -154,23 +152,23 @@ TEST(Baseline, RunsAtBothLimitsOfEachParameter) {
 
 TEST(Baseline, HasDefaultsAndGridsWithinItsLimits) {
   for (const Baseline& baseline : Baselines()) {
-    for (const BaselineParameter& p : baseline.parameters) {
+    for (const MethodParameter& p : baseline.info.parameters) {
       EXPECT_THAT(p.grid, testing::Each(testing::AllOf(testing::Ge(p.least), testing::Le(p.most)))) << p.name;
-      EXPECT_THAT(p.grid, testing::Contains(p.default_value)) << baseline.name << ": " << p.name;
+      EXPECT_THAT(p.grid, testing::Contains(p.default_value)) << baseline.info.name << ": " << p.name;
     }
   }
 }
 
-TEST(BaselineParameters, KeepDefaultsThatAreNotNamed) {
-  const Baseline& bilateral = *FindBaseline("bilateral");
+TEST(MethodParameters, KeepDefaultsThatAreNotNamed) {
+  const MethodInfo& bilateral = FindBaseline("bilateral")->info;
   EXPECT_THAT(*ParseParameters(bilateral, ""), ElementsAre(8, 0.15f));
   EXPECT_THAT(*ParseParameters(bilateral, "sigma_r=0.5"), ElementsAre(8, 0.5f));
   EXPECT_THAT(*ParseParameters(bilateral, "sigma_r=0.5,sigma_s=2"), ElementsAre(2, 0.5f));
   EXPECT_EQ(FormatParameters(bilateral, {2, 0.5f}), "sigma_s=2,sigma_r=0.5");
 }
 
-TEST(BaselineParameters, NameWhatIsWrong) {
-  const Baseline& bilateral = *FindBaseline("bilateral");
+TEST(MethodParameters, NameWhatIsWrong) {
+  const MethodInfo& bilateral = FindBaseline("bilateral")->info;
   const auto message = [&](std::string_view text) {
     return std::string(ParseParameters(bilateral, text).status().message());
   };
@@ -182,13 +180,12 @@ TEST(BaselineParameters, NameWhatIsWrong) {
   EXPECT_THAT(message("sigma_s"), HasSubstr("not ''"));
 }
 
-TEST(BaselineParameters, SpanTheirGrid) {
-  const Baseline baseline = {.name = "x",
+TEST(MethodParameters, SpanTheirGrid) {
+  const MethodInfo method = {.name = "x",
                              .summary = "",
                              .source = "",
-                             .parameters = {{"a", "", 1, {1, 2}, 0, 9}, {"b", "", 3, {3, 4}, 0, 9}},
-                             .filter = nullptr};
-  EXPECT_THAT(GridOf(baseline),
+                             .parameters = {{"a", "", 1, {1, 2}, 0, 9}, {"b", "", 3, {3, 4}, 0, 9}}};
+  EXPECT_THAT(GridOf(method),
               ElementsAre(ElementsAre(1, 3), ElementsAre(1, 4), ElementsAre(2, 3), ElementsAre(2, 4)));
 }
 
@@ -351,11 +348,9 @@ TEST(PatchRegression, KeepsAPictureThatFollowsItsFeatures) {
   const Planes features = RandomPlanes(2, kSize, kSize, 14);
   Planes image = MakePlanes(3, kSize, kSize);
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < kSize; ++y) {
-      for (int x = 0; x < kSize; ++x)
-        image[c].At(x, y) =
-            2 * features[0].At(x, y) - features[1].At(x, y) + 0.02f * static_cast<float>(x + 3);
-    }
+    ForEachPixel(kSize, kSize, [&](int x, int y) {
+      image[c].At(x, y) = 2 * features[0].At(x, y) - features[1].At(x, y) + 0.02f * static_cast<float>(x + 3);
+    });
   }
   Planes variance = MakePlanes(3, kSize, kSize);
   for (Plane& plane : variance) plane.Fill(1.0f);
@@ -373,8 +368,7 @@ TEST(GuidedFilter, AgreesWithWindowsFittedOneByOne) {
   constexpr double kEpsilon = 0.05;
   const Planes signal = RandomPlanes(1, kWidth, kHeight, 7);
   const Planes guide = RandomPlanes(1, kWidth, kHeight, 8);
-  Plane mask(kWidth, kHeight);
-  mask.Fill(1.0f);
+  Plane mask = MakePlane(kWidth, kHeight, 1.0f);
   const Planes filtered = GuidedFilter(signal, guide, mask.view(), kRadius, kEpsilon, nullptr);
   const auto window_mean = [&](int x, int y, absl::FunctionRef<double(int, int)> value) {
     double sum = 0;
@@ -404,12 +398,10 @@ TEST(GuidedFilter, AgreesWithWindowsFittedOneByOne) {
 
 TEST(GuidedFilter, KeepsASignalThatFollowsItsGuide) {
   const Planes guide = RandomPlanes(2, 30, 20, 9);
-  Plane mask(30, 20);
-  mask.Fill(1.0f);
+  Plane mask = MakePlane(30, 20, 1.0f);
   Planes signal = MakePlanes(1, 30, 20);
-  for (int y = 0; y < 20; ++y) {
-    for (int x = 0; x < 30; ++x) signal[0].At(x, y) = 2 * guide[0].At(x, y) - guide[1].At(x, y) + 3;
-  }
+  ForEachPixel(30, 20,
+               [&](int x, int y) { signal[0].At(x, y) = 2 * guide[0].At(x, y) - guide[1].At(x, y) + 3; });
   const Planes filtered = GuidedFilter(signal, guide, mask.view(), 4, 1e-6, nullptr);
   for (int y = 0; y < 20; ++y) {
     for (int x = 0; x < 30; ++x) ASSERT_NEAR(filtered[0].At(x, y), signal[0].At(x, y), 1e-3f);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/methods.h"
 #include "synthetic_film.h"
 
@@ -93,12 +94,10 @@ TEST(FilterInBlocks, LeavesNoSeamWhereCoresMeet) {
   ASSERT_TRUE(whole.ok());
   double border = 0;
   double interior = 0;
-  for (int y = 0; y < 128; ++y) {
-    for (int x = 0; x < 512; ++x) {
-      const double off = std::abs(static_cast<double>(picture.Get("G").At(x, y) - (*whole)[1].At(x, y)));
-      (x >= 252 && x < 260 ? border : interior) += off;
-    }
-  }
+  ForEachPixel(512, 128, [&](int x, int y) {
+    const double off = std::abs(static_cast<double>(picture.Get("G").At(x, y) - (*whole)[1].At(x, y)));
+    (x >= 252 && x < 260 ? border : interior) += off;
+  });
   EXPECT_GT(interior, 0);
   EXPECT_LT(border / (8 * 128), 2 * interior / (504 * 128));
 }
@@ -112,13 +111,11 @@ TEST(FilterInBlocks, TakesOutAsMuchNoiseAsOneBlock) {
   ASSERT_TRUE(whole.ok());
   double in_blocks = 0;
   double in_one = 0;
-  for (int y = 0; y < 256; ++y) {
-    for (int x = 0; x < 384; ++x) {
-      const float truth = synthetic.truth.Get("G").At(x, y);
-      in_blocks += std::pow(static_cast<double>(picture.Get("G").At(x, y) - truth), 2);
-      in_one += std::pow(static_cast<double>((*whole)[1].At(x, y) - truth), 2);
-    }
-  }
+  ForEachPixel(384, 256, [&](int x, int y) {
+    const float truth = synthetic.truth.Get("G").At(x, y);
+    in_blocks += std::pow(static_cast<double>(picture.Get("G").At(x, y) - truth), 2);
+    in_one += std::pow(static_cast<double>((*whole)[1].At(x, y) - truth), 2);
+  });
   EXPECT_LT(in_blocks, 1.1 * in_one);
 }
 

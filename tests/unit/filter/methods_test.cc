@@ -10,8 +10,10 @@
 #include <random>
 #include <utility>
 
+#include "filter/baselines/baseline.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/metrics/metrics.h"
 #include "is_finite.h"
 #include "synthetic_film.h"
@@ -21,16 +23,11 @@ namespace lumifold::filter {
 namespace {
 
 using ::testing::HasSubstr;
-using Picture = std::array<Plane, 3>;
 
 Picture Filter(const LayeredImage& film, std::string_view method = "default", TaskPool* pool = nullptr) {
   absl::StatusOr<Picture> result = FilterFilm(film, method, pool);
   EXPECT_TRUE(result.ok()) << result.status();
   return *std::move(result);
-}
-
-ConstColorView ViewOf(const Picture& picture) {
-  return {picture[0].view(), picture[1].view(), picture[2].view()};
 }
 
 double ErrorOf(const ConstColorView& picture, const SyntheticFilm& synthetic) {
@@ -118,15 +115,13 @@ TEST(FilterFilm, FiltersWhatTheLayersDoNotExplain) {
   LayeredImage& film = synthetic.film;
   std::mt19937 random(15);
   std::normal_distribution<float> noise(0.0f, 0.2f);
-  for (int y = 0; y < 96; ++y) {
-    for (int x = 0; x < 128; ++x) {
-      const float a = noise(random);
-      const float b = noise(random);
-      film.Get("noisy_a.R").At(x, y) += a;
-      film.Get("noisy_b.R").At(x, y) += b;
-      film.Get("noisy.R").At(x, y) += 0.5f * (a + b);
-    }
-  }
+  ForEachPixel(128, 96, [&](int x, int y) {
+    const float a = noise(random);
+    const float b = noise(random);
+    film.Get("noisy_a.R").At(x, y) += a;
+    film.Get("noisy_b.R").At(x, y) += b;
+    film.Get("noisy.R").At(x, y) += 0.5f * (a + b);
+  });
   const ConstFloatView truth = std::as_const(synthetic.truth).Get("R");
   const Picture picture = Filter(film);
   const Picture noisy = Filter(film, "none");
@@ -212,9 +207,7 @@ TEST(FilterFilm, ScalesWithTheUnitOfLight) {
   const Picture plain = Filter(MakeSyntheticFilm(96, 64, 0.3f, 8).film);
   constexpr int kPixels = 96 * 64;
   double brightness = 0;
-  for (int y = 0; y < 64; ++y) {
-    for (int x = 0; x < 96; ++x) brightness += static_cast<double>(plain[0].At(x, y)) / kPixels;
-  }
+  ForEachPixel(96, 64, [&](int x, int y) { brightness += static_cast<double>(plain[0].At(x, y)) / kPixels; });
   for (const float factor : {1e-20f, 3e-6f, 7e5f, 1e20f, 0x1p40f}) {
     SyntheticFilm scaled = MakeSyntheticFilm(96, 64, 0.3f, 8);
     ScaleRadiance(factor, &scaled.film);
@@ -222,16 +215,14 @@ TEST(FilterFilm, ScalesWithTheUnitOfLight) {
     double squares = 0;
     double largest = 0;
     int over = 0;
-    for (int y = 0; y < 64; ++y) {
-      for (int x = 0; x < 96; ++x) {
-        const double expected = static_cast<double>(plain[0].At(x, y));
-        const double value = static_cast<double>(picture[0].At(x, y)) / static_cast<double>(factor);
-        const double off = std::abs(value - expected) / std::max(expected, brightness);
-        squares += off * off;
-        largest = std::max(largest, off);
-        over += off > 1e-4 ? 1 : 0;
-      }
-    }
+    ForEachPixel(96, 64, [&](int x, int y) {
+      const double expected = static_cast<double>(plain[0].At(x, y));
+      const double value = static_cast<double>(picture[0].At(x, y)) / static_cast<double>(factor);
+      const double off = std::abs(value - expected) / std::max(expected, brightness);
+      squares += off * off;
+      largest = std::max(largest, off);
+      over += off > 1e-4 ? 1 : 0;
+    });
     // Any factor but a power of two rounds the film anew. Few pixels, six sigmas and more from every
     // manifold, make a hundred times as much of that in each of the two filterings (docs/method.md).
     EXPECT_LE(std::sqrt(squares / kPixels), 1e-5) << factor;
@@ -355,9 +346,24 @@ TEST(FilterFilm, NamesAMissingChannelAndAnUnknownMethod) {
   EXPECT_THAT(std::string(unknown.message()), HasSubstr("magic"));
 }
 
+TEST(FilterFilm, NamesParametersOfAMethodThatTakesNone) {
+  EXPECT_THAT(std::string(CheckMethod("default:sigma=1").message()),
+              HasSubstr("default takes no parameters"));
+  EXPECT_TRUE(CheckMethod("guided:radius=3").ok());
+}
+
+TEST(Methods, AreOursThenTheBaselines) {
+  std::vector<std::string> names;
+  for (const MethodInfo& method : Methods()) names.push_back(method.name);
+  ASSERT_EQ(names.size(), 3 + Baselines().size());
+  EXPECT_EQ(std::vector<std::string>(names.begin(), names.begin() + 3),
+            (std::vector<std::string>{"default", "paper", "none"}));
+  for (size_t i = 0; i < Baselines().size(); ++i) EXPECT_EQ(names[3 + i], Baselines()[i].info.name);
+}
+
 TEST(FilterFilm, EveryListedMethodRuns) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(40, 30, 0.3f, 13);
-  for (const Method& method : Methods())
+  for (const MethodInfo& method : Methods())
     EXPECT_TRUE(FilterFilm(synthetic.film, method.name, nullptr).ok()) << method.name;
 }
 

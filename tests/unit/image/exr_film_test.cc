@@ -15,6 +15,7 @@
 #include "filter/image/exr_row_writer.h"
 #include "filter/image/file_io.h"
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "tests/support/temp_folder.h"
 
 namespace lumifold {
@@ -31,9 +32,7 @@ LayeredImage SamplePicture(int width = kWidth, int height = kHeight) {
   float value = 0;
   for (const char* name : {"R", "noisy.G"}) {
     const FloatView view = image.Add(name);
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) view.At(x, y) = value += 0.25f;
-    }
+    ForEachPixel(width, height, [&](int x, int y) { view.At(x, y) = value += 0.25f; });
   }
   image.metadata()["lumifold:job"] = "j-1";
   return image;

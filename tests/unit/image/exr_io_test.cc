@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "filter/image/file_io.h"
+#include "filter/image/planes.h"
 
 namespace lumifold {
 namespace {
@@ -24,9 +25,9 @@ LayeredImage SampleImage(int width, int height) {
   int64_t count = 0;
   for (const char* layer : {"direct_a", ""}) {
     for (const FloatView& channel : image.AddColor(layer)) {
-      for (int y = 0; y < height; ++y) {
-        for (int x = 0; x < width; ++x) channel.At(x, y) = static_cast<float>(++count % 977) * 0.37f - 3.0f;
-      }
+      ForEachPixel(width, height, [&](int x, int y) {
+        channel.At(x, y) = static_cast<float>(++count % 977) * 0.37f - 3.0f;
+      });
     }
   }
   image.metadata()["lumifold:job"] = "j-42";

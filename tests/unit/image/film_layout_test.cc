@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 
 namespace lumifold {
 namespace {
@@ -20,9 +21,7 @@ constexpr int kWidth = 3;
 constexpr int kHeight = 2;
 
 void Fill(FloatView view, float value) {
-  for (int y = 0; y < view.height(); ++y) {
-    for (int x = 0; x < view.width(); ++x) view.At(x, y) = value;
-  }
+  ForEachPixel(view.width(), view.height(), [&](int x, int y) { view.At(x, y) = value; });
 }
 
 void AddFilled(const std::string& layer, float value, LayeredImage* image) {

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "filter/image/layered_image.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -21,9 +22,7 @@ LayeredImage Flat(int width, int height, const Rgb& color) {
   LayeredImage image(width, height);
   const ColorView planes = image.AddColor("");
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) planes[c].At(x, y) = color[c];
-    }
+    ForEachPixel(width, height, [&](int x, int y) { planes[c].At(x, y) = color[c]; });
   }
   return image;
 }
@@ -33,9 +32,7 @@ LayeredImage Noise(int width, int height, float most, uint32_t seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> uniform(0.0f, most);
   for (const FloatView& plane : image.GetColor("")) {
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) plane.At(x, y) = uniform(random);
-    }
+    ForEachPixel(width, height, [&](int x, int y) { plane.At(x, y) = uniform(random); });
   }
   return image;
 }
@@ -76,12 +73,10 @@ TEST(Flip, StaysInItsRangeAndIsSymmetric) {
   const LayeredImage a = Noise(33, 17, 1.0f, 2);
   const LayeredImage b = Noise(33, 17, 1.0f, 3);
   const Plane map = FlipMap(ColorOf(a), ColorOf(b));
-  for (int y = 0; y < map.height(); ++y) {
-    for (int x = 0; x < map.width(); ++x) {
-      EXPECT_GE(map.At(x, y), 0.0f);
-      EXPECT_LE(map.At(x, y), 1.0f);
-    }
-  }
+  ForEachPixel(map.width(), map.height(), [&](int x, int y) {
+    EXPECT_GE(map.At(x, y), 0.0f);
+    EXPECT_LE(map.At(x, y), 1.0f);
+  });
   EXPECT_NEAR(Flip(ColorOf(a), ColorOf(b)), Flip(ColorOf(b), ColorOf(a)), 1e-6);
 }
 
@@ -90,12 +85,10 @@ TEST(Flip, MindsAnEdgeMoreThanTheSameChangeSpreadOut) {
   LayeredImage edge = Flat(60, 8, {0.3f, 0.3f, 0.3f});
   LayeredImage ramp = Flat(60, 8, {0.3f, 0.3f, 0.3f});
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < 8; ++y) {
-      for (int x = 0; x < 60; ++x) {
-        edge.GetColor("")[c].At(x, y) = x < 30 ? 0.28f : 0.32f;
-        ramp.GetColor("")[c].At(x, y) = 0.26f + 0.08f * (static_cast<float>(x) + 0.5f) / 60;
-      }
-    }
+    ForEachPixel(60, 8, [&](int x, int y) {
+      edge.GetColor("")[c].At(x, y) = x < 30 ? 0.28f : 0.32f;
+      ramp.GetColor("")[c].At(x, y) = 0.26f + 0.08f * (static_cast<float>(x) + 0.5f) / 60;
+    });
   }
   const Plane at_edge = FlipMap(ColorOf(edge), ColorOf(reference));
   const Plane at_ramp = FlipMap(ColorOf(ramp), ColorOf(reference));
@@ -128,10 +121,9 @@ TEST(HdrFlip, DoesNotDependOnTheUnitOfLight) {
   const auto scaled = [](const LayeredImage& image) {
     LayeredImage out = Flat(image.width(), image.height(), {0, 0, 0});
     for (size_t c = 0; c < 3; ++c) {
-      for (int y = 0; y < image.height(); ++y) {
-        for (int x = 0; x < image.width(); ++x)
-          out.GetColor("")[c].At(x, y) = 1024.0f * image.GetColor("")[c].At(x, y);
-      }
+      ForEachPixel(image.width(), image.height(), [&](int x, int y) {
+        out.GetColor("")[c].At(x, y) = 1024.0f * image.GetColor("")[c].At(x, y);
+      });
     }
     return out;
   };

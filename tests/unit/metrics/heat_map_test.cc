@@ -20,7 +20,7 @@ Plane Ramp(int width, float top) {
 
 TEST(HeatMap, GetsLighterAllTheWay) {
   const Plane ramp = Ramp(256, 7.0f);
-  const std::array<Plane, 3> map = HeatMap(ramp.view(), 7.0f);
+  const Picture map = HeatMap(ramp.view(), 7.0f);
   float last = -1;
   for (int x = 0; x < 256; ++x) {
     const float light = Luminance(map[0].At(x, 0), map[1].At(x, 0), map[2].At(x, 0));
@@ -32,7 +32,7 @@ TEST(HeatMap, GetsLighterAllTheWay) {
 
 TEST(HeatMap, ClampsToItsScale) {
   const Plane values = Ramp(3, 10.0f);  // 0, 5, 10
-  const std::array<Plane, 3> map = HeatMap(values.view(), 5.0f);
+  const Picture map = HeatMap(values.view(), 5.0f);
   for (size_t c = 0; c < 3; ++c) EXPECT_EQ(map[c].At(1, 0), map[c].At(2, 0));
 }
 

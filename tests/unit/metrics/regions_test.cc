@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -17,20 +18,16 @@ EdgedImage EvenPlane() {
   film.pixels = LayeredImage(kSide, kSide);
   for (const std::string_view layer : {layers::kAlbedo, layers::kDirect}) {
     for (const FloatView& channel : film.pixels.AddColor(layer)) {
-      for (int y = 0; y < kSide; ++y) {
-        for (int x = 0; x < kSide; ++x) channel.At(x, y) = 0.8f;
-      }
+      ForEachPixel(kSide, kSide, [&](int x, int y) { channel.At(x, y) = 0.8f; });
     }
   }
   for (const std::string_view name :
        {layers::kNormalX, layers::kNormalY, layers::kNormalZ, layers::kObjectId})
     film.pixels.Add(name);
-  for (int y = 0; y < kSide; ++y) {
-    for (int x = 0; x < kSide; ++x) {
-      film.pixels.Get(layers::kNormalZ).At(x, y) = 1;
-      film.pixels.Get(layers::kObjectId).At(x, y) = 1;
-    }
-  }
+  ForEachPixel(kSide, kSide, [&](int x, int y) {
+    film.pixels.Get(layers::kNormalZ).At(x, y) = 1;
+    film.pixels.Get(layers::kObjectId).At(x, y) = 1;
+  });
   return film;
 }
 
@@ -72,9 +69,8 @@ TEST(Regions, TakeNoStepBetweenTwoThingsForAShadow) {
 TEST(Regions, TakeASlowRampForNoShadow) {
   EdgedImage film = EvenPlane();
   for (const FloatView& channel : film.pixels.GetColor(layers::kDirect)) {
-    for (int y = 0; y < kSide; ++y) {
-      for (int x = 0; x < kSide; ++x) channel.At(x, y) = 0.5f + 0.01f * static_cast<float>(x);
-    }
+    ForEachPixel(kSide, kSide,
+                 [&](int x, int y) { channel.At(x, y) = 0.5f + 0.01f * static_cast<float>(x); });
   }
   EXPECT_EQ(At(film, 16, 10), Region::kFlat);
 }

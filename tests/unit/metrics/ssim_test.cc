@@ -8,6 +8,7 @@
 
 #include "filter/image/color.h"
 #include "filter/image/layered_image.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::metrics {
 namespace {
@@ -18,9 +19,7 @@ ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 LayeredImage Flat(int side, float displayed) {
   LayeredImage image(side, side);
   for (const FloatView& channel : image.AddColor("")) {
-    for (int y = 0; y < side; ++y) {
-      for (int x = 0; x < side; ++x) channel.At(x, y) = LinearFromSrgb(displayed);
-    }
+    ForEachPixel(side, side, [&](int x, int y) { channel.At(x, y) = LinearFromSrgb(displayed); });
   }
   return image;
 }
@@ -31,12 +30,10 @@ LayeredImage Noise(int side, float amplitude, uint32_t seed) {
   const ColorView color = image.AddColor("");
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> uniform(-1.0f, 1.0f);
-  for (int y = 0; y < side; ++y) {
-    for (int x = 0; x < side; ++x) {
-      const float value = LinearFromSrgb(0.5f + amplitude * uniform(random));
-      for (const FloatView& channel : color) channel.At(x, y) = value;
-    }
-  }
+  ForEachPixel(side, side, [&](int x, int y) {
+    const float value = LinearFromSrgb(0.5f + amplitude * uniform(random));
+    for (const FloatView& channel : color) channel.At(x, y) = value;
+  });
   return image;
 }
 
@@ -64,14 +61,12 @@ TEST(Ssim, AgreesWithOneWindowSummedByHand) {
   const LayeredImage a = Noise(11, 0.3f, 3);
   const LayeredImage b = Noise(11, 0.3f, 4);
   double total = 0, ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
-  for (int y = 0; y < 11; ++y) {
-    for (int x = 0; x < 11; ++x) {
-      const double w = std::exp(-((x - 5) * (x - 5) + (y - 5) * (y - 5)) / (2 * 1.5 * 1.5));
-      const double p = static_cast<double>(SrgbFromLinear(ColorOf(a)[0].At(x, y)));
-      const double q = static_cast<double>(SrgbFromLinear(ColorOf(b)[0].At(x, y)));
-      total += w, ma += w * p, mb += w * q, aa += w * p * p, bb += w * q * q, ab += w * p * q;
-    }
-  }
+  ForEachPixel(11, 11, [&](int x, int y) {
+    const double w = std::exp(-((x - 5) * (x - 5) + (y - 5) * (y - 5)) / (2 * 1.5 * 1.5));
+    const double p = static_cast<double>(SrgbFromLinear(ColorOf(a)[0].At(x, y)));
+    const double q = static_cast<double>(SrgbFromLinear(ColorOf(b)[0].At(x, y)));
+    total += w, ma += w * p, mb += w * q, aa += w * p * p, bb += w * q * q, ab += w * p * q;
+  });
   ma /= total, mb /= total;
   const double variances = aa / total - ma * ma + bb / total - mb * mb;
   const double covariance = ab / total - ma * mb;

@@ -6,6 +6,7 @@
 
 #include "filter/image/color.h"
 #include "filter/image/layered_image.h"
+#include "filter/image/planes.h"
 #include "filter/metrics/blotch.h"
 #include "filter/metrics/flicker.h"
 #include "filter/metrics/metrics.h"
@@ -23,12 +24,10 @@ template <typename Function>
 LayeredImage Grey(int width, int height, float base, Function add) {
   LayeredImage image(width, height);
   const ColorView color = image.AddColor("");
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const float value = LinearFromSrgb(base + add(x, y));
-      for (const FloatView& channel : color) channel.At(x, y) = value;
-    }
-  }
+  ForEachPixel(width, height, [&](int x, int y) {
+    const float value = LinearFromSrgb(base + add(x, y));
+    for (const FloatView& channel : color) channel.At(x, y) = value;
+  });
   return image;
 }
 

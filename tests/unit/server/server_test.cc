@@ -182,7 +182,7 @@ TEST_F(ServerTest, JobsAreRefusedWithTheFieldsName) {
   spec = Spec();
   spec.mutable_filter()->set_method("magic");
   EXPECT_THAT(std::string(Submit(spec).status().message()),
-              HasSubstr("filter.method: no filter is named \"magic\"; there are: default"));
+              HasSubstr("filter.method: no method is named \"magic\"; there are: default"));
   spec = Spec();
   v1::AssetRef* missing = spec.mutable_scene()->add_dependencies();
   missing->set_uri("wood.png");

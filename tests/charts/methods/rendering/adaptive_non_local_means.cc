@@ -5,13 +5,15 @@
 #include <vector>
 
 #include "filter/baselines/non_local_means.h"
+#include "filter/image/planes.h"
 #include "filter/kernels/box_mean.h"
 #include "tests/charts/methods/rendering/gaussian.h"
 #include "tests/charts/methods/rendering/sampled_frame.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
 
+using render::RenderSettings;
 
 constexpr int kRounds = 3;
 
@@ -32,13 +34,6 @@ constexpr float kDarkness = 1e-3f;
 
 constexpr float kTiny = 1e-20f;
 
-template <typename Visit>
-void ForEachPixelOf(const Plane& plane, Visit visit) {
-  for (int y = 0; y < plane.height(); ++y) {
-    for (int x = 0; x < plane.width(); ++x) visit(x, y);
-  }
-}
-
 /// The two halves' means and their variances, scaled to a mean of about 1.
 struct Buffers {
   std::array<Planes, 2> means;
@@ -50,7 +45,8 @@ struct Buffers {
 float LevelOf(const Planes& planes) {
   double sum = 0;
   for (const Plane& plane : planes)
-    ForEachPixelOf(plane, [&](int x, int y) { sum += static_cast<double>(plane.At(x, y)); });
+    ForEachPixel(plane.width(), plane.height(),
+                 [&](int x, int y) { sum += static_cast<double>(plane.At(x, y)); });
   const double mean = sum / (3.0 * planes[0].width() * planes[0].height());
   return mean > static_cast<double>(kTiny) ? static_cast<float>(mean) : 1.0f;
 }
@@ -62,7 +58,7 @@ void FitToDifference(const Planes& a, const Planes& b, TaskPool* pool, Planes* v
   const int height = a[0].height();
   Planes ratio = MakePlanes(1, width, height);
   Plane weight(width, height);
-  ForEachPixelOf(weight, [&](int x, int y) {
+  ForEachPixel(weight.width(), weight.height(), [&](int x, int y) {
     float seen = 0;
     float expected = 0;
     for (size_t c = 0; c < 3; ++c) {
@@ -77,7 +73,8 @@ void FitToDifference(const Planes& a, const Planes& b, TaskPool* pool, Planes* v
   ratio = filter::BoxMeans(ratio, weight.view(), kStratificationRadius, pool);
   for (Planes* variances : {var_a, var_b}) {
     for (Plane& variance : *variances) {
-      ForEachPixelOf(variance, [&](int x, int y) { variance.At(x, y) *= ratio[0].At(x, y); });
+      ForEachPixel(variance.width(), variance.height(),
+                   [&](int x, int y) { variance.At(x, y) *= ratio[0].At(x, y); });
     }
   }
 }
@@ -89,7 +86,7 @@ Buffers MakeBuffers(const SampledFrame& frame, TaskPool* pool) {
     out.means[half] = frame.HalfMeans(half);
     out.variances[half] = frame.HalfVariances(half);
     for (size_t c = 0; c < 3; ++c) {
-      ForEachPixelOf(out.means[half][c], [&](int x, int y) {
+      ForEachPixel(out.means[half][c].width(), out.means[half][c].height(), [&](int x, int y) {
         out.means[half][c].At(x, y) *= out.scale;
         out.variances[half][c].At(x, y) *= out.scale * out.scale;
       });
@@ -112,7 +109,7 @@ std::array<Planes, 2> FilterHalves(const Buffers& buffers, const filter::NonLoca
 /// The error that is left, against the brightness and over the samples of the pixel.
 Plane ErrorMap(const std::array<Planes, 2>& filtered, const Plane& counts, TaskPool* pool) {
   Plane error(counts.width(), counts.height());
-  ForEachPixelOf(counts, [&](int x, int y) {
+  ForEachPixel(counts.width(), counts.height(), [&](int x, int y) {
     float squared = 0;
     float mean = 0;
     for (size_t c = 0; c < 3; ++c) {
@@ -133,7 +130,7 @@ Plane Densities(const Plane& error, double budget, float most) {
   for (int i = 0; i < kRedistributions; ++i) {
     double left = budget;
     double open = 0;
-    ForEachPixelOf(error, [&](int x, int y) {
+    ForEachPixel(error.width(), error.height(), [&](int x, int y) {
       if (density.At(x, y) >= most) {
         left -= static_cast<double>(most);
       } else {
@@ -142,7 +139,7 @@ Plane Densities(const Plane& error, double budget, float most) {
     });
     if (open <= 0) break;
     const auto factor = static_cast<float>(left / open);
-    ForEachPixelOf(error, [&](int x, int y) {
+    ForEachPixel(error.width(), error.height(), [&](int x, int y) {
       if (density.At(x, y) < most) density.At(x, y) = std::min(most, factor * error.At(x, y));
     });
   }
@@ -154,7 +151,7 @@ Plane Densities(const Plane& error, double budget, float most) {
 std::vector<uint32_t> Diffused(const Plane& density, float floor, uint64_t budget) {
   std::vector<uint32_t> samples;
   double carried = 0;
-  ForEachPixelOf(density, [&](int x, int y) {
+  ForEachPixel(density.width(), density.height(), [&](int x, int y) {
     carried += static_cast<double>(density.At(x, y) + floor);
     const auto whole = std::min<uint64_t>(budget, static_cast<uint64_t>(std::max(0.0, carried)));
     samples.push_back(static_cast<uint32_t>(whole));
@@ -175,14 +172,13 @@ void PlaceRound(uint64_t budget, const filter::NonLocalMeansParams& params, Task
 }
 
 /// The mean of the filtered halves, by their samples.
-std::array<Plane, 3> PictureOf(const SampledFrame& frame, const filter::NonLocalMeansParams& params,
-                               TaskPool* pool) {
+Picture PictureOf(const SampledFrame& frame, const filter::NonLocalMeansParams& params, TaskPool* pool) {
   const Buffers buffers = MakeBuffers(frame, pool);
   const std::array<Planes, 2> filtered = FilterHalves(buffers, params, pool);
   const Plane share = frame.ShareOfHalfA();
-  std::array<Plane, 3> picture = MakePicture(frame.width(), frame.height());
+  Picture picture = MakePicture(frame.width(), frame.height());
   for (size_t c = 0; c < 3; ++c) {
-    ForEachPixelOf(share, [&](int x, int y) {
+    ForEachPixel(share.width(), share.height(), [&](int x, int y) {
       const float of_a = share.At(x, y);
       picture[c].At(x, y) =
           (of_a * filtered[0][c].At(x, y) + (1 - of_a) * filtered[1][c].At(x, y)) / buffers.scale;
@@ -213,18 +209,19 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
 }  // namespace
 
 RenderMethod AdaptiveNonLocalMeansMethod() {
-  return {.name = "adaptive-nlm",
-          .summary = "samples placed where two filtered halves differ, non-local means for the picture",
-          .source = "Rousselle et al. 2012, without its second filter of what noise stays",
-          .parameters = {{"k",
-                          "strength: deviations that alike patches may differ by",
-                          0.45f,
-                          {0.25f, 0.45f, 0.9f},
-                          0.01f,
-                          100},
-                         {"patch", "radius of patches in pixels", 3, {3}, 0, 8},
-                         {"search", "radius of the search in pixels", 10, {10}, 0, 32}},
-          .render = Render};
+  return {
+      .info = {.name = "adaptive-nlm",
+               .summary = "samples placed where two filtered halves differ, non-local means for the picture",
+               .source = "Rousselle et al. 2012, without its second filter of what noise stays",
+               .parameters = {{"k",
+                               "strength: deviations that alike patches may differ by",
+                               0.45f,
+                               {0.25f, 0.45f, 0.9f},
+                               0.01f,
+                               100},
+                              {"patch", "radius of patches in pixels", 3, {3}, 0, 8},
+                              {"search", "radius of the search in pixels", 10, {10}, 0, 32}}},
+      .render = Render};
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -2,7 +2,7 @@
 
 #include "tests/charts/methods/rendering/render_method.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// Adaptive sampling by dual-buffer non-local means: two halves of the samples are filtered, each with the
 /// weights of the other's patches; what the results differ by is the error that is left, and says where the
@@ -11,4 +11,4 @@ namespace lumifold::render {
 /// Zwicker 2012, "Adaptive Rendering with Non-Local Means Filtering".
 RenderMethod AdaptiveNonLocalMeansMethod();
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -1,47 +1,49 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <utility>
 
 #include "absl/status/statusor.h"
 #include "filter/image/parallel.h"
-#include "filter/image/plane.h"
+#include "filter/image/planes.h"
 #include "worker/render/camera_packet.h"
 #include "worker/render/floating_point.h"
 #include "worker/render/renderer.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// One frame's pixels and what samples of them are traced with. Threads: safe concurrently.
 class CameraFrame {
  public:
   /// Errors: those of Renderer::Create.
   static absl::StatusOr<CameraFrame> Create(std::shared_ptr<const scene::Scene> scene,
-                                            const RenderSettings& settings) {
-    absl::StatusOr<std::unique_ptr<Renderer>> renderer = Renderer::Create(std::move(scene), settings);
+                                            const render::RenderSettings& settings) {
+    absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
+        render::Renderer::Create(std::move(scene), settings);
     if (!renderer.ok()) return renderer.status();
     return CameraFrame(*std::move(renderer), settings);
   }
 
-  const PathTracer& tracer() const { return renderer_->tracer(); }
-  const PictureCamera& camera() const { return renderer_->camera(); }
+  const render::PathTracer& tracer() const { return renderer_->tracer(); }
+  const render::PictureCamera& camera() const { return renderer_->camera(); }
   int width() const { return settings_.width; }
   int height() const { return settings_.height; }
   int64_t pixels() const { return static_cast<int64_t>(settings_.width) * settings_.height; }
   uint64_t seed() const { return settings_.seed; }
 
   /// The ray through a pixel's centre and the middle of the lens.
-  Ray CentreRay(int x, int y) const {
-    Ray ray = camera().RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
-    ray.chance = Sampler(seed(), 0, static_cast<int64_t>(y) * width() + x, 0).Key(kCameraPair);
+  render::Ray CentreRay(int x, int y) const {
+    render::Ray ray =
+        camera().RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
+    ray.chance =
+        render::Sampler(seed(), 0, static_cast<int64_t>(y) * width() + x, 0).Key(render::kCameraPair);
     return ray;
   }
 
   /// How wide a pixel of `ray` is at a surface it has met, in metres; above 0.
-  static float Footprint(const Ray& ray, const Surface& surface) {
+  static float Footprint(const render::Ray& ray, const render::Surface& surface) {
     constexpr float kLeast = 1e-12f;
     return std::max(kLeast, ray.WidthAt(Length(surface.position - ray.origin)));
   }
@@ -49,14 +51,14 @@ class CameraFrame {
   /// Calls visit(CameraPacket) for the samples of `range` of a pixel.
   template <typename Visit>
   void ForEachPacket(int x, int y, SampleRange range, Visit visit) const {
-    ForEachCameraPacket(camera(), seed(), 0, width(), x, y, range, visit);
+    render::ForEachCameraPacket(camera(), seed(), 0, width(), x, y, range, visit);
   }
 
   /// Calls visit(i) for each i below `count`, as the pool likes, where this may be traced with.
   template <typename Visit>
   static void ForEach(TaskPool* pool, int64_t count, Visit visit) {
     ParallelFor(pool, count, [&](int64_t i) {
-      const ScopedFloatEnvironment environment;
+      const render::ScopedFloatEnvironment environment;
       visit(i);
     });
   }
@@ -69,21 +71,16 @@ class CameraFrame {
   }
 
  private:
-  CameraFrame(std::unique_ptr<Renderer> renderer, RenderSettings settings)
+  CameraFrame(std::unique_ptr<render::Renderer> renderer, render::RenderSettings settings)
       : renderer_(std::move(renderer)), settings_(std::move(settings)) {}
 
-  std::unique_ptr<Renderer> renderer_;
-  RenderSettings settings_;
+  std::unique_ptr<render::Renderer> renderer_;
+  render::RenderSettings settings_;
 };
 
-/// Three planes of a colour.
-inline std::array<Plane, 3> MakePicture(int width, int height) {
-  return {Plane(width, height), Plane(width, height), Plane(width, height)};
-}
-
 /// Sets one pixel of a picture.
-inline void PutPixel(std::array<Plane, 3>* picture, int x, int y, Vec3 value) {
+inline void PutPixel(Picture* picture, int x, int y, scene::Vec3 value) {
   for (int c = 0; c < 3; ++c) (*picture)[static_cast<size_t>(c)].At(x, y) = value[c];
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

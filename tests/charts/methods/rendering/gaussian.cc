@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 Gaussian::Gaussian(float sigma_px, int width, int height)
     : radius_(static_cast<int>(std::ceil(3 * sigma_px))),
@@ -31,9 +32,8 @@ Plane Gaussian::Weights(float sigma_px, int radius, int length) {
 
 Plane Gaussian::Squared(const Plane& weights) {
   Plane squared(weights.width(), weights.height());
-  for (int y = 0; y < weights.height(); ++y) {
-    for (int x = 0; x < weights.width(); ++x) squared.At(x, y) = weights.At(x, y) * weights.At(x, y);
-  }
+  ForEachPixel(weights.width(), weights.height(),
+               [&](int x, int y) { squared.At(x, y) = weights.At(x, y) * weights.At(x, y); });
   return squared;
 }
 
@@ -61,4 +61,4 @@ Plane Gaussian::Convolve(const Plane& values, const Plane& columns, const Plane&
   return out;
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

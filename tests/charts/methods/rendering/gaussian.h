@@ -5,7 +5,7 @@
 #include "filter/image/parallel.h"
 #include "filter/image/plane.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// Means over pixels with Gaussian weights out to three sigma, those of pixels outside the picture shared out
 /// among the others. Threads: identical for any pool.
@@ -36,4 +36,4 @@ class Gaussian {
   Plane squared_rows_;
 };
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -7,13 +7,15 @@
 #include <vector>
 
 #include "filter/image/mix_bits.h"
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 #include "tests/charts/methods/rendering/gaussian.h"
 #include "tests/charts/methods/rendering/sampled_frame.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
 
+using render::RenderSettings;
 
 /// Sigmas in pixels, the pixel itself first: while samples are placed, and for the picture.
 constexpr float kSamplingBank[] = {0, 1, 2, 4, 8};
@@ -56,13 +58,9 @@ Level MakeLevel(const Planes& means, const Planes& variances, const Plane& count
     level.variances.push_back(gaussian.VarianceOfMean(variances[c], pool));
   }
   Plane inverse(width, height);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) inverse.At(x, y) = 1 / counts.At(x, y);
-  }
+  ForEachPixel(width, height, [&](int x, int y) { inverse.At(x, y) = 1 / counts.At(x, y); });
   level.samples = gaussian.VarianceOfMean(inverse, pool);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) level.samples.At(x, y) = 1 / level.samples.At(x, y);
-  }
+  ForEachPixel(width, height, [&](int x, int y) { level.samples.At(x, y) = 1 / level.samples.At(x, y); });
   return level;
 }
 
@@ -70,18 +68,15 @@ Level MakeLevel(const Planes& means, const Planes& variances, const Plane& count
 Planes SteadyVariances(Planes variances, const Plane& counts, TaskPool* pool) {
   const Gaussian gaussian(kVarianceSigma, counts.width(), counts.height());
   for (Plane& variance : variances) {
-    for (int y = 0; y < counts.height(); ++y) {
-      for (int x = 0; x < counts.width(); ++x) variance.At(x, y) *= counts.At(x, y);
-    }
+    ForEachPixel(counts.width(), counts.height(),
+                 [&](int x, int y) { variance.At(x, y) *= counts.At(x, y); });
     const Plane around = gaussian.Mean(variance, pool);
-    for (int y = 0; y < counts.height(); ++y) {
-      for (int x = 0; x < counts.width(); ++x) {
-        const float count = counts.At(x, y);
-        const float of_sample =
-            (count * variance.At(x, y) + kPriorSamples * around.At(x, y)) / (count + kPriorSamples);
-        variance.At(x, y) = of_sample / count;
-      }
-    }
+    ForEachPixel(counts.width(), counts.height(), [&](int x, int y) {
+      const float count = counts.At(x, y);
+      const float of_sample =
+          (count * variance.At(x, y) + kPriorSamples * around.At(x, y)) / (count + kPriorSamples);
+      variance.At(x, y) = of_sample / count;
+    });
   }
   return variances;
 }
@@ -123,13 +118,11 @@ Plane Stops(const Level& fine, const Level& coarse, float caution) {
   const int height = fine.samples.height();
   const float factor = caution * BiasFactor(fine, coarse);
   Plane stops(width, height);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const float gain = Sum(fine.variances, x, y) - Sum(coarse.variances, x, y);
-      const float trust = 1 - 1 / std::max(1.0f, fine.samples.At(x, y));
-      if (factor * trust * SquaredDifference(fine, coarse, x, y) >= gain) stops.At(x, y) = 1;
-    }
-  }
+  ForEachPixel(width, height, [&](int x, int y) {
+    const float gain = Sum(fine.variances, x, y) - Sum(coarse.variances, x, y);
+    const float trust = 1 - 1 / std::max(1.0f, fine.samples.At(x, y));
+    if (factor * trust * SquaredDifference(fine, coarse, x, y) >= gain) stops.At(x, y) = 1;
+  });
   return stops;
 }
 
@@ -137,13 +130,11 @@ Plane Stops(const Level& fine, const Level& coarse, float caution) {
 Plane Majority(const Plane& stops, float sigma, TaskPool* pool) {
   const Gaussian gaussian(sigma, stops.width(), stops.height());
   Plane majority = gaussian.Mean(stops, pool);
-  for (int y = 0; y < stops.height(); ++y) {
-    for (int x = 0; x < stops.width(); ++x) {
-      const float own = gaussian.CentreWeight(x, y);
-      float& value = majority.At(x, y);
-      value = value - own * stops.At(x, y) > 0.5f * (1 - own) ? 1.0f : 0.0f;
-    }
-  }
+  ForEachPixel(stops.width(), stops.height(), [&](int x, int y) {
+    const float own = gaussian.CentreWeight(x, y);
+    float& value = majority.At(x, y);
+    value = value - own * stops.At(x, y) > 0.5f * (1 - own) ? 1.0f : 0.0f;
+  });
   return majority;
 }
 
@@ -158,13 +149,11 @@ std::vector<uint8_t> ChooseLevels(const std::vector<Level>& bank, float gamma, b
     const Plane stops = Stops(bank[level], bank[level + 1], caution);
     const Plane smooth = Majority(stops, bank[level + 1].sigma, pool);
     const Plane smoother = for_picture ? Majority(smooth, 2 * bank[level + 1].sigma, pool) : Plane();
-    for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) {
-        const bool stop = smooth.At(x, y) > 0 && (!for_picture || smoother.At(x, y) > 0);
-        uint8_t& at = chosen[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)];
-        if (!stop && at == level) at = static_cast<uint8_t>(level + 1);
-      }
-    }
+    ForEachPixel(width, height, [&](int x, int y) {
+      const bool stop = smooth.At(x, y) > 0 && (!for_picture || smoother.At(x, y) > 0);
+      uint8_t& at = chosen[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)];
+      if (!stop && at == level) at = static_cast<uint8_t>(level + 1);
+    });
   }
   return chosen;
 }
@@ -174,20 +163,18 @@ Plane WorthOfSampling(const std::vector<Level>& bank, const std::vector<uint8_t>
   const int width = bank[0].samples.width();
   const int height = bank[0].samples.height();
   Plane worth(width, height);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const size_t at = chosen[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)];
-      const Level& level = bank[at];
-      float error = Sum(level.variances, x, y);
-      if (at > 0) {
-        const float coarse = level.sigma * level.sigma;
-        const float share = coarse / (coarse - bank[at - 1].sigma * bank[at - 1].sigma);
-        error += share * share * SquaredDifference(bank[at - 1], level, x, y);
-      }
-      const float mean = Sum(level.means, x, y) / 3;
-      worth.At(x, y) = error / (mean * mean + kDarkness) * more / (more + level.samples.At(x, y));
+  ForEachPixel(width, height, [&](int x, int y) {
+    const size_t at = chosen[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)];
+    const Level& level = bank[at];
+    float error = Sum(level.variances, x, y);
+    if (at > 0) {
+      const float coarse = level.sigma * level.sigma;
+      const float share = coarse / (coarse - bank[at - 1].sigma * bank[at - 1].sigma);
+      error += share * share * SquaredDifference(bank[at - 1], level, x, y);
     }
-  }
+    const float mean = Sum(level.means, x, y) / 3;
+    worth.At(x, y) = error / (mean * mean + kDarkness) * more / (more + level.samples.At(x, y));
+  });
   return worth;
 }
 
@@ -239,30 +226,29 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
   RenderedPicture out;
   out.camera_paths = sampled.taken();
   out.picture = MakePicture(frame->width(), frame->height());
-  for (int y = 0; y < frame->height(); ++y) {
-    for (int x = 0; x < frame->width(); ++x) {
-      const Level& level =
-          bank[chosen[static_cast<size_t>(y) * static_cast<size_t>(frame->width()) + static_cast<size_t>(x)]];
-      for (size_t c = 0; c < 3; ++c) out.picture[c].At(x, y) = level.means[c].At(x, y);
-    }
-  }
+  ForEachPixel(frame->width(), frame->height(), [&](int x, int y) {
+    const Level& level =
+        bank[chosen[static_cast<size_t>(y) * static_cast<size_t>(frame->width()) + static_cast<size_t>(x)]];
+    for (size_t c = 0; c < 3; ++c) out.picture[c].At(x, y) = level.means[c].At(x, y);
+  });
   return out;
 }
 
 }  // namespace
 
 RenderMethod GreedyErrorMinimizationMethod() {
-  return {.name = "adaptive-gem",
-          .summary = "samples placed, and Gaussians chosen, where they lower the estimated error most",
-          .source = "Rousselle et al. 2011, with the pixel itself as the finest filter",
-          .parameters = {{"gamma",
-                          "caution: the larger, the sooner a bias that is seen stops the blur",
-                          0.4f,
-                          {0.2f, 0.4f, 0.5f},
-                          0.01f,
-                          0.5f},
-                         {"rounds", "in which samples are placed", 8, {8}, 1, 64}},
-          .render = Render};
+  return {
+      .info = {.name = "adaptive-gem",
+               .summary = "samples placed, and Gaussians chosen, where they lower the estimated error most",
+               .source = "Rousselle et al. 2011, with the pixel itself as the finest filter",
+               .parameters = {{"gamma",
+                               "caution: the larger, the sooner a bias that is seen stops the blur",
+                               0.4f,
+                               {0.2f, 0.4f, 0.5f},
+                               0.01f,
+                               0.5f},
+                              {"rounds", "in which samples are placed", 8, {8}, 1, 64}}},
+      .render = Render};
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -2,7 +2,7 @@
 
 #include "tests/charts/methods/rendering/render_method.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// Adaptive sampling by greedy error minimisation: each pixel is blurred by the Gaussian of a bank that seems
 /// to leave the least error, found from the finest on by weighing the variance the next one saves against the
@@ -14,4 +14,4 @@ namespace lumifold::render {
 /// Minimization".
 RenderMethod GreedyErrorMinimizationMethod();
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

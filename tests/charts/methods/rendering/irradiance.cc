@@ -8,8 +8,18 @@
 #include "filter/image/mix_bits.h"
 #include "filter/image/portable_math.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using render::Arrival;
+using render::Frame;
+using render::IsFinite;
+using render::kCameraPair;
+using render::PathTracer;
+using render::Sampler;
+using render::Surface;
+using scene::Vec2;
+using scene::Vec3;
 
 /// Keeps the numbers of gathered paths apart from those of camera samples of the same seed.
 constexpr uint64_t kGatherSeed = 0x69727261643a3939u;
@@ -149,4 +159,4 @@ Irradiance GatherIrradiance(const PathTracer& tracer, const Surface& surface, co
   return IrradianceFrom(strata, surface.normal, arrivals);
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

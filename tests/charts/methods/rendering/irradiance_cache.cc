@@ -4,8 +4,10 @@
 #include <cmath>
 #include <utility>
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using scene::Vec3;
 
 constexpr int kMostDepth = 20;
 
@@ -117,4 +119,4 @@ int IrradianceCache::ChildOf(int node, int octant) {
   return added;
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -8,12 +8,12 @@
 #include "tests/charts/methods/rendering/irradiance.h"
 #include "worker/scene/scene.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// Irradiance that was gathered at one place and stands for the places around it.
 struct IrradianceRecord {
-  Vec3 position;
-  Vec3 normal;
+  scene::Vec3 position;
+  scene::Vec3 normal;
   Irradiance irradiance;
   float radius = 0;        // metres: the error grows with the distance over it
   float least_radius = 0;  // below which no neighbour may bring it
@@ -30,7 +30,7 @@ class IrradianceCache {
 
   /// The irradiance at a place, at least 0; none where no record is near enough. `tolerance` multiplies
   /// `accuracy`, and must be at most kMostTolerance.
-  std::optional<Vec3> Look(Vec3 position, Vec3 normal, float tolerance) const;
+  std::optional<scene::Vec3> Look(scene::Vec3 position, scene::Vec3 normal, float tolerance) const;
   static constexpr float kMostTolerance = 2;
 
   /// Its radius is clamped by its neighbours' and theirs by its own: a step towards a record must not reach
@@ -46,16 +46,17 @@ class IrradianceCache {
     std::vector<uint32_t> records;
   };
 
-  float Weight(const IrradianceRecord& record, Vec3 position, Vec3 normal, float threshold) const;
+  float Weight(const IrradianceRecord& record, scene::Vec3 position, scene::Vec3 normal,
+               float threshold) const;
   void ClampByNeighbours(IrradianceRecord* record);
-  void Store(uint32_t index, int node, Vec3 corner, float side, int depth);
+  void Store(uint32_t index, int node, scene::Vec3 corner, float side, int depth);
   int ChildOf(int node, int octant);
 
   float accuracy_;
-  Vec3 corner_;
+  scene::Vec3 corner_;
   float side_ = 1;
   std::vector<IrradianceRecord> records_;
   std::vector<Node> nodes_;
 };
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

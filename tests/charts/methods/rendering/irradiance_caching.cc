@@ -11,8 +11,14 @@
 #include "tests/charts/methods/rendering/irradiance_cache.h"
 #include "tests/charts/methods/rendering/irradiance_picture.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using render::Ray;
+using render::RenderSettings;
+using render::ScopedFloatEnvironment;
+using render::Surface;
+using scene::Vec3;
 
 /// Pixels between candidates of the first lattice.
 constexpr int kCoarsestLattice = 32;
@@ -144,17 +150,19 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
 }  // namespace
 
 RenderMethod IrradianceCachingMethod() {
-  return {.name = "irradiance-cache",
-          .summary = "indirect light gathered at few places and interpolated by its gradients",
-          .source = "Ward et al. 1988; Ward & Heckbert 1992; neighbour clamping of Krivanek et al. 2006",
-          .parameters = {{"accuracy",
-                          "share of its radius that a record is used over",
-                          0.15f,
-                          {0.1f, 0.15f, 0.3f},
-                          0.02f,
-                          1},
-                         {"rings", "of the hemisphere's strata; pi sectors each", 14, {10, 14, 28}, 1, 128}},
-          .render = Render};
+  return {
+      .info = {.name = "irradiance-cache",
+               .summary = "indirect light gathered at few places and interpolated by its gradients",
+               .source = "Ward et al. 1988; Ward & Heckbert 1992; neighbour clamping of Krivanek et al. 2006",
+               .parameters =
+                   {{"accuracy",
+                     "share of its radius that a record is used over",
+                     0.15f,
+                     {0.1f, 0.15f, 0.3f},
+                     0.02f,
+                     1},
+                    {"rings", "of the hemisphere's strata; pi sectors each", 14, {10, 14, 28}, 1, 128}}},
+      .render = Render};
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -2,7 +2,7 @@
 
 #include "tests/charts/methods/rendering/render_method.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// Irradiance caching: indirect light on diffuse first surfaces is gathered at few places and interpolated
 /// between them. The cache is filled from lattices of pixels, coarse to fine: candidates gather side by side
@@ -11,4 +11,4 @@ namespace lumifold::render {
 /// Source: Ward, Rubinstein & Clear 1988; Ward & Heckbert 1992; Krivanek et al. 2006.
 RenderMethod IrradianceCachingMethod();
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

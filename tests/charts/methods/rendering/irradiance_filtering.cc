@@ -6,12 +6,18 @@
 #include <utility>
 #include <vector>
 
+#include "filter/image/planes.h"
 #include "tests/charts/methods/rendering/camera_frame.h"
 #include "tests/charts/methods/rendering/irradiance.h"
 #include "tests/charts/methods/rendering/irradiance_picture.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using render::Ray;
+using render::RenderSettings;
+using render::Surface;
+using scene::Vec3;
 
 /// The farthest a pixel looks for neighbours.
 constexpr int kMostPixels = 40;
@@ -141,17 +147,17 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
 }  // namespace
 
 RenderMethod IrradianceFilteringMethod() {
-  return {.name = "irradiance-filtering",
-          .summary = "indirect light gathered in every pixel and averaged over neighbours in space",
-          .source = "Kontkanen et al. 2004, reconstructed",
-          .parameters = {{"rays", "gathered a pixel, about", 32, {16, 32, 64}, 1, 4096},
-                         {"reach",
-                          "radius of the mean over the mean distance of what is seen",
-                          0.3f,
-                          {0.15f, 0.3f, 0.6f},
-                          0,
-                          10}},
+  return {.info = {.name = "irradiance-filtering",
+                   .summary = "indirect light gathered in every pixel and averaged over neighbours in space",
+                   .source = "Kontkanen et al. 2004, reconstructed",
+                   .parameters = {{"rays", "gathered a pixel, about", 32, {16, 32, 64}, 1, 4096},
+                                  {"reach",
+                                   "radius of the mean over the mean distance of what is seen",
+                                   0.3f,
+                                   {0.15f, 0.3f, 0.6f},
+                                   0,
+                                   10}}},
           .render = Render};
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -2,7 +2,7 @@
 
 #include "tests/charts/methods/rendering/render_method.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// Irradiance filtering: every pixel gathers the indirect irradiance at its centre with few paths, and takes
 /// the mean of its neighbours' in space, weighted down with distance and turn of the normal, over a share of
@@ -11,4 +11,4 @@ namespace lumifold::render {
 /// Source: Kontkanen, Rasanen & Keller 2004, "Irradiance Filtering for Monte Carlo Ray Tracing".
 RenderMethod IrradianceFilteringMethod();
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

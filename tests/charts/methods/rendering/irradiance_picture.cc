@@ -4,12 +4,23 @@
 #include <numeric>
 #include <vector>
 
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 #include "tests/charts/methods/rendering/irradiance.h"
 #include "worker/render/frame.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using render::CameraPacket;
+using render::Frame;
+using render::IsFinite;
+using render::kLensPair;
+using render::LayerSample;
+using render::PathTracer;
+using render::Sampler;
+using render::Surface;
+using scene::Vec3;
 
 /// The dimension pair of the direction of a path that stands in for an unknown irradiance: past all its own.
 constexpr uint32_t kStandInPair = kLensPair + 1;
@@ -75,4 +86,4 @@ void RenderWithIrradiance(const CameraFrame& frame, uint32_t samples_per_pixel, 
   out->gather_paths = std::accumulate(stand_ins.begin(), stand_ins.end(), out->gather_paths);
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

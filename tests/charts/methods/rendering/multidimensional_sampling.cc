@@ -10,11 +10,22 @@
 #include <vector>
 
 #include "filter/image/mix_bits.h"
+#include "filter/image/planes.h"
 #include "tests/charts/methods/rendering/camera_frame.h"
 #include "tests/charts/methods/rendering/sample_tree.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using render::CameraPacket;
+using render::IsFinite;
+using render::kCameraPair;
+using render::kLensPair;
+using render::Ray;
+using render::RenderSettings;
+using render::Sampler;
+using scene::Vec2;
+using scene::Vec3;
 
 using Point = SampleTree::Point;
 
@@ -102,15 +113,12 @@ class AdaptiveSampler {
   /// The camera samples of every pixel, in a scattered order: the tree is as deep as the order is one-sided.
   std::vector<Point> FirstPoints(uint32_t samples) const {
     std::vector<std::pair<uint64_t, Point>> scattered;
-    for (int y = 0; y < frame_.height(); ++y) {
-      for (int x = 0; x < frame_.width(); ++x) {
-        frame_.ForEachPacket(x, y, {0, samples}, [&](const CameraPacket& packet) {
-          for (size_t i = 0; i < packet.size(); ++i)
-            scattered.emplace_back(MixBits(scattered.size()),
-                                   space_.At(packet.Point(i), packet.LensPoint(i)));
-        });
-      }
-    }
+    ForEachPixel(frame_.width(), frame_.height(), [&](int x, int y) {
+      frame_.ForEachPacket(x, y, {0, samples}, [&](const CameraPacket& packet) {
+        for (size_t i = 0; i < packet.size(); ++i)
+          scattered.emplace_back(MixBits(scattered.size()), space_.At(packet.Point(i), packet.LensPoint(i)));
+      });
+    });
     std::sort(scattered.begin(), scattered.end());
     std::vector<Point> points;
     points.reserve(scattered.size());
@@ -331,12 +339,16 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
 }  // namespace
 
 RenderMethod MultidimensionalSamplingMethod() {
-  return {.name = "mdas",
-          .summary = "samples of picture and lens placed where they differ, read off by a stretched metric",
-          .source = "Hachisuka et al. 2008; the dimensions are picture and lens, light paths are not adapted",
-          .parameters = {{"lens", "width of the lens in pixels of the picture", 8, {4, 8, 32}, 0.01f, 1000},
-                         {"queries", "points a pixel is read at, over samples a pixel", 2, {1, 2, 4}, 1, 64}},
-          .render = Render};
+  return {
+      .info = {.name = "mdas",
+               .summary =
+                   "samples of picture and lens placed where they differ, read off by a stretched metric",
+               .source =
+                   "Hachisuka et al. 2008; the dimensions are picture and lens, light paths are not adapted",
+               .parameters =
+                   {{"lens", "width of the lens in pixels of the picture", 8, {4, 8, 32}, 0.01f, 1000},
+                    {"queries", "points a pixel is read at, over samples a pixel", 2, {1, 2, 4}, 1, 64}}},
+      .render = Render};
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

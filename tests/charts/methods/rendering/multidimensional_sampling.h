@@ -2,7 +2,7 @@
 
 #include "tests/charts/methods/rendering/render_method.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// Multidimensional adaptive sampling: samples are points of the picture and, where the camera has one, of
 /// the lens; boxes whose samples differ most get more. The picture is the mean, over each pixel and the lens,
@@ -13,4 +13,4 @@ namespace lumifold::render {
 /// "Multidimensional Adaptive Sampling and Reconstruction for Ray Tracing".
 RenderMethod MultidimensionalSamplingMethod();
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -8,7 +8,7 @@
 #include "tests/charts/methods/rendering/irradiance_filtering.h"
 #include "tests/charts/methods/rendering/multidimensional_sampling.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 const std::vector<RenderMethod>& RenderMethods() {
   static const std::vector<RenderMethod> methods = {
@@ -19,9 +19,9 @@ const std::vector<RenderMethod>& RenderMethods() {
 
 const RenderMethod* FindRenderMethod(std::string_view name) {
   const std::vector<RenderMethod>& all = RenderMethods();
-  const auto found =
-      std::find_if(all.begin(), all.end(), [&](const RenderMethod& method) { return method.name == name; });
+  const auto found = std::find_if(all.begin(), all.end(),
+                                  [&](const RenderMethod& method) { return method.info.name == name; });
   return found == all.end() ? nullptr : &*found;
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -7,7 +7,7 @@
 
 #include "filter/image/check.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 using scene::Vec3;
 
@@ -168,4 +168,4 @@ size_t SampleTree::Nearest(const Point& point, std::span<uint32_t> found) const 
   return found.empty() ? 0 : Search(*this, point, found).Run();
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -8,7 +8,7 @@
 
 #include "worker/scene/vec.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// A tree of samples of a function of a few dimensions: each leaf is a box with at most kLeafSamples of them.
 /// Threads: reading calls are safe concurrently while nobody calls Insert().
@@ -71,4 +71,4 @@ class SampleTree {
   std::vector<Node> nodes_;
 };
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -4,8 +4,14 @@
 #include <numeric>
 
 #include "filter/image/check.h"
+#include "filter/image/planes.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
+
+using render::CameraPacket;
+using render::IsFinite;
+using render::PathTracer;
+using scene::Vec3;
 
 SampledFrame::SampledFrame(const CameraFrame& frame)
     : frame_(&frame), pixels_(static_cast<size_t>(frame.pixels())) {}
@@ -45,13 +51,11 @@ void SampledFrame::TakeFirst(uint32_t samples_per_pixel, TaskPool* pool) {
 Planes SampledFrame::Means() const {
   Planes means = MakePlanes(3, width(), height());
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < height(); ++y) {
-      for (int x = 0; x < width(); ++x) {
-        const Pixel& pixel = At(x, y);
-        const double count = static_cast<double>(pixel.count[0] + pixel.count[1]);
-        if (count > 0) means[c].At(x, y) = static_cast<float>((pixel.sum[0][c] + pixel.sum[1][c]) / count);
-      }
-    }
+    ForEachPixel(width(), height(), [&](int x, int y) {
+      const Pixel& pixel = At(x, y);
+      const double count = static_cast<double>(pixel.count[0] + pixel.count[1]);
+      if (count > 0) means[c].At(x, y) = static_cast<float>((pixel.sum[0][c] + pixel.sum[1][c]) / count);
+    });
   }
   return means;
 }
@@ -59,13 +63,11 @@ Planes SampledFrame::Means() const {
 Planes SampledFrame::HalfMeans(size_t half) const {
   Planes means = Means();
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < height(); ++y) {
-      for (int x = 0; x < width(); ++x) {
-        const Pixel& pixel = At(x, y);
-        if (pixel.count[half] > 0)
-          means[c].At(x, y) = static_cast<float>(pixel.sum[half][c] / static_cast<double>(pixel.count[half]));
-      }
-    }
+    ForEachPixel(width(), height(), [&](int x, int y) {
+      const Pixel& pixel = At(x, y);
+      if (pixel.count[half] > 0)
+        means[c].At(x, y) = static_cast<float>(pixel.sum[half][c] / static_cast<double>(pixel.count[half]));
+    });
   }
   return means;
 }
@@ -90,17 +92,15 @@ Planes SampledFrame::Variances() const {
   const Planes means = Means();
   Planes variances = MakePlanes(3, width(), height());
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < height(); ++y) {
-      for (int x = 0; x < width(); ++x) {
-        const Pixel& pixel = At(x, y);
-        const double count = static_cast<double>(pixel.count[0] + pixel.count[1]);
-        const double sum = pixel.sum[0][c] + pixel.sum[1][c];
-        const double variance =
-            count < 2 ? NeighbourVariance(means, c, x, y)
-                      : std::max(0.0, pixel.squares[c] - sum * sum / count) / (count - 1) / count;
-        variances[c].At(x, y) = static_cast<float>(variance);
-      }
-    }
+    ForEachPixel(width(), height(), [&](int x, int y) {
+      const Pixel& pixel = At(x, y);
+      const double count = static_cast<double>(pixel.count[0] + pixel.count[1]);
+      const double sum = pixel.sum[0][c] + pixel.sum[1][c];
+      const double variance = count < 2
+                                  ? NeighbourVariance(means, c, x, y)
+                                  : std::max(0.0, pixel.squares[c] - sum * sum / count) / (count - 1) / count;
+      variances[c].At(x, y) = static_cast<float>(variance);
+    });
   }
   return variances;
 }
@@ -108,33 +108,29 @@ Planes SampledFrame::Variances() const {
 Planes SampledFrame::HalfVariances(size_t half) const {
   Planes variances = Variances();
   for (Plane& plane : variances) {
-    for (int y = 0; y < height(); ++y) {
-      for (int x = 0; x < width(); ++x) {
-        const Pixel& pixel = At(x, y);
-        const float all = pixel.count[0] + pixel.count[1];
-        if (pixel.count[half] > 0) plane.At(x, y) *= all / pixel.count[half];
-      }
-    }
+    ForEachPixel(width(), height(), [&](int x, int y) {
+      const Pixel& pixel = At(x, y);
+      const float all = pixel.count[0] + pixel.count[1];
+      if (pixel.count[half] > 0) plane.At(x, y) *= all / pixel.count[half];
+    });
   }
   return variances;
 }
 
 Plane SampledFrame::ShareOfHalfA() const {
   Plane share(width(), height());
-  for (int y = 0; y < height(); ++y) {
-    for (int x = 0; x < width(); ++x) {
-      const float all = At(x, y).count[0] + At(x, y).count[1];
-      share.At(x, y) = all > 0 ? At(x, y).count[0] / all : 0.5f;
-    }
-  }
+  ForEachPixel(width(), height(), [&](int x, int y) {
+    const float all = At(x, y).count[0] + At(x, y).count[1];
+    share.At(x, y) = all > 0 ? At(x, y).count[0] / all : 0.5f;
+  });
   return share;
 }
 
 Plane SampledFrame::Counts() const {
   Plane counts(width(), height());
-  for (int y = 0; y < height(); ++y) {
-    for (int x = 0; x < width(); ++x) counts.At(x, y) = std::max(1.0f, At(x, y).count[0] + At(x, y).count[1]);
-  }
+  ForEachPixel(width(), height(), [&](int x, int y) {
+    counts.At(x, y) = std::max(1.0f, At(x, y).count[0] + At(x, y).count[1]);
+  });
   return counts;
 }
 
@@ -156,4 +152,4 @@ std::vector<size_t> WorthiestPixels(const Plane& worth, size_t count) {
   return order;
 }
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -8,7 +8,7 @@
 #include "filter/image/planes.h"
 #include "tests/charts/methods/rendering/camera_frame.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 
 /// The samples a frame's pixels have had so far, more in some than in others. Samples of even index form half
 /// A, the others half B.
@@ -64,4 +64,4 @@ class SampledFrame {
 /// The `count` pixels of greatest `worth`, in no particular order; of equals those of lowest number.
 std::vector<size_t> WorthiestPixels(const Plane& worth, size_t count);
 
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -1,3 +1,5 @@
+#include "tests/charts/methods/samples/epanechnikov.h"
+
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -5,7 +7,6 @@
 #include "filter/image/color.h"
 #include "filter/image/planes.h"
 #include "filter/kernels/box_mean.h"
-#include "tests/charts/methods/samples/methods.h"
 
 namespace lumifold::charts {
 namespace {
@@ -18,15 +19,12 @@ float LuminanceOf(scene::Vec3 color) { return Luminance(color.x, color.y, color.
 /// The mean luminance around each pixel.
 Plane Pilot(const SampleSet& set, int radius, TaskPool* pool) {
   Planes mean = MakePlanes(1, set.width, set.height);
-  for (int y = 0; y < set.height; ++y) {
-    for (int x = 0; x < set.width; ++x) {
-      for (uint32_t i = 0; i < set.samples_per_pixel; ++i)
-        mean[0].At(x, y) += std::abs(LuminanceOf(set.At(x, y, i).radiance));
-      mean[0].At(x, y) /= static_cast<float>(set.samples_per_pixel);
-    }
-  }
-  Plane everywhere(set.width, set.height);
-  everywhere.Fill(1.0f);
+  ForEachPixel(set.width, set.height, [&](int x, int y) {
+    for (uint32_t i = 0; i < set.samples_per_pixel; ++i)
+      mean[0].At(x, y) += std::abs(LuminanceOf(set.At(x, y, i).radiance));
+    mean[0].At(x, y) /= static_cast<float>(set.samples_per_pixel);
+  });
+  Plane everywhere = MakePlane(set.width, set.height, 1.0f);
   return std::move(filter::BoxMeans(mean, everywhere.view(), radius, pool)[0]);
 }
 
@@ -61,7 +59,7 @@ class Strip {
     }
   }
 
-  void Write(double scale, std::array<Plane, 3>* picture) const {
+  void Write(double scale, Picture* picture) const {
     for (int y = y0_; y < y1_; ++y) {
       for (int x = 0; x < width_; ++x) {
         for (size_t c = 0; c < 3; ++c)
@@ -108,12 +106,11 @@ double RadiusOf(scene::Vec3 radiance, float pilot, uint32_t samples, absl::Span<
                     static_cast<double>(values[1]));
 }
 
-absl::StatusOr<std::array<Plane, 3>> FilterProgressively(const SampleSet& set, absl::Span<const float> values,
-                                                         TaskPool* pool) {
+absl::StatusOr<Picture> FilterProgressively(const SampleSet& set, absl::Span<const float> values,
+                                            TaskPool* pool) {
   const Plane pilot = Pilot(set, static_cast<int>(values[2]), pool);
   const int reach = static_cast<int>(std::ceil(values[1]));
-  std::array<Plane, 3> picture = {Plane(set.width, set.height), Plane(set.width, set.height),
-                                  Plane(set.width, set.height)};
+  Picture picture = MakePicture(set.width, set.height);
   ParallelFor(pool, (set.height + kStripRows - 1) / kStripRows, [&](int64_t number) {
     const int y0 = static_cast<int>(number) * kStripRows;
     const int y1 = std::min(y0 + kStripRows, set.height);
@@ -135,17 +132,18 @@ absl::StatusOr<std::array<Plane, 3>> FilterProgressively(const SampleSet& set, a
 
 SampleMethod EpanechnikovMethod() {
   return {
-      .name = "epanechnikov",
-      .summary = "each sample spread by a parabola, the wider the more it stands out",
-      .source = "Suykens & Willems 2000, reconstructed",
-      .parameters = {{"scale",
-                      "radius in pixels of a sample as bright as the picture, times sqrt(spp)",
-                      2,
-                      {1, 2, 4, 8},
-                      0.01f,
-                      100},
-                     {"most", "largest radius in pixels", 16, {16}, 1, 64},
-                     {"pilot", "radius of the windows that tell the picture's luminance", 1, {0, 1}, 0, 32}},
+      .info = {.name = "epanechnikov",
+               .summary = "each sample spread by a parabola, the wider the more it stands out",
+               .source = "Suykens & Willems 2000, reconstructed",
+               .parameters =
+                   {{"scale",
+                     "radius in pixels of a sample as bright as the picture, times sqrt(spp)",
+                     2,
+                     {1, 2, 4, 8},
+                     0.01f,
+                     100},
+                    {"most", "largest radius in pixels", 16, {16}, 1, 64},
+                    {"pilot", "radius of the windows that tell the picture's luminance", 1, {0, 1}, 0, 32}}},
       .filter = FilterProgressively};
 }
 

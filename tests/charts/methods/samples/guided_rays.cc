@@ -1,9 +1,11 @@
+#include "tests/charts/methods/samples/guided_rays.h"
+
 #include "filter/baselines/guided.h"
 #include "filter/baselines/standardise.h"
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/layers/filter_layers.h"
 #include "filter/layers/halves.h"
-#include "tests/charts/methods/samples/methods.h"
 
 namespace lumifold::charts {
 namespace {
@@ -14,19 +16,17 @@ Planes GuideLight(const LayeredImage& guide) {
   const ConstColorView indirect = guide.GetColor(layers::kIndirect);
   Planes light = MakePlanes(3, guide.width(), guide.height());
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < guide.height(); ++y) {
-      for (int x = 0; x < guide.width(); ++x) light[c].At(x, y) = direct[c].At(x, y) + indirect[c].At(x, y);
-    }
+    ForEachPixel(guide.width(), guide.height(),
+                 [&](int x, int y) { light[c].At(x, y) = direct[c].At(x, y) + indirect[c].At(x, y); });
   }
   return light;
 }
 
-absl::StatusOr<std::array<Plane, 3>> FilterByGuideRays(const SampleSet& set, absl::Span<const float> values,
-                                                       TaskPool* pool) {
+absl::StatusOr<Picture> FilterByGuideRays(const SampleSet& set, absl::Span<const float> values,
+                                          TaskPool* pool) {
   const Planes light = GuideLight(set.guide);
   const auto filter_layer = [&](const filter::Halves& halves, const Planes& geometry) {
-    Planes guide;
-    for (const Plane& plane : geometry) guide.push_back(plane.Clone());
+    Planes guide = Clone(geometry);
     if (halves.width() == set.width && halves.height() == set.height) {
       for (const Plane& plane : light) guide.push_back(plane.Clone());
     }
@@ -42,15 +42,17 @@ absl::StatusOr<std::array<Plane, 3>> FilterByGuideRays(const SampleSet& set, abs
 }  // namespace
 
 SampleMethod GuidedRaysMethod() {
-  return {.name = "guided-rays",
-          .summary = "guided filter on each layer of light, by normals, depth and one smooth path a pixel",
-          .source = "He et al. 2010; Bauszat et al. 2011",
-          .parameters =
-              {{"radius", "of the windows, in pixels", 12, {2, 4, 8, 12, 24}, 1, 256},
-               {"epsilon", "ridge, over the guide's variance", 1e-3f, {1e-4f, 1e-3f, 1e-2f}, 1e-6f, 10}},
-          .uses_samples = false,
-          .uses_guide = true,
-          .filter = FilterByGuideRays};
+  return {
+      .info =
+          {.name = "guided-rays",
+           .summary = "guided filter on each layer of light, by normals, depth and one smooth path a pixel",
+           .source = "He et al. 2010; Bauszat et al. 2011",
+           .parameters =
+               {{"radius", "of the windows, in pixels", 12, {2, 4, 8, 12, 24}, 1, 256},
+                {"epsilon", "ridge, over the guide's variance", 1e-3f, {1e-4f, 1e-3f, 1e-2f}, 1e-6f, 10}}},
+      .uses_samples = false,
+      .uses_guide = true,
+      .filter = FilterByGuideRays};
 }
 
 }  // namespace lumifold::charts

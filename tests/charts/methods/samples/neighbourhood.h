@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
-#include "tests/charts/methods/samples/sample_method.h"
+#include "tests/charts/methods/samples/sample_set.h"
 
 namespace lumifold::charts {
 

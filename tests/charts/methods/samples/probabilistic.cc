@@ -1,10 +1,12 @@
+#include "tests/charts/methods/samples/probabilistic.h"
+
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
 #include "filter/layers/features.h"
-#include "tests/charts/methods/samples/methods.h"
 
 namespace lumifold::charts {
 namespace {
@@ -159,12 +161,10 @@ class Filter {
   std::vector<PixelSums> pixels_;
 };
 
-absl::StatusOr<std::array<Plane, 3>> FilterByCounts(const SampleSet& set, absl::Span<const float> values,
-                                                    TaskPool* pool) {
+absl::StatusOr<Picture> FilterByCounts(const SampleSet& set, absl::Span<const float> values, TaskPool* pool) {
   Filter filter(set, values);
   ParallelFor(pool, set.height, [&](int64_t y) { filter.SumRow(static_cast<int>(y)); });
-  std::array<Plane, 3> picture = {Plane(set.width, set.height), Plane(set.width, set.height),
-                                  Plane(set.width, set.height)};
+  Picture picture = MakePicture(set.width, set.height);
   ParallelFor(pool, set.height, [&](int64_t row) {
     const int y = static_cast<int>(row);
     for (int x = 0; x < set.width; ++x) {
@@ -178,12 +178,13 @@ absl::StatusOr<std::array<Plane, 3>> FilterByCounts(const SampleSet& set, absl::
 }  // namespace
 
 SampleMethod ProbabilisticMethod() {
-  return {.name = "probabilistic",
-          .summary = "means over pixels whose samples bring light equally often, by length of path",
-          .source = "Doidge & Jones 2013, reconstructed",
-          .parameters = {{"radius", "of the windows, in pixels", 7, {3, 7, 12}, 1, 64},
-                         {"strictness", "power of the counts' likelihood", 1, {0.25f, 1, 4}, 0, 100}},
-          .filter = FilterByCounts};
+  return {
+      .info = {.name = "probabilistic",
+               .summary = "means over pixels whose samples bring light equally often, by length of path",
+               .source = "Doidge & Jones 2013, reconstructed",
+               .parameters = {{"radius", "of the windows, in pixels", 7, {3, 7, 12}, 1, 64},
+                              {"strictness", "power of the counts' likelihood", 1, {0.25f, 1, 4}, 0, 100}}},
+      .filter = FilterByCounts};
 }
 
 }  // namespace lumifold::charts

@@ -1,10 +1,12 @@
+#include "tests/charts/methods/samples/random_parameters.h"
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <utility>
 
+#include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
-#include "tests/charts/methods/samples/methods.h"
 #include "tests/charts/methods/samples/mutual_information.h"
 #include "tests/charts/methods/samples/neighbourhood.h"
 
@@ -234,8 +236,8 @@ size_t MostSamples(const SampleSet& set, double budget) {
   return static_cast<size_t>(most * budget * set.samples_per_pixel) + set.samples_per_pixel;
 }
 
-absl::StatusOr<std::array<Plane, 3>> FilterByDependency(const SampleSet& set, absl::Span<const float> values,
-                                                        TaskPool* pool) {
+absl::StatusOr<Picture> FilterByDependency(const SampleSet& set, absl::Span<const float> values,
+                                           TaskPool* pool) {
   constexpr double kSamplesOfVariance = 8;  // the published one is for so many samples a pixel
   const Settings settings = {static_cast<double>(values[0]) * kSamplesOfVariance / set.samples_per_pixel,
                              static_cast<double>(values[1]), values[2] > 0};
@@ -255,27 +257,26 @@ absl::StatusOr<std::array<Plane, 3>> FilterByDependency(const SampleSet& set, ab
     });
     std::swap(colors, filtered);
   }
-  std::array<Plane, 3> picture = {Plane(set.width, set.height), Plane(set.width, set.height),
-                                  Plane(set.width, set.height)};
-  for (int y = 0; y < set.height; ++y) {
-    for (int x = 0; x < set.width; ++x) {
-      const Vec3 mean = MeanOf(samples_of(&colors, x, y));
-      for (int c = 0; c < 3; ++c) picture[static_cast<size_t>(c)].At(x, y) = mean[c];
-    }
-  }
+  Picture picture = MakePicture(set.width, set.height);
+  ForEachPixel(set.width, set.height, [&](int x, int y) {
+    const Vec3 mean = MeanOf(samples_of(&colors, x, y));
+    for (int c = 0; c < 3; ++c) picture[static_cast<size_t>(c)].At(x, y) = mean[c];
+  });
   return picture;
 }
 
 }  // namespace
 
 SampleMethod RandomParametersMethod() {
-  return {.name = "random-parameters",
-          .summary = "means of samples, by what their colour depends on: place and surface, or chance",
-          .source = "Sen & Darabi 2012",
-          .parameters = {{"variance", "of the weights, at 8 spp", 0.02f, {0.02f, 0.1f, 0.5f, 2}, 1e-4f, 100},
-                         {"budget", "samples compared, over the published number", 1, {1}, 0.01f, 4},
-                         {"unbias", "1: takes the bias of few samples off mutual information", 1, {1}, 0, 1}},
-          .filter = FilterByDependency};
+  return {
+      .info = {.name = "random-parameters",
+               .summary = "means of samples, by what their colour depends on: place and surface, or chance",
+               .source = "Sen & Darabi 2012",
+               .parameters =
+                   {{"variance", "of the weights, at 8 spp", 0.02f, {0.02f, 0.1f, 0.5f, 2}, 1e-4f, 100},
+                    {"budget", "samples compared, over the published number", 1, {1}, 0.01f, 4},
+                    {"unbias", "1: takes the bias of few samples off mutual information", 1, {1}, 0, 1}}},
+      .filter = FilterByDependency};
 }
 
 }  // namespace lumifold::charts

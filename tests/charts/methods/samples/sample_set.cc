@@ -1,3 +1,5 @@
+#include "tests/charts/methods/samples/sample_set.h"
+
 #include <algorithm>
 #include <utility>
 
@@ -5,7 +7,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "filter/image/layers.h"
-#include "tests/charts/methods/samples/sample_method.h"
 
 namespace lumifold::charts {
 namespace {

@@ -4,8 +4,10 @@
 
 #include <optional>
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using scene::Vec3;
 
 constexpr float kAccuracy = 0.2f;
 constexpr scene::Bounds kBounds = {{-1, -1, -1}, {1, 1, 1}};
@@ -97,4 +99,4 @@ TEST(IrradianceCache, KeepsTheLeastRadiusAgainstNeighbours) {
 }
 
 }  // namespace
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

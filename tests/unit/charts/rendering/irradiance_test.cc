@@ -8,8 +8,12 @@
 
 #include "filter/image/portable_math.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using render::Arrival;
+using render::Frame;
+using scene::Vec3;
 
 constexpr HemisphereStrata kFine = {64, 201};
 
@@ -116,4 +120,4 @@ TEST(Irradiance, GrowsAsThePlaceComesCloserToALamp) {
 }
 
 }  // namespace
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

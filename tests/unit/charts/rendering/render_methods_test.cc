@@ -1,4 +1,4 @@
-// What holds for every method of worker/baselines.
+// What holds for every method of tests/charts/methods/rendering.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,38 +8,39 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/metrics/metrics.h"
 #include "tests/charts/methods/rendering/render_method.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/support/shuffling_pool.h"
 #include "tests/unit/render/pictures.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
+
+using render::MakeRenderer;
+using render::RenderAll;
+using render::RenderSettings;
+using render::SettingsOf;
 
 RenderedPicture Render(const RenderMethod& method, const scene::Scene& scene, const RenderSettings& settings,
                        uint32_t samples, TaskPool* pool = nullptr) {
   absl::StatusOr<RenderedPicture> out = method.render(std::make_shared<scene::Scene>(scene), settings,
-                                                      samples, filter::DefaultsOf(method.parameters), pool);
-  EXPECT_TRUE(out.ok()) << method.name << ": " << out.status();
+                                                      samples, filter::DefaultsOf(method.info), pool);
+  EXPECT_TRUE(out.ok()) << method.info.name << ": " << out.status();
   return *std::move(out);
-}
-
-ConstColorView ViewOf(const RenderedPicture& out) {
-  return {out.picture[0].view(), out.picture[1].view(), out.picture[2].view()};
 }
 
 double Mean(const ConstColorView& picture) {
   double sum = 0;
   for (const ConstFloatView& plane : picture) {
-    for (int y = 0; y < plane.height(); ++y) {
-      for (int x = 0; x < plane.width(); ++x) sum += static_cast<double>(plane.At(x, y));
-    }
+    ForEachPixel(plane.width(), plane.height(),
+                 [&](int x, int y) { sum += static_cast<double>(plane.At(x, y)); });
   }
   return sum / (3.0 * picture[0].width() * picture[0].height());
 }
 
-double Mean(const RenderedPicture& out) { return Mean(ViewOf(out)); }
+double Mean(const RenderedPicture& out) { return Mean(ViewOf(out.picture)); }
 
 scene::Scene GlowingBox(float albedo, float emission) {
   scene::Scene scene;
@@ -51,16 +52,16 @@ scene::Scene GlowingBox(float albedo, float emission) {
 }
 
 TEST(RenderMethods, AreFoundByName) {
-  for (const RenderMethod& method : RenderMethods()) EXPECT_EQ(FindRenderMethod(method.name), &method);
+  for (const RenderMethod& method : RenderMethods()) EXPECT_EQ(FindRenderMethod(method.info.name), &method);
   EXPECT_EQ(FindRenderMethod("nothing"), nullptr);
 }
 
 TEST(RenderMethods, HaveDefaultsAndGridsWithinTheirLimits) {
   for (const RenderMethod& method : RenderMethods()) {
-    for (const filter::BaselineParameter& p : method.parameters) {
+    for (const filter::MethodParameter& p : method.info.parameters) {
       EXPECT_THAT(p.grid, ::testing::Each(::testing::AllOf(::testing::Ge(p.least), ::testing::Le(p.most))))
-          << method.name << ": " << p.name;
-      EXPECT_THAT(p.grid, ::testing::Contains(p.default_value)) << method.name << ": " << p.name;
+          << method.info.name << ": " << p.name;
+      EXPECT_THAT(p.grid, ::testing::Contains(p.default_value)) << method.info.name << ": " << p.name;
     }
   }
 }
@@ -70,8 +71,8 @@ TEST(RenderMethods, SayWhatIsWrong) {
   settings.camera = "nowhere";
   for (const RenderMethod& method : RenderMethods()) {
     const auto out = method.render(std::make_shared<scene::Scene>(testing::SmallRoom()), settings, 1,
-                                   filter::DefaultsOf(method.parameters), nullptr);
-    EXPECT_EQ(out.status().code(), absl::StatusCode::kNotFound) << method.name;
+                                   filter::DefaultsOf(method.info), nullptr);
+    EXPECT_EQ(out.status().code(), absl::StatusCode::kNotFound) << method.info.name;
   }
 }
 
@@ -87,7 +88,7 @@ TEST(RenderMethods, GiveTheSameBitsForAnyPool) {
       for (size_t c = 0; c < 3; ++c) {
         for (int y = 0; y < 17; ++y) {
           for (int x = 0; x < 24; ++x)
-            ASSERT_EQ(alone.picture[c].At(x, y), other.picture[c].At(x, y)) << method.name;
+            ASSERT_EQ(alone.picture[c].At(x, y), other.picture[c].At(x, y)) << method.info.name;
         }
       }
     }
@@ -99,7 +100,7 @@ TEST(RenderMethods, ReachTheLightOfAGlowingBox) {
   const double expected = 0.5 * (1 + 0.6 + 0.36 + 0.216);
   for (const RenderMethod& method : RenderMethods()) {
     const RenderedPicture out = Render(method, GlowingBox(0.6f, 0.5f), SettingsOf(24, 24, 2), 32);
-    EXPECT_NEAR(Mean(out) / expected, 1, 0.01) << method.name;
+    EXPECT_NEAR(Mean(out) / expected, 1, 0.01) << method.info.name;
   }
 }
 
@@ -108,7 +109,7 @@ class RoomTruth {
  public:
   RoomTruth()
       : reference_(
-            Picture(RenderAll(*MakeRenderer(testing::SmallRoom(), settings()), kWidth, kHeight, 768))) {}
+            MeansOf(RenderAll(*MakeRenderer(testing::SmallRoom(), settings()), kWidth, kHeight, 768))) {}
 
   static RenderSettings settings(uint64_t seed = 0) {
     RenderSettings settings = SettingsOf(kWidth, kHeight, 4);
@@ -118,10 +119,10 @@ class RoomTruth {
 
   double mean() const { return Mean(reference_.GetColor(layers::kNoisy)); }
   double ErrorOf(const RenderedPicture& out) const {
-    return metrics::Mse255(ViewOf(out), reference_.GetColor(layers::kNoisy));
+    return metrics::Mse255(ViewOf(out.picture), reference_.GetColor(layers::kNoisy));
   }
   double ErrorOf(const LayeredImage& sums) const {
-    const LayeredImage picture = Picture(sums);
+    const LayeredImage picture = MeansOf(sums);
     return metrics::Mse255(picture.GetColor(layers::kNoisy), reference_.GetColor(layers::kNoisy));
   }
 
@@ -129,18 +130,16 @@ class RoomTruth {
   static constexpr int kHeight = 24;
 
   /// The means of a pass.
-  static LayeredImage Picture(const LayeredImage& sums) {
+  static LayeredImage MeansOf(const LayeredImage& sums) {
     LayeredImage picture(kWidth, kHeight);
     const ConstColorView a = sums.GetColor(layers::HalfA(layers::kNoisy));
     const ConstColorView b = sums.GetColor(layers::HalfB(layers::kNoisy));
     const ColorView out = picture.AddColor(layers::kNoisy);
     for (size_t c = 0; c < 3; ++c) {
-      for (int y = 0; y < kHeight; ++y) {
-        for (int x = 0; x < kWidth; ++x) {
-          const float count = sums.Get(layers::kSamplesA).At(x, y) + sums.Get(layers::kSamplesB).At(x, y);
-          out[c].At(x, y) = (a[c].At(x, y) + b[c].At(x, y)) / count;
-        }
-      }
+      ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+        const float count = sums.Get(layers::kSamplesA).At(x, y) + sums.Get(layers::kSamplesB).At(x, y);
+        out[c].At(x, y) = (a[c].At(x, y) + b[c].At(x, y)) / count;
+      });
     }
     return picture;
   }
@@ -153,7 +152,7 @@ TEST(RenderMethods, ComeCloseToThePathTracerInARoom) {
   const RoomTruth truth;
   for (const RenderMethod& method : RenderMethods()) {
     const RenderedPicture out = Render(method, testing::SmallRoom(), RoomTruth::settings(3), 64);
-    EXPECT_NEAR(Mean(out) / truth.mean(), 1, 0.03) << method.name;
+    EXPECT_NEAR(Mean(out) / truth.mean(), 1, 0.03) << method.info.name;
   }
 }
 
@@ -163,8 +162,8 @@ TEST(RenderMethods, BeatThePathTracerAtEqualCameraSamples) {
   const double plain = truth.ErrorOf(
       RenderAll(*MakeRenderer(testing::SmallRoom(), settings), RoomTruth::kWidth, RoomTruth::kHeight, 32));
   for (const RenderMethod& method : RenderMethods()) {
-    if (method.name == "mdas") continue;  // takes the noise of light paths for detail
-    EXPECT_LT(truth.ErrorOf(Render(method, testing::SmallRoom(), settings, 32)), plain) << method.name;
+    if (method.info.name == "mdas") continue;  // takes the noise of light paths for detail
+    EXPECT_LT(truth.ErrorOf(Render(method, testing::SmallRoom(), settings, 32)), plain) << method.info.name;
   }
 }
 
@@ -183,7 +182,7 @@ TEST(RenderMethods, OfManyDimensionsBeatThePathTracerThroughALens) {
     return metrics::Mse255(picture, truth.GetColor(layers::kNoisy));
   };
   const auto render = [&](uint32_t samples) {
-    return RoomTruth::Picture(
+    return RoomTruth::MeansOf(
         RenderAll(*MakeRenderer(scene, settings), RoomTruth::kWidth, RoomTruth::kHeight, samples));
   };
   const LayeredImage plain = render(8);
@@ -192,7 +191,7 @@ TEST(RenderMethods, OfManyDimensionsBeatThePathTracerThroughALens) {
   settings.seed = 2;
   const RenderedPicture adaptive = Render(*FindRenderMethod("mdas"), scene, settings, 8);
   const double of_plain = error(std::as_const(plain).GetColor(layers::kNoisy), truth);
-  const double of_adaptive = error(ViewOf(adaptive), truth);
+  const double of_adaptive = error(ViewOf(adaptive.picture), truth);
   EXPECT_LT(of_adaptive, of_plain);
 }
 
@@ -202,8 +201,8 @@ TEST(RenderMethods, TakeAboutAsManySamplesAsTheyMay) {
     for (const uint32_t samples : {1u, 7u, 16u}) {
       const RenderedPicture out = Render(method, testing::SmallRoom(), settings, samples);
       const double budget = 16.0 * 12 * samples;
-      EXPECT_LE(static_cast<double>(out.camera_paths), budget) << method.name << " " << samples;
-      EXPECT_GE(static_cast<double>(out.camera_paths), 0.9 * budget) << method.name << " " << samples;
+      EXPECT_LE(static_cast<double>(out.camera_paths), budget) << method.info.name << " " << samples;
+      EXPECT_GE(static_cast<double>(out.camera_paths), 0.9 * budget) << method.info.name << " " << samples;
     }
   }
 }
@@ -212,9 +211,9 @@ TEST(RenderMethods, StayFiniteInTheDarkAndOnOnePixel) {
   scene::Scene dark = testing::SmallRoom();
   for (scene::Material& material : dark.materials) material.emission = {};
   for (const RenderMethod& method : RenderMethods()) {
-    EXPECT_EQ(Mean(Render(method, dark, SettingsOf(9, 5, 2), 4)), 0) << method.name;
+    EXPECT_EQ(Mean(Render(method, dark, SettingsOf(9, 5, 2), 4)), 0) << method.info.name;
     EXPECT_TRUE(std::isfinite(Mean(Render(method, testing::SmallRoom(), SettingsOf(1, 1, 2), 2))))
-        << method.name;
+        << method.info.name;
   }
 }
 
@@ -223,8 +222,8 @@ TEST(RenderMethods, SeeTheSkyWhereNothingIs) {
   empty.cameras = {testing::LookAt({0, 0, 0}, {0, 0, -1}, 1)};
   RenderSettings settings = SettingsOf(8, 6);
   for (const RenderMethod& method : RenderMethods())
-    EXPECT_EQ(Mean(Render(method, empty, settings, 4)), 0) << method.name;
+    EXPECT_EQ(Mean(Render(method, empty, settings, 4)), 0) << method.info.name;
 }
 
 }  // namespace
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
 
 using Point = SampleTree::Point;
@@ -101,4 +101,4 @@ TEST(SampleTree, SeesErrorWhereSamplesDiffer) {
 }
 
 }  // namespace
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

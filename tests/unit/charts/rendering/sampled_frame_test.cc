@@ -8,13 +8,18 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "tests/charts/methods/rendering/gaussian.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
 
-namespace lumifold::render {
+namespace lumifold::charts {
 namespace {
 
+using render::MakeRenderer;
+using render::RenderAll;
+using render::RenderSettings;
+using render::SettingsOf;
 using ::testing::UnorderedElementsAre;
 
 constexpr int kWidth = 12;
@@ -41,13 +46,11 @@ TEST_F(SampledFrameTest, HoldsTheSamplesOfAPass) {
   const Planes means = sampled_.Means();
   const Planes half_b = sampled_.HalfMeans(1);
   for (size_t c = 0; c < 3; ++c) {
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) {
-        const float all = (a[c].At(x, y) + b[c].At(x, y)) / 6;
-        EXPECT_NEAR(means[c].At(x, y), all, 1e-5f * (1 + all));
-        EXPECT_NEAR(half_b[c].At(x, y), b[c].At(x, y) / 3, 1e-5f * (1 + all));
-      }
-    }
+    ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+      const float all = (a[c].At(x, y) + b[c].At(x, y)) / 6;
+      EXPECT_NEAR(means[c].At(x, y), all, 1e-5f * (1 + all));
+      EXPECT_NEAR(half_b[c].At(x, y), b[c].At(x, y) / 3, 1e-5f * (1 + all));
+    });
   }
   EXPECT_EQ(sampled_.taken(), kPixels * 6);
 }
@@ -88,14 +91,12 @@ TEST_F(SampledFrameTest, KnowsTheVarianceOfItsMeans) {
   double expected = 0;
   double squares = 0;
   double sum = 0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const auto mean = static_cast<double>(sampled.Means()[1].At(x, y));
-      expected += static_cast<double>(sampled.Variances()[1].At(x, y)) / kPixels;
-      sum += mean;
-      squares += mean * mean;
-    }
-  }
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+    const auto mean = static_cast<double>(sampled.Means()[1].At(x, y));
+    expected += static_cast<double>(sampled.Variances()[1].At(x, y)) / kPixels;
+    sum += mean;
+    squares += mean * mean;
+  });
   EXPECT_NEAR(expected / ((squares - sum * sum / kPixels) / (kPixels - 1)), 1, 0.35);
 }
 
@@ -103,9 +104,7 @@ TEST_F(SampledFrameTest, TakesNeighboursForTheVarianceOfSingleSamples) {
   sampled_.Take(std::vector<uint32_t>(kPixels, 1), nullptr);
   const Planes variances = sampled_.Variances();
   double sum = 0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) sum += static_cast<double>(variances[1].At(x, y));
-  }
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) { sum += static_cast<double>(variances[1].At(x, y)); });
   EXPECT_GT(sum, 0);
   EXPECT_TRUE(std::isfinite(sum));
 }
@@ -126,9 +125,7 @@ TEST(Gaussian, KeepsAConstantUpToTheEdges) {
   values.Fill(3);
   for (const float sigma : {0.0f, 0.7f, 2.0f, 8.0f}) {
     const Plane mean = Gaussian(sigma, 17, 11).Mean(values, nullptr);
-    for (int y = 0; y < 11; ++y) {
-      for (int x = 0; x < 17; ++x) EXPECT_NEAR(mean.At(x, y), 3, 1e-5) << sigma;
-    }
+    ForEachPixel(17, 11, [&](int x, int y) { EXPECT_NEAR(mean.At(x, y), 3, 1e-5) << sigma; });
   }
 }
 
@@ -144,4 +141,4 @@ TEST(Gaussian, LeavesVarianceOverTheAreaItAverages) {
 }
 
 }  // namespace
-}  // namespace lumifold::render
+}  // namespace lumifold::charts

@@ -1,6 +1,9 @@
 #include "tests/charts/methods/samples/sample_method.h"
 
-#include "tests/charts/methods/samples/methods.h"
+#include "tests/charts/methods/samples/epanechnikov.h"
+#include "tests/charts/methods/samples/guided_rays.h"
+#include "tests/charts/methods/samples/probabilistic.h"
+#include "tests/charts/methods/samples/random_parameters.h"
 
 namespace lumifold::charts {
 

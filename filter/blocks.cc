@@ -13,26 +13,26 @@ namespace {
 
 int RoundUp(int value, int step) { return (value + step - 1) / step * step; }
 
-/// Whether a frame of this size is not cut.
+/// Whether a frame of this size is one block.
 bool IsWhole(int width, int height, const BlockParams& params) {
   return int64_t{width} * height <= params.whole;
 }
 
-BlockParams Uncut(int width, int height, BlockParams params) {
+BlockParams OneBlock(int width, int height, BlockParams params) {
   params.core = RoundUp(std::max({width, height, 2 * params.fade}), kBandRows);
   return params;
 }
 
-/// Rows of the picture that are still being summed.
+/// The rows of the picture that are being blended.
 class Strip {
  public:
   Strip(const BlockGrid& grid, const std::vector<std::string>& passed_on) : grid_(grid), names_(passed_on) {
     for (const std::string& name : layers::ColorChannels(layers::kBeauty)) names_.push_back(name);
   }
 
-  /// Makes room for the rows that block row `row` touches; what was left by the one before comes first.
+  /// Allocates the rows that block row `row` overlaps, and keeps the unfinished rows of the block row above.
   void Begin(int row) {
-    const Rect last = grid_.Given(grid_.columns() - 1, row);
+    const Rect last = grid_.Output(grid_.columns() - 1, row);
     const LayeredImage left = std::move(rows_);
     rows_ = LayeredImage(last.x1, last.y1 - first_row_);
     for (const std::string& name : names_) {
@@ -41,24 +41,24 @@ class Strip {
     }
   }
 
-  /// Blends a block's result in, and passes on channels of its core.
+  /// Blends in the result of a block, and copies the passed-on channels of its core.
   absl::Status Add(int column, int row, const LayeredImage& film, const Picture& filtered) {
     const Rect core = grid_.Core(column, row);
-    const Rect seen = grid_.Seen(column, row);
+    const Rect input = grid_.Input(column, row);
     for (size_t i = 0; i + filtered.size() < names_.size(); ++i) {
       if (!film.Has(names_[i]))
         return absl::InvalidArgumentError(absl::StrCat("the film has no channel ", names_[i]));
-      CopyPlane(film.Get(names_[i]).Crop(SeenFrom(seen.x0, seen.y0, core)),
+      CopyPlane(film.Get(names_[i]).Crop(SeenFrom(input.x0, input.y0, core)),
                 rows_.Get(names_[i]).Crop(SeenFrom(0, first_row_, core)));
     }
-    const Rect given = grid_.Given(column, row);
-    for (int y = given.y0; y < given.y1; ++y) Blend(column, row, y, filtered);
+    const Rect output = grid_.Output(column, row);
+    for (int y = output.y0; y < output.y1; ++y) Blend(column, row, y, filtered);
     return absl::OkStatus();
   }
 
-  /// The rows that no later block touches; keeps the others.
+  /// Removes and returns the rows that no later block overlaps.
   LayeredImage TakeFinished(int row) {
-    const int end = row + 1 < grid_.rows() ? grid_.Given(0, row + 1).y0 : first_row_ + rows_.height();
+    const int end = row + 1 < grid_.rows() ? grid_.Output(0, row + 1).y0 : first_row_ + rows_.height();
     const int count = end - first_row_;
     LayeredImage left = rows_.Crop({0, count, rows_.width(), rows_.height()});
     LayeredImage finished = left.height() == 0 ? std::move(rows_) : rows_.Crop({0, 0, rows_.width(), count});
@@ -69,28 +69,28 @@ class Strip {
 
  private:
   void Blend(int column, int row, int y, const Picture& filtered) {
-    const Rect given = grid_.Given(column, row);
-    const Rect seen = grid_.Seen(column, row);
-    const std::vector<float> pull = grid_.Pull(column, row, y);
+    const Rect output = grid_.Output(column, row);
+    const Rect input = grid_.Input(column, row);
+    const std::vector<float> factors = grid_.BlendFactors(column, row, y);
     const ColorView beauty = rows_.GetColor(layers::kBeauty);
     for (size_t c = 0; c < filtered.size(); ++c) {
-      const float* from = filtered[c].Row(y - seen.y0) + given.x0 - seen.x0;
-      float* to = beauty[c].Row(y - first_row_) + given.x0;
-      for (size_t x = 0; x < pull.size(); ++x) {
-        to[x] = pull[x] < 1.0f ? to[x] + pull[x] * (from[x] - to[x]) : from[x];
+      const float* from = filtered[c].Row(y - input.y0) + output.x0 - input.x0;
+      float* to = beauty[c].Row(y - first_row_) + output.x0;
+      for (size_t x = 0; x < factors.size(); ++x) {
+        to[x] = factors[x] < 1.0f ? to[x] + factors[x] * (from[x] - to[x]) : from[x];
       }
     }
   }
 
   const BlockGrid& grid_;
-  std::vector<std::string> names_;  // those passed on, then R G B
+  std::vector<std::string> names_;  // the channels passed on, then R G B
   LayeredImage rows_;
-  int first_row_ = 0;  // of the picture, in rows_
+  int first_row_ = 0;  // the row of the picture that is row 0 of rows_
 };
 
 absl::Status FilterBlock(FilmSource* film, const BlockGrid& grid, int column, int row, BlockFilter filter,
                          Strip* strip) {
-  const absl::StatusOr<EdgedImage> part = film->Read(grid.Seen(column, row));
+  const absl::StatusOr<EdgedImage> part = film->Read(grid.Input(column, row));
   if (!part.ok()) return part.status();
   const absl::StatusOr<Picture> filtered = filter(*part);
   if (!filtered.ok()) return filtered.status();
@@ -111,21 +111,21 @@ BlockAxis::Span BlockAxis::Widened(int i, int px) const {
   return {std::max(0, i * core_ - px), std::min(size_, (i + 1) * core_ + px)};
 }
 
-float BlockAxis::Passed(int border, int p) const {
-  const float way = (static_cast<float>(p - border + fade_) + 0.5f) / static_cast<float>(2 * fade_);
-  return std::clamp(way, 0.0f, 1.0f);
+float BlockAxis::FadeAt(int border, int p) const {
+  const float position = (static_cast<float>(p - border + fade_) + 0.5f) / static_cast<float>(2 * fade_);
+  return std::clamp(position, 0.0f, 1.0f);
 }
 
-float BlockAxis::Share(int i, int p) const {
-  return std::min(i > 0 ? Passed(i * core_, p) : 1.0f, ShareSoFar(i, p));
+float BlockAxis::Weight(int i, int p) const {
+  return std::min(i > 0 ? FadeAt(i * core_, p) : 1.0f, WeightSum(i, p));
 }
 
-float BlockAxis::ShareSoFar(int i, int p) const {
-  return i + 1 < count_ ? 1.0f - Passed((i + 1) * core_, p) : 1.0f;
+float BlockAxis::WeightSum(int i, int p) const {
+  return i + 1 < count_ ? 1.0f - FadeAt((i + 1) * core_, p) : 1.0f;
 }
 
 BlockGrid::BlockGrid(int width, int height, const BlockParams& params)
-    : params_(IsWhole(width, height, params) ? Uncut(width, height, params) : params),
+    : params_(IsWhole(width, height, params) ? OneBlock(width, height, params) : params),
       columns_(width, params_),
       rows_(height, params_) {}
 
@@ -135,14 +135,14 @@ Rect BlockGrid::Around(int column, int row, int px) const {
   return {x.begin, y.begin, x.end, y.end};
 }
 
-std::vector<float> BlockGrid::Pull(int column, int row, int y) const {
-  const Rect given = Given(column, row);
-  const float share = rows_.Share(row, y);
-  const float above = rows_.ShareSoFar(row, y) - share;
-  std::vector<float> pull;
-  for (int x = given.x0; x < given.x1; ++x)
-    pull.push_back(share * columns_.Share(column, x) / (above + share * columns_.ShareSoFar(column, x)));
-  return pull;
+std::vector<float> BlockGrid::BlendFactors(int column, int row, int y) const {
+  const Rect output = Output(column, row);
+  const float weight = rows_.Weight(row, y);
+  const float above = rows_.WeightSum(row, y) - weight;
+  std::vector<float> factors;
+  for (int x = output.x0; x < output.x1; ++x)
+    factors.push_back(weight * columns_.Weight(column, x) / (above + weight * columns_.WeightSum(column, x)));
+  return factors;
 }
 
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,

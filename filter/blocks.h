@@ -13,16 +13,17 @@
 
 namespace lumifold::filter {
 
-/// How a large frame is cut into blocks, each filtered as a film of its own. This is part of the method:
-/// other numbers give another picture. All but the last are in pixels along one axis.
+/// How a large frame is divided into blocks, each filtered as a film of its own. This is part of the method:
+/// other numbers give another picture. All but the last are pixels along one axis.
 struct BlockParams {
-  int core = 1408;  // most that a block answers for
-  int margin = 64;  // what it sees beyond its core: 4 sigma of the widest reach
-  int fade = 32;    // on either side of the border between two cores their blocks are cross-faded
-  int64_t whole = int64_t{1536} * 1536;  // pixels up to which a frame is one block
+  int core = 1408;                       // largest core: the cores tile the frame
+  int margin = 64;                       // apron: pixels beyond its core that a block reads
+  int fade = 32;                         // half width of the cross-fade over a border between two cores
+  int64_t whole = int64_t{1536} * 1536;  // a frame of up to this many pixels is one block
 };
 
-/// One axis of the lattice of blocks: equal cores, whole bands each, the last one cut by the frame's edge.
+/// One axis of the grid of blocks: cores of equal size, a multiple of kBandRows, the last one cropped by the
+/// frame's edge.
 class BlockAxis {
  public:
   /// Part [begin, end) of the axis.
@@ -38,15 +39,15 @@ class BlockAxis {
   Span Core(int i) const { return Widened(i, 0); }
   /// The core and `px` pixels on either side, within the frame.
   Span Widened(int i, int px) const;
-  /// Block i's share of pixel p: 1 within its core, 0 from `fade` pixels beyond it, linear between. The
-  /// shares of all blocks sum to 1, exactly.
-  float Share(int i, int p) const;
-  /// What this block and all before it take of pixel p together, where this one takes any.
-  float ShareSoFar(int i, int p) const;
+  /// The blending weight of block i at pixel p: 1 inside its core, 0 from `fade` pixels outside, linear in
+  /// between. The weights of all blocks sum to exactly 1.
+  float Weight(int i, int p) const;
+  /// The sum of the weights of block i and all before it at pixel p, where the weight of block i is above 0.
+  float WeightSum(int i, int p) const;
 
  private:
-  /// How far p is on the way across a border, 0 to 1.
-  float Passed(int border, int p) const;
+  /// Position of p in the cross-fade over a border, from 0 to 1.
+  float FadeAt(int border, int p) const;
 
   int size_;
   int core_;
@@ -62,16 +63,16 @@ class BlockGrid {
   int columns() const { return columns_.count(); }
   int rows() const { return rows_.count(); }
   bool IsOneBlock() const { return columns() == 1 && rows() == 1; }
-  /// What the block answers for alone or most.
+  /// The block without overlap.
   Rect Core(int column, int row) const { return Around(column, row, 0); }
-  /// The pixels that take something of its result.
-  Rect Given(int column, int row) const { return Around(column, row, params_.fade); }
-  /// What is filtered for it.
-  Rect Seen(int column, int row) const { return Around(column, row, params_.margin); }
-  /// How far block (column, row) draws each pixel of row y in its Given() from the mean of the blocks before
-  /// it, from left to right and from the top down, towards its own: then all together make the mean by their
-  /// shares, and what all agree on stays as it is to the last bit.
-  std::vector<float> Pull(int column, int row, int y) const;
+  /// The pixels whose weight for this block is above 0.
+  Rect Output(int column, int row) const { return Around(column, row, params_.fade); }
+  /// The pixels that are filtered for it: its output and the apron.
+  Rect Input(int column, int row) const { return Around(column, row, params_.margin); }
+  /// The interpolation factor of each pixel of row y in Output(): the result is moved by it from the mean of
+  /// the blocks before, in order from left to right and from the top down, towards the value of this block.
+  /// After all blocks the result is the weighted mean. Where all blocks agree, no bit changes.
+  std::vector<float> BlendFactors(int column, int row, int y) const;
 
  private:
   Rect Around(int column, int row, int px) const;
@@ -84,11 +85,11 @@ class BlockGrid {
 /// Filters one block: a film and its edge set.
 using BlockFilter = absl::FunctionRef<absl::StatusOr<Picture>(const EdgedImage&)>;
 
-/// Filters a film block by block, from left to right and from the top down, and gives the picture to `sink`,
-/// a row of blocks at a time: R G B and the film's channels named in `passed_on`. In memory are one block and
-/// what `filter` needs for it, and the rows of the result that a row of blocks touches.
-/// Errors: those of the film, `filter` and `sink`; kInvalidArgument for a channel to pass on that is not
-/// there.
+/// Filters a film block by block, from left to right and from the top down. The picture goes to `sink`, one
+/// row of blocks at a time: R G B and the film's channels named in `passed_on`. Memory holds one block, the
+/// memory of `filter` for it, and the rows of the result that one row of blocks overlaps.
+/// Errors: those of the film, `filter` and `sink`; kInvalidArgument for a name in `passed_on` that is not a
+///         channel.
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,
                             const std::vector<std::string>& passed_on, BlockFilter filter,
                             const RowSink& sink);

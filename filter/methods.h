@@ -35,7 +35,8 @@ absl::Status CheckMethod(std::string_view method);
 /// Units:   linear scene-referred radiance; metres.
 /// Edges:   clamped. A frame of more than 1536 x 1536 pixels is filtered in fixed blocks that overlap, see
 ///          BlockParams.
-/// `method`: the name of one of Methods(). Its parameters may follow, as in "bilateral:sigma_s=4,sigma_r=0.1".
+/// `method`: the name of one of Methods(). Its parameters may follow, as in
+/// "bilateral:sigma_s=4,sigma_r=0.1".
 /// `edges`: the film's edge set, see EdgedImage; null or without channels if the film has none.
 /// Errors:  kInvalidArgument naming a channel that is missing; those of CheckMethod.
 /// Threads: safe concurrently; the result is identical for any pool, null included.

@@ -27,10 +27,10 @@ struct Pixel {
   int y = 0;
 };
 
-/// How much q counts for p, kernel aside; the taps are `step` pixels apart.
+/// Weight of q in the filtered value of p, without the kernel's tap.
 using TapWeight = absl::FunctionRef<float(Pixel p, Pixel q)>;
 
-/// One pixel of one round. Planes after the first three are variances, which go with the squared weights.
+/// One pixel of one iteration. Planes after the first three are variances, which get the squared weights.
 void FilterPixel(const Planes& in, ConstFloatView mask, Pixel p, int step, TapWeight weight, Planes* out) {
   std::array<float, 4> sums = {};
   float total = 0;

@@ -11,13 +11,13 @@
 
 namespace lumifold::filter {
 
-/// A filter of a finished film that ours is compared with. No baseline antialiases edges or shrinks its result
-/// towards the input: neither step is part of what was published.
+/// A filter of a finished film that ours is compared with. No baseline antialiases edges or shrinks its
+/// result towards the input: neither step is part of what was published.
 struct Baseline {
   MethodInfo info;
   /// Filters a film with the channels that FilterFilm() asks for. `values`: one for each parameter, in their
-  /// order and within their ranges. Result: R G B of the film's size, finite whatever the film holds, with the
-  /// same bits for any pool.
+  /// order and within their ranges. Result: R G B of the film's size, finite whatever the film holds, with
+  /// the same bits for any pool.
   Picture (*filter)(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) = nullptr;
 };
 

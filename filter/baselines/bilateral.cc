@@ -15,11 +15,10 @@ namespace lumifold::filter {
 namespace {
 
 constexpr float kRadiusOverSigma = 2.5f;
-/// Noise below this part of the layer's mean counts as this much.
+/// Lower bound of the noise, over the layer's mean.
 constexpr float kLeastNoise = 1e-4f;
 
-/// Adds what one row gives to another at one offset: weights of the row's pixels [x0, x1) with those `dx` to
-/// the right in row `from`, squared distances and weights kept in `scratch`.
+/// Accumulates the weighted sums of one row of pixels, one offset at a time.
 class RowSum {
  public:
   RowSum(const Planes& signals, const Planes& features, ConstFloatView mask)

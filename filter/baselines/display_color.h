@@ -8,11 +8,11 @@
 
 namespace lumifold::filter {
 
-/// The film's noisy picture C as a display shows it, 3 planes in [0, 1]: sRGB's curve, what is brighter than
-/// 1 cut. Filters of finished pictures work on this; it takes most of fireflies, as it does there.
+/// The film's noisy picture C in displayed values, 3 planes in [0, 1]: the sRGB curve, clamped at 1. Filters
+/// of finished pictures work on such values; the clamp removes most of the energy of fireflies.
 Planes DisplayColor(const LayeredImage& film, TaskPool* pool);
 
-/// Back to linear light.
+/// The inverse: displayed values to linear light.
 Picture LinearColor(const Planes& display, TaskPool* pool);
 
 }  // namespace lumifold::filter

@@ -22,7 +22,7 @@ Plane Product(const Plane& x, const Plane& y) {
   return product;
 }
 
-/// Means over windows, in one list: M guides, C signals, the M (M + 1) / 2 products of guides, the M C
+/// Means over windows, in this order: M guides, C signals, the M (M + 1) / 2 products of guides, the M C
 /// products of guides and signals, guide by guide.
 Planes Moments(const Planes& signals, const Planes& guide, ConstFloatView mask, int radius, TaskPool* pool) {
   Planes moments;
@@ -37,7 +37,7 @@ Planes Moments(const Planes& signals, const Planes& guide, ConstFloatView mask, 
   return BoxMeans(moments, mask, radius, pool);
 }
 
-/// Solves one pixel's window: writes a of each signal (M planes each) and b (one plane each).
+/// Solves the window of one pixel. Writes a (M planes) and b (one plane) of each signal.
 void FitWindow(const Planes& moments, size_t guides, size_t signals, double epsilon, int x, int y,
                Planes* lines) {
   const auto at = [&](size_t i) { return static_cast<double>(moments[i].At(x, y)); };
@@ -79,7 +79,7 @@ Planes GuidedFilter(const Planes& signals, const Planes& guide, ConstFloatView m
                     double epsilon, TaskPool* pool) {
   LUMIFOLD_CHECK(guide.size() <= kMostGuides);
   const size_t m = guide.size();
-  std::vector<float> means;  // taken off first: E[gp] - E[g] E[p] would cancel
+  std::vector<float> means;  // subtracted first: E[gp] - E[g] E[p] would lose digits to cancellation
   const Planes centred = Standardise(signals, mask, false, pool, &means);
   const Planes moments = Moments(centred, guide, mask, radius, pool);
   Planes lines = MakePlanes(signals.size() * (m + 1), mask.width(), mask.height());

@@ -11,8 +11,7 @@
 namespace lumifold::filter {
 namespace {
 
-/// The authors' height of the tree: two levels at least, one more with each doubling of the reach and each
-/// narrowing of the range.
+/// The authors' height of the tree: at least 2; it grows with log2(sigma_s) and with 1 - sigma_r.
 int TreeHeight(float sigma_s, float sigma_r) {
   const float octaves = std::floor(std::log2(sigma_s)) - 1.0f;
   return std::max(2, static_cast<int>(std::ceil(octaves * (1.0f - sigma_r))));

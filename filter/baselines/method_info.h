@@ -40,8 +40,8 @@ std::vector<float> DefaultsOf(const MethodInfo& method);
 std::vector<std::vector<float>> GridOf(const MethodInfo& method);
 
 /// Reads "sigma_s=8,sigma_r=0.1". A parameter that is not named keeps its default; "" names none.
-/// Errors: kInvalidArgument naming a parameter that is unknown or given twice, or a value that is not a number
-///         or outside its range.
+/// Errors: kInvalidArgument naming a parameter that is unknown or given twice, or a value that is not a
+///         number or outside its range.
 absl::StatusOr<std::vector<float>> ParseParameters(const MethodInfo& method, std::string_view text);
 
 /// The text that ParseParameters reads these values from.

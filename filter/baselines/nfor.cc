@@ -26,8 +26,8 @@ constexpr NonLocalMeansParams kMapSmoothing = {.search_radius = 9, .patch_radius
 /// Features of 1e6 and more are taken for defects of the film.
 constexpr float kLargestFeature = 999999.9375f;
 
-/// A channel of the first surface and of the surfaces seen in it, each weighted by the fraction of the pixel it
-/// covers. The fraction without a surface that has a diffuse lobe gets the first surface's value.
+/// A channel of the first surface and of the surfaces seen in it, each weighted by the fraction of the pixel
+/// it covers. The fraction without a surface that has a diffuse lobe gets the first surface's value.
 Plane SeenGeometry(const LayeredImage& film, std::string_view channel) {
   Plane seen(film.width(), film.height());
   Plane rest = MakePlane(film.width(), film.height(), 1.0f);

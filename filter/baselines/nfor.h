@@ -5,11 +5,11 @@
 namespace lumifold::filter {
 
 /// "nfor": nonlinearly weighted first-order regression of the film's noisy picture on normals, albedo and
-/// distance, half A fitted with the weights of half B and the reverse, at two bandwidths; the better of the
-/// two per pixel and channel, by the error estimated across the halves; and a second pass over the result.
-/// What is seen in mirrors and through glass lends its features to the pixel. Features count as free of
-/// noise, a film holding no halves of them: they are not filtered first, so noise that a deep lens leaves in
-/// the albedo passes into the fit. The halves stand for the sample variance as well, over 7x7 pixels.
+/// distance. Half A is fitted with the weights of half B and the reverse, at two bandwidths. The bandwidth
+/// with the smaller error, estimated across the halves, is selected per pixel and channel. A second pass
+/// filters the result. Pixels in mirrors and behind glass use the features of the surface seen there. A film
+/// holds no halves of the features, so they are not filtered first: noise in the albedo, as from a wide
+/// aperture, enters the fit. The sample variance is estimated from the halves over 7x7 pixels.
 /// Source:  Bitterli et al. 2016.
 Baseline NforBaseline();
 

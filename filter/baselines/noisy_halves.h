@@ -9,15 +9,16 @@
 
 namespace lumifold::filter {
 
-/// The film's noisy picture C as halves; light a trillion times the mean counts as that, so that its square
-/// is a float.
+/// The film's noisy picture C as halves. Light is clamped to a trillion times the mean, so that its square is
+/// a float.
 Halves NoisyHalves(const LayeredImage& film, TaskPool* pool);
 
-/// The variance of each half, from what the two differ by, averaged over 7x7 pixels: a film holds none of
-/// single samples. 0 where one half is unknown.
+/// The variance of each half, (A - B)^2 / 2 averaged over 7x7 pixels, as if both had equal sample counts: a
+/// film holds no variance of single samples. 0 where one half is unknown. PixelVariance() is that of their
+/// mean.
 Planes HalfVariance(const Halves& halves, TaskPool* pool);
 
-/// `planes`, 3 of them, in the film's unit: times scale, 0 where that is no number.
+/// The first 3 of `planes` times `scale`; values that are not finite become 0.
 Picture FinitePicture(Planes planes, float scale);
 
 }  // namespace lumifold::filter

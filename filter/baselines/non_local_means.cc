@@ -30,8 +30,8 @@ Planes Pad(const Planes& planes, int apron) {
   return padded;
 }
 
-/// Rows [y0, y1) of the result, which one task works out for all offsets of the search window: what pixels
-/// differ by, its sums over patches along rows and then down columns, weights.
+/// Rows [y0, y1) of the result, which one task computes for all offsets of the search window: squared
+/// differences of pixels, their sums over patches (along rows, then down columns), and weights.
 class Strip {
  public:
   Strip(const Planes& guide, const Planes& variance, const Planes& signals, const NonLocalMeansParams& params,
@@ -57,7 +57,7 @@ class Strip {
   void Write(Planes* out) const {
     for (size_t c = 0; c < signals_.size(); ++c) {
       for (int y = y0_; y < y1_; ++y) {
-        for (int x = 0; x < width_; ++x)  // the pixel itself always weighs
+        for (int x = 0; x < width_; ++x)  // the weight of the pixel itself is above 0
           (*out)[c].At(x, y) = sums_[c].At(x, y - y0_) / sums_.back().At(x, y - y0_);
       }
     }
@@ -167,7 +167,7 @@ Baseline NonLocalMeansBaseline() {
                    .summary = "non-local means on the finished colours, by the halves' variance",
                    .source = "Buades et al. 2005; Rousselle et al. 2012",
                    .parameters = {{"k",
-                                   "strength: deviations that alike patches may differ by",
+                                   "strength: standard deviations that similar patches may differ by",
                                    0.5f,
                                    {0.25f, 0.5f, 1, 2},
                                    0.01f,

@@ -21,7 +21,7 @@ constexpr int kOffsets = kSide * kSide;
 constexpr int kPaddedOffsets = (kOffsets + 7) / 8 * 8;
 constexpr int kPatchRadius = 3;
 constexpr int kPatchSide = 2 * kPatchRadius + 1;
-/// Tiles are part of the result's definition: what their pixels say is added tile by tile.
+/// Tiles are part of the result's definition: predictions are summed tile by tile.
 constexpr int kTile = 32;
 constexpr int kApron = kRadius + kPatchRadius;
 constexpr int kBlock = kTile + 2 * kApron;
@@ -32,7 +32,7 @@ constexpr double kRidge = 1e-4;
 constexpr size_t kFixedColumns = 3;  // 1, dx, dy
 constexpr size_t kMostColumns = kFixedColumns + kMostRegressionFeatures;
 
-/// A tile with its apron, edge pixels repeated beyond the picture.
+/// A tile with its apron, clamped at the picture's edge.
 class Block {
  public:
   Block(const Plane& plane, int tile_x, int tile_y) {
@@ -57,7 +57,7 @@ Blocks MakeBlocks(const Planes& planes, int tile_x, int tile_y) {
   return blocks;
 }
 
-/// The weights of all pixels of a tile for their neighbours.
+/// The weights of the neighbours of all pixels of a tile.
 class TileWeights {
  public:
   TileWeights(const Blocks& guide, const Blocks& variance, float strength)
@@ -71,7 +71,7 @@ class TileWeights {
     }
   }
 
-  /// Of pixel (x, y) of the tile, by offset, row by row.
+  /// The weights for pixel (x, y) of the tile, by offset, row by row.
   float* Of(int x, int y) { return weights_.data() + static_cast<size_t>(y * kTile + x) * kPaddedOffsets; }
 
  private:
@@ -121,7 +121,7 @@ class TileWeights {
   alignas(64) float row_sums_[kTerms][kTile];
 };
 
-/// The fit around one pixel after another.
+/// The least-squares fit of one window at a time.
 class WindowFit {
  public:
   explicit WindowFit(size_t features) : columns_(kFixedColumns + features) {
@@ -146,7 +146,7 @@ class WindowFit {
     Solve();
   }
 
-  /// What the fit says of the neighbour of each offset, times its weight.
+  /// The prediction for the neighbour at each offset, times its weight.
   const float* Predict(size_t channel) {
     predicted_.setZero();
     for (size_t i = 0; i < columns_; ++i) {
@@ -172,10 +172,10 @@ class WindowFit {
     Matrix normal(n, n);
     Matrix right(n, 3);
     for (Eigen::Index i = 0; i < n; ++i) {
-      weighed_ = weights_.cwiseProduct(x_.col(i));
+      weighted_ = weights_.cwiseProduct(x_.col(i));
       for (Eigen::Index j = i; j < n; ++j)
-        normal(i, j) = normal(j, i) = static_cast<double>(weighed_.dot(x_.col(j)));
-      for (Eigen::Index c = 0; c < 3; ++c) right(i, c) = static_cast<double>(weighed_.dot(y_.col(c)));
+        normal(i, j) = normal(j, i) = static_cast<double>(weighted_.dot(x_.col(j)));
+      for (Eigen::Index c = 0; c < 3; ++c) right(i, c) = static_cast<double>(weighted_.dot(y_.col(c)));
     }
     for (Eigen::Index i = 1; i < n; ++i) normal(i, i) += kRidge * normal(0, 0);
     coefficients_ = Eigen::LDLT<Matrix>(normal).solve(right);
@@ -186,12 +186,13 @@ class WindowFit {
       Eigen::Matrix<float, kPaddedOffsets, kMostColumns>::Zero();
   Eigen::Matrix<float, kPaddedOffsets, 3> y_ = Eigen::Matrix<float, kPaddedOffsets, 3>::Zero();
   Column weights_;
-  Column weighed_;
+  Column weighted_;
   Column predicted_;
   Matrix coefficients_;
 };
 
-/// What the pixels of one tile say of theirs and those around: three sums and the weight.
+/// Sums of weighted predictions of one tile, for its pixels and those around it: three channels and the
+/// weight.
 struct TileSums {
   std::array<std::vector<float>, 4> sums;
 };
@@ -205,7 +206,7 @@ void Add(const float* values, int x, int y, std::vector<float>* sums) {
   }
 }
 
-/// Takes the weight from offsets that lead out of the picture.
+/// Sets the weights of offsets outside the picture to 0.
 void CutAtEdges(int x, int y, int width, int height, float* weights) {
   for (int k = 0; k < kOffsets; ++k) {
     const int qx = x + k % kSide - kRadius;
@@ -265,7 +266,7 @@ Planes PatchRegression(const RegressionInput& input, TaskPool* pool) {
   sums.pop_back();
   for (Plane& plane : sums) {
     for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) plane.At(x, y) /= total.At(x, y);  // a pixel weighs 1 for itself
+      for (int x = 0; x < width; ++x) plane.At(x, y) /= total.At(x, y);  // a pixel's own weight is 1
     }
   }
   return sums;

@@ -7,8 +7,9 @@
 
 namespace lumifold::filter {
 
-/// Planes minus their mean under the mask and, if asked, over their deviation: what hardly varies at all
-/// becomes 0. `means` may be null; the planes' means are appended to it.
+/// Subtracts from each plane its mean under the mask and, if `to_unit_variance`, divides by its standard
+/// deviation; a plane that hardly varies (deviation up to 1e-4) becomes 0. `means` may be null; the planes'
+/// means are appended to it.
 Planes Standardise(const Planes& planes, ConstFloatView mask, bool to_unit_variance, TaskPool* pool,
                    std::vector<float>* means);
 

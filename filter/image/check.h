@@ -3,8 +3,8 @@
 #include <cstdio>
 #include <cstdlib>
 
-/// Ends the process with file, line and condition when an invariant of ours is broken. Never for bad input:
-/// that is a Status.
+/// Aborts the process with file, line and condition if an invariant is broken. Not for bad input: that is a
+/// Status.
 #define LUMIFOLD_CHECK(condition)                                                            \
   do {                                                                                       \
     if (!(condition)) [[unlikely]] {                                                         \

@@ -2,8 +2,8 @@
 
 namespace lumifold {
 
-/// sRGB's transfer curve (IEC 61966-2-1): linear light in, display value out, both 0..1; clamps outside, NaN
-/// gives 0.
+/// The sRGB transfer curve (IEC 61966-2-1) from linear light to display value, both in [0, 1]. Values outside
+/// are clamped; NaN gives 0.
 float SrgbFromLinear(float linear);
 
 /// The inverse of SrgbFromLinear.

@@ -8,7 +8,7 @@
 namespace lumifold {
 namespace {
 
-/// A place as the edge set holds it; far outside every picture for what is none.
+/// A coordinate of the edge set as a whole number; far outside every picture if it is not a valid one.
 int PlaceOf(float place) { return place >= 0 && place < 1e9f ? static_cast<int>(place) : -1; }
 
 void Shift(int by, FloatView places) {

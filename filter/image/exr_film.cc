@@ -17,13 +17,13 @@
 namespace lumifold {
 namespace {
 
-/// Scan lines decoded at a time: what ZIP compresses together.
+/// Scan lines decoded at a time: ZIP compresses this many together.
 constexpr int kLines = 16;
-/// Rows of the edge set looked through at a time.
+/// Rows of the edge set searched at a time.
 constexpr int kEdgeRows = 4096;
 
-/// Copies the common part of two pictures; `from` starts at (x, y) of `to`'s coordinates, and may overlap it
-/// anyhow.
+/// Copies the common part of two images. `from` starts at (x, y) in the coordinates of `to`; any overlap is
+/// allowed.
 void CopyOverlap(const LayeredImage& from, int x, int y, LayeredImage* to) {
   const Rect common = Intersect({x, y, x + from.width(), y + from.height()}, to->bounds());
   if (common.IsEmpty()) return;
@@ -38,7 +38,7 @@ void CopyOverlap(const LayeredImage& from, int x, int y, LayeredImage* to) {
 /// One part of the file.
 class ExrFilm::Part {
  public:
-  /// `is_reread`: the same rows are asked for again, even from side to side.
+  /// `is_reread`: the same rows will be read again, even if they are read in full width.
   Part(std::string path, std::string scratch_folder, Imf::MultiPartInputFile* file, int number,
        bool is_reread)
       : path_(std::move(path)),
@@ -66,7 +66,7 @@ class ExrFilm::Part {
     return image;
   }
 
-  /// Rows [y0, y1) from side to side, leaving the scratch file alone.
+  /// Rows [y0, y1) in full width, without the scratch file.
   absl::StatusOr<LayeredImage> Peek(int y0, int y1) {
     LayeredImage image;
     const absl::Status status = CatchExr(path_, [&] {
@@ -80,7 +80,7 @@ class ExrFilm::Part {
  private:
   LayeredImage Image(int columns, int rows) const { return ExrImage(file_.header(number_), columns, rows); }
 
-  /// May throw, as the next.
+  /// May throw, and so may the next.
   LayeredImage DecodeLines(int y0, int y1) {
     LayeredImage image = Image(width(), y1 - y0);
     if (y1 == y0) return image;
@@ -109,13 +109,13 @@ class ExrFilm::Part {
     return image;
   }
 
-  /// Where in the scratch file row y of channel c begins.
+  /// Offset of row y of channel c in the scratch file.
   uint64_t PlaceOf(int y, size_t c) const {
     const uint64_t row_bytes = sizeof(float) * static_cast<uint64_t>(width());
     return (static_cast<uint64_t>(y) * channel_count_ + c) * row_bytes;
   }
 
-  /// Makes the scratch file hold rows up to `y1` from `y0` at the latest, and no longer those before.
+  /// Makes the scratch file hold rows [y0, y1), and drops the rows above.
   absl::Status Spool(int y0, int y1) {
     if (!spool_.has_value()) {
       absl::StatusOr<ScratchFile> scratch = ScratchFile::Create(scratch_folder_);
@@ -179,7 +179,7 @@ struct ExrFilm::File {
   std::string path;
   std::unique_ptr<Imf::MultiPartInputFile> input;
   std::unique_ptr<Part> pixels;
-  std::unique_ptr<Part> edges;  // null where there is none
+  std::unique_ptr<Part> edges;  // null without an edge set
 };
 
 ExrFilm::ExrFilm(std::unique_ptr<File> file) : file_(std::move(file)) {}
@@ -221,7 +221,7 @@ absl::StatusOr<EdgedImage> ExrFilm::Read(const Rect& rect) {
   return EdgedImage{*std::move(pixels), *std::move(edges)};
 }
 
-/// The edge set's first row of a pixel in row y of the picture or below.
+/// The first row of the edge set whose pixel lies in row y of the picture or below.
 absl::StatusOr<int> ExrFilm::FirstEdgeFrom(int y) {
   int first = 0;
   int last = file_->edges->height();

@@ -8,25 +8,25 @@
 
 namespace lumifold {
 
-/// An OpenEXR file as a film that is read part by part, with an edge set where it has one.
+/// An OpenEXR file as a film that is read part by part, with its edge set if it has one.
 ///
-/// Tiles are read where they are wanted. Scan lines can only be decoded from side to side: each is decoded
-/// once and kept in a scratch file until the parts that are read have moved below it, which takes 4 bytes a
-/// pixel and channel of a part's rows. Whole rows and whole pictures need no scratch file.
+/// Tiles are read directly. Scan lines can only be decoded in full width: each is decoded once and kept in a
+/// scratch file until the parts that are read lie below it. The scratch file takes 4 bytes per pixel and
+/// channel of a part's rows. Reading whole rows or whole pictures needs no scratch file.
 class ExrFilm final : public FilmSource {
  public:
-  /// `scratch_folder` is where a scratch file goes when one is needed.
-  /// Errors: as ReadExr, as far as the headers tell.
+  /// `scratch_folder`: the folder of the scratch file, if one is needed.
+  /// Errors: those of ReadExr that the headers show.
   static absl::StatusOr<std::unique_ptr<ExrFilm>> Open(const std::string& path,
                                                        const std::string& scratch_folder);
   ~ExrFilm() override;
 
   int width() const override;
   int height() const override;
-  /// A picture of no pixels with the file's channels and metadata.
+  /// An image without pixels, with the file's channels and metadata.
   LayeredImage Outline() const;
-  /// Errors: kInvalidArgument naming the file where it is damaged or its edge set is not in the order of
-  /// rows; kUnavailable where the scratch file cannot be written.
+  /// Errors: kInvalidArgument naming the file if it is damaged or its edge set is not in the order of rows;
+  /// kUnavailable if the scratch file cannot be written.
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override;
 
  private:

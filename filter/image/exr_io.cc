@@ -42,8 +42,8 @@ LayeredImage ReadPart(Imf::MultiPartInputFile& file, int number) {
   const Imath::Box2i window = header.dataWindow();
   LayeredImage image = ExrImage(header, window.max.x - window.min.x + 1, window.max.y - window.min.y + 1);
   image.metadata() = ExrMetadata(header);
-  // Pixels are read even to learn whether the file is whole: isComplete() looks at the table of lines only,
-  // which a file cut short still has.
+  // Pixels are read even to find out whether the file is complete: isComplete() checks only the table of
+  // lines, which a truncated file still has.
   Imf::InputPart part(file, number);
   part.setFrameBuffer(ExrFrameOf(image, window.min.x, window.min.y));
   part.readPixels(window.min.y, window.max.y);
@@ -66,7 +66,7 @@ absl::StatusOr<LayeredImage> PixelsOf(absl::StatusOr<EdgedImage> image) {
 
 void SetExrThreads(int threads) {
   LUMIFOLD_CHECK(threads >= 1);
-  Imf::setGlobalThreadCount(threads > 1 ? threads : 0);  // 0: no others, and nothing to hand over
+  Imf::setGlobalThreadCount(threads > 1 ? threads : 0);  // 0: no other threads, and no hand-over
 }
 
 absl::Status WriteExr(const std::string& path, const LayeredImage& image) {

@@ -11,35 +11,35 @@
 
 namespace lumifold {
 
-/// Pixels a picture may have at most, over all readers: 2^28 (16384 x 16384), so that a damaged header cannot
-/// ask for all memory.
+/// The most pixels that any reader accepts in a picture: 2^28 (16384 x 16384). It keeps a damaged header from
+/// exhausting memory.
 inline constexpr int64_t kMaxPixels = int64_t{1} << 28;
 
-/// Compresses and decompresses all OpenEXR files that this process opens from now on with `threads` (>= 1)
-/// threads; before it is called, with the caller's own. For programs: a library does not decide for its
-/// process. The bytes are the same with any number.
+/// Sets the threads (>= 1) that compress and decompress all OpenEXR files that this process opens from now
+/// on. Until it is called, the calling thread does so alone. It affects the whole process, so only programs
+/// call it. The bytes do not depend on the number.
 void SetExrThreads(int threads);
 
-/// Writes every channel as 32-bit float, ZIP-compressed scanlines, metadata as string attributes. The file
-/// appears whole or not at all (written beside itself, synced, renamed). Errors: kInvalidArgument for a
-/// picture without channels or pixels; kUnavailable with the system's words when the disk refuses. Threads:
-/// safe for different paths. The same picture gives the same bytes.
+/// Writes every channel as 32-bit float in ZIP-compressed scan lines, and metadata as string attributes. The
+/// file is written atomically (temporary file, sync, rename). The same picture gives the same bytes.
+/// Errors:  kInvalidArgument for a picture without channels or pixels; kUnavailable with the system's message
+///          if the file cannot be written.
+/// Threads: safe for different paths.
 absl::Status WriteExr(const std::string& path, const LayeredImage& image);
 
-/// The same for a picture with its edge set, which becomes a second part called "edges". Without edges the
-/// file has one part, as above.
+/// The same for a picture with its edge set, which becomes a second part called "edges". If the edge set is
+/// empty, the file has one part, as above.
 absl::Status WriteExr(const std::string& path, const EdgedImage& image);
 
-/// Reads all channels of a picture as float, and its string attributes as metadata. An edge set beside it is
-/// left out.
-/// Errors: kNotFound; kInvalidArgument naming the file for anything that is not a whole OpenEXR picture (deep
-/// files, those of several parts but an edge set's, a file cut short, a size over kMaxPixels).
+/// Reads all channels of a picture as float, and its string attributes as metadata. An edge set is ignored.
+/// Errors: kNotFound; kInvalidArgument naming the file for anything that is not a complete OpenEXR picture
+/// (deep files, several parts other than an edge set, a truncated file, a size over kMaxPixels).
 absl::StatusOr<LayeredImage> ReadExr(const std::string& path);
 
-/// Reads what WriteExr wrote, edge set and all. Errors: as ReadExr.
+/// Reads a file of WriteExr with its edge set. Errors: as ReadExr.
 absl::StatusOr<EdgedImage> ReadEdgedExr(const std::string& path);
 
-/// The same for a file's bytes in memory; `name` is what errors call it.
+/// ReadExr for a file's bytes in memory; errors begin with `name`.
 absl::StatusOr<LayeredImage> DecodeExr(const std::string& name, std::string_view bytes);
 
 }  // namespace lumifold

@@ -14,7 +14,7 @@
 namespace lumifold {
 namespace {
 
-/// Channels a picture may have at most: ours have under a hundred, a damaged header may list any number.
+/// The most channels that are read: our pictures have under a hundred, a damaged header may list any number.
 constexpr int kMaxChannels = 1024;
 
 absl::Status CheckHeader(const std::string& path, const Imf::Header& header) {
@@ -65,7 +65,7 @@ Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0) {
   Imf::FrameBuffer frame;
   for (const LayeredImage::Channel& channel : image.channels()) {
     const ConstFloatView view = channel.plane.view();
-    // OpenEXR's slices are for both directions and so never const.
+    // A slice of OpenEXR serves reading and writing, so it is never const.
     const FloatView writable(const_cast<float*>(view.Row(0)), view.width(), view.height(), view.stride());
     frame.insert(channel.name, ExrSliceOf(writable, x0, y0));
   }

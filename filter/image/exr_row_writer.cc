@@ -20,7 +20,7 @@
 namespace lumifold {
 namespace {
 
-/// An AtomicFile as OpenEXR writes to it. It keeps the first error, for OpenEXR's destructors swallow them.
+/// An AtomicFile as a stream of OpenEXR. It keeps the first error, because OpenEXR's destructors ignore them.
 class FileStream final : public Imf::OStream {
  public:
   FileStream(const std::string& path, AtomicFile* file) : Imf::OStream(path.c_str()), file_(file) {}
@@ -41,7 +41,7 @@ class FileStream final : public Imf::OStream {
   absl::Status status_;
 };
 
-/// A part's header; `display` is what the whole file shows.
+/// A part's header; `display` is the display window of the whole file.
 Imf::Header HeaderOf(const ExrLayout& layout, const Imath::Box2i& display) {
   Imf::Header header(display, {{0, 0}, {layout.width - 1, layout.height - 1}});
   header.compression() = Imf::ZIP_COMPRESSION;
@@ -99,7 +99,7 @@ struct ExrRowWriter::File {
       write(Imf::OutputPart(*multi, static_cast<int>(part)));
   }
 
-  /// What went wrong: the disk's own words before OpenEXR's.
+  /// The error: the disk's if there is one, else OpenEXR's.
   absl::Status Judge(const absl::Status& status) const {
     return stream.status().ok() ? status : stream.status();
   }
@@ -161,7 +161,7 @@ absl::Status ExrRowWriter::Finish() {
   for (size_t i = 0; i < file_->layouts.size(); ++i)
     LUMIFOLD_CHECK(file_->written[i] == file_->layouts[i].height);
   const absl::Status status = CatchExr(file_->path, [&] {
-    file_->single.reset();  // the destructors write the table of lines
+    file_->single.reset();  // the destructors write the table of scan lines
     file_->multi.reset();
     return absl::OkStatus();
   });

@@ -11,7 +11,7 @@
 
 namespace lumifold {
 
-/// What a picture of an OpenEXR file is, beside its pixels.
+/// The size, channels and metadata of a picture in an OpenEXR file.
 struct ExrLayout {
   int width = 0;
   int height = 0;
@@ -24,9 +24,10 @@ ExrLayout ExrLayoutOf(const LayeredImage& image);
 
 /// Writes an OpenEXR file some rows at a time, from the top down, so that the picture need not be in memory.
 /// Every channel is 32-bit float, in ZIP-compressed scan lines. The same rows give the same bytes, however
-/// they are portioned. The file appears whole or not at all. Errors: kInvalidArgument for a picture without
-/// channels or pixels, or rows of another size or other channels than were announced; kUnavailable with the
-/// system's words when the disk refuses. Threads: one at a time.
+/// they are divided among calls. The file is written atomically.
+/// Errors:  kInvalidArgument for a picture without channels or pixels, or for rows whose size or channels
+///          differ from the layout; kUnavailable with the system's message if the file cannot be written.
+/// Threads: one at a time.
 class ExrRowWriter {
  public:
   /// With an edge set the file has a second part; `edges` may be null.
@@ -39,7 +40,7 @@ class ExrRowWriter {
   absl::Status Append(const LayeredImage& rows) { return AppendTo(0, rows); }
   /// The next rows of the edge set.
   absl::Status AppendEdges(const LayeredImage& rows) { return AppendTo(1, rows); }
-  /// Gives the file its name. All rows must have come. Once.
+  /// Completes the file and renames it to its path. All rows must have been appended. Call once.
   absl::Status Finish();
 
  private:

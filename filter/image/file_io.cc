@@ -46,7 +46,7 @@ int WriteAt(int file, uint64_t offset, std::string_view bytes) {
   return 0;
 }
 
-/// Makes a rename in `folder` survive a power cut. Returns 0 or errno.
+/// Makes a rename in `folder` survive a power failure. Returns 0 or errno.
 int SyncFolder(const std::string& folder) {
   const int handle = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (handle < 0) return errno;
@@ -55,7 +55,7 @@ int SyncFolder(const std::string& folder) {
   return error == EINVAL ? 0 : error;  // some file systems cannot sync a folder and need not
 }
 
-/// Reads `size` bytes, or up to the end where the file has shrunk meanwhile. Returns 0 or errno.
+/// Reads `size` bytes, or up to the end if the file has become shorter. Returns 0 or errno.
 int ReadAll(int file, std::string* bytes) {
   size_t done = 0;
   while (done < bytes->size()) {

@@ -10,11 +10,12 @@
 
 namespace lumifold {
 
-/// What an AtomicFile's name ends with until it is whole, even where its process was killed.
+/// Suffix of an AtomicFile's name until it is complete; it also marks the leftovers of a killed process.
 inline constexpr char kPartialSuffix[] = ".partial";
 
-/// A file that comes into being whole or not at all: written beside its place, moved there at the end. Gone
-/// without a trace where it is destroyed before. Errors: kUnavailable with path and the system's words.
+/// A file that is written atomically: it is written under a temporary name and renamed at the end. If the
+/// object is destroyed before that, the temporary file is deleted. Errors: kUnavailable with path and system
+/// message.
 class AtomicFile {
  public:
   static absl::StatusOr<AtomicFile> Create(const std::string& path);
@@ -23,19 +24,20 @@ class AtomicFile {
   ~AtomicFile();
 
   absl::Status Write(uint64_t offset, std::string_view bytes);
-  /// Forces all to the disk and gives the file its name. Once.
+  /// Syncs the file to disk and renames it to its path. Call once.
   absl::Status Commit();
 
  private:
   AtomicFile(std::string path, std::string temporary, int file);
 
   std::string path_;
-  std::string temporary_;  // empty: there is none any more
+  std::string temporary_;  // empty once renamed or deleted
   int file_ = -1;
 };
 
-/// A nameless file for what does not fit into memory; it goes with its owner, or with the process. Errors:
-/// kUnavailable with the folder's name and the system's words. Threads: safe.
+/// An unnamed file for data that does not fit into memory. It vanishes with its owner or the process.
+/// Errors:  kUnavailable with the folder's name and the system's message.
+/// Threads: safe.
 class ScratchFile {
  public:
   static absl::StatusOr<ScratchFile> Create(const std::string& folder);
@@ -44,9 +46,9 @@ class ScratchFile {
   ~ScratchFile();
 
   absl::Status Write(uint64_t offset, std::string_view bytes);
-  /// Reads what was written there.
+  /// Reads bytes that were written before.
   absl::Status Read(uint64_t offset, char* bytes, size_t count) const;
-  /// Gives the room of everything before `offset` back, where the file system can.
+  /// Frees the disk space of everything before `offset`, if the file system supports it.
   void Forget(uint64_t offset);
 
  private:
@@ -56,9 +58,9 @@ class ScratchFile {
   int file_ = -1;
 };
 
-/// Writes `bytes` so that `path` holds either the old content or all of the new one, whatever happens:
-/// temporary file beside it, fsync, rename, fsync of the folder. Errors: kUnavailable with path and the
-/// system's words.
+/// Replaces the content of `path` atomically: temporary file in the same folder, fsync, rename, fsync of the
+/// folder. After a crash `path` holds either the old content or all of the new. Errors: kUnavailable with
+/// path and the system's message.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
 
 /// Whether `path` is a regular file. Errors: kNotFound; kInvalidArgument.

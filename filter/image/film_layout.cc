@@ -21,7 +21,7 @@ constexpr std::array<const char*, FilmLayout::kRoles> kRoleNames = {
     "combined", "direct", "indirect",      "albedo",      "emission",     "normal",
     "depth",    "glossy", "glossy_albedo", "transmitted", "transmittance"};
 
-/// Colour roles and the layer of ours each becomes.
+/// Colour roles and the layers of a film that they become.
 constexpr std::array<std::pair<Role, std::string_view>, 5> kColorRoles = {{
     {FilmLayout::kCombined, layers::kNoisy},
     {FilmLayout::kDirect, layers::kDirect},
@@ -30,7 +30,7 @@ constexpr std::array<std::pair<Role, std::string_view>, 5> kColorRoles = {{
     {FilmLayout::kEmission, layers::kEmission},
 }};
 
-/// Roles that a file has in pairs, light and factor, or not at all.
+/// Roles that count only in pairs of light and factor.
 struct RolePair {
   Role light;
   Role factor;
@@ -77,8 +77,8 @@ absl::Status ParseLine(const std::string& line, FilmLayout* layout) {
   return absl::OkStatus();
 }
 
-/// What stands before `layer` in the file's channels: "" or a view layer's name with its dot. The first in
-/// the file's order.
+/// The prefix of `layer` in the file's channels: "" or a view layer's name with its dot. The first in the
+/// file's order.
 std::optional<std::string> FindPrefix(const LayeredImage& file, const std::string& layer) {
   const std::string channel = layers::ColorChannels(layer)[0];
   if (file.Has(channel)) return "";
@@ -89,7 +89,7 @@ std::optional<std::string> FindPrefix(const LayeredImage& file, const std::strin
   return std::nullopt;
 }
 
-/// A file seen through a layout.
+/// A file, read by a layout.
 class Reader {
  public:
   Reader(const LayeredImage& file, const FilmLayout& layout, std::string prefix)
@@ -107,7 +107,7 @@ class Reader {
   }
 
  private:
-  /// The role's layers that the file has; notes it where it has none.
+  /// The role's layers that the file has. If it has none, adds a note.
   std::vector<std::string> Present(Role role, const std::vector<std::string>& suffixes) {
     std::vector<std::string> present = Find(role, suffixes);
     if (present.empty()) Note(role);
@@ -135,7 +135,7 @@ class Reader {
 
   void AddColor(Role role, std::string_view layer) { AddSum(Present(role, kColorSuffixes), layer); }
 
-  /// Light without its factor cannot be put back. Layouts that name neither have nothing to miss.
+  /// Light without its factor cannot be multiplied back. A layout that names neither needs no note.
   void AddPair(const RolePair& pair) {
     if (layout_.sources[pair.light].empty() && layout_.sources[pair.factor].empty()) return;
     const std::vector<std::string> light = Present(pair.light, kColorSuffixes);

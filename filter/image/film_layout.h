@@ -10,9 +10,9 @@
 
 namespace lumifold {
 
-/// What a film's layers are called in the files of some renderer. A role may be the sum of several layers of
-/// the file, or of none. Colours are in channels LAYER.R LAYER.G LAYER.B; normals in .X .Y .Z (or .R .G .B);
-/// depth in the one channel LAYER.Z, .V, .Y or .R.
+/// The names of a film's layers in the files of some renderer. A role is the sum of any number of layers of
+/// the file. Colours are in channels LAYER.R LAYER.G LAYER.B; normals in .X .Y .Z (or .R .G .B); depth in the
+/// one channel LAYER.Z, .V, .Y or .R.
 struct FilmLayout {
   enum Role {
     kCombined,
@@ -32,38 +32,40 @@ struct FilmLayout {
   std::array<std::vector<std::string>, kRoles> sources;
 };
 
-/// Reads a layout's text. Roles are combined, direct, indirect, albedo, emission, normal, depth, glossy and
-/// its factor glossy_albedo, transmitted and its factor transmittance; lines are "ROLE = LAYER" or "ROLE =
-/// LAYER + LAYER"; what follows a # is a comment. Errors: kInvalidArgument naming `name`, the line and what
-/// is wrong with it: an unknown role, a role given twice, no `combined`.
+/// Reads a layout's text: lines of "ROLE = LAYER" or "ROLE = LAYER + LAYER"; # starts a comment. The roles
+/// are combined, direct, indirect, albedo, emission, normal, depth, glossy with its factor glossy_albedo, and
+/// transmitted with its factor transmittance.
+/// Errors: kInvalidArgument naming `name`, the line and the problem: an unknown role, a role given twice, no
+///         `combined`.
 absl::StatusOr<FilmLayout> ParseFilmLayout(const std::string& name, const std::string& text);
 
-/// The layouts that have a name: "lumifold", our own pictures, and "cycles", the passes of Blender's Cycles
-/// in a multi-layer OpenEXR file. Null for any other name.
+/// The built-in layouts: "lumifold" for our own pictures, and "cycles" for the passes of Blender's Cycles in
+/// a multi-layer OpenEXR file. Null for any other name.
 const FilmLayout* FindFilmLayout(std::string_view name);
 
-/// A film made from a file, and what its user should know of it.
+/// A film made from a file of another renderer, and notes for its user.
 struct ForeignFilm {
   LayeredImage film;
-  std::vector<std::string> notes;  // a line for each role the file has nothing for, with what follows from it
+  std::vector<std::string> notes;  // one line for each role without a layer in the file: the consequence
 };
 
-/// Makes a film of a renderer's picture. The combined layer may have any view layer's name before it
-/// ("ViewLayer.Combined.R"); all others are then looked for behind the same prefix.
+/// Makes a film of a renderer's picture. The combined layer may be prefixed with the name of a view layer
+/// ("ViewLayer.Combined.R"); the same prefix then applies to all other layers.
 /// Shapes:  result: the file's size; channels noisy, direct, indirect, albedo, emission, N.X N.Y N.Z,
-///          distance.Z, mask.Y, A, and glossy with glossy_albedo, transmitted with transmittance where the
-///          file has both of a pair. Other roles without a layer are 0 (depth: 1). What is not there stays in
-///          the remainder, C without all layers.
-/// Edges:   a depth that is not finite, negative or 1e10 and more is sky; mask.Y is 1 where the albedo is not
-/// 0. Errors:  kInvalidArgument naming `name` where there is no combined layer, or a layer lacks a channel.
+///          distance.Z, mask.Y, A; glossy with glossy_albedo and transmitted with transmittance if the file
+///          has both of the pair. Other roles without a layer are 0 (depth: 1). Light without a layer stays
+///          in the remainder, which is C minus all layers.
+/// Units:   a depth that is not finite, negative, or at least 1e10 is sky; mask.Y is 1 where the albedo is
+///          not 0.
+/// Errors:  kInvalidArgument naming `name` if there is no combined layer, or a layer lacks a channel.
 /// Threads: pure.
 absl::StatusOr<ForeignFilm> ReadForeignFilm(const std::string& name, const LayeredImage& file,
                                             const FilmLayout& layout);
 
-/// The film of which `a` and `b` are the two independent halves, of equal sample counts: noisy, direct and
-/// indirect, glossy and transmitted as the mean of both, and as halves (*_a, *_b, samples_a.Y, samples_b.Y);
-/// all else as the mean. What only one of them has is left out, and stays in the remainder. Errors:
-/// kInvalidArgument where they differ in size.
+/// The film whose two independent halves, of equal sample counts, are `a` and `b`. noisy, direct, indirect,
+/// glossy and transmitted become the mean of both and are kept as halves (*_a, *_b, samples_a.Y,
+/// samples_b.Y); all other channels become the mean. A layer that only one of them has is dropped, and its
+/// light stays in the remainder. Errors: kInvalidArgument if they differ in size.
 absl::StatusOr<LayeredImage> JoinHalves(const LayeredImage& a, const LayeredImage& b);
 
 }  // namespace lumifold

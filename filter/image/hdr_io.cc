@@ -22,20 +22,20 @@ constexpr absl::string_view kMagic = "#?";
 
 using Rgbe = std::array<uint8_t, 4>;
 
-/// Lines the new run-length coding is for; others are flat or in the old coding.
+/// Lengths of lines that may use the new run-length coding; others are flat or in the old coding.
 constexpr int kShortestCodedLine = 8;
 constexpr int kLongestCodedLine = 0x7fff;
 
-/// Of the new coding; longer ones would not fit the seven bits that are left for the count.
+/// The longest run of the new coding: seven bits are left for the count.
 constexpr int kLongestRun = 127;
 
-/// A line begins with one whole pixel or the new coding's mark.
+/// Bytes at the start of a line: one pixel, or the mark of the new coding.
 constexpr int64_t kLeastLineBytes = 4;
 
 struct Header {
-  int width = 0;  // of the picture as it is seen
+  int width = 0;  // of the picture in its final orientation
   int height = 0;
-  bool columns = false;  // the file's lines are the picture's columns
+  bool columns = false;  // the lines of the file are columns of the picture
   bool from_right = false;
   bool from_bottom = false;
   double exposure = 1;
@@ -44,7 +44,7 @@ struct Header {
   int lines() const { return columns ? width : height; }
 };
 
-/// What is left of the bytes.
+/// The bytes that are not read yet.
 class Reader {
  public:
   explicit Reader(absl::string_view bytes) : rest_(bytes) {}
@@ -57,7 +57,7 @@ class Reader {
     rest_.remove_prefix(end + 1);
     return line;
   }
-  /// False, and nothing taken, where fewer are left.
+  /// False, and nothing consumed, if fewer are left.
   bool Take(uint8_t* target, size_t count) {
     if (count > rest_.size()) return false;
     for (size_t i = 0; i < count; ++i) target[i] = static_cast<uint8_t>(rest_[i]);
@@ -73,7 +73,7 @@ class Reader {
   absl::string_view rest_;
 };
 
-/// "-Y 512 +X 1024" and its seven turned and mirrored kin.
+/// "-Y 512 +X 1024" and the seven other orientations.
 bool ParseResolution(absl::string_view line, Header* header) {
   const std::vector<absl::string_view> words = absl::StrSplit(line, ' ', absl::SkipWhitespace());
   if (words.size() != 4 || words[0].size() != 2 || words[2].size() != 2) return false;
@@ -88,7 +88,7 @@ bool ParseResolution(absl::string_view line, Header* header) {
          header->height > 0;
 }
 
-/// The text before the pixels; what is wrong with it, or nothing.
+/// Reads the text before the pixels. Result: the error, or nothing.
 std::string ParseHeader(Reader& reader, Header* header) {
   std::optional<absl::string_view> line = reader.Line();
   if (!line || !absl::StartsWith(*line, kMagic)) return "not a Radiance picture";
@@ -101,7 +101,7 @@ std::string ParseHeader(Reader& reader, Header* header) {
       if (!absl::SimpleAtod(*line, &factor) || !(factor > 0) || !std::isfinite(factor)) {
         return "its EXPOSURE is no positive number";
       }
-      header->exposure *= factor;  // each program on the way may have added one
+      header->exposure *= factor;  // each program that changed the picture may have added one
     }
   }
   if (!line) return "cut short within its header";
@@ -131,8 +131,8 @@ bool ReadCodedLine(Reader& reader, std::vector<Rgbe>* line) {
   return true;
 }
 
-/// Flat pixels, and the old coding: (1, 1, 1, n) repeats the pixel before, successive ones count on in base
-/// 256.
+/// Flat pixels, and the old coding: (1, 1, 1, n) repeats the pixel before; in a sequence of these, n are the
+/// digits of one count in base 256.
 bool ReadFlatLine(Reader& reader, std::vector<Rgbe>* line) {
   int shift = 0;
   for (size_t x = 0; x < line->size();) {
@@ -188,7 +188,7 @@ absl::StatusOr<LayeredImage> DecodeHdr(const std::string& name, std::string_view
   if (int64_t{header.width} * header.height > kMaxPixels) {
     return invalid(absl::StrCat(header.width, "x", header.height, " pixels is more than is read"));
   }
-  // Before any memory is taken for a size that the file only claims.
+  // Checked before memory is allocated for a size that only the header claims.
   if (header.lines() * kLeastLineBytes > static_cast<int64_t>(reader.size())) return invalid("cut short");
   LayeredImage image(header.width, header.height);
   const ColorView picture = image.AddColor("");

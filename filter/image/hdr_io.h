@@ -8,14 +8,17 @@
 
 namespace lumifold {
 
-/// Whether bytes begin as a Radiance picture's do ("#?").
+/// Whether the bytes start like a Radiance picture ("#?").
 bool LooksLikeHdr(std::string_view bytes);
 
-/// Decodes a Radiance picture (.hdr, RGBE): flat scanlines, old and new run-length coding, any of the eight
-/// orientations. Shapes: channels R, G, B, first row on top. Units: as in the file, EXPOSURE= taken out.
-/// Errors: kInvalidArgument beginning with `name` for anything that is not a whole RGBE picture (XYZE, cut
-/// short, runs that leave their line, more than kMaxPixels). Threads: safe. Source: Ward 1991, "Real Pixels";
-/// Radiance's color.c format notes.
+/// Decodes a Radiance picture (.hdr, RGBE): flat scan lines, old and new run-length coding, any of the eight
+/// orientations.
+/// Shapes:  channels R, G, B, first row at the top.
+/// Units:   as in the file, divided by its EXPOSURE=.
+/// Errors:  kInvalidArgument beginning with `name` for anything that is not a complete RGBE picture (XYZE,
+///          truncated, runs that exceed their line, more than kMaxPixels).
+/// Threads: safe.
+/// Source:  Ward 1991, "Real Pixels"; Radiance's color.c format notes.
 absl::StatusOr<LayeredImage> DecodeHdr(const std::string& name, std::string_view bytes);
 
 }  // namespace lumifold

@@ -9,9 +9,9 @@
 
 namespace lumifold {
 
-/// A picture of many named channels and its metadata: what a unit's sums, a film and an OpenEXR file are
-/// alike. Channels keep the order they were added in. Names follow OpenEXR ("direct_a.R");
-/// filter/image/layers.h spells ours.
+/// A picture of many named channels with metadata: the sums of a unit, a film, or the content of an OpenEXR
+/// file. Channels keep the order they were added in. Names follow OpenEXR ("direct_a.R");
+/// filter/image/layers.h has ours.
 class LayeredImage {
  public:
   struct Channel {
@@ -35,7 +35,7 @@ class LayeredImage {
 
   bool Has(std::string_view name) const { return Find(name) != nullptr; }
   bool HasColor(std::string_view layer) const;
-  /// The channel, which must exist: ask Has() first where the name comes from outside.
+  /// The channel, which must exist: call Has() first if the name comes from outside.
   FloatView Get(std::string_view name);
   ConstFloatView Get(std::string_view name) const;
   ColorView GetColor(std::string_view layer);
@@ -59,7 +59,7 @@ class LayeredImage {
   std::map<std::string, std::string> metadata_;
 };
 
-/// The pictures one below the other; they have one width and one set of channels in one order, or are empty.
+/// Stacks pictures vertically. Each has the same width and the same channels in the same order, or is empty.
 LayeredImage JoinRows(const std::vector<LayeredImage>& pieces);
 
 }  // namespace lumifold

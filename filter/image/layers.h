@@ -6,13 +6,13 @@
 #include <string_view>
 #include <vector>
 
-/// The names of channels, alike in units, films and OpenEXR files. A unit holds sums, a film and a file hold
+/// The names of channels, the same in units, films and OpenEXR files. Units hold sums; films and files hold
 /// means.
 namespace lumifold::layers {
 
 // Colour layers, each LAYER.R LAYER.G LAYER.B. The finished picture itself is plain R G B A.
 inline constexpr std::string_view kBeauty;                 // no prefix
-inline constexpr std::string_view kNoisy = "noisy";        // C, the path's whole radiance
+inline constexpr std::string_view kNoisy = "noisy";        // C, the radiance of the whole path
 inline constexpr std::string_view kDirect = "direct";      // D
 inline constexpr std::string_view kIndirect = "indirect";  // I
 inline constexpr std::string_view kAlbedo = "albedo";      // T
@@ -20,20 +20,18 @@ inline constexpr std::string_view kEmission = "emission";  // E
 inline constexpr std::string_view kGlossy = "glossy";      // G, glossy lobes of the first surface over S
 inline constexpr std::string_view kGlossyAlbedo =
     "glossy_albedo";                                             // S, the directional albedo of those lobes
-inline constexpr std::string_view kTransmitted = "transmitted";  // in pictures of other renderers alone:
-inline constexpr std::string_view kTransmittance =
-    "transmittance";                                             // light through the surface, and its factor
-inline constexpr std::string_view kReflection1 = "reflection1";  // R = C - (D + I) T - E, in files alone
+inline constexpr std::string_view kTransmitted = "transmitted";  // only in pictures of other renderers:
+inline constexpr std::string_view kTransmittance = "transmittance";  // transmitted light, and its factor
+inline constexpr std::string_view kReflection1 = "reflection1";      // C - (D + I) T - E, only in files
 
-// Single channels of the geometry unit. Mask is METHODS' validity: 1 where a surface with a diffuse lobe is
-// seen.
+// Single channels of the geometry unit.
 inline constexpr std::string_view kNormalX = "N.X";
 inline constexpr std::string_view kNormalY = "N.Y";
 inline constexpr std::string_view kNormalZ = "N.Z";
 inline constexpr std::string_view kPlanarDepth = "Z";        // along the view axis; 0 where nothing is hit
 inline constexpr std::string_view kDistance = "distance.Z";  // along the ray; 0 where nothing is hit
 inline constexpr std::string_view kObjectId = "id.Y";  // 1-based instance number; 0 where nothing is hit
-inline constexpr std::string_view kMask = "mask.Y";    // fraction of samples with a valid surface
+inline constexpr std::string_view kMask = "mask.Y";    // fraction of samples on a surface with a diffuse lobe
 inline constexpr std::string_view kAlpha = "A";        // coverage: fraction of samples that hit anything
 inline constexpr std::string_view kRoughness = "roughness.Y";  // GGX alpha of the reflecting lobe; 1 without
 
@@ -41,13 +39,13 @@ inline constexpr std::string_view kRoughness = "roughness.Y";  // GGX alpha of t
 inline constexpr std::string_view kSamplesA = "samples_a.Y";
 inline constexpr std::string_view kSamplesB = "samples_b.Y";
 
-// Where an edge pixel lies in the whole frame; the other channels of the edge set have the names above.
+// Coordinates of an edge pixel in the whole frame; the other channels of the edge set have the names above.
 inline constexpr std::string_view kPixelX = "pixel.X";
 inline constexpr std::string_view kPixelY = "pixel.Y";
 
 /// The layers that are kept in two independent halves, in the order they are stored.
 inline constexpr std::array<std::string_view, 4> kHalved = {kNoisy, kDirect, kIndirect, kGlossy};
-/// Light of the first surface beside D and I that a film may have, and the layer that multiplies it.
+/// Light of further lobes of the first surface that a film may have, and the layer that multiplies it.
 struct LobeLayer {
   std::string_view light;
   std::string_view factor;
@@ -58,8 +56,8 @@ inline constexpr std::array<LobeLayer, 2> kLobeLayers = {
 /// The layers that are kept once, over all samples.
 inline constexpr std::array<std::string_view, 3> kWhole = {kAlbedo, kEmission, kGlossyAlbedo};
 
-/// A level: the surface that is met after `depth` perfectly specular events, the first of which was of this
-/// kind.
+/// A level: the surface reached after `depth` delta events, the first of which was a reflection or a
+/// transmission.
 enum class Branch { kReflection, kTransmission };
 inline constexpr int kMaxDepth = 3;
 inline constexpr size_t kLevelCount = 2 * kMaxDepth;
@@ -77,9 +75,9 @@ struct Level {
   }
 };
 
-/// What a level is made of: the layers kept in halves (means over the samples that met a diffuse surface
-/// there, counted by the level's own kSamplesA and kSamplesB), those kept once (means over all samples of the
-/// pixel, the chain's throughput in them), and its features.
+/// The channels of a level: the layers kept in halves (means over the samples that hit a diffuse surface
+/// there, counted by the level's own kSamplesA and kSamplesB), the layers kept once (means over all samples
+/// of the pixel, multiplied by the throughput of the path up to that level), and its features.
 inline constexpr std::array<std::string_view, 2> kLevelHalved = {kDirect, kIndirect};
 inline constexpr std::array<std::string_view, 2> kLevelWhole = {kAlbedo, kEmission};
 inline constexpr std::array<std::string_view, 6> kLevelFeatures = {kNormalX,  kNormalY, kNormalZ,
@@ -105,11 +103,11 @@ inline std::array<std::string, 3> ColorChannels(std::string_view layer) {
   return {prefix + "R", prefix + "G", prefix + "B"};
 }
 
-/// The channels a pass unit has of a level some sample has reached, all sums: the halves of kLevelHalved
-/// ("reflection1_direct_a.R" ...), kLevelWhole, and the two sample counts.
+/// The channels that a pass unit has for a level that some sample has reached, all of them sums: the halves
+/// of kLevelHalved ("reflection1_direct_a.R" ...), kLevelWhole, and the two sample counts.
 std::vector<std::string> LevelPassChannels(Level level);
 
-/// The channels a geometry unit has of a level some sub-pixel has reached: kLevelFeatures.
+/// The channels that a geometry unit has for a level that some sub-sample has reached: kLevelFeatures.
 std::vector<std::string> LevelFeatureChannels(Level level);
 
 /// The channels of an edge set, see EdgedImage.

@@ -11,15 +11,14 @@
 
 namespace lumifold {
 
-/// Pictures of one size by level, which come into being when they are first asked for: what no pixel has
-/// reached is not carried.
+/// One picture per level, all of one size, created on first use: levels that no pixel reaches take no memory.
 class LevelImages {
  public:
-  /// `channels` names the channels of a level.
+  /// `channels` gives the channel names of a level.
   LevelImages(int width, int height, std::vector<std::string> (*channels)(layers::Level))
       : width_(width), height_(height), channels_(channels) {}
 
-  /// The level's picture, of zeros where it is new.
+  /// The level's picture; zeros if it is new.
   LayeredImage& At(layers::Level level) {
     std::optional<LayeredImage>& image = images_[level.index()];
     if (!image.has_value()) {

@@ -10,7 +10,7 @@ namespace lumifold {
 
 void KeepFreedMemory() {
 #ifdef __GLIBC__
-  constexpr int kLargestFromHeap = 32 << 20;  // the most that glibc takes: planes of blocks are smaller
+  constexpr int kLargestFromHeap = 32 << 20;  // glibc's upper limit; the planes of a block are smaller
   mallopt(M_MMAP_THRESHOLD, kLargestFromHeap);
   mallopt(M_TRIM_THRESHOLD, -1);  // never
 #endif

@@ -2,10 +2,10 @@
 
 namespace lumifold {
 
-/// Asks the C library to keep the memory that this process frees for what it needs next. Filtering makes and
-/// drops hundreds of planes; given back each time, every page of them costs a fault to get again. For
-/// programs that filter a picture and end: a library does not decide for its process. The most memory in use
-/// stays the same. Does nothing where the C library is not GNU's.
+/// Makes the C library keep freed memory for later allocations. Filtering allocates and frees hundreds of
+/// planes; if their memory went back to the system each time, every page would cost a page fault again. It
+/// affects the whole process, so only programs that filter a picture and exit call it. Peak memory stays the
+/// same. Does nothing unless the C library is GNU's.
 void KeepFreedMemory();
 
 }  // namespace lumifold

@@ -13,8 +13,9 @@
 namespace lumifold {
 namespace {
 
-/// Tells ThreadSanitizer what it cannot see in a TBB that was built without it: that tasks come after what
-/// was done before the loop, and what is done after the loop comes after them. Nothing in other builds.
+/// Tells ThreadSanitizer the ordering that it cannot see in a TBB built without it: the code before the loop
+/// happens before the tasks, and the tasks happen before the code after the loop. Does nothing in other
+/// builds.
 class LoopOrder {
  public:
 #ifdef __SANITIZE_THREAD__
@@ -32,8 +33,8 @@ class LoopOrder {
 #endif
 };
 
-/// Threads of all pools together. TBB by itself stops at the number of cores or at what its first user asked
-/// for.
+/// The limit of threads of all pools together. TBB's own limit is the number of cores, or what its first user
+/// requested.
 constexpr size_t kMostThreads = 512;
 
 class TbbPool final : public TaskPool {

@@ -8,9 +8,10 @@
 
 namespace lumifold {
 
-/// Decodes a picture of linear light, OpenEXR or Radiance (.hdr), told apart by its first bytes. Shapes:
-/// channels R, G, B; an OpenEXR picture that has Y alone becomes grey. Errors: those of DecodeExr() and
-/// DecodeHdr(); kInvalidArgument where it is neither, or has no colour. `name` is what errors call it.
+/// Decodes a picture of linear light, OpenEXR or Radiance (.hdr), which are told apart by their first bytes.
+/// Shapes: channels R, G, B; an OpenEXR picture with only Y becomes grey.
+/// Errors: those of DecodeExr() and DecodeHdr(); kInvalidArgument if it is neither, or has no colour. They
+///         begin with `name`.
 absl::StatusOr<LayeredImage> DecodeLinearPicture(const std::string& name, std::string_view bytes);
 
 }  // namespace lumifold

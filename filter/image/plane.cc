@@ -18,7 +18,7 @@ Plane Plane::Uninitialized(int width, int height) {
   plane.height_ = height;
   constexpr std::ptrdiff_t kFloatsPerLine = kAlignment / sizeof(float);
   std::ptrdiff_t lines = (width + kFloatsPerLine - 1) / kFloatsPerLine;
-  // Rows a power of two apart would share a few sets of the cache, and drive each other out.
+  // Rows a power of two apart would map to few cache sets and evict each other.
   constexpr std::ptrdiff_t kCrowdedLines = 8;
   if (lines > 0 && lines % kCrowdedLines == 0) ++lines;
   plane.stride_ = lines * kFloatsPerLine;

@@ -11,8 +11,8 @@
 
 namespace lumifold {
 
-/// A picture of one channel that somebody else owns: width x height values, rows `stride` values apart.
-/// Copying the view copies no pixels. T is float or const float in practice.
+/// A view of one channel: width x height values that another object owns, rows `stride` values apart. Copying
+/// the view copies no pixels. T is float or const float in practice.
 template <typename T>
 class PlaneView {
  public:
@@ -20,7 +20,7 @@ class PlaneView {
   PlaneView(T* data, int width, int height, std::ptrdiff_t stride)
       : data_(data), width_(width), height_(height), stride_(stride) {}
 
-  /// A view of writable values serves wherever a view of constant ones is asked for.
+  /// A view of writable values converts to a view of constant values.
   operator PlaneView<const T>() const  // NOLINT(google-explicit-constructor): the safe direction
       requires(!std::is_const_v<T>) {
     return {data_, width_, height_, stride_};
@@ -54,16 +54,16 @@ using ConstFloatView = PlaneView<const float>;
 using ColorView = std::array<FloatView, 3>;
 using ConstColorView = std::array<ConstFloatView, 3>;
 
-/// Owns width x height floats, zero at first. Rows start on 64-byte boundaries, so that vector loads never
-/// straddle a cache line, and rows are padded to whole vectors, so that a kernel may read (not use) past the
-/// last pixel. Move-only: a copy is Clone().
+/// Owns width x height floats, initially zero. Rows start on 64-byte boundaries, so that vector loads never
+/// cross a cache line, and are padded to whole vectors, so that a kernel may read (but not use) values past
+/// the last pixel. Move-only: Clone() copies.
 class Plane {
  public:
   static constexpr int kAlignment = 64;
 
   Plane() = default;
   Plane(int width, int height);
-  /// A plane to be written before it is read: its values are anything.
+  /// A plane of undefined values, to be written before it is read.
   static Plane Uninitialized(int width, int height);
 
   Plane Clone() const;
@@ -88,7 +88,7 @@ class Plane {
   std::ptrdiff_t stride_ = 0;
 };
 
-/// Copies src into dst; both must have one size.
+/// Copies src into dst, which has the same size.
 void CopyPlane(ConstFloatView src, FloatView dst);
 
 }  // namespace lumifold

@@ -10,18 +10,18 @@
 namespace lumifold {
 
 /// Writes linear RGB as an 8-bit sRGB PNG: value = round(255 * srgb(exposure * linear)); NaN becomes black.
-/// Appears whole or not at all. Errors: kInvalidArgument on an empty picture; kUnavailable when the disk
-/// refuses.
+/// The file is written atomically. Errors: kInvalidArgument for an empty picture; kUnavailable if the file
+/// cannot be written.
 absl::Status WritePng(const std::string& path, const ConstColorView& linear, float exposure = 1.0f);
 
-/// WritePng for a picture whose rows come some at a time from the top down; 3 bytes a pixel are kept until
-/// Finish().
+/// WritePng for a picture whose rows arrive some at a time, from the top down. Keeps 3 bytes per pixel in
+/// memory until Finish().
 class PngRowWriter {
  public:
   PngRowWriter(std::string path, int width, int height, float exposure);
   /// The next rows, of the picture's width.
   void Append(const ConstColorView& linear);
-  /// Writes the file; all rows must have come. Errors: as WritePng.
+  /// Writes the file. All rows must have been appended. Errors: as WritePng.
   absl::Status Finish() const;
 
  private:

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-// Inner steps are in double, where a short polynomial leaves errors far below a float's last place.
+// Inner steps are in double: a short polynomial is then accurate to far below a float's last place.
 namespace lumifold {
 namespace {
 
@@ -20,7 +20,7 @@ double LogDouble(double x) {
     mantissa *= 0.5;
     ++exponent;
   }
-  // ln m = 2 artanh t, |t| < 0.172: the first term left out is below 1e-11 of the sum.
+  // ln m = 2 artanh t, |t| < 0.172: the first omitted term is below 1e-11 of the sum.
   const double t = (mantissa - 1.0) / (mantissa + 1.0);
   const double t2 = t * t;
   double series = 1.0 / 13.0;
@@ -70,7 +70,7 @@ void SinCos(float x, float* sin_x, float* cos_x) {
   const double quarter_turns = (x * (2.0 / kPiDouble) + kRounder) - kRounder;
   const double r = x - quarter_turns * (kPiDouble / 2);
   const double r2 = r * r;
-  // Taylor over |r| <= pi/4: first terms left out below 1e-11.
+  // Taylor over |r| <= pi/4: the first omitted terms are below 1e-11.
   const double s = r * (1 - r2 / 6 * (1 - r2 / 20 * (1 - r2 / 42 * (1 - r2 / 72 * (1 - r2 / 110)))));
   const double c =
       1 - r2 / 2 * (1 - r2 / 12 * (1 - r2 / 30 * (1 - r2 / 56 * (1 - r2 / 90 * (1 - r2 / 132)))));

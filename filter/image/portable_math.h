@@ -4,16 +4,15 @@
 #include <cmath>
 #include <cstdint>
 
-/// Elementary functions with the same bits on every machine. The C library picks other code where the
-/// processor has fused multiply-add, and its results then differ in the last bit; these use only + - * / and
-/// sqrt, which IEEE 754 fixes. All are for float (scalar), finite arguments of the stated range; accuracy is
-/// stated in units in the last place (ulp) or absolute.
+/// Elementary functions that give the same bits on every machine. The C library selects other code on
+/// processors with fused multiply-add, and its results then differ in the last bit; these functions use only
+/// + - * / and sqrt, which IEEE 754 defines exactly. All take scalar floats, finite and in the stated range.
+/// Errors are given in units in the last place (ulp) or absolute.
 namespace lumifold {
 
 inline constexpr float kPi = 3.14159265358979f;
 
-/// e^x, within 2 ulp; 0 below -87, +infinity above 88.7. Without branches, so that loops over it become
-/// vector code.
+/// e^x, within 2 ulp; 0 below -87, +infinity above 88.7. Branch-free, so that loops over it vectorise.
 inline float Exp(float x) {
   constexpr float kLowest = -87.0f;
   constexpr float kHighest = 88.7f;
@@ -21,7 +20,7 @@ inline float Exp(float x) {
   constexpr float kLn2High = 0.693359375f;  // few bits: n * kLn2High is exact
   constexpr float kLn2Low = -2.12194440e-4f;
   constexpr float kRounder =
-      12582912.0f;  // 1.5 * 2^23: adding it rounds to a whole number and leaves that in the low bits
+      12582912.0f;  // 1.5 * 2^23: adding it rounds to a whole number, which is in the low bits
   float clamped = x < kLowest ? kLowest : x;
   clamped = clamped > kHighest ? kHighest : clamped;
   const float shifted = clamped * kLog2E + kRounder;
@@ -34,7 +33,7 @@ inline float Exp(float x) {
   p = p * r + 1.6666665459e-1f;
   p = p * r + 5.0000001201e-1f;
   const float mantissa = (p * (r * r) + r) + 1.0f;
-  // 2^n in two steps: n reaches 128, whose power alone is not a float.
+  // 2^n in two factors: n reaches 128, and 2^128 is not a float.
   const int32_t exponent = std::bit_cast<int32_t>(shifted) - std::bit_cast<int32_t>(kRounder);
   const int32_t half = exponent >> 1;
   const float scale1 = std::bit_cast<float>((half + 127) << 23);
@@ -44,8 +43,8 @@ inline float Exp(float x) {
   return x > kHighest ? std::bit_cast<float>(0x7f800000) : result;
 }
 
-/// Inverse hyperbolic sine, relative error below 6e-7; magnitudes over 1e18 count as 1e18. Without branches,
-/// as Exp.
+/// Inverse hyperbolic sine, relative error below 6e-7; magnitudes over 1e18 count as 1e18. Branch-free, as
+/// Exp.
 inline float Asinh(float x) {
   constexpr float kLargest = 1e18f;  // its square is a float
   constexpr float kLn2High = 0.693359375f;
@@ -69,7 +68,8 @@ inline float Asinh(float x) {
   p = p * f + 3.3333331174e-1f;
   const float square = f * f;
   const float logarithm = (f + ((p * f * square + e * kLn2Low) - 0.5f * square)) + e * kLn2High;
-  // That logarithm loses small t - 1 to rounding; the series' first term left out is below 3e-8 of the sum.
+  // For small t - 1 the logarithm loses digits to rounding. The series' first omitted term is below 3e-8 of
+  // the sum.
   const float m2 = magnitude * magnitude;
   const float series = magnitude * (1.0f - m2 * (1.0f / 6.0f - m2 * (3.0f / 40.0f - m2 * (15.0f / 336.0f))));
   const float value = magnitude < 0.125f ? series : logarithm;

@@ -19,15 +19,15 @@ struct Rect {
   friend constexpr bool operator==(const Rect&, const Rect&) = default;
 };
 
-/// The common part of a and b; empty where they do not meet.
+/// The common part of a and b; empty if they do not overlap.
 constexpr Rect Intersect(const Rect& a, const Rect& b) {
   return {std::max(a.x0, b.x0), std::max(a.y0, b.y0), std::min(a.x1, b.x1), std::min(a.y1, b.y1)};
 }
 
-/// The rectangle as seen from (x, y).
+/// The rectangle in coordinates whose origin is (x, y).
 constexpr Rect SeenFrom(int x, int y, const Rect& r) { return {r.x0 - x, r.y0 - y, r.x1 - x, r.y1 - y}; }
 
-/// r widened by `px` on each side (an apron), cut to `bounds`.
+/// r, extended by an apron of `px` on each side and cropped to `bounds`.
 constexpr Rect Inflate(const Rect& r, int px, const Rect& bounds) {
   return Intersect({r.x0 - px, r.y0 - px, r.x1 + px, r.y1 + px}, bounds);
 }

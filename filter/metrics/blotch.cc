@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kBlock = 8;
 
-/// Luminance and two colour differences.
+/// Luminance and two chroma differences.
 using Opponent = std::array<double, 3>;
 
 Opponent Shown(const ConstColorView& color, int x, int y, float exposure) {
@@ -24,7 +24,7 @@ Opponent Shown(const ConstColorView& color, int x, int y, float exposure) {
           static_cast<double>(b - luminance)};
 }
 
-/// The variance of the error's block means, of each opponent channel.
+/// The variance of the error's block means in each opponent channel.
 Opponent BlockVariance(const ConstColorView& picture, const ConstColorView& reference, float exposure) {
   Opponent sum = {};
   Opponent square = {};
@@ -51,7 +51,7 @@ Opponent BlockVariance(const ConstColorView& picture, const ConstColorView& refe
 }
 
 double Ratio(double filtered, double noisy) {
-  constexpr double kRounding = 1e-14;  // of the variance of displayed values
+  constexpr double kRounding = 1e-14;  // variance of displayed values that rounding explains
   if (filtered <= kRounding) return 0;
   return noisy > kRounding ? filtered / noisy : std::numeric_limits<double>::infinity();
 }

@@ -4,13 +4,13 @@
 
 namespace lumifold::metrics {
 
-/// Change from one picture to the next, in 8-bit sRGB steps over pixels and channels.
+/// Absolute difference of two pictures over pixels and channels, in 8-bit sRGB steps.
 struct Flicker {
   double mean = 0;
   double percentile99 = 0;
 };
 
-/// How much two pictures of one thing differ: of two seeds, or of two frames of an animation.
+/// Compares two pictures of the same scene: of two seeds, or of two frames of an animation.
 /// Shapes: W x H, 3 planes each, one size, at least one pixel. Threads: safe concurrently.
 Flicker MeasureFlicker(const ConstColorView& picture, const ConstColorView& next, float exposure = 1.0f);
 

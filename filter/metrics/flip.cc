@@ -17,8 +17,8 @@ using Color = std::array<float, 3>;
 
 constexpr double kPixelsPerDegree = 67.0;
 constexpr float kColorPower = 0.7f;
-constexpr float kKneeShare = 0.4f;   // of the greatest colour difference: what lies below is spread out ...
-constexpr float kKneeValue = 0.95f;  // ... to this
+constexpr float kKneeShare = 0.4f;   // of the greatest colour difference: differences up to here ...
+constexpr float kKneeValue = 0.95f;  // ... map to [0, this]
 constexpr double kFeatureDegrees = 0.082;
 
 // The white point of D65, and linear sRGB in it.
@@ -54,7 +54,7 @@ Color ShownRgbFromYcxcz(const Color& ycc) {
   return {std::clamp(rgb[0], 0.0f, 1.0f), std::clamp(rgb[1], 0.0f, 1.0f), std::clamp(rgb[2], 0.0f, 1.0f)};
 }
 
-/// L*a*b* with its chroma scaled by lightness: colours of dark things are seen less (Hunt's effect).
+/// L*a*b* with its chroma scaled by lightness: the chroma of dark colours is perceived less (Hunt effect).
 Color HuntLabFromRgb(const Color& rgb) {
   constexpr float kDelta = 6.0f / 29.0f;
   const auto root = [](float t) {
@@ -67,7 +67,7 @@ Color HuntLabFromRgb(const Color& rgb) {
           hunt * 200.0f * (root(xyz[1]) - root(xyz[2]))};
 }
 
-/// Distance of large colour differences: city block between lightness and chroma.
+/// The HyAB distance, for large colour differences: city block between lightness and chroma.
 float HyAb(const Color& a, const Color& b) {
   return std::abs(a[0] - b[0]) + std::hypot(a[1] - b[1], a[2] - b[2]);
 }
@@ -101,7 +101,7 @@ Plane Convolve(ConstFloatView in, const Taps& across, const Taps& down) {
   return out;
 }
 
-/// How well the eye sees contrast, in the frequencies' place: a Gaussian a sqrt(pi / b) exp(-pi^2 x^2 / b).
+/// The contrast sensitivity function in the spatial domain: a Gaussian a sqrt(pi / b) exp(-pi^2 x^2 / b).
 struct Sensitivity {
   double a;
   double b;
@@ -111,7 +111,7 @@ struct Sensitivity {
 constexpr Sensitivity kAchromatic = {1, 0.0047};
 constexpr Sensitivity kRedGreen = {1, 0.0053};
 constexpr Sensitivity kBlueYellow = {34.1, 0.04};
-constexpr Sensitivity kBlueYellowToo = {13.5, 0.025};
+constexpr Sensitivity kBlueYellow2 = {13.5, 0.025};
 
 int SensitivityRadius() {
   const double widest = std::sqrt(kBlueYellow.b / (2 * std::numbers::pi * std::numbers::pi));
@@ -140,7 +140,7 @@ Gaussian GaussianOf(const Sensitivity& s) {
 
 Plane FilterBlueYellow(ConstFloatView in) {
   const Gaussian first = GaussianOf(kBlueYellow);
-  const Gaussian second = GaussianOf(kBlueYellowToo);
+  const Gaussian second = GaussianOf(kBlueYellow2);
   Plane out = Convolve(in, first.taps, first.taps);
   const Plane other = Convolve(in, second.taps, second.taps);
   const auto share = static_cast<float>(first.weight / (first.weight + second.weight));
@@ -160,7 +160,7 @@ Picture MapColors(const Picture& in, Function function) {
   return out;
 }
 
-/// A picture as the eye has it, in Hunt-adjusted L*a*b*: without the detail it cannot resolve.
+/// The picture in Hunt-adjusted L*a*b*, without the detail that the eye cannot resolve.
 Picture Perceived(const Picture& opponent) {
   const Taps achromatic = GaussianOf(kAchromatic).taps;
   const Taps red_green = GaussianOf(kRedGreen).taps;
@@ -171,7 +171,7 @@ Picture Perceived(const Picture& opponent) {
   return MapColors(seen, [](const Color& ycc) { return HuntLabFromRgb(ShownRgbFromYcxcz(ycc)); });
 }
 
-/// The colour difference, its middle range spread out to [0, 1].
+/// The colour difference, remapped to [0, 1].
 float ColorDifference(const Color& a, const Color& b) {
   static const float greatest =
       std::pow(HyAb(HuntLabFromRgb({0, 1, 0}), HuntLabFromRgb({0, 0, 1})), kColorPower);
@@ -181,7 +181,8 @@ float ColorDifference(const Color& a, const Color& b) {
   return kKneeValue + (difference - knee) / (greatest - knee) * (1.0f - kKneeValue);
 }
 
-/// A Gaussian, its first derivative and its second, positive and negative parts scaled to a sum of 1 each.
+/// A Gaussian and its first and second derivatives; positive and negative parts are scaled to a sum of 1
+/// each.
 struct FeatureTaps {
   Taps smooth;
   Taps edge;
@@ -209,7 +210,7 @@ FeatureTaps MakeFeatureTaps() {
   return taps;
 }
 
-/// How strong the features of a kind are in each pixel.
+/// The strength of one kind of feature in each pixel.
 Plane Features(ConstFloatView grey, const Taps& kind, const Taps& smooth) {
   Plane across = Convolve(grey, kind, smooth);
   const Plane down = Convolve(grey, smooth, kind);
@@ -218,7 +219,7 @@ Plane Features(ConstFloatView grey, const Taps& kind, const Taps& smooth) {
   return across;
 }
 
-/// Where edges and points of one picture are none of the other's, in [0, 1].
+/// The difference of edge and point strength between the pictures, in [0, 1].
 Plane FeatureDifferences(const Picture& opponent_a, const Picture& opponent_b) {
   static const FeatureTaps taps = MakeFeatureTaps();
   const auto grey = [](const Picture& opponent) {
@@ -241,7 +242,7 @@ Plane FeatureDifferences(const Picture& opponent_a, const Picture& opponent_b) {
   return edges;
 }
 
-/// Linear light as a display shows it.
+/// Linear light, clamped to the display's range.
 Picture Shown(const ConstColorView& color, float exposure) {
   Picture shown;
   for (size_t c = 0; c < 3; ++c) {

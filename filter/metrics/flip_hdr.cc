@@ -10,8 +10,8 @@
 namespace lumifold::metrics {
 namespace {
 
-/// Light as a film shows it: (k0 x^2 + k1 x) / (k3 x^2 + k4 x + k5), scene light without the fit's own
-/// exposure of 0.6.
+/// The ACES tone curve (k0 x^2 + k1 x) / (k3 x^2 + k4 x + k5), with the published fit's exposure of 0.6
+/// included in the constants.
 struct Aces {
   static constexpr double k0 = 0.6 * 0.6 * 2.51;
   static constexpr double k1 = 0.6 * 0.03;
@@ -26,7 +26,7 @@ struct Aces {
     return std::isfinite(nominator) ? static_cast<float>(std::min(shown, 1.0)) : 1.0f;
   }
 
-  /// The light that is shown as `shown`, in (0, 1).
+  /// The inverse: the light that the curve maps to `shown`, in (0, 1).
   static double LightOf(double shown) {
     const double a = k0 - shown * k3;
     const double b = k1 - shown * k4;
@@ -46,7 +46,7 @@ Picture Show(const ConstColorView& light, double exposure) {
   return shown;
 }
 
-/// The luminances over 0, in no order.
+/// The positive luminances, unordered.
 std::vector<float> LuminancesOf(const ConstColorView& light) {
   std::vector<float> values;
   ForEachPixel(light[0].width(), light[0].height(), [&](int x, int y) {
@@ -56,7 +56,7 @@ std::vector<float> LuminancesOf(const ConstColorView& light) {
   return values;
 }
 
-/// Factors on the light.
+/// The exposures, as factors on the light.
 std::vector<double> Exposures(const ConstColorView& reference) {
   constexpr double kShown = 0.85;
   std::vector<float> luminances = LuminancesOf(reference);

@@ -13,7 +13,7 @@ namespace {
 
 using Color = std::array<float, 3>;
 
-/// sRGB at equal steps from nothing to the top.
+/// sRGB colours at equal steps from 0 to the top.
 constexpr std::array<Color, 6> kColors = {{{0.00f, 0.00f, 0.02f},
                                            {0.21f, 0.06f, 0.42f},
                                            {0.52f, 0.13f, 0.50f},

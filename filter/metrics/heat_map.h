@@ -4,17 +4,17 @@
 
 namespace lumifold::metrics {
 
-/// Where a picture errs: the root of the mean over channels of the squared difference, in 8-bit sRGB steps;
-/// the mean of its squares is Mse255. Shapes: W x H, 3 planes each, one size. Threads: safe concurrently.
+/// The error of each pixel: root mean square over channels of the difference, in 8-bit sRGB steps. The mean
+/// of its squares is Mse255. Shapes: W x H, 3 planes each, one size. Threads: safe concurrently.
 Plane StepErrors(const ConstColorView& picture, const ConstColorView& reference, float exposure = 1.0f);
 
-/// The value that a heat map's brightest colour should stand for: the least of 1, 2 or 5 times a power of ten
-/// that all but a thousandth of the values stay below; 1 where all are 0. Values: at least one, none
-/// negative.
+/// The value for the brightest colour of a heat map: the smallest of 1, 2 or 5 times a power of ten that 99.9
+/// % of the values do not exceed; 1 if all are 0. Values: at least one, none negative.
 float HeatScale(ConstFloatView values);
 
-/// Paints values from 0 (black) over violet, red and orange to `top` and above (pale yellow): lightness rises
-/// all the way, so that it reads alike for all eyes and in grey. Result: W x H, linear R G B.
+/// Maps values to colours from 0 (black) over violet, red and orange to `top` and above (pale yellow).
+/// Lightness rises monotonically, so that the map is readable for colour-blind readers and in grey. Result: W
+/// x H, linear R G B.
 Picture HeatMap(ConstFloatView values, float top);
 
 }  // namespace lumifold::metrics

@@ -4,7 +4,8 @@
 
 namespace lumifold::metrics {
 
-/// The mean of a plane's values; rows are summed on their own first, to lose no small ones in a large sum.
+/// The mean of a plane's values. Each row is summed separately, so that small values are not lost in a large
+/// sum.
 inline double MeanOf(ConstFloatView plane) {
   double total = 0;
   for (int y = 0; y < plane.height(); ++y) {

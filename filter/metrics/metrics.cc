@@ -14,8 +14,8 @@
 namespace lumifold::metrics {
 namespace {
 
-/// Mean of error(x, r) over all pixels and channels; rows are summed on their own first, to lose no small
-/// errors in a large sum.
+/// Mean of error(x, r) over all pixels and channels. Each row is summed separately, so that small errors are
+/// not lost in a large sum.
 double MeanError(const ConstColorView& picture, const ConstColorView& reference,
                  absl::FunctionRef<double(float, float)> error) {
   const int width = reference[0].width();

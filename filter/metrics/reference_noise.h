@@ -4,15 +4,15 @@
 
 namespace lumifold::metrics {
 
-// A rendered reference has noise of its own, which adds to every error measured against it. Its two halves,
-// rendered with equal sample counts, tell how much: the mean of both has a quarter of their squared
-// difference. What these functions give is to be taken off the metric of the same name.
+// The noise of a rendered reference adds to every error measured against it. It follows from the reference's
+// two halves of equal sample counts: the variance of their mean is a quarter of their mean squared
+// difference. Subtract the result of these functions from the metric of the same name.
 // Shapes: W x H, 3 planes each, one size. Threads: safe concurrently.
 
-/// Of Mse255, at the same exposure.
+/// The noise in Mse255, at the same exposure.
 double Mse255Noise(const ConstColorView& half_a, const ConstColorView& half_b, float exposure = 1.0f);
 
-/// Of RelMse.
+/// The noise in RelMse.
 double RelMseNoise(const ConstColorView& half_a, const ConstColorView& half_b);
 
 }  // namespace lumifold::metrics

@@ -16,8 +16,8 @@ namespace lumifold::metrics {
 namespace {
 
 constexpr float kLeastContrast = 0.02f;  // of albedo
-/// A shadow band is where direct light changes by this part of what is about over kShadowReach pixels either
-/// way, and kBandMargin pixels round it.
+/// Direct light that changes by this fraction of its local mean over kShadowReach pixels marks a shadow band,
+/// which includes the kBandMargin pixels around it.
 constexpr float kLeastShadowStep = 0.25f;
 constexpr int kShadowReach = 2;
 constexpr int kBandMargin = 2;
@@ -51,7 +51,7 @@ void MarkTextures(const LayeredImage& film, RegionMap* map) {
   }
 }
 
-/// What tells whether two pixels show one surface lit by the same lights.
+/// Decides whether two pixels show the same surface.
 class Surfaces {
  public:
   explicit Surfaces(const EdgedImage& film)
@@ -99,7 +99,7 @@ void MarkShadows(const EdgedImage& film, RegionMap* map) {
   const Plane light = DirectLight(film.pixels);
   const Surfaces surfaces(film);
   const auto dark =
-      static_cast<float>(0.1 * MeanOf(light.view()));  // changes within what is as good as black do not count
+      static_cast<float>(0.1 * MeanOf(light.view()));  // changes within near-black areas are ignored
   const auto changes = [&](int x0, int y0, int x1, int y1) {
     if (x1 >= light.width() || y1 >= light.height() || !surfaces.AreOne(x0, y0, x1, y1)) return false;
     const float a = light.At(x0, y0);

@@ -8,16 +8,16 @@
 
 namespace lumifold::metrics {
 
-/// Parts of a picture that filters find easy or hard. Each pixel is in the first that fits: on an edge (of
-/// the film's edge set), in a mirror or behind glass, in a shadow band (direct light changes fast on one
-/// surface), on a texture (its albedo differs from a neighbour's), or on a flat surface.
+/// Parts of a picture that differ in how hard they are to filter. A pixel belongs to the first that applies:
+/// on an edge (of the film's edge set), seen in a mirror or through glass, in a shadow band (direct light
+/// changes fast on one surface), on a texture (its albedo differs from a neighbour's), or on a flat surface.
 enum class Region : size_t { kEdges, kMirror, kShadow, kTextured, kFlat };
 inline constexpr size_t kRegionCount = 5;
 inline constexpr std::array<std::string_view, kRegionCount> kRegionNames = {"edges", "mirror", "shadow",
                                                                             "textured", "flat"};
 
-/// The region of each pixel, row by row. What the film does not tell, such as edges of a file without them,
-/// makes no region. `film` should have converged: noise in its direct light passes for shadows.
+/// The region of each pixel, row by row. A region whose data the film lacks, such as edges, has no pixels.
+/// `film` should have converged: noise in its direct light is classified as shadows.
 std::vector<Region> RegionsOf(const EdgedImage& film);
 
 /// A mean over all pixels and one over each region; 0 for a region without pixels.
@@ -27,7 +27,7 @@ struct RegionMeans {
   std::array<double, kRegionCount> share = {};  // of the pixels
 };
 
-/// MSE255 of `picture` against `reference`, as Mse255, by region. Shapes: all of one size, a region a pixel.
+/// Mse255 of `picture` against `reference`, by region. Shapes: all of one size; one region per pixel.
 RegionMeans Mse255ByRegion(const ConstColorView& picture, const ConstColorView& reference,
                            const std::vector<Region>& regions, float exposure = 1.0f);
 

@@ -10,7 +10,7 @@
 namespace lumifold::metrics {
 namespace {
 
-/// Whether a pixel lies beside a boundary within the picture.
+/// Whether a pixel lies next to a tile boundary inside the picture.
 bool IsBesideBoundary(int at, int size, int tile) {
   const bool is_first = at % tile == 0 && at > 0;
   const bool is_last = at % tile == tile - 1 && at + 1 < size;

@@ -6,17 +6,18 @@
 
 namespace lumifold::metrics {
 
-/// The two parts of MSE255: what differs from seed to seed, and what all seeds have in common.
+/// MSE255, split into the part that differs between seeds and the part that all seeds share.
 struct SeedError {
   double variance = 0;
-  double bias_squared = 0;  // may fall below 0 by chance: it is an estimate without bias of its own
+  double bias_squared = 0;  // may be negative: it is an unbiased estimate
 };
 
-/// Mean over pixels and channels of the variance of pictures of different seeds, and of the squared distance
-/// of their mean from the reference less what that mean's own variance adds; in squared 8-bit sRGB steps. The
-/// reference's noise is in bias_squared: take Mse255Noise off.
+/// Means over pixels and channels, in squared 8-bit sRGB steps: the variance of the pictures, and the squared
+/// difference of their mean from the reference minus the variance of that mean. bias_squared includes the
+/// noise of the reference: subtract Mse255Noise.
 /// Shapes:  W x H, 3 planes each, one size, at least one pixel.
-/// Errors:  kInvalidArgument for fewer than two pictures.   Threads: safe concurrently.
+/// Errors:  kInvalidArgument for fewer than two pictures.
+/// Threads: safe concurrently.
 absl::StatusOr<SeedError> MeasureSeeds(absl::Span<const ConstColorView> pictures,
                                        const ConstColorView& reference, float exposure = 1.0f);
 

@@ -53,7 +53,7 @@ std::array<double, kWindow> GaussianTaps() {
   return taps;
 }
 
-/// Weighted means over the windows that lie within; kWindow - 1 pixels smaller each way.
+/// Weighted means over the windows inside the picture; kWindow - 1 pixels smaller in both directions.
 Channel WindowMeans(const Channel& in) {
   static const std::array<double, kWindow> taps = GaussianTaps();
   Channel rows(in.width - kWindow + 1, in.height);
@@ -75,7 +75,7 @@ Channel Product(const Channel& a, const Channel& b) {
   return out;
 }
 
-/// Means over all windows of the whole index and of its contrast and structure alone.
+/// Means over all windows of the index and of its factor of contrast and structure.
 struct Similarity {
   double whole = 0;
   double contrast_structure = 0;

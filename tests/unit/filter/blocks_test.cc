@@ -45,7 +45,7 @@ TEST(BlockAxis, SharesSumToOneExactlyOnAnyAxis) {
     const BlockAxis axis(size, kSmall);
     for (int p = 0; p < size; ++p) {
       float sum = 0;
-      for (int i = 0; i < axis.count(); ++i) sum += axis.Share(i, p);
+      for (int i = 0; i < axis.count(); ++i) sum += axis.Weight(i, p);
       ASSERT_EQ(sum, 1.0f) << size << " " << p;
     }
   }
@@ -72,7 +72,7 @@ TEST(BlockGrid, LeavesFramesUpToFullHighDefinitionWhole) {
   EXPECT_TRUE(BlockGrid(1, 200'000, {}).IsOneBlock());
   EXPECT_TRUE(BlockGrid(0, 0, {}).IsOneBlock());
   EXPECT_FALSE(BlockGrid(3840, 2160, {}).IsOneBlock());
-  EXPECT_EQ(BlockGrid(1920, 1080, {}).Seen(0, 0), (Rect{0, 0, 1920, 1080}));
+  EXPECT_EQ(BlockGrid(1920, 1080, {}).Input(0, 0), (Rect{0, 0, 1920, 1080}));
 }
 
 TEST(FilterInBlocks, PutsWhatNothingChangesTogetherToTheLastBit) {

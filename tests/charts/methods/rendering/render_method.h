@@ -23,8 +23,8 @@ struct RenderedPicture {
   uint64_t records = 0;       // irradiance records kept in the scene; 0 for image-space methods
 };
 
-/// A method that ours is compared with and that renders the scene itself, because it changes which samples are
-/// taken or how light is gathered.
+/// A method that ours is compared with and that renders the scene itself, because it changes which samples
+/// are taken or how light is gathered.
 struct RenderMethod {
   filter::MethodInfo info;
   /// Renders frame 0 with about `samples_per_pixel` camera samples per pixel, at least 1; the method decides

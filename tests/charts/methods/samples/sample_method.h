@@ -16,8 +16,8 @@ struct SampleMethod {
   filter::MethodInfo info;
   bool uses_samples = true;  // if not, a set of 0 samples per pixel is enough
   bool uses_guide = false;   // whether SampleSet::guide_seconds are part of its cost
-  /// `values`: one for each parameter, in their order and within their ranges. Result: R G B, finite, with the
-  /// same bits for any pool.
+  /// `values`: one for each parameter, in their order and within their ranges. Result: R G B, finite, with
+  /// the same bits for any pool.
   absl::StatusOr<Picture> (*filter)(const SampleSet& set, absl::Span<const float> values,
                                     TaskPool* pool) = nullptr;
 };

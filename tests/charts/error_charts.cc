@@ -19,7 +19,7 @@ enum class Axis { kTime, kSamples };
 
 bool IsOurs(const std::string& method) { return method == "default"; }
 
-/// What none of the rows betters in both error and time, by time.
+/// The Pareto front of error and time, by time.
 Points FrontOf(absl::Span<const Row> rows, const std::string& scene) {
   Points points;
   for (const Row& row : rows) {
@@ -48,7 +48,7 @@ Figure ErrorFigure(absl::Span<const Row> rows, const std::string& scene, Axis ax
     figure.curves.push_back(std::move(curve));
   }
   if (is_time) {
-    figure.curves.push_back({"front of all", Curve::Style::kStairs, false, FrontOf(rows, scene)});
+    figure.curves.push_back({"Pareto front", Curve::Style::kStairs, false, FrontOf(rows, scene)});
     return figure;
   }
   const std::vector<Row> noisy = BestRows(rows, scene, "none");
@@ -61,15 +61,15 @@ Figure ErrorFigure(absl::Span<const Row> rows, const std::string& scene, Axis ax
   return figure;
 }
 
-/// When the unfiltered picture reaches an error: read off its curve, and past its last point by the law of
-/// pure sampling, whose error falls as time grows. Curve: by error rising, two points or more.
+/// The time at which the unfiltered picture reaches an error: interpolated on its curve, and beyond its last
+/// point extrapolated with slope -1. Curve: by rising error; nothing for fewer than two points.
 std::optional<double> SecondsTo(const Points& unfiltered, double error) {
   if (unfiltered.size() < 2) return std::nullopt;
   const auto& [least_error, most_seconds] = unfiltered.front();
   return error < least_error ? most_seconds * least_error / error : Interpolate(unfiltered, error);
 }
 
-/// How much longer the unfiltered picture takes to the error of each of our default's rows, by samples.
+/// For each row of the default, by samples: time of the unfiltered picture to the same error over its time.
 Points SpeedUps(absl::Span<const Row> rows, const std::string& scene) {
   Points time_by_error = ErrorByTime(BestRows(rows, scene, "none"));
   for (auto& point : time_by_error) std::swap(point.first, point.second);
@@ -90,7 +90,7 @@ bool HasSpeedUps(absl::Span<const Row> rows) {
 
 Figure SpeedUpFigure(absl::Span<const Row> rows) {
   Figure figure{"Speed-up at equal error over unfiltered path tracing",
-                "samples per pixel that are filtered",
+                "samples per pixel of the filtered film",
                 "time of unfiltered / time of default",
                 {},
                 {}};
@@ -121,15 +121,15 @@ std::string SpeedUpTable(absl::Span<const Row> rows) {
       absl::StrAppend(&text, TableLine({scene, absl::StrCat(row.samples),
                                         absl::StrFormat("%.3f", row.errors.mse255.whole),
                                         absl::StrFormat("%.2f", row.TotalSeconds()),
-                                        found == ratios.end() ? "outside what was rendered"
+                                        found == ratios.end() ? "outside the rendered range"
                                                               : absl::StrFormat("%.1f", found->second)}));
     }
   }
   return text;
 }
 
-/// Our default's error at the total time of each method's points, over theirs; the geometric mean over those
-/// within our own range of times.
+/// The default's error, interpolated at the total time of each method's points, over the method's error: the
+/// geometric mean over the points within the default's range of times.
 std::string EqualTimeTable(absl::Span<const Row> rows) {
   const std::vector<std::string> scenes = ScenesOf(rows);
   std::vector<std::string> head = {"method"};
@@ -156,8 +156,8 @@ std::string EqualTimeTable(absl::Span<const Row> rows) {
   return text;
 }
 
-/// The part of the noisy error's fall, as a power of the samples, that each method keeps over its last two
-/// points: -1 is pure sampling's.
+/// The slope of each method's error over samples, as a power, between its last two points; unfiltered
+/// sampling has -1.
 std::string SlopeTable(absl::Span<const Row> rows) {
   const std::vector<std::string> scenes = ScenesOf(rows);
   std::vector<std::string> head = {"method"};
@@ -185,38 +185,37 @@ std::string SlopeTable(absl::Span<const Row> rows) {
 
 std::string PageOf(absl::Span<const Row> rows, absl::Span<const Truth> truths, bool has_times) {
   std::string text =
-      "MSE255 of whole pictures, the reference's own noise taken off. Time is processor seconds of all "
-      "threads "
-      "together: what rendering takes, auxiliary data (layers, halves, features) and filter included; "
-      "unfiltered pictures are charged with C alone. Each method but ours stands at the best point of its "
-      "grid "
-      "for that very film, which favours it. `errors.csv` has every run, with regions, relMSE, SSIM and "
-      "FLIP.\n\n";
+      "MSE255 of whole pictures; the noise of the reference is subtracted. Time is the sum of processor "
+      "seconds over all threads for rendering, auxiliary data (layers, halves, features) and filter; for "
+      "unfiltered pictures it is the rendering of C only. Every method except the default is shown at the "
+      "point of its grid that is best for that film, which favours it. `errors.csv` has every run, with "
+      "regions, relMSE, SSIM and FLIP.\n\n";
   for (const std::string& scene : ScenesOf(rows)) {
     if (has_times) absl::StrAppend(&text, "![", scene, ", error against time](", scene, "-time.svg)\n\n");
     absl::StrAppend(&text, "![", scene, ", error against samples](", scene, "-samples.svg)\n\n");
   }
-  absl::StrAppend(&text, "## At equal samples\n\nOur default's MSE255 over each method's best.\n\n",
+  absl::StrAppend(&text, "## At equal samples\n\nMSE255 of the default, divided by each method's best.\n\n",
                   RatioTable(rows));
   if (has_times) {
     absl::StrAppend(
         &text,
-        "\n## At equal time\n\nOur default's MSE255, read off its curve at the total time of each of "
-        "the method's points, over theirs: geometric mean, and how many points lie within our "
-        "curve.\n\n",
+        "\n## At equal time\n\nMSE255 of the default, interpolated at the total time of each point of "
+        "the method, divided by the method's: geometric mean, and the number of points within the "
+        "default's curve.\n\n",
         EqualTimeTable(rows));
   }
   absl::StrAppend(
       &text,
-      "\n## Who stalls\n\nThe slope of error over samples between the last two points; pure sampling "
-      "falls with -1.\n\n",
+      "\n## Convergence\n\nThe slope of error over samples between the last two points; unfiltered sampling "
+      "has -1.\n\n",
       SlopeTable(rows));
   if (HasSpeedUps(rows)) {
     absl::StrAppend(
         &text,
-        "\n## Speed-up at equal error\n\n![speed-up](speed-up.svg)\n\nThe time unfiltered path tracing "
-        "(C alone) takes to our default's error, read off its curve (past its last point by the law of pure "
-        "sampling, -1), over our total time.\n\n",
+        "\n## Speed-up at equal error\n\n![speed-up](speed-up.svg)\n\nThe time that unfiltered path tracing "
+        "(C only) takes to reach the default's error, divided by the default's total time. It is "
+        "interpolated "
+        "on the curve of unfiltered path tracing, and extrapolated with slope -1 beyond its last point.\n\n",
         SpeedUpTable(rows));
   }
   if (!truths.empty()) absl::StrAppend(&text, "\n## References\n\n", TruthTable(truths));

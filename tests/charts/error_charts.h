@@ -11,12 +11,12 @@
 
 namespace lumifold::charts {
 
-/// Draws for each scene its methods' errors, each at its best parameters, against total time, with the front
-/// of all ("SCENE-time"), and against samples, with the slope -1 of pure sampling ("SCENE-samples"); and for
-/// all scenes together how much longer unfiltered sampling takes to our default's error ("speed-up"). The
-/// rows go to errors.csv, what they say in words and tables to errors.md, with the `truths` they rest on.
-/// Scenes without times get the second alone. Result: whether there was a gnuplot. Errors: those of drawing
-/// and of the files.
+/// Draws for each scene the error of each method at its best parameters: against total time, with the Pareto
+/// front ("SCENE-time"), and against samples, with the slope -1 of unfiltered sampling ("SCENE-samples"). One
+/// more chart shows for all scenes the ratio of times that unfiltered sampling and the default take to the
+/// same error ("speed-up"). Scenes without times get the chart against samples only. Also writes the rows to
+/// errors.csv, and tables and `truths` to errors.md. Result: whether gnuplot is installed. Errors: those of
+/// drawing and of files.
 absl::StatusOr<bool> ChartErrors(const std::string& folder, absl::Span<const Row> rows,
                                  absl::Span<const Truth> truths, const Provenance& provenance,
                                  DrawFormat format);

@@ -22,8 +22,8 @@ struct Curve {
   std::vector<std::pair<double, double>> points;
 };
 
-/// The contents of one chart. Both axes are logarithmic. If `rows` is not empty, the vertical axis lists these
-/// names instead: row i lies at y = i, the first at the top.
+/// The contents of one chart. Both axes are logarithmic. If `rows` is not empty, the vertical axis lists
+/// these names instead: row i lies at y = i, the first at the top.
 struct Figure {
   std::string title;
   std::string x_label;
@@ -50,8 +50,9 @@ enum class DrawFormat {
   kSvgAndPng  // and BASE.png
 };
 
-/// Draws the files of `format` with gnuplot. The palette is Okabe & Ito's, which colour-blind readers can tell
-/// apart; points differ in shape as well. If gnuplot is not installed, its script is kept as BASE.gp instead.
+/// Draws the files of `format` with gnuplot. The palette is Okabe & Ito's, which colour-blind readers can
+/// tell apart; points differ in shape as well. If gnuplot is not installed, its script is kept as BASE.gp
+/// instead.
 /// Result: whether gnuplot is installed. Errors: kUnavailable naming the file; kInternal if gnuplot fails.
 absl::StatusOr<bool> Draw(const std::string& base, const Figure& figure, DrawFormat format);
 absl::StatusOr<bool> Draw(const std::string& base, const Stacks& stacks, DrawFormat format);

@@ -128,7 +128,7 @@ absl::StatusOr<RenderedFilm> FilmSource::Get(const FilmSettings& settings, TaskP
         absl::SimpleAtod(seconds->second, &rendered.render_seconds)) {
       return rendered;
     }
-    return absl::DataLossError(absl::StrCat(path, ": is no film of a chart's cache"));
+    return absl::DataLossError(absl::StrCat(path, ": not a film of a chart cache"));
   }
   if (!absl::IsNotFound(cached.status())) return cached.status();
   absl::StatusOr<RenderedFilm> rendered = Render(settings, pool);
@@ -140,7 +140,7 @@ absl::StatusOr<RenderedFilm> FilmSource::Get(const FilmSettings& settings, TaskP
 
 absl::StatusOr<std::shared_ptr<const scene::Scene>> FilmSource::LoadScene() const {
   const auto no_files = [this](const std::string& uri) {
-    return absl::NotFoundError(absl::StrCat(name_, " asks for a file '", uri, "': charts take .glb alone"));
+    return absl::NotFoundError(absl::StrCat(name_, " refers to a file '", uri, "': charts read only .glb"));
   };
   absl::StatusOr<scene::Scene> scene = scene::LoadGltf(bytes_, name_, no_files);
   if (!scene.ok()) return scene.status();
@@ -192,7 +192,7 @@ absl::StatusOr<RenderRates> FilmSource::Rates(int width, int height, TaskPool* p
         absl::SimpleAtod(numbers[1], &rates.layered) && absl::SimpleAtod(numbers[2], &rates.geometry)) {
       return rates;
     }
-    return absl::DataLossError(absl::StrCat(path, ": holds no rates of a chart's cache"));
+    return absl::DataLossError(absl::StrCat(path, ": not the rates of a chart cache"));
   }
   if (!absl::IsNotFound(kept.status())) return kept.status();
   absl::StatusOr<RenderRates> measured = MeasureRates(width, height, pool);

@@ -19,10 +19,10 @@ struct RenderedFilm {
   double render_seconds = 0;
 };
 
-/// The seed of references. It is no film's: noise in common would hide errors.
+/// The seed of references. No film has it: common noise would hide errors.
 inline constexpr uint64_t kReferenceSeed = 777;
 
-/// What is rendered of a scene.
+/// Size, samples per pixel and seed of a film.
 struct FilmSettings {
   int width = 0;
   int height = 0;
@@ -30,41 +30,41 @@ struct FilmSettings {
   uint64_t seed = 0;
 };
 
-/// What rendering costs: processor seconds, all threads together.
+/// Cost of rendering, in processor seconds summed over all threads.
 struct RenderRates {
-  double radiance = 0;  // a sample of every pixel, C alone
-  double layered = 0;   // a sample of every pixel, all layers in halves
+  double radiance = 0;  // one sample per pixel, C only
+  double layered = 0;   // one sample per pixel, all layers in halves
   double geometry = 0;  // the geometry units of a frame
 };
 
-/// Renders films of one scene, as a farm would, and keeps them as files, by a hash of the scene's bytes, the
-/// settings and the numeric class: a second run finds them, and the time the first took.
+/// Renders films of one scene, as a farm would, and caches them as files, by a hash of the scene's bytes, the
+/// settings and the numeric class. A second run reads the film and the time of its rendering from the cache.
 class FilmSource {
  public:
-  /// `scene_name`: one that scenes::FindScene knows, or else a file LUMIFOLD_SCENES_DIR/NAME.glb, lit by
-  /// NAME-sky.exr where that is there too.
-  /// Errors: kNotFound for a name that is neither; kUnavailable without a cache folder; those of the files.
+  /// `scene_name`: a scene of scenes::FindScene, or a file LUMIFOLD_SCENES_DIR/NAME.glb, with NAME-sky.exr as
+  /// its environment light if that file exists. Errors: kNotFound for a name that is neither; kUnavailable if
+  /// the cache folder cannot be made; those of the files.
   static absl::StatusOr<FilmSource> Create(const std::string& scene_name, const std::string& cache_folder);
 
-  /// Of a scene that has no place among those with a name.
+  /// For a scene that is not in the list of named scenes.
   static absl::StatusOr<FilmSource> Create(const scenes::SceneDescription& scene,
                                            const std::string& cache_folder);
 
-  /// Errors: those of loading and rendering the scene and of the cache's files.
+  /// The film, from the cache or rendered. Errors: those of loading and rendering the scene and of the cache.
   absl::StatusOr<RenderedFilm> Get(const FilmSettings& settings, TaskPool* pool) const;
 
-  /// Where the film is kept, whether it is there or not.
+  /// The path of the film in the cache, whether the file exists or not.
   std::string PathOf(const FilmSettings& settings) const;
 
-  /// The scene, and how it is rendered. Errors: those of loading it.
+  /// The scene, and the settings it is rendered with. Errors: those of loading it.
   absl::StatusOr<std::shared_ptr<const scene::Scene>> LoadScene() const;
   render::RenderSettings SettingsFor(const FilmSettings& settings) const;
 
-  /// Renders a few samples with and without layers, in turns, and takes the least time of each; keeps the
-  /// result as Get() keeps films. Errors: as Get().
+  /// Renders a few samples with and without layers, alternately, and takes the minimum time of each. The
+  /// result is cached like films. Errors: as Get().
   absl::StatusOr<RenderRates> Rates(int width, int height, TaskPool* pool) const;
 
-  /// What renders the scene. Errors: those of loading it and of render::Renderer::Create.
+  /// A renderer of the scene. Errors: those of loading it and of render::Renderer::Create.
   absl::StatusOr<std::unique_ptr<render::Renderer>> MakeRenderer(const FilmSettings& settings) const;
 
  private:
@@ -86,7 +86,7 @@ struct TileSize {
   int height = 32;
 };
 
-/// Renders a film in passes and tiles, as a farm would. `renderer` is of the settings' size and seed.
+/// Renders a film in passes and tiles, as a farm would. `renderer` has the size and seed of the settings.
 EdgedImage RenderFilm(const render::Renderer& renderer, const FilmSettings& settings, TileSize tile,
                       TaskPool* pool);
 

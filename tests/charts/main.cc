@@ -1,7 +1,7 @@
-// Charts error against time and samples, and what the method is made of: see docs/testing.md.
+// Charts error against time and samples, and the parts of the method: see docs/testing.md.
 //
 //   lumifold-chart --quick                                  a few minutes: two scenes, small, sanity checks
-//   lumifold-chart --scenes cornell-box,atrium --spp 4,16   error charts of one's choice
+//   lumifold-chart --scenes cornell-box,atrium --spp 4,16   error charts of selected scenes
 //   lumifold-chart --chart tables,stages,knee --scenes ...  the other charts
 //   lumifold-chart --film a.exr --reference b.exr           a saved film against a file's noisy layer
 #include <CLI/CLI.hpp>
@@ -45,19 +45,19 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_flag("--list-methods", options->lists_methods,
                 "Print all methods with their parameters and sources, and exit");
   app->add_flag("--json", options->json, "Print that list as JSON, one object a line");
-  app->add_option("--again", options->again, "Measure these anew, whatever is kept of them")->delimiter(',');
-  app->add_option(
-      "--grid-seconds", options->most_grid_seconds,
-      "Processor seconds that all points of one method's grid may take on one film (default 120)");
+  app->add_option("--again", options->again, "Measure these again, even if results are stored")
+      ->delimiter(',');
+  app->add_option("--grid-seconds", options->most_grid_seconds,
+                  "Limit in processor seconds for one method's grid on one film (default 120)");
   app->add_option("--run-seconds", options->most_run_seconds,
-                  "What one run may take; dearer ones are not run (default 600)");
+                  "Limit of one run; runs expected to exceed it are skipped (default 600)");
   app->add_option("--width", options->width, "Pixels (default 256)")->check(CLI::Range(1, 16384));
   app->add_option("--height", options->height, "Pixels (default 192)")->check(CLI::Range(1, 16384));
-  app->add_option("--film", options->films, "A film of --save-film; with a --reference each")
+  app->add_option("--film", options->films, "A film of --save-film; needs a --reference each")
       ->allow_extra_args(false);
   app->add_option("--reference", options->references, "Its reference")->allow_extra_args(false);
   app->add_option("--output", options->output, "Folder for the results (default lumifold-charts)");
-  app->add_option("--cache", options->cache, "Folder that keeps films and figures (default OUTPUT/cache)");
+  app->add_option("--cache", options->cache, "Folder for films and measured rows (default OUTPUT/cache)");
   app->add_flag("--png", options->png, "Draw PNG beside SVG");
   app->add_option("--threads", options->threads, "Threads (default: all)")->check(CLI::Range(1, 4096));
 }
@@ -70,12 +70,12 @@ bool IsUsable(const Options& options) {
 }
 
 int Main(int argc, char** argv) {
-  KeepFreedMemory();  // as the programs do that filter
+  KeepFreedMemory();  // as in the programs that filter
   Options options;
   options.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   CLI::App app(
-      "Charts the error of every method against time and samples, and what ours is made of.\n"
-      "Exit codes: 0 done, 1 failed or, with --quick, out of order, 2 wrong usage.",
+      "Charts the error of every method against time and samples, and the parts of the default.\n"
+      "Exit codes: 0 done, 1 failed (with --quick: also a failed check), 2 wrong usage.",
       "lumifold-chart");
   AddOptions(&app, &options);
   try {

@@ -16,7 +16,7 @@
 namespace lumifold::charts {
 namespace {
 
-constexpr int kRowVersion = 1;  // to be raised with what Judge() finds
+constexpr int kRowVersion = 1;  // to be incremented when Judge() changes
 constexpr double kLittleTime = 3;
 
 metrics::RegionMeans Minus(metrics::RegionMeans error, const metrics::RegionMeans& noise) {
@@ -102,7 +102,7 @@ absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Re
   for (const std::vector<float>& values : *grid) {
     absl::StatusOr<Row> row = FindOrRun(subject, reference, {&method, values});
     if (!row.ok()) return row.status();
-    if (!row->not_run.empty()) continue;  // has no error that could be the least
+    if (!row->not_run.empty()) continue;  // has no error to compare
     rows.push_back(*std::move(row));
     points.push_back(values);
   }
@@ -117,7 +117,7 @@ absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Re
   return rows;
 }
 
-/// What the default should take, from the last film of the scene; 0 where there was none.
+/// Expected cost of the default, from the previous film of the scene; 0 if there was none.
 double Meter::ExpectedSeconds(const Subject& subject, const Method& method) const {
   const auto found = last_.find(absl::StrCat(subject.scene, " ", method.info.name));
   if (found == last_.end() || found->second.settings.width == 0) return 0;
@@ -127,7 +127,7 @@ double Meter::ExpectedSeconds(const Subject& subject, const Method& method) cons
   return found->second.seconds * PixelRatio(subject.settings, then) * samples;
 }
 
-/// The points beside the default.
+/// The points of the grid without the default.
 absl::StatusOr<std::vector<std::vector<float>>> Meter::PointsOf(const Subject& subject,
                                                                 const Reference& reference,
                                                                 const Method& method, double seconds) {
@@ -175,7 +175,7 @@ absl::StatusOr<Row> Meter::FindOrRun(Subject* subject, const Reference& referenc
   if (kept.has_value() && !is_again) return *kept;
   absl::StatusOr<Row> row = Run(subject, reference, call);
   if (!row.ok() || !row->not_run.empty()) return row;
-  // Films from files are told apart by their names alone: what is known of them may be of another file.
+  // Films from files are identified only by name: a stored row may belong to another file.
   if (subject->source == nullptr) return row;
   if (const absl::Status status = store_->Add(*key, *row); !status.ok()) return status;
   return row;

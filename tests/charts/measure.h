@@ -14,42 +14,42 @@
 
 namespace lumifold::charts {
 
-/// What a picture is judged against.
+/// The reference that pictures are measured against.
 struct Reference {
-  std::string name;  // its file's: part of a row's key
+  std::string name;  // of its file; part of a row's key
   EdgedImage film;
   std::vector<metrics::Region> regions;
-  metrics::RegionMeans noise;  // MSE255 of the reference itself, from its halves; 0 where it has none
+  metrics::RegionMeans noise;  // MSE255 of the reference itself, from its halves; 0 if it has none
   double rel_mse_noise = 0;
   bool has_halves = false;
 };
 
-/// Errors: kNotFound where the film has no noisy layer.
+/// Errors: kNotFound if the film has no noisy layer.
 absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film);
 
-/// Judges a picture of the reference's size; by all metrics only where `is_thorough`.
+/// Measures a picture of the reference's size; SSIM and FLIP only if `is_thorough`.
 Errors Judge(const ConstColorView& picture, const Reference& reference, bool is_thorough);
 
-/// Which methods are measured, and how far that may go.
+/// The methods to measure, and limits of cost.
 struct MeasureOptions {
   std::vector<const Method*> methods;
-  std::vector<std::string> again;  // methods whose rows are measured anew: their speed has changed
-  // Processor seconds for all points of a method's grid on one film that no row is kept of, and for one point
-  // such: what would take longer is not run.
+  std::vector<std::string> again;  // methods that are measured again although rows are stored
+  // Limits in processor seconds for the points without a stored row: for all of a method's grid on one film,
+  // and for one point. A run that would exceed its limit is skipped.
   double most_grid_seconds = 120;
   double most_run_seconds = 600;
-  int timed_runs = 3;  // of a default that takes little time, the least of which counts
+  int timed_runs = 3;  // of a default that takes little time; the minimum counts
 };
 
-/// Measures methods on films, each with its default and every point of its grid, and keeps what it finds.
-/// Where a grid would cost too much, the points that rows are kept of and the one that was best with fewer
-/// samples stand for it.
+/// Measures methods on films, each with its default and every point of its grid, and stores the rows. If a
+/// grid would cost too much, only its points with a stored row and the best point with fewer samples are
+/// used.
 class Meter {
  public:
   Meter(MeasureOptions options, RowStore* store, std::string cache_folder, TaskPool* pool);
 
-  /// The rows of one film, a method's after another's, the best of each marked. Seconds are those of the
-  /// method alone. Errors: those of the methods; kInvalidArgument for a reference of another size.
+  /// The rows of one film, method by method, with the best of each method marked. Seconds are those of the
+  /// method only. Errors: those of the methods; kInvalidArgument for a reference of another size.
   absl::StatusOr<std::vector<Row>> Measure(Subject* subject, const Reference& reference);
 
  private:
@@ -74,7 +74,7 @@ class Meter {
     FilmSettings settings;
     std::vector<float> best;
   };
-  std::map<std::string, Last> last_;  // by scene and method: what the film before took, and its best point
+  std::map<std::string, Last> last_;  // by scene and method: cost and best point of the previous film
 };
 
 }  // namespace lumifold::charts

@@ -53,8 +53,8 @@ std::vector<filter::MethodInfo> AllMethodInfos();
 /// The methods of the given names; all for no name. Errors: kNotFound naming a method that does not exist.
 absl::StatusOr<std::vector<const Method*>> FindMethods(const std::vector<std::string>& names);
 
-/// A number that changes when the method's result changes: a hash of its default pictures of small films, with
-/// few samples and, unless its cost grows with them, with many. Errors: those of the method.
+/// A number that changes when the method's result changes: a hash of its default pictures of small films,
+/// with few samples and, unless its cost grows with them, with many. Errors: those of the method.
 absl::StatusOr<uint64_t> FingerprintOf(const Method& method, const std::string& cache_folder, TaskPool* pool);
 
 }  // namespace lumifold::charts

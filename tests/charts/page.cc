@@ -16,7 +16,7 @@
 namespace lumifold::charts {
 namespace {
 
-/// The commit of the folder the program runs in, where that is a clone.
+/// The commit of the working folder if it is a git clone, else "unknown".
 std::string Commit() {
   FILE* git = popen("git describe --always --dirty --abbrev=10 2>/dev/null", "r");
   if (git == nullptr) return "unknown";

@@ -14,16 +14,16 @@ namespace {
 
 constexpr int kPaperTruthSamples = 4096;
 
-/// What the paper's tables imply for one scene; 0 where they do not say.
+/// The ratios of the paper's tables for one scene; 0 if not given.
 struct PaperScene {
   const char* scene;
-  double over_manifolds;  // the method's error over that of ...
+  double over_manifolds;  // the paper's error over that of ...
   double over_bilateral;
   double over_cache;
   double filter_percent;  // of rendering
   double truth_over_total;
   double total_over_cache;
-  double synthesis_over_part;  // rendering over a sixteenth of the truth's
+  double synthesis_over_part;  // rendering over its fraction of the reference's time
 };
 
 constexpr std::array<PaperScene, 4> kPaper = {{
@@ -40,7 +40,7 @@ const PaperScene* PaperOf(const std::string& scene) {
   return nullptr;
 }
 
-/// "ours (the paper's)"; empty cells for what either does not know.
+/// "ours (paper)"; "-" for a value that is not known.
 std::string Beside(double ours, double paper, const char* format) {
   const auto text = [&](double value) {
     return value > 0 ? absl::StrFormat(*absl::ParsedFormat<'f'>::New(format), value) : std::string("-");
@@ -83,7 +83,8 @@ std::string TableOfErrors(absl::Span<const Row> rows) {
 std::string TableOfTimes(absl::Span<const Row> rows) {
   std::string text =
       TableHead({"scene", "spp", "rendering, s", "auxiliary data, %", "filter, s", "filter, % of rendering",
-                 "truth / total", "total / cache's total", "rendering / its part of the truth"});
+                 "reference / total", "total / total of irradiance-cache",
+                 "rendering / same samples of the reference"});
   for (const std::string& scene : ScenesOf(rows)) {
     const PaperScene* paper = PaperOf(scene);
     const PaperScene none = {};
@@ -114,18 +115,17 @@ absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> r
   const std::string size = rows.empty() ? "" : absl::StrCat(rows[0].width, "x", rows[0].height);
   std::string text = absl::StrCat(
       size,
-      ", the references' own noise taken off. The paper's figures are in brackets; its errors have no stated "
-      "unit, so "
-      "that ratios alone compare, and its scenes are others of the same kind (its Sponza is our atrium). "
-      "Methods "
-      "other than ours stand at their best known parameters. Seconds are processor seconds of all threads "
-      "together.\n\n## Errors (the paper's Table 1)\n\nMSE255, and our default's over that of the "
-      "others.\n\n",
+      "; the noise of the references is subtracted. The paper's ratios are in brackets. Only ratios can be "
+      "compared, because the paper states no unit of error. Its scenes are similar to ours, not the same "
+      "(its "
+      "Sponza is our atrium). Methods other than the default have their best known parameters. Seconds are "
+      "processor seconds, summed over all threads.\n\n## Errors (the paper's Table 1)\n\nMSE255, and that of "
+      "the default divided by the other method's.\n\n",
       TableOfErrors(rows),
-      "\n## Times (the paper's Table 2, its CPU figures)\n\nRendering includes auxiliary data: layers, "
-      "halves and "
-      "features, in percent of rendering C alone. The truth of 4096 spp, as the paper's, is rendered without "
-      "them.\n\n",
+      "\n## Times (the paper's Table 2, CPU)\n\nRendering includes auxiliary data (layers, halves, "
+      "features), "
+      "in percent of rendering C only. The reference has 4096 spp, as in the paper, and is rendered without "
+      "auxiliary data.\n\n",
       TableOfTimes(rows));
   if (!truths.empty()) absl::StrAppend(&text, "\n## References\n\n", TruthTable(truths));
   if (absl::Status status = WriteCsv(folder + "/tables.csv", rows); !status.ok()) return status;

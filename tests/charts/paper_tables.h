@@ -10,10 +10,10 @@
 
 namespace lumifold::charts {
 
-/// Writes the paper's Table 1 (errors) and Table 2 (times) anew, beside its own figures as ratios, for each
-/// scene and sample count of the rows, to tables.md and the rows to tables.csv. `truths`: what the
-/// rows are judged against. Errors: kUnavailable naming a file.
-/// Source: Gruzdev, Frolov & Ignatenko 2015. Its unit of error is not stated: ratios alone compare.
+/// Reproduces the paper's Table 1 (errors) and Table 2 (times) for each scene and sample count of the rows,
+/// with the paper's own ratios in brackets. Writes tables.md, and the rows to tables.csv. `truths`: the
+/// references of the rows. Errors: kUnavailable naming a file.
+/// Source: Gruzdev, Frolov & Ignatenko 2015. It states no unit of error, so only ratios can be compared.
 absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> rows,
                               absl::Span<const Truth> truths, const Provenance& provenance);
 

@@ -14,7 +14,7 @@
 namespace lumifold::charts {
 namespace {
 
-/// The error of `method`'s best on the film that `like` is of, where it ran.
+/// The error of the best run of `method` on the film of `like`, if it ran.
 std::optional<double> BestError(absl::Span<const Row> rows, const Row& like, const std::string& method) {
   for (const Row& row : BestRows(rows, like.scene, method)) {
     if (row.samples == like.samples) return row.errors.mse255.whole;
@@ -22,7 +22,7 @@ std::optional<double> BestError(absl::Span<const Row> rows, const Row& like, con
   return std::nullopt;
 }
 
-/// Why `method` did not run on the film that `like` is of; empty where nothing is known of it there.
+/// Why `method` did not run on the film of `like`; empty if it ran or has no row.
 std::string WhyNotRun(absl::Span<const Row> rows, const Row& like, const std::string& method) {
   for (const Row& row : rows) {
     if (row.scene == like.scene && row.samples == like.samples && row.method == method) return row.not_run;
@@ -30,8 +30,8 @@ std::string WhyNotRun(absl::Span<const Row> rows, const Row& like, const std::st
   return "";
 }
 
-/// Another method's own settings that give less error than our default in less time on one scene; null where
-/// there are none. Settings found by a search for the best of that very film do not count: nobody has them.
+/// Another method's row with default parameters that has less error in less time than the default on one
+/// scene; null if there is none. Parameters from the grid search do not count: they are fitted to that film.
 const Row* BetterThan(absl::Span<const Row> rows, const Row& ours) {
   constexpr double kTimeMargin = 0.8;  // clocks are noisy
   for (const Row& row : rows) {
@@ -44,7 +44,7 @@ const Row* BetterThan(absl::Span<const Row> rows, const Row& ours) {
   return nullptr;
 }
 
-/// The rows of our default: one a film.
+/// The rows of the default method, one per film.
 std::vector<Row> Films(absl::Span<const Row> rows) {
   std::vector<Row> films;
   for (const std::string& scene : ScenesOf(rows)) {
@@ -62,7 +62,7 @@ std::vector<std::string> Others(absl::Span<const Row> rows) {
 }  // namespace
 
 std::string TruthTable(absl::Span<const Truth> truths) {
-  std::string text = TableHead({"scene", "reference, spp", "MSE255 of its own noise, taken off"});
+  std::string text = TableHead({"scene", "reference, spp", "MSE255 of its noise, subtracted"});
   for (const Truth& truth : truths) {
     absl::StrAppend(&text, TableLine({truth.scene, absl::StrCat(truth.samples),
                                       truth.noise > 0 ? absl::StrFormat("%.3f", truth.noise) : "not known"}));
@@ -76,7 +76,7 @@ absl::Status WriteCsv(const std::string& path, absl::Span<const Row> rows) {
     absl::StrAppend(&text, ",mse255_", std::string(region));
   absl::StrAppend(&text, ",rel_mse,ssim,flip,render_seconds,auxiliary_seconds,filter_seconds\n");
   for (const Row& row : rows) {
-    // Parameters hold commas.
+    // Parameters contain commas.
     absl::StrAppendFormat(&text, "%s,%d,%d,%d,%s,\"%s\",%d,%d,\"%s\",%.6g", row.scene, row.width, row.height,
                           row.samples, row.method, row.parameters, row.is_default, row.is_best, row.not_run,
                           row.errors.mse255.whole);
@@ -126,7 +126,8 @@ absl::Status CheckOrder(absl::Span<const Row> rows) {
           absl::StrFormat("%s, %d spp: default has MSE255 %.3f, the noisy picture %.3f", film.scene,
                           film.samples, film.errors.mse255.whole, noisy));
     }
-    if (&film != &films.back() && (&film)[1].scene == film.scene) continue;  // the front: of the most samples
+    if (&film != &films.back() && (&film)[1].scene == film.scene)
+      continue;  // the Pareto front: only at the largest sample count
     if (const Row* better = BetterThan(rows, film)) {
       return absl::FailedPreconditionError(
           absl::StrFormat("%s: %s at %d spp has less error in less time than default at %d", film.scene,

@@ -8,28 +8,29 @@
 
 namespace lumifold::charts {
 
-/// What the pictures of a scene are judged against.
+/// The reference of a scene.
 struct Truth {
   std::string scene;
   int samples = 0;
-  double noise = 0;  // MSE255 of the reference itself, which is taken off; 0 where it has no halves
+  double noise = 0;  // MSE255 of the reference itself, which is subtracted; 0 if it has no halves
 };
 
-/// A table of Markdown: a line for each truth.
+/// A Markdown table with one line per reference.
 std::string TruthTable(absl::Span<const Truth> truths);
 
-/// Writes a line for each row, names in the first. Errors: kUnavailable naming the file.
+/// Writes a header and one line per row. Errors: kUnavailable naming the file.
 absl::Status WriteCsv(const std::string& path, absl::Span<const Row> rows);
 
-/// A table of Markdown: for each scene and sample count the noisy picture's MSE255, our default's, and what
-/// the latter is of each other method's best, or why that was not run; last the geometric means of those
-/// ratios.
+/// A Markdown table: for each scene and sample count the MSE255 of the noisy picture and of the default, and
+/// the ratio of the default's MSE255 to each other method's best, or why that method was not run. The last
+/// line has the geometric means of the ratios.
 std::string RatioTable(absl::Span<const Row> rows);
 
-/// Whether our default is below the noisy picture everywhere; at the most samples of each scene, on the front
-/// of error and time that methods reach at their own settings; and, in the sum over all films, below each
-/// image-space baseline's best.
-/// Errors: kFailedPrecondition naming the first that it is not.
+/// Checks three properties of the default: its error is below the noisy picture's on every film; at the
+/// largest sample count of each scene it is on the Pareto front of error and time of all methods at their
+/// defaults; and the sum of its errors over all films is below that of each image-space baseline at its best
+/// parameters.
+/// Errors: kFailedPrecondition naming the first violation.
 absl::Status CheckOrder(absl::Span<const Row> rows);
 
 }  // namespace lumifold::charts

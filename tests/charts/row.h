@@ -8,16 +8,16 @@
 
 namespace lumifold::charts {
 
-/// How far a picture is from the truth; the reference's own noise is taken off the first two.
+/// Errors of a picture; the noise of the reference is subtracted from the first two.
 struct Errors {
   metrics::RegionMeans mse255;
   double rel_mse = 0;
-  // Of defaults alone: they take longer than many a filter. 0 else.
+  // Only measured for defaults, else 0: these metrics take longer than many filters.
   double ssim = 0;
   double flip = 0;
 };
 
-/// One run of one method on one film. Seconds are processor seconds, all threads together.
+/// One run of one method on one film. Seconds are processor seconds, summed over all threads.
 struct Row {
   std::string scene;
   int width = 0;
@@ -25,21 +25,21 @@ struct Row {
   int samples = 0;
   std::string method;
   std::string parameters;
-  bool is_default = false;  // of the method's own settings
-  bool is_best = false;     // of the method's grid on this film
-  std::string not_run;      // why there are no figures; empty where there are
+  bool is_default = false;  // run with the default parameters
+  bool is_best = false;     // the best point of the method's grid on this film
+  std::string not_run;      // why there are no figures; empty if there are
   Errors errors;
-  double render_seconds = 0;     // C alone; of a method that renders by itself, all it took
-  double auxiliary_seconds = 0;  // what the layers, halves and features cost beside
+  double render_seconds = 0;     // C only; for a method that renders by itself, its whole cost
+  double auxiliary_seconds = 0;  // additional cost of layers, halves and features
   double filter_seconds = 0;
 
   double TotalSeconds() const { return render_seconds + auxiliary_seconds + filter_seconds; }
 };
 
-/// One line of JSON with all of a row.
+/// The row as one line of JSON.
 std::string EncodeRow(const Row& row);
 
-/// Errors: kDataLoss for text that EncodeRow did not make.
+/// The inverse. Errors: kDataLoss for any other text.
 absl::StatusOr<Row> DecodeRow(std::string_view text);
 
 }  // namespace lumifold::charts

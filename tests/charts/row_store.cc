@@ -19,7 +19,7 @@ absl::StatusOr<RowStore> RowStore::Open(const std::string& path) {
   if (absl::IsNotFound(text.status())) return store;
   if (!text.ok()) return text.status();
   std::vector<std::string> lines = absl::StrSplit(*text, '\n');
-  lines.pop_back();  // what follows the last line's end: nothing, or a line that was being written
+  lines.pop_back();  // the text after the last newline: empty, or an incomplete line
   for (size_t i = 0; i < lines.size(); ++i) {
     const std::pair<std::string, std::string> parts = absl::StrSplit(lines[i], absl::MaxSplits('\t', 1));
     absl::StatusOr<Row> row = DecodeRow(parts.second);

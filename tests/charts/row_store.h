@@ -9,16 +9,16 @@
 
 namespace lumifold::charts {
 
-/// Rows there are already, in one file: a second run of a chart computes only what is new. A row's key says
-/// all that decides it. Threads: one at a time; two programs may add to one file.
+/// The rows of former runs, in one file: a second run of a chart computes only new rows. A row's key contains
+/// everything it depends on. Threads: one at a time; two programs may append to one file.
 class RowStore {
  public:
-  /// Errors: kUnavailable naming the file; kDataLoss naming the line that is no row.
+  /// Errors: kUnavailable naming the file; kDataLoss naming the line that is not a row.
   static absl::StatusOr<RowStore> Open(const std::string& path);
 
   std::optional<Row> Find(const std::string& key) const;
 
-  /// A later row of a key takes the place of the earlier one. Errors: kUnavailable naming the file.
+  /// A later row replaces an earlier one with the same key. Errors: kUnavailable naming the file.
   absl::Status Add(const std::string& key, const Row& row);
 
  private:

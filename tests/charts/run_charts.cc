@@ -25,7 +25,7 @@ namespace {
 
 constexpr uint64_t kFilmSeed = 1;
 
-/// The most samples any pixel has.
+/// The largest sample count of any pixel.
 int SamplesOf(const LayeredImage& film) {
   float most = 0;
   if (!film.Has(layers::kSamplesA) || !film.Has(layers::kSamplesB)) return 0;
@@ -44,11 +44,11 @@ absl::StatusOr<Reference> ReadReference(const std::string& path) {
   if (!reference.ok())
     return absl::Status(reference.status().code(), absl::StrCat(path, ": ", reference.status().message()));
   if (!reference->has_halves)
-    std::fprintf(stderr, "%s: has no halves; its noise is not taken off\n", path.c_str());
+    std::fprintf(stderr, "%s: has no halves; its noise is not subtracted\n", path.c_str());
   return reference;
 }
 
-/// All that the charts of one call have in common.
+/// State shared by the charts of one run.
 class Session {
  public:
   Session(const Options& options, RowStore* store, TaskPool* pool, std::vector<const Method*> methods)
@@ -67,7 +67,7 @@ class Session {
       if (!status.ok()) return status;
       std::fprintf(stderr, "wrote %s/%s.md\n", options_.output.c_str(), chart.c_str());
     }
-    if (!is_drawn_) std::fprintf(stderr, "there is no gnuplot here: charts are left as scripts for it\n");
+    if (!is_drawn_) std::fprintf(stderr, "gnuplot is not installed: charts are kept as its scripts\n");
     return absl::OkStatus();
   }
 
@@ -100,7 +100,7 @@ class Session {
     return absl::OkStatus();
   }
 
-  /// The rows of a scene's films.
+  /// Appends the rows of a scene's films.
   absl::Status MeasureScene(size_t number, std::vector<Row>* rows) {
     const std::string& scene = options_.scenes[number];
     const absl::StatusOr<FilmSource> source = FilmSource::Create(scene, options_.cache);
@@ -123,7 +123,8 @@ class Session {
     return absl::OkStatus();
   }
 
-  /// What the film costs the methods that do not render by themselves; the unfiltered picture needs C alone.
+  /// Adds the cost of the film, for methods that do not render by themselves; the unfiltered picture needs
+  /// only C.
   static void AddRendering(const RenderRates& rates, Row* row) {
     row->render_seconds = rates.radiance * row->samples;
     if (row->method == "none") return;

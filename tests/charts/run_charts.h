@@ -7,7 +7,7 @@
 
 namespace lumifold::charts {
 
-/// What the program is asked for; its help says what each means.
+/// The options of the program; its help explains them.
 struct Options {
   bool quick = false;
   bool lists_methods = false;
@@ -35,7 +35,8 @@ struct Options {
 /// The options of --quick.
 void MakeQuick(Options* options);
 
-/// Measures and draws all that is asked for. Errors: those of its parts; with --quick also CheckOrder()'s.
+/// Measures and draws the requested charts. Errors: those of its parts; with --quick also those of
+/// CheckOrder().
 absl::Status RunCharts(const Options& options);
 
 }  // namespace lumifold::charts

@@ -10,20 +10,20 @@
 
 namespace lumifold::charts {
 
-/// The scenes, or the methods, of rows in the order they come, each once.
+/// The distinct scenes, or methods, of rows in order of appearance.
 std::vector<std::string> ScenesOf(absl::Span<const Row> rows);
 std::vector<std::string> MethodsOf(absl::Span<const Row> rows);
 
-/// A scene's rows of one method by samples, those that ran and have an error over 0: the best of each film's
-/// grid, or its default.
+/// The rows of one scene and method that ran and have an error above 0, by samples: the best of each film's
+/// grid, or the default.
 std::vector<Row> BestRows(absl::Span<const Row> rows, const std::string& scene, const std::string& method);
 std::vector<Row> DefaultRows(absl::Span<const Row> rows, const std::string& scene, const std::string& method);
 
-/// y at x on the line through the points on paper with two logarithmic axes; none outside the points, or for
-/// fewer than two. Points: x rising, all over 0.
+/// Log-log linear interpolation of y at x; nothing outside the points, or for fewer than two. Points: x
+/// rising, all above 0.
 std::optional<double> Interpolate(absl::Span<const std::pair<double, double>> points, double x);
 
-/// Error by total seconds.
+/// Pairs of total seconds and MSE255.
 std::vector<std::pair<double, double>> ErrorByTime(absl::Span<const Row> rows);
 
 }  // namespace lumifold::charts

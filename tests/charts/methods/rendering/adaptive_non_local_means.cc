@@ -17,19 +17,20 @@ using render::RenderSettings;
 
 constexpr int kRounds = 3;
 
-/// The share of a round's samples that all pixels get alike, and the most a pixel gets, over the mean.
+/// The fraction of a round's samples that is distributed uniformly, and the most samples of a pixel, over the
+/// mean.
 constexpr float kEvenShare = 0.1f;
 constexpr float kMostOverMean = 8;
 
-/// How far around, in pixels, the halves' difference tells how much less noise stratified samples have than
-/// their spread says.
+/// Window radius in pixels for the ratio of the halves' difference to the sample variance: stratified samples
+/// have less noise than their variance suggests.
 constexpr int kStratificationRadius = 10;
 constexpr float kMostRatio = 10;
 
 /// Sigma in pixels of the blur of the error.
 constexpr float kErrorSigma = 0.8f;
 
-/// The squared brightness below which errors count as they are, not against it.
+/// Added to the squared brightness in relative errors, so that dark pixels do not dominate.
 constexpr float kDarkness = 1e-3f;
 
 constexpr float kTiny = 1e-20f;
@@ -38,10 +39,10 @@ constexpr float kTiny = 1e-20f;
 struct Buffers {
   std::array<Planes, 2> means;
   std::array<Planes, 2> variances;
-  float scale = 1;  // that they were multiplied by
+  float scale = 1;  // factor of the means
 };
 
-/// The mean of all values, or 1 where that is nothing.
+/// The mean of all values, or 1 if it is about 0.
 float LevelOf(const Planes& planes) {
   double sum = 0;
   for (const Plane& plane : planes)
@@ -51,8 +52,8 @@ float LevelOf(const Planes& planes) {
   return mean > static_cast<double>(kTiny) ? static_cast<float>(mean) : 1.0f;
 }
 
-/// Makes the variances those that the halves' difference shows on average around each pixel. The mean is of
-/// ratios, so that the few pixels of the highest variance do not stand for all others.
+/// Scales the variances to match the halves' difference, averaged around each pixel. The average is over
+/// ratios, so that few pixels of high variance do not dominate it.
 void FitToDifference(const Planes& a, const Planes& b, TaskPool* pool, Planes* var_a, Planes* var_b) {
   const int width = a[0].width();
   const int height = a[0].height();
@@ -96,7 +97,7 @@ Buffers MakeBuffers(const SampledFrame& frame, TaskPool* pool) {
   return out;
 }
 
-/// Each half filtered by the other's weights.
+/// Each half, filtered with the weights of the other.
 std::array<Planes, 2> FilterHalves(const Buffers& buffers, const filter::NonLocalMeansParams& params,
                                    TaskPool* pool) {
   std::array<Planes, 2> out;
@@ -106,7 +107,7 @@ std::array<Planes, 2> FilterHalves(const Buffers& buffers, const filter::NonLoca
   return out;
 }
 
-/// The error that is left, against the brightness and over the samples of the pixel.
+/// The estimated error, relative to brightness and divided by the samples of the pixel.
 Plane ErrorMap(const std::array<Planes, 2>& filtered, const Plane& counts, TaskPool* pool) {
   Plane error(counts.width(), counts.height());
   ForEachPixel(counts.width(), counts.height(), [&](int x, int y) {
@@ -122,8 +123,8 @@ Plane ErrorMap(const std::array<Planes, 2>& filtered, const Plane& counts, TaskP
   return Gaussian(kErrorSigma, counts.width(), counts.height()).Mean(error, pool);
 }
 
-/// `budget` samples in proportion to the error, none more than `most`: what is cut off goes to the others.
-/// Some can be left over where all have their most.
+/// Distributes `budget` samples in proportion to the error, at most `most` per pixel; the excess goes to the
+/// other pixels. Some of the budget remains if all pixels have their maximum.
 Plane Densities(const Plane& error, double budget, float most) {
   Plane density(error.width(), error.height());
   constexpr int kRedistributions = 8;
@@ -146,8 +147,7 @@ Plane Densities(const Plane& error, double budget, float most) {
   return density;
 }
 
-/// Whole numbers of about that density, at most `budget` in all: what a pixel loses to rounding, the next one
-/// gets.
+/// Rounds the density plus `floor` to whole numbers by error diffusion, with a sum of at most `budget`.
 std::vector<uint32_t> Diffused(const Plane& density, float floor, uint64_t budget) {
   std::vector<uint32_t> samples;
   double carried = 0;
@@ -171,7 +171,7 @@ void PlaceRound(uint64_t budget, const filter::NonLocalMeansParams& params, Task
   frame->Take(Diffused(density, kEvenShare * mean, budget), pool);
 }
 
-/// The mean of the filtered halves, by their samples.
+/// The mean of the filtered halves, weighted by their sample counts.
 Picture PictureOf(const SampledFrame& frame, const filter::NonLocalMeansParams& params, TaskPool* pool) {
   const Buffers buffers = MakeBuffers(frame, pool);
   const std::array<Planes, 2> filtered = FilterHalves(buffers, params, pool);
@@ -209,19 +209,19 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
 }  // namespace
 
 RenderMethod AdaptiveNonLocalMeansMethod() {
-  return {
-      .info = {.name = "adaptive-nlm",
-               .summary = "samples placed where two filtered halves differ, non-local means for the picture",
-               .source = "Rousselle et al. 2012, without its second filter of what noise stays",
-               .parameters = {{"k",
-                               "strength: deviations that alike patches may differ by",
-                               0.45f,
-                               {0.25f, 0.45f, 0.9f},
-                               0.01f,
-                               100},
-                              {"patch", "radius of patches in pixels", 3, {3}, 0, 8},
-                              {"search", "radius of the search in pixels", 10, {10}, 0, 32}}},
-      .render = Render};
+  return {.info = {.name = "adaptive-nlm",
+                   .summary =
+                       "adaptive samples where two filtered halves differ; non-local means for the picture",
+                   .source = "Rousselle et al. 2012, without its second filter pass",
+                   .parameters = {{"k",
+                                   "strength: standard deviations that similar patches may differ by",
+                                   0.45f,
+                                   {0.25f, 0.45f, 0.9f},
+                                   0.01f,
+                                   100},
+                                  {"patch", "radius of patches in pixels", 3, {3}, 0, 8},
+                                  {"search", "radius of the search in pixels", 10, {10}, 0, 32}}},
+          .render = Render};
 }
 
 }  // namespace lumifold::charts

@@ -14,7 +14,7 @@
 
 namespace lumifold::charts {
 
-/// One frame's pixels and what samples of them are traced with. Threads: safe concurrently.
+/// The camera and path tracer of one frame. Threads: safe concurrently.
 class CameraFrame {
  public:
   /// Errors: those of Renderer::Create.
@@ -42,7 +42,7 @@ class CameraFrame {
     return ray;
   }
 
-  /// How wide a pixel of `ray` is at a surface it has met, in metres; above 0.
+  /// Width of a pixel of `ray` at the surface it has hit, in metres; above 0.
   static float Footprint(const render::Ray& ray, const render::Surface& surface) {
     constexpr float kLeast = 1e-12f;
     return std::max(kLeast, ray.WidthAt(Length(surface.position - ray.origin)));
@@ -54,7 +54,7 @@ class CameraFrame {
     render::ForEachCameraPacket(camera(), seed(), 0, width(), x, y, range, visit);
   }
 
-  /// Calls visit(i) for each i below `count`, as the pool likes, where this may be traced with.
+  /// Calls visit(i) for each i in [0, count) on the pool, in the floating-point environment of the tracer.
   template <typename Visit>
   static void ForEach(TaskPool* pool, int64_t count, Visit visit) {
     ParallelFor(pool, count, [&](int64_t i) {
@@ -78,7 +78,7 @@ class CameraFrame {
   render::RenderSettings settings_;
 };
 
-/// Sets one pixel of a picture.
+/// Writes one pixel of a picture.
 inline void PutPixel(Picture* picture, int x, int y, scene::Vec3 value) {
   for (int c = 0; c < 3; ++c) (*picture)[static_cast<size_t>(c)].At(x, y) = value[c];
 }

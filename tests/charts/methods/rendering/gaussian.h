@@ -7,24 +7,23 @@
 
 namespace lumifold::charts {
 
-/// Means over pixels with Gaussian weights out to three sigma, those of pixels outside the picture shared out
-/// among the others. Threads: identical for any pool.
+/// Gaussian blur, truncated at three sigma. At the picture's edge the weights inside are renormalised.
+/// Threads: the result is identical for any pool.
 class Gaussian {
  public:
-  /// sigma_px 0 leaves everything as it is.
+  /// sigma_px 0 is the identity.
   Gaussian(float sigma_px, int width, int height);
 
   Plane Mean(const Plane& values, TaskPool* pool) const { return Convolve(values, columns_, rows_, pool); }
-  /// The variance of Mean() of values with these variances that know nothing of each other: the sum with
-  /// squared weights.
+  /// The variance of Mean() of independent values with these variances: the sum with squared weights.
   Plane VarianceOfMean(const Plane& variances, TaskPool* pool) const {
     return Convolve(variances, squared_columns_, squared_rows_, pool);
   }
-  /// The pixel's own weight in its mean.
+  /// The weight of the pixel itself in its mean.
   float CentreWeight(int x, int y) const { return columns_.At(radius_, x) * rows_.At(radius_, y); }
 
  private:
-  /// (2 radius + 1) weights for each place along an axis, 0 outside it.
+  /// 2 radius + 1 weights for each position along an axis; 0 outside the picture.
   static Plane Weights(float sigma_px, int radius, int length);
   static Plane Squared(const Plane& weights);
   Plane Convolve(const Plane& values, const Plane& columns, const Plane& rows, TaskPool* pool) const;

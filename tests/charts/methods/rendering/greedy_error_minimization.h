@@ -4,14 +4,15 @@
 
 namespace lumifold::charts {
 
-/// Adaptive sampling by greedy error minimisation: each pixel is blurred by the Gaussian of a bank that seems
-/// to leave the least error, found from the finest on by weighing the variance the next one saves against the
-/// bias it adds; samples go where the error that is left is largest against the brightness. The bank begins
-/// with the pixel itself, so that the picture converges; the published one begins with its pixel filter. Not
-/// as published, and both for rare light that few samples miss: a pixel's variance is drawn to that around it
-/// while its samples are few, and a tenth of the samples goes to all pixels alike.
-/// Source: Rousselle, Knaus & Zwicker 2011, "Adaptive Sampling and Reconstruction using Greedy Error
-/// Minimization".
+/// "greedy-error": adaptive sampling by greedy error minimisation. Each pixel is blurred by the Gaussian of a
+/// bank with the smallest estimated error; the search starts at the finest and compares the variance that the
+/// next one saves with the bias it adds. Samples go where the estimated error relative to brightness is
+/// largest. The bank starts with the identity, so that the picture converges; the published one starts with
+/// its pixel filter. Further differences from the publication, both for rare light that few samples miss: the
+/// variance of a pixel with few samples is shrunk towards its neighbours', and a tenth of the samples is
+/// distributed uniformly.
+/// Source:  Rousselle, Knaus & Zwicker 2011, "Adaptive Sampling and Reconstruction using Greedy Error
+///          Minimization".
 RenderMethod GreedyErrorMinimizationMethod();
 
 }  // namespace lumifold::charts

@@ -11,7 +11,7 @@ using scene::Vec3;
 
 constexpr int kMostDepth = 20;
 
-/// How far behind a record a place may lie, over its radius, before what the record sees is hidden from it.
+/// Largest distance of a point behind a record, over its radius; the record's surroundings are hidden beyond.
 constexpr float kBehind = 0.01f;
 
 Vec3 AtLeastZero(Vec3 v) { return {std::max(v.x, 0.0f), std::max(v.y, 0.0f), std::max(v.z, 0.0f)}; }
@@ -46,7 +46,7 @@ float IrradianceCache::Weight(const IrradianceRecord& record, Vec3 position, Vec
   if (distance >= threshold * record.radius || turn >= threshold * threshold) return 0;
   if (Dot(step, normal + record.normal) * 0.5f <= -kBehind * record.radius) return 0;
   const float error = distance / record.radius + std::sqrt(turn);
-  // Less the weight at the border of what counts, so that no record ends in an edge.
+  // Minus the weight at the limit, so that a record's influence ends continuously.
   constexpr float kLeastError = 1e-6f;
   return std::max(0.0f, 1 / std::max(error, kLeastError) - 1 / threshold);
 }

@@ -10,37 +10,39 @@
 
 namespace lumifold::charts {
 
-/// Irradiance that was gathered at one place and stands for the places around it.
+/// Irradiance at one point, used for the points around it.
 struct IrradianceRecord {
   scene::Vec3 position;
   scene::Vec3 normal;
   Irradiance irradiance;
-  float radius = 0;        // metres: the error grows with the distance over it
-  float least_radius = 0;  // below which no neighbour may bring it
+  float radius = 0;        // metres: the error is proportional to distance / radius
+  float least_radius = 0;  // lower bound for the clamping by neighbours
 };
 
-/// Irradiances in the scene, looked up and interpolated. Source: Ward, Rubinstein & Clear 1988 (split-sphere
-/// weights); Ward & Heckbert 1992 (gradients); Krivanek et al. 2006 (neighbour clamping). Threads: Look() is
-/// safe concurrently while nobody calls Insert(). What it gives depends on the order of insertions.
+/// Cache of irradiance records in the scene, with interpolation. The result depends on the order of
+/// insertions.
+/// Threads: Look() is safe concurrently while no thread calls Insert().
+/// Source:  Ward, Rubinstein & Clear 1988 (split-sphere weights); Ward & Heckbert 1992 (gradients); Krivanek
+///          et al. 2006 (neighbour clamping).
 class IrradianceCache {
  public:
-  /// `bounds` holds all places that will be asked for; `accuracy` is Ward's a: records are used up to about
-  /// that share of their radius away.
+  /// `bounds` contains all points of later calls. `accuracy` is Ward's a: a record is used up to about that
+  /// fraction of its radius away.
   IrradianceCache(const scene::Bounds& bounds, float accuracy);
 
-  /// The irradiance at a place, at least 0; none where no record is near enough. `tolerance` multiplies
-  /// `accuracy`, and must be at most kMostTolerance.
+  /// The irradiance at a point, at least 0; nothing if no record is near enough. `tolerance` multiplies
+  /// `accuracy` and is at most kMostTolerance.
   std::optional<scene::Vec3> Look(scene::Vec3 position, scene::Vec3 normal, float tolerance) const;
   static constexpr float kMostTolerance = 2;
 
-  /// Its radius is clamped by its neighbours' and theirs by its own: a step towards a record must not reach
-  /// farther than the record itself does.
+  /// Clamps the radii of the record and its neighbours by each other: a radius exceeds a neighbour's by at
+  /// most their distance.
   void Insert(IrradianceRecord record);
 
   size_t size() const { return records_.size(); }
 
  private:
-  /// A cube of an octree: what it holds reaches about as far as the cube is wide.
+  /// A cube of an octree, whose records have a radius of about its width.
   struct Node {
     std::array<int, 8> children = {-1, -1, -1, -1, -1, -1, -1, -1};
     std::vector<uint32_t> records;

@@ -20,17 +20,18 @@ using render::ScopedFloatEnvironment;
 using render::Surface;
 using scene::Vec3;
 
-/// Pixels between candidates of the first lattice.
-constexpr int kCoarsestLattice = 32;
+/// Pixels between candidates of the first grid.
+constexpr int kCoarsestGrid = 32;
 
-/// Candidates that gather at the same time. A number of its own, for it decides which records there are.
+/// Candidates gathered in parallel. The result depends on it, so it is not the number of threads.
 constexpr size_t kBatch = 64;
 
-/// How far from a record, in pixels, it may be used at least and at most, whatever it sees.
+/// Bounds in pixels on the distance at which a record is used.
 constexpr float kLeastReach = 3;
 constexpr float kMostReach = 20;
 
-/// Pictures are interpolated more widely than the cache was filled, which hides where records end.
+/// The picture is interpolated with a larger tolerance than the cache is filled with, which smooths the
+/// borders.
 constexpr float kPictureTolerance = 2;
 
 float Brightness(Vec3 color) { return Luminance(color.x, color.y, color.z); }
@@ -62,10 +63,10 @@ class CacheFiller {
               IrradianceCache* cache)
       : frame_(frame), strata_(strata), accuracy_(accuracy), pool_(pool), cache_(cache) {}
 
-  /// Gives the number of paths it took.
+  /// Result: the number of paths traced.
   uint64_t Fill() {
-    for (int spacing = kCoarsestLattice; spacing >= 1; spacing /= 2) {
-      const std::vector<int64_t> pixels = Lattice(spacing);
+    for (int spacing = kCoarsestGrid; spacing >= 1; spacing /= 2) {
+      const std::vector<int64_t> pixels = Grid(spacing);
       for (size_t first = 0; first < pixels.size(); first += kBatch) {
         const size_t count = std::min(kBatch, pixels.size() - first);
         AddBatch({pixels.data() + first, count});
@@ -75,14 +76,14 @@ class CacheFiller {
   }
 
  private:
-  /// The pixels a lattice has beyond coarser ones, scattered, so that neighbours seldom gather at the same
-  /// time.
-  std::vector<int64_t> Lattice(int spacing) const {
+  /// The pixels of a grid that are not in a coarser one, in scattered order, so that neighbours are seldom in
+  /// one batch.
+  std::vector<int64_t> Grid(int spacing) const {
     std::vector<std::pair<uint64_t, int64_t>> scattered;
     for (int y = 0; y < frame_.height(); y += spacing) {
       for (int x = 0; x < frame_.width(); x += spacing) {
         const int coarser = 2 * spacing;
-        if (spacing < kCoarsestLattice && x % coarser == 0 && y % coarser == 0) continue;
+        if (spacing < kCoarsestGrid && x % coarser == 0 && y % coarser == 0) continue;
         const int64_t pixel = static_cast<int64_t>(y) * frame_.width() + x;
         scattered.emplace_back(MixBits(static_cast<uint64_t>(pixel)), pixel);
       }
@@ -107,7 +108,7 @@ class CacheFiller {
     }
   }
 
-  /// None where nothing diffuse is seen or the cache knows the place.
+  /// Nothing if no diffuse surface is seen, or the cache already covers the point.
   std::optional<IrradianceRecord> Gather(int64_t pixel) const {
     const Ray ray =
         frame_.CentreRay(static_cast<int>(pixel % frame_.width()), static_cast<int>(pixel / frame_.width()));
@@ -152,16 +153,20 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
 RenderMethod IrradianceCachingMethod() {
   return {
       .info = {.name = "irradiance-cache",
-               .summary = "indirect light gathered at few places and interpolated by its gradients",
+               .summary = "indirect light gathered at few points and interpolated by its gradients",
                .source = "Ward et al. 1988; Ward & Heckbert 1992; neighbour clamping of Krivanek et al. 2006",
-               .parameters =
-                   {{"accuracy",
-                     "share of its radius that a record is used over",
-                     0.15f,
-                     {0.1f, 0.15f, 0.3f},
-                     0.02f,
-                     1},
-                    {"rings", "of the hemisphere's strata; pi sectors each", 14, {10, 14, 28}, 1, 128}}},
+               .parameters = {{"accuracy",
+                               "fraction of its radius up to which a record is used",
+                               0.15f,
+                               {0.1f, 0.15f, 0.3f},
+                               0.02f,
+                               1},
+                              {"rings",
+                               "rings of hemisphere strata, with pi times as many sectors each",
+                               14,
+                               {10, 14, 28},
+                               1,
+                               128}}},
       .render = Render};
 }
 

@@ -19,17 +19,17 @@ using render::RenderSettings;
 using render::Surface;
 using scene::Vec3;
 
-/// The farthest a pixel looks for neighbours.
+/// The largest radius of the mean, in pixels.
 constexpr int kMostPixels = 40;
 
-/// What a pixel's centre shows.
+/// The surface at a pixel's centre.
 struct Place {
   bool is_diffuse = false;
   Vec3 position;
   Vec3 normal;
   Vec3 irradiance;
-  float distance = 0;   // harmonic mean of what is seen from there
-  float footprint = 0;  // metres a pixel
+  float distance = 0;   // harmonic mean distance of the visible surfaces
+  float footprint = 0;  // width of a pixel, in metres
 };
 
 float ByTurn(Vec3 a, Vec3 b) {
@@ -50,7 +50,7 @@ class IrradianceMap {
 
   uint64_t paths() const { return paths_; }
 
-  /// Each pixel becomes the mean of its neighbours within `reach` times its distance.
+  /// Each pixel becomes the mean of its neighbours within `reach` times its harmonic mean distance.
   void Filter(float reach, TaskPool* pool) {
     std::vector<Vec3> means(places_.size());
     frame_.ForEachPixel(pool, [&](int x, int y) {
@@ -59,14 +59,14 @@ class IrradianceMap {
     for (size_t i = 0; i < places_.size(); ++i) places_[i].irradiance = means[i];
   }
 
-  /// Between the pixels next to the sample's.
+  /// Interpolates between the pixels next to the sample.
   std::optional<Vec3> Look(const Surface& surface, int x, int y) const {
     Vec3 sum;
     float weights = 0;
     ForEachNear(x, y, 1, [&](const Place& place) {
       const float distance = Length(surface.position - place.position);
       if (distance > place.distance) return;
-      // As far as a tenth of a pixel all are alike.
+      // Distances below a tenth of a pixel hardly change the weight.
       const float pixels = distance / place.footprint + 0.1f;
       const float weight = ByTurn(surface.normal, place.normal) / (pixels * pixels);
       sum += place.irradiance * weight;
@@ -107,7 +107,7 @@ class IrradianceMap {
 
   Vec3 MeanAround(int x, int y, float reach) const {
     const Place& here = places_[Number(x, y)];
-    // Few paths miss what is near now and then: the least of the pixels next by is safer.
+    // Few paths may miss a near surface: the minimum over adjacent pixels is safer.
     float distance = here.distance;
     ForEachNear(x, y, 1, [&](const Place& place) { distance = std::min(distance, place.distance); });
     const float radius = std::min(reach * distance, static_cast<float>(kMostPixels) * here.footprint);
@@ -150,13 +150,14 @@ RenderMethod IrradianceFilteringMethod() {
   return {.info = {.name = "irradiance-filtering",
                    .summary = "indirect light gathered in every pixel and averaged over neighbours in space",
                    .source = "Kontkanen et al. 2004, reconstructed",
-                   .parameters = {{"rays", "gathered a pixel, about", 32, {16, 32, 64}, 1, 4096},
-                                  {"reach",
-                                   "radius of the mean over the mean distance of what is seen",
-                                   0.3f,
-                                   {0.15f, 0.3f, 0.6f},
-                                   0,
-                                   10}}},
+                   .parameters =
+                       {{"rays", "approximate number of gathered paths per pixel", 32, {16, 32, 64}, 1, 4096},
+                        {"reach",
+                         "radius of the mean, over the mean distance of visible surfaces",
+                         0.3f,
+                         {0.15f, 0.3f, 0.6f},
+                         0,
+                         10}}},
           .render = Render};
 }
 

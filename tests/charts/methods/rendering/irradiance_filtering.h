@@ -4,11 +4,11 @@
 
 namespace lumifold::charts {
 
-/// Irradiance filtering: every pixel gathers the indirect irradiance at its centre with few paths, and takes
-/// the mean of its neighbours' in space, weighted down with distance and turn of the normal, over a share of
-/// the harmonic mean distance of what is seen from there: what is far away lights a place evenly. A
-/// reconstruction from the idea: no code of its authors was to be had.
-/// Source: Kontkanen, Rasanen & Keller 2004, "Irradiance Filtering for Monte Carlo Ray Tracing".
+/// "irradiance-filtering": every pixel gathers the indirect irradiance at its centre with few paths. The
+/// result is the weighted mean over neighbours in space; weights fall with distance and with the angle
+/// between normals. The radius is a fraction of the harmonic mean distance of the visible surfaces, because
+/// distant surfaces light an area evenly. A reconstruction of the idea: the authors' code is not available.
+/// Source:  Kontkanen, Rasanen & Keller 2004, "Irradiance Filtering for Monte Carlo Ray Tracing".
 RenderMethod IrradianceFilteringMethod();
 
 }  // namespace lumifold::charts

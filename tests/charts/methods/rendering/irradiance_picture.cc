@@ -22,13 +22,14 @@ using render::Sampler;
 using render::Surface;
 using scene::Vec3;
 
-/// The dimension pair of the direction of a path that stands in for an unknown irradiance: past all its own.
-constexpr uint32_t kStandInPair = kLensPair + 1;
+/// The dimension pair for the direction of a path that replaces an unknown irradiance: past those of the
+/// path.
+constexpr uint32_t kFallbackPair = kLensPair + 1;
 
-/// I of a Lambertian surface by one path.
-Vec3 StandIn(const PathTracer& tracer, const Surface& surface, const Sampler& sampler) {
+/// One-path estimate of I on a Lambertian surface.
+Vec3 EstimateIndirect(const PathTracer& tracer, const Surface& surface, const Sampler& sampler) {
   const HemisphereStrata whole = {1, 1};
-  const Vec3 direction = Frame(surface.normal).ToWorld(whole.Direction(0, sampler.Get2D(kStandInPair)));
+  const Vec3 direction = Frame(surface.normal).ToWorld(whole.Direction(0, sampler.Get2D(kFallbackPair)));
   if (Dot(direction, surface.geometric) <= 0) return {};
   return tracer.TraceArrival(surface, direction, sampler).radiance;
 }
@@ -39,8 +40,8 @@ class PixelRenderer {
   PixelRenderer(const CameraFrame& frame, uint32_t samples, IrradianceLookup irradiance)
       : frame_(frame), samples_(samples), irradiance_(irradiance) {}
 
-  /// The pixel's mean; counts the paths that stood in.
-  Vec3 Render(int x, int y, uint64_t* stand_ins) const {
+  /// The pixel's mean; counts the fallback paths.
+  Vec3 Render(int x, int y, uint64_t* fallbacks) const {
     std::array<LayerSample, PathTracer::kPacket> layers;
     std::array<std::optional<Surface>, PathTracer::kPacket> diffuse;
     Vec3 sum;
@@ -50,7 +51,7 @@ class PixelRenderer {
       for (size_t i = 0; i < packet.size(); ++i) {
         Vec3 radiance = layers[i].combined;
         if (diffuse[i].has_value())
-          radiance += layers[i].albedo * Indirect(*diffuse[i], packet.samplers()[i], x, y, stand_ins);
+          radiance += layers[i].albedo * Indirect(*diffuse[i], packet.samplers()[i], x, y, fallbacks);
         if (!IsFinite(radiance)) continue;
         sum += radiance;
         count += 1;
@@ -60,11 +61,11 @@ class PixelRenderer {
   }
 
  private:
-  Vec3 Indirect(const Surface& surface, const Sampler& sampler, int x, int y, uint64_t* stand_ins) const {
+  Vec3 Indirect(const Surface& surface, const Sampler& sampler, int x, int y, uint64_t* fallbacks) const {
     const std::optional<Vec3> known = irradiance_(surface, x, y);
     if (known.has_value()) return *known / kPi;
-    ++*stand_ins;
-    return StandIn(frame_.tracer(), surface, sampler);
+    ++*fallbacks;
+    return EstimateIndirect(frame_.tracer(), surface, sampler);
   }
 
   const CameraFrame& frame_;
@@ -78,12 +79,12 @@ void RenderWithIrradiance(const CameraFrame& frame, uint32_t samples_per_pixel, 
                           TaskPool* pool, RenderedPicture* out) {
   const PixelRenderer renderer(frame, samples_per_pixel, irradiance);
   out->picture = MakePicture(frame.width(), frame.height());
-  std::vector<uint64_t> stand_ins(static_cast<size_t>(frame.height()));
+  std::vector<uint64_t> fallbacks(static_cast<size_t>(frame.height()));
   frame.ForEachPixel(pool, [&](int x, int y) {
-    PutPixel(&out->picture, x, y, renderer.Render(x, y, &stand_ins[static_cast<size_t>(y)]));
+    PutPixel(&out->picture, x, y, renderer.Render(x, y, &fallbacks[static_cast<size_t>(y)]));
   });
   out->camera_paths += static_cast<uint64_t>(frame.pixels()) * samples_per_pixel;
-  out->gather_paths = std::accumulate(stand_ins.begin(), stand_ins.end(), out->gather_paths);
+  out->gather_paths = std::accumulate(fallbacks.begin(), fallbacks.end(), out->gather_paths);
 }
 
 }  // namespace lumifold::charts

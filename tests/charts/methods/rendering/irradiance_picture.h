@@ -8,13 +8,13 @@
 
 namespace lumifold::charts {
 
-/// The indirect irradiance at a surface that a sample of pixel (x, y) met; none where it is not known.
+/// The indirect irradiance at a surface hit by a sample of pixel (x, y); nothing if it is not known.
 using IrradianceLookup =
     absl::FunctionRef<std::optional<scene::Vec3>(const render::Surface& surface, int x, int y)>;
 
-/// Renders as the path tracer does, all samples of all lobes, but for I of first surfaces: that is the
-/// irradiance the lookup gives over pi, as of a Lambertian lobe, or one path's where it gives none. Adds to
-/// the counts of *out. The lookup must be safe concurrently.
+/// Renders like the path tracer, except for I of first surfaces: that is the looked-up irradiance divided by
+/// pi, as for a Lambertian lobe, or the estimate of one path if the lookup has none. Adds to the counts of
+/// *out. The lookup must be safe concurrently.
 void RenderWithIrradiance(const CameraFrame& frame, uint32_t samples_per_pixel, IrradianceLookup irradiance,
                           TaskPool* pool, RenderedPicture* out);
 

@@ -29,26 +29,26 @@ using scene::Vec3;
 
 using Point = SampleTree::Point;
 
-/// Samples of every pixel before any box is preferred: at least so many, where there are.
+/// Samples of every pixel before adaptive sampling starts, if the budget allows.
 constexpr uint32_t kFirstSamples = 4;
 
-/// One box in so many gets a sample in a round.
+/// In a round one box in this many gets a sample.
 constexpr size_t kBoxesPerSample = 4;
 
-/// Of so many places drawn in a box, the one farthest from its samples is taken.
+/// Candidates drawn in a box; the one farthest from its samples is taken.
 constexpr int kCandidates = 8;
 
-/// Samples that a box's metric is made of, and that the nearest one is sought among.
+/// Samples that determine a box's metric, and among which the nearest is searched.
 constexpr size_t kNeighbours = 16;
 
-/// The squared share of a step across the stretched direction that a step along it counts.
+/// Smallest squared scale of the metric along the stretched direction.
 constexpr float kLeastCost = 0.05f;
 
-/// Keeps these numbers apart from those of the camera samples of the same seed.
+/// Separates these random numbers from those of the camera samples of the same seed.
 constexpr uint64_t kCandidateSeed = 0x6d646173u;
 constexpr uint64_t kQuerySeed = 0x71756572u;
 
-/// Where the dimensions of the tree lie in the picture and on the lens.
+/// Maps between the dimensions of the tree and picture and lens.
 class Space {
  public:
   Space(const CameraFrame& frame, float lens_pixels)
@@ -110,7 +110,7 @@ class AdaptiveSampler {
  private:
   static constexpr int64_t kTask = 64;  // samples a task traces
 
-  /// The camera samples of every pixel, in a scattered order: the tree is as deep as the order is one-sided.
+  /// The camera samples of every pixel, in scattered order: a sorted order would make the tree deep.
   std::vector<Point> FirstPoints(uint32_t samples) const {
     std::vector<std::pair<uint64_t, Point>> scattered;
     ForEachPixel(frame_.width(), frame_.height(), [&](int x, int y) {
@@ -126,7 +126,7 @@ class AdaptiveSampler {
     return points;
   }
 
-  /// In the order of their numbers.
+  /// The leaves with the largest error, in the order of their numbers.
   std::vector<size_t> WorstLeaves(uint64_t most) const {
     std::vector<std::pair<float, size_t>> leaves;
     for (size_t node = 0; node < tree_.nodes().size(); ++node) {
@@ -152,7 +152,7 @@ class AdaptiveSampler {
     return points;
   }
 
-  /// The place in a leaf farthest from its samples, of a few drawn by chance.
+  /// Of a few random points in a leaf, the one farthest from its samples.
   Point PointIn(size_t leaf, uint64_t key) const {
     const SampleTree::Node& node = tree_.nodes()[leaf];
     Point best{};
@@ -340,14 +340,18 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
 
 RenderMethod MultidimensionalSamplingMethod() {
   return {
-      .info = {.name = "mdas",
-               .summary =
-                   "samples of picture and lens placed where they differ, read off by a stretched metric",
-               .source =
-                   "Hachisuka et al. 2008; the dimensions are picture and lens, light paths are not adapted",
-               .parameters =
-                   {{"lens", "width of the lens in pixels of the picture", 8, {4, 8, 32}, 0.01f, 1000},
-                    {"queries", "points a pixel is read at, over samples a pixel", 2, {1, 2, 4}, 1, 64}}},
+      .info =
+          {.name = "mdas",
+           .summary = "adaptive samples of picture and lens, reconstructed by an anisotropic metric",
+           .source =
+               "Hachisuka et al. 2008; the dimensions are picture and lens, light paths are not adapted",
+           .parameters = {{"lens", "width of the lens in pixels of the picture", 8, {4, 8, 32}, 0.01f, 1000},
+                          {"queries",
+                           "reconstruction points of a pixel, over samples per pixel",
+                           2,
+                           {1, 2, 4},
+                           1,
+                           64}}},
       .render = Render};
 }
 

@@ -37,8 +37,8 @@ void SampleTree::Insert(const Sample& sample) {
   samples_.push_back(sample);
 }
 
-/// Splits along the longest side on which the samples differ, in the middle between the two of middle rank,
-/// the `further` one that is to come among them.
+/// Splits along the longest side on which the samples and the `further` one differ, halfway between the two
+/// of median rank.
 bool SampleTree::Split(size_t leaf, const Sample& further) {
   const Node parent = nodes_[leaf];
   int best = -1;
@@ -57,7 +57,7 @@ bool SampleTree::Split(size_t leaf, const Sample& further) {
   for (size_t i = 0; i < kLeafSamples; ++i) places[i] = samples_[parent.samples[i]].at[axis];
   places.back() = further.at[axis];
   std::sort(places.begin(), places.end());
-  // Above the lowest place, so that both children have a sample.
+  // Above the smallest coordinate, so that both children have a sample.
   size_t upper = places.size() / 2;
   while (places[upper] == places[upper - 1] && upper + 1 < places.size()) ++upper;
   while (places[upper] == places[upper - 1]) --upper;
@@ -114,7 +114,7 @@ float SampleTree::DistanceSquared(const Point& a, const Point& b) const {
   return sum;
 }
 
-/// Finds the nearest samples, the nearer child first.
+/// Nearest-neighbour search, nearer child first.
 class SampleTree::Search {
  public:
   Search(const SampleTree& tree, const Point& point, std::span<uint32_t> found)

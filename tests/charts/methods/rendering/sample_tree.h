@@ -10,14 +10,14 @@
 
 namespace lumifold::charts {
 
-/// A tree of samples of a function of a few dimensions: each leaf is a box with at most kLeafSamples of them.
-/// Threads: reading calls are safe concurrently while nobody calls Insert().
+/// A k-d tree of samples of a function of few dimensions. A leaf is a box with at most kLeafSamples samples.
+/// Threads: const calls are safe concurrently while no thread calls Insert().
 class SampleTree {
  public:
   static constexpr int kMostDimensions = 4;
   static constexpr size_t kLeafSamples = 4;
 
-  /// Places that are not used stay 0.
+  /// Unused dimensions are 0.
   using Point = std::array<float, kMostDimensions>;
 
   struct Sample {
@@ -25,7 +25,7 @@ class SampleTree {
     scene::Vec3 value;
   };
 
-  /// A box without children, or with two whose border is at `split` along `axis`.
+  /// A box that is a leaf, or has two children separated at `split` along `axis`.
   struct Node {
     Point least{};
     Point most{};
@@ -39,7 +39,7 @@ class SampleTree {
   /// The box from 0 to `size`, whose first `dimensions` sides are above 0.
   SampleTree(int dimensions, const Point& size);
 
-  /// A sample that lies where all of a full leaf do is left out.
+  /// A sample at the same point as all samples of a full leaf is dropped.
   void Insert(const Sample& sample);
 
   int dimensions() const { return dimensions_; }
@@ -49,15 +49,16 @@ class SampleTree {
   std::span<const uint32_t> SamplesOf(size_t leaf) const {
     return {nodes_[leaf].samples.data(), nodes_[leaf].count};
   }
-  /// The number of the leaf a point lies in.
+  /// The leaf that contains a point.
   size_t LeafAt(const Point& point) const;
 
-  /// A leaf's volume times how much its samples differ, against their mean, in all channels: what it adds to
-  /// the error of the integral, about. Never 0, so that empty boxes get their turn.
+  /// A leaf's volume times the mean absolute deviation of its samples relative to their mean, summed over
+  /// channels: an estimate of its part of the integral's error. Never 0, so that empty boxes are sampled as
+  /// well.
   float ErrorOf(size_t leaf) const;
 
-  /// The samples nearest to a point, nearest first (of equals the one of lower number); fewer than `found`
-  /// holds where there are fewer. Gives their number.
+  /// Finds the samples nearest to a point, nearest first; of equal distances the lower number first. Result:
+  /// their number, which is less than the size of `found` if there are fewer samples.
   size_t Nearest(const Point& point, std::span<uint32_t> found) const;
 
  private:

@@ -10,36 +10,36 @@
 
 namespace lumifold::charts {
 
-/// The samples a frame's pixels have had so far, more in some than in others. Samples of even index form half
-/// A, the others half B.
+/// Accumulates samples of a frame's pixels, with a different count for each pixel. Samples of even index form
+/// half A, the others half B.
 class SampledFrame {
  public:
   /// Keeps a pointer to the frame.
   explicit SampledFrame(const CameraFrame& frame);
 
-  /// Takes `more[p]` further samples of each pixel p, in row-major order. Samples that are not finite are
-  /// left out.
+  /// Takes `more[p]` more samples of each pixel p, in row-major order. Samples that are not finite are
+  /// skipped.
   void Take(absl::Span<const uint32_t> more, TaskPool* pool);
-  /// What an adaptive method begins with, the same number of each: a quarter of `samples_per_pixel`, at least
-  /// 4 where it may take so many.
+  /// Takes the initial samples of an adaptive method, uniformly: a quarter of `samples_per_pixel`, but at
+  /// least 4 if the budget allows.
   void TakeFirst(uint32_t samples_per_pixel, TaskPool* pool);
 
   int width() const { return frame_->width(); }
   int height() const { return frame_->height(); }
   uint64_t taken() const { return taken_; }
 
-  /// The samples' mean R G B; 0 where there are none.
+  /// The mean R G B of the samples; 0 without samples.
   Planes Means() const;
-  /// The mean of half A (0) or B (1); of the whole where the half has none.
+  /// The mean of half A (0) or B (1); of all samples if the half has none.
   Planes HalfMeans(size_t half) const;
-  /// The variance of Means(), from that of each pixel's samples; where there are fewer than two, from how the
-  /// means differ within 3x3 pixels.
+  /// The variance of Means(), from the sample variance of each pixel; for fewer than two samples, from the
+  /// variance of means in 3x3 pixels.
   Planes Variances() const;
-  /// The variance of HalfMeans(), from the spread of all samples.
+  /// The variance of HalfMeans(), from the variance of all samples.
   Planes HalfVariances(size_t half) const;
   /// Samples of each pixel, at least 1.
   Plane Counts() const;
-  /// The part of each pixel's samples that is in half A; a half where there are none.
+  /// The fraction of each pixel's samples in half A; 0.5 without samples.
   Plane ShareOfHalfA() const;
 
  private:
@@ -61,7 +61,7 @@ class SampledFrame {
   uint64_t taken_ = 0;
 };
 
-/// The `count` pixels of greatest `worth`, in no particular order; of equals those of lowest number.
+/// The `count` pixels of largest `worth`, unordered; of equals those of lowest number.
 std::vector<size_t> WorthiestPixels(const Plane& worth, size_t count);
 
 }  // namespace lumifold::charts

@@ -11,7 +11,7 @@
 namespace lumifold::charts {
 namespace {
 
-/// Rows a task writes; it reads those in reach of them as well.
+/// Rows that a task writes; it reads all samples whose kernel overlaps them.
 constexpr int kStripRows = 16;
 
 float LuminanceOf(scene::Vec3 color) { return Luminance(color.x, color.y, color.z); }
@@ -28,7 +28,7 @@ Plane Pilot(const SampleSet& set, int radius, TaskPool* pool) {
   return std::move(filter::BoxMeans(mean, everywhere.view(), radius, pool)[0]);
 }
 
-/// Where a step past the picture's edge ends up: the pixels lie as in a mirror behind it.
+/// The coordinate, mirrored into the picture.
 int Mirrored(int i, int size) {
   const int period = 2 * size;
   const int within = ((i % period) + period) % period;
@@ -45,7 +45,7 @@ class Strip {
         y1_(y1),
         sums_(static_cast<size_t>(width) * static_cast<size_t>(y1 - y0)) {}
 
-  /// Spreads `value` around pixel (x, y) as far as `radius`.
+  /// Spreads `value` around pixel (x, y) by a kernel of `radius` pixels.
   void Spread(int x, int y, double radius, scene::Vec3 value) {
     const int reach = static_cast<int>(std::ceil(radius)) - 1;  // the kernel is 0 at its radius
     const double scale = 1.0 / (TotalWeight(radius, reach));
@@ -132,18 +132,19 @@ absl::StatusOr<Picture> FilterProgressively(const SampleSet& set, absl::Span<con
 
 SampleMethod EpanechnikovMethod() {
   return {
-      .info = {.name = "epanechnikov",
-               .summary = "each sample spread by a parabola, the wider the more it stands out",
-               .source = "Suykens & Willems 2000, reconstructed",
-               .parameters =
-                   {{"scale",
-                     "radius in pixels of a sample as bright as the picture, times sqrt(spp)",
-                     2,
-                     {1, 2, 4, 8},
-                     0.01f,
-                     100},
-                    {"most", "largest radius in pixels", 16, {16}, 1, 64},
-                    {"pilot", "radius of the windows that tell the picture's luminance", 1, {0, 1}, 0, 32}}},
+      .info =
+          {.name = "epanechnikov",
+           .summary = "each sample spread by a parabolic kernel, wider for brighter outliers",
+           .source = "Suykens & Willems 2000, reconstructed",
+           .parameters =
+               {{"scale",
+                 "radius in pixels of a sample of average brightness, times sqrt(spp)",
+                 2,
+                 {1, 2, 4, 8},
+                 0.01f,
+                 100},
+                {"most", "largest radius in pixels", 16, {16}, 1, 64},
+                {"pilot", "radius of the windows that estimate the picture's luminance", 1, {0, 1}, 0, 32}}},
       .filter = FilterProgressively};
 }
 

@@ -10,7 +10,7 @@
 namespace lumifold::charts {
 namespace {
 
-/// The light that guide rays found, 3 planes.
+/// The light of the guide rays, 3 planes.
 Planes GuideLight(const LayeredImage& guide) {
   const ConstColorView direct = guide.GetColor(layers::kDirect);
   const ConstColorView indirect = guide.GetColor(layers::kIndirect);
@@ -45,7 +45,7 @@ SampleMethod GuidedRaysMethod() {
   return {
       .info =
           {.name = "guided-rays",
-           .summary = "guided filter on each layer of light, by normals, depth and one smooth path a pixel",
+           .summary = "guided filter on each layer of light, by normals, depth and one guide path per pixel",
            .source = "He et al. 2010; Bauszat et al. 2011",
            .parameters =
                {{"radius", "of the windows, in pixels", 12, {2, 4, 8, 12, 24}, 1, 256},

@@ -29,7 +29,7 @@ double MutualInformation::SumOfLogs(absl::Span<const uint32_t> counts) const {
 double MutualInformation::Of(absl::Span<const uint8_t> a, absl::Span<const uint8_t> b, bool unbiased) const {
   LUMIFOLD_CHECK(a.size() == b.size() && a.size() < n_log_n_.size());
   if (a.empty()) return 0;
-  // Two tables in turn: successive samples often fall into one bin and would wait for each other.
+  // Alternates between two tables: successive samples often fall into one bin, whose update would stall.
   std::array<std::array<uint32_t, kBins * kBins>, 2> tables = {};
   for (size_t i = 0; i < a.size(); ++i) ++tables[i & 1][size_t{a[i]} * kBins + b[i]];
   std::array<uint32_t, kBins * kBins> joint;

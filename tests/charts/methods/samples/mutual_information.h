@@ -7,21 +7,21 @@
 
 namespace lumifold::charts {
 
-/// Bins of values that have mean 0 and deviation 1: a deviation wide, the middle one around 0, the outermost
-/// for all beyond.
+/// Bins for values of mean 0 and standard deviation 1: one standard deviation wide, the middle one centred at
+/// 0, the outermost unbounded.
 inline constexpr int kBins = 5;
 
 void SortIntoBins(absl::Span<const float> values, std::vector<uint8_t>* bins);
 
-/// How much one variable says of another, in nats, from pairs of samples. Threads: safe concurrently.
+/// Mutual information of two variables, in nats, from pairs of samples. Threads: safe concurrently.
 class MutualInformation {
  public:
   /// For up to `most_samples` pairs.
   explicit MutualInformation(size_t most_samples);
 
-  /// Of two lists of bins, pair by pair. Estimates from few samples are too high, by about (rows - 1)
-  /// (columns - 1) / (2 samples) of the bins that hold any: that is taken off where `unbiased`, down to 0.
-  /// Source:  Miller 1955 (the bias).
+  /// The mutual information of two lists of bins, pair by pair. Estimates from few samples are too high by
+  /// about (rows - 1) (columns - 1) / (2 samples), where rows and columns count the bins in use. If
+  /// `unbiased`, that is subtracted, and the result is at least 0. Source: Miller 1955 (the bias).
   double Of(absl::Span<const uint8_t> a, absl::Span<const uint8_t> b, bool unbiased) const;
 
  private:

@@ -29,7 +29,7 @@ Moments MomentsOf(absl::Span<const float> values) {
   return moments;
 }
 
-/// Numbers of one pixel and pass.
+/// The random stream of one pixel and pass.
 class Stream {
  public:
   Stream(int64_t pixel, int pass)
@@ -60,7 +60,7 @@ Offset NormalOffset(float sigma, Stream* stream) {
           static_cast<int>(std::floor(radius * sine + 0.5f))};
 }
 
-/// Tells samples whose features are like those of one pixel's samples.
+/// Accepts samples whose features are similar to those of one pixel's samples.
 class FeatureGate {
  public:
   explicit FeatureGate(const Neighbourhood& own) {
@@ -68,8 +68,8 @@ class FeatureGate {
       moments_[f] = MomentsOf(own.Standard(Variables::kFeature + f));
   }
 
-  bool Admits(const Variables::Values& values) const {
-    constexpr double kTolerance = 0.1;  // what differs by less is alike even where nothing varies
+  bool Accepts(const Variables::Values& values) const {
+    constexpr double kTolerance = 0.1;  // smaller differences count as equal even without variance
     for (size_t f = 0; f < moments_.size(); ++f) {
       const bool is_world = Variables::kFeature + f < Variables::kWorld + 3;
       const double off = std::abs(static_cast<double>(values[Variables::kFeature + f]) - moments_[f].mean);
@@ -128,7 +128,7 @@ void Neighbourhood::Draw(const SampleSet& set, const std::vector<Vec3>& colors, 
     const uint32_t i = std::min(static_cast<uint32_t>(pick), set.samples_per_pixel - 1);
     const size_t index = index_of(qx, qy, i);
     const Variables::Values values = Variables::Of(set.samples[index], colors[index]);
-    if (gate.Admits(values)) Add(values, colors[index]);
+    if (gate.Accepts(values)) Add(values, colors[index]);
   }
   Standardise();
 }

@@ -13,18 +13,18 @@ namespace {
 
 using scene::Vec3;
 
-/// Light by the length of its path, as far as layers tell: one step to the first surface, more, and what came
-/// by mirrors and glass.
-enum Cluster : size_t { kOneStep, kLonger, kRest, kClusters };
+/// Light by path length, as far as layers separate it: direct, indirect, and light seen in mirrors and
+/// through glass.
+enum Cluster : size_t { kDirect, kIndirect, kRest, kClusters };
 
 struct ClusterSums {
-  float count = 0;  // of samples that brought light
+  float count = 0;  // samples that carry light
   Vec3 light;
 };
 
 struct PixelSums {
   std::array<ClusterSums, kClusters> clusters;
-  float valid = 0;  // samples that met a surface with a diffuse lobe
+  float valid = 0;  // samples that hit a surface with a diffuse lobe
   Vec3 albedo;
   Vec3 unfiltered;  // light of no cluster: what surfaces radiate, and what means of products have over
                     // products
@@ -33,7 +33,7 @@ struct PixelSums {
 
 bool IsBlack(Vec3 color) { return color == Vec3{}; }
 
-/// The sample's light in no layer; 0 where rounding explains it.
+/// The sample's light in no layer; 0 if it is only rounding.
 Vec3 RestOf(const ChartSample& s) {
   constexpr float kRounding = 1e-4f;
   const Vec3 light = (s.direct + s.indirect) * s.albedo + s.emitted;
@@ -42,7 +42,7 @@ Vec3 RestOf(const ChartSample& s) {
   return size > kRounding * std::sqrt(Dot(light, light)) ? rest : Vec3{};
 }
 
-/// Takes the samples of one pixel together, light and albedo as means over all samples but in clusters.
+/// Sums the samples of one pixel: light per cluster; albedo and unfiltered light as means over all samples.
 PixelSums SumPixel(const SampleSet& set, int x, int y) {
   PixelSums sums;
   Vec3 normal;
@@ -56,8 +56,8 @@ PixelSums SumPixel(const SampleSet& set, int x, int y) {
   for (uint32_t i = 0; i < set.samples_per_pixel; ++i) {
     const ChartSample& s = set.At(x, y, i);
     if (!IsBlack(s.albedo)) sums.valid += 1;
-    add(kOneStep, s.direct);
-    add(kLonger, s.indirect);
+    add(kDirect, s.direct);
+    add(kIndirect, s.indirect);
     add(kRest, RestOf(s));
     sums.albedo += s.albedo;
     radiance += s.radiance;
@@ -67,7 +67,7 @@ PixelSums SumPixel(const SampleSet& set, int x, int y) {
   }
   const float share = 1.0f / static_cast<float>(set.samples_per_pixel);
   sums.albedo *= share;
-  const Vec3 diffuse = sums.clusters[kOneStep].light + sums.clusters[kLonger].light;
+  const Vec3 diffuse = sums.clusters[kDirect].light + sums.clusters[kIndirect].light;
   const Vec3 lit = sums.valid > 0 ? diffuse * sums.albedo * (1.0f / sums.valid) : Vec3{};
   sums.unfiltered = (radiance - sums.clusters[kRest].light) * share - lit;
   if (hits > 0) {
@@ -106,7 +106,7 @@ class Filter {
       for (int qx = std::max(0, x - radius_); qx <= std::min(set_.width - 1, x + radius_); ++qx)
         AddNeighbour(p, pixels_[IndexOf(qx, qy)], (qx - x) * (qx - x) + (qy - y) * (qy - y), &weighed);
     }
-    const Vec3 diffuse = weighed[kOneStep].Mean() + weighed[kLonger].Mean();
+    const Vec3 diffuse = weighed[kDirect].Mean() + weighed[kIndirect].Mean();
     return diffuse * p.albedo + weighed[kRest].Mean() + p.unfiltered;
   }
 
@@ -122,7 +122,7 @@ class Filter {
     return static_cast<size_t>(y) * static_cast<size_t>(set_.width) + static_cast<size_t>(x);
   }
 
-  /// The samples a cluster's light is spread over.
+  /// The number of samples that a cluster's light is averaged over.
   float SamplesOf(const PixelSums& sums, size_t cluster) const {
     return cluster == kRest ? static_cast<float>(set_.samples_per_pixel) : sums.valid;
   }
@@ -136,17 +136,18 @@ class Filter {
       const float n_p = SamplesOf(p, c);
       const float n_q = SamplesOf(q, c);
       if (n_p == 0 || n_q == 0) continue;
-      const double disagreement = std::max(Unlikelihood(p.clusters[c].count, n_p, q.clusters[c].count, n_q),
-                                           Unlikelihood(q.clusters[c].count, n_q, p.clusters[c].count, n_p));
+      const double disagreement =
+          std::max(NegativeLogLikelihood(p.clusters[c].count, n_p, q.clusters[c].count, n_q),
+                   NegativeLogLikelihood(q.clusters[c].count, n_q, p.clusters[c].count, n_p));
       const float w = Exp(-exponent - strictness_ * static_cast<float>(disagreement));
       (*out)[c].light += w * q.clusters[c].light;
       (*out)[c].samples += w * n_q;
     }
   }
 
-  /// How much less likely than the likeliest number `found` of `n` samples is if `expected` of `n_expected`
-  /// are the rule: the logarithm of the ratio, by Poisson's distribution.
-  double Unlikelihood(float expected, float n_expected, float found, float n) const {
+  /// Negative log-likelihood ratio, by Poisson's distribution, of `found` of `n` samples against the most
+  /// likely number, given the rate `expected` of `n_expected`.
+  double NegativeLogLikelihood(float expected, float n_expected, float found, float n) const {
     const float mean = std::max(0.5f, expected * n / n_expected);
     const float mode = std::floor(mean);
     const auto log_factorial = [&](float i) { return log_factorials_[static_cast<size_t>(i)]; };
@@ -180,10 +181,11 @@ absl::StatusOr<Picture> FilterByCounts(const SampleSet& set, absl::Span<const fl
 SampleMethod ProbabilisticMethod() {
   return {
       .info = {.name = "probabilistic",
-               .summary = "means over pixels whose samples bring light equally often, by length of path",
+               .summary = "means over pixels whose samples carry light equally often, by path length",
                .source = "Doidge & Jones 2013, reconstructed",
-               .parameters = {{"radius", "of the windows, in pixels", 7, {3, 7, 12}, 1, 64},
-                              {"strictness", "power of the counts' likelihood", 1, {0.25f, 1, 4}, 0, 100}}},
+               .parameters =
+                   {{"radius", "of the windows, in pixels", 7, {3, 7, 12}, 1, 64},
+                    {"strictness", "exponent of the likelihood of the counts", 1, {0.25f, 1, 4}, 0, 100}}},
       .filter = FilterByCounts};
 }
 

@@ -15,7 +15,7 @@ namespace {
 
 using scene::Vec3;
 
-/// A pass: the box samples are drawn from, and how many of it.
+/// A pass: the box that samples are drawn from, and their fraction.
 struct Pass {
   int side = 0;      // pixels
   double share = 0;  // of the samples in the box
@@ -26,12 +26,12 @@ constexpr size_t kColors = Variables::kRandom - Variables::kColor;
 constexpr size_t kFeatures = Variables::kCount - Variables::kFeature;
 constexpr double kLeastDependency = 1e-10;
 
-/// How much the colour and the features of a neighbourhood depend on chance: what Sen & Darabi call alpha
-/// (one for all channels: one each would shift hues), beta and W_c^r.
+/// The weights of colour and features in a neighbourhood, from their dependency on the random numbers: alpha,
+/// beta and W_c^r of Sen & Darabi. One alpha serves all channels, since one per channel would shift hues.
 struct Importance {
   double color = 0;
   std::array<double, kFeatures> features = {};
-  double chance = 0;
+  double random = 0;  // W_c^r: dependency of the colour on the random numbers
 };
 
 /// The mutual information of the variables of a neighbourhood.
@@ -40,7 +40,7 @@ class Dependencies {
   Dependencies(const MutualInformation& information, bool unbiased)
       : information_(information), unbiased_(unbiased) {}
 
-  /// Those asked about from now on.
+  /// Sets the samples of later calls.
   void Set(const Neighbourhood& samples) {
     for (size_t v = 0; v < bins_.size(); ++v) {
       SortIntoBins(samples.Standard(v), &bins_[v]);
@@ -49,7 +49,7 @@ class Dependencies {
     }
   }
 
-  /// The sum over variables [first, last) of what each says of `variable`.
+  /// The sum over variables [first, last) of their mutual information with `variable`.
   double Sum(size_t variable, size_t first, size_t last) const {
     double sum = 0;
     for (size_t v = first; v < last; ++v) {
@@ -70,14 +70,14 @@ Importance ImportanceOf(const Dependencies& dependencies, int pass) {
   double on_random = 0;
   double on_position = 0;
   double on_features = 0;
-  double chance = 0;  // the sum over channels
+  double color_dependency = 0;  // the sum over channels
   std::array<double, kFeatures> color_on_feature = {};
   for (size_t c = Variables::kColor; c < Variables::kColor + kColors; ++c) {
     const double random = dependencies.Sum(c, Variables::kRandom, Variables::kFeature);
     const double position = dependencies.Sum(c, Variables::kPosition, Variables::kColor);
     on_random += random;
     on_position += position;
-    chance += random / (random + position + kLeastDependency);
+    color_dependency += random / (random + position + kLeastDependency);
     for (size_t f = 0; f < kFeatures; ++f) {
       const double feature = dependencies.Sum(c, Variables::kFeature + f, Variables::kFeature + f + 1);
       color_on_feature[f] += feature;
@@ -85,28 +85,28 @@ Importance ImportanceOf(const Dependencies& dependencies, int pass) {
     }
   }
   Importance importance;
-  importance.chance = chance / kColors;
-  importance.color = std::max(1 - sharpened * importance.chance, 0.0);
+  importance.random = color_dependency / kColors;
+  importance.color = std::max(1 - sharpened * importance.random, 0.0);
   for (size_t f = 0; f < kFeatures; ++f) {
     const size_t variable = Variables::kFeature + f;
     const double random = dependencies.Sum(variable, Variables::kRandom, Variables::kFeature);
     const double position = dependencies.Sum(variable, Variables::kPosition, Variables::kColor);
-    const double feature_chance = random / (random + position + kLeastDependency);
+    const double feature_dependency = random / (random + position + kLeastDependency);
     const double share = color_on_feature[f] / (on_random + on_position + on_features + kLeastDependency);
-    importance.features[f] = share * std::max(1 - sharpened * feature_chance, 0.0);
+    importance.features[f] = share * std::max(1 - sharpened * feature_dependency, 0.0);
   }
   return importance;
 }
 
-/// Weighs all samples of a neighbourhood for one of them after another.
+/// Weighted means over a neighbourhood for each of its samples.
 class Weights {
  public:
-  /// Those weighed from now on.
+  /// Sets the samples of later calls.
   void Set(const Neighbourhood& samples, const Importance& importance, double variance) {
     count_ = samples.size();
     padded_ = (count_ + kLanes - 1) / kLanes * kLanes;
     used_ = 0;
-    const double sharpness = (1 - importance.chance) * (1 - importance.chance) / (2 * variance);
+    const double sharpness = (1 - importance.random) * (1 - importance.random) / (2 * variance);
     for (size_t c = 0; c < kColors; ++c)
       AddVariable(samples.Standard(Variables::kColor + c), sharpness * importance.color);
     for (size_t f = 0; f < kFeatures; ++f)
@@ -118,7 +118,7 @@ class Weights {
     weights_.resize(padded_);
   }
 
-  /// The mean colour as sample `own` weighs it.
+  /// The mean colour with the weights of sample `own`.
   Vec3 MeanFor(size_t own) {
     std::fill(weights_.begin(), weights_.end(), 0.0f);
     for (size_t v = 0; v < used_; ++v) AddSquares(variables_[v][own], variables_[v].data());
@@ -139,11 +139,11 @@ class Weights {
       for (const float lane : lanes) result += lane;
       return result;
     };
-    return Vec3{sum(sums[0]), sum(sums[1]), sum(sums[2])} / sum(total);  // the sample itself weighs 1
+    return Vec3{sum(sums[0]), sum(sums[1]), sum(sums[2])} / sum(total);  // the sample's own weight is 1
   }
 
  private:
-  static constexpr size_t kLanes = 8;  // loops of a fixed length become vector code
+  static constexpr size_t kLanes = 8;  // loops of fixed length vectorise
 
   void AddVariable(absl::Span<const float> values, double weight) {
     if (weight <= 0) return;
@@ -162,7 +162,7 @@ class Weights {
 
   size_t count_ = 0;
   size_t padded_ = 0;
-  size_t used_ = 0;  // variables that count
+  size_t used_ = 0;  // variables in use
   std::array<std::vector<float>, kColors + kFeatures>
       variables_;  // scaled so that their squares add up to the exponent
   std::array<std::vector<float>, 3> light_;
@@ -175,9 +175,9 @@ Vec3 MeanOf(absl::Span<const Vec3> colors) {
   return sum / static_cast<float>(colors.size());
 }
 
-/// Samples of a pixel further than one deviation from their mean become the mean; what that takes from the
-/// pixel is given to all of them.
-void TameSpikes(absl::Span<Vec3> colors) {
+/// Replaces the outliers of a pixel, samples more than one standard deviation from the mean, by the mean. The
+/// energy that this removes is added to all samples.
+void ClampOutliers(absl::Span<Vec3> colors) {
   const Vec3 mean = MeanOf(colors);
   Vec3 variance;
   for (const Vec3 color : colors) variance += (color - mean) * (color - mean);
@@ -190,14 +190,14 @@ void TameSpikes(absl::Span<Vec3> colors) {
   for (Vec3& color : colors) color += lost;
 }
 
-/// What decides a run, beside the samples.
+/// The settings of a run.
 struct Settings {
   double variance = 0;
   double budget = 0;
   bool unbiased = false;
 };
 
-/// One pass over pixels, one after another: their memory is the same.
+/// One pass over pixels, one at a time; memory is reused.
 class PixelFilter {
  public:
   PixelFilter(const SampleSet& set, const std::vector<Vec3>& colors, const Settings& settings, int pass,
@@ -208,7 +208,7 @@ class PixelFilter {
         pass_(pass),
         dependencies_(information, settings.unbiased) {}
 
-  /// Writes a pixel's samples' new colours.
+  /// Writes the new colours of a pixel's samples.
   void Filter(int x, int y, absl::Span<Vec3> out) {
     const Pass& step = kPasses[static_cast<size_t>(pass_)];
     const double in_box = static_cast<double>(step.side * step.side) * set_.samples_per_pixel;
@@ -217,7 +217,7 @@ class PixelFilter {
     dependencies_.Set(samples_);
     weights_.Set(samples_, ImportanceOf(dependencies_, pass_), settings_.variance);
     for (size_t i = 0; i < out.size(); ++i) out[i] = weights_.MeanFor(i);
-    TameSpikes(out);
+    ClampOutliers(out);
   }
 
  private:
@@ -238,7 +238,7 @@ size_t MostSamples(const SampleSet& set, double budget) {
 
 absl::StatusOr<Picture> FilterByDependency(const SampleSet& set, absl::Span<const float> values,
                                            TaskPool* pool) {
-  constexpr double kSamplesOfVariance = 8;  // the published one is for so many samples a pixel
+  constexpr double kSamplesOfVariance = 8;  // samples per pixel of the published variance
   const Settings settings = {static_cast<double>(values[0]) * kSamplesOfVariance / set.samples_per_pixel,
                              static_cast<double>(values[1]), values[2] > 0};
   const MutualInformation information(MostSamples(set, settings.budget));
@@ -269,13 +269,15 @@ absl::StatusOr<Picture> FilterByDependency(const SampleSet& set, absl::Span<cons
 
 SampleMethod RandomParametersMethod() {
   return {
-      .info = {.name = "random-parameters",
-               .summary = "means of samples, by what their colour depends on: place and surface, or chance",
-               .source = "Sen & Darabi 2012",
-               .parameters =
-                   {{"variance", "of the weights, at 8 spp", 0.02f, {0.02f, 0.1f, 0.5f, 2}, 1e-4f, 100},
-                    {"budget", "samples compared, over the published number", 1, {1}, 0.01f, 4},
-                    {"unbias", "1: takes the bias of few samples off mutual information", 1, {1}, 0, 1}}},
+      .info =
+          {.name = "random-parameters",
+           .summary = "means of samples, weighted by how much colour depends on position, surface and random "
+                      "numbers",
+           .source = "Sen & Darabi 2012",
+           .parameters =
+               {{"variance", "of the weights, at 8 spp", 0.02f, {0.02f, 0.1f, 0.5f, 2}, 1e-4f, 100},
+                {"budget", "number of samples compared, over the published number", 1, {1}, 0.01f, 4},
+                {"unbias", "1: subtracts the bias of few samples from mutual information", 1, {1}, 0, 1}}},
       .filter = FilterByDependency};
 }
 

@@ -29,7 +29,7 @@ ChartSample WithoutBadNumbers(const render::SampleRecord& record) {
   return sample;
 }
 
-/// Puts samples where they belong in the list of all.
+/// Stores samples in the order of a SampleSet.
 class Collector final : public render::SampleSink {
  public:
   explicit Collector(SampleSet* set) : set_(set) {}

@@ -76,7 +76,7 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
       "indirect, albedo, emission, normal, depth, glossy, glossy_albedo, transmitted and transmittance. What "
       "it\n"
       "leaves out is filtered as part of the remainder.\n\n"
-      "Methods: ",
+      "Methods:\n  ",
       environment.methods.names,
       ".\nParameters of a method follow its name, as in --method bilateral:sigma_s=4,sigma_r=0.1."));
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;

@@ -17,61 +17,61 @@
 
 namespace lumifold::stability {
 
-/// A method under test: what makes a picture of a film, or of the scene the film was rendered of.
+/// A method under test: it makes a picture from a film, or from the scene of the film.
 struct Column {
   std::string name;
-  /// Empty where the method takes any film; otherwise what a drawn film, which has no scene, lacks for it.
+  /// Empty if the method accepts any film; else the reason why it needs a scene, which a drawn film lacks.
   std::string needs_scene;
   std::function<absl::StatusOr<Picture>(const Subject& subject, TaskPool* pool)> filter;
 };
 
-/// What a case is given to work with.
+/// The inputs of a case.
 struct Trial {
   const Column& column;
   const FilmStore& films;
   TaskPool* pool;
 
-  /// The column's picture of a film. Errors: kUnimplemented with the reason where the method cannot be run on
-  /// it; those of the method.
+  /// The column's picture of a film. Errors: kUnimplemented with the reason if the method cannot run on it;
+  /// those of the method.
   absl::StatusOr<Picture> Filter(const Subject& subject) const { return FilterOn(pool, subject); }
   absl::StatusOr<Picture> FilterOn(TaskPool* other_pool, const Subject& subject) const;
 };
 
-/// What to look at when a cell surprises.
+/// The pictures of a cell, for --crop.
 struct Exhibit {
   Picture noisy, filtered, truth;
-  Rect crop = {};  // empty: all of it
+  Rect crop = {};  // empty: the whole picture
 };
 
-/// What a case found out about a method.
+/// The result of a case for one method.
 struct Finding {
   std::vector<double> figures;  // one for each of the case's measures
   Exhibit exhibit;
 };
 
-/// The three pictures a figure is made of.
+/// The three pictures that figures are computed from.
 struct Views {
   ConstColorView filtered, noisy, truth;
 };
 
-/// Filters the film and takes the figures of what comes out.
+/// Filters the film and computes the figures of the result.
 absl::StatusOr<Finding> Judge(const Trial& trial, const DrawnFilm& drawn,
                               absl::FunctionRef<std::vector<double>(const Views&)> figures);
 
-/// Error left, as a part of the noisy picture's, as displayed.
+/// Squared error of the result over that of the noisy picture, in displayed values.
 double ErrorLeft(const Views& views, Where where);
 double ErrorLeft(const Views& views);
 
-/// One figure of a case, and how large or small it has to be.
+/// One figure of a case, with its threshold.
 struct Measure {
   std::string name;
   double threshold = 0;
-  bool at_least = false;  // or at most
+  bool at_least = false;  // else the figure may be at most the threshold
 
   bool Passes(double figure) const { return at_least ? figure >= threshold : figure <= threshold; }
 };
 
-/// A failure of the default method that is known: its figures must not get worse than these.
+/// A known failure of the default method: its figures must not become worse than these.
 struct KnownFailure {
   std::vector<double> figures;
   std::string reason;
@@ -81,15 +81,15 @@ struct KnownFailure {
 struct Case {
   int number = 0;
   std::string name;
-  std::string what;   // the scene, and what is asked of it
-  std::string size;   // of the pictures, and samples
-  std::string moved;  // why a threshold is not the first one set; empty where it is
+  std::string what;            // the scene and its measures
+  std::string size;            // of the pictures, and samples
+  std::string threshold_note;  // why a threshold differs from the one set first; empty if none does
   std::vector<Measure> measures;
   std::function<absl::StatusOr<Finding>(const Trial&)> run;
   std::optional<KnownFailure> known = std::nullopt;
 };
 
-// The families, each in a file of its own.
+// The groups of cases, each in a file of its own.
 std::vector<Case> LightCases();
 std::vector<Case> GeometryCases();
 std::vector<Case> MaterialCases();

@@ -17,15 +17,15 @@ Column FilterColumn(const filter::MethodInfo& method) {
           }};
 }
 
-/// More samples a pixel than this are not given to a method that takes them one by one.
+/// Largest samples per pixel for a method that reads single samples.
 constexpr uint32_t kMostSamples = 16;
-/// More than this are not given to a method that renders for itself.
+/// Largest samples per pixel for a method that renders the scene itself.
 constexpr uint32_t kMostOwnSamples = 64;
 
 absl::StatusOr<Picture> RunSampleMethod(const charts::SampleMethod& method, const Subject& subject,
                                         TaskPool* pool) {
   if (method.uses_samples && subject.settings.samples > kMostSamples)
-    return absl::UnimplementedError("not run, cost: it takes samples one by one");
+    return absl::UnimplementedError("not run, cost: it reads single samples");
   const auto renderer = subject.source->MakeRenderer(subject.settings);
   if (!renderer.ok()) return renderer.status();
   charts::FilmSettings settings = subject.settings;
@@ -44,7 +44,7 @@ Column SampleColumn(const charts::SampleMethod& method) {
 absl::StatusOr<Picture> RunRenderMethod(const charts::RenderMethod& method, const Subject& subject,
                                         TaskPool* pool) {
   if (subject.settings.samples > kMostOwnSamples)
-    return absl::UnimplementedError("not run, cost: it renders for itself");
+    return absl::UnimplementedError("not run, cost: it renders the scene itself");
   const auto scene = subject.source->LoadScene();
   if (!scene.ok()) return scene.status();
   absl::StatusOr<charts::RenderedPicture> rendered =
@@ -56,7 +56,7 @@ absl::StatusOr<Picture> RunRenderMethod(const charts::RenderMethod& method, cons
 
 Column RenderColumn(const charts::RenderMethod& method) {
   return {
-      method.info.name, "it renders for itself, and a drawn film has no scene",
+      method.info.name, "it renders the scene itself, and a drawn film has no scene",
       [&method](const Subject& subject, TaskPool* pool) { return RunRenderMethod(method, subject, pool); }};
 }
 

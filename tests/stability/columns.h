@@ -6,10 +6,10 @@
 
 namespace lumifold::stability {
 
-/// Every method there is, ours first, each with its own default parameters.
+/// All methods, those of filter::Methods() first, each with its default parameters.
 const std::vector<Column>& AllColumns();
 
-/// Null where none has the name.
+/// Null if no column has the name.
 const Column* FindColumn(const std::string& name);
 
 }  // namespace lumifold::stability

@@ -10,7 +10,7 @@ constexpr float kWallDistance = 6;
 constexpr float kHorizon = 0.2f;
 constexpr float kFloorBegins = 0.6f;
 
-/// Where a thing that far away appears once the camera has moved, in widths of the picture.
+/// The position of an object at that distance after the camera has moved, in widths of the picture.
 struct Camera {
   float width, height, shift;
 
@@ -64,7 +64,7 @@ Surface Lamp() {
   return s;
 }
 
-/// A hard shadow's edge and a soft one across the floor.
+/// A hard and a soft shadow edge across the floor.
 float FloorLight(float across, float z) {
   const float hard = across + 0.4f * z;
   if (hard > 0.9f && hard < 1.5f) return 0.02f;

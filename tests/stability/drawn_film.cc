@@ -12,10 +12,10 @@
 namespace lumifold::stability {
 namespace {
 
-constexpr int kGrid = 4;  // of sub-samples
+constexpr int kGrid = 4;  // sub-samples per axis
 constexpr float kEdgeCosine = 0.9f;
 
-/// Uniform numbers in (0, 1], keyed by what they are for.
+/// Uniform random numbers in (0, 1], keyed by their use.
 class Random {
  public:
   Random(uint32_t seed, uint64_t key) : state_(MixBits((uint64_t{seed} << 40) ^ key)) {}
@@ -24,9 +24,9 @@ class Random {
     state_ += 0x9e3779b97f4a7c15u;
     return (static_cast<double>(MixBits(state_) >> 11) + 1) * 0x1p-53;
   }
-  /// Exponentially distributed about 1, drawn in to the relative deviation `deviation`.
+  /// 1 + deviation (x - 1), x exponentially distributed with mean 1.
   float Factor(float deviation) { return 1 + deviation * (static_cast<float>(-std::log(Uniform())) - 1); }
-  /// Of mean 0 and deviation 1.
+  /// Mean 0, standard deviation 1.
   float Normal() {
     double sum = -6;
     for (int i = 0; i < 12; ++i) sum += Uniform();
@@ -61,7 +61,7 @@ void Put(const ColorView& color, int x, int y, const Triple& value) {
   for (size_t c = 0; c < 3; ++c) color[c].At(x, y) = value[c];
 }
 
-/// Sums of samples, and of what they say of each layer.
+/// Sums of the samples of each layer.
 struct LightSums {
   uint32_t count = 0;
   Triple noisy = {}, direct = {}, indirect = {}, albedo = {}, emission = {};
@@ -147,10 +147,10 @@ class Painter {
   LightSums SampleHalf(int x, int y, const std::vector<Surface>& points, uint64_t half) const {
     Random random = RandomOf(x, y, half);
     const uint32_t count = half == 0 ? (sampling_.samples + 1) / 2 : sampling_.samples / 2;
-    // Steps through the points by about the golden ratio: a half covers its pixel evenly.
+    // Steps through the points by about the golden ratio, so that a half covers its pixel evenly.
     const size_t first = static_cast<size_t>(random.Uniform() * static_cast<double>(points.size()));
     const size_t step = points.size() == kGrid * kGrid ? 11 : points.size() * 5 / 8 + 1;
-    const bool is_spike = random.Uniform() < sampling_.spike_chance;
+    const bool is_spike = random.Uniform() < sampling_.spike_probability;
     LightSums sums;
     for (uint32_t i = 0; i < count; ++i) {
       const float spike = is_spike && i == 0 ? sampling_.spike_factor * static_cast<float>(count) : 1;

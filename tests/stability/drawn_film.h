@@ -14,9 +14,9 @@ using Triple = std::array<float, 3>;
 
 constexpr Triple Gray(float value) { return {value, value, value}; }
 
-/// What is seen at a point of a drawing.
+/// The surface at a point of a drawing.
 struct Surface {
-  int object = 1;  // 0: sky, which has its emission alone
+  int object = 1;  // 0: sky, which has only emission
   bool has_diffuse = true;
   Triple normal = {0, 0, 1};
   float distance = 5;
@@ -26,29 +26,30 @@ struct Surface {
   Triple emission = {0, 0, 0};
 };
 
-/// A scene whose light is known everywhere: what is seen at (x, y), in pixels from the top left corner.
+/// A scene with analytic light: the surface at (x, y), in pixels from the top left corner.
 using Drawing = std::function<Surface(float x, float y)>;
 
 /// How a drawing is sampled.
 struct Sampling {
   uint32_t samples = 16;  // per pixel; the first half (rounded up) is half A
   uint32_t seed = 1;
-  float noise = 1;          // relative deviation of one sample's D and of its I, at most 1
-  double spike_chance = 0;  // of a pixel's D to be spike_factor times as bright in one of its halves
+  float noise = 1;               // relative standard deviation of D and I of one sample, at most 1
+  double spike_probability = 0;  // probability that D of one half of a pixel is spike_factor times as bright
   float spike_factor = 1;
-  float feature_noise = 0;  // deviation of one sample's normal, and relative of its distance, as out of focus
-  int truth_grid = 4;       // a pixel's truth is the mean over so many by so many points
+  float feature_noise =
+      0;  // standard deviation of the normal, and relative of the distance, of one sample, as by defocus
+  int truth_grid = 4;  // the truth of a pixel is the mean over a grid of this size squared
 };
 
-/// A film and its truth.
+/// A film and its true picture.
 struct DrawnFilm {
   EdgedImage film;
   Picture truth;  // R G B
 };
 
 /// Samples a drawing as a path tracer would: each sample is a random point of the truth's grid, its D and I
-/// are multiplied by noise of mean 1 with a long tail, and C = (D + I) T + E. Geometry and the sub-samples of
-/// edges are without chance, as those of a geometry unit are. The result depends on the arguments alone.
+/// are multiplied by long-tailed noise of mean 1, and C = (D + I) T + E. Geometry and the sub-samples of
+/// edges are not random, as in a geometry unit. The result depends only on the arguments.
 DrawnFilm DrawFilm(int width, int height, const Drawing& drawing, const Sampling& sampling);
 
 }  // namespace lumifold::stability

@@ -13,7 +13,7 @@ namespace {
 
 double Display(float linear) { return 255 * static_cast<double>(SrgbFromLinear(linear)); }
 
-/// Mean of `value(c, x, y)` over channels and pixels that count.
+/// Mean of `value(c, x, y)` over channels and selected pixels.
 double MeanOver(const ConstColorView& picture, Where where,
                 absl::FunctionRef<double(size_t, int, int)> value) {
   double sum = 0;
@@ -43,7 +43,7 @@ Triple MeanColor(const ConstColorView& picture, Where where) {
 }
 
 std::array<double, 3> LabOf(const Triple& rgb) {
-  // sRGB's matrix, its rows divided by D65 white.
+  // The matrix from sRGB to XYZ, its rows divided by the D65 white point.
   constexpr double kRows[3][3] = {
       {0.4339, 0.3762, 0.1899}, {0.2126, 0.7152, 0.0722}, {0.0177, 0.1095, 0.8728}};
   double f[3];
@@ -55,7 +55,7 @@ std::array<double, 3> LabOf(const Triple& rgb) {
   return {116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])};
 }
 
-/// Where the profile, rising from its first value to its last, crosses `level` of the way.
+/// The position at which the profile, rising from its first value to its last, crosses the fraction `level`.
 double Crossing(const std::vector<double>& profile, double level) {
   const double low = profile.front();
   const double span = profile.back() - low;

@@ -5,34 +5,34 @@
 
 namespace lumifold::stability {
 
-/// Which pixels count.
+/// Selects the pixels to measure.
 using Where = absl::FunctionRef<bool(int x, int y)>;
 
-/// Mean over the pixels that count, and channels, of the squared difference: in 8-bit steps as displayed, or
-/// in light as it is. 0 where none counts.
+/// Mean squared difference over selected pixels and channels: in displayed 8-bit steps, or in linear light. 0
+/// if no pixel is selected.
 double DisplayError(const ConstColorView& a, const ConstColorView& b, Where where);
 double LinearError(const ConstColorView& a, const ConstColorView& b, Where where);
 
-/// Mean over the pixels that count, and channels.
+/// Mean over selected pixels and channels.
 double MeanOf(const ConstColorView& picture, Where where);
 
-/// Mean over the pixels that count, and channels, of a - b in 8-bit steps as displayed.
+/// Mean of a - b over selected pixels and channels, in displayed 8-bit steps.
 double DisplayShift(const ConstColorView& a, const ConstColorView& b, Where where);
 
 /// Pixels with a channel that is not finite.
 int CountNotFinite(const ConstColorView& picture);
 
-/// Pixels with a channel of other bits.
+/// Pixels with a channel whose bits differ.
 int CountDifferent(const ConstColorView& a, const ConstColorView& b);
 
-/// The largest of |a - b| / max(|b|, mean |b|) over the pixels that count.
+/// The largest of |a - b| / max(|b|, mean |b|) over selected pixels.
 double LargestRelativeDifference(const ConstColorView& a, const ConstColorView& b, Where where);
 
-/// CIE 1976 colour difference of the mean colours over the pixels that count (sRGB primaries, D65).
+/// CIE 1976 colour difference of the mean colours over selected pixels (sRGB primaries, D65).
 double DeltaE(const ConstColorView& a, const ConstColorView& b, Where where);
 
-/// Over how many pixels the mean of `plane` at each distance from an edge goes from 10 % to 90 % of the way
-/// between its two ends. `distance` is signed, in pixels, within +-reach.
+/// The 10-90 % width of an edge in pixels, from the profile of means of `plane` by distance from the edge.
+/// `distance` is signed, in pixels, within +-reach.
 double EdgeWidth(ConstFloatView plane, float reach, absl::FunctionRef<float(int x, int y)> distance);
 
 }  // namespace lumifold::stability

@@ -1,4 +1,4 @@
-// Shapes that are hard to filter: thin ones, ones at almost the same place, ones seen at a grazing angle.
+// Shapes that are hard to filter: thin, almost coincident, or seen at a grazing angle.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -33,7 +33,7 @@ DrawnFilm Draw(const Drawing& drawing, const Sampling& sampling = {}) {
   return DrawFilm(kSize, kSize, drawing, sampling);
 }
 
-/// By how much the filter moves the mean of the pixels, over the step between the two lights.
+/// Shift of the mean of selected pixels by the filter, over the step between the two lights.
 double Bleed(const Views& v, float step, Where where) {
   return std::abs(MeanOf(v.filtered, where) - MeanOf(v.noisy, where)) / static_cast<double>(step);
 }
@@ -129,7 +129,7 @@ absl::StatusOr<Finding> Gap(const Trial& trial) {
   });
 }
 
-/// What films that differ in their seeds alone have in common, and what not, as displayed.
+/// Bias and variance of films that differ only in their seeds, in displayed values.
 struct SeedErrors {
   metrics::SeedError filtered, noisy;
 };
@@ -145,7 +145,7 @@ absl::StatusOr<metrics::SeedError> MeasureWithin(const std::vector<Picture>& pic
   return metrics::MeasureSeeds(views, within(truth));
 }
 
-/// Filters films of `runs` seeds and judges them within `crop`.
+/// Filters films of `runs` seeds and measures them inside `crop`.
 absl::StatusOr<Finding> JudgeSeeds(const Trial& trial, const Drawing& drawing, uint32_t samples, int runs,
                                    const Rect& crop, absl::FunctionRef<Figures(const SeedErrors&)> figures) {
   std::vector<Picture> filtered, noisy;
@@ -274,7 +274,7 @@ std::vector<Case> GeometryCases() {
   return {
       {6,
        "pole",
-       "a pole 2 px wide before a brighter wall: error left on it",
+       "a pole 2 px wide in front of a brighter wall: error on it",
        "128x128, 16 spp",
        "",
        {{"error", 0.1}},
@@ -288,7 +288,7 @@ std::vector<Case> GeometryCases() {
        Wires},
       {8,
        "grazing floor",
-       "a floor that runs to the horizon: error left in its far third",
+       "a floor up to the horizon: error in its far third",
        "128x128, 16 spp",
        "",
        {{"error", 0.1}},
@@ -298,14 +298,14 @@ std::vector<Case> GeometryCases() {
        "two planes 1 % of their distance apart, light 2:1: shift of the mean of 8 px on either side, over "
        "the step",
        "128x128, 16 spp",
-       "0.02 asked of the depth what 1 % of it, a fifth of its sigma, cannot tell: only the light does, as "
-       "at a "
+       "was 0.02: 1 % of depth is a fifth of its sigma, so only the light separates the planes, as at a "
        "shadow's border; 0.1 is less than a pixel",
        {{"bleed", 0.1}},
        ParallelPlanes},
       {10,
        "gap",
-       "two boards in one plane, light 4:1, 6 px of sky between: shift of the mean of 8 px on either side, "
+       "two boards in one plane, light 4:1, with 6 px of sky in between: shift of the mean of 8 px on either "
+       "side, "
        "over the step",
        "128x128, 16 spp",
        "",
@@ -315,34 +315,34 @@ std::vector<Case> GeometryCases() {
        "sphere",
        "a smooth sphere, 8 seeds: RMS bias of its lit side in 8-bit steps",
        "128x128, 64 spp",
-       "bands of less than a step of 255, as first asked: the RMS of what all seeds err by alike stands for "
-       "them",
+       "was: bands below one of 255 steps; the RMS error common to all seeds measures them",
        {{"bias", 1}},
        Sphere},
       {12,
        "normal map",
-       "normals that turn by 35 degrees every 2 px, 4 seeds: variance and bias^2 over the noisy variance",
+       "normals that change by 35 degrees every 2 px, 4 seeds: variance and bias^2 over the noisy variance",
        "128x128, 16 spp",
        "",
        {{"variance", 0.3}, {"bias^2", 0.3}},
        NormalMap},
       {13,
        "mixed edge",
-       "a column half lit white, half shaded dark: distance of its mean from 0.505",
+       "a column of pixels, half lit white, half shaded dark: difference of its mean from 0.505",
        "128x256, 64 spp",
        "",
        {{"off", 0.01}},
        MixedEdge},
       {14,
        "silhouette",
-       "ground before sky: sky pixels that are not the input to the last bit",
+       "ground in front of sky: sky pixels whose bits differ from the input",
        "128x128, 16 spp",
        "",
        {{"touched", 0}},
        Silhouette},
       {37,
        "thin rods",
-       "rods 0.5 to 3 px wide before a far, textured background: error left on them, of the whole picture",
+       "rods 0.5 to 3 px wide in front of a far, textured background: error on them, and of the whole "
+       "picture",
        "128x128, 16 spp",
        "",
        {{"on rods", 0.3}, {"whole", 0.2}},

@@ -1,5 +1,4 @@
-// What must not change a picture: how it is cut into tiles, who computes it, the unit of light, left and
-// right.
+// Changes that must not affect a picture: tile size, threads, the unit of light, mirroring.
 #include <algorithm>
 #include <cmath>
 #include <memory>
@@ -75,7 +74,7 @@ Picture Times(float factor, const ConstColorView& color) {
   return product;
 }
 
-/// By how much the picture of the film in another unit of light differs.
+/// Difference between the pictures of a film in two units of light.
 absl::StatusOr<double> DifferenceInUnit(const Trial& trial, float unit, const ConstColorView& expected) {
   DrawnFilm drawn = DrawFilm(128, 96, RoomDrawing(128, 96), {});
   MultiplyLight(unit, &drawn.film.pixels);
@@ -98,7 +97,7 @@ absl::StatusOr<Finding> DarkRoom(const Trial& trial) {
   return finding;
 }
 
-/// Left for right: pixels, normals, and sub-samples within their pixels.
+/// Mirrors a film horizontally: pixels, normals, and sub-samples inside their pixels.
 void Mirror(Plane* plane) {
   for (int y = 0; y < plane->height(); ++y) std::reverse(plane->Row(y), plane->Row(y) + plane->width());
 }
@@ -152,28 +151,26 @@ std::vector<Case> InvarianceCases() {
        Tiles},
       {26,
        "threads",
-       "one film on 1, 2, 3 and 16 threads, in shuffled order and on none: pixels that differ",
+       "one film on 1, 2, 3 and 16 threads, in shuffled order, and without a pool: pixels that differ",
        "131x97, 16 spp",
        "",
        {{"different", 0}},
        Threads},
       {30,
        "dark room",
-       "a film 2^20 times darker, its result as much brighter: largest relative difference; the same by a "
-       "million",
+       "a film 2^20 times darker, its result scaled back: largest relative difference; the same for a factor "
+       "of a million",
        "128x96, 16 spp",
-       "a million times darker the film itself is rounded, which a few pixels between two clusters of "
-       "features "
-       "turn into up to 1e-3: 2e-3",
+       "a factor of a million rounds the film itself, and a few pixels between two clusters of features "
+       "amplify that to 1e-3: 2e-3",
        {{"2^20", 1e-4}, {"million", 2e-3}},
        DarkRoom},
       {31,
        "mirrored film",
-       "left for right: mean square difference over the error left",
+       "a film mirrored horizontally: mean square difference over the error",
        "128x128, 16 spp",
-       "1e-4 asked for what neither the order of axes nor that of directions may touch; both are fixed, so "
-       "that "
-       "all machines agree, and the mirrored film is clustered in another way: 0.1 of the error",
+       "was 1e-4: the order of axes and directions is fixed so that all machines agree, and the mirrored "
+       "film is clustered differently: 0.1 of the error",
        {{"difference", 0.1}},
        Mirrored},
   };

@@ -13,13 +13,13 @@ namespace lumifold::stability {
 namespace {
 
 constexpr int64_t kMostBytes = int64_t{1} << 24;
-constexpr size_t kFields = 6;  // from after the name: nothing, method, measure, threshold, figure, result
+constexpr size_t kFields = 6;  // after the name: empty, method, measure, threshold, figure, result
 
 bool IsOf(const Cell& cell, int number, const std::string& column) {
   return cell.of->number == number && cell.column == column;
 }
 
-/// The cell of a case and column, made where there is none; null for a case that is no more.
+/// The cell of a case and column, created if missing; null for a case that no longer exists.
 Cell* CellFor(int number, const std::string& column, std::vector<Cell>* cells) {
   for (Cell& cell : *cells) {
     if (IsOf(cell, number, column)) return &cell;
@@ -30,7 +30,8 @@ Cell* CellFor(int number, const std::string& column, std::vector<Cell>* cells) {
   return nullptr;
 }
 
-/// Adds one line, NUMBER,"NAME",METHOD,...: a figure, or why there is none. Result: whether it can be read.
+/// Adds one line NUMBER,"NAME",METHOD,...: a figure, or the reason for its absence. Result: whether it is
+/// valid.
 bool AddLine(const std::string& line, std::vector<Cell>* cells) {
   const std::vector<std::string> around_name = absl::StrSplit(line, absl::MaxSplits('"', 2));
   const std::vector<std::string> fields =
@@ -61,8 +62,9 @@ absl::StatusOr<std::vector<Cell>> ReadCells(const std::string& path) {
   if (!text.ok()) return text.status();
   const std::vector<std::string> lines = absl::StrSplit(*text, '\n', absl::SkipEmpty());
   std::vector<Cell> cells;
-  for (size_t i = 1; i < lines.size(); ++i) {  // below the names
-    if (!AddLine(lines[i], &cells)) return absl::DataLossError(absl::StrCat(path, ":", i + 1, ": no cell"));
+  for (size_t i = 1; i < lines.size(); ++i) {  // below the header
+    if (!AddLine(lines[i], &cells))
+      return absl::DataLossError(absl::StrCat(path, ":", i + 1, ": not a cell"));
   }
   std::erase_if(cells, [](const Cell& cell) {
     return cell.IsApplicable() && cell.figures.size() != cell.of->measures.size();

@@ -1,5 +1,4 @@
-// Light that is hard to filter: borders that geometry does not show, sources much brighter than what they
-// light.
+// Light that is hard to filter: edges without geometry, sources much brighter than the surfaces they light.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -27,7 +26,7 @@ DrawnFilm Draw(const Drawing& drawing, const Sampling& sampling = {}) {
   return DrawFilm(kSize, kSize, drawing, sampling);
 }
 
-/// From the middle of the pixel (x, y) to a line that leans a little, to its right positive.
+/// Signed distance of the centre of pixel (x, y) from a slightly tilted line, positive to its right.
 float BesideLine(float x, float y) { return (x - kMiddle + 0.3f * (y - kMiddle)) / std::sqrt(1.09f); }
 float PixelBesideLine(int x, int y) {
   return BesideLine(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f);
@@ -50,7 +49,7 @@ absl::StatusOr<Finding> HardShadow(const Trial& trial) {
   });
 }
 
-/// The largest difference between neighbouring columns' means over that of the truth, on the ramp.
+/// The largest difference of the means of adjacent columns on the ramp, over that of the truth.
 double LargestStep(const ConstFloatView& picture, const ConstFloatView& truth, int x0, int x1) {
   const auto mean = [](const ConstFloatView& plane, int x) {
     double sum = 0;
@@ -98,7 +97,7 @@ absl::StatusOr<Finding> LampOnWall(const Trial& trial) {
 
 absl::StatusOr<Finding> Fireflies(const Trial& trial) {
   Sampling sampling;
-  sampling.spike_chance = 1e-4;
+  sampling.spike_probability = 1e-4;
   sampling.spike_factor = 1000;
   DrawnFilm drawn = DrawFilm(
       256, 256, [](float x, float) { return Lit(Gray(0.2f + x / 512)); }, sampling);
@@ -179,71 +178,71 @@ std::vector<Case> LightCases() {
   return {
       {1,
        "constant light",
-       "one lit plane, noise alone: error left",
+       "one lit plane with noise: error",
        "256x256, 16 spp",
        "",
        {{"error", 0.02}},
        ConstantLight},
       {4,
        "hard shadow",
-       "a shadow's border on one plane, 16:1: error left within 4 px, 10-90 % width over the truth's, px",
+       "a shadow edge on one plane, 16:1: error within 4 px; 10-90 % width minus that of the truth, px",
        "128x128, 16 spp",
        "",
        {{"error", 0.3}, {"wider", 1}},
        HardShadow},
       {5,
        "penumbra",
-       "a ramp over 80 px: error left, largest step between columns over the true one",
+       "a ramp over 80 px: error; largest step between columns over the true one",
        "128x128, 16 spp",
        "",
        {{"error", 0.05}, {"step", 2}},
        Penumbra},
       {15,
        "lamp on a wall",
-       "an emitter of 1000 on a wall of 0.5: shift of the 8 px round it in 8-bit steps, error left there",
+       "an emitter of 1000 on a wall of 0.5: shift of the 8 px around it in 8-bit steps; error there",
        "128x128, 16 spp",
        "",
        {{"shift", 1}, {"error", 0.1}},
        LampOnWall},
       {16,
        "fireflies",
-       "spikes of 1000 in 1 of 10,000 half pixels: squared error left in light, light kept in %",
+       "spikes of 1000 in 1 of 10,000 half pixels: squared error in linear light; light preserved in %",
        "256x256, 16 spp",
        "",
        {{"error", 0.05}, {"kept", 98, true}},
        Fireflies},
       {17,
        "caustic",
-       "a curve of light 3 px wide: its crest kept in %, error left",
+       "a curve of light 3 px wide: peak preserved in %; error",
        "128x128, 16 spp",
        "",
        {{"crest", 80, true}, {"error", 0.3}},
        Caustic},
       {18,
        "projector",
-       "light with a picture in it on one plane: error left",
+       "light projected from a picture onto one plane: error",
        "128x128, 16 spp",
        "",
        {{"error", 0.5}},
        Projector},
       {29,
        "coloured light",
-       "red light beside blue light: colour shift of either side (CIE 1976), pixels not finite",
+       "red light next to blue light: colour shift on either side (CIE 1976); pixels not finite",
        "128x128, 16 spp",
        "",
        {{"shift", 1}, {"bad", 0}},
        ColoredLight},
       {35,
        "lights of 10,000:1",
-       "a spot of 500 on a plane of 0.05: error left in the dark, its shift in 8-bit steps",
+       "a spot of 500 on a plane of 0.05: error in the dark part; its shift in 8-bit steps",
        "128x128, 16 spp",
        "",
        {{"error", 0.1}, {"shift", 1}},
        UnlikeLights},
       {36,
        "light leak",
-       "a dark floor behind a wall 2 px thin, a bright one before it: shift of the first 12 px in 8-bit "
-       "steps, error left there",
+       "a dark floor behind a wall of 2 px, a bright one in front: shift of the first 12 px in 8-bit steps; "
+       "error there",
        "128x128, 16 spp",
        "",
        {{"shift", 1}, {"error", 0.1}},

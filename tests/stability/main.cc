@@ -1,12 +1,11 @@
-// Runs every method through every case in which filters are known to fail.
+// Runs every method on every case in which filters are known to fail.
 //
-//   lumifold-stability                            all of it, as a table on stdout
-//   lumifold-stability --column default           our method alone: what the gate runs
-//   lumifold-stability --output docs/results      writes stability.md and stability.csv; with --column or
-//                                                 --case, the other cells are those the CSV there has
-//   lumifold-stability --crop 6:paper out.png     a cell to look at: noisy, filtered, truth, side by side
+// lumifold-stability all cells, as a table on stdout lumifold-stability --column default the default method:
+// what the gate runs lumifold-stability --output docs/results writes stability.md and stability.csv; with
+// --column or --case, the other cells are kept from the existing CSV lumifold-stability --crop 6:paper
+// out.png the pictures of a cell: noisy, filtered, truth, side by side
 //
-// Fails where our default method fails a case that it is not known to fail, or one that it is by more.
+// Fails if the default method fails a case without a known failure, or is worse than a known one.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -34,14 +33,14 @@ namespace {
 constexpr int kFailure = 1;
 constexpr int kUsageError = 2;
 
-constexpr char kOurs[] = "default";
+constexpr char kDefault[] = "default";
 
 struct Options {
   std::vector<std::string> columns;
   std::vector<int> cases;
   std::vector<std::string> crop;  // CASE:METHOD and a file
   std::string output;
-  std::string about = "commit, machine and date not said";
+  std::string about = "commit, machine and date not given";
   std::string cache = "lumifold-stability-cache";
   int threads = 1;
 };
@@ -81,7 +80,7 @@ absl::Status RunCase(const Options& options, const Case& c, const FilmStore& fil
   return absl::OkStatus();
 }
 
-/// The page of all that ran so far and, of what did not, all that the folder's CSV has.
+/// Writes the page of all cells so far, and of the kept cells.
 absl::Status WriteAll(const Options& options, const std::vector<Cell>& kept, const std::vector<Cell>& cells) {
   const std::vector<Cell> all = WithKept(cells, kept);
   std::vector<std::string> columns;
@@ -101,20 +100,21 @@ absl::Status RunMatrix(const Options& options, const FilmStore& films, TaskPool*
     if (!IsAsked(options, c)) continue;
     if (absl::Status status = RunCase(options, c, films, pool, &cells); !status.ok()) return status;
     if (options.output.empty()) continue;
-    // After each case: all of it takes long, and what is there can be read.
+    // After each case, so that partial results can be read: a whole run takes long.
     absl::Status status = WriteAll(options, *kept, cells);
     if (!status.ok()) return status;
   }
   std::string wrong;
   for (const Cell& cell : cells) {
-    if (cell.column != kOurs) continue;
+    if (cell.column != kDefault) continue;
     if (const std::string regression = Regression(cell); !regression.empty())
       absl::StrAppend(&wrong, "\n  ", regression);
   }
-  return wrong.empty() ? absl::OkStatus() : absl::InternalError(absl::StrCat("our method fails:", wrong));
+  return wrong.empty() ? absl::OkStatus()
+                       : absl::InternalError(absl::StrCat("the default method fails:", wrong));
 }
 
-/// The pictures one beside the other, with a gap between.
+/// The three pictures side by side, with a gap in between.
 LayeredImage SideBySide(const Exhibit& exhibit) {
   constexpr int kGap = 4;
   const ConstColorView whole = ViewOf(exhibit.truth);
@@ -164,18 +164,17 @@ int Main(int argc, char** argv) {
   Options options;
   options.threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   CLI::App app(
-      "Runs every method through every case in which filters are known to fail.\n"
-      "Exit codes: 0 done, 1 our own method does worse than it should, 2 wrong usage.",
+      "Runs every method on every case in which filters are known to fail.\n"
+      "Exit codes: 0 done, 1 the default method does worse than allowed, 2 wrong usage.",
       "lumifold-stability");
   app.add_option("--column", options.columns, "Methods, such as default,paper (default: all)")
       ->delimiter(',');
   app.add_option("--case", options.cases, "Numbers of cases (default: all)")->delimiter(',');
   app.add_option("--crop", options.crop, "CASE:METHOD FILE: writes that cell's pictures as PNG")->expected(2);
-  app.add_option(
-      "--output", options.output,
-      "Folder for stability.md and stability.csv; cells that are not asked for stay as they are there");
+  app.add_option("--output", options.output,
+                 "Folder for stability.md and stability.csv; cells that are not run are kept");
   app.add_option("--about", options.about, "Commit, machine and date, for the page");
-  app.add_option("--cache", options.cache, "Folder that keeps films (default lumifold-stability-cache)");
+  app.add_option("--cache", options.cache, "Folder for films (default lumifold-stability-cache)");
   app.add_option("--threads", options.threads, "Threads (default: all)")->check(CLI::Range(1, 4096));
   try {
     app.parse(argc, argv);

@@ -1,4 +1,4 @@
-// Surfaces that are hard to filter: textures, blackness, mirrors, glass, metal. Most are rendered.
+// Surfaces that are hard to filter: textures, black, mirrors, glass, metal. Most films are rendered.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -67,19 +67,19 @@ absl::StatusOr<Finding> BlackStripes(const Trial& trial) {
   });
 }
 
-/// What a rendered film gives to judge by.
+/// A rendered film, measured against its reference.
 struct Rendered {
   Views views;
   const LayeredImage& film;
   ConstColorView reference_a, reference_b;
 
-  /// Of a picture, the reference's own noise (a quarter of its halves' squared difference) taken off.
+  /// Error of a picture, minus the reference's noise (a quarter of its halves' squared difference).
   double ErrorOf(const ConstColorView& picture, Where where) const {
     return DisplayError(picture, views.truth, where) - DisplayError(reference_a, reference_b, where) / 4;
   }
-  /// Error left over the noisy picture's.
+  /// Error of the result over that of the noisy picture.
   double Left(Where where) const { return ErrorOf(views.filtered, where) / ErrorOf(views.noisy, where); }
-  /// Whether most of the pixel shows a level.
+  /// Whether a level covers most of the pixel.
   bool Shows(layers::Level level, int x, int y) const {
     const std::string mask = layers::OfLevel(level, layers::kMask);
     return film.Has(mask) && film.Get(mask).At(x, y) > 0.5f;
@@ -110,7 +110,7 @@ constexpr layers::Level kInMirror = {layers::Branch::kReflection, 1};
 constexpr layers::Level kBehindGlass = {layers::Branch::kTransmission, 1};
 
 absl::StatusOr<Finding> FlatMirror(const Trial& trial) {
-  constexpr uint64_t kSeeds = 8;  // single bright samples decide about one film: 0.10 to 0.20 of ours
+  constexpr uint64_t kSeeds = 8;  // single bright samples dominate one film: 0.10 to 0.20 for the default
   double filtered = 0;
   double noisy = 0;
   absl::StatusOr<Finding> finding;
@@ -150,9 +150,9 @@ absl::StatusOr<Finding> GlassBeforeChequer(const Trial& trial) {
   });
 }
 
-/// Columns well inside a panel.
+/// The columns inside a panel, without its edges.
 std::pair<int, int> ColumnsOf(int panel) {
-  // The panels are 0.5 m wide, 5.6 m before the camera.
+  // The panels are 0.5 m wide, at 5.6 m from the camera.
   const double half_width = 5.6 * 0.4663 * kWidth / kHeight;
   const auto column = [&](double metres) { return (metres / half_width + 1) * kWidth / 2; };
   return {static_cast<int>(column(-1.75 + 0.5 * panel)) + 2,
@@ -160,7 +160,7 @@ std::pair<int, int> ColumnsOf(int panel) {
 }
 
 absl::StatusOr<Finding> RoughnessRamp(const Trial& trial) {
-  constexpr uint64_t kSeeds = 8;  // a panel has too few pixels to be judged by one film
+  constexpr uint64_t kSeeds = 8;  // a panel has too few pixels for one film
   std::array<double, kRoughnessPanels> filtered = {};
   std::array<double, kRoughnessPanels> noisy = {};
   absl::StatusOr<Finding> finding;
@@ -242,82 +242,83 @@ std::vector<Case> MaterialCases() {
   return {
       {2,
        "chequer of pixels",
-       "an albedo that alternates from pixel to pixel: mean square difference from albedo times what is made "
-       "of the light alone",
+       "an albedo that alternates from pixel to pixel: mean square difference from albedo times the "
+       "filtered light",
        "128x128, 16 spp",
        "",
        {{"difference", 1e-6}},
        PixelChequer},
       {3,
        "black stripes",
-       "stripes of 4 px without a diffuse lobe beside lit white ones: pixels not finite, light that leaves "
-       "the white or enters the black, over it",
+       "stripes of 4 px without a diffuse lobe next to lit white ones: pixels not finite; relative light "
+       "that "
+       "leaves the white or enters the black",
        "128x128, 16 spp",
        "",
        {{"bad", 0}, {"bleed", 0.01}},
        BlackStripes},
       {19,
        "flat mirror",
-       "a mirror that shows a textured room, 8 seeds: error left in it",
+       "a mirror that shows a textured room, 8 seeds: error in it",
        "96x72, 16 spp",
        "",
        {{"error", 0.1}},
        FlatMirror},
       {20,
        "curved mirror",
-       "a mirroring ball before a flat mirror: error left in both",
+       "a mirror ball in front of a flat mirror: error in both",
        "96x72, 16 spp",
        "",
        {{"error", 0.3}},
        CurvedMirror},
       {21,
        "pane before chequer",
-       "a pane of glass before a chequered wall: FLIP, error left behind the pane",
+       "a pane of glass in front of a chequered wall: FLIP; error behind the pane",
        "96x72, 16 spp",
        "",
        {{"FLIP", 0.1}, {"error", 0.3}},
        GlassBeforeChequer},
       {22,
        "roughness ramp",
-       "seven metal panels from smooth to rough, 8 seeds: largest quotient of neighbours' RMS error left, "
-       "the largest RMS error left",
+       "seven metal panels from smooth to rough, 8 seeds: largest ratio of RMS errors of neighbours; "
+       "largest RMS error",
        "96x72, 16 spp",
-       "the jump's is the first one; the error is asked for, too, since no filter at all has no jump",
+       "the jump is as first set; the error was added, since the unfiltered picture has no jump",
        {{"jump", 2}, {"error", 0.7}},
        RoughnessRamp},
       {23,
        "half metal",
-       "a ball half metal, half diffuse: light gained or lost on it in %, error left on it",
+       "a ball half metal, half diffuse: light gained or lost on it in %; error on it",
        "96x72, 16 spp",
        "",
        {{"light", 0.1}, {"error", 0.3}},
        HalfMetal},
       {28,
        "interior corner",
-       "white walls in indirect light: error left within 3 px of their corners",
+       "white walls in indirect light: error within 3 px of their corners",
        "96x72, 16 spp",
-       "half of what the irradiance cache leaves asked to beat a method that gathers paths of its own at "
-       "every record, which the film's samples do not hold: 0.3 of the film's noise",
+       "was half the error of the irradiance cache, which gathers additional paths that the film does not "
+       "have: 0.3 of the film's noise",
        {{"error", 0.3}},
        Corner},
       {38,
        "mirror facing mirror",
-       "two mirrored walls: error left in the first reflection, in the second",
+       "two mirrored walls: error in the first reflection, in the second",
        "96x72, 16 spp",
        "",
        {{"first", 0.3}, {"second", 0.3}},
        FacingMirrors},
-      {39, "slit", "a dark room lit through a slit: error left", "96x72, 16 spp", "", {{"error", 0.2}}, Slit},
+      {39, "slit", "a dark room lit through a slit: error", "96x72, 16 spp", "", {{"error", 0.2}}, Slit},
       {40,
        "chequer to the horizon",
-       "a floor whose chequer shrinks to a pixel and below: error left far off, of the whole picture",
+       "a floor whose chequer shrinks to a pixel and below: error far away, and of the whole picture",
        "96x72, 16 spp",
        "",
        {{"far", 0.3}, {"whole", 0.3}},
        Hall},
       {41,
        "caustic fireflies",
-       "a small lamp and a ball of brushed metal: error left, light kept in %",
+       "a small lamp and a ball of brushed metal: error; light preserved in %",
        "96x72, 16 spp",
        "",
        {{"error", 0.3}, {"kept", 98, true}},

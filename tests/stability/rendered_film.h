@@ -13,14 +13,14 @@
 
 namespace lumifold::stability {
 
-/// A film that is put before a method and, where it was rendered and not drawn, of what.
+/// The input of a method: a film and, if it was rendered, its scene and settings.
 struct Subject {
   const EdgedImage& film;
   const charts::FilmSource* source = nullptr;  // null: drawn
   charts::FilmSettings settings = {};
 };
 
-/// A film that was rendered, and of what.
+/// A rendered film with its scene and settings.
 struct SceneFilm {
   EdgedImage film;
   std::shared_ptr<const charts::FilmSource> source;
@@ -29,27 +29,27 @@ struct SceneFilm {
   Subject subject() const { return {film, source.get(), settings}; }
 };
 
-/// A film and the same by many samples of other seeds.
+/// A film, and a reference of the same scene with many samples and another seed.
 struct JudgedFilm {
   SceneFilm rendered;
   EdgedImage reference;
 };
 
-/// Films of small scenes, kept in a folder.
+/// Films of small scenes, cached in a folder.
 class FilmStore {
  public:
   explicit FilmStore(std::string folder) : folder_(std::move(folder)) {}
 
-  /// Renders the scene, or finds it. Errors: those of charts::FilmSource.
+  /// The film, from the cache or rendered. Errors: those of charts::FilmSource.
   absl::StatusOr<SceneFilm> Get(const scenes::SceneDescription& scene, const charts::FilmSettings& settings,
                                 TaskPool* pool) const;
 
-  /// The film of `settings` with one of `reference_samples`.
+  /// The film of `settings`, and a reference of `reference_samples` per pixel.
   absl::StatusOr<JudgedFilm> GetJudged(const scenes::SceneDescription& scene,
                                        const charts::FilmSettings& settings, uint32_t reference_samples,
                                        TaskPool* pool) const;
 
-  /// Renders the scene anew in tiles of a size of one's own. Errors: as Get.
+  /// Renders the scene in tiles of the given size, without the cache. Errors: as Get.
   absl::StatusOr<EdgedImage> RenderInTiles(const scenes::SceneDescription& scene,
                                            const charts::FilmSettings& settings, charts::TileSize tile,
                                            TaskPool* pool) const;

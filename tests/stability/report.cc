@@ -14,7 +14,7 @@
 namespace lumifold::stability {
 namespace {
 
-/// How far a known failure's figure may drift, as compilers and libraries change: a part of itself.
+/// Relative tolerance for the figure of a known failure, for other compilers and libraries.
 constexpr double kDrift = 0.05;
 
 bool Passes(const Measure& measure, double figure) { return std::isfinite(figure) && measure.Passes(figure); }
@@ -36,7 +36,7 @@ std::string FormatThresholds(const Case& c) {
   });
 }
 
-/// Cells by case, in the order of the cases, then by column.
+/// Cells by case number, then by column.
 using Matrix = std::map<int, std::map<std::string, const Cell*>>;
 
 Matrix MatrixOf(const std::vector<Cell>& cells) {
@@ -77,11 +77,11 @@ std::string MatrixTable(const std::vector<std::string>& columns, const Matrix& m
 
 std::string CaseTable(const Matrix& matrix) {
   std::string text =
-      "| # | what is drawn or rendered, and what is asked | size | if a threshold was moved: why "
+      "| # | scene and measures | size | why a threshold differs from the first one "
       "|\n|--:|---|---|---|\n";
   for (const auto& [number, row] : matrix) {
     const Case& c = *row.begin()->second->of;
-    absl::StrAppend(&text, "| ", number, " | ", c.what, " | ", c.size, " | ", c.moved, " |\n");
+    absl::StrAppend(&text, "| ", number, " | ", c.what, " | ", c.size, " | ", c.threshold_note, " |\n");
   }
   return text;
 }
@@ -131,13 +131,15 @@ std::string Page(const std::string& about, const std::vector<std::string>& colum
                  const std::vector<Cell>& cells) {
   const Matrix matrix = MatrixOf(cells);
   return absl::StrCat(
-      "# Where filters fail\n\nEvery method by its default parameters, in every case known to be hard. "
-      "Figures are "
-      "in the order of the measures; *error* is the squared error left, as displayed, over the noisy "
-      "picture's. `none` is the noisy picture itself. Made by `lumifold-stability --output docs/results`; ",
-      about, ".\n`lumifold-stability --crop CASE:METHOD out.png` shows any cell: noisy, filtered, truth.\n\n",
+      "# Where filters fail\n\nEvery method with its default parameters, in every case known to be hard. "
+      "Figures are in the order of the measures. *error* is the squared error of the result over that of the "
+      "noisy picture, in displayed values. `none` is the noisy picture itself. Made by `lumifold-stability "
+      "--output docs/results`; ",
+      about,
+      ".\n`lumifold-stability --crop CASE:METHOD out.png` shows the pictures of a cell: noisy, filtered, "
+      "truth.\n\n",
       MatrixTable(columns, matrix), "\n## The cases\n\n", CaseTable(matrix),
-      "\n## Known failures of the default\n\nTheir figures are held by a test: they cannot get worse.\n\n",
+      "\n## Known failures of the default\n\nA test keeps their figures from becoming worse.\n\n",
       KnownFailures(matrix), "\n## Not applicable\n\n", NotApplicable(columns, cells));
 }
 
@@ -169,7 +171,7 @@ std::string Regression(const Cell& cell) {
                           c.measures[i].at_least};
     if (!Passes(c.measures[i], cell.figures[i]) && !Passes(held, cell.figures[i])) {
       return absl::StrCat("case ", c.number, ", ", c.name, ": ", FormatCell(cell),
-                          "; known to fail, but not so far: ", FormatThreshold(held));
+                          "; a known failure, but worse than ", FormatThreshold(held));
     }
   }
   return "";

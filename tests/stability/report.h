@@ -8,29 +8,29 @@
 
 namespace lumifold::stability {
 
-/// What stability.csv says, before the reason, of a cell that is not applicable.
+/// Prefix of the reason in stability.csv for a cell that is not applicable.
 inline constexpr char kNotApplicable[] = "not applicable: ";
 
-/// What one method did in one case.
+/// The result of one method in one case.
 struct Cell {
   const Case* of = nullptr;
   std::string column;
   std::vector<double> figures;  // empty: not applicable
-  std::string not_applicable;   // why
+  std::string not_applicable;   // the reason
 
   bool IsApplicable() const { return not_applicable.empty(); }
   bool Passes() const;
 };
 
-/// "0.013, 0.98 pass", "0.4 FAIL" or "not applicable".
+/// "0.013, 0.98 pass", "0.4 **FAIL**" or, for a cell that is not applicable, a dash.
 std::string FormatCell(const Cell& cell);
 
-/// What is wrong with a cell of our own method: it fails where no failure is known, or has become worse than
-/// the known one. Empty where all is as it should be.
+/// The error of a cell of the default method: it fails without a known failure, or is worse than the known
+/// one. Empty if neither.
 std::string Regression(const Cell& cell);
 
-/// Writes FOLDER/stability.md, cases as rows and columns as columns with `about` (commit, machine, date)
-/// above them, and FOLDER/stability.csv, a line a figure. Cells that there are none of stay empty. Errors:
+/// Writes FOLDER/stability.md with one row per case and one column per method, below `about` (commit,
+/// machine, date), and FOLDER/stability.csv with one line per figure. Missing cells stay empty. Errors:
 /// kUnavailable naming the file.
 absl::Status WriteReport(const std::string& folder, const std::string& about,
                          const std::vector<std::string>& columns, const std::vector<Cell>& cells);

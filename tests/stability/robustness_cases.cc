@@ -1,4 +1,5 @@
-// What must hold for any film: more samples never harm, seeds and frames agree, odd input stays finite.
+// Properties of any film: more samples reduce the error, seeds and frames agree, odd input gives finite
+// output.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -24,7 +25,7 @@ constexpr int kHeight = 72;
 
 bool Everywhere(int, int) { return true; }
 
-/// One run of a film that is filtered several times: with other samples, seeds, or from elsewhere.
+/// One of several runs with other sample counts, seeds, or camera positions.
 struct Run {
   Picture noisy, filtered, truth;
 };
@@ -133,7 +134,7 @@ absl::StatusOr<Finding> RealSeeds(const Trial& trial) {
   if (!ours.ok()) return ours.status();
   const auto input = measure(noisy);
   if (!input.ok()) return input.status();
-  // Of a reference by 32 times the samples, a 32nd of the noise is in what looks like bias.
+  // With a reference of 32 times the samples, a 32nd of the noise counts as bias.
   const double own = input->variance / 32;
   return Finding{{ours->variance / input->variance, (ours->bias_squared - own) / input->variance},
                  {std::move(noisy[0]), std::move(filtered[0]), std::move(truth)}};
@@ -173,7 +174,7 @@ absl::StatusOr<Finding> NoisyFeatures(const Trial& trial) {
   return Finding{{left, left / clean}, Show(*std::move(blurred))};
 }
 
-/// Puts a bad number here and there into a layer and its halves.
+/// Writes bad numbers into some pixels of a layer and its halves.
 void Poison(std::string_view layer, LayeredImage* film) {
   const float bad[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(),
                        -std::numeric_limits<float>::infinity(), -1e30f, 1e38f};
@@ -228,7 +229,7 @@ absl::StatusOr<Finding> OddInput(const Trial& trial) {
 }
 
 absl::StatusOr<Finding> PerfectInput(const Trial& trial) {
-  // By 32 samples each half sees all 16 points of a pixel: not even coverage is noisy.
+  // With 32 samples each half has all 16 points of a pixel, so even coverage has no noise.
   const DrawnFilm drawn = DrawFilm(128, 96, RoomDrawing(128, 96), {.samples = 32, .noise = 0});
   return Judge(trial, drawn,
                [](const Views& v) { return Figures{std::min(200.0, metrics::Psnr(v.filtered, v.noisy))}; });
@@ -240,15 +241,16 @@ std::vector<Case> RobustnessCases() {
   return {
       {24,
        "more samples",
-       "a room by 1, 4, ... 4096 samples: log-log slope of the error, the flattest one between two, the "
-       "largest error left",
+       "a room with 1, 4, ... 4096 samples: log-log slope of the error; the flattest between two; the "
+       "largest "
+       "error",
        "96x72, 1 to 4096 spp",
-       "never flat: no slope above -0.1; never worse than the input is asked for, too",
+       "added: no slope above -0.1, and never worse than the input",
        {{"slope", -0.5}, {"flattest", -0.1}, {"error", 1}},
        MoreSamples},
       {27,
        "seeds",
-       "a flat room by 8 seeds: mean change from one to the next over the noisy one's, blotch index of "
+       "a flat room with 8 seeds: mean change between seeds over the noisy one; blotch index of "
        "luminance and of chroma",
        "96x72, 16 spp",
        "",
@@ -256,16 +258,16 @@ std::vector<Case> RobustnessCases() {
        Seeds},
       {32,
        "blurred features",
-       "normals and distances noisy as out of focus (0.2): error left, over the error left with clean ones",
+       "normals and distances noisy as by defocus (0.2): error; error over that with clean features",
        "96x72, 16 spp",
-       "better with features filtered first than without asked for a step the method does not have: what "
-       "noise of the features costs is held instead",
+       "was: better with filtered features than without; the method does not filter features, so the cost of "
+       "their noise is limited instead",
        {{"error", 0.5}, {"over clean", 4}},
        NoisyFeatures},
       {33,
        "odd input",
-       "films of two values, of one, of one pixel; without noise; with NaN, infinities, 1e38 in them: pixels "
-       "not finite",
+       "films of two values, of one, of one pixel; without noise; with NaN, infinities, 1e38: pixels not "
+       "finite",
        "16 films, 48x48",
        "",
        {{"bad", 0}},
@@ -279,21 +281,22 @@ std::vector<Case> RobustnessCases() {
        PerfectInput},
       {42,
        "real samples",
-       "a mirrored room by 1, 4, ... 1024 samples: the largest error left",
+       "a room with mirrors with 1, 4, ... 1024 samples: the largest error",
        "48x36, 1 to 1024 spp",
        "",
        {{"error", 1}},
        RealSamples},
       {43,
        "real seeds",
-       "a mirrored room by 8 seeds: variance and bias^2 over the noisy variance",
+       "a room with mirrors with 8 seeds: variance and bias^2 over the noisy variance",
        "96x72, 16 spp",
        "",
        {{"variance", 0.2}, {"bias^2", 0.2}},
        RealSeeds},
       {44,
        "slow pan",
-       "16 frames, the camera moving by 0.7 px each: mean change and 99th percentile over those of the truth",
+       "16 frames, the camera moves by 0.7 px per frame: mean change and 99th percentile over those of the "
+       "truth",
        "96x72, 64 spp",
        "",
        {{"mean", 2}, {"99 %", 1.25}},

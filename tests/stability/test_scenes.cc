@@ -96,7 +96,7 @@ class RoomBuilder {
   SceneDescription scene_;
 };
 
-/// Walls of several looks: what a mirror is to show.
+/// Walls of different materials, to be seen in a mirror.
 Walls FurnishedWalls(RoomBuilder* room) {
   const MaterialId white = room->White();
   return {room->Textured(Chequer(), 0.8),
@@ -184,7 +184,8 @@ SceneDescription CornerRoom() {
   room.PlaceWhiteWalls();
   room.PlaceLamp(9);
   const MaterialId white = room.Add(scenes::Matte("shade", {0.75, 0.75, 0.75}));
-  room.PlaceBox({0, kHeight - 0.3, 1}, {1.6, 0.04, 1.6}, white);  // keeps the lamp from the floor
+  room.PlaceBox({0, kHeight - 0.3, 1}, {1.6, 0.04, 1.6},
+                white);  // blocks the direct light of the lamp on the floor
   return room.Take();
 }
 

@@ -4,11 +4,11 @@
 
 namespace lumifold::stability {
 
-// Small closed rooms, 4 x 3 x 6 m, under one lamp, seen from inside.
+// Small closed rooms, 4 x 3 x 6 m, with one lamp, seen from inside.
 
 /// A flat mirror on the rear wall shows a room with a textured floor and a picture.
 scenes::SceneDescription MirrorRoom();
-/// A mirroring sphere before a flat mirror.
+/// A mirror sphere in front of a flat mirror.
 scenes::SceneDescription MirrorSphereRoom();
 /// The rear and the front wall are mirrors.
 scenes::SceneDescription FacingMirrorsRoom();
@@ -19,13 +19,13 @@ scenes::SceneDescription RoughnessRoom();
 inline constexpr int kRoughnessPanels = 7;
 /// A ball that is half metal, half diffuse.
 scenes::SceneDescription HalfMetalRoom();
-/// White corners lit by light from all around them.
+/// White corners in indirect light.
 scenes::SceneDescription CornerRoom();
-/// No lamp: what light there is comes through a slit in the wall.
+/// No lamp: all light comes through a slit in the wall.
 scenes::SceneDescription SlitRoom();
-/// A floor with a fine chequer that runs to the far wall, 60 m off.
+/// A floor with a fine chequer pattern up to the far wall, at 60 m.
 scenes::SceneDescription ChequeredHall();
-/// A small bright lamp and a ball of brushed metal that throws its light about.
+/// A small bright lamp and a ball of brushed metal that casts caustics.
 scenes::SceneDescription CausticRoom();
 
 }  // namespace lumifold::stability

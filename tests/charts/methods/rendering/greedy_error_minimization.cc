@@ -17,29 +17,29 @@ namespace {
 
 using render::RenderSettings;
 
-/// Sigmas in pixels, the pixel itself first: while samples are placed, and for the picture.
+/// Sigmas in pixels, the identity first: during sampling, and for the picture.
 constexpr float kSamplingBank[] = {0, 1, 2, 4, 8};
 constexpr float kPictureBank[] = {0, 0.70710678f, 1, 1.41421356f, 2, 2.82842712f, 4, 5.65685425f, 8};
 
-/// Pixels that get samples in a round, of all, and the share of the samples that all get alike: a pixel all
-/// of whose samples happened to be equal would never have another.
+/// Fraction of pixels that get adaptive samples in a round, and fraction of samples distributed uniformly:
+/// otherwise a pixel whose samples happen to be equal would never get another.
 constexpr double kChosenShare = 0.25;
 constexpr double kEvenShare = 0.1;
 
-/// A sample's variance in a pixel is drawn to its mean around, with this sigma in pixels, as if that were
-/// known from so many samples: the pixel's few may have missed rare light altogether.
+/// The sample variance of a pixel is shrunk towards a local mean (sigma in pixels) that counts as
+/// kPriorSamples samples, because a few samples may miss rare light altogether.
 constexpr float kVarianceSigma = 1;
 constexpr float kPriorSamples = 8;
 
-/// The squared brightness below which errors count as they are, not against it.
+/// Added to the squared brightness in relative errors, so that dark pixels do not dominate.
 constexpr float kDarkness = 1e-3f;
 
-/// What one Gaussian makes of the frame.
+/// The frame, blurred by one Gaussian.
 struct Level {
   float sigma = 0;
   Planes means;
   Planes variances;
-  Plane samples;  // that its mean rests on
+  Plane samples;  // effective number of samples of its mean
 };
 
 float Sum(const Planes& planes, int x, int y) {
@@ -64,7 +64,7 @@ Level MakeLevel(const Planes& means, const Planes& variances, const Plane& count
   return level;
 }
 
-/// Variances of the pixels' means, those of few samples drawn to what is around.
+/// Variances of the pixels' means, shrunk towards their neighbours' for few samples.
 Planes SteadyVariances(Planes variances, const Plane& counts, TaskPool* pool) {
   const Gaussian gaussian(kVarianceSigma, counts.width(), counts.height());
   for (Plane& variance : variances) {
@@ -91,8 +91,8 @@ std::vector<Level> MakeBank(const SampledFrame& frame, absl::Span<const float> s
   return bank;
 }
 
-/// The bias of a coarser Gaussian less that of a finer one, squared each, over the squared difference of
-/// their means, where biases grow with the square of sigma.
+/// The difference of squared biases of a coarser and a finer Gaussian, over the squared difference of their
+/// means, if biases grow with the square of sigma.
 float BiasFactor(const Level& fine, const Level& coarse) {
   const float f = fine.sigma * fine.sigma;
   const float c = coarse.sigma * coarse.sigma;
@@ -108,11 +108,11 @@ float SquaredDifference(const Level& fine, const Level& coarse, int x, int y) {
   return sum;
 }
 
-/// By how much a bias that is seen through noise is made to count, for it to be above the true one with a
-/// probability that `gamma` states.
+/// The factor on a noisy estimate of the bias that makes it exceed the true bias with the probability set by
+/// `gamma`.
 float BiasCaution(float gamma) { return -Log(1 - Pow(1.9f * gamma, 0.70710678f)); }
 
-/// 1 where a pixel is not to go on from `fine` to `coarse`.
+/// 1 where a pixel stays at `fine` rather than going on to `coarse`.
 Plane Stops(const Level& fine, const Level& coarse, float caution) {
   const int width = fine.samples.width();
   const int height = fine.samples.height();
@@ -126,7 +126,7 @@ Plane Stops(const Level& fine, const Level& coarse, float caution) {
   return stops;
 }
 
-/// What most of a pixel's neighbours say, the pixel itself left out.
+/// The weighted majority of a pixel's neighbours, without the pixel itself.
 Plane Majority(const Plane& stops, float sigma, TaskPool* pool) {
   const Gaussian gaussian(sigma, stops.width(), stops.height());
   Plane majority = gaussian.Mean(stops, pool);
@@ -138,7 +138,7 @@ Plane Majority(const Plane& stops, float sigma, TaskPool* pool) {
   return majority;
 }
 
-/// The level each pixel takes.
+/// The level of each pixel.
 std::vector<uint8_t> ChooseLevels(const std::vector<Level>& bank, float gamma, bool for_picture,
                                   TaskPool* pool) {
   const float caution = BiasCaution(gamma);
@@ -158,7 +158,7 @@ std::vector<uint8_t> ChooseLevels(const std::vector<Level>& bank, float gamma, b
   return chosen;
 }
 
-/// What a round's samples in a pixel are expected to be worth.
+/// The expected reduction of relative error by `more` samples in each pixel.
 Plane WorthOfSampling(const std::vector<Level>& bank, const std::vector<uint8_t>& chosen, float more) {
   const int width = bank[0].samples.width();
   const int height = bank[0].samples.height();
@@ -178,7 +178,7 @@ Plane WorthOfSampling(const std::vector<Level>& bank, const std::vector<uint8_t>
   return worth;
 }
 
-/// A share of `budget` samples spread over all pixels by chance, at most one more in some than in others.
+/// Distributes a fraction of `budget` samples over all pixels at random; counts differ by at most one.
 std::vector<uint32_t> SpreadEvenly(uint64_t budget, int round, size_t pixels) {
   const double each = kEvenShare * static_cast<double>(budget) / static_cast<double>(pixels);
   std::vector<uint32_t> samples(pixels);
@@ -205,7 +205,7 @@ void PlaceRound(uint64_t budget, int round, float gamma, TaskPool* pool, Sampled
   frame->Take(more, pool);
 }
 
-/// Places about `budget` samples in all, those there are among them.
+/// Takes samples until the frame has about `budget`, including those it has already.
 void PlaceSamples(uint64_t budget, int rounds, float gamma, TaskPool* pool, SampledFrame* frame) {
   for (int round = 0; round < rounds; ++round)
     PlaceRound((budget - frame->taken()) / static_cast<uint64_t>(rounds - round), round, gamma, pool, frame);
@@ -237,18 +237,17 @@ absl::StatusOr<RenderedPicture> Render(std::shared_ptr<const scene::Scene> scene
 }  // namespace
 
 RenderMethod GreedyErrorMinimizationMethod() {
-  return {
-      .info = {.name = "adaptive-gem",
-               .summary = "samples placed, and Gaussians chosen, where they lower the estimated error most",
-               .source = "Rousselle et al. 2011, with the pixel itself as the finest filter",
-               .parameters = {{"gamma",
-                               "caution: the larger, the sooner a bias that is seen stops the blur",
-                               0.4f,
-                               {0.2f, 0.4f, 0.5f},
-                               0.01f,
-                               0.5f},
-                              {"rounds", "in which samples are placed", 8, {8}, 1, 64}}},
-      .render = Render};
+  return {.info = {.name = "adaptive-gem",
+                   .summary = "adaptive samples and Gaussians chosen to minimise the estimated error",
+                   .source = "Rousselle et al. 2011, with the pixel itself as the finest filter",
+                   .parameters = {{"gamma",
+                                   "caution: with a larger value an observed bias stops the blur earlier",
+                                   0.4f,
+                                   {0.2f, 0.4f, 0.5f},
+                                   0.01f,
+                                   0.5f},
+                                  {"rounds", "rounds of adaptive sampling", 8, {8}, 1, 64}}},
+          .render = Render};
 }
 
 }  // namespace lumifold::charts

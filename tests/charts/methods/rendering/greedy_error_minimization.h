@@ -4,7 +4,7 @@
 
 namespace lumifold::charts {
 
-/// "greedy-error": adaptive sampling by greedy error minimisation. Each pixel is blurred by the Gaussian of a
+/// "adaptive-gem": adaptive sampling by greedy error minimisation. Each pixel is blurred by the Gaussian of a
 /// bank with the smallest estimated error; the search starts at the finest and compares the variance that the
 /// next one saves with the bias it adds. Samples go where the estimated error relative to brightness is
 /// largest. The bank starts with the identity, so that the picture converges; the published one starts with

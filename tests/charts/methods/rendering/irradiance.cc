@@ -21,14 +21,14 @@ using render::Surface;
 using scene::Vec2;
 using scene::Vec3;
 
-/// Keeps the numbers of gathered paths apart from those of camera samples of the same seed.
+/// Separates the random numbers of gathered paths from those of camera samples of the same seed.
 constexpr uint64_t kGatherSeed = 0x69727261643a3939u;
 
 void Add(Vec3 amount, Vec3 direction, ColorGradient* gradient) {
   for (int c = 0; c < 3; ++c) (*gradient)[static_cast<size_t>(c)] += direction * amount[c];
 }
 
-/// The sums over one set of arrivals, in the frame of the normal.
+/// The irradiance and its gradients from one set of strata, in the frame of the normal.
 class GradientSums {
  public:
   GradientSums(const HemisphereStrata& strata, std::span<const Arrival> arrivals)
@@ -61,12 +61,12 @@ class GradientSums {
     return arrivals_[static_cast<size_t>(ring) * static_cast<size_t>(strata_.sectors) +
                      static_cast<size_t>(sector)];
   }
-  /// The sine of the angle to the normal where ring number `ring` begins.
+  /// The sine of the angle to the normal at the start of ring `ring`.
   float SineBefore(int ring) const {
     return std::sqrt(static_cast<float>(ring) / static_cast<float>(strata_.rings));
   }
-  /// The integral of that angle's tangent over the share of the hemisphere before the ring. The last ring's
-  /// mean is far from the tangent at its middle.
+  /// The integral of that angle's tangent over the part of the hemisphere before the ring. An integral,
+  /// because the mean over the last ring is far from the tangent at its middle.
   float TangentsUpTo(int ring) const {
     const float sine = SineBefore(ring);
     const float cosine = std::sqrt(1 - sine * sine);
@@ -79,14 +79,15 @@ class GradientSums {
     return out;
   }
 
-  /// Each direction comes to count more or less for its cosine as the normal turns: the limit of Ward and
-  /// Heckbert's (n_i x n) . gradient, with their gradient turned by a quarter round the normal.
+  /// Rotation gradient: the cosine of each direction changes as the normal rotates. It is the limit of Ward
+  /// and Heckbert's (n_i x n) . gradient, with their gradient rotated by 90 degrees around the normal.
   void AddTurn(int ring, int sector, ColorGradient* turn) const {
     const float tangent = (TangentsUpTo(ring + 1) - TangentsUpTo(ring)) * static_cast<float>(strata_.rings);
     Add(At(ring, sector).radiance * tangent, Azimuth(static_cast<float>(sector) + 0.5f), turn);
   }
 
-  /// The border to the stratum nearer to the pole moves as the nearer of the two surfaces passes by.
+  /// Translation gradient: the border to the stratum nearer to the pole moves with the nearer of the two
+  /// surfaces.
   void AddRadialStep(int ring, int sector, ColorGradient* step) const {
     const Arrival& here = At(ring, sector);
     const Arrival& inner = At(ring - 1, sector);
@@ -97,7 +98,7 @@ class GradientSums {
     Add((here.radiance - inner.radiance) * rate, Azimuth(static_cast<float>(sector) + 0.5f), step);
   }
 
-  /// The same of the border to the sector before.
+  /// The same for the border to the previous sector.
   void AddTangentialStep(int ring, int sector, ColorGradient* step) const {
     const Arrival& here = At(ring, sector);
     const Arrival& before = At(ring, sector > 0 ? sector - 1 : strata_.sectors - 1);
@@ -150,8 +151,7 @@ Irradiance GatherIrradiance(const PathTracer& tracer, const Surface& surface, co
   for (int i = 0; i < strata.count(); ++i) {
     const Sampler sampler(MixBits(seed ^ kGatherSeed), 0, key, static_cast<uint32_t>(i));
     const Vec3 direction = frame.ToWorld(strata.Direction(i, sampler.Get2D(kCameraPair)));
-    // A shading normal may lean so far that some of its hemisphere lies behind the face: nothing comes from
-    // there.
+    // Part of the hemisphere of a shading normal may lie behind the face: no light arrives from there.
     if (Dot(direction, surface.geometric) <= 0) continue;
     Arrival arrival = tracer.TraceArrival(surface, direction, sampler);
     if (IsFinite(arrival.radiance)) arrivals[static_cast<size_t>(i)] = arrival;

@@ -176,7 +176,7 @@ class AdaptiveSampler {
     return best;
   }
 
-  /// Traces side by side, inserts one by one.
+  /// Traces in parallel, inserts in order.
   void Add(const std::vector<Point>& points) {
     std::vector<uint32_t> indices;
     indices.reserve(points.size());
@@ -191,7 +191,7 @@ class AdaptiveSampler {
     for (size_t i = 0; i < points.size(); ++i) tree_.Insert({points[i], values[i]});
   }
 
-  /// What is not finite is black.
+  /// The radiance; black if it is not finite.
   Vec3 Trace(const Point& point, uint32_t index) const {
     const Sampler sampler(frame_.seed(), 0, static_cast<int64_t>(space_.PixelOf(point)), index);
     Ray ray = frame_.camera().RayThrough(point[0], point[1], space_.Lens(point));
@@ -213,8 +213,8 @@ using Matrix = Eigen::Matrix<float, SampleTree::kMostDimensions, SampleTree::kMo
 
 Vector VectorOf(const Point& point) { return Vector::Map(point.data()); }
 
-/// The slopes of the light round a sample, squared and summed over channels: those of the planes that fit its
-/// neighbours best.
+/// The structure tensor at a sample: outer product of the light's gradient, from a least-squares fit to its
+/// neighbours, summed over channels.
 Matrix SlopesAt(const SampleTree& tree, const SampleTree::Sample& centre) {
   std::array<uint32_t, kNeighbours> near;
   const size_t count = tree.Nearest(centre.at, near);
@@ -233,7 +233,7 @@ Matrix SlopesAt(const SampleTree& tree, const SampleTree::Sample& centre) {
     spread += step * step.transpose();
     rise += step * Eigen::RowVector3f(growth.x, growth.y, growth.z);
   }
-  // Neighbours on a line say nothing of the slope across it, nor any of dimensions that are not used.
+  // The ridge fixes directions without data: across neighbours on a line, and along unused dimensions.
   constexpr float kRidge = 1e-3f;
   const float ridge = kRidge * spread.trace();
   if (!(ridge > 0)) return Matrix::Zero();
@@ -242,7 +242,7 @@ Matrix SlopesAt(const SampleTree& tree, const SampleTree::Sample& centre) {
   return slopes * slopes.transpose();
 }
 
-/// Reads pictures off a tree.
+/// Reconstructs pictures from a tree.
 class Reconstruction {
  public:
   Reconstruction(const CameraFrame& frame, const Space& space, const SampleTree& tree, TaskPool* pool)
@@ -255,7 +255,7 @@ class Reconstruction {
         pool, [&](size_t leaf, const SampleTree::Sample& first) { metrics_[leaf] = MetricAt(first); });
   }
 
-  /// The mean over points of a pixel and of the lens.
+  /// The mean over random points of a pixel and of the lens.
   Vec3 PixelMean(int x, int y, uint32_t queries) const {
     const int64_t pixel = static_cast<int64_t>(y) * frame_.width() + x;
     Vec3 sum;
@@ -269,7 +269,7 @@ class Reconstruction {
   }
 
  private:
-  /// Calls visit(leaf, its first sample) for all leaves that have one, as the pool likes.
+  /// Calls visit(leaf, first sample) for all leaves with samples, on the pool.
   template <typename Visit>
   void ForEachFilledLeaf(TaskPool* pool, Visit visit) const {
     constexpr int64_t kTask = 256;
@@ -283,8 +283,8 @@ class Reconstruction {
     });
   }
 
-  /// How far apart two points round a sample are to count, by direction: the structure of the light there, of
-  /// unit trace, and a little of even length.
+  /// The metric around a sample: the mean structure tensor, normalised to unit trace, plus a small multiple
+  /// of the identity.
   Matrix MetricAt(const SampleTree::Sample& sample) const {
     std::array<uint32_t, kNeighbours> near;
     const size_t count = tree_.Nearest(sample.at, near);

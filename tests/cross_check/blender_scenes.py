@@ -16,7 +16,7 @@ numpy.bool = bool  # Blender 3.4's glTF add-on still uses the name that numpy dr
 
 import bpy
 
-# Between the export and the render, what Cycles and glTF model in different ways is replaced: Principled's diffuse lobe
+# Materials that Cycles and glTF model differently are replaced between export and render: Principled's diffuse lobe
 # is Disney's and glTF's Lambert's; Principled adds a Fresnel term of its own to metals.
 AS_DIFFUSE, AS_GLOSSY, AS_EXPORTED = "diffuse", "glossy", "as exported"
 

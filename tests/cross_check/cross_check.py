@@ -2,9 +2,9 @@
 
     cross_check.py [--samples N] [--size WxH] [--bounces N] [--keep FOLDER] [SCENE ...]
 
-prints for each scene and camera every region's difference in percent of Cycles' mean, with its standard deviation. Fails where a
-region differs by more than 1 % (8 % for rough metals, which both do not model alike) and three standard deviations. Needs `blender` (it skips
-out loud without) and the programs of LUMIFOLD_BIN.
+prints for each scene and camera the difference of every region in percent of Cycles' mean, with its standard deviation. Fails if a
+region differs by more than 1 % (8 % for rough metals, which the two model differently) and three standard deviations. Needs `blender` (without
+it the test reports that it is skipped) and the programs of LUMIFOLD_BIN.
 """
 
 import argparse
@@ -20,11 +20,11 @@ import regions
 
 HERE = pathlib.Path(__file__).parent
 PROGRAMS = pathlib.Path(os.environ.get("LUMIFOLD_BIN", HERE.parents[1] / "build/release/bin"))
-SKIPPED = 77  # what ctest takes for "skipped"
+SKIPPED = 77  # exit code that ctest reports as "skipped"
 ALLOWED_PERCENT = 1
 ALLOWED_DEVIATIONS = 3
-# What light does that scatters between microfacets more than once: both keep all of it, but Cycles walks it at random and Lumifold gives
-# it the shape of single scattering (docs/results/cycles-cross-check.md, difference 4).
+# Multiple scattering between microfacets: both preserve its energy, but Cycles simulates it by random walks and Lumifold distributes it
+# like single scattering (docs/results/cycles-cross-check.md, difference 4).
 ALLOWED_PERCENT_IN = {"metal-balls": 8}
 
 SCENES = ("diffuse-room", "sun-and-points", "metal-balls", "glass-things", "instances", "environment", "animation")

@@ -2,7 +2,7 @@
 
     blender -b --factory-startup --python-exit-code 1 --python cycles_speed.py -- FILE.glb OUT MATERIALS FEW MANY WxH
 
-MATERIALS is "diffuse", plain Diffuse BSDFs in place of the imported Principled ones, or "principled". Writes OUT-1.exr and
+MATERIALS is "diffuse" (Diffuse BSDFs replace the imported Principled ones) or "principled". Writes OUT-1.exr and
 OUT-2.exr with MANY samples and two seeds, and prints "SECONDS few many": processor time of all threads.
 """
 

@@ -1,8 +1,8 @@
-"""Measures how fast Lumifold and Cycles trace, and how much noise each leaves in equal time, unfiltered.
+"""Measures how fast Lumifold and Cycles trace, and the noise of their unfiltered pictures after equal time.
 
     equal_time.py [SCENE ...]        generated scenes; default cornell-box meeting-room atrium
 
-Time is processor time of all threads, that of FEW samples taken from that of MANY, so that loading counts for neither. "error x time"
+Time is processor time of all threads for MANY samples minus that for FEW, so that loading is excluded. "error x time"
 is the mean relative squared error (squared error over the squared mean, with 1 % of the picture's own squared mean added) of a
 picture times the seconds it took: it does not depend on the number of samples. The ratio says how much larger Cycles' error
 is after equal time. Needs `blender` and the programs of LUMIFOLD_BIN.
@@ -23,14 +23,14 @@ THREADS = 2
 
 
 def relative_error(first, second):
-    """Mean relative squared error of one of two renders that differ by their seed alone."""
+    """Mean relative squared error of one of two renders that differ only by their seed."""
     a, b = exr.read(first).mean_of_colors(), exr.read(second).mean_of_colors()
     floor = 0.01 * (sum(a) / len(a)) ** 2
     return sum((x - y) ** 2 / 2 / (((x + y) / 2) ** 2 + floor) for x, y in zip(a, b)) / len(a)
 
 
 def time_cycles(glb, materials, folder):
-    """Seconds and error of MANY samples less FEW."""
+    """Seconds of MANY minus FEW samples, and error of MANY."""
     out = folder / f"{glb.stem}-{materials}"
     printed = run_blender("cycles_speed.py", glb, out, materials, FEW, MANY, f"{WIDTH}x{HEIGHT}")
     line = next(line for line in printed.splitlines() if line.startswith("SECONDS "))

@@ -1,4 +1,4 @@
-"""Reads OpenEXR files as Blender and Lumifold write them: scan lines, ZIP compression or none."""
+"""Reads the OpenEXR files of Blender and Lumifold: scan lines, ZIP compression or none."""
 
 import array
 import pathlib
@@ -29,7 +29,7 @@ def read(path):
     kinds = read_channel_list(attributes["channels"])
     compression = attributes["compression"][0]
     if compression not in LINES_A_BLOCK:
-        raise ValueError(f"{path}: compression {compression} is not read here")
+        raise ValueError(f"{path}: compression {compression} is not supported")
     x0, y0, x1, y1 = struct.unpack("<4i", attributes["dataWindow"])
     width, height = x1 - x0 + 1, y1 - y0 + 1
     channels = {name: array.array("f") for name, _ in kinds}

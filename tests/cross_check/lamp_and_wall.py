@@ -1,4 +1,4 @@
-"""Sets both programs' direct light on the back wall of the diffuse room against its closed form.
+"""Compares both programs' direct light on the back wall of the diffuse room with its closed form.
 
     cross_check.py --bounces 0 --keep FOLDER diffuse-room
     lamp_and_wall.py FOLDER
@@ -18,12 +18,12 @@ CAMERA_HEIGHT, WALL_DISTANCE = 1.5, 7.6  # metres; the wall lies at y = 2
 HALF, LAMP_HEIGHT = 0.6, 2.98
 LAMP = [(-HALF, -HALF, LAMP_HEIGHT), (HALF, -HALF, LAMP_HEIGHT), (HALF, HALF, LAMP_HEIGHT), (-HALF, HALF, LAMP_HEIGHT)]
 ALBEDO, RADIANCE = 0.8, (1.0 + 0.9 + 0.8) / 3
-COLUMNS = range(114, 148)  # of the wall where neither block nor lamp stands before it
-GRID = 4  # points a pixel's side
+COLUMNS = range(114, 148)  # of the wall that neither block nor lamp occludes
+GRID = 4  # points per side of a pixel
 
 
 def form_factor(point):
-    """Share of the cosine-weighted hemisphere before the wall that the lamp takes up."""
+    """Form factor: fraction of the cosine-weighted hemisphere of the wall that the lamp covers."""
     total = 0
     for i in range(4):
         a, b = ([c - p for c, p in zip(LAMP[k % 4], point)] for k in (i, i + 1))

@@ -16,7 +16,7 @@ namespace {
 constexpr int kWidth = 16;
 constexpr int kHeight = 12;
 
-/// A film of one grey value as rendered, in halves that differ by `spread`.
+/// A film of one grey value, with halves that differ by `spread`.
 EdgedImage GreyFilm(float value, float spread) {
   EdgedImage film;
   film.pixels = LayeredImage(kWidth, kHeight);
@@ -31,7 +31,7 @@ EdgedImage GreyFilm(float value, float spread) {
   return film;
 }
 
-/// A method that paints one value and counts how often it is asked.
+/// A method that fills the picture with one value and counts its calls.
 Method Painter(int* calls) {
   Method method{{"painter", "", "", {{"value", "", 0.5f, {0.25f, 0.5f, 1}, 0, 1}}}, false, false, {}};
   method.make = [calls](Subject* subject, absl::Span<const float> values, TaskPool*) {
@@ -63,7 +63,7 @@ class MeterTest : public testing::Test {
     subject.rendered.film = GreyFilm(0.5f, 0);
     const Reference reference = *MakeReference("truth", GreyFilm(0.25f, 0));
     Meter meter({{&method}, {}, most_grid_seconds, most_run_seconds}, &store, folder_, nullptr);
-    for (int i = 0; i < 2; ++i) {  // the second film knows what the first took
+    for (int i = 0; i < 2; ++i) {  // the cost of the first film is known for the second
       absl::StatusOr<std::vector<Row>> rows = meter.Measure(&subject, reference);
       EXPECT_TRUE(rows.ok()) << rows.status();
       rows_ = *std::move(rows);
@@ -95,12 +95,12 @@ TEST_F(MeterTest, ComputesNothingTwice) {
   const int first = calls;
   EXPECT_EQ(first, 2 * 3 + 2);  // two films, three points, and the two films of the fingerprint
   Measure(painter, 100);
-  EXPECT_EQ(calls, first + 2);  // the fingerprint: whether the method is still what it was
+  EXPECT_EQ(calls, first + 2);  // the fingerprint, to detect a change of the method
 }
 
 TEST_F(MeterTest, LeavesOutAGridThatCostsTooMuch) {
   int calls = 0;
-  EXPECT_EQ(Measure(Painter(&calls), 9).size(), 1u);  // two points of 5 s beside the default
+  EXPECT_EQ(Measure(Painter(&calls), 9).size(), 1u);  // two points of 5 s in addition to the default
 }
 
 TEST_F(MeterTest, TakesAGridThatIsKeptWhateverItCost) {
@@ -121,7 +121,7 @@ TEST(Reference, KnowsItsOwnNoise) {
   const Reference reference = *MakeReference("truth", GreyFilm(0.25f, 0.02f));
   EXPECT_TRUE(reference.has_halves);
   EXPECT_GT(reference.noise.whole, 0);
-  // A picture that is off by as much as the reference is noisy has no error to speak of.
+  // A picture whose error equals the noise of the reference has an error of about 0.
   const Plane same = [&] {
     Plane plane(kWidth, kHeight);
     plane.Fill(0.25f);

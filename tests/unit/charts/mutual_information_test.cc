@@ -49,7 +49,7 @@ TEST(MutualInformation, IsTooHighForFewSamplesUnlessItsBiasIsTakenOff) {
     unbiased += information.Of(a, b, true) / kTrials;
   }
   EXPECT_NEAR(biased, 16.0 / (2 * kSamples), 0.01);  // of independent variables, whose information is 0
-  EXPECT_LT(unbiased, 0.02);                         // not 0: what falls below 0 is cut
+  EXPECT_LT(unbiased, 0.02);                         // not 0: negative estimates are clamped
 }
 
 TEST(MutualInformation, LosesToItsBiasWhatAShuffleWouldShow) {

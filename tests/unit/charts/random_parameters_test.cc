@@ -16,7 +16,7 @@ constexpr int kWidth = 24;
 constexpr int kHeight = 16;
 constexpr uint32_t kSamples = 8;
 
-/// A wall whose right half stands 50 m behind the left; `radiance` gives each sample's.
+/// A wall whose right half is 50 m behind the left; `radiance` gives that of each sample.
 template <typename Radiance>
 SampleSet Wall(Radiance radiance) {
   SampleSet set;

@@ -30,7 +30,7 @@ Row MakeRow(const std::string& method, int samples, double error, double filter_
   return row;
 }
 
-/// Noise that falls by four with four times the samples; ours a tenth of it, a baseline a fifth.
+/// Noise that falls by four with four times the samples; the default has a tenth of it, a baseline a fifth.
 std::vector<Row> Rows() {
   std::vector<Row> rows;
   for (const int samples : {4, 16}) {
@@ -132,7 +132,7 @@ TEST(CheckOrder, NamesAFilmWhereTheNoisyPictureIsBetter) {
 TEST(CheckOrder, NamesABaselineThatIsBetterInTheSum) {
   std::vector<Row> rows = Rows();
   RowOf(&rows, "guided", 4).errors.mse255.whole = 0.1;
-  RowOf(&rows, "guided", 4).is_default = false;  // found by a search: no part of the front
+  RowOf(&rows, "guided", 4).is_default = false;  // found by a grid search: not part of the front
   EXPECT_EQ(CheckOrder(rows).message(),
             "sum over all films: default has MSE255 12.500, the best of guided 5.100");
 }
@@ -142,7 +142,7 @@ TEST(CheckOrder, NamesAMethodThatIsBetterInLessTime) {
   rows.push_back(MakeRow("cache", 4, 2, 0));
   EXPECT_EQ(CheckOrder(rows).message(),
             "room: cache at 4 spp has less error in less time than default at 16");
-  rows.back().is_default = false;  // found by a search on this very film
+  rows.back().is_default = false;  // found by a grid search on this film
   EXPECT_TRUE(CheckOrder(rows).ok());
 }
 

@@ -40,7 +40,7 @@ LayeredImage FilmOf(const render::Renderer& renderer, const FilmSettings& settin
   return std::move(film.Take().pixels);
 }
 
-/// A traced room and the film its samples belong to.
+/// A traced room and the film of its samples.
 struct Room {
   LayeredImage film;
   SampleSet set;
@@ -265,7 +265,7 @@ TEST(Epanechnikov, SpreadsASpikeByItsParabola) {
   });
 }
 
-/// Sets what a film's pixel shows of D, halves and C with it.
+/// Sets D of a film's pixel, its halves and C.
 void SetDirect(int x, int y, float direct, LayeredImage* film) {
   for (const std::string_view layer : {layers::kDirect, layers::kNoisy}) {
     const float value = layer == layers::kDirect ? direct : (direct + 0.2f) * 0.5f;
@@ -311,7 +311,7 @@ TEST(GuidedRays, NeedNoSamples) {
   }
 }
 
-/// The mean square of how pixels differ from the next, over their mean square.
+/// The mean squared difference of adjacent pixels, over their mean square.
 double RoughnessOf(const ConstFloatView& plane) {
   double differences = 0;
   double squares = 0;
@@ -334,7 +334,7 @@ TEST(GuidedRays, AreSmootherThanSamplesAsMany) {
             0.5 * RoughnessOf(film.GetColor(layers::kDirect)[1]));
 }
 
-/// A wall whose left half gets D = 3 by every sample, its right half 0.6 by one sample of eight.
+/// A wall: D = 3 in every sample of the left half, 0.6 in one of eight samples of the right half.
 std::unique_ptr<Room> HalfRarelyLitWall() {
   auto room = OneWall(32, 16, 8);
   for (size_t i = 0; i < room->set.samples.size(); ++i) {
@@ -352,8 +352,8 @@ TEST(Probabilistic, WeighsByPoissonsDistribution) {
   const absl::StatusOr<Picture> picture =
       MethodCalled("probabilistic").filter(room->set, {1, 0.25f}, nullptr);
   ASSERT_TRUE(picture.ok());
-  // The counts are 8 and 1 of 8. 8 where 1 is the rule is the less likely way, 1 / 8! over 1 / 1!; its fourth
-  // root is large enough to show.
+  // The counts are 8 and 1 of 8. A count of 8 given a rate of 1 is the less likely one, 1 / 8! over 1 / 1!;
+  // its fourth root is large enough to be visible.
   const double likelihood = std::pow(1.0 / 40320.0, 0.25);
   const double side = std::exp(-2.0);  // the kernel one pixel off
   const double corner = std::exp(-4.0);

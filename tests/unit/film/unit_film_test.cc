@@ -269,7 +269,8 @@ TEST_F(UnitFilmTest, BandsEndWithTheTiles) {
 EdgedImage UnitOfFrame(const UnitKey& key, const Rect& rect) {
   const Rect frame = {0, 0, 21, 10};
   const UnitKey whole = {0, 1, key.pass, key.kind};  // tile 1 has a level
-  const EdgedImage unit = RandomUnit(whole, frame, {4 * key.pass, 4 * key.pass + 4}, 5);
+  const auto first = static_cast<uint32_t>(4 * key.pass);
+  const EdgedImage unit = RandomUnit(whole, frame, {first, first + 4}, 5);
   LayeredImage edges = EdgesInside(unit.edges, rect);
   MovePlaces(rect.x0, rect.y0, &edges);
   return {unit.pixels.Crop(rect), std::move(edges)};

@@ -43,7 +43,7 @@ Planes RandomPlanes(size_t count, int width, int height, uint32_t seed) {
   return planes;
 }
 
-/// A film all of whose pixels show one lit wall: C = (0.6 + 0.2) * 0.5.
+/// A film of one evenly lit wall: C = (0.6 + 0.2) * 0.5.
 LayeredImage OneValueFilm() {
   LayeredImage film = std::move(MakeSyntheticFilm(28, 20, 0.0f, 1).film);
   for (LayeredImage::Channel& channel : film.channels()) {
@@ -217,7 +217,7 @@ TEST(BilateralFilter, AgreesWithTheSumOverEachPixelsNeighbours) {
   }
 }
 
-/// The weight of q for p, term by term.
+/// The weight of q for p, from its definition.
 double SlowWeight(const Planes& guide, const Planes& variance, const NonLocalMeansParams& params, int px,
                   int py, int qx, int qy) {
   const auto at = [](const Plane& plane, int x, int y) {
@@ -282,7 +282,7 @@ std::vector<double> Solve(std::vector<std::vector<double>> a, std::vector<double
   return b;
 }
 
-/// Fits one window after another, and gives each pixel what they say of it.
+/// The oracle of PatchRegression: fits one window at a time and averages the predictions.
 std::vector<double> SlowPatchRegression(const RegressionInput& input) {
   const int width = input.image[0].width();
   const int height = input.image[0].height();

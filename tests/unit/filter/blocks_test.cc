@@ -17,7 +17,7 @@ namespace {
 
 constexpr BlockParams kSmall = {.core = 64, .margin = 64, .fade = 16, .whole = 0};
 
-/// The picture that FilterFilmInRows gives, rows put together.
+/// The picture of FilterFilmInRows, assembled from its rows.
 LayeredImage InBlocks(FilmSource* film, const std::string& method, const BlockParams& params,
                       const std::vector<std::string>& passed_on = {}) {
   std::vector<LayeredImage> pieces;

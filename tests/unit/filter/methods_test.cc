@@ -71,7 +71,7 @@ TEST(FilterFilm, ConvergesToTheInputAsNoiseVanishes) {
 TEST(FilterFilm, KeepsAHardShadowThatGeometryAloneCannotSee) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.2f, 4);
   const Picture picture = Filter(synthetic.film);
-  // On the floor, one row, on both sides of the shadow's edges: dark stays dark.
+  // One row of the floor, on both sides of the shadow's edges: dark stays dark.
   const ConstColorView truth = synthetic.truth.GetColor(layers::kBeauty);
   double worst = 0;
   for (int x = 0; x < 160; ++x) {
@@ -165,7 +165,7 @@ TEST(FilterFilm, FiltersPixelsThatTheSurfaceCoversInPart) {
   constexpr int kX0 = 60;
   constexpr int kX1 = 62;
   LayeredImage& film = synthetic.film;
-  for (int y = 15; y < 96; ++y) {  // half of each of these pixels is a black emitter's
+  for (int y = 15; y < 96; ++y) {  // a black emitter covers half of each of these pixels
     for (int x = kX0; x < kX1; ++x) {
       film.Get(layers::kMask).At(x, y) = 0.5f;
       for (const std::string_view layer : {layers::kDirect, layers::kIndirect}) {
@@ -223,8 +223,8 @@ TEST(FilterFilm, ScalesWithTheUnitOfLight) {
       largest = std::max(largest, off);
       over += off > 1e-4 ? 1 : 0;
     });
-    // Any factor but a power of two rounds the film anew. Few pixels, six sigmas and more from every
-    // manifold, make a hundred times as much of that in each of the two filterings (docs/method.md).
+    // Any factor but a power of two changes the rounding of the film. A few pixels, at least six sigmas from
+    // every manifold, amplify that a hundredfold in each of the two filter passes (docs/method.md).
     EXPECT_LE(std::sqrt(squares / kPixels), 1e-5) << factor;
     EXPECT_LE(over, kPixels / 500) << factor;
     EXPECT_LE(largest, factor == 0x1p40f ? 0.0 : 5e-4) << factor;
@@ -245,7 +245,7 @@ TEST(FilterFilm, StaysFiniteOnAnySizeAndOnAllSky) {
   EXPECT_EQ(picture[0].At(20, 20), std::as_const(sky.film).Get("noisy.R").At(20, 20));
 }
 
-/// One surface, lit alike everywhere: 0.75 of light on an albedo of 0.8.
+/// One evenly lit surface: 0.75 of light on an albedo of 0.8.
 LayeredImage FilmOfOneValue(int width, int height) {
   SyntheticFilm synthetic = MakeSyntheticFilm(width, height, 0.0f, 19);
   for (LayeredImage::Channel& channel : synthetic.film.channels()) {

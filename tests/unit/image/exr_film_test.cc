@@ -26,7 +26,7 @@ using ::testing::HasSubstr;
 constexpr int kWidth = 75;
 constexpr int kHeight = 53;
 
-/// A picture whose every value is another.
+/// A picture whose values all differ.
 LayeredImage SamplePicture(int width = kWidth, int height = kHeight) {
   LayeredImage image(width, height);
   float value = 0;
@@ -81,7 +81,7 @@ void WriteTiled(const std::string& path, const LayeredImage& image) {
   file.writeTiles(0, file.numXTiles() - 1, 0, file.numYTiles() - 1);
 }
 
-/// Parts as blocks ask for them, then some that go back and those that need no scratch file.
+/// Parts in the order of blocks, then some that go back, and some that need no scratch file.
 const std::vector<Rect> kParts = {
     {0, 0, 40, 30},   {30, 0, 75, 30},    {0, 20, 40, 53}, {30, 20, 75, 53}, {5, 3, 6, 4},
     {70, 50, 75, 53}, {0, 7, kWidth, 29}, {0, 0, 1, 1},    {74, 52, 75, 53}, {0, 0, kWidth, kHeight}};
@@ -173,7 +173,7 @@ TEST_F(ExrFilmTest, SaysWhereItsScratchFileCannotBe) {
   const absl::StatusOr<std::unique_ptr<ExrFilm>> film =
       ExrFilm::Open(folder_.PathOf("a.exr"), folder_.PathOf("missing"));
   ASSERT_TRUE(film.ok());
-  EXPECT_TRUE((*film)->Read({0, 0, kWidth, kHeight}).ok());  // it needs none
+  EXPECT_TRUE((*film)->Read({0, 0, kWidth, kHeight}).ok());  // this read needs no scratch file
   const absl::Status status = (*film)->Read({0, 0, 9, 9}).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
   EXPECT_THAT(std::string(status.message()), HasSubstr(folder_.PathOf("missing")));
@@ -223,7 +223,7 @@ TEST_F(ExrFilmTest, AWriterRefusesOtherRowsAndLeavesNothingUnfinished) {
     ASSERT_TRUE(writer.ok());
     EXPECT_FALSE(writer->Append(SamplePicture()).ok());       // no G
     EXPECT_FALSE(writer->Append(SamplePicture(8, 8)).ok());   // too narrow
-    EXPECT_FALSE(writer->AppendEdges(SamplePicture()).ok());  // none were announced
+    EXPECT_FALSE(writer->AppendEdges(SamplePicture()).ok());  // the layout has none
   }
   EXPECT_TRUE(std::filesystem::is_empty(folder_.path()));
 }

@@ -78,7 +78,7 @@ TEST(Exr, KeepsAnEdgeSetBesideThePicture) {
   for (int row = 0; row < 70; ++row) {
     for (int i = 0; i < kSubSamples; ++i) ASSERT_EQ(read->edges.Get("id.Y").At(i, row), id.At(i, row));
   }
-  EXPECT_EQ(ReadExr(path)->bounds(), image.pixels.bounds());  // whoever wants the picture alone gets it
+  EXPECT_EQ(ReadExr(path)->bounds(), image.pixels.bounds());  // the picture alone
   const std::string bytes = ReadFile(path, 1 << 24).value();
   ASSERT_TRUE(WriteExr(path, image).ok());
   EXPECT_EQ(ReadFile(path, 1 << 24).value(), bytes);

@@ -10,7 +10,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// A folder of its own for each test, empty at the start.
+/// An empty folder for each test.
 std::filesystem::path FreshFolder() {
   const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
   const auto folder =

@@ -28,7 +28,7 @@ void AddFilled(const std::string& layer, float value, LayeredImage* image) {
   for (const FloatView& channel : image->AddColor(layer)) Fill(channel, value);
 }
 
-/// What Blender writes, each layer of another value.
+/// A picture as Blender writes it, with a different value in each layer.
 LayeredImage CyclesPicture(const std::string& prefix) {
   LayeredImage image(kWidth, kHeight);
   float value = 1;

@@ -62,7 +62,8 @@ TEST(Hdr, ReadsNewRuns) {
 }
 
 TEST(Hdr, TurnsEveryOrientationUpright) {
-  // The picture has one bright pixel, top left; the file's first pixel lies where the orientation says.
+  // The picture has one bright pixel, top left; the position of the file's first pixel follows from the
+  // orientation.
   struct Case {
     const char* resolution;
     int bright;

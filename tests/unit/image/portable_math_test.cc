@@ -9,7 +9,7 @@
 namespace lumifold {
 namespace {
 
-/// |got - truth| in units of the last place of the truth as float.
+/// |got - truth| in units in the last place of the truth as float.
 double UlpError(float got, double truth) {
   const float nearest = static_cast<float>(std::abs(truth));
   const double ulp = static_cast<double>(std::nextafter(nearest, INFINITY)) - static_cast<double>(nearest);
@@ -36,7 +36,7 @@ TEST(PortableMath, ExpSaturatesOutsideItsRange) {
 TEST(PortableMath, LogStaysWithinTwoUlp) {
   double worst = 0;
   for (float x = 1e-45f; x < 1e38f; x = std::max(x * 1.0001f, std::nextafter(x, INFINITY))) {
-    if (x == 1.0f) continue;  // the truth is 0, which has no last place
+    if (x == 1.0f) continue;  // the truth is 0, which has no unit in the last place
     worst = std::max(worst, UlpError(Log(x), std::log(static_cast<double>(x))));
   }
   for (int i = -500; i <= 500; ++i) {

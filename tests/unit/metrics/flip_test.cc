@@ -13,8 +13,8 @@
 namespace lumifold::metrics {
 namespace {
 
-// tests/cross_check/metrics_oracle.py sets FLIP against a second implementation, which convolves with the
-// published two-dimensional kernels; here are its closed forms and properties.
+// Closed forms and properties of FLIP. tests/cross_check/metrics_oracle.py compares it with a second
+// implementation, which convolves with the published two-dimensional kernels.
 
 using Rgb = std::array<float, 3>;
 
@@ -56,9 +56,9 @@ TEST(Flip, IsOneForTheGreatestDifferenceItKnows) {
 }
 
 TEST(Flip, OfFlatGreysFollowsTheirLightness) {
-  // No colour, no edges: |L1 - L2|^0.7, spread out below 0.4 of green against blue, which are
-  // L* a* b* = (87.735, -86.183, 83.179) and (32.297, 79.188, -107.860) and by Hunt's factor of 0.01 L*
-  // (87.735, -75.612, 72.977) and (32.297, 25.575, -34.836).
+  // Without colour and edges FLIP is |L1 - L2|^0.7, scaled linearly below 0.4 of the difference of green and
+  // blue. These have L* a* b* = (87.735, -86.183, 83.179) and (32.297, 79.188, -107.860), and with Hunt's
+  // factor of 0.01 L* (87.735, -75.612, 72.977) and (32.297, 25.575, -34.836).
   const double greatest = std::pow(87.735 - 32.297 + std::hypot(-75.612 - 25.575, 72.977 + 34.836), 0.7);
   const double grey = 116 * std::cbrt(0.2) - 16;
   const double darker = 116 * std::cbrt(0.18) - 16;
@@ -92,8 +92,7 @@ TEST(Flip, MindsAnEdgeMoreThanTheSameChangeSpreadOut) {
   }
   const Plane at_edge = FlipMap(ColorOf(edge), ColorOf(reference));
   const Plane at_ramp = FlipMap(ColorOf(ramp), ColorOf(reference));
-  // Both differ by 0.02 at a quarter of the width, where there is no edge near; beside the edge the first
-  // counts more.
+  // Both differ by 0.02 at a quarter of the width, far from edges; next to the edge the first has more FLIP.
   EXPECT_NEAR(at_edge.At(15, 4), at_ramp.At(15, 4), 0.02f);
   EXPECT_GT(at_edge.At(28, 4), at_edge.At(15, 4));
 }

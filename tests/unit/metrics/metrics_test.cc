@@ -10,7 +10,7 @@
 namespace lumifold::metrics {
 namespace {
 
-/// A 2 x 1 picture: one grey value a pixel.
+/// A 2 x 1 picture with one grey value per pixel.
 LayeredImage Grey(float left, float right) {
   LayeredImage image(2, 1);
   for (const FloatView& channel : image.AddColor("")) {

@@ -15,7 +15,7 @@ namespace {
 
 ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 
-/// A grey picture of one value as displayed.
+/// A grey picture of one displayed value.
 LayeredImage Flat(int side, float displayed) {
   LayeredImage image(side, side);
   for (const FloatView& channel : image.AddColor("")) {
@@ -24,7 +24,7 @@ LayeredImage Flat(int side, float displayed) {
   return image;
 }
 
-/// Grey noise about 0.5 as displayed, of so great an amplitude; alike for one seed.
+/// Grey noise around a displayed value of 0.5; the same for the same seed.
 LayeredImage Noise(int side, float amplitude, uint32_t seed) {
   LayeredImage image(side, side);
   const ColorView color = image.AddColor("");
@@ -43,7 +43,7 @@ TEST(Ssim, IsOneForEqualPictures) {
 }
 
 TEST(Ssim, OfFlatPicturesIsTheirLuminanceTerm) {
-  // Without structure only (2 a b + C1) / (a^2 + b^2 + C1) is left: a = 0.4, b = 0.6.
+  // Without structure SSIM is (2 a b + C1) / (a^2 + b^2 + C1): a = 0.4, b = 0.6.
   EXPECT_NEAR(*Ssim(ColorOf(Flat(16, 0.4f)), ColorOf(Flat(16, 0.6f))), 0.4801 / 0.5201, 1e-6);
 }
 

@@ -19,7 +19,7 @@ namespace {
 
 ConstColorView ColorOf(const LayeredImage& image) { return image.GetColor(""); }
 
-/// A grey picture of displayed values `base` + what `add` says of a pixel.
+/// A grey picture of displayed values `base` + add(x, y).
 template <typename Function>
 LayeredImage Grey(int width, int height, float base, Function add) {
   LayeredImage image(width, height);
@@ -82,7 +82,7 @@ TEST(Flicker, IsMeanAndTailOfTheChange) {
   const LayeredImage moved = Grey(20, 10, 0.4f, [](int x, int y) { return x == 0 && y < 4 ? 0.2f : 0.0f; });
   const Flicker flicker = MeasureFlicker(ColorOf(still), ColorOf(moved));
   EXPECT_NEAR(flicker.mean, 255 * 0.2 * 4 / 200, 1e-3);
-  EXPECT_NEAR(flicker.percentile99, 51, 0.01);  // four in two hundred are more than one in a hundred
+  EXPECT_NEAR(flicker.percentile99, 51, 0.01);  // four of two hundred values are more than 1 %
   EXPECT_EQ(MeasureFlicker(ColorOf(still), ColorOf(still)).percentile99, 0.0);
 }
 
@@ -91,7 +91,7 @@ TEST(Blotch, IsOneForTheNoisyPictureItself) {
   const LayeredImage reference = Flat(64, 64, 0.5f);
   const Blotch blotch = *MeasureBlotch(ColorOf(noisy), ColorOf(noisy), ColorOf(reference));
   EXPECT_NEAR(blotch.luminance, 1.0, 1e-9);
-  EXPECT_EQ(blotch.chroma, 0.0);  // grey noise has none
+  EXPECT_EQ(blotch.chroma, 0.0);  // grey noise has no chroma
 }
 
 TEST(Blotch, FindsSpotsThatAFilterMade) {

@@ -83,7 +83,7 @@ TEST(IrradianceCache, ClampsNeighboursByEachOther) {
   // The first record's radius is now 0.2 + 0.1, so that it is used up to 0.06.
   EXPECT_TRUE(cache.Look({0, 0.059f, 0}, {0, 0, 1}, 1).has_value());
   EXPECT_FALSE(cache.Look({0, 0.061f, 0}, {0, 0, 1}, 1).has_value());
-  // A new record beside the small one is clamped by it in turn: 0.1 + 0.1.
+  // A new record next to the small one is clamped by it: 0.1 + 0.1.
   cache.Insert(RecordAt({0.2f, -0.1f, 0}, {0, 0, 1}, 3, 5));
   EXPECT_TRUE(cache.Look({0.2f, -0.139f, 0}, {0, 0, 1}, 1).has_value());
   EXPECT_FALSE(cache.Look({0.2f, -0.141f, 0}, {0, 0, 1}, 1).has_value());

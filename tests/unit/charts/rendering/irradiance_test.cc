@@ -35,7 +35,7 @@ TEST(HemisphereStrata, AreAsManyAsAskedForOrNearly) {
 }
 
 TEST(HemisphereStrata, AreDrawnByTheCosine) {
-  // The mean height of directions drawn by their cosine is 2/3.
+  // The mean height of cosine-weighted directions is 2/3.
   double height = 0;
   for (int i = 0; i < kFine.count(); ++i) {
     const Vec3 direction = kFine.Direction(i, {0.5f, 0.5f});

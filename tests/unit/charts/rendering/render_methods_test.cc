@@ -1,4 +1,4 @@
-// What holds for every method of tests/charts/methods/rendering.
+// Properties of every method of tests/charts/methods/rendering.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -104,7 +104,7 @@ TEST(RenderMethods, ReachTheLightOfAGlowingBox) {
   }
 }
 
-/// A room's truth, and pictures judged against it.
+/// A reference of a room, and errors against it.
 class RoomTruth {
  public:
   RoomTruth()
@@ -162,12 +162,11 @@ TEST(RenderMethods, BeatThePathTracerAtEqualCameraSamples) {
   const double plain = truth.ErrorOf(
       RenderAll(*MakeRenderer(testing::SmallRoom(), settings), RoomTruth::kWidth, RoomTruth::kHeight, 32));
   for (const RenderMethod& method : RenderMethods()) {
-    if (method.info.name == "mdas") continue;  // takes the noise of light paths for detail
+    if (method.info.name == "mdas") continue;  // cannot tell the noise of light paths from detail
     EXPECT_LT(truth.ErrorOf(Render(method, testing::SmallRoom(), settings, 32)), plain) << method.info.name;
   }
 }
 
-/// Mean squared difference to a picture of the same view that only a lens makes noisy.
 TEST(RenderMethods, OfManyDimensionsBeatThePathTracerThroughALens) {
   scene::Scene scene;
   scene.materials = {testing::Emitter({0.8f, 0.8f, 0.8f}), testing::Emitter({0.1f, 0.2f, 0.3f})};

@@ -80,13 +80,13 @@ TEST_F(SampledFrameTest, BeginsWithAQuarterAndAtLeastFour) {
 }
 
 TEST_F(SampledFrameTest, KnowsTheVarianceOfItsMeans) {
-  // All pixels of a very narrow view show the same, so that their means differ by noise alone.
+  // All pixels of a very narrow view show the same point, so their means differ only by noise.
   scene::Scene scene = testing::SmallRoom();
   scene.cameras = {testing::LookAt({0, 0, 1.9f}, {0.3f, 0.4f, -2}, 1e-3f)};
   const CameraFrame frame =
       *CameraFrame::Create(std::make_shared<scene::Scene>(std::move(scene)), settings());
   SampledFrame sampled(frame);
-  // One a half: nothing is stratified, so that samples know nothing of each other.
+  // One sample per half: nothing is stratified, so samples are independent.
   sampled.Take(std::vector<uint32_t>(kPixels, 2), nullptr);
   double expected = 0;
   double squares = 0;

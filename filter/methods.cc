@@ -85,7 +85,9 @@ std::vector<Entry> ListEntries() {
         .parameters = {}},
        NoisyChannels(),
        false,
-       [](const Film& film, Values, TaskPool*) { return Clone(film.pixels.GetColor(layers::kNoisy)); }},
+       [](const Film& film, Values, TaskPool*) {
+         return ClonePicture(film.pixels.GetColor(layers::kNoisy));
+       }},
   };
   for (const Baseline& baseline : Baselines()) {
     entries.push_back({baseline.info, FilterChannels(), true,

@@ -246,7 +246,7 @@ def key(thing, what, values):
 
 def bar(made, foot):
     """Two blocks, one above the other, as one mesh. They share no vertex: where a skin shears a face, Blender computes its
-    normal anew and glTF turns the old one."""
+    a new normal and glTF rotates the old one."""
     upper = add("cube", made, size=1, location=(*foot, 1.5))
     lower = add("cube", made, size=1, location=(*foot, 0.5))
     for half in (upper, lower):

@@ -1,10 +1,10 @@
-"""Sets `lumifold compare` against metrics written anew from their definitions.
+"""Compares `lumifold compare` with a second implementation of its metrics.
 
     metrics_oracle.py
 
-makes two small pictures of a formula, writes them as OpenEXR, and computes MSE255, PSNR, relMSE, SSIM, FLIP and HDR-FLIP of them here: in
-double, with the two-dimensional kernels as they are published, where the program works in float with separable ones. Fails where a figure
-differs by more than 1e-4 of itself. Needs the programs of LUMIFOLD_BIN and nothing but Python.
+computes two small pictures, writes them as OpenEXR, and computes their MSE255, PSNR, relMSE, SSIM, FLIP and HDR-FLIP here: in double
+and with the published two-dimensional kernels, whereas the program uses float and separable kernels. Fails if a figure differs by more
+than 1e-4 of itself. Needs the programs of LUMIFOLD_BIN and Python only.
 """
 
 import json
@@ -29,7 +29,7 @@ def as_float(value):
 
 
 def paint(wobble):
-    """A ramp with a bright lamp, a hard edge and, by `wobble`, something like noise."""
+    """A ramp with a bright lamp, a hard edge and noise-like variation of amplitude `wobble`."""
     pixels = []
     for y in range(HEIGHT):
         for x in range(WIDTH):
@@ -151,7 +151,7 @@ def hyab(a, b):
 
 
 def convolve(plane, kernel, radius):
-    """kernel: {(dx, dy): weight}; edges repeated."""
+    """kernel: {(dx, dy): weight}; clamped at the edges."""
     out = []
     for y in range(HEIGHT):
         for x in range(WIDTH):

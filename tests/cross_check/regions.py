@@ -1,13 +1,13 @@
-"""Compares two programs' pictures region by region, each known from two renders with different seeds.
+"""Compares two programs' pictures region by region; each program renders twice, with different seeds.
 
-A region's difference is that of its mean, in percent of the reference's; its error is one standard deviation, from how much
-the two renders of each program differ pixel by pixel.
+The difference of a region is that of its mean, in percent of the reference's. Its standard deviation follows from the pixel-wise
+difference of the two renders of each program.
 """
 
 import math
 
 GRID = (4, 3)
-DARK = 0.02  # regions darker than this share of the picture's mean are left out
+DARK = 0.02  # regions darker than this fraction of the picture's mean are skipped
 
 
 class Estimate:
@@ -36,7 +36,7 @@ def object_regions(ids, fewest=100):
 
 
 def compare(ours, reference, regions):
-    """(name, mean of the reference, difference in percent, its standard deviation in percent) a region."""
+    """Per region: name, mean of the reference, difference in percent, its standard deviation in percent."""
     whole = sum(reference.mean) / len(reference.mean)
     for name, pixels in regions.items():
         true = sum(reference.mean[p] for p in pixels) / len(pixels)

@@ -22,7 +22,7 @@ absl::StatusOr<Finding> Judge(const Trial& trial, const DrawnFilm& drawn,
   const Views views = {ViewOf(*filtered), drawn.film.pixels.GetColor(layers::kNoisy), ViewOf(drawn.truth)};
   Finding finding;
   finding.figures = figures(views);
-  finding.exhibit = {Clone(views.noisy), *std::move(filtered), Clone(views.truth)};
+  finding.exhibit = {ClonePicture(views.noisy), *std::move(filtered), ClonePicture(views.truth)};
   return finding;
 }
 

@@ -154,8 +154,8 @@ absl::StatusOr<Finding> JudgeSeeds(const Trial& trial, const Drawing& drawing, u
     const DrawnFilm drawn = Draw(drawing, {.samples = samples, .seed = static_cast<uint32_t>(run)});
     absl::StatusOr<Finding> one = Judge(trial, drawn, [](const Views&) { return Figures(); });
     if (!one.ok()) return one.status();
-    filtered.push_back(Clone(ViewOf(one->exhibit.filtered)));
-    noisy.push_back(Clone(ViewOf(one->exhibit.noisy)));
+    filtered.push_back(ClonePicture(ViewOf(one->exhibit.filtered)));
+    noisy.push_back(ClonePicture(ViewOf(one->exhibit.noisy)));
     finding = *std::move(one);
   }
   const auto of_filtered = MeasureWithin(filtered, finding.exhibit.truth, crop);

@@ -37,7 +37,7 @@ absl::StatusOr<Finding> Tiles(const Trial& trial) {
   Finding finding;
   finding.figures = {static_cast<double>(different)};
   const ConstColorView noisy = std::as_const(whole->film.pixels).GetColor(layers::kNoisy);
-  finding.exhibit = {Clone(noisy), Clone(ViewOf(*expected)), *std::move(expected)};
+  finding.exhibit = {ClonePicture(noisy), ClonePicture(ViewOf(*expected)), *std::move(expected)};
   return finding;
 }
 
@@ -67,7 +67,7 @@ void MultiplyLight(float factor, LayeredImage* image) {
 }
 
 Picture Times(float factor, const ConstColorView& color) {
-  Picture product = Clone(color);
+  Picture product = ClonePicture(color);
   for (Plane& plane : product) {
     ForEachPixel(plane.width(), plane.height(), [&](int x, int y) { plane.At(x, y) *= factor; });
   }

@@ -102,7 +102,7 @@ absl::StatusOr<Finding> JudgeScene(const Trial& trial, SceneDescription (*build)
   Finding finding;
   finding.figures = figures({views, film, reference.GetColor(layers::HalfA(layers::kNoisy)),
                              reference.GetColor(layers::HalfB(layers::kNoisy))});
-  finding.exhibit = {Clone(views.noisy), *std::move(filtered), Clone(views.truth)};
+  finding.exhibit = {ClonePicture(views.noisy), *std::move(filtered), ClonePicture(views.truth)};
   return finding;
 }
 

@@ -34,7 +34,7 @@ absl::StatusOr<Run> Filter(const Trial& trial, DrawnFilm drawn) {
   absl::StatusOr<Picture> filtered = trial.Filter({drawn.film});
   if (!filtered.ok()) return filtered.status();
   const ConstColorView noisy = std::as_const(drawn.film.pixels).GetColor(layers::kNoisy);
-  return Run{Clone(noisy), *std::move(filtered), std::move(drawn.truth)};
+  return Run{ClonePicture(noisy), *std::move(filtered), std::move(drawn.truth)};
 }
 
 Exhibit Show(Run run) { return {std::move(run.noisy), std::move(run.filtered), std::move(run.truth)}; }
@@ -82,7 +82,7 @@ absl::StatusOr<Finding> RealSamples(const Trial& trial) {
                        4;
     worst = std::max(worst, (DisplayError(ViewOf(*filtered), truth, Everywhere) - own) /
                                 (DisplayError(noisy, truth, Everywhere) - own));
-    if (samples == 16) finding.exhibit = {Clone(noisy), *std::move(filtered), Clone(truth)};
+    if (samples == 16) finding.exhibit = {ClonePicture(noisy), *std::move(filtered), ClonePicture(truth)};
   }
   finding.figures = {worst};
   return finding;
@@ -122,8 +122,8 @@ absl::StatusOr<Finding> RealSeeds(const Trial& trial) {
     absl::StatusOr<Picture> picture = trial.Filter(judged->rendered.subject());
     if (!picture.ok()) return picture.status();
     filtered.push_back(*std::move(picture));
-    noisy.push_back(Clone(judged->rendered.film.pixels.GetColor(layers::kNoisy)));
-    if (seed == 1) truth = Clone(judged->reference.pixels.GetColor(layers::kNoisy));
+    noisy.push_back(ClonePicture(judged->rendered.film.pixels.GetColor(layers::kNoisy)));
+    if (seed == 1) truth = ClonePicture(judged->reference.pixels.GetColor(layers::kNoisy));
   }
   const auto measure = [&](const std::vector<Picture>& pictures) {
     std::vector<ConstColorView> views;

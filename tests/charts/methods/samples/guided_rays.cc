@@ -33,8 +33,8 @@ absl::StatusOr<Picture> FilterByGuideRays(const SampleSet& set, absl::Span<const
     const ConstFloatView mask = halves.weight.view();
     guide = filter::Standardise(guide, mask, true, pool, nullptr);
     const Planes mean = filter::Combine(halves.a, halves.b, halves.share_a.view(), pool);
-    return filter::GuidedFilter(mean, guide, mask, static_cast<int>(values[0]), static_cast<double>(values[1]),
-                                pool);
+    return filter::GuidedFilter(mean, guide, mask, static_cast<int>(values[0]),
+                                static_cast<double>(values[1]), pool);
   };
   return filter::FilterLayers(*set.film, filter_layer, pool);
 }

@@ -101,17 +101,17 @@ class Filter {
 
   Vec3 At(int x, int y) const {
     const PixelSums& p = pixels_[IndexOf(x, y)];
-    std::array<Weighed, kClusters> weighed;
+    std::array<WeightedLight, kClusters> weighted;
     for (int qy = std::max(0, y - radius_); qy <= std::min(set_.height - 1, y + radius_); ++qy) {
       for (int qx = std::max(0, x - radius_); qx <= std::min(set_.width - 1, x + radius_); ++qx)
-        AddNeighbour(p, pixels_[IndexOf(qx, qy)], (qx - x) * (qx - x) + (qy - y) * (qy - y), &weighed);
+        AddNeighbour(p, pixels_[IndexOf(qx, qy)], (qx - x) * (qx - x) + (qy - y) * (qy - y), &weighted);
     }
-    const Vec3 diffuse = weighed[kDirect].Mean() + weighed[kIndirect].Mean();
-    return diffuse * p.albedo + weighed[kRest].Mean() + p.unfiltered;
+    const Vec3 diffuse = weighted[kDirect].Mean() + weighted[kIndirect].Mean();
+    return diffuse * p.albedo + weighted[kRest].Mean() + p.unfiltered;
   }
 
  private:
-  struct Weighed {
+  struct WeightedLight {
     Vec3 light;
     float samples = 0;
 
@@ -128,7 +128,7 @@ class Filter {
   }
 
   void AddNeighbour(const PixelSums& p, const PixelSums& q, int square,
-                    std::array<Weighed, kClusters>* out) const {
+                    std::array<WeightedLight, kClusters>* out) const {
     float exponent = static_cast<float>(square) / (0.5f * static_cast<float>(radius_ * radius_));
     for (size_t k = 0; k < p.geometry.size(); ++k)
       exponent += 0.5f * (p.geometry[k] - q.geometry[k]) * (p.geometry[k] - q.geometry[k]);

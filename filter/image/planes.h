@@ -148,12 +148,6 @@ inline ConstColorView ViewOf(absl::Span<const Plane> color) {
   return {color[0].view(), color[1].view(), color[2].view()};
 }
 
-/// Luminance of one pixel; `color` is Planes, a Picture or a ColorView.
-template <typename Color>
-float LuminanceAt(const Color& color, int x, int y) {
-  return Luminance(color[0].At(x, y), color[1].At(x, y), color[2].At(x, y));
-}
-
 /// The part of the colour inside `rect`.
 inline ConstColorView Crop(const ConstColorView& color, const Rect& rect) {
   return {color[0].Crop(rect), color[1].Crop(rect), color[2].Crop(rect)};

@@ -74,7 +74,9 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
 bool FakeWorker::Deliver(const v1::Lease& lease, Stream* stream) {
   const scheduler::UnitRef unit = scheduler::UnitFromProto(lease.unit());
   const Rect rect = {lease.rect().x0(), lease.rect().y0(), lease.rect().x1(), lease.rect().y1()};
-  const EdgedImage image = RandomUnit(unit.key, rect, {lease.first_sample(), lease.last_sample()}, 1);
+  const SampleRange samples = {static_cast<uint32_t>(lease.first_sample()),
+                               static_cast<uint32_t>(lease.last_sample())};
+  const EdgedImage image = RandomUnit(unit.key, rect, samples, 1);
   v1::WorkerMessage message;
   *message.mutable_chunk()->mutable_unit() = lease.unit();
   message.mutable_chunk()->set_attempt(lease.attempt());

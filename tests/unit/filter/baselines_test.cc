@@ -189,6 +189,20 @@ TEST(MethodParameters, SpanTheirGrid) {
               ElementsAre(ElementsAre(1, 3), ElementsAre(1, 4), ElementsAre(2, 3), ElementsAre(2, 4)));
 }
 
+TEST(MethodInfo, IsListedForPeopleAndForPrograms) {
+  const MethodInfo plain = {.name = "a", .summary = "a \"plain\" one", .source = "x", .parameters = {}};
+  const MethodInfo steered = {
+      .name = "b", .summary = "y", .source = "z", .parameters = {{"k", "strength", 0.5f, {0.5f}, 0.25f, 8}}};
+  EXPECT_EQ(MethodsAsJson({plain, steered}),
+            "{\"name\": \"a\", \"summary\": \"a \\\"plain\\\" one\", \"source\": \"x\", \"parameters\": []}\n"
+            "{\"name\": \"b\", \"summary\": \"y\", \"source\": \"z\", \"parameters\": [{\"name\": \"k\", "
+            "\"summary\": "
+            "\"strength\", \"default\": 0.5, \"least\": 0.25, \"most\": 8}]}\n");
+  EXPECT_THAT(MethodTable({plain, steered}), HasSubstr("k=0.5 (0.25 to 8): strength\n"));
+  EXPECT_EQ(MethodNames({plain}), "a");
+  EXPECT_EQ(MethodNames({plain, steered, plain}), "a, b and a");
+}
+
 TEST(BilateralFilter, AgreesWithTheSumOverEachPixelsNeighbours) {
   constexpr int kWidth = 23;
   constexpr int kHeight = 17;

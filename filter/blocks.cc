@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "filter/denoise/denoise.h"
 #include "filter/image/check.h"
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
@@ -143,6 +144,11 @@ std::vector<float> BlockGrid::BlendFactors(int column, int row, int y) const {
   for (int x = output.x0; x < output.x1; ++x)
     factors.push_back(weight * columns_.Weight(column, x) / (above + weight * columns_.WeightSum(column, x)));
   return factors;
+}
+
+int MethodApron() {
+  static const int apron = DenoiseApron();
+  return apron;
 }
 
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,

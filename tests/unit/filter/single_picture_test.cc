@@ -74,7 +74,8 @@ TEST(SinglePicture, SplitsLightThroughASurfaceLikeAnyOther) {
     for (size_t c = 0; c < 3; ++c) CopyPlane(std::as_const(film).GetColor(layers::kIndirect)[c], out[c]);
   }
   SplitIntoHalves(&film, nullptr);
-  const std::vector<Product> products = ProductsOf(film, {}, nullptr);
+  const Frame frame(film);
+  const std::vector<Product> products = ProductsOf(frame, {}, nullptr);
   EXPECT_TRUE(std::any_of(products.begin(), products.end(), [&](const Product& product) {
     return product.mean[0].Row(0) == std::as_const(film).GetColor(layers::kTransmitted)[0].Row(0);
   }));

@@ -36,8 +36,7 @@ absl::Status AssetUpload::Mismatch(const std::string& cause) const {
 
 absl::Status AssetUpload::Add(const v1::ByteChunk& chunk) {
   if (chunk.total_size() != asset_.size()) {
-    return Mismatch(
-        absl::StrCat("its size is ", chunk.total_size(), " where ", asset_.size(), " were announced"));
+    return Mismatch(absl::StrCat("its size is ", chunk.total_size(), ", announced were ", asset_.size()));
   }
   if (absl::Status status = receiver_.Add(chunk); !status.ok()) return status;
   sum_.Update(chunk.data());
@@ -48,7 +47,7 @@ absl::Status AssetUpload::Finish() {
   if (receiver_.offset() != asset_.size()) {
     return Mismatch(absl::StrCat("only ", receiver_.offset(), " of ", asset_.size(), " bytes arrived"));
   }
-  if (sum_.FinishHex() != asset_.sha256()) return Mismatch("its content has another SHA-256");
+  if (sum_.FinishHex() != asset_.sha256()) return Mismatch("the SHA-256 of its content is different");
   if (absl::Status status = receiver_.Sync(); !status.ok()) return status;
   if (std::rename(incoming_path_.c_str(), final_path_.c_str()) != 0) {
     return absl::UnavailableError(absl::StrCat(final_path_, ": ", std::strerror(errno)));
@@ -68,7 +67,8 @@ absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::Asset
     return absl::InvalidArgumentError(
         absl::StrCat("asset '", asset.uri(), "': sha256 is not 64 lower-case hexadecimal digits"));
   }
-  // Two clients may send one asset at the same time: each has a file of its own until it is whole.
+  // Two clients may send the same asset at the same time, so each upload has its own file until it is
+  // complete.
   std::string incoming = absl::StrCat(incoming_folder_, "/", asset.sha256(), ".", uploads_.fetch_add(1));
   absl::StatusOr<rpc::ByteReceiver> receiver = rpc::ByteReceiver::Open(incoming, 0);
   if (!receiver.ok()) return receiver.status();

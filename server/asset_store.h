@@ -14,7 +14,7 @@
 
 namespace lumifold::server {
 
-/// An asset on its way in. Nothing is left of it unless Finish succeeds.
+/// An asset that is being received. Its file is removed unless Finish succeeds.
 /// Threads: one at a time.
 class AssetUpload {
  public:
@@ -22,12 +22,13 @@ class AssetUpload {
   AssetUpload(const AssetUpload&) = delete;
   AssetUpload& operator=(const AssetUpload&) = delete;
 
-  /// Takes the next piece. Errors: as ByteReceiver::Add; kDataLoss where the size is not the one announced.
+  /// Adds the next piece.
+  /// Errors: as ByteReceiver::Add; kDataLoss where the size is not the announced one.
   absl::Status Add(const v1::ByteChunk& chunk);
 
-  /// Keeps the asset.
-  /// Errors: kDataLoss naming it when size or SHA-256 are not those announced; kUnavailable when the disk
-  /// refuses.
+  /// Stores the asset.
+  /// Errors: kDataLoss naming it when size or SHA-256 are not the announced ones; kUnavailable for a disk
+  /// error.
   absl::Status Finish();
 
  private:
@@ -43,20 +44,22 @@ class AssetUpload {
   rpc::Sha256 sum_;
 };
 
-/// Files known by their SHA-256. A file is there whole or not at all.
+/// Files identified by their SHA-256. A stored file is always complete.
 /// Threads: safe.
 class AssetStore {
  public:
-  /// Both folders exist and lie on one file system.
+  /// Both folders exist and are on the same file system.
   AssetStore(std::string folder, std::string incoming_folder);
 
-  /// Whether the asset is there. False for what is no SHA-256.
+  /// Whether the asset is stored. False for text that is not a SHA-256.
   bool Has(const std::string& sha256) const;
 
-  /// Errors: kInvalidArgument where `asset` names no SHA-256; kUnavailable when the disk refuses.
+  /// Begins to receive an asset.
+  /// Errors: kInvalidArgument where `asset` has no valid SHA-256; kUnavailable for a disk error.
   absl::StatusOr<std::unique_ptr<AssetUpload>> Receive(const v1::AssetRef& asset);
 
-  /// Reads an asset from an offset on. Errors: kNotFound naming it; kOutOfRange past its end.
+  /// Reads an asset from `offset` on.
+  /// Errors: kNotFound naming it; kOutOfRange past its end.
   absl::StatusOr<rpc::ByteSender> Open(const std::string& sha256, uint64_t offset) const;
 
  private:

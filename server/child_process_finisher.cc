@@ -25,13 +25,12 @@
 #include "server/frame_finisher.h"
 #include "server/ledger/sqlite_job_store.h"
 
-// The child writes its answer to standard output: on success StageTimes, serialised; else a status code's
-// number, a space and the message, with exit code 1.
+// The child writes its answer to standard output: on success a serialised StageTimes; otherwise the number of
+// the status code, a space and the message, with exit code 1.
 
 namespace lumifold::server {
 namespace {
 
-constexpr int kChildNiceness = 10;
 constexpr int kFailed = 1;
 
 absl::Status SystemError(const char* what, int error) {
@@ -52,7 +51,7 @@ absl::StatusOr<Child> Spawn(const std::vector<std::string>& command) {
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_adddup2(&actions, write_end.get(), STDOUT_FILENO);
-  // The coordinator blocks the signals it waits for; its child must not.
+  // The coordinator blocks the signals it waits for; the child must not inherit that.
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   sigset_t none;
@@ -63,7 +62,7 @@ absl::StatusOr<Child> Spawn(const std::vector<std::string>& command) {
   std::vector<char*> arguments;
   arguments.reserve(command.size() + 1);
   for (const std::string& word : command)
-    arguments.push_back(const_cast<char*>(word.c_str()));  // execve's old signature
+    arguments.push_back(const_cast<char*>(word.c_str()));  // execve takes char*, but does not write to it
   arguments.push_back(nullptr);
   const int error = posix_spawn(&child.pid, arguments[0], &actions, &attributes, arguments.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
@@ -104,7 +103,7 @@ class ChildProcessFinisher final : public FrameFinisher {
   ChildProcessFinisher(const DataFolder& folder, const ChildProcessOptions& options)
       : folder_(folder), options_(options) {}
 
-  absl::StatusOr<v1::StageTimes> Finish(const scheduler::JobId& job, int32_t frame) override;
+  absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) override;
   void Cancel() override;
 
  private:
@@ -113,10 +112,10 @@ class ChildProcessFinisher final : public FrameFinisher {
   absl::Mutex mutex_;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   pid_t running_ ABSL_GUARDED_BY(mutex_) =
-      -1;  // set only until it is waited for, so that no stranger is ever killed
+      -1;  // reset before the child is reaped, so that no other process is killed
 };
 
-absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Finish(const scheduler::JobId& job, int32_t frame) {
+absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Finish(const job::JobId& job, int32_t frame) {
   absl::StatusOr<Child> child;
   {
     absl::MutexLock lock(&mutex_);
@@ -127,7 +126,7 @@ absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Finish(const scheduler::Job
     running_ = child->pid;
   }
   const std::string answer = ReadAll(child->output);
-  // Waited for without being reaped first, so that the pid stays its own while Cancel may still use it.
+  // WNOWAIT: the child is not reaped yet, so that its pid stays valid while Cancel may use it.
   siginfo_t info;
   while (waitid(P_PID, static_cast<id_t>(child->pid), &info, WEXITED | WNOWAIT) != 0 && errno == EINTR) {
   }
@@ -146,9 +145,11 @@ void ChildProcessFinisher::Cancel() {
 }
 
 absl::Status LimitThisProcess(uint64_t memory_limit_bytes) {
-  // Should the coordinator be killed, nobody waits for this frame: a restarted one begins it anew.
+  // If the coordinator is killed, this frame is finished again after its restart.
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (setpriority(PRIO_PROCESS, 0, kChildNiceness) != 0) return SystemError("setpriority", errno);
+  const int niceness = getpriority(PRIO_PROCESS, 0);
+  if (niceness < kChildNiceness && setpriority(PRIO_PROCESS, 0, kChildNiceness) != 0)
+    return SystemError("setpriority", errno);
   if (memory_limit_bytes == 0) return absl::OkStatus();
   const rlimit limit = {memory_limit_bytes, memory_limit_bytes};
   if (setrlimit(RLIMIT_AS, &limit) != 0) return SystemError("setrlimit", errno);
@@ -162,7 +163,7 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   if (arguments.size() != 5 || !absl::SimpleAtoi(arguments[2], &frame) ||
       !absl::SimpleAtoi(arguments[3], &threads) || threads < 1 ||
       !absl::SimpleAtoi(arguments[4], &memory_limit_bytes)) {
-    return absl::InvalidArgumentError("finish-frame: is started by the coordinator only");
+    return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");
   }
   if (absl::Status status = LimitThisProcess(memory_limit_bytes); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
@@ -173,7 +174,7 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   SetExrThreads(threads);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   try {
-    return FinishFrame(folder, **store, scheduler::JobId(arguments[1]), frame, pool.get(), absl::Now);
+    return FinishFrame(folder, **store, job::JobId(arguments[1]), frame, pool.get(), absl::Now);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(absl::StrCat("filtering frame ", frame, ": out of memory (limit ",
                                                      memory_limit_bytes >> 20, " MiB, 0 for none)"));

@@ -7,7 +7,7 @@
 namespace lumifold::server {
 namespace {
 
-/// Units of one transaction at most: bounds the memory a burst takes and the time an acknowledgement waits.
+/// Maximum number of units in a batch. Limits the memory of a batch and the delay of acknowledgements.
 constexpr size_t kMaxBatch = 256;
 
 ledger::UnitRecord RecordOf(const AcceptedUnit& unit, const film::RecordPlace& place) {
@@ -19,20 +19,20 @@ ledger::UnitRecord RecordOf(const AcceptedUnit& unit, const film::RecordPlace& p
           .bad_samples = unit.stored.stats.bad_samples()};
 }
 
-/// News of the one job all of `units` belong to.
-ledger::JobNews NewsOf(const std::vector<AcceptedUnit>& units) {
-  ledger::JobNews news;
-  news.job = units.front().stored.unit.job;
-  news.numeric_class = units.front().numeric_class;
-  news.started = units.front().started;
+/// Update of the job that all of `units` belong to.
+ledger::JobUpdate UpdateOf(const std::vector<AcceptedUnit>& units) {
+  ledger::JobUpdate update;
+  update.job = units.front().stored.unit.job;
+  update.numeric_class = units.front().numeric_class;
+  update.started = units.front().started;
   for (const AcceptedUnit& unit : units) {
     for (const std::string& line : unit.stored.stats.warnings()) {
-      if (std::find(news.warnings.begin(), news.warnings.end(), line) == news.warnings.end()) {
-        news.warnings.push_back(line);
+      if (std::find(update.warnings.begin(), update.warnings.end(), line) == update.warnings.end()) {
+        update.warnings.push_back(line);
       }
     }
   }
-  return news;
+  return update;
 }
 
 }  // namespace
@@ -42,7 +42,7 @@ Committer::Committer(const DataFolder& folder, ledger::JobStore* store, Listener
 
 Committer::~Committer() { Stop(); }
 
-void Committer::RestoreLog(const scheduler::JobId& job, int32_t frame, uint64_t committed_bytes) {
+void Committer::RestoreLog(const job::JobId& job, int32_t frame, uint64_t committed_bytes) {
   absl::MutexLock lock(&mutex_);
   committed_bytes_[{job, frame}] = committed_bytes;
 }
@@ -52,7 +52,7 @@ void Committer::Enqueue(AcceptedUnit unit) {
   if (!stopping_) queue_.emplace_back(std::move(unit));
 }
 
-void Committer::Discard(const scheduler::JobId& job, std::optional<int32_t> frame) {
+void Committer::Discard(const job::JobId& job, std::optional<int32_t> frame) {
   absl::MutexLock lock(&mutex_);
   if (!stopping_) queue_.emplace_back(DiscardOrder{job, frame});
 }
@@ -79,9 +79,9 @@ std::deque<Committer::Task> Committer::TakeTasks() {
 void Committer::Run() {
   while (true) {
     std::deque<Task> tasks = TakeTasks();
-    if (tasks.empty()) return;  // stopping, and all is stored
-    // By job, so that a log that is damaged fails its own job and no other.
-    std::map<scheduler::JobId, std::vector<AcceptedUnit>> units;
+    if (tasks.empty()) return;  // stopping, and the queue is empty
+    // By job, so that a damaged log fails its own job only.
+    std::map<job::JobId, std::vector<AcceptedUnit>> units;
     for (Task& task : tasks) {
       if (auto* unit = std::get_if<AcceptedUnit>(&task)) {
         units[unit->stored.unit.job].push_back(std::move(*unit));
@@ -115,7 +115,7 @@ absl::Status Committer::Store(const std::vector<AcceptedUnit>& units) {
   for (film::UnitLog* log : written) {
     if (absl::Status status = log->Sync(); !status.ok()) return status;
   }
-  return store_->CommitUnits(records, {NewsOf(units)});
+  return store_->CommitUnits(records, {UpdateOf(units)});
 }
 
 absl::StatusOr<film::UnitLog*> Committer::LogOf(const FrameKey& key) {
@@ -141,7 +141,7 @@ void Committer::Execute(const DiscardOrder& order) {
   const std::string path = order.frame.has_value()
                                ? folder_.PathOf(DataFolder::UnitLogName(order.job, *order.frame))
                                : folder_.FilmPath(order.job);
-  // What cannot be deleted only takes room; the result is written either way.
+  // A file that cannot be deleted only takes space; the result is already written.
   RemoveAll(path).IgnoreError();
 }
 

@@ -19,53 +19,53 @@
 
 namespace lumifold::server {
 
-/// A unit that has been accepted and is to be made durable.
+/// An accepted unit that is to be committed.
 struct AcceptedUnit {
   film::StoredUnit stored;
-  scheduler::WorkerId worker;
-  /// Camera samples, as the scheduler counts them.
+  job::WorkerId worker;
+  /// Camera samples of the unit, as counted by the scheduler.
   int64_t samples = 0;
-  /// For the job's row: the class it is bound to and when its first lease was given.
+  /// For the row of the job: its numeric class and the time of its first lease.
   std::string numeric_class;
   absl::Time started;
 };
 
-/// Makes accepted units durable, many at a time: appends them to their frames' unit logs, syncs each log
-/// once, then records them in one transaction of the ledger. Only then may a unit be acknowledged.
-/// Threads: all calls from any thread; the listener is called from the committer's own.
+/// Commits accepted units in batches: appends them to the unit logs of their frames, syncs each log once,
+/// then records the units in one transaction of the ledger. Only then may a unit be acknowledged.
+/// Threads: all calls from any thread; the listener is called from the committer's own thread.
 class Committer {
  public:
-  /// What the committer asks and tells.
+  /// Receives the outcome of commits.
   class Listener {
    public:
     virtual ~Listener() = default;
-    /// False once the job has ended: its units are dropped.
-    virtual bool IsWanted(const scheduler::JobId& job) = 0;
-    /// The units, all of one job, are durable; or, where `status` is an error, none of them is and none can
-    /// be.
+    /// Whether the job is active. Units of a job that has ended are dropped.
+    virtual bool IsWanted(const job::JobId& job) = 0;
+    /// The units, all of one job, are committed; or, if `status` is an error, none of them is committed and
+    /// the job cannot continue.
     virtual void OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) = 0;
   };
 
-  /// All three must outlive it.
+  /// All arguments must outlive it.
   Committer(const DataFolder& folder, ledger::JobStore* store, Listener* listener);
   ~Committer();
 
-  /// Says how much of a frame's unit log the ledger knew of at the start. Before any unit of the frame.
-  void RestoreLog(const scheduler::JobId& job, int32_t frame, uint64_t committed_bytes);
+  /// Sets the size of a frame's unit log according to the ledger. Call it before any unit of the frame.
+  void RestoreLog(const job::JobId& job, int32_t frame, uint64_t committed_bytes);
   void Enqueue(AcceptedUnit unit);
-  /// Deletes the unit logs of a frame that is finished, or of a job that has ended. Units of it still queued
-  /// are stored first.
-  void Discard(const scheduler::JobId& job, std::optional<int32_t> frame);
-  /// Stores what is queued, then stops. Later calls do nothing.
+  /// Deletes the unit log of a finished frame, or all unit logs of a job that has ended. Queued units are
+  /// committed first.
+  void Discard(const job::JobId& job, std::optional<int32_t> frame);
+  /// Commits the queued units, then stops. Later calls have no effect.
   void Stop();
 
  private:
   struct DiscardOrder {
-    scheduler::JobId job;
+    job::JobId job;
     std::optional<int32_t> frame;
   };
   using Task = std::variant<AcceptedUnit, DiscardOrder>;
-  using FrameKey = std::pair<scheduler::JobId, int32_t>;
+  using FrameKey = std::pair<job::JobId, int32_t>;
 
   void Run();
   bool HasWork() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return stopping_ || !queue_.empty(); }
@@ -79,14 +79,14 @@ class Committer {
   ledger::JobStore* const store_;
   Listener* const listener_;
 
-  std::map<FrameKey, film::UnitLog> logs_;  // used by the committer's thread alone
+  std::map<FrameKey, film::UnitLog> logs_;  // used by the committer's thread only
 
   absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   std::deque<Task> queue_ ABSL_GUARDED_BY(mutex_);
   std::map<FrameKey, uint64_t> committed_bytes_ ABSL_GUARDED_BY(mutex_);
 
-  std::thread thread_;  // last: it uses all of the above
+  std::thread thread_;  // last member: it uses the members above
 };
 
 }  // namespace lumifold::server

@@ -9,17 +9,17 @@
 #include "filter/methods.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/version.h"
-#include "server/job/job_id.h"
+#include "server/job/ids.h"
 #include "server/job/job_spec.h"
 #include "server/job_status.h"
 
 namespace lumifold::server {
 namespace {
 
-using scheduler::Attempt;
-using scheduler::JobId;
-using scheduler::UnitRef;
-using scheduler::WorkerId;
+using job::Attempt;
+using job::JobId;
+using job::UnitRef;
+using job::WorkerId;
 
 constexpr int kMaxSlots = 1024;
 constexpr int kDefaultListed = 100;
@@ -45,19 +45,18 @@ absl::Status CheckMethod(const std::string& method) {
   return status.ok() ? status : absl::InvalidArgumentError(absl::StrCat("filter.method: ", status.message()));
 }
 
-/// Text from outside, for one line of the log.
+/// Escapes text of clients and workers for one line of the log.
 std::string Quoted(const std::string& text) { return absl::StrCat("\"", absl::Utf8SafeCEscape(text), "\""); }
 
 absl::Status CheckHello(const v1::Hello& hello) {
   if (hello.wire_version() != rpc::kWireVersion) {
-    return absl::FailedPreconditionError(absl::StrCat("worker '", hello.name(), "' speaks wire version ",
+    return absl::FailedPreconditionError(absl::StrCat("worker '", hello.name(), "' has wire version ",
                                                       hello.wire_version(), ", this coordinator ",
                                                       rpc::kWireVersion));
   }
   if (hello.numeric_class().empty() || hello.slots() < 1 || hello.slots() > kMaxSlots) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("worker '", hello.name(),
-                     "': numeric_class must not be empty and slots lie within 1 to ", kMaxSlots));
+    return absl::InvalidArgumentError(absl::StrCat(
+        "worker '", hello.name(), "': numeric_class must not be empty and slots must be 1 to ", kMaxSlots));
   }
   return absl::OkStatus();
 }
@@ -83,7 +82,7 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
       store_(store),
       assets_(assets),
       finisher_(finisher),
-      // The clock's microseconds are above any attempt number an earlier run of this coordinator has given.
+      // The clock's microseconds are above any attempt that an earlier run of this coordinator granted.
       scheduler_({.lease = options.lease, .first_attempt = Attempt(absl::ToUnixMicros(options.now()))}),
       committer_(std::make_unique<Committer>(folder_, store_, static_cast<Committer::Listener*>(this))) {}
 
@@ -93,7 +92,7 @@ void Coordinator::Shutdown() {
   {
     absl::MutexLock lock(&mutex_);
     stopping_ = true;
-    chores_.SignalAll();
+    housekeeping_.SignalAll();
   }
   finisher_->Cancel();
   committer_->Stop();
@@ -120,13 +119,14 @@ absl::Status Coordinator::RestoreJob(const ledger::JobRecord& record) {
   std::map<int32_t, uint64_t> committed_bytes;
   absl::Status read = store_->ForEachUnit(record.id, std::nullopt,
                                           [&](const ledger::UnitRecord& unit) ABSL_NO_THREAD_SAFETY_ANALYSIS {
-                                            scheduler_.RestoreMergedUnit(unit.unit);
+                                            scheduler_.RestoreCommittedUnit(unit.unit);
                                             uint64_t& end = committed_bytes[unit.unit.key.frame];
                                             end = std::max(end, unit.offset + unit.length);
                                           });
   if (!read.ok()) return read;
   for (const auto& [frame, bytes] : committed_bytes) committer_->RestoreLog(record.id, frame, bytes);
-  for (const int32_t frame : scheduler_.MergedFrames(record.id)) merged_frames_.push_back({record.id, frame});
+  for (const int32_t frame : scheduler_.CommittedFrames(record.id))
+    committed_frames_.push_back({record.id, frame});
   const scheduler::JobProgress progress = scheduler_.Progress(record.id);
   options_.log->info("event=job_restored job={} units={}/{} frames={}/{}", record.id.value(),
                      progress.units_done, progress.units_total, progress.frames_done, progress.frames_total);
@@ -175,19 +175,19 @@ absl::Status Coordinator::CheckSpec(const v1::JobSpec& spec) const {
 absl::StatusOr<v1::SubmitJobResponse> Coordinator::SubmitJob(const v1::SubmitJobRequest& request) {
   if (request.request_id().empty() || request.request_id().size() > kMaxRequestIdLength) {
     return absl::InvalidArgumentError(
-        absl::StrCat("request_id has not 1 to ", kMaxRequestIdLength, " characters"));
+        absl::StrCat("request_id must have 1 to ", kMaxRequestIdLength, " characters"));
   }
-  const absl::StatusOr<v1::JobSpec> spec = scheduler::NormaliseJobSpec(request.spec());
+  const absl::StatusOr<v1::JobSpec> spec = job::NormaliseJobSpec(request.spec());
   if (!spec.ok()) return spec.status();
   if (absl::Status status = CheckSpec(*spec); !status.ok()) return status;
   const absl::Time now = options_.now();
-  const ledger::NewJob job{.id = ledger::MakeJobId(now, options_.random()),
+  const ledger::NewJob job{.id = job::MakeJobId(now, options_.random()),
                            .request_id = request.request_id(),
                            .spec = *spec,
                            .submitted = now};
   const absl::StatusOr<JobId> id = store_->CreateJob(job);
   if (!id.ok()) return id.status();
-  if (*id == job.id) StartJob(job);  // another id: the same request was recorded before
+  if (*id == job.id) StartJob(job);  // otherwise the request was recorded before
   v1::SubmitJobResponse response;
   response.set_job_id(id->value());
   return response;
@@ -313,7 +313,7 @@ void Coordinator::RemoveWorker(WorkerId worker) {
 void Coordinator::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
   std::vector<std::pair<UnitRef, Attempt>> held;
   for (const v1::Lease& lease : heartbeat.held()) {
-    held.emplace_back(scheduler::UnitFromProto(lease.unit()), Attempt(lease.attempt()));
+    held.emplace_back(job::UnitFromProto(lease.unit()), Attempt(lease.attempt()));
   }
   absl::MutexLock lock(&mutex_);
   scheduler_.Heartbeat(worker, held, Attempt(heartbeat.newest_attempt()), options_.now());
@@ -368,7 +368,7 @@ bool Coordinator::IsWanted(const JobId& job) {
 void Coordinator::OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) {
   absl::MutexLock lock(&mutex_);
   if (!status.ok()) {
-    const std::string error = absl::StrCat("units cannot be stored: ", std::string(status.message()));
+    const std::string error = absl::StrCat("units cannot be committed: ", std::string(status.message()));
     EndJob(units.front().stored.unit.job, v1::JOB_STATE_FAILED, error);
     return;
   }
@@ -382,7 +382,7 @@ void Coordinator::OnCommitted(const std::vector<AcceptedUnit>& units, const absl
 void Coordinator::CountCommitted(const AcceptedUnit& unit) {
   const UnitRef& ref = unit.stored.unit;
   const auto active = active_jobs_.find(ref.job);
-  if (active == active_jobs_.end()) return;  // it ended while the unit was being stored
+  if (active == active_jobs_.end()) return;  // the job ended while the unit was being committed
   ledger::JobRecord& record = active->second;
   record.bad_samples += unit.stored.stats.bad_samples();
   record.times.set_render_seconds(absl::ToDoubleSeconds(options_.now() - record.started));
@@ -391,14 +391,14 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
       record.warnings.push_back(line);
     }
   }
-  options_.log->debug("event=unit_merged unit={} worker={} seconds={:.3f}", Quoted(Describe(ref)),
+  options_.log->debug("event=unit_committed unit={} worker={} seconds={:.3f}", Quoted(Describe(ref)),
                       NameOf(unit.worker), unit.stored.stats.seconds());
-  if (scheduler_.UnitMerged(ref)) {
-    options_.log->info("event=frame_merged job={} frame={}", ref.job.value(), ref.key.frame);
-    merged_frames_.push_back({ref.job, ref.key.frame});
+  if (scheduler_.UnitCommitted(ref)) {
+    options_.log->info("event=frame_committed job={} frame={}", ref.job.value(), ref.key.frame);
+    committed_frames_.push_back({ref.job, ref.key.frame});
   }
   changed_jobs_.insert(ref.job);
-  chores_.Signal();
+  housekeeping_.Signal();
 }
 
 void Coordinator::GrantTo(WorkerId worker_id) {
@@ -421,7 +421,7 @@ void Coordinator::GrantTo(WorkerId worker_id) {
     ledger::JobRecord& record = active_jobs_.at(job);
     if (record.started == absl::InfinitePast()) record.started = options_.now();
     changed_jobs_.insert(job);
-    chores_.Signal();
+    housekeeping_.Signal();
   }
   send();
 }
@@ -442,7 +442,7 @@ void Coordinator::Acknowledge(WorkerId worker, const UnitRef& unit, Attempt atte
 void Coordinator::EndJob(const JobId& job, v1::JobState state, const std::string& error) {
   if (!active_jobs_.contains(job)) return;
   if (absl::Status status = store_->EndJob(job, state, error); !status.ok()) {
-    // In memory the job ends all the same; after a restart it is tried again.
+    // The job ends in memory; after a restart it is active again.
     options_.log->error("event=ledger_failed job={} error={}", job.value(),
                         Quoted(std::string(status.message())));
   }
@@ -455,7 +455,7 @@ void Coordinator::EndJob(const JobId& job, v1::JobState state, const std::string
     if (worker.known_jobs.erase(job) > 0) worker.sink->Send(message);
   }
   changed_jobs_.insert(job);
-  chores_.Signal();
+  housekeeping_.Signal();
   options_.log->info("event=job_ended job={} state={} error={}", job.value(), v1::JobState_Name(state),
                      Quoted(error));
   GrantToAll();

@@ -33,44 +33,45 @@ namespace lumifold::server {
 
 struct CoordinatorOptions {
   absl::Duration lease = absl::Seconds(30);
-  /// How often workers are asked to say that they live.
+  /// Interval of the workers' heartbeats.
   absl::Duration heartbeat = absl::Seconds(5);
   std::function<absl::Time()> now;
   std::function<uint64_t()> random;
   std::shared_ptr<spdlog::logger> log;
 };
 
-/// Where messages for a worker go. Send only queues: it never blocks and never calls back.
+/// Queue of messages to a worker. Send never blocks and never calls back.
 class WorkerSink {
  public:
   virtual ~WorkerSink() = default;
   virtual void Send(const v1::CoordinatorMessage& message) = 0;
 };
 
-/// Who wants to know how a job fares. OnStatus only queues: it never blocks and never calls back.
+/// Receives the status of a job. OnStatus only queues: it never blocks and never calls back.
 class JobWatcher {
  public:
   virtual ~JobWatcher() = default;
   virtual void OnStatus(const v1::JobStatus& status) = 0;
 };
 
-/// All decisions of the coordinator: takes jobs, grants leases, merges units once, has frames finished, ends
-/// jobs. Knows nothing of gRPC. What it acknowledges is durable first; started again over the same data
-/// folder it goes on where it was.
+/// Makes all decisions of the coordinator: accepts jobs, grants leases, commits each unit once, finishes
+/// frames, ends jobs. Independent of gRPC. Acknowledges a unit only after it is committed; after a restart
+/// with the same data folder it continues all unfinished jobs.
 /// Threads: safe; it has three of its own (committer, finisher, housekeeping).
 class Coordinator final : private Committer::Listener {
  public:
-  /// Reads the unfinished jobs back from the ledger. The folder is claimed; all four must outlive it.
+  /// Restores the unfinished jobs from the ledger. The caller has claimed the folder. `folder`, `store`,
+  /// `assets` and `finisher` must outlive it.
   static absl::StatusOr<std::unique_ptr<Coordinator>> Create(const CoordinatorOptions& options,
                                                              const DataFolder& folder,
                                                              ledger::JobStore* store, AssetStore* assets,
                                                              FrameFinisher* finisher);
   ~Coordinator() override;
-  /// Stops the threads; what was accepted is stored first. Calls after it are still safe but decide nothing
-  /// new.
+  /// Commits the accepted units and stops the threads. Later calls are safe, but no lease is granted any
+  /// more.
   void Shutdown();
 
-  // For clients; farm.proto says what each does and its errors.
+  // Calls of clients; farm.proto documents them and their errors.
   absl::StatusOr<v1::FindMissingAssetsResponse> FindMissingAssets(
       const v1::FindMissingAssetsRequest& request) const;
   absl::StatusOr<std::unique_ptr<AssetUpload>> ReceiveAsset(const v1::AssetRef& asset);
@@ -79,36 +80,36 @@ class Coordinator final : private Committer::Listener {
   absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request);
   absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id);
   absl::StatusOr<rpc::ByteSender> OpenResult(const v1::DownloadResultRequest& request);
-  /// `watcher` hears of the job at once and after changes, at most ten times a second, until Unwatch.
+  /// Calls `watcher` with the job's status at once and after changes, at most ten times a second, until
+  /// Unwatch.
   absl::Status Watch(const std::string& job_id, JobWatcher* watcher);
-  /// After it returns the watcher is not called again. Harmless for one that does not watch.
+  /// After it returns the watcher is not called again. No effect on a watcher that does not watch.
   void Unwatch(JobWatcher* watcher);
 
-  // For workers; worker.proto. Called through WorkerSession.
+  // Calls of workers, made by WorkerSession; see worker.proto.
   absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const;
-  /// Welcomes a worker and fills its slots. `sink` is used until RemoveWorker has returned.
-  absl::StatusOr<scheduler::WorkerId> AddWorker(const v1::Hello& hello, WorkerSink* sink);
-  void RemoveWorker(scheduler::WorkerId worker);
-  void OnHeartbeat(scheduler::WorkerId worker, const v1::Heartbeat& heartbeat);
-  /// The pixels of a lease the worker holds; nothing where it does not.
-  std::optional<Rect> FindLease(scheduler::WorkerId worker, const scheduler::UnitRef& unit,
-                                scheduler::Attempt attempt);
-  /// A unit arrived whole and well formed.
-  void Deliver(scheduler::WorkerId worker, film::StoredUnit unit);
-  /// The last piece of a unit arrived that is not wanted: the worker may forget it.
-  void Dismiss(scheduler::WorkerId worker, const scheduler::UnitRef& unit, scheduler::Attempt attempt);
-  void FailUnit(scheduler::WorkerId worker, const scheduler::UnitRef& unit, scheduler::Attempt attempt,
+  /// Sends Welcome to a worker and grants it leases. `sink` is used until RemoveWorker has returned.
+  absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, WorkerSink* sink);
+  void RemoveWorker(job::WorkerId worker);
+  void OnHeartbeat(job::WorkerId worker, const v1::Heartbeat& heartbeat);
+  /// The tile of a lease that the worker holds; nullopt if it does not hold it.
+  std::optional<Rect> FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
+  /// Accepts a complete unit of valid layout.
+  void Deliver(job::WorkerId worker, film::StoredUnit unit);
+  /// Acknowledges a unit that is not wanted, so that the worker drops it.
+  void Dismiss(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
+  void FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                 const std::string& error, bool permanent);
 
  private:
   struct ConnectedWorker {
     std::string name;
     WorkerSink* sink;
-    std::set<scheduler::JobId> known_jobs;  // whose specs it has been sent
+    std::set<job::JobId> known_jobs;  // jobs whose specs were sent to the worker
   };
-  struct MergedFrame {
-    scheduler::JobId job;
-    int32_t frame;
+  struct CommittedFrame {
+    job::JobId job;
+    int32_t number;
   };
 
   Coordinator(const CoordinatorOptions& options, const DataFolder& folder, ledger::JobStore* store,
@@ -118,28 +119,28 @@ class Coordinator final : private Committer::Listener {
   absl::Status CheckSpec(const v1::JobSpec& spec) const;
   void StartJob(const ledger::NewJob& job);
 
-  bool IsWanted(const scheduler::JobId& job) override;
+  bool IsWanted(const job::JobId& job) override;
   void OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) override;
   void CountCommitted(const AcceptedUnit& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  void GrantTo(scheduler::WorkerId worker) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void GrantTo(job::WorkerId worker) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void GrantToAll() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void Acknowledge(scheduler::WorkerId worker, const scheduler::UnitRef& unit, scheduler::Attempt attempt)
+  void Acknowledge(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void EndJob(const scheduler::JobId& job, v1::JobState state, const std::string& error)
+  void EndJob(const job::JobId& job, v1::JobState state, const std::string& error)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::StatusOr<v1::JobStatus> StatusOf(const scheduler::JobId& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  std::string NameOf(scheduler::WorkerId worker) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::StatusOr<v1::JobStatus> StatusOf(const job::JobId& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::string NameOf(job::WorkerId worker) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   void RunFinisher();
-  void RecordFinished(const MergedFrame& merged, const absl::StatusOr<v1::StageTimes>& times);
+  void RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times);
   void RunHousekeeping();
-  absl::Duration UntilNextChore() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Duration UntilNextHousekeeping() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ExpireLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void TellWatchers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void NotifyWatchers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   bool FinisherHasWork() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return stopping_ || !merged_frames_.empty();
+    return stopping_ || !committed_frames_.empty();
   }
 
   const CoordinatorOptions options_;
@@ -151,14 +152,14 @@ class Coordinator final : private Committer::Listener {
   absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   scheduler::Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
-  std::map<scheduler::JobId, ledger::JobRecord> active_jobs_ ABSL_GUARDED_BY(mutex_);
+  std::map<job::JobId, ledger::JobRecord> active_jobs_ ABSL_GUARDED_BY(mutex_);
   int64_t next_worker_ ABSL_GUARDED_BY(mutex_) = 1;
-  std::map<scheduler::WorkerId, ConnectedWorker> workers_ ABSL_GUARDED_BY(mutex_);
-  std::deque<MergedFrame> merged_frames_ ABSL_GUARDED_BY(mutex_);
-  std::map<JobWatcher*, scheduler::JobId> watchers_ ABSL_GUARDED_BY(mutex_);
-  std::set<scheduler::JobId> changed_jobs_ ABSL_GUARDED_BY(mutex_);
-  absl::Time watchers_told_ ABSL_GUARDED_BY(mutex_) = absl::InfinitePast();
-  absl::CondVar chores_;
+  std::map<job::WorkerId, ConnectedWorker> workers_ ABSL_GUARDED_BY(mutex_);
+  std::deque<CommittedFrame> committed_frames_ ABSL_GUARDED_BY(mutex_);
+  std::map<JobWatcher*, job::JobId> watchers_ ABSL_GUARDED_BY(mutex_);
+  std::set<job::JobId> changed_jobs_ ABSL_GUARDED_BY(mutex_);
+  absl::Time watchers_notified_ ABSL_GUARDED_BY(mutex_) = absl::InfinitePast();
+  absl::CondVar housekeeping_;
 
   std::unique_ptr<Committer> committer_;
   std::thread finisher_thread_;

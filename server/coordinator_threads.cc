@@ -1,4 +1,4 @@
-// The coordinator's own threads: frames are finished on one, time passes on the other.
+// The coordinator's own threads: one finishes frames, one expires leases and notifies watchers.
 #include <spdlog/logger.h>
 
 #include <algorithm>
@@ -8,76 +8,76 @@
 namespace lumifold::server {
 namespace {
 
-using scheduler::JobId;
+using job::JobId;
 
-/// Clients hear of a job at most ten times a second.
+/// Minimum time between two statuses of a job sent to a client.
 constexpr absl::Duration kWatchInterval = absl::Milliseconds(100);
-/// Leases are looked at this often at least: the clock may be another than the one the wait goes by.
+/// Maximum time between two checks of the leases: options_.now may not be the clock that waits use.
 constexpr absl::Duration kIdleInterval = absl::Seconds(1);
 
 }  // namespace
 
 void Coordinator::RunFinisher() {
   while (true) {
-    MergedFrame merged;
+    CommittedFrame frame;
     {
       absl::MutexLock lock(&mutex_);
       mutex_.Await(absl::Condition(this, &Coordinator::FinisherHasWork));
       if (stopping_) return;
-      merged = std::move(merged_frames_.front());
-      merged_frames_.pop_front();
-      if (!active_jobs_.contains(merged.job)) continue;
+      frame = std::move(committed_frames_.front());
+      committed_frames_.pop_front();
+      if (!active_jobs_.contains(frame.job)) continue;
     }
-    const absl::StatusOr<v1::StageTimes> times = finisher_->Finish(merged.job, merged.frame);
+    const absl::StatusOr<v1::StageTimes> times = finisher_->Finish(frame.job, frame.number);
     if (absl::IsCancelled(times.status())) return;
-    RecordFinished(merged, times);
+    RecordFinished(frame, times);
   }
 }
 
-void Coordinator::RecordFinished(const MergedFrame& merged, const absl::StatusOr<v1::StageTimes>& times) {
+void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times) {
   absl::MutexLock lock(&mutex_);
-  const auto active = active_jobs_.find(merged.job);
+  const auto active = active_jobs_.find(frame.job);
   if (active == active_jobs_.end()) return;
   if (!times.ok()) {
-    EndJob(merged.job, v1::JOB_STATE_FAILED, std::string(times.status().message()));
+    EndJob(frame.job, v1::JOB_STATE_FAILED, std::string(times.status().message()));
     return;
   }
   v1::StageTimes& sum = active->second.times;
   v1::StageTimes recorded = *times;
   recorded.set_render_seconds(sum.render_seconds());
-  if (absl::Status status = store_->RecordFrame(merged.job, merged.frame, recorded); !status.ok()) {
-    EndJob(merged.job, v1::JOB_STATE_FAILED, std::string(status.message()));
+  if (absl::Status status = store_->RecordFrame(frame.job, frame.number, recorded); !status.ok()) {
+    EndJob(frame.job, v1::JOB_STATE_FAILED, std::string(status.message()));
     return;
   }
   sum.set_assemble_seconds(sum.assemble_seconds() + times->assemble_seconds());
   sum.set_filter_seconds(sum.filter_seconds() + times->filter_seconds());
   sum.set_write_seconds(sum.write_seconds() + times->write_seconds());
-  options_.log->info("event=frame_finished job={} frame={} filter_seconds={:.3f}", merged.job.value(),
-                     merged.frame, times->filter_seconds());
-  changed_jobs_.insert(merged.job);
-  chores_.Signal();
-  if (scheduler_.FrameFinished(merged.job, merged.frame)) {
-    EndJob(merged.job, v1::JOB_STATE_DONE, "");
+  options_.log->info("event=frame_finished job={} frame={} filter_seconds={:.3f}", frame.job.value(),
+                     frame.number, times->filter_seconds());
+  changed_jobs_.insert(frame.job);
+  housekeeping_.Signal();
+  if (scheduler_.FrameFinished(frame.job, frame.number)) {
+    EndJob(frame.job, v1::JOB_STATE_DONE, "");
   } else {
-    committer_->Discard(merged.job, merged.frame);
+    committer_->Discard(frame.job, frame.number);
   }
 }
 
 void Coordinator::RunHousekeeping() {
   absl::MutexLock lock(&mutex_);
   while (!stopping_) {
-    const absl::Duration pause = UntilNextChore();
-    if (pause > absl::ZeroDuration()) chores_.WaitWithTimeout(&mutex_, pause);
+    const absl::Duration pause = UntilNextHousekeeping();
+    if (pause > absl::ZeroDuration()) housekeeping_.WaitWithTimeout(&mutex_, pause);
     if (stopping_) return;
     ExpireLeases();
-    TellWatchers();
+    NotifyWatchers();
   }
 }
 
-absl::Duration Coordinator::UntilNextChore() {
+absl::Duration Coordinator::UntilNextHousekeeping() {
   const absl::Time now = options_.now();
   absl::Duration pause = std::min(kIdleInterval, scheduler_.NextExpiry() - now);
-  if (!changed_jobs_.empty()) pause = std::min(pause, watchers_told_ + kWatchInterval - now);
+  if (!changed_jobs_.empty()) pause = std::min(pause, watchers_notified_ + kWatchInterval - now);
   return pause;
 }
 
@@ -90,10 +90,10 @@ void Coordinator::ExpireLeases() {
   if (!expired.empty()) GrantToAll();
 }
 
-void Coordinator::TellWatchers() {
+void Coordinator::NotifyWatchers() {
   const absl::Time now = options_.now();
-  if (changed_jobs_.empty() || now < watchers_told_ + kWatchInterval) return;
-  watchers_told_ = now;
+  if (changed_jobs_.empty() || now < watchers_notified_ + kWatchInterval) return;
+  watchers_notified_ = now;
   for (const auto& [watcher, job] : watchers_) {
     if (!changed_jobs_.contains(job)) continue;
     const absl::StatusOr<v1::JobStatus> status = StatusOf(job);

@@ -44,10 +44,10 @@ absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
 }
 
 absl::Status DataFolder::RemoveLeftovers() const {
-  // What was being received was never whole.
+  // Uploads in progress are incomplete.
   if (absl::Status status = RemoveAll(IncomingPath()); !status.ok()) return status;
   if (absl::Status status = MakeFolder(IncomingPath()); !status.ok()) return status;
-  // Nor was a result that has not got its name.
+  // Results that still have their temporary name are incomplete.
   std::vector<std::string> partial;
   std::error_code error;
   for (std::filesystem::recursive_directory_iterator entry(root_ + "/results", error), end;
@@ -61,11 +61,11 @@ absl::Status DataFolder::RemoveLeftovers() const {
   return absl::OkStatus();
 }
 
-std::string DataFolder::UnitLogName(const scheduler::JobId& job, int32_t frame) {
+std::string DataFolder::UnitLogName(const job::JobId& job, int32_t frame) {
   return absl::StrFormat("film/%s/frame-%04d.units", job.value(), frame);
 }
 
-std::string DataFolder::ResultPath(const scheduler::JobId& job, int32_t frame) const {
+std::string DataFolder::ResultPath(const job::JobId& job, int32_t frame) const {
   return absl::StrFormat("%s/frame-%04d.exr", ResultsPath(job), frame);
 }
 

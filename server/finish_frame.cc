@@ -7,23 +7,23 @@
 
 #include "filter/image/layers.h"
 #include "filter/methods.h"
+#include "server/committed_units.h"
 #include "server/film/result_writer.h"
 #include "server/film/unit_film.h"
-#include "server/merged_units.h"
 
 namespace lumifold::server {
 namespace {
 
 using ledger::JobRecord;
 
-/// Measures stages that take turns.
+/// Measures the time of alternating stages.
 class StageClock {
  public:
   enum Stage { kAssemble, kFilter, kWrite, kStages };
 
   explicit StageClock(const std::function<absl::Time()>& now) : now_(now), since_(now()) {}
 
-  /// The time since the last call, or the beginning, went into `stage`.
+  /// Adds the time since the last call, or since construction, to `stage`.
   void Charge(Stage stage) {
     const absl::Time now = now_();
     spent_[stage] += now - since_;
@@ -53,7 +53,7 @@ TimedFilm MakeTimedFilm(FilmSource* film, StageClock* clock) {
   return {film, before, [clock] { clock->Charge(StageClock::kAssemble); }};
 }
 
-/// The filtered picture's part inside `rect` of some rows of it.
+/// The part of the filtered `rows` inside `rect`.
 std::array<Plane, 3> PictureIn(const LayeredImage& rows, const Rect& rect) {
   const ConstColorView color = rows.GetColor(layers::kBeauty);
   std::array<Plane, 3> picture;
@@ -64,7 +64,7 @@ std::array<Plane, 3> PictureIn(const LayeredImage& rows, const Rect& rect) {
   return picture;
 }
 
-/// A frame on its way into its file.
+/// Filters a frame and writes its result.
 class Finish {
  public:
   Finish(film::UnitFilm* film, film::ResultWriter* result, std::string method, TaskPool* pool,
@@ -76,7 +76,7 @@ class Finish {
         pool_(pool),
         clock_(*clock) {}
 
-  /// A frame of one block: the film is read once.
+  /// For a frame of one block: the film is read once.
   absl::Status Whole() {
     absl::StatusOr<EdgedImage> film = timed_.Read({0, 0, film_.width(), film_.height()});
     if (!film.ok()) return film.status();
@@ -87,8 +87,8 @@ class Finish {
     return Write(*std::move(film), *std::move(filtered));
   }
 
-  /// A frame of several: what the file holds beside the picture is read again once the picture's rows are
-  /// there. To keep it from when they were filtered would take a row of blocks of the whole film.
+  /// For a frame of several blocks: the other layers of the result are read again when the rows of the
+  /// picture are filtered. Keeping them would need the memory of a row of blocks with all channels.
   absl::Status InRows(const filter::BlockParams& blocks) {
     const auto write = [this](const LayeredImage& rows) { return WriteRows(rows); };
     return filter::FilterFilmInRows(&timed_, method_, {}, pool_, write, blocks);
@@ -120,19 +120,19 @@ class Finish {
   const std::string method_;
   TaskPool* const pool_;
   StageClock& clock_;
-  int y_ = 0;  // rows above are written
+  int y_ = 0;  // first row that is not written
 };
 
 }  // namespace
 
 absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
-                                           const scheduler::JobId& job_id, int32_t frame, TaskPool* pool,
+                                           const job::JobId& job_id, int32_t frame, TaskPool* pool,
                                            const std::function<absl::Time()>& now,
                                            const filter::BlockParams& blocks) {
   const absl::StatusOr<JobRecord> job = store.GetJob(job_id);
   if (!job.ok()) return job.status();
   StageClock clock(now);
-  const absl::StatusOr<MergedUnits> units = MergedUnits::Open(folder, store, *job, frame);
+  const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *job, frame);
   if (!units.ok()) return units.status();
   absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(job->spec, frame, &*units, pool);
   if (!film.ok()) return film.status();

@@ -12,15 +12,15 @@
 
 namespace lumifold::server {
 
-/// Turns a merged frame into its result file: assembles the film from the units the ledger names, filters it
-/// and writes the OpenEXR file whole. A frame of more than one of `blocks` is assembled and filtered block by
-/// block and written in rows: in memory is a block, not the film. Doing it again gives the same bytes. Gives
-/// the seconds each stage took by `now`.
-/// Errors: kNotFound without such a job; kDataLoss naming the record that is damaged or missing; those of the
-/// filter; kUnavailable when the disk refuses.
+/// Makes the result file of a committed frame: assembles the film from the committed units, filters it and
+/// writes the OpenEXR file. A frame of more than one of `blocks` is assembled and filtered block by block and
+/// written in bands of rows, so that memory holds one block, not the film. A repeated call writes the same
+/// bytes. Returns the time of each stage, measured with `now`.
+/// Errors: kNotFound for an unknown job; kDataLoss naming the damaged or missing record; those of the filter;
+/// kUnavailable for a disk error.
 /// Threads: safe for different frames; the file does not depend on `pool`, which may be null.
 absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
-                                           const scheduler::JobId& job, int32_t frame, TaskPool* pool,
+                                           const job::JobId& job, int32_t frame, TaskPool* pool,
                                            const std::function<absl::Time()>& now,
                                            const filter::BlockParams& blocks = {});
 

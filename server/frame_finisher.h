@@ -14,41 +14,48 @@
 
 namespace lumifold::server {
 
-/// Runs FinishFrame somewhere. Threads: Finish from one at a time, Cancel from any.
+/// Runs FinishFrame.
+/// Threads: Finish from one thread at a time, Cancel from any.
 class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
 
-  /// Blocks until the frame's result is written, or fails. Errors: as FinishFrame; kCancelled after Cancel.
-  virtual absl::StatusOr<v1::StageTimes> Finish(const scheduler::JobId& job, int32_t frame) = 0;
+  /// Writes the frame's result; blocks.
+  /// Errors: as FinishFrame; kCancelled after Cancel.
+  virtual absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) = 0;
 
-  /// Makes a running Finish return as soon as it can, and every later one at once.
+  /// Makes a running Finish return as soon as possible, and every later call at once.
   virtual void Cancel() = 0;
 };
 
-/// Finishes frames on the calling thread and a pool of `threads`. Cancel waits for the frame in work. `store`
-/// must outlive it.
+/// Finishes frames in this process, on the calling thread and a pool of `threads`, at the priority of the
+/// process. Cancel does not interrupt a running Finish. `store` must outlive it.
 std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
                                                      int threads, std::function<absl::Time()> now);
 
 struct ChildProcessOptions {
-  /// The program to start; its main must hand the arguments to RunFinishFrameProcess.
+  /// The program to start; its main passes the arguments to RunFinishFrameProcess.
   std::string program = "/proc/self/exe";
   int threads = 1;
-  /// Address space the child may take; 0 for no limit.
+  /// Limit of the child's address space in bytes; 0 for none.
   uint64_t memory_limit_bytes = 0;
 };
 
-/// Finishes each frame in a child process of low priority, so that neither its memory nor a crash of it
-/// touches the coordinator.
-/// Errors of Finish: also kInternal where the child died; it names the signal.
+/// Niceness of a child process. It yields to the coordinator and to workers on the same machine, but still gets
+/// about a quarter of a core that it shares with one process of niceness 0. At niceness 10 it would be a tenth.
+inline constexpr int kChildNiceness = 5;
+
+/// Finishes each frame in a child process of niceness kChildNiceness (or the coordinator's, if that is
+/// higher), so that the coordinator survives a child that runs out of memory or crashes.
+/// Errors of Finish: also kInternal naming the signal that ended the child.
 std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder,
                                                         const ChildProcessOptions& options);
 
 /// First argument of a child process.
 inline constexpr char kFinishFrameCommand[] = "finish-frame";
 
-/// The child's side, for main: `arguments` are those after kFinishFrameCommand. Gives the exit code.
+/// The main function of a child process: `arguments` are those after kFinishFrameCommand. Returns the exit
+/// code.
 int RunFinishFrameProcess(const std::vector<std::string>& arguments);
 
 }  // namespace lumifold::server

@@ -13,7 +13,7 @@
 #include "server/job_status.h"
 #include "server/worker_session.h"
 
-// A reactor lives from the call's start to OnDone, where it deletes itself.
+// A reactor exists from the start of its call to OnDone, where it deletes itself.
 
 namespace lumifold::server {
 namespace {
@@ -53,7 +53,7 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
   v1::ByteChunk chunk_;
 };
 
-/// Takes an asset in.
+/// Receives an asset.
 class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
   explicit AssetReader(Coordinator* coordinator) : coordinator_(coordinator) { StartRead(&request_); }
@@ -61,7 +61,8 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
   void OnReadDone(bool ok) override {
     const absl::Status status = ok ? Take() : End();
     if (ok && status.ok()) return StartRead(&request_);
-    upload_.reset();  // before the caller hears of it: nothing of a failed upload is left by then
+    upload_
+        .reset();  // first, so that the file of a failed upload is removed before the caller gets the error
     Finish(rpc::GrpcFromStatus(status));
   }
   void OnDone() override { delete this; }
@@ -69,7 +70,8 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
  private:
   absl::Status Take() {
     if (request_.has_announce() == (upload_ != nullptr)) {
-      return absl::InvalidArgumentError("UploadAsset: the asset is announced once, in the first message");
+      return absl::InvalidArgumentError(
+          "UploadAsset: the first message, and no other, must announce the asset");
     }
     if (upload_ != nullptr) return upload_->Add(request_.chunk());
     absl::StatusOr<std::unique_ptr<AssetUpload>> upload = coordinator_->ReceiveAsset(request_.announce());
@@ -78,7 +80,7 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
   }
 
   absl::Status End() {
-    if (upload_ == nullptr) return absl::InvalidArgumentError("UploadAsset: nothing was announced");
+    if (upload_ == nullptr) return absl::InvalidArgumentError("UploadAsset: no asset was announced");
     return upload_->Finish();
   }
 
@@ -87,7 +89,7 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
   std::unique_ptr<AssetUpload> upload_;
 };
 
-/// Streams a job's status. A caller that reads slowly misses states in between, never the last one.
+/// Streams the status of a job. A slow caller may miss intermediate states, but gets the last one.
 class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, public JobWatcher {
  public:
   StatusWriter(Coordinator* coordinator, const std::string& job_id) : coordinator_(coordinator) {
@@ -125,7 +127,7 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
     Continue();
   }
 
-  // Does the one thing that is due: a write, or the end once no write is on its way.
+  // Starts the next operation unless a write is in progress: a write, or the end of the call.
   void Continue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (writing_ || finished_) return;
     if (end_.has_value()) {
@@ -140,24 +142,24 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
 
   Coordinator* const coordinator_;
   absl::Mutex mutex_;
-  v1::JobStatus current_;  // gRPC's while writing_
+  v1::JobStatus current_;  // used by gRPC while writing_
   std::optional<v1::JobStatus> next_ ABSL_GUARDED_BY(mutex_);
   std::optional<grpc::Status> end_ ABSL_GUARDED_BY(mutex_);
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool finished_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
-/// A worker's stream. The coordinator calls Send while it holds its own lock, so the lock here is never held
-/// around a call to it.
+/// The stream of a worker. The coordinator calls Send while it holds its own lock, so mutex_ is never held
+/// during a call to the coordinator.
 class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
                          public WorkerSink {
  public:
   explicit WorkStream(Coordinator* coordinator) : coordinator_(coordinator) { StartRead(&incoming_); }
 
   void OnReadDone(bool ok) override {
-    const absl::Status status = ok ? Take() : absl::CancelledError("the worker is gone");
+    const absl::Status status = ok ? Take() : absl::CancelledError("the worker disconnected");
     if (status.ok()) return StartRead(&incoming_);
-    session_.reset();  // the leases are void from here on
+    session_.reset();  // voids the leases
     absl::MutexLock lock(&mutex_);
     end_ = ok ? rpc::GrpcFromStatus(status) : grpc::Status::OK;
     Continue();
@@ -175,7 +177,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
     writing_ = false;
     outgoing_.pop_front();
     if (!ok) {
-      broken_ = true;  // the read will fail as well, and ends the stream
+      broken_ = true;  // the read fails too and ends the stream
       outgoing_.clear();
     }
     Continue();
@@ -204,7 +206,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
 
   Coordinator* const coordinator_;
   v1::WorkerMessage incoming_;
-  std::unique_ptr<WorkerSession> session_;  // touched by the reads alone, which follow each other
+  std::unique_ptr<WorkerSession> session_;  // used by OnReadDone only, which runs on one thread at a time
   absl::Mutex mutex_;
   std::deque<v1::CoordinatorMessage> outgoing_ ABSL_GUARDED_BY(mutex_);
   std::optional<grpc::Status> end_ ABSL_GUARDED_BY(mutex_);

@@ -11,8 +11,8 @@ namespace lumifold::server {
 
 class Coordinator;
 
-/// FarmService and WorkerService over a coordinator: each handler calls it and converts, none decides. The
-/// coordinator must outlive them.
+/// FarmService and WorkerService of a coordinator. Handlers only call the coordinator and convert the result.
+/// The coordinator must outlive the services.
 std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator);
 
 }  // namespace lumifold::server

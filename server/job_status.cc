@@ -13,7 +13,7 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_state(record.state);
   status.set_error(record.error);
   status.set_units_done(record.units_done);
-  status.set_units_total(scheduler::FrameUnits(spec).count() * spec.frame_count());
+  status.set_units_total(job::FrameUnits(spec).count() * spec.frame_count());
   status.set_frames_done(record.frames_done);
   status.set_frames_total(spec.frame_count());
   status.set_samples_done(record.samples_done);

@@ -6,10 +6,10 @@
 
 namespace lumifold::server {
 
-/// What clients are told of a job that has ended, by its row in the ledger.
+/// Status of a job that has ended, from its row in the ledger.
 v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record);
 
-/// What clients are told of an active job: the row for what the scheduler does not know.
+/// Status of an active job, from the scheduler and, for the other fields, from its row in the ledger.
 v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress);
 
 /// True for DONE, FAILED and CANCELLED.

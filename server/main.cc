@@ -31,24 +31,25 @@ struct Flags {
 
 void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--data", flags->data_dir,
-                  "Folder for ledger, assets, film and results; made where it is missing")
+                  "Folder for ledger, assets, film and results; created if missing")
       ->required();
-  app->add_option("--listen", flags->listen, "HOST:PORT to listen on; port 0 takes a free one")
+  app->add_option("--listen", flags->listen, "HOST:PORT to listen on; port 0: a free port")
       ->capture_default_str();
   app->add_flag("--insecure", flags->insecure, "Allow listening off loopback, without encryption");
-  app->add_option("--filter-threads", flags->filter_threads, "Threads a frame is filtered with")
+  app->add_option("--filter-threads", flags->filter_threads, "Threads of the filter")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app->add_option("--filter-memory-mb", flags->filter_memory_mb,
-                  "Address space of the filter process; 0: no limit")
+                  "Limit of the filter process's address space in MiB; 0: none")
       ->capture_default_str();
-  app->add_option("--lease-seconds", flags->lease_seconds, "A worker unheard of for so long loses its units")
+  app->add_option("--lease-seconds", flags->lease_seconds,
+                  "Time without a heartbeat after which leases expire")
       ->check(CLI::Range(0.1, 86400.0))
       ->capture_default_str();
-  app->add_option("--heartbeat-seconds", flags->heartbeat_seconds, "How often workers report")
+  app->add_option("--heartbeat-seconds", flags->heartbeat_seconds, "Interval of the workers' heartbeats")
       ->check(CLI::Range(0.01, 3600.0))
       ->capture_default_str();
-  app->add_option("--log-level", flags->log_level, "What is told on standard error")
+  app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
   app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion));
@@ -62,8 +63,7 @@ std::shared_ptr<spdlog::logger> MakeLogger(const std::string& level) {
   return log;
 }
 
-/// Blocks the signals that end the program in this thread and all it starts, so that sigwait alone receives
-/// them.
+/// Blocks SIGTERM and SIGINT in this thread and the threads it starts, so that only sigwait receives them.
 sigset_t BlockEndSignals() {
   sigset_t signals;
   sigemptyset(&signals);
@@ -109,12 +109,11 @@ int main(int argc, char** argv) {
   if (argc > 1 && std::string(argv[1]) == lumifold::server::kFinishFrameCommand) {
     return lumifold::server::RunFinishFrameProcess({argv + 2, argv + argc});
   }
-  // gRPC writes to standard error by itself; what matters reaches us as a Status. A user who wants it sets
-  // the variable.
+  // gRPC logs to standard error by default; errors reach us as a Status. The user can set the variable.
   setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
   CLI::App app(
-      "Lumifold's coordinator: takes jobs, leases units to workers, merges and filters frames, serves "
-      "results.",
+      "Lumifold's coordinator: accepts jobs, leases units to workers, commits units, assembles and filters "
+      "frames, serves results.",
       "lumifold-server");
   Flags flags;
   AddFlags(&app, &flags);

@@ -18,10 +18,10 @@
 namespace lumifold::server {
 namespace {
 
-/// How long calls may still run when the server stops. Streams of workers never end by themselves, so this is
-/// always waited for.
+/// Time for running calls to end at shutdown. Streams of workers never end by themselves, so shutdown always
+/// takes this long.
 constexpr absl::Duration kGrace = absl::Milliseconds(100);
-/// Workers and clients ping every 20 s; faster than this is refused.
+/// Workers and clients ping every 20 s; connections that ping faster than this are closed.
 constexpr int kMinPingIntervalMs = 10'000;
 constexpr int kKeepAliveMs = 20'000;
 constexpr int kKeepAliveTimeoutMs = 10'000;
@@ -39,7 +39,7 @@ class ServerImpl final : public Server {
  private:
   absl::Status Listen();
 
-  // In the order they are made; each uses those before it.
+  // In order of construction: each uses members above it.
   const ServerOptions options_;
   const DataFolder folder_;
   rpc::FileHandle lock_;
@@ -92,7 +92,7 @@ absl::Status ServerImpl::Listen() {
   grpc::ServerBuilder builder;
   builder.SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
   builder.SetMaxSendMessageSize(rpc::kMaxMessageBytes);
-  // Without this two coordinators could share a port, and calls would go to one or the other.
+  // Otherwise two coordinators could listen on the same port and share its calls.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepAliveMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepAliveTimeoutMs);

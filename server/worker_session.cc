@@ -8,7 +8,7 @@ namespace lumifold::server {
 
 absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* coordinator,
                                                                    const v1::Hello& hello, WorkerSink* sink) {
-  const absl::StatusOr<scheduler::WorkerId> worker = coordinator->AddWorker(hello, sink);
+  const absl::StatusOr<job::WorkerId> worker = coordinator->AddWorker(hello, sink);
   if (!worker.ok()) return worker.status();
   return std::unique_ptr<WorkerSession>(new WorkerSession(coordinator, *worker));
 }
@@ -24,13 +24,12 @@ absl::Status WorkerSession::Handle(const v1::WorkerMessage& message) {
       OnChunk(message.chunk());
       return absl::OkStatus();
     case v1::WorkerMessage::kFailure:
-      coordinator_->FailUnit(worker_, scheduler::UnitFromProto(message.failure().unit()),
-                             scheduler::Attempt(message.failure().attempt()), message.failure().error(),
+      coordinator_->FailUnit(worker_, job::UnitFromProto(message.failure().unit()),
+                             job::Attempt(message.failure().attempt()), message.failure().error(),
                              message.failure().permanent());
       return absl::OkStatus();
     default:
-      return absl::InvalidArgumentError(
-          "worker stream: a second Hello, or a message this coordinator does not know");
+      return absl::InvalidArgumentError("worker stream: a second Hello, or an unknown message");
   }
 }
 
@@ -43,7 +42,7 @@ void WorkerSession::OnHeartbeat(const v1::Heartbeat& heartbeat) {
 }
 
 void WorkerSession::OnChunk(const v1::UnitChunk& chunk) {
-  const LeaseName lease(scheduler::UnitFromProto(chunk.unit()), scheduler::Attempt(chunk.attempt()));
+  const LeaseName lease(job::UnitFromProto(chunk.unit()), job::Attempt(chunk.attempt()));
   const std::optional<Rect> rect = coordinator_->FindLease(worker_, lease.first, lease.second);
   if (rect.has_value()) {
     const absl::Status status = Take(chunk, lease, *rect);
@@ -54,7 +53,7 @@ void WorkerSession::OnChunk(const v1::UnitChunk& chunk) {
   } else {
     arriving_.erase(lease);
   }
-  // The worker waits for an answer to its last piece, wanted or not.
+  // The worker waits for an acknowledgement of the last piece, even if the unit is not wanted.
   if (chunk.pixels().last()) coordinator_->Dismiss(worker_, lease.first, lease.second);
 }
 

@@ -12,35 +12,35 @@
 
 namespace lumifold::server {
 
-/// One worker's connection: puts its units together from chunks and hands them to the coordinator. What it
-/// holds is bounded by the leases the worker has; chunks of anything else are dropped. When it is destroyed
-/// the worker's leases are void.
+/// The connection of one worker: joins the chunks of units and passes complete units to the coordinator. It
+/// holds chunks of leased units only and drops all others, which bounds its memory. Its destruction voids the
+/// worker's leases.
 /// Threads: one at a time.
 class WorkerSession {
  public:
   /// `coordinator` and `sink` must outlive it.
-  /// Errors: kFailedPrecondition for another wire version; kInvalidArgument for a bad Hello.
+  /// Errors: kFailedPrecondition for a different wire version; kInvalidArgument for an invalid Hello.
   static absl::StatusOr<std::unique_ptr<WorkerSession>> Open(Coordinator* coordinator, const v1::Hello& hello,
                                                              WorkerSink* sink);
   ~WorkerSession();
   WorkerSession(const WorkerSession&) = delete;
   WorkerSession& operator=(const WorkerSession&) = delete;
 
-  /// Takes a message after Hello.
-  /// Errors: kInvalidArgument for a second Hello or none of the known messages: the stream is to end.
+  /// Handles a message after Hello.
+  /// Errors: kInvalidArgument for a second Hello or an unknown message; the stream must then be closed.
   absl::Status Handle(const v1::WorkerMessage& message);
 
  private:
-  using LeaseName = std::pair<scheduler::UnitRef, scheduler::Attempt>;
+  using LeaseName = std::pair<job::UnitRef, job::Attempt>;
 
-  WorkerSession(Coordinator* coordinator, scheduler::WorkerId worker)
+  WorkerSession(Coordinator* coordinator, job::WorkerId worker)
       : coordinator_(coordinator), worker_(worker) {}
   void OnHeartbeat(const v1::Heartbeat& heartbeat);
   void OnChunk(const v1::UnitChunk& chunk);
   absl::Status Take(const v1::UnitChunk& chunk, const LeaseName& lease, const Rect& rect);
 
   Coordinator* const coordinator_;
-  const scheduler::WorkerId worker_;
+  const job::WorkerId worker_;
   std::map<LeaseName, film::UnitAssembler> arriving_;
 };
 

@@ -7,14 +7,15 @@
 
 namespace lumifold::worker {
 
-/// Where a worker gets the files of a job from. Threads: implementations are safe concurrently.
+/// Source of the files of a job.
+/// Threads: implementations are safe concurrently.
 class AssetSource {
  public:
   virtual ~AssetSource() = default;
 
-  /// The asset's whole content, checked against its size and SHA-256.
-  /// Errors: kNotFound; kDataLoss when the content is not what its name says; kUnavailable when the
-  /// coordinator cannot be reached.
+  /// The content of the asset, checked against its size and SHA-256.
+  /// Errors: kNotFound; kDataLoss when the SHA-256 does not match; kUnavailable when the coordinator cannot
+  /// be reached.
   virtual absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) = 0;
 };
 

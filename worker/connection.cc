@@ -23,11 +23,11 @@
 namespace lumifold::worker {
 namespace {
 
-/// Until Welcome says otherwise.
+/// Heartbeat interval until Welcome arrives.
 constexpr absl::Duration kFirstHeartbeat = absl::Seconds(1);
 constexpr absl::Duration kFirstPause = absl::Milliseconds(200);
 constexpr absl::Duration kLongestPause = absl::Seconds(5);
-/// A transfer of one asset may take this long a try; large scenes cross slow networks.
+/// Time limit of one transfer of an asset; large scenes may be sent over slow networks.
 constexpr absl::Duration kAssetTimeout = absl::Minutes(10);
 
 class RemoteAssetSource final : public AssetSource {
@@ -45,14 +45,13 @@ class RemoteAssetSource final : public AssetSource {
                            [&](grpc::ClientContext& context) { return Continue(asset, context, &bytes); });
     if (!status.ok()) return status;
     if (rpc::Sha256Hex(bytes) != asset.sha256()) {
-      return absl::DataLossError(
-          absl::StrCat("asset ", asset.sha256(), " arrived with other content than its name says"));
+      return absl::DataLossError(absl::StrCat("asset ", asset.sha256(), " does not match its SHA-256"));
     }
     return bytes;
   }
 
  private:
-  /// Appends what is missing of the asset to *bytes.
+  /// Appends the missing bytes of the asset to *bytes.
   absl::Status Continue(const v1::AssetRef& asset, grpc::ClientContext& context, std::string* bytes) const {
     v1::FetchAssetRequest request;
     request.set_sha256(asset.sha256());
@@ -64,7 +63,7 @@ class RemoteAssetSource final : public AssetSource {
           bytes->size() + chunk.data().size() > asset.size()) {
         context.TryCancel();
         reader->Finish();
-        return absl::UnavailableError(absl::StrCat("asset ", asset.sha256(), " was damaged on its way"));
+        return absl::UnavailableError(absl::StrCat("asset ", asset.sha256(), " was damaged in transit"));
       }
       bytes->append(chunk.data());
     }
@@ -76,8 +75,8 @@ class RemoteAssetSource final : public AssetSource {
   std::unique_ptr<v1::WorkerService::Stub> stub_;
 };
 
-/// The stream as gRPC's callbacks see it. Writes are started from any thread, so the call is held open until
-/// a read fails.
+/// The stream of gRPC callbacks. Writes are started from any thread, so a hold keeps the call open until a
+/// read fails.
 class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
                      public Outbox {
  public:
@@ -103,7 +102,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
 
   void Cancel() { context_.TryCancel(); }
 
-  /// Waits at most `timeout` for the stream's end.
+  /// Waits at most `timeout` for the end of the stream.
   bool WaitUntilDone(absl::Duration timeout) { return done_.WaitForNotificationWithTimeout(timeout); }
   absl::Status result() const { return result_; }
   absl::Duration heartbeat() const {
@@ -170,16 +169,16 @@ v1::WorkerMessage MakeHello(const std::string& name, int slots) {
   return message;
 }
 
-/// One stream, from Hello to its end or `stop`.
+/// Runs one stream, from Hello to its end or `stop`.
 absl::Status RunConnection(grpc::Channel& channel, const std::string& name, WorkerImpl& worker,
                            spdlog::logger& log, const absl::Notification& stop) {
-  // Shared with render threads, which may still speak into it after it has ended.
+  // Shared with render threads, which may send after the stream has ended.
   const auto stream = std::make_shared<Stream>(channel, &worker, &log);
   worker.OnConnected(stream);
   stream->Start(MakeHello(name, worker.slots()));
-  constexpr absl::Duration kLookUp = absl::Milliseconds(50);  // how often `stop` is looked at
+  constexpr absl::Duration kPollInterval = absl::Milliseconds(50);  // of `stop`
   absl::Time next_heartbeat = absl::Now() + kFirstHeartbeat;
-  while (!stream->WaitUntilDone(kLookUp)) {
+  while (!stream->WaitUntilDone(kPollInterval)) {
     if (stop.HasBeenNotified()) stream->Cancel();
     if (absl::Now() < next_heartbeat) continue;
     v1::WorkerMessage message;
@@ -200,8 +199,7 @@ std::unique_ptr<AssetSource> MakeRemoteAssetSource(std::shared_ptr<grpc::Channel
 absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
                        const absl::Notification& stop) {
   const std::shared_ptr<spdlog::logger> log =
-      options.log != nullptr ? options.log
-                             : std::make_shared<spdlog::logger>("silent");  // without sinks: says nothing
+      options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
   const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(channel);
   UnitRenderer renderer(assets.get());
   WorkerImpl worker(options.threads, &renderer, log);
@@ -211,7 +209,7 @@ absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions opt
     const absl::Status status = RunConnection(*channel, options.name, worker, *log, stop);
     if (stop.HasBeenNotified()) break;
     if (absl::IsFailedPrecondition(status) || absl::IsInvalidArgument(status)) return status;
-    if (absl::Now() - start > kLongestPause) pause = kFirstPause;  // it had been up: begin small again
+    if (absl::Now() - start > kLongestPause) pause = kFirstPause;  // the connection was up
     log->warn("event=disconnected error=\"{}\" retry_in={:.1f}s", std::string(status.message()),
               absl::ToDoubleSeconds(pause));
     stop.WaitForNotificationWithTimeout(pause);

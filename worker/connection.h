@@ -16,21 +16,21 @@ class logger;
 
 namespace lumifold::worker {
 
-/// Fetches assets from the coordinator; a broken transfer goes on where it stopped.
+/// Fetches assets from the coordinator and resumes broken transfers.
 std::unique_ptr<AssetSource> MakeRemoteAssetSource(std::shared_ptr<grpc::Channel> channel);
 
 struct WorkerOptions {
-  /// For the coordinator's log: host and process.
+  /// Host and process, for the coordinator's log.
   std::string name;
-  /// Units rendered at the same time, at least 1.
+  /// Number of units rendered at the same time, at least 1.
   int threads = 1;
-  /// Where events are told; null for nowhere.
+  /// Log of events; null for none.
   std::shared_ptr<spdlog::logger> log;
 };
 
-/// Works for the coordinator at the other end of `channel` until `stop` is notified. Blocks. A connection
-/// that breaks is made anew after a moment, for ever. Errors: kFailedPrecondition or kInvalidArgument when
-/// the coordinator refuses this worker.
+/// Renders units for the coordinator at the other end of `channel` until `stop` is notified. Blocks. After a
+/// broken connection it reconnects, with pauses of 0.2 to 5 s, without limit.
+/// Errors: kFailedPrecondition or kInvalidArgument when the coordinator refuses this worker.
 absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
                        const absl::Notification& stop);
 

@@ -26,8 +26,8 @@ std::string DefaultName() {
   return absl::StrCat(host, ":", getpid());
 }
 
-/// Notifies `stop` on the first SIGINT or SIGTERM. Signals are blocked in every thread and taken here, where
-/// anything may be called.
+/// Notifies `stop` on the first SIGINT or SIGTERM. The signals are blocked in all threads and received by
+/// sigwait, so that no code runs in a signal handler.
 std::thread WatchSignals(absl::Notification* stop) {
   sigset_t set;
   sigemptyset(&set);
@@ -44,19 +44,18 @@ std::thread WatchSignals(absl::Notification* stop) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Renders units for a Lumifold coordinator until it is stopped (SIGINT or SIGTERM).",
-               "lumifold-worker");
+  CLI::App app("Renders units for a Lumifold coordinator until SIGINT or SIGTERM.", "lumifold-worker");
   std::string server = "127.0.0.1:7700";
   std::string name = DefaultName();
   std::string log_level = "info";
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   lumifold::rpc::Security security;
   app.add_option("--server", server, "Coordinator, HOST:PORT")->capture_default_str();
-  app.add_option("--threads", threads, "Units rendered at the same time")
+  app.add_option("--threads", threads, "Number of units rendered at the same time")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app.add_option("--name", name, "Name in the coordinator's log")->capture_default_str();
-  app.add_option("--log-level", log_level, "What is told on standard error")
+  app.add_option("--log-level", log_level, "Minimum level of the log on standard error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
   app.set_version_flag("--version", absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),

@@ -15,18 +15,18 @@
 namespace lumifold::worker {
 namespace {
 
-/// Scenes are large: one in use and one that is about to be, of the next job or the next frame.
+/// Scenes are large: one is in use, one is being loaded for the next job or frame.
 constexpr size_t kMaxScenes = 2;
 
-/// More samples than this share going bad is no accident but a broken scene.
+/// A unit with a larger share of NaN or infinite samples fails: the scene is invalid.
 constexpr double kMaxBadShare = 0.01;
 
 absl::Status Annotate(const absl::Status& status, const v1::JobSpec& spec) {
   return {status.code(), absl::StrCat(spec.scene().display_name(), ": ", status.message())};
 }
 
-/// Where a frame lies on the animations' clock. Jobs recorded before they had a speed stand still, as they
-/// did.
+/// Time of a frame in the scene's animations. Jobs recorded by a version without frames_per_second show time
+/// 0.
 double SecondsOf(const v1::JobSpec& spec, int frame) {
   return spec.frames_per_second() > 0 ? frame / spec.frames_per_second() : 0;
 }
@@ -101,14 +101,14 @@ absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& 
 
 std::shared_ptr<UnitRenderer::Entry> UnitRenderer::FindEntry(const v1::UnitId& unit) {
   std::shared_ptr<Entry> loading;
-  bool moves = false;
+  bool is_animated = false;
   for (const std::shared_ptr<Entry>& entry : entries_) {
     if (entry->job_id != unit.job_id()) continue;
     if (entry->frame == unit.frame() || (entry->ready && !entry->loaded.animated)) return entry;
-    if (entry->ready) moves = true;
+    if (entry->ready) is_animated = true;
     if (!entry->ready) loading = entry;
   }
-  return moves ? nullptr : loading;  // the one that is loading may turn out to serve every frame
+  return is_animated ? nullptr : loading;  // the scene being loaded may be static and fit every frame
 }
 
 std::shared_ptr<UnitRenderer::Entry> UnitRenderer::AddEntry(const v1::UnitId& unit) {
@@ -116,7 +116,7 @@ std::shared_ptr<UnitRenderer::Entry> UnitRenderer::AddEntry(const v1::UnitId& un
   entry->job_id = unit.job_id();
   entry->frame = unit.frame();
   entries_.push_back(entry);
-  if (entries_.size() > kMaxScenes) entries_.pop_front();  // threads that still use it hold it by themselves
+  if (entries_.size() > kMaxScenes) entries_.pop_front();  // threads that still use it hold a reference
   return entry;
 }
 
@@ -129,7 +129,7 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
       mutex_.Await(absl::Condition(&entry->ready));
       if (!entry->failure.ok()) return entry->failure;
       if (entry->frame != unit.frame() && entry->loaded.animated) continue;
-      if (std::erase(entries_, entry) > 0) entries_.push_back(entry);  // the latest in use
+      if (std::erase(entries_, entry) > 0) entries_.push_back(entry);  // now the most recently used
       return entry->loaded.renderer;
     }
     entry = AddEntry(unit);
@@ -140,7 +140,7 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
     entry->loaded = *loaded;
   } else {
     entry->failure = loaded.status();
-    std::erase(entries_, entry);  // the next unit tries anew: the cause may have passed
+    std::erase(entries_, entry);  // the next unit tries again: the error may be transient
   }
   entry->ready = true;
   if (!loaded.ok()) return loaded.status();

@@ -15,15 +15,15 @@
 
 namespace lumifold::worker {
 
-/// A unit's pixels, its edge set where it is a geometry unit, and what its rendering counted.
+/// The pixels of a unit, its edge set if it is a geometry unit, and its statistics.
 struct RenderedUnit {
   EdgedImage image;
   v1::UnitStats stats;
 };
 
-/// Renders leased units: gets a job's scene the first time one of its units comes up, and keeps it for the
-/// next ones; one that moves is got again for each frame, as it stands then. Threads: safe concurrently;
-/// threads that need a scene somebody is loading wait for it.
+/// Renders leased units. Loads the scene of a job for its first unit and keeps it for the next ones; an
+/// animated scene is loaded for each frame.
+/// Threads: safe concurrently; threads that need a scene that is being loaded wait for it.
 class UnitRenderer {
  public:
   /// `assets` must outlive it.
@@ -33,18 +33,18 @@ class UnitRenderer {
   /// kDataLoss where more than 1 % of the samples are not finite.
   absl::StatusOr<RenderedUnit> Render(const v1::JobSpec& spec, const v1::Lease& lease);
 
-  /// Forgets a job's scene, unless others use it.
+  /// Unloads the scene of a job; units in progress keep it until they are done.
   void ForgetJob(const std::string& job_id);
 
  private:
-  /// What units of a job are rendered with.
+  /// The renderer of a job's units.
   struct LoadedScene {
     std::shared_ptr<const render::Renderer> renderer;
-    bool animated = false;  // good for one frame alone
+    bool animated = false;  // valid for one frame only
   };
 
-  /// The scene of a job's frame, or why there is none. `ready` is set once, by the thread that made the
-  /// entry.
+  /// The scene of a job's frame, or the error of loading it. `ready` is set once, by the thread that created
+  /// the entry.
   struct Entry {
     std::string job_id;
     int frame = 0;
@@ -55,17 +55,17 @@ class UnitRenderer {
 
   absl::StatusOr<std::shared_ptr<const render::Renderer>> RendererOf(const v1::JobSpec& spec,
                                                                      const v1::UnitId& unit);
-  /// The entry that serves the unit, or may turn out to once it is ready; null where a new one is needed.
+  /// An entry whose scene fits the unit, or may fit once it is ready; null if a new one is needed.
   std::shared_ptr<Entry> FindEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, int frame) const;
 
   AssetSource* assets_;
   absl::Mutex mutex_;
-  std::deque<std::shared_ptr<Entry>> entries_ ABSL_GUARDED_BY(mutex_);  // longest unused first
+  std::deque<std::shared_ptr<Entry>> entries_ ABSL_GUARDED_BY(mutex_);  // least recently used first
 };
 
-/// Whether a failure lies in the job itself, so that every worker would meet it.
+/// Whether the cause of a failure is in the job, so that it would fail on every worker.
 bool IsPermanent(const absl::Status& failure);
 
 }  // namespace lumifold::worker

@@ -97,7 +97,7 @@ void WorkerImpl::OnMessage(const v1::CoordinatorMessage& message) {
     case v1::CoordinatorMessage::kJobEnded:
       return OnJobEnded(message.job_ended().job_id());
     default:
-      return;  // Welcome is the connection's business
+      return;  // Welcome is handled by the connection
   }
 }
 
@@ -106,7 +106,7 @@ void WorkerImpl::OnGrant(const v1::Grant& grant) {
     const std::string& job_id = lease.unit().job_id();
     if (grant.has_spec()) specs_[job_id] = std::make_shared<v1::JobSpec>(grant.spec());
     if (!specs_.contains(job_id)) {
-      log_->error("event=lease-without-spec {}", Describe(lease.unit()));
+      log_->error("event=lease_without_spec {}", Describe(lease.unit()));
       continue;
     }
     newest_attempt_ = std::max(newest_attempt_, lease.attempt());
@@ -163,13 +163,13 @@ void WorkerImpl::RenderAndSend(const v1::Lease& lease, const v1::JobSpec& spec,
   const absl::StatusOr<RenderedUnit> unit = renderer_->Render(spec, lease);
   if (!IsCurrent(lease, outbox)) return;
   if (!unit.ok()) {
-    log_->error("event=unit-failed {} error=\"{}\"", Describe(lease.unit()),
+    log_->error("event=unit_failed {} error=\"{}\"", Describe(lease.unit()),
                 std::string(unit.status().message()));
     Forget(lease);
     SendFailure(lease, unit.status(), outbox.get());
     return;
   }
-  log_->debug("event=unit-rendered {} seconds={:.3f}", Describe(lease.unit()), unit->stats.seconds());
+  log_->debug("event=unit_rendered {} seconds={:.3f}", Describe(lease.unit()), unit->stats.seconds());
   SendUnit(lease, *unit, outbox.get());
 }
 

@@ -18,36 +18,37 @@ class logger;
 
 namespace lumifold::worker {
 
-/// What a worker says to the coordinator goes in here. Threads: implementations are safe concurrently and
-/// never wait.
+/// Queue of messages to the coordinator.
+/// Threads: implementations are safe concurrently and never block.
 class Outbox {
  public:
   virtual ~Outbox() = default;
   virtual void Send(v1::WorkerMessage message) = 0;
 };
 
-/// The worker's part of the protocol, without a network: takes what the coordinator says, renders on its
-/// threads, and says what comes of it. Leases belong to a connection: when it is lost they are void, and
-/// whatever is still being rendered for it is dropped. Threads: all calls are safe concurrently.
+/// The worker's side of the protocol, independent of the network: handles the coordinator's messages, renders
+/// units on its threads and sends the results. Leases belong to a connection: when it is lost they are void,
+/// and units still being rendered for it are dropped.
+/// Threads: all calls are safe concurrently.
 class WorkerImpl {
  public:
-  /// `renderer` must outlive it. threads >= 1. Events go to `log`, which must not be null.
+  /// `renderer` must outlive it. threads >= 1. `log` must not be null.
   WorkerImpl(int threads, UnitRenderer* renderer, std::shared_ptr<spdlog::logger> log);
   /// Waits for the units being rendered.
   ~WorkerImpl();
 
-  /// Leases a worker of this size wants: one rendering and one waiting a thread, so that none stands idle
-  /// while an answer travels.
+  /// Number of leases to hold: for each thread one that is being rendered and one that waits, so that no
+  /// thread is idle during a round trip.
   int slots() const { return 2 * static_cast<int>(threads_.size()); }
 
-  /// A connection has begun; what is to be said goes to `outbox` until OnDisconnected().
+  /// A connection is open; messages go to `outbox` until OnDisconnected().
   void OnConnected(std::shared_ptr<Outbox> outbox);
   void OnDisconnected();
 
-  /// The coordinator said something.
+  /// Handles a message of the coordinator.
   void OnMessage(const v1::CoordinatorMessage& message);
 
-  /// What a heartbeat says now: the leases not yet acknowledged, and how far the grants seen so far reach.
+  /// A heartbeat with the leases that are not acknowledged and the highest attempt received.
   v1::Heartbeat MakeHeartbeat() const;
 
  private:
@@ -56,7 +57,7 @@ class WorkerImpl {
   void OnGrant(const v1::Grant& grant) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnAck(const v1::UnitAck& ack) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnJobEnded(const std::string& job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Renders one lease and sends what comes of it, if the connection it came by still stands.
+  /// Renders the unit of a lease and sends it if the connection that granted the lease is still open.
   void RenderAndSend(const v1::Lease& lease, const v1::JobSpec& spec, const std::shared_ptr<Outbox>& outbox);
   void Forget(const v1::Lease& lease);
   bool IsCurrent(const v1::Lease& lease, const std::shared_ptr<Outbox>& outbox) const;

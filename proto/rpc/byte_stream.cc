@@ -107,7 +107,7 @@ absl::StatusOr<ByteReceiver> ByteReceiver::Open(const std::string& path, uint64_
   if (!size.ok()) return size.status();
   if (*size < offset) {
     return absl::InvalidArgumentError(
-        absl::StrCat(path, ": cannot go on at ", offset, ", it has ", *size, " bytes"));
+        absl::StrCat(path, ": cannot continue at ", offset, ", the file has ", *size, " bytes"));
   }
   if (ftruncate(file.get(), static_cast<off_t>(offset)) != 0) return SystemError(path);
   return ByteReceiver(path, std::move(file), offset);
@@ -116,7 +116,7 @@ absl::StatusOr<ByteReceiver> ByteReceiver::Open(const std::string& path, uint64_
 absl::Status ByteReceiver::CheckChunk(const v1::ByteChunk& chunk) const {
   if (chunk.offset() != offset_) {
     return absl::InvalidArgumentError(
-        absl::StrCat(path_, ": piece at ", chunk.offset(), " where ", offset_, " is due"));
+        absl::StrCat(path_, ": piece at ", chunk.offset(), ", expected at ", offset_));
   }
   if (started_ && chunk.total_size() != total_size_) {
     return absl::InvalidArgumentError(
@@ -131,7 +131,7 @@ absl::Status ByteReceiver::CheckChunk(const v1::ByteChunk& chunk) const {
   }
   if (chunk.checksum() != Checksum(chunk.data())) {
     return absl::DataLossError(
-        absl::StrCat(path_, ": checksum of the piece at ", offset_, " does not agree"));
+        absl::StrCat(path_, ": checksum of the piece at ", offset_, " does not match"));
   }
   return absl::OkStatus();
 }

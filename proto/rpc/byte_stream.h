@@ -9,7 +9,7 @@
 
 namespace lumifold::rpc {
 
-/// An open file descriptor that closes itself. Move-only.
+/// Owns a file descriptor. Move-only.
 class FileHandle {
  public:
   FileHandle() = default;
@@ -24,17 +24,17 @@ class FileHandle {
   int fd_ = -1;
 };
 
-/// Reads a file as ByteChunks from an offset on. Gives at least one chunk, empty where nothing is left, so
-/// that the receiver always learns the file's size. The size is taken once, at Open.
+/// Reads a file as ByteChunks from an offset on. Returns at least one chunk, which is empty at the end of the
+/// file, so that the receiver always gets the file's size. The size is read once, at Open.
 /// Threads: one at a time.
 class ByteSender {
  public:
   /// Errors: kNotFound naming the path; kOutOfRange for an offset past the end; kUnavailable with the
-  /// system's words.
+  /// system's message.
   static absl::StatusOr<ByteSender> Open(const std::string& path, uint64_t offset);
 
-  /// Fills `chunk` with the next piece; false when the last one has been given.
-  /// Errors: kUnavailable; kDataLoss where the file has become shorter.
+  /// Fills `chunk` with the next piece; false after the last one.
+  /// Errors: kUnavailable; kDataLoss if the file has become shorter.
   absl::StatusOr<bool> Next(v1::ByteChunk* chunk);
 
  private:
@@ -47,30 +47,30 @@ class ByteSender {
   bool started_ = false;
 };
 
-/// Writes ByteChunks to a file, each checked before it is written.
+/// Writes ByteChunks to a file. Each chunk is checked before it is written.
 /// Threads: one at a time.
 class ByteReceiver {
  public:
-  /// Opens `path`, made where it is missing, to go on at `offset`; what it holds from there on is cut off.
-  /// Errors: kInvalidArgument where the file is shorter than offset; kUnavailable with the system's words.
+  /// Opens or creates `path` for writing at `offset` and truncates it there.
+  /// Errors: kInvalidArgument if the file is shorter than `offset`; kUnavailable with the system's message.
   static absl::StatusOr<ByteReceiver> Open(const std::string& path, uint64_t offset);
 
-  /// Takes the next piece.
-  /// Errors: kInvalidArgument for a gap, an overlong piece, or a total size that changes or is overrun;
-  /// kDataLoss when the checksum does not agree; kUnavailable when the disk refuses. Nothing wrong is ever
-  /// written.
+  /// Writes the next piece.
+  /// Errors: kInvalidArgument for a gap, a piece that is too long, or a total size that changes or is
+  /// exceeded; kDataLoss when the checksum does not match; kUnavailable for a disk error. An invalid piece is
+  /// not written.
   absl::Status Add(const v1::ByteChunk& chunk);
 
-  /// True once all bytes have been taken.
+  /// True after the last byte.
   bool IsComplete() const { return started_ && offset_ == total_size_; }
 
-  /// Bytes of the file that are there.
+  /// Number of bytes written so far, including those before the first piece.
   uint64_t offset() const { return offset_; }
   /// Size of the whole file; 0 before the first piece.
   uint64_t total_size() const { return total_size_; }
 
-  /// Brings all bytes to the disk.
-  /// Errors: kFailedPrecondition before the file is complete; kUnavailable when the disk refuses.
+  /// Waits until all bytes are on the disk (fsync).
+  /// Errors: kFailedPrecondition before the file is complete; kUnavailable for a disk error.
   absl::Status Sync();
 
  private:

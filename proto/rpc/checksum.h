@@ -5,7 +5,7 @@
 
 namespace lumifold::rpc {
 
-/// XXH3-64 of `bytes`: guards what is sent and stored against accidents, not against malice.
+/// XXH3-64 of `bytes`: detects accidental damage, not tampering.
 uint64_t Checksum(std::string_view bytes);
 
 }  // namespace lumifold::rpc

@@ -16,7 +16,7 @@ namespace {
 constexpr int kKeepAliveMs = 20'000;
 constexpr int kKeepAliveTimeoutMs = 10'000;
 
-// HOST:PORT with a port of 0 to 65535; an IPv6 host stands in brackets.
+// HOST:PORT with a port of 0 to 65535; an IPv6 host is in brackets.
 bool IsHostAndPort(const std::string& address) {
   const size_t colon = address.rfind(':');
   if (colon == std::string_view::npos || colon == 0) return false;
@@ -33,7 +33,7 @@ bool IsLoopback(const std::string& address) {
   if (absl::StartsWith(address, "unix:")) return true;
   const std::string host = address.substr(0, address.rfind(':'));
   in_addr ip4 = {};
-  // Only a literal address counts: "127.example.org" is a name that may lead anywhere.
+  // Only a literal address: "127.example.org" is a name that may resolve to any address.
   const bool is_ip4_loopback = inet_pton(AF_INET, host.c_str(), &ip4) == 1 && absl::StartsWith(host, "127.");
   return is_ip4_loopback || host == "localhost" || host == "[::1]";
 }
@@ -43,9 +43,9 @@ absl::Status CheckListenAddress(const std::string& address, const Security& secu
     return absl::InvalidArgumentError(absl::StrCat("'", address, "' is not HOST:PORT"));
   }
   if (!IsLoopback(address) && !security.insecure) {
-    return absl::FailedPreconditionError(
-        absl::StrCat("listening on ", address,
-                     " would let other machines in without encryption; give --insecure if that is meant"));
+    return absl::FailedPreconditionError(absl::StrCat(
+        "listening on ", address,
+        " would accept connections of other machines without encryption; allow it with --insecure"));
   }
   return absl::OkStatus();
 }
@@ -64,7 +64,7 @@ std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Sec
   arguments.SetMaxSendMessageSize(kMaxMessageBytes);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepAliveMs);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepAliveTimeoutMs);
-  // A channel of its own per caller: two workers in one test process must not share a connection.
+  // Each caller gets its own channel: two workers in one test process must not share a connection.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   return grpc::CreateCustomChannel(address, MakeChannelCredentials(security), arguments);
 }

@@ -13,11 +13,10 @@
 namespace lumifold::rpc {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "planes are sent as they lie in memory");
+static_assert(std::endian::native == std::endian::little, "planes are sent in the byte order of memory");
 static_assert(kMaxChunkBytes % sizeof(float) == 0, "a value never straddles two chunks");
 
-// Calls run(plane, y, x, n) for each stretch of values within one row that values [first, first + count) fall
-// into.
+// Calls run(plane, y, x, n) for each run of n values within one row of the values [first, first + count).
 template <typename Run>
 void ForEachRun(int width, int height, uint64_t first, uint64_t count, Run run) {
   const uint64_t area = static_cast<uint64_t>(width) * static_cast<uint64_t>(height);
@@ -109,7 +108,7 @@ absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::
   if (absl::Status status = CheckLayout(layout, limits); !status.ok()) return status;
   if (bytes.size() != BytesOf(layout)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("pixels: ", bytes.size(), " bytes where the layout needs ", BytesOf(layout)));
+        absl::StrCat("pixels: ", bytes.size(), " bytes, the layout needs ", BytesOf(layout)));
   }
   LayeredImage image(layout.width(), layout.height());
   for (const std::string& name : layout.channels()) image.Add(name);
@@ -145,30 +144,30 @@ uint64_t PixelAssembler::HeldBytes() const {
 }
 
 absl::Status PixelAssembler::CheckChunk(const v1::PixelChunk& chunk) {
-  if (complete_) return absl::InvalidArgumentError("pixel chunk: one more after the last");
+  if (complete_) return absl::InvalidArgumentError("pixel chunk: a chunk after the last one");
   if (chunk.index() != next_index_) {
     return absl::InvalidArgumentError(
-        absl::StrCat("pixel chunk: number ", chunk.index(), " where ", next_index_, " is due"));
+        absl::StrCat("pixel chunk: number ", chunk.index(), ", expected ", next_index_));
   }
   if (chunk.has_layout() != (next_index_ == 0)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("pixel chunk ", chunk.index(), ": the layout belongs to chunk 0 alone"));
+        absl::StrCat("pixel chunk ", chunk.index(), ": chunk 0, and no other, must have the layout"));
   }
   if (chunk.has_layout()) {
     if (absl::Status status = CheckLayout(chunk.layout(), limits_); !status.ok()) return status;
     layout_ = chunk.layout();
   }
-  const uint64_t due = std::min<uint64_t>(kMaxChunkBytes, BytesOf(*layout_) - received_bytes_);
-  if (chunk.data().size() != due) {
+  const uint64_t expected = std::min<uint64_t>(kMaxChunkBytes, BytesOf(*layout_) - received_bytes_);
+  if (chunk.data().size() != expected) {
     return absl::InvalidArgumentError(absl::StrCat("pixel chunk ", chunk.index(), ": ", chunk.data().size(),
-                                                   " bytes where ", due, " are due"));
+                                                   " bytes, expected ", expected));
   }
-  if (chunk.last() != (received_bytes_ + due == BytesOf(*layout_))) {
+  if (chunk.last() != (received_bytes_ + expected == BytesOf(*layout_))) {
     return absl::InvalidArgumentError(
-        absl::StrCat("pixel chunk ", chunk.index(), ": the mark of the last chunk is at the wrong place"));
+        absl::StrCat("pixel chunk ", chunk.index(), ": `last` is set on the wrong chunk"));
   }
   if (chunk.checksum() != Checksum(chunk.data())) {
-    return absl::DataLossError(absl::StrCat("pixel chunk ", chunk.index(), ": the checksum does not agree"));
+    return absl::DataLossError(absl::StrCat("pixel chunk ", chunk.index(), ": the checksum does not match"));
   }
   return absl::OkStatus();
 }

@@ -13,40 +13,41 @@
 
 namespace lumifold::rpc {
 
-/// How large a picture the receiving side is ready to take.
+/// Maximum size of a received picture.
 struct PixelLimits {
   int max_width = 16384;
   int max_height = 16384;
   int max_channels = 256;
   int max_name_length = 64;
-  /// Of all planes together.
+  /// Bytes of all planes.
   uint64_t max_bytes = uint64_t{1} << 32;
 };
 
-/// What `image` is, without its pixels. Metadata is not part of it.
+/// Layout of `image`, without its metadata.
 v1::PixelLayout LayoutOf(const LayeredImage& image);
 
-/// Checks that a layout is sane and within `limits`: positive size, at least one channel, names that are
-/// unique, short and printable.
-/// Errors: kInvalidArgument naming what is wrong.
+/// Checks that a layout is valid and within `limits`: positive size, at least one channel, unique and
+/// printable channel names.
+/// Errors: kInvalidArgument naming the cause.
 absl::Status CheckLayout(const v1::PixelLayout& layout, const PixelLimits& limits);
 
-/// Bytes the planes of a checked layout take.
+/// Bytes of the planes of a checked layout.
 uint64_t BytesOf(const v1::PixelLayout& layout);
 
-/// The planes one after another, as PixelLayout says.
+/// The planes in the order of their PixelLayout.
 std::string BytesFromImage(const LayeredImage& image);
 
-/// The inverse of BytesFromImage. Errors: kInvalidArgument for a bad layout or a size that does not fit it.
+/// The inverse of BytesFromImage.
+/// Errors: kInvalidArgument for an invalid layout or a size that does not fit it.
 absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                             const PixelLimits& limits);
 
-/// Cuts a picture into PixelChunks. The picture must outlive it and stay as it is.
+/// Splits a picture into PixelChunks. The picture must outlive it and must not change.
 class PixelChunker {
  public:
   explicit PixelChunker(const LayeredImage& image);
 
-  /// Fills `chunk` with the next piece; false when the last one has been given.
+  /// Fills `chunk` with the next piece; false after the last one.
   bool Next(v1::PixelChunk* chunk);
 
  private:
@@ -57,25 +58,25 @@ class PixelChunker {
   bool done_ = false;
 };
 
-/// Puts a picture together again from chunks in order. Memory grows with what has arrived, never with what
-/// was announced.
+/// Joins chunks, in order, into a picture. Its memory is bounded by the bytes received, not by the announced
+/// size.
 /// Threads: one at a time.
 class PixelAssembler {
  public:
   explicit PixelAssembler(PixelLimits limits = {}) : limits_(limits) {}
 
-  /// Takes the next piece.
-  /// Errors: kInvalidArgument for pieces out of order, a bad layout or sizes that do not fit it; kDataLoss
-  /// when a checksum does not agree. After an error every further call fails with it.
+  /// Adds the next piece.
+  /// Errors: kInvalidArgument for pieces out of order, an invalid layout or sizes that do not fit it;
+  /// kDataLoss when a checksum does not match. After an error every further call fails with the same error.
   absl::Status Add(const v1::PixelChunk& chunk);
 
-  /// True once the last piece has been taken.
+  /// True after the last piece.
   bool IsComplete() const { return complete_; }
 
-  /// The layout; nothing before the first piece.
+  /// The layout; nullopt before the first piece.
   const std::optional<v1::PixelLayout>& layout() const { return layout_; }
 
-  /// Bytes held now.
+  /// Bytes of the planes in memory.
   uint64_t HeldBytes() const;
 
   /// The picture, which must be complete. Leaves the assembler empty.

@@ -4,10 +4,10 @@
 
 namespace lumifold::rpc {
 
-/// Bytes of pixels or file one chunk carries at most.
+/// Maximum bytes of pixels or of a file in one chunk.
 inline constexpr size_t kMaxChunkBytes = size_t{1} << 20;
 
-/// Bytes of one message at most, on every channel and server: a chunk, its names and room to spare.
+/// Maximum bytes of one message, on every channel and server: a chunk with its names, and reserve.
 inline constexpr int kMaxMessageBytes = 4 << 20;
 
 }  // namespace lumifold::rpc

@@ -29,7 +29,7 @@ absl::Status CallWithRetry(const RetryPolicy& policy, Idempotency idempotency,
   absl::Duration pause = policy.first_pause;
   for (int tries = 1;; ++tries) {
     grpc::ClientContext context;
-    // gRPC measures deadlines by the machine's clock, whatever clock the loop itself is given.
+    // gRPC measures deadlines with the machine's clock, not with environment.now.
     context.set_deadline(absl::ToChronoTime(absl::Now() + policy.try_timeout));
     absl::Status status = call(context);
     if (status.ok() || !IsTransient(status) || tries >= max_tries) return status;

@@ -12,37 +12,38 @@ class ClientContext;
 
 namespace lumifold::rpc {
 
-/// Whether a call may be made again when it is unknown if the first one took effect.
+/// Whether a call may be repeated when it is unknown if the first try took effect.
 enum class Idempotency { kIdempotent, kNotIdempotent };
 
-/// How long and how often to try.
+/// Limits of a retry loop.
 struct RetryPolicy {
-  /// Deadline of each try.
+  /// Deadline of each try, from its start.
   absl::Duration try_timeout = absl::Seconds(10);
-  /// No new try begins later than this after the first.
+  /// No try starts later than this after the first.
   absl::Duration total_timeout = absl::Seconds(60);
   int max_tries = 6;
   absl::Duration first_pause = absl::Milliseconds(100);
   absl::Duration max_pause = absl::Seconds(5);
 };
 
-/// The outside world of a retry loop.
+/// Clock, sleep and jitter of a retry loop.
 struct RetryEnvironment {
   std::function<absl::Time()> now;
   std::function<void(absl::Duration)> sleep;
-  /// A number in [0, 1): shortens each pause by up to a half, so that many callers do not come back all at
-  /// once.
+  /// A random number in [0, 1). Shortens each pause by up to a half, so that many callers do not retry at the
+  /// same time.
   std::function<double()> jitter;
 
   /// The machine's clock, a real sleep and random jitter.
   static RetryEnvironment Real();
 };
 
-/// True for errors that may pass by themselves: kUnavailable, kAborted, kDeadlineExceeded.
+/// True for transient errors: kUnavailable, kAborted, kDeadlineExceeded.
 bool IsTransient(const absl::Status& status);
 
-/// Makes `call` until it succeeds, fails for good, or the policy is used up; gives its last status. Each try
-/// gets a fresh context with its own deadline. A call that is not idempotent is made once.
+/// Repeats `call` until it succeeds, fails with an error that is not transient, or the policy's limits are
+/// reached; returns its last status. Each try gets a new context with its own deadline. A call that is not
+/// idempotent is made once.
 absl::Status CallWithRetry(const RetryPolicy& policy, Idempotency idempotency,
                            const RetryEnvironment& environment,
                            absl::FunctionRef<absl::Status(grpc::ClientContext&)> call);

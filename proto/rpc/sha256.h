@@ -8,7 +8,8 @@ struct evp_md_ctx_st;
 
 namespace lumifold::rpc {
 
-/// SHA-256 of bytes that come in pieces. Threads: one at a time.
+/// SHA-256 of a sequence of pieces.
+/// Threads: one at a time.
 class Sha256 {
  public:
   Sha256();
@@ -18,7 +19,7 @@ class Sha256 {
 
   void Update(std::string_view bytes);
 
-  /// 64 lower-case hexadecimal digits, as AssetRef holds them. Ends the sum: call it once, last.
+  /// The digest as 64 lower-case hexadecimal digits, as in AssetRef. Call it once, last.
   std::string FinishHex();
 
  private:
@@ -28,8 +29,7 @@ class Sha256 {
 /// The SHA-256 of `bytes` in hexadecimal.
 std::string Sha256Hex(std::string_view bytes);
 
-/// Whether `text` can be the result of Sha256Hex: 64 lower-case hexadecimal digits. What passes is safe as a
-/// file name.
+/// Whether `text` is 64 lower-case hexadecimal digits. Such a text is safe as a file name.
 bool IsSha256Hex(std::string_view text);
 
 }  // namespace lumifold::rpc

@@ -6,10 +6,10 @@
 
 namespace lumifold::rpc {
 
-/// The same code and message for gRPC. Both enumerations number the codes alike.
+/// The gRPC status with the same code and message. Both enumerations have the same numbers.
 grpc::Status GrpcFromStatus(const absl::Status& status);
 
-/// The inverse of GrpcFromStatus; a code this build does not know becomes kUnknown.
+/// The inverse of GrpcFromStatus; unknown codes become kUnknown.
 absl::Status StatusFromGrpc(const grpc::Status& status);
 
 }  // namespace lumifold::rpc

@@ -4,11 +4,11 @@
 
 namespace lumifold::rpc {
 
-/// The wire this build speaks. A worker says it in Hello; the coordinator refuses any other. Raised whenever
-/// a message changes its meaning; a new optional field does not.
+/// Version of the protocol between workers and the coordinator. Workers send it in Hello; the coordinator
+/// refuses other versions. It increases when the meaning of a message changes, not for a new optional field.
 inline constexpr int kWireVersion = 2;
 
-/// Version of the programs, from the build.
+/// Version of the programs.
 inline constexpr std::string_view kVersion = LUMIFOLD_VERSION;
 
 }  // namespace lumifold::rpc

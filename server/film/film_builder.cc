@@ -18,7 +18,7 @@ void AddHalved(std::string_view layer, LayeredImage* film) {
   film->AddColor(layers::HalfB(layer));
 }
 
-/// What a film has of a level.
+/// Channels that a film has for a level.
 std::vector<std::string> LevelFilmChannels(Level level) {
   LayeredImage film(1, 1);
   for (const std::string_view layer : layers::kLevelHalved) AddHalved(OfLevel(level, layer), &film);
@@ -30,22 +30,22 @@ std::vector<std::string> LevelFilmChannels(Level level) {
   return names;
 }
 
-/// A tile and the part of the frame that is built, both in the frame's pixels.
-struct Placing {
+/// A tile and the assembled part of the frame, both in frame coordinates.
+struct TilePlacement {
   Rect tile;
   Rect part;
 
-  /// The pixels that are written, as seen from the tile's corner and from the part's.
+  /// The pixels that are written, relative to the tile's corner and to the part's corner.
   Rect InTile() const { return SeenFrom(tile.x0, tile.y0, Intersect(tile, part)); }
   Rect InPart() const { return SeenFrom(part.x0, part.y0, Intersect(tile, part)); }
 };
 
-// Writes value(i) for pixels i of the tile, counted along its rows, into `channel` of the film.
+// Writes value(i) for each pixel i of the tile, in row-major order, into `channel` of the film.
 template <typename Value>
-void WriteTile(const Placing& placing, std::string_view channel, LayeredImage* film, Value value) {
-  const FloatView view = film->Get(channel).Crop(placing.InPart());
-  const Rect inside = placing.InTile();
-  const auto tile_width = static_cast<size_t>(placing.tile.width());
+void WriteTile(const TilePlacement& placement, std::string_view channel, LayeredImage* film, Value value) {
+  const FloatView view = film->Get(channel).Crop(placement.InPart());
+  const Rect inside = placement.InTile();
+  const auto tile_width = static_cast<size_t>(placement.tile.width());
   for (int y = 0; y < view.height(); ++y) {
     size_t i = static_cast<size_t>(inside.y0 + y) * tile_width + static_cast<size_t>(inside.x0);
     for (int x = 0; x < view.width(); ++x) view.At(x, y) = static_cast<float>(value(i++));
@@ -60,40 +60,41 @@ struct Counts {
   const std::vector<double>& b;
 };
 
-void WriteCounts(const Placing& placing, const Counts& counts, std::string_view a, std::string_view b,
+void WriteCounts(const TilePlacement& placement, const Counts& counts, std::string_view a, std::string_view b,
                  LayeredImage* film) {
-  WriteTile(placing, a, film, [&](size_t i) { return counts.a[i]; });
-  WriteTile(placing, b, film, [&](size_t i) { return counts.b[i]; });
+  WriteTile(placement, a, film, [&](size_t i) { return counts.a[i]; });
+  WriteTile(placement, b, film, [&](size_t i) { return counts.b[i]; });
 }
 
-/// Means of a halved layer: of both halves together and of each.
-void WriteHalved(const Placing& placing, const TileSums& sums, std::string_view layer, const Counts& counts,
-                 LayeredImage* film) {
+/// Writes the means of a layer with halves: of all samples and of each half.
+void WriteHalved(const TilePlacement& placement, const TileSums& sums, std::string_view layer,
+                 const Counts& counts, LayeredImage* film) {
   const auto both = layers::ColorChannels(layer);
   const auto half_a = layers::ColorChannels(layers::HalfA(layer));
   const auto half_b = layers::ColorChannels(layers::HalfB(layer));
   for (size_t c = 0; c < both.size(); ++c) {
     const std::vector<double>& a = sums.Of(half_a[c]);
     const std::vector<double>& b = sums.Of(half_b[c]);
-    WriteTile(placing, both[c], film, [&](size_t i) { return Mean(a[i] + b[i], counts.a[i] + counts.b[i]); });
-    WriteTile(placing, half_a[c], film, [&](size_t i) { return Mean(a[i], counts.a[i]); });
-    WriteTile(placing, half_b[c], film, [&](size_t i) { return Mean(b[i], counts.b[i]); });
+    WriteTile(placement, both[c], film,
+              [&](size_t i) { return Mean(a[i] + b[i], counts.a[i] + counts.b[i]); });
+    WriteTile(placement, half_a[c], film, [&](size_t i) { return Mean(a[i], counts.a[i]); });
+    WriteTile(placement, half_b[c], film, [&](size_t i) { return Mean(b[i], counts.b[i]); });
   }
 }
 
-/// Means of a layer kept once.
-void WriteWhole(const Placing& placing, const TileSums& sums, std::string_view layer, const Counts& counts,
-                LayeredImage* film) {
+/// Writes the means of a layer without halves.
+void WriteWhole(const TilePlacement& placement, const TileSums& sums, std::string_view layer,
+                const Counts& counts, LayeredImage* film) {
   for (const std::string& name : layers::ColorChannels(layer)) {
     const std::vector<double>& sum = sums.Of(name);
-    WriteTile(placing, name, film, [&](size_t i) { return Mean(sum[i], counts.a[i] + counts.b[i]); });
+    WriteTile(placement, name, film, [&](size_t i) { return Mean(sum[i], counts.a[i] + counts.b[i]); });
   }
 }
 
 Counts CountsOf(const TileSums& sums) { return {sums.Of(layers::kSamplesA), sums.Of(layers::kSamplesB)}; }
 
 /// All rows of all edge sets, in the order of the frame's pixels.
-LayeredImage MergeEdges(const std::vector<LayeredImage>& sets) {
+LayeredImage AssembleEdges(const std::vector<LayeredImage>& sets) {
   using Place = std::tuple<float, float, const LayeredImage*, int>;  // y, x, set, row
   std::vector<Place> places;
   for (const LayeredImage& set : sets) {
@@ -103,15 +104,15 @@ LayeredImage MergeEdges(const std::vector<LayeredImage>& sets) {
   }
   if (places.empty()) return {};
   std::sort(places.begin(), places.end());
-  LayeredImage merged(kSubSamples, static_cast<int>(places.size()));
+  LayeredImage assembled(kSubSamples, static_cast<int>(places.size()));
   for (const std::string& name : layers::EdgeChannels()) {
-    const FloatView view = merged.Add(name);
-    for (int row = 0; row < merged.height(); ++row) {
+    const FloatView view = assembled.Add(name);
+    for (int row = 0; row < assembled.height(); ++row) {
       const auto& [y, x, set, set_row] = places[static_cast<size_t>(row)];
       std::copy_n(set->Get(name).Row(set_row), kSubSamples, view.Row(row));
     }
   }
-  return merged;
+  return assembled;
 }
 
 }  // namespace
@@ -152,37 +153,37 @@ FilmBuilder::FilmBuilder(const Rect& part, const LevelSet& levels)
 
 LayeredImage* FilmBuilder::LevelOf(Level level) {
   absl::MutexLock lock(&mutex_);
-  return &levels_.At(level);  // stays where it is; tiles write to parts of it that do not meet
+  return &levels_.At(level);  // the address is stable; tiles write to disjoint parts of the level
 }
 
 void FilmBuilder::SetMeans(const Rect& rect, const TileSums& sums) {
-  const Placing placing = {rect, part_};
+  const TilePlacement placement = {rect, part_};
   const Counts counts = CountsOf(sums);
-  WriteCounts(placing, counts, layers::kSamplesA, layers::kSamplesB, &film_);
-  for (const std::string_view layer : layers::kHalved) WriteHalved(placing, sums, layer, counts, &film_);
-  for (const std::string_view layer : layers::kWhole) WriteWhole(placing, sums, layer, counts, &film_);
+  WriteCounts(placement, counts, layers::kSamplesA, layers::kSamplesB, &film_);
+  for (const std::string_view layer : layers::kHalved) WriteHalved(placement, sums, layer, counts, &film_);
+  for (const std::string_view layer : layers::kWhole) WriteWhole(placement, sums, layer, counts, &film_);
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
     if (sums.Has(OfLevel(Level::Of(i), layers::kSamplesA))) SetLevelMeans(rect, sums, Level::Of(i));
   }
 }
 
 void FilmBuilder::SetLevelMeans(const Rect& rect, const TileSums& sums, Level level) {
-  const Placing placing = {rect, part_};
+  const TilePlacement placement = {rect, part_};
   const std::string samples_a = OfLevel(level, layers::kSamplesA);
   const std::string samples_b = OfLevel(level, layers::kSamplesB);
-  const Counts reached = {sums.Of(samples_a), sums.Of(samples_b)};
+  const Counts level_counts = {sums.Of(samples_a), sums.Of(samples_b)};
   LayeredImage* film = LevelOf(level);
-  WriteCounts(placing, reached, samples_a, samples_b, film);
+  WriteCounts(placement, level_counts, samples_a, samples_b, film);
   for (const std::string_view layer : layers::kLevelHalved)
-    WriteHalved(placing, sums, OfLevel(level, layer), reached, film);
+    WriteHalved(placement, sums, OfLevel(level, layer), level_counts, film);
   for (const std::string_view layer : layers::kLevelWhole)
-    WriteWhole(placing, sums, OfLevel(level, layer), CountsOf(sums), film);
+    WriteWhole(placement, sums, OfLevel(level, layer), CountsOf(sums), film);
 }
 
 void FilmBuilder::SetGeometry(const Rect& rect, const LayeredImage& geometry) {
-  const Placing placing = {rect, part_};
+  const TilePlacement placement = {rect, part_};
   const auto copy = [&](const std::string& name, LayeredImage* film) {
-    CopyPlane(geometry.Get(name).Crop(placing.InTile()), film->Get(name).Crop(placing.InPart()));
+    CopyPlane(geometry.Get(name).Crop(placement.InTile()), film->Get(name).Crop(placement.InPart()));
   };
   for (const std::string& name : GeometryChannels()) copy(name, &film_);
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
@@ -202,7 +203,7 @@ void FilmBuilder::AddEdges(const LayeredImage& edges) {
 EdgedImage FilmBuilder::Take() {
   absl::MutexLock lock(&mutex_);
   levels_.MoveTo(&film_);
-  return {std::move(film_), MergeEdges(edges_)};
+  return {std::move(film_), AssembleEdges(edges_)};
 }
 
 }  // namespace lumifold::film

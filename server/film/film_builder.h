@@ -15,49 +15,51 @@
 
 namespace lumifold::film {
 
-/// Sums of one tile over its passes, in double, by channel. Threads: one at a time.
+/// Sums of the passes of one tile, in double, by channel.
+/// Threads: one at a time.
 class TileSums {
  public:
-  /// Adds a pass's sums; all passes have one size.
+  /// Adds the sums of a pass; all passes have the same size.
   void Add(const LayeredImage& pass);
   bool Has(std::string_view channel) const { return sums_.find(channel) != sums_.end(); }
-  /// The tile's rows one after another; the channel must be there.
+  /// Sums of a channel in row-major order; the channel must exist.
   const std::vector<double>& Of(std::string_view channel) const;
 
  private:
   std::map<std::string, std::vector<double>, std::less<>> sums_;
 };
 
-/// Puts a frame's film, or a part of it, together from the tiles that have pixels there. What comes out does
-/// not depend on the order they come in, nor on how the frame was cut. Threads: safe concurrently for
-/// different tiles; Take() when all are in.
+/// Assembles the film of a frame, or of a part of it, from the tiles that have pixels there. The film does
+/// not depend on the order of the tiles, nor on the parts a frame is assembled in.
+/// Threads: safe concurrently for different tiles; call Take() after all tiles.
 ///
-/// Channels: for each of layers::kHalved the mean and its halves' means, layers::kWhole, the counts, the
-///         channels of geometry units; and the same of levels, where D and I are means over the samples
-///         counted there, T and E means over all samples of the pixel, and a tile without the level has
-///         zeros. edges: those of all geometry units, in the order of the frame's rows.
-/// Edges:  where a half has no good sample its mean is 0 and its count 0.
+/// Channels: for each layer of layers::kHalved the mean of all samples and of each half; layers::kWhole; the
+///         sample counts; the channels of geometry units. The same for each level, where D and I are means
+///         over the samples that reached the level, T and E are means over all samples of the pixel, and a
+///         tile without the level has zeros. edges: those of all geometry units, in the order of the frame's
+///         rows.
+/// Edges:  where a half has no finite sample its mean and its count are 0.
 class FilmBuilder {
  public:
-  /// A whole frame with the levels its tiles turn out to have.
+  /// A whole frame with the levels that its tiles have.
   FilmBuilder(int width, int height);
-  /// The part of a frame inside `part`, with `levels` at least.
+  /// The part of a frame inside `part`, with at least `levels`.
   FilmBuilder(const Rect& part, const LevelSet& levels);
 
-  // Tiles are in the frame's pixels. What lies outside the part is left out.
+  // Tiles are in frame coordinates. Pixels outside the part are ignored.
 
-  /// Writes the means of a tile.
+  /// Sets the means of a tile.
   void SetMeans(const Rect& rect, const TileSums& sums);
-  /// Takes over a tile's geometry, a unit of valid layout.
+  /// Sets the geometry of a tile; the layout of `geometry` is valid.
   void SetGeometry(const Rect& rect, const LayeredImage& geometry);
-  /// Takes over a tile's edge set, which is valid.
+  /// Adds the edge set of a tile, which is valid.
   void AddEdges(const LayeredImage& edges);
 
-  /// The part of the film, its edge set with places from the part's corner.
+  /// The assembled part of the film; positions in its edge set are relative to the part's corner.
   EdgedImage Take();
 
  private:
-  /// The level's channels of the film.
+  /// The channels of a level.
   LayeredImage* LevelOf(layers::Level level);
   void SetLevelMeans(const Rect& rect, const TileSums& sums, layers::Level level);
 

@@ -21,7 +21,7 @@ void MoveColor(std::string_view layer, LayeredImage* from, LayeredImage* to) {
   for (const std::string& name : layers::ColorChannels(layer)) MoveChannel(name, from, to);
 }
 
-/// R, what the diffuse surface seen first and its own light leave of C.
+/// Adds R = C - (D + I) T - E: what the first diffuse surface and its emission do not explain.
 void AddReflection(LayeredImage* result) {
   const ColorView reflection = result->AddColor(layers::kReflection1);
   const LayeredImage& film = *result;
@@ -54,7 +54,7 @@ void Describe(const ResultInfo& info, LayeredImage* result) {
   metadata["lumifold.pass_samples"] = absl::StrCat(spec.pass_samples());
   metadata["lumifold.seed"] = absl::StrCat(spec.seed());
   metadata["lumifold.max_bounces"] = absl::StrCat(spec.max_bounces());
-  metadata["lumifold.filter"] = spec.filter().method();
+  metadata["lumifold.method"] = spec.filter().method();
 }
 
 }  // namespace

@@ -8,19 +8,18 @@
 
 namespace lumifold::film {
 
-/// What the result file of a frame says beside its pixels. Nothing that differs between two runs of one job:
-/// no id, date or duration.
+/// Metadata of a frame's result file. Contains nothing that differs between two runs of a job, such as ids,
+/// dates or durations, so that the files are equal byte for byte.
 struct ResultInfo {
   v1::JobSpec spec;
   int32_t frame = 0;
   std::string numeric_class;
 };
 
-/// Makes a frame's result, or some rows of it: `filtered` as R G B, coverage A, the usual layers of the film
-/// (noisy, direct, indirect, albedo, emission), reflection1 (what those leave: C - (D + I) T - E, still
-/// noisy), N, Z, distance.Z, id.Y; with save_film also all else the film has, and its edges, so that it can
-/// be filtered again. Takes the film's planes over. `film` is what UnitFilm::Read gives, `filtered` has its
-/// size.
+/// Makes the result of a frame, or some rows of it: `filtered` as R G B, coverage A, the layers noisy,
+/// direct, indirect, albedo and emission, reflection1 (C - (D + I) T - E, not filtered), N, Z, distance.Z and
+/// id.Y. With save_film also all other channels of the film and its edges, so that it can be filtered again.
+/// Moves the planes of `film`, which is the output of UnitFilm::Read; `filtered` has the same size.
 EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const ResultInfo& info);
 
 }  // namespace lumifold::film

@@ -11,15 +11,16 @@
 
 namespace lumifold::film {
 
-/// Writes a frame's result, BuildResult's, some rows at a time from the top down. Errors: those of
-/// ExrRowWriter. Threads: one at a time.
+/// Writes the result of a frame (see BuildResult) in bands of rows, from the top down.
+/// Errors: those of ExrRowWriter.
+/// Threads: one at a time.
 class ResultWriter {
  public:
   static absl::StatusOr<ResultWriter> Create(const std::string& path, const UnitFilm& film, ResultInfo info);
 
-  /// The next rows: the film's part there as UnitFilm::Read gives it, and the filtered picture.
+  /// Writes the next rows: the output of UnitFilm::Read for them and the filtered picture.
   absl::Status Append(EdgedImage part, std::array<Plane, 3> filtered);
-  /// Gives the file its name. All rows must have come. Once.
+  /// Renames the complete file to its final name. Call it once, after all rows.
   absl::Status Finish() { return file_.Finish(); }
 
  private:

@@ -18,22 +18,22 @@ absl::Status UnitAssembler::Add(const v1::UnitChunk& chunk) {
 absl::Status UnitAssembler::AddEdges(const v1::PixelChunk& piece) {
   if (kind_ != v1::UNIT_KIND_GEOMETRY)
     return absl::InvalidArgumentError("unit: only geometry units have an edge set");
-  if (pixels_.layout().has_value() || !whole_edges_.channels().empty())
-    return absl::InvalidArgumentError("unit: a piece of the edge set comes too late");
+  if (pixels_.layout().has_value() || !complete_edges_.channels().empty())
+    return absl::InvalidArgumentError("unit: a piece of the edge set after the edge set or the pixels");
   if (absl::Status status = edges_.Add(piece); !status.ok()) return status;
   if (!edges_.IsComplete()) return absl::OkStatus();
-  whole_edges_ = edges_.Take();
-  return CheckEdges(rect_, whole_edges_);
+  complete_edges_ = edges_.Take();
+  return CheckEdges(rect_, complete_edges_);
 }
 
 absl::Status UnitAssembler::AddPixels(const v1::PixelChunk& piece) {
   const bool is_first = !pixels_.layout().has_value();
   if (is_first && edges_.layout().has_value())
-    return absl::InvalidArgumentError("unit: the edge set is cut short");
+    return absl::InvalidArgumentError("unit: pixels before the end of the edge set");
   if (absl::Status status = pixels_.Add(piece); !status.ok()) return status;
   return is_first ? CheckUnitLayout(kind_, rect_, *pixels_.layout()) : absl::OkStatus();
 }
 
-EdgedImage UnitAssembler::Take() { return {pixels_.Take(), std::move(whole_edges_)}; }
+EdgedImage UnitAssembler::Take() { return {pixels_.Take(), std::move(complete_edges_)}; }
 
 }  // namespace lumifold::film

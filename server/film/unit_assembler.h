@@ -8,17 +8,18 @@
 
 namespace lumifold::film {
 
-/// Puts a delivered unit together from its pieces, and sees that it is what a unit of its kind and tile must
-/// be. Threads: one at a time.
+/// Joins the pieces of a delivered unit and checks that the unit has the layout of its kind and tile.
+/// Threads: one at a time.
 class UnitAssembler {
  public:
   UnitAssembler(v1::UnitKind kind, const Rect& rect);
 
-  /// Takes the next piece. Errors: those of rpc::PixelAssembler, CheckUnitLayout and CheckEdges;
-  /// kInvalidArgument for pieces of an edge set that has no business here. After an error the unit is lost.
+  /// Adds the next piece.
+  /// Errors: those of rpc::PixelAssembler, CheckUnitLayout and CheckEdges; kInvalidArgument for an edge set
+  /// that is not allowed here. After an error the unit is unusable.
   absl::Status Add(const v1::UnitChunk& chunk);
 
-  /// True once the last piece has been taken.
+  /// True after the last piece.
   bool IsComplete() const { return pixels_.IsComplete(); }
   /// The unit, which must be complete. Leaves the assembler empty.
   EdgedImage Take();
@@ -31,7 +32,7 @@ class UnitAssembler {
   Rect rect_;
   rpc::PixelAssembler pixels_;
   rpc::PixelAssembler edges_;
-  LayeredImage whole_edges_;
+  LayeredImage complete_edges_;
 };
 
 }  // namespace lumifold::film

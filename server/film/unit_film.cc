@@ -14,14 +14,14 @@
 namespace lumifold::film {
 namespace {
 
-using scheduler::FrameUnits;
-using scheduler::UnitKey;
+using job::FrameUnits;
+using job::UnitKey;
 
-/// What a part of whole rows may take where tiles reach further.
-constexpr int64_t kMostBandBytes = int64_t{512} << 20;
+/// Maximum memory of a band of rows; a row of tiles that needs more is read in several bands.
+constexpr int64_t kMaxBandBytes = int64_t{512} << 20;
 
-/// Runs `task` for each tile. The error is that of the lowest one, so that which one is told does not depend
-/// on the race between threads.
+/// Runs `task` for each tile. Returns the error of the lowest tile, so that the error does not depend on the
+/// order of the threads.
 absl::Status ForEachTile(TaskPool* pool, const std::vector<int32_t>& tiles,
                          absl::FunctionRef<absl::Status(int32_t)> task) {
   absl::Mutex mutex;
@@ -45,7 +45,7 @@ absl::StatusOr<EdgedImage> ReadChecked(const UnitSource& units, const UnitKey& k
   return unit;
 }
 
-/// The units of a tile: its passes in order, then its geometry.
+/// The units of a tile: the passes in order, then the geometry.
 std::vector<UnitKey> UnitsOf(const FrameUnits& tiles, int32_t frame, int32_t tile) {
   std::vector<UnitKey> keys;
   keys.reserve(static_cast<size_t>(tiles.pass_count()) + 1);
@@ -111,8 +111,8 @@ LayeredImage UnitFilm::Outline() const { return FilmBuilder(Rect{}, levels_).Tak
 int UnitFilm::BandEnd(int y) const {
   const int64_t row_bytes =
       int64_t{width_} * static_cast<int64_t>(Outline().channels().size() * sizeof(float));
-  const auto most = static_cast<int>(std::clamp<int64_t>(kMostBandBytes / row_bytes, 1, height_));
-  return std::min({(y / tile_size_ + 1) * tile_size_, y + most, height_});
+  const auto max_rows = static_cast<int>(std::clamp<int64_t>(kMaxBandBytes / row_bytes, 1, height_));
+  return std::min({(y / tile_size_ + 1) * tile_size_, y + max_rows, height_});
 }
 
 absl::StatusOr<EdgedImage> UnitFilm::Read(const Rect& rect) {

@@ -12,29 +12,29 @@
 
 namespace lumifold::film {
 
-/// A frame's film as its units make it: the sums of each tile's passes added, in pass order and in double,
-/// and divided by the counts. Nothing of it is kept: what is read is made of the units of the tiles there,
-/// anew each time. Its channels are FilmBuilder's, with the levels that any unit of the frame carries.
-/// Threads: one at a time; what is read is identical for any pool and for any order units arrived in.
+/// The film of a frame, assembled from its units: the passes of each tile are summed in pass order and in
+/// double, then divided by the sample counts. Nothing is cached: each Read assembles the tiles that it needs.
+/// The channels are those of FilmBuilder, with the levels that any unit of the frame has.
+/// Threads: one at a time; the film is identical for any pool and any order in which units arrived.
 class UnitFilm final : public FilmSource {
  public:
-  /// Looks through the outlines of all units. `spec` is normalised; `units` and `pool`, which may be null,
-  /// must outlive the film. Errors: those of `units`.
+  /// Reads the outlines of all units. `spec` is normalised; `units` and `pool`, which may be null,
+  /// must outlive the film.
+  /// Errors: those of `units`.
   static absl::StatusOr<UnitFilm> Open(const v1::JobSpec& spec, int32_t frame, const UnitSource* units,
                                        TaskPool* pool);
 
   int width() const override { return width_; }
   int height() const override { return height_; }
-  /// A picture of no pixels with the film's channels.
+  /// An image without pixels that has the film's channels.
   LayeredImage Outline() const;
-  /// Rows of the whole film's edge set.
+  /// Number of rows of the edge set of the whole film.
   int64_t edge_rows() const { return edge_rows_; }
-  /// Where to end a part of whole rows from row `y` on: with the tiles there, so that no unit is read twice,
-  /// or sooner where such a part takes much memory.
+  /// End of the band of rows that begins at row `y`: the end of its tiles, so that no unit is read twice, or
+  /// an earlier row where the band would take more than 512 MiB.
   int BandEnd(int y) const;
 
-  /// Errors: those of the units; kInvalidArgument for a unit that is not what CheckUnitLayout and CheckEdges
-  /// ask. It is the error of the first tile that has one.
+  /// Errors: those of the units, CheckUnitLayout and CheckEdges; that of the first tile where several fail.
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override;
 
  private:
@@ -45,7 +45,7 @@ class UnitFilm final : public FilmSource {
   const int height_;
   const int tile_size_;
   const int32_t frame_;
-  const scheduler::FrameUnits tiles_;
+  const job::FrameUnits tiles_;
   const UnitSource& units_;
   TaskPool* const pool_;
   LevelSet levels_;

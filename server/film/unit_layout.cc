@@ -30,7 +30,7 @@ int CountOf(const std::string& name, const v1::PixelLayout& layout) {
   return static_cast<int>(std::count(layout.channels().begin(), layout.channels().end(), name));
 }
 
-/// What a unit of this kind has of a level it carries.
+/// Channels that a unit of this kind has for each of its levels.
 std::vector<std::string> LevelChannels(v1::UnitKind kind, Level level) {
   return kind == v1::UNIT_KIND_GEOMETRY ? layers::LevelFeatureChannels(level)
                                         : layers::LevelPassChannels(level);
@@ -39,7 +39,7 @@ std::vector<std::string> LevelChannels(v1::UnitKind kind, Level level) {
 absl::Status CheckEachOnce(const std::vector<std::string>& names, const v1::PixelLayout& layout) {
   for (const std::string& name : names) {
     if (CountOf(name, layout) != 1)
-      return absl::InvalidArgumentError(absl::StrCat("unit: channel ", name, " is not there once"));
+      return absl::InvalidArgumentError(absl::StrCat("unit: channel ", name, " is missing or appears twice"));
   }
   return absl::OkStatus();
 }
@@ -86,22 +86,22 @@ rpc::PixelLimits EdgeLimits(const Rect& rect) {
 absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::PixelLayout& layout) {
   if (layout.width() != rect.width() || layout.height() != rect.height()) {
     return absl::InvalidArgumentError(absl::StrCat("unit: size ", layout.width(), "x", layout.height(),
-                                                   " where the tile has ", rect.width(), "x", rect.height()));
+                                                   ", but the tile is ", rect.width(), "x", rect.height()));
   }
   const std::vector<std::string>& wanted =
       kind == v1::UNIT_KIND_GEOMETRY ? GeometryChannels() : PassChannels();
   if (absl::Status status = CheckEachOnce(wanted, layout); !status.ok()) return status;
-  size_t due = wanted.size();
+  size_t expected = wanted.size();
   const LevelSet levels = LevelsOf(kind, layout);
   for (size_t i = 0; i < levels.size(); ++i) {
     if (!levels[i]) continue;
     const std::vector<std::string> of_level = LevelChannels(kind, Level::Of(i));
     if (absl::Status status = CheckEachOnce(of_level, layout); !status.ok()) return status;
-    due += of_level.size();
+    expected += of_level.size();
   }
-  if (layout.channels_size() != static_cast<int>(due)) {
+  if (layout.channels_size() != static_cast<int>(expected)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("unit: ", layout.channels_size(), " channels where ", due, " are due"));
+        absl::StrCat("unit: ", layout.channels_size(), " channels, expected ", expected));
   }
   return absl::OkStatus();
 }
@@ -113,8 +113,8 @@ absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges) {
   if (absl::Status status = CheckEachOnce(wanted, layout); !status.ok()) return status;
   if (edges.width() != kSubSamples || edges.channels().size() != wanted.size()) {
     return absl::InvalidArgumentError(absl::StrCat("edge set: ", edges.width(), " sub-samples of ",
-                                                   edges.channels().size(), " channels where ", kSubSamples,
-                                                   " of ", wanted.size(), " are due"));
+                                                   edges.channels().size(), " channels, expected ",
+                                                   kSubSamples, " of ", wanted.size()));
   }
   std::pair<float, float> last = {-1.0f, -1.0f};
   for (int row = 0; row < edges.height(); ++row) {
@@ -123,8 +123,8 @@ absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges) {
     const bool is_within = x >= static_cast<float>(rect.x0) && x < static_cast<float>(rect.x1) &&
                            y >= static_cast<float>(rect.y0) && y < static_cast<float>(rect.y1);
     if (!is_within || std::pair(y, x) <= last) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("edge set: the pixel ", x, ",", y, " of row ", row, " is not the tile's next"));
+      return absl::InvalidArgumentError(absl::StrCat("edge set: the pixel ", x, ",", y, " of row ", row,
+                                                     " is outside the tile or out of order"));
     }
     last = {y, x};
   }

@@ -14,30 +14,31 @@
 
 namespace lumifold::film {
 
-/// Channels every pass unit has, all sums: the halved layers as "direct_a.R" ... "direct_b.B"; the whole ones
-/// over all samples; and the counts of good samples, samples_a.Y and samples_b.Y. Those of levels
-/// (layers::LevelPassChannels) come on top, each level's all or none.
+/// Channels of every pass unit, all of them sums: the layers with halves as "direct_a.R" ... "direct_b.B";
+/// the layers without halves; and the counts of finite samples, samples_a.Y and samples_b.Y. A unit may also
+/// have levels (layers::LevelPassChannels), each with all of its channels.
 const std::vector<std::string>& PassChannels();
 
-/// Channels every geometry unit has, all means. Those of levels (layers::LevelFeatureChannels) come on top.
+/// Channels of every geometry unit, all of them means. A unit may also have levels
+/// (layers::LevelFeatureChannels).
 const std::vector<std::string>& GeometryChannels();
 
-/// Levels, each by its Level::index().
+/// Set of levels, by Level::index().
 using LevelSet = std::bitset<layers::kLevelCount>;
 
-/// The levels a unit of this layout carries.
+/// The levels of a unit with this layout.
 LevelSet LevelsOf(v1::UnitKind kind, const v1::PixelLayout& layout);
 
-/// What the pixels of a unit of one tile may take at most, and its edge set.
+/// Maximum size of the pixels and of the edge set of a unit of one tile.
 rpc::PixelLimits UnitLimits(const Rect& rect);
 rpc::PixelLimits EdgeLimits(const Rect& rect);
 
-/// Checks that a unit has the size of its tile and the channels of its kind, in any order.
+/// Checks that a unit has the size of its tile and exactly the channels of its kind, in any order.
 /// Errors: kInvalidArgument naming the channel or size.
 absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::PixelLayout& layout);
 
-/// Checks an edge set of a tile: none at all; or the channels and width it must have, and its pixels within
-/// the tile, in the order of its rows, each once.
+/// Checks the edge set of a tile. It is empty, or it has the required channels and width, and its pixels are
+/// inside the tile, in row-major order, each once.
 /// Errors: kInvalidArgument naming the channel, size or row.
 absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges);
 

@@ -20,7 +20,7 @@
 namespace lumifold::film {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "the log is written as it lies in memory");
+static_assert(std::endian::native == std::endian::little, "the log has the byte order of memory");
 
 constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '2'};
 constexpr uint32_t kMaxHeaderBytes = 1 << 20;
@@ -51,7 +51,7 @@ absl::Status DamagedRecord(const std::string& path, uint64_t offset, const char*
   return absl::DataLossError(absl::StrCat(path, ": record at ", offset, ": ", cause));
 }
 
-/// Whether this is the beginning of a record, but not of ours: of version 1, or of a later one.
+/// Whether this is the beginning of a record of another version, 1 or a later one.
 bool IsOfAnotherVersion(const Preamble& preamble) {
   return std::equal(kMagic.begin(), kMagic.end() - 1, preamble.magic.begin()) && preamble.magic != kMagic &&
          preamble.magic.back() >= '1' && preamble.magic.back() <= '9';
@@ -60,7 +60,7 @@ bool IsOfAnotherVersion(const Preamble& preamble) {
 absl::Status AnotherVersion(const std::string& path, uint64_t offset) {
   return absl::FailedPreconditionError(absl::StrCat(
       path, ": record at ", offset,
-      ": was written by another version of Lumifold; finish the job with that one, or submit it anew"));
+      ": was written by another version of Lumifold; finish the job with that version, or submit it again"));
 }
 
 absl::Status SyncFolderOf(const std::string& path) {
@@ -92,7 +92,7 @@ std::string RecordBytes(const StoredUnit& unit) {
   return record;
 }
 
-// The pictures a record's payload holds one after another.
+// Decodes the pixels and the edge set from the payload of a record.
 absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::string_view payload) {
   EdgedImage image;
   const uint64_t pixel_bytes = std::min<uint64_t>(rpc::BytesOf(header.pixels().layout()), payload.size());
@@ -106,14 +106,14 @@ absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::st
     return image;
   }
   rpc::PixelLimits limits;
-  limits.max_height = std::numeric_limits<int>::max();  // a row an edge pixel
+  limits.max_height = std::numeric_limits<int>::max();  // one row for each edge pixel
   absl::StatusOr<LayeredImage> edges = rpc::ImageFromBytes(header.edges().layout(), rest, limits);
   if (!edges.ok()) return edges.status();
   image.edges = *std::move(edges);
   return image;
 }
 
-/// Reads as much of [offset, offset + size) as the file has.
+/// Reads [offset, offset + size), or up to the end of the file.
 absl::StatusOr<std::string> ReadAt(const rpc::FileHandle& file, const std::string& path, uint64_t offset,
                                    uint64_t size) {
   std::string bytes(size, '\0');
@@ -140,7 +140,7 @@ absl::StatusOr<Preamble> ReadPreamble(const rpc::FileHandle& file, const std::st
   if (IsOfAnotherVersion(preamble)) return AnotherVersion(path, offset);
   if (preamble.magic != kMagic || preamble.header_bytes > kMaxHeaderBytes ||
       preamble.payload_bytes > kMaxPayloadBytes) {
-    return DamagedRecord(path, offset, "does not begin as a record does");
+    return DamagedRecord(path, offset, "has no valid record header");
   }
   return preamble;
 }
@@ -149,16 +149,16 @@ uint64_t LengthOf(const Preamble& preamble) {
   return sizeof(preamble) + preamble.header_bytes + preamble.payload_bytes;
 }
 
-/// Reads the header of the record at `place`, which begins with `preamble`.
+/// Reads the header of the record at `place`; `preamble` is the record's.
 absl::StatusOr<v1::UnitChunk> ReadHeaderOf(const rpc::FileHandle& file, const std::string& path,
                                            const RecordPlace& place, const Preamble& preamble) {
   if (LengthOf(preamble) != place.length)
-    return DamagedRecord(path, place.offset, "does not begin as a record does");
+    return DamagedRecord(path, place.offset, "has no valid record header");
   const absl::StatusOr<std::string> bytes =
       ReadAt(file, path, place.offset + sizeof(preamble), preamble.header_bytes);
   if (!bytes.ok()) return bytes.status();
   if (HeaderChecksum(preamble, *bytes) != preamble.header_checksum)
-    return DamagedRecord(path, place.offset, "the header's checksum does not agree");
+    return DamagedRecord(path, place.offset, "the checksum of the header does not match");
   v1::UnitChunk header;
   if (!header.ParseFromString(*bytes)) return DamagedRecord(path, place.offset, "the header cannot be read");
   return header;
@@ -176,7 +176,7 @@ absl::StatusOr<UnitLog> UnitLog::Open(const std::string& path, uint64_t committe
   if (fstat(file.get(), &info) != 0) return SystemError(path);
   if (static_cast<uint64_t>(info.st_size) < committed_bytes) {
     return absl::DataLossError(
-        absl::StrCat(path, ": has ", info.st_size, " bytes where the ledger knows of ", committed_bytes));
+        absl::StrCat(path, ": has ", info.st_size, " bytes, the ledger has committed ", committed_bytes));
   }
   if (ftruncate(file.get(), static_cast<off_t>(committed_bytes)) != 0) return SystemError(path);
   if (absl::Status status = SyncFolderOf(path); !status.ok()) return status;
@@ -223,7 +223,7 @@ absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) c
   absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
   if (!header.ok()) return header.status();
   return UnitHeader{
-      scheduler::UnitFromProto(header->unit()),
+      job::UnitFromProto(header->unit()),
       {std::move(*header->mutable_pixels()->mutable_layout()), header->edges().layout().height()}};
 }
 
@@ -237,11 +237,11 @@ absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
       ReadAt(file_, path_, place.offset + place.length - preamble->payload_bytes, preamble->payload_bytes);
   if (!payload.ok()) return payload.status();
   if (rpc::Checksum(*payload) != preamble->payload_checksum)
-    return DamagedRecord(path_, place.offset, "the pixels' checksum does not agree");
+    return DamagedRecord(path_, place.offset, "the checksum of the pixels does not match");
   absl::StatusOr<EdgedImage> image = ImageFromPayload(*header, *payload);
-  if (!image.ok()) return DamagedRecord(path_, place.offset, "layout and pixels do not fit");
-  return StoredUnit{scheduler::UnitFromProto(header->unit()), scheduler::Attempt(header->attempt()),
-                    header->stats(), *std::move(image)};
+  if (!image.ok()) return DamagedRecord(path_, place.offset, "the pixels do not fit the layout");
+  return StoredUnit{job::UnitFromProto(header->unit()), job::Attempt(header->attempt()), header->stats(),
+                    *std::move(image)};
 }
 
 absl::StatusOr<RecordPlace> UnitLogReader::PlaceAt(uint64_t offset) const {
@@ -252,18 +252,18 @@ absl::StatusOr<RecordPlace> UnitLogReader::PlaceAt(uint64_t offset) const {
 
 absl::StatusOr<uint64_t> UnitLogReader::Scan(
     absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const {
-  uint64_t good = 0;
-  while (good < size_) {
-    const absl::StatusOr<RecordPlace> place = PlaceAt(good);
+  uint64_t valid_bytes = 0;
+  while (valid_bytes < size_) {
+    const absl::StatusOr<RecordPlace> place = PlaceAt(valid_bytes);
     if (absl::IsDataLoss(place.status())) break;
     if (!place.ok()) return place.status();
     const absl::StatusOr<StoredUnit> unit = Read(*place);
     if (absl::IsDataLoss(unit.status())) break;
     if (!unit.ok()) return unit.status();
     visit(*unit, *place);
-    good += place->length;
+    valid_bytes += place->length;
   }
-  return good;
+  return valid_bytes;
 }
 
 }  // namespace lumifold::film

@@ -14,28 +14,28 @@
 
 namespace lumifold::film {
 
-/// A delivered unit: its name, the lease it came by, what it says of itself, its pixels and its edge set.
+/// A delivered unit: its id, the attempt of its lease, its statistics, its pixels and its edge set.
 struct StoredUnit {
-  scheduler::UnitRef unit;
-  scheduler::Attempt attempt;
+  job::UnitRef unit;
+  job::Attempt attempt;
   v1::UnitStats stats;
   EdgedImage image;
 };
 
-/// What the header of a record says.
+/// Contents of a record's header.
 struct UnitHeader {
-  scheduler::UnitRef unit;
+  job::UnitRef unit;
   UnitOutline outline;
 };
 
-/// Where a record lies in its log.
+/// Position of a record in its log.
 struct RecordPlace {
   uint64_t offset = 0;
   uint64_t length = 0;
 };
 
-/// The append-only file that holds a frame's delivered units. Each record describes itself and carries
-/// checksums, so that a ledger that was lost can be made anew from the logs:
+/// The append-only file of a frame's delivered units. Each record describes itself and has checksums, so that
+/// a lost ledger can be rebuilt from the logs:
 ///
 ///   "LFU2"
 ///   u32  size of the header
@@ -43,24 +43,25 @@ struct RecordPlace {
 ///   u64  XXH3-64 of the payload
 ///   u64  XXH3-64 of the 24 bytes before and the header
 ///   header: a v1::UnitChunk without data
-///   payload: the planes of the pixels, as their v1::PixelLayout says, then those of the edge set, if one is
-///            there, as its own says
+///   payload: the planes of the pixels in the order of their v1::PixelLayout, then those of the edge set,
+///            if there is one, in the order of its own layout
 ///
-/// All little-endian. Records of another version ("LFU" and another digit) are refused by name.
+/// All numbers are little-endian. Records of another version ("LFU" and another digit) give an error that
+/// says so.
 ///
 /// Threads: one at a time.
 class UnitLog {
  public:
-  /// Opens the log at `path`, made where it is missing, to go on after its first `committed_bytes`: those the
-  /// ledger knows of. What lies beyond was never acknowledged and is cut off.
-  /// Errors: kDataLoss where the file is shorter; kUnavailable with the system's words. Both name the file.
+  /// Opens the log at `path`, or creates it, for appending after its first `committed_bytes`, the bytes whose
+  /// units have ledger rows. Bytes beyond them were never acknowledged and are truncated.
+  /// Errors: kDataLoss where the file is shorter; kUnavailable with the system's message. Both name the file.
   static absl::StatusOr<UnitLog> Open(const std::string& path, uint64_t committed_bytes);
 
-  /// Writes a record at the end; it is durable after the next Sync. After an error the next record takes its
-  /// place.
+  /// Writes a record at the end; it is durable after the next Sync. After an error the next record overwrites
+  /// it.
   absl::StatusOr<RecordPlace> Append(const StoredUnit& unit);
 
-  /// Brings all records to the disk.
+  /// Waits until all records are on the disk (fdatasync).
   absl::Status Sync();
 
  private:
@@ -71,21 +72,23 @@ class UnitLog {
   uint64_t end_;
 };
 
-/// Reads records of a log. Threads: safe.
+/// Reads records of a log.
+/// Threads: safe.
 class UnitLogReader {
  public:
   /// Errors: kNotFound, kUnavailable naming the file.
   static absl::StatusOr<UnitLogReader> Open(const std::string& path);
 
-  /// Errors: kDataLoss naming file and offset where the record is not whole or not what its checksums say;
-  /// kFailedPrecondition where it was written by a Lumifold of another version.
+  /// Errors: kDataLoss naming file and offset where the record is incomplete or a checksum does not match;
+  /// kFailedPrecondition where another version of Lumifold wrote it.
   absl::StatusOr<StoredUnit> Read(const RecordPlace& place) const;
 
-  /// The same for the header alone: the pixels may be damaged.
+  /// As Read, for the header only; the pixels are not checked.
   absl::StatusOr<UnitHeader> ReadHeader(const RecordPlace& place) const;
 
-  /// Reads records from the beginning until the end of the file or the first that is not whole; gives the
-  /// bytes that are good. Errors: kFailedPrecondition as Read().
+  /// Reads records from the beginning to the end of the file or to the first damaged record; returns the
+  /// number of valid bytes.
+  /// Errors: kFailedPrecondition as Read().
   absl::StatusOr<uint64_t> Scan(absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const;
 
  private:

@@ -7,20 +7,21 @@
 
 namespace lumifold::film {
 
-/// What a unit is, without its pixels.
+/// Layout of a unit, without its pixels.
 struct UnitOutline {
   v1::PixelLayout pixels;
   int edge_rows = 0;
 };
 
-/// The merged units of a frame. Threads: safe.
+/// The committed units of a frame.
+/// Threads: safe.
 class UnitSource {
  public:
   virtual ~UnitSource() = default;
 
-  /// Errors of both: kDataLoss for a unit that is not there or damaged.
-  virtual absl::StatusOr<UnitOutline> Outline(const scheduler::UnitKey& key) const = 0;
-  virtual absl::StatusOr<EdgedImage> Read(const scheduler::UnitKey& key) const = 0;
+  /// Errors of both: kDataLoss for a unit that is missing or damaged.
+  virtual absl::StatusOr<UnitOutline> Outline(const job::UnitKey& key) const = 0;
+  virtual absl::StatusOr<EdgedImage> Read(const job::UnitKey& key) const = 0;
 };
 
 }  // namespace lumifold::film

@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "server/job/tile_grid.h"
 
-namespace lumifold::scheduler {
+namespace lumifold::job {
 namespace {
 
 constexpr int kMaxEdge = 16384;
@@ -92,7 +92,7 @@ absl::Status CheckNumbers(const v1::JobSpec& spec) {
   return absl::OkStatus();
 }
 
-/// Even, as halves take turns.
+/// Even, because samples alternate between the halves.
 int DefaultPassSamples(int samples_per_pixel) {
   const int share = samples_per_pixel / kDefaultMaxPasses;
   return std::max(kMinDefaultPassSamples, share + share % 2);
@@ -118,4 +118,4 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   return spec;
 }
 
-}  // namespace lumifold::scheduler
+}  // namespace lumifold::job

@@ -4,7 +4,7 @@
 
 #include "filter/image/check.h"
 
-namespace lumifold::scheduler {
+namespace lumifold::job {
 namespace {
 
 int CeilDivide(int a, int b) { return (a + b - 1) / b; }
@@ -72,4 +72,4 @@ int64_t FrameUnits::CameraSamplesOf(const UnitKey& key) const {
   return int64_t{rect.width()} * rect.height() * SamplesOf(key).count();
 }
 
-}  // namespace lumifold::scheduler
+}  // namespace lumifold::job

@@ -9,19 +9,20 @@
 #include "lumifold/v1/job.pb.h"
 #include "server/job/unit.h"
 
-namespace lumifold::scheduler {
+namespace lumifold::job {
 
-/// The tiles of a frame, numbered row by row from the top left. Those at the right and lower border are
+/// The tiles of a frame, numbered row by row from the top left. Tiles at the right and lower border may be
 /// smaller.
 class TileGrid {
  public:
-  /// All at least 1.
+  /// All arguments are at least 1.
   TileGrid(int width, int height, int tile_size);
 
   int count() const { return columns_ * rows_; }
   /// The pixels of a tile in [0, count()).
   Rect RectOf(int tile) const;
-  /// The tiles that have pixels inside `rect`, which lies within the frame and is not empty, in order.
+  /// The tiles that have pixels inside `rect`, in ascending order. `rect` lies within the frame and is not
+  /// empty.
   std::vector<int32_t> TilesIn(const Rect& rect) const;
 
  private:
@@ -32,8 +33,9 @@ class TileGrid {
   int rows_;
 };
 
-/// The units of one frame, numbered in the order they are handed out: the geometry of every tile, then pass 0
-/// of every tile, then pass 1 and so on, so that an unfinished frame is evenly converged.
+/// The units of one frame, numbered in the order in which they are leased: the geometry of every tile, then
+/// pass 0 of every tile, then pass 1 and so on, so that an unfinished frame has about the same number of
+/// samples everywhere.
 class FrameUnits {
  public:
   /// `spec` is normalised (server/job/job_spec.h).
@@ -41,15 +43,15 @@ class FrameUnits {
 
   const TileGrid& tiles() const { return tiles_; }
   int pass_count() const { return pass_count_; }
-  /// Units of one frame.
+  /// Number of units of the frame.
   int64_t count() const { return int64_t{tiles_.count()} * (1 + pass_count_); }
 
-  /// Number of a unit; nothing where the frame has no such unit. The key's frame is not looked at.
+  /// Number of a unit; nullopt where the frame has no such unit. The key's frame is ignored.
   std::optional<int64_t> NumberOf(const UnitKey& key) const;
-  /// The inverse, for a number in [0, count()).
+  /// The inverse of NumberOf, for a number in [0, count()).
   UnitKey KeyOf(int32_t frame, int64_t number) const;
 
-  /// Samples per pixel of a unit; none for geometry.
+  /// Sample indices of a unit; empty for geometry.
   SampleRange SamplesOf(const UnitKey& key) const;
   /// Camera samples of a unit, over all its pixels; 0 for geometry.
   int64_t CameraSamplesOf(const UnitKey& key) const;
@@ -61,4 +63,4 @@ class FrameUnits {
   int pass_count_;
 };
 
-}  // namespace lumifold::scheduler
+}  // namespace lumifold::job

@@ -2,7 +2,7 @@
 
 #include "absl/strings/str_cat.h"
 
-namespace lumifold::scheduler {
+namespace lumifold::job {
 
 v1::UnitId ProtoFromUnit(const UnitRef& unit) {
   v1::UnitId id;
@@ -25,4 +25,4 @@ std::string Describe(const UnitRef& unit) {
   return absl::StrCat(place, " pass ", unit.key.pass);
 }
 
-}  // namespace lumifold::scheduler
+}  // namespace lumifold::job

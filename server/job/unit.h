@@ -5,17 +5,11 @@
 #include <string>
 
 #include "lumifold/v1/worker.pb.h"
-#include "server/job/strong_id.h"
+#include "server/job/ids.h"
 
-namespace lumifold::scheduler {
+namespace lumifold::job {
 
-using JobId = StrongId<struct JobTag, std::string>;
-/// One connection of a worker: a worker that comes back is a new one.
-using WorkerId = StrongId<struct WorkerTag, int64_t>;
-/// Fencing token: each new lease has a higher one.
-using Attempt = StrongId<struct AttemptTag, int64_t>;
-
-/// A unit's name within its job. `frame` is the frame's number, first_frame being the first.
+/// Identifies a unit within its job. `frame` is a frame number of the job, from first_frame on.
 struct UnitKey {
   int32_t frame = 0;
   int32_t tile = 0;
@@ -25,7 +19,7 @@ struct UnitKey {
   friend auto operator<=>(const UnitKey&, const UnitKey&) = default;
 };
 
-/// A unit's name among all jobs.
+/// Identifies a unit among all jobs.
 struct UnitRef {
   JobId job;
   UnitKey key;
@@ -36,7 +30,7 @@ struct UnitRef {
 v1::UnitId ProtoFromUnit(const UnitRef& unit);
 UnitRef UnitFromProto(const v1::UnitId& id);
 
-/// "j-abc frame 1 tile 12 pass 3" or "... geometry", for logs and errors.
+/// "j-abc frame 1 tile 12 pass 3" or "j-abc frame 1 tile 12 geometry", for logs and errors.
 std::string Describe(const UnitRef& unit);
 
-}  // namespace lumifold::scheduler
+}  // namespace lumifold::job

@@ -15,41 +15,41 @@
 
 namespace lumifold::ledger {
 
-/// A job as it is first recorded.
+/// A job when it is first recorded.
 struct NewJob {
-  scheduler::JobId id;
-  /// The client's; unique.
+  job::JobId id;
+  /// Chosen by the client; unique.
   std::string request_id;
   /// Normalised.
   v1::JobSpec spec;
   absl::Time submitted;
 };
 
-/// A job as the ledger knows it.
+/// A job as recorded in the ledger.
 struct JobRecord {
-  scheduler::JobId id;
+  job::JobId id;
   v1::JobSpec spec;
-  /// JOB_STATE_QUEUED for every job that has not ended; else DONE, FAILED or CANCELLED.
+  /// JOB_STATE_QUEUED for every job that has not ended; otherwise DONE, FAILED or CANCELLED.
   v1::JobState state = v1::JOB_STATE_QUEUED;
   std::string error;
-  /// Empty until a unit of it was merged.
+  /// Empty until a unit of the job is committed.
   std::string numeric_class;
   absl::Time submitted;
-  /// When its first lease was given; InfinitePast before a unit of it was merged.
+  /// Time of the first lease; InfinitePast until a unit of the job is committed.
   absl::Time started = absl::InfinitePast();
   int64_t units_done = 0;
   int64_t samples_done = 0;
   int64_t bad_samples = 0;
   int32_t frames_done = 0;
   v1::StageTimes times;
-  /// Each line once, in the order they were first heard.
+  /// Each line once, in the order of first occurrence.
   std::vector<std::string> warnings;
 };
 
-/// A merged unit: where its record lies and what it says of itself.
+/// A committed unit: the position of its record and its statistics.
 struct UnitRecord {
-  scheduler::UnitRef unit;
-  /// The unit log's name within the data folder, and the record in it.
+  job::UnitRef unit;
+  /// Path of the unit log relative to the data folder, and position of the record in it.
   std::string file;
   uint64_t offset = 0;
   uint64_t length = 0;
@@ -57,47 +57,48 @@ struct UnitRecord {
   int64_t bad_samples = 0;
 };
 
-/// What one transaction adds about a job, beside its units.
-struct JobNews {
-  scheduler::JobId job;
+/// Changes of a job's row that are recorded together with its units.
+struct JobUpdate {
+  job::JobId job;
   std::string numeric_class;
   absl::Time started;
   std::vector<std::string> warnings;
 };
 
-/// The durable record of jobs and of which units are merged. What a call has recorded survives any crash once
-/// it has returned OK.
-/// Errors, where nothing else is said: kUnavailable with the storage's words; kNotFound for a job that is not
-/// there.
+/// The durable record of jobs and of committed units. The effect of a call survives any crash once the call
+/// has returned OK.
+/// Errors, unless stated otherwise: kUnavailable with the message of the storage; kNotFound for an unknown
+/// job.
 /// Threads: safe.
 class JobStore {
  public:
   virtual ~JobStore() = default;
 
-  /// Records a job; gives its id, or that of the job already recorded under the same request id.
-  virtual absl::StatusOr<scheduler::JobId> CreateJob(const NewJob& job) = 0;
-  virtual absl::StatusOr<JobRecord> GetJob(const scheduler::JobId& job) = 0;
+  /// Records a job and returns its id, or the id of the job that is already recorded with the same request
+  /// id.
+  virtual absl::StatusOr<job::JobId> CreateJob(const NewJob& job) = 0;
+  virtual absl::StatusOr<JobRecord> GetJob(const job::JobId& job) = 0;
   /// Newest first, at most `limit`.
   virtual absl::StatusOr<std::vector<JobRecord>> ListJobs(int limit) = 0;
   /// Jobs that have not ended, oldest first.
   virtual absl::StatusOr<std::vector<JobRecord>> UnfinishedJobs() = 0;
 
-  /// Records merged units and news of their jobs, all in one transaction. A unit enters once: where one of
-  /// them is recorded already nothing is, and the error is kAlreadyExists naming it.
-  virtual absl::Status CommitUnits(absl::Span<const UnitRecord> units, absl::Span<const JobNews> news) = 0;
-  /// The units of a frame, or of all frames one after another, ordered by tile, then kind (passes before
-  /// geometry), then pass. `visit` must not call the store.
-  virtual absl::Status ForEachUnit(const scheduler::JobId& job, std::optional<int32_t> frame,
+  /// Commits units and the updates of their jobs in one transaction. A unit is committed once: if one of the
+  /// units already is, nothing is recorded and the error is kAlreadyExists naming that unit.
+  virtual absl::Status CommitUnits(absl::Span<const UnitRecord> units,
+                                   absl::Span<const JobUpdate> updates) = 0;
+  /// Visits the committed units of a frame, or of all frames in order. Within a frame they are ordered by
+  /// tile, then kind (passes before geometry), then pass. `visit` must not call the store.
+  virtual absl::Status ForEachUnit(const job::JobId& job, std::optional<int32_t> frame,
                                    absl::FunctionRef<void(const UnitRecord&)> visit) = 0;
 
-  /// Records that a frame's result is written, and adds `times` to the job's. A frame already recorded stays
-  /// as it is.
-  virtual absl::Status RecordFrame(const scheduler::JobId& job, int32_t frame,
-                                   const v1::StageTimes& times) = 0;
-  /// Frames of a job whose result is written, in order.
-  virtual absl::StatusOr<std::vector<int32_t>> FinishedFrames(const scheduler::JobId& job) = 0;
-  /// Ends a job; one that has ended stays as it is.
-  virtual absl::Status EndJob(const scheduler::JobId& job, v1::JobState state, const std::string& error) = 0;
+  /// Records that a frame's result is written, and adds `times` to those of the job. No effect for a frame
+  /// that is already recorded.
+  virtual absl::Status RecordFrame(const job::JobId& job, int32_t frame, const v1::StageTimes& times) = 0;
+  /// Frames of a job whose result is written, in ascending order.
+  virtual absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) = 0;
+  /// Ends a job. No effect on a job that has ended.
+  virtual absl::Status EndJob(const job::JobId& job, v1::JobState state, const std::string& error) = 0;
 };
 
 }  // namespace lumifold::ledger

@@ -108,7 +108,7 @@ absl::Status SqliteConnection::Execute(const std::string& sql) {
 
 absl::Status SqliteConnection::EndTransaction(const absl::Status& outcome) {
   absl::Status status = outcome.ok() ? Execute("COMMIT") : outcome;
-  // A failed COMMIT leaves the transaction open; a failed ROLLBACK has nothing left to take back.
+  // A failed COMMIT leaves the transaction open; after a failed ROLLBACK there is nothing to undo.
   if (!status.ok()) Execute("ROLLBACK").IgnoreError();
   return status;
 }

@@ -12,8 +12,8 @@ struct sqlite3_stmt;
 
 namespace lumifold::ledger {
 
-/// A prepared statement on its way through its rows. Parameters are bound and columns read in order, from the
-/// first. A step that fails makes every later one fail alike; status() tells.
+/// A prepared statement and its position in its rows. Parameters are bound and columns are read in order,
+/// from the first. After a failed step every later step fails with the same status().
 class SqliteStatement {
  public:
   SqliteStatement(sqlite3* db, const std::string& sql);
@@ -25,9 +25,9 @@ class SqliteStatement {
 
   /// Steps to the next row; false at the end and on errors.
   bool Next();
-  /// Runs a statement that gives no rows.
+  /// Runs a statement that returns no rows.
   absl::Status Run();
-  /// Makes it ready to be bound and run again.
+  /// Resets the statement, to bind and run it again.
   void Reset();
 
   int64_t Int();
@@ -35,7 +35,7 @@ class SqliteStatement {
   std::string Text();
 
   absl::Status status() const { return status_; }
-  /// Rows the last INSERT, UPDATE or DELETE changed.
+  /// Number of rows changed by the last INSERT, UPDATE or DELETE.
   int64_t ChangedRows() const;
 
  private:
@@ -51,16 +51,18 @@ class SqliteStatement {
   int next_column_ = 0;
 };
 
-/// An open SQLite database. Threads: one at a time.
+/// An open SQLite database.
+/// Threads: one at a time.
 class SqliteConnection {
  public:
-  /// Opens `path`, made where it is missing. Errors: kUnavailable naming the path.
+  /// Opens or creates `path`.
+  /// Errors: kUnavailable naming the path.
   static absl::StatusOr<SqliteConnection> Open(const std::string& path);
 
   SqliteStatement Prepare(const std::string& sql) { return {db_.get(), sql}; }
-  /// Runs statements that give no rows and take no parameters.
+  /// Runs statements without result rows and parameters.
   absl::Status Execute(const std::string& sql);
-  /// Ends a transaction: commits it if `outcome` is OK, else takes it back. Gives the first error.
+  /// Ends a transaction: commits it if `outcome` is OK, otherwise rolls it back. Returns the first error.
   absl::Status EndTransaction(const absl::Status& outcome);
 
  private:

@@ -10,12 +10,12 @@
 namespace lumifold::ledger {
 namespace {
 
-using scheduler::JobId;
+using job::JobId;
 
 constexpr int kSchemaVersion = 1;
 
-// Units are keyed in the order a frame's film is assembled. Times are milliseconds since 1970; 0 is "not
-// yet".
+// The key of units has the order in which a frame is assembled. Times are milliseconds since 1970; 0 means
+// "not yet".
 constexpr char kSchema[] = R"(
 CREATE TABLE jobs(
   number INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -91,7 +91,7 @@ class SqliteJobStore final : public JobStore {
   absl::StatusOr<JobRecord> GetJob(const JobId& job) override;
   absl::StatusOr<std::vector<JobRecord>> ListJobs(int limit) override;
   absl::StatusOr<std::vector<JobRecord>> UnfinishedJobs() override;
-  absl::Status CommitUnits(absl::Span<const UnitRecord> units, absl::Span<const JobNews> news) override;
+  absl::Status CommitUnits(absl::Span<const UnitRecord> units, absl::Span<const JobUpdate> updates) override;
   absl::Status ForEachUnit(const JobId& job, std::optional<int32_t> frame,
                            absl::FunctionRef<void(const UnitRecord&)> visit) override;
   absl::Status RecordFrame(const JobId& job, int32_t frame, const v1::StageTimes& times) override;
@@ -103,7 +103,7 @@ class SqliteJobStore final : public JobStore {
   absl::StatusOr<std::vector<JobRecord>> ReadJobs(SqliteStatement rows) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status InsertUnits(absl::Span<const UnitRecord> units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status CountUnits(absl::Span<const UnitRecord> units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::Status RecordNews(const JobNews& news) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status UpdateJob(const JobUpdate& update) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status InsertFrame(int64_t number, int32_t frame, const v1::StageTimes& times)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
@@ -127,7 +127,7 @@ absl::Status SqliteJobStore::Prepare() {
   if (version == kSchemaVersion) return absl::OkStatus();
   if (version != 0) {
     return absl::FailedPreconditionError(
-        absl::StrCat("ledger: written by another version of Lumifold (schema ", version, ", this one knows ",
+        absl::StrCat("ledger: written by another version of Lumifold (schema ", version, ", expected ",
                      kSchemaVersion, ")"));
   }
   if (absl::Status status = db_.Execute("BEGIN IMMEDIATE"); !status.ok()) return status;
@@ -216,7 +216,7 @@ absl::Status SqliteJobStore::InsertUnits(absl::Span<const UnitRecord> units) {
       "INSERT INTO units(job, frame, tile, kind, pass, file, offset, length, samples, bad_samples)"
       " VALUES((SELECT number FROM jobs WHERE id = ?), ?, ?, ?, ?, ?, ?, ?, ?, ?)");
   for (const UnitRecord& record : units) {
-    const scheduler::UnitKey& key = record.unit.key;
+    const job::UnitKey& key = record.unit.key;
     insert.Bind(record.unit.job.value()).Bind(int64_t{key.frame}).Bind(int64_t{key.tile});
     insert.Bind(int64_t{key.kind}).Bind(int64_t{key.pass}).Bind(record.file);
     insert.Bind(static_cast<int64_t>(record.offset)).Bind(static_cast<int64_t>(record.length));
@@ -242,26 +242,27 @@ absl::Status SqliteJobStore::CountUnits(absl::Span<const UnitRecord> units) {
   return absl::OkStatus();
 }
 
-absl::Status SqliteJobStore::RecordNews(const JobNews& news) {
+absl::Status SqliteJobStore::UpdateJob(const JobUpdate& update) {
   SqliteStatement bind_class =
       db_.Prepare("UPDATE jobs SET numeric_class = ?, started_ms = ? WHERE id = ? AND numeric_class = ''");
-  bind_class.Bind(news.numeric_class).Bind(absl::ToUnixMillis(news.started)).Bind(news.job.value());
+  bind_class.Bind(update.numeric_class).Bind(absl::ToUnixMillis(update.started)).Bind(update.job.value());
   if (absl::Status status = bind_class.Run(); !status.ok()) return status;
-  for (const std::string& line : news.warnings) {
+  for (const std::string& line : update.warnings) {
     SqliteStatement insert = db_.Prepare(
         "INSERT OR IGNORE INTO warnings(job, line) VALUES((SELECT number FROM jobs WHERE id = ?), ?)");
-    if (absl::Status status = insert.Bind(news.job.value()).Bind(line).Run(); !status.ok()) return status;
+    if (absl::Status status = insert.Bind(update.job.value()).Bind(line).Run(); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
-absl::Status SqliteJobStore::CommitUnits(absl::Span<const UnitRecord> units, absl::Span<const JobNews> news) {
+absl::Status SqliteJobStore::CommitUnits(absl::Span<const UnitRecord> units,
+                                         absl::Span<const JobUpdate> updates) {
   absl::MutexLock lock(&mutex_);
   if (absl::Status status = db_.Execute("BEGIN IMMEDIATE"); !status.ok()) return status;
   absl::Status outcome = InsertUnits(units);
   if (outcome.ok()) outcome = CountUnits(units);
-  for (const JobNews& item : news) {
-    if (outcome.ok()) outcome = RecordNews(item);
+  for (const JobUpdate& item : updates) {
+    if (outcome.ok()) outcome = UpdateJob(item);
   }
   return db_.EndTransaction(outcome);
 }

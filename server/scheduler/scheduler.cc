@@ -6,6 +6,12 @@
 
 namespace lumifold::scheduler {
 
+using job::Attempt;
+using job::FrameUnits;
+using job::JobId;
+using job::UnitRef;
+using job::WorkerId;
+
 Scheduler::Scheduler(const SchedulerOptions& options)
     : options_(options), next_attempt_(options.first_attempt.value()) {}
 
@@ -19,21 +25,21 @@ void Scheduler::AddJob(const JobId& job, const v1::JobSpec& spec, const std::str
                             .numeric_class = numeric_class,
                             .frames = {},
                             .finished = std::vector<bool>(static_cast<size_t>(spec.frame_count())),
-                            .fresh = {},
+                            .next_unleased = {},
                             .returned = {},
                             .failures = {}});
 }
 
-bool Scheduler::RestoreMergedUnit(const UnitRef& unit) {
+bool Scheduler::RestoreCommittedUnit(const UnitRef& unit) {
   const std::optional<LeaseKey> key = KeyOf(unit);
   if (!key.has_value()) return false;
   Job& job = jobs_.at(key->job);
   if (job.finished[static_cast<size_t>(key->place.frame)]) return true;  // counted with its frame
-  Frame& frame = FrameInWork(job, key->place.frame);
+  Frame& frame = ActiveFrame(job, key->place.frame);
   const auto number = static_cast<size_t>(key->place.number);
   if (frame.taken[number]) return true;
   frame.taken[number] = true;
-  CountMerged(job, key->place);
+  CountCommitted(job, key->place);
   return true;
 }
 
@@ -42,12 +48,12 @@ bool Scheduler::RestoreFinishedFrame(const JobId& id, int32_t frame_number) {
   if (job == nullptr) return false;
   const int64_t frame = int64_t{frame_number} - job->spec.first_frame();
   if (frame < 0 || frame >= job->spec.frame_count()) return false;
-  LUMIFOLD_CHECK(!job->frames.contains(static_cast<int>(frame)));  // finished frames are told of first
+  LUMIFOLD_CHECK(!job->frames.contains(static_cast<int>(frame)));  // finished frames are restored first
   if (job->finished[static_cast<size_t>(frame)]) return true;
   job->finished[static_cast<size_t>(frame)] = true;
   ++job->finished_count;
-  job->merged_units += job->units.count();
-  job->merged_samples += int64_t{job->spec.width()} * job->spec.height() * job->spec.samples_per_pixel();
+  job->committed_units += job->units.count();
+  job->committed_samples += int64_t{job->spec.width()} * job->spec.height() * job->spec.samples_per_pixel();
   return true;
 }
 
@@ -83,15 +89,15 @@ void Scheduler::RemoveWorker(WorkerId worker) {
 void Scheduler::Heartbeat(WorkerId worker, absl::Span<const std::pair<UnitRef, Attempt>> held, Attempt newest,
                           absl::Time now) {
   const auto found = workers_.find(worker);
-  if (found != workers_.end()) found->second.silent = false;
+  if (found != workers_.end()) found->second.unresponsive = false;
   std::set<Attempt> named;
   for (const auto& [unit, attempt] : held) {
     if (HoldsLease(worker, unit, attempt)) named.insert(attempt);
   }
   for (auto it = leases_.begin(); it != leases_.end();) {
     Lease& lease = it->second;
-    const bool judged = lease.worker == worker && lease.attempt <= newest;
-    if (judged && !named.contains(lease.attempt)) {
+    const bool received = lease.worker == worker && lease.attempt <= newest;
+    if (received && !named.contains(lease.attempt)) {
       it = VoidLease(it);
       continue;
     }
@@ -108,7 +114,7 @@ std::vector<ExpiredLease> Scheduler::ExpireLeases(absl::Time now) {
       continue;
     }
     expired.push_back({RefOf(it->first), it->second.worker});
-    workers_.at(it->second.worker).silent = true;
+    workers_.at(it->second.worker).unresponsive = true;
     it = VoidLease(it);
   }
   return expired;
@@ -123,13 +129,13 @@ absl::Time Scheduler::NextExpiry() const {
 std::vector<GrantedLease> Scheduler::GrantLeases(WorkerId worker_id, absl::Time now) {
   std::vector<GrantedLease> granted;
   const auto found = workers_.find(worker_id);
-  if (found == workers_.end() || found->second.silent) return granted;
+  if (found == workers_.end() || found->second.unresponsive) return granted;
   Worker& worker = found->second;
   for (auto& [number, job] : jobs_) {
     if (!job.numeric_class.empty() && job.numeric_class != worker.numeric_class) continue;
     while (worker.busy < worker.slots) {
       std::optional<Place> place = TakeReturnedUnit(job, worker_id);
-      if (!place.has_value()) place = TakeFreshUnit(job);
+      if (!place.has_value()) place = TakeUnleasedUnit(job);
       if (!place.has_value()) break;
       job.numeric_class = worker.numeric_class;
       ++worker.busy;
@@ -163,16 +169,16 @@ Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt
   return Completion::kAccepted;
 }
 
-bool Scheduler::UnitMerged(const UnitRef& unit) {
+bool Scheduler::UnitCommitted(const UnitRef& unit) {
   const std::optional<LeaseKey> key = KeyOf(unit);
-  if (!key.has_value()) return false;  // the job ended while the unit was being stored
+  if (!key.has_value()) return false;  // the job ended while the unit was being committed
   const auto accepted = accepted_.find(*key);
   LUMIFOLD_CHECK(accepted != accepted_.end());
   ReleaseSlot(accepted->second);
   accepted_.erase(accepted);
   Job& job = jobs_.at(key->job);
-  CountMerged(job, key->place);
-  return job.frames.at(key->place.frame).merged == job.units.count();
+  CountCommitted(job, key->place);
+  return job.frames.at(key->place.frame).committed == job.units.count();
 }
 
 FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent) {
@@ -185,20 +191,20 @@ FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt
                                                               : FailureOutcome::kRetried;
 }
 
-std::vector<int32_t> Scheduler::MergedFrames(const JobId& id) const {
+std::vector<int32_t> Scheduler::CommittedFrames(const JobId& id) const {
   const Job& job = GetJob(id);
-  std::vector<int32_t> merged;
+  std::vector<int32_t> frames;
   for (const auto& [frame, state] : job.frames) {
-    if (state.merged == job.units.count()) merged.push_back(job.spec.first_frame() + frame);
+    if (state.committed == job.units.count()) frames.push_back(job.spec.first_frame() + frame);
   }
-  return merged;
+  return frames;
 }
 
 bool Scheduler::FrameFinished(const JobId& id, int32_t frame_number) {
   Job* job = FindJob(id);
   if (job == nullptr) return false;
   const int frame = frame_number - job->spec.first_frame();
-  LUMIFOLD_CHECK(job->frames.at(frame).merged == job->units.count());
+  LUMIFOLD_CHECK(job->frames.at(frame).committed == job->units.count());
   job->frames.erase(frame);
   job->finished[static_cast<size_t>(frame)] = true;
   ++job->finished_count;
@@ -208,9 +214,9 @@ bool Scheduler::FrameFinished(const JobId& id, int32_t frame_number) {
 JobProgress Scheduler::Progress(const JobId& id) const {
   const Job& job = GetJob(id);
   JobProgress progress;
-  progress.units_done = job.merged_units;
+  progress.units_done = job.committed_units;
   progress.units_total = job.units.count() * job.spec.frame_count();
-  progress.samples_done = job.merged_samples;
+  progress.samples_done = job.committed_samples;
   progress.samples_total =
       int64_t{job.spec.width()} * job.spec.height() * job.spec.samples_per_pixel() * job.spec.frame_count();
   progress.frames_done = job.finished_count;
@@ -223,7 +229,7 @@ JobProgress Scheduler::Progress(const JobId& id) const {
   progress.workers = static_cast<int>(holders.size());
   if (job.finished_count == job.spec.frame_count()) {
     progress.state = v1::JOB_STATE_DONE;
-  } else if (!MergedFrames(id).empty()) {
+  } else if (!CommittedFrames(id).empty()) {
     progress.state = v1::JOB_STATE_FILTERING;
   } else {
     progress.state = job.numeric_class.empty() ? v1::JOB_STATE_QUEUED : v1::JOB_STATE_RENDERING;
@@ -257,13 +263,13 @@ UnitRef Scheduler::RefOf(const LeaseKey& key) const {
   return {job.id, job.units.KeyOf(job.spec.first_frame() + key.place.frame, key.place.number)};
 }
 
-Scheduler::Frame& Scheduler::FrameInWork(Job& job, int frame) {
+Scheduler::Frame& Scheduler::ActiveFrame(Job& job, int frame) {
   const auto [it, is_new] = job.frames.try_emplace(frame);
   if (is_new) it->second.taken.resize(static_cast<size_t>(job.units.count()));
   return it->second;
 }
 
-bool Scheduler::HasRival(WorkerId worker) const {
+bool Scheduler::HasOtherWorkerOfSameClass(WorkerId worker) const {
   const std::string& numeric_class = workers_.at(worker).numeric_class;
   return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
     return entry.first != worker && entry.second.numeric_class == numeric_class;
@@ -273,7 +279,9 @@ bool Scheduler::HasRival(WorkerId worker) const {
 std::optional<Scheduler::Place> Scheduler::TakeReturnedUnit(Job& job, WorkerId worker) {
   for (auto it = job.returned.begin(); it != job.returned.end(); ++it) {
     const auto failures = job.failures.find(*it);
-    if (failures != job.failures.end() && failures->second.last == worker && HasRival(worker)) continue;
+    if (failures != job.failures.end() && failures->second.last == worker &&
+        HasOtherWorkerOfSameClass(worker))
+      continue;
     const Place place = *it;
     job.returned.erase(it);
     return place;
@@ -281,13 +289,14 @@ std::optional<Scheduler::Place> Scheduler::TakeReturnedUnit(Job& job, WorkerId w
   return std::nullopt;
 }
 
-std::optional<Scheduler::Place> Scheduler::TakeFreshUnit(Job& job) {
-  for (; job.fresh.frame < job.spec.frame_count(); job.fresh = {job.fresh.frame + 1, 0}) {
-    if (job.finished[static_cast<size_t>(job.fresh.frame)]) continue;
-    const Frame& frame = FrameInWork(job, job.fresh.frame);
-    while (job.fresh.number < job.units.count()) {
-      const Place place = job.fresh;
-      ++job.fresh.number;
+std::optional<Scheduler::Place> Scheduler::TakeUnleasedUnit(Job& job) {
+  for (; job.next_unleased.frame < job.spec.frame_count();
+       job.next_unleased = {job.next_unleased.frame + 1, 0}) {
+    if (job.finished[static_cast<size_t>(job.next_unleased.frame)]) continue;
+    const Frame& frame = ActiveFrame(job, job.next_unleased.frame);
+    while (job.next_unleased.number < job.units.count()) {
+      const Place place = job.next_unleased;
+      ++job.next_unleased.number;
       if (!frame.taken[static_cast<size_t>(place.number)]) return place;
     }
   }
@@ -312,13 +321,14 @@ std::map<Scheduler::LeaseKey, Scheduler::Lease>::iterator Scheduler::VoidLease(
 
 void Scheduler::ReleaseSlot(WorkerId worker) {
   const auto found = workers_.find(worker);
-  if (found != workers_.end()) --found->second.busy;  // an accepted unit may outlive its worker's connection
+  if (found != workers_.end())
+    --found->second.busy;  // the worker may have disconnected after it delivered the unit
 }
 
-void Scheduler::CountMerged(Job& job, const Place& place) {
-  ++job.frames.at(place.frame).merged;
-  ++job.merged_units;
-  job.merged_samples += job.units.CameraSamplesOf(job.units.KeyOf(0, place.number));
+void Scheduler::CountCommitted(Job& job, const Place& place) {
+  ++job.frames.at(place.frame).committed;
+  ++job.committed_units;
+  job.committed_samples += job.units.CameraSamplesOf(job.units.KeyOf(0, place.number));
 }
 
 }  // namespace lumifold::scheduler

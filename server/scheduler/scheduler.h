@@ -18,44 +18,44 @@
 namespace lumifold::scheduler {
 
 struct SchedulerOptions {
-  /// How long a lease lasts after it is granted or renewed.
+  /// Time from the grant or renewal of a lease to its expiry.
   absl::Duration lease = absl::Seconds(30);
-  /// So many failures of one unit fail its job.
+  /// A job fails when one of its units has failed this many times.
   int max_failures = 3;
-  /// Attempt number of the first lease. A restarted coordinator must begin above all it gave before.
-  Attempt first_attempt{1};
+  /// Attempt of the first lease. After a restart it must be above all attempts granted before.
+  job::Attempt first_attempt{1};
 };
 
-/// One lease as it is handed out.
+/// A new lease.
 struct GrantedLease {
-  UnitRef unit;
-  Attempt attempt;
+  job::UnitRef unit;
+  job::Attempt attempt;
   Rect rect;
   SampleRange samples;
 };
 
-/// A lease that was taken back because its time ran out.
+/// A lease that became void because its deadline passed.
 struct ExpiredLease {
-  UnitRef unit;
-  WorkerId worker;
+  job::UnitRef unit;
+  job::WorkerId worker;
 };
 
-/// What becomes of a delivered unit.
+/// Outcome of the delivery of a unit.
 enum class Completion {
-  kAccepted,   // the lease was good: the caller stores the unit and then calls UnitMerged
-  kDuplicate,  // the unit has been accepted before
-  kStale,      // the lease is void or another worker's
-  kUnknown,    // no such unit, or its job has ended
+  kAccepted,   // the lease was valid: the caller commits the unit and then calls UnitCommitted
+  kDuplicate,  // the unit is already accepted or committed
+  kStale,      // the lease is void or belongs to another worker
+  kUnknown,    // no such unit, or the job has ended
 };
 
-/// What becomes of a unit that a worker could not render.
+/// Outcome of the failure of a unit.
 enum class FailureOutcome {
-  kRetried,   // somebody gets it again
+  kRetried,   // the unit is free again
   kJobFails,  // too many failures, or a permanent one: the caller ends the job
-  kIgnored,   // the lease was void anyway
+  kIgnored,   // the lease was already void
 };
 
-/// Where an active job stands.
+/// Progress of an active job.
 struct JobProgress {
   v1::JobState state = v1::JOB_STATE_QUEUED;
   int64_t units_done = 0;
@@ -67,137 +67,141 @@ struct JobProgress {
   int workers = 0;
 };
 
-/// Who renders what. Pure state and policy: no clock, no thread, no disk. Everything is a function of the
-/// calls so far, so that a test can replay any history. Active jobs only: an ended job is forgotten.
+/// Assigns units to workers. Pure state and policy: no clock, no threads, no disk. The state is a function of
+/// the calls so far, so that a test can replay any history. Holds active jobs only.
 ///
-/// A unit is free, leased, accepted (delivered, not yet durable) or merged. Only a free unit is leased, only
-/// a leased one accepted, only an accepted one merged, and neither of the last two ever becomes free again:
-/// that is the exactly-once promise.
+/// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free unit is leased,
+/// only a leased unit is accepted, only an accepted unit is committed; accepted and committed units never
+/// become free again. This is the exactly-once promise.
 ///
 /// Order: jobs as they were added; frames by number; within a frame as FrameUnits numbers its units. A unit
-/// that came back goes first, but not to the worker that just failed it while there is another one of its
-/// class. A job's units go to workers of one numeric class, that of its first lease.
+/// whose lease became void is granted before units that were never leased, but not to the worker that failed
+/// it last while another worker of the same class is connected. All units of a job go to workers of one
+/// numeric class, that of its first lease.
 ///
-/// Memory: one bit a unit of the frames in work, plus the leases.
+/// Memory: one bit for each unit of the active frames, plus the leases.
 /// Threads: one at a time.
 class Scheduler {
  public:
   explicit Scheduler(const SchedulerOptions& options);
 
-  /// Adds a job whose spec is normalised and whose id is new. `numeric_class` is empty unless the job was
-  /// bound before a restart.
-  void AddJob(const JobId& job, const v1::JobSpec& spec, const std::string& numeric_class = "");
-  /// Tells of a unit that was merged before a restart. Before any lease of the job. False for a unit the job
-  /// does not have.
-  bool RestoreMergedUnit(const UnitRef& unit);
-  /// Tells of a frame whose result was written before a restart. Before any lease of the job.
-  bool RestoreFinishedFrame(const JobId& job, int32_t frame);
-  /// Forgets the job; its leases are void.
-  void EndJob(const JobId& job);
-  bool HasJob(const JobId& job) const { return jobs_by_id_.contains(job); }
+  /// Adds a job with a normalised spec and a new id. `numeric_class` is empty unless the job was bound to a
+  /// class before a restart.
+  void AddJob(const job::JobId& job, const v1::JobSpec& spec, const std::string& numeric_class = "");
+  /// Restores a unit that was committed before a restart. Call it before any lease of the job. False for a
+  /// unit that the job does not have.
+  bool RestoreCommittedUnit(const job::UnitRef& unit);
+  /// Restores a frame whose result was written before a restart. Call it before any lease of the job and
+  /// before the committed units of the frame. False for a frame that the job does not have.
+  bool RestoreFinishedFrame(const job::JobId& job, int32_t frame);
+  /// Removes the job; its leases become void.
+  void EndJob(const job::JobId& job);
+  bool HasJob(const job::JobId& job) const { return jobs_by_id_.contains(job); }
 
-  /// Adds a worker whose id is new; `slots` >= 1 is how many units it may hold, unmerged ones included.
-  void AddWorker(WorkerId worker, const std::string& numeric_class, int slots);
-  /// The worker is gone: its leases are void at once.
-  void RemoveWorker(WorkerId worker);
-  /// Renews the leases named in `held` and voids those not named, save those newer than `newest`, the last
-  /// attempt the worker had seen: the heartbeat may have crossed them on its way.
-  void Heartbeat(WorkerId worker, absl::Span<const std::pair<UnitRef, Attempt>> held, Attempt newest,
-                 absl::Time now);
-  /// Voids leases whose deadline is not after `now`. A worker that let one run out gets no other until it is
-  /// heard of again.
+  /// Adds a worker with a new id. `slots` >= 1 is the maximum number of its units that are leased or accepted
+  /// at a time.
+  void AddWorker(job::WorkerId worker, const std::string& numeric_class, int slots);
+  /// Removes a worker; its leases become void at once.
+  void RemoveWorker(job::WorkerId worker);
+  /// Renews the worker's leases that are in `held` and voids the others, except leases with an attempt above
+  /// `newest`, the last attempt that the worker had received when it sent the heartbeat.
+  void Heartbeat(job::WorkerId worker, absl::Span<const std::pair<job::UnitRef, job::Attempt>> held,
+                 job::Attempt newest, absl::Time now);
+  /// Voids leases whose deadline is not after `now`. Their workers get no new leases until their next
+  /// heartbeat.
   std::vector<ExpiredLease> ExpireLeases(absl::Time now);
-  /// When the next lease runs out; InfiniteFuture without leases.
+  /// Earliest deadline of a lease; InfiniteFuture without leases.
   absl::Time NextExpiry() const;
 
-  /// Fills the worker's free slots.
-  std::vector<GrantedLease> GrantLeases(WorkerId worker, absl::Time now);
-  bool HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const;
-  /// A worker has delivered a unit whole.
-  Completion CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt attempt);
-  /// An accepted unit is durable. True when it was the last one of its frame.
-  bool UnitMerged(const UnitRef& unit);
-  FailureOutcome FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent);
+  /// Grants leases until the worker's slots are full or no unit is free.
+  std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now);
+  bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
+  /// Records that a worker delivered a complete unit.
+  Completion CompleteUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
+  /// Records that an accepted unit is committed. True when it was the last unit of its frame.
+  bool UnitCommitted(const job::UnitRef& unit);
+  FailureOutcome FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                          bool permanent);
 
-  /// Frames of the job that are merged whole and not finished.
-  std::vector<int32_t> MergedFrames(const JobId& job) const;
-  /// A merged frame's result is written. True when it was the last one of the job.
-  bool FrameFinished(const JobId& job, int32_t frame);
+  /// Frames of the job whose units are all committed and whose result is not written.
+  std::vector<int32_t> CommittedFrames(const job::JobId& job) const;
+  /// Records that the result of a committed frame is written. True when it was the last frame of the job.
+  bool FrameFinished(const job::JobId& job, int32_t frame);
 
   /// The job must be known.
-  JobProgress Progress(const JobId& job) const;
+  JobProgress Progress(const job::JobId& job) const;
   /// The class the job is bound to; empty before its first lease. The job must be known.
-  const std::string& NumericClassOf(const JobId& job) const;
-  const v1::JobSpec& SpecOf(const JobId& job) const;
-  const FrameUnits& UnitsOf(const JobId& job) const;
+  const std::string& NumericClassOf(const job::JobId& job) const;
+  const v1::JobSpec& SpecOf(const job::JobId& job) const;
+  const job::FrameUnits& UnitsOf(const job::JobId& job) const;
 
  private:
-  // A unit within its job: which frame, counted from 0, and its number in it.
+  // Identifies a unit within its job: index of the frame, from 0, and number of the unit in the frame.
   struct Place {
     int frame = 0;
     int64_t number = 0;
     friend auto operator<=>(const Place&, const Place&) = default;
   };
   struct Frame {
-    std::vector<bool> taken;  // accepted or merged, by unit number
-    int64_t merged = 0;
+    std::vector<bool> taken;  // accepted or committed, by unit number
+    int64_t committed = 0;
   };
   struct Failures {
     int count = 0;
-    WorkerId last;
+    job::WorkerId last;
   };
   struct Job {
-    JobId id;
+    job::JobId id;
     v1::JobSpec spec;
-    FrameUnits units;
+    job::FrameUnits units;
     std::string numeric_class;
-    std::map<int, Frame> frames;  // those in work
+    std::map<int, Frame> frames;  // active frames, by index
     std::vector<bool> finished;   // by frame
     int finished_count = 0;
-    int64_t merged_units = 0;
-    int64_t merged_samples = 0;
-    Place fresh;               // where units that were never leased begin
+    int64_t committed_units = 0;
+    int64_t committed_samples = 0;
+    Place next_unleased;       // units from here on were never leased
     std::set<Place> returned;  // leased once, free again
     std::map<Place, Failures> failures;
   };
   struct LeaseKey {
-    int64_t job = 0;  // as jobs_ counts them
+    int64_t job = 0;  // key of jobs_
     Place place;
     friend auto operator<=>(const LeaseKey&, const LeaseKey&) = default;
   };
   struct Lease {
-    WorkerId worker;
-    Attempt attempt;
+    job::WorkerId worker;
+    job::Attempt attempt;
     absl::Time deadline;
   };
   struct Worker {
     std::string numeric_class;
     int slots = 1;
-    int busy = 0;         // leases and accepted units
-    bool silent = false;  // let a lease run out and has not been heard of since
+    int busy = 0;               // leases and accepted units
+    bool unresponsive = false;  // a lease expired and no heartbeat came since
   };
 
-  Job* FindJob(const JobId& id);
-  const Job& GetJob(const JobId& id) const;
-  std::optional<LeaseKey> KeyOf(const UnitRef& unit) const;
-  Frame& FrameInWork(Job& job, int frame);
-  std::optional<Place> TakeReturnedUnit(Job& job, WorkerId worker);
-  std::optional<Place> TakeFreshUnit(Job& job);
-  bool HasRival(WorkerId worker) const;
-  GrantedLease Grant(int64_t job_number, Job& job, const Place& place, WorkerId worker, absl::Time now);
+  Job* FindJob(const job::JobId& id);
+  const Job& GetJob(const job::JobId& id) const;
+  std::optional<LeaseKey> KeyOf(const job::UnitRef& unit) const;
+  Frame& ActiveFrame(Job& job, int frame);
+  std::optional<Place> TakeReturnedUnit(Job& job, job::WorkerId worker);
+  std::optional<Place> TakeUnleasedUnit(Job& job);
+  bool HasOtherWorkerOfSameClass(job::WorkerId worker) const;
+  GrantedLease Grant(int64_t job_number, Job& job, const Place& place, job::WorkerId worker, absl::Time now);
   std::map<LeaseKey, Lease>::iterator VoidLease(std::map<LeaseKey, Lease>::iterator lease);
-  void ReleaseSlot(WorkerId worker);
-  UnitRef RefOf(const LeaseKey& key) const;
-  void CountMerged(Job& job, const Place& place);
+  void ReleaseSlot(job::WorkerId worker);
+  job::UnitRef RefOf(const LeaseKey& key) const;
+  void CountCommitted(Job& job, const Place& place);
 
   const SchedulerOptions options_;
   int64_t next_attempt_;
   int64_t next_job_ = 0;
   std::map<int64_t, Job> jobs_;  // by order of arrival
-  std::map<JobId, int64_t> jobs_by_id_;
-  std::map<WorkerId, Worker> workers_;
+  std::map<job::JobId, int64_t> jobs_by_id_;
+  std::map<job::WorkerId, Worker> workers_;
   std::map<LeaseKey, Lease> leases_;
-  std::map<LeaseKey, WorkerId> accepted_;
+  std::map<LeaseKey, job::WorkerId> accepted_;
 };
 
 }  // namespace lumifold::scheduler

@@ -12,15 +12,15 @@ namespace lumifold {
 /// Units that a function makes.
 class UnitsOfFunction final : public film::UnitSource {
  public:
-  using Function = std::function<absl::StatusOr<EdgedImage>(const scheduler::UnitKey&)>;
+  using Function = std::function<absl::StatusOr<EdgedImage>(const job::UnitKey&)>;
   explicit UnitsOfFunction(Function read) : read_(std::move(read)) {}
 
-  absl::StatusOr<film::UnitOutline> Outline(const scheduler::UnitKey& key) const override {
+  absl::StatusOr<film::UnitOutline> Outline(const job::UnitKey& key) const override {
     const absl::StatusOr<EdgedImage> unit = read_(key);
     if (!unit.ok()) return unit.status();
     return film::UnitOutline{rpc::LayoutOf(unit->pixels), unit->edges.height()};
   }
-  absl::StatusOr<EdgedImage> Read(const scheduler::UnitKey& key) const override { return read_(key); }
+  absl::StatusOr<EdgedImage> Read(const job::UnitKey& key) const override { return read_(key); }
 
  private:
   Function read_;
@@ -36,7 +36,7 @@ inline absl::StatusOr<EdgedImage> WholeFilm(const v1::JobSpec& spec, int32_t fra
 
 /// RandomUnits of a job.
 inline UnitsOfFunction RandomUnitsOf(const v1::JobSpec& spec, uint32_t seed) {
-  return UnitsOfFunction([units = scheduler::FrameUnits(spec), seed](const scheduler::UnitKey& key) {
+  return UnitsOfFunction([units = job::FrameUnits(spec), seed](const job::UnitKey& key) {
     return absl::StatusOr<EdgedImage>(
         RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), seed));
   });

@@ -104,7 +104,7 @@ TEST(Result, SaysHowItWasMade) {
   EXPECT_EQ(metadata.at("lumifold.size"), "9x4");
   EXPECT_EQ(metadata.at("lumifold.samples_per_pixel"), "16");
   EXPECT_EQ(metadata.at("lumifold.seed"), "42");
-  EXPECT_EQ(metadata.at("lumifold.filter"), "none");
+  EXPECT_EQ(metadata.at("lumifold.method"), "none");
   EXPECT_EQ(metadata.at("lumifold.numeric_class"), "avx2");
   EXPECT_EQ(metadata.at("lumifold.frame"), "3");
 }

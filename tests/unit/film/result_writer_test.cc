@@ -25,7 +25,7 @@ v1::JobSpec Spec(bool save_film) {
   return spec;
 }
 
-/// Rows [y0, y1) of a picture that is as good as any.
+/// Rows [y0, y1) of an arbitrary picture.
 std::array<Plane, 3> Picture(int y0, int y1) {
   std::array<Plane, 3> picture;
   for (size_t c = 0; c < picture.size(); ++c) {
@@ -38,7 +38,7 @@ std::array<Plane, 3> Picture(int y0, int y1) {
   return picture;
 }
 
-/// What is read of a file that was written in rows that end at `ends`.
+/// Writes a file in bands of rows that end at `ends`, and reads it.
 EdgedImage WrittenInRows(const v1::JobSpec& spec, const UnitSource& units, const std::vector<int>& ends) {
   const TempFolder folder;
   UnitFilm film = *UnitFilm::Open(spec, 0, &units, nullptr);
@@ -72,7 +72,7 @@ TEST(ResultWriter, RowsMakeTheFileThatTheWholeMakes) {
 TEST(ResultWriter, AFilmWithoutEdgesIsAFileOfOnePart) {
   const v1::JobSpec spec = Spec(true);
   const UnitsOfFunction random = RandomUnitsOf(spec, 1);
-  const UnitsOfFunction units([&](const scheduler::UnitKey& key) -> absl::StatusOr<EdgedImage> {
+  const UnitsOfFunction units([&](const job::UnitKey& key) -> absl::StatusOr<EdgedImage> {
     return EdgedImage{std::move(random.Read(key)->pixels), {}};
   });
   const EdgedImage written = WrittenInRows(spec, units, {8, 16, kHeight});

@@ -17,7 +17,7 @@ constexpr Rect kRect = {8, 0, 16, 4};
 
 EdgedImage Unit(v1::UnitKind kind) { return RandomUnit({0, 1, 0, kind}, kRect, {0, 4}, 1); }
 
-/// The unit's pieces as a worker sends them.
+/// The pieces of a unit as sent by a worker.
 std::vector<v1::UnitChunk> PiecesOf(const EdgedImage& unit) {
   std::vector<v1::UnitChunk> pieces;
   v1::PixelChunk piece;
@@ -54,10 +54,10 @@ TEST(UnitAssembler, RefusesEdgesThatAreOutOfPlace) {
   EXPECT_THAT(std::string(of_a_pass.Add(pieces[0]).message()), HasSubstr("only geometry units"));
   UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kRect);
   ASSERT_TRUE(twice.Add(pieces[0]).ok());
-  EXPECT_THAT(std::string(twice.Add(pieces[0]).message()), HasSubstr("too late"));
+  EXPECT_THAT(std::string(twice.Add(pieces[0]).message()), HasSubstr("after the edge set"));
   UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kRect);
   ASSERT_TRUE(after_pixels.Add(pieces[1]).ok());
-  EXPECT_THAT(std::string(after_pixels.Add(pieces[0]).message()), HasSubstr("too late"));
+  EXPECT_THAT(std::string(after_pixels.Add(pieces[0]).message()), HasSubstr("or the pixels"));
   UnitAssembler both_at_once(v1::UNIT_KIND_GEOMETRY, kRect);
   v1::UnitChunk both = pieces[0];
   *both.mutable_pixels() = pieces[1].pixels();

@@ -14,8 +14,8 @@
 namespace lumifold::film {
 namespace {
 
-using scheduler::FrameUnits;
-using scheduler::UnitKey;
+using job::FrameUnits;
+using job::UnitKey;
 using ::testing::HasSubstr;
 
 v1::JobSpec Spec(int samples) {
@@ -40,7 +40,7 @@ class UnitFilmTest : public ::testing::Test {
   absl::StatusOr<EdgedImage> Assemble(TaskPool* pool) const {
     return WholeFilm(spec_, 0, RandomUnitsOf(spec_, 9), pool);
   }
-  /// Sum of a channel over the passes of the tile that holds the pixel, in pass order.
+  /// Sum of a channel at a pixel over the passes of its tile, in pass order.
   double Sum(const std::string& channel, int x, int y) const {
     double sum = 0.0;
     for (int tile = 0; tile < units_.tiles().count(); ++tile) {
@@ -107,7 +107,7 @@ TEST_F(UnitFilmTest, EdgesComeInTheOrderOfTheFramesRows) {
   const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
   const LayeredImage& edges = film->edges;
   ASSERT_EQ(edges.width(), kSubSamples);
-  ASSERT_EQ(edges.height(), 2 * 6);  // two a tile
+  ASSERT_EQ(edges.height(), 2 * 6);  // two for each tile
   for (int row = 1; row < edges.height(); ++row) {
     const auto place = [&](int r) {
       return std::pair(edges.Get(layers::kPixelY).At(0, r), edges.Get(layers::kPixelX).At(0, r));
@@ -183,7 +183,7 @@ TEST_F(UnitFilmTest, NeverTurnsFewSamplesIntoNan) {
       WholeFilm(spec_, 0, UnitsOfFunction([&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
                   EdgedImage unit = *Read(key);
                   for (LayeredImage::Channel& channel : unit.pixels.channels())
-                    channel.plane.Fill(0.0f);  // every sample was bad
+                    channel.plane.Fill(0.0f);  // no sample is finite
                   return unit;
                 }),
                 nullptr);

@@ -44,7 +44,7 @@ TEST(UnitLayout, AnEdgeSetMustBeOfItsTile) {
   const absl::Status elsewhere = CheckEdges({0, 0, 8, 4}, good);
   EXPECT_EQ(elsewhere.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(elsewhere.message()), HasSubstr("pixel 15,0 of row 0"));
-  for (const float bad : {-1.0f, 99.0f, NAN, 0.0f}) {  // 0 is in the tile, but not after the row before
+  for (const float bad : {-1.0f, 99.0f, NAN, 0.0f}) {  // 0 is in the tile, but not after the previous row
     LayeredImage edges = RandomUnit({0, 0, 0, v1::UNIT_KIND_GEOMETRY}, kRect, {}, 1).edges;
     edges.Get(layers::kPixelY).At(0, 1) = bad;
     edges.Get(layers::kPixelX).At(0, 1) = 8;

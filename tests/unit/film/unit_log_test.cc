@@ -19,9 +19,8 @@ using ::testing::HasSubstr;
 constexpr Rect kRect = {0, 0, 5, 3};
 
 StoredUnit Unit(int32_t tile) {
-  const scheduler::UnitKey key{1, tile, 0, tile == 2 ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS};
-  StoredUnit unit{
-      {scheduler::JobId("j-1"), key}, scheduler::Attempt(7 + tile), {}, RandomUnit(key, kRect, {0, 4}, 1)};
+  const job::UnitKey key{1, tile, 0, tile == 2 ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS};
+  StoredUnit unit{{job::JobId("j-1"), key}, job::Attempt(7 + tile), {}, RandomUnit(key, kRect, {0, 4}, 1)};
   unit.stats.set_samples(60);
   unit.stats.add_warnings("no light");
   return unit;
@@ -124,7 +123,7 @@ TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
   const std::string good = File();
   for (size_t at = 0; at < good.size(); ++at) {
     std::string bad = good;
-    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU2" becomes "LFU:", which is no version
+    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU2" becomes "LFU:", which is not a version
     SetFile(bad);
     const absl::Status status = Read(place).status();
     ASSERT_EQ(status.code(), absl::StatusCode::kDataLoss) << at;

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace lumifold::scheduler {
+namespace lumifold::job {
 namespace {
 
 using ::testing::HasSubstr;
@@ -24,7 +24,7 @@ v1::JobSpec GoodSpec() {
   return spec;
 }
 
-/// A sound environment map, and its file among the scene's.
+/// Adds a valid environment map and its file.
 v1::EnvironmentMap& AddEnvironment(v1::JobSpec& spec) {
   spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.exr");
   spec.mutable_environment()->set_uri("environment:sky.exr");
@@ -107,4 +107,4 @@ TEST(JobSpec, EachBadFieldIsNamed) {
 }
 
 }  // namespace
-}  // namespace lumifold::scheduler
+}  // namespace lumifold::job

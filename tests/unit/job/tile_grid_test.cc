@@ -5,7 +5,7 @@
 #include <set>
 #include <vector>
 
-namespace lumifold::scheduler {
+namespace lumifold::job {
 namespace {
 
 v1::JobSpec Spec(int width, int height, int tile_size, int samples, int pass_samples) {
@@ -101,4 +101,4 @@ TEST(FrameUnits, CountsCameraSamplesOfSmallerTiles) {
 }
 
 }  // namespace
-}  // namespace lumifold::scheduler
+}  // namespace lumifold::job

@@ -11,7 +11,7 @@
 namespace lumifold::ledger {
 namespace {
 
-using scheduler::JobId;
+using job::JobId;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;

@@ -99,7 +99,7 @@ TEST(ByteStream, ReceiverRefusesWhatDoesNotFitAndWritesNothingOfIt) {
   ASSERT_TRUE(receiver.ok());
   v1::ByteChunk bad = good;
   bad.set_offset(1);
-  EXPECT_THAT(std::string(receiver->Add(bad).message()), HasSubstr("piece at 1 where 0 is due"));
+  EXPECT_THAT(std::string(receiver->Add(bad).message()), HasSubstr("piece at 1, expected at 0"));
   bad = good;
   bad.set_checksum(good.checksum() ^ 1);
   EXPECT_EQ(receiver->Add(bad).code(), absl::StatusCode::kDataLoss);

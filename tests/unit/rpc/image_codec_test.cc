@@ -107,7 +107,7 @@ TEST(ImageCodec, AnyDamageOfTheSerialisedChunkEndsInAStatus) {
       if (!chunk.ParseFromString(bad)) continue;
       PixelAssembler assembler(PixelLimits{.max_bytes = 1 << 20});
       if (!assembler.Add(chunk).ok() || !assembler.IsComplete()) continue;
-      // What passes must be the same pixels: only names of channels are not under the checksum.
+      // An accepted chunk must have the same pixels: only the channel names have no checksum.
       EXPECT_EQ(BytesFromImage(assembler.Take()), BytesFromImage(image));
     }
   }
@@ -122,15 +122,15 @@ struct Misuse {
 TEST(ImageCodec, MisuseIsNamed) {
   const LayeredImage image = RandomImage(700, 300, 3, 6);
   const std::vector<Misuse> misuses = {
-      {"gap", [](auto& c) { c.erase(c.begin() + 1); }, "number 2 where 1 is due"},
-      {"repeat", [](auto& c) { c.insert(c.begin(), c.front()); }, "number 0 where 1 is due"},
-      {"after last", [](auto& c) { c.push_back(c.back()); }, "one more after the last"},
-      {"no layout", [](auto& c) { c[0].clear_layout(); }, "layout belongs to chunk 0"},
-      {"second layout", [](auto& c) { *c[1].mutable_layout() = c[0].layout(); }, "layout belongs to chunk 0"},
-      {"short", [](auto& c) { c[0].mutable_data()->resize(100); }, "100 bytes where 1048576 are due"},
-      {"early last", [](auto& c) { c[0].set_last(true); }, "mark of the last chunk"},
-      {"no last", [](auto& c) { c[2].set_last(false); }, "mark of the last chunk"},
-      {"checksum", [](auto& c) { c[1].set_checksum(1); }, "checksum does not agree"},
+      {"gap", [](auto& c) { c.erase(c.begin() + 1); }, "number 2, expected 1"},
+      {"repeat", [](auto& c) { c.insert(c.begin(), c.front()); }, "number 0, expected 1"},
+      {"after last", [](auto& c) { c.push_back(c.back()); }, "a chunk after the last one"},
+      {"no layout", [](auto& c) { c[0].clear_layout(); }, "must have the layout"},
+      {"second layout", [](auto& c) { *c[1].mutable_layout() = c[0].layout(); }, "must have the layout"},
+      {"short", [](auto& c) { c[0].mutable_data()->resize(100); }, "100 bytes, expected 1048576"},
+      {"early last", [](auto& c) { c[0].set_last(true); }, "`last` is set on the wrong chunk"},
+      {"no last", [](auto& c) { c[2].set_last(false); }, "`last` is set on the wrong chunk"},
+      {"checksum", [](auto& c) { c[1].set_checksum(1); }, "checksum does not match"},
       {"width", [](auto& c) { c[0].mutable_layout()->set_width(0); }, "size 0x300"},
       {"negative", [](auto& c) { c[0].mutable_layout()->set_height(-1); }, "size 700x-1"},
       {"huge", [](auto& c) { c[0].mutable_layout()->set_width(2000000000); }, "size 2000000000x300"},

@@ -1,6 +1,5 @@
-// Random histories against a model that knows only the rules: whatever happens in whatever order, each unit
-// is merged exactly once, none is lost, a void lease delivers nothing, and a restart in the middle changes
-// none of that.
+// Random histories checked against a model of the rules: for any events in any order each unit is committed
+// exactly once, no unit is lost, a void lease delivers nothing, and a restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -13,6 +12,12 @@
 
 namespace lumifold::scheduler {
 namespace {
+
+using job::Attempt;
+using job::FrameUnits;
+using job::JobId;
+using job::UnitRef;
+using job::WorkerId;
 
 constexpr int kWorkers = 4;
 constexpr int kSlots = 3;
@@ -47,7 +52,7 @@ class RandomHistory {
       EXPECT_EQ(scheduler_->Progress(job).units_done, units.count() * spec.frame_count());
       for (int32_t frame = 0; frame < spec.frame_count(); ++frame) {
         for (int64_t number = 0; number < units.count(); ++number) {
-          EXPECT_EQ(merges_[(UnitRef{job, units.KeyOf(frame, number)})], 1);
+          EXPECT_EQ(commits_[(UnitRef{job, units.KeyOf(frame, number)})], 1);
         }
       }
     }
@@ -61,7 +66,7 @@ class RandomHistory {
     for (const auto& [job, spec] : specs_) {
       total += static_cast<size_t>(FrameUnits(spec).count()) * static_cast<size_t>(spec.frame_count());
     }
-    return merges_.size() == total;
+    return commits_.size() == total;
   }
 
   void Step() {
@@ -90,11 +95,11 @@ class RandomHistory {
   }
 
   void Restart() {
-    // Attempts go on above all earlier ones, as the coordinator's clock makes them.
+    // Attempts continue above all earlier ones; in the coordinator the clock ensures this.
     scheduler_ = std::make_unique<Scheduler>(SchedulerOptions{
         .lease = absl::Seconds(20), .max_failures = 1'000'000, .first_attempt = Attempt(last_attempt_ + 1)});
     for (const auto& [job, spec] : specs_) scheduler_->AddJob(job, spec, kClass);
-    for (const auto& [unit, count] : merges_) EXPECT_TRUE(scheduler_->RestoreMergedUnit(unit));
+    for (const auto& [unit, count] : commits_) EXPECT_TRUE(scheduler_->RestoreCommittedUnit(unit));
     for (auto& [worker, leases] : held_) MakeVoid(worker, &leases);
     held_.clear();
     for (int i = 0; i < kWorkers; ++i) Connect();
@@ -137,7 +142,7 @@ class RandomHistory {
     auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
     if (!leases.empty() && Draw(4) == 0) {
       void_.emplace_back(worker, leases.back());
-      leases.pop_back();  // forgotten: not named, so void
+      leases.pop_back();  // not in the heartbeat, so void
     }
     std::vector<std::pair<UnitRef, Attempt>> named;
     for (HeldLease& lease : leases) {
@@ -152,7 +157,7 @@ class RandomHistory {
     for (const GrantedLease& lease : scheduler_->GrantLeases(worker, now_)) {
       EXPECT_GT(lease.attempt.value(), last_attempt_);
       last_attempt_ = lease.attempt.value();
-      EXPECT_FALSE(merges_.contains(lease.unit)) << Describe(lease.unit) << " leased again";
+      EXPECT_FALSE(commits_.contains(lease.unit)) << Describe(lease.unit) << " leased again";
       for (const auto& [other, theirs] : held_) {
         for (const HeldLease& held : theirs) EXPECT_NE(held.unit, lease.unit) << "two leases of one unit";
       }
@@ -167,16 +172,16 @@ class RandomHistory {
     const HeldLease lease = leases[static_cast<size_t>(Draw(static_cast<int>(leases.size())))];
     std::erase_if(leases, [&](const HeldLease& held) { return held.attempt == lease.attempt; });
     ASSERT_EQ(scheduler_->CompleteUnit(worker, lease.unit, lease.attempt), Completion::kAccepted);
-    void_.emplace_back(worker, lease);  // whoever delivers it once more delivers a duplicate
-    scheduler_->UnitMerged(lease.unit);
-    ++merges_[lease.unit];
+    void_.emplace_back(worker, lease);  // a second delivery is a duplicate
+    scheduler_->UnitCommitted(lease.unit);
+    ++commits_[lease.unit];
   }
 
   void DeliverVoid() {
     if (void_.empty()) return;
     const auto& [worker, lease] = void_[static_cast<size_t>(Draw(static_cast<int>(void_.size())))];
     const Completion completion = scheduler_->CompleteUnit(worker, lease.unit, lease.attempt);
-    EXPECT_EQ(completion, merges_.contains(lease.unit) ? Completion::kDuplicate : Completion::kStale);
+    EXPECT_EQ(completion, commits_.contains(lease.unit) ? Completion::kDuplicate : Completion::kStale);
   }
 
   void Fail() {
@@ -196,12 +201,12 @@ class RandomHistory {
   int64_t last_attempt_ = 0;
   std::map<WorkerId, std::vector<HeldLease>> held_;
   std::vector<std::pair<WorkerId, HeldLease>> void_;
-  std::map<UnitRef, int> merges_;  // what the ledger would hold
+  std::map<UnitRef, int> commits_;  // the contents of the ledger
 };
 
 class SchedulerRandom : public ::testing::TestWithParam<uint32_t> {};
 
-TEST_P(SchedulerRandom, MergesEachUnitExactlyOnceWhateverHappens) { RandomHistory(GetParam()).Run(); }
+TEST_P(SchedulerRandom, CommitsEachUnitExactlyOnceWhateverHappens) { RandomHistory(GetParam()).Run(); }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, SchedulerRandom, ::testing::Range(0u, 30u));
 

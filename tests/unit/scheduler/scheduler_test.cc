@@ -6,6 +6,12 @@
 namespace lumifold::scheduler {
 namespace {
 
+using job::Attempt;
+using job::FrameUnits;
+using job::JobId;
+using job::UnitKey;
+using job::UnitRef;
+using job::WorkerId;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
@@ -24,17 +30,17 @@ v1::JobSpec Spec(int frames = 1) {
   spec.set_pass_samples(4);
   spec.set_first_frame(10);
   spec.set_frame_count(frames);
-  return spec;  // 4 tiles x (1 + 2) units a frame
+  return spec;  // 4 tiles x (1 + 2) units per frame
 }
 
 class SchedulerTest : public ::testing::Test {
  protected:
   Scheduler scheduler_{{.lease = absl::Seconds(30), .max_failures = 3, .first_attempt = Attempt(100)}};
 
-  /// Delivers and merges; true where it was the frame's last unit.
-  bool Merge(WorkerId worker, const GrantedLease& lease) {
+  /// Delivers and commits a unit; true if it was the last one of its frame.
+  bool Commit(WorkerId worker, const GrantedLease& lease) {
     EXPECT_EQ(scheduler_.CompleteUnit(worker, lease.unit, lease.attempt), Completion::kAccepted);
-    return scheduler_.UnitMerged(lease.unit);
+    return scheduler_.UnitCommitted(lease.unit);
   }
 };
 
@@ -50,13 +56,13 @@ TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
   EXPECT_LT(leases[0].attempt, leases[1].attempt);
 }
 
-TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsMergedAndNotBefore) {
+TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 1);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
   EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt), Completion::kAccepted);
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
-  EXPECT_FALSE(scheduler_.UnitMerged(lease.unit));
+  EXPECT_FALSE(scheduler_.UnitCommitted(lease.unit));
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 1u);
 }
 
@@ -64,7 +70,7 @@ TEST_F(SchedulerTest, AUnitIsAcceptedOnce) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 2);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  Merge(kAnn, lease);
+  Commit(kAnn, lease);
   EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt), Completion::kDuplicate);
   EXPECT_EQ(scheduler_.Progress(kJob).units_done, 1);
 }
@@ -188,7 +194,7 @@ TEST_F(SchedulerTest, AnEndedJobIsForgottenAndItsSlotsAreFree) {
   scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt);
   scheduler_.EndJob(kJob);
   EXPECT_FALSE(scheduler_.HasJob(kJob));
-  EXPECT_FALSE(scheduler_.UnitMerged(leases[0].unit));
+  EXPECT_FALSE(scheduler_.UnitCommitted(leases[0].unit));
   EXPECT_EQ(scheduler_.CompleteUnit(kAnn, leases[1].unit, leases[1].attempt), Completion::kUnknown);
   const auto next = scheduler_.GrantLeases(kAnn, kStart);
   ASSERT_EQ(next.size(), 2u);
@@ -206,12 +212,12 @@ TEST_F(SchedulerTest, StatesFollowTheWork) {
     EXPECT_EQ(scheduler_.Progress(kJob).workers, 1);
     for (size_t i = 0; i < leases.size(); ++i) {
       EXPECT_EQ(leases[i].unit.key.frame, frame);
-      EXPECT_EQ(Merge(kAnn, leases[i]), i + 1 == leases.size());
+      EXPECT_EQ(Commit(kAnn, leases[i]), i + 1 == leases.size());
     }
     EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_FILTERING);
-    EXPECT_THAT(scheduler_.MergedFrames(kJob), ElementsAre(frame));
+    EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(frame));
     EXPECT_EQ(scheduler_.FrameFinished(kJob, frame), frame == 11);
-    EXPECT_THAT(scheduler_.MergedFrames(kJob), IsEmpty());
+    EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty());
   }
   const JobProgress progress = scheduler_.Progress(kJob);
   EXPECT_EQ(progress.state, v1::JOB_STATE_DONE);
@@ -223,11 +229,11 @@ TEST_F(SchedulerTest, StatesFollowTheWork) {
 TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
   scheduler_.AddJob(kJob, Spec(/*frames=*/3), "avx2");
   EXPECT_TRUE(scheduler_.RestoreFinishedFrame(kJob, 10));
-  EXPECT_TRUE(scheduler_.RestoreMergedUnit({kJob, {10, 1, 1, v1::UNIT_KIND_PASS}}));
-  EXPECT_TRUE(scheduler_.RestoreMergedUnit({kJob, {11, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
-  EXPECT_TRUE(scheduler_.RestoreMergedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
-  EXPECT_TRUE(scheduler_.RestoreMergedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
-  EXPECT_FALSE(scheduler_.RestoreMergedUnit({kJob, {13, 2, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {10, 1, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {11, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_FALSE(scheduler_.RestoreCommittedUnit({kJob, {13, 2, 1, v1::UNIT_KIND_PASS}}));
   EXPECT_EQ(scheduler_.Progress(kJob).units_done, 12 + 2);
   scheduler_.AddWorker(kBen, "sse2", 100);
   EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
@@ -241,13 +247,13 @@ TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
   }
 }
 
-TEST_F(SchedulerTest, AFrameMergedBeforeARestartAwaitsItsFinish) {
+TEST_F(SchedulerTest, AFrameCommittedBeforeARestartAwaitsItsFinish) {
   scheduler_.AddJob(kJob, Spec(), "avx2");
   const FrameUnits units(Spec());
   for (int64_t number = 0; number < units.count(); ++number) {
-    scheduler_.RestoreMergedUnit({kJob, units.KeyOf(10, number)});
+    scheduler_.RestoreCommittedUnit({kJob, units.KeyOf(10, number)});
   }
-  EXPECT_THAT(scheduler_.MergedFrames(kJob), ElementsAre(10));
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
   EXPECT_TRUE(scheduler_.FrameFinished(kJob, 10));
 }
 
@@ -261,15 +267,15 @@ TEST_F(SchedulerTest, AHugeFrameTakesBitsAndNotMegabytesAndGrantsInTime) {
   scheduler_.AddJob(kJob, spec);
   scheduler_.AddWorker(kAnn, "avx2", 1000);
   EXPECT_EQ(scheduler_.Progress(kJob).units_total, 131072 * 65);
-  int64_t merged = 0;
+  int64_t committed = 0;
   for (int round = 0; round < 100; ++round) {
     for (const GrantedLease& lease : scheduler_.GrantLeases(kAnn, kStart)) {
-      Merge(kAnn, lease);
-      ++merged;
+      Commit(kAnn, lease);
+      ++committed;
     }
   }
-  EXPECT_EQ(merged, 100'000);
-  EXPECT_EQ(scheduler_.Progress(kJob).units_done, merged);
+  EXPECT_EQ(committed, 100'000);
+  EXPECT_EQ(scheduler_.Progress(kJob).units_done, committed);
 }
 
 }  // namespace

@@ -1,22 +1,25 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 
 #include "server/frame_finisher.h"
-#include "tests/unit/server/merged_frame_fixture.h"
+#include "tests/unit/server/committed_frame_fixture.h"
 
 namespace lumifold::server {
 namespace {
 
-using scheduler::JobId;
+using job::JobId;
 using ::testing::HasSubstr;
 
 const JobId kJob("j-1");
 
-class ChildProcessFinisherTest : public MergedFrameFixture {
+class ChildProcessFinisherTest : public CommittedFrameFixture {
  protected:
-  ChildProcessFinisherTest() { Merge(kJob, Spec(20, 12)); }
+  ChildProcessFinisherTest() { Commit(kJob, Spec(20, 12)); }
 
   std::unique_ptr<FrameFinisher> Child(ChildProcessOptions options = {}) const {
     if (options.program == ChildProcessOptions().program) options.program = LUMIFOLD_SERVER_PROGRAM;
@@ -54,6 +57,24 @@ TEST_F(ChildProcessFinisherTest, AChildWithoutMemoryOrProgramIsAnErrorAndNoCrash
   EXPECT_FALSE(Child({.memory_limit_bytes = 1 << 20})->Finish(kJob, 0).ok());
   EXPECT_THAT(std::string(Child({.program = "/none/such"})->Finish(kJob, 0).status().message()),
               HasSubstr("/none/such"));
+}
+
+TEST_F(ChildProcessFinisherTest, TheChildYieldsToOtherProcessesButIsNotStarved) {
+  static_assert(kChildNiceness <= 5);
+  const int expected = std::max(getpriority(PRIO_PROCESS, 0), kChildNiceness);
+  EXPECT_EXIT(
+      {
+        RunFinishFrameProcess({folder_.root(), "j-none", "0", "1", "0"});
+        _exit(getpriority(PRIO_PROCESS, 0));
+      },
+      testing::ExitedWithCode(expected), "");
+}
+
+TEST_F(ChildProcessFinisherTest, TheFinisherWithinKeepsThePriorityOfItsProcess) {
+  const int before = getpriority(PRIO_PROCESS, 0);
+  ASSERT_TRUE(
+      MakeInProcessFinisher(folder_, store_.get(), 2, [] { return absl::Now(); })->Finish(kJob, 0).ok());
+  EXPECT_EQ(getpriority(PRIO_PROCESS, 0), before);
 }
 
 TEST_F(ChildProcessFinisherTest, AfterCancelNothingStarts) {

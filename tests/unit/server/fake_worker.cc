@@ -37,7 +37,7 @@ bool FakeWorker::WaitForEndOf(const std::string& job_id) const {
   const auto ended = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
     return std::count(ended_jobs_.begin(), ended_jobs_.end(), job_id) > 0;
   };
-  return mutex_.AwaitWithTimeout(absl::Condition(&ended), absl::Seconds(30));
+  return mutex_.AwaitWithTimeout(absl::Condition(&ended), absl::Minutes(4));
 }
 
 bool FakeWorker::Send(v1::WorkerMessage message, Stream* stream) {
@@ -72,7 +72,7 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
 }
 
 bool FakeWorker::Deliver(const v1::Lease& lease, Stream* stream) {
-  const scheduler::UnitRef unit = scheduler::UnitFromProto(lease.unit());
+  const job::UnitRef unit = job::UnitFromProto(lease.unit());
   const Rect rect = {lease.rect().x0(), lease.rect().y0(), lease.rect().x1(), lease.rect().y1()};
   const SampleRange samples = {static_cast<uint32_t>(lease.first_sample()),
                                static_cast<uint32_t>(lease.last_sample())};

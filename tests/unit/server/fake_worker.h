@@ -19,19 +19,20 @@ struct FakeWorkerOptions {
   std::string numeric_class = "test";
   int slots = 3;
   int wire_version = rpc::kWireVersion;
-  /// Breaks the connection amid a unit after so many whole ones.
+  /// Breaks the connection within a unit, after this number of complete units.
   int vanish_after = 1'000'000'000;
-  /// Changes a message on its way out.
+  /// Changes a message before it is sent.
   std::function<void(v1::WorkerMessage&)> spoil = [](v1::WorkerMessage&) {};
 };
 
-/// Speaks the worker's side of the protocol over a real connection and delivers RandomUnit for every lease.
+/// Implements the worker's side of the protocol over a real connection and delivers RandomUnit for every
+/// lease.
 class FakeWorker {
  public:
   FakeWorker(std::shared_ptr<grpc::Channel> channel, FakeWorkerOptions options);
   ~FakeWorker();
 
-  /// Waits until the coordinator, or vanish_after, has ended the stream; gives how it ended.
+  /// Waits until the coordinator, or vanish_after, has ended the stream; returns its status.
   grpc::Status Wait();
   /// Breaks the connection.
   void Vanish() { context_.TryCancel(); }

@@ -12,7 +12,8 @@
 namespace lumifold::server {
 namespace {
 
-constexpr absl::Duration kDeadline = absl::Seconds(60);
+/// Generous: only a call that hangs exceeds it, however busy the machine is.
+constexpr absl::Duration kDeadline = absl::Minutes(4);
 
 std::unique_ptr<v1::FarmService::Stub> Stub(const std::shared_ptr<grpc::Channel>& channel) {
   return v1::FarmService::NewStub(channel);

@@ -12,7 +12,7 @@
 
 namespace lumifold::server {
 
-/// A coordinator on a free loopback port over a temporary data folder, and a client's verbs.
+/// A coordinator on a free loopback port with a temporary data folder, and the calls of a client.
 class FarmFixture : public ::testing::Test {
  protected:
   FarmFixture() { StartServer(); }
@@ -22,7 +22,7 @@ class FarmFixture : public ::testing::Test {
   void StartServer(const ServerOptions& options);
   void StopServer() { server_.reset(); }
 
-  /// Over the socket, or within the process where the server listens on none.
+  /// Over the socket, or within the process if the server does not listen.
   std::shared_ptr<grpc::Channel> Channel() const;
   std::unique_ptr<FakeWorker> Worker(FakeWorkerOptions options = {}) const;
 
@@ -36,16 +36,16 @@ class FarmFixture : public ::testing::Test {
   absl::StatusOr<v1::JobStatus> Get(const std::string& job_id);
   /// The status once the job has ended.
   v1::JobStatus WaitForEnd(const std::string& job_id);
-  /// The status once it meets the condition, as WatchJob tells it.
+  /// The first status of WatchJob that meets the condition.
   v1::JobStatus WaitUntil(const std::string& job_id,
                           const std::function<bool(const v1::JobStatus&)>& condition);
   absl::StatusOr<std::string> Download(const std::string& job_id, int32_t frame, uint64_t offset = 0);
-  /// Submits Spec() and renders it with one worker: what every other run must agree with, byte for byte.
+  /// Submits Spec() and renders it with one worker: the reference result, equal byte for byte to all others.
   std::string RenderUndisturbed();
 
   TempFolder folder_;
   std::unique_ptr<Server> server_;
-  /// Where calls go while server_ is stopped.
+  /// Port of calls while server_ is stopped.
   int process_port_ = 0;
 };
 

@@ -8,18 +8,18 @@
 #include "server/film/result.h"
 #include "tests/support/film_of_units.h"
 #include "tests/support/same_image.h"
-#include "tests/unit/server/merged_frame_fixture.h"
+#include "tests/unit/server/committed_frame_fixture.h"
 
 namespace lumifold::server {
 namespace {
 
-using scheduler::JobId;
+using job::JobId;
 
 const JobId kJob("j-1");
-/// Cuts the frames of these tests.
+/// Divides the frames of these tests into several blocks.
 constexpr filter::BlockParams kSmallBlocks = {.core = 64, .margin = 32, .fade = 16, .whole = 4096};
 
-/// The picture of a film that is in memory.
+/// Filters a film in memory.
 std::array<Plane, 3> Filtered(const EdgedImage& film, const std::string& method,
                               const filter::BlockParams& blocks) {
   FilmInMemory source(film.pixels, &film.edges);
@@ -42,7 +42,7 @@ EdgedImage ExpectedResult(const v1::JobSpec& spec, const filter::BlockParams& bl
                            {.spec = spec, .frame = 0, .numeric_class = ""});
 }
 
-class FinishFrameTest : public MergedFrameFixture {
+class FinishFrameTest : public CommittedFrameFixture {
  protected:
   v1::StageTimes Finish(const JobId& job, TaskPool* pool, const filter::BlockParams& blocks) {
     const absl::StatusOr<v1::StageTimes> times = FinishFrame(
@@ -55,7 +55,7 @@ class FinishFrameTest : public MergedFrameFixture {
 TEST_F(FinishFrameTest, AFrameOfOneBlockIsTheWholeFilmFiltered) {
   v1::JobSpec spec = Spec(40, 30);
   spec.set_save_film(true);
-  Merge(kJob, spec);
+  Commit(kJob, spec);
   Finish(kJob, nullptr, {});
   const std::string path = temp_.PathOf("expected.exr");
   ASSERT_TRUE(WriteExr(path, ExpectedResult(spec, {})).ok());
@@ -69,7 +69,7 @@ TEST_F(FinishFrameTest, AFrameOfSeveralBlocksIsTheWholeFilmFilteredInBlocks) {
     spec.mutable_filter()->set_method(save_film ? "default" : "bilateral");
     spec.set_save_film(save_film);
     const JobId job(save_film ? "j-film" : "j-picture");
-    Merge(job, spec);
+    Commit(job, spec);
     Finish(job, MakeTaskPool(2).get(), kSmallBlocks);
     const absl::StatusOr<EdgedImage> result = ReadEdgedExr(folder_.ResultPath(job, 0));
     ASSERT_TRUE(result.ok()) << result.status();
@@ -84,10 +84,10 @@ TEST_F(FinishFrameTest, TheFileKnowsNothingOfThreadsOrTheOrderOfUnits) {
   v1::JobSpec spec = Spec(120, 80);
   spec.mutable_filter()->set_method("none");
   spec.set_save_film(true);
-  Merge(kJob, spec);
+  Commit(kJob, spec);
   Finish(kJob, nullptr, kSmallBlocks);
   const JobId other("j-2");
-  Merge(other, spec, /*is_forward=*/true);
+  Commit(other, spec, /*is_forward=*/true);
   Finish(other, MakeTaskPool(4).get(), kSmallBlocks);
   EXPECT_EQ(Result(kJob), Result(other));
 }
@@ -95,7 +95,7 @@ TEST_F(FinishFrameTest, TheFileKnowsNothingOfThreadsOrTheOrderOfUnits) {
 TEST_F(FinishFrameTest, StagesMakeUpTheWholeTime) {
   v1::JobSpec spec = Spec(120, 80);
   spec.mutable_filter()->set_method("none");
-  Merge(kJob, spec);
+  Commit(kJob, spec);
   absl::Time time = absl::FromUnixSeconds(1000);
   const absl::StatusOr<v1::StageTimes> times = FinishFrame(
       folder_, *store_, kJob, 0, nullptr, [&] { return time += absl::Seconds(1); }, kSmallBlocks);
@@ -107,16 +107,16 @@ TEST_F(FinishFrameTest, StagesMakeUpTheWholeTime) {
   EXPECT_EQ(times->write_seconds(), 1 + bands + 1);
 }
 
-TEST_F(FinishFrameTest, AUnitThatIsNotMergedIsNamedAndNothingIsWritten) {
+TEST_F(FinishFrameTest, AUnitThatIsNotCommittedIsNamedAndNothingIsWritten) {
   v1::JobSpec spec = Spec(20, 12);
-  Merge(kJob, spec);
-  spec.set_samples_per_pixel(14);  // a pass more than was merged
+  Commit(kJob, spec);
+  spec.set_samples_per_pixel(14);  // one pass more than is committed
   const JobId other("j-2");
   ASSERT_TRUE(
       store_->CreateJob({.id = other, .request_id = "r", .spec = spec, .submitted = absl::Now()}).ok());
   const absl::Status status =
       FinishFrame(folder_, *store_, other, 0, nullptr, [] { return absl::Now(); }).status();
-  EXPECT_EQ(status, absl::DataLossError("ledger: tile 0 is not merged whole"));
+  EXPECT_EQ(status, absl::DataLossError("ledger: tile 0 has units that are not committed"));
   EXPECT_EQ(Result(other), "");
 }
 

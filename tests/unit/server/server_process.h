@@ -6,20 +6,20 @@
 
 namespace lumifold::server {
 
-/// The real lumifold-server on a free loopback port. Killed, if need be, when it goes out of scope.
+/// A process of lumifold-server on a free loopback port. The destructor kills it if it is running.
 class ServerProcess {
  public:
-  /// Starts it over `data_dir` and waits until it listens; its log goes to `log_path`.
+  /// Starts it with `data_dir` and waits until it listens; its log is written to `log_path`.
   ServerProcess(const std::string& data_dir, const std::string& log_path);
   ~ServerProcess();
   ServerProcess(const ServerProcess&) = delete;
   ServerProcess& operator=(const ServerProcess&) = delete;
 
-  /// 0 where it did not start.
+  /// 0 if it did not start.
   int port() const { return port_; }
 
-  /// Sends the signal and waits for the end; gives the exit code, or minus the number of the signal it died
-  /// of.
+  /// Sends the signal and waits for the end; returns the exit code, or minus the number of the signal that
+  /// ended it.
   int End(int signal);
 
  private:

@@ -29,8 +29,8 @@ TEST_F(ServerProcessTest, KilledAgainAndAgainItLosesNothingItAcknowledged) {
     EXPECT_GE(Get(job)->units_done(), acknowledged);
     const auto worker = Worker({.slots = 3, .vanish_after = 5});
     worker->Wait();
-    // Whoever holds a sixth unit with three slots has had three acknowledged; the others may be on their way
-    // to the disk.
+    // A worker with three slots that holds a sixth unit got at least three acknowledgements; the other units
+    // may not be committed yet.
     acknowledged += 3;
     EXPECT_EQ(process_->End(SIGKILL), -SIGKILL);
   }

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 
 #include "filter/image/exr_io.h"
 #include "tests/support/film_of_units.h"
@@ -48,7 +49,7 @@ TEST_F(ServerTest, ATinyJobBecomesAPicture) {
   }
 }
 
-TEST_F(ServerTest, ABrokenDownloadGoesOnWhereItStopped) {
+TEST_F(ServerTest, ABrokenDownloadIsResumed) {
   const std::string whole = RenderUndisturbed();
   const std::string job = *Submit(Spec(), "undisturbed");  // the same request: the same job
   const uint64_t middle = whole.size() / 2;
@@ -71,16 +72,16 @@ TEST_F(ServerTest, UnitsOfAWorkerThatVanishesGoToOthersAndThePictureIsTheSame) {
   EXPECT_EQ(*Download(job, 0), expected);
 }
 
-TEST_F(ServerTest, ARestartedCoordinatorGoesOnAndNothingAcknowledgedIsLost) {
+TEST_F(ServerTest, ARestartedCoordinatorContinuesAndNothingAcknowledgedIsLost) {
   const std::string expected = RenderUndisturbed();
   const std::string job = *Submit(Spec(), "restarted");
   const auto victim = Worker({.slots = 1, .vanish_after = 9});
   victim->Wait();
-  const int64_t merged =
+  const int64_t committed =
       WaitUntil(job, [](const v1::JobStatus& s) { return s.units_done() >= 8; }).units_done();
   StopServer();
   StartServer();
-  EXPECT_GE(Get(job)->units_done(), merged);
+  EXPECT_GE(Get(job)->units_done(), committed);
   const int64_t restored = Get(job)->units_done();
   const auto worker = Worker();
   EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
@@ -94,7 +95,7 @@ TEST_F(ServerTest, ADamagedUnitIsRenderedAgain) {
   std::atomic<int> damaged{0};
   const auto worker = Worker({.spoil = [&](v1::WorkerMessage& message) {
     if (!message.has_chunk() || message.chunk().unit().tile() != 2 || damaged > 1) return;
-    // First the edge set of the tile's geometry, which comes before its pixels, then those.
+    // First the edge set of the tile's geometry unit, which precedes the pixels, then the pixels.
     if (message.chunk().has_edges() != (damaged == 0)) return;
     ++damaged;
     v1::UnitChunk* chunk = message.mutable_chunk();
@@ -107,7 +108,7 @@ TEST_F(ServerTest, ADamagedUnitIsRenderedAgain) {
   EXPECT_EQ(*Download(job, 0), expected);
 }
 
-TEST_F(ServerTest, UnitsNobodyLeasedAreDropped) {
+TEST_F(ServerTest, UnitsWithoutALeaseAreDropped) {
   const std::string expected = RenderUndisturbed();
   const std::string job = *Submit(Spec(), "forged");
   std::atomic<int> forged{0};
@@ -137,7 +138,7 @@ TEST_F(ServerTest, EveryFrameOfAJobIsAFile) {
   EXPECT_FALSE(std::filesystem::exists(folder_.PathOf("data/film/" + job + "/frame-0007.units")));
 }
 
-TEST_F(ServerTest, APermanentFailureFailsTheJobWithTheWorkersWords) {
+TEST_F(ServerTest, APermanentFailureFailsTheJobWithTheWorkersError) {
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.spoil = [](v1::WorkerMessage& message) {
     if (!message.has_chunk()) return;
@@ -157,7 +158,7 @@ TEST_F(ServerTest, ACancelledJobFreesItsWorkersAndStaysCancelled) {
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {
                                 if (message.has_chunk())
-                                  message.mutable_chunk()->set_attempt(0);  // delivers nothing that counts
+                                  message.mutable_chunk()->set_attempt(0);  // without a valid lease: dropped
                               }});
   WaitUntil(job, [](const v1::JobStatus& status) { return status.state() == v1::JOB_STATE_RENDERING; });
   const auto stub = v1::FarmService::NewStub(Channel());
@@ -196,7 +197,7 @@ TEST_F(ServerTest, JobsAreRefusedWithTheFieldsName) {
   EXPECT_EQ(Get("j-none").status().code(), absl::StatusCode::kNotFound);
 }
 
-TEST_F(ServerTest, AWorkerOfAnotherWireIsRefused) {
+TEST_F(ServerTest, AWorkerOfAnotherWireVersionIsRefused) {
   const grpc::Status status = Worker({.wire_version = 99})->Wait();
   EXPECT_EQ(status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_THAT(status.error_message(), HasSubstr("wire version 99"));
@@ -219,16 +220,14 @@ TEST_F(ServerTest, UploadsAreCheckedAndListedAsMissingUntilThen) {
   EXPECT_TRUE(std::filesystem::is_empty(folder_.PathOf("data/incoming")));
 }
 
-TEST_F(ServerTest, StopsPromptlyWithStreamsOpen) {
+TEST_F(ServerTest, StopsWithStreamsOpen) {
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.numeric_class = "other", .slots = 1, .vanish_after = 0});
   const auto idle = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {
                               if (message.has_chunk()) message.mutable_chunk()->set_attempt(0);
                             }});
   WaitUntil(job, [](const v1::JobStatus& status) { return status.state() == v1::JOB_STATE_RENDERING; });
-  const absl::Time start = absl::Now();
-  StopServer();
-  EXPECT_LT(absl::Now() - start, absl::Seconds(3));
+  StopServer();  // the workers' streams do not end by themselves: it must not wait for that
   idle->Wait();
 }
 
@@ -247,7 +246,7 @@ TEST_F(ServerTest, ATakenPortIsNamed) {
   EXPECT_THAT(std::string(status.message()), HasSubstr(options.listen));
 }
 
-TEST_F(ServerTest, AResultThatWasNeverWholeIsRemovedAtTheStart) {
+TEST_F(ServerTest, AnIncompleteResultIsRemovedAtTheStart) {
   StopServer();
   const std::string partial = folder_.PathOf("data/results/j-1/frame-0000.exr.12-0.partial");
   const std::string whole = folder_.PathOf("data/results/j-1/frame-0001.exr");
@@ -277,20 +276,23 @@ TEST_F(ServerTest, WithinOneProcessThePictureIsTheSame) {
   EXPECT_EQ(RenderUndisturbed(), expected);
 }
 
-TEST_F(ServerTest, LeasesOfASilentWorkerRunOutAndGoToOthers) {
+TEST_F(ServerTest, LeasesOfASilentWorkerExpireAndGoToOthers) {
   const std::string expected = RenderUndisturbed();
   StopServer();
   ServerOptions options = Options();
-  options.lease = absl::Milliseconds(300);
-  options.heartbeat = absl::Milliseconds(100);
+  // Leases expire when the test moves the clock, not because the machine is busy.
+  const auto skipped_seconds = std::make_shared<std::atomic<int64_t>>(0);
+  options.lease = absl::Minutes(5);
+  options.now = [skipped_seconds] { return absl::Now() + absl::Seconds(skipped_seconds->load()); };
   StartServer(options);
   const std::string job = *Submit(Spec(), "silent");
   const auto silent = Worker({.slots = 4, .spoil = [](v1::WorkerMessage& message) {
                                 if (message.has_chunk())
                                   *message.mutable_failure() =
-                                      v1::UnitFailure();  // of no unit it holds: says nothing
+                                      v1::UnitFailure();  // of a unit that it does not hold: ignored
                               }});
   WaitUntil(job, [](const v1::JobStatus& status) { return status.workers() == 1; });
+  *skipped_seconds = 301;
   const auto worker = Worker();
   EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(worker->delivered(), kUnits);

@@ -9,7 +9,7 @@
 
 namespace lumifold::worker {
 
-/// Gives one scene, or one error, to everyone who asks; `environment` to those who ask for that.
+/// Returns the same scene, or error, for every asset except `environment`.
 class FakeAssets final : public AssetSource {
  public:
   explicit FakeAssets(absl::StatusOr<std::string> content, std::string environment = "")
@@ -24,7 +24,7 @@ class FakeAssets final : public AssetSource {
     return content_;
   }
 
-  /// While closed, whoever fetches waits.
+  /// While closed, Fetch blocks.
   void SetOpen(bool open) {
     absl::MutexLock lock(&mutex_);
     open_ = open;

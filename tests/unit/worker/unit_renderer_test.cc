@@ -15,8 +15,8 @@ namespace {
 
 constexpr int kSize = 16;
 
-/// A shining square as large as the picture of an orthographic camera; an animated one leaves it to the right
-/// within a second.
+/// An emissive square that fills the picture of an orthographic camera. If animated, it moves out of the
+/// picture to the right within a second.
 std::string ShiningSquare(bool animated) {
   scene::GltfFixture gltf;
   gltf.json["extensionsUsed"] = nlohmann::json::array({"KHR_materials_unlit"});
@@ -56,7 +56,7 @@ v1::Lease LeaseOf(int frame) {
   return lease;
 }
 
-/// The share of the picture the square covers in a frame.
+/// The share of the picture covered by the square in a frame.
 double Coverage(UnitRenderer& renderer, const v1::JobSpec& spec, int frame) {
   const absl::StatusOr<RenderedUnit> unit = renderer.Render(spec, LeaseOf(frame));
   EXPECT_TRUE(unit.ok()) << unit.status();
@@ -76,7 +76,7 @@ TEST(UnitRenderer, AFrameShowsTheSceneAtItsTime) {
   EXPECT_EQ(Coverage(renderer, Spec(4), 1), 0.75);  // 0.25 s: a quarter of the way
   EXPECT_EQ(Coverage(renderer, Spec(4), 3), 0.25);
   EXPECT_EQ(Coverage(renderer, Spec(4), 4), 0);
-  EXPECT_EQ(Coverage(renderer, Spec(4), 400), 0);  // stays where the last keyframe left it
+  EXPECT_EQ(Coverage(renderer, Spec(4), 400), 0);  // the position of the last keyframe
 }
 
 TEST(UnitRenderer, AJobWithoutASpeedStandsStill) {
@@ -89,9 +89,9 @@ TEST(UnitRenderer, AMovingSceneIsLoadedOnceAFrame) {
   FakeAssets assets{ShiningSquare(true)};
   UnitRenderer renderer(&assets);
   for (const int frame : {0, 0, 1, 0, 1, 2, 1, 2})
-    Coverage(renderer, Spec(4), frame);  // units at a frame's end mingle
+    Coverage(renderer, Spec(4), frame);  // units of two frames alternate at the end of a frame
   EXPECT_EQ(assets.fetches(), 3);
-  Coverage(renderer, Spec(4), 0);  // the longest unused was let go
+  Coverage(renderer, Spec(4), 0);  // the least recently used scene was unloaded
   EXPECT_EQ(assets.fetches(), 4);
 }
 

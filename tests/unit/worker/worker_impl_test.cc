@@ -33,7 +33,7 @@ class FakeOutbox final : public Outbox {
     messages_.push_back(std::move(message));
   }
 
-  /// Waits until `count` messages were sent, and gives them.
+  /// Waits until `count` messages were sent, and returns them.
   std::vector<v1::WorkerMessage> Await(size_t count) {
     absl::MutexLock lock(&mutex_);
     const auto reached = [&] { return messages_.size() >= count; };
@@ -99,7 +99,7 @@ TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
     EXPECT_EQ(assembler.Take().width(), 16);
     EXPECT_EQ(message.chunk().stats().samples(), 16 * 16 * 2);
   }
-  EXPECT_EQ(assets.fetches(), 1);  // the scene is loaded once for all
+  EXPECT_EQ(assets.fetches(), 1);  // the scene is loaded once
 }
 
 TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
@@ -149,7 +149,7 @@ TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
     WorkerImpl worker(1, &renderer, Silent());
     worker.OnConnected(lost);
     worker.OnMessage(Grant(2));
-    assets.AwaitFetches(1);  // the first unit is under way
+    assets.AwaitFetches(1);  // the first unit is being rendered
     worker.OnDisconnected();
     worker.OnConnected(next);
     EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(0));
@@ -204,7 +204,7 @@ TEST(WorkerImpl, SaysThatALostCoordinatorIsNoFaultOfTheJob) {
 }
 
 TEST(UnitRenderer, NamesAnEnvironmentThatIsNoPicture) {
-  FakeAssets assets{std::string(kScene)};  // also what the environment turns out to be
+  FakeAssets assets{std::string(kScene)};  // also the content of the environment map
   UnitRenderer renderer(&assets);
   v1::JobSpec spec = Spec();
   spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.exr");
@@ -225,7 +225,7 @@ TEST(UnitRenderer, RendersTheEnvironment) {
   const auto unit = renderer.Render(spec, Grant(1).grant().leases(0));
   ASSERT_TRUE(unit.ok()) << unit.status();
   EXPECT_EQ(unit->image.pixels.GetColor("emission")[0].At(0, 0),
-            2 * 3);  // two samples of the corner, sky alone
+            2 * 3);  // two samples of the corner, environment only
 }
 
 }  // namespace

@@ -1,10 +1,10 @@
-#include "server/job/job_id.h"
+#include "server/job/ids.h"
 
 #include <gtest/gtest.h>
 
 #include <set>
 
-namespace lumifold::ledger {
+namespace lumifold::job {
 namespace {
 
 TEST(JobId, SortsByTime) {
@@ -19,9 +19,9 @@ TEST(JobId, SortsByTime) {
 TEST(JobId, SameTimeAndRandomGiveTheSameId) {
   const absl::Time time = absl::FromUnixMillis(1'700'000'000'000);
   EXPECT_EQ(MakeJobId(time, 5), MakeJobId(time, 5));
-  std::set<scheduler::JobId> ids;
+  std::set<JobId> ids;
   for (uint64_t random = 0; random < 1000; ++random) EXPECT_TRUE(ids.insert(MakeJobId(time, random)).second);
 }
 
 }  // namespace
-}  // namespace lumifold::ledger
+}  // namespace lumifold::job

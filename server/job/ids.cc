@@ -1,10 +1,10 @@
-#include "server/job/job_id.h"
+#include "server/job/ids.h"
 
 #include <string>
 
-namespace lumifold::ledger {
+namespace lumifold::job {
 
-scheduler::JobId MakeJobId(absl::Time now, uint64_t random) {
+JobId MakeJobId(absl::Time now, uint64_t random) {
   constexpr char kDigits[] = "0123456789abcdefghjkmnpqrstvwxyz";  // in order of their character codes
   constexpr int kRandomBits = 20;
   constexpr int kBitsPerDigit = 5;
@@ -14,7 +14,7 @@ scheduler::JobId MakeJobId(absl::Time now, uint64_t random) {
   std::string text(kDigitCount, '0');
   for (auto digit = text.rbegin(); digit != text.rend(); ++digit, bits >>= kBitsPerDigit)
     *digit = kDigits[bits & 31];
-  return scheduler::JobId("j-" + text);
+  return JobId("j-" + text);
 }
 
-}  // namespace lumifold::ledger
+}  // namespace lumifold::job

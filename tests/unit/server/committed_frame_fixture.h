@@ -19,10 +19,10 @@
 
 namespace lumifold::server {
 
-/// A data folder with merged frames, as a coordinator leaves it. Units are RandomUnits of seed 1.
-class MergedFrameFixture : public ::testing::Test {
+/// A data folder with committed frames, as written by a coordinator. The units are RandomUnits of seed 1.
+class CommittedFrameFixture : public ::testing::Test {
  protected:
-  MergedFrameFixture() {
+  CommittedFrameFixture() {
     EXPECT_TRUE(folder_.Claim().ok());
     store_ = *ledger::OpenSqliteJobStore(folder_.LedgerPath());
   }
@@ -39,19 +39,19 @@ class MergedFrameFixture : public ::testing::Test {
     return spec;
   }
 
-  /// Frame 0 of a job, its units merged from the last to the first, or the other way.
-  void Merge(const scheduler::JobId& id, const v1::JobSpec& spec, bool is_forward = false) {
+  /// Commits the units of frame 0 of a job, from the last to the first, or in order if `is_forward`.
+  void Commit(const job::JobId& id, const v1::JobSpec& spec, bool is_forward = false) {
     ledger::NewJob job{.id = id, .request_id = id.value(), .spec = spec, .submitted = absl::Now()};
     EXPECT_TRUE(store_->CreateJob(job).ok());
     EXPECT_TRUE(MakeFolder(folder_.FilmPath(id)).ok());
     const std::string name = DataFolder::UnitLogName(id, 0);
     absl::StatusOr<film::UnitLog> log = film::UnitLog::Open(folder_.PathOf(name), 0);
-    const scheduler::FrameUnits units(spec);
+    const job::FrameUnits units(spec);
     std::vector<ledger::UnitRecord> records;
     for (int64_t i = 0; i < units.count(); ++i) {
-      const scheduler::UnitKey key = units.KeyOf(0, is_forward ? i : units.count() - 1 - i);
+      const job::UnitKey key = units.KeyOf(0, is_forward ? i : units.count() - 1 - i);
       const film::StoredUnit unit{{id, key},
-                                  scheduler::Attempt(1),
+                                  job::Attempt(1),
                                   {},
                                   RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1)};
       const film::RecordPlace place = *log->Append(unit);
@@ -60,8 +60,8 @@ class MergedFrameFixture : public ::testing::Test {
     EXPECT_TRUE(store_->CommitUnits(records, {}).ok());
   }
 
-  /// The bytes of frame 0's result; empty where there is none.
-  std::string Result(const scheduler::JobId& id) const {
+  /// The bytes of frame 0's result; empty if there is none.
+  std::string Result(const job::JobId& id) const {
     std::ifstream file(folder_.ResultPath(id, 0), std::ios::binary);
     return {std::istreambuf_iterator<char>(file), {}};
   }

@@ -1,4 +1,4 @@
-#include "server/merged_units.h"
+#include "server/committed_units.h"
 
 #include <optional>
 #include <utility>
@@ -7,25 +7,25 @@
 
 namespace lumifold::server {
 
-using scheduler::UnitKey;
-using scheduler::UnitRef;
+using job::UnitKey;
+using job::UnitRef;
 
-MergedUnits::MergedUnits(scheduler::JobId job, const v1::JobSpec& spec)
+CommittedUnits::CommittedUnits(job::JobId job, const v1::JobSpec& spec)
     : job_(std::move(job)), units_(spec), entries_(static_cast<size_t>(units_.count())) {}
 
-absl::StatusOr<MergedUnits> MergedUnits::Open(const DataFolder& folder, ledger::JobStore& store,
-                                              const ledger::JobRecord& job, int32_t frame) {
-  MergedUnits merged(job.id, job.spec);
+absl::StatusOr<CommittedUnits> CommittedUnits::Open(const DataFolder& folder, ledger::JobStore& store,
+                                                    const ledger::JobRecord& job, int32_t frame) {
+  CommittedUnits units(job.id, job.spec);
   absl::Status added;
   const absl::Status read = store.ForEachUnit(job.id, frame, [&](const ledger::UnitRecord& record) {
-    if (added.ok()) added = merged.Add(folder, record);
+    if (added.ok()) added = units.Add(folder, record);
   });
   if (!read.ok()) return read;
   if (!added.ok()) return added;
-  return merged;
+  return units;
 }
 
-absl::Status MergedUnits::Add(const DataFolder& folder, const ledger::UnitRecord& record) {
+absl::Status CommittedUnits::Add(const DataFolder& folder, const ledger::UnitRecord& record) {
   const std::optional<int64_t> number = units_.NumberOf(record.unit.key);
   if (!number.has_value())
     return absl::DataLossError(absl::StrCat("ledger: the job has no unit ", Describe(record.unit)));
@@ -35,7 +35,7 @@ absl::Status MergedUnits::Add(const DataFolder& folder, const ledger::UnitRecord
   return absl::OkStatus();
 }
 
-absl::StatusOr<size_t> MergedUnits::LogOf(const DataFolder& folder, const std::string& name) {
+absl::StatusOr<size_t> CommittedUnits::LogOf(const DataFolder& folder, const std::string& name) {
   for (size_t i = 0; i < logs_.size(); ++i) {
     if (logs_[i].name == name) return i;
   }
@@ -45,21 +45,21 @@ absl::StatusOr<size_t> MergedUnits::LogOf(const DataFolder& folder, const std::s
   return logs_.size() - 1;
 }
 
-absl::StatusOr<MergedUnits::Entry> MergedUnits::Find(const UnitKey& key) const {
+absl::StatusOr<CommittedUnits::Entry> CommittedUnits::Find(const UnitKey& key) const {
   const Entry& entry = entries_[static_cast<size_t>(*units_.NumberOf(key))];
   if (entry.place.length == 0)
-    return absl::DataLossError(absl::StrCat("ledger: tile ", key.tile, " is not merged whole"));
+    return absl::DataLossError(absl::StrCat("ledger: tile ", key.tile, " has units that are not committed"));
   return entry;
 }
 
-absl::Status MergedUnits::CheckIsOf(const UnitKey& key, const Entry& entry, const UnitRef& found) const {
+absl::Status CommittedUnits::CheckIsOf(const UnitKey& key, const Entry& entry, const UnitRef& found) const {
   const UnitRef wanted = {job_, key};
   if (found == wanted) return absl::OkStatus();
   return absl::DataLossError(absl::StrCat(logs_[entry.log].name, ": record at ", entry.place.offset,
                                           " is of ", Describe(found), ", not of ", Describe(wanted)));
 }
 
-absl::StatusOr<film::UnitOutline> MergedUnits::Outline(const UnitKey& key) const {
+absl::StatusOr<film::UnitOutline> CommittedUnits::Outline(const UnitKey& key) const {
   const absl::StatusOr<Entry> entry = Find(key);
   if (!entry.ok()) return entry.status();
   absl::StatusOr<film::UnitHeader> header = logs_[entry->log].reader.ReadHeader(entry->place);
@@ -68,7 +68,7 @@ absl::StatusOr<film::UnitOutline> MergedUnits::Outline(const UnitKey& key) const
   return std::move(header->outline);
 }
 
-absl::StatusOr<EdgedImage> MergedUnits::Read(const UnitKey& key) const {
+absl::StatusOr<EdgedImage> CommittedUnits::Read(const UnitKey& key) const {
   const absl::StatusOr<Entry> entry = Find(key);
   if (!entry.ok()) return entry.status();
   absl::StatusOr<film::StoredUnit> stored = logs_[entry->log].reader.Read(entry->place);

@@ -53,11 +53,11 @@ uint32_t LittleEndian32(const char* bytes) {
 absl::StatusOr<std::string> ReadPiece(std::ifstream& file, int64_t bytes) {
   std::string text(static_cast<size_t>(bytes), '\0');
   file.read(text.data(), bytes);
-  if (file.gcount() != bytes) return absl::DataLossError("cannot be read to its end");
+  if (file.gcount() != bytes) return absl::DataLossError("cannot be read to the end");
   return text;
 }
 
-// The JSON of a .glb or .gltf; which of them it is, the content decides and not the name.
+// The JSON of a .glb or .gltf file. The content decides which of them it is, not the file name.
 absl::StatusOr<std::string> ReadSceneJson(std::ifstream& file, int64_t file_bytes) {
   char head[kGlbHeadBytes] = {};
   file.read(head, sizeof head);
@@ -68,18 +68,18 @@ absl::StatusOr<std::string> ReadSceneJson(std::ifstream& file, int64_t file_byte
     file.seekg(0);
     return ReadPiece(file, file_bytes);
   }
-  if (seen.size() < kGlbHeadBytes) return absl::DataLossError("a GLB file cut short within its header");
+  if (seen.size() < kGlbHeadBytes) return absl::DataLossError("a GLB file that ends within its header");
   if (const uint32_t version = LittleEndian32(head + 4); version != 2) {
-    return absl::DataLossError(absl::StrCat("glTF version ", version, "; only 2 is understood"));
+    return absl::DataLossError(absl::StrCat("glTF version ", version, "; only version 2 is supported"));
   }
-  if (const int64_t promised = LittleEndian32(head + 8); promised > file_bytes) {
-    return absl::DataLossError(absl::StrCat("a GLB file cut short: it has ", file_bytes, " of the ", promised,
-                                            " bytes its header promises"));
+  if (const int64_t stated = LittleEndian32(head + 8); stated > file_bytes) {
+    return absl::DataLossError(absl::StrCat("a GLB file that is too short: it has ", file_bytes, " of the ",
+                                            stated, " bytes its header states"));
   }
   const int64_t json_bytes = LittleEndian32(head + 12);
   if (absl::string_view(head + 16, 4) != kGlbJsonChunk || json_bytes > kMaxJsonBytes ||
       json_bytes > file_bytes - static_cast<int64_t>(kGlbHeadBytes)) {
-    return absl::DataLossError("a GLB file whose first chunk is no JSON");
+    return absl::DataLossError("a GLB file whose first chunk is not JSON");
   }
   return ReadPiece(file, json_bytes);
 }
@@ -97,7 +97,7 @@ absl::StatusOr<std::vector<std::string>> ReadExternalUris(const std::string& sce
   return uris;
 }
 
-// "scheme:" of RFC 3986; a single letter is a drive to some exporters, and no scheme.
+// "scheme:" of RFC 3986. A single letter is not a scheme: some exporters write a drive letter.
 bool HasScheme(absl::string_view uri) {
   const size_t colon = uri.find(':');
   if (colon == absl::string_view::npos || colon < 2) return false;
@@ -117,8 +117,8 @@ absl::Status CollectUris(const json& scene, const char* array_name, std::vector<
     const std::string& text = uri->get_ref<const std::string&>();
     if (absl::StartsWithIgnoreCase(text, "data:")) continue;
     if (text.empty() || HasScheme(text)) {
-      return absl::DataLossError(absl::StrCat(array_name, "[", i, "].uri is '", text,
-                                              "'; only files and data: URIs are understood"));
+      return absl::DataLossError(
+          absl::StrCat(array_name, "[", i, "].uri is '", text, "'; only files and data: URIs are supported"));
     }
     if (std::find(uris->begin(), uris->end(), text) == uris->end()) uris->push_back(text);
   }
@@ -161,7 +161,7 @@ absl::Status HashAsset(LocalAsset* asset) {
     digest.Update({buffer.data(), count});
     size += count;
   }
-  if (!file->eof()) return absl::DataLossError(absl::StrCat(asset->path, ": cannot be read to its end"));
+  if (!file->eof()) return absl::DataLossError(absl::StrCat(asset->path, ": cannot be read to the end"));
   asset->ref.set_sha256(digest.FinishHex());
   asset->ref.set_size(size);
   return absl::OkStatus();

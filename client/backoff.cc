@@ -8,25 +8,26 @@ namespace {
 
 constexpr absl::Duration kFirstPause = absl::Milliseconds(200);
 constexpr absl::Duration kLongestPause = absl::Seconds(5);
-// Pauses are slept in pieces, so that Ctrl-C need not wait.
-constexpr absl::Duration kPiece = absl::Milliseconds(100);
+// Pauses are divided into steps, so that Ctrl-C is noticed soon.
+constexpr absl::Duration kSleepStep = absl::Milliseconds(100);
 
 }  // namespace
 
-Backoff::Backoff(absl::Duration patience, rpc::RetryEnvironment time, std::function<bool()> interrupted)
-    : patience_(patience), time_(std::move(time)), interrupted_(std::move(interrupted)) {
+Backoff::Backoff(absl::Duration max_idle, rpc::RetryEnvironment time, std::function<bool()> interrupted)
+    : max_idle_(max_idle), time_(std::move(time)), interrupted_(std::move(interrupted)) {
   Reset();
 }
 
 void Backoff::Reset() {
-  moved_at_ = time_.now();
+  last_progress_ = time_.now();
   pause_ = kFirstPause;
 }
 
 bool Backoff::Pause() {
-  if (time_.now() - moved_at_ >= patience_) return false;
+  if (time_.now() - last_progress_ >= max_idle_) return false;
   absl::Duration left = pause_ * (1.0 - 0.5 * time_.jitter());
-  for (; left > absl::ZeroDuration() && !interrupted_(); left -= kPiece) time_.sleep(std::min(left, kPiece));
+  for (; left > absl::ZeroDuration() && !interrupted_(); left -= kSleepStep)
+    time_.sleep(std::min(left, kSleepStep));
   pause_ = std::min(pause_ * 2, kLongestPause);
   return !interrupted_();
 }

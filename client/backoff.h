@@ -7,24 +7,25 @@
 
 namespace lumifold::client {
 
-/// The pauses between tries of something that may go on for long as long as it moves: a job that is followed,
-/// a download.
+/// Pauses between the tries of an operation without a time limit, such as following a job or a download, that
+/// is retried as long as it makes progress.
 class Backoff {
  public:
-  /// Gives up when `patience` has passed without anything moving.
-  Backoff(absl::Duration patience, rpc::RetryEnvironment time, std::function<bool()> interrupted);
+  /// Pause() returns false when `max_idle` has passed without progress.
+  Backoff(absl::Duration max_idle, rpc::RetryEnvironment time, std::function<bool()> interrupted);
 
-  /// Something moved: pauses are short again and patience is whole.
+  /// Records progress: the next pause is short, and max_idle starts again.
   void Reset();
 
-  /// Waits before the next try, longer each time. False when it is time to give up or the user wants to stop.
+  /// Waits before the next try, longer each time. False when the caller should give up: after max_idle, or
+  /// when the user interrupts.
   bool Pause();
 
  private:
-  const absl::Duration patience_;
+  const absl::Duration max_idle_;
   const rpc::RetryEnvironment time_;
   const std::function<bool()> interrupted_;
-  absl::Time moved_at_;
+  absl::Time last_progress_;
   absl::Duration pause_;
 };
 

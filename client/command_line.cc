@@ -17,7 +17,7 @@ namespace {
 
 constexpr size_t kHelpColumn = 26;
 
-// Reads one value. Returns what was expected where the text is not it, and nothing where it is.
+// Parses one value. Returns the expected format for invalid text, and an empty string for valid text.
 using ReadValue = std::function<std::string(const std::string& text)>;
 
 bool IsDigits(const std::string& text) {
@@ -29,7 +29,7 @@ std::string FirstLine(const std::string& text) { return text.substr(0, text.find
 
 }  // namespace
 
-// All that knows CLI11, whose exceptions end in Parse.
+// All use of CLI11; its exceptions are caught in Parse.
 class CommandLine::Parser {
  public:
   Parser(const std::string& command, const std::string& summary) : app_(summary, "lumifold " + command) {
@@ -42,7 +42,7 @@ class CommandLine::Parser {
 
   CLI::Option* Add(const std::string& names, const std::string& value_name, ReadValue read,
                    const std::string& help) {
-    const std::string long_name = names.substr(names.rfind(',') + 1);  // all of it where there is no comma
+    const std::string long_name = names.substr(names.rfind(',') + 1);  // the whole text if there is no comma
     CLI::callback_t store = [read = std::move(read), long_name](const CLI::results_t& texts) {
       const std::string problem = read(texts.back());
       if (!problem.empty()) throw CLI::ValidationError(long_name, problem);
@@ -56,7 +56,7 @@ class CommandLine::Parser {
 
   CLI::App& app() { return app_; }
 
-  // The first argument that fits nothing, as a complaint; empty where all fit.
+  // Error message about the first unknown argument; empty if there is none.
   std::string UnknownArgument() const {
     const std::vector<std::string> extras = app_.remaining();
     const auto option = std::find_if(extras.begin(), extras.end(), [](const std::string& text) {
@@ -97,7 +97,7 @@ void CommandLine::AddFlag(const std::string& names, bool* value, const std::stri
 void CommandLine::AddText(const std::string& names, const std::string& value_name, std::string* value,
                           const std::string& help) {
   const ReadValue read = [value](const std::string& text) -> std::string {
-    if (text.empty()) return "expected a text that is not empty";
+    if (text.empty()) return "expected a non-empty text";
     *value = text;
     return "";
   };
@@ -200,7 +200,8 @@ std::optional<ExitCode> CommandLine::Parse(const std::vector<std::string>& argum
   CLI::App& app = parser_->app();
   std::string problem;
   try {
-    app.parse(std::vector<std::string>(arguments.rbegin(), arguments.rend()));  // CLI11 takes them last first
+    app.parse(std::vector<std::string>(arguments.rbegin(),
+                                       arguments.rend()));  // CLI11 expects them in reverse order
   } catch (const CLI::CallForHelp&) {
     environment.out << app.help() << std::flush;
     return ExitCode::kOk;
@@ -210,7 +211,7 @@ std::optional<ExitCode> CommandLine::Parse(const std::vector<std::string>& argum
   } catch (const CLI::ParseError& error) {
     problem = FirstLine(error.what());
   }
-  // What CLI11 misses may be missing only because an unknown option took its place.
+  // An unknown option may be the reason why CLI11 misses another one, so it is reported first.
   if (const std::string unknown = parser_->UnknownArgument(); !unknown.empty()) problem = unknown;
   if (problem.empty()) return std::nullopt;
   return ReportUsage(environment, app.get_name(), problem);

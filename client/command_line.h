@@ -12,8 +12,8 @@
 
 namespace lumifold::client {
 
-/// The options and arguments of one subcommand. Values are written where the caller points once they have
-/// been found valid; the caller's variables hold the defaults. `names` is as help shows it: "-o,--output".
+/// The options and arguments of one subcommand. Valid values are written to the caller's variables, which
+/// hold the defaults before. `names` has the form shown by help: "-o,--output".
 class CommandLine {
  public:
   /// `command` as in "lumifold COMMAND"; `summary` is the first line of its help.
@@ -23,11 +23,11 @@ class CommandLine {
   CommandLine(const CommandLine&) = delete;
   CommandLine& operator=(const CommandLine&) = delete;
 
-  /// An argument by position, always required.
+  /// A required positional argument.
   void AddArgument(const std::string& name, std::string* value, const std::string& help);
 
   void AddFlag(const std::string& names, bool* value, const std::string& help);
-  /// `value_name` is what help calls the value ("FILE").
+  /// `value_name` is the name of the value in help ("FILE").
   void AddText(const std::string& names, const std::string& value_name, std::string* value,
                const std::string& help);
   void AddRequiredText(const std::string& names, const std::string& value_name, std::string* value,
@@ -41,17 +41,17 @@ class CommandLine {
   /// A finite number above 0.
   void AddPositiveNumber(const std::string& names, float* value, const std::string& help);
   void AddSize(const std::string& names, PictureSize* value, const std::string& help);
-  /// One frame or several.
+  /// A range of frames.
   void AddFrames(const std::string& names, FrameRange* value, const std::string& help);
 
   /// HOST:PORT of a coordinator.
   void AddAddress(const std::string& names, std::string* value, const std::string& help);
 
-  /// More words for help, between the options and the exit codes.
+  /// Additional text of help, between the options and the exit codes.
   void SetFooter(const std::string& text);
 
-  /// Reads the arguments that follow the command's name. A value means that the program ends with it: help
-  /// was asked for and printed on `out`, or one line on `err` has said what is wrong.
+  /// Parses the arguments after the command's name. If it returns a value, the program ends with it: help was
+  /// printed to `out`, or an error to `err`.
   std::optional<ExitCode> Parse(const std::vector<std::string>& arguments, const Environment& environment);
 
  private:
@@ -59,7 +59,7 @@ class CommandLine {
   std::unique_ptr<Parser> parser_;
 };
 
-/// Says on `err` what is wrong with the command line and returns kUsage. `command` is "lumifold" or "lumifold
+/// Prints an error of the command line to `err` and returns kUsage. `command` is "lumifold" or "lumifold
 /// COMMAND".
 ExitCode ReportUsage(const Environment& environment, const std::string& command, const std::string& message);
 

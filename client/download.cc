@@ -28,7 +28,7 @@ ProgressState Downloading(const rpc::ByteReceiver& receiver) {
   return state;
 }
 
-// One try, from `offset` on. Opens the file only when there is something to put into it.
+// One try, from `offset` on. Opens the file when the first chunk arrives.
 absl::Status DownloadOnce(FarmClient& farm, const std::string& job_id, int frame,
                           const std::string& part_path, uint64_t offset, Progress& progress) {
   std::optional<rpc::ByteReceiver> receiver;
@@ -69,16 +69,16 @@ absl::Status DownloadFrame(FarmClient& farm, const std::string& job_id, int fram
   while (true) {
     absl::Status status = DownloadOnce(farm, job_id, frame, part_path, offset, progress);
     if (status.ok()) break;
-    if (absl::IsOutOfRange(status) && offset > 0) {  // longer than the file: no part of it
+    if (absl::IsOutOfRange(status) && offset > 0) {  // the part is longer than the result: start from 0
       offset = 0;
       continue;
     }
-    const bool may_return = absl::IsUnavailable(status) || absl::IsDataLoss(status);
+    const bool may_retry = absl::IsUnavailable(status) || absl::IsDataLoss(status);
     const uint64_t arrived = SizeOrZero(part_path);
-    const bool moved = arrived > offset;
-    // Nothing has ever arrived and nobody answers: a wrong address, not a broken connection.
-    if (!may_return || (!moved && arrived == 0)) return status;
-    if (moved) backoff.Reset();
+    const bool has_progress = arrived > offset;
+    // No byte ever arrived: a wrong address, not a broken connection.
+    if (!may_retry || (!has_progress && arrived == 0)) return status;
+    if (has_progress) backoff.Reset();
     if (!backoff.Pause()) return status;
     offset = arrived;
   }

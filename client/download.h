@@ -10,15 +10,15 @@
 
 namespace lumifold::client {
 
-/// Where a frame of a job is kept while it is on its way to `output`: beside it, and named after the job, so
-/// that what is left of one job is never taken for the beginning of another. Errors: kNotFound for a text
-/// that cannot be a job's id.
+/// Path of a partial download of a frame: in the folder of `output`, with the job id in its name, so that the
+/// download of another job never resumes from it.
+/// Errors: kNotFound for a text that is not a valid job id.
 absl::StatusOr<std::string> PartPath(const std::string& output, const std::string& job_id, int frame);
 
-/// Brings a frame's file to `part_path`, all of it and on the disk. What an earlier call left there is not
-/// sent again; a connection that breaks is opened anew as long as `backoff` allows, each time going on where
-/// it stopped. Errors: as FarmClient's; what has arrived stays for the next call, but nothing is left where
-/// nothing arrived.
+/// Downloads a frame's file to `part_path` and syncs it. Resumes a partial download of an earlier call, and
+/// reconnects and resumes after a broken connection as long as `backoff` allows.
+/// Errors: those of FarmClient; the bytes received stay for the next call. No file is created if no byte
+/// arrived.
 absl::Status DownloadFrame(FarmClient& farm, const std::string& job_id, int frame,
                            const std::string& part_path, Progress& progress, Backoff backoff);
 

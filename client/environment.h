@@ -13,35 +13,35 @@
 
 namespace lumifold::client {
 
-/// All that a command touches besides its arguments and the files they name; tests put their own in.
+/// The outside world of a command, besides its arguments and the files they name. Tests replace it.
 struct Environment {
-  /// Data, for other programs to read.
+  /// Output for programs.
   std::ostream& out;
-  /// Words, for people.
+  /// Messages for the user.
   std::ostream& err;
-  /// Whether `err` is a terminal whose last line can be rewritten, and how wide it is.
+  /// Whether `err` is a terminal whose last line can be rewritten, and its width.
   bool err_is_terminal = false;
   int terminal_columns = 80;
-  /// HOST:PORT where --server is not given.
+  /// HOST:PORT if --server is not given.
   std::string default_server = "127.0.0.1:7700";
-  /// Threads a local farm renders with where --threads is not given.
+  /// Threads of a local farm if --threads is not given.
   int default_threads = 1;
-  /// Null in a build without coordinator and worker, which cannot `render`.
+  /// Null in a build without coordinator and worker; `render` then fails.
   LocalFarmFactory local_farm = nullptr;
-  /// Null in a build without the filter, which cannot `filter`.
+  /// Null in a build without the filter; `filter` then fails.
   FilmFilter film_filter = nullptr;
   /// Empty in a build without the filter.
   MethodTexts methods = {};
-  /// True once the user has asked us to stop (Ctrl-C); asked several times a second.
+  /// True after the user interrupted the program (Ctrl-C); called several times a second.
   std::function<bool()> interrupted = [] { return false; };
   /// Clock, sleep and jitter.
   rpc::RetryEnvironment time = rpc::RetryEnvironment::Real();
 };
 
-/// Writes "lumifold: TEXT" as one line.
+/// Prints "lumifold: TEXT" as one line to `err`.
 void ReportLine(const Environment& environment, absl::string_view text);
 
-/// Writes "lumifold: MESSAGE" as one line and returns the code that belongs to the error.
+/// Prints "lumifold: MESSAGE" as one line to `err` and returns the exit code of the error.
 ExitCode ReportError(const Environment& environment, const absl::Status& status);
 
 }  // namespace lumifold::client

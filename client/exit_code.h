@@ -4,10 +4,10 @@
 
 namespace lumifold::client {
 
-/// What the program tells its caller. Scripts rely on these numbers: they never change.
+/// Exit codes of the program. Scripts rely on these numbers: they never change.
 enum class ExitCode : int {
   kOk = 0,
-  kFailed = 1,       // the job failed, or something else went wrong
+  kFailed = 1,       // the job failed, or any other error
   kUsage = 2,        // the command line, or a setting in it, is wrong
   kUnreachable = 3,  // the coordinator does not answer
   kNotFound = 4,     // no such job, frame or file
@@ -15,19 +15,18 @@ enum class ExitCode : int {
   kInterrupted = 130,
 };
 
-/// The same as words, for the foot of every help page.
+/// The same as text, for the end of every help page.
 inline constexpr char kExitCodesHelp[] =
     "Exit codes: 0 ok, 1 failed, 2 wrong command line, 3 coordinator not reachable, 4 no such job, frame or "
     "file,\n"
     "5 job cancelled, 130 interrupted.";
 
-/// The code an error ends the program with. kCancelled means that the user interrupted us: a job somebody
-/// cancelled is a state, not an error.
+/// The exit code of an error. kCancelled means that the user interrupted the program; a cancelled job is a
+/// state, not an error.
 ExitCode ExitCodeFor(const absl::Status& status);
 
-/// The same error as kInternal, unless it is kOk. Errors of this machine's files go through here, because
-/// file code says kUnavailable where a disk refuses, which to us means that the coordinator cannot be
-/// reached.
+/// The same error as kInternal, unless it is kOk. For errors of local files: file code returns kUnavailable
+/// for disk errors, but in the client kUnavailable means that the coordinator cannot be reached.
 absl::Status OfThisMachine(const absl::Status& status);
 
 }  // namespace lumifold::client

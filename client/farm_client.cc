@@ -16,16 +16,14 @@
 namespace lumifold::client {
 namespace {
 
-// Short calls. Few tries close together: somebody sits before the terminal and wants to know that the address
-// is wrong.
+// Short calls: few tries with short pauses, so that the user soon sees the error of a wrong address.
 const rpc::RetryPolicy kCallPolicy = {
     .try_timeout = absl::Seconds(10), .total_timeout = absl::Seconds(20), .max_tries = 3};
 const rpc::RetryPolicy kSlowCallPolicy = {
     .try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60), .max_tries = 3};
-// Streams live longer than calls, not for ever; a broken or overdue one is opened anew by those who follow
-// it.
+// Streams have longer deadlines than calls. The callers reopen a stream that broke or exceeded its deadline.
 constexpr absl::Duration kStreamTimeout = absl::Minutes(10);
-// A line slower than this is given up on.
+// Uploads over slower connections exceed their deadline.
 constexpr double kSlowestUploadBytesPerSecond = 128 * 1024;
 constexpr absl::Duration kTick = absl::Milliseconds(100);
 
@@ -33,7 +31,7 @@ std::chrono::system_clock::time_point DeadlineIn(absl::Duration timeout) {
   return absl::ToChronoTime(absl::Now() + timeout);
 }
 
-// gRPC tells the whole story of all addresses it tried; people need its end.
+// gRPC lists all addresses it tried; the last error is enough for the user.
 absl::string_view Reason(absl::string_view message) {
   constexpr absl::string_view kLead = "Failed to connect to remote host: ";
   const size_t at = message.rfind(kLead);
@@ -127,7 +125,7 @@ class GrpcFarmClient : public FarmClient {
     grpc::Status status;
     reader->Finish(&status, nullptr);
     Wait(queue, context, on_tick);
-    return Told(status);
+    return StatusOfCall(status);
   }
 
   absl::Status DownloadResult(const std::string& job_id, int frame, uint64_t offset,
@@ -143,13 +141,13 @@ class GrpcFarmClient : public FarmClient {
     v1::ByteChunk chunk;
     while (taken.ok() && !options_.interrupted() && reader->Read(&chunk)) taken = on_chunk(chunk);
     if (!taken.ok() || options_.interrupted()) context.TryCancel();
-    const absl::Status status = Told(reader->Finish());
+    const absl::Status status = StatusOfCall(reader->Finish());
     return taken.ok() ? status : taken;
   }
 
  private:
-  // Waits for the one operation under way. False when it failed, the stream's end included; an interruption
-  // makes it fail.
+  // Waits for the pending operation. False when it failed, also at the end of the stream or when the user
+  // interrupts.
   bool Wait(grpc::CompletionQueue& queue, grpc::ClientContext& context,
             absl::FunctionRef<void()> on_tick) const {
     void* tag = nullptr;
@@ -164,7 +162,7 @@ class GrpcFarmClient : public FarmClient {
   template <typename OneCall>
   absl::Status Call(const rpc::RetryPolicy& policy, const OneCall& call) const {
     return rpc::CallWithRetry(policy, rpc::Idempotency::kIdempotent, options_.time,
-                              [&](grpc::ClientContext& context) { return Told(call(context)); });
+                              [&](grpc::ClientContext& context) { return StatusOfCall(call(context)); });
   }
 
   absl::Status UploadOnce(grpc::ClientContext& context, const LocalAsset& asset,
@@ -185,17 +183,17 @@ class GrpcFarmClient : public FarmClient {
     }
     if (!more.ok() || options_.interrupted()) context.TryCancel();
     writer->WritesDone();
-    absl::Status status = Told(writer->Finish());
+    absl::Status status = StatusOfCall(writer->Finish());
     if (!more.ok()) return OfThisMachine(more.status());
     if (status.ok()) on_sent(asset.ref.size());
     return status;
   }
 
-  // What a call came to, in words for people.
-  absl::Status Told(const grpc::Status& outcome) const {
+  // The status of a call, with a message for the user.
+  absl::Status StatusOfCall(const grpc::Status& outcome) const {
     absl::Status status = rpc::StatusFromGrpc(outcome);
     if (!status.ok() && options_.interrupted()) return absl::CancelledError("interrupted");
-    // We cancel nothing else: the other side went away.
+    // Without an interruption, kCancelled means that the other side closed the connection.
     if (!rpc::IsTransient(status) && !absl::IsCancelled(status)) return status;
     return absl::UnavailableError(absl::StrCat("cannot reach the coordinator at ", options_.coordinator, ": ",
                                                Reason(status.message())));

@@ -9,11 +9,11 @@
 namespace lumifold::client {
 namespace {
 
-constexpr int64_t kMostLayoutBytes = 64 * 1024;
+constexpr int64_t kMaxLayoutBytes = 64 * 1024;
 
 absl::StatusOr<FilmLayout> LayoutOf(const std::string& name) {
   if (const FilmLayout* known = FindFilmLayout(name)) return *known;
-  const absl::StatusOr<std::string> text = ReadFile(name, kMostLayoutBytes);
+  const absl::StatusOr<std::string> text = ReadFile(name, kMaxLayoutBytes);
   if (absl::IsNotFound(text.status())) {
     return absl::NotFoundError(
         absl::StrCat("--layout: no layout is named '", name, "', and there is no such file"));
@@ -22,14 +22,14 @@ absl::StatusOr<FilmLayout> LayoutOf(const std::string& name) {
   return ParseFilmLayout(name, *text);
 }
 
-/// What is wrong with a picture is no fault of the command line.
+/// Errors of a picture are kDataLoss: kInvalidArgument is for errors of the command line.
 absl::Status AsPictureError(const absl::Status& status) {
   return absl::IsInvalidArgument(status) ? absl::DataLossError(status.message()) : status;
 }
 
-/// The part of a film that has `picture` and, unless null, `half_b` of another file.
-absl::StatusOr<ForeignFilm> Arrange(const FilmFileOptions& options, const FilmLayout& layout,
-                                    const LayeredImage& picture, const LayeredImage* half_b) {
+/// Maps the layers of `picture` and, unless null, of `half_b` from another file to a part of a film.
+absl::StatusOr<ForeignFilm> MapLayers(const FilmFileOptions& options, const FilmLayout& layout,
+                                      const LayeredImage& picture, const LayeredImage* half_b) {
   absl::StatusOr<ForeignFilm> film = ReadForeignFilm(options.picture, picture, layout);
   if (!film.ok() || half_b == nullptr) return film;
   const absl::StatusOr<ForeignFilm> other = ReadForeignFilm(options.half_b, *half_b, layout);
@@ -45,18 +45,18 @@ absl::StatusOr<std::unique_ptr<FilmFile>> FilmFile::Open(const FilmFileOptions& 
   absl::StatusOr<FilmLayout> layout = LayoutOf(options.layout);
   if (!layout.ok()) return AsPictureError(layout.status());
   std::unique_ptr<FilmFile> film(new FilmFile(options, *std::move(layout)));
-  if (absl::Status status = film->Examine(); !status.ok()) return AsPictureError(status);
+  if (absl::Status status = film->CheckLayers(); !status.ok()) return AsPictureError(status);
   return film;
 }
 
-absl::Status FilmFile::Examine() {
+absl::Status FilmFile::CheckLayers() {
   absl::StatusOr<std::unique_ptr<ExrFilm>> picture = ExrFilm::Open(options_.picture, options_.scratch_folder);
   if (!picture.ok()) return picture.status();
   picture_ = *std::move(picture);
   const LayeredImage outline = picture_->Outline();
-  is_whole_film_ = options_.layout == "lumifold" && options_.half_b.empty() &&
-                   outline.Has(layers::kSamplesA) && outline.HasColor(layers::HalfA(layers::kDirect));
-  if (is_whole_film_) return absl::OkStatus();
+  is_own_film_ = options_.layout == "lumifold" && options_.half_b.empty() && outline.Has(layers::kSamplesA) &&
+                 outline.HasColor(layers::HalfA(layers::kDirect));
+  if (is_own_film_) return absl::OkStatus();
   LayeredImage other;
   if (!options_.half_b.empty()) {
     absl::StatusOr<std::unique_ptr<ExrFilm>> half = ExrFilm::Open(options_.half_b, options_.scratch_folder);
@@ -69,11 +69,13 @@ absl::Status FilmFile::Examine() {
     }
   }
   absl::StatusOr<ForeignFilm> film =
-      Arrange(options_, layout_, outline, half_b_ != nullptr ? &other : nullptr);
+      MapLayers(options_, layout_, outline, half_b_ != nullptr ? &other : nullptr);
   if (!film.ok()) return film.status();
   notes_ = std::move(film->notes);
   if (half_b_ == nullptr)
-    notes_.push_back("one picture: its noise is estimated from it, which takes fine detail for noise");
+    notes_.push_back(
+        "one picture: its noise is estimated from the picture itself, and fine detail may be taken for "
+        "noise");
   return absl::OkStatus();
 }
 
@@ -85,12 +87,12 @@ absl::StatusOr<EdgedImage> FilmFile::Read(const Rect& rect) {
 
 absl::StatusOr<EdgedImage> FilmFile::ReadPart(const Rect& rect) {
   absl::StatusOr<EdgedImage> picture = picture_->Read(rect);
-  if (!picture.ok() || is_whole_film_) return picture;
+  if (!picture.ok() || is_own_film_) return picture;
   absl::StatusOr<EdgedImage> half = EdgedImage();
   if (half_b_ != nullptr) half = half_b_->Read(rect);
   if (!half.ok()) return half.status();
   absl::StatusOr<ForeignFilm> film =
-      Arrange(options_, layout_, picture->pixels, half_b_ != nullptr ? &half->pixels : nullptr);
+      MapLayers(options_, layout_, picture->pixels, half_b_ != nullptr ? &half->pixels : nullptr);
   if (!film.ok()) return film.status();
   return EdgedImage{std::move(film->film), {}};
 }

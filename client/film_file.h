@@ -10,22 +10,23 @@
 
 namespace lumifold::client {
 
-/// Where a film to be filtered comes from.
+/// Input files of a film.
 struct FilmFileOptions {
   std::string picture;
-  std::string half_b;               // a picture of as many other samples, or empty
-  std::string layout = "lumifold";  // a layout's name or file
-  std::string scratch_folder;       // for what does not fit into memory
+  std::string half_b;               // a picture with the same number of other samples, or empty
+  std::string layout = "lumifold";  // name or file of a layout
+  std::string scratch_folder;       // folder of temporary files of pictures larger than memory
 };
 
-/// The film in one OpenEXR file or two, ours or another renderer's, read part by part.
+/// A film in one or two OpenEXR files of Lumifold or of another renderer. Read part by part.
 class FilmFile final : public FilmSource {
  public:
-  /// Reads no pixels. Errors: kNotFound for a file or layout that is not there; kInvalidArgument for a layout
-  /// that is none; kDataLoss for a picture that is none or lacks what the layout asks for.
+  /// Reads no pixels.
+  /// Errors: kNotFound for a missing file or layout; kInvalidArgument for an invalid layout; kDataLoss for a
+  /// file that is not a picture or lacks layers that the layout requires.
   static absl::StatusOr<std::unique_ptr<FilmFile>> Open(const FilmFileOptions& options);
 
-  /// What the user should know of the film, a line each.
+  /// Messages about the film for the user, one line each.
   const std::vector<std::string>& notes() const { return notes_; }
 
   int width() const override { return picture_->width(); }
@@ -37,13 +38,13 @@ class FilmFile final : public FilmSource {
   FilmFile(FilmFileOptions options, FilmLayout layout)
       : options_(std::move(options)), layout_(std::move(layout)) {}
   absl::StatusOr<EdgedImage> ReadPart(const Rect& rect);
-  absl::Status Examine();
+  absl::Status CheckLayers();
 
   FilmFileOptions options_;
   FilmLayout layout_;
   std::unique_ptr<ExrFilm> picture_;
-  std::unique_ptr<ExrFilm> half_b_;  // null where there is none
-  bool is_whole_film_ = false;       // it holds its own halves: what --save-film writes
+  std::unique_ptr<ExrFilm> half_b_;  // null if there is none
+  bool is_own_film_ = false;         // written with --save-film: has halves
   std::vector<std::string> notes_;
 };
 

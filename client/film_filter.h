@@ -9,9 +9,10 @@
 
 namespace lumifold::client {
 
-/// Filters a film (channels of filter/image/layers.h) by `method` on `threads` threads. R G B and the channels
-/// named in `passed_on` go to `sink` in rows from the top down. A film without halves gets halves made from its
-/// one picture. The program passes this function in, so that the client library does not link the filter.
+/// Filters a film (channels of filter/image/layers.h) with `method` on `threads` threads. Passes R G B and
+/// the channels named in `passed_on` to `sink`, in bands of rows from the top down. For a film without
+/// halves, halves are made from its one picture. The program passes this function in, so that the client
+/// library does not link the filter.
 /// Errors: those of filter::FilterFilmInRows.
 using FilmFilter =
     std::function<absl::Status(FilmSource* film, const std::string& method, int threads,

@@ -23,12 +23,12 @@ absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job
                                         Backoff backoff,
                                         absl::FunctionRef<void(const v1::JobStatus&)> on_status) {
   std::optional<v1::JobStatus> last;
-  std::set<std::string> said;
+  std::set<std::string> shown_warnings;
   const auto take = [&](const v1::JobStatus& job) {
     backoff.Reset();
     last = job;
     for (const std::string& warning : job.warnings()) {
-      if (said.insert(warning).second) progress.Say(absl::StrCat("warning: ", warning));
+      if (shown_warnings.insert(warning).second) progress.Message(absl::StrCat("warning: ", warning));
     }
     if (!HasEnded(job)) progress.Update(ProgressOf(job));
     on_status(job);
@@ -40,13 +40,14 @@ absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job
   while (true) {
     const absl::Status status = farm.WatchJob(job_id, take, tick);
     if (last.has_value() && HasEnded(*last)) break;
-    // A stream that ends before the job does is a connection lost, whatever it says.
-    const bool may_return = status.ok() || (absl::IsUnavailable(status) && last.has_value());
-    if (!may_return) return status;
-    if (!lost && !status.ok()) progress.Say(absl::StrCat(status.message(), "; trying again"));
+    // A stream that ends before the job is a lost connection, whatever its status.
+    const bool may_retry = status.ok() || (absl::IsUnavailable(status) && last.has_value());
+    if (!may_retry) return status;
+    if (!lost && !status.ok()) progress.Message(absl::StrCat(status.message(), "; trying again"));
     lost = !status.ok();
     if (!backoff.Pause()) {
-      return status.ok() ? absl::UnavailableError(absl::StrCat("lost sight of job ", job_id)) : status;
+      return status.ok() ? absl::UnavailableError(absl::StrCat("lost the connection to job ", job_id))
+                         : status;
     }
   }
   progress.Clear();

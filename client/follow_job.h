@@ -12,12 +12,13 @@
 
 namespace lumifold::client {
 
-/// A job's status as one stage of work.
+/// The progress of a job's current stage.
 ProgressState ProgressOf(const v1::JobStatus& job);
 
-/// Follows a job to its end and gives its last status. `on_status` hears each status; `progress` shows them,
-/// and the job's warnings once each. A connection that breaks after it stood is opened anew as long as
-/// `backoff` allows; one that never stood is an error at once. Errors: as FarmClient's.
+/// Follows a job to its end and returns its last status. Calls `on_status` with each status; `progress` shows
+/// them and each warning of the job once. Reconnects after a broken connection as long as `backoff` allows; a
+/// first connection that fails is an error at once.
+/// Errors: those of FarmClient.
 absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job_id, Progress& progress,
                                         Backoff backoff,
                                         absl::FunctionRef<void(const v1::JobStatus&)> on_status);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kLastFrame = std::numeric_limits<int>::max() - 1;
 
-// Digits alone: SimpleAtoi would also take signs and blanks.
+// Digits only: SimpleAtoi also accepts signs and spaces.
 bool ParseFrame(absl::string_view text, int* frame) {
   return std::all_of(text.begin(), text.end(), [](unsigned char c) { return absl::ascii_isdigit(c); }) &&
          absl::SimpleAtoi(text, frame) && *frame <= kLastFrame;

@@ -7,7 +7,7 @@
 
 namespace lumifold::client {
 
-/// Frames from `first` to `last`, both among them.
+/// Frames from `first` to `last`, inclusive.
 struct FrameRange {
   int first = 0;
   int last = 0;
@@ -16,16 +16,16 @@ struct FrameRange {
   friend bool operator==(const FrameRange&, const FrameRange&) = default;
 };
 
-/// Reads "7" or "1-48". Errors: kInvalidArgument that says what is expected, for anything else and for a last
-/// frame before the first.
+/// Parses "7" or "1-48".
+/// Errors: kInvalidArgument with the expected format, for other text and for a last frame before the first.
 absl::StatusOr<FrameRange> ParseFrameRange(absl::string_view text);
 
-/// Whether the name of the file has a place for the frame's number: a run of #.
+/// Whether the file name contains a placeholder for the frame number: one or more #.
 bool HasFrameNumber(const std::string& path);
 
-/// The frame's file: the last run of # in the name of the file becomes its number, with zeros before it up to
-/// the run's length; a longer number takes the room it needs. A name without # stays as it is, and so does
-/// the folder.
+/// Path of a frame's file: the last run of # in the file name is replaced by the frame number, padded with
+/// zeros to the length of the run; a longer number is not cut. A name without # and the folder are not
+/// changed.
 std::string PathOfFrame(const std::string& path, int frame);
 
 }  // namespace lumifold::client

@@ -6,7 +6,7 @@
 namespace lumifold::client {
 namespace {
 
-// A signal handler can reach nothing but a variable of the process.
+// A global variable, because a signal handler has no argument for state.
 std::atomic<bool> interrupted = false;
 static_assert(std::atomic<bool>::is_always_lock_free);
 

@@ -8,10 +8,10 @@
 namespace lumifold::client {
 namespace {
 
-constexpr int kMostSamples = 1 << 20;
-constexpr int kMostBounces = 1024;
+constexpr int kMaxSamples = 1 << 20;
+constexpr int kMaxBounces = 1024;
 
-/// How the job calls the environment map: by a scheme that no file of a scene can have.
+/// URI of the environment map in the job; no file of a scene can have this scheme.
 std::string EnvironmentUri(const std::string& path) {
   return "environment:" + std::filesystem::path(path).filename().string();
 }
@@ -21,39 +21,43 @@ std::string EnvironmentUri(const std::string& path) {
 void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
   command_line.AddSize("--size", &options->size, "Picture size in pixels (default 1024x768)");
-  command_line.AddWholeNumber("--spp", &options->samples_per_pixel, 1, kMostSamples,
+  command_line.AddWholeNumber("--spp", &options->samples_per_pixel, 1, kMaxSamples,
                               "Samples per pixel (default 64)");
-  command_line.AddSeed("--seed", &options->seed, "Key of the random numbers (default 0)");
-  command_line.AddWholeNumber("--max-bounces", &options->max_bounces, 0, kMostBounces,
-                              "How often light may bounce on after the first surface (default 8)");
-  command_line.AddText("--filter", "METHOD", &options->filter,
-                       "'default', 'none' or a method of the coordinator (default 'default')");
+  command_line.AddSeed("--seed", &options->seed, "Seed of the random numbers (default 0)");
+  command_line.AddWholeNumber("--max-bounces", &options->max_bounces, 0, kMaxBounces,
+                              "Scattering events after the first surface, at most (default 8)");
+  command_line.AddText(
+      "--method", "METHOD", &options->method,
+      "Filter: 'default', 'none' or another method, see 'filter --help' (default 'default')");
   command_line.AddText("--camera", "NAME", &options->camera, "Camera by name (default: the scene's first)");
   command_line.AddFrames("--frame,--frames", &options->frames,
                          "Number of the frame, or of the first and last one (default 0)");
   command_line.AddPositiveNumber("--fps", &options->frames_per_second,
-                                 "Frames a second: frame N shows the scene at N/X seconds (default 24)");
+                                 "Frames per second: frame N shows the scene at N/X seconds (default 24)");
   command_line.AddText("--env", "FILE", &options->environment,
-                       "Light from all round: a latitude-longitude picture, .exr or .hdr");
-  command_line.AddNumber("--env-rotate", &options->environment_rotate_degrees,
-                         "Degrees to turn it about the vertical, counter-clockwise from above (default 0)");
+                       "Environment light: a latitude-longitude picture, .exr or .hdr");
+  command_line.AddNumber(
+      "--env-rotate", &options->environment_rotate_degrees,
+      "Rotation of it about the vertical in degrees, counter-clockwise from above (default 0)");
   command_line.AddPositiveNumber("--env-scale", &options->environment_scale,
-                                 "Factor on its light (default 1)");
-  command_line.AddPositiveNumber("--f-stop", &options->f_stop,
-                                 "Depth of field: focal length over aperture (default: all is sharp)");
+                                 "Factor on its radiance (default 1)");
+  command_line.AddPositiveNumber(
+      "--f-stop", &options->f_stop,
+      "Depth of field: focal length / aperture diameter (default: pinhole camera)");
   command_line.AddPositiveNumber("--focus", &options->focus_metres,
-                                 "Distance of what is sharp, in metres; with --f-stop");
-  command_line.AddFlag("--save-film", &options->save_film, "Keep every layer the filter reads in the result");
+                                 "Distance of the plane of focus in metres; with --f-stop");
+  command_line.AddFlag("--save-film", &options->save_film,
+                       "Write every layer that the filter reads into the result");
 }
 
 std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
                                         const Environment& environment) {
-  const auto complain = [&](const char* message) { return ReportUsage(environment, command, message); };
+  const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
   if ((options.f_stop > 0) != (options.focus_metres > 0))
-    return complain("--f-stop and --focus need each other");
+    return report("--f-stop and --focus must be given together");
   if (options.environment.empty() &&
       (options.environment_rotate_degrees != 0 || options.environment_scale != 1))
-    return complain("--env-rotate and --env-scale need --env");
+    return report("--env-rotate and --env-scale require --env");
   return std::nullopt;
 }
 
@@ -80,7 +84,7 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
   spec.set_samples_per_pixel(options.samples_per_pixel);
   spec.set_seed(options.seed);
   spec.set_max_bounces(options.max_bounces);
-  spec.mutable_filter()->set_method(options.filter);
+  spec.mutable_filter()->set_method(options.method);
   spec.set_save_film(options.save_film);
   if (!options.environment.empty()) {
     spec.mutable_environment()->set_uri(EnvironmentUri(options.environment));

@@ -15,36 +15,37 @@
 
 namespace lumifold::client {
 
-/// What `render` and `submit` both take: everything that decides the picture.
+/// Options of `render` and `submit`: all parameters that determine the picture.
 struct JobOptions {
   std::string scene;
   PictureSize size;
   int samples_per_pixel = 64;
   uint64_t seed = 0;
   int max_bounces = 8;
-  std::string filter = "default";
+  std::string method = "default";
   std::string camera;
   FrameRange frames;
   float frames_per_second = 24;
   bool save_film = false;
-  std::string environment;  // a picture's path; empty: none
+  std::string environment;  // path of the environment map; empty: none
   float environment_rotate_degrees = 0;
   float environment_scale = 1;
-  float f_stop = 0;  // 0: a pinhole
+  float f_stop = 0;  // 0: pinhole camera
   float focus_metres = 0;
 };
 
 /// Adds SCENE and the options above to a command.
 void AddJobOptions(CommandLine& command_line, JobOptions* options);
 
-/// Whether the options go together; where they do not, says on `err` what is wrong and gives the exit code.
+/// Checks combinations of options. For an invalid one it prints an error to `err` and returns the exit code.
 std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
                                         const Environment& environment);
 
-/// The files of the job: those of its scene, and its environment map. Errors: as FindSceneAssets()'s.
+/// The files of the job: those of its scene and its environment map.
+/// Errors: those of FindSceneAssets().
 absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options);
 
-/// The job as the coordinator takes it, all but its scene's assets.
+/// The job's spec, without the scene.
 v1::JobSpec MakeJobSpec(const JobOptions& options);
 
 }  // namespace lumifold::client

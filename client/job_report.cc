@@ -46,7 +46,7 @@ bool HasEnded(const v1::JobStatus& status) {
          status.state() == v1::JOB_STATE_CANCELLED;
 }
 
-ExitCode ExitCodeForFate(const v1::JobStatus& status) {
+ExitCode ExitCodeForOutcome(const v1::JobStatus& status) {
   if (status.state() == v1::JOB_STATE_FAILED) return ExitCode::kFailed;
   if (status.state() == v1::JOB_STATE_CANCELLED) return ExitCode::kCancelled;
   return ExitCode::kOk;

@@ -6,19 +6,19 @@
 #include <iostream>
 #include <thread>
 
+#include "client/commands/run_client.h"
 #include "client/interrupt.h"
 #include "client/local/film_filter.h"
 #include "client/local/in_process_farm.h"
-#include "client/run_client.h"
 
 namespace {
 
-constexpr int kUsualColumns = 80;
+constexpr int kDefaultColumns = 80;
 
 int TerminalColumns() {
   winsize size = {};
   const bool known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0;
-  return known ? size.ws_col : kUsualColumns;
+  return known ? size.ws_col : kDefaultColumns;
 }
 
 }  // namespace

@@ -7,22 +7,24 @@
 
 namespace lumifold::client {
 
-/// What the last letters of an output's name ask for.
+/// File format of an output, from the extension of its name.
 enum class PictureFormat { kExr, kPng };
 
-/// Errors: kInvalidArgument for any name that ends neither in .exr nor in .png, upper case or lower.
+/// Errors: kInvalidArgument for a name that ends neither in .exr nor in .png (in any case).
 absl::StatusOr<PictureFormat> PictureFormatOf(const std::string& path);
 
-/// Checks before any work is done that `path` can be written: its folder is there and lets us write, and it
-/// is no folder itself. Errors: kNotFound, kPermissionDenied, kInvalidArgument, naming what is in the way.
+/// Checks that `path` can be written, before any work is done: its folder exists and is writable, and `path`
+/// is not a folder.
+/// Errors: kNotFound, kPermissionDenied, kInvalidArgument, naming the obstacle.
 absl::Status CheckOutput(const std::string& path);
 
-/// Writes one colour layer of an OpenEXR file as PNG; an empty layer is the finished picture.
+/// Writes one colour layer of an OpenEXR file as PNG; an empty `layer` is the finished picture (R G B).
 /// Errors: those of reading and writing, naming the file; kNotFound for a layer the file does not have.
 absl::Status WritePngOfLayer(const std::string& exr_path, const std::string& layer, float exposure,
                              const std::string& png_path);
 
-/// Gives a file the user's name once it is whole. Errors: kInternal with the system's words.
+/// Renames a complete file to its final name.
+/// Errors: kInternal with the system's message.
 absl::Status MoveIntoPlace(const std::string& from, const std::string& to);
 
 }  // namespace lumifold::client

@@ -7,7 +7,7 @@
 namespace lumifold::client {
 namespace {
 
-// Digits alone: SimpleAtoi would also take signs and blanks.
+// Digits only: SimpleAtoi also accepts signs and spaces.
 bool ParseEdge(absl::string_view text, int* edge) {
   for (const char c : text) {
     if (!absl::ascii_isdigit(static_cast<unsigned char>(c))) return false;

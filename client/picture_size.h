@@ -7,7 +7,7 @@
 
 namespace lumifold::client {
 
-/// The longest edge a picture may have, in pixels; the coordinator holds to the same.
+/// Maximum width and height of a picture in pixels; the coordinator has the same limit.
 inline constexpr int kMaxEdge = 16384;
 
 struct PictureSize {
@@ -17,8 +17,8 @@ struct PictureSize {
   friend bool operator==(const PictureSize&, const PictureSize&) = default;
 };
 
-/// Reads "512x384". Errors: kInvalidArgument that says what is expected, for anything else and for edges
-/// outside 1..kMaxEdge.
+/// Parses "512x384".
+/// Errors: kInvalidArgument with the expected format, for other text and for edges outside 1..kMaxEdge.
 absl::StatusOr<PictureSize> ParsePictureSize(absl::string_view text);
 
 }  // namespace lumifold::client

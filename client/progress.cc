@@ -11,15 +11,14 @@ namespace lumifold::client {
 namespace {
 
 constexpr absl::Duration kRateWindow = absl::Seconds(15);
-constexpr absl::Duration kRewriteEvery = absl::Milliseconds(100);
-// Plain lines: each tenth of the work, but no closer than this, and one now and then where a tenth takes
-// long.
-constexpr absl::Duration kPlainAtLeast = absl::Seconds(3);
-constexpr absl::Duration kPlainAtMost = absl::Seconds(30);
-constexpr int kWidestBar = 30;
-constexpr int kNarrowestBar = 5;
-// What details usually take at most; kept free beside the bar, so that it does not change its width with
-// every digit.
+constexpr absl::Duration kRewriteInterval = absl::Milliseconds(100);
+// Plain output: one line for each tenth of the work, at least kMinPlainInterval apart, and one after
+// kMaxPlainInterval.
+constexpr absl::Duration kMinPlainInterval = absl::Seconds(3);
+constexpr absl::Duration kMaxPlainInterval = absl::Seconds(30);
+constexpr int kMaxBarColumns = 30;
+constexpr int kMinBarColumns = 5;
+// Columns reserved for the details, so that the bar's width does not change with every digit.
 constexpr int kDetailsColumns = 42;
 
 double Fraction(const ProgressState& state) {
@@ -27,7 +26,7 @@ double Fraction(const ProgressState& state) {
   return std::clamp(static_cast<double>(state.done) / static_cast<double>(state.total), 0.0, 1.0);
 }
 
-// "12.3 Msamples/s, 1m05s left, 3 workers": only what is known.
+// "12.3 Msamples/s, 1m05s left, 3 workers", without the parts that are unknown.
 std::string Details(const ProgressState& state, std::optional<double> per_second) {
   std::string text;
   const auto append = [&text](absl::string_view part) {
@@ -54,17 +53,18 @@ std::string Percent(double fraction) {
 }  // namespace
 
 void RateMeter::Add(absl::Time now, int64_t done) {
-  if (!points_.empty() && done < points_.back().done) points_.clear();  // another stage, or begun anew
+  if (!points_.empty() && done < points_.back().done)
+    points_.clear();  // another stage, or the stage started again
   points_.push_back({now, done});
   while (points_.size() > 2 && now - points_[1].time >= kRateWindow) points_.pop_front();
 }
 
 std::optional<double> RateMeter::PerSecond() const {
   if (points_.empty()) return std::nullopt;
-  const int64_t moved = points_.back().done - points_.front().done;
+  const int64_t advance = points_.back().done - points_.front().done;
   const double seconds = absl::ToDoubleSeconds(points_.back().time - points_.front().time);
-  if (moved <= 0 || seconds <= 0) return std::nullopt;
-  return static_cast<double>(moved) / seconds;
+  if (advance <= 0 || seconds <= 0) return std::nullopt;
+  return static_cast<double>(advance) / seconds;
 }
 
 std::string DurationText(absl::Duration duration) {
@@ -97,7 +97,7 @@ void ProgressPrinter::Update(const ProgressState& state) {
     printed_tenth_ = 0;
     printed_at_ = absl::InfinitePast();
   }
-  if (options_.terminal && !new_stage && now - printed_at_ < kRewriteEvery) return;
+  if (options_.terminal && !new_stage && now - printed_at_ < kRewriteInterval) return;
   rate_.Add(now, state.done);
   if (!options_.terminal) return PrintPlain(state, now);
   printed_at_ = now;
@@ -112,9 +112,9 @@ void ProgressPrinter::Rewrite(const ProgressState& state) {
     const std::string percent = Percent(fraction);
     const int words = static_cast<int>(line.size() + percent.size()) +
                       std::max(kDetailsColumns, static_cast<int>(details.size()));
-    // Two brackets, three pairs of blanks, and the last column stays free lest the terminal wraps.
+    // Nine columns: two brackets, three pairs of spaces, and the last column, where the terminal would wrap.
     const int room = options_.columns - words - 9;
-    if (room >= kNarrowestBar) absl::StrAppend(&line, "  ", Bar(fraction, std::min(room, kWidestBar)));
+    if (room >= kMinBarColumns) absl::StrAppend(&line, "  ", Bar(fraction, std::min(room, kMaxBarColumns)));
     absl::StrAppend(&line, " ", percent);
   }
   if (!details.empty()) absl::StrAppend(&line, "  ", details);
@@ -128,9 +128,10 @@ void ProgressPrinter::Rewrite(const ProgressState& state) {
 void ProgressPrinter::PrintPlain(const ProgressState& state, absl::Time now) {
   const double fraction = Fraction(state);
   const int tenth = static_cast<int>(std::floor(fraction * 10));
-  const absl::Duration silent = now - printed_at_;
-  const bool due = silent >= kPlainAtMost || (tenth > printed_tenth_ && silent >= kPlainAtLeast);
-  if (!due) return;
+  const absl::Duration since_last = now - printed_at_;
+  const bool is_due =
+      since_last >= kMaxPlainInterval || (tenth > printed_tenth_ && since_last >= kMinPlainInterval);
+  if (!is_due) return;
   const std::string details = Details(state, rate_.PerSecond());
   out_ << state.stage;
   if (state.total > 0) out_ << " " << static_cast<int>(std::floor(fraction * 100)) << "%";
@@ -140,7 +141,7 @@ void ProgressPrinter::PrintPlain(const ProgressState& state, absl::Time now) {
   printed_tenth_ = tenth;
 }
 
-void ProgressPrinter::Say(absl::string_view line) {
+void ProgressPrinter::Message(absl::string_view line) {
   Clear();
   out_ << line << "\n" << std::flush;
 }

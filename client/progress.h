@@ -12,51 +12,51 @@
 
 namespace lumifold::client {
 
-/// What a stage of the work counts.
+/// Unit of a stage's progress.
 enum class ProgressUnit { kSamples, kBytes };
 
-/// How far one stage of the work is.
+/// Progress of one stage of the work.
 struct ProgressState {
   /// One word: "uploading", "queued", "rendering", "filtering", "downloading".
   std::string stage;
   int64_t done = 0;
-  /// 0 where it is not known or means nothing.
+  /// 0 if unknown.
   int64_t total = 0;
   ProgressUnit unit = ProgressUnit::kSamples;
-  /// Shown where above 0.
+  /// Shown if above 0.
   int workers = 0;
 };
 
-/// Is told how the work goes.
+/// Receives the progress of the work.
 class Progress {
  public:
   virtual ~Progress() = default;
-  /// May be called as often as one likes, also to let the time shown move on.
+  /// May be called at any rate, also without progress, to update the time shown.
   virtual void Update(const ProgressState& state) = 0;
-  /// One line of words that stays ("reconnecting to ...").
-  virtual void Say(absl::string_view line) = 0;
-  /// Takes away what should not stay on the screen. Update may follow.
+  /// Prints a line that stays on the screen ("reconnecting to ...").
+  virtual void Message(absl::string_view line) = 0;
+  /// Removes the progress from the screen. Update may follow.
   virtual void Clear() = 0;
 };
 
-/// Shows no progress, only what is said.
+/// Shows no progress, only messages.
 class QuietProgress : public Progress {
  public:
   explicit QuietProgress(std::ostream& out) : out_(out) {}
 
   void Update(const ProgressState&) override {}
-  void Say(absl::string_view line) override { out_ << line << "\n" << std::flush; }
+  void Message(absl::string_view line) override { out_ << line << "\n" << std::flush; }
   void Clear() override {}
 
  private:
   std::ostream& out_;
 };
 
-/// Amount a second, over the last seconds rather than since the start: workers come and go.
+/// Rate of progress over the last seconds, because the number of workers changes.
 class RateMeter {
  public:
   void Add(absl::Time now, int64_t done);
-  /// Nothing until something has moved.
+  /// nullopt until there is progress.
   std::optional<double> PerSecond() const;
 
  private:
@@ -73,20 +73,20 @@ std::string DurationText(absl::Duration duration);
 std::string RateText(double per_second, ProgressUnit unit);
 
 struct ProgressPrinterOptions {
-  /// A terminal gets one line that is rewritten; anything else gets plain lines now and then.
+  /// True: one line that is rewritten. False: plain lines at intervals.
   bool terminal = false;
   int columns = 80;
   std::function<absl::Time()> now;
 };
 
-/// Prints progress for people. Nothing is coloured.
+/// Prints progress as text, without colours.
 class ProgressPrinter final : public Progress {
  public:
   ProgressPrinter(std::ostream& out, ProgressPrinterOptions options);
   ~ProgressPrinter() override;
 
   void Update(const ProgressState& state) override;
-  void Say(absl::string_view line) override;
+  void Message(absl::string_view line) override;
   void Clear() override;
 
  private:
@@ -97,7 +97,7 @@ class ProgressPrinter final : public Progress {
   const ProgressPrinterOptions options_;
   RateMeter rate_;
   std::string stage_;
-  std::string shown_;  // the terminal line as it stands now
+  std::string shown_;  // current text of the terminal line
   absl::Time printed_at_ = absl::InfinitePast();
   int printed_tenth_ = 0;
 };

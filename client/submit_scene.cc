@@ -11,7 +11,7 @@
 namespace lumifold::client {
 namespace {
 
-// 128 random bits: no two submissions of anybody are taken for one.
+// 128 random bits: unique among all submissions.
 std::string MakeRequestId() {
   std::random_device random;
   std::string id;

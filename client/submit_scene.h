@@ -10,8 +10,9 @@
 
 namespace lumifold::client {
 
-/// Sends the coordinator the assets it lacks, each content once, and then the job; gives its id. `spec` is
-/// the job without its scene. Errors: as FarmClient's.
+/// Uploads the assets that the coordinator does not have, each content once, submits the job and returns its
+/// id. `spec` is the job without its scene.
+/// Errors: those of FarmClient.
 absl::StatusOr<std::string> SubmitScene(FarmClient& farm, const SceneAssets& assets, v1::JobSpec spec,
                                         Progress& progress);
 

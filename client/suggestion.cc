@@ -7,8 +7,8 @@
 namespace lumifold::client {
 namespace {
 
-// More slips than this in one word are another word.
-constexpr int kMaxSlips = 3;
+// Words that differ by more edits are not suggested.
+constexpr int kMaxEdits = 3;
 
 }  // namespace
 
@@ -30,14 +30,14 @@ int EditDistance(absl::string_view a, absl::string_view b) {
 }
 
 std::string Suggestion(absl::string_view unknown, const std::vector<std::string>& words) {
-  // A slip in half the letters is a guess, not a slip.
-  const int limit = std::min(kMaxSlips, static_cast<int>(unknown.size()) / 2);
+  // At most half of the letters may differ.
+  const int limit = std::min(kMaxEdits, static_cast<int>(unknown.size()) / 2);
   int best = limit + 1;
   absl::string_view nearest;
   for (const std::string& word : words) {
-    const int slips = EditDistance(unknown, word);
-    if (slips < best) {
-      best = slips;
+    const int edits = EditDistance(unknown, word);
+    if (edits < best) {
+      best = edits;
       nearest = word;
     }
   }

@@ -10,13 +10,13 @@ ExitCode RunCancel(const std::vector<std::string>& arguments, const Environment&
   CommandLine command_line("cancel", SummaryOf("cancel"));
   command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
   remote.AddTo(command_line);
-  command_line.SetFooter("A job that has ended stays as it is; to cancel it is no error.");
+  command_line.SetFooter("A job that has ended does not change; cancelling it is not an error.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   const absl::StatusOr<v1::JobStatus> job = remote.Connect(environment)->CancelJob(job_id);
   if (!job.ok()) return ReportError(environment, job.status());
   if (remote.json) environment.out << JobJson(*job) << "\n" << std::flush;
-  ReportFate(environment, *job);
+  ReportOutcome(environment, *job);
   return ExitCode::kOk;
 }
 

@@ -17,7 +17,7 @@ struct Command {
 /// All subcommands in the order help lists them.
 const std::vector<Command>& Commands();
 
-/// The summary of a command of the table.
+/// The summary of a command in Commands().
 const std::string& SummaryOf(const std::string& name);
 
 // One file each: render.cc, submit.cc, ...

@@ -42,7 +42,7 @@ struct CompareOptions {
 using MetricFunction = absl::StatusOr<double> (*)(const ConstColorView& picture,
                                                   const ConstColorView& reference, float exposure);
 
-/// A way to judge a picture: its name for --metric and in words and JSON, and how its value is printed.
+/// An error metric: its name for --metric, in text and in JSON, and the format of its value.
 struct Metric {
   std::string_view name;
   std::string_view title;
@@ -78,15 +78,15 @@ constexpr std::array<Metric, 8> kMetrics = {{
      [](const Color& x, const Color& r, float) -> absl::StatusOr<double> { return metrics::HdrFlip(x, r); }},
 }};
 
-/// What one metric found.
-struct Judged {
+/// Value of one metric.
+struct MetricValue {
   const Metric* metric = nullptr;
   double value = 0;
 };
 
-/// All that was found.
-struct Findings {
-  std::vector<Judged> judged;
+/// All values of a comparison.
+struct Comparison {
+  std::vector<MetricValue> values;
   std::optional<metrics::RegionMeans> regions;  // of MSE255
   std::optional<float> heat_scale;              // 8-bit steps
 };
@@ -115,21 +115,21 @@ absl::StatusOr<std::vector<const Metric*>> ParseMetrics(const std::string& text)
   return chosen;
 }
 
-/// Errors: kNotFound where the reference has none of the layers that tell regions apart.
+/// Errors: kNotFound if the reference has none of the layers that define regions.
 absl::StatusOr<metrics::RegionMeans> CompareRegions(const CompareOptions& options,
                                                     const EdgedImage& reference, const Color& x,
                                                     const Color& r) {
   const LayeredImage& pixels = reference.pixels;
   if (!pixels.HasColor(layers::kAlbedo) && !pixels.HasColor(layers::kDirect) &&
       !reference.edges.Has(layers::kPixelX)) {
-    return absl::NotFoundError(absl::StrCat(
-        options.reference, ": has no layers to tell regions by: it takes 'albedo', 'direct' or edges"));
+    return absl::NotFoundError(
+        absl::StrCat(options.reference, ": has no layers that define regions: 'albedo', 'direct' or edges"));
   }
   return metrics::Mse255ByRegion(x, r, metrics::RegionsOf(reference), options.exposure);
 }
 
-/// Writes where the picture errs, and gives the scale.
-absl::StatusOr<float> PaintErrors(const CompareOptions& options, const Color& x, const Color& r) {
+/// Writes the heat map of the errors and returns its scale.
+absl::StatusOr<float> WriteHeatMap(const CompareOptions& options, const Color& x, const Color& r) {
   const Plane errors = metrics::StepErrors(x, r, options.exposure);
   const float scale = metrics::HeatScale(errors.view());
   const std::array<Plane, 3> map = metrics::HeatMap(errors.view(), scale);
@@ -138,7 +138,7 @@ absl::StatusOr<float> PaintErrors(const CompareOptions& options, const Color& x,
   return scale;
 }
 
-absl::StatusOr<Findings> Compare(const CompareOptions& options, const std::vector<const Metric*>& chosen) {
+absl::StatusOr<Comparison> Compare(const CompareOptions& options, const std::vector<const Metric*>& chosen) {
   const absl::StatusOr<EdgedImage> picture = ReadWithLayer(options.picture, options.layer);
   if (!picture.ok()) return picture.status();
   const absl::StatusOr<EdgedImage> reference = ReadWithLayer(options.reference, options.reference_layer);
@@ -150,23 +150,23 @@ absl::StatusOr<Findings> Compare(const CompareOptions& options, const std::vecto
   }
   const Color x = picture->pixels.GetColor(options.layer);
   const Color r = reference->pixels.GetColor(options.reference_layer);
-  Findings findings;
+  Comparison comparison;
   for (const Metric* metric : chosen) {
     const absl::StatusOr<double> value = metric->measure(x, r, options.exposure);
     if (!value.ok()) return value.status();
-    findings.judged.push_back({metric, *value});
+    comparison.values.push_back({metric, *value});
   }
   if (options.by_region) {
     const absl::StatusOr<metrics::RegionMeans> regions = CompareRegions(options, *reference, x, r);
     if (!regions.ok()) return regions.status();
-    findings.regions = *regions;
+    comparison.regions = *regions;
   }
   if (!options.heat_map.empty()) {
-    const absl::StatusOr<float> scale = PaintErrors(options, x, r);
+    const absl::StatusOr<float> scale = WriteHeatMap(options, x, r);
     if (!scale.ok()) return scale.status();
-    findings.heat_scale = *scale;
+    comparison.heat_scale = *scale;
   }
-  return findings;
+  return comparison;
 }
 
 nlohmann::ordered_json RegionsJson(const metrics::RegionMeans& regions) {
@@ -179,33 +179,34 @@ nlohmann::ordered_json RegionsJson(const metrics::RegionMeans& regions) {
   return json;
 }
 
-void PrintJson(const Findings& findings, std::ostream& out) {
-  // JSON knows no infinity: the PSNR of equal pictures is null.
+void PrintJson(const Comparison& comparison, std::ostream& out) {
+  // JSON has no infinity: the PSNR of equal pictures is null.
   nlohmann::ordered_json json;
-  for (const Judged& j : findings.judged) json[std::string(j.metric->json_key)] = j.value;
-  if (findings.regions.has_value()) json["regions"] = RegionsJson(*findings.regions);
-  if (findings.heat_scale.has_value()) json["heatmap_scale"] = *findings.heat_scale;
+  for (const MetricValue& j : comparison.values) json[std::string(j.metric->json_key)] = j.value;
+  if (comparison.regions.has_value()) json["regions"] = RegionsJson(*comparison.regions);
+  if (comparison.heat_scale.has_value()) json["heatmap_scale"] = *comparison.heat_scale;
   out << json.dump() << "\n" << std::flush;
 }
 
-void PrintWords(const CompareOptions& options, const Findings& findings, std::ostream& out) {
-  for (const Judged& j : findings.judged) {
+void PrintText(const CompareOptions& options, const Comparison& comparison, std::ostream& out) {
+  for (const MetricValue& j : comparison.values) {
     out << absl::StrFormat("%s %.*f%s\n", std::string(j.metric->title), j.metric->decimals, j.value,
                            std::string(j.metric->unit));
   }
-  for (size_t i = 0; findings.regions.has_value() && i < metrics::kRegionCount; ++i) {
-    if (findings.regions->share[i] == 0) continue;
+  for (size_t i = 0; comparison.regions.has_value() && i < metrics::kRegionCount; ++i) {
+    if (comparison.regions->share[i] == 0) continue;
     out << absl::StrFormat("MSE255 of %s %.4f (%.1f %% of pixels)\n", std::string(metrics::kRegionNames[i]),
-                           findings.regions->of_region[i], 100 * findings.regions->share[i]);
+                           comparison.regions->of_region[i], 100 * comparison.regions->share[i]);
   }
-  if (findings.heat_scale.has_value()) {
-    out << absl::StrFormat("%s: black 0, pale yellow %g and more 8-bit steps, root mean square of R G B\n",
-                           options.heat_map, *findings.heat_scale);
+  if (comparison.heat_scale.has_value()) {
+    out << absl::StrFormat(
+        "%s: black is 0, pale yellow is %g or more 8-bit steps (root mean square of R G B)\n",
+        options.heat_map, *comparison.heat_scale);
   }
   out << std::flush;
 }
 
-/// Errors: kInvalidArgument for a name that ends otherwise than in .png; those of CheckOutput.
+/// Errors: kInvalidArgument for a name that does not end in .png; those of CheckOutput.
 absl::Status CheckHeatMap(const std::string& path) {
   if (path.empty()) return absl::OkStatus();
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(path);
@@ -220,22 +221,24 @@ absl::Status CheckHeatMap(const std::string& path) {
 ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment& environment) {
   CompareOptions options;
   CommandLine command_line("compare", SummaryOf("compare"));
-  command_line.AddArgument("PICTURE", &options.picture, "The OpenEXR picture to judge");
-  command_line.AddArgument("REFERENCE", &options.reference, "The OpenEXR picture taken for true");
+  command_line.AddArgument("PICTURE", &options.picture, "The OpenEXR picture");
+  command_line.AddArgument("REFERENCE", &options.reference, "The OpenEXR reference picture");
   command_line.AddText("--layer", "NAME", &options.layer,
-                       "Judge this layer of PICTURE, such as 'noisy' (default: the finished picture)");
+                       "Layer of PICTURE, such as 'noisy' (default: the finished picture)");
   command_line.AddText("--reference-layer", "NAME", &options.reference_layer,
-                       "Against this layer of REFERENCE (default: the finished picture)");
-  command_line.AddPositiveNumber("--exposure", &options.exposure,
-                                 "Factor on the light, for all but relMSE and flip-hdr (default 1)");
+                       "Layer of REFERENCE (default: the finished picture)");
+  command_line.AddPositiveNumber(
+      "--exposure", &options.exposure,
+      "Factor on the radiance, for all metrics except relMSE and flip-hdr (default 1)");
   command_line.AddText("--metric", "NAME,...", &options.metrics,
-                       "What to measure: mse255, psnr, relmse, trimmed-relmse, ssim, ms-ssim, flip, flip-hdr "
+                       "Metrics: mse255, psnr, relmse, trimmed-relmse, ssim, ms-ssim, flip, flip-hdr "
                        "(default mse255,psnr,relmse)");
   command_line.AddFlag(
       "--by-region", &options.by_region,
-      "Also MSE255 of edges, mirrors, shadow bands, textures and flat surfaces, as REFERENCE's "
-      "layers tell them");
-  command_line.AddText("--heatmap", "FILE.png", &options.heat_map, "Paint where PICTURE errs");
+      "Also MSE255 of edges, mirrors, shadow bands, textures and flat surfaces, defined by the layers of "
+      "REFERENCE");
+  command_line.AddText("--heatmap", "FILE.png", &options.heat_map,
+                       "Write the error of each pixel as a heat map");
   AddJson(command_line, &options.json);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
   const absl::StatusOr<std::vector<const Metric*>> chosen = ParseMetrics(options.metrics);
@@ -245,9 +248,9 @@ ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment
   if (const absl::Status status = CheckHeatMap(options.heat_map); !status.ok())
     return ReportError(environment, status);
 
-  const absl::StatusOr<Findings> findings = Compare(options, *chosen);
-  if (!findings.ok()) return ReportError(environment, findings.status());
-  options.json ? PrintJson(*findings, environment.out) : PrintWords(options, *findings, environment.out);
+  const absl::StatusOr<Comparison> comparison = Compare(options, *chosen);
+  if (!comparison.ok()) return ReportError(environment, comparison.status());
+  options.json ? PrintJson(*comparison, environment.out) : PrintText(options, *comparison, environment.out);
   return ExitCode::kOk;
 }
 

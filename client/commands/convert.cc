@@ -12,10 +12,10 @@ ExitCode RunConvert(const std::vector<std::string>& arguments, const Environment
   float exposure = 1;
   CommandLine command_line("convert", SummaryOf("convert"));
   command_line.AddArgument("PICTURE", &picture, "The OpenEXR picture");
-  command_line.AddRequiredText("-o,--output", "FILE", &output, "Where it goes, a name that ends in .png");
+  command_line.AddRequiredText("-o,--output", "FILE", &output, "Output file, .png");
   command_line.AddText("--layer", "NAME", &layer,
-                       "Show this layer, such as 'noisy' (default: the finished picture)");
-  command_line.AddPositiveNumber("--exposure", &exposure, "Factor on the light (default 1)");
+                       "Layer to write, such as 'noisy' (default: the finished picture)");
+  command_line.AddPositiveNumber("--exposure", &exposure, "Factor on the radiance (default 1)");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(output);

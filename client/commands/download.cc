@@ -8,8 +8,8 @@
 namespace lumifold::client {
 namespace {
 
-void ReportFetched(const std::string& job_id, int frame, const std::string& path, bool as_json,
-                   const Environment& environment) {
+void ReportDownloaded(const std::string& job_id, int frame, const std::string& path, bool as_json,
+                      const Environment& environment) {
   if (as_json) {
     const nlohmann::ordered_json json{{"job_id", job_id}, {"frame", frame}, {"output", path}};
     environment.out << json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n"
@@ -31,17 +31,16 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
                          "Number of the frame, or of the first and last one (default 0)");
   picture.AddTo(command_line);
   remote.AddTo(command_line);
-  command_line.SetFooter(
-      "What an interrupted download has fetched is kept beside FILE; the same command goes on from there.");
+  command_line.SetFooter("An interrupted download is kept beside FILE; the same command resumes it.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
   if (const auto ended = picture.Check(frames, "lumifold download", environment)) return *ended;
 
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
   for (int frame = frames.first; frame <= frames.last; ++frame) {
-    const absl::Status fetched = picture.Fetch(*farm, job_id, frame, *progress, MakeBackoff(environment));
-    if (!fetched.ok()) return ReportError(environment, fetched);
-    ReportFetched(job_id, frame, PathOfFrame(picture.output, frame), remote.json, environment);
+    const absl::Status downloaded = picture.Fetch(*farm, job_id, frame, *progress, MakeBackoff(environment));
+    if (!downloaded.ok()) return ReportError(environment, downloaded);
+    ReportDownloaded(job_id, frame, PathOfFrame(picture.output, frame), remote.json, environment);
   }
   return ExitCode::kOk;
 }

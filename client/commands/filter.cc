@@ -21,7 +21,7 @@
 namespace lumifold::client {
 namespace {
 
-constexpr int kMostThreads = 4096;
+constexpr int kMaxThreads = 4096;
 
 struct FilterOptions {
   std::string picture;
@@ -59,23 +59,23 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
                            "The OpenEXR picture: a film of --save-film, any of our pictures, or another "
                            "renderer's passes");
   command_line.AddText("--half-b", "FILE", &options->half_b,
-                       "A picture of as many other samples: tells noise from detail best");
+                       "A picture with the same number of other samples, for a better estimate of the noise");
   command_line.AddText("--layout", "NAME", &options->layout,
                        "'lumifold', 'cycles', or a file that names the layers (default 'lumifold')");
   command_line.AddText("--method", "METHOD", &options->method,
                        "One of the methods below (default 'default')");
   command_line.AddRequiredText("-o,--output", "FILE", &options->output,
-                               "Where the picture goes: .exr with the noisy one as a layer, or .png");
+                               "Output file: .exr with the noisy picture as a layer, or .png");
   command_line.AddPositiveNumber("--exposure", &options->exposure,
-                                 "Factor on the light of a .png (default 1)");
-  command_line.AddWholeNumber("--threads", &options->threads, 1, kMostThreads,
-                              "Threads to filter with (default: all of this machine)");
+                                 "Factor on the radiance of a .png (default 1)");
+  command_line.AddWholeNumber("--threads", &options->threads, 1, kMaxThreads,
+                              "Threads of the filter (default: all of this machine)");
   AddListOptions(&command_line, options);
   command_line.SetFooter(absl::StrCat(
       "A layout file has lines of ROLE = LAYER or ROLE = LAYER + LAYER, with the roles combined, direct,\n"
-      "indirect, albedo, emission, normal, depth, glossy, glossy_albedo, transmitted and transmittance. What "
-      "it\n"
-      "leaves out is filtered as part of the remainder.\n\n"
+      "indirect, albedo, emission, normal, depth, glossy, glossy_albedo, transmitted and transmittance. "
+      "Light of\n"
+      "other layers is filtered as the remainder.\n\n"
       "Methods:\n  ",
       environment.methods.names,
       ".\nParameters of a method follow its name, as in --method bilateral:sigma_s=4,sigma_r=0.1."));
@@ -89,10 +89,10 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   return std::nullopt;
 }
 
-/// The file that the filtered rows are written to.
+/// The output file; takes bands of filtered rows.
 class Output {
  public:
-  /// The channels of the film that the result keeps.
+  /// Channels of the film that are copied to the result.
   static std::vector<std::string> PassedOn(PictureFormat format) {
     if (format == PictureFormat::kPng) return {};
     std::vector<std::string> names = {std::string(layers::kAlpha)};
@@ -106,7 +106,7 @@ class Output {
       png_.emplace(options.output, width, height, options.exposure);
       return absl::OkStatus();
     }
-    ExrLayout layout{width, height, PassedOn(format), {{"lumifold.filter", options.method}}};
+    ExrLayout layout{width, height, PassedOn(format), {{"lumifold.method", options.method}}};
     for (std::string& name : layers::ColorChannels(layers::kBeauty))
       layout.channels.push_back(std::move(name));
     absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(options.output, layout);
@@ -140,7 +140,7 @@ class IoClock {
   absl::Duration spent_;
 };
 
-/// Filters the film into the output file. Result: the seconds of the filter alone.
+/// Filters the film into the output file. Returns the time of the filter in seconds, without reads and writes.
 absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film,
                                   const Environment& environment) {
   Output output;
@@ -167,7 +167,7 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film
   return seconds;
 }
 
-/// The folder a file is or will be in.
+/// The folder of a file.
 std::string FolderOf(const std::string& path) {
   const std::string folder = std::filesystem::path(path).parent_path().string();
   return folder.empty() ? "." : folder;

@@ -5,7 +5,7 @@
 namespace lumifold::client {
 namespace {
 
-constexpr int kMostJobs = 10000;
+constexpr int kMaxJobs = 10000;
 
 }  // namespace
 
@@ -13,7 +13,7 @@ ExitCode RunList(const std::vector<std::string>& arguments, const Environment& e
   int limit = 100;
   RemoteOptions remote(environment);
   CommandLine command_line("list", SummaryOf("list"));
-  command_line.AddWholeNumber("--limit", &limit, 1, kMostJobs, "At most this many (default 100)");
+  command_line.AddWholeNumber("--limit", &limit, 1, kMaxJobs, "Maximum number of jobs (default 100)");
   remote.AddTo(command_line);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 

@@ -14,9 +14,9 @@ namespace lumifold::client {
 void PictureOptions::AddTo(CommandLine& command_line) {
   command_line.AddRequiredText(
       "-o,--output", "FILE", &output,
-      "Where the picture goes: .exr with all layers, or .png; ### is the frame's number");
+      "Output file: .exr with all layers, or .png; ### is replaced by the frame number");
   command_line.AddText("--noisy", "FILE", &noisy, "Also write the unfiltered picture, as .png");
-  command_line.AddPositiveNumber("--exposure", &exposure, "Factor on the light of a .png (default 1)");
+  command_line.AddPositiveNumber("--exposure", &exposure, "Factor on the radiance of a .png (default 1)");
 }
 
 std::optional<ExitCode> PictureOptions::Check(const FrameRange& frames, const std::string& command,
@@ -60,7 +60,7 @@ absl::Status PictureOptions::Write(const std::string& part_path, int frame) cons
   if (*format == PictureFormat::kExr) return MoveIntoPlace(part_path, path);
   absl::Status written = WritePngOfLayer(part_path, std::string(layers::kBeauty), exposure, path);
   if (!written.ok()) return written;
-  std::error_code ignored;  // the picture is there; what is left over is only untidy
+  std::error_code ignored;  // the picture is written; a leftover part is harmless
   std::filesystem::remove(part_path, ignored);
   return absl::OkStatus();
 }

@@ -13,23 +13,23 @@
 
 namespace lumifold::client {
 
-/// Which files a result becomes: the options `render` and `download` share.
+/// Output files of a result: options of `render` and `download`.
 struct PictureOptions {
   void AddTo(CommandLine& command_line);
 
-  /// Looks at the names and their folders before any work is done: several frames need a place for their
-  /// number in each name. A value means that the program ends with it, the reason said on `err`. `command` is
-  /// "lumifold COMMAND".
+  /// Checks names and folders before any work is done; for several frames each name needs a placeholder for
+  /// the frame number. For an error it prints to `err` and returns the exit code. `command` is "lumifold
+  /// COMMAND".
   std::optional<ExitCode> Check(const FrameRange& frames, const std::string& command,
                                 const Environment& environment) const;
 
-  /// Downloads a frame and makes of it the files asked for; on its way it is at PartPath() of its output.
-  /// Errors: as DownloadFrame() and client/output_file.h; the part then stays.
+  /// Downloads a frame to PartPath() of the output and writes the requested files.
+  /// Errors: those of DownloadFrame() and client/output_file.h; the partial download then stays.
   absl::Status Fetch(FarmClient& farm, const std::string& job_id, int frame, Progress& progress,
                      Backoff backoff) const;
 
-  std::string output;  // # stand for the frame's number, see PathOfFrame()
-  std::string noisy;   // the same; empty: not wanted
+  std::string output;  // # are replaced by the frame number, see PathOfFrame()
+  std::string noisy;   // the same; empty: not written
   float exposure = 1;
 
  private:

@@ -16,7 +16,7 @@
 namespace lumifold::client {
 namespace {
 
-constexpr int kMostThreads = 4096;
+constexpr int kMaxThreads = 4096;
 
 struct RenderOptions {
   JobOptions job;
@@ -31,17 +31,17 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
   CommandLine command_line("render", SummaryOf("render"));
   AddJobOptions(command_line, &options->job);
   options->picture.AddTo(command_line);
-  command_line.AddWholeNumber("--threads", &options->farm.threads, 1, kMostThreads,
+  command_line.AddWholeNumber("--threads", &options->farm.threads, 1, kMaxThreads,
                               "Threads to render with (default: all of this machine)");
   command_line.AddText("--state", "DIR", &options->farm.state_dir,
-                       "Keep ledger and results here (default: a temporary folder)");
+                       "Data folder for ledger and results (default: a temporary folder)");
   AddJson(command_line, &options->json);
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
   if (const auto ended = CheckJobOptions(options->job, "lumifold render", environment)) return ended;
   return options->picture.Check(options->job.frames, "lumifold render", environment);
 }
 
-// Submits the job and follows it to its end; one that the user interrupts is cancelled.
+// Submits the job and follows it to its end; cancels it if the user interrupts.
 absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, const RenderOptions& options,
                                      const SceneAssets& assets, Progress& progress,
                                      const Environment& environment) {
@@ -51,14 +51,14 @@ absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, const RenderOptions& opti
       FollowJob(farm, *job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});
   if (absl::IsCancelled(job.status())) {
     progress.Clear();
-    farm.CancelJob(*job_id).IgnoreError();  // the farm ends with this process in any case
+    farm.CancelJob(*job_id).IgnoreError();  // the farm ends with this process anyway
   }
   return job;
 }
 
 absl::Status WritePicture(FarmClient& farm, const PictureOptions& picture, const std::string& job_id,
                           int frame, Progress& progress, const Environment& environment) {
-  // The farm is gone when this command has ended: nobody could go on with a part.
+  // The local farm ends with this command, so a partial download cannot be resumed.
   const absl::Cleanup remove_part = [&] {
     std::error_code ignored;
     const absl::StatusOr<std::string> part = PartPath(PathOfFrame(picture.output, frame), job_id, frame);
@@ -108,7 +108,7 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
 
   if (!environment.local_farm) {
     return ReportError(environment,
-                       absl::UnimplementedError("this build cannot render by itself; use submit"));
+                       absl::UnimplementedError("this build has no coordinator and worker; use submit"));
   }
   const absl::StatusOr<std::unique_ptr<LocalFarm>> local = environment.local_farm(options.farm);
   if (!local.ok()) return ReportError(environment, OfThisMachine(local.status()));
@@ -118,7 +118,7 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
   const absl::StatusOr<v1::JobStatus> job = RunJob(*farm, options, *assets, *progress, environment);
   if (!job.ok()) return ReportError(environment, job.status());
-  if (job->state() != v1::JOB_STATE_DONE) return ReportFate(environment, *job);
+  if (job->state() != v1::JOB_STATE_DONE) return ReportOutcome(environment, *job);
   const absl::Status written = WritePictures(*farm, options, job->job_id(), *progress, environment);
   if (!written.ok()) return ReportError(environment, written);
   ReportRendered(options, *job, environment);

@@ -6,8 +6,8 @@
 namespace lumifold::client {
 namespace {
 
-// Enough for a coordinator to be restarted, or moved to another machine.
-constexpr absl::Duration kPatience = absl::Minutes(5);
+// Enough time to restart a coordinator or to move it to another machine.
+constexpr absl::Duration kMaxOutage = absl::Minutes(5);
 
 }  // namespace
 
@@ -33,15 +33,15 @@ std::unique_ptr<Progress> MakeProgressPrinter(const Environment& environment) {
 }
 
 Backoff MakeBackoff(const Environment& environment) {
-  return {kPatience, environment.time, environment.interrupted};
+  return {kMaxOutage, environment.time, environment.interrupted};
 }
 
-ExitCode ReportFate(const Environment& environment, const v1::JobStatus& job) {
+ExitCode ReportOutcome(const Environment& environment, const v1::JobStatus& job) {
   std::string line = absl::StrCat("job ", job.job_id(), " ", StateName(job.state()));
   if (!job.error().empty()) absl::StrAppend(&line, ": ", job.error());
   if (job.state() == v1::JOB_STATE_DONE) absl::StrAppend(&line, ": ", StageTimesText(job.times()));
   ReportLine(environment, line);
-  return ExitCodeForFate(job);
+  return ExitCodeForOutcome(job);
 }
 
 }  // namespace lumifold::client

@@ -11,7 +11,7 @@
 
 namespace lumifold::client {
 
-/// The options of every command that speaks to a coordinator elsewhere.
+/// Options of every command that connects to a coordinator.
 struct RemoteOptions {
   explicit RemoteOptions(const Environment& environment) : server(environment.default_server) {}
 
@@ -22,16 +22,17 @@ struct RemoteOptions {
   bool json = false;
 };
 
-/// --json, with what the command prints then.
+/// Adds --json.
 void AddJson(CommandLine& command_line, bool* json);
 
-/// The printer of progress for people, on `environment.err`.
+/// Prints progress to `environment.err`.
 std::unique_ptr<Progress> MakeProgressPrinter(const Environment& environment);
 
-/// How long a coordinator may be out of reach before whoever follows a job gives up.
+/// Retries of commands that follow a job or download a frame: they give up after five minutes without
+/// progress.
 Backoff MakeBackoff(const Environment& environment);
 
-/// Says on `err` how a job ended: "lumifold: job X is done: ...". Gives its fate's exit code.
-ExitCode ReportFate(const Environment& environment, const v1::JobStatus& job);
+/// Prints the outcome of a job to `err`: "lumifold: job X done: ...". Returns the exit code of the outcome.
+ExitCode ReportOutcome(const Environment& environment, const v1::JobStatus& job);
 
 }  // namespace lumifold::client

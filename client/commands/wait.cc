@@ -11,7 +11,7 @@ ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& e
   CommandLine command_line("wait", SummaryOf("wait"));
   command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
   remote.AddTo(command_line);
-  command_line.SetFooter("The exit code is the job's fate: 0 done, 1 failed, 5 cancelled.");
+  command_line.SetFooter("The exit code is the job's outcome: 0 done, 1 failed, 5 cancelled.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
@@ -21,7 +21,7 @@ ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& e
   if (!job.ok()) return ReportError(environment, job.status());
   environment.out << (remote.json ? JobJson(*job) : std::string(StateName(job->state()))) << "\n"
                   << std::flush;
-  return job->error().empty() ? ExitCodeForFate(*job) : ReportFate(environment, *job);
+  return job->error().empty() ? ExitCodeForOutcome(*job) : ReportOutcome(environment, *job);
 }
 
 }  // namespace lumifold::client

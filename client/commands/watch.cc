@@ -12,8 +12,8 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
   remote.AddTo(command_line);
   command_line.SetFooter(
-      "The exit code is the job's fate: 0 done, 1 failed, 5 cancelled. Ctrl-C ends the watching, not the "
-      "job.");
+      "The exit code is the job's outcome: 0 done, 1 failed, 5 cancelled. Ctrl-C ends this command, not "
+      "the job.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
@@ -24,7 +24,7 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   const absl::StatusOr<v1::JobStatus> job =
       FollowJob(*farm, job_id, *progress, MakeBackoff(environment), print);
   if (!job.ok()) return ReportError(environment, job.status());
-  return ReportFate(environment, *job);
+  return ReportOutcome(environment, *job);
 }
 
 }  // namespace lumifold::client

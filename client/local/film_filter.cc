@@ -10,7 +10,7 @@
 namespace lumifold::local {
 namespace {
 
-/// A film that is given halves where it has none.
+/// Adds halves to a film that has none.
 class FilmWithHalves final : public FilmSource {
  public:
   FilmWithHalves(FilmSource* film, TaskPool* pool) : film_(*film), pool_(pool) {}

@@ -9,7 +9,7 @@
 
 namespace lumifold::local {
 
-/// The client::FilmFilter of the `lumifold` program.
+/// Implements client::FilmFilter with the filter library.
 absl::Status FilterFilm(FilmSource* film, const std::string& method, int threads,
                         const std::vector<std::string>& passed_on, const RowSink& sink);
 

@@ -15,7 +15,7 @@
 namespace lumifold::local {
 namespace {
 
-/// A new folder among the system's temporary ones; removed with all that is in it.
+/// A new temporary folder; removed with its contents.
 class TemporaryFolder {
  public:
   static absl::StatusOr<std::unique_ptr<TemporaryFolder>> Make() {
@@ -24,13 +24,13 @@ class TemporaryFolder {
     std::string path = (error ? std::string("/tmp") : base.string()) + "/lumifold-XXXXXX";
     if (mkdtemp(path.data()) == nullptr) {
       return absl::UnavailableError(
-          absl::StrCat("cannot make a temporary folder ", path, ": ", std::strerror(errno)));
+          absl::StrCat("cannot create a temporary folder ", path, ": ", std::strerror(errno)));
     }
     return std::unique_ptr<TemporaryFolder>(new TemporaryFolder(path));
   }
 
   ~TemporaryFolder() {
-    std::error_code ignored;  // what cannot be removed stays for the system to clear
+    std::error_code ignored;  // the system clears its temporary folder
     std::filesystem::remove_all(path_, ignored);
   }
 
@@ -47,7 +47,7 @@ class InProcessFarm final : public client::LocalFarm {
   InProcessFarm(std::unique_ptr<TemporaryFolder> folder, std::unique_ptr<server::Server> server, int threads)
       : folder_(std::move(folder)), server_(std::move(server)), channel_(server_->InProcessChannel()) {
     worker_ = std::thread([channel = channel_, threads, this] {
-      // Its own coordinator refuses it never, and an error it reports fails the job there.
+      // Its own coordinator never refuses it, and errors of units fail the job.
       worker::RunWorker(channel, {.name = "local", .threads = threads, .log = nullptr}, stop_).IgnoreError();
     });
   }
@@ -62,7 +62,7 @@ class InProcessFarm final : public client::LocalFarm {
   std::shared_ptr<grpc::Channel> channel() override { return channel_; }
 
  private:
-  std::unique_ptr<TemporaryFolder> folder_;  // null where the user named one
+  std::unique_ptr<TemporaryFolder> folder_;  // null if the user named a folder
   std::unique_ptr<server::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
   absl::Notification stop_;

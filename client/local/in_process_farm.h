@@ -7,10 +7,11 @@
 
 namespace lumifold::local {
 
-/// A coordinator and a worker inside this process, joined by a channel that touches no network: what
-/// `lumifold render` runs on. The same code as the daemons', so the picture is the farm's, bit for bit.
-/// Errors: those of server::Server::Start, such as a state folder that another coordinator owns; kUnavailable
-/// without a temporary one.
+/// Starts a coordinator and a worker inside this process, connected by an in-process channel, for `lumifold
+/// render`. They run the same code as the daemons, so the picture is bit-identical to that of a farm; frames
+/// are filtered in this process, at its priority.
+/// Errors: those of server::Server::Start, such as a state folder that another coordinator uses; kUnavailable
+/// if no temporary folder can be created.
 absl::StatusOr<std::unique_ptr<client::LocalFarm>> StartLocalFarm(const client::LocalFarmOptions& options);
 
 }  // namespace lumifold::local

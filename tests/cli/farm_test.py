@@ -128,8 +128,8 @@ class Refusals(FarmTest):
                 self.assertEqual((code, out), (4, ""))
                 self.assertRegex(err, r"\Alumifold: .*nonesuch.*\n\Z")
 
-    def test_unknown_filter(self):
-        code, out, err = self.run_lumifold("submit", self.scene, "--filter", "nonesuch")
+    def test_unknown_method(self):
+        code, out, err = self.run_lumifold("submit", self.scene, "--method", "nonesuch")
         self.assertEqual((code, out), (2, ""))
         self.assertRegex(err.splitlines()[-1], r"\Alumifold: .*nonesuch")
 

@@ -54,7 +54,7 @@ def render_reference(scene, folder, samples, size, bounces):
 def render_ours(scene, camera, folder, samples, size, bounces, seed):
     path = folder / f"{scene}.{camera}.lumifold-{seed}.exr"
     command = [PROGRAMS / "lumifold", "render", folder / f"{scene}.glb", "-o", path, "--size", size, "--spp", samples, "--seed", seed]
-    command += ["--camera", camera, "--filter", "none", "--max-bounces", bounces, "--threads", 2]
+    command += ["--camera", camera, "--method", "none", "--max-bounces", bounces, "--threads", 2]
     command += ["--frame", 10] if scene == "animation" else []
     command += ["--env", folder / "sky.exr"] if scene == "environment" else []
     run(command)

@@ -44,7 +44,7 @@ def seconds_of_ours(glb, path, samples, seed):
         return children.ru_utime + children.ru_stime
 
     before = used()
-    options = ["--size", f"{WIDTH}x{HEIGHT}", "--spp", samples, "--seed", seed, "--filter", "none", "--threads", THREADS]
+    options = ["--size", f"{WIDTH}x{HEIGHT}", "--spp", samples, "--seed", seed, "--method", "none", "--threads", THREADS]
     run([PROGRAMS / "lumifold", "render", glb, "-o", path, *options])
     return used() - before
 

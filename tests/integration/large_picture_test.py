@@ -33,7 +33,7 @@ class LargePictureTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             root = pathlib.Path(folder)
             scene = make_scene("cornell-box", root)
-            run("lumifold", "render", scene, "--size", f"512x{ROWS}", "--spp", 4, "--filter", "none", "--save-film", "-o", root / "film.exr")
+            run("lumifold", "render", scene, "--size", f"512x{ROWS}", "--spp", 4, "--method", "none", "--save-film", "-o", root / "film.exr")
             run("repeat-film", root / "film.exr", WIDTH, ROWS, root / "short.exr", "--without-edges", timeout=600)
             peaks = []
             for times in TIMES:
@@ -50,7 +50,7 @@ class LargePictureTest(unittest.TestCase):
             scene = make_scene("cornell-box", root)
             with Farm(root / "data", "--filter-memory-mb", FINISH_LIMIT_MIB, "--filter-threads", "2") as farm:
                 farm.start_worker(threads=2)
-                job = farm.client("submit", scene, "--size", f"{WIDTH}x{height}", "--spp", 1, "--filter", "paper").stdout.strip()
+                job = farm.client("submit", scene, "--size", f"{WIDTH}x{height}", "--spp", 1, "--method", "paper").stdout.strip()
                 farm.client("wait", job, timeout=1500)
                 self.assertEqual(farm.status(job)["state"], "done")
                 farm.client("download", job, "-o", root / "out.exr")

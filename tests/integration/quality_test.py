@@ -48,7 +48,7 @@ def slack(part):
 class QualityTest(unittest.TestCase):
     def render(self, scene, series, samples, seed, method, output):
         run("lumifold", "render", scene, "--size", f"{series.width}x{series.height}", "--spp", samples, "--seed", seed,
-            "--filter", method, "--save-film", "-o", output, timeout=10 * MINUTES)
+            "--method", method, "--save-film", "-o", output, timeout=10 * MINUTES)
 
     def errors(self, series, picture, layer, reference, reference_layer):
         """The Part of each region that is there, and of the 'whole'."""

@@ -43,22 +43,22 @@ TEST(SceneAssets, RefuseWhatIsNoGltf) {
   EXPECT_EQ(ErrorOf(path), absl::InvalidArgumentError("scene " + path + ": is a folder, not a file"));
 }
 
-TEST(SceneAssets, RefuseAGlbThatIsCutShortOrDamaged) {
+TEST(SceneAssets, RefuseAGlbThatIsTooShortOrDamaged) {
   const ScratchFolder folder;
   const std::string whole = Glb("{\"asset\":{}}");
   EXPECT_THAT(std::string(ErrorOf(folder.Write("a.glb", whole.substr(0, 14))).message()),
-              testing::EndsWith("a.glb: a GLB file cut short within its header"));
+              testing::EndsWith("a.glb: a GLB file that ends within its header"));
   EXPECT_THAT(
       std::string(ErrorOf(folder.Write("b.glb", whole.substr(0, whole.size() - 1))).message()),
-      testing::EndsWith("b.glb: a GLB file cut short: it has 31 of the 32 bytes its header promises"));
+      testing::EndsWith("b.glb: a GLB file that is too short: it has 31 of the 32 bytes its header states"));
   std::string version_1 = whole;
   version_1[4] = 1;
   EXPECT_THAT(std::string(ErrorOf(folder.Write("c.glb", version_1)).message()),
-              testing::EndsWith("c.glb: glTF version 1; only 2 is understood"));
+              testing::EndsWith("c.glb: glTF version 1; only version 2 is supported"));
   std::string huge_json = whole;
   huge_json.replace(12, 4, LittleEndian(0xffffffff));
   EXPECT_THAT(std::string(ErrorOf(folder.Write("d.glb", huge_json)).message()),
-              testing::EndsWith("d.glb: a GLB file whose first chunk is no JSON"));
+              testing::EndsWith("d.glb: a GLB file whose first chunk is not JSON"));
 }
 
 TEST(SceneAssets, NameSceneAndFileWhereAFileIsMissing) {
@@ -73,7 +73,7 @@ TEST(SceneAssets, NameSceneAndFileWhereAFileIsMissing) {
 TEST(SceneAssets, RefuseUrisThatAreNoFiles) {
   const auto uris = ExternalUris(R"({"asset":{},"images":[{},{"uri":"https://example.org/a.png"}]})");
   EXPECT_EQ(uris.status(), absl::DataLossError("images[1].uri is 'https://example.org/a.png'; only files and "
-                                               "data: URIs are understood"));
+                                               "data: URIs are supported"));
 }
 
 TEST(SceneAssets, FindEveryFileOnceInOrder) {

@@ -12,7 +12,7 @@ class BackoffTest : public testing::Test {
   Backoff Make(absl::Duration patience) {
     return {patience, time_.Environment(), [this] { return interrupted_; }};
   }
-  // How long one pause is.
+  // Duration of one pause.
   absl::Duration Pause(Backoff& backoff) {
     const absl::Time begin = time_.now;
     EXPECT_TRUE(backoff.Pause());

@@ -23,7 +23,7 @@ class CommandLineTest : public testing::Test {
     command_line_.AddFlag("--json", &json_, "JSON");
   }
 
-  // What is said on `err` about a wrong command line.
+  // Text printed to `err` for a wrong command line.
   std::string Complaint(const std::vector<std::string>& arguments) {
     test_.err.str("");
     EXPECT_EQ(command_line_.Parse(arguments, test_.environment), ExitCode::kUsage);

@@ -11,7 +11,7 @@
 namespace lumifold::client {
 namespace {
 
-// Smaller than the wire allows, so that small files have many pieces too.
+// Smaller than the protocol's limit, so that small files have many pieces.
 constexpr uint64_t kPieceBytes = 1000;
 
 grpc::Status NoSuchJob(const std::string& job_id) {

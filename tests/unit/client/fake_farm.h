@@ -12,8 +12,7 @@
 
 namespace lumifold::client {
 
-/// A coordinator of few words behind a real socket: it keeps what it is sent and answers what the test has
-/// put in.
+/// A fake coordinator behind a real socket: it records requests and sends the answers set by the test.
 class FakeFarm final : public v1::FarmService::Service {
  public:
   FakeFarm();
@@ -23,16 +22,16 @@ class FakeFarm final : public v1::FarmService::Service {
   const std::string& address() const { return address_; }
   std::shared_ptr<grpc::Channel> channel() const;
 
-  // What it answers. Set before the calls.
-  std::vector<v1::JobStatus> watched;     // one a status; the stream ends after them
-  size_t watched_per_stream = 1000;       // breaks the stream after so many
-  bool hold_watch = false;                // keeps the stream open after them until the client goes
+  // Answers; set before the calls.
+  std::vector<v1::JobStatus> watched;     // sent one by one; then the stream ends
+  size_t watched_per_stream = 1000;       // breaks the stream after this number of statuses
+  bool hold_watch = false;                // keeps the stream open until the client disconnects
   std::string result;                     // the file of every frame
   std::vector<uint64_t> break_downloads;  // the n-th download breaks at this offset of the file
   std::string submit_error;               // INVALID_ARGUMENT with this text
   std::map<std::string, v1::JobStatus> jobs;
 
-  // What it has seen.
+  // Recorded requests.
   std::vector<std::string> uploads() const;  // contents, in order
   std::vector<v1::SubmitJobRequest> submissions() const;
   std::vector<uint64_t> download_offsets() const;

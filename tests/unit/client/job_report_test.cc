@@ -60,7 +60,7 @@ TEST(Fate, IsTheExitCode) {
                                            std::tuple{v1::JOB_STATE_FAILED, ExitCode::kFailed, true},
                                            std::tuple{v1::JOB_STATE_CANCELLED, ExitCode::kCancelled, true}}) {
     job.set_state(state);
-    EXPECT_EQ(ExitCodeForFate(job), code);
+    EXPECT_EQ(ExitCodeForOutcome(job), code);
     EXPECT_EQ(HasEnded(job), ended);
   }
 }

@@ -23,7 +23,7 @@ class ProgressPrinterTest : public testing::Test {
   ProgressPrinter Printer(bool terminal, int columns = 80) {
     return {out_, {.terminal = terminal, .columns = columns, .now = [this] { return time_.now; }}};
   }
-  // What was printed since the last call.
+  // Text printed since the last call.
   std::string Printed() {
     std::string text = out_.str();
     out_.str("");
@@ -127,7 +127,7 @@ TEST_F(ProgressPrinterTest, PutsWordsOnALineOfTheirOwn) {
   state.stage = "queued";
   printer.Update(state);
   Printed();
-  printer.Say("warning: no light");
+  printer.Message("warning: no light");
   EXPECT_EQ(Printed(), "\r      \rwarning: no light\n");
 }
 

@@ -1,4 +1,4 @@
-#include "client/run_client.h"
+#include "client/commands/run_client.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ using testing::StartsWith;
 
 constexpr char kScene[] = R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}]})";
 
-// A farm inside the process, as far as the client can tell.
+// Replaces the farm inside the process.
 class FakeLocalFarm : public LocalFarm {
  public:
   explicit FakeLocalFarm(std::shared_ptr<grpc::Channel> channel) : channel_(std::move(channel)) {}
@@ -88,14 +88,14 @@ TEST_F(RunClientTest, SaysThatAFarmCannotStart) {
 
 TEST_F(RunClientTest, SaysWhatTheCoordinatorRefuses) {
   farm_.submit_error = "filter.method: no method 'best'";
-  EXPECT_EQ(Run({"submit", scene_, "--filter", "best"}), 2);
+  EXPECT_EQ(Run({"submit", scene_, "--method", "best"}), 2);
   EXPECT_THAT(Err(), testing::EndsWith("lumifold: filter.method: no method 'best'\n"));
 }
 
 TEST_F(RunClientTest, PrintsTheIdOfASubmittedJobAlone) {
   EXPECT_EQ(
       Run({"submit", scene_, "--size", "512x384", "--spp", "16", "--seed", "18446744073709551615", "--camera",
-           "left", "--max-bounces", "3", "--filter", "none", "--frame", "7", "--save-film"}),
+           "left", "--max-bounces", "3", "--method", "none", "--frame", "7", "--save-film"}),
       0);
   EXPECT_EQ(Out(), "job-1\n");
   ASSERT_EQ(farm_.submissions().size(), 1u);
@@ -179,9 +179,9 @@ TEST_F(RunClientTest, SendsTheEnvironmentAndTheLens) {
 
 TEST_F(RunClientTest, RefusesOptionsThatNeedOthers) {
   EXPECT_EQ(Run({"submit", scene_, "--f-stop", "2"}), 2);
-  EXPECT_THAT(Err(), HasSubstr("--f-stop and --focus need each other"));
+  EXPECT_THAT(Err(), HasSubstr("--f-stop and --focus must be given together"));
   EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("out.exr"), "--env-rotate", "90"}), 2);
-  EXPECT_THAT(Err(), HasSubstr("--env-rotate and --env-scale need --env"));
+  EXPECT_THAT(Err(), HasSubstr("--env-rotate and --env-scale require --env"));
   EXPECT_EQ(Run({"submit", scene_, "--env", folder_.File("none.exr")}), 4);
   EXPECT_THAT(Err(), HasSubstr("--env "));
   EXPECT_THAT(farm_.submissions(), testing::IsEmpty());

@@ -14,7 +14,7 @@
 
 namespace lumifold::client {
 
-/// An empty folder of its own for a test, removed with all that is in it.
+/// An empty temporary folder of a test, removed with its contents.
 class ScratchFolder {
  public:
   ScratchFolder() {
@@ -50,7 +50,7 @@ class ScratchFolder {
   std::filesystem::path path_;
 };
 
-/// A clock that moves only when somebody sleeps by it or the test moves it.
+/// A clock that moves only during its own sleep and when the test moves it.
 struct FakeTime {
   absl::Time now = absl::UnixEpoch();
   int sleeps = 0;
@@ -66,7 +66,7 @@ struct FakeTime {
   }
 };
 
-/// The outside of a command, with what it said.
+/// The environment of a command, with its recorded output.
 struct TestEnvironment {
   std::ostringstream out;
   std::ostringstream err;

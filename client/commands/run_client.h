@@ -4,8 +4,8 @@
 
 namespace lumifold::client {
 
-/// The whole program `lumifold`: finds the subcommand, runs it and gives the process's exit code. argv[0] is
-/// not looked at.
+/// The main function of the program `lumifold`: finds and runs the subcommand and returns the exit code.
+/// argv[0] is ignored.
 int RunClient(int argc, const char* const* argv, const Environment& environment);
 
 }  // namespace lumifold::client

@@ -1,4 +1,4 @@
-#include "client/run_client.h"
+#include "client/commands/run_client.h"
 
 #include <algorithm>
 #include <string>
@@ -25,7 +25,7 @@ std::string Help() {
       "Commands:\n";
   for (const Command& command : Commands())
     absl::StrAppendFormat(&text, "  %-10s %s\n", command.name, command.summary);
-  absl::StrAppend(&text, "\nData goes to the standard output, words and progress to the standard error.\n",
+  absl::StrAppend(&text, "\nData goes to standard output, messages and progress to standard error.\n",
                   kExitCodesHelp, "\n");
   return text;
 }

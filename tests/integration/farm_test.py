@@ -1,4 +1,4 @@
-"""A farm of real processes gives the picture one process gives, byte for byte, whatever is killed."""
+"""A farm of processes writes the same file as one process, byte for byte, whichever of them is killed."""
 
 import json
 import os
@@ -34,24 +34,35 @@ class FarmTest(unittest.TestCase):
         farm.client("download", job, "-o", result)
         self.assertEqual(result.read_bytes(), self.expected.read_bytes())
 
-    def await_units(self, farm, job, share):
-        """Waits until this share of the job's units is merged, and no more than nine tenths."""
-        wait_until(lambda: farm.status(job)["units_done"] >= share * farm.status(job)["units_total"], "units")
-        self.assertLess(farm.status(job)["units_done"], 0.9 * farm.status(job)["units_total"], "too late to kill")
+    def submit_and_wait_for_units(self, farm):
+        """Submits a job and waits until a fifth of its units is committed; nearly all must not be committed yet.
+
+        On a busy machine a poll may come so late that the job is nearly done. Then there is nothing left to
+        disturb, and a new job is submitted.
+        """
+        for _ in range(20):
+            job = self.submit(farm)
+
+            def share():
+                status = farm.status(job)
+                done = status["units_done"] / status["units_total"]
+                return done if done >= 0.2 else None
+
+            if wait_until(share, "a fifth of the units") < 0.9:
+                return job
+        raise AssertionError("each of 20 jobs was nearly done when it was polled")
 
     def test_a_killed_worker_changes_nothing(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             workers = [farm.start_worker() for _ in range(3)]
-            job = self.submit(farm)
-            self.await_units(farm, job, 0.2)
+            job = self.submit_and_wait_for_units(farm)
             workers[0].kill()
             self.expect_same_picture(farm, job)
 
     def test_a_killed_coordinator_goes_on_from_its_ledger(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             farm.start_worker()
-            job = self.submit(farm)
-            self.await_units(farm, job, 0.2)
+            job = self.submit_and_wait_for_units(farm)
             farm.server.kill()
             farm.start_server(listen=farm.address)
             self.assertGreater(farm.status(job)["units_done"], 0)

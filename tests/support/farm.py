@@ -10,11 +10,12 @@ import tempfile
 import time
 
 BIN = pathlib.Path(os.environ["LUMIFOLD_BIN"])
-PATIENCE_SECONDS = 120
+# Limit of every wait. Generous: only a program that hangs exceeds it, however busy the machine is.
+TIMEOUT_SECONDS = 600
 
 
-def run(program, *arguments, timeout=PATIENCE_SECONDS, check=True, **options):
-    """Runs a program of ours to its end; gives the finished process with text output."""
+def run(program, *arguments, timeout=TIMEOUT_SECONDS, check=True, **options):
+    """Runs one of our programs to its end; returns the finished process with text output."""
     command = [str(BIN / program), *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
     if check and done.returncode != 0:
@@ -23,23 +24,23 @@ def run(program, *arguments, timeout=PATIENCE_SECONDS, check=True, **options):
 
 
 def make_scene(name, folder):
-    """Writes one of the generated scenes; gives its path."""
+    """Writes one of the generated scenes; returns its path."""
     run("lumifold-scenes", "--out", folder, name)
     return pathlib.Path(folder) / f"{name}.glb"
 
 
-def wait_until(condition, what, seconds=PATIENCE_SECONDS):
-    """Asks until the condition gives something true, and gives that; fails after `seconds`."""
+def wait_until(condition, what, seconds=TIMEOUT_SECONDS):
+    """Polls until the condition returns a true value, and returns it; fails after `seconds`."""
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         if result := condition():
             return result
         time.sleep(0.02)
-    raise AssertionError(f"waited {seconds} s in vain for {what}")
+    raise AssertionError(f"{what}: not within {seconds} s")
 
 
 class Process:
-    """A daemon of ours. Its log is kept to be shown when a test fails."""
+    """One of our daemons. Its log is kept for the messages of failing tests."""
 
     def __init__(self, program, *arguments):
         self.log = tempfile.NamedTemporaryFile("w+", suffix=f"-{program}.log")
@@ -48,20 +49,20 @@ class Process:
         )
 
     def stop(self):
-        """Asks it to end, and gives its exit code."""
+        """Sends SIGTERM and returns the exit code."""
         if self.popen.poll() is None:
             self.popen.send_signal(signal.SIGTERM)
         try:
-            return self.popen.wait(timeout=30)
+            return self.popen.wait(timeout=TIMEOUT_SECONDS)
         except subprocess.TimeoutExpired:
             self.kill()
-            raise AssertionError("did not end within 30 s of SIGTERM\n" + self.log_text()) from None
+            raise AssertionError(f"did not end within {TIMEOUT_SECONDS} s of SIGTERM\n" + self.log_text()) from None
         finally:
             if not self.popen.stdout.closed:
                 self.popen.stdout.close()
 
     def kill(self):
-        """SIGKILL: no word, no clean-up."""
+        """Sends SIGKILL."""
         self.popen.kill()
         self.popen.wait()
         self.popen.stdout.close()
@@ -71,7 +72,7 @@ class Process:
 
 
 class Farm(contextlib.AbstractContextManager):
-    """A coordinator over a data folder, and workers that come and go."""
+    """A coordinator with a data folder, and its workers."""
 
     def __init__(self, data, *server_arguments):
         self.data = data

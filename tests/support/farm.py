@@ -10,11 +10,10 @@ import tempfile
 import time
 
 BIN = pathlib.Path(os.environ["LUMIFOLD_BIN"])
-# Limit of every wait. Generous: only a program that hangs exceeds it, however busy the machine is.
-TIMEOUT_SECONDS = 600
+PATIENCE_SECONDS = 900
 
 
-def run(program, *arguments, timeout=TIMEOUT_SECONDS, check=True, **options):
+def run(program, *arguments, timeout=PATIENCE_SECONDS, check=True, **options):
     """Runs one of our programs to its end; returns the finished process with text output."""
     command = [str(BIN / program), *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
@@ -29,7 +28,7 @@ def make_scene(name, folder):
     return pathlib.Path(folder) / f"{name}.glb"
 
 
-def wait_until(condition, what, seconds=TIMEOUT_SECONDS):
+def wait_until(condition, what, seconds=PATIENCE_SECONDS):
     """Polls until the condition returns a true value, and returns it; fails after `seconds`."""
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
@@ -53,10 +52,10 @@ class Process:
         if self.popen.poll() is None:
             self.popen.send_signal(signal.SIGTERM)
         try:
-            return self.popen.wait(timeout=TIMEOUT_SECONDS)
+            return self.popen.wait(timeout=PATIENCE_SECONDS)
         except subprocess.TimeoutExpired:
             self.kill()
-            raise AssertionError(f"did not end within {TIMEOUT_SECONDS} s of SIGTERM\n" + self.log_text()) from None
+            raise AssertionError(f"did not end within {PATIENCE_SECONDS} s of SIGTERM\n" + self.log_text()) from None
         finally:
             if not self.popen.stdout.closed:
                 self.popen.stdout.close()

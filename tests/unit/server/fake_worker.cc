@@ -37,7 +37,7 @@ bool FakeWorker::WaitForEndOf(const std::string& job_id) const {
   const auto ended = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
     return std::count(ended_jobs_.begin(), ended_jobs_.end(), job_id) > 0;
   };
-  return mutex_.AwaitWithTimeout(absl::Condition(&ended), absl::Minutes(4));
+  return mutex_.AwaitWithTimeout(absl::Condition(&ended), absl::Minutes(10));
 }
 
 bool FakeWorker::Send(v1::WorkerMessage message, Stream* stream) {

@@ -12,8 +12,7 @@
 namespace lumifold::server {
 namespace {
 
-/// Generous: only a call that hangs exceeds it, however busy the machine is.
-constexpr absl::Duration kDeadline = absl::Minutes(4);
+constexpr absl::Duration kDeadline = absl::Minutes(10);
 
 std::unique_ptr<v1::FarmService::Stub> Stub(const std::shared_ptr<grpc::Channel>& channel) {
   return v1::FarmService::NewStub(channel);

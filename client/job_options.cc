@@ -28,7 +28,7 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
                               "Scattering events after the first surface, at most (default 8)");
   command_line.AddText(
       "--method", "METHOD", &options->method,
-      "Filter: 'default', 'none' or another method, see 'filter --help' (default 'default')");
+      "Filter: a method of 'lumifold filter --list-methods' (default 'default')");
   command_line.AddText("--camera", "NAME", &options->camera, "Camera by name (default: the scene's first)");
   command_line.AddFrames("--frame,--frames", &options->frames,
                          "Number of the frame, or of the first and last one (default 0)");

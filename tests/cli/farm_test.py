@@ -1,4 +1,4 @@
-"""The program together with a real coordinator and a real worker over loopback, and by itself."""
+"""The program with processes of the coordinator and a worker over loopback, and alone."""
 
 import json
 import queue
@@ -13,7 +13,7 @@ NO_END = ("--size", "2048x2048", "--spp", "65536")  # hours of work: still runni
 
 
 class FarmTest(harness.CliTest):
-    """A coordinator of its own for each test; workers when a test starts them."""
+    """Each test has its own coordinator, and workers if it starts them."""
 
     def setUp(self):
         super().setUp()
@@ -23,7 +23,7 @@ class FarmTest(harness.CliTest):
         self.environment["LUMIFOLD_SERVER"] = self.address
 
     def start_daemon(self, program, *arguments):
-        """Starts a program that runs until the test ends. Gives a queue of the lines it prints."""
+        """Starts a program that runs until the test ends. Returns a queue of the lines that it prints."""
         process = subprocess.Popen(
             [harness.BIN_DIR / program, *map(str, arguments)],
             stdin=subprocess.DEVNULL,
@@ -86,7 +86,7 @@ class Jobs(FarmTest):
             self.assertTrue((self.folder / name).read_bytes().startswith(b"\x89PNG"))
         self.assertEqual([name for name in self.files() if name.endswith(".part")], [])
 
-    def test_download_goes_on_where_it_stopped(self):
+    def test_download_is_resumed(self):
         self.start_worker()
         job = self.submit()
         self.succeed("wait", job)
@@ -102,7 +102,7 @@ class Jobs(FarmTest):
         self.assertEqual(self.run_lumifold("cancel", job), (0, "", f"lumifold: job {job} cancelled\n"))
         self.assertEqual(self.run_lumifold("wait", job)[:2], (5, "cancelled\n"))
         self.assertEqual(self.run_lumifold("watch", job)[0], 5)
-        self.assertEqual(self.succeed_json("cancel", job)["state"], "cancelled")  # again is no error
+        self.assertEqual(self.succeed_json("cancel", job)["state"], "cancelled")  # cancelling it again is not an error
 
     def test_download_before_the_end(self):
         job = self.submit(*NO_END)
@@ -139,7 +139,7 @@ class Render(harness.CliTest):
         super().setUp()
         self.scene = harness.write_scene(self.folder)
         (self.folder / "tmp").mkdir()
-        self.environment["TMPDIR"] = str(self.folder / "tmp")  # what is left there is left behind too
+        self.environment["TMPDIR"] = str(self.folder / "tmp")  # files left there count as left behind
 
     def edit_scene(self, edit):
         scene = json.loads(self.scene.read_text())

@@ -1,4 +1,4 @@
-"""`lumifold filter` and the coordinator take no more memory for a taller picture, and the same for one that would not fit."""
+"""`lumifold filter` and the coordinator need no more memory for a taller picture, even if its film exceeds the limit."""
 
 import os
 import pathlib
@@ -12,13 +12,13 @@ from tall_exr import repeat_rows
 WIDTH = 1472
 ROWS = 352
 TIMES = (8, 16)  # 4 and 8 Mpx, in blocks of one size
-LIMIT_BYTES = 2 * 2**30  # of address space: the taller film alone takes that, without what filters it
-FINISH_LIMIT_MIB = 1536  # less than the 56 floats a pixel that the taller film has: 1772 MiB
+LIMIT_BYTES = 2 * 2**30  # of address space: the taller film alone needs as much, without the filter
+FINISH_LIMIT_MIB = 1536  # less than the taller film, 56 floats per pixel: 1772 MiB
 
 
 class LargePictureTest(unittest.TestCase):
     def peak_bytes(self, picture, output):
-        """Filters a picture in a limited address space; gives the most memory that took."""
+        """Filters a picture in a limited address space; returns the maximum memory."""
         command = ["sh", "-c", f'ulimit -v {LIMIT_BYTES // 1024} && exec "$@"', "sh",
                    str(BIN / "lumifold"), "filter", str(picture), "--method", "paper", "--threads", "2", "-o", str(output)]
         process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)

@@ -1,5 +1,5 @@
-"""The filter never makes a picture worse: on every generated scene and sample count, as a whole and on edges, in mirrors, in
-shadow bands, on textures and on flat surfaces, its error is no more than the unfiltered one's."""
+"""The filter never makes a picture worse: for every generated scene and sample count the error of the filtered picture is at
+most that of the noisy one, in the whole picture and on edges, mirrors, shadow bands, textures and flat surfaces."""
 
 import json
 import math
@@ -15,7 +15,7 @@ SLACK_SIGMAS = 2
 
 
 class Series(typing.NamedTuple):
-    """Pictures of some scenes at growing sample counts, against a reference of at least four times the most of them."""
+    """Scenes and sample counts; the reference has at least four times the largest sample count."""
 
     scenes: tuple[str, ...]
     width: int
@@ -27,21 +27,22 @@ class Series(typing.NamedTuple):
 SCENES = ("cornell-box", "meeting-room", "bedroom", "atrium")
 NOISY = Series(SCENES, 128, 96, (1, 4, 16, 64), 1024)
 CLEAN = Series(SCENES, 64, 48, (256, 1024, 4096), 16384)
-# Most pixels on edges, next to pixels many times as bright and as noisy.
+# Most pixels are on edges, beside pixels that are many times brighter and noisier.
 SMALL = tuple(Series(SCENES, width, height, (256, 1024), 16384) for width, height in ((16, 12), (24, 18)))
 
 
 class Part(typing.NamedTuple):
-    """A part of the picture: how many pixels it has, and its MSE255."""
+    """A part of the picture: its number of pixels and its MSE255."""
 
     pixels: float
     error: float
 
 
 def slack(part):
-    """How far chance may lift a mean over this part. Squared errors of n pixels scatter by sqrt(2 / n) of their mean where
-    noise is Gaussian; channels of one pixel err together and count once. The reference's noise is in both pictures' errors
-    alike, and its part in their difference is within the same bound."""
+    """Allowed increase of a part's mean squared error: SLACK_SIGMAS standard deviations. For Gaussian noise the mean of the
+    squared errors of n pixels has a relative standard deviation of sqrt(2 / n). The channels of a pixel are correlated and
+    count once. The noise of the reference is in the errors of both pictures, so its effect on their difference is within the
+    same bound."""
     return SLACK_SIGMAS * math.sqrt(2 / part.pixels) * part.error
 
 
@@ -51,7 +52,7 @@ class QualityTest(unittest.TestCase):
             "--method", method, "--save-film", "-o", output, timeout=10 * MINUTES)
 
     def errors(self, series, picture, layer, reference, reference_layer):
-        """The Part of each region that is there, and of the 'whole'."""
+        """The Part of each region of the picture, and of the 'whole'."""
         found = json.loads(run("lumifold", "compare", picture, reference, *layer, "--reference-layer", reference_layer,
                                "--by-region", "--json").stdout)
         pixels = series.width * series.height
@@ -59,7 +60,7 @@ class QualityTest(unittest.TestCase):
         return {"whole": Part(pixels, found["mse255"]), **parts}
 
     def check_picture(self, series, picture, reference, title):
-        # The reference's halves differ by twice its noise: what it adds to every error is a quarter of their squared difference.
+        # The halves of the reference differ by twice its noise, so it adds a quarter of their squared difference to each error.
         halves = self.errors(series, reference, ("--layer", "noisy_a"), reference, "noisy_b")
         noisy = self.errors(series, picture, ("--layer", "noisy"), reference, "noisy")
         filtered = self.errors(series, picture, (), reference, "noisy")

@@ -1,7 +1,6 @@
-// Camera samples per second with all layers, what the geometry unit costs, and what a frame costs with and
-// without the layers, on the generated scenes and,
-// where LUMIFOLD_SCENES_DIR is set, on staircase.glb. Compare figures within one run: the machine may be
-// shared.
+// Camera samples per second with all layers, the cost of the geometry unit, and the cost of a frame with and
+// without layers. Scenes: the generated ones and, if LUMIFOLD_SCENES_DIR is set, staircase.glb. Compare
+// figures of one run only, because the machine may be shared.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -14,6 +13,7 @@
 #include "filter/image/parallel.h"
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
+#include "worker/render/charts_access.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/gltf_loader.h"
 
@@ -37,13 +37,10 @@ absl::StatusOr<scene::Scene> LoadScene(const std::string& name) {
   return scene::LoadGltf(*glb, name, nullptr);
 }
 
-/// A renderer a scene, made once for all benchmarks; null with a word to the user where there is no such
-/// scene.
-const render::Renderer* RendererOf(const std::string& name, benchmark::State& state,
-                                   bool radiance_only = false) {
-  static std::map<std::pair<std::string, bool>, std::unique_ptr<render::Renderer>> known;
-  const std::pair key(name, radiance_only);
-  if (!known.contains(key)) {
+/// The scene's renderer, created once for all benchmarks; null, with a message, if the scene does not exist.
+const render::Renderer* RendererOf(const std::string& name, benchmark::State& state) {
+  static std::map<std::string, std::unique_ptr<render::Renderer>> known;
+  if (!known.contains(name)) {
     absl::StatusOr<scene::Scene> scene = LoadScene(name);
     if (!scene.ok()) {
       state.SkipWithError(std::string(scene.status().message()).c_str());
@@ -52,10 +49,9 @@ const render::Renderer* RendererOf(const std::string& name, benchmark::State& st
     render::RenderSettings settings;
     settings.width = kWidth;
     settings.height = kHeight;
-    settings.radiance_only = radiance_only;
-    known[key] = *render::Renderer::Create(std::make_shared<scene::Scene>(*std::move(scene)), settings);
+    known[name] = *render::Renderer::Create(std::make_shared<scene::Scene>(*std::move(scene)), settings);
   }
-  return known[key].get();
+  return known[name].get();
 }
 
 void RunTiles(TaskPool& pool, absl::FunctionRef<void(const Rect&)> render) {
@@ -92,19 +88,24 @@ void BM_Geometry(benchmark::State& state, const std::string& name) {
                                                   benchmark::Counter::kIsRate);
 }
 
-/// What a frame costs with all layers and features, or C alone. Its processor time is counted over all
-/// threads; for the ratio of the two give --benchmark_enable_random_interleaving=true
-/// --benchmark_repetitions=N and take the least of each.
+/// The cost of a frame with all layers and features, or of C alone, as processor time of all threads. For
+/// their ratio use --benchmark_enable_random_interleaving=true --benchmark_repetitions=N and the minimum of
+/// each.
 void BM_Frame(benchmark::State& state, const std::string& name, bool radiance_only) {
-  const render::Renderer* renderer = RendererOf(name, state, radiance_only);
+  const render::Renderer* renderer = RendererOf(name, state);
   if (renderer == nullptr) return;
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(kThreads);
   constexpr uint32_t kFrameSamples = 64;
   for (auto _ : state) {
     RunTiles(*pool, [&](const Rect& tile) {
       render::RenderCounts counts;
-      benchmark::DoNotOptimize(renderer->RenderPass(tile, 0, {0, kFrameSamples}, &counts));
-      if (!radiance_only) benchmark::DoNotOptimize(renderer->RenderGeometry(tile, 0));
+      const SampleRange range = {0, kFrameSamples};
+      if (radiance_only) {
+        benchmark::DoNotOptimize(render::ChartsAccess(*renderer).RenderRadiance(tile, 0, range, &counts));
+      } else {
+        benchmark::DoNotOptimize(renderer->RenderPass(tile, 0, range, &counts));
+        benchmark::DoNotOptimize(renderer->RenderGeometry(tile, 0));
+      }
     });
   }
   state.counters["samples/s"] =

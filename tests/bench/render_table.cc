@@ -1,16 +1,19 @@
-// Prints one line a scene: how fast the renderer traces, how near that is to Embree alone on the same rays,
-// and what it takes of memory.
+// Prints one line for each scene: the renderer's speed, its ratio to Embree alone on the same rays, and its
+// memory.
 //
 //   render-table [SCENE...]     cornell-box, meeting-room, bedroom, atrium, staircase, or a file's path;
-//                               without arguments all but the bedroom
+//                               without arguments: all but the bedroom
 //
-// "samples/s" is what two threads trace in a second on the clock, "one thread" what each traces in a second
-// of processor time, which neighbours on the machine hardly change. "embree" is the share of the time that is
-// spent inside Embree while rendering; "limit" the processor time Embree takes for the same rays in the same
-// order when nothing else is done, over that of rendering. Times are the least of several runs that take
-// turns. "memory" is the resident memory a process gains from loading and rendering, at its peak; "needed"
-// that of the scene's own arrays, of Embree's tree with its copy of the triangles, and of the tiles being
-// rendered. Each scene is measured in a process of its own.
+// Columns:
+//   samples/s   samples of two threads per second of wall-clock time
+//   one thread  samples per second of processor time, which other load on the machine hardly changes
+//   embree      fraction of the rendering time spent in Embree
+//   limit       processor time of Embree alone for the same rays in the same order, over that of rendering
+//   memory      peak resident memory that loading and rendering add to the process
+//   needed      memory of the scene's arrays, of Embree's acceleration structure with its copy of the
+//   triangles,
+//               and of the tiles being rendered
+// Times are the minimum of several interleaved runs. Each scene is measured in a process of its own.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -51,7 +54,7 @@ constexpr double kAllSamples = 1.0 * kWidth * kHeight * kSamples;
 constexpr int kThreads = 2;
 constexpr int kRounds = 5;
 
-/// What a piece of work took, on the clock and of the processor on all threads.
+/// Cost of a task: wall-clock time and processor time of all threads.
 struct Cost {
   double wall_seconds = 1e30;
   double cpu_seconds = 1e30;
@@ -62,7 +65,7 @@ struct Measured {
   Cost render;
   Cost replay;
   double share_inside = 0;
-  int64_t extension_rays = 0;  // the camera's included
+  int64_t extension_rays = 0;  // including camera rays
   int64_t shadow_rays = 0;
   int64_t gained_bytes = 0;
   int64_t scene_bytes = 0;
@@ -108,7 +111,7 @@ int64_t BytesOf(const LayeredImage& image) {
   return static_cast<int64_t>(image.channels().size() * sizeof(float)) * image.width() * image.height();
 }
 
-/// A line of /proc/self/status in bytes: "VmRSS" what is resident, "VmHWM" the most that ever was.
+/// A value of /proc/self/status in bytes: "VmRSS" resident memory, "VmHWM" its peak.
 int64_t ResidentBytes(const std::string& field) {
   std::ifstream status("/proc/self/status");
   std::string line;
@@ -119,7 +122,7 @@ int64_t ResidentBytes(const std::string& field) {
   return 0;
 }
 
-/// Does `work` and lowers `cost` to what it took, where that is less.
+/// Runs `work` and lowers `cost` to its cost, if that is less.
 void Time(const std::function<void()>& work, Cost* cost) {
   const absl::Time start = absl::Now();
   const double cpu_start = CpuSeconds();
@@ -170,8 +173,8 @@ void MeasureSpeed(const render::Renderer& renderer, TaskPool& pool, Measured* m)
   m->share_inside = ShareInsideEmbree(renderer, pool);
 }
 
-/// Renders a scene of one triangle: the programs' own pages and tables are resident from then on, and do not
-/// count as the memory of the scene measured next.
+/// Renders a scene of one triangle, so that the program's own pages and tables are resident and do not count
+/// as memory of the measured scene.
 void WarmUp(TaskPool& pool) {
   const auto scene = std::make_shared<scene::Scene>();
   scene->materials.emplace_back();
@@ -230,8 +233,8 @@ void PrintLine(const std::string& name, const Measured& m) {
       mebi(m.gained_bytes) / mebi(needed));
 }
 
-/// Where the scene's file is; generated scenes belong into `folder`. Empty, with a word to the user, where
-/// there is none.
+/// The path of the scene's file; generated scenes are written to `folder`. Empty, with a message, if there is
+/// none.
 std::string PathOf(const std::string& name, const TempFolder& folder) {
   if (scenes::FindScene(name) != nullptr) return folder.PathOf(name + ".glb");
   if (name != "staircase") return name;
@@ -246,7 +249,7 @@ bool Generate(const scenes::SceneEntry& entry, const std::string& path) {
   return glb.ok() && scenes::WriteFile(path, *glb).ok();
 }
 
-/// Does `work` in a process of its own, so that its memory starts from nothing; gives whether it succeeded.
+/// Runs `work` in a process of its own, so that memory is measured from zero; returns whether it succeeded.
 bool InChild(const std::function<bool()>& work) {
   std::fflush(stdout);
   const pid_t child = fork();

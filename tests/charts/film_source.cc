@@ -23,6 +23,7 @@
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
 #include "tests/support/cpu_seconds.h"
+#include "worker/render/charts_access.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::charts {
@@ -209,15 +210,9 @@ absl::StatusOr<RenderRates> FilmSource::MeasureRates(int width, int height, Task
   const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = LoadScene();
   if (!scene.ok()) return scene.status();
   const FilmSettings settings = {width, height, kSamples, 0};
-  std::array<std::unique_ptr<render::Renderer>, 2> renderers;
-  for (const bool radiance_only : {false, true}) {
-    render::RenderSettings render_settings = SettingsFor(settings);
-    render_settings.radiance_only = radiance_only;
-    absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
-        render::Renderer::Create(*scene, render_settings);
-    if (!renderer.ok()) return renderer.status();
-    renderers[radiance_only ? 1 : 0] = *std::move(renderer);
-  }
+  const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
+      render::Renderer::Create(*scene, SettingsFor(settings));
+  if (!renderer.ok()) return renderer.status();
   const std::vector<Rect> tiles = TilesOf(settings, {});
   const auto seconds_of = [&](auto task) {
     const double start = CpuSeconds();
@@ -225,19 +220,21 @@ absl::StatusOr<RenderRates> FilmSource::MeasureRates(int width, int height, Task
                 [&](int64_t i) { task(tiles[static_cast<size_t>(i)]); });
     return CpuSeconds() - start;
   };
-  const auto passes_of = [&](const render::Renderer& renderer) {
-    return [&renderer](const Rect& tile) {
-      render::RenderCounts counted;
-      renderer.RenderPass(tile, 0, {0, kSamples}, &counted);
-    };
+  const auto layered = [&](const Rect& tile) {
+    render::RenderCounts counted;
+    (*renderer)->RenderPass(tile, 0, {0, kSamples}, &counted);
   };
+  const auto radiance = [&](const Rect& tile) {
+    render::RenderCounts counted;
+    render::ChartsAccess(**renderer).RenderRadiance(tile, 0, {0, kSamples}, &counted);
+  };
+  const auto geometry = [&](const Rect& tile) { (*renderer)->RenderGeometry(tile, 0); };
   constexpr double kLong = std::numeric_limits<double>::max();
   RenderRates rates = {kLong, kLong, kLong};
   for (int round = 0; round < kRounds; ++round) {
-    rates.layered = std::min(rates.layered, seconds_of(passes_of(*renderers[0])) / kSamples);
-    rates.radiance = std::min(rates.radiance, seconds_of(passes_of(*renderers[1])) / kSamples);
-    rates.geometry = std::min(rates.geometry,
-                              seconds_of([&](const Rect& tile) { renderers[0]->RenderGeometry(tile, 0); }));
+    rates.layered = std::min(rates.layered, seconds_of(layered) / kSamples);
+    rates.radiance = std::min(rates.radiance, seconds_of(radiance) / kSamples);
+    rates.geometry = std::min(rates.geometry, seconds_of(geometry));
   }
   return rates;
 }

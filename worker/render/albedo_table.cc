@@ -11,13 +11,14 @@
 namespace lumifold::render {
 namespace {
 
-// All integrals take a fixed set of points: deterministic, and smooth in the arguments.
+// All integrals use one fixed point set, so they are deterministic and smooth in their arguments.
 constexpr int kPointBits = 10;
 constexpr int kPoints = 1 << kPointBits;
 
-// Where the tables begin: below, lobes are nearly specular and their albedo hardly changes.
-constexpr float kLeastRoughness = 0.05f;
-constexpr float kLeastCosine = 0.01f;
+// Lower ends of the tables' axes. Below this roughness lobes are nearly delta and their albedo hardly
+// changes.
+constexpr float kMinRoughness = 0.05f;
+constexpr float kMinCosine = 0.01f;
 
 float Lerp(float a, float b, float t) { return a + (b - a) * t; }
 
@@ -27,7 +28,7 @@ DirectionalAlbedo Mix(const DirectionalAlbedo& a, const DirectionalAlbedo& b, fl
 
 Vec3 DirectionOf(float cosine) { return {std::sqrt(1.0f - cosine * cosine), 0, cosine}; }
 
-/// The Hammersley points: even by any measure, and so good where the integrand ends at the horizon.
+/// The Hammersley points: low discrepancy, also for integrands that end abruptly at the horizon.
 constexpr std::array<Vec2, kPoints> HammersleyPoints() {
   std::array<Vec2, kPoints> points;
   for (int i = 0; i < kPoints; ++i) {
@@ -83,24 +84,24 @@ float IntegrateSheen(float cos_o, float alpha) {
   return 2 * kPi * MeanOverSquare([&](Vec2 u) {
            float sine = 0;
            float cosine = 0;
-           SinCos(kPi * u.y, &sine, &cosine);  // half the circle: the other is its mirror image
+           SinCos(kPi * u.y, &sine, &cosine);  // half the circle: the integrand is symmetric
            const float radius = std::sqrt(1.0f - u.x * u.x);
            return SheenLobe({radius * cosine, radius * sine, u.x}, wo, alpha);
          });
 }
 
-/// A table takes tens of milliseconds: a scene with more kinds of glass has these many tabled.
-constexpr size_t kMostGlassIors = 16;
+/// Upper limit of tabulated iors: building the tables of one takes tens of milliseconds.
+constexpr size_t kMaxGlassIors = 16;
 
-/// kMostGlassIors values, evenly picked, of more; first and last among them.
-std::vector<float> SomeOf(const std::vector<float>& values) {
+/// kMaxGlassIors of the values at equal steps, including the first and the last.
+std::vector<float> Subset(const std::vector<float>& values) {
   std::vector<float> some;
-  for (size_t i = 0; i < kMostGlassIors; ++i)
-    some.push_back(values[i * (values.size() - 1) / (kMostGlassIors - 1)]);
+  for (size_t i = 0; i < kMaxGlassIors; ++i)
+    some.push_back(values[i * (values.size() - 1) / (kMaxGlassIors - 1)]);
   return some;
 }
 
-/// A place between two neighbours of an axis of `size` nodes from 0 to 1.
+/// A position between two neighbouring nodes of an axis of `size` nodes from 0 to 1.
 struct Node {
   int index;
   float fraction;
@@ -126,9 +127,9 @@ template <typename Table, typename Albedo>
 void Fill(Table* table, const Albedo& albedo) {
   const auto last = static_cast<float>(table->size() - 1);
   for (size_t r = 0; r < table->size(); ++r) {
-    const float roughness = std::max(static_cast<float>(r) / last, kLeastRoughness);
+    const float roughness = std::max(static_cast<float>(r) / last, kMinRoughness);
     for (size_t c = 0; c < table->size(); ++c) {
-      const float cos_o = std::max(static_cast<float>(c) / last, kLeastCosine);
+      const float cos_o = std::max(static_cast<float>(c) / last, kMinCosine);
       (*table)[r][c] = albedo(cos_o, roughness * roughness);
     }
   }
@@ -146,19 +147,20 @@ AlbedoTable::AlbedoTable(const Contents& contents) : glass_iors_(contents.glass_
   }
   if (contents.sheen) {
     Fill(&sheen_.emplace_back(), [](float cos_o, float alpha) {
-      return IntegrateSheen(cos_o, std::max(alpha, 0.5f * kLeastSheenAlpha));  // for the node below the least
+      return IntegrateSheen(cos_o,
+                            std::max(alpha, 0.5f * kMinSheenAlpha));  // for the node below the minimum
     });
   }
 }
 
 void AlbedoTable::BuildReflection() {
   for (int r = 0; r < kSize; ++r) {
-    const float roughness = std::max(static_cast<float>(r) / (kSize - 1), kLeastRoughness);
+    const float roughness = std::max(static_cast<float>(r) / (kSize - 1), kMinRoughness);
     for (int c = 0; c < kSize; ++c) {
-      const float cos_o = std::max(static_cast<float>(c) / (kSize - 1), kLeastCosine);
+      const float cos_o = std::max(static_cast<float>(c) / (kSize - 1), kMinCosine);
       table_[r][c] = IntegrateReflection(cos_o, roughness * roughness);
     }
-    // The exact mean of 2 c A(c) for the piecewise linear A that Lookup gives.
+    // The exact integral of 2 c A(c) for the piecewise linear A that Lookup returns.
     constexpr float kStep = 1.0f / (kSize - 1);
     for (int c = 0; c + 1 < kSize; ++c) {
       const float begin = static_cast<float>(c) * kStep;
@@ -202,7 +204,7 @@ float AlbedoTable::Glass(float ior, bool inside, float cos_o, float alpha) const
   return Lerp(at(node - 1), at(node), (ior - above[-1]) / (above[0] - above[-1]));
 }
 
-AlbedoTable::Contents AlbedosOf(const scene::Scene& scene) {
+AlbedoTable::Contents AlbedoContentsOf(const scene::Scene& scene) {
   AlbedoTable::Contents contents;
   for (const scene::Material& material : scene.materials) {
     if (material.unlit) continue;
@@ -213,7 +215,7 @@ AlbedoTable::Contents AlbedosOf(const scene::Scene& scene) {
   std::vector<float>& iors = contents.glass_iors;
   std::sort(iors.begin(), iors.end());
   iors.erase(std::unique(iors.begin(), iors.end()), iors.end());
-  if (iors.size() > kMostGlassIors) iors = SomeOf(iors);
+  if (iors.size() > kMaxGlassIors) iors = Subset(iors);
   return contents;
 }
 

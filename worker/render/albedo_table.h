@@ -7,18 +7,17 @@
 
 namespace lumifold::render {
 
-/// How much light the GGX lobe sends on in all directions, as a function of the viewing angle: with Schlick's
-/// Fresnel, albedo = f0 * scale + f90 * bias.
+/// Directional albedo of the GGX lobe with Schlick's Fresnel: albedo = f0 * scale + f90 * bias.
 struct DirectionalAlbedo {
   float scale = 0;
   float bias = 0;
 };
 
-/// Tables how much light the lobes send on in all directions, over cosine and roughness: single scattering,
-/// by quadrature. Built once, read by all threads.
+/// Tables of directional albedos over cosine and roughness: single scattering, integrated by quadrature.
+/// Threads: safe concurrently after construction.
 class AlbedoTable {
  public:
-  /// What is tabled beside GGX with Schlick's Fresnel, which everything needs.
+  /// The optional tables; GGX with Schlick's Fresnel is always there.
   struct Contents {
     bool sheen = false;
     std::vector<float> glass_iors;  // of solid glass, ascending
@@ -31,11 +30,11 @@ class AlbedoTable {
   /// The cosine-weighted mean of Lookup over the hemisphere.
   DirectionalAlbedo Average(float alpha) const;
 
-  /// Of SheenLobe; the contents must have it.
+  /// Directional albedo of SheenLobe; Contents::sheen must be set.
   float Sheen(float cos_o, float alpha) const;
 
-  /// Of a rough boundary of solid glass, reflection and refraction together, seen from the outside or the
-  /// inside; between the contents' iors, of which there must be one, by interpolation.
+  /// Directional albedo of a rough boundary of solid glass, reflection plus refraction, seen from outside or
+  /// inside. Interpolated between Contents::glass_iors, which must not be empty.
   float Glass(float ior, bool inside, float cos_o, float alpha) const;
 
  private:
@@ -48,11 +47,11 @@ class AlbedoTable {
   DirectionalAlbedo table_[kSize][kSize];  // [roughness][cosine]
   DirectionalAlbedo average_[kSize];
   std::vector<float> glass_iors_;
-  std::vector<SmallTable> glass_;  // two an ior: from the outside, from the inside
+  std::vector<SmallTable> glass_;  // two for each ior: from outside, from inside
   std::vector<SmallTable> sheen_;  // one or none
 };
 
-/// What the scene's materials need.
-AlbedoTable::Contents AlbedosOf(const scene::Scene& scene);
+/// The tables that the scene's materials need.
+AlbedoTable::Contents AlbedoContentsOf(const scene::Scene& scene);
 
 }  // namespace lumifold::render

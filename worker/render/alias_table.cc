@@ -20,15 +20,15 @@ AliasTable::AliasTable(const std::vector<double>& weights) {
     (share[i] < 1 ? small : large).push_back(static_cast<uint32_t>(i));
   }
   while (!small.empty() && !large.empty()) {
-    const uint32_t poor = small.back();
-    const uint32_t rich = large.back();
+    const uint32_t under = small.back();
+    const uint32_t over = large.back();
     small.pop_back();
-    cells_[poor].keep = static_cast<float>(share[poor]);
-    cells_[poor].alias = rich;
-    share[rich] -= 1 - share[poor];
-    if (share[rich] < 1) {
+    cells_[under].threshold = static_cast<float>(share[under]);
+    cells_[under].alias = over;
+    share[over] -= 1 - share[under];
+    if (share[over] < 1) {
       large.pop_back();
-      small.push_back(rich);
+      small.push_back(over);
     }
   }
 }

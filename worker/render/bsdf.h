@@ -6,17 +6,17 @@
 
 namespace lumifold::render {
 
-/// A material's values at one point, textures looked up.
+/// A material's values at one point, with textures applied.
 struct SurfaceMaterial {
   Vec3 base_color = {1, 1, 1};
   float metallic = 0;
   float roughness = 1;
   float ior = 1.5f;
-  float specular = 1;
+  float specular = 1;  // factor of KHR_materials_specular
   Vec3 specular_color = {1, 1, 1};
   float transmission = 0;
-  bool thin = true;     // transmits straight on, as a pane does
-  bool inside = false;  // the ray arrives from within the volume
+  bool thin = true;     // transmits without refraction, like a pane
+  bool inside = false;  // the ray comes from inside the volume
   Vec3 sheen_color = {0, 0, 0};
   float sheen_roughness = 0;
   float clearcoat = 0;
@@ -29,138 +29,135 @@ struct SurfaceMaterial {
   }
 };
 
-/// What one direction carries: the lobes apart, as the layers need them. Both include the cosine of the
-/// direction.
+/// The BSDF's value for one direction, times the direction's cosine; split by lobe, as the layers need it.
 struct BsdfValue {
-  /// The diffuse lobe without its albedo: T * diffuse is the diffuse reflection. Its integral over directions
-  /// is 1.
+  /// The diffuse lobe without its albedo: T * diffuse is the diffuse reflection. It integrates to 1 over
+  /// directions.
   float diffuse = 0;
-  /// All other lobes, tint included.
-  Vec3 specular = {0, 0, 0};
+  /// The sum of the glossy and delta lobes, tint included.
+  Vec3 non_diffuse = {0, 0, 0};
 };
 
-/// A direction drawn for the path to go on in.
+/// A sampled direction in which the path continues.
 struct BsdfSample {
   Vec3 wi;           // unit, world space
   BsdfValue weight;  // value over density
-  float pdf = 0;     // per steradian, of all lobes together; 0 for a perfectly specular event
+  float pdf = 0;     // per steradian, of all lobes together; 0 for a delta event
   bool valid = false;
-  bool specular_event = false;
+  bool is_delta = false;  // a delta event: reflection or transmission at a perfectly smooth boundary
   bool transmitted = false;
-  bool straight = false;  // through a clear pane: wi = -wo, perfectly specular
+  bool straight = false;  // a delta event through a clear pane: wi = -wo
 };
 
-/// How a surface scatters light at one point towards `wo`. From the outside in: a clear coat, a sheen, and a
-/// mixture of metal, of a diffuse base of albedo T under a GGX reflection, and of glass. Each layer leaves to
-/// those below what it does not send back to the viewer, 1 - A(wo) with A its directional albedo; the diffuse
-/// base's lobe is T * (1 - A(wi)) / (1 - mean A) * cos / pi under the GGX reflection, and so reciprocal with
-/// it. Metal and glass make up for the light that single scattering loses between facets. All of it is
-/// lossless; coat, sheen, metal and glass are not reciprocal for it.
-/// Through solid glass radiance is carried over the squared index of its medium, which no boundary changes: a
-/// path that comes out of the glass again has its radiance.
+/// Scattering at one surface point towards `wo`. Lobes are diffuse, glossy (rough reflection, rough
+/// transmission, sheen) or delta (perfectly smooth boundaries). Layers from the outside in: a clear coat; a
+/// sheen; a mixture of metal, of a diffuse base of albedo T under a dielectric GGX layer, and of glass.
+/// Each layer passes the fraction 1 - A(wo) of the light to the layers below, with A its directional albedo.
+/// The diffuse lobe is T * (1 - A(wi)) / (1 - mean A) * cos / pi under the dielectric layer, which makes the
+/// two reciprocal. Metal and glass compensate for the energy that single scattering loses between
+/// microfacets. All layers conserve energy; coat, sheen, metal and glass are not reciprocal.
+/// Inside solid glass, paths carry radiance over the squared index of the medium, which no boundary changes:
+/// after a path has left the glass it carries radiance again.
 /// Sources: glTF 2.0 appendix B and the KHR_materials extensions (parameters and layers); Kelemen &
-/// Szirmay-Kalos 2001 (coupling of coat and base); Walter et al. 2007 (refraction); Turquin 2019, "Practical
-/// multiple scattering compensation for microfacet models".
+/// Szirmay-Kalos 2001 (coupling of dielectric layer and base); Walter et al. 2007 (refraction); Turquin 2019,
+/// "Practical multiple scattering compensation for microfacet models".
 class Bsdf {
  public:
-  /// `normal` is the unit shading normal and `geometric` the unit face normal, both on wo's side; wo points
-  /// away from the surface.
+  /// `normal` is the unit shading normal, `geometric` the unit face normal, both on wo's side. wo points away
+  /// from the surface.
   Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo);
 
   /// T, the exact multiplier of the diffuse lobe.
   Vec3 DiffuseAlbedo() const { return diffuse_albedo_; }
   bool HasDiffuse() const { return p_diffuse_ > 0; }
-  /// About how much of even light all lobes together send to the viewer; 0 only where there are none.
+  /// Approximate directional albedo of all lobes together; 0 only if there are none.
   Vec3 Albedo() const;
-  /// Whether a light sample can meet a lobe: false for perfect mirrors and glass.
-  bool HasSmoothLobe() const {
+  /// Whether Evaluate() can be above 0: false for perfect mirrors and smooth glass.
+  bool HasNonDeltaLobe() const {
     return p_diffuse_ > 0 || (p_facets_ > 0 && !mirror_) || (p_coat_ > 0 && !coat_mirror_) || p_sheen_ > 0;
   }
 
-  /// How much of even light all lobes that are neither diffuse nor perfectly specular send to the viewer,
-  /// above 0 in each channel where there is one.
-  Vec3 SpecularAlbedo() const;
-  /// GGX alpha of the lobe that reflects most, coat or what lies below; 1 where nothing but the diffuse one
-  /// is.
-  float SpecularAlpha() const;
+  /// S: the directional albedo of all glossy lobes; above 0 in each channel in which there is one.
+  Vec3 GlossyAlbedo() const;
+  /// GGX alpha of the lobe that reflects most, either the coat's or the one below; 1 if all is diffuse.
+  float ReflectionAlpha() const;
 
-  /// Whether perfect reflection and perfect transmission both leave from here, and no other mirror.
+  /// Whether there are both a delta reflection and a delta transmission, and no mirror-like coat.
   bool IsSmoothGlass() const {
     return mirror_ && p_facets_ > 0 && glass_ > 0 && !(p_coat_ > 0 && coat_mirror_);
   }
-  /// The probability that Sample() draws a perfectly specular event.
-  float PerfectProbability() const { return (mirror_ ? p_facets_ : 0.0f) + (coat_mirror_ ? p_coat_ : 0.0f); }
-  /// The perfectly specular events of metal, base and glass, with the whole of their weight and no
-  /// probability in it; invalid where there is none.
-  BsdfSample PerfectReflection() const;
-  BsdfSample PerfectTransmission() const;
+  /// The probability that Sample() returns a delta event.
+  float DeltaProbability() const { return (mirror_ ? p_facets_ : 0.0f) + (coat_mirror_ ? p_coat_ : 0.0f); }
+  /// The delta events of metal, base and glass. Their weight is the reflectance or transmittance, not divided
+  /// by a probability; invalid if there is no such event.
+  BsdfSample DeltaReflection() const;
+  BsdfSample DeltaTransmission() const;
 
-  /// The share of light that comes straight through a clear pane from behind; black for all else.
+  /// Transmittance of a clear pane for light from straight behind; black for all other materials.
   Vec3 StraightTransmittance() const;
 
-  /// The lobes' values towards unit wi (perfectly specular ones left out) and, in *pdf, the density of
-  /// Sample() there.
+  /// The value of all lobes except delta lobes towards unit wi; *pdf receives the density of Sample() there.
   BsdfValue Evaluate(Vec3 wi, float* pdf) const;
 
-  /// Draws a direction; `lobe` and `u` are random numbers in [0, 1).
-  BsdfSample Sample(float lobe, Vec2 u) const;
+  /// Samples a direction; `u_lobe` (selects the lobe) and `u` are random numbers in [0, 1).
+  BsdfSample Sample(float u_lobe, Vec2 u) const;
 
  private:
-  /// What a facet reflects and lets through.
-  struct Split {
+  /// Reflectance and transmittance of one microfacet.
+  struct Fresnel {
     Vec3 reflected;
     Vec3 transmitted = {0, 0, 0};
     float p_reflect = 1;
-    float cos_t = 0;  // of the refracted ray to the facet's normal
+    float cos_t = 0;  // between the refracted ray and the microfacet's normal
   };
 
   float AddCoat(const SurfaceMaterial& material, Vec3 wo);
   float AddSheen(const SurfaceMaterial& material, float share);
   void AddBase(const SurfaceMaterial& material);
   void CompensateMetal(const SurfaceMaterial& material, DirectionalAlbedo seen);
-  void Dim(float share);
+  void ScaleMetalAndBase(float share);
   void AddGlass(const SurfaceMaterial& material, float share);
   void ChooseProbabilities();
 
-  Split SplitAt(float cos_h) const;
+  Fresnel FresnelAt(float cos_h) const;
   float DiffuseLobe(float cos_i) const;
   void EvaluateFacets(Vec3 wi, BsdfValue* value, float* pdf) const;
   void EvaluateTransmission(Vec3 wi, BsdfValue* value, float* pdf) const;
   void EvaluateCoat(Vec3 wi_world, BsdfValue* value, float* pdf) const;
   void EvaluateSheen(Vec3 wi, BsdfValue* value, float* pdf) const;
 
-  bool IsDiffuseOnly() const { return p_diffuse_ >= 1 && cover_f90_ <= 0; }
+  bool IsDiffuseOnly() const { return p_diffuse_ >= 1 && dielectric_f90_ <= 0; }
   BsdfValue EvaluateDiffuse(Vec3 wi_world, float* pdf) const;
   BsdfSample SampleDiffuse(Vec2 u) const;
-  BsdfSample SampleFacets(float lobe, Vec2 u) const;
-  BsdfSample SampleSmooth(float lobe) const;
-  BsdfSample Reflection(const Split& split) const;
-  BsdfSample Transmission(const Split& split) const;
+  BsdfSample SampleFacets(float u_lobe, Vec2 u) const;
+  BsdfSample SampleDelta(float u_lobe) const;
+  BsdfSample Reflection(const Fresnel& fresnel) const;
+  BsdfSample Transmission(const Fresnel& fresnel) const;
   BsdfSample SampleCoat(Vec2 u) const;
   BsdfSample SampleSheen(Vec2 u) const;
-  BsdfSample Finish(Vec3 wi_world) const;
+  BsdfSample SampleTowards(Vec3 wi_world) const;
 
   const AlbedoTable* table_;
   Frame frame_;
   Vec3 geometric_;
-  Vec3 wo_;  // local; not set where there is nothing but a diffuse lobe
+  Vec3 wo_;  // in the shading frame; not set if the only lobe is diffuse
   Vec3 diffuse_albedo_ = {0, 0, 0};
 
-  // The facets: Schlick's reflection of metal and of what covers the diffuse base, and glass.
+  // Microfacets of metal and of the dielectric layer (Schlick's Fresnel), and of glass.
   float alpha_ = 1;
   bool mirror_ = false;
   bool thin_ = false;
   Vec3 f0_ = {0, 0, 0};
   Vec3 f90_ = {0, 0, 0};
-  Vec3 facets_albedo_ = {0, 0, 0};  // of glass, about
-  float cover_f0_ = 0;              // of what covers the diffuse base
-  float cover_f90_ = 0;
-  float cover_average_ = 0;
-  float glass_ = 0;  // share, compensation included
+  Vec3 facets_albedo_ = {0, 0, 0};  // approximate for glass
+  float dielectric_f0_ = 0;         // of the dielectric layer over the diffuse base
+  float dielectric_f90_ = 0;
+  float dielectric_mean_albedo_ = 0;
+  float glass_ = 0;  // weight, energy compensation included
   Vec3 glass_tint_ = {0, 0, 0};
-  float eta_ = 1;  // far side over near side, of the Fresnel reflectance
+  float eta_ = 1;  // index of the far side over that of the near side
 
-  // The layers above, read only where their probability is above 0.
+  // Coat and sheen; read only if their probability is above 0.
   float coat_alpha_ = 0;
   float coat_ = 0;
   float coat_albedo_ = 0;

@@ -10,7 +10,7 @@ using scene::Vec3;
 
 namespace {
 
-/// Metres: a full frame, 36 x 24 mm.
+/// Metres; a full frame is 36 x 24 mm.
 constexpr float kSensorHeight = 0.024f;
 
 }  // namespace

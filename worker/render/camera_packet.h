@@ -9,15 +9,14 @@
 #include "filter/image/sample_range.h"
 #include "worker/render/camera.h"
 #include "worker/render/path_tracer.h"
-#include "worker/render/sample_sink.h"
 #include "worker/render/sampler.h"
 
 namespace lumifold::render {
 
-/// Samples of one pixel that are traced together.
+/// Camera samples of one pixel that are traced together.
 class CameraPacket {
  public:
-  /// Of pixel (x, y) the samples of `range`, whose streams are the first of `packet`.
+  /// The samples of `range` in pixel (x, y); their samplers are the first of `packet`.
   CameraPacket(const PictureCamera& camera, int x, int y, const SamplerPacket& packet, SampleRange range)
       : range_(range), samplers_(packet.samplers().first(range.last - range.first)) {
     for (size_t i = 0; i < size(); ++i) {
@@ -25,24 +24,19 @@ class CameraPacket {
       points_[i] = {static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y};
       if (camera.HasLens()) lens_points_[i] = samplers_[i].Get2D(kLensPair);
       camera.SetRay(points_[i], lens_points_[i], 1, &rays_[i]);
-      rays_[i].chance = samplers_[i].Key(kCameraPair);
+      rays_[i].random_key = samplers_[i].Key(kCameraPair);
     }
   }
 
   size_t size() const { return samplers_.size(); }
   std::span<const Ray> rays() const { return {rays_.data(), size()}; }
   std::span<const Sampler> samplers() const { return samplers_; }
-  /// The sample's number in the pixel, where it lies in the picture, and where its ray passes the lens.
+  /// Sample number in the pixel.
   uint32_t Index(size_t i) const { return range_.first + static_cast<uint32_t>(i); }
+  /// Picture position in pixels.
   Vec2 Point(size_t i) const { return points_[i]; }
+  /// Where the ray passes the lens, in [0, 1)^2; 0 for a pinhole.
   Vec2 LensPoint(size_t i) const { return lens_points_[i]; }
-  /// What the first surface draws from.
-  std::array<Vec2, kFirstSurfacePairs> FirstSurfaceNumbers(size_t i) const {
-    std::array<Vec2, kFirstSurfacePairs> numbers;
-    for (uint32_t pair = 0; pair < kFirstSurfacePairs; ++pair)
-      numbers[pair] = samplers_[i].Get2D(kCameraPair + 1 + pair);
-    return numbers;
-  }
 
  private:
   SampleRange range_;
@@ -54,8 +48,8 @@ class CameraPacket {
 
 static_assert(PathTracer::kPacket == DrawnPairs::kSamples);
 
-/// Calls visit(CameraPacket) for the samples of pixel (x, y) of a frame `width` wide. What comes together
-/// depends on the range alone.
+/// Calls visit(CameraPacket) for the samples of pixel (x, y) of a frame `width` pixels wide. The division
+/// into packets depends on the range alone.
 template <typename Visit>
 void ForEachCameraPacket(const PictureCamera& camera, uint64_t seed, int frame, int width, int x, int y,
                          SampleRange range, Visit visit) {

@@ -11,14 +11,14 @@ namespace {
 
 using scene::Vec3;
 
-constexpr float kLeastCosine = 0.9f;       // between normals of one surface
+constexpr float kMinCosine = 0.9f;         // between normals of one surface
 constexpr float kDistanceRatio = 1.0513f;  // e^0.05
 
-/// x or 1 / x, whichever is larger.
+/// max(x, 1 / x).
 float AtLeastOne(float x) { return std::max(x, 1.0f / x); }
 
-/// By what factor the distance along the centre rays changes from `from` to `to` on the plane of `from`;
-/// infinite where the plane ends before.
+/// The factor, at least 1, by which the distance along the centre rays changes from `from` to `to` on the
+/// plane of `from`; infinite if one of the rays does not hit that plane.
 float ChangeOnPlane(const EdgeProbe& from, const Ray& to) {
   const float here =
       Dot(from.geometric, from.position - from.centre.origin) / Dot(from.geometric, from.centre.direction);
@@ -30,7 +30,7 @@ float ChangeOnPlane(const EdgeProbe& from, const Ray& to) {
 bool Disagree(std::span<const GeometrySample> samples, const EdgeProbe& mean) {
   return std::any_of(samples.begin(), samples.end(), [&](const GeometrySample& s) {
     if (s.hit != mean.hit || s.valid != mean.valid || s.instance != mean.instance) return true;
-    return s.hit && Dot(s.normal, mean.normal) < kLeastCosine;
+    return s.hit && Dot(s.normal, mean.normal) < kMinCosine;
   });
 }
 
@@ -63,7 +63,7 @@ EdgeProbe ProbeOf(std::span<const GeometrySample> samples, const Ray& centre) {
 bool IsEdgeBetween(const EdgeProbe& a, const EdgeProbe& b) {
   if (a.hit != b.hit || a.valid != b.valid || a.instance != b.instance) return true;
   if (!a.hit) return false;
-  if (Dot(a.normal, b.normal) < kLeastCosine) return true;
+  if (Dot(a.normal, b.normal) < kMinCosine) return true;
   const float change = AtLeastOne(a.distance / b.distance);
   return change > kDistanceRatio &&
          change > kDistanceRatio * std::max(ChangeOnPlane(a, b.centre), ChangeOnPlane(b, a.centre));

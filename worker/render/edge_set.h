@@ -10,7 +10,7 @@
 
 namespace lumifold::render {
 
-/// What tells whether an edge runs through a pixel or between two: the means of a few of its sub-samples.
+/// Means of a few sub-samples of one pixel, from which edges within and between pixels are detected.
 struct EdgeProbe {
   bool hit = false;
   bool valid = false;  // a surface with a diffuse lobe
@@ -20,23 +20,23 @@ struct EdgeProbe {
   scene::Vec3 geometric;
   scene::Vec3 position;
   float distance = 0;
-  Ray centre;  // through the pixel's middle
+  Ray centre;  // through the pixel's centre
 };
 
-/// `samples` are of one pixel; `centre` is the ray through its middle.
+/// `samples` belong to one pixel; `centre` is the ray through its centre.
 EdgeProbe ProbeOf(std::span<const GeometrySample> samples, const Ray& centre);
 
-/// Whether normal, distance, object or validity jump from one pixel to the next. A distance jumps where it
-/// changes by more than 5 % beyond what the plane of either surface explains. Symmetric.
+/// Whether normal, distance, object or validity are discontinuous between two pixels. The distance is if it
+/// changes by more than 5 % beyond the change along the plane of either surface. Symmetric in a and b.
 bool IsEdgeBetween(const EdgeProbe& a, const EdgeProbe& b);
 
 /// Collects the sub-samples of edge pixels.
 class EdgeRows {
  public:
   EdgeRows();
-  /// The next edge pixel, at (x, y) of the whole frame.
+  /// Adds the edge pixel at (x, y) of the whole frame.
   void Add(int x, int y, std::span<const GeometrySample, kSubSamples> samples);
-  /// EdgedImage::edges.
+  /// The rows as EdgedImage::edges.
   LayeredImage Make() const;
 
  private:

@@ -40,7 +40,7 @@ RTCRay EmbreeRay(const Ray& ray) {
   return r;
 }
 
-/// Rays as Embree takes them together. Its own names for 8 are used as they stand.
+/// A packet of rays in Embree's layout for packets of 8.
 static_assert(EmbreeScene::kPacket == 8);
 struct alignas(32) Packet {
   int valid[EmbreeScene::kPacket];
@@ -72,19 +72,19 @@ struct alignas(32) Packet {
   }
 };
 
-/// What hits are told apart by.
-struct Places {
+/// What is needed to convert Embree's hits.
+struct HitContext {
   const scene::Scene* scene;
   std::vector<char> is_mirrored;  // of each instance
 
-  explicit Places(const scene::Scene& s) : scene(&s) {
+  explicit HitContext(const scene::Scene& s) : scene(&s) {
     for (const scene::Instance& instance : s.instances)
       is_mirrored.push_back(instance.world_from_object.Determinant() < 0);
   }
 };
 
-/// A hit as the scene names it. At a baked mesh the instance is the geometry's id.
-Hit HitOf(const Places& places, const RTCHit& embree, float distance) {
+/// Embree's hit in the scene's terms. For a mesh in world space the geometry's id is the instance.
+Hit HitOf(const HitContext& hit_context, const RTCHit& embree, float distance) {
   const bool instanced = embree.instID[0] != RTC_INVALID_GEOMETRY_ID;
   Hit hit;
   hit.instance = static_cast<int>(instanced ? embree.instID[0] : embree.geomID);
@@ -94,46 +94,46 @@ Hit HitOf(const Places& places, const RTCHit& embree, float distance) {
   hit.distance = distance;
   const Vec3 normal = {embree.Ng_x, embree.Ng_y, embree.Ng_z};
   if (instanced) {
-    hit.face_normal = places.scene->instances[hit.instance].world_from_object.Normal(normal);
+    hit.face_normal = hit_context.scene->instances[hit.instance].world_from_object.Normal(normal);
   } else {
-    // a mirroring transform has turned the winding round
-    hit.face_normal = places.is_mirrored[hit.instance] != 0 ? -normal : normal;
+    // a mirroring transform has reversed the winding
+    hit.face_normal = hit_context.is_mirrored[hit.instance] != 0 ? -normal : normal;
   }
   return hit;
 }
 
-/// What the filters of one query need; Embree hands them its first member's address.
+/// What the filter functions of one query need. They receive the address of its first member.
 struct QueryContext {
   RTCIntersectContext embree;
-  const Places* places;
-  std::span<const Ray> rays;  // a ray's id is its place here
-  Veils* veils = nullptr;     // gathers all hits, of which none then ends the ray,
-  const Hit* last = nullptr;  // beyond this one
+  const HitContext* hit_context;
+  std::span<const Ray> rays;        // indexed by Embree's ray id
+  TransparentHits* hits = nullptr;  // if set, collects all hits, and no hit ends the ray
+  const Hit* last = nullptr;        // if set, only hits after this one are collected
 
-  QueryContext(const Places* p, std::span<const Ray> r) : places(p), rays(r) {
+  QueryContext(const HitContext* h, std::span<const Ray> r) : hit_context(h), rays(r) {
     rtcInitIntersectContext(&embree);
     if (rays.size() > 1) embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   }
 };
 
-/// A hit that a filter is to judge, and its ray's chance.
+/// A hit that a filter function accepts or rejects, and its ray's random key.
 struct Candidate {
   const QueryContext& context;
-  uint64_t chance;
+  uint64_t random_key;
   Hit hit;
 };
 
-/// Takes away the hits that lie in what `passes(Candidate)`.
-template <typename Passes>
-void PassWhere(const RTCFilterFunctionNArguments* arguments, Passes passes) {
+/// Rejects the hits for which rejects(Candidate) is true: the ray continues behind them.
+template <typename Rejects>
+void RejectWhere(const RTCFilterFunctionNArguments* arguments, Rejects rejects) {
   const auto& context = *reinterpret_cast<const QueryContext*>(arguments->context);
   const unsigned count = arguments->N;
   for (unsigned i = 0; i < count; ++i) {
     if (arguments->valid[i] == 0) continue;
-    const Hit hit = HitOf(*context.places, rtcGetHitFromHitN(arguments->hit, count, i),
+    const Hit hit = HitOf(*context.hit_context, rtcGetHitFromHitN(arguments->hit, count, i),
                           RTCRayN_tfar(arguments->ray, count, i));
-    const uint64_t chance = context.rays[RTCRayN_id(arguments->ray, count, i)].chance;
-    if (passes(Candidate{context, chance, hit})) arguments->valid[i] = 0;
+    const uint64_t random_key = context.rays[RTCRayN_id(arguments->ray, count, i)].random_key;
+    if (rejects(Candidate{context, random_key, hit})) arguments->valid[i] = 0;
   }
 }
 
@@ -141,13 +141,13 @@ float OpacityOf(const scene::Scene& scene, const Hit& hit) {
   return OpacityAt(scene, scene.meshes[scene.instances[hit.instance].mesh], hit.triangle, hit.u, hit.v);
 }
 
-/// The same answer whenever a ray of this chance asks about this triangle: Embree may ask twice.
-bool IsMet(const Candidate& candidate) {
+/// A deterministic function of the ray's random key and the triangle, because Embree may call it twice.
+bool IsAccepted(const Candidate& candidate) {
   const Hit& hit = candidate.hit;
-  const float opacity = OpacityOf(*candidate.context.places->scene, hit);
+  const float opacity = OpacityOf(*candidate.context.hit_context->scene, hit);
   if (opacity >= 1 || opacity <= 0) return opacity >= 1;
-  const uint64_t place = (static_cast<uint64_t>(static_cast<uint32_t>(hit.instance)) << 32) | hit.triangle;
-  const uint64_t bits = MixBits(MixBits(candidate.chance) ^ MixBits(~place));
+  const uint64_t triangle = (static_cast<uint64_t>(static_cast<uint32_t>(hit.instance)) << 32) | hit.triangle;
+  const uint64_t bits = MixBits(MixBits(candidate.random_key) ^ MixBits(~triangle));
   return static_cast<float>(bits >> 40) * 0x1p-24f < opacity;
 }
 
@@ -155,90 +155,92 @@ bool LiesBefore(const Hit& a, const Hit& b) {
   return std::tie(a.distance, a.instance, a.triangle) < std::tie(b.distance, b.instance, b.triangle);
 }
 
-/// Keeps the first of all that come, each once, in order.
-void Insert(const Hit& hit, Veils* veils) {
-  Hit* const begin = veils->hits.data();
-  Hit* const end = begin + veils->count;
-  Hit* const place = std::lower_bound(begin, end, hit, LiesBefore);
-  if (place == begin + Veils::kMost || (place != end && !LiesBefore(hit, *place))) return;
-  const bool full = veils->count == Veils::kMost;
-  std::move_backward(place, full ? end - 1 : end, full ? end : end + 1);
-  *place = hit;
-  if (!full) ++veils->count;
+/// Keeps the nearest hits in order, without duplicates.
+void Insert(const Hit& hit, TransparentHits* hits) {
+  Hit* const begin = hits->hits.data();
+  Hit* const end = begin + hits->count;
+  Hit* const position = std::lower_bound(begin, end, hit, LiesBefore);
+  if (position == begin + TransparentHits::kMaxHits || (position != end && !LiesBefore(hit, *position)))
+    return;
+  const bool full = hits->count == TransparentHits::kMaxHits;
+  std::move_backward(position, full ? end - 1 : end, full ? end : end + 1);
+  *position = hit;
+  if (!full) ++hits->count;
 }
 
-void MeetOrGather(const RTCFilterFunctionNArguments* arguments) {
-  PassWhere(arguments, [](const Candidate& candidate) {
+void AcceptOrCollect(const RTCFilterFunctionNArguments* arguments) {
+  RejectWhere(arguments, [](const Candidate& candidate) {
     const QueryContext& context = candidate.context;
-    if (context.veils == nullptr) return !IsMet(candidate);
+    if (context.hits == nullptr) return !IsAccepted(candidate);
     if (context.last == nullptr || LiesBefore(*context.last, candidate.hit))
-      Insert(candidate.hit, context.veils);
+      Insert(candidate.hit, context.hits);
     return true;
   });
 }
 
-void PassHoles(const RTCFilterFunctionNArguments* arguments) {
-  PassWhere(arguments, [](const Candidate& candidate) {
-    return OpacityOf(*candidate.context.places->scene, candidate.hit) <= 0;
+void RejectCutOut(const RTCFilterFunctionNArguments* arguments) {
+  RejectWhere(arguments, [](const Candidate& candidate) {
+    return OpacityOf(*candidate.context.hit_context->scene, candidate.hit) <= 0;
   });
 }
 
-void PassAll(const RTCFilterFunctionNArguments* arguments) {
-  PassWhere(arguments, [](const Candidate&) { return true; });
+void RejectAll(const RTCFilterFunctionNArguments* arguments) {
+  RejectWhere(arguments, [](const Candidate&) { return true; });
 }
 
 class EmbreeSceneImpl final : public EmbreeScene {
  public:
   Hit Intersect(const Ray& ray) const override {
-    QueryContext context(&places_, {&ray, 1});
+    QueryContext context(&hit_context_, {&ray, 1});
     RTCRayHit query = {EmbreeRay(ray), {}};
     Trace(world_.get(), &query, &context);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
-    return HitOf(places_, query.hit, query.ray.tfar);
+    return HitOf(hit_context_, query.hit, query.ray.tfar);
   }
 
   bool IsOccluded(const Ray& ray) const override {
-    QueryContext context(&places_, {&ray, 1});
+    QueryContext context(&hit_context_, {&ray, 1});
     RTCRay query = EmbreeRay(ray);
     rtcOccluded1(world_.get(), &context.embree, &query);
     return query.tfar < 0;
   }
 
   void IntersectTogether(std::span<const Ray> rays, std::span<Hit> hits) const override {
-    QueryContext context(&places_, rays);
+    QueryContext context(&hit_context_, rays);
     Packet packet(rays);
     rtcIntersect8(packet.valid, world_.get(), &context.embree, &packet.query);
     for (unsigned i = 0; i < rays.size(); ++i) {
-      hits[i] = packet.query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID
-                    ? Hit{}
-                    : HitOf(places_, rtcGetHitFromHitN(reinterpret_cast<RTCHitN*>(&packet.query.hit), 8, i),
-                            packet.query.ray.tfar[i]);
+      hits[i] =
+          packet.query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID
+              ? Hit{}
+              : HitOf(hit_context_, rtcGetHitFromHitN(reinterpret_cast<RTCHitN*>(&packet.query.hit), 8, i),
+                      packet.query.ray.tfar[i]);
     }
   }
 
   void AreOccludedTogether(std::span<const Ray> rays, std::span<bool> occluded) const override {
-    QueryContext context(&places_, rays);
+    QueryContext context(&hit_context_, rays);
     Packet packet(rays);
     rtcOccluded8(packet.valid, world_.get(), &context.embree, &packet.query.ray);
     for (size_t i = 0; i < rays.size(); ++i) occluded[i] = packet.query.ray.tfar[i] < 0;
   }
 
-  Veils VeilsOn(const Ray& ray, const Hit* last) const override {
-    constexpr float kJustBefore = 1.0f - 0x1p-20f;  // Embree leaves out what lies exactly where a ray begins
-    Veils veils;
-    QueryContext context(&places_, {&ray, 1});
-    context.veils = &veils;
+  TransparentHits FindTransparentHits(const Ray& ray, const Hit* last) const override {
+    constexpr float kBeforeLast = 1.0f - 0x1p-20f;  // Embree excludes hits exactly at tnear
+    TransparentHits hits;
+    QueryContext context(&hit_context_, {&ray, 1});
+    context.hits = &hits;
     context.last = last;
     RTCRayHit query = {EmbreeRay(ray), {}};
-    if (last != nullptr) query.ray.tnear = last->distance * kJustBefore;
-    Trace(veils_.get(), &query, &context);
-    return veils;
+    if (last != nullptr) query.ray.tnear = last->distance * kBeforeLast;
+    Trace(transparent_.get(), &query, &context);
+    return hits;
   }
 
-  explicit EmbreeSceneImpl(const scene::Scene& scene) : places_(scene), builder_(MakeTaskPool(1)) {}
+  explicit EmbreeSceneImpl(const scene::Scene& scene) : hit_context_(scene), builder_(MakeTaskPool(1)) {}
 
   absl::Status Build() {
-    const scene::Scene& scene = *places_.scene;
+    const scene::Scene& scene = *hit_context_.scene;
     const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
     device_.reset(rtcNewDevice(config.c_str()));
     if (device_ == nullptr) return absl::InternalError("Embree: no device");
@@ -250,23 +252,24 @@ class EmbreeSceneImpl final : public EmbreeScene {
       const scene::Instance& instance = scene.instances[i];
       const scene::Mesh& mesh = scene.meshes[instance.mesh];
       if (mesh.triangles.empty()) continue;
-      const Openness openness = OpennessOf(scene, mesh);
+      const OpacityClass opacity_class = OpacityClassOf(scene, mesh);
       const Geometry geometry = uses[instance.mesh] == 1
-                                    ? NewTriangles(mesh, instance.world_from_object, openness)
-                                    : NewInstance(mesh, instance, openness);
+                                    ? NewTriangles(mesh, instance.world_from_object, opacity_class)
+                                    : NewInstance(mesh, instance, opacity_class);
       if (geometry == nullptr) break;
       rtcCommitGeometry(geometry.get());
       rtcAttachGeometryByID(world_.get(), geometry.get(), static_cast<unsigned>(i));
-      if (openness == Openness::kVeil) AddVeil(geometry.get(), static_cast<unsigned>(i));
+      if (opacity_class == OpacityClass::kTransparent)
+        AddTransparent(geometry.get(), static_cast<unsigned>(i));
     }
-    if (has_veils_) Commit(veils_.get());
+    if (has_transparent_) Commit(transparent_.get());
     Commit(world_.get());
     return DeviceError();
   }
 
  private:
-  /// Builds the tree on this thread. (The device's own "threads=1" would do so too, but for as long as the
-  /// device lives it holds every TBB pool of the process to one thread.)
+  /// Builds the acceleration structure on this thread. (The device option "threads=1" would limit every TBB
+  /// pool of the process to one thread while the device exists.)
   void Commit(RTCScene scene) {
     builder_->Run(1, [scene](int64_t) { rtcCommitScene(scene); });
   }
@@ -284,14 +287,14 @@ class EmbreeSceneImpl final : public EmbreeScene {
     return handle;
   }
 
-  /// Veils are in a scene of their own as well, to be walked through one by one.
-  void AddVeil(RTCGeometry geometry, unsigned id) {
-    if (!has_veils_) veils_ = NewScene();
-    has_veils_ = true;
-    rtcAttachGeometryByID(veils_.get(), geometry, id);
+  /// Transparent surfaces are also in a scene of their own, in which FindTransparentHits() collects them.
+  void AddTransparent(RTCGeometry geometry, unsigned id) {
+    if (!has_transparent_) transparent_ = NewScene();
+    has_transparent_ = true;
+    rtcAttachGeometryByID(transparent_.get(), geometry, id);
   }
 
-  Geometry NewTriangles(const scene::Mesh& mesh, const Affine& to_world, Openness openness) const {
+  Geometry NewTriangles(const scene::Mesh& mesh, const Affine& to_world, OpacityClass opacity_class) const {
     Geometry geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
     auto* positions = static_cast<Vec3*>(rtcSetNewGeometryBuffer(
         geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(Vec3), mesh.positions.size()));
@@ -301,18 +304,19 @@ class EmbreeSceneImpl final : public EmbreeScene {
     if (positions == nullptr || indices == nullptr) return nullptr;
     for (size_t i = 0; i < mesh.positions.size(); ++i) positions[i] = to_world.Point(mesh.positions[i]);
     std::copy(mesh.triangles.begin(), mesh.triangles.end(), indices);
-    if (openness != Openness::kSolid) {
-      rtcSetGeometryIntersectFilterFunction(geometry.get(), MeetOrGather);
-      rtcSetGeometryOccludedFilterFunction(geometry.get(), openness == Openness::kVeil ? PassAll : PassHoles);
+    if (opacity_class != OpacityClass::kOpaque) {
+      rtcSetGeometryIntersectFilterFunction(geometry.get(), AcceptOrCollect);
+      rtcSetGeometryOccludedFilterFunction(
+          geometry.get(), opacity_class == OpacityClass::kTransparent ? RejectAll : RejectCutOut);
     }
     return geometry;
   }
 
-  Geometry NewInstance(const scene::Mesh& mesh, const scene::Instance& instance, Openness openness) {
+  Geometry NewInstance(const scene::Mesh& mesh, const scene::Instance& instance, OpacityClass opacity_class) {
     SceneHandle& prototype = prototypes_[instance.mesh];
     if (prototype == nullptr) {
       prototype = NewScene();
-      const Geometry triangles = NewTriangles(mesh, Affine{}, openness);
+      const Geometry triangles = NewTriangles(mesh, Affine{}, opacity_class);
       if (triangles == nullptr) return nullptr;
       rtcCommitGeometry(triangles.get());
       rtcAttachGeometry(prototype.get(), triangles.get());
@@ -335,12 +339,12 @@ class EmbreeSceneImpl final : public EmbreeScene {
     }
   }
 
-  Places places_;
+  HitContext hit_context_;
   std::unique_ptr<TaskPool> builder_;
   Device device_;  // released last
   std::vector<SceneHandle> prototypes_;
   SceneHandle world_;
-  SceneHandle veils_;
+  SceneHandle transparent_;
 };
 
 }  // namespace

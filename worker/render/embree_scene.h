@@ -15,69 +15,69 @@ struct Ray {
   scene::Vec3 origin;
   scene::Vec3 direction;  // unit
   float max_distance = std::numeric_limits<float>::infinity();
-  uint64_t chance = 0;  // a number of its own: decides which half-transparent surfaces it meets or passes
-  float width = 0;   // metres across of the cone round the ray at its origin, for textures; 0 and 0: a line
-  float spread = 0;  // by how much the cone widens a metre
+  uint64_t random_key = 0;  // unique to the ray: decides which half-transparent surfaces it hits
+  float width = 0;          // metres: width of the ray's cone at its origin, for textures
+  float spread = 0;         // growth of the cone's width per metre; both 0: a line
 
   float WidthAt(float distance) const { return width + spread * distance; }
 };
 
-/// Where a ray met a triangle. The normal comes with the hit, so that flat surfaces need no look into their
-/// mesh.
+/// Intersection of a ray with a triangle. It includes the normal, so that flat surfaces need no mesh lookup.
 struct Hit {
   int instance = scene::kNone;  // kNone: nothing was hit
   uint32_t triangle = 0;        // within the instance's mesh
-  float u = 0;                  // barycentric weights of the triangle's second and third corner
+  float u = 0;                  // barycentric weights of the triangle's second and third vertex
   float v = 0;
   float distance = 0;
-  scene::Vec3 face_normal;  // world space, any length, on the front (counter-clockwise) side
+  scene::Vec3 face_normal;  // world space, not normalised, on the front (counter-clockwise) side
 
   bool IsMiss() const { return instance == scene::kNone; }
 };
 
-/// Some surfaces on a ray, in order.
-struct Veils {
-  static constexpr int kMost = 8;
-  std::array<Hit, kMost> hits;
+/// Consecutive hits of a ray with transparent surfaces (OpacityClass::kTransparent), nearest first.
+struct TransparentHits {
+  static constexpr int kMaxHits = 8;
+  std::array<Hit, kMaxHits> hits;
   int count = 0;
 };
 
-/// The instruction set rays are traced with, part of the numeric class: "avx2" where the processor has it,
-/// else "sse4.2".
+/// The instruction set that Embree uses, part of the numeric class: "avx2" if the processor has it, else
+/// "sse4.2".
 const char* TracingInstructionSet();
 
-/// A scene in Embree. Meshes placed once are baked into world space, those placed more often are Embree
-/// instances. Threads: after Create() all calls are safe concurrently. Built on one thread, so that the tree,
-/// and with it the choice between surfaces at equal distance, is the same everywhere.
+/// A scene in Embree. A mesh with one instance is transformed to world space; a mesh with several is an
+/// Embree instance. Threads: after Create() all calls are safe concurrently. The acceleration structure is
+/// built on one thread, so that it, and the choice between surfaces at equal distance, is the same
+/// everywhere.
 class EmbreeScene {
  public:
-  /// Keeps a pointer to the scene, which must outlive it. Errors: kResourceExhausted when memory runs out;
-  /// kInternal with Embree's words.
+  /// Keeps a pointer to the scene, which must outlive it. Errors: kResourceExhausted if memory runs out;
+  /// kInternal if Embree fails.
   static absl::StatusOr<std::unique_ptr<EmbreeScene>> Create(const scene::Scene& scene);
   virtual ~EmbreeScene() = default;
 
-  /// The nearest triangle on the ray, holes apart. A half-transparent one is met with its opacity as
-  /// probability, decided by the ray's chance and the triangle.
+  /// The nearest triangle on the ray that is not cut out. A half-transparent one is hit with its opacity as
+  /// probability; the ray's random key and the triangle decide.
   virtual Hit Intersect(const Ray& ray) const = 0;
 
-  /// Whether anything lies on the ray before its max_distance that is no veil (Openness).
+  /// Whether a surface that is not OpacityClass::kTransparent lies on the ray before its max_distance.
   virtual bool IsOccluded(const Ray& ray) const = 0;
 
-  /// How many rays can be traced together.
+  /// Maximum number of rays that are traced together.
   static constexpr size_t kPacket = 8;
-  /// The same of up to kPacket rays, much faster where they lie side by side. Which of two triangles at equal
-  /// distance is met may depend on the ray's company.
+  /// The same for up to kPacket rays, much faster if they are coherent. Which of two triangles at equal
+  /// distance is hit may depend on the other rays.
   virtual void IntersectTogether(std::span<const Ray> rays, std::span<Hit> hits) const = 0;
   virtual void AreOccludedTogether(std::span<const Ray> rays, std::span<bool> occluded) const = 0;
 
-  bool HasVeils() const { return has_veils_; }
-  /// The veils on the ray before its max_distance, whatever their opacity, from the nearest on (at equal
-  /// distance in order of instance and triangle); as many as `Veils` holds, beginning beyond `last`, which is
-  /// null for all. There must be veils in the scene.
-  virtual Veils VeilsOn(const Ray& ray, const Hit* last) const = 0;
+  bool HasTransparentSurfaces() const { return has_transparent_; }
+  /// The transparent surfaces on the ray before its max_distance, whatever their opacity at the hit, nearest
+  /// first, at equal distance in order of instance and triangle. Returns those after `last` (null: all), at
+  /// most TransparentHits::kMaxHits. The scene must have transparent surfaces.
+  virtual TransparentHits FindTransparentHits(const Ray& ray, const Hit* last) const = 0;
 
  protected:
-  bool has_veils_ = false;
+  bool has_transparent_ = false;
 };
 
 }  // namespace lumifold::render

@@ -13,13 +13,13 @@ namespace {
 using scene::Vec2;
 using scene::Vec3;
 
-/// The cell of a distribution that holds u, and where in the cell u lies, 0 to 1.
+/// The cell of a distribution that contains u, and the position of u within it, 0 to 1.
 struct CellPick {
   int cell;
   float fraction;
 };
 
-/// `cdf` has count + 1 entries from 0 to 1; cells of no weight are never picked.
+/// `cdf` has count + 1 entries from 0 to 1. Cells of weight 0 are never picked.
 CellPick PickCell(const float* cdf, int count, float u) {
   const float* above = std::upper_bound(cdf + 1, cdf + count, u);
   const int cell = static_cast<int>(above - cdf) - 1;
@@ -27,7 +27,7 @@ CellPick PickCell(const float* cdf, int count, float u) {
   return {cell, share > 0 ? std::min((u - cdf[cell]) / share, 1.0f) : 0.5f};
 }
 
-/// Running sums of `weights`, scaled to end at 1, into cdf[0..count]; gives their sum.
+/// Writes the cumulative distribution of `weights` to cdf[0..count]; returns the sum of the weights.
 double FillCdf(const double* weights, int count, float* cdf) {
   double total = 0;
   for (int i = 0; i < count; ++i) total += weights[i];
@@ -74,8 +74,8 @@ void Environment::ReadTexels(const LayeredImage& picture, float scale) {
   }
 }
 
-/// The mean of the bilinear picture over each texel, as luminance: a quarter of its outer area belongs to its
-/// neighbours, so that no texel from which light comes has weight 0.
+/// Mean luminance of the bilinear picture over each texel's area. Neighbours contribute to it, so no texel
+/// that emits light anywhere has weight 0.
 std::vector<float> Environment::CellLuminances() const {
   constexpr float kSide = 0.125f;
   constexpr float kMiddle = 0.75f;
@@ -127,7 +127,7 @@ void Environment::BuildDistribution() {
 }
 
 Environment::TexelPoint Environment::PointOf(Vec3 direction) const {
-  // Turned back into the picture's own frame.
+  // Inverse rotation, into the picture's frame.
   const float x = cos_turn_ * direction.x - sin_turn_ * direction.z;
   const float z = sin_turn_ * direction.x + cos_turn_ * direction.z;
   const float u = 0.5f + Atan2(z, x) / (2.0f * kPi);
@@ -164,7 +164,7 @@ float Environment::Density(Vec3 direction) const {
                      std::clamp(static_cast<int>(point.y), 0, height_ - 1));
 }
 
-SkySample Environment::Sample(Vec2 u) const {
+EnvironmentSample Environment::Sample(Vec2 u) const {
   const CellPick row = PickCell(row_cdf_.data(), height_, u.y);
   const float* columns = &column_cdf_[(static_cast<size_t>(width_) + 1) * static_cast<size_t>(row.cell)];
   const CellPick column = PickCell(columns, width_, u.x);
@@ -174,7 +174,7 @@ SkySample Environment::Sample(Vec2 u) const {
   float sine = 0;
   float cosine = 0;
   SinCos((across / static_cast<float>(width_) - 0.5f) * (2.0f * kPi), &sine, &cosine);
-  SkySample sample;
+  EnvironmentSample sample;
   sample.direction = {radius * (cos_turn_ * cosine + sin_turn_ * sine), y,
                       radius * (cos_turn_ * sine - sin_turn_ * cosine)};
   sample.radiance = Interpolate({across, Acos(y) / kPi * static_cast<float>(height_)});

@@ -4,9 +4,9 @@
 
 namespace lumifold::render {
 
-/// While it lives, this thread rounds to nearest and treats denormals as zero: they are slow, and Embree
-/// wants it so. The state found is put back, so that a host program's settings neither change the picture nor
-/// suffer from it.
+/// While it exists, this thread rounds to nearest and treats denormals as zero, because they are slow and
+/// Embree requires it. The destructor restores the previous state, so that a host program's settings neither
+/// change the picture nor are changed.
 class ScopedFloatEnvironment {
  public:
   ScopedFloatEnvironment() : saved_(_mm_getcsr()) {

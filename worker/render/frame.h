@@ -28,14 +28,15 @@ struct Frame {
   Vec3 ToWorld(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
 };
 
-/// Maps the unit square onto the unit disk, areas and neighbourhoods kept. Source: Shirley & Chiu 1997.
+/// Maps the unit square to the unit disk; preserves relative areas and adjacency. Source: Shirley & Chiu
+/// 1997.
 inline Vec2 ConcentricDisk(Vec2 u) {
   const float a = 2.0f * u.x - 1.0f;
   const float b = 2.0f * u.y - 1.0f;
   if (a == 0 && b == 0) return {0, 0};
   const bool along_x = std::abs(a) > std::abs(b);
   const float radius = along_x ? a : b;
-  // The angle from the nearer axis, within an eighth of a turn: short series reach float precision there.
+  // The angle from the nearer axis is at most pi / 4, where short series reach float precision.
   const float angle = 0.785398163f * (along_x ? b / a : a / b);
   const float x2 = angle * angle;
   const float sine = angle * (1.0f - x2 * (1.0f / 6) * (1.0f - x2 * (1.0f / 20) * (1.0f - x2 * (1.0f / 42))));

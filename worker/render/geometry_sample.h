@@ -5,17 +5,17 @@
 
 namespace lumifold::render {
 
-/// The surface at one level of a branch. A normal seen in mirrors is mirrored back through them, so that a
-/// flat mirror shows the room as a window would.
+/// The surface at one level of a branch. Its normal is reflected by the mirrors of the chain, so that a flat
+/// mirror is equivalent to a window into the mirrored room.
 struct LevelGeometry {
   bool valid = false;  // a surface with a diffuse lobe
   scene::Vec3 normal;
-  float distance = 0;  // along the whole chain
+  float distance = 0;  // along the whole chain of delta events
   int instance = scene::kNone;
 };
 
-/// What the ray through a picture point meets, without any chance in it: at smooth glass both branches are
-/// followed, at every other surface, and behind the first, the stronger perfectly specular event.
+/// Geometry along the ray through a picture point, without random decisions: at smooth glass that is seen
+/// first both branches are followed, at every other surface the stronger delta event.
 struct GeometrySample {
   bool hit = false;
   bool valid = false;  // a surface with a diffuse lobe
@@ -24,9 +24,9 @@ struct GeometrySample {
   scene::Vec3 geometric;  // face normal, towards the camera
   float distance = 0;
   int instance = scene::kNone;
-  float roughness = 1;  // GGX alpha of the reflecting lobe; 1 where there is none
+  float roughness = 1;  // GGX alpha of the reflecting lobe; 1 if there is none
   scene::Vec3 albedo;   // T
-  scene::Vec3 emitted;  // E; the sky's where nothing is hit
+  scene::Vec3 emitted;  // E; the environment's if nothing is hit
   ByLevel<LevelGeometry> levels;
 };
 

@@ -17,16 +17,16 @@ namespace {
 constexpr int kGrid = 4;
 static_assert(kGrid * kGrid == kSubSamples);
 
-/// The sub-samples that are traced first: one in each row, column and quadrant of the grid, and so that their
-/// points on the lens are too.
+/// The sub-samples that are traced first: one in each row, column and quadrant of the grid. The same holds
+/// for their lens points.
 constexpr std::array<int, 4> kFirst = {0, 7, 9, 14};
-/// Those that edges need as well.
+/// The other sub-samples, which are traced in edge pixels.
 constexpr std::array<int, 12> kOthers = {1, 2, 3, 4, 5, 6, 8, 10, 11, 12, 13, 15};
 static_assert(kFirst.size() + kOthers.size() == kSubSamples);
 
-/// Where the ray of a sub-sample passes the lens: the centres of another 4x4 grid, each once, so that every
-/// row and every column of sub-samples sees every row and every column of it (two orthogonal Latin squares,
-/// made of sums and products in the field of four elements).
+/// Where the ray of a sub-sample passes the lens: each centre of another 4x4 grid once, so that every row and
+/// every column of sub-samples covers every row and every column of the lens grid (two orthogonal Latin
+/// squares, from sums and products in the field of four elements).
 Vec2 LensPointOf(int sub_sample) {
   constexpr int kTwice[kGrid] = {0, 2, 3, 1};
   const int x = sub_sample % kGrid;
@@ -36,8 +36,8 @@ Vec2 LensPointOf(int sub_sample) {
   return {(static_cast<float>(column) + 0.5f) / kGrid, (static_cast<float>(row) + 0.5f) / kGrid};
 }
 
-/// The instance most sub-samples see, 1-based, the lowest of equals; 0 for none.
-float CommonestId(std::vector<int> ids) {
+/// The most frequent id, the lowest on ties; 0 for an empty list.
+float MostFrequentId(std::vector<int> ids) {
   std::sort(ids.begin(), ids.end());
   int best = 0;
   std::ptrdiff_t best_count = 0;
@@ -52,7 +52,7 @@ float CommonestId(std::vector<int> ids) {
   return static_cast<float>(best);
 }
 
-/// Means over sub-samples that met a surface, the first one or one of a level.
+/// Means over the sub-samples that hit a surface, either the first one or that of one level.
 struct SurfaceMeans {
   Vec3 normal;
   float distance = 0;
@@ -69,11 +69,12 @@ struct SurfaceMeans {
   /// In the order of layers::kLevelFeatures; `sub_samples` were traced.
   std::array<float, layers::kLevelFeatures.size()> Values(float sub_samples) const {
     const Vec3 n = LengthSquared(normal) > 0 ? Normalize(normal) : normal;
-    return {n.x, n.y, n.z, distance / static_cast<float>(ids.size()), valid / sub_samples, CommonestId(ids)};
+    return {
+        n.x, n.y, n.z, distance / static_cast<float>(ids.size()), valid / sub_samples, MostFrequentId(ids)};
   }
 };
 
-/// The picture a geometry unit is.
+/// The channels of a geometry unit.
 class GeometryPicture {
  public:
   GeometryPicture(int width, int height)
@@ -126,7 +127,7 @@ class GeometryPicture {
   FloatView alpha_;
 };
 
-/// Traces the unit row by row; of the rows' first samples three are kept, those an edge test looks at.
+/// Traces the unit row by row. Keeps the first samples of three rows, which the edge test compares.
 class GeometryUnit {
  public:
   GeometryUnit(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame, const Rect& rect)
@@ -139,10 +140,10 @@ class GeometryUnit {
         picture_(rect.width(), rect.height()) {}
 
   EdgedImage Render() {
-    Row above = FirstLook(rect_.y0 - 1);
-    Row here = FirstLook(rect_.y0);
+    Row above = ProbeRow(rect_.y0 - 1);
+    Row here = ProbeRow(rect_.y0);
     for (int y = rect_.y0; y < rect_.y1; ++y) {
-      Row below = FirstLook(y + 1);
+      Row below = ProbeRow(y + 1);
       for (int x = rect_.x0; x < rect_.x1; ++x) {
         const Pixel& pixel = here[static_cast<size_t>(x - x0_)];
         if (IsEdge(x, pixel.probe, {&above, &here, &below})) {
@@ -162,7 +163,7 @@ class GeometryUnit {
     std::array<GeometrySample, kFirst.size()> samples;
     EdgeProbe probe;
   };
-  /// From x0_ on; empty outside of the frame.
+  /// Pixels from x0_ on; empty outside the frame.
   using Row = std::vector<Pixel>;
 
   Ray RayOf(int x, int y, int sub_sample) const {
@@ -170,13 +171,14 @@ class GeometryUnit {
     const float dy = (static_cast<float>(sub_sample / kGrid) + 0.5f) / kGrid;
     Ray ray = camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy,
                                  LensPointOf(sub_sample), 1.0f / kGrid);
-    // Alike in all frames, so that what is half transparent does not flicker.
+    // The same key in all frames, so that half-transparent surfaces do not flicker.
     const int64_t pixel = static_cast<int64_t>(y) * frame_.width() + x;
-    ray.chance = Sampler(0, 0, pixel, static_cast<uint32_t>(sub_sample)).Key(kCameraPair);
+    ray.random_key = Sampler(0, 0, pixel, static_cast<uint32_t>(sub_sample)).Key(kCameraPair);
     return ray;
   }
 
-  /// Traces some of a pixel's sub-samples, in packets that know nothing of other pixels.
+  /// Traces some of a pixel's sub-samples, in packets of their own, so the result is independent of other
+  /// pixels.
   void Trace(int x, int y, std::span<const int> sub_samples, std::span<GeometrySample> out) const {
     std::array<Ray, PathTracer::kPacket> rays;
     for (size_t first = 0; first < sub_samples.size(); first += rays.size()) {
@@ -186,7 +188,7 @@ class GeometryUnit {
     }
   }
 
-  Row FirstLook(int y) const {
+  Row ProbeRow(int y) const {
     Row row;
     if (y < frame_.y0 || y >= frame_.y1) return row;
     row.resize(static_cast<size_t>(x1_ - x0_));
@@ -226,7 +228,7 @@ class GeometryUnit {
   const PictureCamera& camera_;
   const Rect frame_;
   const Rect rect_;
-  const int x0_;  // the rows' first and one past their last pixel
+  const int x0_;  // the rows' first pixel and one past their last
   const int x1_;
   GeometryPicture picture_;
   EdgeRows edges_;

@@ -15,9 +15,9 @@ namespace {
 using scene::Bounds;
 using scene::Vec3;
 
-constexpr uint64_t kNowhere = ~uint64_t{0};
+constexpr uint64_t kNotInTree = ~uint64_t{0};
 
-/// Below this depth halves are split by number, so that a trail always fits its 64 bits.
+/// Deeper nodes are split into halves of equal count, so that a bit trail fits 64 bits.
 constexpr int kMaxCostDepth = 32;
 
 constexpr int kBuckets = 12;
@@ -31,7 +31,7 @@ void Include(const Bounds& more, Bounds* box) {
 
 Vec3 CenterOf(const Bounds& box) { return (box.min + box.max) * 0.5f; }
 
-/// Widens the cone of `a` until it holds that of `b`.
+/// Extends the cone of `a` so that it contains the cone of `b`.
 void IncludeCone(const EmitterBounds& b, EmitterBounds* a) {
   a->falloff = std::max(a->falloff, b.falloff);
   const bool both_sides = a->both_sides || b.both_sides;
@@ -61,7 +61,7 @@ void IncludeCone(const EmitterBounds& b, EmitterBounds* a) {
   a->spread = spread;
 }
 
-/// Bounds of two groups together; one of power 0 counts for nothing.
+/// Bounds of the union of two groups; a group of power 0 is ignored.
 void Include(const EmitterBounds& b, EmitterBounds* a) {
   if (b.power <= 0) return;
   if (a->power <= 0) {
@@ -73,7 +73,7 @@ void Include(const EmitterBounds& b, EmitterBounds* a) {
   IncludeCone(b, a);
 }
 
-/// How many directions the group shines in (the paper's M_omega).
+/// Measure of the directions in which the group emits (the paper's M_omega).
 double OrientationMeasure(const EmitterBounds& b) {
   const float reach = std::min(b.spread + b.falloff, kPi);
   float sin_spread = 0;
@@ -87,14 +87,14 @@ double OrientationMeasure(const EmitterBounds& b) {
       kPi / 2 * (2 * reach * sin_spread - cos_turn - 2 * b.spread * sin_spread + cos_spread));
 }
 
-/// What drawing from the group costs in variance. The box counts by its squared diagonal instead of the
-/// paper's surface area: lights in a row have none.
+/// Estimated variance of sampling from the group. Uses the box's squared diagonal instead of the paper's
+/// surface area, which is 0 for lights in a row.
 double Cost(const EmitterBounds& b) {
   if (b.power <= 0) return 0;
   return b.power * OrientationMeasure(b) * static_cast<double>(LengthSquared(b.box.max - b.box.min));
 }
 
-/// cos(max(0, a - b)) and likewise the sine, angles given by theirs.
+/// Cosine and sine of max(0, a - b), from the sines and cosines of a and b.
 float CosineOfDifference(float sin_a, float cos_a, float sin_b, float cos_b) {
   return cos_a > cos_b ? 1.0f : cos_a * cos_b + sin_a * sin_b;
 }
@@ -110,7 +110,7 @@ float SineOf(float cosine) { return std::sqrt(std::max(0.0f, 1.0f - cosine * cos
 struct LightTree::Builder {
   std::span<const EmitterBounds> emitters;
   std::vector<Node>* nodes;
-  std::vector<uint64_t>* trails;
+  std::vector<uint64_t>* bit_trails;
 
   EmitterBounds BoundsOf(std::span<const uint32_t> range) const {
     EmitterBounds all;
@@ -118,18 +118,18 @@ struct LightTree::Builder {
     return all;
   }
 
-  void Build(std::span<uint32_t> range, uint64_t trail, int depth) {
+  void Build(std::span<uint32_t> range, uint64_t bit_trail, int depth) {
     const size_t index = nodes->size();
     nodes->push_back(MakeNode(BoundsOf(range)));
     if (range.size() == 1) {
       (*nodes)[index].link = kLeaf | range[0];
-      (*trails)[range[0]] = trail;
+      (*bit_trails)[range[0]] = bit_trail;
       return;
     }
     const size_t middle = Split(range, depth);
-    Build(range.first(middle), trail, depth + 1);
+    Build(range.first(middle), bit_trail, depth + 1);
     (*nodes)[index].link = static_cast<uint32_t>(nodes->size());
-    Build(range.subspan(middle), trail | uint64_t{1} << depth, depth + 1);
+    Build(range.subspan(middle), bit_trail | uint64_t{1} << depth, depth + 1);
   }
 
   static Node MakeNode(const EmitterBounds& bounds) {
@@ -177,7 +177,7 @@ struct LightTree::Builder {
     }
   }
 
-  /// Orders `range` so that its first part, whose size comes back, is the first child's. Neither is empty.
+  /// Partitions `range` for the two children and returns the size of the first part. Neither part is empty.
   size_t Split(std::span<uint32_t> range, int depth) const {
     Bounds centers;
     for (const uint32_t i : range) {
@@ -200,21 +200,22 @@ struct LightTree::Builder {
 };
 
 LightTree::LightTree(const std::vector<EmitterBounds>& emitters) {
-  trails_.assign(emitters.size(), kNowhere);
+  bit_trails_.assign(emitters.size(), kNotInTree);
   std::vector<uint32_t> range;
   for (size_t i = 0; i < emitters.size(); ++i) {
     if (emitters[i].power > 0) range.push_back(static_cast<uint32_t>(i));
   }
   if (range.empty()) return;
   nodes_.reserve(2 * range.size());
-  Builder{emitters, &nodes_, &trails_}.Build(range, 0, 0);
+  Builder{emitters, &nodes_, &bit_trails_}.Build(range, 0, 0);
 }
 
 float LightTree::Importance(const Node& node, const LightReceiver& receiver) {
   const Vec3 offset = receiver.position - node.center;
   const float distance2 = LengthSquared(offset);
   const float radius2 = node.radius * node.radius;
-  const float reach2 = std::max(distance2, radius2);  // near or within the box its centre says nothing
+  const float reach2 =
+      std::max(distance2, radius2);  // near or inside the box the distance to its centre is meaningless
   if (reach2 <= 0) return node.power;
   const float inverse = 1.0f / std::sqrt(std::max(distance2, std::numeric_limits<float>::min()));
   // The cone of directions in which the box lies.
@@ -261,16 +262,16 @@ LightTree::Choice LightTree::Pick(const LightReceiver& receiver, float u) const 
 }
 
 float LightTree::Probability(const LightReceiver& receiver, uint32_t emitter) const {
-  uint64_t trail = trails_[emitter];
-  if (trail == kNowhere) return 0;
+  uint64_t bit_trail = bit_trails_[emitter];
+  if (bit_trail == kNotInTree) return 0;
   float probability = 1;
   uint32_t index = 0;
   while ((nodes_[index].link & kLeaf) == 0) {
     const uint32_t second = nodes_[index].link;
     const float share = FirstShare(index, receiver);
     if (share < 0) return 0;
-    const bool go_first = (trail & 1) == 0;
-    trail >>= 1;
+    const bool go_first = (bit_trail & 1) == 0;
+    bit_trail >>= 1;
     probability *= go_first ? share : 1.0f - share;
     index = go_first ? index + 1 : second;
   }

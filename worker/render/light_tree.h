@@ -7,26 +7,27 @@
 
 namespace lumifold::render {
 
-/// Where an emitter is and which way it shines.
+/// Spatial and directional bounds of an emitter or of a group of emitters.
 struct EmitterBounds {
   scene::Bounds box;
-  scene::Vec3 axis = {0, 0, 1};  // unit; the middle of its normals
-  float spread = 0;              // radians between the axis and the outermost normal; pi: every way
-  float falloff = 1.5707963f;    // radians from a normal beyond which nothing is radiated
-  bool both_sides = false;       // shines along -axis as along axis
-  double power = 0;              // 0: never drawn
+  scene::Vec3 axis = {0, 0, 1};  // unit; axis of the cone of normals
+  float spread = 0;              // radians between the axis and the outermost normal; pi: all directions
+  float falloff = 1.5707963f;    // radians from a normal beyond which nothing is emitted
+  bool both_sides = false;       // emits along -axis as along axis
+  double power = 0;              // 0: never sampled
 };
 
-/// A point to be lit.
+/// The shading point that a light sample is for.
 struct LightReceiver {
   scene::Vec3 position;
-  scene::Vec3 normal;  // unit shading normal; light from behind counts as well, for surfaces may transmit
+  scene::Vec3 normal;  // unit shading normal; light from behind counts too, because surfaces may transmit
 };
 
-/// Chooses among many emitters by what each may give to a point: nodes bound place, directions and power of
-/// those below. An emitter that may give anything has a probability above 0. The same tree on every machine.
-/// Threads: safe concurrently. Source: Conty Estevez & Kulla 2018, "Importance Sampling of Many Lights with
-/// Adaptive Tree Splitting" (bounds, cost, importance; without the splitting).
+/// Samples one of many emitters by its estimated contribution to a shading point. Nodes bound position,
+/// directions and power of the emitters below. Every emitter that may contribute has a probability above 0.
+/// The same emitters give the same tree on every machine. Threads: safe concurrently.
+/// Source: Conty Estevez & Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting"
+/// (bounds, cost, importance; without the splitting).
 class LightTree {
  public:
   LightTree() = default;
@@ -36,13 +37,13 @@ class LightTree {
 
   struct Choice {
     uint32_t emitter = 0;
-    float probability = 0;  // 0: the way down ended among emitters that give nothing
+    float probability = 0;  // 0: the traversal ended at emitters that do not contribute
   };
 
-  /// The emitter that `u` in [0, 1) picks.
+  /// The emitter that `u` in [0, 1) selects.
   Choice Pick(const LightReceiver& receiver, float u) const;
 
-  /// How often Pick() gives `emitter` there.
+  /// The probability with which Pick() returns `emitter` for this receiver.
   float Probability(const LightReceiver& receiver, uint32_t emitter) const;
 
  private:
@@ -57,18 +58,19 @@ class LightTree {
     float cos_falloff = 0;
     float power = 0;
     bool both_sides = false;
-    uint32_t link = 0;  // kLeaf | emitter, or the second child; the first follows its parent
+    uint32_t link = 0;  // kLeaf | emitter, or index of the second child; the first follows its parent
   };
 
   struct Builder;
 
   static float Importance(const Node& node, const LightReceiver& receiver);
-  /// The probability of an inner node's first child; below 0 where neither child can light the receiver.
-  /// Pick() and Probability() must take it alike, to the bit.
+  /// The probability of an inner node's first child; below 0 if neither child can light the receiver. Pick()
+  /// and Probability() must use the same bits.
   float FirstShare(uint32_t index, const LightReceiver& receiver) const;
 
   std::vector<Node> nodes_;
-  std::vector<uint64_t> trails_;  // an emitter's way down: bit k is the turn at depth k; kNowhere: not in it
+  /// By emitter: bit k is set if the path to its leaf takes the second child at depth k; kNotInTree: no leaf.
+  std::vector<uint64_t> bit_trails_;
 };
 
 }  // namespace lumifold::render

@@ -15,22 +15,22 @@ using scene::Material;
 using scene::Vec2;
 using scene::Vec3;
 
-/// With more finite emitters than this a tree pays for its descent: in equal time it gives 1.5 times less
-/// squared error with 78 (bedroom); with 16 (meeting room) the two come out even.
-constexpr size_t kMostWithoutTree = 32;
+/// Number of finite emitters above which a light tree is used. In equal time the tree has 1.5 times less
+/// squared error with 78 emitters (bedroom); with 16 (meeting room) both methods are equal.
+constexpr size_t kMaxEmittersWithoutTree = 32;
 
-/// Finite and infinitely far lights each get at least this share of the samples.
-constexpr double kLeastShare = 0.25;
+/// Finite and infinite lights each get at least this fraction of the samples.
+constexpr double kMinShare = 0.25;
 
-bool Radiates(const Material& material) { return !material.unlit && MaxComponent(material.emission) > 0; }
+bool IsEmissive(const Material& material) { return !material.unlit && MaxComponent(material.emission) > 0; }
 
 Vec2 Interpolate(const Vec2 corners[3], float b1, float b2) {
   return corners[0] * (1.0f - b1 - b2) + corners[1] * b1 + corners[2] * b2;
 }
 
-/// Barycentric weights of a triangle's second and third corner, even over it and with neighbourhoods kept:
-/// each half of the square is pressed to one half of the triangle. Source: Heitz 2019, "A Low-Distortion Map
-/// Between Triangle and Square".
+/// Barycentric weights of a triangle's second and third vertex for a uniform point; preserves adjacency. Each
+/// half of the square maps to one half of the triangle. Source: Heitz 2019, "A Low-Distortion Map Between
+/// Triangle and Square".
 Vec2 TrianglePoint(Vec2 u) {
   const float least = 0.5f * std::min(u.x, u.y);
   return {u.x - least, u.y - least};
@@ -42,7 +42,7 @@ double SumOf(const std::vector<double>& values) {
   return sum;
 }
 
-/// Half the diagonal of the box round everything.
+/// Half the diagonal of the scene's bounding box.
 double SceneRadius(const scene::Scene& scene) {
   const scene::Bounds bounds = WorldBounds(scene);
   return bounds.IsEmpty() ? 1.0 : 0.5 * static_cast<double>(Length(bounds.max - bounds.min));
@@ -50,10 +50,10 @@ double SceneRadius(const scene::Scene& scene) {
 
 }  // namespace
 
-/// Luminances of all that each light radiates.
+/// Power of each light, as luminance.
 struct LightSet::Powers {
   std::vector<double> finite;    // in the order of emitters: triangles, points
-  std::vector<double> infinite;  // suns, environment
+  std::vector<double> infinite;  // directional lights, environment
 };
 
 LightSet::LightSet(const scene::Scene& scene, const TextureSampler& textures,
@@ -67,7 +67,7 @@ LightSet::LightSet(const scene::Scene& scene, const TextureSampler& textures,
   AddPunctual(scene, radius, &powers);
   AddEnvironment(std::move(environment), radius, &powers);
 
-  if (powers.finite.size() > kMostWithoutTree) {
+  if (powers.finite.size() > kMaxEmittersWithoutTree) {
     std::vector<EmitterBounds> bounds;
     for (size_t i = 0; i < powers.finite.size(); ++i)
       bounds.push_back(BoundsOf(static_cast<uint32_t>(i), powers.finite[i]));
@@ -80,10 +80,11 @@ LightSet::LightSet(const scene::Scene& scene, const TextureSampler& textures,
   const double infinite = SumOf(powers.infinite);
   if (finite > 0) {
     const double share = finite / (finite + infinite);
-    finite_share_ = infinite > 0 ? static_cast<float>(std::clamp(share, kLeastShare, 1 - kLeastShare)) : 1.0f;
+    finite_share_ = infinite > 0 ? static_cast<float>(std::clamp(share, kMinShare, 1 - kMinShare)) : 1.0f;
   }
   if (environment_ != nullptr)
-    sky_share_ = (1.0f - finite_share_) * infinite_.Probability(static_cast<uint32_t>(suns_.size()));
+    environment_share_ =
+        (1.0f - finite_share_) * infinite_.Probability(static_cast<uint32_t>(directional_.size()));
 }
 
 void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures,
@@ -92,23 +93,23 @@ void LightSet::AddInstance(const scene::Scene& scene, int index, const TextureSa
   const scene::Mesh& mesh = scene.meshes[instance.mesh];
   if (mesh.material == scene::kNone) return;
   const Material& material = scene.materials[mesh.material];
-  if (!Radiates(material)) return;
+  if (!IsEmissive(material)) return;
   const Vec3 mean = material.emission * textures.Mean(material.emission_texture, /*srgb=*/true);
-  const double brightness =
+  const double luminance =
       static_cast<double>(Luminance(mean.x, mean.y, mean.z)) * (material.double_sided ? 2 : 1);
   first_of_instance_[index] = static_cast<int64_t>(triangles_.size());
   for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
-    AddTriangle(mesh, t, instance.world_from_object, brightness, powers);
+    AddTriangle(mesh, t, instance.world_from_object, luminance, powers);
     triangles_.back().radiance = material.emission;
     triangles_.back().double_sided = material.double_sided;
     if (material.emission_texture.texture != scene::kNone) triangles_.back().textured = &material;
-    if (material.alpha_mode != scene::AlphaMode::kOpaque) triangles_.back().veiled = &mesh;
+    if (material.alpha_mode != scene::AlphaMode::kOpaque) triangles_.back().alpha_mesh = &mesh;
     triangles_.back().number = static_cast<uint32_t>(t / 3);
   }
 }
 
 void LightSet::AddTriangle(const scene::Mesh& mesh, size_t first_index,
-                           const scene::Affine& world_from_object, double brightness,
+                           const scene::Affine& world_from_object, double luminance,
                            std::vector<double>* powers) {
   Triangle light;
   Vec3 p[3];
@@ -124,20 +125,20 @@ void LightSet::AddTriangle(const scene::Mesh& mesh, size_t first_index,
   light.edge2 = p[2] - p[0];
   const Vec3 normal = Cross(light.edge1, light.edge2);
   const float length = Length(normal);
-  // A mirroring transform turns the winding round; the front stays where it was.
+  // A mirroring transform reverses the winding; the front side stays the same.
   const float side = world_from_object.Determinant() < 0 ? -1.0f : 1.0f;
   if (length > 0) {
     light.normal = normal * (side / length);
     light.inverse_area = 2.0f / length;
   }
-  powers->push_back(0.5 * static_cast<double>(length * kPi) * brightness);
+  powers->push_back(0.5 * static_cast<double>(length * kPi) * luminance);
   triangles_.push_back(light);
 }
 
 void LightSet::AddPunctual(const scene::Scene& scene, double scene_radius, Powers* powers) {
   for (const scene::PunctualLight& light : scene.lights) {
     const PunctualEmitter emitter(light);
-    (emitter.IsDirectional() ? suns_ : points_).push_back(emitter);
+    (emitter.IsDirectional() ? directional_ : points_).push_back(emitter);
     (emitter.IsDirectional() ? powers->infinite : powers->finite).push_back(emitter.Power(scene_radius));
   }
 }
@@ -173,21 +174,21 @@ EmitterBounds LightSet::BoundsOf(uint32_t emitter, double power) const {
   bounds.axis = light.axis();
   const bool spot = light.cos_outer() > -1.0f;
   bounds.spread = spot ? Acos(light.cos_outer()) : kPi;
-  bounds.falloff = spot ? 0.01f : 0.5f * kPi;  // not 0: rounding must not darken the cone's edge
+  bounds.falloff = spot ? 0.01f : 0.5f * kPi;  // above 0, so that rounding does not darken the cone's edge
   return bounds;
 }
 
-LightTree::Choice LightSet::PickFinite(const LightReceiver& from, float pick) const {
-  if (!tree_.IsEmpty()) return tree_.Pick(from, pick);
+LightTree::Choice LightSet::PickFinite(const LightReceiver& from, float u_light) const {
+  if (!tree_.IsEmpty()) return tree_.Pick(from, u_light);
   LightTree::Choice choice;
-  choice.emitter = finite_.Pick(pick);
+  choice.emitter = finite_.Pick(u_light);
   choice.probability = finite_.Probability(choice.emitter);
   return choice;
 }
 
-LightSample LightSet::Sample(const LightReceiver& from, float pick, Vec2 u) const {
-  if (pick >= finite_share_) return SampleInfinite((pick - finite_share_) / (1.0f - finite_share_), u);
-  const LightTree::Choice choice = PickFinite(from, finite_share_ < 1 ? pick / finite_share_ : pick);
+LightSample LightSet::Sample(const LightReceiver& from, float u_light, Vec2 u) const {
+  if (u_light >= finite_share_) return SampleInfinite((u_light - finite_share_) / (1.0f - finite_share_), u);
+  const LightTree::Choice choice = PickFinite(from, finite_share_ < 1 ? u_light / finite_share_ : u_light);
   if (choice.probability <= 0) return {};
   LightSample sample = choice.emitter < triangles_.size()
                            ? SampleTriangle(triangles_[choice.emitter], from.position, u)
@@ -213,14 +214,15 @@ LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) c
     const scene::Vec4 t = textures_->Sample(light.textured->emission_texture, uv, /*srgb=*/true);
     sample.radiance *= Vec3{t.x, t.y, t.z};
   }
-  // A ray meets it with its opacity as probability; here that is a factor.
-  if (light.veiled != nullptr) sample.radiance *= OpacityAt(*scene_, *light.veiled, light.number, b1, b2);
+  // Rays hit a half-transparent light with its opacity as probability; for light samples it is a factor.
+  if (light.alpha_mesh != nullptr)
+    sample.radiance *= OpacityAt(*scene_, *light.alpha_mesh, light.number, b1, b2);
   return sample;
 }
 
 LightSample LightSet::SamplePunctual(const PunctualEmitter& light, Vec3 from) const {
   LightSample sample;
-  sample.without_size = true;
+  sample.is_delta = true;
   const Vec3 to_light = light.position() - from;
   const float distance = Length(to_light);
   if (distance <= 0) return sample;
@@ -231,21 +233,21 @@ LightSample LightSet::SamplePunctual(const PunctualEmitter& light, Vec3 from) co
   return sample;
 }
 
-LightSample LightSet::SampleInfinite(float pick, Vec2 u) const {
+LightSample LightSet::SampleInfinite(float u_light, Vec2 u) const {
   LightSample sample;
-  const uint32_t index = infinite_.Pick(pick);
+  const uint32_t index = infinite_.Pick(u_light);
   const float probability = (1.0f - finite_share_) * infinite_.Probability(index);
-  if (index < suns_.size()) {
-    sample.without_size = true;
-    sample.direction = -suns_[index].axis();
-    sample.radiance = suns_[index].Irradiance(sample.direction, 0);
+  if (index < directional_.size()) {
+    sample.is_delta = true;
+    sample.direction = -directional_[index].axis();
+    sample.radiance = directional_[index].Irradiance(sample.direction, 0);
     sample.pdf = probability;
     return sample;
   }
-  const SkySample sky = environment_->Sample(u);
-  sample.direction = sky.direction;
-  sample.radiance = sky.radiance;
-  sample.pdf = probability * sky.pdf;
+  const EnvironmentSample environment = environment_->Sample(u);
+  sample.direction = environment.direction;
+  sample.radiance = environment.radiance;
+  sample.pdf = probability * environment.pdf;
   return sample;
 }
 

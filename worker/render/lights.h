@@ -15,20 +15,19 @@
 
 namespace lumifold::render {
 
-/// A point on a light, or a direction towards one that is infinitely far, drawn to be connected to a shading
-/// point.
+/// A sampled point on a light, or a sampled direction towards an infinite light.
 struct LightSample {
   scene::Vec3 direction;  // unit, towards the light
-  scene::Vec3 radiance;   // that arrives; of a light without size the irradiance across `direction`
-  float pdf = 0;          // per steradian; of a light without size its probability; 0: nothing was drawn
+  scene::Vec3 radiance;   // incident; for a delta light the irradiance perpendicular to `direction`
+  float pdf = 0;          // per steradian; for a delta light its probability; 0: no sample
   float distance = std::numeric_limits<float>::infinity();
-  bool without_size = false;  // no ray hits it by chance
+  bool is_delta = false;  // a delta light (point, spot, directional): sampled directions cannot hit it
 };
 
-/// All that shines in a scene: emissive triangles, punctual lights and the environment. Which of them a
-/// sample goes to is decided by power, among many by a light tree; of both finite and infinitely far lights
-/// at least a quarter of the samples goes to each kind, for the power of distant ones says little about what
-/// gets indoors. Threads: safe concurrently. Keeps pointers to what it is given.
+/// All lights of a scene: emissive triangles, punctual lights and the environment. One of them is sampled in
+/// proportion to power, or by a light tree if there are many. If there are both finite and infinite lights,
+/// each kind gets at least a quarter of the samples, because the power of infinite lights says little about
+/// how much of it gets indoors. Threads: safe concurrently. Keeps pointers to its constructor's arguments.
 class LightSet {
  public:
   /// `environment` may be null.
@@ -38,18 +37,21 @@ class LightSet {
   bool IsEmpty() const { return finite_share_ <= 0 && infinite_.IsEmpty(); }
   bool HasEnvironment() const { return environment_ != nullptr; }
 
-  /// A light as seen from `from`; `pick` and `u` are random numbers in [0, 1). Must not be empty.
-  LightSample Sample(const LightReceiver& from, float pick, scene::Vec2 u) const;
+  /// Samples a light for the shading point `from`; `u_light` (selects the light) and `u` are random numbers
+  /// in [0, 1). The set must not be empty.
+  LightSample Sample(const LightReceiver& from, float u_light, scene::Vec2 u) const;
 
-  /// The density, per steradian as seen from `from`, with which Sample() draws the point of this triangle
-  /// that lies `distance` away, at a cosine `cos_light` to its normal; 0 where it is no light.
+  /// The density, per steradian at `from`, with which Sample() returns the point of this triangle at
+  /// `distance`, where the direction has the cosine `cos_light` to its normal; 0 if it is no light.
   float DensityOfHit(const LightReceiver& from, int instance, uint32_t triangle, float distance,
                      float cos_light) const;
 
-  /// What comes from infinitely far along `direction`, and the density of Sample() there; there must be an
+  /// Radiance of the environment from `direction`, and the density of Sample() there; there must be an
   /// environment.
-  scene::Vec3 SkyRadiance(scene::Vec3 direction) const { return environment_->Radiance(direction); }
-  float SkyDensity(scene::Vec3 direction) const { return sky_share_ * environment_->Density(direction); }
+  scene::Vec3 EnvironmentRadiance(scene::Vec3 direction) const { return environment_->Radiance(direction); }
+  float EnvironmentDensity(scene::Vec3 direction) const {
+    return environment_share_ * environment_->Density(direction);
+  }
 
  private:
   struct Triangle {
@@ -58,11 +60,11 @@ class LightSet {
     scene::Vec3 edge2;
     scene::Vec3 normal;
     float inverse_area = 0;  // 0: no area
-    scene::Vec3 radiance;    // texture left out
+    scene::Vec3 radiance;    // without texture
     bool double_sided = false;
-    const scene::Material* textured = nullptr;  // its material, where that has an emission texture
-    const scene::Mesh* veiled = nullptr;        // where the material is not opaque: its mesh,
-    uint32_t number = 0;                        // and the triangle's number there
+    const scene::Material* textured = nullptr;  // its material, if that has an emission texture
+    const scene::Mesh* alpha_mesh = nullptr;    // its mesh, if the material is not opaque
+    uint32_t number = 0;                        // of the triangle in its mesh
     scene::Vec2 uv[2][3];                       // [set][corner]
   };
   struct Powers;
@@ -70,27 +72,27 @@ class LightSet {
   void AddInstance(const scene::Scene& scene, int index, const TextureSampler& textures,
                    std::vector<double>* powers);
   void AddTriangle(const scene::Mesh& mesh, size_t first_index, const scene::Affine& world_from_object,
-                   double brightness, std::vector<double>* powers);
+                   double luminance, std::vector<double>* powers);
   void AddPunctual(const scene::Scene& scene, double scene_radius, Powers* powers);
   void AddEnvironment(std::shared_ptr<const Environment> environment, double scene_radius, Powers* powers);
   EmitterBounds BoundsOf(uint32_t emitter, double power) const;
-  LightTree::Choice PickFinite(const LightReceiver& from, float pick) const;
+  LightTree::Choice PickFinite(const LightReceiver& from, float u_light) const;
   LightSample SampleTriangle(const Triangle& light, scene::Vec3 from, scene::Vec2 u) const;
   LightSample SamplePunctual(const PunctualEmitter& light, scene::Vec3 from) const;
-  LightSample SampleInfinite(float pick, scene::Vec2 u) const;
+  LightSample SampleInfinite(float u_light, scene::Vec2 u) const;
 
   const scene::Scene* scene_;
   const TextureSampler* textures_;
   std::vector<Triangle> triangles_;
   std::vector<int64_t> first_of_instance_;  // index of the instance's first triangle, or -1
-  std::vector<PunctualEmitter> points_;     // points and spots; as finite emitters they follow the triangles
-  std::vector<PunctualEmitter> suns_;
+  std::vector<PunctualEmitter> points_;     // points and spots; finite emitters, numbered after the triangles
+  std::vector<PunctualEmitter> directional_;
   std::shared_ptr<const Environment> environment_;
-  AliasTable finite_;  // by power; empty where there is a tree
+  AliasTable finite_;  // by power; empty if there is a tree
   LightTree tree_;
-  AliasTable infinite_;     // the suns, then the environment
-  float finite_share_ = 0;  // of the samples
-  float sky_share_ = 0;
+  AliasTable infinite_;          // directional lights, then the environment
+  float finite_share_ = 0;       // fraction of samples for finite lights
+  float environment_share_ = 0;  // fraction of samples for the environment
 };
 
 }  // namespace lumifold::render

@@ -6,9 +6,10 @@
 #include "filter/image/portable_math.h"
 
 namespace lumifold::render {
+
 float GgxDensity(Vec3 h, float alpha) {
   const float a2 = alpha * alpha;
-  // The textbook cos^2 (a2 - 1) + 1 cancels at small alpha; this form keeps its digits.
+  // The textbook form cos^2 (a2 - 1) + 1 suffers from cancellation at small alpha; this form does not.
   const float t = a2 * h.z * h.z + h.x * h.x + h.y * h.y;
   return a2 / (kPi * t * t);
 }
@@ -43,7 +44,7 @@ Vec3 SampleGgxVisibleNormal(Vec3 wo, float alpha, Vec2 u) {
 float GgxVisibleDensity(Vec3 wo, Vec3 h, float alpha) {
   const float a2 = alpha * alpha;
   const float cos_h = std::max(0.0f, Dot(wo, h));
-  // G1(wo) / wo.z, written so that it stays finite at grazing angles
+  // G1(wo) / wo.z, in a form that is finite at grazing angles
   const float masking = 2.0f / (wo.z + std::sqrt(a2 + (1.0f - a2) * wo.z * wo.z));
   return masking * cos_h * GgxDensity(h, alpha);
 }

@@ -8,8 +8,9 @@
 namespace lumifold::render {
 namespace {
 
-/// The texels of the larger picture under one of the smaller, along one axis: of `count` from `first` on,
-/// with weights that add up to 1. Halving a size rounded down, a texel covers less than 3.
+/// The texels of the larger level that one texel of the smaller level covers along one axis: `count` texels
+/// from `first` on, with weights of sum 1. As sizes are halved and rounded down, its extent is at
+/// most 3 texels.
 struct Span {
   int first = 0;
   int count = 0;
@@ -32,7 +33,8 @@ std::vector<Span> SpansOf(int size, int half) {
   return spans;
 }
 
-scene::ImageData Halve(const scene::ImageData& image, const ByteCode& color, const ByteCode& alpha) {
+scene::ImageData Halve(const scene::ImageData& image, const TransferTable& color,
+                       const TransferTable& alpha) {
   scene::ImageData half;
   half.width = std::max(image.width / 2, 1);
   half.height = std::max(image.height / 2, 1);
@@ -61,21 +63,21 @@ scene::ImageData Halve(const scene::ImageData& image, const ByteCode& color, con
 
 }  // namespace
 
-ByteCode::ByteCode(bool srgb) {
+TransferTable::TransferTable(bool srgb) {
   for (int i = 0; i < 256; ++i) {
     const float fraction = static_cast<float>(i) / 255.0f;
-    light_[i] = srgb ? LinearFromSrgb(fraction) : fraction;
+    linear_[i] = srgb ? LinearFromSrgb(fraction) : fraction;
   }
 }
 
-uint8_t ByteCode::Encode(float light) const {
-  const float* above = std::lower_bound(light_ + 1, light_ + 255, light);
-  const bool nearer_below = light - above[-1] < above[0] - light;
-  return static_cast<uint8_t>(above - light_ - (nearer_below ? 1 : 0));
+uint8_t TransferTable::Encode(float linear) const {
+  const float* above = std::lower_bound(linear_ + 1, linear_ + 255, linear);
+  const bool nearer_below = linear - above[-1] < above[0] - linear;
+  return static_cast<uint8_t>(above - linear_ - (nearer_below ? 1 : 0));
 }
 
-std::vector<scene::ImageData> MakeMipChain(const scene::ImageData& image, const ByteCode& color,
-                                           const ByteCode& alpha) {
+std::vector<scene::ImageData> MakeMipChain(const scene::ImageData& image, const TransferTable& color,
+                                           const TransferTable& alpha) {
   std::vector<scene::ImageData> chain;
   const scene::ImageData* last = &image;
   while (last->width > 1 || last->height > 1) {

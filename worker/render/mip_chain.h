@@ -7,24 +7,25 @@
 
 namespace lumifold::render {
 
-/// The light that each of an image's 256 byte values stands for, and back.
-class ByteCode {
+/// The transfer function of 8-bit texels: linear value of each of the 256 codes, and its inverse.
+class TransferTable {
  public:
-  /// `srgb`: the colour is encoded; else values are fractions of 255.
-  explicit ByteCode(bool srgb);
+  /// `srgb`: codes are sRGB-encoded; else linear value = code / 255.
+  explicit TransferTable(bool srgb);
 
-  float Decode(uint8_t code) const { return light_[code]; }
-  /// The nearest code, as light goes.
-  uint8_t Encode(float light) const;
+  float Decode(uint8_t code) const { return linear_[code]; }
+  /// The code whose linear value is nearest.
+  uint8_t Encode(float linear) const;
 
  private:
-  float light_[256];
+  float linear_[256];
 };
 
-/// Ever smaller copies of a picture, each half as wide and high (rounded down, at least 1) down to a single
-/// texel: texels are means over the area they cover, of light and not of its code. `color` decodes red, green
-/// and blue; alpha is linear. The picture itself is not among them: together they take a third of its memory.
-std::vector<scene::ImageData> MakeMipChain(const scene::ImageData& image, const ByteCode& color,
-                                           const ByteCode& alpha);
+/// The mip levels of a picture without the picture itself, each half as wide and high as the one before
+/// (rounded down, at least 1), down to a single texel. A texel is the mean of the linear values over the area
+/// it covers. `color` decodes red, green and blue, `alpha` the alpha channel. All levels together take a
+/// third of the picture's memory.
+std::vector<scene::ImageData> MakeMipChain(const scene::ImageData& image, const TransferTable& color,
+                                           const TransferTable& alpha);
 
 }  // namespace lumifold::render

@@ -15,7 +15,7 @@ bool HasAlpha(const Material& material, const Mesh& mesh) {
          (material.alpha < 1 || material.base_color_texture.texture != scene::kNone || !mesh.colors.empty());
 }
 
-/// Whether the material may anywhere be what Bsdf::StraightTransmittance lets through.
+/// Whether Bsdf::StraightTransmittance may be above 0 anywhere on the material.
 bool MayBeClearPane(const Material& material) {
   const bool smooth = material.roughness * material.roughness < kDeltaAlpha ||
                       material.metallic_roughness_texture.texture != scene::kNone;
@@ -24,13 +24,13 @@ bool MayBeClearPane(const Material& material) {
 
 }  // namespace
 
-Openness OpennessOf(const Scene& scene, const Mesh& mesh) {
-  if (mesh.material == scene::kNone) return Openness::kSolid;
+OpacityClass OpacityClassOf(const Scene& scene, const Mesh& mesh) {
+  if (mesh.material == scene::kNone) return OpacityClass::kOpaque;
   const Material& material = scene.materials[mesh.material];
   const bool has_alpha = HasAlpha(material, mesh);
   if (MayBeClearPane(material) || (has_alpha && material.alpha_mode == scene::AlphaMode::kBlend))
-    return Openness::kVeil;
-  return has_alpha ? Openness::kHoles : Openness::kSolid;
+    return OpacityClass::kTransparent;
+  return has_alpha ? OpacityClass::kMasked : OpacityClass::kOpaque;
 }
 
 float OpacityAt(const Scene& scene, const Mesh& mesh, uint32_t triangle, float u, float v) {

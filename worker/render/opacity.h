@@ -6,18 +6,18 @@
 
 namespace lumifold::render {
 
-/// What of a mesh light and sight may pass.
-enum class Openness {
-  kSolid,  // nothing
-  kHoles,  // whole parts of it are cut out (alphaMode MASK)
-  kVeil,   // any share anywhere: alphaMode BLEND, and panes of clear thin glass
+/// Opacity class of a mesh: which rays may pass through it.
+enum class OpacityClass {
+  kOpaque,       // none
+  kMasked,       // all or none at each point: alphaMode MASK
+  kTransparent,  // a fraction at each point: alphaMode BLEND, and panes of clear thin glass
 };
 
-Openness OpennessOf(const scene::Scene& scene, const scene::Mesh& mesh);
+OpacityClass OpacityClassOf(const scene::Scene& scene, const scene::Mesh& mesh);
 
-/// How much of it there is at the point with barycentric weights u and v of a triangle's second and third
-/// corner: 1 where the material is opaque, 1 or 0 where it is a mask, else its alpha: base colour factor
-/// times texture (between texels, never blurred) times vertex colour.
+/// Opacity at the point with barycentric weights u and v of a triangle's second and third vertex: 1 for an
+/// opaque material, 1 or 0 for a mask, else alpha = base colour factor times texture (bilinear, without
+/// footprint) times vertex colour.
 float OpacityAt(const scene::Scene& scene, const scene::Mesh& mesh, uint32_t triangle, float u, float v);
 
 }  // namespace lumifold::render

@@ -43,7 +43,7 @@ void PixelSums::Add(const LayerSample& s, size_t half) {
   halved[half][3] += s.glossy;
   whole[0] += s.albedo;
   whole[1] += s.emitted;
-  whole[2] += s.specular;
+  whole[2] += s.glossy_albedo;
   count[half] += 1;
   s.levels.ForEach(
       [&](layers::Level level, const LevelSample& sample) { AddLevel(sample, half, &levels.Set(level)); });

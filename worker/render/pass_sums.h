@@ -10,11 +10,11 @@
 
 namespace lumifold::render {
 
-/// Sums over the samples of one pixel that reached a level.
+/// Sums over the samples of one pixel that reach a level.
 struct LevelSums {
   std::array<std::array<scene::Vec3, layers::kLevelHalved.size()>, 2> halved;  // by half, then by layer
   std::array<scene::Vec3, layers::kLevelWhole.size()> whole;
-  std::array<float, 2> count = {0, 0};  // of those that met a surface with a diffuse lobe, by half
+  std::array<float, 2> count = {0, 0};  // samples that hit a surface with a diffuse lobe, by half
 };
 
 /// Sums over the samples of one pixel.
@@ -28,13 +28,13 @@ struct PixelSums {
   void Add(const LayerSample& sample, size_t half);
 };
 
-/// The picture a pass writes its sums to.
+/// The channels of a pass.
 class PassPicture {
  public:
   PassPicture(int width, int height);
 
   void Store(int x, int y, const PixelSums& sums);
-  /// The picture; levels come last. Leaves this empty.
+  /// Moves the picture out; levels come last.
   LayeredImage Take();
 
  private:
@@ -45,7 +45,7 @@ class PassPicture {
   std::array<FloatView, 2> count_;
 };
 
-/// Sets one pixel of every channel; `values` are in the order of the channels.
+/// Sets one pixel of every channel; `values` has the order of the channels.
 void PutAll(std::span<const float> values, int x, int y, LayeredImage* image);
 
 /// Sets one pixel of a colour.

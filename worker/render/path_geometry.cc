@@ -8,12 +8,13 @@
 namespace lumifold::render {
 namespace {
 
-/// The mirrors of a chain, so that what is seen in them can be turned back to where it seems to be.
-class Mirrors {
+/// The mirrors of a chain of delta events: maps a direction seen in them to the direction of its mirror
+/// image.
+class MirrorChain {
  public:
   void Add(Vec3 normal) { normals_[count_++] = normal; }
 
-  Vec3 TurnedBack(Vec3 direction) const {
+  Vec3 MirrorImage(Vec3 direction) const {
     for (size_t i = count_; i-- > 0;) direction = direction - normals_[i] * (2 * Dot(direction, normals_[i]));
     return direction;
   }
@@ -23,30 +24,30 @@ class Mirrors {
   size_t count_ = 0;
 };
 
-/// The stronger of the two perfectly specular events; invalid where there is none.
-BsdfSample StrongerEvent(const Bsdf& bsdf) {
-  const BsdfSample reflection = bsdf.PerfectReflection();
-  const BsdfSample transmission = bsdf.PerfectTransmission();
+/// The stronger of the two delta events; invalid if the BSDF has none.
+BsdfSample StrongerDeltaEvent(const Bsdf& bsdf) {
+  const BsdfSample reflection = bsdf.DeltaReflection();
+  const BsdfSample transmission = bsdf.DeltaTransmission();
   if (!transmission.valid) return reflection;
-  const bool reflects = reflection.valid && MaxComponent(reflection.weight.specular) >=
-                                                MaxComponent(transmission.weight.specular);
+  const bool reflects = reflection.valid && MaxComponent(reflection.weight.non_diffuse) >=
+                                                MaxComponent(transmission.weight.non_diffuse);
   return reflects ? reflection : transmission;
 }
 
 }  // namespace
 
-void PathTracer::FollowChainGeometry(const Ray& camera_ray, const Surface& first, const BsdfSample& event,
-                                     GeometrySample* out) const {
+void PathTracer::TraceDeltaChainGeometry(const Ray& camera_ray, const Surface& first, const BsdfSample& event,
+                                         GeometrySample* out) const {
   const layers::Branch branch =
       event.transmitted ? layers::Branch::kTransmission : layers::Branch::kReflection;
-  Mirrors mirrors;
+  MirrorChain mirrors;
   Surface surface = first;
   BsdfSample step = event;
   float distance = out->distance;
   for (int depth = 1; step.valid && depth <= std::min(layers::kMaxDepth, max_bounces_); ++depth) {
     if (!step.transmitted) mirrors.Add(surface.normal);
     Ray ray;
-    surface.Leave(step, MixBits(camera_ray.chance + static_cast<uint64_t>(depth)), &ray);
+    surface.SpawnRay(step, MixBits(camera_ray.random_key + static_cast<uint64_t>(depth)), &ray);
     const Hit hit = embree_->Intersect(ray);
     if (hit.IsMiss()) return;
     surface = surfaces_.Read(hit, ray);
@@ -54,10 +55,10 @@ void PathTracer::FollowChainGeometry(const Ray& camera_ray, const Surface& first
     const Bsdf bsdf = MakeBsdf(surface, -ray.direction);
     LevelGeometry& level = out->levels.Set({branch, depth});
     level.valid = bsdf.HasDiffuse();
-    level.normal = mirrors.TurnedBack(surface.normal);
+    level.normal = mirrors.MirrorImage(surface.normal);
     level.distance = distance;
     level.instance = hit.instance;
-    step = StrongerEvent(bsdf);
+    step = StrongerDeltaEvent(bsdf);
   }
 }
 
@@ -76,11 +77,11 @@ GeometrySample PathTracer::GeometryAt(const Ray& ray, const Hit& hit) const {
   out.geometric = surface.geometric;
   out.distance = hit.distance;
   out.instance = hit.instance;
-  out.roughness = bsdf.SpecularAlpha();
+  out.roughness = bsdf.ReflectionAlpha();
   out.albedo = bsdf.DiffuseAlbedo();
   out.emitted = surfaces_.Emitted(surface);
-  FollowChainGeometry(ray, surface, bsdf.PerfectReflection(), &out);
-  FollowChainGeometry(ray, surface, bsdf.PerfectTransmission(), &out);
+  TraceDeltaChainGeometry(ray, surface, bsdf.DeltaReflection(), &out);
+  TraceDeltaChainGeometry(ray, surface, bsdf.DeltaTransmission(), &out);
   return out;
 }
 

@@ -44,13 +44,13 @@ Vec3 PunctualEmitter::Irradiance(Vec3 to_light, float distance) const {
 }
 
 double PunctualEmitter::Power(double scene_radius) const {
-  const double brightness = static_cast<double>(Luminance(intensity_.x, intensity_.y, intensity_.z));
+  const double luminance = static_cast<double>(Luminance(intensity_.x, intensity_.y, intensity_.z));
   const double pi = static_cast<double>(kPi);
-  if (IsDirectional()) return brightness * pi * scene_radius * scene_radius;
-  if (kind_ == PunctualLight::Kind::kPoint) return brightness * 4 * pi;
+  if (IsDirectional()) return luminance * pi * scene_radius * scene_radius;
+  if (kind_ == PunctualLight::Kind::kPoint) return luminance * 4 * pi;
   const double inner = static_cast<double>(cos_inner_);
   const double outer = static_cast<double>(cos_outer_);
-  return brightness * 2 * pi * ((1 - inner) + (inner - outer) / 3);
+  return luminance * 2 * pi * ((1 - inner) + (inner - outer) / 3);
 }
 
 }  // namespace lumifold::render

@@ -13,8 +13,8 @@ constexpr uint32_t ReverseBits(uint32_t x) {
   return ((x & 0x55555555u) << 1) | ((x >> 1) & 0x55555555u);
 }
 
-/// Owen's nested uniform scramble of a value whose bits are reversed (lowest first): bit k is flipped by a
-/// hash of the bits below.
+/// Owen's nested uniform scramble of a value with reversed bits (lowest first): a hash of the bits below bit
+/// k decides whether bit k is flipped.
 constexpr uint32_t ScrambleReversed(uint32_t x, uint32_t seed) {
   x ^= x * 0x3d20adeau;
   x += seed;
@@ -24,8 +24,8 @@ constexpr uint32_t ScrambleReversed(uint32_t x, uint32_t seed) {
   return x;
 }
 
-/// The second Sobol dimension of index i, bits reversed: the product with Pascal's triangle modulo 2, done by
-/// halves.
+/// The second Sobol dimension of index i, bits reversed: the product with Pascal's triangle modulo 2,
+/// computed by recursive halving.
 constexpr uint32_t SobolSecondReversed(uint32_t i) {
   i ^= (i >> 1) & 0x55555555u;
   i ^= (i >> 2) & 0x33333333u;
@@ -37,14 +37,14 @@ constexpr uint32_t SobolSecondReversed(uint32_t i) {
 
 constexpr float UnitFloat(uint32_t x) { return static_cast<float>(x >> 8) * 0x1p-24f; }
 
-/// What the pixel's half has of its own.
+/// The key of one half of a pixel.
 constexpr uint64_t KeyOf(uint64_t seed, int frame, int64_t pixel, uint32_t half) {
   const uint64_t frame_key =
       MixBits(seed + 0x9e3779b97f4a7c15u) ^ (static_cast<uint64_t>(static_cast<uint32_t>(frame)) << 1 | half);
   return MixBits(MixBits(frame_key) + static_cast<uint64_t>(pixel));
 }
 
-/// The seeds of a pair's three scrambles.
+/// The seeds of the three scrambles of a dimension pair.
 struct PairSeeds {
   uint32_t shuffle;
   uint32_t x;
@@ -58,8 +58,8 @@ struct PairSeeds {
   }
 };
 
-// The same for eight samples side by side. In place: vectors wider than the machine's cannot be handed over
-// by value.
+// The same for eight samples at once. Functions work in place, because vectors wider than the machine's
+// cannot be passed by value.
 constexpr uint32_t kLanes = DrawnPairs::kSamples;
 using Lanes [[gnu::vector_size(sizeof(uint32_t) * kLanes)]] = uint32_t;
 using SignedLanes [[gnu::vector_size(sizeof(uint32_t) * kLanes)]] = int32_t;
@@ -95,7 +95,7 @@ using FloatLanes [[gnu::vector_size(sizeof(uint32_t) * kLanes)]] = float;
   std::memcpy(out, &floats, sizeof(floats));
 }
 
-/// Draws the first pairs of samples first, first + 1, ... whose halves have these keys.
+/// Computes the first pairs of samples first, first + 1, ...; `keys` are those of the halves.
 [[gnu::always_inline]] inline void DrawPairs(const std::array<uint64_t, 2>& keys, uint32_t first,
                                              DrawnPairs* out) {
   const Lanes number = Lanes{0, 1, 2, 3, 4, 5, 6, 7} + first;
@@ -122,7 +122,7 @@ using FloatLanes [[gnu::vector_size(sizeof(uint32_t) * kLanes)]] = float;
   }
 }
 
-// Integers only, so that both give the same bits.
+// Integer arithmetic only, so both have the same result.
 [[gnu::target("avx2")]] void DrawPairsWide(const std::array<uint64_t, 2>& keys, uint32_t first,
                                            DrawnPairs* out) {
   DrawPairs(keys, first, out);
@@ -141,7 +141,7 @@ Sampler::Sampler(uint64_t seed, int frame, int64_t pixel, uint32_t index)
 scene::Vec2 Sampler::Draw(uint32_t pair) const {
   const PairSeeds seeds(key_, pair);
   const uint32_t index = ReverseBits(ScrambleReversed(reversed_index_, seeds.shuffle));
-  // Sobol's first dimension is the index bit-reversed, so reversed again it is the index itself.
+  // Sobol's first dimension is the bit-reversed index; reversed again it is the index itself.
   const uint32_t x = ReverseBits(ScrambleReversed(index, seeds.x));
   const uint32_t y = ReverseBits(ScrambleReversed(SobolSecondReversed(index), seeds.y));
   return {UnitFloat(x), UnitFloat(y)};

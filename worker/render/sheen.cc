@@ -8,8 +8,8 @@
 namespace lumifold::render {
 namespace {
 
-/// The exponent of the fitted masking function, for cosines up to 1/2; the paper's table 1 between alpha = 0
-/// (first) and 1 (second).
+/// The exponent of the fitted masking function for cosines up to 1/2; interpolates the paper's table 1
+/// between alpha = 0 (first value) and alpha = 1 (second value).
 float MaskingExponent(float cosine, float alpha) {
   const float smooth = (1.0f - alpha) * (1.0f - alpha);
   const auto mix = [smooth](float at_zero, float at_one) { return at_one + (at_zero - at_one) * smooth; };

@@ -18,7 +18,7 @@ T Interpolate(const std::vector<T>& values, const uint32_t* corners, float u, fl
   return values[corners[0]] * (1.0f - u - v) + values[corners[1]] * u + values[corners[2]] * v;
 }
 
-/// The same for values of which the first three components count.
+/// The same for the first three components.
 Vec3 Interpolate(const std::vector<Vec4>& values, const uint32_t* corners, float u, float v) {
   const auto xyz = [&](int corner) {
     const Vec4& value = values[corners[corner]];
@@ -27,12 +27,12 @@ Vec3 Interpolate(const std::vector<Vec4>& values, const uint32_t* corners, float
   return xyz(0) * (1.0f - u - v) + xyz(1) * u + xyz(2) * v;
 }
 
-/// Bends a shading normal that points away from the viewer until it just faces him: interpolated and mapped
-/// normals may do so at silhouettes, where nothing sensible is left to reflect.
+/// Rotates a shading normal that points away from the viewer until it just faces the viewer. Interpolated and
+/// mapped normals may point away at silhouettes, where they would give no meaningful reflection.
 Vec3 FaceViewer(Vec3 normal, Vec3 wo) {
-  constexpr float kLeastCosine = 0.01f;
+  constexpr float kMinCosine = 0.01f;
   const float cosine = Dot(normal, wo);
-  return cosine >= kLeastCosine ? normal : Normalize(normal + wo * (kLeastCosine - cosine));
+  return cosine >= kMinCosine ? normal : Normalize(normal + wo * (kMinCosine - cosine));
 }
 
 bool HasTextures(const scene::Material& material) {
@@ -41,15 +41,15 @@ bool HasTextures(const scene::Material& material) {
                      [](const scene::TextureUse& use) { return use.ref->texture != scene::kNone; });
 }
 
-/// Whether the normals at all corners are those of the faces, or there are none.
+/// Whether all vertex normals equal the face normals, or there are none.
 bool IsFlat(const Mesh& mesh) {
-  constexpr float kLeastCosine = 1.0f - 0x1p-20f;
+  constexpr float kMinCosine = 1.0f - 0x1p-20f;
   if (mesh.normals.empty()) return true;
   for (size_t t = 0; t + 2 < mesh.triangles.size(); t += 3) {
     const uint32_t* corners = &mesh.triangles[t];
     const Vec3 origin = mesh.positions[corners[0]];
     const Vec3 area = Cross(mesh.positions[corners[1]] - origin, mesh.positions[corners[2]] - origin);
-    const float least = kLeastCosine * Length(area);
+    const float least = kMinCosine * Length(area);
     for (int c = 0; c < 3; ++c) {
       if (std::abs(Dot(mesh.normals[corners[c]], area)) < least) return false;
     }
@@ -59,14 +59,14 @@ bool IsFlat(const Mesh& mesh) {
 
 }  // namespace
 
-void Surface::Leave(const BsdfSample& step, uint64_t chance, Ray* ray) const {
-  // A diffuse bounce (density 1/pi at most) opens the cone to a sixth of a radian and more: small enough that
-  // textures nearby keep their shape in what they light, wide enough that far ones are read from few texels.
+void Surface::SpawnRay(const BsdfSample& step, uint64_t random_key, Ray* ray) const {
+  // After diffuse scattering (density at most 1/pi) the cone opens by at least a sixth of a radian: narrow
+  // enough to resolve textures nearby, wide enough to read distant ones from few texels.
   constexpr float kShareOfDensity = 0.1f;
   ray->origin = Offset(step.wi);
   ray->direction = step.wi;
   ray->max_distance = std::numeric_limits<float>::infinity();
-  ray->chance = chance;
+  ray->random_key = random_key;
   ray->width = cone_width;
   ray->spread = 0;
   if (cone_width <= 0) return;
@@ -78,40 +78,40 @@ SurfaceReader::SurfaceReader(const scene::Scene& scene, const TextureSampler& te
   const scene::Bounds bounds = WorldBounds(scene);
   epsilon_ = bounds.IsEmpty() ? 0.0f : Length(bounds.max - bounds.min) * 0x1p-21f;
   uniform_.resize(scene.meshes.size());
-  std::vector<Place> of_mesh;
-  for (size_t i = 0; i < scene.meshes.size(); ++i) of_mesh.push_back(PlaceOf(scene, i));
+  std::vector<InstanceData> of_mesh;
+  for (size_t i = 0; i < scene.meshes.size(); ++i) of_mesh.push_back(DataOf(scene, i));
   for (const scene::Instance& instance : scene.instances) {
-    Place& place = places_.emplace_back(of_mesh[instance.mesh]);
-    place.to_world = &instance.world_from_object;
-    any_textures_ |= place.is_textured;
+    InstanceData& data = instances_.emplace_back(of_mesh[instance.mesh]);
+    data.to_world = &instance.world_from_object;
+    any_textures_ |= data.is_textured;
   }
 }
 
-SurfaceReader::Place SurfaceReader::PlaceOf(const scene::Scene& scene, size_t mesh_index) {
+SurfaceReader::InstanceData SurfaceReader::DataOf(const scene::Scene& scene, size_t mesh_index) {
   const Mesh& mesh = scene.meshes[mesh_index];
-  Place place;
-  place.mesh = &mesh;
-  place.material = mesh.material == scene::kNone ? &default_material_ : &scene.materials[mesh.material];
-  place.is_textured = HasTextures(*place.material);
-  place.radiates = place.material->unlit || MaxComponent(place.material->emission) > 0;
-  const bool is_uniform = !place.is_textured && mesh.colors.empty();
-  place.is_plain = is_uniform && IsFlat(mesh);
-  // What glass and coats are depends on the side and the normal.
-  if (is_uniform && place.material->transmission <= 0 && place.material->clearcoat <= 0) {
+  InstanceData data;
+  data.mesh = &mesh;
+  data.material = mesh.material == scene::kNone ? &default_material_ : &scene.materials[mesh.material];
+  data.is_textured = HasTextures(*data.material);
+  data.is_emissive = data.material->unlit || MaxComponent(data.material->emission) > 0;
+  const bool is_uniform = !data.is_textured && mesh.colors.empty();
+  data.is_plain = is_uniform && IsFlat(mesh);
+  // The values of glass and coats depend on the side and the normal.
+  if (is_uniform && data.material->transmission <= 0 && data.material->clearcoat <= 0) {
     Surface anywhere;
-    anywhere.material = place.material;
+    anywhere.material = data.material;
     uniform_[mesh_index] = Shade(anywhere);
-    place.values = &uniform_[mesh_index];
+    data.values = &uniform_[mesh_index];
   }
-  return place;
+  return data;
 }
 
 Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
-  const Place& place = places_[hit.instance];
+  const InstanceData& instance = instances_[hit.instance];
   Surface surface;
-  surface.material = place.material;
-  surface.values = place.values;
-  surface.radiates = place.radiates;
+  surface.material = instance.material;
+  surface.values = instance.values;
+  surface.is_emissive = instance.is_emissive;
   surface.position = ray.origin + ray.direction * hit.distance;
   const Vec3 face = Normalize(hit.face_normal);
   surface.front = Dot(face, ray.direction) < 0;
@@ -125,19 +125,20 @@ Surface SurfaceReader::Read(const Hit& hit, const Ray& ray) const {
   }
   surface.normal = surface.geometric;
   if (surface.material->clearcoat > 0) surface.coat_normal = surface.geometric;
-  if (!place.is_plain) ReadCorners(place, hit, ray, &surface);
+  if (!instance.is_plain) ReadCorners(instance, hit, ray, &surface);
   return surface;
 }
 
-/// What the triangle's corners add: texture coordinates, colour, and the shading normals.
-void SurfaceReader::ReadCorners(const Place& place, const Hit& hit, const Ray& ray, Surface* surface) const {
-  const Mesh& mesh = *place.mesh;
-  const Affine& to_world = *place.to_world;
+/// Interpolates the vertex attributes: texture coordinates, colour and shading normals.
+void SurfaceReader::ReadCorners(const InstanceData& instance, const Hit& hit, const Ray& ray,
+                                Surface* surface) const {
+  const Mesh& mesh = *instance.mesh;
+  const Affine& to_world = *instance.to_world;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
   for (int set = 0; set < 2; ++set) {
     if (!mesh.uvs[set].empty()) surface->uv[set] = Interpolate(mesh.uvs[set], corners, hit.u, hit.v);
   }
-  if (place.is_textured && surface->cone_width > 0)
+  if (instance.is_textured && surface->cone_width > 0)
     surface->footprint = FootprintAt(mesh, to_world, hit, ray, surface->geometric);
   if (!mesh.colors.empty()) surface->vertex_color = Interpolate(mesh.colors, corners, hit.u, hit.v);
   if (!mesh.normals.empty()) {
@@ -149,41 +150,43 @@ void SurfaceReader::ReadCorners(const Place& place, const Hit& hit, const Ray& r
   }
   const Vec3 unmapped = surface->normal;
   const scene::Material& material = *surface->material;
-  // The loader has given tangents to every mesh whose normal map has coordinates to be found by.
+  // The loader creates tangents for every mesh that has the texture coordinates of its normal map.
   if (material.normal_texture.texture != scene::kNone && !mesh.tangents.empty()) {
     surface->normal =
-        MappedNormal(material.normal_texture, material.normal_scale, place, hit, *surface, unmapped);
+        MappedNormal(material.normal_texture, material.normal_scale, instance, hit, *surface, unmapped);
   }
   surface->normal = FaceViewer(surface->normal, -ray.direction);
-  if (material.clearcoat > 0) surface->coat_normal = CoatNormal(place, hit, *surface, unmapped, ray);
+  if (material.clearcoat > 0) surface->coat_normal = CoatNormal(instance, hit, *surface, unmapped, ray);
 }
 
-Vec3 SurfaceReader::CoatNormal(const Place& place, const Hit& hit, const Surface& surface, Vec3 unmapped,
-                               const Ray& ray) const {
+Vec3 SurfaceReader::CoatNormal(const InstanceData& instance, const Hit& hit, const Surface& surface,
+                               Vec3 unmapped, const Ray& ray) const {
   const scene::Material& material = *surface.material;
   const bool is_mapped =
-      material.clearcoat_normal_texture.texture != scene::kNone && !place.mesh->tangents.empty();
-  const Vec3 normal = is_mapped ? MappedNormal(material.clearcoat_normal_texture,
-                                               material.clearcoat_normal_scale, place, hit, surface, unmapped)
-                                : unmapped;
+      material.clearcoat_normal_texture.texture != scene::kNone && !instance.mesh->tangents.empty();
+  const Vec3 normal = is_mapped
+                          ? MappedNormal(material.clearcoat_normal_texture, material.clearcoat_normal_scale,
+                                         instance, hit, surface, unmapped)
+                          : unmapped;
   return FaceViewer(normal, -ray.direction);
 }
 
-/// The cone cuts the face in an ellipse whose longer diameter lies along the ray's shadow on it.
+/// The cone intersects the face in an ellipse. Its longer diameter lies along the ray's projection on the
+/// face.
 Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, const Hit& hit, const Ray& ray,
                                      Vec3 normal) const {
-  constexpr float kLeastCosine = 0.01f;
+  constexpr float kMinCosine = 0.01f;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
   const Vec3 edge1 = to_world.Vector(mesh.positions[corners[1]] - mesh.positions[corners[0]]);
   const Vec3 edge2 = to_world.Vector(mesh.positions[corners[2]] - mesh.positions[corners[0]]);
   const Vec3 area = Cross(edge1, edge2);
   const float area2 = LengthSquared(area);
   const float cosine = Dot(ray.direction, normal);
-  const Vec3 shadow = ray.direction - normal * cosine;
-  const float sine = Length(shadow);
-  const Vec3 along = sine > 1e-3f ? shadow / sine : Frame(normal).x;
+  const Vec3 projected = ray.direction - normal * cosine;
+  const float sine = Length(projected);
+  const Vec3 along = sine > 1e-3f ? projected / sine : Frame(normal).x;
   const float width = ray.WidthAt(hit.distance);
-  const Vec3 diameters[2] = {along * (width / std::max(std::abs(cosine), kLeastCosine)),
+  const Vec3 diameters[2] = {along * (width / std::max(std::abs(cosine), kMinCosine)),
                              Cross(normal, along) * width};
   Footprint footprint;
   if (area2 <= 0) return footprint;
@@ -200,10 +203,10 @@ Footprint SurfaceReader::FootprintAt(const Mesh& mesh, const Affine& to_world, c
   return footprint;
 }
 
-Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const Place& place,
+Vec3 SurfaceReader::MappedNormal(const scene::TextureRef& map, float scale, const InstanceData& instance,
                                  const Hit& hit, const Surface& surface, Vec3 normal) const {
-  const Mesh& mesh = *place.mesh;
-  const Affine& to_world = *place.to_world;
+  const Mesh& mesh = *instance.mesh;
+  const Affine& to_world = *instance.to_world;
   const uint32_t* corners = &mesh.triangles[static_cast<size_t>(hit.triangle) * 3];
   const Vec3 along = to_world.Vector(Interpolate(mesh.tangents, corners, hit.u, hit.v));
   Vec3 tangent = along - normal * Dot(along, normal);

@@ -12,8 +12,8 @@ using scene::Vec2;
 using scene::Vec3;
 using scene::Vec4;
 
-/// Longer footprints are blurred rather than followed with more probes.
-constexpr int kMostProbes = 8;
+/// Maximum number of probes; longer footprints are blurred across instead.
+constexpr int kMaxProbes = 8;
 
 int WrapTexel(int i, int size, scene::Wrap wrap) {
   if (wrap == scene::Wrap::kClamp) return std::clamp(i, 0, size - 1);
@@ -23,7 +23,7 @@ int WrapTexel(int i, int size, scene::Wrap wrap) {
   return i < size ? i : period - 1 - i;
 }
 
-/// Texture coordinates far outside lose their fraction in float anyway; bounded, they fit an int.
+/// Bounds a texture coordinate so that it fits an int; larger floats have no fraction anyway.
 float BoundCoordinate(float x) { return std::clamp(x, -1e8f, 1e8f); }
 
 Vec4 Mix(const Vec4& a, const Vec4& b, float t) {
@@ -38,7 +38,7 @@ Vec2 Linear(const scene::TextureRef& ref, Vec2 v) {
 
 Vec2 Transform(const scene::TextureRef& ref, Vec2 uv) { return Linear(ref, uv) + ref.offset; }
 
-/// The value of a picture at uv; texel(x, y) gives that of one texel.
+/// The value of a picture at uv; texel(x, y) returns the value of one texel.
 template <typename T, typename Texel>
 T Interpolate(const ImageData& image, const scene::Texture& texture, Vec2 uv, const Texel& texel) {
   const float x = BoundCoordinate(uv.x * static_cast<float>(image.width));
@@ -78,7 +78,7 @@ void TextureSampler::Prepare(const scene::TextureUse& use) {
 
 Vec4 TextureSampler::Texel(const ImageData& image, int x, int y, bool srgb) const {
   const uint8_t* p = &image.rgba[(static_cast<size_t>(y) * image.width + x) * 4];
-  const ByteCode& color = srgb ? srgb_ : linear_;
+  const TransferTable& color = srgb ? srgb_ : linear_;
   return {color.Decode(p[0]), color.Decode(p[1]), color.Decode(p[2]), linear_.Decode(p[3])};
 }
 
@@ -108,7 +108,7 @@ Vec4 TextureSampler::SampleImage(const scene::TextureRef& ref, const Vec2 uv[2],
   if (!(major2 > 1)) return Bilinear(image, texture, center, srgb);
 
   const float length = std::min(std::sqrt(major2), 1e9f);
-  const float width = std::max(std::sqrt(minor2), std::max(length / kMostProbes, 1.0f));
+  const float width = std::max(std::sqrt(minor2), std::max(length / kMaxProbes, 1.0f));
   const int probes = std::max(static_cast<int>(std::ceil(length / width)), 1);
   Vec4 sum;
   for (int i = 0; i < probes; ++i) {
@@ -123,7 +123,7 @@ Vec4 TextureSampler::SampleImage(const scene::TextureRef& ref, const Vec2 uv[2],
 Vec4 TextureSampler::SampleLevels(const scene::Texture& texture, Vec2 uv, float width, bool srgb) const {
   const ImageData& image = scene_->images[texture.image];
   const Levels& levels = levels_[srgb][texture.image];
-  int level = 0;  // the last whose texels are not wider
+  int level = 0;  // the last one whose texels are not wider than `width`
   for (float next = 2; next <= width && level < static_cast<int>(levels.size()); next *= 2) ++level;
   const ImageData& finer = level == 0 ? image : levels[level - 1];
   const Vec4 fine = Bilinear(finer, texture, uv, srgb);

@@ -7,33 +7,34 @@
 
 namespace lumifold::render {
 
-void Visibility::Transmittances(std::span<const Ray> rays, std::span<Vec3> shares) const {
+void Visibility::Transmittances(std::span<const Ray> rays, std::span<Vec3> transmittances) const {
   std::array<bool, EmbreeScene::kPacket> occluded;
   embree_->AreOccludedTogether(rays, occluded);
   for (size_t i = 0; i < rays.size(); ++i) {
     if (occluded[i]) {
-      shares[i] = {0, 0, 0};
+      transmittances[i] = {0, 0, 0};
     } else {
-      shares[i] = embree_->HasVeils() ? ThroughVeils(rays[i]) : Vec3{1, 1, 1};
+      transmittances[i] =
+          embree_->HasTransparentSurfaces() ? ThroughTransparentSurfaces(rays[i]) : Vec3{1, 1, 1};
     }
   }
 }
 
-Vec3 Visibility::ThroughVeils(const Ray& ray) const {
-  Vec3 share = {1, 1, 1};
-  Veils veils = embree_->VeilsOn(ray, nullptr);
+Vec3 Visibility::ThroughTransparentSurfaces(const Ray& ray) const {
+  Vec3 transmittance = {1, 1, 1};
+  TransparentHits found = embree_->FindTransparentHits(ray, nullptr);
   for (;;) {
-    for (int i = 0; i < veils.count; ++i) {
-      share *= ThroughVeil(veils.hits[i], ray);
-      if (MaxComponent(share) <= 0) return share;
+    for (int i = 0; i < found.count; ++i) {
+      transmittance *= TransmittanceOfHit(found.hits[i], ray);
+      if (MaxComponent(transmittance) <= 0) return transmittance;
     }
-    if (veils.count < Veils::kMost) return share;
-    const Hit last = veils.hits.back();
-    veils = embree_->VeilsOn(ray, &last);
+    if (found.count < TransparentHits::kMaxHits) return transmittance;
+    const Hit last = found.hits.back();
+    found = embree_->FindTransparentHits(ray, &last);
   }
 }
 
-Vec3 Visibility::ThroughVeil(const Hit& hit, const Ray& ray) const {
+Vec3 Visibility::TransmittanceOfHit(const Hit& hit, const Ray& ray) const {
   const scene::Mesh& mesh = scene_->meshes[scene_->instances[hit.instance].mesh];
   const float opacity = OpacityAt(*scene_, mesh, hit.triangle, hit.u, hit.v);
   const Vec3 past = Vec3{1, 1, 1} * (1.0f - opacity);

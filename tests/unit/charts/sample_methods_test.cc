@@ -290,8 +290,8 @@ TEST(GuidedRays, KeepAShadowThatTheirLightShows) {
 
 TEST(GuidedRays, AreTheSameHoweverTheFrameIsCut) {
   const auto renderer = RoomRenderer({37, 20, 1, 4});
-  const LayeredImage whole = renderer->TraceGuide({0, 0, 37, 20}, 0);
-  const LayeredImage part = renderer->TraceGuide({5, 3, 30, 17}, 0);
+  const LayeredImage whole = render::ChartsAccess(*renderer).RenderGuide({0, 0, 37, 20}, 0);
+  const LayeredImage part = render::ChartsAccess(*renderer).RenderGuide({5, 3, 30, 17}, 0);
   for (const LayeredImage::Channel& channel : part.channels()) {
     for (int y = 0; y < 14; ++y) {
       for (int x = 0; x < 25; ++x)
@@ -328,7 +328,7 @@ double RoughnessOf(const ConstFloatView& plane) {
 TEST(GuidedRays, AreSmootherThanSamplesAsMany) {
   const FilmSettings settings = {64, 48, 1, 4};
   const auto renderer = RoomRenderer(settings);
-  const LayeredImage guide = renderer->TraceGuide({0, 0, 64, 48}, 0);
+  const LayeredImage guide = render::ChartsAccess(*renderer).RenderGuide({0, 0, 64, 48}, 0);
   const LayeredImage film = FilmOf(*renderer, settings);
   EXPECT_LT(RoughnessOf(guide.GetColor(layers::kDirect)[1]),
             0.5 * RoughnessOf(film.GetColor(layers::kDirect)[1]));

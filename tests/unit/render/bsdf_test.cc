@@ -30,7 +30,7 @@ Vec3 DirectionAt(double cosine, double phi) {
 Bsdf Make(const SurfaceMaterial& material, Vec3 wo) { return {material, Table(), kUp, kUp, wo}; }
 
 Vec3 Total(const Bsdf& bsdf, const BsdfValue& value) {
-  return bsdf.DiffuseAlbedo() * value.diffuse + value.specular;
+  return bsdf.DiffuseAlbedo() * value.diffuse + value.non_diffuse;
 }
 
 SurfaceMaterial Plastic(float roughness) {
@@ -85,7 +85,7 @@ std::vector<Case> Plastics() {
   return all;
 }
 
-/// Materials without perfectly specular lobes.
+/// Materials without delta lobes.
 std::vector<Case> RoughMaterials() {
   std::vector<Case> all = Plastics();
   for (const float roughness : {0.25f, 0.6f, 1.0f}) {
@@ -110,8 +110,8 @@ std::vector<Case> RoughMaterials() {
   return all;
 }
 
-/// Integrates `f(direction)` over all directions, those below the surface only where they matter, by
-/// midpoints.
+/// Integrates `f(direction)` over all directions by the midpoint rule; directions below the surface only if
+/// they matter.
 template <typename F>
 double IntegrateDirections(const SurfaceMaterial& material, const F& f) {
   constexpr int kCosines = 300;
@@ -125,7 +125,7 @@ double IntegrateDirections(const SurfaceMaterial& material, const F& f) {
   return sum * 2 * M_PI / (kCosines * kAngles);
 }
 
-/// The mean weight of drawn directions: the albedo towards the viewer.
+/// The mean weight of sampled directions: the albedo towards the viewer.
 double SampledAlbedo(const Bsdf& bsdf) {
   constexpr uint32_t kSamples = 1 << 15;
   double sum = 0;
@@ -137,9 +137,9 @@ double SampledAlbedo(const Bsdf& bsdf) {
   return sum / kSamples;
 }
 
-/// Directions below the horizon are drawn and rejected; the density of the others must integrate to their
-/// share.
-TEST(DiffuseOnly, IsTheLimitOfAThinningReflection) {
+/// Directions below the horizon are sampled and rejected; the density of the others must integrate to their
+/// fraction.
+TEST(DiffuseOnly, IsTheLimitOfAVanishingReflection) {
   SurfaceMaterial bare;
   bare.base_color = {0.8f, 0.5f, 0.2f};
   bare.specular = 0;
@@ -171,7 +171,7 @@ TEST(DiffuseOnly, IsTheLimitOfAThinningReflection) {
   }
 }
 
-TEST(Bsdf, DensityIntegratesToTheShareOfValidSamples) {
+TEST(Bsdf, DensityIntegratesToTheFractionOfValidSamples) {
   constexpr uint32_t kSamples = 1 << 14;
   for (const auto& [name, material] : RoughMaterials()) {
     for (const double cosine : {0.95, 0.6, 0.25}) {
@@ -191,7 +191,7 @@ TEST(Bsdf, DensityIntegratesToTheShareOfValidSamples) {
   }
 }
 
-/// The others make up for lost light by a factor that knows the viewer alone.
+/// Other materials compensate for lost energy by a factor that depends on wo alone.
 TEST(Bsdf, PlasticIsReciprocal) {
   for (const auto& [name, material] : Plastics()) {
     const Vec3 a = DirectionAt(0.8, 0.2);
@@ -217,9 +217,8 @@ TEST(Bsdf, DiffuseLobeIsLossless) {
   }
 }
 
-/// What is white sends back all light, whatever its roughness, and whether a ray meets it from outside or
-/// inside.
-TEST(Bsdf, WhiteFurnaceShowsNothing) {
+/// White materials conserve energy at every roughness, for rays from outside and inside.
+TEST(Bsdf, WhiteFurnaceHolds) {
   for (const float roughness : {0.0f, 0.1f, 0.3f, 0.5f, 0.75f, 1.0f}) {
     std::vector<Case> whites = {{"plastic", Plastic(roughness)},
                                 {"metal", Metal(roughness)},
@@ -245,7 +244,7 @@ TEST(Bsdf, WhiteFurnaceShowsNothing) {
   }
 }
 
-/// The mean weight of samples must be the integral of the lobes: sampling and evaluation tell the same story.
+/// The mean weight of samples must equal the integral of the lobes.
 TEST(Bsdf, SamplingAgreesWithEvaluation) {
   for (const auto& [name, material] : RoughMaterials()) {
     const Bsdf bsdf = Make(material, DirectionAt(0.6, 1));
@@ -257,24 +256,23 @@ TEST(Bsdf, SamplingAgreesWithEvaluation) {
   }
 }
 
-/// What demodulates glossy reflection must be near what the lobes do send, and never black where they send
-/// any.
-TEST(Bsdf, SpecularAlbedoIsTheIntegralOfItsLobes) {
+/// S must be close to the integral of the glossy lobes, and never black if they scatter any light.
+TEST(Bsdf, GlossyAlbedoIsTheIntegralOfItsLobes) {
   for (const auto& [name, material] : RoughMaterials()) {
     const Bsdf bsdf = Make(material, DirectionAt(0.6, 1));
     for (int channel = 0; channel < 3; ++channel) {
       const double integral = IntegrateDirections(material, [&](Vec3 wi) {
         float pdf = 0;
-        return static_cast<double>(bsdf.Evaluate(wi, &pdf).specular[channel]);
+        return static_cast<double>(bsdf.Evaluate(wi, &pdf).non_diffuse[channel]);
       });
-      const auto albedo = static_cast<double>(bsdf.SpecularAlbedo()[channel]);
+      const auto albedo = static_cast<double>(bsdf.GlossyAlbedo()[channel]);
       EXPECT_GT(albedo, 0) << name;
       EXPECT_NEAR(albedo, integral, 0.3 * integral) << name;
     }
   }
 }
 
-/// Pearson's test of the directions drawn against the density claimed, on a grid over the hemisphere.
+/// Pearson's chi-squared test of the sampled directions against their density, on a grid over the sphere.
 TEST(Bsdf, DirectionsFollowTheirDensity) {
   constexpr int kRows = 24;  // of equal cosines from -1 to 1
   constexpr int kColumns = 16;
@@ -316,12 +314,12 @@ TEST(Bsdf, DirectionsFollowTheirDensity) {
       chi2 += (observed[i] - e) * (observed[i] - e) / e;
       ++cells;
     }
-    // Beyond five standard deviations of chi-squared, plus what the midpoint rule may leave in steep cells.
+    // Five standard deviations of chi-squared, plus the error of the midpoint rule in steep cells.
     EXPECT_LT(chi2, cells + 5 * std::sqrt(2.0 * cells) + 0.3 * cells) << name;
   }
 }
 
-TEST(Bsdf, GlassSplitsLightWithoutLoss) {
+TEST(Bsdf, GlassConservesEnergy) {
   SurfaceMaterial glass;
   glass.base_color = {1, 1, 1};
   glass.roughness = 0;
@@ -337,7 +335,7 @@ TEST(Bsdf, GlassSplitsLightWithoutLoss) {
         for (int i = 0; i < kSteps; ++i) {
           const BsdfSample sample = bsdf.Sample((static_cast<float>(i) + 0.5f) / kSteps, {0.5f, 0.5f});
           ASSERT_TRUE(sample.valid);
-          sum += static_cast<double>(sample.weight.specular.y);
+          sum += static_cast<double>(sample.weight.non_diffuse.y);
         }
         EXPECT_NEAR(sum / kSteps, 1, 1e-3) << "inside " << inside << " thin " << thin << " cosine " << cosine;
       }
@@ -359,7 +357,7 @@ TEST(Bsdf, RefractionObeysSnellsLaw) {
   EXPECT_LT(sample.wi.z, 0);
 }
 
-/// A narrow rough lobe must come to the smooth one's limit.
+/// A narrow rough lobe must converge to the smooth limit.
 TEST(Bsdf, SlightlyRoughGlassRefractsAboutSnellsDirection) {
   const Vec3 wo = DirectionAt(0.6, 0);
   const BsdfSample smooth = Make(Glass(0, false, false), wo).Sample(0.999f, {0.5f, 0.5f});
@@ -373,7 +371,7 @@ TEST(Bsdf, SlightlyRoughGlassRefractsAboutSnellsDirection) {
   EXPECT_LT(Length(mean - smooth.wi), 0.01f);
 }
 
-TEST(Bsdf, OnlyClearPanesAreSeenStraightThrough) {
+TEST(Bsdf, OnlyClearPanesTransmitStraight) {
   const Vec3 wo = DirectionAt(0.6, 0);
   EXPECT_NEAR(Make(Glass(0, true, false), wo).StraightTransmittance().y, 0.8f, 0.12f);
   EXPECT_EQ(Make(Glass(0, true, false), wo).StraightTransmittance(),

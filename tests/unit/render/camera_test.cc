@@ -22,10 +22,10 @@ constexpr float kYfov = 0.6f;
 
 scene::Camera Forward() { return testing::LookAt({0, 0, 0}, {0, 0, -1}, kYfov); }
 
-/// The lens's radius by the book: half of focal length over f-stop, the sensor 24 mm high.
+/// The radius of the lens: half of focal length over f-stop; the sensor is 24 mm high.
 double LensRadius(double f_stop) { return 0.012 / std::tan(static_cast<double>(kYfov) / 2) / (2 * f_stop); }
 
-TEST(Camera, PinholeTakesNoNoticeOfTheLensPoint) {
+TEST(Camera, PinholeIgnoresTheLensPoint) {
   const PictureCamera camera(Forward(), {}, 40, 30);
   EXPECT_FALSE(camera.HasLens());
   const Ray a = camera.RayThrough(3.25f, 7, {0.1f, 0.9f});
@@ -52,7 +52,7 @@ TEST(Camera, RaysOfOnePicturePointMeetInThePlaneOfFocus) {
   EXPECT_GT(widest, 0.85 * LensRadius(1.4));
 }
 
-TEST(Camera, APointOutOfFocusBecomesADiskOfTheLawfulSize) {
+TEST(Camera, APointOutOfFocusBecomesADiskOfTheExpectedSize) {
   constexpr int kSize = 32;
   constexpr Rect kMiddle = {10, 10, 22, 22};
   constexpr float kDistance = 4;
@@ -84,8 +84,8 @@ TEST(Camera, APointOutOfFocusBecomesADiskOfTheLawfulSize) {
   const double radius = LensRadius(0.25) *
                         std::abs(1 / static_cast<double>(kDistance) - 1 / static_cast<double>(kFocus)) /
                         pixel;
-  // The second moment of a uniform disk is half its squared radius; a square adds a sixth of its own, which
-  // both pixel and light are.
+  // The second moment of a uniform disk is half its squared radius. Pixel and light are squares; each adds a
+  // sixth of its squared side.
   const double light_pixels = static_cast<double>(side) / static_cast<double>(kDistance) / pixel;
   EXPECT_NEAR(std::sqrt(2 * (moment / total - (1 + light_pixels * light_pixels) / 6)), radius, 0.03 * radius);
 }

@@ -1,4 +1,4 @@
-// The same bits whoever renders what, when, and beside whom.
+// The bits do not depend on tiles, threads, order or passes.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -29,7 +29,7 @@ std::vector<Rect> Tiles(int size) {
   return tiles;
 }
 
-/// The pass and geometry units of one frame, cut into tiles and put together again.
+/// The pass and geometry units of one frame, rendered by tiles and assembled.
 struct Frame {
   LayeredImage pass{kWidth, kHeight};
   LayeredImage geometry{kWidth, kHeight};
@@ -70,7 +70,7 @@ void ExpectSameBits(const LayeredImage& a, const LayeredImage& b) {
   }
 }
 
-TEST(Determinism, NeitherTileSizeNorThreadsNorOrderShow) {
+TEST(Determinism, IsIndependentOfTileSizeThreadsAndOrder) {
   const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
   const std::unique_ptr<TaskPool> alone = MakeTaskPool(1);
   const std::unique_ptr<TaskPool> four = MakeTaskPool(4);
@@ -85,7 +85,7 @@ TEST(Determinism, NeitherTileSizeNorThreadsNorOrderShow) {
   }
 }
 
-TEST(Determinism, APassKnowsNothingOfThoseBeforeIt) {
+TEST(Determinism, APassIsIndependentOfEarlierPasses) {
   const auto used = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
   const auto fresh = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
   const Rect rect = {8, 4, 24, 20};

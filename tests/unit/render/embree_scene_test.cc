@@ -17,22 +17,22 @@
 namespace lumifold::render {
 namespace {
 
-TEST(EmbreeScene, LeavesOtherPoolsOfTheProcessTheirThreads) {
+TEST(EmbreeScene, DoesNotLimitOtherThreadPools) {
   if (std::thread::hardware_concurrency() < 2) GTEST_SKIP() << "one core only";
   const auto embree = EmbreeScene::Create(scene::Scene{});
   ASSERT_TRUE(embree.ok()) << embree.status();
-  // Each of two tasks waits for the other to begin: one thread alone would wait in vain.
+  // Each of two tasks waits until the other begins; with one thread both would time out.
   std::array<absl::Notification, 2> begun;
-  std::atomic<int> met = 0;
+  std::atomic<int> notified = 0;
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(2);
   pool->Run(2, [&](int64_t i) {
     begun[static_cast<size_t>(i)].Notify();
-    if (begun[static_cast<size_t>(1 - i)].WaitForNotificationWithTimeout(absl::Seconds(30))) ++met;
+    if (begun[static_cast<size_t>(1 - i)].WaitForNotificationWithTimeout(absl::Seconds(30))) ++notified;
   });
-  EXPECT_EQ(met, 2);
+  EXPECT_EQ(notified, 2);
 }
 
-/// The small room with a sheet of half opacity across it, and one that is cut out wherever it is thin.
+/// The small room with a half-transparent sheet and a sheet that alpha masking cuts out.
 scene::Scene RoomWithSheets() {
   scene::Scene scene = testing::SmallRoom();
   for (const scene::AlphaMode mode : {scene::AlphaMode::kBlend, scene::AlphaMode::kMask}) {
@@ -48,7 +48,7 @@ scene::Scene RoomWithSheets() {
   return scene;
 }
 
-/// Rays from one point to all sides, each with its chance.
+/// Rays from one point in all directions, each with its random key.
 std::vector<Ray> Bundle(int count) {
   std::vector<Ray> rays;
   for (int i = 0; i < count; ++i) {
@@ -57,18 +57,18 @@ std::vector<Ray> Bundle(int count) {
       return static_cast<float>(bits >> shift & 0xffffu) * 0x1p-15f - 1;
     };
     Ray ray = {{0.1f, 0.2f, 0.8f}, Normalize(scene::Vec3{part(0), part(16), part(32) - 1.5f}), 1.2f};
-    ray.chance = static_cast<uint64_t>(i);
+    ray.random_key = static_cast<uint64_t>(i);
     rays.push_back(ray);
   }
   return rays;
 }
 
-TEST(EmbreeScene, RaysMeetTogetherWhatTheyMeetAlone) {
+TEST(EmbreeScene, PacketsAndSingleRaysHaveEqualHits) {
   const scene::Scene scene = RoomWithSheets();
   const auto embree = EmbreeScene::Create(scene);
   ASSERT_TRUE(embree.ok()) << embree.status();
   const std::vector<Ray> rays = Bundle(400);
-  int met = 0;
+  int hit_count = 0;
   for (size_t first = 0; first < rays.size();) {
     const size_t count =
         std::min(first % EmbreeScene::kPacket + 1, rays.size() - first);  // all sizes in turn
@@ -82,7 +82,7 @@ TEST(EmbreeScene, RaysMeetTogetherWhatTheyMeetAlone) {
       ASSERT_EQ(hits[i].instance, alone.instance) << first + i;
       EXPECT_EQ(occluded[i], (*embree)->IsOccluded(together[i])) << first + i;
       if (alone.IsMiss()) continue;
-      ++met;
+      ++hit_count;
       EXPECT_EQ(hits[i].triangle, alone.triangle);
       EXPECT_NEAR(hits[i].distance, alone.distance, 1e-5f * alone.distance);
       EXPECT_NEAR(hits[i].u, alone.u, 1e-4f);
@@ -90,8 +90,8 @@ TEST(EmbreeScene, RaysMeetTogetherWhatTheyMeetAlone) {
     }
     first += count;
   }
-  EXPECT_GT(met, 50);
-  EXPECT_LT(met, 400);
+  EXPECT_GT(hit_count, 50);
+  EXPECT_LT(hit_count, 400);
 }
 
 }  // namespace

@@ -31,7 +31,7 @@ LayeredImage Picture(int width, int height, float value) {
   return picture;
 }
 
-/// Dim everywhere, a strong gradient, and a small sun on the upper right.
+/// A dim picture with a strong gradient and a small bright sun on the upper right.
 LayeredImage SunnyPicture() {
   LayeredImage picture = Picture(32, 16, 0.2f);
   const ColorView color = picture.GetColor("");
@@ -53,7 +53,7 @@ Vec2 GridPoint(int i, int n) {
           (static_cast<float>(i / n) + 0.5f) / static_cast<float>(n)};
 }
 
-/// Directions spread evenly over the sphere.
+/// Directions distributed uniformly over the sphere.
 Vec3 EvenDirection(Vec2 u) {
   const double y = 1 - 2 * static_cast<double>(u.y);
   const double radius = std::sqrt(1 - y * y);
@@ -62,7 +62,7 @@ Vec3 EvenDirection(Vec2 u) {
           static_cast<float>(radius * std::sin(phi))};
 }
 
-TEST(Environment, PictureLiesAsDocumented) {
+TEST(Environment, PictureHasTheDocumentedOrientation) {
   struct Case {
     int x;
     int y;
@@ -75,7 +75,7 @@ TEST(Environment, PictureLiesAsDocumented) {
                         Case{4, 1, 0, {r, r, 0}}}) {
     LayeredImage picture = Picture(8, 4, 0);
     picture.Get("R").At(c.x, c.y) = 1;
-    // A texel's corner on the left and above is where the coordinate names it: half a texel off its middle.
+    // Texture coordinates name a texel's upper left corner, half a texel from its centre.
     const auto environment = Make(picture, c.rotate);
     EXPECT_GT(environment->Radiance(c.direction).x, 0.2f) << c.x << "," << c.y << " " << c.rotate;
     EXPECT_EQ(environment->Radiance(-c.direction).x, 0.0f) << c.x << "," << c.y << " " << c.rotate;
@@ -95,18 +95,18 @@ TEST(Environment, DensityIntegratesToOne) {
   EXPECT_NEAR(sum * 4 * M_PI / (kGrid * kGrid), 1, 5e-3);
 }
 
-TEST(Environment, SamplesAreWhatTheySay) {
+TEST(Environment, SamplesAgreeWithRadianceAndDensity) {
   const auto environment = Make(SunnyPicture(), -71);
   constexpr int kGrid = 256;
   double fluence = 0;
   int differing = 0;
   for (int i = 0; i < kGrid * kGrid; ++i) {
-    const SkySample sample = environment->Sample(GridPoint(i, kGrid));
+    const EnvironmentSample sample = environment->Sample(GridPoint(i, kGrid));
     ASSERT_NEAR(Length(sample.direction), 1, 1e-5);
     ASSERT_GT(sample.pdf, 0);
     const Vec3 radiance = environment->Radiance(sample.direction);
     ASSERT_NEAR(radiance.x, sample.radiance.x, 5e-3f * (1 + radiance.x));
-    // At the edge between two texels rounding may give the neighbour's density.
+    // At the boundary of two texels rounding may give the neighbour's density.
     if (std::abs(environment->Density(sample.direction) - sample.pdf) > 1e-4f * sample.pdf) ++differing;
     fluence +=
         static_cast<double>(Luminance(sample.radiance.x, sample.radiance.y, sample.radiance.z) / sample.pdf);
@@ -126,20 +126,20 @@ TEST(Environment, ImportanceSamplingAgreesWithUniformSampling) {
     uniform +=
         4 * M_PI *
         static_cast<double>(environment->Radiance(direction).z * std::max(0.0f, Dot(direction, normal)));
-    const SkySample sample = environment->Sample(GridPoint(i, kGrid));
+    const EnvironmentSample sample = environment->Sample(GridPoint(i, kGrid));
     important +=
         static_cast<double>(sample.radiance.z * std::max(0.0f, Dot(sample.direction, normal)) / sample.pdf);
   }
   EXPECT_NEAR(important / uniform, 1, 3e-3);
 }
 
-TEST(Environment, ConstantLightIsDrawnEvenly) {
+TEST(Environment, ConstantLightIsSampledUniformly) {
   const auto environment = Make(Picture(64, 32, 1));
   for (int i = 0; i < 64; ++i)
     EXPECT_NEAR(environment->Sample(GridPoint(i, 8)).pdf, 1 / (4 * M_PI), 1e-5) << i;
 }
 
-TEST(Environment, LeavesOutWhatIsNoLight) {
+TEST(Environment, TreatsBadTexelsAsBlack) {
   LayeredImage picture = Picture(4, 2, 1);
   picture.Get("G").At(0, 0) = std::numeric_limits<float>::quiet_NaN();
   picture.Get("R").At(1, 0) = std::numeric_limits<float>::infinity();
@@ -162,7 +162,7 @@ scene::Scene Ball(const scene::Material& material) {
   return scene;
 }
 
-TEST(Environment, WhiteBallVanishesInWhiteLight) {
+TEST(Environment, WhiteBallIsInvisibleInWhiteLight) {
   RenderSettings settings = SettingsOf(16, 16);
   settings.environment = Make(Picture(16, 8, 1));
   const LayeredImage image =
@@ -171,7 +171,7 @@ TEST(Environment, WhiteBallVanishesInWhiteLight) {
   EXPECT_NEAR(MeanOf(image, layers::kDirect) + MeanOf(image, layers::kIndirect), 1, 2e-3);
 }
 
-TEST(Environment, SkyBehindEverythingIsEmission) {
+TEST(Environment, BackgroundIsEmission) {
   RenderSettings settings = SettingsOf(8, 8);
   settings.environment = Make(Picture(16, 8, 2));
   scene::Scene scene = Ball(testing::Lambert({1, 1, 1}));
@@ -192,15 +192,14 @@ TEST(Environment, AllStrategiesConvergeToTheSamePicture) {
   glossy.specular = 1;
   glossy.roughness = 0.4f;
   LayeredImage picture = SunnyPicture();
-  for (const FloatView& channel : picture.GetColor("")) channel.At(21, 4) = 20;  // that hits can find as well
+  for (const FloatView& channel : picture.GetColor("")) channel.At(21, 4) = 20;  // wide enough for hits
   RenderSettings settings = SettingsOf(12, 12);
   settings.environment = Make(picture, 60);
   double mean[3];
   for (const LightStrategy strategy :
        {LightStrategy::kCombined, LightStrategy::kLightSamples, LightStrategy::kBsdfHits}) {
-    settings.light_strategy = strategy;
     mean[static_cast<int>(strategy)] =
-        MeanOf(RenderAll(*MakeRenderer(Ball(glossy), settings), 12, 12, 2048), layers::kNoisy);
+        MeanOf(RenderAll(*MakeRenderer(Ball(glossy), settings, strategy), 12, 12, 2048), layers::kNoisy);
   }
   EXPECT_NEAR(mean[1] / mean[0], 1, 5e-3);
   EXPECT_NEAR(mean[2] / mean[0], 1, 1e-2);

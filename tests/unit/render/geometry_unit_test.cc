@@ -40,8 +40,8 @@ Material Pane() {
   return pane;
 }
 
-/// The camera at the origin looks along -z at a plane of `front` 3 m ahead; walls stand 5 m ahead and 2 m
-/// behind it.
+/// The camera at the origin looks along -z at a plane of material `front` 3 m ahead. There are walls 5 m
+/// ahead of the camera and 2 m behind it.
 scene::Scene PlaneBetweenWalls(const Material& front) {
   scene::Scene scene;
   scene.materials = {front, testing::Lambert({0.5f, 0.5f, 0.5f})};
@@ -56,7 +56,7 @@ EdgedImage GeometryOf(scene::Scene scene, int width, int height) {
   return MakeRenderer(std::move(scene), SettingsOf(width, height))->RenderGeometry({0, 0, width, height}, 0);
 }
 
-/// The edge set's values by pixel.
+/// The values of the edge set by pixel.
 using PixelValues = std::map<std::pair<float, float>, std::vector<float>>;
 
 void Collect(const LayeredImage& edges, PixelValues* out) {
@@ -69,11 +69,11 @@ void Collect(const LayeredImage& edges, PixelValues* out) {
   }
 }
 
-TEST(GeometryUnit, AMirrorShowsItsSurfacesAsAWindowWould) {
+TEST(GeometryUnit, AMirrorIsEquivalentToAWindow) {
   const LayeredImage geometry = GeometryOf(PlaneBetweenWalls(Mirror()), 9, 9).pixels;
   EXPECT_EQ(geometry.Get(layers::kMask).At(4, 4), 0);
   EXPECT_LT(geometry.Get(layers::kRoughness).At(4, 4), 1e-3f);
-  // The wall behind the camera looks along -z; in the mirror it looks along +z.
+  // The normal of the wall behind the camera is -z, that of its mirror image +z.
   EXPECT_NEAR(geometry.Get(OfLevel(kReflection1, layers::kNormalZ)).At(4, 4), 1, 1e-5);
   EXPECT_NEAR(geometry.Get(OfLevel(kReflection1, layers::kDistance)).At(4, 4), 3 + 5, 1e-2);
   EXPECT_EQ(geometry.Get(OfLevel(kReflection1, layers::kMask)).At(4, 4), 1);
@@ -82,7 +82,7 @@ TEST(GeometryUnit, AMirrorShowsItsSurfacesAsAWindowWould) {
   EXPECT_FALSE(geometry.Has(OfLevel(kTransmission1, layers::kMask)));
 }
 
-TEST(GeometryUnit, APaneShowsWhatIsBehindItAndWhatItReflects) {
+TEST(GeometryUnit, APaneHasAReflectionAndATransmissionLevel) {
   const LayeredImage geometry = GeometryOf(PlaneBetweenWalls(Pane()), 9, 9).pixels;
   EXPECT_NEAR(geometry.Get(OfLevel(kTransmission1, layers::kNormalZ)).At(4, 4), 1, 1e-5);
   EXPECT_NEAR(geometry.Get(OfLevel(kTransmission1, layers::kDistance)).At(4, 4), 5, 1e-2);
@@ -90,7 +90,7 @@ TEST(GeometryUnit, APaneShowsWhatIsBehindItAndWhatItReflects) {
   EXPECT_EQ(geometry.Get(OfLevel(kReflection1, layers::kObjectId)).At(4, 4), 2);
 }
 
-TEST(GeometryUnit, ASolidBallIsFollowedThroughBothItsFaces) {
+TEST(GeometryUnit, ASolidBallIsTracedThroughBothFaces) {
   scene::Scene scene = PlaneBetweenWalls(Pane());
   scene.materials[0].has_volume = true;
   scene.meshes[0] = testing::SphereMesh(1, 24, 0);
@@ -103,7 +103,7 @@ TEST(GeometryUnit, ASolidBallIsFollowedThroughBothItsFaces) {
   EXPECT_NEAR(geometry.Get(OfLevel(kTransmission2, layers::kDistance)).At(4, 4), 5, 2e-2);
 }
 
-TEST(GeometryUnit, TilesMakeNoDifference) {
+TEST(GeometryUnit, IsIndependentOfTiles) {
   constexpr int kWidth = 45;
   constexpr int kHeight = 33;
   scene::Scene room = testing::SmallRoom();
@@ -130,13 +130,13 @@ TEST(GeometryUnit, TilesMakeNoDifference) {
   }
 }
 
-TEST(GeometryUnit, AFlatFloorHasNoEdgesHoweverSteeplyItRecedes) {
+TEST(GeometryUnit, AFlatFloorHasNoEdgesAtGrazingAngles) {
   scene::Scene scene;
   scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
   testing::Place(&scene, testing::QuadMesh({-5e3f, 0, -5e3f}, {0, 0, 1e4f}, {1e4f, 0, 0}, 0));
   scene.cameras = {testing::LookAt({0, 1, 0}, {0, 0.7f, -1}, 0.5f)};  // the upper rows look 3 degrees down
   EXPECT_EQ(GeometryOf(scene, 24, 32).edges.height(), 0);
-  // A step in it is one, though both of its levels are one object of one normal.
+  // A step in it is an edge, although both parts are one object and have one normal.
   scene.meshes[0] = testing::QuadMesh({-5e3f, 0, -3}, {0, 0, 1e4f}, {1e4f, 0, 0}, 0);
   scene::Mesh lower = testing::QuadMesh({-5e3f, -1, -5e3f}, {0, 0, 1e4f}, {1e4f, 0, 0}, 0);
   for (const uint32_t corner : lower.triangles) scene.meshes[0].triangles.push_back(corner + 4);
@@ -148,7 +148,7 @@ TEST(GeometryUnit, AFlatFloorHasNoEdgesHoweverSteeplyItRecedes) {
   EXPECT_LE(edges, 4 * 24);
 }
 
-TEST(GeometryUnit, AnEdgePixelsSubSamplesGiveItsMeans) {
+TEST(GeometryUnit, AnEdgePixelIsTheMeanOfItsSubSamples) {
   scene::Scene scene = PlaneBetweenWalls(testing::Lambert({0.25f, 0.5f, 0.75f}));
   scene.materials[0].emission = {2, 0, 0};
   scene.cameras = {testing::LookAt({2.05f, 0, 0}, {2.05f, 0, -1}, 0.5f)};  // the plane's right end ahead

@@ -1,14 +1,15 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
 
+#include "absl/functional/function_ref.h"
 #include "filter/image/layers.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
+#include "worker/render/charts_access.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::render {
@@ -51,7 +52,7 @@ Material Polished() {
   return polished;
 }
 
-/// A room whose mirror ball is of `ball` instead, and whose left and right walls are of `walls`.
+/// A room whose ball has the material `ball`, and whose left and right walls have `walls`.
 scene::Scene RoomOf(const Material& ball, const Material* walls = nullptr) {
   scene::Scene room = testing::SmallRoom();
   room.materials[5] = ball;
@@ -72,23 +73,12 @@ std::vector<std::pair<std::string, scene::Scene>> Rooms() {
       {"half glass", RoomOf(frosted_mix)},   {"glossy metal, polished walls", RoomOf(metal, &polished)}};
 }
 
-/// Calls a function for each sample.
-class FunctionSink final : public SampleSink {
- public:
-  explicit FunctionSink(std::function<void(const SampleRecord&)> visit) : visit_(std::move(visit)) {}
-  void OnSample(const SampleRecord& record) override { visit_(record); }
-
- private:
-  std::function<void(const SampleRecord&)> visit_;
-};
-
 void ForEachSample(const Renderer& renderer, const Rect& rect, uint32_t spp,
-                   std::function<void(const SampleRecord&)> visit) {
-  FunctionSink sink(std::move(visit));
-  renderer.TraceSamples(rect, 0, {0, spp}, &sink);
+                   absl::FunctionRef<void(const SampleRecord&)> visit) {
+  ChartsAccess(renderer).TraceSamples(rect, 0, {0, spp}, visit);
 }
 
-/// Sum of a channel over all pixels; 0 where the unit does not carry it.
+/// Sum of a channel over all pixels; 0 if the unit does not have it.
 double SumOf(const LayeredImage& image, const std::string& channel) {
   double sum = 0;
   if (!image.Has(channel)) return sum;
@@ -98,8 +88,8 @@ double SumOf(const LayeredImage& image, const std::string& channel) {
   return sum;
 }
 
-/// A camera at the origin that looks at a mirror of half reflectance 3 m ahead; 2 m behind it is a wall of
-/// this material.
+/// A camera at the origin that looks at a plane of material `mirror` 3 m ahead; 2 m behind the camera is a
+/// wall of material `wall`.
 scene::Scene WallInAMirror(const Material& wall, const Material& mirror) {
   scene::Scene scene;
   scene.materials = {mirror, wall, testing::Emitter({5, 5, 5})};
@@ -110,7 +100,7 @@ scene::Scene WallInAMirror(const Material& wall, const Material& mirror) {
   return scene;
 }
 
-TEST(Layers, EverySampleAddsUpToItsPath) {
+TEST(Layers, EverySampleEqualsItsRecombinedLayers) {
   for (const auto& [name, room] : Rooms()) {
     const auto renderer = MakeRenderer(room, SettingsOf(32, 24));
     int64_t count = 0;
@@ -127,42 +117,42 @@ TEST(Layers, EverySampleAddsUpToItsPath) {
   }
 }
 
-TEST(Layers, LittleIsLeftToTheTail) {
+TEST(Layers, TheRemainderIsSmall) {
   for (const auto& [name, room] : Rooms()) {
-    double tail = 0;
+    double remainder = 0;
     double whole = 0;
     ForEachSample(*MakeRenderer(room, SettingsOf(32, 24)), {0, 0, 32, 24}, 8,
                   [&](const SampleRecord& record) {
-                    tail += static_cast<double>(record.layers.tail.y);
+                    remainder += static_cast<double>(record.layers.remainder.y);
                     whole += static_cast<double>(record.layers.combined.y);
                   });
-    EXPECT_LT(tail, 0.12 * whole) << name;
+    EXPECT_LT(remainder, 0.12 * whole) << name;
   }
 }
 
-TEST(Layers, AUnitHoldsTheSumsOfItsSamples) {
+TEST(Layers, AUnitIsTheSumOfItsSamples) {
   const auto renderer = MakeRenderer(RoomOf(Glass(true)), SettingsOf(24, 18));
   RenderCounts counts;
   const Rect rect = {14, 9, 22, 16};
   const LayeredImage unit = renderer->RenderPass(rect, 0, {0, 6}, &counts);
   double glossy = 0;
   double through_glass = 0;
-  double met_behind_glass = 0;
+  double hits_behind_glass = 0;
   ForEachSample(*renderer, rect, 6, [&](const SampleRecord& record) {
     glossy += static_cast<double>(record.layers.glossy.x);
     if (!record.layers.levels.IsSet(kTransmission2)) return;
     const LevelSample& level = record.layers.levels[kTransmission2];
     through_glass += static_cast<double>(level.albedo.z);
-    met_behind_glass += level.has_diffuse ? 1 : 0;
+    hits_behind_glass += level.has_diffuse ? 1 : 0;
   });
   EXPECT_GT(through_glass, 0);
   EXPECT_NEAR(SumOf(unit, "glossy_a.R") + SumOf(unit, "glossy_b.R"), glossy, 1e-4 * (1 + glossy));
   EXPECT_NEAR(SumOf(unit, "transmission2_albedo.B"), through_glass, 1e-4 * (1 + through_glass));
   EXPECT_EQ(SumOf(unit, "transmission2_samples_a.Y") + SumOf(unit, "transmission2_samples_b.Y"),
-            met_behind_glass);
+            hits_behind_glass);
 }
 
-TEST(Layers, AUnitWithoutMirrorsCarriesNoLevels) {
+TEST(Layers, AUnitWithoutMirrorsHasNoLevels) {
   scene::Scene matt = RoomOf(testing::Lambert({0.5f, 0.5f, 0.5f}));
   RenderCounts counts;
   const auto renderer = MakeRenderer(std::move(matt), SettingsOf(24, 18));
@@ -172,7 +162,7 @@ TEST(Layers, AUnitWithoutMirrorsCarriesNoLevels) {
   EXPECT_EQ(geometry.channels().size(), layers::kLevelFeatures.size() + 3);
 }
 
-TEST(Layers, GlassSeenFirstIsFollowedBothWaysInEverySample) {
+TEST(Layers, GlassSeenFirstHasBothBranchesInEverySample) {
   const auto renderer =
       MakeRenderer(WallInAMirror(testing::Lambert({0.5f, 0.5f, 0.5f}), Glass(false)), SettingsOf(8, 8));
   ForEachSample(*renderer, {0, 0, 8, 8}, 4, [](const SampleRecord& record) {
@@ -183,12 +173,11 @@ TEST(Layers, GlassSeenFirstIsFollowedBothWaysInEverySample) {
   });
 }
 
-TEST(Layers, LayersAndRadianceAloneShowTheSamePicture) {
+TEST(Layers, LayersAndRadianceEstimateTheSamePicture) {
   for (const auto& [name, room] : Rooms()) {
-    RenderSettings settings = SettingsOf(16, 12);
-    const double layered = MeanOf(RenderAll(*MakeRenderer(room, settings), 16, 12, 128), layers::kNoisy);
-    settings.radiance_only = true;
-    const double alone = MeanOf(RenderAll(*MakeRenderer(room, settings), 16, 12, 128), layers::kNoisy);
+    const auto renderer = MakeRenderer(room, SettingsOf(16, 12));
+    const double layered = MeanOf(RenderAll(*renderer, 16, 12, 128), layers::kNoisy);
+    const double alone = MeanOf(RenderAllRadiance(*renderer, 16, 12, 128), layers::kNoisy);
     EXPECT_NEAR(layered, alone, 0.02 * alone) << name;
   }
 }
@@ -200,7 +189,7 @@ TEST(Layers, ALampInTwoMirrorsIsEmissionOfTheSecondLevel) {
   testing::Place(&scene, testing::QuadMesh({-4, -4, 3}, {0, 8, 0}, {8, 0, 0}, 0));  // behind the camera
   testing::Place(&scene, testing::QuadMesh({-40, -40, -9}, {80, 0, 0}, {0, 80, 0}, 1));
   scene.cameras = {testing::LookAt({0, 0, 0}, {0.25f, 0, -1}, 0.05f)};
-  // First the small mirror's right part, then the large one, and past the small one to the lamp.
+  // Path: the small mirror's right part, the large mirror, then past the small one to the lamp.
   const auto renderer = MakeRenderer(scene, SettingsOf(4, 4));
   ForEachSample(*renderer, {0, 0, 4, 4}, 2, [&](const SampleRecord& record) {
     ASSERT_EQ(record.geometry.instance, 0);
@@ -213,7 +202,7 @@ TEST(Layers, ALampInTwoMirrorsIsEmissionOfTheSecondLevel) {
   });
 }
 
-TEST(Layers, LightInAMirrorIsThatOfTheSurfaceItself) {
+TEST(Layers, LightInAMirrorIsThatOfTheReflectedSurface) {
   const Material wall = testing::Lambert({0.5f, 0.5f, 0.5f});
   scene::Scene direct = WallInAMirror(wall, Mirror(0.5f));
   direct.cameras = {testing::LookAt({0, 0, -8}, {0, 0, 2}, 0.1f)};  // where the mirror shows the camera
@@ -221,7 +210,7 @@ TEST(Layers, LightInAMirrorIsThatOfTheSurfaceItself) {
   const LayeredImage seen = RenderAll(*MakeRenderer(std::move(direct), SettingsOf(8, 8)), 8, 8, 256);
   const double expected_direct = MeanOf(seen, layers::kDirect);
   ASSERT_GT(expected_direct, 0.01);
-  // Polish shows the wall in a few samples alone, drawn by chance; its light is no darker for that.
+  // A polished surface samples the delta event rarely; its levels are no darker for that.
   for (const Material& mirror : {Mirror(0.5f), Polished(), Glass(false)}) {
     const LayeredImage unit =
         RenderAll(*MakeRenderer(WallInAMirror(wall, mirror), SettingsOf(8, 8)), 8, 8, 1024);
@@ -235,7 +224,7 @@ TEST(Layers, LightInAMirrorIsThatOfTheSurfaceItself) {
   }
 }
 
-TEST(Layers, GlossyLightIsFreeOfTheMetalsColour) {
+TEST(Layers, GlossyLightIsIndependentOfTheMetalsColour) {
   Material metal;
   metal.base_color = {0.9f, 0.6f, 0.2f};
   metal.roughness = 0.5f;
@@ -245,23 +234,23 @@ TEST(Layers, GlossyLightIsFreeOfTheMetalsColour) {
   EXPECT_NEAR(SumOf(unit, "glossy_albedo.B") / count, MeanOf(unit, layers::kNoisy, 2), 0.01);
 }
 
-TEST(Layers, ASampleIsBadWhereAnyOfItsValuesIs) {
+TEST(Layers, ASampleIsNotFiniteIfAnyValueIsNot) {
   for (const float bad : {NAN, INFINITY, -INFINITY}) {
     LayerSample sample;
     EXPECT_TRUE(IsFinite(sample));
     sample.combined.x = 3e38f;
     EXPECT_TRUE(IsFinite(sample));
-    sample.specular.z = bad;
+    sample.glossy_albedo.z = bad;
     EXPECT_FALSE(IsFinite(sample));
-    sample.specular.z = 0;
+    sample.glossy_albedo.z = 0;
     sample.levels.Set(kReflection2).indirect.y = bad;
     EXPECT_FALSE(IsFinite(sample));
     sample.Clear();
-    EXPECT_TRUE(IsFinite(sample));  // a level that is not set is not looked at
+    EXPECT_TRUE(IsFinite(sample));  // levels that are not set are ignored
   }
 }
 
-TEST(Layers, RecordsCarryTheSampleTheyDescribe) {
+TEST(Layers, RecordsDescribeTheirSamples) {
   const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(24, 18));
   const Rect rect = {3, 4, 7, 6};
   int64_t expected = 0;

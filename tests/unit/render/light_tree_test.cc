@@ -40,7 +40,7 @@ LightReceiver RandomReceiver(std::mt19937& random) {
   return {{Between(random, -6, 6), Between(random, -6, 6), Between(random, -6, 6)}, RandomUnit(random)};
 }
 
-TEST(LightTree, ProbabilitiesSumToTheShareOfPicksThatFindALight) {
+TEST(LightTree, ProbabilitiesSumToTheFractionOfSuccessfulPicks) {
   const std::vector<EmitterBounds> emitters = RandomEmitters(300);
   const LightTree tree(emitters);
   std::mt19937 random(5);
@@ -58,7 +58,7 @@ TEST(LightTree, ProbabilitiesSumToTheShareOfPicksThatFindALight) {
   }
 }
 
-TEST(LightTree, ProbabilitiesSumToOneWhereAllShineEveryWay) {
+TEST(LightTree, ProbabilitiesSumToOneForIsotropicEmitters) {
   std::vector<EmitterBounds> emitters = RandomEmitters(300);
   for (EmitterBounds& e : emitters) e.spread = 3.1415927f;
   const LightTree tree(emitters);
@@ -88,7 +88,7 @@ TEST(LightTree, PickFollowsItsProbability) {
     EXPECT_NEAR(picked[e], static_cast<double>(tree.Probability(receiver, e)), 1e-4) << e;
 }
 
-TEST(LightTree, PrefersWhatIsNearAndFacing) {
+TEST(LightTree, PrefersNearAndFacingEmitters) {
   std::vector<EmitterBounds> emitters(3);
   const Vec3 places[] = {{0, 2, 0}, {0, 2.1f, 0.2f}, {0, 20, 0}};
   for (int i = 0; i < 3; ++i) {
@@ -99,11 +99,11 @@ TEST(LightTree, PrefersWhatIsNearAndFacing) {
   const LightTree tree(emitters);
   const LightReceiver floor = {{0, 0, 0}, {0, 1, 0}};
   EXPECT_GT(tree.Probability(floor, 0), 0.9f);
-  EXPECT_LT(tree.Probability(floor, 1), 1e-3f);  // it shines away
+  EXPECT_LT(tree.Probability(floor, 1), 1e-3f);  // it emits away from the floor
   EXPECT_GT(tree.Probability(floor, 2), 0);
 }
 
-TEST(LightTree, WhoeverMayGiveLightCanBePicked) {
+TEST(LightTree, EveryContributingEmitterHasAProbability) {
   const std::vector<EmitterBounds> emitters = RandomEmitters(150);
   const LightTree tree(emitters);
   std::mt19937 random(8);
@@ -120,7 +120,7 @@ TEST(LightTree, WhoeverMayGiveLightCanBePicked) {
   }
 }
 
-TEST(LightTree, BearsEmittersInOnePlaceAndWithoutPower) {
+TEST(LightTree, AcceptsCoincidentEmittersAndEmittersWithoutPower) {
   std::vector<EmitterBounds> emitters(200);
   for (EmitterBounds& e : emitters) {
     e.box = {{1, 1, 1}, {1, 1, 1}};

@@ -21,7 +21,7 @@ using scene::PunctualLight;
 using scene::Scene;
 using scene::Vec3;
 
-/// Illumination of a small patch of floor at (x, 0, 0), lit by what `scene` holds, in W/m^2 over pi.
+/// Irradiance over pi, in W/m^2, of a small patch of floor at (x, 0, 0), lit by the lights of `scene`.
 double PatchLight(Scene scene, float x, uint32_t spp = 16) {
   scene.materials.insert(scene.materials.begin(), testing::Lambert({0.5f, 0.5f, 0.5f}));
   for (scene::Mesh& mesh : scene.meshes) ++mesh.material;
@@ -30,7 +30,7 @@ double PatchLight(Scene scene, float x, uint32_t spp = 16) {
   return MeanOf(RenderAll(*MakeRenderer(scene, SettingsOf(8, 8, 0)), 8, 8, spp), layers::kDirect);
 }
 
-/// Hangs at a height of 2 above the origin and shines down.
+/// A light at a height of 2 above the origin that points down.
 PunctualLight Hanging(PunctualLight::Kind kind, float intensity) {
   PunctualLight light;
   light.kind = kind;
@@ -39,7 +39,7 @@ PunctualLight Hanging(PunctualLight::Kind kind, float intensity) {
   return light;
 }
 
-TEST(AliasTable, PicksInProportion) {
+TEST(AliasTable, PicksInProportionToWeights) {
   const std::vector<double> weights = {0, 3, 1, 0.5, 0, 7, 2.5};
   const AliasTable table(weights);
   constexpr int kPicks = 7000;
@@ -52,7 +52,7 @@ TEST(AliasTable, PicksInProportion) {
   EXPECT_TRUE(AliasTable({0, 0}).IsEmpty());
 }
 
-TEST(Lights, PointFollowsTheInverseSquare) {
+TEST(Lights, PointFollowsTheInverseSquareLaw) {
   Scene scene;
   scene.lights = {Hanging(PunctualLight::Kind::kPoint, 10)};
   for (const double x : {0.0, 1.0, 3.0}) {
@@ -88,10 +88,10 @@ TEST(Lights, SpotHasAConeWithASoftEdge) {
   EXPECT_EQ(PatchLight(scene, static_cast<float>(2 * std::tan(0.62))), 0);
 }
 
-TEST(Lights, SunIsTheSameEverywhere) {
+TEST(Lights, DirectionalLightIsUniform) {
   Scene scene;
   scene.lights = {Hanging(PunctualLight::Kind::kDirectional, 3)};
-  // Tilted by 60 degrees: the floor gets half of it.
+  // Tilted by 60 degrees: the floor receives half the irradiance.
   const float s = std::sqrt(0.75f);
   scene.lights[0].world_from_light.z = {s, 0.5f, 0};
   scene.lights[0].world_from_light.y = {-0.5f, s, 0};
@@ -111,7 +111,7 @@ TEST(Lights, PunctualLightsCastShadows) {
   }
 }
 
-/// A ceiling of n x n lamps, each of two triangles or a point, of uneven power and both sides.
+/// A ceiling of n x n lamps of different power, each two double-sided triangles or a point light.
 Scene Lamps(int n) {
   Scene scene;
   for (int i = 0; i < n * n; ++i) {
@@ -134,7 +134,7 @@ Scene Lamps(int n) {
 }
 
 TEST(Lights, TreeAgreesWithTheSumOverAllLights) {
-  const Scene all = Lamps(8);  // more than a hundred emitters: a tree
+  const Scene all = Lamps(8);  // more than a hundred emitters, enough for a light tree
   double sum = 0;
   for (size_t i = 0; i < all.lights.size(); ++i) {
     Scene one;
@@ -157,7 +157,7 @@ TEST(Lights, AllKindsTogetherGiveTheSumOfEach) {
       for (int x = 0; x < 16; ++x) channel.At(x, y) = 0.1f * static_cast<float>(x);
     }
   }
-  const auto sky = *Environment::Create(picture, 10, 1);
+  const auto picture_light = *Environment::Create(picture, 10, 1);
   scene::Scene room;
   scene::Material glossy = testing::Lambert({0.5f, 0.6f, 0.7f});
   glossy.specular = 1;
@@ -169,21 +169,21 @@ TEST(Lights, AllKindsTogetherGiveTheSumOfEach) {
     Scene scene = room;
     if (lamp) testing::Place(&scene, testing::QuadMesh({-1, 3, -1}, {2, 0, 0}, {0, 0, 2}, 1));
     if (point) scene.lights.push_back(Hanging(PunctualLight::Kind::kPoint, 2));
-    if (sun) {  // from the side, where the lamp does not stand in its way
+    if (sun) {  // from the side, where the lamp does not occlude it
       scene.lights.push_back(Hanging(PunctualLight::Kind::kDirectional, 1));
       scene.lights.back().world_from_light = {{0, 0, -1}, {0, 1, 0}, {1, 0, 0}, {0, 0, 0}};
     }
     RenderSettings settings = SettingsOf(12, 12, 0);
-    if (environment) settings.environment = sky;
+    if (environment) settings.environment = picture_light;
     return MeanOf(RenderAll(*MakeRenderer(scene, settings), 12, 12, 512), layers::kNoisy);
   };
   const double lamp = brightness(true, false, false, false);
   const double rest = brightness(false, true, false, false) + brightness(false, false, true, false);
-  // The lamp hides a part of the sky; without its light that is the sky's share.
+  // The lamp occludes a part of the environment; without emission it shows what the environment contributes.
   room.materials[1].emission = {1e-12f, 1e-12f, 1e-12f};
-  const double sky_behind_lamp = brightness(true, false, false, true);
+  const double environment_behind_lamp = brightness(true, false, false, true);
   room.materials[1].emission = {4, 4, 4};
-  const double sum = lamp + rest + sky_behind_lamp;
+  const double sum = lamp + rest + environment_behind_lamp;
   EXPECT_NEAR(brightness(true, true, true, true) / sum, 1, 5e-3);
 }
 
@@ -204,11 +204,10 @@ TEST(Lights, AllStrategiesConvergeToTheSamePicture) {
     double mean[3];
     for (const LightStrategy strategy :
          {LightStrategy::kCombined, LightStrategy::kLightSamples, LightStrategy::kBsdfHits}) {
-      RenderSettings settings = SettingsOf(16, 12, 2);
-      settings.light_strategy = strategy;
-      // What only a lucky direction finds is far noisier.
+      // Hits alone have a far higher variance.
       const uint32_t spp = strategy == LightStrategy::kBsdfHits ? 8192 : 512;
-      const LayeredImage image = RenderAll(*MakeRenderer(c.scene, settings), 16, 12, spp);
+      const LayeredImage image =
+          RenderAll(*MakeRenderer(c.scene, SettingsOf(16, 12, 2), strategy), 16, 12, spp);
       mean[static_cast<int>(strategy)] = MeanOf(image, layers::kNoisy);
     }
     EXPECT_NEAR(mean[1] / mean[0], 1, c.tolerance);
@@ -216,7 +215,7 @@ TEST(Lights, AllStrategiesConvergeToTheSamePicture) {
   }
 }
 
-TEST(Lights, TilesMakeNoDifferenceWithATreeALensAndASky) {
+TEST(Lights, IsIndependentOfTilesWithATreeALensAndAnEnvironment) {
   Scene scene = Lamps(10);
   scene.materials.push_back(testing::Lambert({0.6f, 0.6f, 0.6f}));
   testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0},

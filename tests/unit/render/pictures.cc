@@ -17,15 +17,26 @@ RenderSettings SettingsOf(int width, int height, int max_bounces) {
   return settings;
 }
 
-std::unique_ptr<Renderer> MakeRenderer(scene::Scene scene, const RenderSettings& settings) {
+std::unique_ptr<Renderer> MakeRenderer(scene::Scene scene, const RenderSettings& settings,
+                                       LightStrategy strategy) {
   auto renderer = Renderer::Create(std::make_shared<scene::Scene>(std::move(scene)), settings);
   EXPECT_TRUE(renderer.ok()) << renderer.status();
+  ChartsAccess::SetLightStrategy(strategy, renderer->get());
   return *std::move(renderer);
 }
 
 LayeredImage RenderAll(const Renderer& renderer, int width, int height, uint32_t spp) {
   RenderCounts counts;
   LayeredImage image = renderer.RenderPass({0, 0, width, height}, 0, {0, spp}, &counts);
+  EXPECT_EQ(counts.samples, int64_t{width} * height * spp);
+  EXPECT_EQ(counts.bad_samples, 0);
+  return image;
+}
+
+LayeredImage RenderAllRadiance(const Renderer& renderer, int width, int height, uint32_t spp) {
+  RenderCounts counts;
+  const ChartsAccess access(renderer);
+  LayeredImage image = access.RenderRadiance({0, 0, width, height}, 0, {0, spp}, &counts);
   EXPECT_EQ(counts.samples, int64_t{width} * height * spp);
   EXPECT_EQ(counts.bad_samples, 0);
   return image;

@@ -1,4 +1,4 @@
-// Closed diffuse spaces, in which light goes round without end and the answer is known otherwise.
+// Closed diffuse scenes with any number of bounces, whose radiance is known by other methods.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -16,7 +16,7 @@ namespace {
 using scene::Scene;
 using scene::Vec3;
 
-constexpr int kEndless = 100;  // bounces: what comes later is less than any tolerance here
+constexpr int kManyBounces = 100;  // later bounces contribute less than any tolerance here
 
 scene::Material Wall(float albedo, float emission) {
   scene::Material material = testing::Lambert({albedo, albedo, albedo});
@@ -24,7 +24,7 @@ scene::Material Wall(float albedo, float emission) {
   return material;
 }
 
-/// Mean radiance of what a narrow view from `from` towards `to` sees.
+/// Mean radiance in a narrow view from `from` towards `to`.
 double RadianceSeen(const Scene& room, Vec3 from, Vec3 to, int max_bounces, uint32_t spp) {
   Scene scene = room;
   scene.cameras = {testing::LookAt(from, to, 0.02f)};
@@ -39,10 +39,10 @@ Scene GlowingBox(float albedo, float emission) {
   return scene;
 }
 
-TEST(Radiosity, EachBounceInAGlowingBoxAddsAPowerOfTheAlbedo) {
+TEST(Radiosity, EachBounceInAnEmissiveBoxAddsAPowerOfTheAlbedo) {
   constexpr float kAlbedo = 0.6f;
   double expected =
-      1 + kAlbedo;  // what the first surface radiates, and reflects of its neighbours' radiation
+      1 + kAlbedo;  // emission of the first surface, and emission of its neighbours that it reflects
   for (int max_bounces = 0; max_bounces < 4; ++max_bounces) {
     const double seen = RadianceSeen(GlowingBox(kAlbedo, 1), {0.3f, 0, 0}, {0, -1, 0.2f}, max_bounces, 512);
     EXPECT_NEAR(seen / expected, 1, 3e-3) << max_bounces;
@@ -50,15 +50,14 @@ TEST(Radiosity, EachBounceInAGlowingBoxAddsAPowerOfTheAlbedo) {
   }
 }
 
-TEST(Radiosity, AGlowingBoxIsAsBrightAsTheGeometricSeries) {
-  const double seen = RadianceSeen(GlowingBox(0.75f, 0.5f), {0.3f, 0, 0}, {0, -1, 0.2f}, kEndless, 512);
+TEST(Radiosity, AnEmissiveBoxMatchesTheGeometricSeries) {
+  const double seen = RadianceSeen(GlowingBox(0.75f, 0.5f), {0.3f, 0, 0}, {0, -1, 0.2f}, kManyBounces, 512);
   EXPECT_NEAR(seen / (0.5 / (1 - 0.75)), 1, 5e-3);
 }
 
-TEST(Radiosity, AHollowSphereLightsItselfEvenly) {
-  // From any point within a sphere's wall all others are seen alike, so the irradiance is the same
-  // everywhere: pi times the mean radiance of the wall, which is the mean emission over one minus the mean
-  // albedo.
+TEST(Radiosity, AHollowSphereHasUniformIrradiance) {
+  // The form factor between any two points of a sphere is the same, so the irradiance is uniform: pi times
+  // the mean radiance, which is the mean emission over one minus the mean albedo.
   Scene scene;
   scene.materials = {Wall(0.2f, 2), Wall(0.8f, 0)};
   scene::Mesh upper = testing::SphereMesh(1, 24, 0);
@@ -73,13 +72,13 @@ TEST(Radiosity, AHollowSphereLightsItselfEvenly) {
   testing::Place(&scene, upper);
   testing::Place(&scene, lower);
   const double around = 0.5 * 2 / (1 - 0.5 * (0.2 + 0.8));
-  EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {0.1f, -1, 0}, kEndless, 128) / (0.8 * around), 1, 1e-2);
-  EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {0.9f, -0.5f, 0}, kEndless, 128) / (0.8 * around), 1, 1e-2);
-  EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {0.1f, 1, 0}, kEndless, 128) / (2 + 0.2 * around), 1, 1e-2);
+  EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {0.1f, -1, 0}, kManyBounces, 128) / (0.8 * around), 1, 1e-2);
+  EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {0.9f, -0.5f, 0}, kManyBounces, 128) / (0.8 * around), 1, 1e-2);
+  EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {0.1f, 1, 0}, kManyBounces, 128) / (2 + 0.2 * around), 1, 1e-2);
 }
 
 /// A face of the box [-1, 1]^3 in kPatches x kPatches patches.
-constexpr int kPatches = 15;  // odd: the middle of a face is the middle of a patch
+constexpr int kPatches = 15;  // odd: the centre of a face is the centre of a patch
 constexpr int kFaces = 6;
 constexpr int kAllPatches = kFaces * kPatches * kPatches;
 
@@ -112,9 +111,8 @@ std::vector<Patch> BoxPatches() {
   return patches;
 }
 
-/// The share of what a point's hemisphere sees, weighted by the cosine, that a polygon wholly before it takes
-/// up. Source: Lambert 1760, the sum over edges of the angle they span times the cosine of their plane's
-/// tilt.
+/// The form factor from a point to a polygon entirely above its horizon. Source: Lambert 1760, the sum over
+/// edges of the angle they span times the cosine of their plane's tilt.
 double FormFactor(const Patch& from, const Patch& to) {
   double sum = 0;
   for (int i = 0; i < 4; ++i) {
@@ -151,7 +149,7 @@ std::vector<double> SolveRadiosity(const std::array<scene::Material, kFaces>& wa
   return radiance;
 }
 
-TEST(Radiosity, AClosedBoxOfUnlikeWallsAgreesWithTheRadiositySystem) {
+TEST(Radiosity, AClosedBoxOfDifferentWallsMatchesTheRadiositySystem) {
   const std::array<scene::Material, kFaces> walls = {Wall(0.7f, 0), Wall(0.3f, 1),    Wall(0.8f, 0),
                                                      Wall(0.5f, 0), Wall(0.2f, 0.2f), Wall(0.6f, 0)};
   const std::vector<double> solution = SolveRadiosity(walls);
@@ -162,17 +160,18 @@ TEST(Radiosity, AClosedBoxOfUnlikeWallsAgreesWithTheRadiositySystem) {
     const Vec3 middle = kFaceOrigins[face] + (kFaceEdges[face][0] + kFaceEdges[face][1]) * 0.5f;
     const double expected =
         solution[static_cast<size_t>(face * kPatches * kPatches + kPatches * kPatches / 2)];
-    EXPECT_NEAR(RadianceSeen(scene, {0.1f, 0.2f, 0.15f}, middle, kEndless, 1024) / expected, 1, 8e-3) << face;
+    EXPECT_NEAR(RadianceSeen(scene, {0.1f, 0.2f, 0.15f}, middle, kManyBounces, 1024) / expected, 1, 8e-3)
+        << face;
   }
-  // In a corner of the floor, where the walls beside it count for more.
+  // In a corner of the floor, where the adjacent walls have larger form factors.
   const double corner = solution[kPatches + 1];
   const float place = -1 + 1.5f * 2 / kPatches;
-  EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {place, -1, place}, kEndless, 1024) / corner, 1, 1e-2);
+  EXPECT_NEAR(RadianceSeen(scene, {0, 0, 0}, {place, -1, place}, kManyBounces, 1024) / corner, 1, 1e-2);
 }
 
 constexpr float kLampHeight = 1;
 
-/// A lamp 1 x 1 that hangs round the vertical axis through (x, 0, 0) and radiates 1 to both sides.
+/// A 1 x 1 lamp centred on the vertical axis through (x, 0, 0), with radiance 1 on both sides.
 void PlaceLamp(float x, Scene* scene, Patch* lamp) {
   lamp->corners = {Vec3{x - 0.5f, kLampHeight, -0.5f},
                    {x + 0.5f, kLampHeight, -0.5f},
@@ -183,8 +182,8 @@ void PlaceLamp(float x, Scene* scene, Patch* lamp) {
   testing::Place(scene, testing::QuadMesh(lamp->corners[0], {1, 0, 0}, {0, 0, 1}, 1));
 }
 
-TEST(Radiosity, AWallBesideALampFollowsItsFormFactor) {
-  // Up to where the light comes in grazing: the wall stands 0.4 from the lamp's edge.
+TEST(Radiosity, AWallBesideALampMatchesItsFormFactor) {
+  // Up to grazing incidence: the wall is 0.4 from the lamp's edge.
   Scene scene;
   Patch lamp;
   PlaceLamp(0, &scene, &lamp);
@@ -199,9 +198,9 @@ TEST(Radiosity, AWallBesideALampFollowsItsFormFactor) {
   }
 }
 
-TEST(Radiosity, ALampCloseUnderTheCeilingDoesNotShadeItself) {
-  // Light leaves the lamp at up to 88 degrees to its normal; far from the origin rays start further off a
-  // face.
+TEST(Radiosity, ALampCloseUnderTheCeilingDoesNotShadowItself) {
+  // Light leaves the lamp at up to 88 degrees to its normal. Far from the origin, ray origins have larger
+  // offsets.
   constexpr float kCeiling = kLampHeight + 0.02f;
   for (const float x : {0.0f, 30.0f}) {
     Scene scene;

@@ -21,14 +21,14 @@ std::unique_ptr<Renderer> MakeRenderer(scene::Scene scene, int width, int height
   return MakeRenderer(std::move(scene), SettingsOf(width, height, max_bounces));
 }
 
-TEST(Renderer, WhiteFurnaceShowsNothingForLambert) {
+TEST(Renderer, WhiteFurnaceHoldsForLambert) {
   const auto renderer = MakeRenderer(testing::Furnace(testing::Lambert({1, 1, 1})), 16, 16, 32);
   const LayeredImage image = RenderAll(*renderer, 16, 16, 256);
   EXPECT_NEAR(MeanOf(image, layers::kNoisy), 1, 2e-3);
   EXPECT_NEAR(MeanOf(image, layers::kDirect) + MeanOf(image, layers::kIndirect), 1, 2e-3);
 }
 
-TEST(Renderer, WhiteFurnaceShowsNothingForMirrorAndGlass) {
+TEST(Renderer, WhiteFurnaceHoldsForMirrorAndGlass) {
   scene::Material mirror;
   mirror.roughness = 0;
   EXPECT_NEAR(
@@ -43,7 +43,7 @@ TEST(Renderer, WhiteFurnaceShowsNothingForMirrorAndGlass) {
       5e-3);
 }
 
-TEST(Renderer, WhiteFurnaceShowsNothingForRoughMetalAndGlass) {
+TEST(Renderer, WhiteFurnaceHoldsForRoughMetalAndGlass) {
   for (const float roughness : {0.2f, 0.5f, 1.0f}) {
     scene::Material metal;
     metal.roughness = roughness;
@@ -61,7 +61,7 @@ TEST(Renderer, WhiteFurnaceShowsNothingForRoughMetalAndGlass) {
   }
 }
 
-TEST(Renderer, CoatedWhiteLosesOnlyWhatSingleScatteringLoses) {
+TEST(Renderer, CoatedWhiteLosesOnlySingleScatteringEnergy) {
   for (const float roughness : {0.0f, 0.3f, 0.6f, 1.0f}) {
     scene::Material plastic;
     plastic.metallic = 0;
@@ -72,8 +72,8 @@ TEST(Renderer, CoatedWhiteLosesOnlyWhatSingleScatteringLoses) {
 }
 
 TEST(Renderer, DirectLightOfAQuadMatchesTheClosedForm) {
-  // A small patch under the middle of a square light: irradiance by the form factor of a parallel rectangle's
-  // four quarters.
+  // A small patch under the centre of a square light: irradiance from the form factors of four parallel
+  // rectangles.
   scene::Scene scene;
   scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f}), testing::Emitter({3, 3, 3})};
   testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0));
@@ -87,18 +87,18 @@ TEST(Renderer, DirectLightOfAQuadMatchesTheClosedForm) {
   EXPECT_NEAR(MeanOf(image, layers::kNoisy), 0.5 * 3 * form_factor, 3e-3);
 }
 
-TEST(Renderer, LightsShineFromTheirFrontAlone) {
+TEST(Renderer, SingleSidedLightsEmitFromTheirFrontOnly) {
   scene::Scene scene;
   scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f}), testing::Emitter({3, 3, 3})};
   testing::Place(&scene, testing::QuadMesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0));
-  testing::Place(&scene, testing::QuadMesh({-1, 2, -1}, {0, 0, 2}, {2, 0, 0}, 1));  // its front looks up
+  testing::Place(&scene, testing::QuadMesh({-1, 2, -1}, {0, 0, 2}, {2, 0, 0}, 1));  // its front faces up
   scene.cameras = {testing::LookAt({0, 1, 0}, {0, 0, 0}, 0.5f)};
   EXPECT_EQ(MeanOf(RenderAll(*MakeRenderer(scene, 8, 8), 8, 8, 16), layers::kNoisy), 0);
   scene.materials[1].double_sided = true;
   EXPECT_GT(MeanOf(RenderAll(*MakeRenderer(scene, 8, 8), 8, 8, 16), layers::kNoisy), 0.1);
 }
 
-TEST(Renderer, TilesAndPassesMakeNoDifference) {
+TEST(Renderer, IsIndependentOfTilesAndPasses) {
   const auto renderer = MakeRenderer(testing::SmallRoom(), 24, 18);
   RenderCounts counts;
   const LayeredImage whole = renderer->RenderPass({0, 0, 24, 18}, 0, {8, 12}, &counts);
@@ -109,7 +109,7 @@ TEST(Renderer, TilesAndPassesMakeNoDifference) {
   ExpectSameBits(again->RenderPass(tile, 0, {8, 12}, &counts), part);
 }
 
-TEST(Renderer, GeometryOfAFacingPlane) {
+TEST(Renderer, GeometryOfAPlaneThatFacesTheCamera) {
   scene::Scene scene;
   scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
   testing::Place(&scene, testing::QuadMesh({-1, -1, -3}, {2, 0, 0}, {0, 2, 0}, 0));
@@ -133,7 +133,7 @@ TEST(Renderer, MirrorsHaveNoDiffuseSurface) {
   EXPECT_EQ(geometry.Get(layers::kAlpha).At(0, 0), 1);
 }
 
-TEST(Renderer, SaysWhatIsMissing) {
+TEST(Renderer, NamesWhatIsMissing) {
   scene::Scene scene;
   scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
   testing::Place(&scene, testing::QuadMesh({-1, -1, -3}, {2, 0, 0}, {0, 2, 0}, 0));

@@ -1,4 +1,4 @@
-// What the sampler's numbers must not have to do with each other.
+// Independence of the sampler's numbers between pairs, halves, pixels and frames.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -15,7 +15,7 @@ constexpr uint64_t kSeed = 11;
 constexpr int kPixels = 4000;
 constexpr uint32_t kSamples = 8;  // of each half
 
-/// The error one half makes with the integral of x * y by one pair of dimensions.
+/// The error of one half's estimate of the integral of x * y by one dimension pair.
 double ErrorOf(int64_t pixel, uint32_t half, uint32_t pair, int frame = 0) {
   double sum = 0;
   for (uint32_t i = 0; i < kSamples; ++i) {
@@ -41,14 +41,14 @@ double Correlation(const First& first, const Second& second) {
   return product / std::sqrt(first2 * second2);
 }
 
-const double kChance = 4 / std::sqrt(static_cast<double>(kPixels));  // four standard deviations
+const double kMaxCorrelation = 4 / std::sqrt(static_cast<double>(kPixels));  // four standard deviations
 
 TEST(SamplerIndependence, PairsOfDimensionsOfOneHalf) {
   for (uint32_t half = 0; half < 2; ++half) {
     for (uint32_t pair = 1; pair < 12; ++pair) {
       const double correlation = Correlation([&](int64_t pixel) { return ErrorOf(pixel, half, 0); },
                                              [&](int64_t pixel) { return ErrorOf(pixel, half, pair); });
-      EXPECT_LT(std::abs(correlation), kChance) << "half " << half << " pair " << pair;
+      EXPECT_LT(std::abs(correlation), kMaxCorrelation) << "half " << half << " pair " << pair;
     }
   }
 }
@@ -57,7 +57,7 @@ TEST(SamplerIndependence, HalvesInEveryPair) {
   for (uint32_t pair = 0; pair < 12; ++pair) {
     const double correlation = Correlation([&](int64_t pixel) { return ErrorOf(pixel, 0, pair); },
                                            [&](int64_t pixel) { return ErrorOf(pixel, 1, pair); });
-    EXPECT_LT(std::abs(correlation), kChance) << pair;
+    EXPECT_LT(std::abs(correlation), kMaxCorrelation) << pair;
   }
 }
 
@@ -65,14 +65,15 @@ TEST(SamplerIndependence, NeighbouringPixelsAndFrames) {
   const auto here = [](int64_t pixel) { return ErrorOf(pixel, 0, 2); };
   for (const int64_t distance : {1, 2, 64, 1024}) {
     EXPECT_LT(std::abs(Correlation(here, [&](int64_t pixel) { return ErrorOf(pixel + distance, 0, 2); })),
-              kChance)
+              kMaxCorrelation)
         << distance;
   }
-  EXPECT_LT(std::abs(Correlation(here, [](int64_t pixel) { return ErrorOf(pixel, 0, 2, 1); })), kChance);
+  EXPECT_LT(std::abs(Correlation(here, [](int64_t pixel) { return ErrorOf(pixel, 0, 2, 1); })),
+            kMaxCorrelation);
 }
 
-TEST(SamplerIndependence, TwoPairsTogetherFillTheirSpaceAsChanceWould) {
-  // Points of four dimensions from two pairs: over many pixels each of the 2^4 cells gets its share.
+TEST(SamplerIndependence, TwoPairsTogetherAreUniformInFourDimensions) {
+  // Two pairs give points of four dimensions: over many pixels each of the 2^4 cells gets an equal number.
   for (uint32_t half = 0; half < 2; ++half) {
     std::array<int, 16> cells = {};
     for (int64_t pixel = 0; pixel < kPixels; ++pixel) {

@@ -11,7 +11,7 @@ namespace {
 
 constexpr uint64_t kSeed = 7;
 
-/// Whether `count` points of one half fall one each into the cells of a columns x rows grid.
+/// Whether each cell of a columns x rows grid contains exactly one of `count` points of one half.
 bool FillsGrid(uint32_t half, int64_t pixel, uint32_t pair, int columns, int rows) {
   std::set<std::pair<int, int>> cells;
   const uint32_t count = static_cast<uint32_t>(columns * rows);
@@ -35,8 +35,8 @@ TEST(Sampler, EachHalfIsStratifiedInEveryElementaryInterval) {
 }
 
 TEST(Sampler, HalvesAreIndependent) {
-  // The product of the halves' estimates of the same integral must average to the product of their means: no
-  // covariance.
+  // The mean product of the halves' estimates of one integral must equal the product of their means: the
+  // covariance is 0.
   double covariance = 0;
   double variance = 0;
   constexpr int kPixels = 4000;
@@ -70,7 +70,7 @@ TEST(Sampler, ConvergesFasterThanRandomNumbers) {
   EXPECT_LT(error2 / kPixels, 0.02 * random_variance);
 }
 
-TEST(SamplerPacket, GivesTheNumbersItsSamplesHaveAlone) {
+TEST(SamplerPacket, EqualsSeparateSamplers) {
   for (const uint32_t first : {0u, 5u, 1u << 20}) {
     const SamplerPacket packet(kSeed, 3, 77, first);
     for (uint32_t i = 0; i < DrawnPairs::kSamples; ++i) {

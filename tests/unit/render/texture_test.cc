@@ -25,7 +25,7 @@ scene::ImageData RandomImage(int width, int height) {
   return image;
 }
 
-/// Black and white fields, `cells` a side, four texels each.
+/// A checkerboard of `cells` x `cells` fields of four texels each.
 scene::ImageData Checker(int cells) {
   scene::ImageData image;
   image.width = image.height = 2 * cells;
@@ -56,16 +56,16 @@ Footprint SquareOf(float side) {
   return footprint;
 }
 
-float MeanLight(const scene::ImageData& image, const ByteCode& code, int channel) {
+float MeanLight(const scene::ImageData& image, const TransferTable& code, int channel) {
   double sum = 0;
   for (size_t i = static_cast<size_t>(channel); i < image.rgba.size(); i += 4)
     sum += static_cast<double>(code.Decode(image.rgba[i]));
   return static_cast<float>(sum / (image.width * image.height));
 }
 
-TEST(MipChain, KeepsTheMeanLightOfAnySize) {
-  const ByteCode srgb(true);
-  const ByteCode linear(false);
+TEST(MipChain, PreservesTheLinearMeanForAnySize) {
+  const TransferTable srgb(true);
+  const TransferTable linear(false);
   for (const auto& [width, height] : {std::pair{64, 64}, {37, 51}, {5, 3}, {1, 9}, {128, 2}}) {
     const scene::ImageData image = RandomImage(width, height);
     const auto chain = MakeMipChain(image, srgb, linear);
@@ -79,17 +79,17 @@ TEST(MipChain, KeepsTheMeanLightOfAnySize) {
   }
 }
 
-TEST(MipChain, TakesAThirdOfThePicture) {
-  const ByteCode code(false);
+TEST(MipChain, TakesAThirdOfThePicturesMemory) {
+  const TransferTable code(false);
   size_t bytes = 0;
   for (const scene::ImageData& level : MakeMipChain(RandomImage(100, 60), code, code))
     bytes += level.rgba.size();
   EXPECT_LE(bytes, 100u * 60 * 4 / 3);
 }
 
-TEST(ByteCode, EncodesToTheNearestLight) {
+TEST(TransferTable, EncodesToTheNearestLinearValue) {
   for (const bool srgb : {false, true}) {
-    const ByteCode code(srgb);
+    const TransferTable code(srgb);
     for (int i = 0; i < 256; ++i) {
       const auto byte = static_cast<uint8_t>(i);
       EXPECT_EQ(code.Encode(code.Decode(byte)), byte);
@@ -113,7 +113,7 @@ TEST(TextureSampler, MagnifiesBilinearlyWhateverTheFootprint) {
   }
 }
 
-TEST(TextureSampler, SeesTheMeanOfWhatItsFootprintCovers) {
+TEST(TextureSampler, ReturnsTheMeanOverTheFootprint) {
   const scene::Scene scene = SceneOf(RandomImage(32, 32));
   const TextureSampler textures(scene);
   const Vec2 uv[2] = {{0.3f, 0.6f}, {}};
@@ -146,9 +146,9 @@ TEST(TextureSampler, LongFootprintsDoNotBlurAcross) {
   EXPECT_GT(textures.Sample(scene.materials[0].base_color_texture, other, tall, true).x, 0.99f);
 }
 
-/// A checkered floor to the horizon at one sample a pixel: where fields are far smaller than pixels T is
-/// grey.
-TEST(Renderer, FarTexturesDoNotShimmer) {
+/// A checkered floor up to the horizon at one sample per pixel: T is grey where fields are far smaller than
+/// pixels.
+TEST(Renderer, DistantTexturesDoNotAlias) {
   scene::Scene scene = SceneOf(Checker(2));
   scene.materials.push_back(testing::Emitter({1, 1, 1}));
   scene::Mesh floor = testing::QuadMesh({-500, 0, -1000}, {0, 0, 1000}, {1000, 0, 0}, 0);

@@ -27,7 +27,7 @@ Material Black(AlphaMode mode, float alpha) {
   return material;
 }
 
-/// An image of 2x2 texels, opaque in the first and the last, sharply told apart.
+/// An image of 2x2 texels without interpolation; the first and the last texel are opaque.
 void AddCheckeredAlpha(Scene* scene, Material* material) {
   scene::ImageData image;
   image.width = image.height = 2;
@@ -38,12 +38,12 @@ void AddCheckeredAlpha(Scene* scene, Material* material) {
   material->base_color_texture.texture = 0;
 }
 
-/// A wide quad at height y, its front up.
+/// A wide quad at height y that faces up.
 scene::Mesh Layer(float y, float half, int material) {
   return testing::QuadMesh({-half, y, -half}, {0, 0, 2 * half}, {2 * half, 0, 0}, material);
 }
 
-/// A camera above that looks down on a lamp through `layers` sheets of the material: what it sees of it.
+/// The radiance that a camera above sees of a lamp through `layers` sheets of the material.
 double SeenThrough(const Material& material, Scene scene, int layers) {
   scene.materials = {testing::Emitter({1, 1, 1}), material};
   testing::Place(&scene, Layer(0, 1.5f, 0));
@@ -76,13 +76,13 @@ TEST(Alpha, MasksAreAllOrNothing) {
   EXPECT_EQ(SeenThrough(Black(AlphaMode::kMask, 0.5f), {}, 1), 0);
 }
 
-TEST(Alpha, BlendedLayersLetTheirShareThroughEach) {
+TEST(Alpha, BlendedLayersMultiplyTheirTransmittances) {
   EXPECT_NEAR(SeenThrough(Black(AlphaMode::kBlend, 0.3f), {}, 1), 0.7, 5e-3);
   EXPECT_NEAR(SeenThrough(Black(AlphaMode::kBlend, 0.3f), {}, 2), 0.49, 5e-3);
   EXPECT_NEAR(SeenThrough(Black(AlphaMode::kBlend, 0.3f), {}, 5), 0.168, 5e-3);
 }
 
-/// A white floor under the sun and under `layers` sheets, seen from below them.
+/// A white floor under a directional light and `layers` sheets, seen from below the sheets.
 double SunThrough(const Material& material, Scene scene, int layers) {
   scene.materials = {testing::Lambert({1, 1, 1}), material};
   testing::Place(&scene, Layer(0, 1, 0));
@@ -97,7 +97,7 @@ double SunThrough(const Material& material, Scene scene, int layers) {
                 layers::kDirect);
 }
 
-TEST(Alpha, ShadowsAreAsDenseAsTheirSurfaces) {
+TEST(Alpha, ShadowsHaveTheOpacityOfTheirSurfaces) {
   const double free = SunThrough(Black(AlphaMode::kBlend, 0.4f), {}, 0);
   EXPECT_GT(free, 0.9);
   EXPECT_NEAR(SunThrough(Black(AlphaMode::kBlend, 0.4f), {}, 1), 0.6 * free, 1e-5);
@@ -106,7 +106,7 @@ TEST(Alpha, ShadowsAreAsDenseAsTheirSurfaces) {
   EXPECT_EQ(SunThrough(Black(AlphaMode::kMask, 0.6f), {}, 1), 0);
 }
 
-TEST(Alpha, CoincidentSheetsEachTakeTheirShare) {
+TEST(Alpha, CoincidentSheetsEachAttenuate) {
   Scene scene;
   scene.materials = {testing::Lambert({1, 1, 1}), Black(AlphaMode::kBlend, 0.5f)};
   for (int i = 0; i < 3; ++i) testing::Place(&scene, Layer(1, 4, 1));
@@ -121,7 +121,7 @@ TEST(Alpha, CoincidentSheetsEachTakeTheirShare) {
   EXPECT_EQ(visibility.Transmittance({{0.3f, 0, 0.1f}, {0, 1, 0}, 0.5f}).x, 1);
 }
 
-/// A floor lit by a square light overhead, with whatever lies between.
+/// A floor lit by a square light above it, with `sheet` as an additional material.
 struct Floor {
   Scene scene;
 
@@ -133,9 +133,8 @@ struct Floor {
     scene.cameras = {testing::LookAt({0, 0.9f, 2.5f}, {0, 0, 0}, 0.7f)};
   }
   double Mean(LightStrategy strategy, uint32_t spp) const {
-    RenderSettings settings = SettingsOf(kSize, kSize, 4);
-    settings.light_strategy = strategy;
-    return MeanOf(RenderAll(*MakeRenderer(scene, settings), kSize, kSize, spp), layers::kNoisy);
+    const auto renderer = MakeRenderer(scene, SettingsOf(kSize, kSize, 4), strategy);
+    return MeanOf(RenderAll(*renderer, kSize, kSize, spp), layers::kNoisy);
   }
   void ExpectStrategiesAgree() const {
     const double sampled = Mean(LightStrategy::kLightSamples, 256);
@@ -145,7 +144,7 @@ struct Floor {
   }
 };
 
-TEST(Alpha, HalfTransparentLightsShineAlikeBySampleAndByHit) {
+TEST(Alpha, HalfTransparentLightsAgreeBySampleAndByHit) {
   Material light = testing::Emitter({4, 4, 4});
   const double opaque = Floor(light, {}).Mean(LightStrategy::kLightSamples, 64);
   light.alpha_mode = AlphaMode::kBlend;
@@ -165,7 +164,7 @@ Material Pane() {
   return pane;
 }
 
-TEST(ThinGlass, IsSeenThroughByLightSamplesAndHitsAlike) {
+TEST(ThinGlass, TransmitsLightSamplesAndHitsEqually) {
   Floor floor(testing::Emitter({4, 4, 4}), Pane());
   const double open = floor.Mean(LightStrategy::kLightSamples, 64);
   testing::Place(&floor.scene, Layer(1.5f, 3, 2));
@@ -173,9 +172,9 @@ TEST(ThinGlass, IsSeenThroughByLightSamplesAndHitsAlike) {
   EXPECT_LT(floor.Mean(LightStrategy::kLightSamples, 64), 0.95 * open);
 }
 
-TEST(ThinGlass, ShadesTheSunByItsTransmittance) {
+TEST(ThinGlass, AttenuatesDirectionalLightByItsTransmittance) {
   const double free = SunThrough(Pane(), {}, 0);
-  // At right angles 4 % come back from each face of ior 1.5; both together reflect 2 F / (1 + F).
+  // At normal incidence each face of ior 1.5 reflects 4 %; both together reflect 2 F / (1 + F).
   const double transmittance = 0.9 * (1 - 2 * 0.04 / 1.04);
   EXPECT_NEAR(SunThrough(Pane(), {}, 1), transmittance * free, 1e-4);
   EXPECT_NEAR(SunThrough(Pane(), {}, 2), transmittance * transmittance * free, 1e-4);
@@ -184,7 +183,7 @@ TEST(ThinGlass, ShadesTheSunByItsTransmittance) {
   EXPECT_EQ(SunThrough(rough, {}, 1), 0);
 }
 
-TEST(Alpha, TilesAndPassesMakeNoDifference) {
+TEST(Alpha, IsIndependentOfTilesAndPasses) {
   Scene scene = testing::SmallRoom();
   scene.materials[4].alpha_mode = AlphaMode::kBlend;
   scene.materials[4].alpha = 0.5f;

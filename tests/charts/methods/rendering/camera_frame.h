@@ -9,6 +9,7 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "worker/render/camera_packet.h"
+#include "worker/render/charts_access.h"
 #include "worker/render/floating_point.h"
 #include "worker/render/renderer.h"
 
@@ -26,8 +27,8 @@ class CameraFrame {
     return CameraFrame(*std::move(renderer), settings);
   }
 
-  const render::PathTracer& tracer() const { return renderer_->tracer(); }
-  const render::PictureCamera& camera() const { return renderer_->camera(); }
+  render::ChartsAccess tracer() const { return render::ChartsAccess(*renderer_); }
+  const render::PictureCamera& camera() const { return tracer().camera(); }
   int width() const { return settings_.width; }
   int height() const { return settings_.height; }
   int64_t pixels() const { return static_cast<int64_t>(settings_.width) * settings_.height; }
@@ -37,7 +38,7 @@ class CameraFrame {
   render::Ray CentreRay(int x, int y) const {
     render::Ray ray =
         camera().RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
-    ray.chance =
+    ray.random_key =
         render::Sampler(seed(), 0, static_cast<int64_t>(y) * width() + x, 0).Key(render::kCameraPair);
     return ray;
   }

@@ -11,11 +11,11 @@
 namespace lumifold::charts {
 namespace {
 
-using render::Arrival;
+using render::ChartsAccess;
 using render::Frame;
+using render::IndirectRadiance;
 using render::IsFinite;
 using render::kCameraPair;
-using render::PathTracer;
 using render::Sampler;
 using render::Surface;
 using scene::Vec2;
@@ -31,7 +31,7 @@ void Add(Vec3 amount, Vec3 direction, ColorGradient* gradient) {
 /// The irradiance and its gradients from one set of strata, in the frame of the normal.
 class GradientSums {
  public:
-  GradientSums(const HemisphereStrata& strata, std::span<const Arrival> arrivals)
+  GradientSums(const HemisphereStrata& strata, std::span<const IndirectRadiance> arrivals)
       : strata_(strata), arrivals_(arrivals), azimuth_step_(2 * kPi / static_cast<float>(strata.sectors)) {}
 
   Irradiance Sum() const {
@@ -39,7 +39,7 @@ class GradientSums {
     float inverse_distances = 0;
     for (int ring = 0; ring < strata_.rings; ++ring) {
       for (int sector = 0; sector < strata_.sectors; ++sector) {
-        const Arrival& arrival = At(ring, sector);
+        const IndirectRadiance& arrival = At(ring, sector);
         sum.value += arrival.radiance;
         inverse_distances += 1.0f / std::max(arrival.distance, kLeastDistance);
         AddTurn(ring, sector, &sum.by_turn);
@@ -57,7 +57,7 @@ class GradientSums {
  private:
   static constexpr float kLeastDistance = 1e-30f;
 
-  const Arrival& At(int ring, int sector) const {
+  const IndirectRadiance& At(int ring, int sector) const {
     return arrivals_[static_cast<size_t>(ring) * static_cast<size_t>(strata_.sectors) +
                      static_cast<size_t>(sector)];
   }
@@ -89,8 +89,8 @@ class GradientSums {
   /// Translation gradient: the border to the stratum nearer to the pole moves with the nearer of the two
   /// surfaces.
   void AddRadialStep(int ring, int sector, ColorGradient* step) const {
-    const Arrival& here = At(ring, sector);
-    const Arrival& inner = At(ring - 1, sector);
+    const IndirectRadiance& here = At(ring, sector);
+    const IndirectRadiance& inner = At(ring - 1, sector);
     const float nearer = std::min(here.distance, inner.distance);
     if (!(nearer > kLeastDistance)) return;
     const float sine = SineBefore(ring);
@@ -100,8 +100,8 @@ class GradientSums {
 
   /// The same for the border to the previous sector.
   void AddTangentialStep(int ring, int sector, ColorGradient* step) const {
-    const Arrival& here = At(ring, sector);
-    const Arrival& before = At(ring, sector > 0 ? sector - 1 : strata_.sectors - 1);
+    const IndirectRadiance& here = At(ring, sector);
+    const IndirectRadiance& before = At(ring, sector > 0 ? sector - 1 : strata_.sectors - 1);
     const float nearer = std::min(here.distance, before.distance);
     if (!(nearer > kLeastDistance)) return;
     const float rate = (SineBefore(ring + 1) - SineBefore(ring)) / nearer;
@@ -110,7 +110,7 @@ class GradientSums {
   }
 
   HemisphereStrata strata_;
-  std::span<const Arrival> arrivals_;
+  std::span<const IndirectRadiance> arrivals_;
   float azimuth_step_;
 };
 
@@ -134,7 +134,8 @@ Vec3 HemisphereStrata::Direction(int index, Vec2 jitter) const {
   return {out.x * sine, out.y * sine, std::sqrt(std::max(0.0f, 1 - squared_sine))};
 }
 
-Irradiance IrradianceFrom(const HemisphereStrata& strata, Vec3 normal, std::span<const Arrival> arrivals) {
+Irradiance IrradianceFrom(const HemisphereStrata& strata, Vec3 normal,
+                          std::span<const IndirectRadiance> arrivals) {
   LUMIFOLD_CHECK(static_cast<int>(arrivals.size()) == strata.count());
   Irradiance sum = GradientSums(strata, arrivals).Sum();
   const Frame frame(normal);
@@ -144,16 +145,16 @@ Irradiance IrradianceFrom(const HemisphereStrata& strata, Vec3 normal, std::span
   return sum;
 }
 
-Irradiance GatherIrradiance(const PathTracer& tracer, const Surface& surface, const HemisphereStrata& strata,
-                            uint64_t seed, int64_t key) {
+Irradiance GatherIrradiance(const ChartsAccess& tracer, const Surface& surface,
+                            const HemisphereStrata& strata, uint64_t seed, int64_t key) {
   const Frame frame(surface.normal);
-  std::vector<Arrival> arrivals(static_cast<size_t>(strata.count()));
+  std::vector<IndirectRadiance> arrivals(static_cast<size_t>(strata.count()));
   for (int i = 0; i < strata.count(); ++i) {
     const Sampler sampler(MixBits(seed ^ kGatherSeed), 0, key, static_cast<uint32_t>(i));
     const Vec3 direction = frame.ToWorld(strata.Direction(i, sampler.Get2D(kCameraPair)));
     // Part of the hemisphere of a shading normal may lie behind the face: no light arrives from there.
     if (Dot(direction, surface.geometric) <= 0) continue;
-    Arrival arrival = tracer.TraceArrival(surface, direction, sampler);
+    IndirectRadiance arrival = tracer.TraceIndirect(surface, direction, sampler);
     if (IsFinite(arrival.radiance)) arrivals[static_cast<size_t>(i)] = arrival;
   }
   return IrradianceFrom(strata, surface.normal, arrivals);

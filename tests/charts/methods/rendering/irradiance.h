@@ -5,7 +5,7 @@
 #include <limits>
 #include <span>
 
-#include "worker/render/path_tracer.h"
+#include "worker/render/charts_access.h"
 #include "worker/render/surface.h"
 
 namespace lumifold::charts {
@@ -45,11 +45,11 @@ struct Irradiance {
 /// The irradiance from the incident radiance of each stratum, in their order, at a surface with `normal`. The
 /// azimuth of strata is that of `Frame(normal)`. Source: Ward & Heckbert 1992, "Irradiance Gradients".
 Irradiance IrradianceFrom(const HemisphereStrata& strata, scene::Vec3 normal,
-                          std::span<const render::Arrival> arrivals);
+                          std::span<const render::IndirectRadiance> arrivals);
 
 /// Estimates the irradiance with one path per stratum. `key` identifies the point and selects the random
 /// numbers.
-Irradiance GatherIrradiance(const render::PathTracer& tracer, const render::Surface& surface,
+Irradiance GatherIrradiance(const render::ChartsAccess& tracer, const render::Surface& surface,
                             const HemisphereStrata& strata, uint64_t seed, int64_t key);
 
 }  // namespace lumifold::charts

@@ -13,6 +13,7 @@ namespace lumifold::charts {
 namespace {
 
 using render::CameraPacket;
+using render::ChartsAccess;
 using render::Frame;
 using render::IsFinite;
 using render::kLensPair;
@@ -27,11 +28,11 @@ using scene::Vec3;
 constexpr uint32_t kFallbackPair = kLensPair + 1;
 
 /// One-path estimate of I on a Lambertian surface.
-Vec3 EstimateIndirect(const PathTracer& tracer, const Surface& surface, const Sampler& sampler) {
+Vec3 EstimateIndirect(const ChartsAccess& tracer, const Surface& surface, const Sampler& sampler) {
   const HemisphereStrata whole = {1, 1};
   const Vec3 direction = Frame(surface.normal).ToWorld(whole.Direction(0, sampler.Get2D(kFallbackPair)));
   if (Dot(direction, surface.geometric) <= 0) return {};
-  return tracer.TraceArrival(surface, direction, sampler).radiance;
+  return tracer.TraceIndirect(surface, direction, sampler).radiance;
 }
 
 /// Renders the pixels of one task.

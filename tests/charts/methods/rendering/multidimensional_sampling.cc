@@ -195,7 +195,7 @@ class AdaptiveSampler {
   Vec3 Trace(const Point& point, uint32_t index) const {
     const Sampler sampler(frame_.seed(), 0, static_cast<int64_t>(space_.PixelOf(point)), index);
     Ray ray = frame_.camera().RayThrough(point[0], point[1], space_.Lens(point));
-    ray.chance = sampler.Key(kCameraPair);
+    ray.random_key = sampler.Key(kCameraPair);
     Vec3 radiance;
     frame_.tracer().TraceRadiance({&ray, 1}, {&sampler, 1}, {&radiance, 1});
     return IsFinite(radiance) ? radiance : Vec3{};

@@ -29,26 +29,13 @@ ChartSample WithoutBadNumbers(const render::SampleRecord& record) {
   return sample;
 }
 
-/// Stores samples in the order of a SampleSet.
-class Collector final : public render::SampleSink {
- public:
-  explicit Collector(SampleSet* set) : set_(set) {}
-  void OnSample(const render::SampleRecord& record) override {
-    set_->samples[static_cast<size_t>(record.pixel) * set_->samples_per_pixel + record.index] =
-        WithoutBadNumbers(record);
-  }
-
- private:
-  SampleSet* set_;
-};
-
 void TraceGuide(const render::Renderer& renderer, TaskPool* pool, SampleSet* set) {
   const absl::Time start = absl::Now();
   set->guide = LayeredImage(set->width, set->height);
   for (const std::string_view layer : {layers::kDirect, layers::kIndirect}) set->guide.AddColor(layer);
   ParallelFor(pool, set->height, [&](int64_t row) {
     const int y = static_cast<int>(row);
-    const LayeredImage line = renderer.TraceGuide({0, y, set->width, y + 1}, 0);
+    const LayeredImage line = render::ChartsAccess(renderer).RenderGuide({0, y, set->width, y + 1}, 0);
     for (const LayeredImage::Channel& channel : line.channels())
       std::copy_n(channel.plane.Row(0), set->width, set->guide.Get(channel.name).Row(y));
   });
@@ -73,9 +60,12 @@ absl::StatusOr<SampleSet> TraceSampleSet(const render::Renderer& renderer, const
   set.samples.resize(static_cast<size_t>(count));
   set.film = &film;
   ParallelFor(pool, settings.height, [&](int64_t row) {
-    Collector collector(&set);
     const int y = static_cast<int>(row);
-    renderer.TraceSamples({0, y, settings.width, y + 1}, 0, {0, settings.samples}, &collector);
+    render::ChartsAccess(renderer).TraceSamples(
+        {0, y, settings.width, y + 1}, 0, {0, settings.samples}, [&set](const render::SampleRecord& record) {
+          set.samples[static_cast<size_t>(record.pixel) * set.samples_per_pixel + record.index] =
+              WithoutBadNumbers(record);
+        });
   });
   TraceGuide(renderer, pool, &set);
   return set;

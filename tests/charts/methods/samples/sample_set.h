@@ -8,6 +8,7 @@
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 #include "tests/charts/film_source.h"
+#include "worker/render/charts_access.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::charts {
@@ -36,7 +37,7 @@ struct SampleSet {
   uint32_t samples_per_pixel = 0;
   std::vector<ChartSample> samples;    // pixel by pixel in row-major order, then by index
   const LayeredImage* film = nullptr;  // of the same scene, size, samples and seed
-  LayeredImage guide;                  // see Renderer::TraceGuide
+  LayeredImage guide;                  // see ChartsAccess::RenderGuide
   double guide_seconds = 0;            // wall-clock seconds that tracing it took
 
   const ChartSample& At(int x, int y, uint32_t index) const {

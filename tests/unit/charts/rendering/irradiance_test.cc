@@ -11,17 +11,17 @@
 namespace lumifold::charts {
 namespace {
 
-using render::Arrival;
 using render::Frame;
+using render::IndirectRadiance;
 using scene::Vec3;
 
 constexpr HemisphereStrata kFine = {64, 201};
 
 /// One arrival from the middle of each stratum around `normal`, as `see` gives it for a direction.
 template <typename See>
-std::vector<Arrival> Arrivals(const HemisphereStrata& strata, Vec3 normal, See see) {
+std::vector<IndirectRadiance> Arrivals(const HemisphereStrata& strata, Vec3 normal, See see) {
   const Frame frame(normal);
-  std::vector<Arrival> arrivals;
+  std::vector<IndirectRadiance> arrivals;
   arrivals.reserve(static_cast<size_t>(strata.count()));
   for (int i = 0; i < strata.count(); ++i)
     arrivals.push_back(see(frame.ToWorld(strata.Direction(i, {0.5f, 0.5f}))));
@@ -47,7 +47,7 @@ TEST(HemisphereStrata, AreDrawnByTheCosine) {
 
 TEST(Irradiance, OfEvenLightIsPiTimesItAndHasNoSlope) {
   const Vec3 normal = scene::Normalize({1, 2, -2});
-  const auto even = [](Vec3) { return Arrival{{2, 1, 0.5f}, 3}; };
+  const auto even = [](Vec3) { return IndirectRadiance{{2, 1, 0.5f}, 3}; };
   const Irradiance found = IrradianceFrom(HemisphereStrata::OfRings(14), normal,
                                           Arrivals(HemisphereStrata::OfRings(14), normal, even));
   EXPECT_NEAR(found.value.x, 2 * kPi, 1e-4);
@@ -60,7 +60,7 @@ TEST(Irradiance, OfEvenLightIsPiTimesItAndHasNoSlope) {
 }
 
 TEST(Irradiance, SeesNothingAtInfinity) {
-  const auto nothing = [](Vec3) { return Arrival{}; };
+  const auto nothing = [](Vec3) { return IndirectRadiance{}; };
   const HemisphereStrata strata = HemisphereStrata::OfRings(3);
   const Irradiance found = IrradianceFrom(strata, {0, 0, 1}, Arrivals(strata, {0, 0, 1}, nothing));
   EXPECT_EQ(found.value, Vec3{});
@@ -73,7 +73,7 @@ TEST(Irradiance, GrowsAsTheNormalTurnsTowardsTheLight) {
   const Vec3 a = {0.3f, -0.5f, 0.2f};
   const auto sky = [&](Vec3 direction) {
     const float light = 1 + Dot(a, direction);
-    return Arrival{{light, 2 * light, 0}, 10};
+    return IndirectRadiance{{light, 2 * light, 0}, 10};
   };
   for (const Vec3 normal : {Vec3{0, 0, 1}, scene::Normalize({1, 2, -2}), Vec3{0, -1, 0}}) {
     const Irradiance found = IrradianceFrom(kFine, normal, Arrivals(kFine, normal, sky));
@@ -101,10 +101,10 @@ double UnderSquare(Vec3 from) {
 TEST(Irradiance, GrowsAsThePlaceComesCloserToALamp) {
   for (const Vec3 from : {Vec3{0.5f, 0, 0}, Vec3{1.5f, 0.4f, 0}, Vec3{-0.8f, -1.2f, 0}}) {
     const auto lamp = [&](Vec3 direction) {
-      if (direction.z <= 0) return Arrival{};
+      if (direction.z <= 0) return IndirectRadiance{};
       const Vec3 hit = from + direction * (1 / direction.z);
-      if (std::abs(hit.x) > 1 || std::abs(hit.y) > 1) return Arrival{};
-      return Arrival{{1, 1, 1}, 1 / direction.z};
+      if (std::abs(hit.x) > 1 || std::abs(hit.y) > 1) return IndirectRadiance{};
+      return IndirectRadiance{{1, 1, 1}, 1 / direction.z};
     };
     const Irradiance found = IrradianceFrom(kFine, {0, 0, 1}, Arrivals(kFine, {0, 0, 1}, lamp));
     EXPECT_NEAR(found.value.x / UnderSquare(from), 1, 0.02);

@@ -28,11 +28,7 @@ constexpr size_t kPixels = size_t{kWidth} * kHeight;
 
 class SampledFrameTest : public ::testing::Test {
  protected:
-  static RenderSettings settings() {
-    RenderSettings settings = SettingsOf(kWidth, kHeight, 2);
-    settings.radiance_only = true;
-    return settings;
-  }
+  static RenderSettings settings() { return SettingsOf(kWidth, kHeight, 2); }
 
   CameraFrame frame_ = *CameraFrame::Create(std::make_shared<scene::Scene>(testing::SmallRoom()), settings());
   SampledFrame sampled_{frame_};
@@ -40,7 +36,8 @@ class SampledFrameTest : public ::testing::Test {
 
 TEST_F(SampledFrameTest, HoldsTheSamplesOfAPass) {
   sampled_.Take(std::vector<uint32_t>(kPixels, 6), nullptr);
-  const LayeredImage pass = RenderAll(*MakeRenderer(testing::SmallRoom(), settings()), kWidth, kHeight, 6);
+  const LayeredImage pass =
+      RenderAllRadiance(*MakeRenderer(testing::SmallRoom(), settings()), kWidth, kHeight, 6);
   const ConstColorView a = pass.GetColor(layers::HalfA(layers::kNoisy));
   const ConstColorView b = pass.GetColor(layers::HalfB(layers::kNoisy));
   const Planes means = sampled_.Means();

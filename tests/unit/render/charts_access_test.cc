@@ -1,4 +1,4 @@
-// What the path tracer offers methods that find indirect light by other ways.
+// The functions of ChartsAccess for methods that estimate indirect light themselves.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -10,6 +10,7 @@
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
 #include "worker/render/camera_packet.h"
+#include "worker/render/charts_access.h"
 #include "worker/render/frame.h"
 
 namespace lumifold::render {
@@ -18,24 +19,25 @@ namespace {
 constexpr int kWidth = 24;
 constexpr int kHeight = 18;
 
-TEST(TraceWithoutIndirect, LeavesAllButIndirectLightAsItIs) {
+TEST(TraceWithoutIndirect, ChangesIndirectLightOnly) {
   const std::unique_ptr<Renderer> renderer =
       MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight, 4));
+  const ChartsAccess access(*renderer);
   std::array<LayerSample, PathTracer::kPacket> whole;
   std::array<LayerSample, PathTracer::kPacket> without;
   std::array<std::optional<Surface>, PathTracer::kPacket> diffuse;
   int with_indirect = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      ForEachCameraPacket(renderer->camera(), 0, 0, kWidth, x, y, {0, 11}, [&](const CameraPacket& packet) {
-        renderer->tracer().Trace(packet.rays(), packet.samplers(), whole);
-        renderer->tracer().TraceWithoutIndirect(packet.rays(), packet.samplers(), without, diffuse);
+      ForEachCameraPacket(access.camera(), 0, 0, kWidth, x, y, {0, 11}, [&](const CameraPacket& packet) {
+        access.Trace(packet.rays(), packet.samplers(), whole);
+        access.TraceWithoutIndirect(packet.rays(), packet.samplers(), without, diffuse);
         for (size_t i = 0; i < packet.size(); ++i) {
           EXPECT_EQ(whole[i].direct, without[i].direct);
           EXPECT_EQ(whole[i].albedo, without[i].albedo);
           EXPECT_EQ(whole[i].emitted, without[i].emitted);
           EXPECT_EQ(whole[i].glossy, without[i].glossy);
-          EXPECT_EQ(whole[i].tail, without[i].tail);
+          EXPECT_EQ(whole[i].remainder, without[i].remainder);
           EXPECT_EQ(without[i].indirect, Vec3{});
           const Vec3 expected = whole[i].combined - whole[i].indirect * whole[i].albedo;
           EXPECT_LT(Length(without[i].combined - expected), 1e-5f * (1 + Length(whole[i].combined)));
@@ -48,49 +50,50 @@ TEST(TraceWithoutIndirect, LeavesAllButIndirectLightAsItIs) {
   EXPECT_GT(with_indirect, 1000);
 }
 
-TEST(TraceArrival, HasIndirectLightForItsMeanOverDirectionsByTheirCosine) {
+TEST(TraceIndirect, AveragesToIndirectLightOverCosineDistributedDirections) {
   scene::Scene scene = testing::SmallRoom();
   scene.cameras = {testing::LookAt({0, 0, 1.9f}, {0.6f, 0.7f, -2}, 1e-3f)};
   const std::unique_ptr<Renderer> renderer = MakeRenderer(scene, SettingsOf(1, 1, 4));
+  const ChartsAccess access(*renderer);
   constexpr uint32_t kSamples = 16384;
   std::array<LayerSample, PathTracer::kPacket> samples;
   Vec3 expected;
-  ForEachCameraPacket(renderer->camera(), 0, 0, 1, 0, 0, {0, kSamples}, [&](const CameraPacket& packet) {
-    renderer->tracer().Trace(packet.rays(), packet.samplers(), samples);
+  ForEachCameraPacket(access.camera(), 0, 0, 1, 0, 0, {0, kSamples}, [&](const CameraPacket& packet) {
+    access.Trace(packet.rays(), packet.samplers(), samples);
     for (size_t i = 0; i < packet.size(); ++i) expected += samples[i].indirect / kSamples;
   });
-  const Ray ray = renderer->camera().RayThrough(0.5f, 0.5f, {});
-  const std::optional<Surface> wall = renderer->tracer().FirstDiffuseSurface(ray);
+  const Ray ray = access.camera().RayThrough(0.5f, 0.5f, {});
+  const std::optional<Surface> wall = access.FirstDiffuseSurface(ray);
   ASSERT_TRUE(wall.has_value());
   Vec3 mean;
   for (uint32_t i = 0; i < kSamples; ++i) {
     const Sampler sampler(1, 0, 0, i);
     const Vec2 disk = ConcentricDisk(sampler.Get2D(kCameraPair));
     const float height = std::sqrt(std::max(0.0f, 1 - disk.x * disk.x - disk.y * disk.y));
-    const Arrival arrival = renderer->tracer().TraceArrival(
-        *wall, Frame(wall->normal).ToWorld({disk.x, disk.y, height}), sampler);
-    EXPECT_GT(arrival.distance, 0);
-    EXPECT_LT(arrival.distance, 7);
-    mean += arrival.radiance / kSamples;
+    const IndirectRadiance incident =
+        access.TraceIndirect(*wall, Frame(wall->normal).ToWorld({disk.x, disk.y, height}), sampler);
+    EXPECT_GT(incident.distance, 0);
+    EXPECT_LT(incident.distance, 7);
+    mean += incident.radiance / kSamples;
   }
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(mean[c] / expected[c], 1, 0.03) << c;
 }
 
-TEST(TraceArrival, SeesNothingWhereTheSceneEnds) {
+TEST(TraceIndirect, IsBlackAndInfinitelyFarOnAMiss) {
   scene::Scene scene;
   scene.materials = {testing::Lambert({0.5f, 0.5f, 0.5f})};
   testing::Place(&scene, testing::QuadMesh({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 0));
   scene.cameras = {testing::LookAt({0, 0, 2}, {0, 0, 0}, 0.5f)};
   const std::unique_ptr<Renderer> renderer = MakeRenderer(scene, SettingsOf(1, 1));
-  const std::optional<Surface> quad =
-      renderer->tracer().FirstDiffuseSurface(renderer->camera().RayThrough(0.5f, 0.5f, {}));
+  const ChartsAccess access(*renderer);
+  const std::optional<Surface> quad = access.FirstDiffuseSurface(access.camera().RayThrough(0.5f, 0.5f, {}));
   ASSERT_TRUE(quad.has_value());
-  const Arrival arrival = renderer->tracer().TraceArrival(*quad, {0, 0, 1}, Sampler(0, 0, 0, 0));
-  EXPECT_EQ(arrival.radiance, Vec3{});
-  EXPECT_TRUE(std::isinf(arrival.distance));
+  const IndirectRadiance incident = access.TraceIndirect(*quad, {0, 0, 1}, Sampler(0, 0, 0, 0));
+  EXPECT_EQ(incident.radiance, Vec3{});
+  EXPECT_TRUE(std::isinf(incident.distance));
 }
 
-TEST(FirstDiffuseSurface, IsNoneOnMirrorsAndBesideTheScene) {
+TEST(FirstDiffuseSurface, IsEmptyOnMirrorsAndOnAMiss) {
   scene::Scene scene;
   scene::Material mirror;
   mirror.roughness = 0;
@@ -98,8 +101,9 @@ TEST(FirstDiffuseSurface, IsNoneOnMirrorsAndBesideTheScene) {
   testing::Place(&scene, testing::QuadMesh({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 0));
   scene.cameras = {testing::LookAt({0, 0, 2}, {0, 0, 0}, 2.5f)};
   const std::unique_ptr<Renderer> renderer = MakeRenderer(scene, SettingsOf(9, 9));
-  EXPECT_FALSE(renderer->tracer().FirstDiffuseSurface(renderer->camera().RayThrough(4.5f, 4.5f, {})));
-  EXPECT_FALSE(renderer->tracer().FirstDiffuseSurface(renderer->camera().RayThrough(0.5f, 0.5f, {})));
+  const ChartsAccess access(*renderer);
+  EXPECT_FALSE(access.FirstDiffuseSurface(access.camera().RayThrough(4.5f, 4.5f, {})));
+  EXPECT_FALSE(access.FirstDiffuseSurface(access.camera().RayThrough(0.5f, 0.5f, {})));
 }
 
 }  // namespace

@@ -1,0 +1,168 @@
+#include "worker/render/charts_access.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "filter/image/layers.h"
+#include "filter/image/portable_math.h"
+#include "worker/render/floating_point.h"
+#include "worker/render/pass_sums.h"
+#include "worker/render/path_state.h"
+
+namespace lumifold::render {
+namespace {
+
+std::array<Vec2, kFirstSurfacePairs> FirstSurfaceNumbers(const Sampler& sampler) {
+  std::array<Vec2, kFirstSurfacePairs> numbers;
+  for (uint32_t pair = 0; pair < kFirstSurfacePairs; ++pair)
+    numbers[pair] = sampler.Get2D(kCameraPair + 1 + pair);
+  return numbers;
+}
+
+}  // namespace
+
+void ChartsAccess::SetLightStrategy(LightStrategy strategy, Renderer* renderer) {
+  renderer->tracer_.strategy_ = strategy;
+}
+
+void ChartsAccess::TraceSamples(const Rect& rect, int frame, SampleRange range,
+                                absl::FunctionRef<void(const SampleRecord&)> visit) const {
+  static_assert(kFirstSurfacePairs == PathTracer::PathSampler::kPairsPerSurface);
+  const ScopedFloatEnvironment environment;
+  std::array<LayerSample, PathTracer::kPacket> samples;
+  std::array<GeometrySample, PathTracer::kPacket> geometry;
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    for (int x = rect.x0; x < rect.x1; ++x) {
+      const int64_t pixel = static_cast<int64_t>(y) * renderer_->settings_.width + x;
+      renderer_->ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
+        tracer().Trace(packet.rays(), packet.samplers(), samples);
+        tracer().TraceGeometry(packet.rays(), geometry);
+        for (size_t i = 0; i < packet.size(); ++i) {
+          visit({pixel, packet.Index(i), packet.Point(i), packet.LensPoint(i),
+                 FirstSurfaceNumbers(packet.samplers()[i]), samples[i], geometry[i]});
+        }
+      });
+    }
+  }
+}
+
+LayeredImage ChartsAccess::RenderRadiance(const Rect& rect, int frame, SampleRange range,
+                                          RenderCounts* counts) const {
+  const ScopedFloatEnvironment environment;
+  LayeredImage image(rect.width(), rect.height());
+  const std::array<ColorView, 2> halves = {image.AddColor(layers::HalfA(layers::kNoisy)),
+                                           image.AddColor(layers::HalfB(layers::kNoisy))};
+  const std::array<FloatView, 2> samples = {image.Add(layers::kSamplesA), image.Add(layers::kSamplesB)};
+  std::array<Vec3, PathTracer::kPacket> radiances;
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    for (int x = rect.x0; x < rect.x1; ++x) {
+      std::array<Vec3, 2> sums;
+      std::array<float, 2> count = {0, 0};
+      renderer_->ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
+        TraceRadiance(packet.rays(), packet.samplers(), radiances);
+        for (size_t i = 0; i < packet.size(); ++i) {
+          if (!counts->Add(IsFinite(radiances[i]))) continue;
+          sums[packet.Index(i) & 1] += radiances[i];
+          count[packet.Index(i) & 1] += 1;
+        }
+      });
+      for (size_t half = 0; half < 2; ++half) {
+        Put(halves[half], x - rect.x0, y - rect.y0, sums[half]);
+        samples[half].At(x - rect.x0, y - rect.y0) = count[half];
+      }
+    }
+  }
+  return image;
+}
+
+Ray ChartsAccess::CentreRay(int x, int y, const Sampler& sampler) const {
+  constexpr Vec2 kLensCentre = {0.5f, 0.5f};
+  Ray ray = camera().RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, kLensCentre);
+  ray.random_key = sampler.Key(kCameraPair);
+  return ray;
+}
+
+LayeredImage ChartsAccess::RenderGuide(const Rect& rect, int frame) const {
+  const ScopedFloatEnvironment environment;
+  LayeredImage image(rect.width(), rect.height());
+  const ColorView direct = image.AddColor(layers::kDirect);
+  const ColorView indirect = image.AddColor(layers::kIndirect);
+  const std::vector<Sampler> samplers(PathTracer::kPacket, Sampler(renderer_->settings_.seed, frame, 0, 0));
+  std::array<Ray, PathTracer::kPacket> rays;
+  std::array<LayerSample, PathTracer::kPacket> samples;
+  for (int y = rect.y0; y < rect.y1; ++y) {
+    for (int first = rect.x0; first < rect.x1; first += static_cast<int>(PathTracer::kPacket)) {
+      const size_t count = std::min(PathTracer::kPacket, static_cast<size_t>(rect.x1 - first));
+      for (size_t i = 0; i < count; ++i) rays[i] = CentreRay(first + static_cast<int>(i), y, samplers[i]);
+      tracer().Trace({rays.data(), count}, {samplers.data(), count}, samples);
+      for (size_t i = 0; i < count; ++i) {
+        if (!IsFinite(samples[i])) continue;
+        const int x = first + static_cast<int>(i) - rect.x0;
+        Put(direct, x, y - rect.y0, samples[i].direct);
+        Put(indirect, x, y - rect.y0, samples[i].indirect);
+      }
+    }
+  }
+  return image;
+}
+
+Vec3 ChartsAccess::RadianceFrom(const PathTracer::FirstSurface& first, const Sampler& sampler) const {
+  const PathTracer::PathSampler random(sampler);
+  const PathTracer::ScatteredRadiance scattered =
+      tracer().Scatter(first.surface, first.bsdf, first.connection, first.u_lobe, 0, {1, 1, 1}, random);
+  const Vec3 radiance = tracer().surfaces_.Emitted(first.surface) + scattered.total;
+  if (!scattered.delta_event.valid) return radiance;
+  const Vec3 weight = scattered.delta_event.weight.non_diffuse;
+  PathTracer::PathSegment next(first.surface, scattered.delta_event, random.Key(0));
+  const PathTracer::IncidentRadiance incident = tracer().TraceIncident(&next, 1, weight, random);
+  return radiance + weight * (incident.direct + incident.indirect);
+}
+
+void ChartsAccess::TraceRadiance(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                                 std::span<Vec3> out) const {
+  const PathTracer::FirstSurfaces surfaces = tracer().IntersectFirst(rays, samplers);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    out[i] = surfaces[i].has_value() ? RadianceFrom(*surfaces[i], samplers[i])
+                                     : tracer().EmittedOnMiss(rays[i].direction, 0);
+  }
+}
+
+void ChartsAccess::TraceWithoutIndirect(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                                        std::span<LayerSample> out,
+                                        std::span<std::optional<Surface>> diffuse) const {
+  const PathTracer::FirstSurfaces surfaces = tracer().IntersectFirst(rays, samplers);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    out[i].Clear();
+    diffuse[i].reset();
+    if (!surfaces[i].has_value()) {
+      tracer().TraceMiss(rays[i], &out[i]);
+      continue;
+    }
+    tracer().TraceLayers(*surfaces[i], samplers[i], PathTracer::Indirect::kLeftOut, &out[i]);
+    // Paths that were traced for their glossy light carry indirect light too.
+    out[i].combined = out[i].combined - out[i].indirect * out[i].albedo;
+    out[i].indirect = {};
+    if (surfaces[i]->bsdf.HasDiffuse()) diffuse[i] = surfaces[i]->surface;
+  }
+}
+
+std::optional<Surface> ChartsAccess::FirstDiffuseSurface(const Ray& ray) const {
+  const Hit hit = tracer().embree_->Intersect(ray);
+  if (hit.IsMiss()) return std::nullopt;
+  const Surface surface = tracer().surfaces_.Read(hit, ray);
+  if (!tracer().MakeBsdf(surface, -ray.direction).HasDiffuse()) return std::nullopt;
+  return surface;
+}
+
+IndirectRadiance ChartsAccess::TraceIndirect(const Surface& surface, Vec3 direction,
+                                             const Sampler& sampler) const {
+  const PathTracer::PathSampler random(sampler);
+  BsdfSample step;
+  step.wi = direction;
+  step.pdf = Dot(direction, surface.normal) / kPi;
+  PathTracer::PathSegment next(surface, step, random.Key(0));
+  const PathTracer::IncidentRadiance incident = tracer().TraceIncident(&next, 1, {1, 1, 1}, random);
+  return {incident.indirect, incident.first_distance};
+}
+
+}  // namespace lumifold::render

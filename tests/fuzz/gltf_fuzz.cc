@@ -1,5 +1,5 @@
-// Feeds the scene loader what libFuzzer makes up. Whatever the bytes are, loading must end with a Scene that
-// is valid or with an error of one line, within the limits it is given.
+// Runs the scene loader on libFuzzer's input. For any bytes, loading must return a valid Scene or an error of
+// one line, within the given limits.
 
 #include <cstdint>
 #include <cstdio>
@@ -15,7 +15,7 @@ namespace {
 
 using lumifold::scene::LoadOptions;
 
-/// Small enough that a document within them takes well under a second and some hundred MiB.
+/// Limits under which any document takes well under a second and a few hundred MiB.
 LoadOptions SmallLimits() {
   LoadOptions options;
   options.time_seconds = 0.5;
@@ -27,8 +27,8 @@ LoadOptions SmallLimits() {
   return options;
 }
 
-/// JSON, a zero byte and binary data stand for the GLB made of them: a change of the JSON's length would
-/// otherwise need a change of the container's to match. Anything else is taken as it is.
+/// Input of JSON, a zero byte and binary data is converted to the GLB of both, so that mutations of the
+/// JSON's length need no matching change of the container. Other input is passed on unchanged.
 std::string Document(std::string_view input) {
   const size_t zero = input.find('\0');
   if (!input.starts_with("{") || zero == std::string_view::npos) return std::string(input);

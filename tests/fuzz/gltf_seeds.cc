@@ -1,4 +1,4 @@
-// Writes the sample documents into a folder, as GLB and in the fuzz target's own form.
+// Writes the sample documents to a folder, as GLB and in the fuzz target's own format.
 
 #include <cstdio>
 #include <filesystem>

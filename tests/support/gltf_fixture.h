@@ -11,7 +11,7 @@
 
 namespace lumifold::scene {
 
-/// Builds small glTF documents in memory. `json` may be changed at will before Glb() or Text() is called.
+/// Builds small glTF documents in memory. Tests may change `json` before they call Glb() or Text().
 class GltfFixture {
  public:
   nlohmann::json json = {{"asset", {{"version", "2.0"}}}};
@@ -35,18 +35,18 @@ class GltfFixture {
   /// Appends `object` to the array `section` and returns its index.
   int Add(const char* section, const nlohmann::json& object);
 
-  /// A mesh with positions alone in a node of its own; `primitive` may add to the primitive. Returns the
-  /// mesh.
+  /// A mesh with positions only, in a node of its own; the members of `primitive` are added to its primitive.
+  /// Returns the mesh's index.
   int AddTriangles(const std::vector<float>& positions,
                    const nlohmann::json& primitive = nlohmann::json::object());
 
-  /// `json` and, where there is a binary part, buffer 0 for it.
+  /// `json` and, if there is a binary part, buffer 0 for it.
   nlohmann::json FullJson() const;
 
   /// The document as GLB.
   std::string Glb() const;
 
-  /// The document as text whose buffer 0 has this URI.
+  /// The document as text, with this URI for buffer 0.
   std::string Text(const std::string& uri) const;
 
   /// Loads Glb() under the name "test.glb"; external files do not exist.
@@ -60,7 +60,7 @@ class GltfFixture {
 /// A unit right triangle in the xy plane.
 inline const std::vector<float> kTriangle = {0, 0, 0, 1, 0, 0, 0, 1, 0};
 
-/// `json` and `binary` as a GLB, without a binary chunk where that is empty.
+/// `json` and `binary` as a GLB, without a binary chunk if `binary` is empty.
 std::string MakeGlb(std::string json, std::string binary);
 
 /// Encodes `samples` (rows from the top, `channels` 1 to 4 of 8 or 16 bits, big-endian) as PNG.

@@ -80,7 +80,7 @@ GltfFixture SkinnedDocument() {
       {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -1, 0, 1},
       "MAT4");
   fixture.json["nodes"][0]["skin"] = 0;
-  fixture.json["nodes"][0]["translation"] = {7, 7, 7};  // to be ignored
+  fixture.json["nodes"][0]["translation"] = {7, 7, 7};  // must be ignored
   const int upper = fixture.AddNode({{"translation", {0, 1, 0}}});
   const int lower = fixture.AddNode({{"children", {upper}}});
   fixture.Add("skins", {{"joints", {lower, upper}}, {"inverseBindMatrices", bind}});

@@ -6,8 +6,8 @@
 
 namespace lumifold::scene {
 
-/// Names the first thing in `scene` that a Scene out of the loader must not have: an index out of range, a
-/// number that is not finite, a vector of another length than it should have. Empty for a valid scene.
+/// Names the first property of `scene` that a Scene from the loader must not have: an index out of range, a
+/// number that is not finite, a vector of the wrong length. Empty for a valid scene.
 std::string FirstFlaw(const Scene& scene);
 
 }  // namespace lumifold::scene

@@ -11,10 +11,10 @@
 namespace lumifold::scene {
 namespace {
 
-// An accessor without a buffer view is all zeros, so its count costs the file nothing: bound it.
+// An accessor without a buffer view is all zeros and costs the file no bytes, so its count needs a bound.
 constexpr size_t kMaxElementsWithoutData = size_t{1} << 22;
 
-/// `count` elements `stride` bytes apart; data is null where all are zero.
+/// `count` elements `stride` bytes apart; data is null if all are zero.
 struct Elements {
   const char* data = nullptr;
   size_t count = 0;
@@ -36,7 +36,7 @@ int ComponentBytes(int component_type) {
     case TINYGLTF_COMPONENT_TYPE_FLOAT:
       return 4;
     default:
-      return 0;  // tinygltf lets INT and DOUBLE pass, glTF does not know them
+      return 0;  // tinygltf accepts INT and DOUBLE, which glTF does not have
   }
 }
 
@@ -48,7 +48,7 @@ absl::StatusOr<const tinygltf::Accessor*> Find(const Document& document, int acc
   return &accessors[accessor];
 }
 
-/// Points `elements` at `offset` of buffer view `view`, after checking that all of them lie within it.
+/// Sets `elements` to `offset` of buffer view `view`. Error: some of them lie outside the view.
 absl::Status Locate(const Document& document, int view, size_t offset, Elements* elements) {
   const auto bytes = ViewBytes(document, view);
   if (!bytes.ok()) return bytes.status();
@@ -171,7 +171,7 @@ absl::StatusOr<std::vector<uint32_t>> DecodeUnsigned(const Elements& elements) {
   }
 }
 
-/// Which elements of a sparse accessor are replaced.
+/// Indices of the elements that a sparse accessor replaces.
 absl::StatusOr<std::vector<uint32_t>> SparseTargets(const Document& document,
                                                     const tinygltf::Accessor& accessor) {
   const auto& sparse = accessor.sparse;
@@ -208,7 +208,7 @@ absl::StatusOr<Elements> SparseValues(const Document& document, const tinygltf::
   return elements;
 }
 
-/// Replaces elements of `out`, which holds those from `first` on.
+/// Replaces elements of `out`, which holds the accessor's elements from `first` on.
 absl::Status ApplySparse(const Document& document, const tinygltf::Accessor& accessor, int width,
                          size_t first, size_t count, float* out) {
   const auto targets = SparseTargets(document, accessor);
@@ -236,7 +236,7 @@ absl::Status CheckFinite(const float* values, size_t count, int width) {
   return absl::OkStatus();
 }
 
-/// Decodes `count` elements from `first` on into `out`; they are known to exist.
+/// Decodes `count` elements from `first` on into `out`; they must exist.
 absl::Status DecodeRange(const Document& document, const tinygltf::Accessor& accessor, Elements elements,
                          size_t first, size_t count, float* out) {
   if (elements.data != nullptr) elements.data += first * elements.stride;
@@ -248,7 +248,7 @@ absl::Status DecodeRange(const Document& document, const tinygltf::Accessor& acc
   return CheckFinite(out, count * static_cast<size_t>(elements.width), elements.width);
 }
 
-/// Reads elements of a type that is nothing but floats.
+/// Reads elements of a type that consists of floats only.
 template <typename Vec>
 absl::StatusOr<std::vector<Vec>> ReadVectors(const Document& document, int index) {
   static_assert(std::is_trivially_copyable_v<Vec> && sizeof(Vec) % sizeof(float) == 0);

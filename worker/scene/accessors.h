@@ -8,10 +8,10 @@
 #include "worker/scene/document.h"
 #include "worker/scene/vec.h"
 
-/// Checked reading of accessors: any stride, sparse ones, normalised integers as glTF 2.0 (3.11) and
-/// KHR_mesh_quantization define them. Errors, all: kInvalidArgument naming the accessor when it does not
-/// exist, has another type, leaves its buffer view or holds a value that is not finite; kResourceExhausted
-/// for an absurd count without data behind it.
+/// Checked reading of accessors: any stride, sparse accessors, normalised integers as glTF 2.0 (3.11) and
+/// KHR_mesh_quantization define them. Errors of all functions: kInvalidArgument naming the accessor if it
+/// does not exist, has another type, exceeds its buffer view or holds a value that is not finite;
+/// kResourceExhausted for a huge count without data.
 namespace lumifold::scene {
 
 /// The number of elements.
@@ -21,18 +21,18 @@ absl::StatusOr<std::vector<Vec2>> ReadVec2s(const Document& document, int access
 absl::StatusOr<std::vector<Vec3>> ReadVec3s(const Document& document, int accessor);
 absl::StatusOr<std::vector<Vec4>> ReadVec4s(const Document& document, int accessor);
 
-/// RGBA, alpha 1 where the accessor holds RGB.
+/// RGBA; alpha is 1 if the accessor holds RGB.
 absl::StatusOr<std::vector<Vec4>> ReadColors(const Document& document, int accessor);
 
 /// `rgb` with alpha 1.
 std::vector<Vec4> OpaqueColors(const std::vector<Vec3>& rgb);
 
-/// Elements [first, first + count) of an accessor whose elements have `width` components (VEC2 to VEC4, or
-/// SCALAR), one after the other. Error, besides: they are more than it holds.
+/// Elements [first, first + count), concatenated, of an accessor whose elements have `width` components (VEC2
+/// to VEC4, or SCALAR). Also an error: the accessor holds fewer elements.
 absl::StatusOr<std::vector<float>> ReadFloats(const Document& document, int accessor, int width, size_t first,
                                               size_t count);
 
-/// MAT4 of which the last row, 0 0 0 1, is taken for granted.
+/// MAT4; the last row is assumed to be 0 0 0 1.
 absl::StatusOr<std::vector<Affine>> ReadMatrices(const Document& document, int accessor);
 
 /// VEC4 of unsigned integers: the joints of a vertex.

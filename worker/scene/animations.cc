@@ -12,16 +12,17 @@
 namespace lumifold::scene {
 namespace {
 
-/// How the values of one channel lie in their accessor.
+/// The layout of one channel's values in their accessor.
 struct ValueLayout {
   int width = 1;              // components of an element
-  size_t elements = 1;        // that make one value
+  size_t elements = 1;        // per value
   size_t values_per_key = 1;  // 3 for cubic splines: in-tangent, value, out-tangent
   size_t ElementsPerKey() const { return elements * values_per_key; }
   size_t FloatsPerValue() const { return elements * static_cast<size_t>(width); }
 };
 
-/// The number of morph targets of the node's mesh: of its first primitive, all have as many.
+/// The number of morph targets of the node's mesh, taken from its first primitive: all primitives have the
+/// same.
 size_t MorphTargetCount(const tinygltf::Model& model, const tinygltf::Node& node) {
   if (node.mesh < 0 || static_cast<size_t>(node.mesh) >= model.meshes.size()) return 0;
   const auto& primitives = model.meshes[node.mesh].primitives;
@@ -30,7 +31,7 @@ size_t MorphTargetCount(const tinygltf::Model& model, const tinygltf::Node& node
 
 Vec4 QuaternionAt(std::span<const float> values) { return {values[0], values[1], values[2], values[3]}; }
 
-/// One document being posed.
+/// Poses one document.
 class Poser {
  public:
   Poser(double time_seconds, const LoadLimits& limits, Document* document, Diagnostics* diagnostics)
@@ -104,7 +105,7 @@ class Poser {
     return &node->weights;
   }
 
-  /// Keyframe times, each accessor read once: exporters share them among all channels of an object.
+  /// Keyframe times. Each accessor is read once, because exporters share it among all channels of an object.
   absl::StatusOr<const std::vector<float>*> Times(int accessor) {
     const auto known = times_.find(accessor);
     if (known != times_.end()) return &known->second;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kInfluenceSets = 2;  // of four joints each
 
-/// Adds `weight` times the target's `attribute` to `values`, a vector of things with x, y and z.
+/// Adds `weight` times the target's `attribute` to `values`, vectors with components x, y and z.
 template <typename Vec>
 absl::Status AddTarget(const Document& document, const std::map<std::string, int>& target,
                        const char* attribute, float weight, std::vector<Vec>* values) {
@@ -37,7 +37,7 @@ absl::Status AddTarget(const Document& document, const std::map<std::string, int
   return absl::OkStatus();
 }
 
-/// The joints that move each vertex and how much.
+/// Joints and weights of each vertex.
 struct Influences {
   std::vector<std::array<uint32_t, 4>> joints;
   std::vector<Vec4> weights;
@@ -69,7 +69,7 @@ void AddScaled(const Affine& map, float weight, Affine* sum) {
   sum->origin += map.origin * weight;
 }
 
-/// The mean of the maps of vertex `i`; false where it has no weights.
+/// The weighted mean of the transforms of vertex `i`; false if it has no weights.
 bool MeanMap(std::span<const Influences> sets, size_t i, std::span<const Affine> maps, Affine* mean) {
   constexpr Vec3 kZero = {0, 0, 0};
   float total = 0;
@@ -85,7 +85,7 @@ bool MeanMap(std::span<const Influences> sets, size_t i, std::span<const Affine>
     }
   }
   if (!(total > 0)) return false;
-  // Stored weights are rounded: without the division, a vertex far from the origin would drift.
+  // Stored weights are rounded; without normalisation a vertex far from the origin would be displaced.
   const float share = 1.0f / total;
   *mean = {sum.x * share, sum.y * share, sum.z * share, sum.origin * share};
   return true;

@@ -9,26 +9,26 @@
 
 namespace lumifold::scene {
 
-/// How one placement bends its mesh.
+/// The deformation of a mesh at one placement.
 struct Deformation {
-  std::span<const double> morph_weights;    // one a morph target; empty: none applied
-  std::span<const Affine> world_from_bind;  // one a joint of the skin; empty: not skinned
+  std::span<const double> morph_weights;    // one for each morph target; empty: none applied
+  std::span<const Affine> world_from_bind;  // one for each joint of the skin; empty: not skinned
 };
 
-/// Adds the morph targets of `primitive`, each times its weight, to positions, normals and tangents of
-/// `mesh`, which holds all vertices of the primitive. Targets of weight 0 are not read; each other one takes
-/// its vertices off `budget`. Errors: kInvalidArgument for another number of weights than targets, or for
-/// accessors that do not fit; kResourceExhausted.
+/// Adds the weighted morph targets of `primitive` to positions, normals and tangents of `mesh`, which holds
+/// all vertices of the primitive. Targets of weight 0 are not read; every other target subtracts its vertices
+/// from `budget`. Errors: kInvalidArgument if the numbers of weights and targets differ or accessors do not
+/// fit; kResourceExhausted.
 absl::Status ApplyMorphTargets(const Document& document, const tinygltf::Primitive& primitive,
                                std::span<const double> weights, GeometryBudget* budget, Mesh* mesh);
 
-/// Moves the vertices of `mesh` from the pose they were bound in into world space, each by the mean of its
-/// joints' maps (at most eight). Returns how many vertices no joint moves: they stay where they are. Errors:
+/// Transforms the vertices of `mesh` from the bind pose to world space by linear blend skinning with at most
+/// eight joints per vertex. Vertices without weights are unchanged; returns their number. Errors:
 /// kInvalidArgument for missing attributes and joints that do not exist.
 absl::StatusOr<int64_t> ApplySkin(const VertexSource& source, std::span<const Affine> world_from_bind,
                                   Mesh* mesh);
 
-/// Error: a vertex was thrown out of floating-point range.
+/// Error: a vertex is outside the floating-point range.
 absl::Status CheckDeformed(const Mesh& mesh);
 
 }  // namespace lumifold::scene

@@ -8,16 +8,17 @@
 
 namespace lumifold::scene {
 
-/// Gathers what a load leaves out, so that a thousand degenerate triangles make one line and not a thousand.
+/// Collects warnings of a load and merges those of one kind, so that a thousand degenerate triangles give one
+/// line.
 class Diagnostics {
  public:
-  /// One line of its own.
+  /// Adds a line.
   void Note(const std::string& line);
 
-  /// Adds `n` to the count of `what`; the first `where` is kept as an example.
+  /// Adds `n` to the count of `what`; the first `where` is reported as an example.
   void Count(const std::string& what, const std::string& where, int64_t n = 1);
 
-  /// All lines, in the order in which each kind first came up.
+  /// All lines, in the order in which each kind first occurred.
   std::vector<std::string> Lines() const;
 
  private:
@@ -29,13 +30,13 @@ class Diagnostics {
   std::vector<Entry> entries_;
 };
 
-/// `text` with every control character replaced by a space: names out of a file must not break a line.
+/// `text` with every control character replaced by a space, so that names from a file cannot break a line.
 std::string OneLine(const std::string& text);
 
-/// The status with "`context`: " before its message; OK stays OK.
+/// The status with "`context`: " before its message; OK is returned unchanged.
 absl::Status WithContext(const absl::Status& status, const std::string& context);
 
-/// How messages name a thing of the document: `mesh 3 "Chair"`, without quotes where it has no name.
+/// The name of an object of the document in messages: `mesh 3 "Chair"`, or `mesh 3` if it has no name.
 std::string Place(const std::string& kind, int64_t index, const std::string& name);
 
 }  // namespace lumifold::scene

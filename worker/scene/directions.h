@@ -6,11 +6,11 @@
 
 namespace lumifold::scene {
 
-/// v scaled to unit length in double, where no float can overflow or vanish; nullopt for zero. v must be
-/// finite.
+/// v scaled to unit length, computed in double, where no float overflows or underflows; nullopt for zero. v
+/// must be finite.
 std::optional<Vec3> UnitVector(Vec3 v);
 
-/// Some unit vector at right angles to the unit vector n.
+/// A unit vector perpendicular to the unit vector n.
 Vec3 Perpendicular(Vec3 n);
 
 }  // namespace lumifold::scene

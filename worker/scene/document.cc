@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::json;
 
-// Far more than any exporter needs; what walks JSON recursively stays within a small stack.
+// Far more than any exporter needs. Bounds the stack of functions that traverse JSON recursively.
 constexpr int kMaxJsonDepth = 128;
 
 struct Container {
@@ -29,7 +29,7 @@ uint32_t LittleEndian32(std::string_view bytes) {
   return byte(0) | byte(1) << 8 | byte(2) << 16 | byte(3) << 24;
 }
 
-/// Takes the next chunk (length, type, content) off the front of `rest`.
+/// Removes the next chunk (length, type, content) from the front of `rest`.
 absl::StatusOr<std::pair<uint32_t, std::string_view>> TakeChunk(std::string_view* rest) {
   constexpr size_t kHeaderBytes = 8;
   if (rest->size() < kHeaderBytes) return absl::InvalidArgumentError("GLB cut short in a chunk's header");
@@ -68,7 +68,7 @@ absl::StatusOr<Container> SplitGlb(std::string_view bytes) {
   if (!chunk.ok()) return chunk.status();
   container.has_binary = chunk->first == kBinaryChunk;
   if (container.has_binary) container.binary = chunk->second;
-  return container;  // further chunks are for extensions; glTF tells readers to skip them
+  return container;  // further chunks belong to extensions; glTF tells readers to skip them
 }
 
 absl::StatusOr<Container> SplitContainer(std::string_view bytes) {
@@ -82,8 +82,8 @@ absl::StatusOr<Container> SplitContainer(std::string_view bytes) {
   return Container{bytes, {}, false};
 }
 
-/// Refuses JSON nested so deeply that recursive readers would run out of stack. Brackets within strings do
-/// not count.
+/// Error: the JSON is nested so deeply that recursive readers would overflow the stack. Ignores brackets in
+/// strings.
 absl::Status CheckJsonDepth(std::string_view text) {
   int depth = 0;
   bool in_string = false;
@@ -113,9 +113,9 @@ bool FitsItsType(const json& value, bool is_size) {
   return value.get<int64_t>() >= (is_size ? 0 : std::numeric_limits<int32_t>::min());
 }
 
-/// Path and value of the first integer that tinygltf would let wrap around to a wrong but valid one: it reads
-/// all but sizes as int.
-std::optional<std::string> FindUnfitInteger(const json& value, bool is_size) {
+/// Path and value of the first integer that does not fit tinygltf's type and would wrap around to a valid but
+/// wrong one. tinygltf reads all integers except sizes as int.
+std::optional<std::string> FindOutOfRangeInteger(const json& value, bool is_size) {
   if (!value.is_structured()) {
     if (FitsItsType(value, is_size)) return std::nullopt;
     return absl::StrCat(": ", value.dump());
@@ -127,7 +127,7 @@ std::optional<std::string> FindUnfitInteger(const json& value, bool is_size) {
       if (key == "extras") continue;
       child_is_size = key == "byteOffset" || key == "byteLength" || key == "count";
     }
-    const auto found = FindUnfitInteger(*child, child_is_size);
+    const auto found = FindOutOfRangeInteger(*child, child_is_size);
     if (!found.has_value()) continue;
     return absl::StrCat("/", value.is_object() ? child.key() : absl::StrCat(child - value.begin()), *found);
   }
@@ -148,7 +148,7 @@ absl::Status CheckVersion(const json& root) {
   return absl::OkStatus();
 }
 
-/// Takes the array `section` out of the document; a missing one is empty.
+/// Removes the array `section` from the document and returns it; empty if there is none.
 absl::StatusOr<json> TakeSection(json* root, const char* section) {
   const auto found = root->find(section);
   if (found == root->end()) return json::array();
@@ -219,8 +219,8 @@ absl::Status ReadImageSources(const json& images, Document* document) {
   return absl::OkStatus();
 }
 
-/// Takes the indices' accessor from primitives compressed with Draco, which hold their own: theirs is without
-/// a buffer view, which tinygltf refuses in an index accessor.
+/// Removes the index accessor from primitives compressed with Draco. It has no buffer view, which tinygltf
+/// rejects, and Draco's data contains the indices.
 void DropCompressedIndices(json* root) {
   const auto meshes = root->find("meshes");
   if (meshes == root->end() || !meshes->is_array()) return;
@@ -246,7 +246,7 @@ absl::Status ParseModel(const json& root, tinygltf::Model* model) {
   std::string error, warning;
   const bool parsed = parser.LoadASCIIFromString(model, &error, &warning, text.data(),
                                                  static_cast<unsigned int>(text.size()), "");
-  // tinygltf skips some malformed things and says so in `error` alone: a scene with holes is no success.
+  // tinygltf skips some malformed objects and reports them in `error` only; an incomplete scene is an error.
   if (parsed && error.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(error.empty() ? "malformed glTF" : absl::StripSuffix(error, "\n"));
 }
@@ -269,8 +269,8 @@ absl::StatusOr<Document> ParseDocument(std::string_view bytes, const AssetReader
   json root = json::parse(container->json_text);
   if (!root.is_object()) return absl::InvalidArgumentError("not glTF: the JSON is not an object");
   if (auto s = CheckVersion(root); !s.ok()) return s;
-  if (const auto unfit = FindUnfitInteger(root, false); unfit.has_value()) {
-    return absl::InvalidArgumentError(absl::StrCat(*unfit, " is out of range"));
+  if (const auto out_of_range = FindOutOfRangeInteger(root, false); out_of_range.has_value()) {
+    return absl::InvalidArgumentError(absl::StrCat(*out_of_range, " is out of range"));
   }
 
   Document document;

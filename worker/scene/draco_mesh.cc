@@ -17,16 +17,17 @@
 namespace lumifold::scene {
 namespace {
 
-// A good encoder needs some bits for a triangle of the dullest mesh. What claims more is a bomb.
+// A good encoder needs some bits per triangle even for the simplest mesh. Data that claims more is a
+// decompression bomb.
 constexpr int64_t kMaxTrianglesPerByte = 256;
 
-// glTF's own attributes make 140 bytes a vertex with two sets of everything. An attribute whose values are
-// all equal costs the file nothing, so the count of them must be bounded.
+// glTF's attributes take 140 bytes per vertex with two sets of each. An attribute whose values are all equal
+// costs the file no bytes, so their number must be bounded.
 constexpr int64_t kMaxBytesPerVertex = 512;
 constexpr int kMaxAttributeSeamSets = 16;
 
-/// Whether glTF has accessors of this type and a `T` can hold their values. A damaged file may claim any
-/// type, and Draco converts as it is told: bytes that are no bool, and numbers that do not fit.
+/// Whether glTF has accessors of this type and `T` can hold their values. A damaged file may claim any type,
+/// and Draco converts without checks: bytes that are not a bool, and numbers that do not fit.
 template <typename T>
 bool IsReadable(draco::DataType type) {
   switch (type) {
@@ -45,7 +46,7 @@ bool IsReadable(draco::DataType type) {
 
 absl::Status Damaged() { return absl::InvalidArgumentError("damaged or cut short"); }
 
-/// Looks at what is to be decoded before memory is taken for it. `Base` is a decoder of Draco's.
+/// Checks the sizes to be decoded before memory is allocated. `Base` is one of Draco's decoders.
 template <typename Base>
 class GuardedDecoder : public Base {
  public:
@@ -80,7 +81,7 @@ absl::Status DecodeWith(std::string_view bytes, draco::Mesh* mesh) {
   return status.ok() ? absl::OkStatus() : Damaged();
 }
 
-/// The header and the counts that follow it, as Draco's bitstream specification 2.2 lays them out.
+/// The header and the counts that follow it (Draco's bitstream specification 2.2).
 struct Head {
   uint8_t method = 0;
   uint32_t triangles = 0;

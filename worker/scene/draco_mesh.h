@@ -13,17 +13,17 @@ class Mesh;
 
 namespace lumifold::scene {
 
-/// A mesh compressed with Draco (bitstream 2.2, as KHR_draco_mesh_compression demands).
+/// A mesh compressed with Draco (bitstream 2.2, as KHR_draco_mesh_compression requires).
 class DracoMesh {
  public:
-  /// What compressed bytes say of their size before anything is decoded.
+  /// The size stated in the header, before decoding.
   struct Size {
     int64_t triangles = 0;
     int64_t max_vertices = 0;
   };
 
-  /// Errors: kInvalidArgument for what is no Draco mesh of that version, or claims more triangles than such
-  /// few bytes can hold.
+  /// Errors: kInvalidArgument if the bytes are not a Draco mesh of that version, or claim more triangles than
+  /// so few bytes can hold.
   static absl::StatusOr<Size> PeekSize(std::string_view bytes);
 
   /// Memory in proportion to PeekSize. Errors: kInvalidArgument, kResourceExhausted.
@@ -35,17 +35,17 @@ class DracoMesh {
 
   size_t vertex_count() const;
 
-  /// Vertex indices, three a triangle.
+  /// Vertex indices, three for each triangle.
   std::vector<uint32_t> Corners() const;
 
-  /// The components an attribute has. Error: there is none with this id.
+  /// The number of components of an attribute. Error: there is none with this id.
   absl::StatusOr<int> Width(int attribute) const;
 
-  /// Attribute `attribute` (its unique id) of all vertices, `width` components each, integers normalised
-  /// where it says so. Errors: kInvalidArgument when it does not exist, has another width, or is not finite.
+  /// Attribute `attribute` (a unique id) of all vertices, `width` components each; integers are normalised if
+  /// the attribute is. Errors: kInvalidArgument if it does not exist, has another width, or is not finite.
   absl::StatusOr<std::vector<float>> Floats(int attribute, int width) const;
 
-  /// Likewise unsigned integers.
+  /// The same for unsigned integers.
   absl::StatusOr<std::vector<uint32_t>> Unsigned(int attribute, int width) const;
 
  private:

@@ -8,8 +8,8 @@
 
 namespace lumifold::scene {
 
-/// Refuses a required extension that this loader does not know, naming it (kInvalidArgument), and notes each
-/// used one with what is lost.
+/// Error: kInvalidArgument naming a required extension that the loader does not support. Notes each used
+/// extension that is not supported, and what is lost.
 absl::Status CheckExtensions(const std::vector<std::string>& used, const std::vector<std::string>& required,
                              Diagnostics* diagnostics);
 

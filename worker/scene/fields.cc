@@ -13,7 +13,7 @@ void FieldReader::Fail(const std::string& message) {
 }
 
 float FieldReader::Finite(double value, const char* field) {
-  // Compared in double: converting a double beyond float's range is undefined.
+  // Compared in double, because converting a double outside float's range is undefined.
   if (std::isfinite(value) && std::fabs(value) <= double{std::numeric_limits<float>::max()}) {
     return static_cast<float>(value);
   }

@@ -11,11 +11,11 @@
 
 namespace lumifold::scene {
 
-/// Reads numbers of one object of the document (a material, say) and keeps the first error, so that a reader
-/// of twenty fields is twenty lines and one check at the end. After an error every read gives its default.
+/// Reads numbers of one object of the document, for example a material, and stores the first error, so that
+/// callers check once at the end. After an error every read returns its default.
 class FieldReader {
  public:
-  /// `place` begins every error; both must outlive the reader.
+  /// `place` is the prefix of every error; both arguments must outlive the reader.
   FieldReader(const std::string& place, Diagnostics* diagnostics)
       : place_(place), diagnostics_(diagnostics) {}
 
@@ -26,13 +26,13 @@ class FieldReader {
   /// `value` as float. Error: not finite as float.
   float Finite(double value, const char* field);
 
-  /// As Finite, moved into [low, high]; moving one is counted in the diagnostics.
+  /// As Finite, clamped to [low, high]; clamping is counted in the diagnostics.
   float Clamped(double value, double low, double high, const char* field);
 
-  /// Member `field` of an extension's object, or the default where it is missing. Error: another type.
+  /// Member `field` of an extension's object, or the default if it is missing. Error: another type.
   double Number(const tinygltf::Value& object, const char* field, double otherwise);
 
-  /// Likewise an array of N numbers.
+  /// The same for an array of N numbers.
   template <size_t N>
   std::array<double, N> Numbers(const tinygltf::Value& object, const char* field,
                                 std::array<double, N> otherwise) {

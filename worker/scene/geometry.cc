@@ -22,7 +22,7 @@ bool DrawsTriangles(int mode) {
          mode == TINYGLTF_MODE_TRIANGLE_FAN;
 }
 
-/// Separate triangles out of a list, strip or fan of vertex indices, wound as glTF 2.0 (3.7.2.1) says.
+/// Separate triangles from a list, strip or fan of vertex indices, with the winding of glTF 2.0 (3.7.2.1).
 Triangles Separate(int mode, Triangles corners) {
   const auto count = static_cast<size_t>(TriangleCount(mode, corners.size()));
   if (mode == TINYGLTF_MODE_TRIANGLES) {
@@ -47,8 +47,8 @@ Vec3 FaceVector(const Mesh& mesh, const uint32_t* corners) {
   return Cross(mesh.positions[corners[1]] - origin, mesh.positions[corners[2]] - origin);
 }
 
-/// Removes triangles whose normal cannot be computed in float: equal or collinear corners, extents beyond 1e9
-/// or below 1e-9. Returns how many.
+/// Removes triangles whose normal cannot be computed in float: equal or collinear vertices, extents beyond
+/// 1e9 or below 1e-9. Returns their number.
 int64_t DropDegenerate(Mesh* mesh) {
   size_t kept = 0;
   Triangles& t = mesh->triangles;
@@ -71,7 +71,7 @@ void Gather(const std::vector<uint32_t>& new_from_old, size_t used, std::vector<
   *values = std::move(gathered);
 }
 
-/// Leaves out vertices that no triangle uses: exporters let many primitives share one large vertex array.
+/// Removes vertices that no triangle uses: exporters often share one large vertex array among primitives.
 void DropUnusedVertices(Mesh* mesh) {
   std::vector<uint32_t> new_from_old(mesh->positions.size(), kUnused);
   for (const uint32_t corner : mesh->triangles) new_from_old[corner] = 0;
@@ -89,8 +89,8 @@ void DropUnusedVertices(Mesh* mesh) {
   Gather(new_from_old, used, &mesh->colors);
 }
 
-/// Gives normals unit length; those of length zero become the mean of the faces around them. Returns how many
-/// those were.
+/// Normalises the normals. A normal of length zero becomes the mean of the adjacent faces. Returns the number
+/// of those.
 int64_t NormalizeNormals(Mesh* mesh) {
   if (mesh->normals.empty()) return 0;
   std::vector<bool> is_zero(mesh->normals.size());
@@ -123,8 +123,8 @@ void NormalizeTangents(Mesh* mesh) {
   }
 }
 
-/// Colours multiply the base colour, which must not reflect more than it receives. Returns how many were
-/// outside 0 to 1.
+/// Clamps vertex colours to 0 to 1: they multiply the base colour, which must conserve energy. Returns the
+/// number of clamped ones.
 int64_t ClampColors(Mesh* mesh) {
   int64_t clamped = 0;
   for (Vec4& color : mesh->colors) {
@@ -142,13 +142,13 @@ absl::Status ReadAttributes(const VertexSource& source, Mesh* mesh) {
   if (s.ok()) s = source.Read("TEXCOORD_0", &mesh->uvs[0]);
   if (s.ok()) s = source.Read("TEXCOORD_1", &mesh->uvs[1]);
   if (s.ok()) s = source.ReadRgba("COLOR_0", &mesh->colors);
-  // glTF: with flat normals, tangents of the file are to be ignored.
+  // glTF: the file's tangents are ignored for flat normals.
   if (s.ok() && !mesh->normals.empty()) s = source.Read("TANGENT", &mesh->tangents);
   return s;
 }
 
-/// The normal map by whose coordinates a mesh without tangents must get some; null where it needs none. A
-/// coat over a base with a normal map shares the base's.
+/// The normal map from whose texture coordinates tangents must be generated; null if none are needed. A coat
+/// over a base with a normal map uses the base's tangents.
 const TextureRef* TangentsMissingFor(const Mesh& mesh, const std::vector<Material>& materials) {
   if (mesh.material == kNone || !mesh.tangents.empty()) return nullptr;
   const Material& material = materials[mesh.material];

@@ -11,7 +11,7 @@
 
 namespace lumifold::scene {
 
-/// Turns glTF primitives into Meshes, within the limits of one load.
+/// Converts glTF primitives to Meshes, within the limits of one load.
 class GeometryReader {
  public:
   /// `document`, `materials` and `diagnostics` must outlive the reader.
@@ -22,11 +22,11 @@ class GeometryReader {
         budget_{limits.max_triangles, limits.max_vertices},
         diagnostics_(diagnostics) {}
 
-  /// A Mesh of separate triangles, bent by `deformation`; nullopt where there are none to draw (points,
-  /// lines, all degenerate). Strips and fans are taken apart, vertices no triangle uses are left out,
-  /// tangents are made where a normal texture needs them. Triangles without an area that float arithmetic can
-  /// work with are dropped and counted, primitives of points and lines likewise. Errors: kInvalidArgument
-  /// starting with `place`; kResourceExhausted.
+  /// A Mesh of separate triangles, deformed by `deformation`; nullopt if there are none to draw (points,
+  /// lines, all degenerate). Strips and fans become triangles, unused vertices are removed, and tangents are
+  /// generated if a normal texture needs them. Triangles whose normal cannot be computed in float are dropped
+  /// and counted, and so are primitives of points and lines. Errors: kInvalidArgument starting with `place`;
+  /// kResourceExhausted.
   absl::StatusOr<std::optional<Mesh>> Read(const tinygltf::Primitive& primitive,
                                            const Deformation& deformation, const std::string& place);
 

@@ -25,7 +25,7 @@ namespace {
 
 constexpr int64_t kMaxFileBytes = int64_t{1} << 36;
 
-/// One shape of a glTF mesh: nodes that bend it alike share it.
+/// A glTF mesh with one deformation; nodes with the same deformation share it.
 struct Shape {
   int mesh = kNone;
   int skin = kNone;
@@ -35,13 +35,13 @@ struct Shape {
   }
 };
 
-/// The Scene's meshes that one shape became.
+/// The Scene's meshes of one shape.
 struct MeshRange {
   int first = 0;
   int count = 0;
 };
 
-/// Reads the shapes that are placed somewhere, each once, and makes their instances.
+/// Reads each shape that is placed at least once, and creates the instances.
 class InstanceReader {
  public:
   InstanceReader(const Document& document, const NodeContents& contents, const LoadLimits& limits,
@@ -127,7 +127,7 @@ class InstanceReader {
   Scene* scene_;
 };
 
-/// Positions up to 1e9 leave room for the squares and cubes of a renderer in float.
+/// Squares and cubes of positions up to 1e9 fit a float.
 absl::Status CheckExtent(const Scene& scene) {
   constexpr float kMaxCoordinate = 1e9f;
   const Bounds bounds = WorldBounds(scene);
@@ -167,14 +167,14 @@ absl::StatusOr<Scene> LoadUnguarded(std::string_view bytes, const AssetReader& r
   return scene;
 }
 
-/// nlohmann_json begins its messages with "[json.exception.parse_error.101] ".
+/// Removes the prefix of nlohmann_json's messages, "[json.exception.parse_error.101] ".
 std::string WithoutTag(const std::string& message) {
   const size_t end = message.find("] ");
   return message.starts_with("[json.exception.") && end != std::string::npos ? message.substr(end + 2)
                                                                              : message;
 }
 
-/// The one place where exceptions, all of them of libraries, become a Status.
+/// Converts exceptions, all of them from libraries, to a Status. The only place that does so.
 absl::StatusOr<Scene> LoadGuarded(std::string_view bytes, const AssetReader& reader,
                                   const LoadOptions& options) {
   try {

@@ -21,22 +21,22 @@ namespace {
 constexpr std::string_view kPngMagic = "\x89PNG\r\n\x1a\n";
 constexpr std::string_view kJpegMagic = "\xff\xd8\xff";
 
-// Deflate shrinks at most 1032:1 and a PNG has at least one bit a pixel; JPEG spends at least a bit on 64
-// pixels. What claims more pixels than this is a bomb or cut short.
+// Deflate compresses at most 1032:1 and a PNG has at least one bit per pixel; JPEG needs at least one bit for
+// 64 pixels. An image that claims more pixels is a decompression bomb or truncated.
 constexpr int64_t kMaxPixelsPerByte = 8 * 1032;
 
-/// What passes between a decoder and the functions it calls back.
+/// State shared by a decoder and its callbacks.
 struct Decoding {
   std::string_view rest;  // not yet read, PNG only
   int64_t encoded_bytes = 0;
   int64_t max_pixels = 0;
   ImageData image;
-  absl::Status refused;    // the size was not acceptable
-  char message[200] = "";  // the library's words
+  absl::Status refused;    // error of the size check
+  char message[200] = "";  // the library's message
   jmp_buf on_error;        // JPEG only; libpng has its own
 };
 
-/// Checks the size and makes room for it.
+/// Checks the size and allocates the pixels.
 bool Accept(Decoding* decoding, uint64_t width, uint64_t height) {
   constexpr uint64_t kMaxSide = 1u << 20;
   const bool too_long = width > kMaxSide || height > kMaxSide;
@@ -75,7 +75,7 @@ void ReadPngBytes(png_structp png, png_bytep out, size_t count) {
   decoding->rest.remove_prefix(count);
 }
 
-/// Whatever the file holds shall come out as 8-bit RGBA.
+/// Configures libpng to output 8-bit RGBA for every kind of file.
 void RequestRgba(png_structp png) {
   png_set_expand(png);
   png_set_scale_16(png);
@@ -115,15 +115,15 @@ bool DecodePng(Decoding* decoding) {
   std::longjmp(decoding->on_error, 1);
 }
 
-/// libjpeg fills what is missing with grey and only warns: an artist wants to know. Other warnings are
-/// harmless.
+/// Turns the warning about a truncated file into an error, since libjpeg fills the missing part with grey.
+/// Other warnings are harmless.
 void OnJpegMessage(j_common_ptr jpeg, int level) {
   const bool is_cut_short = jpeg->err->msg_code == JWRN_JPEG_EOF || jpeg->err->msg_code == JWRN_HIT_MARKER;
   if (level < 0 && is_cut_short) OnJpegError(jpeg);
 }
 
-/// A progressive file may hold thousands of empty scans over a large picture, each of which costs a pass over
-/// it.
+/// Bounds the scans of a progressive file: it may hold thousands of empty ones, each of which costs a pass
+/// over the picture.
 void OnJpegProgress(j_common_ptr jpeg) {
   constexpr int kMaxScans = 500;
   if (reinterpret_cast<j_decompress_ptr>(jpeg)->input_scan_number <= kMaxScans) return;

@@ -43,18 +43,18 @@ std::vector<float> LinearBetween(std::span<const float> left, std::span<const fl
 Vec4 UnitQuaternion(Vec4 q) {
   const float largest = std::max({std::fabs(q.x), std::fabs(q.y), std::fabs(q.z), std::fabs(q.w)});
   if (!(largest > 0)) return q;
-  // Largest component made 1 first, so that squares neither overflow nor vanish.
+  // Scaled to a largest component of 1 first, so that squares neither overflow nor underflow.
   const Vec4 scaled = {q.x / largest, q.y / largest, q.z / largest, q.w / largest};
   const float norm = Norm(scaled);
   return {scaled.x / norm, scaled.y / norm, scaled.z / norm, scaled.w / norm};
 }
 
 Vec4 SphericalBetween(Vec4 left, Vec4 right, float fraction) {
-  // Below this angle the straight line is as good, and the quotient of sines loses digits.
+  // Below this angle linear interpolation is as accurate, and the quotient of sines loses precision.
   constexpr float kSmallAngle = 0.02f;
   const float dot = left.x * right.x + left.y * right.y + left.z * right.z + left.w * right.w;
-  const float sign = dot < 0 ? -1.0f : 1.0f;  // q and -q are one rotation: take the nearer
-  // Half the angle by its tangent: the arccosine of a dot product near 1 would be mostly rounding error.
+  const float sign = dot < 0 ? -1.0f : 1.0f;  // q and -q are the same rotation: use the nearer one
+  // Half the angle from its tangent: the arccosine of a dot product near 1 would be mostly rounding error.
   const float angle = 2 * Atan2(Norm(Blend(left, 1, right, -sign)), Norm(Blend(left, 1, right, sign)));
   if (angle < kSmallAngle) return UnitQuaternion(Blend(left, 1 - fraction, right, sign * fraction));
   const float sine = Sine(angle);

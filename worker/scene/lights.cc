@@ -22,7 +22,7 @@ absl::StatusOr<PunctualLight::Kind> KindFrom(const std::string& type) {
 void ReadCone(const tinygltf::SpotLight& spot, FieldReader* fields, PunctualLight* light) {
   light->outer_cone_angle = fields->Clamped(spot.outerConeAngle, 1e-4, double{kPi} / 2, "outerConeAngle");
   light->inner_cone_angle = fields->Clamped(spot.innerConeAngle, 0, double{kPi} / 2, "innerConeAngle");
-  // Exporters write equal angles for a sharp edge; the falloff between them must not divide by zero.
+  // Exporters write equal angles for a sharp edge; the falloff between the angles must not divide by zero.
   constexpr float kSharpest = 0.999f;
   light->inner_cone_angle = std::min(light->inner_cone_angle, kSharpest * light->outer_cone_angle);
 }

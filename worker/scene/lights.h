@@ -8,8 +8,8 @@
 namespace lumifold::scene {
 
 /// Reads light `source` of KHR_lights_punctual, placed at the origin. Colours and cones out of range are
-/// clamped and counted under `place`. Errors: kInvalidArgument naming `place`, for an unknown type
-/// and values that are not finite.
+/// clamped and counted under `place`. Errors: kInvalidArgument naming `place`, for an unknown type and values
+/// that are not finite.
 absl::StatusOr<PunctualLight> ReadLight(const tinygltf::Light& source, const std::string& place,
                                         Diagnostics* diagnostics);
 

@@ -18,7 +18,7 @@ constexpr char kTextureTransform[] = "KHR_texture_transform";
 constexpr double kMaxInt = std::numeric_limits<int>::max();
 constexpr double kMaxFloat = std::numeric_limits<float>::max();
 
-/// One material's way from the document into the Scene.
+/// Converts one material.
 class MaterialReader {
  public:
   MaterialReader(const tinygltf::Material& source, const std::string& place, TextureTable* textures,
@@ -74,7 +74,7 @@ class MaterialReader {
       return fields_.Clamped(source_.emissiveFactor[channel] * strength, 0, kMaxFloat, "emissiveFactor");
     };
     material_.emission = {radiance(0), radiance(1), radiance(2)};
-    // A texture times nothing need not be decoded.
+    // A texture multiplied by 0 is not decoded.
     if (material_.emission != Vec3{0, 0, 0}) material_.emission_texture = Ref(source_.emissiveTexture);
   }
 
@@ -114,7 +114,7 @@ class MaterialReader {
     if (extension == nullptr) return;
     material_.transmission =
         Fraction(fields_.Number(*extension, "transmissionFactor", 0), "transmissionFactor");
-    // A texture times nothing need not be decoded.
+    // A texture multiplied by 0 is not decoded.
     if (material_.transmission > 0)
       material_.transmission_texture = ExtensionRef(*extension, "transmissionTexture");
   }
@@ -171,7 +171,7 @@ class MaterialReader {
     return MakeRef(info.index, info.texCoord, FindExtension(info.extensions, kTextureTransform));
   }
 
-  /// Likewise for a texture of an extension, which tinygltf leaves as it found it.
+  /// The same for a texture of an extension, which tinygltf does not parse.
   TextureRef ExtensionRef(const tinygltf::Value& extension, const char* field) {
     if (!extension.Has(field)) return {};
     const tinygltf::Value& info = extension.Get(field);
@@ -211,8 +211,8 @@ class MaterialReader {
     return ref;
   }
 
-  /// Rotation is counter-clockwise as seen on a picture whose v points down. That is what viewers and
-  /// exporters do and the extension's text says; the GLSL beside that text turns the other way.
+  /// Rotation is counter-clockwise in a picture whose v points down. Viewers, exporters and the extension's
+  /// text agree on that; the extension's GLSL example rotates the other way.
   void ReadTransform(const tinygltf::Value& extension, TextureRef* ref) {
     const auto offset = fields_.Numbers<2>(extension, "offset", {0, 0});
     const auto scale = fields_.Numbers<2>(extension, "scale", {1, 1});

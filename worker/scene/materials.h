@@ -5,10 +5,10 @@
 
 namespace lumifold::scene {
 
-/// Fills materials (same indices as in the file), and the textures and images they use, each decoded once, of
-/// `scene`. Factors outside their range are clamped and counted; textures the renderer does not use are
-/// counted. Errors: kInvalidArgument, kResourceExhausted, the reader's own; each naming the material, texture
-/// or image.
+/// Reads the materials (same indices as in the file) and the textures and images that they use, each decoded
+/// once, into `scene`. Factors out of range are clamped and counted; textures that the renderer does not use
+/// are counted. Errors: kInvalidArgument, kResourceExhausted, the reader's own; each names the material,
+/// texture or image.
 absl::Status ReadMaterials(const Document& document, const AssetReader& reader, const LoadLimits& limits,
                            Scene* scene, Diagnostics* diagnostics);
 

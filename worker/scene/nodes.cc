@@ -64,7 +64,7 @@ absl::Status ReadLens(const tinygltf::Camera& source, Camera* camera) {
   return absl::OkStatus();
 }
 
-/// What EXT_mesh_gpu_instancing says about one node: an array each, empty where it says nothing.
+/// The attributes of EXT_mesh_gpu_instancing on one node; empty if missing.
 struct InstanceAttributes {
   std::vector<Vec3> translations;
   std::vector<Vec4> rotations;
@@ -118,7 +118,7 @@ absl::StatusOr<std::vector<Affine>> ReadInstances(const Document& document, cons
   return instances;
 }
 
-/// One walk over a scene's nodes.
+/// Traverses a scene's nodes.
 class NodeWalk {
  public:
   NodeWalk(const Document& document, const LoadLimits& limits, Diagnostics* diagnostics)
@@ -226,7 +226,7 @@ class NodeWalk {
       return absl::OkStatus();
     }
     Camera camera;
-    // What artists see and pick in their program is the object, which exporters make the node.
+    // Artists see and select the object, which exporters write as the node.
     camera.name = !node.name.empty()     ? node.name
                   : !source.name.empty() ? source.name
                                          : absl::StrCat("camera", node.camera);

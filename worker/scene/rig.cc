@@ -17,7 +17,8 @@ std::string StringOr(const json& object, const char* key, const std::string& oth
   return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
 }
 
-/// Member `key` as an index; nullopt where there is none. That it fits an int was checked for all numbers.
+/// Member `key` as an index; nullopt if it is missing. It fits an int: all numbers of the document are
+/// checked.
 absl::StatusOr<std::optional<int>> Index(const json& object, const char* key) {
   const auto found = object.find(key);
   if (found == object.end()) return std::nullopt;
@@ -59,7 +60,7 @@ absl::StatusOr<Interpolation> InterpolationFrom(const std::string& name) {
   return absl::InvalidArgumentError(absl::StrCat("interpolation \"", name, "\" is not glTF's"));
 }
 
-/// Fills what the channel's sampler says.
+/// Reads the channel's sampler.
 absl::Status ReadSampler(const json& samplers, int index, AnimationChannel* channel) {
   if (index < 0 || static_cast<size_t>(index) >= samplers.size()) {
     return absl::InvalidArgumentError(
@@ -77,7 +78,7 @@ absl::Status ReadSampler(const json& samplers, int index, AnimationChannel* chan
   return absl::OkStatus();
 }
 
-/// nullopt for a channel that moves nothing we know.
+/// nullopt for a channel without a node or of an unknown property.
 absl::StatusOr<std::optional<AnimationChannel>> ParseChannel(const json& source, const json& samplers,
                                                              const std::string& place,
                                                              Diagnostics* diagnostics) {

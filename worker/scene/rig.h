@@ -7,14 +7,14 @@
 #include "nlohmann/json_fwd.hpp"
 #include "worker/scene/diagnostics.h"
 
-/// The parts of a document that move things. tinygltf does not see them: it asks for fields that glTF leaves
-/// out at will (a skin's inverse bind matrices, a channel's node).
+/// Animations and skins of a document. tinygltf does not parse them, because it requires fields that are
+/// optional in glTF (a skin's inverse bind matrices, a channel's node).
 namespace lumifold::scene {
 
 enum class AnimatedProperty { kTranslation, kRotation, kScale, kWeights };
 enum class Interpolation { kStep, kLinear, kCubicSpline };
 
-/// One property of one node over time. Accessors and nodes are as in the file, not yet checked.
+/// One property of one node over time. Indices of accessors and nodes are as in the file, not checked.
 struct AnimationChannel {
   int node = -1;
   AnimatedProperty property = AnimatedProperty::kTranslation;
@@ -34,7 +34,7 @@ struct Skin {
   int inverse_bind_matrices = -1;  // accessor; -1: identities
 };
 
-/// Reads the section "animations". Channels without a node and those of properties that core glTF does not
+/// Reads the section "animations". Channels without a node and channels of properties that core glTF does not
 /// animate are left out; the latter are counted. Errors: kInvalidArgument naming the animation and channel.
 absl::Status ParseAnimations(const nlohmann::json& section, std::vector<Animation>* animations,
                              Diagnostics* diagnostics);

@@ -8,12 +8,11 @@
 
 #include "worker/scene/vec.h"
 
-/// What a scene is to the renderer: plain arrays in metres, seconds, linear Rec. 709 RGB, right-handed with
-/// +Y up as in glTF. A Scene that came out of the loader is valid: every index below is in range, every
-/// number finite.
+/// The renderer's scene: plain arrays in metres, seconds and linear Rec. 709 RGB, right-handed with +Y up as
+/// in glTF. A Scene from the loader is valid: every index is in range, every number is finite.
 namespace lumifold::scene {
 
-/// Index that names nothing.
+/// The index of no object.
 inline constexpr int kNone = -1;
 
 /// A decoded picture: 8-bit RGBA as in the file, rows from the top (v = 0 is the first row, as in glTF).
@@ -25,15 +24,15 @@ struct ImageData {
 
 enum class Wrap { kRepeat, kMirror, kClamp };
 
-/// A picture and how it is looked up outside [0,1] and between texels.
+/// A picture with its wrap modes and its filter.
 struct Texture {
   int image = kNone;
   Wrap wrap_s = Wrap::kRepeat;
   Wrap wrap_t = Wrap::kRepeat;
-  bool nearest = false;  // no interpolation asked for
+  bool nearest = false;  // nearest texel instead of bilinear
 };
 
-/// A texture as a material uses it: uv' = offset + rotation_scale * uv (KHR_texture_transform).
+/// A material's reference to a texture: uv' = offset + (row_u, row_v) * uv (KHR_texture_transform).
 struct TextureRef {
   int texture = kNone;
   int uv_set = 0;
@@ -44,8 +43,8 @@ struct TextureRef {
 
 enum class AlphaMode { kOpaque, kMask, kBlend };
 
-/// glTF's metallic-roughness material and the extensions the renderer models. Texture values multiply the
-/// factors.
+/// glTF's metallic-roughness material and the extensions that the renderer supports. Texture values multiply
+/// the factors.
 struct Material {
   std::string name;
   Vec3 base_color = {1, 1, 1};
@@ -61,7 +60,7 @@ struct Material {
   AlphaMode alpha_mode = AlphaMode::kOpaque;
   float alpha_cutoff = 0.5f;
   bool double_sided = false;
-  bool unlit = false;           // KHR_materials_unlit: base colour is emitted, nothing is reflected
+  bool unlit = false;           // KHR_materials_unlit: emits the base colour, reflects nothing
   float ior = 1.5f;             // KHR_materials_ior
   float specular = 1;           // KHR_materials_specular
   TextureRef specular_texture;  // A
@@ -73,24 +72,24 @@ struct Material {
   TextureRef clearcoat_texture;            // R
   float clearcoat_roughness = 0;           // perceptual, like roughness
   TextureRef clearcoat_roughness_texture;  // G
-  TextureRef clearcoat_normal_texture;     // the coat's own; the base's does not bend it
+  TextureRef clearcoat_normal_texture;     // the base's normal map does not affect the coat
   float clearcoat_normal_scale = 1;
   Vec3 sheen_color = {0, 0, 0};        // KHR_materials_sheen: reflectance of the fibres; black: none
   TextureRef sheen_color_texture;      // sRGB
   float sheen_roughness = 0;           // perceptual: sheen alpha = sheen_roughness^2
   TextureRef sheen_roughness_texture;  // A
-  bool has_volume = false;             // KHR_materials_volume with thickness > 0: refracts; otherwise thin
+  bool has_volume = false;             // KHR_materials_volume with thickness > 0: refracts; else thin
   Vec3 attenuation_color = {1, 1, 1};
-  float attenuation_distance = 0;  // metres; 0 stands for infinity
+  float attenuation_distance = 0;  // metres; 0: infinite
 };
 
-/// A texture reference of a material and how its colour is encoded.
+/// A texture reference of a material and its colour encoding.
 struct TextureUse {
   const TextureRef* ref;
   bool srgb;
 };
 
-/// All of a material's references, those that name no texture as well.
+/// All of a material's references, including those that name no texture.
 std::array<TextureUse, 12> TexturesOf(const Material& material);
 
 /// Triangles of one material. Vectors other than positions and triangles are empty or as long as positions.
@@ -116,24 +115,24 @@ struct Camera {
   enum class Kind { kPerspective, kOrthographic };
   std::string name;
   Kind kind = Kind::kPerspective;
-  float yfov = 0.8f;  // radians, kPerspective
+  float yfov = 0.8f;  // vertical field of view in radians, kPerspective
   float xmag = 1;     // half width and half height of the picture in metres, kOrthographic
   float ymag = 1;
-  float aspect = 0;  // width / height the file asks for; 0: none
+  float aspect = 0;  // width / height given by the file; 0: none
   Affine world_from_camera;
 };
 
-/// A light without size (KHR_lights_punctual), in glTF's photometric units as written in the file.
+/// A punctual light (KHR_lights_punctual), in the photometric units of the file.
 struct PunctualLight {
   enum class Kind { kPoint, kSpot, kDirectional };
   std::string name;
   Kind kind = Kind::kPoint;
   Vec3 color = {1, 1, 1};      // linear Rec. 709, multiplies intensity
   float intensity = 1;         // candela (lm/sr) for points and spots, lux (lm/m^2) for directional ones
-  float range = 0;             // metres beyond which it gives nothing, points and spots; 0: no end
-  float inner_cone_angle = 0;  // radians from the axis, kSpot: full strength within the inner one,
+  float range = 0;             // metres beyond which points and spots emit nothing; 0: unlimited
+  float inner_cone_angle = 0;  // radians from the axis, kSpot: full intensity within the inner angle,
   float outer_cone_angle = 0.78539816f;  // none beyond the outer one; inner < outer <= pi/2
-  Affine world_from_light;  // rigid: shines along its -Z; the origin means nothing to directional ones
+  Affine world_from_light;               // rigid: emits along its -Z; directional lights ignore the origin
 };
 
 struct Scene {
@@ -144,9 +143,9 @@ struct Scene {
   std::vector<ImageData> images;
   std::vector<Camera> cameras;
   std::vector<PunctualLight> lights;
-  bool animated = false;          // whether another time may give another Scene
+  bool animated = false;          // the Scene may differ at another time
   double animation_duration = 0;  // seconds from 0 to the last keyframe of all animations
-  /// What the artist should know, a line each: extensions left out, triangles dropped.
+  /// Messages for the artist, one line each: extensions left out, triangles dropped.
   std::vector<std::string> warnings;
 };
 
@@ -157,11 +156,11 @@ struct Bounds {
   bool IsEmpty() const { return min.x > max.x; }
 };
 
-/// A box around all instances, in world space: the box around the transformed boxes of their meshes.
+/// A box around all instances in world space: the union of the transformed boxes of their meshes.
 Bounds WorldBounds(const Scene& scene);
 
-/// The camera called `name`; the first one where name is empty. A scene without cameras gives a fitted one:
-/// it looks from the front and a little above at everything. Errors: a name that does not exist (nullopt).
+/// The camera called `name`; the first one if `name` is empty; nullopt if there is no such camera. A scene
+/// without cameras gets a camera that views all of it from the front and slightly above.
 std::optional<Camera> FindCamera(const Scene& scene, const std::string& name);
 
 }  // namespace lumifold::scene

@@ -9,16 +9,16 @@
 
 namespace lumifold::scene {
 
-/// The maps of skins' joints, each skin worked out once.
+/// The joint transforms of skins; each skin is computed once.
 class SkinTable {
  public:
   /// `world_from_node` is as in NodeContents; both arguments must outlive the table.
   SkinTable(const Document& document, const std::vector<std::optional<Affine>>& world_from_node)
       : document_(document), world_from_node_(world_from_node), skins_(document.skins.size()) {}
 
-  /// One map a joint, from the pose the mesh was bound in to world space. The span lives as long as the
-  /// table. Errors: kInvalidArgument naming the skin, for joints that do not exist or stand outside the
-  /// scene, and for too few inverse bind matrices.
+  /// The transform from the bind pose to world space for each joint. The span is valid as long as the table.
+  /// Errors: kInvalidArgument naming the skin, for joints that do not exist or are not part of the scene, and
+  /// for too few inverse bind matrices.
   absl::StatusOr<std::span<const Affine>> WorldFromBind(int skin);
 
  private:

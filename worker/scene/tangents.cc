@@ -15,7 +15,7 @@
 namespace lumifold::scene {
 namespace {
 
-// Corners are numbered through the whole mesh: corner c belongs to triangle c / 3.
+// Corner numbers count through the whole mesh: corner c belongs to triangle c / 3.
 using Corner = uint32_t;
 
 constexpr uint32_t kNone32 = 0xffffffffu;
@@ -25,15 +25,15 @@ Corner PreviousCorner(Corner c) { return c % 3 == 0 ? c + 2 : c - 1; }
 
 Vec3 OnPlane(Vec3 v, Vec3 normal) { return v - normal * Dot(v, normal); }
 
-/// How the texture lies on one triangle.
+/// Orientation of the texture on one triangle.
 struct FaceFrame {
-  Vec3 tangent;                   // unit; where texture coordinate u grows
+  Vec3 tangent;                   // unit; direction in which texture coordinate u grows
   bool keeps_orientation = true;  // the texture is not mirrored
-  bool is_flat = false;           // the texture is squeezed to a line or a point: it has no tangent
+  bool is_flat = false;           // texture coordinates degenerate to a line or a point: no tangent
 };
 
 FaceFrame FrameOf(const std::array<Vec3, 3>& p, const std::array<Vec2, 3>& uv) {
-  // In double: products of any floats stay within range.
+  // In double, where products of floats stay within range.
   const double u1 = double{uv[1].x} - double{uv[0].x}, v1 = double{uv[1].y} - double{uv[0].y};
   const double u2 = double{uv[2].x} - double{uv[0].x}, v2 = double{uv[2].y} - double{uv[0].y};
   const double area = u1 * v2 - u2 * v1;
@@ -55,7 +55,7 @@ FaceFrame FrameOf(const std::array<Vec3, 3>& p, const std::array<Vec2, 3>& uv) {
   return frame;
 }
 
-/// A set of corners around one vertex that get one tangent.
+/// A set of corners around one vertex that share a tangent.
 struct Group {
   bool keeps_orientation = true;
   Vec3 normal;
@@ -72,10 +72,10 @@ struct Edge {
   bool SameEnds(const Edge& other) const { return low == other.low && high == other.high; }
 };
 
-/// Finds the tangent of each corner of a mesh.
+/// Computes the tangent of each corner of a mesh.
 class TangentBuilder {
  public:
-  /// `normals` as many as vertices; `uvs` with v pointing up.
+  /// `normals`: one for each vertex; `uvs`: with v pointing up.
   TangentBuilder(const Mesh& mesh, const std::vector<Vec3>& normals, const std::vector<Vec2>& uvs)
       : mesh_(mesh), normals_(normals), uvs_(uvs) {}
 
@@ -89,7 +89,8 @@ class TangentBuilder {
     }
   }
 
-  /// Of a corner; no group reaches the corners of a triangle without a tangent amid others of its kind.
+  /// The group of a corner. A triangle without a tangent whose neighbours have none either belongs to no
+  /// group.
   Vec4 Tangent(Corner c) const {
     const Vec3 normal = normals_[mesh_.triangles[c]];
     if (group_of_[c] == kNone32) return WithHandedness(Perpendicular(normal), true);
@@ -109,7 +110,7 @@ class TangentBuilder {
     return std::make_tuple(p.x, p.y, p.z, n.x, n.y, n.z, uv.x, uv.y);
   }
 
-  /// Gives equal vertices one number.
+  /// Welds vertices: equal vertices get one number.
   void Weld() {
     std::vector<uint32_t> order(mesh_.positions.size());
     std::iota(order.begin(), order.end(), 0u);
@@ -147,7 +148,8 @@ class TangentBuilder {
       for (end = first; end < edges.size() && edges[end].SameEnds(edges[first]); ++end) {
         middle += edges[end].is_backward ? 0 : 1;
       }
-      // Neighbours run along their edge in opposite ways; where more than two meet, pair them in order.
+      // Neighbours traverse their edge in opposite directions; if more than two meet, they are paired in
+      // order.
       for (size_t i = 0; first + i < middle && middle + i < end; ++i) {
         const Corner a = edges[first + i].corner, b = edges[middle + i].corner;
         across_[a] = b;
@@ -156,7 +158,7 @@ class TangentBuilder {
     }
   }
 
-  /// Gathers the corners that hang together with `seed` around its vertex into a new group.
+  /// Collects the corners connected with `seed` around its vertex in a new group.
   void Flood(Corner seed) {
     const auto index = static_cast<uint32_t>(groups_.size());
     groups_.push_back({frames_[seed / 3].keeps_orientation, normals_[mesh_.triangles[seed]], {0, 0, 0}});
@@ -165,14 +167,14 @@ class TangentBuilder {
       const Corner c = waiting.back();
       waiting.pop_back();
       if (!Join(c, index)) continue;
-      // Both edges that end at this corner; across the one that leaves it, the vertex is the far end.
+      // Both edges that meet at this corner; across the edge that starts here, the vertex is the far end.
       const Corner leaving = across_[c], arriving = across_[PreviousCorner(c)];
       if (leaving != kNone32) waiting.push_back(NextCorner(leaving));
       if (arriving != kNone32) waiting.push_back(arriving);
     }
   }
 
-  /// Puts corner `c` into the group unless it is in one or its triangle is turned the other way.
+  /// Adds corner `c` to the group unless it has a group or its triangle has the other orientation.
   bool Join(Corner c, uint32_t index) {
     if (group_of_[c] != kNone32) return false;
     Group& group = groups_[index];
@@ -180,7 +182,7 @@ class TangentBuilder {
     const Corner first = c - c % 3;
     const bool is_free = frame.is_flat && group_of_[first] == kNone32 && group_of_[first + 1] == kNone32 &&
                          group_of_[first + 2] == kNone32;
-    // A triangle without a tangent goes with whoever reaches it first.
+    // A triangle without a tangent joins the first group that reaches it.
     if (is_free) frame.keeps_orientation = group.keeps_orientation;
     if (frame.keeps_orientation != group.keeps_orientation) return false;
     group_of_[c] = index;
@@ -193,7 +195,7 @@ class TangentBuilder {
       return UnitVector(OnPlane(v, group->normal)).value_or(Vec3{0, 0, 0});
     };
     const auto position = [&](Corner corner) { return mesh_.positions[mesh_.triangles[corner]]; };
-    // Edges first scaled to unit length, so that no difference of large numbers spoils the projection.
+    // Edges are scaled to unit length first, so that the projection does not suffer from cancellation.
     const auto edge = [&](Corner to) {
       return flattened(UnitVector(position(to) - position(c)).value_or(Vec3{0, 0, 0}));
     };
@@ -220,7 +222,7 @@ void TakeEach(const std::vector<uint32_t>& from, std::vector<T>* values) {
   *values = std::move(taken);
 }
 
-/// Makes vertex i a copy of what vertex from[i] was.
+/// Replaces vertex i by a copy of the old vertex from[i].
 void TakeVertices(const std::vector<uint32_t>& from, Mesh* mesh) {
   TakeEach(from, &mesh->positions);
   TakeEach(from, &mesh->normals);
@@ -229,7 +231,7 @@ void TakeVertices(const std::vector<uint32_t>& from, Mesh* mesh) {
   TakeEach(from, &mesh->colors);
 }
 
-/// Gives each triangle vertices of its own and returns a normal for each of them.
+/// Gives each triangle its own vertices and returns a normal for each vertex.
 std::vector<Vec3> SplitFaces(Mesh* mesh) {
   TakeVertices(mesh->triangles, mesh);
   std::iota(mesh->triangles.begin(), mesh->triangles.end(), 0u);
@@ -243,19 +245,19 @@ std::vector<Vec3> SplitFaces(Mesh* mesh) {
   return normals;
 }
 
-/// Texture coordinates as the normal texture sees them, v pointing up as MikkTSpace has it.
+/// The normal texture's transformed coordinates, with v pointing up as in MikkTSpace.
 std::vector<Vec2> UpwardUvs(const TextureRef& ref, const std::vector<Vec2>& uvs) {
   std::vector<Vec2> upward;
   upward.reserve(uvs.size());
   for (const Vec2 uv : uvs) {
     const Vec2 up = {ref.row_u.x * uv.x + ref.row_u.y * uv.y, -(ref.row_v.x * uv.x + ref.row_v.y * uv.y)};
-    // A transform may throw them out of range; what cannot be compared cannot be sorted.
+    // A transform may overflow to infinity or NaN; NaN cannot be sorted.
     upward.push_back(std::isfinite(up.x) && std::isfinite(up.y) ? up : Vec2{0, 0});
   }
   return upward;
 }
 
-/// What a corner asks of its vertex.
+/// The tangent that a corner needs at its vertex.
 struct CornerTangent {
   uint32_t vertex = 0;
   Vec4 tangent;
@@ -263,7 +265,7 @@ struct CornerTangent {
   auto Key() const { return std::make_tuple(vertex, tangent.x, tangent.y, tangent.z, tangent.w); }
 };
 
-/// Writes the corners' tangents to their vertices, splitting those that get several.
+/// Writes the corners' tangents to their vertices and splits vertices that get several.
 void AssignTangents(const TangentBuilder& builder, Mesh* mesh) {
   std::vector<CornerTangent> wanted;
   wanted.reserve(mesh->triangles.size());

@@ -8,15 +8,15 @@
 
 namespace lumifold::scene {
 
-/// Brings textures of the document into a Scene when they are first asked for, so that what no material uses
-/// is never decoded.
+/// Adds textures of the document to a Scene on first use, so that a texture without a material is never
+/// decoded.
 class TextureTable {
  public:
   /// All arguments must outlive the table.
   TextureTable(const Document& document, const AssetReader& reader, const LoadLimits& limits, Scene* scene,
                Diagnostics* diagnostics);
 
-  /// The Scene's index of glTF texture `index`; kNone where its picture is in a format that is not supported.
+  /// The Scene's index of glTF texture `index`; kNone if its picture has an unsupported format.
   /// Errors: kInvalidArgument, kResourceExhausted, the reader's own; all name the texture or image.
   absl::StatusOr<int> Use(int index);
 
@@ -29,7 +29,7 @@ class TextureTable {
   Scene* scene_;
   Diagnostics* diagnostics_;
   int64_t pixels_left_;
-  std::vector<int> textures_;  // glTF index -> Scene's, kNotRead before
+  std::vector<int> textures_;  // glTF index -> Scene's index, or kNotRead
   std::vector<int> images_;
 };
 

@@ -1,8 +1,8 @@
 #pragma once
 
-// Debian's libdraco carries an older tinygltf under the same names, and the linker would mix the two: ours is
-// compiled from its header (tinygltf.cc), under a name of its own. Pictures are ours to decode, so it needs
-// no picture library.
+// Debian's libdraco contains an older tinygltf with the same symbols, which the linker would mix with ours.
+// Ours is therefore compiled from its header (tinygltf.cc) in a namespace of another name. It needs no image
+// library, because images.h decodes the pictures.
 #define TINYGLTF_NO_STB_IMAGE
 #define TINYGLTF_NO_STB_IMAGE_WRITE
 #define TINYGLTF_NO_EXTERNAL_IMAGE

@@ -80,7 +80,7 @@ bool IsInvertible(const Affine& affine) {
 }
 
 Affine RigidPart(const Affine& affine) {
-  // Largest components first made 1, so that squares neither overflow nor vanish.
+  // Scaled to a largest component of 1 first, so that squares neither overflow nor underflow.
   const auto direction = [](Vec3 v) {
     return Normalize(v / std::fmax(std::fabs(v.x), std::fmax(std::fabs(v.y), std::fabs(v.z))));
   };

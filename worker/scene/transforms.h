@@ -8,18 +8,18 @@
 
 namespace lumifold::scene {
 
-/// The map translation * rotation * scale; `rotation` is a quaternion (x, y, z, w) of any length. Error: it
-/// is zero.
+/// The transform translation * rotation * scale; `rotation` is a quaternion (x, y, z, w) of any length.
+/// Error: it is zero.
 absl::StatusOr<Affine> AffineFromTrs(Vec3 translation, Vec4 rotation, Vec3 scale);
 
 /// A node's matrix, or its translation, rotation and scale. Errors: kInvalidArgument for wrong lengths,
 /// values that are not finite, a projective matrix.
 absl::StatusOr<Affine> LocalTransform(const tinygltf::Node& node);
 
-/// Whether the map is finite and can be inverted in float.
+/// Whether the transform is finite and can be inverted in float.
 bool IsInvertible(const Affine& affine);
 
-/// The same place and direction (of -z, then of +y) without any scale, shear or mirroring; `affine` must be
+/// The same origin and directions (of -z, then of +y) without scale, shear or mirroring; `affine` must be
 /// invertible.
 Affine RigidPart(const Affine& affine);
 

@@ -54,7 +54,7 @@ inline Vec3 Normalize(Vec3 a) { return a * (1.0f / Length(a)); }
 constexpr float MaxComponent(Vec3 a) { return a.x > a.y ? (a.x > a.z ? a.x : a.z) : (a.y > a.z ? a.y : a.z); }
 constexpr Vec3 Lerp(Vec3 a, Vec3 b, float t) { return a * (1.0f - t) + b * t; }
 
-/// An affine map: columns are the images of the x, y and z axes and of the origin.
+/// An affine transform; the columns are the images of the x, y and z axes and of the origin.
 struct Affine {
   Vec3 x = {1, 0, 0};
   Vec3 y = {0, 1, 0};
@@ -63,17 +63,17 @@ struct Affine {
 
   constexpr Vec3 Point(Vec3 p) const { return x * p.x + y * p.y + z * p.z + origin; }
   constexpr Vec3 Vector(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
-  /// Determinant of the linear part; negative where the map mirrors, 0 where it flattens.
+  /// Determinant of the linear part; negative for mirroring transforms, 0 for singular ones.
   constexpr float Determinant() const { return Dot(x, Cross(y, z)); }
-  /// Maps a normal: the cofactor matrix, the right one under any scaling; not of unit length. Mirroring maps
-  /// keep the normal on the outer side.
+  /// Transforms a normal by the cofactor matrix, which is correct for any scaling; not of unit length. Under
+  /// mirroring transforms the normal stays on the outer side.
   constexpr Vec3 Normal(Vec3 n) const {
     const float side = Determinant() < 0 ? -1.0f : 1.0f;
     return (Cross(y, z) * n.x + Cross(z, x) * n.y + Cross(x, y) * n.z) * side;
   }
 };
 
-/// The map that first does b, then a.
+/// The transform that applies b, then a.
 constexpr Affine operator*(const Affine& a, const Affine& b) {
   return {a.Vector(b.x), a.Vector(b.y), a.Vector(b.z), a.Point(b.origin)};
 }

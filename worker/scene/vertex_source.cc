@@ -24,7 +24,7 @@ absl::Status Spend(int64_t triangles, int64_t vertices, GeometryBudget* budget) 
   return absl::OkStatus();
 }
 
-/// Elements of T, each made of as many numbers as fit it.
+/// Groups numbers into elements of T, as many numbers as T has components.
 template <typename T, typename Number>
 std::vector<T> Grouped(const std::vector<Number>& flat) {
   static_assert(sizeof(T) % sizeof(Number) == 0);

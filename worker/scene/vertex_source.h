@@ -12,33 +12,34 @@
 
 namespace lumifold::scene {
 
-/// What loading may still take of its limits.
+/// The remaining triangles and vertices of the load limits.
 struct GeometryBudget {
   int64_t triangles = 0;
   int64_t vertices = 0;
 };
 
-/// The vertices and indices of one primitive, whether they lie open in accessors or compressed with Draco.
-/// Errors of all: kInvalidArgument, kResourceExhausted, naming the attribute or accessor.
+/// The vertices and indices of one primitive, from accessors or compressed with Draco. Errors of all
+/// functions: kInvalidArgument, kResourceExhausted, naming the attribute or accessor.
 class VertexSource {
  public:
-  /// Takes the primitive's size off `budget` before anything is allocated: a few bytes of JSON can name one
-  /// accessor many times. It must have positions and triangles; both arguments must outlive the source.
+  /// Subtracts the primitive's size from `budget` before anything is allocated, because a few bytes of JSON
+  /// can reference one accessor many times. The primitive must have positions and triangles. `document` and
+  /// `primitive` must outlive the source.
   static absl::StatusOr<VertexSource> Open(const Document& document, const tinygltf::Primitive& primitive,
                                            GeometryBudget* budget);
 
   size_t vertex_count() const { return vertex_count_; }
   bool Has(const std::string& attribute) const { return primitive_->attributes.contains(attribute); }
 
-  /// Read attribute `attribute`, as many elements as there are vertices; nothing where it is missing.
+  /// Reads attribute `attribute`, one element for each vertex; none if it is missing.
   absl::Status Read(const char* attribute, std::vector<Vec2>* out) const;
   absl::Status Read(const char* attribute, std::vector<Vec3>* out) const;
   absl::Status Read(const char* attribute, std::vector<Vec4>* out) const;
   absl::Status Read(const char* attribute, std::vector<std::array<uint32_t, 4>>* out) const;
-  /// RGBA, alpha 1 where the attribute is RGB.
+  /// RGBA; alpha is 1 if the attribute is RGB.
   absl::Status ReadRgba(const char* attribute, std::vector<Vec4>* out) const;
 
-  /// Indices as the primitive's mode arranges them; all in range.
+  /// Indices in the order of the primitive's mode; all in range.
   absl::StatusOr<std::vector<uint32_t>> Corners() const;
 
  private:
@@ -48,10 +49,10 @@ class VertexSource {
   absl::Status OpenAccessors(GeometryBudget* budget);
   absl::Status OpenDraco(const tinygltf::Value& extension, GeometryBudget* budget);
 
-  /// The Draco attribute that holds glTF's `attribute`.
+  /// The Draco attribute for glTF's `attribute`.
   std::optional<int> DracoAttribute(const char* attribute) const;
 
-  /// Reads with `read(document, accessor)` or, where it is compressed, with `unpack(attribute)`.
+  /// Reads by `read(document, accessor)` or, if it is compressed, by `unpack(attribute)`.
   template <typename T, typename ReadAccessor, typename Unpack>
   absl::Status ReadWith(const char* attribute, ReadAccessor read, Unpack unpack, std::vector<T>* out) const;
 
@@ -62,7 +63,7 @@ class VertexSource {
   size_t vertex_count_ = 0;
 };
 
-/// How many triangles `corners` indices make in `mode`.
+/// The number of triangles that `corners` indices form in `mode`.
 int64_t TriangleCount(int mode, size_t corners);
 
 }  // namespace lumifold::scene

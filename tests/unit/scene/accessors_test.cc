@@ -15,7 +15,7 @@ using nlohmann::json;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-/// Loads a fixture with one triangle mesh and gives that mesh.
+/// Loads a fixture with one triangle mesh and returns that mesh.
 Mesh OnlyMesh(const GltfFixture& fixture) {
   const auto scene = fixture.Load();
   EXPECT_TRUE(scene.ok()) << scene.status();
@@ -200,7 +200,7 @@ TEST(Accessors, RefuseAStrideBelowTheElement) {
               HasSubstr("byteStride 8 of buffer view 0 is less than an element of 12 bytes"));
 }
 
-TEST(Accessors, RefuseIndicesOfMissingThings) {
+TEST(Accessors, RefuseIndicesOfMissingObjects) {
   const auto changed = [](const char* section, const char* field, int value) {
     GltfFixture fixture;
     fixture.AddTriangles(kTriangle);

@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::StartsWith;
 
-/// One triangle whose node's `path` is animated with these keyframes.
+/// One triangle; its node's property `path` is animated with these keyframes.
 GltfFixture Animated(const char* path, const char* interpolation, const std::vector<float>& times,
                      const std::vector<float>& values, const char* type = "VEC3") {
   GltfFixture fixture;
@@ -80,14 +80,14 @@ TEST(Animations, PlayTogether) {
   EXPECT_EQ(scene.instances[0].world_from_object.x.x, 4);
 }
 
-TEST(Animations, MoveWhatHangsOnANodeAndCameras) {
+TEST(Animations, MoveChildrenAndCameras) {
   GltfFixture fixture = Animated("translation", "STEP", {0}, {1, 2, 3});
   fixture.Add("cameras", {{"type", "perspective"}, {"perspective", {{"yfov", 0.5}, {"znear", 0.1}}}});
   fixture.json["nodes"][0]["children"] = {fixture.AddNode({{"camera", 0}, {"translation", {1, 0, 0}}})};
   EXPECT_EQ(At(0, fixture).cameras[0].world_from_camera.origin, (Vec3{2, 2, 3}));
 }
 
-TEST(Animations, SayWhetherAnythingMovesAndForHowLong) {
+TEST(Animations, ReportWhetherAnythingMovesAndForHowLong) {
   EXPECT_FALSE(At(0, FurnishedDocument()).animated);
   EXPECT_FALSE(At(0, Animated("translation", "STEP", {0.5f}, {1, 2, 3})).animated);
   const Scene scene = At(0, Animated("translation", "LINEAR", {1, 3.5f}, {0, 0, 0, 4, 0, 8}));
@@ -95,7 +95,7 @@ TEST(Animations, SayWhetherAnythingMovesAndForHowLong) {
   EXPECT_EQ(scene.animation_duration, 3.5);
 }
 
-TEST(Animations, LeaveOutWhatTheyCannotMove) {
+TEST(Animations, LeaveOutUnsupportedTargets) {
   GltfFixture pointer = Animated("translation", "STEP", {0}, {1, 2, 3});
   pointer.json["animations"][0]["channels"][0]["target"] = {{"path", "pointer"}};
   EXPECT_THAT(At(0, pointer).warnings,
@@ -126,7 +126,7 @@ TEST(Animations, RefuseTooFewValues) {
   EXPECT_THAT(ErrorOf(Animated("translation", "LINEAR", {}, {})), HasSubstr("no keyframes"));
 }
 
-TEST(Animations, RefuseWhatDoesNotExist) {
+TEST(Animations, RefuseIndicesOfMissingObjects) {
   const GltfFixture good = Animated("translation", "LINEAR", {0}, {0, 0, 0});
   const auto with = [&](const char* pointer, const nlohmann::json& value) {
     GltfFixture fixture = good;

@@ -20,7 +20,7 @@ void ExpectNear(Vec3 actual, Vec3 expected) {
   EXPECT_NEAR(actual.z, expected.z, 1e-6);
 }
 
-TEST(Skins, AtRestKeepTheBindPoseInWorldSpaceWhateverTheNodeSays) {
+TEST(Skins, InBindPoseIgnoreTheNodesTransform) {
   const Scene scene = At(0, SkinnedDocument());
   EXPECT_THAT(scene.meshes[0].positions,
               ElementsAre(Vec3{0, 0, 0}, Vec3{1, 0, 0}, Vec3{1, 2, 0}, Vec3{0, 2, 0}));
@@ -31,7 +31,7 @@ TEST(Skins, MoveVerticesWithTheirJoints) {
   const Scene scene = At(1, SkinnedDocument());
   const Mesh& mesh = scene.meshes[0];
   ExpectNear(mesh.positions[1], {1, 0, 0});
-  // (1, 2) is (1, 1) as seen from the upper joint; turned left a quarter, (-1, 1); the joint is at (0, 1).
+  // (1, 2) is (1, 1) relative to the upper joint; rotated by 90 degrees (-1, 1); the joint is at (0, 1).
   ExpectNear(mesh.positions[2], {-1, 2, 0});
   ExpectNear(mesh.positions[3], {-1, 1, 0});
   ExpectNear(mesh.normals[2], {0, 0, 1});
@@ -67,7 +67,7 @@ TEST(Skins, ShareAMeshAmongNodesOfOneSkin) {
   fixture.AddNode({{"mesh", 0}, {"skin", 0}});
   fixture.AddNode({{"mesh", 0}});
   const Scene scene = At(1, fixture);
-  EXPECT_EQ(scene.meshes.size(), 2u);  // bent and not
+  EXPECT_EQ(scene.meshes.size(), 2u);  // deformed and not
   EXPECT_EQ(scene.instances.size(), 3u);
 }
 
@@ -112,13 +112,13 @@ TEST(Skins, WithoutInverseBindMatricesTakeIdentities) {
 
 TEST(Skins, SurviveJointsThatFlattenSpace) {
   GltfFixture fixture = SkinnedDocument();
-  fixture.json["nodes"][1]["scale"] = {0, 0, 0};  // both upper vertices fall into the joint
+  fixture.json["nodes"][1]["scale"] = {0, 0, 0};  // both upper vertices collapse to the joint
   const Scene scene = At(0, fixture);
   EXPECT_THAT(scene.warnings, Contains(StartsWith("triangles without area dropped: 1")));
   EXPECT_EQ(scene.meshes[0].triangles.size(), 3u);
 }
 
-TEST(Skins, RefuseVerticesThrownOutOfRange) {
+TEST(Skins, RefuseVerticesOutOfRange) {
   GltfFixture fixture = SkinnedDocument();
   fixture.json["nodes"][1]["scale"] = {3e38, 3e38, 3e38};
   fixture.json["nodes"][2]["scale"] = {3e38, 1, 1};
@@ -144,7 +144,7 @@ TEST(MorphTargets, ShareAMeshAmongNodesOfEqualWeights) {
   EXPECT_EQ(At(0, fixture).meshes.size(), 2u);
 }
 
-TEST(MorphTargets, BendNormalsAndTangents) {
+TEST(MorphTargets, DeformNormalsAndTangents) {
   GltfFixture fixture;
   const int normals = fixture.AddFloats({0, 0, 1, 0, 0, 1, 0, 0, 1}, "VEC3");
   const int tangents = fixture.AddFloats({1, 0, 0, 1, 1, 0, 0, 1, 1, 0, 0, -1}, "VEC4");

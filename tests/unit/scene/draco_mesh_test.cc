@@ -19,7 +19,7 @@ nlohmann::json& ExtensionOf(GltfFixture* fixture) {
 
 class DracoMeshTest : public testing::TestWithParam<bool> {};
 
-TEST_P(DracoMeshTest, GivesBackWhatWasCompressed) {
+TEST_P(DracoMeshTest, RoundTrips) {
   const auto scene = DracoDocument(GetParam()).Load();
   ASSERT_TRUE(scene.ok()) << scene.status();
   const Mesh& mesh = scene->meshes[0];
@@ -41,7 +41,7 @@ TEST_P(DracoMeshTest, GivesBackWhatWasCompressed) {
   }
 }
 
-TEST_P(DracoMeshTest, CutShortIsAnError) {
+TEST_P(DracoMeshTest, TruncationIsAnError) {
   GltfFixture fixture = DracoDocument(GetParam());
   const int length = fixture.json["bufferViews"][0]["byteLength"];
   for (int n = 0; n < length; ++n) {
@@ -56,7 +56,7 @@ TEST_P(DracoMeshTest, CountsAgainstTheLimits) {
   EXPECT_EQ(DracoDocument(GetParam()).Load(options).status().code(), absl::StatusCode::kResourceExhausted);
 }
 
-TEST_P(DracoMeshTest, TakesAttributesThatAreNotCompressedFromTheirAccessors) {
+TEST_P(DracoMeshTest, ReadsUncompressedAttributesFromTheirAccessors) {
   GltfFixture fixture = DracoDocument(GetParam());
   fixture.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] =
       fixture.AddFloats({1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0}, "VEC3");
@@ -68,7 +68,7 @@ TEST_P(DracoMeshTest, TakesAttributesThatAreNotCompressedFromTheirAccessors) {
 INSTANTIATE_TEST_SUITE_P(Methods, DracoMeshTest, testing::Bool(),
                          [](const auto& method) { return method.param ? "Edgebreaker" : "Sequential"; });
 
-TEST(DracoMesh, NamesWhatIsWrongWithTheExtension) {
+TEST(DracoMesh, NamesErrorsOfTheExtension) {
   GltfFixture attribute = DracoDocument(true);
   ExtensionOf(&attribute)["attributes"]["POSITION"] = 7;
   EXPECT_THAT(ErrorOf(attribute), HasSubstr("POSITION: Draco attribute 7 does not exist"));
@@ -94,7 +94,7 @@ TEST(DracoMesh, RefusesValuesOfATypeThatGltfDoesNotHave) {
   EXPECT_THAT(ErrorOf(fixture), HasSubstr("TEXCOORD_0: Draco attribute 1 is of a type that glTF does not"));
 }
 
-TEST(DracoMesh, NamesWhatIsWrongWithTheHeader) {
+TEST(DracoMesh, NamesErrorsOfTheHeader) {
   const auto with = [](size_t at, char value) {
     GltfFixture fixture = DracoDocument(true);
     fixture.binary[fixture.binary.find("DRACO") + at] = value;

@@ -26,13 +26,13 @@ TEST(Geometry, ReadsATriangleWithoutIndices) {
   EXPECT_EQ(scene.meshes[0].material, kNone);
 }
 
-TEST(Geometry, TakesStripsApartKeepingTheWinding) {
+TEST(Geometry, ConvertsStripsWithTheirWinding) {
   GltfFixture fixture;
   fixture.AddTriangles(kFiveVertices, {{"mode", 5}});
   EXPECT_THAT(MustLoad(fixture).meshes[0].triangles, ElementsAre(0u, 1u, 2u, 1u, 3u, 2u, 2u, 3u, 4u));
 }
 
-TEST(Geometry, TakesFansApart) {
+TEST(Geometry, ConvertsFans) {
   GltfFixture fixture;
   fixture.AddTriangles({0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0}, {{"mode", 6}});
   EXPECT_THAT(MustLoad(fixture).meshes[0].triangles, ElementsAre(1u, 2u, 0u, 2u, 3u, 0u));
@@ -53,7 +53,7 @@ TEST(Geometry, DropsAndCountsDegenerateTriangles) {
   const int indices = fixture.AddIndices({0, 1, 2, 0, 0, 1, 1, 3, 2, 0, 2, 4});
   fixture.AddTriangles(kFiveVertices, {{"indices", indices}});
   const Scene scene = MustLoad(fixture);
-  // The second repeats a corner, the last has collinear ones, and with it vertex 4 goes.
+  // The second repeats a vertex, the last has collinear vertices; vertex 4 is unused without it.
   EXPECT_THAT(scene.meshes[0].triangles, ElementsAre(0u, 1u, 2u, 1u, 3u, 2u));
   EXPECT_EQ(scene.meshes[0].positions.size(), 4u);
   EXPECT_THAT(scene.warnings,
@@ -182,7 +182,7 @@ TEST(Geometry, RefusesMoreTrianglesThanTheLimit) {
               HasSubstr("mesh 1 primitive 0: more triangles than the limit"));
 }
 
-TEST(Geometry, RefusesWhatReachesTooFar) {
+TEST(Geometry, RefusesPositionsOutOfRange) {
   GltfFixture fixture;
   fixture.AddTriangles(kTriangle);
   fixture.json["nodes"][0]["translation"] = {0, 2e9, 0};

@@ -37,7 +37,7 @@ std::string ErrorOf(std::string_view bytes) {
   return std::string(scene.status().message());
 }
 
-TEST(GltfLoader, ReadsBinaryAndTextAlike) {
+TEST(GltfLoader, ReadsBinaryAndTextEqually) {
   const GltfFixture fixture = OneTriangle();
   const std::string data_uri = "data:application/octet-stream;base64," + absl::Base64Escape(fixture.binary);
   const auto from_glb = LoadGltf(fixture.Glb(), "a.glb", NoFiles);
@@ -71,7 +71,7 @@ TEST(GltfLoader, AsksTheReaderForDecodedUrisOnly) {
   EXPECT_EQ(scene->images[0].rgba[0], 9);
 }
 
-TEST(GltfLoader, GivesTheReadersOwnError) {
+TEST(GltfLoader, ReturnsTheReadersOwnError) {
   const auto scene = LoadGltf(OneTriangle().Text("scene.bin"), "a.gltf", NoFiles);
   EXPECT_EQ(scene.status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(scene.status().message(), "a.gltf: buffer 0: scene.bin does not exist");
@@ -83,7 +83,7 @@ TEST(GltfLoader, RefusesAShortExternalBuffer) {
   EXPECT_EQ(scene.status().message(), "a.gltf: buffer 0: cut short: byteLength is 36, there are 5 bytes");
 }
 
-TEST(GltfLoader, RefusesWhatIsNotGltf) {
+TEST(GltfLoader, RefusesDataThatIsNotGltf) {
   EXPECT_EQ(ErrorOf(""), "test.glb: not glTF: neither a GLB nor a JSON object");
   EXPECT_EQ(ErrorOf("solid cube"), "test.glb: not glTF: neither a GLB nor a JSON object");
   EXPECT_EQ(ErrorOf("{}"), "test.glb: not glTF: no \"asset\" object");

@@ -27,7 +27,7 @@ TEST(Images, DecodePngOfEveryChannelCount) {
 }
 
 TEST(Images, RoundSixteenBitPngToEight) {
-  // 0x8100 / 257 is 128.498: cutting off the low byte would give 129.
+  // 0x8100 / 257 is 128.498; dropping the low byte would give 129.
   EXPECT_THAT(MustDecode(EncodePng(1, 1, 3, 16, false, {0xff, 0xff, 0x81, 0x00, 0, 0})).rgba,
               ElementsAre(255, 128, 0, 255));
 }
@@ -61,7 +61,7 @@ TEST(Images, RefuseCmykJpeg) {
   EXPECT_THAT(std::string(image.status().message()), HasSubstr("damaged JPEG: Unsupported color conversion"));
 }
 
-TEST(Images, RefuseWhatIsNeitherPngNorJpeg) {
+TEST(Images, RefuseOtherFormats) {
   for (const char* bytes : {"", "GIF89a", "\x89PNG", "\xff\xd8"}) {
     EXPECT_EQ(DecodeImage(bytes, kPlenty).status().message(), "neither PNG nor JPEG");
   }
@@ -73,7 +73,7 @@ TEST(Images, RefuseEveryTruncation) {
   for (const std::string& whole :
        {EncodePng(24, 24, 3, 8, false, samples), EncodeJpeg(24, 24, 3, false, samples)}) {
     ASSERT_TRUE(DecodeImage(whole, kPlenty).ok());
-    // JPEG's last two bytes are the end marker, without which the picture is still whole.
+    // JPEG's last two bytes are the end marker; without it the picture is still complete.
     for (size_t n = 0; n + 2 < whole.size(); ++n) {
       EXPECT_FALSE(DecodeImage(whole.substr(0, n), kPlenty).ok()) << n << " of " << whole.size();
     }
@@ -86,7 +86,7 @@ TEST(Images, RefuseDamagedPng) {
   EXPECT_THAT(std::string(DecodeImage(png, kPlenty).status().message()), HasSubstr("damaged PNG: "));
 }
 
-/// A PNG header that claims this size, with a correct checksum: libpng reads it before anything is wrong.
+/// A PNG header that claims this size, with a correct checksum, which libpng accepts.
 std::string ClaimedSize(int width, int height) {
   // Encoded as one row of `width`; the height and the checksum are then taken from a PNG of the right size.
   return EncodePng(width, height, 1, 8, false, std::vector<uint8_t>(static_cast<size_t>(width) * height, 0));
@@ -98,7 +98,7 @@ TEST(Images, CheckThePixelLimitBeforeDecoding) {
   const auto image = DecodeImage(png, 300 * 300 - 1);
   EXPECT_EQ(image.status().code(), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(image.status().message(), "300x300 pixels are over the limit");
-  // Everything after the header is missing, and still the size is what is complained about.
+  // Everything after the header is missing, but the error is about the size.
   EXPECT_EQ(DecodeImage(png.substr(0, 60), 100).status().message(), "300x300 pixels are over the limit");
 }
 

@@ -15,7 +15,7 @@ Vec4 TurnAboutZ(double angle) {
   return {0, 0, static_cast<float>(std::sin(angle / 2)), static_cast<float>(std::cos(angle / 2))};
 }
 
-TEST(Keyframes, KeepTheFirstBeforeAndTheLastAfter) {
+TEST(Keyframes, AreClampedBeforeTheFirstAndAfterTheLast) {
   const std::vector<float> times = {1, 2, 4};
   for (const double time : {-5.0, 0.0, 0.999}) EXPECT_EQ(FindKeyframes(times, time).right, 0u) << time;
   for (const double time : {4.0, 4.5, 1e30}) {
@@ -35,7 +35,7 @@ TEST(Keyframes, AreFoundOnBothSidesOfATime) {
   EXPECT_EQ(FindKeyframes({1, 2, 4}, 2).fraction, 0.0f);
 }
 
-TEST(Keyframes, OfEqualTimesTakeTheLaterOne) {
+TEST(Keyframes, WithEqualTimesUseTheLaterOne) {
   const KeyframeSpan span = FindKeyframes({0, 1, 1, 2}, 1);
   EXPECT_EQ(span.left, 2u);
   EXPECT_EQ(span.fraction, 0.0f);
@@ -46,7 +46,7 @@ TEST(Keyframes, BlendLinearly) {
   EXPECT_THAT(LinearBetween(left, right, 0.25f), ElementsAre(1, 12.5f));
 }
 
-TEST(Keyframes, TurnAtConstantSpeed) {
+TEST(Keyframes, RotateAtConstantSpeed) {
   for (const double angle : {1e-4, 0.01, 0.03, 0.5, 2.0, 3.0}) {
     for (const float fraction : {0.0f, 0.1f, 0.5f, 0.9f, 1.0f}) {
       const Vec4 q = SphericalBetween(TurnAboutZ(0), TurnAboutZ(angle), fraction);
@@ -56,7 +56,7 @@ TEST(Keyframes, TurnAtConstantSpeed) {
   }
 }
 
-TEST(Keyframes, TurnTheShortWayRound) {
+TEST(Keyframes, RotateAlongTheShorterArc) {
   const Vec4 turned = TurnAboutZ(1);
   const Vec4 q = SphericalBetween(TurnAboutZ(0), {-turned.x, -turned.y, -turned.z, -turned.w}, 0.5f);
   EXPECT_NEAR(2 * std::atan2(q.z, q.w), 0.5, 1e-6);
@@ -74,7 +74,7 @@ TEST(Keyframes, FollowACubicThroughValuesAndTangents) {
   }
 }
 
-TEST(Keyframes, MakeQuaternionsOfAnySizeUnit) {
+TEST(Keyframes, NormaliseQuaternionsOfAnyLength) {
   for (const float size : {1e-30f, 1.0f, 1e30f}) {
     const Vec4 q = UnitQuaternion({0, 3 * size, 0, 4 * size});
     EXPECT_NEAR(q.y, 0.6, 1e-6);

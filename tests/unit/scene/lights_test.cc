@@ -38,7 +38,7 @@ TEST(Lights, AreReadWithTheirUnitsAsWritten) {
   EXPECT_EQ(scene.lights[2].intensity, 3);
 }
 
-TEST(Lights, StandWhereTheirNodeIsWithoutItsScale) {
+TEST(Lights, HaveTheirNodesPlaceWithoutItsScale) {
   GltfFixture fixture = LitDocument();
   const float half = 0.70710678f;
   fixture.json["nodes"][2]["rotation"] = {-half, 0, 0, half};  // -Z turns to -Y
@@ -58,7 +58,7 @@ TEST(Lights, KeepAnInnerConeWithinTheOuterOne) {
   EXPECT_NEAR(light.inner_cone_angle, 0.5, 1e-3);
 }
 
-TEST(Lights, FlattenedByTheirNodeAreLeftOut) {
+TEST(Lights, WithASingularTransformAreLeftOut) {
   GltfFixture fixture = LitDocument();
   fixture.json["nodes"][1]["scale"] = {0, 0, 0};
   const Scene scene = MustLoad(fixture);
@@ -80,7 +80,7 @@ TEST(Lights, ThatNoNodeUsesAreLeftOut) {
   EXPECT_THAT(MustLoad(fixture).lights, IsEmpty());
 }
 
-TEST(Lights, RefuseWhatIsMalformed) {
+TEST(Lights, RefuseMalformedValues) {
   GltfFixture index = LitDocument();
   index.json["nodes"][1]["extensions"]["KHR_lights_punctual"]["light"] = 3;
   EXPECT_EQ(ErrorOf(index), "test.glb: node 1: light 3 does not exist (there are 3)");

@@ -7,10 +7,10 @@
 
 #include "tests/support/gltf_fixture.h"
 
-/// Loading documents that must, or must not, be good ones.
+/// Loads documents that must be valid or must be refused.
 namespace lumifold::scene {
 
-/// The document's scene as it stands at a time; fails the test where it does not load.
+/// The document's scene at a time; fails the test if it does not load.
 inline Scene At(double time_seconds, const GltfFixture& fixture) {
   LoadOptions options;
   options.time_seconds = time_seconds;
@@ -21,7 +21,7 @@ inline Scene At(double time_seconds, const GltfFixture& fixture) {
 
 inline Scene MustLoad(const GltfFixture& fixture) { return At(LoadOptions{}.time_seconds, fixture); }
 
-/// Why the document does not load; fails the test where it does.
+/// The error of a document that must not load; fails the test if it loads.
 inline std::string ErrorOf(const GltfFixture& fixture) {
   const auto scene = fixture.Load();
   EXPECT_FALSE(scene.ok());

@@ -127,7 +127,7 @@ TEST(Materials, TransformTextureCoordinates) {
                                          {"texCoord", 1}}}}}}}}}});
   const TextureRef& ref = m.base_color_texture;
   EXPECT_EQ(ref.uv_set, 1);
-  // A quarter turn counter-clockwise with v down takes +u to -v and +v to +u.
+  // A rotation by 90 degrees counter-clockwise, with v down, maps +u to -v and +v to +u.
   EXPECT_NEAR(ref.row_u.x, 0, 1e-6);
   EXPECT_NEAR(ref.row_u.y, 3, 1e-5);
   EXPECT_NEAR(ref.row_v.x, -2, 1e-5);
@@ -156,7 +156,7 @@ TEST(Materials, DecodeASharedImageOnce) {
   EXPECT_FALSE(emission.nearest);
 }
 
-TEST(Materials, DoNotDecodeWhatNothingUses) {
+TEST(Materials, DoNotDecodeUnusedTextures) {
   GltfFixture fixture = WithMaterial(json::object());
   fixture.json["images"][0] = {{"uri", "missing.png"}};
   const Scene scene = MustLoad(fixture);
@@ -261,7 +261,7 @@ TEST(Materials, RefuseMalformedTexturesOfExtensions) {
   }
 }
 
-TEST(Materials, DoNotDecodeTexturesThatMultiplyNothing) {
+TEST(Materials, DoNotDecodeTexturesOfFactorZero) {
   const Scene scene =
       MustLoad(WithMaterial({{"extensions",
                               {{"KHR_materials_clearcoat", {{"clearcoatTexture", {{"index", 0}}}}},
@@ -270,7 +270,7 @@ TEST(Materials, DoNotDecodeTexturesThatMultiplyNothing) {
   EXPECT_THAT(scene.images, IsEmpty());
 }
 
-TEST(Materials, CountWhatTheRendererDoesNotUse) {
+TEST(Materials, CountTexturesThatTheRendererDoesNotUse) {
   const Scene scene = MustLoad(
       WithMaterial({{"normalTexture", {{"index", 0}, {"texCoord", 3}}},
                     {"extensions", {{"KHR_materials_volume", {{"thicknessTexture", {{"index", 0}}}}}}}}));

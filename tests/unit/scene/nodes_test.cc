@@ -85,7 +85,7 @@ TEST(Nodes, PlaceGpuInstances) {
   EXPECT_THAT(ErrorOf(fixture), HasSubstr("node 0: EXT_mesh_gpu_instancing: SCALE has 1 elements, others 2"));
 }
 
-TEST(Nodes, LeaveOutFlattenedInstancesWithAWarning) {
+TEST(Nodes, LeaveOutSingularInstancesWithAWarning) {
   GltfFixture fixture = OneTriangle();
   fixture.AddNode({{"mesh", 0}, {"scale", {1, 0, 1}}});
   const Scene scene = MustLoad(fixture);
@@ -118,7 +118,7 @@ TEST(Nodes, RefuseTooDeepNesting) {
   EXPECT_THAT(std::string(scene.status().message()), HasSubstr("node 99744: nested deeper than 256 nodes"));
 }
 
-TEST(Nodes, RefuseIndicesOfMissingThings) {
+TEST(Nodes, RefuseIndicesOfMissingObjects) {
   const auto changed = [](const char* field, const json& value) {
     GltfFixture fixture = OneTriangle();
     fixture.json["nodes"][0][field] = value;

@@ -1,4 +1,4 @@
-// Scenes that others made, found by an environment variable because they are not ours to ship.
+// Scenes by other authors, which cannot be shipped: LUMIFOLD_SCENES_DIR names their folder.
 
 #include <gtest/gtest.h>
 

@@ -19,7 +19,7 @@ Scene TriangleAt(const Affine& world_from_object) {
   return scene;
 }
 
-TEST(Scene, BoundsHoldAllInstances) {
+TEST(Scene, BoundsContainAllInstances) {
   Scene scene = TriangleAt({{2, 0, 0}, {0, 2, 0}, {0, 0, 2}, {10, 0, 0}});
   scene.instances.push_back({0, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, -5}}, ""});
   const Bounds bounds = WorldBounds(scene);

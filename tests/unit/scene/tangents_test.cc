@@ -104,7 +104,7 @@ TEST(Tangents, DoNotDependOnHowVerticesAreShared) {
 }
 
 TEST(Tangents, StayApartWhereTrianglesShareAVertexOnly) {
-  // Two triangles that touch at the origin, the second one with its picture turned by a quarter.
+  // Two triangles that share the origin; the texture of the second is rotated by 90 degrees.
   const Mesh mesh = Generated(FlatMesh({{0, 0}, {1, 0}, {0, 1}, {-1, 0}, {0, -1}},
                                        {{0, 0}, {1, 0}, {0, -1}, {0, -1}, {1, 0}}, {0, 1, 2, 0, 3, 4}));
   ASSERT_EQ(mesh.positions.size(), 6u);
@@ -112,7 +112,7 @@ TEST(Tangents, StayApartWhereTrianglesShareAVertexOnly) {
   ExpectTangent(mesh.tangents[mesh.triangles[3]], {0, -1, 0}, -1);
 }
 
-TEST(Tangents, LieAcrossTheNormal) {
+TEST(Tangents, ArePerpendicularToTheNormal) {
   Mesh mesh = FlatMesh(kSquare, {{0, 1}, {1, 1}, {1, 0}, {0, 0}}, kSquareTriangles);
   for (Vec3& n : mesh.normals) n = Normalize({0.6f, 0, 0.8f});
   for (const Vec4& t : Generated(mesh).tangents) ExpectTangent(t, {0.8f, 0, -0.6f}, 1);
@@ -136,7 +136,7 @@ TEST(Tangents, OfAFlatMeshBelongToTheFace) {
   }
 }
 
-TEST(Tangents, WithoutAMappingLieSomewhereAcrossTheNormal) {
+TEST(Tangents, WithoutAMappingAreAnyPerpendicularVector) {
   const Mesh mesh = Generated(FlatMesh(kSquare, {{0, 0}, {0, 0}, {0, 0}, {0, 0}}, kSquareTriangles));
   for (const Vec4& t : mesh.tangents) {
     EXPECT_NEAR(Length({t.x, t.y, t.z}), 1, 1e-6);
@@ -145,15 +145,15 @@ TEST(Tangents, WithoutAMappingLieSomewhereAcrossTheNormal) {
 }
 
 TEST(Tangents, OfATriangleWithoutMappingComeFromItsNeighbours) {
-  // Vertex 3 has the texture coordinate of vertex 0: the second triangle's picture is a line.
+  // Vertex 3 has the texture coordinate of vertex 0: the second triangle has a degenerate mapping.
   const Mesh mesh = Generated(FlatMesh(kSquare, {{0, 1}, {1, 1}, {1, 0}, {0, 1}}, kSquareTriangles));
   EXPECT_EQ(mesh.positions.size(), 4u);
   ExpectTangent(mesh.tangents[0], {1, 0, 0}, 1);
   ExpectTangent(mesh.tangents[2], {1, 0, 0}, 1);
 }
 
-TEST(Tangents, TurnWithTheTexture) {
-  TextureRef quarter;  // u' = v, v' = -u: the picture's right is where v grows
+TEST(Tangents, FollowTheTextureTransform) {
+  TextureRef quarter;  // u' = v, v' = -u: the picture's right is the direction of v
   quarter.row_u = {0, 1};
   quarter.row_v = {-1, 0};
   const Mesh mesh = Generated(FlatMesh(kSquare, {{0, 1}, {1, 1}, {1, 0}, {0, 0}}, kSquareTriangles), quarter);
@@ -173,14 +173,14 @@ GltfFixture TexturedSquare(const nlohmann::json& material) {
   return fixture;
 }
 
-TEST(Tangents, AreMadeWhereANormalTextureNeedsThem) {
+TEST(Tangents, AreGeneratedIfANormalTextureNeedsThem) {
   const auto scene = TexturedSquare({{"normalTexture", {{"index", 0}}}}).Load();
   ASSERT_TRUE(scene.ok()) << scene.status();
   ASSERT_EQ(scene->meshes[0].tangents.size(), 3u);
   ExpectTangent(scene->meshes[0].tangents[0], {1, 0, 0}, 1);
 }
 
-TEST(Tangents, AreNotMadeWhereNothingNeedsThem) {
+TEST(Tangents, AreNotGeneratedIfNothingNeedsThem) {
   const auto plain = TexturedSquare({{"occlusionTexture", {{"index", 0}}}}).Load();
   ASSERT_TRUE(plain.ok()) << plain.status();
   EXPECT_THAT(plain->meshes[0].tangents, IsEmpty());
@@ -189,7 +189,7 @@ TEST(Tangents, AreNotMadeWhereNothingNeedsThem) {
   EXPECT_THAT(other_set->meshes[0].tangents, IsEmpty());
 }
 
-TEST(Tangents, OfTheFileStay) {
+TEST(Tangents, OfTheFileAreUnchanged) {
   GltfFixture fixture = TexturedSquare({{"normalTexture", {{"index", 0}}}});
   fixture.json["meshes"][0]["primitives"][0]["attributes"]["TANGENT"] =
       fixture.AddFloats({0, 1, 0, -1, 0, 1, 0, -1, 0, 1, 0, -1}, "VEC4");

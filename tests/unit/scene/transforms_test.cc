@@ -36,7 +36,7 @@ TEST(Transforms, ReadMatricesColumnByColumn) {
   EXPECT_EQ(a.origin, (Vec3{11, 12, 13}));
 }
 
-TEST(Transforms, KeepOnlyPlaceAndDirectionInTheRigidPart) {
+TEST(Transforms, KeepOriginAndDirectionsInTheRigidPart) {
   // Scaled, sheared and mirrored.
   const Affine rigid = RigidPart({{-3, 0, 0}, {0, 2, 0.5f}, {0, 0, 1e20f}, {1, 2, 3}});
   ExpectNear(rigid.x, {1, 0, 0});

@@ -6,7 +6,7 @@
 namespace lumifold::scene {
 namespace {
 
-TEST(Uri, DecodesPercentSignsAndLeavesPlusAlone) {
+TEST(Uri, DecodesPercentSignsButNotPlus) {
   EXPECT_EQ(PercentDecode("wood%20floor+1.png"), "wood floor+1.png");
   EXPECT_EQ(PercentDecode("%C3%a4.bin"), "\xC3\xA4.bin");
 }

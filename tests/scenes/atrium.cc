@@ -215,7 +215,7 @@ void AddWallsAndSlabs(SceneDescription& scene, const Materials& m) {
 }
 
 void AddCurtains(SceneDescription& scene, const Materials& m) {
-  // Drawn to one side of an arch, and let down over the whole of it.
+  // One curtain drawn to one side of an arch, one that covers the whole arch.
   const Mesh drawn = Curtain({1.05, 3.25}, 7, 0.26, 41);
   const Mesh wide = Curtain({2.15, 3.0}, 9, 0.2, 57);
   const MaterialId cloths[] = {m.red_cloth, m.green_cloth, m.blue_cloth};
@@ -275,7 +275,7 @@ void AddUrns(SceneDescription& scene, const Materials& m) {
 }
 
 void AddSunAndSky(SceneDescription& scene, const Materials& m) {
-  // Near enough that its power stays in the sky's order, small enough for crisp shadows: one degree across.
+  // Close enough that its power has the order of the sky's, small enough for sharp shadows: one degree wide.
   constexpr double kSunSize = 0.35, kSkyHeight = 20;
   constexpr Vec3 kSunPlace = {9.5, kSkyHeight - 0.3, -3.5}, kAim = {-2, 0, -1};
   Transform sun = Transform::LookingAt(kSunPlace, kAim);

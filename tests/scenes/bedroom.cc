@@ -101,7 +101,7 @@ void AddWindow(SceneDescription& scene, const Materials& m) {
                   OnWall(kRoom.LeftWall(), {far_x, kRailHeight - 0.015, kFromWall}));
 }
 
-/// A glazed door behind the camera: it fills the shadows that the window leaves.
+/// A glazed door behind the camera, which lights the shadows of the window.
 void AddBalconyDoor(SceneDescription& scene, const Materials& m) {
   constexpr Vec2 kDoor = {1.6, 2.1};
   Mesh glow;
@@ -111,8 +111,8 @@ void AddBalconyDoor(SceneDescription& scene, const Materials& m) {
                   OnWall(kRoom.RearWall(), {3.2, 0.1 + kDoor.y / 2, 0}));
 }
 
-/// Where a point of cloth comes to lie that is `along` the cloth from the bed's middle: over the mattress's
-/// edge it bends down. x: sideways, y: how far below the top.
+/// The position of a cloth point at the distance `along` from the bed's middle; beyond the mattress's edge
+/// the cloth bends down. x: sideways, y: distance below the top.
 Vec2 Drape(double along, double half_width) {
   constexpr double kBend = 0.07;
   const double sign = along < 0 ? -1 : 1;
@@ -138,11 +138,11 @@ double Wrinkles(double x, double z, unsigned seed) {
   return 0.065 * diagonal + 0.048 * counter + 0.06 * puff + 0.006 * fine;
 }
 
-/// The cloth's place for `s` across the bed and `t` along it, both in metres from the mattress's middle.
+/// The cloth's position for `s` across the bed and `t` along it, both in metres from the mattress's middle.
 Vec3 ClothPoint(double s, double t, double lift, unsigned seed) {
   const Vec2 across = Drape(s, kHalfBed + 0.02 + lift);
   const Vec2 along = t < 0 ? Vec2{t, 0} : Drape(t, kBedLength / 2 + 0.03 + lift);
-  // At the corners the cloth hangs by both edges, a little lower than by either: the fourth-power mean of the
+  // At the corners both edges contribute, and the cloth hangs a little lower: the fourth-power mean of the
   // drops.
   const double across2 = across.y * across.y, along2 = along.y * along.y;
   const double drop = std::sqrt(std::sqrt(across2 * across2 + along2 * along2));
@@ -244,8 +244,8 @@ void AddLamp(SceneDescription& scene, const Materials& m, Vec3 at) {
   const Vec2 inside[] = {{0.117, 0.53}, {0.167, 0.30}};
   AddLathe(shade, {}, outside, 24);
   AddLathe(lining, {}, inside, 24);
-  // In place of a bulb two glowing discs inside the shade, one looking up and one down: the same cones of
-  // light on wall and table, but from an area that light sampling finds easily.
+  // Instead of a bulb, two emissive discs inside the shade, one facing up and one down: the same cones of
+  // light on wall and table, but from an area that light sampling handles well.
   const Vec2 upper[] = {{0.1, 0.47}, {0, 0.47}};
   const Vec2 lower[] = {{0, 0.37}, {0.13, 0.37}};
   AddLathe(diffuser, {}, upper, 12);
@@ -289,7 +289,7 @@ void AddWardrobe(SceneDescription& scene, const Materials& m) {
              {.translation = {x, kTall / 2 + 0.04, kDepth / 2 + 0.02}});
     AddCylinder(handles, {side * 0.045, 1.0, kDepth / 2 + 0.045}, 0.008, 0.008, 0.16, 12);
   }
-  // Upright grain: the doors' texture coordinates are turned by a quarter.
+  // Vertical grain: the doors' texture coordinates are rotated by 90 degrees.
   for (Mesh* mesh : {&body, &doors}) {
     for (Vec2& uv : mesh->uvs) uv = {uv.y, uv.x};
   }

@@ -23,7 +23,7 @@ Rotation operator*(Rotation a, Rotation b) {
 
 Transform Transform::LookingAt(Vec3 eye, Vec3 target) {
   const Vec3 forward = Normalized(target - eye);
-  // Yaw turns -Z towards the target's bearing, pitch then lifts it: half-angle forms need no atan2.
+  // Yaw rotates -Z to the target's azimuth, pitch to its elevation. The half-angle formulas need no atan2.
   const double ground = std::sqrt(forward.x * forward.x + forward.z * forward.z);
   const double cos_yaw = -forward.z / ground;
   const double sin_yaw = -forward.x / ground;

@@ -39,7 +39,7 @@ inline Vec3 Normalized(Vec3 a) {
 inline double Mix(double a, double b, double t) { return a + (b - a) * t; }
 inline Vec3 Mix(Vec3 a, Vec3 b, double t) { return a + (b - a) * t; }
 inline double Clamp01(double t) { return t < 0 ? 0 : t > 1 ? 1 : t; }
-/// 0 below `edge0`, 1 above `edge1`, smooth between.
+/// Smoothstep: 0 below `edge0`, 1 above `edge1`.
 inline double SmoothStep(double edge0, double edge1, double x) {
   const double t = Clamp01((x - edge0) / (edge1 - edge0));
   return t * t * (3 - 2 * t);
@@ -56,18 +56,18 @@ struct Rotation {
 /// The rotation that applies `second` after `first`.
 Rotation operator*(Rotation second, Rotation first);
 
-/// world = translation + rotation * (scale * local), as a glTF node has it.
+/// world = translation + rotation * (scale * local), as in a glTF node.
 struct Transform {
   Vec3 translation = {};
   Rotation rotation = {};
   Vec3 scale = {1, 1, 1};
 
-  /// A camera's pose: local -Z goes from `eye` to `target`, local +Y stays as near to world up as it can.
-  /// `target` must not be straight above or below `eye`.
+  /// A camera's pose: local -Z points from `eye` to `target`, local +Y is as close to world up as possible.
+  /// `target` must not be vertically above or below `eye`.
   static Transform LookingAt(Vec3 eye, Vec3 target);
 
   Vec3 Point(Vec3 local) const;
-  /// Of a unit normal; the result is a unit vector.
+  /// Transforms a unit normal; the result is a unit vector.
   Vec3 Normal(Vec3 local) const;
 };
 

@@ -116,7 +116,7 @@ int GlbBuilder::AddUvs(std::span<const Vec2> uvs, Vec2 texture_size_m) {
   std::string bytes;
   for (const Vec2& uv : uvs) {
     AppendFloat(bytes, RoundTo(kUnitGrid, uv.x / texture_size_m.x));
-    // Ours grow upwards from the bottom of the picture, glTF's downwards from its top.
+    // v points up from the bottom of the picture here, in glTF down from its top.
     AppendFloat(bytes, RoundTo(kUnitGrid, 1 - uv.y / texture_size_m.y));
   }
   return AddAccessor({{"componentType", kFloat}, {"type", "VEC2"}, {"count", uvs.size()}}, bytes,

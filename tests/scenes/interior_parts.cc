@@ -133,7 +133,7 @@ Mesh Curtain(Vec2 size, int folds, double depth, unsigned seed) {
   Mesh mesh;
   AddSurface(mesh, folds * 14, 24, size, [&](double u, double v) {
     const double drop = 1 - v;
-    // Folds are even at the rail and wander on their way down.
+    // Folds are regular at the rail and irregular further down.
     const double wander = 1.1 * (Fbm({u * 4, drop * 1.5}, 2, seed) - 0.5) * drop;
     const double phase = 2 * std::numbers::pi * (u * folds + wander);
     const double strength =

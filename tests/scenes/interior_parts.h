@@ -4,20 +4,20 @@
 
 namespace lumifold::scenes {
 
-// Parts that the furnished rooms share. Those that hang on a wall use the wall's own frame: x to the right
-// and y up as one looks at it from inside the room, z = 0 on its face, +z into the room.
+// Parts that the furnished rooms share. Parts on a wall use the wall's frame: x to the right and y up as seen
+// from inside the room, z = 0 on the wall's face, +z into the room.
 
 /// A rectangle on a wall, by its lower left corner.
 struct WallRect {
   double x = 0, y = 0, width = 0, height = 0;
 };
 
-/// Where a thing on the wall goes in the world.
+/// The world transform of a part on a wall.
 inline Transform OnWall(const Transform& wall, Vec3 place) {
   return {wall.Point(place), wall.rotation, wall.scale};
 }
 
-/// A room's inside, axis-parallel, its floor at y = 0. The left wall has the window.
+/// The inside of an axis-parallel room with its floor at y = 0. The left wall has the window.
 struct Room {
   double left, right, front, rear, height;
 
@@ -44,8 +44,8 @@ struct ShellMaterials {
 void PlaceShell(SceneDescription& scene, const Room& room, const Window& window,
                 const ShellMaterials& materials);
 
-/// Two upright emitters outside the window that meet at the horizon. They stand close to it and are little
-/// larger, so that few samples of them are wasted on the wall.
+/// Two vertical emitters outside the window that meet at the horizon. They are close to the window and hardly
+/// larger than it, so that few light samples are occluded by the wall.
 struct Daylight {
   double distance, margin, horizon;
   MaterialId sky, ground;
@@ -59,7 +59,7 @@ Mesh WallWithOpening(Vec2 size, double thickness, const WallRect& opening);
 /// depth].
 Mesh RectangularFrame(Vec2 inner, double bar, double depth);
 
-/// An upright rectangle centred on the origin that looks along +z.
+/// A vertical rectangle centred on the origin that faces +z.
 Mesh UprightRect(Vec2 size);
 
 /// A panelled door leaf, its frame and its handle, standing on y = 0 and centred on x = 0.

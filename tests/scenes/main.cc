@@ -69,7 +69,7 @@ int Main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kUsageError;  // CLI11 answers --help this way, too
+    return app.exit(error) == 0 ? 0 : kUsageError;  // CLI11 also handles --help this way
   }
   if (list) {
     ListScenes();

@@ -27,7 +27,7 @@ inline Material Glass(std::string name) {
   return {.name = std::move(name), .base_color = {1, 1, 1}, .roughness = 0, .transmission = 1};
 }
 
-/// A lamp that reflects nothing.
+/// An emitter that reflects nothing.
 inline Material Emitter(std::string name, Vec3 radiance) {
   return {.name = std::move(name), .base_color = {0, 0, 0}, .specular = 0, .emission = radiance};
 }

@@ -57,7 +57,7 @@ Materials AddMaterials(SceneDescription& scene) {
   };
 }
 
-/// One slat of the blinds along x, a little arched, turned about its own axis.
+/// One slat of the blinds along x, slightly arched, rotated about its own axis.
 Mesh SlatMesh(double length) {
   constexpr double kChord = 0.05, kArch = 0.006, kTilt = 42;
   Mesh mesh;
@@ -147,7 +147,7 @@ void AddChairs(SceneDescription& scene, const Materials& m) {
   place(-kBeside - 0.05, 1.05, 95);
   place(kBeside, -1.05, -91);
   place(kBeside + 0.02, 0.0, -86);
-  place(kBeside + 0.34, 1.12, -116);  // pushed back by the one who got up
+  place(kBeside + 0.34, 1.12, -116);  // pushed back
   place(0, -kTableLength / 2 - 0.16, 3);
 }
 
@@ -206,7 +206,7 @@ void AddThingsOnTable(SceneDescription& scene, const Materials& m) {
   scene.PlaceOnce("bowl", {{bowl, m.black}, {fruit, m.red_glaze}}, on_table(-0.02, -0.5, 0));
 }
 
-/// What hangs on the far wall, and the door in it.
+/// The objects on the far wall, and its door.
 void AddFrontWallThings(SceneDescription& scene, const Materials& m) {
   constexpr Vec2 kPicture = {1.44, 1.08}, kMirror = {0.95, 1.35};
   Mesh picture;
@@ -222,7 +222,7 @@ void AddFrontWallThings(SceneDescription& scene, const Materials& m) {
                   OnWall(kRoom.FrontWall(), {5.2, 0, 0.015}));
 }
 
-/// Seen in the mirror only.
+/// Visible in the mirror only.
 void AddWhiteboard(SceneDescription& scene, const Materials& m) {
   constexpr Vec2 kBoard = {2.4, 1.2};
   Mesh board;

@@ -26,7 +26,7 @@ Vec3 AreaNormal(const Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_
   return Cross(mesh.positions[b] - mesh.positions[a], mesh.positions[c] - mesh.positions[a]);
 }
 
-/// Leaves out triangles without area, which a pole has.
+/// Leaves out degenerate triangles, which occur at poles.
 void AddTriangle(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
   constexpr double kNoArea = 1e-10;
   if (Length(AreaNormal(mesh, a, b, c)) < kNoArea) return;
@@ -45,8 +45,8 @@ void AddGridTriangles(Mesh& mesh, std::uint32_t first, int columns, int rows) {
   }
 }
 
-/// Area-weighted normals for the grid of vertices that starts at `first`; vertices at one place get one
-/// normal. A cell counts as a whole, by its diagonals: its two triangles would favour the corners they share.
+/// Area-weighted normals for the grid of vertices that starts at `first`; coincident vertices get one normal.
+/// A cell is weighted as a whole, by its diagonals; by triangles the shared corners would get more weight.
 void SmoothGridNormals(Mesh& mesh, std::size_t first, int columns, int rows) {
   using Key = std::tuple<std::int64_t, std::int64_t, std::int64_t>;
   const auto key = [&](std::size_t vertex) {
@@ -70,14 +70,14 @@ void SmoothGridNormals(Mesh& mesh, std::size_t first, int columns, int rows) {
   }
 }
 
-/// One of a rounded box's sides: the flat part, and around it an eighth of a turn of each neighbouring edge.
+/// One side of a rounded box: the flat part, and around it 45 degrees of each adjacent edge.
 void AddRoundedSide(Mesh& mesh, Vec3 center, Vec3 inner, double radius, int steps,
                     const std::array<Vec3, 3>& axes) {
   const auto [u_axis, v_axis, n_axis] = axes;
   const std::uint32_t first = static_cast<std::uint32_t>(mesh.positions.size());
   const int points = 2 * (steps + 1);
-  // Points left of the middle belong to the left edge, the others to the right: between them lies the flat
-  // part.
+  // Points left of the middle belong to the left edge, the others to the right edge, with the flat part
+  // between.
   const auto side = [&](int i) { return i <= steps ? -1.0 : 1.0; };
   const auto slope = [&](int i) {
     return std::tan(Radians(45.0 * (i <= steps ? i - steps : i - steps - 1) / steps));
@@ -114,7 +114,7 @@ void AddSmoothLathe(Mesh& mesh, Vec3 base, std::span<const Vec2> run, int segmen
   const int rows = static_cast<int>(run.size()) - 1;
   AddSurface(mesh, segments, rows, {2 * kPi * widest, along.back()}, [&](double u, double v) {
     const Vec2 p = run[static_cast<std::size_t>(std::lround(v * rows))];
-    // The last column must be the first one to the bit, so that the seam shares its normals.
+    // The last column must equal the first one exactly, so that the seam shares its normals.
     const double angle = u == 1 ? 0 : -2 * kPi * u;
     return base + Vec3{p.x * std::cos(angle), p.y, p.x * std::sin(angle)};
   });
@@ -203,7 +203,7 @@ void AddTube(Mesh& mesh, std::span<const Vec3> path, double radius, int segments
   const auto direction = [&](std::size_t i) {
     return Normalized(path[std::min(i + 1, last)] - path[i == 0 ? 0 : i - 1]);
   };
-  // A frame carried along the path turns as little as it can, so the rod does not twist.
+  // Parallel transport: the frame rotates as little as possible along the path, so the rod does not twist.
   std::vector<Vec3> sides;
   const Vec3 start = direction(0);
   Vec3 side = Normalized(Cross(start, std::fabs(start.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}));
@@ -259,7 +259,7 @@ void AddArchWall(Mesh& mesh, const ArchShape& arch) {
     AddQuad(mesh, {left, 0, front}, {pier, 0, 0}, {0, arch.height, 0});
     AddQuad(mesh, {left + pier, 0, -front}, {-pier, 0, 0}, {0, arch.height, 0});
   }
-  // The faces' texture runs on over the joints of their strips.
+  // The faces' texture is continuous across their strips.
   for (std::size_t i = first; i < mesh.uvs.size(); ++i) {
     mesh.uvs[i] = {mesh.positions[i].x + half, mesh.positions[i].y};
   }

@@ -32,7 +32,7 @@ struct Material {
   Vec3 emission = {};       ///< emitted radiance, any size; seen from the front side only
   bool double_sided = false;
   std::optional<TextureId> texture = std::nullopt;  ///< multiplied into base_color
-  Vec2 texture_size_m = {1, 1};  ///< how much of a surface one repeat of the texture covers
+  Vec2 texture_size_m = {1, 1};  ///< metres of surface that one repeat of the texture covers
 };
 
 /// Triangles with smooth normals. Counter-clockwise is the front.
@@ -66,7 +66,7 @@ struct Camera {
   double vertical_fov_degrees = 45;
 };
 
-/// All that goes into one .glb file: plain data, written by `EncodeGlb`.
+/// The contents of one .glb file: plain data, written by `EncodeGlb`.
 struct SceneDescription {
   std::string name;
   std::vector<Texture> textures = {};

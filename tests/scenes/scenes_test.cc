@@ -38,8 +38,8 @@ tinygltf::Model Parse(const std::string& bytes) {
   return model;
 }
 
-/// The first byte of element `index`, having checked that the element lies inside its view and the view
-/// inside the buffer.
+/// The first byte of element `index`; fails the test if the element lies outside its view or the view outside
+/// the buffer.
 const unsigned char* Element(const tinygltf::Model& model, const tinygltf::Accessor& accessor,
                              std::size_t index, std::size_t element_bytes) {
   const tinygltf::BufferView& view = model.bufferViews.at(accessor.bufferView);
@@ -87,7 +87,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene, ::testing::ValuesIn(AllScenes().beg
                            return name;
                          });
 
-TEST_P(EveryScene, IsGlbThatTinygltfReadsWithoutComplaint) {
+TEST_P(EveryScene, IsGlbThatTinygltfReadsWithoutWarnings) {
   const SceneDescription scene = GetParam().build();
   const absl::StatusOr<std::string> bytes = EncodeGlb(scene);
   ASSERT_TRUE(bytes.ok()) << bytes.status();
@@ -168,7 +168,7 @@ TEST_P(EveryScene, HasTrianglesWhoseWindingAgreesWithTheirNormals) {
         const Vec3 face = Cross(part.positions[b] - part.positions[a], part.positions[c] - part.positions[a]);
         turned += !(Dot(face, part.normals[a] + part.normals[b] + part.normals[c]) > 0);
       }
-      // Sharp creases in cloth turn a few.
+      // A few differ at sharp creases in cloth.
       EXPECT_LE(turned, part.indices.size() / 3 / 200) << mesh.name;
     }
   }
@@ -183,10 +183,10 @@ TEST_P(EveryScene, IsLitByFewSingleSidedTriangles) {
   }
 }
 
-TEST_P(EveryScene, HasLightsThatShineTowardsTheCamera) {
+TEST_P(EveryScene, HasLightsThatEmitTowardsTheCamera) {
   const SceneDescription scene = GetParam().build();
   for (const Node& node : scene.nodes) {
-    if (node.name == "lamp") continue;  // shines all around
+    if (node.name == "lamp") continue;  // emits in all directions
     for (const auto& [part, material] : scene.meshes[static_cast<std::size_t>(node.mesh)].primitives) {
       if (scene.materials[static_cast<std::size_t>(material)].emission == Vec3{}) continue;
       for (std::size_t i = 0; i < part.positions.size(); ++i) {
@@ -204,7 +204,7 @@ TEST(Scenes, AreFoundByName) {
   EXPECT_EQ(FindScene("atrium.glb"), nullptr);
 }
 
-TEST(Atrium, HasManyTrianglesFromFew) {
+TEST(Atrium, HasManyTrianglesFromFewMeshes) {
   const SceneDescription scene = BuildAtrium();
   EXPECT_GE(scene.InstancedTriangles(), 100'000);
   EXPECT_LT(scene.UniqueTriangles(), scene.InstancedTriangles() / 4);
@@ -220,7 +220,7 @@ TEST(CornellBox, HasThePublishedMeasurements) {
     EXPECT_NEAR(Length(light.primitives[0].mesh.positions[i] - expected[i]), 0, 1e-9);
   }
   EXPECT_EQ(scene.InstancedTriangles(),
-            2 * (5 + 3 + 5 + 5 + 1));  // the light's hole cuts the ceiling in four
+            2 * (5 + 3 + 5 + 5 + 1));  // the light's hole divides the ceiling into four quads
   EXPECT_NEAR(Length(scene.camera.transform.translation - Vec3{2.78, 2.73, -8}), 0, 1e-9);
   EXPECT_NEAR(std::tan(Radians(scene.camera.vertical_fov_degrees) / 2), 0.0125 / 0.035, 1e-6);
 }
@@ -241,7 +241,7 @@ TEST(MeshBuilder, ClosedShapesFaceOutwardsAndHoldTheirVolume) {
   AddBox(box, {1, 2, 3}, {0.5, 2, 3});
   EXPECT_NEAR(Volume(box), 3, 1e-9);
   AddRoundedBox(rounded, {1, 2, 3}, {0.5, 2, 3}, 0.25, 8);
-  // A box swept by a ball: core, slabs, quarter cylinders and the ball.
+  // The Minkowski sum of a box and a ball: core, slabs, quarter cylinders and the ball.
   const double r = 0.25, a = 0, b = 1.5, c = 2.5;
   EXPECT_NEAR(Volume(rounded),
               2 * r * (a * b + b * c + c * a) + kPi * r * r * (a + b + c) + 4.0 / 3 * kPi * r * r * r, 0.01);
@@ -280,7 +280,7 @@ TEST(Noise, RepeatsAfterItsPeriodAndStaysInRange) {
   }
 }
 
-/// A scene of one triangle, for tests to spoil.
+/// A valid scene of one triangle, which tests then invalidate.
 SceneDescription OneTriangle() {
   SceneDescription scene{.name = "one-triangle"};
   const MaterialId material = scene.Add(Material{.name = "grey"});
@@ -303,7 +303,7 @@ TEST(EncodeGlb, NamesTheMeshWithAnIndexOutOfRange) {
   EXPECT_THAT(std::string(status.message()), HasSubstr("mesh triangle: an index beyond vertex 2"));
 }
 
-TEST(EncodeGlb, RefusesIdsThatNameNothing) {
+TEST(EncodeGlb, RefusesIdsOfMissingObjects) {
   SceneDescription no_material = OneTriangle();
   no_material.meshes[0].primitives[0].material = MaterialId{1};
   EXPECT_THAT(std::string(EncodeGlb(no_material).status().message()), HasSubstr("no such material"));
@@ -315,7 +315,7 @@ TEST(EncodeGlb, RefusesIdsThatNameNothing) {
   EXPECT_THAT(std::string(EncodeGlb(no_texture).status().message()), HasSubstr("no such texture"));
 }
 
-TEST(EncodeGlb, RefusesArraysOfUnlikeLength) {
+TEST(EncodeGlb, RefusesArraysOfDifferentLength) {
   SceneDescription scene = OneTriangle();
   scene.meshes[0].primitives[0].mesh.normals.pop_back();
   EXPECT_THAT(std::string(EncodeGlb(scene).status().message()), HasSubstr("unlike length"));

@@ -4,12 +4,12 @@
 
 namespace lumifold::scenes {
 
-/// Colours as the eye counts them: sRGB values in [0, 1], because that is what a texture stores.
+/// Encoded colours: sRGB values in [0, 1], as stored in a texture.
 struct WoodColors {
   Vec3 light, dark;
 };
 
-// All of them repeat without a seam unless they are pictures. Sizes in pixels are fixed per texture.
+// All textures tile without a seam unless noted. Each has a fixed size in pixels.
 
 /// A floor of staggered boards along u: 8 boards high, each with a tint and a grain of its own.
 Texture WoodBoards(const WoodColors& colors);

@@ -19,8 +19,8 @@ namespace lumifold::filter {
 /// baselines of filter/baselines.
 const std::vector<MethodInfo>& Methods();
 
-/// Whether FilterFilm knows the method. Errors: kInvalidArgument naming the method and those there are, or
-/// the parameter that is wrong.
+/// Whether FilterFilm knows the method.
+/// Errors: kInvalidArgument naming the method and those there are, or the parameter that is wrong.
 absl::Status CheckMethod(std::string_view method);
 
 /// Filters a film. The picture C is a sum of products of light and throughput, of emission, and of a

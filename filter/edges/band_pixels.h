@@ -8,7 +8,8 @@
 namespace lumifold::filter {
 
 /// What is known of each pixel of a band of rows and of the rows about it, found out once: windows about the
-/// band's pixels read it many times. Threads: reading is safe.
+/// band's pixels read it many times.
+/// Threads: reading is safe.
 template <typename Pixel>
 class BandPixels {
  public:

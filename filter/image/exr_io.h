@@ -36,7 +36,8 @@ absl::Status WriteExr(const std::string& path, const EdgedImage& image);
 /// (deep files, several parts other than an edge set, a truncated file, a size over kMaxPixels).
 absl::StatusOr<LayeredImage> ReadExr(const std::string& path);
 
-/// Reads a file of WriteExr with its edge set. Errors: as ReadExr.
+/// Reads a file of WriteExr with its edge set.
+/// Errors: as ReadExr.
 absl::StatusOr<EdgedImage> ReadEdgedExr(const std::string& path);
 
 /// ReadExr for a file's bytes in memory; errors begin with `name`.

@@ -26,7 +26,8 @@ Imf::Slice ExrSliceOf(FloatView view, int x0, int y0);
 /// Slices of all channels of `image`, whose first pixel is (x0, y0) of the file.
 Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0);
 
-/// Whether this library reads the parts and headers of the file. Errors: kInvalidArgument naming the file.
+/// Whether this library reads the parts and headers of the file.
+/// Errors: kInvalidArgument naming the file.
 absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file);
 
 /// The string attributes of a header.

@@ -14,8 +14,8 @@ namespace lumifold {
 inline constexpr char kPartialSuffix[] = ".partial";
 
 /// A file that is written atomically: it is written under a temporary name and renamed at the end. If the
-/// object is destroyed before that, the temporary file is deleted. Errors: kUnavailable with path and system
-/// message.
+/// object is destroyed before that, the temporary file is deleted.
+/// Errors: kUnavailable with path and system message.
 class AtomicFile {
  public:
   static absl::StatusOr<AtomicFile> Create(const std::string& path);
@@ -59,15 +59,16 @@ class ScratchFile {
 };
 
 /// Replaces the content of `path` atomically: temporary file in the same folder, fsync, rename, fsync of the
-/// folder. After a crash `path` holds either the old content or all of the new. Errors: kUnavailable with
-/// path and the system's message.
+/// folder. After a crash `path` holds either the old content or all of the new.
+/// Errors: kUnavailable with path and the system's message.
 absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
 
-/// Whether `path` is a regular file. Errors: kNotFound; kInvalidArgument.
+/// Whether `path` is a regular file.
+/// Errors: kNotFound; kInvalidArgument.
 absl::Status CheckIsFile(const std::string& path);
 
-/// The whole file. Errors: kNotFound; kInvalidArgument for a folder or a file over `max_bytes`; kUnavailable
-/// otherwise.
+/// The whole file.
+/// Errors: kNotFound; kInvalidArgument for a folder or a file over `max_bytes`; kUnavailable otherwise.
 absl::StatusOr<std::string> ReadFile(const std::string& path, int64_t max_bytes);
 
 }  // namespace lumifold

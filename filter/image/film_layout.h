@@ -65,7 +65,8 @@ absl::StatusOr<ForeignFilm> ReadForeignFilm(const std::string& name, const Layer
 /// The film whose two independent halves, of equal sample counts, are `a` and `b`. noisy, direct, indirect,
 /// glossy and transmitted become the mean of both and are kept as halves (*_a, *_b, samples_a.Y,
 /// samples_b.Y); all other channels become the mean. A layer that only one of them has is dropped, and its
-/// light stays in the remainder. Errors: kInvalidArgument if they differ in size.
+/// light stays in the remainder.
+/// Errors: kInvalidArgument if they differ in size.
 absl::StatusOr<LayeredImage> JoinHalves(const LayeredImage& a, const LayeredImage& b);
 
 }  // namespace lumifold

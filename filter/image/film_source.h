@@ -10,7 +10,8 @@
 
 namespace lumifold {
 
-/// A film that need not be in memory as a whole: any part of it can be read. Threads: one at a time.
+/// A film that need not be in memory as a whole: any part of it can be read.
+/// Threads: one at a time.
 class FilmSource {
  public:
   virtual ~FilmSource() = default;

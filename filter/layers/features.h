@@ -22,8 +22,8 @@ inline constexpr float kSigmaLogDepth = 0.05f;
 std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
                                                      float sigma_normal);
 
-/// The geometry features of all pixels: kGeometryFeatures planes; 0 where `validity` is 0. Threads: identical
-/// for any pool.
+/// The geometry features of all pixels: kGeometryFeatures planes; 0 where `validity` is 0.
+/// Threads: identical for any pool.
 Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
                         TaskPool* pool);
 

@@ -13,8 +13,8 @@ namespace lumifold::filter {
 using LayerFilter = absl::FunctionRef<Planes(const Halves& halves, const Planes& geometry)>;
 
 /// Filters each layer of light of the film, and the remainder, by `filter`, and recombines them: what turns a
-/// filter of one layer into a method. No edge is antialiased. `film`: as FilterFilm() describes it. Threads:
-/// identical for any pool as far as `filter` is.
+/// filter of one layer into a method. No edge is antialiased. `film`: as FilterFilm() describes it.
+/// Threads: identical for any pool as far as `filter` is.
 Picture FilterLayers(const LayeredImage& film, LayerFilter filter, TaskPool* pool);
 
 }  // namespace lumifold::filter

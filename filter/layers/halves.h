@@ -37,7 +37,8 @@ struct HalvesView {
 
 /// Scales a film's halves and marks what is usable (IsUsable). `validity`: the part of each pixel that the
 /// layer's surface covers, 0 to 1. The film's values are means over the whole pixel; the halves hold means
-/// over the covered part. Threads: identical for any pool.
+/// over the covered part.
+/// Threads: identical for any pool.
 Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* pool);
 
 /// weight_a * weight_b: over 0 where both halves are known, since errors can be measured only there.

@@ -9,7 +9,8 @@ namespace lumifold::filter {
 /// `weight` may be empty: all pixels count.
 double RowMagnitude(const ConstColorView& color, ConstFloatView weight, int y);
 
-/// Mean of |value| over all pixels and channels; unusable values count as 0. Threads: identical for any pool.
+/// Mean of |value| over all pixels and channels; unusable values count as 0.
+/// Threads: identical for any pool.
 float MeanMagnitude(const ConstColorView& color, TaskPool* pool);
 
 }  // namespace lumifold::filter

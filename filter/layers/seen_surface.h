@@ -19,7 +19,8 @@ struct SeenSurface {
   GeometryViews geometry() const { return {ViewOf(normal), distance.view()}; }
 };
 
-/// Levels that the film lacks count as black. Threads: identical for any pool.
+/// Levels that the film lacks count as black.
+/// Threads: identical for any pool.
 SeenSurface SeenSurfaceOf(const Frame& frame, TaskPool* pool);
 
 }  // namespace lumifold::filter

@@ -11,7 +11,8 @@ struct Flicker {
 };
 
 /// Compares two pictures of the same scene: of two seeds, or of two frames of an animation.
-/// Shapes: W x H, 3 planes each, one size, at least one pixel. Threads: safe concurrently.
+/// Shapes: W x H, 3 planes each, one size, at least one pixel.
+/// Threads: safe concurrently.
 Flicker MeasureFlicker(const ConstColorView& picture, const ConstColorView& next, float exposure = 1.0f);
 
 }  // namespace lumifold::metrics

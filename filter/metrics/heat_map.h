@@ -5,7 +5,9 @@
 namespace lumifold::metrics {
 
 /// The error of each pixel: root mean square over channels of the difference, in 8-bit sRGB steps. The mean
-/// of its squares is Mse255. Shapes: W x H, 3 planes each, one size. Threads: safe concurrently.
+/// of its squares is Mse255.
+/// Shapes: W x H, 3 planes each, one size.
+/// Threads: safe concurrently.
 Plane StepErrors(const ConstColorView& picture, const ConstColorView& reference, float exposure = 1.0f);
 
 /// The value for the brightest colour of a heat map: the smallest of 1, 2 or 5 times a power of ten that 99.9

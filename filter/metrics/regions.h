@@ -27,7 +27,8 @@ struct RegionMeans {
   std::array<double, kRegionCount> share = {};  // of the pixels
 };
 
-/// Mse255 of `picture` against `reference`, by region. Shapes: all of one size; one region per pixel.
+/// Mse255 of `picture` against `reference`, by region.
+/// Shapes: all of one size; one region per pixel.
 RegionMeans Mse255ByRegion(const ConstColorView& picture, const ConstColorView& reference,
                            const std::vector<Region>& regions, float exposure = 1.0f);
 

@@ -73,7 +73,7 @@ absl::Status FilmFile::CheckLayers() {
   if (!film.ok()) return film.status();
   notes_ = std::move(film->notes);
   if (half_b_ == nullptr)
-    notes_.push_back(
+    notes_.emplace_back(
         "one picture: its noise is estimated from the picture itself, and fine detail may be taken for "
         "noise");
   return absl::OkStatus();

@@ -9,6 +9,8 @@
 
 #include "filter/image/check.h"
 
+template class nlohmann::basic_json<>;
+
 namespace lumifold::scene {
 namespace {
 

@@ -9,6 +9,9 @@
 #include "nlohmann/json.hpp"
 #include "worker/scene/gltf_loader.h"
 
+// Instantiated once, in gltf_fixture.cc.
+extern template class nlohmann::basic_json<>;
+
 namespace lumifold::scene {
 
 /// Builds small glTF documents in memory. Tests may change `json` before they call Glb() or Text().

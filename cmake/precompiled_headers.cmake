@@ -1,0 +1,39 @@
+# Precompiled headers: most of the compile time of this project is the parsing of the same few headers of the standard
+# library, absl, GoogleTest, gRPC and protobuf. Each set is compiled once and used by many targets. Sources still
+# include what they use: the structure tests and clang-tidy compile without these sets.
+#
+#   lumifold_precompiled(NAME [PROGRAM] HEADERS ... [LINK ...])  makes the set NAME; PROGRAM: for programs (-fPIE)
+#   lumifold_use_precompiled(TARGET NAME)                        compiles TARGET with it
+option(LUMIFOLD_PCH "Use precompiled headers" ON)
+
+function(lumifold_precompiled name)
+  cmake_parse_arguments(ARG "PROGRAM" "" "HEADERS;LINK" ${ARGN})
+  if(NOT LUMIFOLD_PCH)
+    return()
+  endif()
+  set(source ${PROJECT_BINARY_DIR}/precompiled/${name}.cc)  # CMake needs one to find the language
+  file(CONFIGURE OUTPUT ${source} CONTENT "")
+  add_library(precompiled_${name} OBJECT ${source})
+  target_precompile_headers(precompiled_${name} PRIVATE ${ARG_HEADERS})
+  target_link_libraries(precompiled_${name} PRIVATE lumifold_options ${ARG_LINK})
+  if(ARG_PROGRAM)
+    # gcc takes a set only with the -fPIC or -fPIE that it was made with.
+    set_target_properties(precompiled_${name} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
+    target_compile_options(precompiled_${name} PRIVATE -fPIE)
+  endif()
+endfunction()
+
+function(lumifold_use_precompiled target name)
+  if(TARGET precompiled_${name})
+    target_precompile_headers(${target} REUSE_FROM precompiled_${name})
+  endif()
+endfunction()
+
+set(common_headers
+  <algorithm> <array> <cmath> <cstdint> <functional> <limits> <map> <memory> <optional> <set> <span> <string>
+  <string_view> <utility> <vector>
+  <absl/functional/function_ref.h> <absl/status/status.h> <absl/status/statusor.h> <absl/strings/str_cat.h>
+  <absl/types/span.h>)
+set(farm_headers
+  <grpcpp/grpcpp.h> <absl/strings/str_format.h> <absl/synchronization/mutex.h> <absl/time/time.h>
+  <lumifold/v1/farm.grpc.pb.h> <lumifold/v1/worker.grpc.pb.h>)

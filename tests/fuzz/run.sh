@@ -1,14 +1,16 @@
 #!/usr/bin/env bash
 # Builds the fuzz target of the scene loader with clang, in a build folder of its own, and runs it.
-#   tests/fuzz/run.sh SECONDS [BUILD_FOLDER]    (default build/fuzz)
+#   tests/fuzz/run.sh SECONDS [RUNS]    runs for at most so many seconds and, where given, so many inputs
+#   tests/fuzz/run.sh --build           only builds
 # Ends with 0 when nothing was found, 77 where there is no clang with libFuzzer, and otherwise with an error; the input
-# at fault then lies in BUILD_FOLDER/found. LUMIFOLD_SCENES_PROGRAM names a built lumifold-scenes, whose smaller scenes
+# at fault then lies in build/fuzz/found. LUMIFOLD_SCENES_PROGRAM names a built lumifold-scenes, whose smaller scenes
 # become seeds too.
 set -euo pipefail
-seconds=${1:?usage: tests/fuzz/run.sh SECONDS [BUILD_FOLDER]}
+seconds=${1:?usage: tests/fuzz/run.sh SECONDS [RUNS] | --build}
+runs=${2:--1}
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
-build=${2:-$root/build/fuzz}
+build=$root/build/fuzz
 max_bytes=65536
 
 mkdir -p "$build/corpus" "$build/found" "$build/seeds"
@@ -23,6 +25,7 @@ cmake -S "$root" -B "$build" -G Ninja -DCMAKE_CXX_COMPILER=clang++ -DCMAKE_BUILD
   -DLUMIFOLD_SANITIZE=fuzzer-no-link,address,undefined -DLUMIFOLD_FUZZ=ON -DLUMIFOLD_BUILD_TESTS=OFF \
   -DLUMIFOLD_BUILD_FARM=OFF -DLUMIFOLD_WERROR=OFF >/dev/null
 cmake --build "$build" --target gltf_fuzz gltf_seeds
+[ "$seconds" = --build ] && exit 0
 
 "$build/bin/gltf_seeds" "$build/seeds"
 if [ -n "${LUMIFOLD_SCENES_PROGRAM:-}" ]; then
@@ -32,6 +35,6 @@ fi
 
 export UBSAN_OPTIONS=print_stacktrace=1
 export ASAN_OPTIONS=allocator_may_return_null=0:detect_leaks=1
-exec "$build/bin/gltf_fuzz" -max_total_time="$seconds" -rss_limit_mb=2048 -timeout=10 -max_len=$max_bytes \
-  -dict="$here/gltf.dict" -artifact_prefix="$build/found/" -seed=1 -print_final_stats=1 -verbosity=0 \
-  "$build/corpus" "$build/seeds"
+exec "$build/bin/gltf_fuzz" -max_total_time="$seconds" -runs="$runs" -rss_limit_mb=2048 -timeout=30 \
+  -max_len=$max_bytes -dict="$here/gltf.dict" -artifact_prefix="$build/found/" -seed=1 -print_final_stats=1 \
+  -verbosity=0 "$build/corpus" "$build/seeds"

@@ -26,8 +26,9 @@ class ReadmeTest(harness.CliTest):
         (self.folder / "cornell-box.glb").rename(self.folder / "scene.glb")
 
     def adapted(self, words):
-        """The command with what belongs to this test: programs of this build, its folder and port, few samples."""
-        replacements = {"/srv/lumifold": str(self.folder / "data"), "127.0.0.1:7700": self.address, "64": "2", "256": "2"}
+        """The command with what belongs to this test: programs of this build, its folder and port, small pictures."""
+        replacements = {"/srv/lumifold": str(self.folder / "data"), "127.0.0.1:7700": self.address, "64": "2", "256": "2",
+                        "1024x768": "256x192", "1920x1080": "240x135"}
         program, *arguments = words
         return [harness.BIN_DIR / program, *(replacements.get(word, word) for word in arguments)]
 
@@ -70,7 +71,7 @@ class ReadmeTest(harness.CliTest):
 
 class QuickstartTest(unittest.TestCase):
     def test_says_where_the_pictures_are_and_what_the_filter_gained(self):
-        done = subprocess.run([ROOT / "deploy/quickstart.sh"], text=True, capture_output=True, timeout=280, check=True)
+        done = subprocess.run([ROOT / "deploy/quickstart.sh"], text=True, capture_output=True, timeout=1800, check=True)
         found = dict(re.findall(r"^  (filtered picture|as it was traced|all layers) +(\S+)$", done.stdout, re.MULTILINE))
         self.assertEqual(len(found), 3, done.stdout)
         for path in found.values():

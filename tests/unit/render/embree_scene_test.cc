@@ -27,7 +27,7 @@ TEST(EmbreeScene, DoesNotLimitOtherThreadPools) {
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(2);
   pool->Run(2, [&](int64_t i) {
     begun[static_cast<size_t>(i)].Notify();
-    if (begun[static_cast<size_t>(1 - i)].WaitForNotificationWithTimeout(absl::Seconds(30))) ++notified;
+    if (begun[static_cast<size_t>(1 - i)].WaitForNotificationWithTimeout(absl::Minutes(5))) ++notified;
   });
   EXPECT_EQ(notified, 2);
 }

@@ -2,7 +2,7 @@
 
     include_direction.py SOURCE_FOLDER GRAPH_FILE
 
-GRAPH_FILE is what cmake/target_graph.cmake writes. A room is a folder with a CMakeLists.txt; a file belongs to the
+GRAPH_FILE is what tests/structure/target_graph.cmake writes. A room is a folder with a CMakeLists.txt; a file belongs to the
 nearest room above it. Reported, one line each:
   * a room with C++ sources and without a target, and a target that takes sources from another room;
   * an include of another room's header where the file's target links none of that room's, directly or through PUBLIC

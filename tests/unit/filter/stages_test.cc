@@ -131,9 +131,9 @@ TEST(Stages, AreWatchedInTheirOrder) {
   EXPECT_EQ(ended.front(), "layers");
   EXPECT_EQ(ended.back(), "convergence");
   for (const std::string& name : ended) {
-    EXPECT_TRUE(std::any_of(Stages().begin(), Stages().end(),
-                            [&](const StageInfo& stage) { return stage.name == name; }))
-        << name;
+    EXPECT_TRUE(std::any_of(Stages().begin(), Stages().end(), [&](const StageInfo& stage) {
+      return stage.name == name;
+    })) << name;
   }
 }
 

@@ -1,0 +1,217 @@
+#include "filter/edges/regression.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <random>
+#include <string_view>
+
+#include "tests/unit/filter/edge_films.h"
+#include "tests/unit/filter/synthetic_film.h"
+
+namespace lumifold::filter {
+namespace {
+
+/// The truth on both sides, `at_edge` between them.
+std::array<Plane, 3> PictureWithEdge(float at_edge) {
+  std::array<Plane, 3> picture;
+  for (size_t c = 0; c < 3; ++c) {
+    picture[c] = Plane(kWidth, kHeight);
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const int side = x > kEdgeColumn ? 1 : 0;
+        picture[c].At(x, y) = x == kEdgeColumn ? at_edge : kLight[side] * kAlbedo[side];
+      }
+    }
+  }
+  return picture;
+}
+
+double MeanAtEdge(const std::array<Plane, 3>& picture) {
+  double mean = 0;
+  for (int y = 0; y < kHeight; ++y) mean += static_cast<double>(picture[0].At(kEdgeColumn, y)) / kHeight;
+  return mean;
+}
+
+TEST(EdgeRegression, TakesOutABiasOfEdgesAndLeavesTheRest) {
+  LayeredImage film = EdgeFilm();
+  for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB})
+    for (int y = 0; y < kHeight; ++y) std::fill_n(film.Get(count).Row(y), kWidth, 32.0f);
+  const LayeredImage edges = EdgeSet();
+  const Planes none = MakePlanes(3, kWidth, kHeight);
+  std::array<Plane, 3> biased = PictureWithEdge(1.4f);  // C is about 0.5 there
+  RegressEdges(Frame(film, &edges), none, nullptr, &biased);
+  EXPECT_LT(MeanAtEdge(biased), 0.6);
+  for (const int side : {0, 1}) {
+    const int outwards = 2 * side - 1;
+    const float truth = kLight[side] * kAlbedo[side];
+    EXPECT_NEAR(biased[0].At(kEdgeColumn + outwards, 9), truth, 0.1f * truth);
+    EXPECT_EQ(biased[0].At(kEdgeColumn + 2 * outwards, 9), truth);
+  }
+}
+
+constexpr Rect kPatch = {30, 20, 60, 44};  // of pixels on edges
+
+/// The edge set of kPatch: all that is told of it is that its pixels are on edges.
+LayeredImage PatchOfEdges() {
+  LayeredImage edges(kSubSamples, kPatch.width() * kPatch.height());
+  for (const std::string& name : layers::EdgeChannels()) edges.Add(name);
+  for (int row = 0; row < edges.height(); ++row) {
+    const int x = kPatch.x0 + row % kPatch.width();
+    const int y = kPatch.y0 + row / kPatch.width();
+    for (int j = 0; j < kSubSamples; ++j) {
+      edges.Get(layers::kPixelX).At(j, row) = static_cast<float>(x);
+      edges.Get(layers::kPixelY).At(j, row) = static_cast<float>(y);
+      edges.Get(layers::kObjectId).At(j, row) = 1;
+    }
+  }
+  return edges;
+}
+
+/// One of two numbers, without any order from pixel to pixel.
+int SideOf(int x, int y) { return (x * 7 + y * 13 + x * y) / 4 % 2; }
+
+/// RMS error in kPatch after the regression of F = 0.5. The truth is 0.5 and `off` more on one side, less on
+/// the other; `side_channel` is `mean` and half of that more or less; the halves have deviation `noise`.
+double ErrorAfterRegression(std::string_view side_channel, float mean, float off, float noise) {
+  LayeredImage film = WallFilm();
+  film.AddColor(layers::kGlossyAlbedo);
+  film.Add(layers::kRoughness);
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal;
+  const NoisyLayer noisy(std::string(layers::kNoisy), &film);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const auto sign = static_cast<float>(2 * SideOf(x, y) - 1);
+      const float truth = 0.5f + sign * off;
+      noisy.Set(x, y, truth + noise * normal(random), truth + noise * normal(random));
+      if (film.HasColor(side_channel)) Set(film.GetColor(side_channel), x, y, mean * (1 + 0.5f * sign));
+      if (film.Has(side_channel)) film.Get(side_channel).At(x, y) = mean * (1 + 0.5f * sign);
+    }
+  }
+  const LayeredImage edges = PatchOfEdges();
+  std::array<Plane, 3> picture;
+  for (Plane& plane : picture) {
+    plane = Plane(kWidth, kHeight);
+    plane.Fill(0.5f);
+  }
+  RegressEdges(Frame(film, &edges), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  double square = 0;
+  for (int y = kPatch.y0; y < kPatch.y1; ++y) {
+    for (int x = kPatch.x0; x < kPatch.x1; ++x) {
+      const float truth = 0.5f + static_cast<float>(2 * SideOf(x, y) - 1) * off;
+      square += std::pow(static_cast<double>(picture[0].At(x, y) - truth), 2);
+    }
+  }
+  return std::sqrt(square / (kPatch.width() * kPatch.height()));
+}
+
+TEST(EdgeRegression, TellsSurfacesApartByEachOfItsTerms) {
+  for (const std::string_view channel : {layers::kAlbedo, layers::kNormalX, layers::kMask,
+                                         layers::kGlossyAlbedo, layers::kDistance, layers::kRoughness})
+    EXPECT_LT(ErrorAfterRegression(channel, 0.5f, 0.1f, 0.01f), 0.02) << channel;
+}
+
+TEST(EdgeRegression, AddsLittleNoiseWhereThereIsNothingToCorrect) {
+  constexpr float kDeviation = 0.5f;
+  EXPECT_LT(ErrorAfterRegression(layers::kAlbedo, 0.5f, 0, kDeviation), 0.025);
+}
+
+/// What the regression adds to F = 0.5 at the pixel in the midst of kPatch, all of which shows a mirror: of
+/// C = 0.5 + `off`, one of whose halves is `firefly` brighter two pixels beside it.
+float ChangeInMirror(float off, float firefly) {
+  LayeredImage film = ShowingMirror(WallFilm(), kPatch);
+  for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB})
+    for (int y = 0; y < kHeight; ++y) std::fill_n(film.Get(count).Row(y), kWidth, 32.0f);
+  std::mt19937 random(5);
+  std::normal_distribution<float> normal(0.5f + off, 0.02f);
+  const NoisyLayer noisy(std::string(layers::kNoisy), &film);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const float a = normal(random);
+      noisy.Set(x, y, a, normal(random));
+    }
+  }
+  constexpr int kX = (kPatch.x0 + kPatch.x1) / 2;
+  constexpr int kY = (kPatch.y0 + kPatch.y1) / 2;
+  noisy.Set(kX + 2, kY, 0.5f + off + firefly, 0.5f + off);
+  std::array<Plane, 3> picture;
+  for (Plane& plane : picture) {
+    plane = Plane(kWidth, kHeight);
+    plane.Fill(0.5f);
+  }
+  RegressEdges(Frame(film, nullptr), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  return picture[0].At(kX, kY) - 0.5f;
+}
+
+TEST(EdgeRegression, TakesOutABiasInMirrorsButFollowsNoSingleSample) {
+  EXPECT_NEAR(ChangeInMirror(0.2f, 0), 0.2f, 0.04f);
+  EXPECT_NEAR(ChangeInMirror(0, 0), 0, 0.01f);
+  EXPECT_NEAR(ChangeInMirror(0, 20), 0, 0.05f);
+}
+
+TEST(EdgeRegression, BelievesTheFitsTheMoreOfMoreSamples) {
+  const LayeredImage edges = EdgeSet();
+  LayeredImage film = EdgeFilm();
+  double before = 1.4;
+  for (const float samples : {2.0f, 16.0f, 128.0f}) {
+    for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB})
+      for (int y = 0; y < kHeight; ++y) std::fill_n(film.Get(count).Row(y), kWidth, samples);
+    std::array<Plane, 3> picture = PictureWithEdge(1.4f);
+    RegressEdges(Frame(film, &edges), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+    EXPECT_LT(MeanAtEdge(picture), before) << samples;
+    before = MeanAtEdge(picture);
+  }
+}
+
+TEST(EdgeRegression, FitsMetalsOffTheEdgeSetToo) {
+  for (const float specular : {0.04f, 0.9f}) {
+    LayeredImage film = EdgeFilm();
+    film.AddColor(layers::kGlossyAlbedo);
+    for (int y = 0; y < kHeight; ++y) Set(film.GetColor(layers::kGlossyAlbedo), kEdgeColumn, y, specular);
+    std::array<Plane, 3> picture = PictureWithEdge(1.4f);
+    RegressEdges(Frame(film, nullptr), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+    if (specular < 0.5f) {
+      EXPECT_EQ(picture[0].At(kEdgeColumn, 9), 1.4f);
+    } else {
+      EXPECT_LT(MeanAtEdge(picture), 1);
+    }
+  }
+}
+
+TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {
+  LayeredImage film = EdgeFilm();
+  for (int y = 0; y < kHeight; ++y) std::fill_n(film.Get(layers::kSamplesB).Row(y), kWidth, 0.0f);
+  const LayeredImage edges = EdgeSet();
+  std::array<Plane, 3> picture = PictureWithEdge(1.4f);
+  RegressEdges(Frame(film, &edges), MakePlanes(3, kWidth, kHeight), nullptr, &picture);
+  for (int y = 0; y < kHeight; ++y) EXPECT_EQ(picture[0].At(kEdgeColumn, y), 1.4f) << y;
+}
+
+TEST(EdgeRegression, ScalesWithTheUnitOfLightAndStaysFinite) {
+  const LayeredImage edges = EdgeSet();
+  const Planes none = MakePlanes(3, kWidth, kHeight);
+  std::array<Plane, 3> plain = PictureWithEdge(1.4f);
+  RegressEdges(Frame(EdgeFilm(), &edges), none, nullptr, &plain);
+  for (const float factor : {1e-20f, 1e20f}) {
+    LayeredImage film = EdgeFilm();
+    std::array<Plane, 3> picture = PictureWithEdge(1.4f);
+    for (Plane& plane : picture) {
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) plane.At(x, y) *= factor;
+      }
+    }
+    ScaleRadiance(factor, &film);
+    RegressEdges(Frame(film, &edges), none, nullptr, &picture);
+    for (int y = 0; y < kHeight; ++y)
+      EXPECT_NEAR(picture[0].At(kEdgeColumn, y) / factor, plain[0].At(kEdgeColumn, y), 1e-4f) << y;
+    film.GetColor(layers::HalfA(layers::kNoisy))[0].At(kEdgeColumn, 20) = NAN;
+    film.Get(layers::kNormalX).At(kEdgeColumn + 1, 30) = INFINITY;
+    RegressEdges(Frame(film, &edges), none, nullptr, &picture);
+    for (int y = 0; y < kHeight; ++y) EXPECT_TRUE(std::isfinite(picture[0].At(kEdgeColumn, y))) << y;
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::filter

@@ -52,7 +52,7 @@ const char* WhatFollows(Role role) {
     case FilmLayout::kAlbedo:
       return "textures are filtered with the light on them";
     default:
-      return "it is filtered as part of what the other layers leave of the picture";
+      return "it is filtered as part of the remainder";
   }
 }
 

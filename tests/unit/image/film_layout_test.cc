@@ -102,7 +102,7 @@ TEST(FilmLayout, TakesNoGlossyLightWithoutItsFactor) {
     if (channel.name != "GlossCol.G") file.Add(channel.name, channel.plane.Clone());
   }
   const ForeignFilm read = ReadCycles(file);
-  EXPECT_THAT(read.notes, ElementsAre(HasSubstr("no specular (no layer GlossCol)")));
+  EXPECT_THAT(read.notes, ElementsAre(HasSubstr("no glossy_albedo (no layer GlossCol)")));
   EXPECT_FALSE(read.film.HasColor(layers::kGlossy));
   EXPECT_TRUE(read.film.HasColor(layers::kTransmitted));
 }

@@ -143,7 +143,14 @@ uint64_t HashOf(const Picture& picture) {
 }
 
 TEST(Pixels, KeepTheirBits) {
-  const std::map<std::string, uint64_t> expected = {};
+  const std::map<std::string, uint64_t> expected = {
+      {"default", 0x39a0336bfa51f013u},   {"paper", 0x6ca459d699f3e80eu},
+      {"none", 0xc5f6e8174aa33802u},      {"manifolds-color", 0xa5b8fa94785cb7a1u},
+      {"bilateral", 0xeec5475b4fc88194u}, {"cross-bilateral", 0x2a37c37e454b9cdcu},
+      {"a-trous", 0x649ebbb49760f221u},   {"a-trous-variance", 0xcd2275de45fb6b1cu},
+      {"guided", 0xf185549bca7bcd4cu},    {"nlm", 0x6a10b5975cc8088fu},
+      {"nfor", 0xe49e67fb84e2ede1u},
+  };
   const EdgedImage film = Film();
   for (const MethodInfo& method : Methods()) {
     const absl::StatusOr<Picture> picture = FilterFilm(film.pixels, method.name, nullptr, &film.edges);

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "filter/edges/non_diffuse_pixels.h"
 #include "filter/edges/trust.h"
-#include "filter/edges/unknown_pixels.h"
 #include "filter/image/color.h"
 #include "filter/image/edged_image.h"
 #include "filter/layers/features.h"
@@ -82,9 +82,9 @@ EdgePoints EdgePointsOf(const Frame& frame, float max_glossy_albedo, float max_s
   out.points.samples = kSamples;
   out.points.own_features = kGeometryFeatures;
   if (!frame.edges.has_value()) return out;
-  const UnknownPixels unknown(frame, max_glossy_albedo);
+  const NonDiffusePixels non_diffuse(frame, max_glossy_albedo);
   frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
-    if (frame.samples.At(x, y) > max_samples || unknown.Contain(x, y)) return;
+    if (frame.samples.At(x, y) > max_samples || non_diffuse.Contain(x, y)) return;
     if (frame.edges->IsPlain(row)) AddPixel(*frame.edges, row, sigma_normal, &out);
   });
   return out;

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "filter/edges/band_pixels.h"
+#include "filter/edges/non_diffuse_pixels.h"
 #include "filter/edges/trust.h"
-#include "filter/edges/unknown_pixels.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/portable_math.h"
 
@@ -86,13 +86,13 @@ class MixtureReader {
  public:
   MixtureReader(const Frame& frame, float max_glossy_albedo)
       : frame_(frame),
-        unknown_(frame, max_glossy_albedo),
+        non_diffuse_(frame, max_glossy_albedo),
         rows_(static_cast<size_t>(frame.width) * static_cast<size_t>(frame.height), -1) {
     frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) { rows_[IndexOf(x, y)] = row; });
   }
 
   Mixture At(int x, int y) const {
-    if (unknown_.Contain(x, y)) {
+    if (non_diffuse_.Contain(x, y)) {
       Mixture mixture;
       mixture.is_known = false;
       return mixture;
@@ -123,7 +123,7 @@ class MixtureReader {
     Surface missed;
     for (int j = window.y0; j < window.y1; ++j) {
       for (int i = window.x0; i < window.x1; ++i) {
-        if (unknown_.Contain(i, j)) continue;
+        if (non_diffuse_.Contain(i, j)) continue;
         const Mixture beside = HitsAt(i, j);
         for (size_t k = 0; beside.is_known && k < beside.count; ++k) {
           if (SumOf(beside.surfaces[k].albedo) > SumOf(missed.albedo)) missed = beside.surfaces[k];
@@ -173,7 +173,7 @@ class MixtureReader {
   }
 
   const Frame& frame_;
-  UnknownPixels unknown_;
+  NonDiffusePixels non_diffuse_;
   std::vector<int> rows_;  // row of the edge set for each pixel; -1 off it
 };
 

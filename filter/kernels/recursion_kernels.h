@@ -11,7 +11,7 @@ namespace lumifold::filter {
 /// Rows of cells of some signals. from and to may be the same.
 struct RecurseArgs {
   const float* const* from;  // row r of signal s at [s * rows + r]
-  float* const* to;          // laid out alike
+  float* const* to;          // same layout
   size_t signals;
   size_t rows;
   int count;  // cells of a row, >= 1

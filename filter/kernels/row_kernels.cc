@@ -214,7 +214,7 @@ HWY_INLINE void BlendRow(const float* upper, const float* lower, float fraction,
   };
   int c = begin;
   for (; c + lanes <= end; c += lanes) blend(c);
-  if (c < end && begin + lanes <= end) return blend(end - lanes);  // some cells twice, and alike
+  if (c < end && begin + lanes <= end) return blend(end - lanes);  // recomputes some cells
   for (; c < end; ++c) out[c - begin] = upper[c] + fraction * (lower[c] - upper[c]);
 }
 
@@ -290,7 +290,7 @@ HWY_ATTR void CorrelateRows(const CorrelateArgs& args, float* out) {
   for (; x + kTogether * lanes <= args.count; x += kTogether * lanes)
     CorrelateVectors<kTogether>(args, x, out);
   for (; x + lanes <= args.count; x += lanes) CorrelateVectors<1>(args, x, out);
-  if (x < args.count) CorrelateVectors<1>(args, args.count - lanes, out);  // some twice, and alike
+  if (x < args.count) CorrelateVectors<1>(args, args.count - lanes, out);  // recomputes some
 }
 
 HWY_ATTR void CandidateErrorRow(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b,

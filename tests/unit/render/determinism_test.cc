@@ -2,11 +2,16 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
+#include <cstdint>
 #include <cstring>
+#include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "filter/image/parallel.h"
+#include "filter/image/planes.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/support/shuffling_pool.h"
 #include "tests/unit/render/pictures.h"
@@ -99,6 +104,32 @@ TEST(Determinism, APassIsIndependentOfEarlierPasses) {
   Paste(late, rect, &a.pass);
   Paste(first, rect, &b.pass);
   ExpectSameBits(a.pass, b.pass);
+}
+
+/// FNV-1a over the bits of all channels.
+uint64_t HashOf(const LayeredImage& image) {
+  uint64_t hash = 0xcbf29ce484222325u;
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    ForEachPixel(image.width(), image.height(), [&](int x, int y) {
+      uint32_t bits = std::bit_cast<uint32_t>(channel.plane.At(x, y));
+      for (int byte = 0; byte < 4; ++byte, bits >>= 8) hash = (hash ^ (bits & 0xffu)) * 0x100000001b3u;
+    });
+  }
+  return hash;
+}
+
+// A change of the renderer changes these bits on purpose: then the failing test prints the new ones.
+TEST(Determinism, KeepsTheBitsOfItsNumericClass) {
+  const std::map<std::string, uint64_t> expected = {};
+  const auto renderer = MakeRenderer(testing::SmallRoom(), SettingsOf(kWidth, kHeight));
+  const std::unique_ptr<TaskPool> alone = MakeTaskPool(1);
+  const Frame frame = RenderFrame(*renderer, 64, *alone);
+  const uint64_t hash = HashOf(frame.pass) ^ HashOf(frame.geometry);
+  const auto found = expected.find(NumericClass());
+  if (found == expected.end())
+    GTEST_SKIP() << "no bits are written down for " << NumericClass() << "; here they are 0x" << std::hex
+                 << hash;
+  EXPECT_EQ(found->second, hash) << "{\"" << NumericClass() << "\", 0x" << std::hex << hash << "u}";
 }
 
 }  // namespace

@@ -1,13 +1,13 @@
-#include "filter/edges/unknown_pixels.h"
+#include "filter/edges/non_diffuse_pixels.h"
 
 #include <algorithm>
 
 namespace lumifold::filter {
 
-UnknownPixels::UnknownPixels(const Frame& frame, float max_glossy_albedo)
+NonDiffusePixels::NonDiffusePixels(const Frame& frame, float max_glossy_albedo)
     : frame_(frame), max_glossy_albedo_(max_glossy_albedo) {}
 
-bool UnknownPixels::Contain(int x, int y) const {
+bool NonDiffusePixels::Contain(int x, int y) const {
   const auto is_glossy = [&](const ConstFloatView& albedo) {
     return !albedo.IsEmpty() && albedo.At(x, y) > max_glossy_albedo_;
   };

@@ -26,9 +26,8 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddSeed("--seed", &options->seed, "Seed of the random numbers (default 0)");
   command_line.AddWholeNumber("--max-bounces", &options->max_bounces, 0, kMaxBounces,
                               "Scattering events after the first surface, at most (default 8)");
-  command_line.AddText(
-      "--method", "METHOD", &options->method,
-      "Filter: a method of 'lumifold filter --list-methods' (default 'default')");
+  command_line.AddText("--method", "METHOD", &options->method,
+                       "Filter: a method of 'lumifold filter --list-methods' (default 'default')");
   command_line.AddText("--camera", "NAME", &options->camera, "Camera by name (default: the scene's first)");
   command_line.AddFrames("--frame,--frames", &options->frames,
                          "Number of the frame, or of the first and last one (default 0)");

@@ -42,8 +42,7 @@ inline std::optional<layers::Level> LevelOfTile(int32_t tile) {
 
 /// What a worker might deliver for a unit: made-up pixels that depend on (seed, unit) alone, with the counts
 /// a pass of `samples` has. Some tiles carry a level; those of more than one row and column have edges.
-inline EdgedImage RandomUnit(const job::UnitKey& key, const Rect& rect, SampleRange samples,
-                             uint32_t seed) {
+inline EdgedImage RandomUnit(const job::UnitKey& key, const Rect& rect, SampleRange samples, uint32_t seed) {
   std::seed_seq mix{seed, static_cast<uint32_t>(key.frame), static_cast<uint32_t>(key.tile),
                     static_cast<uint32_t>(key.pass), static_cast<uint32_t>(key.kind)};
   std::mt19937 random(mix);

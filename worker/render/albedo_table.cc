@@ -147,8 +147,7 @@ AlbedoTable::AlbedoTable(const Contents& contents) : glass_iors_(contents.glass_
   }
   if (contents.sheen) {
     Fill(&sheen_.emplace_back(), [](float cos_o, float alpha) {
-      return IntegrateSheen(cos_o,
-                            std::max(alpha, 0.5f * kMinSheenAlpha));  // for the node below the minimum
+      return IntegrateSheen(cos_o, std::max(alpha, 0.5f * kMinSheenAlpha));  // for the node below the minimum
     });
   }
 }

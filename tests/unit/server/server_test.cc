@@ -229,7 +229,8 @@ TEST_F(ServerTest, StopsPromptlyWithStreamsOpen) {
   WaitUntil(job, [](const v1::JobStatus& status) { return status.state() == v1::JOB_STATE_RENDERING; });
   const absl::Time start = absl::Now();
   StopServer();
-  EXPECT_LT(absl::Now() - start, absl::Minutes(1)) << "streams that stay open hold it up until their deadline";
+  EXPECT_LT(absl::Now() - start, absl::Minutes(1))
+      << "streams that stay open hold it up until their deadline";
   idle->Wait();
 }
 

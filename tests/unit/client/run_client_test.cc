@@ -306,7 +306,7 @@ TEST_F(RunClientTest, RefusesToCompareWhatDoesNotFit) {
                                 small + ": has no colour layer 'direct'\nlumifold: "));
 }
 
-TEST_F(RunClientTest, ComparesByRegionAndPaintsWhereAPictureErrs) {
+TEST_F(RunClientTest, ComparesByRegionAndWritesAHeatMap) {
   LayeredImage image(4, 3);
   image.AddColor("");
   image.AddColor("albedo");
@@ -320,8 +320,8 @@ TEST_F(RunClientTest, ComparesByRegionAndPaintsWhereAPictureErrs) {
             0)
       << Err();
   EXPECT_THAT(Out(), MatchesRegex("MSE255 1806\\.2500\nFLIP 0\\.[0-9]*\nMSE255 of flat 1806\\.2500 "
-                                  "\\(100\\.0 % of pixels\\)\n.*map\\.png: black 0, pale yellow 200 and more "
-                                  "8-bit steps, root mean square of R G B\n"));
+                                  "\\(100\\.0 % of pixels\\)\n.*map\\.png: black is 0, pale yellow is 200 or "
+                                  "more 8-bit steps \\(root mean square of R G B\\)\n"));
   EXPECT_TRUE(std::filesystem::exists(map));
   test_.out.str("");
   EXPECT_EQ(
@@ -332,7 +332,7 @@ TEST_F(RunClientTest, ComparesByRegionAndPaintsWhereAPictureErrs) {
             "\"heatmap_scale\":200.0}\n");
 }
 
-TEST_F(RunClientTest, SaysWhatKeepsItFromComparingByRegion) {
+TEST_F(RunClientTest, NamesTheReasonWhyItCannotCompareByRegion) {
   LayeredImage image(4, 3);
   image.AddColor("");
   const std::string picture = folder_.File("picture.exr");
@@ -340,7 +340,7 @@ TEST_F(RunClientTest, SaysWhatKeepsItFromComparingByRegion) {
   EXPECT_EQ(Run({"compare", picture, picture, "--by-region"}), 4);
   EXPECT_EQ(Run({"compare", picture, picture, "--heatmap", "map.jpg"}), 2);
   EXPECT_EQ(Err(), "lumifold: " + picture +
-                       ": has no layers to tell regions by: it takes 'albedo', 'direct' or edges\nlumifold: "
+                       ": has no layers that define regions: 'albedo', 'direct' or edges\nlumifold: "
                        "--heatmap: expected a name that ends in .png; got 'map.jpg'\n");
 }
 

@@ -129,7 +129,7 @@ TEST_F(SqliteJobStoreTest, UnitsComeInTheOrderOfTheFilm) {
   EXPECT_EQ(unit.length, 77u);
 }
 
-TEST_F(SqliteJobStoreTest, NewsBindTheClassOnceAndKeepEachWarningOnce) {
+TEST_F(SqliteJobStoreTest, UpdatesBindTheClassOnceAndKeepEachWarningOnce) {
   ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
   ASSERT_TRUE(store_->CommitUnits({}, {{JobId("j-a"), "avx2", kStart, {"no light", "no camera"}}}).ok());
   ASSERT_TRUE(

@@ -94,11 +94,11 @@ void RenderStages(const render::Renderer& renderer, uint32_t samples, TaskPool* 
       });
 }
 
-EdgedImage MergeStage(const FilmSettings& settings, std::vector<TileUnits> tiles, TaskPool* pool,
+EdgedImage AssemblyStage(const FilmSettings& settings, std::vector<TileUnits> tiles, TaskPool* pool,
                       std::vector<Stage>* stages) {
   EdgedImage film;
   AddStage(
-      "merge", stages,
+      "assembly", stages,
       [&] {
         film::FilmBuilder builder(settings.width, settings.height);
         ParallelFor(pool, static_cast<int64_t>(tiles.size()), [&](int64_t i) {
@@ -192,7 +192,7 @@ absl::StatusOr<JobStages> MeasureStages(const std::string& scene, const FilmSour
   if (!status.ok()) return status;
   std::vector<TileUnits> tiles = CutFrame(settings);
   RenderStages(*renderer, settings.samples, pool, &tiles, &stages.job);
-  EdgedImage film = MergeStage(settings, std::move(tiles), pool, &stages.job);
+  EdgedImage film = AssemblyStage(settings, std::move(tiles), pool, &stages.job);
   std::array<Plane, 3> picture;
   AddStage(
       "filter", &stages.job, [&] { picture = filter::Denoise(film.pixels, &film.edges, pool); },

@@ -26,7 +26,7 @@ struct JobStages {
   std::vector<Stage> filter;
 };
 
-/// Renders, merges, filters and writes a frame with the farm's own libraries, in one process: sending is no
+/// Renders, assembles, filters and writes a frame with the farm's own libraries, in one process: sending is no
 /// part of it, but the bytes of units are what workers would send. `scratch`: the result goes there and is
 /// deleted. Errors: those of the stages.
 absl::StatusOr<JobStages> MeasureStages(const std::string& scene, const FilmSource& source,

@@ -10,7 +10,7 @@
 #include "filter/baselines/method_info.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
-#include "tests/charts/film_source.h"
+#include "tests/charts/films/film_source.h"
 #include "tests/charts/methods/samples/sample_method.h"
 
 namespace lumifold::charts {

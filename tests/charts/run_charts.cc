@@ -12,7 +12,7 @@
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
 #include "tests/charts/error_charts.h"
-#include "tests/charts/film_source.h"
+#include "tests/charts/films/film_source.h"
 #include "tests/charts/knee.h"
 #include "tests/charts/measure.h"
 #include "tests/charts/paper_tables.h"

@@ -6,7 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "tests/charts/figure.h"
-#include "tests/charts/film_source.h"
+#include "tests/charts/films/film_source.h"
 #include "tests/charts/page.h"
 
 namespace lumifold::charts {

@@ -8,7 +8,7 @@
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/parallel.h"
-#include "tests/charts/film_source.h"
+#include "tests/charts/films/film_source.h"
 #include "tests/scenes/scene_description.h"
 
 namespace lumifold::stability {

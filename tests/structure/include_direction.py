@@ -41,8 +41,6 @@ RULES = [
 
 # Helpers of tests, most of them headers alone: any test may include them, and who does links what they need.
 SUPPORT = "tests/support"
-# Includes against the links that stand for now, as (file, header): a sample set knows the scene it was made from.
-STANDING = {("tests/charts/methods/samples/sample_set.h", "tests/charts/film_source.h")}
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"][^>"]+[>"])', re.M)
 CODE = (".h", ".cc")
 TOP_FOLDERS = ("filter", "proto", "worker", "server", "client", "tests")
@@ -199,8 +197,6 @@ def check(root, graph):
             names = reachable(targets, target.name)
             allowed |= names | {targets[name].room for name in names}
         for header, in_brackets in included_by(root, file):
-            if (file, header) in STANDING:
-                continue
             problems += [f"{file}: includes {header}: {reason}" for reason in forbidden(file, header, in_brackets)]
             other = provider(root, header)
             if other and other not in allowed and room != SUPPORT:

@@ -7,7 +7,7 @@
 #include "absl/status/statusor.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
-#include "tests/charts/film_source.h"
+#include "tests/charts/films/film_source.h"
 #include "worker/render/charts_access.h"
 #include "worker/render/renderer.h"
 

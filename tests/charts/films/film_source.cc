@@ -1,4 +1,4 @@
-#include "tests/charts/film_source.h"
+#include "tests/charts/films/film_source.h"
 
 #include <algorithm>
 #include <array>

@@ -95,7 +95,7 @@ void RenderStages(const render::Renderer& renderer, uint32_t samples, TaskPool* 
 }
 
 EdgedImage AssemblyStage(const FilmSettings& settings, std::vector<TileUnits> tiles, TaskPool* pool,
-                      std::vector<Stage>* stages) {
+                         std::vector<Stage>* stages) {
   EdgedImage film;
   AddStage(
       "assembly", stages,

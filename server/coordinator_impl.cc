@@ -204,7 +204,7 @@ void Coordinator::StartJob(const ledger::NewJob& job) {
   options_.log->info("event=job_submitted job={} scene={} size={}x{} spp={} frames={}", job.id.value(),
                      Quoted(job.spec.scene().display_name()), job.spec.width(), job.spec.height(),
                      job.spec.samples_per_pixel(), job.spec.frame_count());
-  GrantToAll();
+  GrantLeases();
 }
 
 absl::StatusOr<v1::JobStatus> Coordinator::StatusOf(const JobId& job) {
@@ -297,7 +297,7 @@ absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, WorkerSi
   sink->Send(welcome);
   options_.log->info("event=worker_connected worker={} class={} slots={}", NameOf(worker),
                      Quoted(hello.numeric_class()), hello.slots());
-  GrantTo(worker);
+  GrantLeases();
   return worker;
 }
 
@@ -307,7 +307,7 @@ void Coordinator::RemoveWorker(WorkerId worker) {
   workers_.erase(worker);
   scheduler_.RemoveWorker(worker);
   for (const auto& [job, record] : active_jobs_) changed_jobs_.insert(job);
-  GrantToAll();
+  GrantLeases();
 }
 
 void Coordinator::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
@@ -317,7 +317,7 @@ void Coordinator::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
   }
   absl::MutexLock lock(&mutex_);
   scheduler_.Heartbeat(worker, held, Attempt(heartbeat.newest_attempt()), options_.now());
-  GrantToAll();
+  GrantLeases();
 }
 
 std::optional<Rect> Coordinator::FindLease(WorkerId worker, const UnitRef& unit, Attempt attempt) {
@@ -357,7 +357,7 @@ void Coordinator::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt
   options_.log->warn("event=unit_failed unit={} worker={} permanent={} error={}", Quoted(Describe(unit)),
                      NameOf(worker), permanent, Quoted(error));
   if (outcome == scheduler::FailureOutcome::kJobFails) EndJob(unit.job, v1::JOB_STATE_FAILED, error);
-  GrantToAll();
+  GrantLeases();
 }
 
 bool Coordinator::IsWanted(const JobId& job) {
@@ -376,7 +376,7 @@ void Coordinator::OnCommitted(const std::vector<AcceptedUnit>& units, const absl
     CountCommitted(unit);
     Acknowledge(unit.worker, unit.stored.unit, unit.stored.attempt);
   }
-  GrantToAll();
+  GrantLeases();
 }
 
 void Coordinator::CountCommitted(const AcceptedUnit& unit) {
@@ -401,21 +401,21 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
   housekeeping_.Signal();
 }
 
-void Coordinator::GrantTo(WorkerId worker_id) {
-  const auto found = workers_.find(worker_id);
-  if (found == workers_.end() || stopping_) return;
-  ConnectedWorker& worker = found->second;
+void Coordinator::GrantLeases() {
+  if (stopping_) return;
   v1::CoordinatorMessage message;
-  const auto send = [&] {
-    if (message.grant().leases_size() > 0) worker.sink->Send(message);
+  WorkerId to;
+  JobId granting;
+  const auto send = [&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    if (message.grant().leases_size() > 0) workers_.at(to).sink->Send(message);
     message.Clear();
   };
-  JobId granting;
-  for (const scheduler::GrantedLease& lease : scheduler_.GrantLeases(worker_id, options_.now())) {
+  for (const scheduler::GrantedLease& lease : scheduler_.GrantLeases(options_.now())) {
     const JobId& job = lease.unit.job;
-    if (job != granting || message.grant().leases_size() >= kMaxLeasesPerGrant) send();
+    if (lease.worker != to || job != granting || message.grant().leases_size() >= kMaxLeasesPerGrant) send();
+    to = lease.worker;
     granting = job;
-    if (worker.known_jobs.insert(job).second)
+    if (workers_.at(to).known_jobs.insert(job).second)
       *message.mutable_grant()->mutable_spec() = scheduler_.SpecOf(job);
     *message.mutable_grant()->add_leases() = ProtoFromLease(lease);
     ledger::JobRecord& record = active_jobs_.at(job);
@@ -424,10 +424,6 @@ void Coordinator::GrantTo(WorkerId worker_id) {
     housekeeping_.Signal();
   }
   send();
-}
-
-void Coordinator::GrantToAll() {
-  for (const auto& [id, worker] : workers_) GrantTo(id);
 }
 
 void Coordinator::Acknowledge(WorkerId worker, const UnitRef& unit, Attempt attempt) {
@@ -458,7 +454,7 @@ void Coordinator::EndJob(const JobId& job, v1::JobState state, const std::string
   housekeeping_.Signal();
   options_.log->info("event=job_ended job={} state={} error={}", job.value(), v1::JobState_Name(state),
                      Quoted(error));
-  GrantToAll();
+  GrantLeases();
 }
 
 std::string Coordinator::NameOf(WorkerId worker) const {

@@ -123,8 +123,8 @@ class Coordinator final : private Committer::Listener {
   void OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) override;
   void CountCommitted(const AcceptedUnit& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  void GrantTo(job::WorkerId worker) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void GrantToAll() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Grants leases to all workers that have free slots.
+  void GrantLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Acknowledge(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void EndJob(const job::JobId& job, v1::JobState state, const std::string& error)

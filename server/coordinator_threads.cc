@@ -87,7 +87,7 @@ void Coordinator::ExpireLeases() {
     options_.log->warn("event=lease_expired unit=\"{}\" worker={}", Describe(lease.unit),
                        NameOf(lease.worker));
   }
-  if (!expired.empty()) GrantToAll();
+  if (!expired.empty()) GrantLeases();
 }
 
 void Coordinator::NotifyWatchers() {

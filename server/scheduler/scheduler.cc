@@ -1,6 +1,6 @@
 #include "server/scheduler/scheduler.h"
 
-#include <algorithm>
+#include <limits>
 
 #include "filter/image/check.h"
 
@@ -12,6 +12,14 @@ using job::JobId;
 using job::UnitRef;
 using job::WorkerId;
 
+namespace {
+
+/// Free units that a worker may not lease and that are passed over in one call, for each worker. It bounds the
+/// time of a call; such a unit waits for another worker anyway.
+constexpr int kMaxSkipped = 64;
+
+}  // namespace
+
 Scheduler::Scheduler(const SchedulerOptions& options)
     : options_(options), next_attempt_(options.first_attempt.value()) {}
 
@@ -19,27 +27,29 @@ void Scheduler::AddJob(const JobId& job, const v1::JobSpec& spec, const std::str
   LUMIFOLD_CHECK(!HasJob(job));
   const int64_t number = next_job_++;
   jobs_by_id_.emplace(job, number);
-  jobs_.emplace(number, Job{.id = job,
-                            .spec = spec,
-                            .units = FrameUnits(spec),
-                            .numeric_class = numeric_class,
-                            .frames = {},
-                            .finished = std::vector<bool>(static_cast<size_t>(spec.frame_count())),
-                            .next_unleased = {},
-                            .returned = {},
-                            .failures = {}});
+  const auto added =
+      jobs_.emplace(number, Job{.id = job,
+                                .spec = spec,
+                                .units = FrameUnits(spec),
+                                .numeric_class = numeric_class,
+                                .frames = {},
+                                .finished = std::vector<bool>(static_cast<size_t>(spec.frame_count())),
+                                .next_unleased = {},
+                                .returned = {},
+                                .failures = {}});
+  UpdateReady(number, added.first->second);
 }
 
 bool Scheduler::RestoreCommittedUnit(const UnitRef& unit) {
-  const std::optional<LeaseKey> key = KeyOf(unit);
-  if (!key.has_value()) return false;
-  Job& job = jobs_.at(key->job);
-  if (job.finished[static_cast<size_t>(key->place.frame)]) return true;  // counted with its frame
-  Frame& frame = ActiveFrame(job, key->place.frame);
-  const auto number = static_cast<size_t>(key->place.number);
+  const std::optional<UnitIndex> index = IndexOf(unit);
+  if (!index.has_value()) return false;
+  Job& job = jobs_.at(index->job);
+  if (job.finished[static_cast<size_t>(index->place.frame)]) return true;  // counted with its frame
+  Frame& frame = ActiveFrame(job, index->place.frame);
+  const auto number = static_cast<size_t>(index->place.number);
   if (frame.taken[number]) return true;
   frame.taken[number] = true;
-  CountCommitted(job, key->place);
+  CountCommitted(job, index->place);
   return true;
 }
 
@@ -61,131 +71,140 @@ void Scheduler::EndJob(const JobId& id) {
   const auto found = jobs_by_id_.find(id);
   if (found == jobs_by_id_.end()) return;
   const int64_t number = found->second;
-  for (auto it = leases_.lower_bound({number, {}}); it != leases_.end() && it->first.job == number;) {
-    ReleaseSlot(it->second.worker);
-    it = leases_.erase(it);
-  }
+  for (const Attempt attempt : leases_.OfJob(number)) workers_.ReleaseSlot(leases_.Remove(attempt).worker);
   for (auto it = accepted_.lower_bound({number, {}}); it != accepted_.end() && it->first.job == number;) {
-    ReleaseSlot(it->second);
+    workers_.ReleaseSlot(it->second);
     it = accepted_.erase(it);
   }
+  RemoveReady(number, jobs_.at(number));
   jobs_.erase(number);
   jobs_by_id_.erase(found);
 }
 
 void Scheduler::AddWorker(WorkerId worker, const std::string& numeric_class, int slots) {
-  LUMIFOLD_CHECK(slots >= 1);
-  const bool is_new = workers_.emplace(worker, Worker{.numeric_class = numeric_class, .slots = slots}).second;
-  LUMIFOLD_CHECK(is_new);
+  workers_.Add(worker, numeric_class, slots);
 }
 
 void Scheduler::RemoveWorker(WorkerId worker) {
-  for (auto it = leases_.begin(); it != leases_.end();) {
-    it = it->second.worker == worker ? VoidLease(it) : std::next(it);
-  }
-  workers_.erase(worker);
+  for (const Attempt attempt : leases_.OfWorker(worker)) VoidLease(attempt);
+  workers_.Remove(worker);
 }
 
 void Scheduler::Heartbeat(WorkerId worker, absl::Span<const std::pair<UnitRef, Attempt>> held, Attempt newest,
                           absl::Time now) {
-  const auto found = workers_.find(worker);
-  if (found != workers_.end()) found->second.unresponsive = false;
+  workers_.SetUnresponsive(worker, false);
   std::set<Attempt> named;
   for (const auto& [unit, attempt] : held) {
     if (HoldsLease(worker, unit, attempt)) named.insert(attempt);
   }
-  for (auto it = leases_.begin(); it != leases_.end();) {
-    Lease& lease = it->second;
-    const bool received = lease.worker == worker && lease.attempt <= newest;
-    if (received && !named.contains(lease.attempt)) {
-      it = VoidLease(it);
-      continue;
+  for (const Attempt attempt : leases_.OfWorker(worker)) {
+    if (named.contains(attempt)) {
+      leases_.SetDeadline(attempt, now + options_.lease);
+    } else if (attempt <= newest) {
+      VoidLease(attempt);
     }
-    if (lease.worker == worker && named.contains(lease.attempt)) lease.deadline = now + options_.lease;
-    ++it;
   }
 }
 
 std::vector<ExpiredLease> Scheduler::ExpireLeases(absl::Time now) {
   std::vector<ExpiredLease> expired;
-  for (auto it = leases_.begin(); it != leases_.end();) {
-    if (it->second.deadline > now) {
-      ++it;
-      continue;
-    }
-    expired.push_back({RefOf(it->first), it->second.worker});
-    workers_.at(it->second.worker).unresponsive = true;
-    it = VoidLease(it);
+  for (const Attempt attempt : leases_.Expired(now)) {
+    const Lease& lease = *leases_.Find(attempt);
+    expired.push_back({RefOf(lease.unit), lease.worker});
+    workers_.SetUnresponsive(lease.worker, true);
+    VoidLease(attempt);
   }
   return expired;
 }
 
-absl::Time Scheduler::NextExpiry() const {
-  absl::Time next = absl::InfiniteFuture();
-  for (const auto& [key, lease] : leases_) next = std::min(next, lease.deadline);
-  return next;
-}
+absl::Time Scheduler::NextExpiry() const { return leases_.NextDeadline(); }
 
-std::vector<GrantedLease> Scheduler::GrantLeases(WorkerId worker_id, absl::Time now) {
+std::vector<GrantedLease> Scheduler::GrantLeases(absl::Time now) {
   std::vector<GrantedLease> granted;
-  const auto found = workers_.find(worker_id);
-  if (found == workers_.end() || found->second.unresponsive) return granted;
-  Worker& worker = found->second;
-  for (auto& [number, job] : jobs_) {
-    if (!job.numeric_class.empty() && job.numeric_class != worker.numeric_class) continue;
-    while (worker.busy < worker.slots) {
-      std::optional<Place> place = TakeReturnedUnit(job, worker_id);
-      if (!place.has_value()) place = TakeUnleasedUnit(job);
-      if (!place.has_value()) break;
-      job.numeric_class = worker.numeric_class;
-      ++worker.busy;
-      granted.push_back(Grant(number, job, *place, worker_id, now));
+  std::optional<std::string> numeric_class = workers_.NextFreeClass("");
+  for (; numeric_class.has_value(); numeric_class = workers_.NextFreeClass(*numeric_class)) {
+    WorkerId last(std::numeric_limits<int64_t>::min());
+    while (HasReady(*numeric_class)) {
+      const std::optional<WorkerId> worker = workers_.NextFree(*numeric_class, last);
+      if (!worker.has_value()) break;
+      GrantTo(*worker, now, &granted);
+      last = *worker;
     }
   }
   return granted;
 }
 
+std::vector<GrantedLease> Scheduler::GrantLeases(WorkerId worker, absl::Time now) {
+  std::vector<GrantedLease> granted;
+  GrantTo(worker, now, &granted);
+  return granted;
+}
+
+void Scheduler::GrantTo(WorkerId worker, absl::Time now, std::vector<GrantedLease>* granted) {
+  const Worker* state = workers_.Find(worker);
+  if (state == nullptr) return;
+  SkipBudget budget = kMaxSkipped;
+  int64_t passed = -1;  // jobs up to this one have nothing for the worker
+  while (workers_.IsFree(worker) && budget > 0) {
+    const std::optional<int64_t> number = NextReady(state->numeric_class, passed);
+    if (!number.has_value()) return;
+    Job& job = jobs_.at(*number);
+    const std::optional<Place> place = TakeUnit(job, worker, &budget);
+    UpdateReady(*number, job);
+    if (!place.has_value()) {
+      passed = *number;
+      continue;
+    }
+    RemoveReady(*number, job);
+    job.numeric_class = state->numeric_class;
+    UpdateReady(*number, job);
+    granted->push_back(Grant(*number, job, *place, worker, now));
+  }
+}
+
+const Lease* Scheduler::FindLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const {
+  const Lease* lease = leases_.Find(attempt);
+  return lease != nullptr && lease->worker == worker && lease->unit == IndexOf(unit) ? lease : nullptr;
+}
+
 bool Scheduler::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const {
-  const std::optional<LeaseKey> key = KeyOf(unit);
-  if (!key.has_value()) return false;
-  const auto lease = leases_.find(*key);
-  return lease != leases_.end() && lease->second.worker == worker && lease->second.attempt == attempt;
+  return FindLease(worker, unit, attempt) != nullptr;
 }
 
 Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt attempt) {
-  const std::optional<LeaseKey> key = KeyOf(unit);
-  if (!key.has_value()) return Completion::kUnknown;
-  Job& job = jobs_.at(key->job);
-  const auto frame = job.frames.find(key->place.frame);
-  const bool finished = job.finished[static_cast<size_t>(key->place.frame)];
+  const std::optional<UnitIndex> index = IndexOf(unit);
+  if (!index.has_value()) return Completion::kUnknown;
+  Job& job = jobs_.at(index->job);
+  const auto frame = job.frames.find(index->place.frame);
+  const bool finished = job.finished[static_cast<size_t>(index->place.frame)];
   if (finished ||
-      (frame != job.frames.end() && frame->second.taken[static_cast<size_t>(key->place.number)])) {
+      (frame != job.frames.end() && frame->second.taken[static_cast<size_t>(index->place.number)])) {
     return Completion::kDuplicate;
   }
   if (!HoldsLease(worker, unit, attempt)) return Completion::kStale;
-  leases_.erase(*key);
-  accepted_.emplace(*key, worker);
-  frame->second.taken[static_cast<size_t>(key->place.number)] = true;
+  leases_.Remove(attempt);
+  accepted_.emplace(*index, worker);
+  frame->second.taken[static_cast<size_t>(index->place.number)] = true;
   return Completion::kAccepted;
 }
 
 bool Scheduler::UnitCommitted(const UnitRef& unit) {
-  const std::optional<LeaseKey> key = KeyOf(unit);
-  if (!key.has_value()) return false;  // the job ended while the unit was being committed
-  const auto accepted = accepted_.find(*key);
+  const std::optional<UnitIndex> index = IndexOf(unit);
+  if (!index.has_value()) return false;  // the job ended while the unit was being committed
+  const auto accepted = accepted_.find(*index);
   LUMIFOLD_CHECK(accepted != accepted_.end());
-  ReleaseSlot(accepted->second);
+  workers_.ReleaseSlot(accepted->second);  // the worker may have disconnected since
   accepted_.erase(accepted);
-  Job& job = jobs_.at(key->job);
-  CountCommitted(job, key->place);
-  return job.frames.at(key->place.frame).committed == job.units.count();
+  Job& job = jobs_.at(index->job);
+  CountCommitted(job, index->place);
+  return job.frames.at(index->place.frame).committed == job.units.count();
 }
 
 FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent) {
-  if (!HoldsLease(worker, unit, attempt)) return FailureOutcome::kIgnored;
-  const LeaseKey key = *KeyOf(unit);
-  VoidLease(leases_.find(key));
-  Failures& failures = jobs_.at(key.job).failures[key.place];
+  const Lease* lease = FindLease(worker, unit, attempt);
+  if (lease == nullptr) return FailureOutcome::kIgnored;
+  Failures& failures = jobs_.at(lease->unit.job).failures[lease->unit.place];
+  VoidLease(attempt);
   failures = {failures.count + 1, worker};
   return permanent || failures.count >= options_.max_failures ? FailureOutcome::kJobFails
                                                               : FailureOutcome::kRetried;
@@ -222,9 +241,8 @@ JobProgress Scheduler::Progress(const JobId& id) const {
   progress.frames_done = job.finished_count;
   progress.frames_total = job.spec.frame_count();
   std::set<WorkerId> holders;
-  const int64_t number = jobs_by_id_.at(id);
-  for (auto it = leases_.lower_bound({number, {}}); it != leases_.end() && it->first.job == number; ++it) {
-    holders.insert(it->second.worker);
+  for (const Attempt attempt : leases_.OfJob(jobs_by_id_.at(id))) {
+    holders.insert(leases_.Find(attempt)->worker);
   }
   progress.workers = static_cast<int>(holders.size());
   if (job.finished_count == job.spec.frame_count()) {
@@ -248,19 +266,19 @@ Scheduler::Job* Scheduler::FindJob(const JobId& id) {
 
 const Scheduler::Job& Scheduler::GetJob(const JobId& id) const { return jobs_.at(jobs_by_id_.at(id)); }
 
-std::optional<Scheduler::LeaseKey> Scheduler::KeyOf(const UnitRef& unit) const {
+std::optional<UnitIndex> Scheduler::IndexOf(const UnitRef& unit) const {
   const auto found = jobs_by_id_.find(unit.job);
   if (found == jobs_by_id_.end()) return std::nullopt;
   const Job& job = jobs_.at(found->second);
   const int64_t frame = int64_t{unit.key.frame} - job.spec.first_frame();
   const std::optional<int64_t> number = job.units.NumberOf(unit.key);
   if (frame < 0 || frame >= job.spec.frame_count() || !number.has_value()) return std::nullopt;
-  return LeaseKey{found->second, {static_cast<int>(frame), *number}};
+  return UnitIndex{found->second, {static_cast<int>(frame), *number}};
 }
 
-UnitRef Scheduler::RefOf(const LeaseKey& key) const {
-  const Job& job = jobs_.at(key.job);
-  return {job.id, job.units.KeyOf(job.spec.first_frame() + key.place.frame, key.place.number)};
+UnitRef Scheduler::RefOf(const UnitIndex& index) const {
+  const Job& job = jobs_.at(index.job);
+  return {job.id, job.units.KeyOf(job.spec.first_frame() + index.place.frame, index.place.number)};
 }
 
 Scheduler::Frame& Scheduler::ActiveFrame(Job& job, int frame) {
@@ -269,19 +287,53 @@ Scheduler::Frame& Scheduler::ActiveFrame(Job& job, int frame) {
   return it->second;
 }
 
-bool Scheduler::HasOtherWorkerOfSameClass(WorkerId worker) const {
-  const std::string& numeric_class = workers_.at(worker).numeric_class;
-  return std::any_of(workers_.begin(), workers_.end(), [&](const auto& entry) {
-    return entry.first != worker && entry.second.numeric_class == numeric_class;
-  });
+void Scheduler::UpdateReady(int64_t number, const Job& job) {
+  if (!job.returned.empty() || job.next_unleased.frame < job.spec.frame_count()) {
+    ready_[job.numeric_class].insert(number);
+  } else {
+    RemoveReady(number, job);
+  }
 }
 
-std::optional<Scheduler::Place> Scheduler::TakeReturnedUnit(Job& job, WorkerId worker) {
-  for (auto it = job.returned.begin(); it != job.returned.end(); ++it) {
-    const auto failures = job.failures.find(*it);
-    if (failures != job.failures.end() && failures->second.last == worker &&
-        HasOtherWorkerOfSameClass(worker))
+void Scheduler::RemoveReady(int64_t number, const Job& job) {
+  const auto ready = ready_.find(job.numeric_class);
+  if (ready == ready_.end()) return;
+  ready->second.erase(number);
+  if (ready->second.empty()) ready_.erase(ready);
+}
+
+bool Scheduler::HasReady(const std::string& numeric_class) const {
+  return ready_.contains("") || ready_.contains(numeric_class);
+}
+
+std::optional<int64_t> Scheduler::NextReady(const std::string& numeric_class, int64_t number) const {
+  std::optional<int64_t> next;
+  for (const std::string& key : {std::string(), numeric_class}) {
+    const auto ready = ready_.find(key);
+    if (ready == ready_.end()) continue;
+    const auto found = ready->second.upper_bound(number);
+    if (found != ready->second.end() && (!next.has_value() || *found < *next)) next = *found;
+  }
+  return next;
+}
+
+std::optional<Place> Scheduler::TakeUnit(Job& job, WorkerId worker, SkipBudget* budget) {
+  const std::optional<Place> returned = TakeReturnedUnit(job, worker, budget);
+  return returned.has_value() ? returned : TakeUnleasedUnit(job);
+}
+
+bool Scheduler::IsExcluded(const Job& job, const Place& place, WorkerId worker) const {
+  const auto failures = job.failures.find(place);
+  return failures != job.failures.end() && failures->second.last == worker &&
+         workers_.HasOtherOfSameClass(worker);
+}
+
+std::optional<Place> Scheduler::TakeReturnedUnit(Job& job, WorkerId worker, SkipBudget* budget) {
+  for (auto it = job.returned.begin(); it != job.returned.end() && *budget > 0; ++it) {
+    if (IsExcluded(job, *it, worker)) {
+      --*budget;
       continue;
+    }
     const Place place = *it;
     job.returned.erase(it);
     return place;
@@ -289,7 +341,7 @@ std::optional<Scheduler::Place> Scheduler::TakeReturnedUnit(Job& job, WorkerId w
   return std::nullopt;
 }
 
-std::optional<Scheduler::Place> Scheduler::TakeUnleasedUnit(Job& job) {
+std::optional<Place> Scheduler::TakeUnleasedUnit(Job& job) {
   for (; job.next_unleased.frame < job.spec.frame_count();
        job.next_unleased = {job.next_unleased.frame + 1, 0}) {
     if (job.finished[static_cast<size_t>(job.next_unleased.frame)]) continue;
@@ -306,23 +358,19 @@ std::optional<Scheduler::Place> Scheduler::TakeUnleasedUnit(Job& job) {
 GrantedLease Scheduler::Grant(int64_t job_number, Job& job, const Place& place, WorkerId worker,
                               absl::Time now) {
   const Attempt attempt(next_attempt_++);
-  const LeaseKey key{job_number, place};
-  leases_.emplace(key, Lease{worker, attempt, now + options_.lease});
-  const UnitRef unit = RefOf(key);
-  return {unit, attempt, job.units.tiles().RectOf(unit.key.tile), job.units.SamplesOf(unit.key)};
+  const UnitIndex index{job_number, place};
+  leases_.Add(attempt, {index, worker, now + options_.lease});
+  workers_.TakeSlot(worker);
+  const UnitRef unit = RefOf(index);
+  return {worker, unit, attempt, job.units.tiles().RectOf(unit.key.tile), job.units.SamplesOf(unit.key)};
 }
 
-std::map<Scheduler::LeaseKey, Scheduler::Lease>::iterator Scheduler::VoidLease(
-    std::map<LeaseKey, Lease>::iterator lease) {
-  jobs_.at(lease->first.job).returned.insert(lease->first.place);
-  ReleaseSlot(lease->second.worker);
-  return leases_.erase(lease);
-}
-
-void Scheduler::ReleaseSlot(WorkerId worker) {
-  const auto found = workers_.find(worker);
-  if (found != workers_.end())
-    --found->second.busy;  // the worker may have disconnected after it delivered the unit
+void Scheduler::VoidLease(Attempt attempt) {
+  const Lease lease = leases_.Remove(attempt);
+  workers_.ReleaseSlot(lease.worker);
+  Job& job = jobs_.at(lease.unit.job);
+  job.returned.insert(lease.unit.place);
+  UpdateReady(lease.unit.job, job);
 }
 
 void Scheduler::CountCommitted(Job& job, const Place& place) {

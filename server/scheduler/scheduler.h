@@ -14,6 +14,8 @@
 #include "lumifold/v1/job.pb.h"
 #include "server/job/tile_grid.h"
 #include "server/job/unit.h"
+#include "server/scheduler/lease_table.h"
+#include "server/scheduler/worker_pool.h"
 
 namespace lumifold::scheduler {
 
@@ -28,6 +30,7 @@ struct SchedulerOptions {
 
 /// A new lease.
 struct GrantedLease {
+  job::WorkerId worker;
   job::UnitRef unit;
   job::Attempt attempt;
   Rect rect;
@@ -77,8 +80,11 @@ struct JobProgress {
 /// Order: jobs as they were added; frames by number; within a frame as FrameUnits numbers its units. A unit
 /// whose lease became void is granted before units that were never leased, but not to the worker that failed
 /// it last while another worker of the same class is connected. All units of a job go to workers of one
-/// numeric class, that of its first lease.
+/// numeric class, that of its first lease. Where several workers are free, the one that was added first gets
+/// the unit.
 ///
+/// Time: O(log n) for each unit, lease and worker that a call names, returns or changes; n counts jobs, leases
+/// and workers. Calls about the state of a job take time linear in its leases.
 /// Memory: one bit for each unit of the active frames, plus the leases.
 /// Threads: one at a time.
 class Scheduler {
@@ -113,7 +119,9 @@ class Scheduler {
   /// Earliest deadline of a lease; InfiniteFuture without leases.
   absl::Time NextExpiry() const;
 
-  /// Grants leases until the worker's slots are full or no unit is free.
+  /// Grants leases until all slots are full or no unit is free; the leases of a worker are consecutive.
+  std::vector<GrantedLease> GrantLeases(absl::Time now);
+  /// Grants leases to one worker.
   std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now);
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   /// Records that a worker delivered a complete unit.
@@ -136,12 +144,6 @@ class Scheduler {
   const job::FrameUnits& UnitsOf(const job::JobId& job) const;
 
  private:
-  // Identifies a unit within its job: index of the frame, from 0, and number of the unit in the frame.
-  struct Place {
-    int frame = 0;
-    int64_t number = 0;
-    friend auto operator<=>(const Place&, const Place&) = default;
-  };
   struct Frame {
     std::vector<bool> taken;  // accepted or committed, by unit number
     int64_t committed = 0;
@@ -164,44 +166,41 @@ class Scheduler {
     std::set<Place> returned;  // leased once, free again
     std::map<Place, Failures> failures;
   };
-  struct LeaseKey {
-    int64_t job = 0;  // key of jobs_
-    Place place;
-    friend auto operator<=>(const LeaseKey&, const LeaseKey&) = default;
-  };
-  struct Lease {
-    job::WorkerId worker;
-    job::Attempt attempt;
-    absl::Time deadline;
-  };
-  struct Worker {
-    std::string numeric_class;
-    int slots = 1;
-    int busy = 0;               // leases and accepted units
-    bool unresponsive = false;  // a lease expired and no heartbeat came since
-  };
+  // What one call of GrantLeases may still look at in vain, see kMaxSkipped.
+  using SkipBudget = int;
 
   Job* FindJob(const job::JobId& id);
   const Job& GetJob(const job::JobId& id) const;
-  std::optional<LeaseKey> KeyOf(const job::UnitRef& unit) const;
+  std::optional<UnitIndex> IndexOf(const job::UnitRef& unit) const;
+  job::UnitRef RefOf(const UnitIndex& index) const;
   Frame& ActiveFrame(Job& job, int frame);
-  std::optional<Place> TakeReturnedUnit(Job& job, job::WorkerId worker);
-  std::optional<Place> TakeUnleasedUnit(Job& job);
-  bool HasOtherWorkerOfSameClass(job::WorkerId worker) const;
-  GrantedLease Grant(int64_t job_number, Job& job, const Place& place, job::WorkerId worker, absl::Time now);
-  std::map<LeaseKey, Lease>::iterator VoidLease(std::map<LeaseKey, Lease>::iterator lease);
-  void ReleaseSlot(job::WorkerId worker);
-  job::UnitRef RefOf(const LeaseKey& key) const;
+  const Lease* FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   void CountCommitted(Job& job, const Place& place);
+
+  /// Ready jobs are those that may have free units. Enters the job among them, or removes it.
+  void UpdateReady(int64_t number, const Job& job);
+  void RemoveReady(int64_t number, const Job& job);
+  bool HasReady(const std::string& numeric_class) const;
+  /// The first ready job after `number` whose units workers of the class may lease.
+  std::optional<int64_t> NextReady(const std::string& numeric_class, int64_t number) const;
+
+  void GrantTo(job::WorkerId worker, absl::Time now, std::vector<GrantedLease>* granted);
+  std::optional<Place> TakeUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
+  std::optional<Place> TakeReturnedUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
+  std::optional<Place> TakeUnleasedUnit(Job& job);
+  bool IsExcluded(const Job& job, const Place& place, job::WorkerId worker) const;
+  GrantedLease Grant(int64_t job_number, Job& job, const Place& place, job::WorkerId worker, absl::Time now);
+  void VoidLease(job::Attempt attempt);
 
   const SchedulerOptions options_;
   int64_t next_attempt_;
   int64_t next_job_ = 0;
   std::map<int64_t, Job> jobs_;  // by order of arrival
   std::map<job::JobId, int64_t> jobs_by_id_;
-  std::map<job::WorkerId, Worker> workers_;
-  std::map<LeaseKey, Lease> leases_;
-  std::map<LeaseKey, job::WorkerId> accepted_;
+  std::map<std::string, std::set<int64_t>> ready_;  // jobs by numeric class, "" for any; never empty
+  WorkerPool workers_;
+  LeaseTable leases_;
+  std::map<UnitIndex, job::WorkerId> accepted_;
 };
 
 }  // namespace lumifold::scheduler

@@ -2,6 +2,7 @@
 // exactly once, no unit is lost, a void lease delivers nothing, and a restart at any time preserves this.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <random>
@@ -125,6 +126,11 @@ class RandomHistory {
   }
 
   void Expire() {
+    absl::Time next = absl::InfiniteFuture();
+    for (const auto& [worker, leases] : held_) {
+      for (const HeldLease& lease : leases) next = std::min(next, lease.deadline);
+    }
+    EXPECT_EQ(scheduler_->NextExpiry(), next);
     scheduler_->ExpireLeases(now_);
     for (auto& [worker, leases] : held_) {
       for (auto it = leases.begin(); it != leases.end();) {
@@ -153,17 +159,18 @@ class RandomHistory {
   }
 
   void Grant() {
-    auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
-    for (const GrantedLease& lease : scheduler_->GrantLeases(worker, now_)) {
+    const WorkerId one = std::next(held_.begin(), Draw(kWorkers))->first;
+    const auto granted = Draw(2) == 0 ? scheduler_->GrantLeases(now_) : scheduler_->GrantLeases(one, now_);
+    for (const GrantedLease& lease : granted) {
       EXPECT_GT(lease.attempt.value(), last_attempt_);
       last_attempt_ = lease.attempt.value();
       EXPECT_FALSE(commits_.contains(lease.unit)) << Describe(lease.unit) << " leased again";
       for (const auto& [other, theirs] : held_) {
         for (const HeldLease& held : theirs) EXPECT_NE(held.unit, lease.unit) << "two leases of one unit";
       }
-      leases.push_back({lease.unit, lease.attempt, now_ + absl::Seconds(20)});
+      held_.at(lease.worker).push_back({lease.unit, lease.attempt, now_ + absl::Seconds(20)});
     }
-    EXPECT_LE(leases.size(), static_cast<size_t>(kSlots));
+    for (const auto& [worker, leases] : held_) EXPECT_LE(leases.size(), static_cast<size_t>(kSlots));
   }
 
   void Deliver() {

@@ -56,6 +56,35 @@ TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
   EXPECT_LT(leases[0].attempt, leases[1].attempt);
 }
 
+TEST_F(SchedulerTest, GrantsToAllWorkersInTheOrderTheyCameWhileThereIsWork) {
+  scheduler_.AddJob(kJob, Spec());  // 12 units
+  for (int i = 1; i <= 4; ++i) scheduler_.AddWorker(WorkerId(i), "avx2", 4);
+  scheduler_.AddWorker(WorkerId(5), "sse2", 4);
+  scheduler_.AddJob(kOther, Spec(), "sse2");
+  const auto leases = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(leases.size(), 16u);
+  for (size_t i = 0; i < leases.size(); ++i) {
+    EXPECT_EQ(leases[i].worker, WorkerId(i < 12 ? 1 + static_cast<int64_t>(i) / 4 : 5));
+    EXPECT_EQ(leases[i].unit.job, i < 12 ? kJob : kOther);
+  }
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  scheduler_.RemoveWorker(WorkerId(1));
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).worker, WorkerId(4));
+}
+
+TEST_F(SchedulerTest, AUnitThatAFreeWorkerMayNotTakeDoesNotStopTheOthers) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 12);
+  scheduler_.AddWorker(kBen, "avx2", 1);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  scheduler_.AddJob(kOther, Spec());
+  ASSERT_EQ(scheduler_.GrantLeases(kBen, kStart).size(), 1u);  // of the other job
+  scheduler_.FailUnit(kAnn, leases[3].unit, leases[3].attempt, false);
+  const auto next = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(next.size(), 1u);
+  EXPECT_EQ(next[0].unit.job, kOther);
+}
+
 TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 1);

@@ -1,0 +1,83 @@
+#include "server/scheduler/worker_pool.h"
+
+#include "filter/image/check.h"
+
+namespace lumifold::scheduler {
+
+using job::WorkerId;
+
+void WorkerPool::Add(WorkerId id, const std::string& numeric_class, int slots) {
+  LUMIFOLD_CHECK(slots >= 1);
+  const auto [it, is_new] = workers_.emplace(id, Worker{.numeric_class = numeric_class, .slots = slots});
+  LUMIFOLD_CHECK(is_new);
+  Index(id, it->second);
+}
+
+void WorkerPool::Remove(WorkerId id) {
+  const auto found = workers_.find(id);
+  if (found == workers_.end()) return;
+  Unindex(id, found->second);
+  workers_.erase(found);
+}
+
+void WorkerPool::SetUnresponsive(WorkerId id, bool unresponsive) {
+  const auto found = workers_.find(id);
+  if (found == workers_.end() || found->second.unresponsive == unresponsive) return;
+  Unindex(id, found->second);
+  found->second.unresponsive = unresponsive;
+  Index(id, found->second);
+}
+
+void WorkerPool::AddBusy(WorkerId id, int change) {
+  const auto found = workers_.find(id);
+  if (found == workers_.end()) return;
+  Unindex(id, found->second);
+  found->second.busy += change;
+  Index(id, found->second);
+}
+
+void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
+  if (!IsAvailable(worker)) return;
+  const auto available = available_.find(worker.numeric_class);
+  if (--available->second == 0) available_.erase(available);
+  if (worker.busy >= worker.slots) return;
+  const auto free = free_.find(worker.numeric_class);
+  free->second.erase(id);
+  if (free->second.empty()) free_.erase(free);
+}
+
+void WorkerPool::Index(WorkerId id, const Worker& worker) {
+  if (!IsAvailable(worker)) return;
+  ++available_[worker.numeric_class];
+  if (worker.busy < worker.slots) free_[worker.numeric_class].insert(id);
+}
+
+const Worker* WorkerPool::Find(WorkerId id) const {
+  const auto found = workers_.find(id);
+  return found == workers_.end() ? nullptr : &found->second;
+}
+
+bool WorkerPool::IsFree(WorkerId id) const {
+  const Worker* worker = Find(id);
+  return worker != nullptr && IsAvailable(*worker) && worker->busy < worker->slots;
+}
+
+bool WorkerPool::HasOtherOfSameClass(WorkerId id) const {
+  const Worker& worker = workers_.at(id);
+  const auto available = available_.find(worker.numeric_class);
+  return available != available_.end() && available->second > (IsAvailable(worker) ? 1 : 0);
+}
+
+std::optional<std::string> WorkerPool::NextFreeClass(const std::string& numeric_class) const {
+  const auto next = free_.upper_bound(numeric_class);
+  return next == free_.end() ? std::nullopt : std::optional(next->first);
+}
+
+std::optional<WorkerId> WorkerPool::NextFree(const std::string& numeric_class, WorkerId id) const {
+  const auto free = free_.find(numeric_class);
+  if (free == free_.end()) return std::nullopt;
+  const auto next = free->second.upper_bound(id);
+  return next == free->second.end() ? std::nullopt : std::optional(*next);
+}
+
+}  // namespace lumifold::scheduler

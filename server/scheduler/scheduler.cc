@@ -155,9 +155,6 @@ void Scheduler::GrantTo(WorkerId worker, absl::Time now, std::vector<GrantedLeas
       passed = *number;
       continue;
     }
-    RemoveReady(*number, job);
-    job.numeric_class = state->numeric_class;
-    UpdateReady(*number, job);
     granted->push_back(Grant(*number, job, *place, worker, now));
   }
 }
@@ -183,9 +180,20 @@ Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt
   }
   if (!HoldsLease(worker, unit, attempt)) return Completion::kStale;
   leases_.Remove(attempt);
+  if (job.numeric_class.empty()) Bind(index->job, workers_.Find(worker)->numeric_class);
   accepted_.emplace(*index, worker);
   frame->second.taken[static_cast<size_t>(index->place.number)] = true;
   return Completion::kAccepted;
+}
+
+void Scheduler::Bind(int64_t number, const std::string& numeric_class) {
+  Job& job = jobs_.at(number);
+  RemoveReady(number, job);
+  job.numeric_class = numeric_class;
+  UpdateReady(number, job);
+  for (const Attempt attempt : leases_.OfJob(number)) {
+    if (workers_.Find(leases_.Find(attempt)->worker)->numeric_class != numeric_class) VoidLease(attempt);
+  }
 }
 
 bool Scheduler::UnitCommitted(const UnitRef& unit) {
@@ -250,7 +258,8 @@ JobProgress Scheduler::Progress(const JobId& id) const {
   } else if (!CommittedFrames(id).empty()) {
     progress.state = v1::JOB_STATE_FILTERING;
   } else {
-    progress.state = job.numeric_class.empty() ? v1::JOB_STATE_QUEUED : v1::JOB_STATE_RENDERING;
+    const bool started = !job.numeric_class.empty() || !holders.empty();
+    progress.state = started ? v1::JOB_STATE_RENDERING : v1::JOB_STATE_QUEUED;
   }
   return progress;
 }
@@ -325,7 +334,7 @@ std::optional<Place> Scheduler::TakeUnit(Job& job, WorkerId worker, SkipBudget* 
 bool Scheduler::IsExcluded(const Job& job, const Place& place, WorkerId worker) const {
   const auto failures = job.failures.find(place);
   return failures != job.failures.end() && failures->second.last == worker &&
-         workers_.HasOtherOfSameClass(worker);
+         workers_.HasOther(worker, job.numeric_class);
 }
 
 std::optional<Place> Scheduler::TakeReturnedUnit(Job& job, WorkerId worker, SkipBudget* budget) {

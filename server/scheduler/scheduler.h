@@ -77,10 +77,12 @@ struct JobProgress {
 /// only a leased unit is accepted, only an accepted unit is committed; accepted and committed units never
 /// become free again. This is the exactly-once promise.
 ///
+/// Numeric class: all units of a job are of one class, that of its first accepted unit. Until then workers of
+/// all classes may lease its units; then the leases of the other classes become void.
+///
 /// Order: jobs as they were added; frames by number; within a frame as FrameUnits numbers its units. A unit
 /// whose lease became void is granted before units that were never leased, but not to the worker that failed
-/// it last while another worker of the same class is connected. All units of a job go to workers of one
-/// numeric class, that of its first lease. Where several workers are free, the one that was added first gets
+/// it last while another worker of the same class is connected. Where several workers are free, the one that was added first gets
 /// the unit.
 ///
 /// Time: O(log n) for each unit, lease and worker that a call names, returns or changes; n counts jobs, leases
@@ -138,7 +140,7 @@ class Scheduler {
 
   /// The job must be known.
   JobProgress Progress(const job::JobId& job) const;
-  /// The class the job is bound to; empty before its first lease. The job must be known.
+  /// The class the job is bound to; empty before its first accepted unit. The job must be known.
   const std::string& NumericClassOf(const job::JobId& job) const;
   const v1::JobSpec& SpecOf(const job::JobId& job) const;
   const job::FrameUnits& UnitsOf(const job::JobId& job) const;
@@ -175,6 +177,7 @@ class Scheduler {
   job::UnitRef RefOf(const UnitIndex& index) const;
   Frame& ActiveFrame(Job& job, int frame);
   const Lease* FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
+  void Bind(int64_t job_number, const std::string& numeric_class);
   void CountCommitted(Job& job, const Place& place);
 
   /// Ready jobs are those that may have free units. Enters the job among them, or removes it.

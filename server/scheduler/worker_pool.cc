@@ -39,6 +39,7 @@ void WorkerPool::AddBusy(WorkerId id, int change) {
 void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
   if (!IsAvailable(worker)) return;
   const auto available = available_.find(worker.numeric_class);
+  --all_available_;
   if (--available->second == 0) available_.erase(available);
   if (worker.busy >= worker.slots) return;
   const auto free = free_.find(worker.numeric_class);
@@ -48,6 +49,7 @@ void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
 
 void WorkerPool::Index(WorkerId id, const Worker& worker) {
   if (!IsAvailable(worker)) return;
+  ++all_available_;
   ++available_[worker.numeric_class];
   if (worker.busy < worker.slots) free_[worker.numeric_class].insert(id);
 }
@@ -62,10 +64,14 @@ bool WorkerPool::IsFree(WorkerId id) const {
   return worker != nullptr && IsAvailable(*worker) && worker->busy < worker->slots;
 }
 
-bool WorkerPool::HasOtherOfSameClass(WorkerId id) const {
-  const Worker& worker = workers_.at(id);
-  const auto available = available_.find(worker.numeric_class);
-  return available != available_.end() && available->second > (IsAvailable(worker) ? 1 : 0);
+bool WorkerPool::HasOther(WorkerId id, const std::string& numeric_class) const {
+  const auto available = available_.find(numeric_class);
+  int others = available == available_.end() ? 0 : available->second;
+  if (numeric_class.empty()) others = all_available_;
+  const Worker* self = Find(id);
+  const bool counted = self != nullptr && IsAvailable(*self) &&
+                       (numeric_class.empty() || self->numeric_class == numeric_class);
+  return others > (counted ? 1 : 0);
 }
 
 std::optional<std::string> WorkerPool::NextFreeClass(const std::string& numeric_class) const {

@@ -33,8 +33,8 @@ class WorkerPool {
   /// Null for an unknown worker; valid until Remove.
   const Worker* Find(job::WorkerId id) const;
   bool IsFree(job::WorkerId id) const;
-  /// Whether a worker of the same class besides the known worker `id` is available.
-  bool HasOtherOfSameClass(job::WorkerId id) const;
+  /// Whether a worker of the class, "" for any, is available besides `id`.
+  bool HasOther(job::WorkerId id, const std::string& numeric_class) const;
 
   /// The class after `numeric_class` that has free workers, in alphabetical order; classes are not empty.
   std::optional<std::string> NextFreeClass(const std::string& numeric_class) const;
@@ -49,7 +49,8 @@ class WorkerPool {
   void Index(job::WorkerId id, const Worker& worker);
 
   std::map<job::WorkerId, Worker> workers_;
-  std::map<std::string, int> available_;                 // number, by class; never 0
+  std::map<std::string, int> available_;  // number, by class; never 0
+  int all_available_ = 0;
   std::map<std::string, std::set<job::WorkerId>> free_;  // by class; never empty
 };
 

@@ -1,5 +1,6 @@
 // Random histories checked against a model of the rules: for any events in any order each unit is committed
-// exactly once, no unit is lost, a void lease delivers nothing, and a restart at any time preserves this.
+// exactly once, no unit is lost, a void lease delivers nothing, all units of a job are of one numeric class, and a
+// restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <memory>
 #include <random>
 #include <set>
+#include <string>
 #include <vector>
 
 #include "server/scheduler/scheduler.h"
@@ -22,7 +24,7 @@ using job::WorkerId;
 
 constexpr int kWorkers = 4;
 constexpr int kSlots = 3;
-const char* const kClass = "avx2";
+const char* const kClasses[] = {"avx2", "sse2"};
 
 struct HeldLease {
   UnitRef unit;
@@ -99,7 +101,7 @@ class RandomHistory {
     // Attempts continue above all earlier ones; in the coordinator the clock ensures this.
     scheduler_ = std::make_unique<Scheduler>(SchedulerOptions{
         .lease = absl::Seconds(20), .max_failures = 1'000'000, .first_attempt = Attempt(last_attempt_ + 1)});
-    for (const auto& [job, spec] : specs_) scheduler_->AddJob(job, spec, kClass);
+    for (const auto& [job, spec] : specs_) scheduler_->AddJob(job, spec, class_of_job_[job]);
     for (const auto& [unit, count] : commits_) EXPECT_TRUE(scheduler_->RestoreCommittedUnit(unit));
     for (auto& [worker, leases] : held_) MakeVoid(worker, &leases);
     held_.clear();
@@ -108,7 +110,8 @@ class RandomHistory {
 
   void Connect() {
     const WorkerId worker(next_worker_++);
-    scheduler_->AddWorker(worker, kClass, kSlots);
+    class_of_worker_[worker] = kClasses[Draw(2)];
+    scheduler_->AddWorker(worker, class_of_worker_[worker], kSlots);
     held_[worker];
   }
 
@@ -180,8 +183,23 @@ class RandomHistory {
     std::erase_if(leases, [&](const HeldLease& held) { return held.attempt == lease.attempt; });
     ASSERT_EQ(scheduler_->CompleteUnit(worker, lease.unit, lease.attempt), Completion::kAccepted);
     void_.emplace_back(worker, lease);  // a second delivery is a duplicate
+    BindTo(lease.unit.job, class_of_worker_.at(worker));
     scheduler_->UnitCommitted(lease.unit);
     ++commits_[lease.unit];
+  }
+
+  void BindTo(const JobId& job, const std::string& numeric_class) {
+    std::string& bound = class_of_job_[job];
+    EXPECT_TRUE(bound.empty() || bound == numeric_class);
+    bound = numeric_class;
+    EXPECT_EQ(scheduler_->NumericClassOf(job), bound);
+    for (auto& [worker, leases] : held_) {
+      if (class_of_worker_.at(worker) == bound) continue;
+      for (const HeldLease& lease : leases) {
+        if (lease.unit.job == job) void_.emplace_back(worker, lease);
+      }
+      std::erase_if(leases, [&](const HeldLease& lease) { return lease.unit.job == job; });
+    }
   }
 
   void DeliverVoid() {
@@ -208,7 +226,9 @@ class RandomHistory {
   int64_t last_attempt_ = 0;
   std::map<WorkerId, std::vector<HeldLease>> held_;
   std::vector<std::pair<WorkerId, HeldLease>> void_;
-  std::map<UnitRef, int> commits_;  // the contents of the ledger
+  std::map<WorkerId, std::string> class_of_worker_;
+  std::map<JobId, std::string> class_of_job_;  // empty before the first commit
+  std::map<UnitRef, int> commits_;             // the contents of the ledger
 };
 
 class SchedulerRandom : public ::testing::TestWithParam<uint32_t> {};

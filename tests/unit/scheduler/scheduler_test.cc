@@ -174,16 +174,33 @@ TEST_F(SchedulerTest, AHeartbeatVoidsWhatItDoesNotNameButNothingNewer) {
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, leases[1].unit);
 }
 
-TEST_F(SchedulerTest, AJobStaysWithinOneNumericClass) {
+TEST_F(SchedulerTest, AJobStaysWithinTheClassOfItsFirstAcceptedUnit) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 1);
   scheduler_.AddWorker(kBen, "avx512", 1);
+  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  const GrantedLease other = scheduler_.GrantLeases(kBen, kStart).at(0);
   EXPECT_EQ(scheduler_.NumericClassOf(kJob), "");
-  scheduler_.GrantLeases(kAnn, kStart);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, first.unit, first.attempt), Completion::kAccepted);
   EXPECT_EQ(scheduler_.NumericClassOf(kJob), "avx2");
+  EXPECT_EQ(scheduler_.CompleteUnit(kBen, other.unit, other.attempt), Completion::kStale);
   EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
+  scheduler_.UnitCommitted(first.unit);
+  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, other.unit);
   scheduler_.AddJob(kOther, Spec());
   EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit.job, kOther);
+}
+
+TEST_F(SchedulerTest, AWorkerOfAnotherClassThatLeasesOnceAndDiesDoesNotBlockTheJob) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "sse2", 1);
+  scheduler_.GrantLeases(kAnn, kStart);
+  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_RENDERING);
+  scheduler_.RemoveWorker(kAnn);
+  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_QUEUED);
+  scheduler_.AddWorker(kBen, "avx2", 12);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
 }
 
 TEST_F(SchedulerTest, AFailedUnitGoesToAnotherWorkerWhereThereIsOne) {

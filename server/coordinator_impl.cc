@@ -311,9 +311,9 @@ void Coordinator::RemoveWorker(WorkerId worker) {
 }
 
 void Coordinator::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
-  std::vector<std::pair<UnitRef, Attempt>> held;
+  std::vector<scheduler::HeldLease> held;
   for (const v1::Lease& lease : heartbeat.held()) {
-    held.emplace_back(job::UnitFromProto(lease.unit()), Attempt(lease.attempt()));
+    held.push_back({job::UnitFromProto(lease.unit()), Attempt(lease.attempt()), lease.progress()});
   }
   absl::MutexLock lock(&mutex_);
   scheduler_.Heartbeat(worker, held, Attempt(heartbeat.newest_attempt()), options_.now());
@@ -328,7 +328,8 @@ std::optional<Rect> Coordinator::FindLease(WorkerId worker, const UnitRef& unit,
 
 void Coordinator::Deliver(WorkerId worker, film::StoredUnit unit) {
   absl::MutexLock lock(&mutex_);
-  const scheduler::Completion completion = scheduler_.CompleteUnit(worker, unit.unit, unit.attempt);
+  const scheduler::Completion completion =
+      scheduler_.CompleteUnit(worker, unit.unit, unit.attempt, options_.now());
   if (completion != scheduler::Completion::kAccepted) {
     options_.log->info("event=unit_not_wanted unit={} worker={}", Quoted(Describe(unit.unit)),
                        NameOf(worker));

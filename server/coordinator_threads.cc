@@ -2,6 +2,7 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <string_view>
 
 #include "server/coordinator_impl.h"
 
@@ -14,6 +15,17 @@ using job::JobId;
 constexpr absl::Duration kWatchInterval = absl::Milliseconds(100);
 /// Maximum time between two checks of the leases: options_.now may not be the clock that waits use.
 constexpr absl::Duration kIdleInterval = absl::Seconds(1);
+
+std::string_view EventOf(scheduler::Lateness lateness) {
+  switch (lateness) {
+    case scheduler::Lateness::kStalled:
+      return "lease_stalled";
+    case scheduler::Lateness::kOverdue:
+      return "unit_overdue";
+    default:
+      return "lease_expired";
+  }
+}
 
 }  // namespace
 
@@ -82,12 +94,12 @@ absl::Duration Coordinator::UntilNextHousekeeping() {
 }
 
 void Coordinator::ExpireLeases() {
-  const std::vector<scheduler::ExpiredLease> expired = scheduler_.ExpireLeases(options_.now());
-  for (const scheduler::ExpiredLease& lease : expired) {
-    options_.log->warn("event=lease_expired unit=\"{}\" worker={}", Describe(lease.unit),
+  const std::vector<scheduler::LateLease> late = scheduler_.ExpireLeases(options_.now());
+  for (const scheduler::LateLease& lease : late) {
+    options_.log->warn("event={} unit=\"{}\" worker={}", EventOf(lease.lateness), Describe(lease.unit),
                        NameOf(lease.worker));
   }
-  if (!expired.empty()) GrantLeases();
+  if (!late.empty()) GrantLeases();
 }
 
 void Coordinator::NotifyWatchers() {

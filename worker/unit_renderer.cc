@@ -60,12 +60,14 @@ bool IsPermanent(const absl::Status& failure) {
   }
 }
 
-absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, int frame) const {
+absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, int frame,
+                                                             std::atomic<int64_t>* progress) const {
   std::map<std::string, v1::AssetRef> dependencies;
   for (const v1::AssetRef& asset : spec.scene().dependencies()) dependencies[asset.uri()] = asset;
   absl::StatusOr<std::string> file = assets_->Fetch(spec.scene().file());
   if (!file.ok()) return file.status();
   const auto read = [&](const std::string& uri) -> absl::StatusOr<std::string> {
+    ++*progress;
     const auto asset = dependencies.find(uri);
     if (asset == dependencies.end())
       return absl::NotFoundError(absl::StrCat("'", uri, "' is not among the job's files"));
@@ -120,8 +122,8 @@ std::shared_ptr<UnitRenderer::Entry> UnitRenderer::AddEntry(const v1::UnitId& un
   return entry;
 }
 
-absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf(const v1::JobSpec& spec,
-                                                                                 const v1::UnitId& unit) {
+absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf(
+    const v1::JobSpec& spec, const v1::UnitId& unit, std::atomic<int64_t>* progress) {
   std::shared_ptr<Entry> entry;
   {
     absl::MutexLock lock(&mutex_);
@@ -134,7 +136,7 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
     }
     entry = AddEntry(unit);
   }
-  absl::StatusOr<LoadedScene> loaded = Load(spec, unit.frame());
+  absl::StatusOr<LoadedScene> loaded = Load(spec, unit.frame(), progress);
   absl::MutexLock lock(&mutex_);
   if (loaded.ok()) {
     entry->loaded = *loaded;
@@ -147,12 +149,14 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
   return loaded->renderer;
 }
 
-absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const v1::Lease& lease) {
-  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = RendererOf(spec, lease.unit());
+absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const v1::Lease& lease,
+                                                  std::atomic<int64_t>* progress) {
+  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = RendererOf(spec, lease.unit(), progress);
   if (!renderer.ok()) return renderer.status();
   const absl::Time start = absl::Now();
   RenderedUnit unit;
   render::RenderCounts counts;
+  counts.rows = progress;
   const Rect rect = RectOf(lease.rect());
   if (lease.unit().kind() == v1::UNIT_KIND_GEOMETRY) {
     unit.image = (*renderer)->RenderGeometry(rect, lease.unit().frame());

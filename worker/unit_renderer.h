@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <deque>
 #include <memory>
 #include <string>
@@ -29,9 +31,11 @@ class UnitRenderer {
   /// `assets` must outlive it.
   explicit UnitRenderer(AssetSource* assets) : assets_(assets) {}
 
+  /// Adds one to `progress` for each row of pixels traced and for each file of a scene loaded.
   /// Errors: those of AssetSource, scene::LoadGltf and render::Renderer::Create, each naming the job's scene;
   /// kDataLoss where more than 1 % of the samples are not finite.
-  absl::StatusOr<RenderedUnit> Render(const v1::JobSpec& spec, const v1::Lease& lease);
+  absl::StatusOr<RenderedUnit> Render(const v1::JobSpec& spec, const v1::Lease& lease,
+                                      std::atomic<int64_t>* progress);
 
   /// Unloads the scene of a job; units in progress keep it until they are done.
   void ForgetJob(const std::string& job_id);
@@ -54,11 +58,12 @@ class UnitRenderer {
   };
 
   absl::StatusOr<std::shared_ptr<const render::Renderer>> RendererOf(const v1::JobSpec& spec,
-                                                                     const v1::UnitId& unit);
+                                                                     const v1::UnitId& unit,
+                                                                     std::atomic<int64_t>* progress);
   /// An entry whose scene fits the unit, or may fit once it is ready; null if a new one is needed.
   std::shared_ptr<Entry> FindEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, int frame) const;
+  absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, int frame, std::atomic<int64_t>* progress) const;
 
   AssetSource* assets_;
   absl::Mutex mutex_;

@@ -84,6 +84,7 @@ void WorkerImpl::OnDisconnected() {
   newest_attempt_ = 0;
   waiting_.clear();
   held_.clear();
+  progress_.clear();
   specs_.clear();
 }
 
@@ -115,19 +116,32 @@ void WorkerImpl::OnGrant(const v1::Grant& grant) {
   }
 }
 
+template <typename Condition>
+void WorkerImpl::RemoveHeld(Condition condition) {
+  std::erase_if(held_, [&](const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    if (!condition(lease)) return false;
+    const auto progress = progress_.find(lease.attempt());
+    if (progress != progress_.end()) {
+      past_progress_ += *progress->second;
+      progress_.erase(progress);
+    }
+    return true;
+  });
+}
+
 void WorkerImpl::OnAck(const v1::UnitAck& ack) {
-  std::erase_if(held_, [&](const v1::Lease& held) { return IsLease(held, ack.unit(), ack.attempt()); });
+  RemoveHeld([&](const v1::Lease& held) { return IsLease(held, ack.unit(), ack.attempt()); });
 }
 
 void WorkerImpl::Forget(const v1::Lease& lease) {
   absl::MutexLock lock(&mutex_);
-  std::erase_if(held_, [&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
+  RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
 }
 
 void WorkerImpl::OnJobEnded(const std::string& job_id) {
   const auto is_of_job = [&](const v1::Lease& lease) { return lease.unit().job_id() == job_id; };
   std::erase_if(waiting_, is_of_job);
-  std::erase_if(held_, is_of_job);
+  RemoveHeld(is_of_job);
   specs_.erase(job_id);
   renderer_->ForgetJob(job_id);
 }
@@ -135,7 +149,13 @@ void WorkerImpl::OnJobEnded(const std::string& job_id) {
 v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
   absl::MutexLock lock(&mutex_);
   v1::Heartbeat heartbeat;
-  for (const v1::Lease& lease : held_) *heartbeat.add_held() = lease;
+  int64_t all = past_progress_;
+  for (const auto& [attempt, progress] : progress_) all += *progress;
+  for (const v1::Lease& lease : held_) {
+    const auto own = progress_.find(lease.attempt());
+    *heartbeat.add_held() = lease;
+    heartbeat.mutable_held()->rbegin()->set_progress(own == progress_.end() ? all : own->second->load());
+  }
   heartbeat.set_newest_attempt(newest_attempt_);
   return heartbeat;
 }
@@ -145,6 +165,7 @@ void WorkerImpl::RunThread() {
     v1::Lease lease;
     std::shared_ptr<const v1::JobSpec> spec;
     std::shared_ptr<Outbox> outbox;
+    const auto progress = std::make_shared<std::atomic<int64_t>>(0);
     {
       absl::MutexLock lock(&mutex_);
       mutex_.Await(absl::Condition(this, &WorkerImpl::HasWorkOrStops));
@@ -153,14 +174,15 @@ void WorkerImpl::RunThread() {
       waiting_.pop_front();
       spec = specs_.at(lease.unit().job_id());
       outbox = outbox_;
+      progress_[lease.attempt()] = progress;
     }
-    RenderAndSend(lease, *spec, outbox);
+    RenderAndSend(lease, *spec, outbox, progress.get());
   }
 }
 
 void WorkerImpl::RenderAndSend(const v1::Lease& lease, const v1::JobSpec& spec,
-                               const std::shared_ptr<Outbox>& outbox) {
-  const absl::StatusOr<RenderedUnit> unit = renderer_->Render(spec, lease);
+                               const std::shared_ptr<Outbox>& outbox, std::atomic<int64_t>* progress) {
+  const absl::StatusOr<RenderedUnit> unit = renderer_->Render(spec, lease, progress);
   if (!IsCurrent(lease, outbox)) return;
   if (!unit.ok()) {
     log_->error("event=unit_failed {} error=\"{}\"", Describe(lease.unit()),

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <deque>
 #include <map>
 #include <memory>
@@ -48,7 +50,7 @@ class WorkerImpl {
   /// Handles a message of the coordinator.
   void OnMessage(const v1::CoordinatorMessage& message);
 
-  /// A heartbeat with the leases that are not acknowledged and the highest attempt received.
+  /// A heartbeat with the leases that are not acknowledged, their progress, and the highest attempt received.
   v1::Heartbeat MakeHeartbeat() const;
 
  private:
@@ -58,8 +60,12 @@ class WorkerImpl {
   void OnAck(const v1::UnitAck& ack) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnJobEnded(const std::string& job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Renders the unit of a lease and sends it if the connection that granted the lease is still open.
-  void RenderAndSend(const v1::Lease& lease, const v1::JobSpec& spec, const std::shared_ptr<Outbox>& outbox);
+  void RenderAndSend(const v1::Lease& lease, const v1::JobSpec& spec, const std::shared_ptr<Outbox>& outbox,
+                     std::atomic<int64_t>* progress);
   void Forget(const v1::Lease& lease);
+  /// Removes held leases that meet the condition.
+  template <typename Condition>
+  void RemoveHeld(Condition condition) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   bool IsCurrent(const v1::Lease& lease, const std::shared_ptr<Outbox>& outbox) const;
 
   UnitRenderer* const renderer_;
@@ -71,6 +77,9 @@ class WorkerImpl {
   std::shared_ptr<Outbox> outbox_ ABSL_GUARDED_BY(mutex_);
   std::deque<v1::Lease> waiting_ ABSL_GUARDED_BY(mutex_);
   std::vector<v1::Lease> held_ ABSL_GUARDED_BY(mutex_);
+  /// Progress of the held leases that a thread has taken, by attempt.
+  std::map<int64_t, std::shared_ptr<std::atomic<int64_t>>> progress_ ABSL_GUARDED_BY(mutex_);
+  int64_t past_progress_ ABSL_GUARDED_BY(mutex_) = 0;  // sum of those that were removed
   int64_t newest_attempt_ ABSL_GUARDED_BY(mutex_) = 0;
   std::map<std::string, std::shared_ptr<const v1::JobSpec>> specs_ ABSL_GUARDED_BY(mutex_);
 };

@@ -1,5 +1,6 @@
 #include "server/scheduler/lease_table.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "filter/image/check.h"
@@ -20,6 +21,7 @@ void LeaseTable::Add(Attempt attempt, const Lease& lease) {
   by_unit_.emplace(lease.unit, attempt);
   by_worker_.emplace(lease.worker, attempt);
   by_deadline_.emplace(lease.deadline, attempt);
+  if (lease.check < absl::InfiniteFuture()) by_check_.emplace(lease.check, attempt);
 }
 
 const Lease* LeaseTable::Find(Attempt attempt) const {
@@ -27,11 +29,14 @@ const Lease* LeaseTable::Find(Attempt attempt) const {
   return found == by_attempt_.end() ? nullptr : &found->second;
 }
 
-void LeaseTable::SetDeadline(Attempt attempt, absl::Time deadline) {
-  Lease& lease = by_attempt_.at(attempt);
-  by_deadline_.erase({lease.deadline, attempt});
-  lease.deadline = deadline;
-  by_deadline_.emplace(deadline, attempt);
+void LeaseTable::Update(Attempt attempt, const Lease& lease) {
+  Lease& old = by_attempt_.at(attempt);
+  LUMIFOLD_CHECK(old.unit == lease.unit && old.worker == lease.worker);
+  by_deadline_.erase({old.deadline, attempt});
+  by_check_.erase({old.check, attempt});
+  old = lease;
+  by_deadline_.emplace(lease.deadline, attempt);
+  if (lease.check < absl::InfiniteFuture()) by_check_.emplace(lease.check, attempt);
 }
 
 Lease LeaseTable::Remove(Attempt attempt) {
@@ -41,8 +46,16 @@ Lease LeaseTable::Remove(Attempt attempt) {
   by_unit_.erase({lease.unit, attempt});
   by_worker_.erase({lease.worker, attempt});
   by_deadline_.erase({lease.deadline, attempt});
+  by_check_.erase({lease.check, attempt});
   by_attempt_.erase(found);
   return lease;
+}
+
+std::vector<Attempt> LeaseTable::OfUnit(const UnitIndex& unit) const {
+  std::vector<Attempt> attempts;
+  for (auto it = by_unit_.lower_bound({unit, kFirst}); it != by_unit_.end() && it->first == unit; ++it)
+    attempts.push_back(it->second);
+  return attempts;
 }
 
 std::vector<Attempt> LeaseTable::OfJob(int64_t job) const {
@@ -61,15 +74,21 @@ std::vector<Attempt> LeaseTable::OfWorker(WorkerId worker) const {
   return attempts;
 }
 
-std::vector<Attempt> LeaseTable::Expired(absl::Time now) const {
+std::vector<Attempt> LeaseTable::NotAfter(absl::Time now, const Times& times) {
   std::vector<Attempt> attempts;
-  for (auto it = by_deadline_.begin(); it != by_deadline_.end() && it->first <= now; ++it)
-    attempts.push_back(it->second);
+  for (auto it = times.begin(); it != times.end() && it->first <= now; ++it) attempts.push_back(it->second);
   return attempts;
 }
 
-absl::Time LeaseTable::NextDeadline() const {
-  return by_deadline_.empty() ? absl::InfiniteFuture() : by_deadline_.begin()->first;
+std::vector<Attempt> LeaseTable::Expired(absl::Time now) const { return NotAfter(now, by_deadline_); }
+
+std::vector<Attempt> LeaseTable::Checks(absl::Time now) const { return NotAfter(now, by_check_); }
+
+absl::Time LeaseTable::NextTime() const {
+  absl::Time next = absl::InfiniteFuture();
+  if (!by_deadline_.empty()) next = by_deadline_.begin()->first;
+  if (!by_check_.empty()) next = std::min(next, by_check_.begin()->first);
+  return next;
 }
 
 }  // namespace lumifold::scheduler

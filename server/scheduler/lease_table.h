@@ -29,10 +29,16 @@ struct UnitIndex {
 struct Lease {
   UnitIndex unit;
   job::WorkerId worker;
+  absl::Time granted;
   absl::Time deadline;
+  int64_t progress = 0;   // as the worker reported it last
+  absl::Time progressed;  // when it last changed
+  /// When to check whether the unit is overdue; InfiniteFuture if that is not known, or is_overdue.
+  absl::Time check = absl::InfiniteFuture();
+  bool is_overdue = false;
 };
 
-/// The leases that are valid, by attempt, unit, worker and deadline. Every call takes O(log n) for each lease
+/// The leases that are valid, by attempt, unit, worker and time. Every call takes O(log n) for each lease
 /// it returns or changes. Lists are in ascending order of attempts, except where they say otherwise.
 /// Threads: one at a time.
 class LeaseTable {
@@ -41,24 +47,32 @@ class LeaseTable {
   void Add(job::Attempt attempt, const Lease& lease);
   /// Null if no lease has this attempt; valid until the next Remove.
   const Lease* Find(job::Attempt attempt) const;
-  /// The lease exists.
-  void SetDeadline(job::Attempt attempt, absl::Time deadline);
+  /// Replaces the lease's state; the unit and worker stay.
+  void Update(job::Attempt attempt, const Lease& lease);
   /// The lease exists; returns it.
   Lease Remove(job::Attempt attempt);
 
+  std::vector<job::Attempt> OfUnit(const UnitIndex& unit) const;
   /// In the order of units.
   std::vector<job::Attempt> OfJob(int64_t job) const;
   std::vector<job::Attempt> OfWorker(job::WorkerId worker) const;
   /// Leases whose deadline is not after `now`, in the order of deadlines.
   std::vector<job::Attempt> Expired(absl::Time now) const;
-  /// InfiniteFuture without leases.
-  absl::Time NextDeadline() const;
+  /// Leases whose check is not after `now`, in the order of checks.
+  std::vector<job::Attempt> Checks(absl::Time now) const;
+  /// The first deadline or check; InfiniteFuture without leases.
+  absl::Time NextTime() const;
 
  private:
+  using Times = std::set<std::pair<absl::Time, job::Attempt>>;
+
+  static std::vector<job::Attempt> NotAfter(absl::Time now, const Times& times);
+
   std::map<job::Attempt, Lease> by_attempt_;
   std::set<std::pair<UnitIndex, job::Attempt>> by_unit_;
   std::set<std::pair<job::WorkerId, job::Attempt>> by_worker_;
-  std::set<std::pair<absl::Time, job::Attempt>> by_deadline_;
+  Times by_deadline_;
+  Times by_check_;  // without InfiniteFuture
 };
 
 }  // namespace lumifold::scheduler

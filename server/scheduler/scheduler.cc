@@ -1,5 +1,6 @@
 #include "server/scheduler/scheduler.h"
 
+#include <algorithm>
 #include <limits>
 
 #include "filter/image/check.h"
@@ -17,6 +18,14 @@ namespace {
 /// Free units that a worker may not lease and that are passed over in one call, for each worker. It bounds the
 /// time of a call; such a unit waits for another worker anyway.
 constexpr int kMaxSkipped = 64;
+
+/// Accepted units of a job and kind from which their mean time is used: the first ones load the scene.
+constexpr int kMinTimedUnits = 8;
+
+/// A second lease is for a worker that hangs or is slow; a third would only cost.
+constexpr size_t kMaxLeasesOfUnit = 2;
+
+const Attempt kFirstAttempt(std::numeric_limits<int64_t>::min());
 
 }  // namespace
 
@@ -36,6 +45,8 @@ void Scheduler::AddJob(const JobId& job, const v1::JobSpec& spec, const std::str
                                 .finished = std::vector<bool>(static_cast<size_t>(spec.frame_count())),
                                 .next_unleased = {},
                                 .returned = {},
+                                .geometry_times = {},
+                                .pass_times = {},
                                 .failures = {}});
   UpdateReady(number, added.first->second);
 }
@@ -87,37 +98,70 @@ void Scheduler::AddWorker(WorkerId worker, const std::string& numeric_class, int
 
 void Scheduler::RemoveWorker(WorkerId worker) {
   for (const Attempt attempt : leases_.OfWorker(worker)) VoidLease(attempt);
+  stalled_.erase(stalled_.lower_bound({worker, kFirstAttempt}),
+                 stalled_.lower_bound({WorkerId(worker.value() + 1), kFirstAttempt}));
   workers_.Remove(worker);
 }
 
-void Scheduler::Heartbeat(WorkerId worker, absl::Span<const std::pair<UnitRef, Attempt>> held, Attempt newest,
-                          absl::Time now) {
+void Scheduler::Heartbeat(WorkerId worker, absl::Span<const HeldLease> held, Attempt newest, absl::Time now) {
   workers_.SetUnresponsive(worker, false);
-  std::set<Attempt> named;
-  for (const auto& [unit, attempt] : held) {
-    if (HoldsLease(worker, unit, attempt)) named.insert(attempt);
-  }
+  std::map<Attempt, int64_t> progress;
+  for (const HeldLease& lease : held) progress.emplace(lease.attempt, lease.progress);
   for (const Attempt attempt : leases_.OfWorker(worker)) {
-    if (named.contains(attempt)) {
-      leases_.SetDeadline(attempt, now + options_.lease);
+    const auto named = progress.find(attempt);
+    if (named != progress.end()) {
+      Renew(attempt, named->second, now);
     } else if (attempt <= newest) {
       VoidLease(attempt);
     }
   }
-}
-
-std::vector<ExpiredLease> Scheduler::ExpireLeases(absl::Time now) {
-  std::vector<ExpiredLease> expired;
-  for (const Attempt attempt : leases_.Expired(now)) {
-    const Lease& lease = *leases_.Find(attempt);
-    expired.push_back({RefOf(lease.unit), lease.worker});
-    workers_.SetUnresponsive(lease.worker, true);
-    VoidLease(attempt);
+  for (auto it = stalled_.lower_bound({worker, kFirstAttempt});
+       it != stalled_.end() && it->first == worker && it->second <= newest;) {
+    if (progress.contains(it->second)) {
+      ++it;
+      continue;
+    }
+    workers_.ReleaseSlot(worker);
+    it = stalled_.erase(it);
   }
-  return expired;
 }
 
-absl::Time Scheduler::NextExpiry() const { return leases_.NextDeadline(); }
+void Scheduler::Renew(Attempt attempt, int64_t progress, absl::Time now) {
+  Lease lease = *leases_.Find(attempt);
+  if (progress != lease.progress) lease.progressed = now;
+  lease.progress = progress;
+  lease.deadline = std::min(now + options_.lease, lease.progressed + options_.stall);
+  leases_.Update(attempt, lease);
+}
+
+std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
+  std::vector<LateLease> late;
+  for (const Attempt attempt : leases_.Expired(now)) {
+    const Lease lease = *leases_.Find(attempt);
+    const bool stalled = lease.deadline >= lease.progressed + options_.stall;
+    late.push_back({RefOf(lease.unit), lease.worker, stalled ? Lateness::kStalled : Lateness::kSilent});
+    VoidLease(attempt);
+    if (stalled) {
+      workers_.TakeSlot(lease.worker);
+      stalled_.emplace(lease.worker, attempt);
+    } else {
+      workers_.SetUnresponsive(lease.worker, true);
+    }
+  }
+  for (const Attempt attempt : leases_.Checks(now)) {
+    Lease lease = *leases_.Find(attempt);
+    lease.check = OverdueTime(lease.unit, lease.granted);  // the mean may have risen since
+    lease.is_overdue = lease.check <= now;
+    if (lease.is_overdue) lease.check = absl::InfiniteFuture();
+    leases_.Update(attempt, lease);
+    if (!lease.is_overdue || !MayReturn(lease.unit)) continue;
+    Return(lease.unit);
+    late.push_back({RefOf(lease.unit), lease.worker, Lateness::kOverdue});
+  }
+  return late;
+}
+
+absl::Time Scheduler::NextExpiry() const { return leases_.NextTime(); }
 
 std::vector<GrantedLease> Scheduler::GrantLeases(absl::Time now) {
   std::vector<GrantedLease> granted;
@@ -149,7 +193,7 @@ void Scheduler::GrantTo(WorkerId worker, absl::Time now, std::vector<GrantedLeas
     const std::optional<int64_t> number = NextReady(state->numeric_class, passed);
     if (!number.has_value()) return;
     Job& job = jobs_.at(*number);
-    const std::optional<Place> place = TakeUnit(job, worker, &budget);
+    const std::optional<Place> place = TakeUnit(*number, worker, &budget);
     UpdateReady(*number, job);
     if (!place.has_value()) {
       passed = *number;
@@ -168,7 +212,7 @@ bool Scheduler::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt
   return FindLease(worker, unit, attempt) != nullptr;
 }
 
-Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt attempt) {
+Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, absl::Time now) {
   const std::optional<UnitIndex> index = IndexOf(unit);
   if (!index.has_value()) return Completion::kUnknown;
   Job& job = jobs_.at(index->job);
@@ -179,11 +223,44 @@ Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt
     return Completion::kDuplicate;
   }
   if (!HoldsLease(worker, unit, attempt)) return Completion::kStale;
-  leases_.Remove(attempt);
+  CountTime(leases_.Remove(attempt), now);
+  VoidOtherLeases(*index);
   if (job.numeric_class.empty()) Bind(index->job, workers_.Find(worker)->numeric_class);
   accepted_.emplace(*index, worker);
   frame->second.taken[static_cast<size_t>(index->place.number)] = true;
   return Completion::kAccepted;
+}
+
+void Scheduler::VoidOtherLeases(const UnitIndex& index) {
+  for (const Attempt attempt : leases_.OfUnit(index)) VoidLease(attempt);
+  Job& job = jobs_.at(index.job);
+  job.returned.erase(index.place);
+  UpdateReady(index.job, job);
+}
+
+Scheduler::UnitTimes& Scheduler::TimesOf(Job& job, const Place& place) const {
+  const bool is_geometry = job.units.KeyOf(0, place.number).kind == v1::UNIT_KIND_GEOMETRY;
+  return is_geometry ? job.geometry_times : job.pass_times;
+}
+
+void Scheduler::CountTime(const Lease& lease, absl::Time now) {
+  Job& job = jobs_.at(lease.unit.job);
+  UnitTimes& times = TimesOf(job, lease.unit.place);
+  ++times.count;
+  times.sum += now - lease.granted;
+  if (times.count != kMinTimedUnits) return;
+  for (const Attempt attempt : leases_.OfJob(lease.unit.job)) {
+    Lease other = *leases_.Find(attempt);
+    other.check = OverdueTime(other.unit, other.granted);
+    leases_.Update(attempt, other);
+  }
+}
+
+absl::Time Scheduler::OverdueTime(const UnitIndex& index, absl::Time granted) {
+  const UnitTimes& times = TimesOf(jobs_.at(index.job), index.place);
+  if (times.count < kMinTimedUnits) return absl::InfiniteFuture();
+  const absl::Duration mean = times.sum / times.count;
+  return granted + std::max(options_.overdue_factor * mean, options_.overdue_least);
 }
 
 void Scheduler::Bind(int64_t number, const std::string& numeric_class) {
@@ -326,20 +403,24 @@ std::optional<int64_t> Scheduler::NextReady(const std::string& numeric_class, in
   return next;
 }
 
-std::optional<Place> Scheduler::TakeUnit(Job& job, WorkerId worker, SkipBudget* budget) {
-  const std::optional<Place> returned = TakeReturnedUnit(job, worker, budget);
-  return returned.has_value() ? returned : TakeUnleasedUnit(job);
+std::optional<Place> Scheduler::TakeUnit(int64_t job_number, WorkerId worker, SkipBudget* budget) {
+  const std::optional<Place> returned = TakeReturnedUnit(job_number, worker, budget);
+  return returned.has_value() ? returned : TakeUnleasedUnit(jobs_.at(job_number));
 }
 
-bool Scheduler::IsExcluded(const Job& job, const Place& place, WorkerId worker) const {
-  const auto failures = job.failures.find(place);
+bool Scheduler::IsExcluded(const Job& job, const UnitIndex& index, WorkerId worker) const {
+  for (const Attempt attempt : leases_.OfUnit(index)) {
+    if (leases_.Find(attempt)->worker == worker) return true;
+  }
+  const auto failures = job.failures.find(index.place);
   return failures != job.failures.end() && failures->second.last == worker &&
          workers_.HasOther(worker, job.numeric_class);
 }
 
-std::optional<Place> Scheduler::TakeReturnedUnit(Job& job, WorkerId worker, SkipBudget* budget) {
+std::optional<Place> Scheduler::TakeReturnedUnit(int64_t job_number, WorkerId worker, SkipBudget* budget) {
+  Job& job = jobs_.at(job_number);
   for (auto it = job.returned.begin(); it != job.returned.end() && *budget > 0; ++it) {
-    if (IsExcluded(job, *it, worker)) {
+    if (IsExcluded(job, {job_number, *it}, worker)) {
       --*budget;
       continue;
     }
@@ -368,7 +449,12 @@ GrantedLease Scheduler::Grant(int64_t job_number, Job& job, const Place& place, 
                               absl::Time now) {
   const Attempt attempt(next_attempt_++);
   const UnitIndex index{job_number, place};
-  leases_.Add(attempt, {index, worker, now + options_.lease});
+  leases_.Add(attempt, {.unit = index,
+                        .worker = worker,
+                        .granted = now,
+                        .deadline = now + std::min(options_.lease, options_.stall),
+                        .progressed = now,
+                        .check = OverdueTime(index, now)});
   workers_.TakeSlot(worker);
   const UnitRef unit = RefOf(index);
   return {worker, unit, attempt, job.units.tiles().RectOf(unit.key.tile), job.units.SamplesOf(unit.key)};
@@ -377,9 +463,20 @@ GrantedLease Scheduler::Grant(int64_t job_number, Job& job, const Place& place, 
 void Scheduler::VoidLease(Attempt attempt) {
   const Lease lease = leases_.Remove(attempt);
   workers_.ReleaseSlot(lease.worker);
-  Job& job = jobs_.at(lease.unit.job);
-  job.returned.insert(lease.unit.place);
-  UpdateReady(lease.unit.job, job);
+  if (MayReturn(lease.unit)) Return(lease.unit);
+}
+
+bool Scheduler::MayReturn(const UnitIndex& index) const {
+  const std::vector<Attempt> attempts = leases_.OfUnit(index);
+  return attempts.size() < kMaxLeasesOfUnit &&
+         std::all_of(attempts.begin(), attempts.end(),
+                     [this](Attempt attempt) { return leases_.Find(attempt)->is_overdue; });
+}
+
+void Scheduler::Return(const UnitIndex& index) {
+  Job& job = jobs_.at(index.job);
+  job.returned.insert(index.place);
+  UpdateReady(index.job, job);
 }
 
 void Scheduler::CountCommitted(Job& job, const Place& place) {

@@ -22,6 +22,13 @@ namespace lumifold::scheduler {
 struct SchedulerOptions {
   /// Time from the grant or renewal of a lease to its expiry.
   absl::Duration lease = absl::Seconds(30);
+  /// A lease whose progress stands still for this long is not renewed. Loading a scene reports one step for
+  /// each of its files only, so it must be longer than what the largest file takes.
+  absl::Duration stall = absl::Minutes(10);
+  /// A unit is overdue when it has been leased for longer than `overdue_factor` times the mean of the accepted
+  /// units of its job and kind, and for longer than `overdue_least`.
+  double overdue_factor = 4;
+  absl::Duration overdue_least = absl::Seconds(10);
   /// A job fails when one of its units has failed this many times.
   int max_failures = 3;
   /// Attempt of the first lease. After a restart it must be above all attempts granted before.
@@ -37,10 +44,24 @@ struct GrantedLease {
   SampleRange samples;
 };
 
-/// A lease that became void because its deadline passed.
-struct ExpiredLease {
+/// A lease as its worker reports it in a heartbeat.
+struct HeldLease {
+  job::UnitRef unit;
+  job::Attempt attempt;
+  /// Differs from the last report if the unit has advanced.
+  int64_t progress = 0;
+};
+
+enum class Lateness {
+  kSilent,   // the worker has not renewed the lease, which is now void
+  kStalled,  // the worker renews the lease but makes no progress; the lease is now void
+  kOverdue,  // the lease stays valid; the unit is leased a second time, and the first result counts
+};
+
+struct LateLease {
   job::UnitRef unit;
   job::WorkerId worker;
+  Lateness lateness = Lateness::kSilent;
 };
 
 /// Outcome of the delivery of a unit.
@@ -73,9 +94,10 @@ struct JobProgress {
 /// Assigns units to workers. Pure state and policy: no clock, no threads, no disk. The state is a function of
 /// the calls so far, so that a test can replay any history. Holds active jobs only.
 ///
-/// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free unit is leased,
-/// only a leased unit is accepted, only an accepted unit is committed; accepted and committed units never
-/// become free again. This is the exactly-once promise.
+/// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free or overdue unit is
+/// leased, only a leased unit is accepted, only an accepted unit is committed; accepted and committed units
+/// never become free again. This is the exactly-once promise. An overdue unit has up to two leases, of different
+/// workers; the other one becomes void when the unit is accepted.
 ///
 /// Numeric class: all units of a job are of one class, that of its first accepted unit. Until then workers of
 /// all classes may lease its units; then the leases of the other classes become void.
@@ -111,14 +133,15 @@ class Scheduler {
   void AddWorker(job::WorkerId worker, const std::string& numeric_class, int slots);
   /// Removes a worker; its leases become void at once.
   void RemoveWorker(job::WorkerId worker);
-  /// Renews the worker's leases that are in `held` and voids the others, except leases with an attempt above
-  /// `newest`, the last attempt that the worker had received when it sent the heartbeat.
-  void Heartbeat(job::WorkerId worker, absl::Span<const std::pair<job::UnitRef, job::Attempt>> held,
-                 job::Attempt newest, absl::Time now);
-  /// Voids leases whose deadline is not after `now`. Their workers get no new leases until their next
-  /// heartbeat.
-  std::vector<ExpiredLease> ExpireLeases(absl::Time now);
-  /// Earliest deadline of a lease; InfiniteFuture without leases.
+  /// Renews the worker's leases that are in `held` and have progressed within SchedulerOptions::stall, and voids
+  /// those that are not in `held`, except leases with an attempt above `newest`, the last attempt that the
+  /// worker had received when it sent the heartbeat.
+  void Heartbeat(job::WorkerId worker, absl::Span<const HeldLease> held, job::Attempt newest, absl::Time now);
+  /// Voids leases whose deadline is not after `now`, and makes overdue units ready for a second lease. A silent
+  /// worker gets no new leases until its next heartbeat; a stalled lease keeps its slot until a heartbeat no
+  /// longer names it.
+  std::vector<LateLease> ExpireLeases(absl::Time now);
+  /// When ExpireLeases has something to do next; InfiniteFuture without leases.
   absl::Time NextExpiry() const;
 
   /// Grants leases until all slots are full or no unit is free; the leases of a worker are consecutive.
@@ -127,7 +150,8 @@ class Scheduler {
   std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now);
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   /// Records that a worker delivered a complete unit.
-  Completion CompleteUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
+  Completion CompleteUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                          absl::Time now);
   /// Records that an accepted unit is committed. True when it was the last unit of its frame.
   bool UnitCommitted(const job::UnitRef& unit);
   FailureOutcome FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
@@ -150,6 +174,11 @@ class Scheduler {
     std::vector<bool> taken;  // accepted or committed, by unit number
     int64_t committed = 0;
   };
+  // Times of accepted units, from lease to delivery.
+  struct UnitTimes {
+    int64_t count = 0;
+    absl::Duration sum;
+  };
   struct Failures {
     int count = 0;
     job::WorkerId last;
@@ -165,7 +194,9 @@ class Scheduler {
     int64_t committed_units = 0;
     int64_t committed_samples = 0;
     Place next_unleased;       // units from here on were never leased
-    std::set<Place> returned;  // leased once, free again
+    std::set<Place> returned;  // leased once, and free again or overdue
+    UnitTimes geometry_times;
+    UnitTimes pass_times;
     std::map<Place, Failures> failures;
   };
   // What one call of GrantLeases may still look at in vain, see kMaxSkipped.
@@ -178,6 +209,15 @@ class Scheduler {
   Frame& ActiveFrame(Job& job, int frame);
   const Lease* FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   void Bind(int64_t job_number, const std::string& numeric_class);
+  void VoidOtherLeases(const UnitIndex& index);
+  UnitTimes& TimesOf(Job& job, const Place& place) const;
+  void CountTime(const Lease& lease, absl::Time now);
+  /// When a lease granted at `granted` is overdue; InfiniteFuture if too few units were accepted to tell.
+  absl::Time OverdueTime(const UnitIndex& index, absl::Time granted);
+  void Renew(job::Attempt attempt, int64_t progress, absl::Time now);
+  /// Whether the unit, which is not accepted, may be leased: no lease of it is in time.
+  bool MayReturn(const UnitIndex& index) const;
+  void Return(const UnitIndex& index);
   void CountCommitted(Job& job, const Place& place);
 
   /// Ready jobs are those that may have free units. Enters the job among them, or removes it.
@@ -188,10 +228,10 @@ class Scheduler {
   std::optional<int64_t> NextReady(const std::string& numeric_class, int64_t number) const;
 
   void GrantTo(job::WorkerId worker, absl::Time now, std::vector<GrantedLease>* granted);
-  std::optional<Place> TakeUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
-  std::optional<Place> TakeReturnedUnit(Job& job, job::WorkerId worker, SkipBudget* budget);
+  std::optional<Place> TakeUnit(int64_t job_number, job::WorkerId worker, SkipBudget* budget);
+  std::optional<Place> TakeReturnedUnit(int64_t job_number, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeUnleasedUnit(Job& job);
-  bool IsExcluded(const Job& job, const Place& place, job::WorkerId worker) const;
+  bool IsExcluded(const Job& job, const UnitIndex& index, job::WorkerId worker) const;
   GrantedLease Grant(int64_t job_number, Job& job, const Place& place, job::WorkerId worker, absl::Time now);
   void VoidLease(job::Attempt attempt);
 
@@ -203,6 +243,7 @@ class Scheduler {
   std::map<std::string, std::set<int64_t>> ready_;  // jobs by numeric class, "" for any; never empty
   WorkerPool workers_;
   LeaseTable leases_;
+  std::set<std::pair<job::WorkerId, job::Attempt>> stalled_;  // void, but still in a slot of the worker
   std::map<UnitIndex, job::WorkerId> accepted_;
 };
 

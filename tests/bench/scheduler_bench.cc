@@ -60,7 +60,7 @@ class Farm {
     const Held lease = held[index];
     held[index] = held.back();
     held.pop_back();
-    if (scheduler.CompleteUnit(lease.worker, lease.unit, lease.attempt) != Completion::kAccepted)
+    if (scheduler.CompleteUnit(lease.worker, lease.unit, lease.attempt, now) != Completion::kAccepted)
       std::abort();
     scheduler.UnitCommitted(lease.unit);
     Grant();

@@ -75,6 +75,7 @@ LayeredImage Renderer::RenderPass(const Rect& rect, int frame, SampleRange range
       });
       picture.Store(x - rect.x0, y - rect.y0, sums);
     }
+    if (counts->rows != nullptr) counts->rows->fetch_add(1, std::memory_order_relaxed);
   }
   return picture.Take();
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -32,6 +33,8 @@ struct RenderSettings {
 struct RenderCounts {
   int64_t samples = 0;
   int64_t bad_samples = 0;  // NaN or infinite: left out of the sums and of the pixel's count
+  std::atomic<int64_t>* rows =
+      nullptr;  // counts rows of pixels that are done, for other threads; may be null
 
   /// Counts one sample; returns `is_finite`.
   bool Add(bool is_finite) {

@@ -26,10 +26,15 @@ constexpr int kWorkers = 4;
 constexpr int kSlots = 3;
 const char* const kClasses[] = {"avx2", "sse2"};
 
-struct HeldLease {
+constexpr absl::Duration kLease = absl::Seconds(20);
+constexpr absl::Duration kStall = absl::Seconds(50);
+
+struct ModelLease {
   UnitRef unit;
   Attempt attempt;
   absl::Time deadline;
+  absl::Time progressed;
+  int64_t progress = 0;
 };
 
 class RandomHistory {
@@ -60,6 +65,8 @@ class RandomHistory {
       }
     }
   }
+
+  int second_leases() const { return second_leases_; }
 
  private:
   int Draw(int below) { return static_cast<int>(random_() % static_cast<uint32_t>(below)); }
@@ -99,8 +106,12 @@ class RandomHistory {
 
   void Restart() {
     // Attempts continue above all earlier ones; in the coordinator the clock ensures this.
-    scheduler_ = std::make_unique<Scheduler>(SchedulerOptions{
-        .lease = absl::Seconds(20), .max_failures = 1'000'000, .first_attempt = Attempt(last_attempt_ + 1)});
+    scheduler_ = std::make_unique<Scheduler>(SchedulerOptions{.lease = kLease,
+                                                              .stall = kStall,
+                                                              .overdue_factor = 1,
+                                                              .overdue_least = absl::Seconds(8),
+                                                              .max_failures = 1'000'000,
+                                                              .first_attempt = Attempt(last_attempt_ + 1)});
     for (const auto& [job, spec] : specs_) scheduler_->AddJob(job, spec, class_of_job_[job]);
     for (const auto& [unit, count] : commits_) EXPECT_TRUE(scheduler_->RestoreCommittedUnit(unit));
     for (auto& [worker, leases] : held_) MakeVoid(worker, &leases);
@@ -123,17 +134,17 @@ class RandomHistory {
     Connect();
   }
 
-  void MakeVoid(WorkerId worker, std::vector<HeldLease>* leases) {
-    for (const HeldLease& lease : *leases) void_.emplace_back(worker, lease);
+  void MakeVoid(WorkerId worker, std::vector<ModelLease>* leases) {
+    for (const ModelLease& lease : *leases) void_.emplace_back(worker, lease);
     leases->clear();
   }
 
   void Expire() {
     absl::Time next = absl::InfiniteFuture();
     for (const auto& [worker, leases] : held_) {
-      for (const HeldLease& lease : leases) next = std::min(next, lease.deadline);
+      for (const ModelLease& lease : leases) next = std::min(next, lease.deadline);
     }
-    EXPECT_EQ(scheduler_->NextExpiry(), next);
+    EXPECT_LE(scheduler_->NextExpiry(), next);  // or a unit may be overdue before
     scheduler_->ExpireLeases(now_);
     for (auto& [worker, leases] : held_) {
       for (auto it = leases.begin(); it != leases.end();) {
@@ -153,10 +164,14 @@ class RandomHistory {
       void_.emplace_back(worker, leases.back());
       leases.pop_back();  // not in the heartbeat, so void
     }
-    std::vector<std::pair<UnitRef, Attempt>> named;
-    for (HeldLease& lease : leases) {
-      named.emplace_back(lease.unit, lease.attempt);
-      lease.deadline = now_ + absl::Seconds(20);
+    std::vector<HeldLease> named;
+    for (ModelLease& lease : leases) {
+      if (Draw(4) != 0) {
+        ++lease.progress;
+        lease.progressed = now_;
+      }
+      named.push_back({lease.unit, lease.attempt, lease.progress});
+      lease.deadline = std::min(now_ + kLease, lease.progressed + kStall);
     }
     scheduler_->Heartbeat(worker, named, Attempt(last_attempt_), now_);
   }
@@ -168,10 +183,17 @@ class RandomHistory {
       EXPECT_GT(lease.attempt.value(), last_attempt_);
       last_attempt_ = lease.attempt.value();
       EXPECT_FALSE(commits_.contains(lease.unit)) << Describe(lease.unit) << " leased again";
+      int others = 0;
       for (const auto& [other, theirs] : held_) {
-        for (const HeldLease& held : theirs) EXPECT_NE(held.unit, lease.unit) << "two leases of one unit";
+        for (const ModelLease& held : theirs) {
+          if (held.unit != lease.unit) continue;
+          EXPECT_NE(other, lease.worker) << "two leases of one unit for one worker";
+          ++others;
+        }
       }
-      held_.at(lease.worker).push_back({lease.unit, lease.attempt, now_ + absl::Seconds(20)});
+      EXPECT_LE(others, 1) << "three leases of one unit";
+      second_leases_ += others;
+      held_.at(lease.worker).push_back({lease.unit, lease.attempt, now_ + kLease, now_});
     }
     for (const auto& [worker, leases] : held_) EXPECT_LE(leases.size(), static_cast<size_t>(kSlots));
   }
@@ -179,13 +201,23 @@ class RandomHistory {
   void Deliver() {
     auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
     if (leases.empty()) return;
-    const HeldLease lease = leases[static_cast<size_t>(Draw(static_cast<int>(leases.size())))];
-    std::erase_if(leases, [&](const HeldLease& held) { return held.attempt == lease.attempt; });
-    ASSERT_EQ(scheduler_->CompleteUnit(worker, lease.unit, lease.attempt), Completion::kAccepted);
+    const ModelLease lease = leases[static_cast<size_t>(Draw(static_cast<int>(leases.size())))];
+    std::erase_if(leases, [&](const ModelLease& held) { return held.attempt == lease.attempt; });
+    ASSERT_EQ(scheduler_->CompleteUnit(worker, lease.unit, lease.attempt, now_), Completion::kAccepted);
     void_.emplace_back(worker, lease);  // a second delivery is a duplicate
+    MakeVoidOthers(lease.unit);
     BindTo(lease.unit.job, class_of_worker_.at(worker));
     scheduler_->UnitCommitted(lease.unit);
     ++commits_[lease.unit];
+  }
+
+  void MakeVoidOthers(const UnitRef& unit) {
+    for (auto& [worker, leases] : held_) {
+      for (const ModelLease& lease : leases) {
+        if (lease.unit == unit) void_.emplace_back(worker, lease);
+      }
+      std::erase_if(leases, [&](const ModelLease& lease) { return lease.unit == unit; });
+    }
   }
 
   void BindTo(const JobId& job, const std::string& numeric_class) {
@@ -195,24 +227,24 @@ class RandomHistory {
     EXPECT_EQ(scheduler_->NumericClassOf(job), bound);
     for (auto& [worker, leases] : held_) {
       if (class_of_worker_.at(worker) == bound) continue;
-      for (const HeldLease& lease : leases) {
+      for (const ModelLease& lease : leases) {
         if (lease.unit.job == job) void_.emplace_back(worker, lease);
       }
-      std::erase_if(leases, [&](const HeldLease& lease) { return lease.unit.job == job; });
+      std::erase_if(leases, [&](const ModelLease& lease) { return lease.unit.job == job; });
     }
   }
 
   void DeliverVoid() {
     if (void_.empty()) return;
     const auto& [worker, lease] = void_[static_cast<size_t>(Draw(static_cast<int>(void_.size())))];
-    const Completion completion = scheduler_->CompleteUnit(worker, lease.unit, lease.attempt);
+    const Completion completion = scheduler_->CompleteUnit(worker, lease.unit, lease.attempt, now_);
     EXPECT_EQ(completion, commits_.contains(lease.unit) ? Completion::kDuplicate : Completion::kStale);
   }
 
   void Fail() {
     auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
     if (leases.empty()) return;
-    const HeldLease lease = leases.back();
+    const ModelLease lease = leases.back();
     leases.pop_back();
     EXPECT_EQ(scheduler_->FailUnit(worker, lease.unit, lease.attempt, false), FailureOutcome::kRetried);
     void_.emplace_back(worker, lease);
@@ -224,8 +256,9 @@ class RandomHistory {
   std::unique_ptr<Scheduler> scheduler_;
   int64_t next_worker_ = 1;
   int64_t last_attempt_ = 0;
-  std::map<WorkerId, std::vector<HeldLease>> held_;
-  std::vector<std::pair<WorkerId, HeldLease>> void_;
+  std::map<WorkerId, std::vector<ModelLease>> held_;
+  std::vector<std::pair<WorkerId, ModelLease>> void_;
+  int second_leases_ = 0;  // of overdue units
   std::map<WorkerId, std::string> class_of_worker_;
   std::map<JobId, std::string> class_of_job_;  // empty before the first commit
   std::map<UnitRef, int> commits_;             // the contents of the ledger
@@ -234,6 +267,16 @@ class RandomHistory {
 class SchedulerRandom : public ::testing::TestWithParam<uint32_t> {};
 
 TEST_P(SchedulerRandom, CommitsEachUnitExactlyOnceWhateverHappens) { RandomHistory(GetParam()).Run(); }
+
+TEST(SchedulerRandomHistory, TheHistoriesHaveOverdueUnits) {
+  int second_leases = 0;
+  for (uint32_t seed = 0; seed < 30; ++seed) {
+    RandomHistory history(seed);
+    history.Run();
+    second_leases += history.second_leases();
+  }
+  EXPECT_GT(second_leases, 0);
+}
 
 INSTANTIATE_TEST_SUITE_P(Seeds, SchedulerRandom, ::testing::Range(0u, 30u));
 

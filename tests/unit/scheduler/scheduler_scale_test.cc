@@ -36,7 +36,7 @@ double SecondsOfDecisions(int workers, int jobs) {
   for (size_t i = 0; i < kDecisions; ++i) {
     GrantedLease& lease = held[i * 7919 % held.size()];
     scheduler.Heartbeat(lease.worker, {{lease.unit, lease.attempt}}, Attempt(0), now);
-    EXPECT_EQ(scheduler.CompleteUnit(lease.worker, lease.unit, lease.attempt), Completion::kAccepted);
+    EXPECT_EQ(scheduler.CompleteUnit(lease.worker, lease.unit, lease.attempt, now), Completion::kAccepted);
     scheduler.UnitCommitted(lease.unit);
     const std::vector<GrantedLease> granted = scheduler.GrantLeases(now);
     EXPECT_EQ(granted.size(), 1u);

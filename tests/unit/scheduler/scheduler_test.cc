@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <vector>
+
 namespace lumifold::scheduler {
 namespace {
 
@@ -39,7 +41,7 @@ class SchedulerTest : public ::testing::Test {
 
   /// Delivers and commits a unit; true if it was the last one of its frame.
   bool Commit(WorkerId worker, const GrantedLease& lease) {
-    EXPECT_EQ(scheduler_.CompleteUnit(worker, lease.unit, lease.attempt), Completion::kAccepted);
+    EXPECT_EQ(scheduler_.CompleteUnit(worker, lease.unit, lease.attempt, kStart), Completion::kAccepted);
     return scheduler_.UnitCommitted(lease.unit);
   }
 };
@@ -89,7 +91,7 @@ TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 1);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt), Completion::kAccepted);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt, kStart), Completion::kAccepted);
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
   EXPECT_FALSE(scheduler_.UnitCommitted(lease.unit));
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 1u);
@@ -100,7 +102,7 @@ TEST_F(SchedulerTest, AUnitIsAcceptedOnce) {
   scheduler_.AddWorker(kAnn, "avx2", 2);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
   Commit(kAnn, lease);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt), Completion::kDuplicate);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt, kStart), Completion::kDuplicate);
   EXPECT_EQ(scheduler_.Progress(kJob).units_done, 1);
 }
 
@@ -109,8 +111,8 @@ TEST_F(SchedulerTest, AnotherWorkersLeaseIsStale) {
   scheduler_.AddWorker(kAnn, "avx2", 1);
   scheduler_.AddWorker(kBen, "avx2", 1);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.CompleteUnit(kBen, lease.unit, lease.attempt), Completion::kStale);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, Attempt(99)), Completion::kStale);
+  EXPECT_EQ(scheduler_.CompleteUnit(kBen, lease.unit, lease.attempt, kStart), Completion::kStale);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, Attempt(99), kStart), Completion::kStale);
 }
 
 TEST_F(SchedulerTest, UnknownUnitsAreUnknown) {
@@ -120,7 +122,8 @@ TEST_F(SchedulerTest, UnknownUnitsAreUnknown) {
        {UnitRef{kOther, {10, 0, 0, v1::UNIT_KIND_PASS}}, UnitRef{kJob, {11, 0, 0, v1::UNIT_KIND_PASS}},
         UnitRef{kJob, {9, 0, 0, v1::UNIT_KIND_PASS}}, UnitRef{kJob, {10, 4, 0, v1::UNIT_KIND_PASS}},
         UnitRef{kJob, {10, 0, 2, v1::UNIT_KIND_PASS}}}) {
-    EXPECT_EQ(scheduler_.CompleteUnit(kAnn, unit, Attempt(100)), Completion::kUnknown) << Describe(unit);
+    EXPECT_EQ(scheduler_.CompleteUnit(kAnn, unit, Attempt(100), kStart), Completion::kUnknown)
+        << Describe(unit);
   }
 }
 
@@ -134,8 +137,8 @@ TEST_F(SchedulerTest, LeasesOfAWorkerThatIsGoneGoToTheNext) {
   ASSERT_EQ(again.size(), 2u);
   EXPECT_EQ(again[0].unit, lost[0].unit);
   EXPECT_GT(again[0].attempt, lost[1].attempt);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lost[0].unit, lost[0].attempt), Completion::kStale);
-  EXPECT_EQ(scheduler_.CompleteUnit(kBen, again[0].unit, again[0].attempt), Completion::kAccepted);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lost[0].unit, lost[0].attempt, kStart), Completion::kStale);
+  EXPECT_EQ(scheduler_.CompleteUnit(kBen, again[0].unit, again[0].attempt, kStart), Completion::kAccepted);
 }
 
 TEST_F(SchedulerTest, LeasesRunOutUnlessRenewed) {
@@ -174,6 +177,92 @@ TEST_F(SchedulerTest, AHeartbeatVoidsWhatItDoesNotNameButNothingNewer) {
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, leases[1].unit);
 }
 
+TEST_F(SchedulerTest, ALeaseWithoutProgressIsNotRenewedForEver) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 2);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  const GrantedLease& moving = leases[0];
+  const GrantedLease& hung = leases[1];
+  absl::Time now = kStart;
+  std::vector<LateLease> late;
+  for (int64_t progress = 1; late.empty(); ++progress) {
+    now += absl::Seconds(5);
+    ASSERT_LE(now, kStart + absl::Minutes(10));
+    scheduler_.Heartbeat(kAnn, {{moving.unit, moving.attempt, progress}, {hung.unit, hung.attempt, 0}},
+                         hung.attempt, now);
+    late = scheduler_.ExpireLeases(now);
+  }
+  EXPECT_EQ(now, kStart + absl::Minutes(10));
+  ASSERT_EQ(late.size(), 1u);
+  EXPECT_EQ(late[0].unit, hung.unit);
+  EXPECT_EQ(late[0].lateness, Lateness::kStalled);
+  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, moving.unit, moving.attempt));
+  EXPECT_FALSE(scheduler_.HoldsLease(kAnn, hung.unit, hung.attempt));
+}
+
+TEST_F(SchedulerTest, AStalledLeaseKeepsItsSlotWhileTheWorkerNamesIt) {
+  Scheduler scheduler({.stall = absl::Seconds(40)});
+  scheduler.AddJob(kJob, Spec());
+  scheduler.AddWorker(kAnn, "avx2", 1);
+  const GrantedLease hung = scheduler.GrantLeases(kAnn, kStart).at(0);
+  scheduler.Heartbeat(kAnn, {{hung.unit, hung.attempt}}, hung.attempt, kStart + absl::Seconds(20));
+  EXPECT_EQ(scheduler.NextExpiry(), kStart + absl::Seconds(40));
+  const absl::Time now = kStart + absl::Seconds(40);
+  EXPECT_EQ(scheduler.ExpireLeases(now).size(), 1u);
+  scheduler.Heartbeat(kAnn, {{hung.unit, hung.attempt}}, hung.attempt, now);
+  EXPECT_THAT(scheduler.GrantLeases(kAnn, now), IsEmpty());
+  scheduler.Heartbeat(kAnn, {}, hung.attempt, now);
+  EXPECT_EQ(scheduler.GrantLeases(kAnn, now).size(), 1u);
+}
+
+TEST_F(SchedulerTest, AnOverdueUnitIsLeasedToASecondWorkerAndTheFirstResultCounts) {
+  v1::JobSpec spec = Spec();
+  spec.set_width(64);  // 16 tiles
+  scheduler_.AddJob(kJob, spec);
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kBen, "avx2", 1);
+  const GrantedLease slow = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  absl::Time now = kStart;
+  for (int i = 0; i < 8; ++i) {
+    const GrantedLease lease = scheduler_.GrantLeases(kBen, now).at(0);
+    EXPECT_NE(lease.unit, slow.unit);
+    now += absl::Seconds(3);
+    EXPECT_EQ(scheduler_.CompleteUnit(kBen, lease.unit, lease.attempt, now), Completion::kAccepted);
+    scheduler_.UnitCommitted(lease.unit);
+    scheduler_.Heartbeat(kAnn, {{slow.unit, slow.attempt, i}}, slow.attempt, now);
+  }
+  const std::vector<LateLease> late = scheduler_.ExpireLeases(now);  // 24 s are more than 4 x 3 s
+  ASSERT_EQ(late.size(), 1u);
+  EXPECT_EQ(late[0].unit, slow.unit);
+  EXPECT_EQ(late[0].lateness, Lateness::kOverdue);
+  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, slow.unit, slow.attempt));
+  const GrantedLease again = scheduler_.GrantLeases(now).at(0);
+  EXPECT_EQ(again.worker, kBen);
+  EXPECT_EQ(again.unit, slow.unit);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, slow.unit, slow.attempt, now), Completion::kAccepted);
+  EXPECT_EQ(scheduler_.CompleteUnit(kBen, again.unit, again.attempt, now), Completion::kDuplicate);
+  scheduler_.UnitCommitted(slow.unit);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now)) EXPECT_NE(lease.unit, slow.unit);
+}
+
+TEST_F(SchedulerTest, AnOverdueUnitIsNotLeasedTwiceToTheSameWorker) {
+  v1::JobSpec spec = Spec();
+  spec.set_samples_per_pixel(12);  // 3 passes of 4 tiles
+  scheduler_.AddJob(kJob, spec);
+  scheduler_.AddWorker(kAnn, "avx2", 16);
+  std::vector<GrantedLease> leases = scheduler_.GrantLeases(kAnn, kStart);
+  const absl::Time now = kStart + absl::Seconds(1);
+  for (size_t i = 0; i + 1 < leases.size(); ++i) {
+    scheduler_.CompleteUnit(kAnn, leases[i].unit, leases[i].attempt, now);
+    scheduler_.UnitCommitted(leases[i].unit);
+  }
+  EXPECT_EQ(scheduler_.ExpireLeases(kStart + absl::Seconds(9)).size(), 0u);
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(10));
+  EXPECT_EQ(scheduler_.ExpireLeases(kStart + absl::Seconds(10)).size(), 1u);
+  EXPECT_THAT(scheduler_.GrantLeases(kStart + absl::Seconds(10)), IsEmpty());
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(30));
+}
+
 TEST_F(SchedulerTest, AJobStaysWithinTheClassOfItsFirstAcceptedUnit) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 1);
@@ -181,9 +270,9 @@ TEST_F(SchedulerTest, AJobStaysWithinTheClassOfItsFirstAcceptedUnit) {
   const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
   const GrantedLease other = scheduler_.GrantLeases(kBen, kStart).at(0);
   EXPECT_EQ(scheduler_.NumericClassOf(kJob), "");
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, first.unit, first.attempt), Completion::kAccepted);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, first.unit, first.attempt, kStart), Completion::kAccepted);
   EXPECT_EQ(scheduler_.NumericClassOf(kJob), "avx2");
-  EXPECT_EQ(scheduler_.CompleteUnit(kBen, other.unit, other.attempt), Completion::kStale);
+  EXPECT_EQ(scheduler_.CompleteUnit(kBen, other.unit, other.attempt, kStart), Completion::kStale);
   EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
   scheduler_.UnitCommitted(first.unit);
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, other.unit);
@@ -237,11 +326,11 @@ TEST_F(SchedulerTest, AnEndedJobIsForgottenAndItsSlotsAreFree) {
   scheduler_.AddJob(kOther, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 2);
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
-  scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt);
+  scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt, kStart);
   scheduler_.EndJob(kJob);
   EXPECT_FALSE(scheduler_.HasJob(kJob));
   EXPECT_FALSE(scheduler_.UnitCommitted(leases[0].unit));
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, leases[1].unit, leases[1].attempt), Completion::kUnknown);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, leases[1].unit, leases[1].attempt, kStart), Completion::kUnknown);
   const auto next = scheduler_.GrantLeases(kAnn, kStart);
   ASSERT_EQ(next.size(), 2u);
   EXPECT_EQ(next[0].unit.job, kOther);

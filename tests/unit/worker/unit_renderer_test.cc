@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <cstdint>
 #include <string>
 #include <thread>
 #include <vector>
@@ -58,7 +60,8 @@ v1::Lease LeaseOf(int frame) {
 
 /// The share of the picture covered by the square in a frame.
 double Coverage(UnitRenderer& renderer, const v1::JobSpec& spec, int frame) {
-  const absl::StatusOr<RenderedUnit> unit = renderer.Render(spec, LeaseOf(frame));
+  std::atomic<int64_t> progress = 0;
+  const absl::StatusOr<RenderedUnit> unit = renderer.Render(spec, LeaseOf(frame), &progress);
   EXPECT_TRUE(unit.ok()) << unit.status();
   if (!unit.ok()) return -1;
   double sum = 0;

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -139,6 +141,44 @@ TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
   EXPECT_EQ(worker.MakeHeartbeat().newest_attempt(), 2);
 }
 
+TEST(WorkerImpl, ReportsTheProgressOfItsLeases) {
+  FakeAssets assets{std::string(kScene)};
+  assets.SetOpen(false);
+  UnitRenderer renderer(&assets);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &renderer, Silent());
+  worker.OnConnected(outbox);
+  const v1::CoordinatorMessage grant = Grant(3);
+  worker.OnMessage(grant);
+  assets.AwaitFetches(1);
+  const v1::Heartbeat before = worker.MakeHeartbeat();
+  for (int i = 0; i < 3; ++i) {  // neither the unit that waits for its scene nor those behind it advance
+    EXPECT_EQ(before.held(i).progress(), worker.MakeHeartbeat().held(i).progress());
+  }
+  assets.SetOpen(true);
+  outbox->Await(3);
+  worker.OnMessage(Ack(grant.grant().leases(0)));
+  const v1::Heartbeat after = worker.MakeHeartbeat();
+  for (const v1::Lease& lease : after.held()) EXPECT_GE(lease.progress(), 16) << "rows of the tile";
+}
+
+TEST(WorkerImpl, ALeaseThatWaitsAdvancesWithTheWorker) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &renderer, Silent());
+  worker.OnConnected(outbox);
+  const v1::CoordinatorMessage first = Grant(1, "j");
+  worker.OnMessage(first);
+  outbox->Await(1);
+  worker.OnMessage(Ack(first.grant().leases(0)));
+  assets.SetOpen(false);
+  worker.OnMessage(Grant(2, "k"));  // of another scene, which is not there yet
+  assets.AwaitFetches(2);
+  EXPECT_GE(worker.MakeHeartbeat().held(1).progress(), 16) << "of the unit that is done";
+  assets.SetOpen(true);
+}
+
 TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
   FakeAssets assets{std::string(kScene)};
   assets.SetOpen(false);
@@ -210,7 +250,8 @@ TEST(UnitRenderer, NamesAnEnvironmentThatIsNoPicture) {
   spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.exr");
   spec.mutable_environment()->set_uri("environment:sky.exr");
   spec.mutable_environment()->set_scale(1);
-  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0));
+  std::atomic<int64_t> progress = 0;
+  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0), &progress);
   EXPECT_TRUE(IsPermanent(unit.status()));
   EXPECT_THAT(std::string(unit.status().message()), HasSubstr("sky.exr: neither an OpenEXR nor"));
 }
@@ -222,7 +263,8 @@ TEST(UnitRenderer, RendersTheEnvironment) {
   spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.hdr");
   spec.mutable_environment()->set_uri("environment:sky.hdr");
   spec.mutable_environment()->set_scale(3);
-  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0));
+  std::atomic<int64_t> progress = 0;
+  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0), &progress);
   ASSERT_TRUE(unit.ok()) << unit.status();
   EXPECT_EQ(unit->image.pixels.GetColor("emission")[0].At(0, 0),
             2 * 3);  // two samples of the corner, environment only

@@ -88,9 +88,15 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
 
 Coordinator::~Coordinator() { Shutdown(); }
 
+void Coordinator::StopLeasing() {
+  absl::MutexLock lock(&mutex_);
+  leasing_ = false;
+}
+
 void Coordinator::Shutdown() {
   {
     absl::MutexLock lock(&mutex_);
+    leasing_ = false;
     stopping_ = true;
     housekeeping_.SignalAll();
   }
@@ -289,7 +295,7 @@ absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, WorkerSi
   absl::MutexLock lock(&mutex_);
   if (stopping_) return absl::UnavailableError("the coordinator is stopping");
   const WorkerId worker(next_worker_++);
-  scheduler_.AddWorker(worker, hello.numeric_class(), hello.slots());
+  scheduler_.AddWorker(worker, hello.numeric_class(), hello.slots(), absl::Utf8SafeCEscape(hello.name()));
   workers_.emplace(worker, ConnectedWorker{absl::Utf8SafeCEscape(hello.name()), sink, {}});
   v1::CoordinatorMessage welcome;
   welcome.mutable_welcome()->set_worker_id(absl::StrCat("w-", worker.value()));
@@ -305,7 +311,9 @@ void Coordinator::RemoveWorker(WorkerId worker) {
   absl::MutexLock lock(&mutex_);
   options_.log->info("event=worker_gone worker={}", NameOf(worker));
   workers_.erase(worker);
-  scheduler_.RemoveWorker(worker);
+  const std::vector<scheduler::FailedJob> failed = scheduler_.RemoveWorker(worker);
+  if (!leasing_) return;
+  for (const scheduler::FailedJob& job : failed) EndJob(job.job, v1::JOB_STATE_FAILED, job.error);
   for (const auto& [job, record] : active_jobs_) changed_jobs_.insert(job);
   GrantLeases();
 }
@@ -403,7 +411,7 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
 }
 
 void Coordinator::GrantLeases() {
-  if (stopping_) return;
+  if (!leasing_) return;
   v1::CoordinatorMessage message;
   WorkerId to;
   JobId granting;
@@ -416,6 +424,10 @@ void Coordinator::GrantLeases() {
     if (lease.worker != to || job != granting || message.grant().leases_size() >= kMaxLeasesPerGrant) send();
     to = lease.worker;
     granting = job;
+    if (lease.alone) {
+      options_.log->warn("event=unit_in_quarantine unit={} worker={}", Quoted(Describe(lease.unit)),
+                         NameOf(lease.worker));
+    }
     if (workers_.at(to).known_jobs.insert(job).second)
       *message.mutable_grant()->mutable_spec() = scheduler_.SpecOf(job);
     *message.mutable_grant()->add_leases() = ProtoFromLease(lease);

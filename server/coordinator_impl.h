@@ -67,6 +67,8 @@ class Coordinator final : private Committer::Listener {
                                                              ledger::JobStore* store, AssetStore* assets,
                                                              FrameFinisher* finisher);
   ~Coordinator() override;
+  /// From now on no lease is granted, and workers that disconnect do not count as lost with their units.
+  void StopLeasing();
   /// Commits the accepted units and stops the threads. Later calls are safe, but no lease is granted any
   /// more.
   void Shutdown();
@@ -150,6 +152,7 @@ class Coordinator final : private Committer::Listener {
   FrameFinisher* const finisher_;
 
   absl::Mutex mutex_;
+  bool leasing_ ABSL_GUARDED_BY(mutex_) = true;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   scheduler::Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
   std::map<job::JobId, ledger::JobRecord> active_jobs_ ABSL_GUARDED_BY(mutex_);

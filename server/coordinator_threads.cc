@@ -98,6 +98,7 @@ void Coordinator::ExpireLeases() {
   for (const scheduler::LateLease& lease : late) {
     options_.log->warn("event={} unit=\"{}\" worker={}", EventOf(lease.lateness), Describe(lease.unit),
                        NameOf(lease.worker));
+    if (leasing_ && !lease.job_error.empty()) EndJob(lease.unit.job, v1::JOB_STATE_FAILED, lease.job_error);
   }
   if (!late.empty()) GrantLeases();
 }

@@ -122,6 +122,7 @@ std::shared_ptr<grpc::Channel> ServerImpl::InProcessChannel() {
 }
 
 void ServerImpl::Shutdown() {
+  if (coordinator_ != nullptr) coordinator_->StopLeasing();
   if (grpc_server_ != nullptr) grpc_server_->Shutdown(absl::ToChronoTime(absl::Now() + kGrace));
   if (coordinator_ != nullptr) coordinator_->Shutdown();
 }

@@ -36,6 +36,7 @@ struct Lease {
   /// When to check whether the unit is overdue; InfiniteFuture if that is not known, or is_overdue.
   absl::Time check = absl::InfiniteFuture();
   bool is_overdue = false;
+  bool alone = false;  // of a unit in quarantine; never overdue
 };
 
 /// The leases that are valid, by attempt, unit, worker and time. Every call takes O(log n) for each lease

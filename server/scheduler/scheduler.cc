@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "filter/image/check.h"
 
 namespace lumifold::scheduler {
@@ -15,8 +17,8 @@ using job::WorkerId;
 
 namespace {
 
-/// Free units that a worker may not lease and that are passed over in one call, for each worker. It bounds the
-/// time of a call; such a unit waits for another worker anyway.
+/// Free units that a worker may not lease and that are passed over in one call, for each worker. It bounds
+/// the time of a call; such a unit waits for another worker anyway.
 constexpr int kMaxSkipped = 64;
 
 /// Accepted units of a job and kind from which their mean time is used: the first ones load the scene.
@@ -47,7 +49,7 @@ void Scheduler::AddJob(const JobId& job, const v1::JobSpec& spec, const std::str
                                 .returned = {},
                                 .geometry_times = {},
                                 .pass_times = {},
-                                .failures = {}});
+                                .history = {}});
   UpdateReady(number, added.first->second);
 }
 
@@ -82,25 +84,41 @@ void Scheduler::EndJob(const JobId& id) {
   const auto found = jobs_by_id_.find(id);
   if (found == jobs_by_id_.end()) return;
   const int64_t number = found->second;
-  for (const Attempt attempt : leases_.OfJob(number)) workers_.ReleaseSlot(leases_.Remove(attempt).worker);
+  for (const Attempt attempt : leases_.OfJob(number)) ReleaseSlot(leases_.Remove(attempt).worker);
   for (auto it = accepted_.lower_bound({number, {}}); it != accepted_.end() && it->first.job == number;) {
-    workers_.ReleaseSlot(it->second);
+    ReleaseSlot(it->second);
     it = accepted_.erase(it);
   }
+  std::vector<UnitIndex> quarantined(quarantine_.lower_bound({number, {}}),
+                                     quarantine_.lower_bound({number + 1, {}}));
+  for (const auto& [worker, reservation] : reservations_) {
+    if (reservation.unit.job == number) quarantined.push_back(reservation.unit);
+  }
+  for (const UnitIndex& index : quarantined) RemoveFromQuarantine(index);
   RemoveReady(number, jobs_.at(number));
   jobs_.erase(number);
   jobs_by_id_.erase(found);
 }
 
-void Scheduler::AddWorker(WorkerId worker, const std::string& numeric_class, int slots) {
-  workers_.Add(worker, numeric_class, slots);
+void Scheduler::AddWorker(WorkerId worker, const std::string& numeric_class, int slots,
+                          const std::string& name) {
+  workers_.Add(worker, name.empty() ? absl::StrCat("w-", worker.value()) : name, numeric_class, slots);
 }
 
-void Scheduler::RemoveWorker(WorkerId worker) {
-  for (const Attempt attempt : leases_.OfWorker(worker)) VoidLease(attempt);
+std::vector<FailedJob> Scheduler::RemoveWorker(WorkerId worker) {
+  std::vector<FailedJob> failed;
+  CancelReservation(worker);
+  for (const Attempt attempt : leases_.OfWorker(worker)) {
+    const Lease lease = *leases_.Find(attempt);
+    std::string error = CountLoss(lease);
+    if (!error.empty()) failed.push_back({jobs_.at(lease.unit.job).id, std::move(error)});
+    VoidLease(attempt);
+  }
   stalled_.erase(stalled_.lower_bound({worker, kFirstAttempt}),
                  stalled_.lower_bound({WorkerId(worker.value() + 1), kFirstAttempt}));
+  reservations_.erase(worker);
   workers_.Remove(worker);
+  return failed;
 }
 
 void Scheduler::Heartbeat(WorkerId worker, absl::Span<const HeldLease> held, Attempt newest, absl::Time now) {
@@ -121,7 +139,7 @@ void Scheduler::Heartbeat(WorkerId worker, absl::Span<const HeldLease> held, Att
       ++it;
       continue;
     }
-    workers_.ReleaseSlot(worker);
+    ReleaseSlot(worker);
     it = stalled_.erase(it);
   }
 }
@@ -139,14 +157,16 @@ std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
   for (const Attempt attempt : leases_.Expired(now)) {
     const Lease lease = *leases_.Find(attempt);
     const bool stalled = lease.deadline >= lease.progressed + options_.stall;
-    late.push_back({RefOf(lease.unit), lease.worker, stalled ? Lateness::kStalled : Lateness::kSilent});
-    VoidLease(attempt);
+    late.push_back({RefOf(lease.unit), lease.worker, stalled ? Lateness::kStalled : Lateness::kSilent,
+                    CountLoss(lease)});
     if (stalled) {
       workers_.TakeSlot(lease.worker);
       stalled_.emplace(lease.worker, attempt);
     } else {
+      CancelReservation(lease.worker);
       workers_.SetUnresponsive(lease.worker, true);
     }
+    VoidLease(attempt);
   }
   for (const Attempt attempt : leases_.Checks(now)) {
     Lease lease = *leases_.Find(attempt);
@@ -156,7 +176,7 @@ std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
     leases_.Update(attempt, lease);
     if (!lease.is_overdue || !MayReturn(lease.unit)) continue;
     Return(lease.unit);
-    late.push_back({RefOf(lease.unit), lease.worker, Lateness::kOverdue});
+    late.push_back({RefOf(lease.unit), lease.worker, Lateness::kOverdue, ""});
   }
   return late;
 }
@@ -165,6 +185,7 @@ absl::Time Scheduler::NextExpiry() const { return leases_.NextTime(); }
 
 std::vector<GrantedLease> Scheduler::GrantLeases(absl::Time now) {
   std::vector<GrantedLease> granted;
+  GrantQuarantined(now, &granted);
   std::optional<std::string> numeric_class = workers_.NextFreeClass("");
   for (; numeric_class.has_value(); numeric_class = workers_.NextFreeClass(*numeric_class)) {
     WorkerId last(std::numeric_limits<int64_t>::min());
@@ -199,7 +220,7 @@ void Scheduler::GrantTo(WorkerId worker, absl::Time now, std::vector<GrantedLeas
       passed = *number;
       continue;
     }
-    granted->push_back(Grant(*number, job, *place, worker, now));
+    granted->push_back(Grant({*number, *place}, worker, now, /*alone=*/false));
   }
 }
 
@@ -236,6 +257,8 @@ void Scheduler::VoidOtherLeases(const UnitIndex& index) {
   Job& job = jobs_.at(index.job);
   job.returned.erase(index.place);
   UpdateReady(index.job, job);
+  if (job.history.contains(index.place)) RemoveFromQuarantine(index);
+  job.history.erase(index.place);
 }
 
 Scheduler::UnitTimes& Scheduler::TimesOf(Job& job, const Place& place) const {
@@ -251,6 +274,7 @@ void Scheduler::CountTime(const Lease& lease, absl::Time now) {
   if (times.count != kMinTimedUnits) return;
   for (const Attempt attempt : leases_.OfJob(lease.unit.job)) {
     Lease other = *leases_.Find(attempt);
+    if (other.alone || other.is_overdue) continue;
     other.check = OverdueTime(other.unit, other.granted);
     leases_.Update(attempt, other);
   }
@@ -278,7 +302,7 @@ bool Scheduler::UnitCommitted(const UnitRef& unit) {
   if (!index.has_value()) return false;  // the job ended while the unit was being committed
   const auto accepted = accepted_.find(*index);
   LUMIFOLD_CHECK(accepted != accepted_.end());
-  workers_.ReleaseSlot(accepted->second);  // the worker may have disconnected since
+  ReleaseSlot(accepted->second);  // the worker may have disconnected since
   accepted_.erase(accepted);
   Job& job = jobs_.at(index->job);
   CountCommitted(job, index->place);
@@ -288,11 +312,12 @@ bool Scheduler::UnitCommitted(const UnitRef& unit) {
 FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent) {
   const Lease* lease = FindLease(worker, unit, attempt);
   if (lease == nullptr) return FailureOutcome::kIgnored;
-  Failures& failures = jobs_.at(lease->unit.job).failures[lease->unit.place];
+  History& history = jobs_.at(lease->unit.job).history[lease->unit.place];
+  ++history.failures;
+  history.last_failed = worker;
   VoidLease(attempt);
-  failures = {failures.count + 1, worker};
-  return permanent || failures.count >= options_.max_failures ? FailureOutcome::kJobFails
-                                                              : FailureOutcome::kRetried;
+  return permanent || history.failures >= options_.max_failures ? FailureOutcome::kJobFails
+                                                                : FailureOutcome::kRetried;
 }
 
 std::vector<int32_t> Scheduler::CommittedFrames(const JobId& id) const {
@@ -412,9 +437,9 @@ bool Scheduler::IsExcluded(const Job& job, const UnitIndex& index, WorkerId work
   for (const Attempt attempt : leases_.OfUnit(index)) {
     if (leases_.Find(attempt)->worker == worker) return true;
   }
-  const auto failures = job.failures.find(index.place);
-  return failures != job.failures.end() && failures->second.last == worker &&
-         workers_.HasOther(worker, job.numeric_class);
+  const auto history = job.history.find(index.place);
+  return history != job.history.end() && history->second.failures > 0 &&
+         history->second.last_failed == worker && workers_.HasOther(worker, job.numeric_class);
 }
 
 std::optional<Place> Scheduler::TakeReturnedUnit(int64_t job_number, WorkerId worker, SkipBudget* budget) {
@@ -445,25 +470,34 @@ std::optional<Place> Scheduler::TakeUnleasedUnit(Job& job) {
   return std::nullopt;
 }
 
-GrantedLease Scheduler::Grant(int64_t job_number, Job& job, const Place& place, WorkerId worker,
-                              absl::Time now) {
+GrantedLease Scheduler::Grant(const UnitIndex& index, WorkerId worker, absl::Time now, bool alone) {
   const Attempt attempt(next_attempt_++);
-  const UnitIndex index{job_number, place};
   leases_.Add(attempt, {.unit = index,
                         .worker = worker,
                         .granted = now,
                         .deadline = now + std::min(options_.lease, options_.stall),
                         .progressed = now,
-                        .check = OverdueTime(index, now)});
+                        .check = alone ? absl::InfiniteFuture() : OverdueTime(index, now),
+                        .alone = alone});
   workers_.TakeSlot(worker);
   const UnitRef unit = RefOf(index);
-  return {worker, unit, attempt, job.units.tiles().RectOf(unit.key.tile), job.units.SamplesOf(unit.key)};
+  const FrameUnits& units = jobs_.at(index.job).units;
+  return {worker, unit, attempt, units.tiles().RectOf(unit.key.tile), units.SamplesOf(unit.key), alone};
 }
 
 void Scheduler::VoidLease(Attempt attempt) {
   const Lease lease = leases_.Remove(attempt);
-  workers_.ReleaseSlot(lease.worker);
+  ReleaseSlot(lease.worker);
   if (MayReturn(lease.unit)) Return(lease.unit);
+}
+
+void Scheduler::ReleaseSlot(WorkerId worker) {
+  workers_.ReleaseSlot(worker);
+  const auto reservation = reservations_.find(worker);
+  if (reservation == reservations_.end() || !reservation->second.granted) return;
+  if (workers_.Find(worker)->busy > 0) return;
+  reservations_.erase(reservation);
+  workers_.SetReserved(worker, false);
 }
 
 bool Scheduler::MayReturn(const UnitIndex& index) const {
@@ -474,6 +508,10 @@ bool Scheduler::MayReturn(const UnitIndex& index) const {
 }
 
 void Scheduler::Return(const UnitIndex& index) {
+  if (IsSuspect(index)) {
+    quarantine_.insert(index);
+    return;
+  }
   Job& job = jobs_.at(index.job);
   job.returned.insert(index.place);
   UpdateReady(index.job, job);

@@ -25,12 +25,15 @@ struct SchedulerOptions {
   /// A lease whose progress stands still for this long is not renewed. Loading a scene reports one step for
   /// each of its files only, so it must be longer than what the largest file takes.
   absl::Duration stall = absl::Minutes(10);
-  /// A unit is overdue when it has been leased for longer than `overdue_factor` times the mean of the accepted
-  /// units of its job and kind, and for longer than `overdue_least`.
+  /// A unit is overdue when it has been leased for longer than `overdue_factor` times the mean of the
+  /// accepted units of its job and kind, and for longer than `overdue_least`.
   double overdue_factor = 4;
   absl::Duration overdue_least = absl::Seconds(10);
   /// A job fails when one of its units has failed this many times.
   int max_failures = 3;
+  /// A unit with which this many workers were lost, or twice as many times any, is in quarantine: it is
+  /// leased once more, to a worker that then renders nothing else. If that is lost too, the job fails.
+  int max_lost_workers = 3;
   /// Attempt of the first lease. After a restart it must be above all attempts granted before.
   job::Attempt first_attempt{1};
 };
@@ -42,6 +45,14 @@ struct GrantedLease {
   job::Attempt attempt;
   Rect rect;
   SampleRange samples;
+  /// The unit is in quarantine.
+  bool alone = false;
+};
+
+/// A job that cannot go on; the caller ends it with this error.
+struct FailedJob {
+  job::JobId job;
+  std::string error;
 };
 
 /// A lease as its worker reports it in a heartbeat.
@@ -62,6 +73,8 @@ struct LateLease {
   job::UnitRef unit;
   job::WorkerId worker;
   Lateness lateness = Lateness::kSilent;
+  /// Not empty: the job cannot go on, and the caller ends it with this error.
+  std::string job_error;
 };
 
 /// Outcome of the delivery of a unit.
@@ -94,21 +107,21 @@ struct JobProgress {
 /// Assigns units to workers. Pure state and policy: no clock, no threads, no disk. The state is a function of
 /// the calls so far, so that a test can replay any history. Holds active jobs only.
 ///
-/// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free or overdue unit is
-/// leased, only a leased unit is accepted, only an accepted unit is committed; accepted and committed units
-/// never become free again. This is the exactly-once promise. An overdue unit has up to two leases, of different
-/// workers; the other one becomes void when the unit is accepted.
+/// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free or overdue unit
+/// is leased, only a leased unit is accepted, only an accepted unit is committed; accepted and committed
+/// units never become free again. This is the exactly-once promise. An overdue unit has up to two leases, of
+/// different workers; the other one becomes void when the unit is accepted.
 ///
 /// Numeric class: all units of a job are of one class, that of its first accepted unit. Until then workers of
 /// all classes may lease its units; then the leases of the other classes become void.
 ///
 /// Order: jobs as they were added; frames by number; within a frame as FrameUnits numbers its units. A unit
 /// whose lease became void is granted before units that were never leased, but not to the worker that failed
-/// it last while another worker of the same class is connected. Where several workers are free, the one that was added first gets
-/// the unit.
+/// it last while another worker of the same class is connected. Where several workers are free, the one that
+/// was added first gets the unit.
 ///
-/// Time: O(log n) for each unit, lease and worker that a call names, returns or changes; n counts jobs, leases
-/// and workers. Calls about the state of a job take time linear in its leases.
+/// Time: O(log n) for each unit, lease and worker that a call names, returns or changes; n counts jobs,
+/// leases and workers. Calls about the state of a job take time linear in its leases.
 /// Memory: one bit for each unit of the active frames, plus the leases.
 /// Threads: one at a time.
 class Scheduler {
@@ -130,23 +143,25 @@ class Scheduler {
 
   /// Adds a worker with a new id. `slots` >= 1 is the maximum number of its units that are leased or accepted
   /// at a time.
-  void AddWorker(job::WorkerId worker, const std::string& numeric_class, int slots);
-  /// Removes a worker; its leases become void at once.
-  void RemoveWorker(job::WorkerId worker);
-  /// Renews the worker's leases that are in `held` and have progressed within SchedulerOptions::stall, and voids
-  /// those that are not in `held`, except leases with an attempt above `newest`, the last attempt that the
-  /// worker had received when it sent the heartbeat.
+  /// `name` tells one process from another, over all its connections; if it is empty, the id does.
+  void AddWorker(job::WorkerId worker, const std::string& numeric_class, int slots,
+                 const std::string& name = "");
+  /// Removes a worker; its leases become void at once, and each counts as a loss of the worker with the unit.
+  std::vector<FailedJob> RemoveWorker(job::WorkerId worker);
+  /// Renews the worker's leases that are in `held` and have progressed within SchedulerOptions::stall, and
+  /// voids those that are not in `held`, except leases with an attempt above `newest`, the last attempt that
+  /// the worker had received when it sent the heartbeat.
   void Heartbeat(job::WorkerId worker, absl::Span<const HeldLease> held, job::Attempt newest, absl::Time now);
-  /// Voids leases whose deadline is not after `now`, and makes overdue units ready for a second lease. A silent
-  /// worker gets no new leases until its next heartbeat; a stalled lease keeps its slot until a heartbeat no
-  /// longer names it.
+  /// Voids leases whose deadline is not after `now`, and makes overdue units ready for a second lease. A
+  /// silent worker gets no new leases until its next heartbeat; a stalled lease keeps its slot until a
+  /// heartbeat no longer names it.
   std::vector<LateLease> ExpireLeases(absl::Time now);
   /// When ExpireLeases has something to do next; InfiniteFuture without leases.
   absl::Time NextExpiry() const;
 
   /// Grants leases until all slots are full or no unit is free; the leases of a worker are consecutive.
   std::vector<GrantedLease> GrantLeases(absl::Time now);
-  /// Grants leases to one worker.
+  /// Grants leases to one worker; none of units in quarantine.
   std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now);
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   /// Records that a worker delivered a complete unit.
@@ -179,9 +194,17 @@ class Scheduler {
     int64_t count = 0;
     absl::Duration sum;
   };
-  struct Failures {
-    int count = 0;
-    job::WorkerId last;
+  // A unit that was leased in vain; forgotten once it is accepted.
+  struct History {
+    int failures = 0;
+    job::WorkerId last_failed;
+    int losses = 0;
+    std::set<std::string> lost_workers;  // by name
+  };
+  // A worker that is reserved for a unit in quarantine.
+  struct Reservation {
+    UnitIndex unit;
+    bool granted = false;  // otherwise the worker still has other leases
   };
   struct Job {
     job::JobId id;
@@ -197,7 +220,7 @@ class Scheduler {
     std::set<Place> returned;  // leased once, and free again or overdue
     UnitTimes geometry_times;
     UnitTimes pass_times;
-    std::map<Place, Failures> failures;
+    std::map<Place, History> history;
   };
   // What one call of GrantLeases may still look at in vain, see kMaxSkipped.
   using SkipBudget = int;
@@ -232,8 +255,21 @@ class Scheduler {
   std::optional<Place> TakeReturnedUnit(int64_t job_number, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeUnleasedUnit(Job& job);
   bool IsExcluded(const Job& job, const UnitIndex& index, job::WorkerId worker) const;
-  GrantedLease Grant(int64_t job_number, Job& job, const Place& place, job::WorkerId worker, absl::Time now);
+  GrantedLease Grant(const UnitIndex& index, job::WorkerId worker, absl::Time now, bool alone);
   void VoidLease(job::Attempt attempt);
+  void ReleaseSlot(job::WorkerId worker);
+
+  // Quarantine, in quarantine.cc.
+  /// Counts the loss of a worker with a unit. Returns the job's error if the unit was in quarantine.
+  std::string CountLoss(const Lease& lease);
+  bool IsSuspect(const UnitIndex& index) const;
+  /// Reserves workers for units in quarantine, and leases the units to those that have become idle.
+  void GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted);
+  std::optional<job::WorkerId> FindWorkerFor(const UnitIndex& index) const;
+  std::optional<job::WorkerId> FindWorkerFor(const UnitIndex& index, const std::string& numeric_class) const;
+  /// Ends a reservation that is not granted; the unit goes back to the quarantine.
+  void CancelReservation(job::WorkerId worker);
+  void RemoveFromQuarantine(const UnitIndex& index);
 
   const SchedulerOptions options_;
   int64_t next_attempt_;
@@ -245,6 +281,8 @@ class Scheduler {
   LeaseTable leases_;
   std::set<std::pair<job::WorkerId, job::Attempt>> stalled_;  // void, but still in a slot of the worker
   std::map<UnitIndex, job::WorkerId> accepted_;
+  std::set<UnitIndex> quarantine_;  // units that wait for a reservation
+  std::map<job::WorkerId, Reservation> reservations_;
 };
 
 }  // namespace lumifold::scheduler

@@ -6,9 +6,10 @@ namespace lumifold::scheduler {
 
 using job::WorkerId;
 
-void WorkerPool::Add(WorkerId id, const std::string& numeric_class, int slots) {
+void WorkerPool::Add(WorkerId id, const std::string& name, const std::string& numeric_class, int slots) {
   LUMIFOLD_CHECK(slots >= 1);
-  const auto [it, is_new] = workers_.emplace(id, Worker{.numeric_class = numeric_class, .slots = slots});
+  const auto [it, is_new] =
+      workers_.emplace(id, Worker{.name = name, .numeric_class = numeric_class, .slots = slots});
   LUMIFOLD_CHECK(is_new);
   Index(id, it->second);
 }
@@ -28,6 +29,14 @@ void WorkerPool::SetUnresponsive(WorkerId id, bool unresponsive) {
   Index(id, found->second);
 }
 
+void WorkerPool::SetReserved(WorkerId id, bool reserved) {
+  const auto found = workers_.find(id);
+  if (found == workers_.end()) return;
+  Unindex(id, found->second);
+  found->second.reserved = reserved;
+  Index(id, found->second);
+}
+
 void WorkerPool::AddBusy(WorkerId id, int change) {
   const auto found = workers_.find(id);
   if (found == workers_.end()) return;
@@ -41,7 +50,7 @@ void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
   const auto available = available_.find(worker.numeric_class);
   --all_available_;
   if (--available->second == 0) available_.erase(available);
-  if (worker.busy >= worker.slots) return;
+  if (!IsFree(worker)) return;
   const auto free = free_.find(worker.numeric_class);
   free->second.erase(id);
   if (free->second.empty()) free_.erase(free);
@@ -51,7 +60,7 @@ void WorkerPool::Index(WorkerId id, const Worker& worker) {
   if (!IsAvailable(worker)) return;
   ++all_available_;
   ++available_[worker.numeric_class];
-  if (worker.busy < worker.slots) free_[worker.numeric_class].insert(id);
+  if (IsFree(worker)) free_[worker.numeric_class].insert(id);
 }
 
 const Worker* WorkerPool::Find(WorkerId id) const {
@@ -61,7 +70,7 @@ const Worker* WorkerPool::Find(WorkerId id) const {
 
 bool WorkerPool::IsFree(WorkerId id) const {
   const Worker* worker = Find(id);
-  return worker != nullptr && IsAvailable(*worker) && worker->busy < worker->slots;
+  return worker != nullptr && IsFree(*worker);
 }
 
 bool WorkerPool::HasOther(WorkerId id, const std::string& numeric_class) const {

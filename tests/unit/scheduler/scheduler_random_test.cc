@@ -1,6 +1,6 @@
 // Random histories checked against a model of the rules: for any events in any order each unit is committed
-// exactly once, no unit is lost, a void lease delivers nothing, all units of a job are of one numeric class, and a
-// restart at any time preserves this.
+// exactly once, no unit is lost, a void lease delivers nothing, all units of a job are of one numeric class,
+// and a restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -35,11 +35,13 @@ struct ModelLease {
   absl::Time deadline;
   absl::Time progressed;
   int64_t progress = 0;
+  bool alone = false;  // in quarantine
 };
 
 class RandomHistory {
  public:
-  explicit RandomHistory(uint32_t seed) : random_(seed) {
+  /// In every second history units come into quarantine.
+  explicit RandomHistory(uint32_t seed) : random_(seed), max_lost_workers_(seed % 2 == 0 ? 2 : 1'000'000) {
     for (int i = 0; i < 2; ++i) {
       v1::JobSpec& spec = specs_[JobId("j-" + std::to_string(i))];
       spec.set_width(20);
@@ -67,6 +69,7 @@ class RandomHistory {
   }
 
   int second_leases() const { return second_leases_; }
+  int quarantines() const { return quarantines_; }
 
  private:
   int Draw(int below) { return static_cast<int>(random_() % static_cast<uint32_t>(below)); }
@@ -111,6 +114,7 @@ class RandomHistory {
                                                               .overdue_factor = 1,
                                                               .overdue_least = absl::Seconds(8),
                                                               .max_failures = 1'000'000,
+                                                              .max_lost_workers = max_lost_workers_,
                                                               .first_attempt = Attempt(last_attempt_ + 1)});
     for (const auto& [job, spec] : specs_) scheduler_->AddJob(job, spec, class_of_job_[job]);
     for (const auto& [unit, count] : commits_) EXPECT_TRUE(scheduler_->RestoreCommittedUnit(unit));
@@ -193,7 +197,12 @@ class RandomHistory {
       }
       EXPECT_LE(others, 1) << "three leases of one unit";
       second_leases_ += others;
-      held_.at(lease.worker).push_back({lease.unit, lease.attempt, now_ + kLease, now_});
+      if (lease.alone) {
+        ++quarantines_;
+        EXPECT_TRUE(held_.at(lease.worker).empty()) << "a unit in quarantine has the worker for itself";
+      }
+      for (const ModelLease& held : held_.at(lease.worker)) EXPECT_FALSE(held.alone);
+      held_.at(lease.worker).push_back({lease.unit, lease.attempt, now_ + kLease, now_, 0, lease.alone});
     }
     for (const auto& [worker, leases] : held_) EXPECT_LE(leases.size(), static_cast<size_t>(kSlots));
   }
@@ -258,7 +267,9 @@ class RandomHistory {
   int64_t last_attempt_ = 0;
   std::map<WorkerId, std::vector<ModelLease>> held_;
   std::vector<std::pair<WorkerId, ModelLease>> void_;
+  int max_lost_workers_;
   int second_leases_ = 0;  // of overdue units
+  int quarantines_ = 0;
   std::map<WorkerId, std::string> class_of_worker_;
   std::map<JobId, std::string> class_of_job_;  // empty before the first commit
   std::map<UnitRef, int> commits_;             // the contents of the ledger
@@ -268,14 +279,17 @@ class SchedulerRandom : public ::testing::TestWithParam<uint32_t> {};
 
 TEST_P(SchedulerRandom, CommitsEachUnitExactlyOnceWhateverHappens) { RandomHistory(GetParam()).Run(); }
 
-TEST(SchedulerRandomHistory, TheHistoriesHaveOverdueUnits) {
+TEST(SchedulerRandomHistory, TheHistoriesHaveOverdueUnitsAndQuarantine) {
   int second_leases = 0;
+  int quarantines = 0;
   for (uint32_t seed = 0; seed < 30; ++seed) {
     RandomHistory history(seed);
     history.Run();
     second_leases += history.second_leases();
+    quarantines += history.quarantines();
   }
   EXPECT_GT(second_leases, 0);
+  EXPECT_GT(quarantines, 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, SchedulerRandom, ::testing::Range(0u, 30u));

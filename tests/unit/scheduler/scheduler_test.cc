@@ -5,6 +5,8 @@
 
 #include <vector>
 
+#include "absl/strings/str_cat.h"
+
 namespace lumifold::scheduler {
 namespace {
 
@@ -15,6 +17,7 @@ using job::UnitKey;
 using job::UnitRef;
 using job::WorkerId;
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 const JobId kJob("j-1");
@@ -319,6 +322,78 @@ TEST_F(SchedulerTest, APermanentFailureFailsTheJobAtOnce) {
   scheduler_.AddWorker(kAnn, "avx2", 1);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
   EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, true), FailureOutcome::kJobFails);
+}
+
+TEST_F(SchedulerTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(WorkerId(1), "avx2", 1, "host:1");
+  const UnitRef poison = scheduler_.GrantLeases(kStart).at(0).unit;
+  for (int64_t i = 2; i <= 3; ++i) {
+    EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i - 1)), IsEmpty());
+    scheduler_.AddWorker(WorkerId(i), "avx2", 1, absl::StrCat("host:", i));
+    EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit, poison);
+  }
+  scheduler_.RemoveWorker(WorkerId(3));
+  scheduler_.AddWorker(WorkerId(4), "avx2", 3, "host:4");
+  scheduler_.AddWorker(WorkerId(5), "avx2", 2, "host:5");
+  const auto leases = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(leases.size(), 3u);
+  EXPECT_EQ(leases[0].unit, poison);
+  EXPECT_EQ(leases[0].worker, WorkerId(4));
+  EXPECT_TRUE(leases[0].alone);
+  EXPECT_EQ(leases[1].worker, WorkerId(5)) << "the worker in quarantine gets nothing else";
+  const std::vector<FailedJob> failed = scheduler_.RemoveWorker(WorkerId(4));
+  ASSERT_EQ(failed.size(), 1u);
+  EXPECT_EQ(failed[0].job, kJob);
+  EXPECT_THAT(failed[0].error, HasSubstr("j-1 frame 10 tile 0 geometry: workers were lost with it 4 times"));
+  EXPECT_THAT(failed[0].error, HasSubstr("host:1, host:2, host:3, host:4"));
+}
+
+TEST_F(SchedulerTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyOther) {
+  scheduler_.AddJob(kJob, Spec());
+  for (int64_t i = 1; i <= 3; ++i) {
+    scheduler_.AddWorker(WorkerId(i), "avx2", 2);
+    scheduler_.GrantLeases(kStart);
+    scheduler_.RemoveWorker(WorkerId(i));
+  }
+  scheduler_.AddWorker(kAnn, "avx2", 2);
+  for (int i = 0; i < 2; ++i) {
+    const auto alone = scheduler_.GrantLeases(kStart);
+    ASSERT_EQ(alone.size(), 1u);
+    EXPECT_TRUE(alone[0].alone);
+    EXPECT_EQ(alone[0].unit.key.tile, i);
+    EXPECT_FALSE(Commit(kAnn, alone[0]));
+  }
+  const auto others = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(others.size(), 2u);
+  EXPECT_FALSE(others[0].alone);
+}
+
+TEST_F(SchedulerTest, AUnitInQuarantineWaitsUntilItsWorkerIsIdle) {
+  scheduler_.AddJob(kOther, Spec());
+  scheduler_.AddWorker(WorkerId(9), "avx2", 2);
+  const GrantedLease busy = scheduler_.GrantLeases(kStart).at(0);
+  scheduler_.AddJob(kJob, Spec());
+  for (int64_t i = 1; i <= 3; ++i) {
+    scheduler_.AddWorker(WorkerId(i), "avx2", 1);
+    scheduler_.GrantLeases(kStart);
+    scheduler_.RemoveWorker(WorkerId(i));
+  }
+  Commit(WorkerId(9), busy);  // one slot is free, the other one is not
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  scheduler_.EndJob(kOther);
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 2u) << "the unit in quarantine has ended with its job";
+}
+
+TEST_F(SchedulerTest, AWorkerThatIsLostWithItsUnitAgainAndAgainCountsAsSeveral) {
+  scheduler_.AddJob(kJob, Spec());
+  for (int64_t i = 1; i <= 6; ++i) {
+    scheduler_.AddWorker(WorkerId(i), "avx2", 1, "restarted");
+    EXPECT_FALSE(scheduler_.GrantLeases(kStart).at(0).alone);
+    scheduler_.RemoveWorker(WorkerId(i));
+  }
+  scheduler_.AddWorker(WorkerId(7), "avx2", 1, "restarted");
+  EXPECT_TRUE(scheduler_.GrantLeases(kStart).at(0).alone);
 }
 
 TEST_F(SchedulerTest, AnEndedJobIsForgottenAndItsSlotsAreFree) {

@@ -154,6 +154,23 @@ TEST_F(ServerTest, APermanentFailureFailsTheJobWithTheWorkersError) {
   EXPECT_EQ(status.error(), "room.glb: accessor 3 reads past its buffer");
 }
 
+TEST_F(ServerTest, AJobWhoseUnitCrashesItsWorkersFailsBeforeAllOfThemAreGone) {
+  const std::string job = *Submit(Spec());
+  for (int i = 0; i < 4; ++i) {
+    const auto rename = [i](v1::WorkerMessage& message) {
+      if (message.has_hello()) message.mutable_hello()->set_name("node" + std::to_string(i));
+    };
+    Worker({.slots = 1, .vanish_after = 0, .spoil = rename})->Wait();
+    WaitUntil(job, [](const v1::JobStatus& status) {  // the coordinator has noticed
+      return status.workers() == 0 || status.state() == v1::JOB_STATE_FAILED;
+    });
+  }
+  const v1::JobStatus status = WaitForEnd(job);
+  EXPECT_EQ(status.state(), v1::JOB_STATE_FAILED);
+  EXPECT_THAT(status.error(), HasSubstr("workers were lost with it 4 times"));
+  EXPECT_THAT(status.error(), HasSubstr("node0, node1, node2, node3"));
+}
+
 TEST_F(ServerTest, ACancelledJobFreesItsWorkersAndStaysCancelled) {
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {

@@ -1,0 +1,105 @@
+// Units with which workers were lost again and again: they are rendered once more, alone on a worker.
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "server/scheduler/scheduler.h"
+
+namespace lumifold::scheduler {
+
+using job::WorkerId;
+
+namespace {
+
+/// Workers that are reserved at a time: a network that breaks again and again must not take the whole farm.
+constexpr size_t kMaxReservations = 16;
+
+/// Free workers that are looked at for one unit.
+constexpr int kMaxCandidates = 16;
+
+/// Names of lost workers in an error.
+constexpr size_t kMaxNames = 4;
+
+}  // namespace
+
+std::string Scheduler::CountLoss(const Lease& lease) {
+  History& history = jobs_.at(lease.unit.job).history[lease.unit.place];
+  ++history.losses;
+  history.lost_workers.insert(workers_.Find(lease.worker)->name);
+  if (!lease.alone) return "";
+  std::vector<std::string> names(history.lost_workers.begin(), history.lost_workers.end());
+  if (names.size() > kMaxNames) names.resize(kMaxNames);
+  return absl::StrCat(Describe(RefOf(lease.unit)), ": workers were lost with it ", history.losses,
+                      " times, the last one while it rendered nothing else: ", absl::StrJoin(names, ", "));
+}
+
+bool Scheduler::IsSuspect(const UnitIndex& index) const {
+  const Job& job = jobs_.at(index.job);
+  const auto history = job.history.find(index.place);
+  if (history == job.history.end()) return false;
+  const auto lost_workers = static_cast<int>(history->second.lost_workers.size());
+  return lost_workers >= options_.max_lost_workers || history->second.losses >= 2 * options_.max_lost_workers;
+}
+
+void Scheduler::GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted) {
+  size_t looked_at = 0;
+  for (auto it = quarantine_.begin();
+       it != quarantine_.end() && reservations_.size() < kMaxReservations && looked_at < kMaxReservations;
+       ++looked_at) {
+    const std::optional<WorkerId> worker = FindWorkerFor(*it);
+    if (!worker.has_value()) {
+      ++it;
+      continue;
+    }
+    workers_.SetReserved(*worker, true);
+    reservations_.emplace(*worker, Reservation{*it});
+    it = quarantine_.erase(it);
+  }
+  for (auto& [worker, reservation] : reservations_) {
+    if (reservation.granted || workers_.Find(worker)->busy > 0) continue;
+    reservation.granted = true;
+    granted->push_back(Grant(reservation.unit, worker, now, /*alone=*/true));
+  }
+}
+
+std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index) const {
+  const std::string& bound = jobs_.at(index.job).numeric_class;
+  if (!bound.empty()) return FindWorkerFor(index, bound);
+  std::optional<std::string> numeric_class = workers_.NextFreeClass("");
+  return numeric_class.has_value() ? FindWorkerFor(index, *numeric_class) : std::nullopt;
+}
+
+std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index,
+                                                 const std::string& numeric_class) const {
+  const std::set<std::string>& lost = jobs_.at(index.job).history.at(index.place).lost_workers;
+  std::optional<WorkerId> best;
+  int best_score = -1;
+  std::optional<WorkerId> worker = workers_.NextFree(numeric_class, WorkerId(-1));
+  for (int i = 0; i < kMaxCandidates && worker.has_value(); ++i) {
+    const Worker& state = *workers_.Find(*worker);
+    const int score = (lost.contains(state.name) ? 0 : 2) + (state.busy == 0 ? 1 : 0);
+    if (score > best_score) {
+      best = worker;
+      best_score = score;
+    }
+    worker = workers_.NextFree(numeric_class, *worker);
+  }
+  return best;
+}
+
+void Scheduler::CancelReservation(WorkerId worker) {
+  const auto reservation = reservations_.find(worker);
+  if (reservation == reservations_.end() || reservation->second.granted) return;
+  quarantine_.insert(reservation->second.unit);
+  reservations_.erase(reservation);
+  workers_.SetReserved(worker, false);
+}
+
+void Scheduler::RemoveFromQuarantine(const UnitIndex& index) {
+  for (auto it = reservations_.begin(); it != reservations_.end(); ++it) {
+    if (it->second.unit != index || it->second.granted) continue;
+    CancelReservation(it->first);
+    break;
+  }
+  quarantine_.erase(index);
+}
+
+}  // namespace lumifold::scheduler

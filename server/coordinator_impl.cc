@@ -362,7 +362,8 @@ void Coordinator::Dismiss(WorkerId worker, const UnitRef& unit, Attempt attempt)
 void Coordinator::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, const std::string& error,
                            bool permanent) {
   absl::MutexLock lock(&mutex_);
-  const scheduler::FailureOutcome outcome = scheduler_.FailUnit(worker, unit, attempt, permanent);
+  const scheduler::FailureOutcome outcome =
+      scheduler_.FailUnit(worker, unit, attempt, permanent, options_.now());
   options_.log->warn("event=unit_failed unit={} worker={} permanent={} error={}", Quoted(Describe(unit)),
                      NameOf(worker), permanent, Quoted(error));
   if (outcome == scheduler::FailureOutcome::kJobFails) EndJob(unit.job, v1::JOB_STATE_FAILED, error);
@@ -412,6 +413,10 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
 
 void Coordinator::GrantLeases() {
   if (!leasing_) return;
+  for (const scheduler::SetAsideWorker& aside : scheduler_.TakeSetAside()) {
+    options_.log->warn("event=worker_set_aside worker={} seconds={:.0f} reason={}", NameOf(aside.worker),
+                       absl::ToDoubleSeconds(aside.until - options_.now()), Quoted(aside.reason));
+  }
   v1::CoordinatorMessage message;
   WorkerId to;
   JobId granting;

@@ -100,7 +100,7 @@ void Coordinator::ExpireLeases() {
                        NameOf(lease.worker));
     if (leasing_ && !lease.job_error.empty()) EndJob(lease.unit.job, v1::JOB_STATE_FAILED, lease.job_error);
   }
-  if (!late.empty()) GrantLeases();
+  GrantLeases();
 }
 
 void Coordinator::NotifyWatchers() {

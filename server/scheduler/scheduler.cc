@@ -153,6 +153,8 @@ void Scheduler::Renew(Attempt attempt, int64_t progress, absl::Time now) {
 }
 
 std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
+  ReturnDelayed(now);
+  Readmit(now);
   std::vector<LateLease> late;
   for (const Attempt attempt : leases_.Expired(now)) {
     const Lease lease = *leases_.Find(attempt);
@@ -181,7 +183,10 @@ std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
   return late;
 }
 
-absl::Time Scheduler::NextExpiry() const { return leases_.NextTime(); }
+absl::Time Scheduler::NextExpiry() const {
+  const absl::Time next = std::min(leases_.NextTime(), workers_.NextReadmission());
+  return delayed_.empty() ? next : std::min(next, delayed_.begin()->first);
+}
 
 std::vector<GrantedLease> Scheduler::GrantLeases(absl::Time now) {
   std::vector<GrantedLease> granted;
@@ -245,6 +250,7 @@ Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt
   }
   if (!HoldsLease(worker, unit, attempt)) return Completion::kStale;
   CountTime(leases_.Remove(attempt), now);
+  BlameOthers(*index, worker, now);
   VoidOtherLeases(*index);
   if (job.numeric_class.empty()) Bind(index->job, workers_.Find(worker)->numeric_class);
   accepted_.emplace(*index, worker);
@@ -307,17 +313,6 @@ bool Scheduler::UnitCommitted(const UnitRef& unit) {
   Job& job = jobs_.at(index->job);
   CountCommitted(job, index->place);
   return job.frames.at(index->place.frame).committed == job.units.count();
-}
-
-FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent) {
-  const Lease* lease = FindLease(worker, unit, attempt);
-  if (lease == nullptr) return FailureOutcome::kIgnored;
-  History& history = jobs_.at(lease->unit.job).history[lease->unit.place];
-  ++history.failures;
-  history.last_failed = worker;
-  VoidLease(attempt);
-  return permanent || history.failures >= options_.max_failures ? FailureOutcome::kJobFails
-                                                                : FailureOutcome::kRetried;
 }
 
 std::vector<int32_t> Scheduler::CommittedFrames(const JobId& id) const {

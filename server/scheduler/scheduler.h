@@ -34,6 +34,14 @@ struct SchedulerOptions {
   /// A unit with which this many workers were lost, or twice as many times any, is in quarantine: it is
   /// leased once more, to a worker that then renders nothing else. If that is lost too, the job fails.
   int max_lost_workers = 3;
+  /// A failed unit waits this long before it is leased again, twice as long after each further failure, and
+  /// no longer than `longest_backoff`.
+  absl::Duration first_backoff = absl::Seconds(1);
+  absl::Duration longest_backoff = absl::Seconds(60);
+  /// A worker that failed units of this many jobs within `set_aside`, each rendered by another worker since,
+  /// gets no leases for `set_aside`.
+  int max_blamed_jobs = 2;
+  absl::Duration set_aside = absl::Minutes(5);
   /// Attempt of the first lease. After a restart it must be above all attempts granted before.
   job::Attempt first_attempt{1};
 };
@@ -63,6 +71,13 @@ struct HeldLease {
   int64_t progress = 0;
 };
 
+/// A worker that gets no leases for a while, because it fails units that other workers render.
+struct SetAsideWorker {
+  job::WorkerId worker;
+  absl::Time until;
+  std::string reason;
+};
+
 enum class Lateness {
   kSilent,   // the worker has not renewed the lease, which is now void
   kStalled,  // the worker renews the lease but makes no progress; the lease is now void
@@ -87,8 +102,8 @@ enum class Completion {
 
 /// Outcome of the failure of a unit.
 enum class FailureOutcome {
-  kRetried,   // the unit is free again
-  kJobFails,  // too many failures, or a permanent one: the caller ends the job
+  kRetried,   // the unit will be leased again
+  kJobFails,  // too many failures, or two workers say that it is permanent: the caller ends the job
   kIgnored,   // the lease was already void
 };
 
@@ -142,8 +157,7 @@ class Scheduler {
   bool HasJob(const job::JobId& job) const { return jobs_by_id_.contains(job); }
 
   /// Adds a worker with a new id. `slots` >= 1 is the maximum number of its units that are leased or accepted
-  /// at a time.
-  /// `name` tells one process from another, over all its connections; if it is empty, the id does.
+  /// at a time. `name` tells one process from another, over all its connections; if it is empty, the id does.
   void AddWorker(job::WorkerId worker, const std::string& numeric_class, int slots,
                  const std::string& name = "");
   /// Removes a worker; its leases become void at once, and each counts as a loss of the worker with the unit.
@@ -152,11 +166,11 @@ class Scheduler {
   /// voids those that are not in `held`, except leases with an attempt above `newest`, the last attempt that
   /// the worker had received when it sent the heartbeat.
   void Heartbeat(job::WorkerId worker, absl::Span<const HeldLease> held, job::Attempt newest, absl::Time now);
-  /// Voids leases whose deadline is not after `now`, and makes overdue units ready for a second lease. A
-  /// silent worker gets no new leases until its next heartbeat; a stalled lease keeps its slot until a
-  /// heartbeat no longer names it.
+  /// Voids leases whose deadline is not after `now`, makes overdue units ready for a second lease, ends
+  /// backoffs and readmits workers that were set aside. A silent worker gets no new leases until its next
+  /// heartbeat; a stalled lease keeps its slot until a heartbeat no longer names it.
   std::vector<LateLease> ExpireLeases(absl::Time now);
-  /// When ExpireLeases has something to do next; InfiniteFuture without leases.
+  /// When ExpireLeases has something to do next; InfiniteFuture if nothing is due.
   absl::Time NextExpiry() const;
 
   /// Grants leases until all slots are full or no unit is free; the leases of a worker are consecutive.
@@ -169,8 +183,14 @@ class Scheduler {
                           absl::Time now);
   /// Records that an accepted unit is committed. True when it was the last unit of its frame.
   bool UnitCommitted(const job::UnitRef& unit);
+  /// Records that a worker could not render a unit. A permanent failure, which every worker would have, ends
+  /// the job when a second worker agrees, or at once if no other worker can be asked.
   FailureOutcome FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
-                          bool permanent);
+                          bool permanent, absl::Time now);
+  /// Workers that were set aside since the last call.
+  std::vector<SetAsideWorker> TakeSetAside();
+  /// Why the worker is set aside; empty if it is not.
+  std::string SetAsideReason(job::WorkerId worker) const;
 
   /// Frames of the job whose units are all committed and whose result is not written.
   std::vector<int32_t> CommittedFrames(const job::JobId& job) const;
@@ -198,6 +218,8 @@ class Scheduler {
   struct History {
     int failures = 0;
     job::WorkerId last_failed;
+    std::set<job::WorkerId> failed_workers;
+    std::set<std::string> permanent_by;  // names of workers that called the failure permanent
     int losses = 0;
     std::set<std::string> lost_workers;  // by name
   };
@@ -259,6 +281,15 @@ class Scheduler {
   void VoidLease(job::Attempt attempt);
   void ReleaseSlot(job::WorkerId worker);
 
+  // Failures, in blame.cc.
+  /// Returns the failed unit, which has no lease in time, after its backoff.
+  void ReturnAfter(const UnitIndex& index, absl::Duration backoff, absl::Time now);
+  void ReturnDelayed(absl::Time now);
+  /// The unit is accepted: blames the other workers that failed it.
+  void BlameOthers(const UnitIndex& index, job::WorkerId worker, absl::Time now);
+  void Blame(job::WorkerId worker, int64_t job, absl::Time now);
+  void Readmit(absl::Time now);
+
   // Quarantine, in quarantine.cc.
   /// Counts the loss of a worker with a unit. Returns the job's error if the unit was in quarantine.
   std::string CountLoss(const Lease& lease);
@@ -281,6 +312,8 @@ class Scheduler {
   LeaseTable leases_;
   std::set<std::pair<job::WorkerId, job::Attempt>> stalled_;  // void, but still in a slot of the worker
   std::map<UnitIndex, job::WorkerId> accepted_;
+  std::set<std::pair<absl::Time, UnitIndex>> delayed_;  // units that may return; some are accepted by then
+  std::vector<SetAsideWorker> newly_set_aside_;
   std::set<UnitIndex> quarantine_;  // units that wait for a reservation
   std::map<job::WorkerId, Reservation> reservations_;
 };

@@ -37,6 +37,14 @@ void WorkerPool::SetReserved(WorkerId id, bool reserved) {
   Index(id, found->second);
 }
 
+void WorkerPool::SetAside(WorkerId id, absl::Time until) {
+  const auto found = workers_.find(id);
+  if (found == workers_.end()) return;
+  Unindex(id, found->second);
+  found->second.set_aside_until = until;
+  Index(id, found->second);
+}
+
 void WorkerPool::AddBusy(WorkerId id, int change) {
   const auto found = workers_.find(id);
   if (found == workers_.end()) return;
@@ -46,6 +54,11 @@ void WorkerPool::AddBusy(WorkerId id, int change) {
 }
 
 void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
+  if (worker.set_aside_until != absl::InfinitePast()) {
+    readmissions_.erase({worker.set_aside_until, id});
+    const auto aside = set_aside_.find(worker.numeric_class);
+    if (--aside->second == 0) set_aside_.erase(aside);
+  }
   if (!IsAvailable(worker)) return;
   const auto available = available_.find(worker.numeric_class);
   --all_available_;
@@ -57,6 +70,10 @@ void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
 }
 
 void WorkerPool::Index(WorkerId id, const Worker& worker) {
+  if (worker.set_aside_until != absl::InfinitePast()) {
+    readmissions_.emplace(worker.set_aside_until, id);
+    ++set_aside_[worker.numeric_class];
+  }
   if (!IsAvailable(worker)) return;
   ++all_available_;
   ++available_[worker.numeric_class];
@@ -81,6 +98,27 @@ bool WorkerPool::HasOther(WorkerId id, const std::string& numeric_class) const {
   const bool counted = self != nullptr && IsAvailable(*self) &&
                        (numeric_class.empty() || self->numeric_class == numeric_class);
   return others > (counted ? 1 : 0);
+}
+
+int WorkerPool::SetAsideCount(const std::string& numeric_class) const {
+  const auto found = set_aside_.find(numeric_class);
+  return found == set_aside_.end() ? 0 : found->second;
+}
+
+int WorkerPool::AvailableCount(const std::string& numeric_class) const {
+  const auto found = available_.find(numeric_class);
+  return found == available_.end() ? 0 : found->second;
+}
+
+std::vector<WorkerId> WorkerPool::Readmissible(absl::Time now) const {
+  std::vector<WorkerId> workers;
+  for (auto it = readmissions_.begin(); it != readmissions_.end() && it->first <= now; ++it)
+    workers.push_back(it->second);
+  return workers;
+}
+
+absl::Time WorkerPool::NextReadmission() const {
+  return readmissions_.empty() ? absl::InfiniteFuture() : readmissions_.begin()->first;
 }
 
 std::optional<std::string> WorkerPool::NextFreeClass(const std::string& numeric_class) const {

@@ -255,7 +255,7 @@ class RandomHistory {
     if (leases.empty()) return;
     const ModelLease lease = leases.back();
     leases.pop_back();
-    EXPECT_EQ(scheduler_->FailUnit(worker, lease.unit, lease.attempt, false), FailureOutcome::kRetried);
+    EXPECT_EQ(scheduler_->FailUnit(worker, lease.unit, lease.attempt, false, now_), FailureOutcome::kRetried);
     void_.emplace_back(worker, lease);
   }
 

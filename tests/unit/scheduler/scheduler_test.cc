@@ -84,7 +84,8 @@ TEST_F(SchedulerTest, AUnitThatAFreeWorkerMayNotTakeDoesNotStopTheOthers) {
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   scheduler_.AddJob(kOther, Spec());
   ASSERT_EQ(scheduler_.GrantLeases(kBen, kStart).size(), 1u);  // of the other job
-  scheduler_.FailUnit(kAnn, leases[3].unit, leases[3].attempt, false);
+  scheduler_.FailUnit(kAnn, leases[3].unit, leases[3].attempt, false, kStart);
+  scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
   const auto next = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(next.size(), 1u);
   EXPECT_EQ(next[0].unit.job, kOther);
@@ -300,28 +301,78 @@ TEST_F(SchedulerTest, AFailedUnitGoesToAnotherWorkerWhereThereIsOne) {
   scheduler_.AddWorker(kAnn, "avx2", 1);
   scheduler_.AddWorker(kBen, "avx2", 1);
   const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false), FailureOutcome::kRetried);
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart), FailureOutcome::kRetried);
+  scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
   EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, failed.unit);
   EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
 }
 
-TEST_F(SchedulerTest, ThreeFailuresOfAUnitFailTheJob) {
+TEST_F(SchedulerTest, ThreeFailuresOfAUnitFailTheJobWithLongerAndLongerPauses) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
-  for (const FailureOutcome outcome :
-       {FailureOutcome::kRetried, FailureOutcome::kRetried, FailureOutcome::kJobFails}) {
-    const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-    EXPECT_EQ(lease.unit.key.tile, 0);
-    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false), outcome);
-    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false), FailureOutcome::kIgnored);
+  scheduler_.AddWorker(kAnn, "avx2", 12);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  GrantedLease lease = leases[0];
+  absl::Time now = kStart;
+  for (const absl::Duration pause : {absl::Seconds(1), absl::Seconds(2)}) {
+    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kRetried);
+    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kIgnored);
+    EXPECT_EQ(scheduler_.NextExpiry(), now + pause);
+    scheduler_.ExpireLeases(now + pause - absl::Milliseconds(1));
+    EXPECT_THAT(scheduler_.GrantLeases(now), IsEmpty());
+    now += pause;
+    scheduler_.ExpireLeases(now);
+    const auto again = scheduler_.GrantLeases(now);
+    ASSERT_EQ(again.size(), 1u);
+    EXPECT_EQ(again[0].unit, lease.unit);
+    lease = again[0];
   }
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kJobFails);
 }
 
-TEST_F(SchedulerTest, APermanentFailureFailsTheJobAtOnce) {
+TEST_F(SchedulerTest, APermanentFailureFailsTheJobAtOnceIfNobodyElseCanBeAsked) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 1);
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, true), FailureOutcome::kJobFails);
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, true, kStart), FailureOutcome::kJobFails);
+}
+
+TEST_F(SchedulerTest, APermanentFailureIsBelievedWhenASecondWorkerAgrees) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kBen, "avx2", 1);
+  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, first.unit, first.attempt, true, kStart), FailureOutcome::kRetried);
+  const GrantedLease second = scheduler_.GrantLeases(kBen, kStart).at(0);
+  EXPECT_EQ(second.unit, first.unit) << "the second opinion is asked for at once";
+  EXPECT_EQ(scheduler_.FailUnit(kBen, second.unit, second.attempt, true, kStart), FailureOutcome::kJobFails);
+}
+
+TEST_F(SchedulerTest, AWorkerThatFailsWhatOthersRenderIsSetAsideForAWhile) {
+  scheduler_.AddWorker(kAnn, "avx2", 1);
+  for (const JobId& job : {kJob, kOther}) {
+    scheduler_.AddJob(job, Spec());
+    const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
+    if (job == kJob) scheduler_.AddWorker(kBen, "avx2", 12);
+    scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, true, kStart);
+    EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
+    for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
+    if (job == kJob) {
+      EXPECT_THAT(scheduler_.TakeSetAside(), IsEmpty()) << "one job may be to blame itself";
+      scheduler_.EndJob(job);
+    }
+  }
+  const std::vector<SetAsideWorker> aside = scheduler_.TakeSetAside();
+  ASSERT_EQ(aside.size(), 1u);
+  EXPECT_EQ(aside[0].worker, kAnn);
+  EXPECT_EQ(aside[0].until, kStart + absl::Minutes(5));
+  EXPECT_EQ(aside[0].reason, "it failed units of 2 jobs that other workers rendered");
+  EXPECT_EQ(scheduler_.SetAsideReason(kAnn), aside[0].reason);
+  scheduler_.AddJob(kJob, Spec());
+  EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Minutes(5));
+  scheduler_.ExpireLeases(kStart + absl::Minutes(5));
+  EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
+  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart + absl::Minutes(5)).size(), 1u);
 }
 
 TEST_F(SchedulerTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails) {

@@ -171,6 +171,42 @@ TEST_F(ServerTest, AJobWhoseUnitCrashesItsWorkersFailsBeforeAllOfThemAreGone) {
   EXPECT_THAT(status.error(), HasSubstr("node0, node1, node2, node3"));
 }
 
+TEST_F(ServerTest, OneWorkerThatCallsEveryUnitBrokenFailsNoJob) {
+  const auto good = Worker({.slots = 1});
+  EXPECT_EQ(WaitForEnd(*Submit(Spec())).state(), v1::JOB_STATE_DONE);  // so it is connected
+  const auto bad = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {
+                             if (message.has_hello()) message.mutable_hello()->set_name("bad");
+                             if (!message.has_chunk()) return;
+                             v1::UnitFailure failure;
+                             *failure.mutable_unit() = message.chunk().unit();
+                             failure.set_attempt(message.chunk().attempt());
+                             failure.set_error("no such file");
+                             failure.set_permanent(true);
+                             *message.mutable_failure() = failure;
+                           }});
+  for (int i = 0; i < 10; ++i) {
+    const v1::JobStatus status = WaitForEnd(*Submit(Spec(), "again-" + std::to_string(i)));
+    EXPECT_EQ(status.state(), v1::JOB_STATE_DONE) << status.error();
+  }
+}
+
+TEST_F(ServerTest, AStopOfTheCoordinatorBlamesNoUnit) {
+  const std::string job = *Submit(Spec());
+  const auto hold = [](v1::WorkerMessage& message) {
+    if (message.has_chunk()) message.mutable_chunk()->set_attempt(0);  // never accepted
+  };
+  const auto none_left = [](const v1::JobStatus& status) { return status.workers() == 0; };
+  for (int i = 0; i < 6; ++i) {
+    Worker({.slots = 1, .vanish_after = 0})->Wait();
+    WaitUntil(job, none_left);
+  }
+  const auto last = Worker({.slots = 1, .spoil = hold});  // renders the unit alone
+  WaitUntil(job, [](const v1::JobStatus& status) { return status.workers() == 1; });
+  StopServer();
+  StartServer();
+  EXPECT_EQ(Get(job)->state(), v1::JOB_STATE_QUEUED);
+}
+
 TEST_F(ServerTest, ACancelledJobFreesItsWorkersAndStaysCancelled) {
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {

@@ -84,7 +84,7 @@ absl::StatusOr<std::string> ReadSceneJson(std::ifstream& file, int64_t file_byte
   return ReadPiece(file, json_bytes);
 }
 
-absl::StatusOr<std::vector<std::string>> ReadExternalUris(const std::string& scene_path) {
+absl::StatusOr<std::vector<std::string>> ReadExternalFiles(const std::string& scene_path) {
   absl::StatusOr<std::ifstream> file = Open(scene_path);
   if (!file.ok()) return file.status();
   std::error_code error;
@@ -92,9 +92,9 @@ absl::StatusOr<std::vector<std::string>> ReadExternalUris(const std::string& sce
   if (error) return absl::UnknownError(absl::StrCat(scene_path, ": ", error.message()));
   const absl::StatusOr<std::string> json_text = ReadSceneJson(*file, bytes);
   if (!json_text.ok()) return Prefixed(absl::StrCat(scene_path, ": "), json_text.status());
-  absl::StatusOr<std::vector<std::string>> uris = ExternalUris(*json_text);
-  if (!uris.ok()) return Prefixed(absl::StrCat(scene_path, ": "), uris.status());
-  return uris;
+  absl::StatusOr<std::vector<std::string>> files = ExternalFiles(*json_text);
+  if (!files.ok()) return Prefixed(absl::StrCat(scene_path, ": "), files.status());
+  return files;
 }
 
 // "scheme:" of RFC 3986. A single letter is not a scheme: some exporters write a drive letter.
@@ -106,8 +106,30 @@ bool HasScheme(absl::string_view uri) {
   });
 }
 
-// Appends the URIs of one array of the scene ("buffers", "images").
-absl::Status CollectUris(const json& scene, const char* array_name, std::vector<std::string>* uris) {
+// Whether a message can carry the text: protobuf strings are UTF-8, and a path ends at a zero byte.
+bool IsPlainUtf8(const std::string& text) {
+  const std::string quoted = json(text).dump(-1, ' ', false, json::error_handler_t::replace);
+  return json::parse(quoted) == text && text.find('\0') == std::string::npos;
+}
+
+// The name of the file that a URI refers to. Errors: without the place of the URI.
+absl::StatusOr<std::string> FileOfUri(const std::string& uri) {
+  if (uri.empty() || HasScheme(uri)) {
+    return absl::DataLossError(absl::StrCat("'", uri, "'; only files and data: URIs are supported"));
+  }
+  std::string file = PercentDecoded(uri);
+  if (!IsPlainUtf8(file)) {
+    return absl::DataLossError(absl::StrCat("'", uri, "'; decoded, it is not a file name in UTF-8"));
+  }
+  if (absl::StartsWith(file, kEnvironmentScheme)) {
+    return absl::DataLossError(
+        absl::StrCat("'", uri, "'; names that begin with '", kEnvironmentScheme, "' are reserved"));
+  }
+  return file;
+}
+
+// Appends the files of one array of the scene ("buffers", "images").
+absl::Status CollectFiles(const json& scene, const char* array_name, std::vector<std::string>* files) {
   const auto array = scene.find(array_name);
   if (array == scene.end() || !array->is_array()) return absl::OkStatus();
   for (size_t i = 0; i < array->size(); ++i) {
@@ -116,11 +138,9 @@ absl::Status CollectUris(const json& scene, const char* array_name, std::vector<
     if (!item.is_object() || uri == item.end() || !uri->is_string()) continue;
     const std::string& text = uri->get_ref<const std::string&>();
     if (absl::StartsWithIgnoreCase(text, "data:")) continue;
-    if (text.empty() || HasScheme(text)) {
-      return absl::DataLossError(
-          absl::StrCat(array_name, "[", i, "].uri is '", text, "'; only files and data: URIs are supported"));
-    }
-    if (std::find(uris->begin(), uris->end(), text) == uris->end()) uris->push_back(text);
+    absl::StatusOr<std::string> file = FileOfUri(text);
+    if (!file.ok()) return Prefixed(absl::StrCat(array_name, "[", i, "].uri is "), file.status());
+    if (std::find(files->begin(), files->end(), *file) == files->end()) files->push_back(*std::move(file));
   }
   return absl::OkStatus();
 }
@@ -139,14 +159,14 @@ std::string PercentDecoded(const std::string& uri) {
   return text;
 }
 
-absl::StatusOr<std::vector<std::string>> ExternalUris(const std::string& json_text) {
+absl::StatusOr<std::vector<std::string>> ExternalFiles(const std::string& json_text) {
   const json scene = json::parse(json_text, /*cb=*/nullptr, /*allow_exceptions=*/false);
   if (!scene.is_object() || !scene.contains("asset")) return absl::DataLossError("not a glTF file");
-  std::vector<std::string> uris;
+  std::vector<std::string> files;
   for (const char* array_name : {"buffers", "images"}) {
-    if (const absl::Status status = CollectUris(scene, array_name, &uris); !status.ok()) return status;
+    if (const absl::Status status = CollectFiles(scene, array_name, &files); !status.ok()) return status;
   }
-  return uris;
+  return files;
 }
 
 absl::Status HashAsset(LocalAsset* asset) {
@@ -168,15 +188,15 @@ absl::Status HashAsset(LocalAsset* asset) {
 }
 
 absl::StatusOr<SceneAssets> FindSceneAssets(const std::string& scene_path) {
-  const absl::StatusOr<std::vector<std::string>> uris = ReadExternalUris(scene_path);
-  if (!uris.ok()) return Prefixed("scene ", uris.status());
+  const absl::StatusOr<std::vector<std::string>> files = ReadExternalFiles(scene_path);
+  if (!files.ok()) return Prefixed("scene ", files.status());
   SceneAssets assets(1);
   assets.front().path = scene_path;
   const std::filesystem::path folder = std::filesystem::path(scene_path).parent_path();
-  for (const std::string& uri : *uris) {
+  for (const std::string& file : *files) {
     LocalAsset asset;
-    asset.path = (folder / PercentDecoded(uri)).string();
-    asset.ref.set_uri(uri);
+    asset.path = (folder / file).string();
+    asset.ref.set_uri(file);
     assets.push_back(std::move(asset));
   }
   for (LocalAsset& asset : assets) {

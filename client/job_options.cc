@@ -13,7 +13,7 @@ constexpr int kMaxBounces = 1024;
 
 /// URI of the environment map in the job; no file of a scene can have this scheme.
 std::string EnvironmentUri(const std::string& path) {
-  return "environment:" + std::filesystem::path(path).filename().string();
+  return kEnvironmentScheme + std::filesystem::path(path).filename().string();
 }
 
 }  // namespace

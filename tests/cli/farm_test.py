@@ -6,6 +6,7 @@ import struct
 import subprocess
 import threading
 import unittest
+import urllib.parse
 
 import harness
 
@@ -118,6 +119,27 @@ class Jobs(FarmTest):
         code, _, err = self.interrupt(watch)
         self.assertEqual((code, err.splitlines()[-1]), (130, "lumifold: interrupted"))
         self.assertEqual(self.succeed_json("status", job)["state"], "queued")
+
+
+class FileNames(FarmTest):
+    SETTINGS = ("--size", "40x30", "--spp", "4")
+
+    def test_encoded_uris_name_the_files_everywhere(self):
+        self.start_worker()
+        self.scene = harness.write_textured_scene(self.folder, "mesh.bin", "texture.png", str)
+        self.succeed("render", self.scene, *self.SETTINGS, "-o", "plain.exr")
+        plain = (self.folder / "plain.exr").read_bytes()
+        for mesh, texture in (("my mesh.bin", "my texture.png"), ("gitter-ü.bin", "木.png"),
+                              ("100%.bin", "50%20off.png")):
+            for encode in (urllib.parse.quote, str) if "%" not in texture else (urllib.parse.quote,):
+                with self.subTest(texture=texture, uri=encode(texture)):
+                    self.scene = harness.write_textured_scene(self.folder, mesh, texture, encode)
+                    self.succeed("render", self.scene, *self.SETTINGS, "-o", "local.exr")
+                    self.assertEqual((self.folder / "local.exr").read_bytes(), plain)
+                    job = self.submit(*self.SETTINGS)
+                    self.succeed("wait", job)
+                    self.succeed("download", job, "-o", "farm.exr")
+                    self.assertEqual((self.folder / "farm.exr").read_bytes(), plain)
 
 
 class Refusals(FarmTest):

@@ -10,6 +10,7 @@ import struct
 import subprocess
 import tempfile
 import unittest
+import zlib
 
 BIN_DIR = pathlib.Path(os.environ["LUMIFOLD_BIN_DIR"])
 GOLDEN_DIR = pathlib.Path(__file__).parent / "golden"
@@ -112,5 +113,36 @@ def write_scene(folder, name="room.gltf"):
         "accessors": [accessor(0, [-1, 0, -1], [1, 0, 1]), accessor(3, [-1, 2, -1], [1, 2, 1])],
     }
     path = folder / name
+    path.write_text(json.dumps(scene))
+    return path
+
+
+def write_png(path, width, height, rgb):
+    """An 8-bit picture; `rgb` gives the colour at x, y."""
+    rows = b"".join(b"\0" + b"".join(bytes(rgb(x, y)) for x in range(width)) for y in range(height))
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows))
+                     + chunk(b"IEND", b""))
+
+
+def write_textured_scene(folder, mesh_name, texture_name, encode):
+    """The scene of write_scene() with a texture on its lamp. `encode` makes the URI of a file name."""
+    path = write_scene(folder)
+    scene = json.loads(path.read_text())
+    vertices = (folder / "mesh.bin").read_bytes() + struct.pack("<6f", 0, 0, 1, 0, 0.5, 1)
+    (folder / "mesh.bin").unlink()
+    (folder / mesh_name).write_bytes(vertices)
+    write_png(folder / texture_name, 4, 4, lambda x, y: (60 * x, 60 * y, 200))
+    scene["buffers"] = [{"uri": encode(mesh_name), "byteLength": len(vertices)}]
+    scene["bufferViews"].append({"buffer": 0, "byteOffset": len(vertices) - 24, "byteLength": 24})
+    scene["accessors"].append({"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"})
+    scene["meshes"][1]["primitives"][0]["attributes"]["TEXCOORD_0"] = 2
+    scene["images"] = [{"uri": encode(texture_name)}]
+    scene["textures"] = [{"source": 0}]
+    scene["materials"][1]["emissiveTexture"] = {"index": 0}
     path.write_text(json.dumps(scene))
     return path

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "tests/support/percent_decoding_cases.h"
 #include "tests/unit/client/test_environment.h"
 
 namespace lumifold::client {
@@ -65,23 +66,40 @@ TEST(SceneAssets, NameSceneAndFileWhereAFileIsMissing) {
   const ScratchFolder folder;
   const std::string path =
       folder.Write("room.gltf", R"({"asset":{"version":"2.0"},"images":[{"uri":"wood%20floor.png"}]})");
-  EXPECT_EQ(ErrorOf(path), absl::NotFoundError("scene " + path +
-                                               " needs wood%20floor.png: " + folder.File("wood floor.png") +
-                                               ": No such file or directory"));
+  EXPECT_EQ(ErrorOf(path),
+            absl::NotFoundError("scene " + path + " needs wood floor.png: " + folder.File("wood floor.png") +
+                                ": No such file or directory"));
 }
 
 TEST(SceneAssets, RefuseUrisThatAreNoFiles) {
-  const auto uris = ExternalUris(R"({"asset":{},"images":[{},{"uri":"https://example.org/a.png"}]})");
+  const auto uris = ExternalFiles(R"({"asset":{},"images":[{},{"uri":"https://example.org/a.png"}]})");
   EXPECT_EQ(uris.status(), absl::DataLossError("images[1].uri is 'https://example.org/a.png'; only files and "
                                                "data: URIs are supported"));
 }
 
 TEST(SceneAssets, FindEveryFileOnceInOrder) {
   const auto uris =
-      ExternalUris(R"({"asset":{}, "buffers":[{"uri":"b.bin"},{"uri":"data:;base64,AA=="},{"byteLength":3}],
+      ExternalFiles(R"({"asset":{}, "buffers":[{"uri":"b.bin"},{"uri":"data:;base64,AA=="},{"byteLength":3}],
       "images":[{"uri":"a.png"},{"bufferView":0},{"uri":"b.bin"},{"uri":"../c.png"},{"uri":"a.png"}]})");
   EXPECT_THAT(uris.value(), ElementsAre("b.bin", "a.png", "../c.png"));
-  EXPECT_THAT(ExternalUris(R"({"asset":{}})").value(), IsEmpty());
+  EXPECT_THAT(ExternalFiles(R"({"asset":{}})").value(), IsEmpty());
+}
+
+TEST(SceneAssets, AreNamedByTheirDecodedUris) {
+  const auto files = ExternalFiles(R"({"asset":{}, "images":[{"uri":"a%20b.png"},{"uri":"a b.png"},
+      {"uri":"%C3%BC.png"},{"uri":"ü.png"},{"uri":"100%25.png"},{"uri":"100%.png"},{"uri":"%2541.png"}]})");
+  EXPECT_THAT(files.value(), ElementsAre("a b.png", "ü.png", "100%.png", "%41.png"));
+}
+
+TEST(SceneAssets, RefuseUrisThatDecodeToNoFileName) {
+  const auto error = [](const std::string& uri) {
+    return std::string(
+        ExternalFiles(R"({"asset":{},"buffers":[{"uri":")" + uri + R"("}]})").status().message());
+  };
+  EXPECT_EQ(error("%FC.png"), "buffers[0].uri is '%FC.png'; decoded, it is not a file name in UTF-8");
+  EXPECT_EQ(error("a%00.png"), "buffers[0].uri is 'a%00.png'; decoded, it is not a file name in UTF-8");
+  EXPECT_EQ(error("environment%3Asky.exr"),
+            "buffers[0].uri is 'environment%3Asky.exr'; names that begin with 'environment:' are reserved");
 }
 
 TEST(SceneAssets, HashTheSceneAndItsFilesWhereverTheyAre) {
@@ -98,7 +116,7 @@ TEST(SceneAssets, HashTheSceneAndItsFilesWhereverTheyAre) {
     EXPECT_EQ(assets[0].ref.size(), content.size());
     EXPECT_EQ(assets[1].ref.uri(), "mesh.bin");
     EXPECT_EQ(assets[1].ref.sha256(), kEmptySha256);
-    EXPECT_EQ(assets[2].ref.uri(), "../textures/wood%20floor.png");
+    EXPECT_EQ(assets[2].ref.uri(), "../textures/wood floor.png");
     EXPECT_EQ(assets[2].ref.sha256(), kAbcSha256);
     EXPECT_EQ(assets[2].ref.size(), 3u);
     const v1::SceneRef scene = MakeSceneRef(assets);
@@ -108,11 +126,8 @@ TEST(SceneAssets, HashTheSceneAndItsFilesWhereverTheyAre) {
   }
 }
 
-TEST(PercentDecoded, LeavesAStrayPercentAlone) {
-  EXPECT_EQ(PercentDecoded("a%20b%2Fc"), "a b/c");
-  EXPECT_EQ(PercentDecoded("100%"), "100%");
-  EXPECT_EQ(PercentDecoded("5%zz%4"), "5%zz%4");
-  EXPECT_EQ(PercentDecoded("%C3%BC"), "\xC3\xBC");
+TEST(PercentDecoded, AgreesWithTheWorker) {
+  for (const auto& [encoded, decoded] : kPercentDecodingCases) EXPECT_EQ(PercentDecoded(encoded), decoded);
 }
 
 }  // namespace

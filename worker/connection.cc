@@ -8,9 +8,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
-#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/checksum.h"
+#include "proto/rpc/monotonic.h"
+#include "proto/rpc/reconnect_schedule.h"
 #include "proto/rpc/retry.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/status_codec.h"
@@ -23,10 +25,13 @@
 namespace lumifold::worker {
 namespace {
 
-/// Heartbeat interval until Welcome arrives.
+/// Time from the start of a stream to its first heartbeat.
 constexpr absl::Duration kFirstHeartbeat = absl::Seconds(1);
-constexpr absl::Duration kFirstPause = absl::Milliseconds(200);
-constexpr absl::Duration kLongestPause = absl::Seconds(5);
+/// Time limit from the start of a stream to Welcome, connecting included. It does not delay a return: the
+/// channel connects meanwhile. Half of it may refuse a coordinator that is busy with many workers.
+constexpr absl::Duration kWelcomeTimeout = absl::Seconds(20);
+/// A stream that lasted this long was no refusal: the next pause is short.
+constexpr absl::Duration kSteadyStream = absl::Seconds(5);
 /// Time limit of one transfer of an asset; large scenes may be sent over slow networks.
 constexpr absl::Duration kAssetTimeout = absl::Minutes(10);
 
@@ -86,6 +91,8 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
         stub_(v1::WorkerService::NewStub(std::shared_ptr<grpc::ChannelInterface>(&channel, [](auto*) {}))) {}
 
   void Start(v1::WorkerMessage hello) {
+    // The stream begins as soon as gRPC has connected; otherwise our pauses and gRPC's would add up.
+    context_.set_wait_for_ready(true);
     stub_->async()->Work(&context_, this);
     AddHold();
     StartRead(&incoming_);
@@ -103,11 +110,15 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   void Cancel() { context_.TryCancel(); }
 
   /// Waits at most `timeout` for the end of the stream.
-  bool WaitUntilDone(absl::Duration timeout) { return done_.WaitForNotificationWithTimeout(timeout); }
+  bool WaitUntilDone(absl::Duration timeout) { return done_.WaitFor(timeout); }
   absl::Status result() const { return result_; }
   absl::Duration heartbeat() const {
     absl::MutexLock lock(&mutex_);
     return heartbeat_;
+  }
+  bool is_welcome() const {
+    absl::MutexLock lock(&mutex_);
+    return welcome_;
   }
 
   void OnReadDone(bool ok) override {
@@ -121,6 +132,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
     }
     if (incoming_.has_welcome()) {
       absl::MutexLock lock(&mutex_);
+      welcome_ = true;
       heartbeat_ = absl::Milliseconds(std::max<int64_t>(1, incoming_.welcome().heartbeat_ms()));
       log_->info("event=joined worker={}", incoming_.welcome().worker_id());
     }
@@ -151,10 +163,11 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   grpc::ClientContext context_;
   v1::CoordinatorMessage incoming_;
   absl::Status result_;
-  absl::Notification done_;
+  rpc::MonotonicEvent done_;
 
   mutable absl::Mutex mutex_;
   absl::Duration heartbeat_ ABSL_GUARDED_BY(mutex_) = kFirstHeartbeat;
+  bool welcome_ ABSL_GUARDED_BY(mutex_) = false;
   bool closed_ ABSL_GUARDED_BY(mutex_) = false;
   std::deque<v1::WorkerMessage> outgoing_ ABSL_GUARDED_BY(mutex_);  // the front is being written
 };
@@ -171,23 +184,32 @@ v1::WorkerMessage MakeHello(const std::string& name, int slots) {
 
 /// Runs one stream, from Hello to its end or `stop`.
 absl::Status RunConnection(grpc::Channel& channel, const std::string& name, WorkerImpl& worker,
-                           spdlog::logger& log, const absl::Notification& stop) {
+                           spdlog::logger& log, const rpc::MonotonicEvent& stop) {
   // Shared with render threads, which may send after the stream has ended.
   const auto stream = std::make_shared<Stream>(channel, &worker, &log);
   worker.OnConnected(stream);
   stream->Start(MakeHello(name, worker.slots()));
   constexpr absl::Duration kPollInterval = absl::Milliseconds(50);  // of `stop`
-  absl::Time next_heartbeat = absl::Now() + kFirstHeartbeat;
+  const absl::Time start = rpc::MonotonicNow();
+  absl::Time next_heartbeat = start + kFirstHeartbeat;
+  bool timed_out = false;
   while (!stream->WaitUntilDone(kPollInterval)) {
-    if (stop.HasBeenNotified()) stream->Cancel();
-    if (absl::Now() < next_heartbeat) continue;
+    const absl::Time now = rpc::MonotonicNow();
+    timed_out = !stream->is_welcome() && now - start > kWelcomeTimeout;
+    if (timed_out || stop.HasBeenNotified()) stream->Cancel();
+    if (now < next_heartbeat || !stream->is_welcome()) continue;
     v1::WorkerMessage message;
     *message.mutable_heartbeat() = worker.MakeHeartbeat();
     stream->Send(std::move(message));
-    next_heartbeat = absl::Now() + stream->heartbeat();
+    next_heartbeat = now + stream->heartbeat();
   }
   worker.OnDisconnected();
-  return stop.HasBeenNotified() ? absl::OkStatus() : stream->result();
+  if (stop.HasBeenNotified()) return absl::OkStatus();
+  if (timed_out) {
+    return absl::UnavailableError(
+        absl::StrCat("no answer from the coordinator within ", absl::FormatDuration(kWelcomeTimeout)));
+  }
+  return stream->result();
 }
 
 }  // namespace
@@ -197,23 +219,23 @@ std::unique_ptr<AssetSource> MakeRemoteAssetSource(std::shared_ptr<grpc::Channel
 }
 
 absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
-                       const absl::Notification& stop) {
+                       const rpc::MonotonicEvent& stop) {
   const std::shared_ptr<spdlog::logger> log =
       options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
   const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(channel);
   UnitRenderer renderer(assets.get());
   WorkerImpl worker(options.threads, &renderer, log);
-  absl::Duration pause = kFirstPause;
+  rpc::ReconnectSchedule schedule(rpc::RetryEnvironment::Real().jitter);
   while (!stop.HasBeenNotified()) {
-    const absl::Time start = absl::Now();
+    const absl::Time start = rpc::MonotonicNow();
     const absl::Status status = RunConnection(*channel, options.name, worker, *log, stop);
     if (stop.HasBeenNotified()) break;
     if (absl::IsFailedPrecondition(status) || absl::IsInvalidArgument(status)) return status;
-    if (absl::Now() - start > kLongestPause) pause = kFirstPause;  // the connection was up
+    if (rpc::MonotonicNow() - start > kSteadyStream) schedule.Reset();
+    const absl::Duration pause = schedule.NextPause();
     log->warn("event=disconnected error=\"{}\" retry_in={:.1f}s", std::string(status.message()),
               absl::ToDoubleSeconds(pause));
-    stop.WaitForNotificationWithTimeout(pause);
-    pause = std::min(2 * pause, kLongestPause);
+    stop.WaitFor(pause);
   }
   return absl::OkStatus();
 }

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "absl/synchronization/notification.h"
+#include "proto/rpc/monotonic.h"
 #include "worker/asset_source.h"
 
 namespace grpc {
@@ -29,9 +29,9 @@ struct WorkerOptions {
 };
 
 /// Renders units for the coordinator at the other end of `channel` until `stop` is notified. Blocks. After a
-/// broken connection it reconnects, with pauses of 0.2 to 5 s, without limit.
+/// broken connection it reconnects with the pauses of rpc::ReconnectSchedule, without limit.
 /// Errors: kFailedPrecondition or kInvalidArgument when the coordinator refuses this worker.
 absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
-                       const absl::Notification& stop);
+                       const rpc::MonotonicEvent& stop);
 
 }  // namespace lumifold::worker

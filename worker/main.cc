@@ -7,8 +7,8 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "absl/synchronization/notification.h"
 #include "proto/rpc/credentials.h"
+#include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
 #include "spdlog/sinks/stdout_sinks.h"
 #include "spdlog/spdlog.h"
@@ -28,7 +28,7 @@ std::string DefaultName() {
 
 /// Notifies `stop` on the first SIGINT or SIGTERM. The signals are blocked in all threads and received by
 /// sigwait, so that no code runs in a signal handler.
-std::thread WatchSignals(absl::Notification* stop) {
+std::thread WatchSignals(lumifold::rpc::MonotonicEvent* stop) {
   sigset_t set;
   sigemptyset(&set);
   sigaddset(&set, SIGINT);
@@ -71,7 +71,7 @@ int main(int argc, char** argv) {
 
   spdlog::set_default_logger(spdlog::stderr_logger_mt("worker"));
   spdlog::set_level(spdlog::level::from_str(log_level));
-  absl::Notification stop;
+  lumifold::rpc::MonotonicEvent stop;
   WatchSignals(&stop).detach();
   spdlog::info("event=start name={} server={} threads={} class={}", name, server, threads,
                lumifold::render::NumericClass());

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/synchronization/notification.h"
 #include "server/server.h"
 #include "worker/connection.h"
 
@@ -65,7 +64,7 @@ class InProcessFarm final : public client::LocalFarm {
   std::unique_ptr<TemporaryFolder> folder_;  // null if the user named a folder
   std::unique_ptr<server::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
-  absl::Notification stop_;
+  rpc::MonotonicEvent stop_;
   std::thread worker_;
 };
 

@@ -9,12 +9,18 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/limits.h"
+#include "proto/rpc/reconnect_schedule.h"
 
 namespace lumifold::rpc {
 namespace {
 
 constexpr int kKeepAliveMs = 20'000;
 constexpr int kKeepAliveTimeoutMs = 10'000;
+// Time for one attempt to connect, handshake included. gRPC's default of 20 s delays the next attempt where
+// packets vanish.
+constexpr absl::Duration kConnectTimeout = absl::Seconds(5);
+
+int Milliseconds(absl::Duration duration) { return static_cast<int>(absl::ToInt64Milliseconds(duration)); }
 
 // HOST:PORT with a port of 0 to 65535; an IPv6 host is in brackets.
 bool IsHostAndPort(const std::string& address) {
@@ -64,6 +70,10 @@ std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Sec
   arguments.SetMaxSendMessageSize(kMaxMessageBytes);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepAliveMs);
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepAliveTimeoutMs);
+  // gRPC's default lets the pauses between attempts grow to two minutes. It adds jitter of 20 %.
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, Milliseconds(kFirstReconnectPause));
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, Milliseconds(kConnectTimeout));
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, Milliseconds(kLongestReconnectPause));
   // Each caller gets its own channel: two workers in one test process must not share a connection.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   return grpc::CreateCustomChannel(address, MakeChannelCredentials(security), arguments);

@@ -36,7 +36,7 @@ std::shared_ptr<grpc::ServerCredentials> MakeServerCredentials(const Security& s
 std::shared_ptr<grpc::ChannelCredentials> MakeChannelCredentials(const Security& security);
 
 /// A channel to HOST:PORT with our limit of message size and keep-alive pings that detect a dead peer within
-/// 30 s. It connects on first use.
+/// 30 s. It connects on first use, and reconnects by itself with the pauses of ReconnectSchedule.
 std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security);
 
 }  // namespace lumifold::rpc

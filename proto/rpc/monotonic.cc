@@ -1,0 +1,37 @@
+#include "proto/rpc/monotonic.h"
+
+#include <grpc/support/time.h>
+
+#include <algorithm>
+#include <chrono>
+
+namespace lumifold::rpc {
+namespace {
+
+// Longer waits would overflow the clock's type.
+constexpr absl::Duration kLongestWait = absl::Hours(1);
+
+}  // namespace
+
+absl::Time MonotonicNow() {
+  return absl::UnixEpoch() + absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
+}
+
+gpr_timespec MonotonicDeadline(absl::Duration timeout) {
+  return gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC),
+                      gpr_time_from_nanos(absl::ToInt64Nanoseconds(timeout), GPR_TIMESPAN));
+}
+
+void MonotonicEvent::Notify() {
+  const std::lock_guard lock(mutex_);
+  notified_ = true;
+  changed_.notify_all();
+}
+
+bool MonotonicEvent::WaitFor(absl::Duration timeout) const {
+  std::unique_lock lock(mutex_);
+  const auto wait = absl::ToChronoNanoseconds(std::min(timeout, kLongestWait));
+  return changed_.wait_until(lock, std::chrono::steady_clock::now() + wait, [this] { return notified_; });
+}
+
+}  // namespace lumifold::rpc

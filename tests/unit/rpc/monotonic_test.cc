@@ -1,0 +1,42 @@
+#include "proto/rpc/monotonic.h"
+
+#include <grpc/support/time.h>
+#include <gtest/gtest.h>
+
+#include <thread>
+
+namespace lumifold::rpc {
+namespace {
+
+TEST(Monotonic, TimeNeverGoesBack) {
+  const absl::Time before = MonotonicNow();
+  EXPECT_LE(before, MonotonicNow());
+}
+
+TEST(Monotonic, DeadlinesAreOfTheMonotonicClock) {
+  const gpr_timespec deadline = MonotonicDeadline(absl::Seconds(100));
+  EXPECT_EQ(deadline.clock_type, GPR_CLOCK_MONOTONIC);
+  const double seconds = gpr_timespec_to_micros(gpr_time_sub(deadline, gpr_now(GPR_CLOCK_MONOTONIC))) * 1e-6;
+  EXPECT_GT(seconds, 90);
+  EXPECT_LE(seconds, 100);
+}
+
+TEST(MonotonicEvent, EndsAWait) {
+  MonotonicEvent event;
+  EXPECT_FALSE(event.HasBeenNotified());
+  EXPECT_FALSE(event.WaitFor(absl::Milliseconds(1)));
+  std::thread other([&] { event.Notify(); });
+  EXPECT_TRUE(event.WaitFor(absl::InfiniteDuration()));
+  EXPECT_TRUE(event.HasBeenNotified());
+  other.join();
+}
+
+TEST(MonotonicEvent, MayHappenTwice) {
+  MonotonicEvent event;
+  event.Notify();
+  event.Notify();
+  EXPECT_TRUE(event.WaitFor(absl::ZeroDuration()));
+}
+
+}  // namespace
+}  // namespace lumifold::rpc

@@ -5,12 +5,12 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "client/exit_code.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/credentials.h"
+#include "proto/rpc/monotonic.h"
 #include "proto/rpc/status_codec.h"
 
 namespace lumifold::client {
@@ -26,10 +26,6 @@ constexpr absl::Duration kStreamTimeout = absl::Minutes(10);
 // Uploads over slower connections exceed their deadline.
 constexpr double kSlowestUploadBytesPerSecond = 128 * 1024;
 constexpr absl::Duration kTick = absl::Milliseconds(100);
-
-std::chrono::system_clock::time_point DeadlineIn(absl::Duration timeout) {
-  return absl::ToChronoTime(absl::Now() + timeout);
-}
 
 // gRPC lists all addresses it tried; the last error is enough for the user.
 absl::string_view Reason(absl::string_view message) {
@@ -112,7 +108,7 @@ class GrpcFarmClient : public FarmClient {
     v1::WatchJobRequest request;
     request.set_job_id(job_id);
     grpc::ClientContext context;
-    context.set_deadline(DeadlineIn(kStreamTimeout));
+    context.set_deadline(rpc::MonotonicDeadline(kStreamTimeout));
     grpc::CompletionQueue queue;
     const auto reader = stub_->AsyncWatchJob(&context, request, &queue, nullptr);
     v1::JobStatus job;
@@ -135,7 +131,7 @@ class GrpcFarmClient : public FarmClient {
     request.set_frame(frame);
     request.set_offset(offset);
     grpc::ClientContext context;
-    context.set_deadline(DeadlineIn(kStreamTimeout));
+    context.set_deadline(rpc::MonotonicDeadline(kStreamTimeout));
     const auto reader = stub_->DownloadResult(&context, request);
     absl::Status taken;
     v1::ByteChunk chunk;
@@ -152,7 +148,7 @@ class GrpcFarmClient : public FarmClient {
             absl::FunctionRef<void()> on_tick) const {
     void* tag = nullptr;
     bool ok = false;
-    while (queue.AsyncNext(&tag, &ok, DeadlineIn(kTick)) == grpc::CompletionQueue::TIMEOUT) {
+    while (queue.AsyncNext(&tag, &ok, rpc::MonotonicDeadline(kTick)) == grpc::CompletionQueue::TIMEOUT) {
       if (options_.interrupted()) context.TryCancel();
       on_tick();
     }

@@ -7,8 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/strip.h"
-#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "filter/image/picture_io.h"
+#include "proto/rpc/monotonic.h"
 #include "worker/render/environment.h"
 #include "worker/scene/gltf_loader.h"
 
@@ -153,7 +154,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
                                                   std::atomic<int64_t>* progress) {
   absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = RendererOf(spec, lease.unit(), progress);
   if (!renderer.ok()) return renderer.status();
-  const absl::Time start = absl::Now();
+  const absl::Time start = rpc::MonotonicNow();
   RenderedUnit unit;
   render::RenderCounts counts;
   counts.rows = progress;
@@ -173,7 +174,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
   }
   unit.stats.set_samples(counts.samples);
   unit.stats.set_bad_samples(counts.bad_samples);
-  unit.stats.set_seconds(absl::ToDoubleSeconds(absl::Now() - start));
+  unit.stats.set_seconds(absl::ToDoubleSeconds(rpc::MonotonicNow() - start));
   return unit;
 }
 

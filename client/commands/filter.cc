@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
 #include "client/film_file.h"
@@ -17,6 +17,7 @@
 #include "filter/image/layers.h"
 #include "filter/image/memory.h"
 #include "filter/image/png_io.h"
+#include "proto/rpc/monotonic.h"
 
 namespace lumifold::client {
 namespace {
@@ -131,8 +132,8 @@ class Output {
 /// The time spent in reads and writes.
 class IoClock {
  public:
-  void Begin() { start_ = absl::Now(); }
-  void End() { spent_ += absl::Now() - start_; }
+  void Begin() { start_ = rpc::MonotonicNow(); }
+  void End() { spent_ += rpc::MonotonicNow() - start_; }
   absl::Duration spent() const { return spent_; }
 
  private:
@@ -158,11 +159,11 @@ absl::StatusOr<double> FilterInto(const FilterOptions& options, FilmSource* film
     io.End();
     return status;
   };
-  const absl::Time start = absl::Now();
+  const absl::Time start = rpc::MonotonicNow();
   const absl::Status filtered = environment.film_filter(
       &timed, options.method, options.threads, Output::PassedOn(*PictureFormatOf(options.output)), write);
   if (!filtered.ok()) return filtered;
-  const double seconds = absl::ToDoubleSeconds(absl::Now() - start - io.spent());
+  const double seconds = absl::ToDoubleSeconds(rpc::MonotonicNow() - start - io.spent());
   if (absl::Status status = output.Finish(); !status.ok()) return status;
   return seconds;
 }

@@ -7,12 +7,13 @@
 #include <random>
 
 #include "absl/time/clock.h"
+#include "proto/rpc/monotonic.h"
 
 namespace lumifold::rpc {
 
 RetryEnvironment RetryEnvironment::Real() {
   auto engine = std::make_shared<std::mt19937>(std::random_device{}());
-  return {.now = [] { return absl::Now(); },
+  return {.now = MonotonicNow,
           .sleep = [](absl::Duration pause) { absl::SleepFor(pause); },
           .jitter = [engine] { return std::uniform_real_distribution<double>(0.0, 1.0)(*engine); }};
 }
@@ -29,8 +30,8 @@ absl::Status CallWithRetry(const RetryPolicy& policy, Idempotency idempotency,
   absl::Duration pause = policy.first_pause;
   for (int tries = 1;; ++tries) {
     grpc::ClientContext context;
-    // gRPC measures deadlines with the machine's clock, not with environment.now.
-    context.set_deadline(absl::ToChronoTime(absl::Now() + policy.try_timeout));
+    // gRPC has a clock of its own, not environment.now.
+    context.set_deadline(MonotonicDeadline(policy.try_timeout));
     absl::Status status = call(context);
     if (status.ok() || !IsTransient(status) || tries >= max_tries) return status;
     const absl::Duration shortened = pause * (1.0 - 0.5 * environment.jitter());

@@ -28,13 +28,14 @@ struct RetryPolicy {
 
 /// Clock, sleep and jitter of a retry loop.
 struct RetryEnvironment {
+  /// Only differences of these times are used.
   std::function<absl::Time()> now;
   std::function<void(absl::Duration)> sleep;
   /// A random number in [0, 1). Shortens each pause by up to a half, so that many callers do not retry at the
   /// same time.
   std::function<double()> jitter;
 
-  /// The machine's clock, a real sleep and random jitter.
+  /// The monotonic clock, a real sleep and random jitter.
   static RetryEnvironment Real();
 };
 

@@ -171,5 +171,19 @@ class Words(unittest.TestCase):
                             self.fail(f"retired: {found.group()}")
 
 
+class Clocks(unittest.TestCase):
+    # Wall clock, or a wait of absl, whose deadlines are of the wall clock. proto/rpc/monotonic.h has what to use instead.
+    WALL_CLOCK = re.compile(r"absl::Now\b(?!\(\) is)|system_clock|gettimeofday|\b(Await|Wait\w*)With(Timeout|Deadline)\b")
+
+    def test_client_and_worker_measure_time_by_the_monotonic_clock(self):
+        for folder in ("client", "worker", "proto/rpc"):
+            for file in sorted((ROOT / folder).rglob("*")):
+                if file.suffix not in SOURCE_SUFFIXES:
+                    continue
+                for number, line in enumerate(file.read_text().split("\n"), start=1):
+                    with self.subTest(file=str(file.relative_to(ROOT)), line=number):
+                        self.assertNotRegex(line, self.WALL_CLOCK)
+
+
 if __name__ == "__main__":
     unittest.main()

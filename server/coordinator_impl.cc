@@ -9,6 +9,7 @@
 #include "filter/methods.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/version.h"
+#include "server/film/result_digest.h"
 #include "server/job/ids.h"
 #include "server/job/job_spec.h"
 #include "server/job_status.h"
@@ -264,7 +265,13 @@ absl::StatusOr<rpc::ByteSender> Coordinator::OpenResult(const v1::DownloadResult
     return absl::FailedPreconditionError(
         absl::StrCat("frame ", request.frame(), " of job ", request.job_id(), " is not ready"));
   }
-  return rpc::ByteSender::Open(folder_.ResultPath(job, request.frame()), request.offset());
+  const std::string path = folder_.ResultPath(job, request.frame());
+  absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::Open(path, request.offset());
+  if (!sender.ok()) return sender;
+  absl::StatusOr<std::string> digest = film::ResultDigest(path);
+  if (!digest.ok()) return digest.status();
+  sender->SetSha256(*std::move(digest));
+  return sender;
 }
 
 absl::Status Coordinator::Watch(const std::string& job_id, JobWatcher* watcher) {

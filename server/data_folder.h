@@ -14,7 +14,7 @@ namespace lumifold::server {
 ///   ledger.db        jobs and committed units
 ///   assets/SHA256    scenes and the files they refer to; incoming/ has uploads in progress
 ///   film/JOB/        unit logs, frame-NNNN.units
-///   results/JOB/     results, frame-NNNN.exr
+///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256
 ///   lock             lock file of the coordinator that uses the folder
 ///
 /// Threads: safe.

@@ -8,6 +8,7 @@
 #include "filter/image/layers.h"
 #include "filter/methods.h"
 #include "server/committed_units.h"
+#include "server/film/result_digest.h"
 #include "server/film/result_writer.h"
 #include "server/film/unit_film.h"
 
@@ -148,6 +149,8 @@ absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::Job
   const absl::Status written = is_one_block ? finish.Whole() : finish.InRows(blocks);
   if (!written.ok()) return written;
   if (absl::Status status = result->Finish(); !status.ok()) return status;
+  const absl::StatusOr<std::string> digest = film::MakeResultDigest(folder.ResultPath(job_id, frame));
+  if (!digest.ok()) return digest.status();
   clock.Charge(StageClock::kWrite);
   return clock.Times();
 }

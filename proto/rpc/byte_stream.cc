@@ -84,8 +84,9 @@ absl::StatusOr<ByteSender> ByteSender::Open(const std::string& path, uint64_t of
 
 absl::StatusOr<bool> ByteSender::Next(v1::ByteChunk* chunk) {
   if (started_ && offset_ == size_) return false;
-  started_ = true;
   chunk->Clear();
+  if (!started_) chunk->set_sha256(sha256_);
+  started_ = true;
   chunk->set_offset(offset_);
   chunk->set_total_size(size_);
   std::string* data = chunk->mutable_data();

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -33,6 +34,9 @@ class ByteSender {
   /// system's message.
   static absl::StatusOr<ByteSender> Open(const std::string& path, uint64_t offset);
 
+  /// States the SHA-256 of the whole file on the first chunk. Call it before Next.
+  void SetSha256(std::string sha256) { sha256_ = std::move(sha256); }
+
   /// Fills `chunk` with the next piece; false after the last one.
   /// Errors: kUnavailable; kDataLoss if the file has become shorter.
   absl::StatusOr<bool> Next(v1::ByteChunk* chunk);
@@ -44,6 +48,7 @@ class ByteSender {
   FileHandle file_;
   uint64_t offset_;
   uint64_t size_;
+  std::string sha256_;
   bool started_ = false;
 };
 

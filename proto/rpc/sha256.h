@@ -1,8 +1,12 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <string_view>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
 
 struct evp_md_ctx_st;
 
@@ -28,6 +32,14 @@ class Sha256 {
 
 /// The SHA-256 of `bytes` in hexadecimal.
 std::string Sha256Hex(std::string_view bytes);
+
+/// The first `bytes` bytes of a file, added to `sum`.
+/// Errors: kNotFound naming the file; kDataLoss if it is shorter; kUnavailable with the system's message.
+absl::Status AddFileStart(const std::string& path, uint64_t bytes, Sha256* sum);
+
+/// The SHA-256 of a file in hexadecimal.
+/// Errors: kNotFound naming the file; kUnavailable with the system's message.
+absl::StatusOr<std::string> Sha256HexOfFile(const std::string& path);
 
 /// Whether `text` is 64 lower-case hexadecimal digits. Such a text is safe as a file name.
 bool IsSha256Hex(std::string_view text);

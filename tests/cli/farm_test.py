@@ -97,6 +97,30 @@ class Jobs(FarmTest):
         self.succeed("download", job, "-o", "again.exr")
         self.assertEqual((self.folder / "again.exr").read_bytes(), whole)
 
+    def test_garbage_in_a_part_is_healed(self):
+        self.start_worker()
+        job = self.submit()
+        self.succeed("wait", job)
+        self.succeed("download", job, "-o", "whole.exr")
+        whole = (self.folder / "whole.exr").read_bytes()
+        for garbage in (b"?" * 1000, b"?" * len(whole), b"?" * (len(whole) + 5), whole[:99] + b"?" + whole[100:]):
+            (self.folder / f"again.exr.{job}-0.part").write_bytes(garbage)
+            self.succeed("download", job, "-o", "again.exr")
+            self.assertEqual((self.folder / "again.exr").read_bytes(), whole)
+
+    def test_a_result_that_changed_is_refused(self):
+        self.start_worker()
+        job = self.submit()
+        self.succeed("wait", job)
+        result = self.folder / "data" / "results" / job / "frame-0000.exr"
+        whole = result.read_bytes()
+        result.write_bytes(whole[:-100] + bytes([whole[-100] ^ 1]) + whole[-99:])
+        code, out, err = self.run_lumifold("download", job, "-o", "out.exr")
+        self.assertEqual((code, out), (1, ""))
+        self.assertRegex(err.splitlines()[-1],
+                         rf"\Alumifold: frame 0 of job {job}: its SHA-256 is \w+, the coordinator states \w+\Z")
+        self.assertNotIn("out.exr", "".join(self.files()))
+
     def test_cancel(self):
         job = self.submit(*NO_END)  # no worker yet
         self.assertEqual(self.succeed_json("status", job)["state"], "queued")

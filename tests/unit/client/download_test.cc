@@ -76,6 +76,50 @@ TEST_F(DownloadTest, BeginsAnewWhereThePartIsLongerThanTheFile) {
   EXPECT_THAT(farm_.download_offsets(), ElementsAre(5504, 0));
 }
 
+TEST_F(DownloadTest, BeginsAnewOnceWhereThePartIsGarbage) {
+  folder_.Write("part", std::string(1234, '?'));
+  EXPECT_EQ(Download(), absl::OkStatus());
+  EXPECT_EQ(folder_.Read("part"), farm_.result);
+  EXPECT_THAT(farm_.download_offsets(), ElementsAre(1234, 0));
+  EXPECT_THAT(test_.err.str(), testing::ContainsRegex("frame 0 of job job-1: its SHA-256 is .*again\n"));
+}
+
+TEST_F(DownloadTest, BeginsAnewWhereAPartOfTheRightSizeIsGarbage) {
+  folder_.Write("part", std::string(farm_.result.size(), '?'));
+  EXPECT_EQ(Download(), absl::OkStatus());
+  EXPECT_EQ(folder_.Read("part"), farm_.result);
+}
+
+TEST_F(DownloadTest, RefusesAFileWithChangedBytes) {
+  std::string changed = farm_.result;
+  changed[4321] ^= 1;
+  farm_.sent_results = {changed};
+  const absl::Status status = Download();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(
+      std::string(status.message()),
+      testing::MatchesRegex("frame 0 of job job-1: its SHA-256 is [0-9a-f]+, the coordinator states .*"));
+  EXPECT_EQ(folder_.FileCount(), 0);
+}
+
+TEST_F(DownloadTest, HealsBytesThatChangedBeforeAConnectionBroke) {
+  std::string changed = farm_.result;
+  changed[123] ^= 1;
+  farm_.sent_results = {changed};
+  farm_.break_downloads = {3000};
+  EXPECT_EQ(Download(), absl::OkStatus());
+  EXPECT_EQ(folder_.Read("part"), farm_.result);
+  EXPECT_THAT(farm_.download_offsets(), ElementsAre(0, 3000, 0));
+}
+
+TEST_F(DownloadTest, BeginsAnewOnceOnly) {
+  folder_.Write("part", std::string(1234, '?'));
+  farm_.stated_sha256 = std::string(64, '0');
+  EXPECT_EQ(Download().code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(farm_.download_offsets(), ElementsAre(1234, 0));
+  EXPECT_EQ(folder_.FileCount(), 0);
+}
+
 TEST_F(DownloadTest, GivesUpWhenNothingMovesAndKeepsWhatItHas) {
   farm_.break_downloads.assign(1000, 3000);
   const absl::Time begin = time_.now;

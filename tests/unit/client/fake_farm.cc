@@ -7,6 +7,7 @@
 #include "filter/image/check.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/credentials.h"
+#include "proto/rpc/sha256.h"
 
 namespace lumifold::client {
 namespace {
@@ -132,11 +133,13 @@ grpc::Status FakeFarm::DownloadResult(grpc::ServerContext*, const v1::DownloadRe
                                       grpc::ServerWriter<v1::ByteChunk>* writer) {
   if (result.empty()) return NoSuchJob(request->job_id());
   uint64_t stop = result.size();
+  std::string sent = result;
   {
     const std::lock_guard lock(mutex_);
     const size_t call = download_offsets_.size();
     download_offsets_.push_back(request->offset());
     if (call < break_downloads.size()) stop = break_downloads[call];
+    if (call < sent_results.size()) sent = sent_results[call];
   }
   if (request->offset() > result.size()) return {grpc::StatusCode::OUT_OF_RANGE, "past the end"};
   uint64_t offset = request->offset();
@@ -144,7 +147,9 @@ grpc::Status FakeFarm::DownloadResult(grpc::ServerContext*, const v1::DownloadRe
   do {
     v1::ByteChunk chunk;
     chunk.set_offset(offset);
-    chunk.set_data(result.substr(offset, std::min(kPieceBytes, stop - offset)));
+    if (offset == request->offset())
+      chunk.set_sha256(stated_sha256.empty() ? rpc::Sha256Hex(result) : stated_sha256);
+    chunk.set_data(sent.substr(offset, std::min(kPieceBytes, stop - offset)));
     chunk.set_checksum(rpc::Checksum(chunk.data()));
     chunk.set_total_size(result.size());
     writer->Write(chunk);

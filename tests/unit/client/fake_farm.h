@@ -28,6 +28,8 @@ class FakeFarm final : public v1::FarmService::Service {
   bool hold_watch = false;                // keeps the stream open until the client disconnects
   std::string result;                     // the file of every frame
   std::vector<uint64_t> break_downloads;  // the n-th download breaks at this offset of the file
+  std::vector<std::string> sent_results;  // the n-th download sends this file instead, with its checksums
+  std::string stated_sha256;              // instead of that of `result`
   std::string submit_error;               // INVALID_ARGUMENT with this text
   std::map<std::string, v1::JobStatus> jobs;
 

@@ -2,6 +2,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -23,7 +24,7 @@ const rpc::RetryPolicy kSlowCallPolicy = {
     .try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60), .max_tries = 3};
 // Streams have longer deadlines than calls. The callers reopen a stream that broke or exceeded its deadline.
 constexpr absl::Duration kStreamTimeout = absl::Minutes(10);
-// Uploads over slower connections exceed their deadline.
+// Uploads over slower connections exceed their deadline and go on with a new call.
 constexpr double kSlowestUploadBytesPerSecond = 128 * 1024;
 constexpr absl::Duration kTick = absl::Milliseconds(100);
 
@@ -51,13 +52,23 @@ class GrpcFarmClient : public FarmClient {
     return std::vector<std::string>(response.missing_sha256().begin(), response.missing_sha256().end());
   }
 
-  absl::Status UploadAsset(const LocalAsset& asset, absl::FunctionRef<void(uint64_t)> on_sent) override {
-    rpc::RetryPolicy policy = kSlowCallPolicy;
-    policy.try_timeout += absl::Seconds(static_cast<double>(asset.ref.size()) / kSlowestUploadBytesPerSecond);
-    policy.total_timeout += 2 * policy.try_timeout;
-    return rpc::CallWithRetry(
-        policy, rpc::Idempotency::kIdempotent, options_.time,
-        [&](grpc::ClientContext& context) { return UploadOnce(context, asset, on_sent); });
+  absl::StatusOr<uint64_t> FindUpload(const v1::AssetRef& asset) override {
+    v1::FindUploadRequest request;
+    *request.mutable_asset() = asset;
+    v1::FindUploadResponse response;
+    const absl::Status status = Call(kSlowCallPolicy, [&](grpc::ClientContext& context) {
+      return stub_->FindUpload(&context, request, &response);
+    });
+    if (!status.ok()) return status;
+    return std::min<uint64_t>(response.received_bytes(), asset.size());
+  }
+
+  absl::Status UploadAsset(const LocalAsset& asset, uint64_t offset,
+                           absl::FunctionRef<void(uint64_t)> on_sent) override {
+    grpc::ClientContext context;
+    const double slowest = static_cast<double>(asset.ref.size() - offset) / kSlowestUploadBytesPerSecond;
+    context.set_deadline(rpc::MonotonicDeadline(kSlowCallPolicy.try_timeout + absl::Seconds(slowest)));
+    return UploadOnce(context, asset, offset, on_sent);
   }
 
   absl::StatusOr<std::string> SubmitJob(const v1::JobSpec& spec, const std::string& request_id) override {
@@ -161,9 +172,9 @@ class GrpcFarmClient : public FarmClient {
                               [&](grpc::ClientContext& context) { return StatusOfCall(call(context)); });
   }
 
-  absl::Status UploadOnce(grpc::ClientContext& context, const LocalAsset& asset,
+  absl::Status UploadOnce(grpc::ClientContext& context, const LocalAsset& asset, uint64_t offset,
                           absl::FunctionRef<void(uint64_t)> on_sent) const {
-    absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::Open(asset.path, /*offset=*/0);
+    absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::Open(asset.path, offset);
     if (!sender.ok()) return OfThisMachine(sender.status());
     v1::UploadAssetResponse response;
     const auto writer = stub_->UploadAsset(&context, &response);

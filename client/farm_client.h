@@ -31,9 +31,12 @@ class FarmClient {
   /// SHA-256 of the scene's assets that the coordinator does not have.
   virtual absl::StatusOr<std::vector<std::string>> FindMissingAssets(const v1::SceneRef& scene) = 0;
 
-  /// Sends one file. Calls `on_sent` with the number of bytes sent so far; it decreases when a retry starts
-  /// again.
-  virtual absl::Status UploadAsset(const LocalAsset& asset,
+  /// How many bytes of an asset the coordinator has from an upload that broke.
+  virtual absl::StatusOr<uint64_t> FindUpload(const v1::AssetRef& asset) = 0;
+
+  /// Sends one file from `offset` on. Calls `on_sent` with the position in the file. Not retried: see
+  /// client/upload.h.
+  virtual absl::Status UploadAsset(const LocalAsset& asset, uint64_t offset,
                                    absl::FunctionRef<void(uint64_t sent_bytes)> on_sent) = 0;
 
   /// Submits a job and returns its id. Repeated calls with the same request_id create one job.

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "client/upload.h"
 
 namespace lumifold::client {
 namespace {
@@ -29,14 +30,15 @@ std::vector<const LocalAsset*> Missing(const SceneAssets& assets,
   return missing;
 }
 
-absl::Status Upload(FarmClient& farm, const std::vector<const LocalAsset*>& assets, Progress& progress) {
+absl::Status Upload(FarmClient& farm, const std::vector<const LocalAsset*>& assets, Progress& progress,
+                    const Backoff& backoff) {
   ProgressState state;
   state.stage = "uploading";
   state.unit = ProgressUnit::kBytes;
   for (const LocalAsset* asset : assets) state.total += static_cast<int64_t>(asset->ref.size());
   int64_t before = 0;
   for (const LocalAsset* asset : assets) {
-    const absl::Status status = farm.UploadAsset(*asset, [&](uint64_t sent_bytes) {
+    const absl::Status status = UploadFile(farm, *asset, progress, backoff, [&](uint64_t sent_bytes) {
       state.done = before + static_cast<int64_t>(sent_bytes);
       progress.Update(state);
     });
@@ -46,17 +48,27 @@ absl::Status Upload(FarmClient& farm, const std::vector<const LocalAsset*>& asse
   return absl::OkStatus();
 }
 
+// The request id makes retries harmless.
+absl::StatusOr<std::string> Submit(FarmClient& farm, const v1::JobSpec& spec, Backoff backoff) {
+  const std::string request_id = MakeRequestId();
+  backoff.Reset();
+  while (true) {
+    absl::StatusOr<std::string> job_id = farm.SubmitJob(spec, request_id);
+    if (!absl::IsUnavailable(job_id.status()) || !backoff.Pause()) return job_id;
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> SubmitScene(FarmClient& farm, const SceneAssets& assets, v1::JobSpec spec,
-                                        Progress& progress) {
+                                        Progress& progress, const Backoff& backoff) {
   *spec.mutable_scene() = MakeSceneRef(assets);
   const absl::StatusOr<std::vector<std::string>> missing = farm.FindMissingAssets(spec.scene());
   if (!missing.ok()) return missing.status();
-  const absl::Status uploaded = Upload(farm, Missing(assets, *missing), progress);
+  const absl::Status uploaded = Upload(farm, Missing(assets, *missing), progress, backoff);
   progress.Clear();
   if (!uploaded.ok()) return uploaded;
-  return farm.SubmitJob(spec, MakeRequestId());
+  return Submit(farm, spec, backoff);
 }
 
 }  // namespace lumifold::client

@@ -4,6 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "client/assets.h"
+#include "client/backoff.h"
 #include "client/farm_client.h"
 #include "client/progress.h"
 #include "lumifold/v1/job.pb.h"
@@ -11,9 +12,10 @@
 namespace lumifold::client {
 
 /// Uploads the assets that the coordinator does not have, each content once, submits the job and returns its
-/// id. `spec` is the job without its scene.
+/// id. `spec` is the job without its scene. A first call that fails is an error at once; after it, a
+/// coordinator that goes away is tried again as long as `backoff` allows without progress.
 /// Errors: those of FarmClient.
 absl::StatusOr<std::string> SubmitScene(FarmClient& farm, const SceneAssets& assets, v1::JobSpec spec,
-                                        Progress& progress);
+                                        Progress& progress, const Backoff& backoff);
 
 }  // namespace lumifold::client

@@ -157,6 +157,12 @@ absl::StatusOr<v1::FindMissingAssetsResponse> Coordinator::FindMissingAssets(
   return response;
 }
 
+absl::StatusOr<v1::FindUploadResponse> Coordinator::FindUpload(const v1::FindUploadRequest& request) const {
+  v1::FindUploadResponse response;
+  response.set_received_bytes(assets_->ReceivedBytes(request.asset().sha256()));
+  return response;
+}
+
 absl::StatusOr<std::unique_ptr<AssetUpload>> Coordinator::ReceiveAsset(const v1::AssetRef& asset) {
   return assets_->Receive(asset);
 }

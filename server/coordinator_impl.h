@@ -76,6 +76,7 @@ class Coordinator final : private Committer::Listener {
   // Calls of clients; farm.proto documents them and their errors.
   absl::StatusOr<v1::FindMissingAssetsResponse> FindMissingAssets(
       const v1::FindMissingAssetsRequest& request) const;
+  absl::StatusOr<v1::FindUploadResponse> FindUpload(const v1::FindUploadRequest& request) const;
   absl::StatusOr<std::unique_ptr<AssetUpload>> ReceiveAsset(const v1::AssetRef& asset);
   absl::StatusOr<v1::SubmitJobResponse> SubmitJob(const v1::SubmitJobRequest& request);
   absl::StatusOr<v1::JobStatus> GetJob(const std::string& job_id);

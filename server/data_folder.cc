@@ -44,9 +44,6 @@ absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
 }
 
 absl::Status DataFolder::RemoveLeftovers() const {
-  // Uploads in progress are incomplete.
-  if (absl::Status status = RemoveAll(IncomingPath()); !status.ok()) return status;
-  if (absl::Status status = MakeFolder(IncomingPath()); !status.ok()) return status;
   // Results that still have their temporary name are incomplete.
   std::vector<std::string> partial;
   std::error_code error;

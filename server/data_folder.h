@@ -12,7 +12,8 @@ namespace lumifold::server {
 /// Layout of a coordinator's data folder:
 ///
 ///   ledger.db        jobs and committed units
-///   assets/SHA256    scenes and the files they refer to; incoming/ has uploads in progress
+///   assets/SHA256    scenes and the files they refer to
+///   incoming/        uploads in progress, and what has arrived of those that broke (see AssetStore)
 ///   film/JOB/        unit logs, frame-NNNN.units
 ///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256
 ///   lock             lock file of the coordinator that uses the folder
@@ -27,7 +28,7 @@ class DataFolder {
   /// Both name the folder.
   absl::StatusOr<rpc::FileHandle> Claim() const;
 
-  /// Removes incomplete uploads and results of a coordinator that was killed.
+  /// Removes incomplete results of a coordinator that was killed.
   /// Errors: kUnavailable naming the file.
   absl::Status RemoveLeftovers() const;
 

@@ -61,8 +61,7 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
   void OnReadDone(bool ok) override {
     const absl::Status status = ok ? Take() : End();
     if (ok && status.ok()) return StartRead(&request_);
-    upload_
-        .reset();  // first, so that the file of a failed upload is removed before the caller gets the error
+    upload_.reset();  // first, so that what has arrived is kept before the caller gets the error
     Finish(rpc::GrpcFromStatus(status));
   }
   void OnDone() override { delete this; }
@@ -222,6 +221,11 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                               const v1::FindMissingAssetsRequest* request,
                                               v1::FindMissingAssetsResponse* response) override {
     return Answer(context, coordinator_->FindMissingAssets(*request), response);
+  }
+  grpc::ServerUnaryReactor* FindUpload(grpc::CallbackServerContext* context,
+                                       const v1::FindUploadRequest* request,
+                                       v1::FindUploadResponse* response) override {
+    return Answer(context, coordinator_->FindUpload(*request), response);
   }
   grpc::ServerReadReactor<v1::UploadAssetRequest>* UploadAsset(grpc::CallbackServerContext*,
                                                                v1::UploadAssetResponse*) override {

@@ -45,7 +45,8 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
 absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, const RenderOptions& options,
                                      const SceneAssets& assets, Progress& progress,
                                      const Environment& environment) {
-  const absl::StatusOr<std::string> job_id = SubmitScene(farm, assets, MakeJobSpec(options.job), progress);
+  const absl::StatusOr<std::string> job_id =
+      SubmitScene(farm, assets, MakeJobSpec(options.job), progress, MakeBackoff(environment));
   if (!job_id.ok()) return job_id.status();
   absl::StatusOr<v1::JobStatus> job =
       FollowJob(farm, *job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});

@@ -16,7 +16,7 @@ absl::StatusOr<std::string> Submit(const JobOptions& job, const RemoteOptions& r
   if (!assets.ok()) return assets.status();
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
-  return SubmitScene(*farm, *assets, MakeJobSpec(job), *progress);
+  return SubmitScene(*farm, *assets, MakeJobSpec(job), *progress, MakeBackoff(environment));
 }
 
 }  // namespace

@@ -1,10 +1,15 @@
-"""Workers come back soon after an outage of the coordinator."""
+"""Workers and clients come back soon after an outage of the coordinator, and lose nothing that was done before."""
 
+import os
+import pathlib
+import socket
+import subprocess
 import tempfile
+import threading
 import time
 import unittest
 
-from farm import Farm, wait_until
+from farm import BIN, PATIENCE_SECONDS, Farm, make_scene, wait_until
 
 OUTAGE_SECONDS = 30
 # The longest pause of 5 s, gRPC's jitter of 20 % and time for a busy machine. With gRPC's own pauses of up to two minutes
@@ -28,6 +33,78 @@ class OutageTest(unittest.TestCase):
             wait_until(lambda: all(worker.log_text().count("event=joined") == 2 for worker in workers),
                        "the workers join again")
             self.assertLess(time.monotonic() - begin, LATEST_RETURN_SECONDS)
+
+
+class SlowProxy:
+    """Forwards connections at a limited rate and counts the bytes sent to the server."""
+
+    BYTES_PER_TURN = 64 << 10
+    SECONDS_PER_TURN = 0.005  # 12 MB/s
+
+    def __init__(self, server_address):
+        host, port = server_address.rsplit(":", 1)
+        self.server = (host, int(port))
+        self.sent_bytes = 0
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.address = f"127.0.0.1:{self.listener.getsockname()[1]}"
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def accept(self):
+        while True:
+            try:
+                client, _ = self.listener.accept()
+                server = socket.create_connection(self.server)
+            except OSError:
+                if self.listener.fileno() < 0:
+                    return
+                client.close()
+                continue
+            threading.Thread(target=self.forward, args=(client, server, True), daemon=True).start()
+            threading.Thread(target=self.forward, args=(server, client, False), daemon=True).start()
+
+    def forward(self, source, target, is_upload):
+        try:
+            while data := source.recv(self.BYTES_PER_TURN):
+                target.sendall(data)
+                if is_upload:
+                    self.sent_bytes += len(data)
+                    time.sleep(self.SECONDS_PER_TURN)
+        except OSError:
+            pass
+        for end in (source, target):
+            try:
+                end.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass
+
+    def close(self):
+        self.listener.close()
+
+
+class UploadTest(unittest.TestCase):
+    ASSET_BYTES = 48 << 20
+
+    def test_an_upload_goes_on_with_a_restarted_coordinator(self):
+        with tempfile.TemporaryDirectory() as folder, Farm(pathlib.Path(folder) / "data") as farm:
+            scene = make_scene("cornell-box", folder)
+            content = scene.read_bytes()
+            noise = os.urandom(self.ASSET_BYTES)
+            length = len(content) + 8 + len(noise)  # a chunk of an unknown kind, which readers skip
+            scene.write_bytes(content[:8] + length.to_bytes(4, "little") + content[12:]
+                              + len(noise).to_bytes(4, "little") + b"NOIS" + noise)
+            proxy = SlowProxy(farm.address)
+            self.addCleanup(proxy.close)
+            client = subprocess.Popen([BIN / "lumifold", "submit", scene, "--server", proxy.address, "--size", "8x8"],
+                                      stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            wait_until(lambda: proxy.sent_bytes > self.ASSET_BYTES * 0.6, "most of the file is sent")
+            farm.server.kill()
+            farm.start_server(listen=farm.address)
+            out, err = client.communicate(timeout=PATIENCE_SECONDS)
+            self.assertEqual(client.returncode, 0, err)
+            self.assertRegex(out, r"\A\S+\n\Z")
+            self.assertIn("trying again", err)
+            # Buffers between client and coordinator are lost with the connection, but not what had arrived.
+            self.assertLess(proxy.sent_bytes, 1.4 * self.ASSET_BYTES)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 #include "tests/unit/client/fake_farm.h"
 
 #include <algorithm>
+#include <limits>
+#include <optional>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -42,6 +44,16 @@ std::vector<std::string> FakeFarm::uploads() const {
   return uploads_;
 }
 
+std::vector<uint64_t> FakeFarm::upload_offsets() const {
+  const std::lock_guard lock(mutex_);
+  return upload_offsets_;
+}
+
+void FakeFarm::KeepUpload(const std::string& sha256, const std::string& content) {
+  const std::lock_guard lock(mutex_);
+  kept_[sha256] = content;
+}
+
 std::vector<v1::SubmitJobRequest> FakeFarm::submissions() const {
   const std::lock_guard lock(mutex_);
   return submissions_;
@@ -66,20 +78,43 @@ grpc::Status FakeFarm::FindMissingAssets(grpc::ServerContext*, const v1::FindMis
   return grpc::Status::OK;
 }
 
+grpc::Status FakeFarm::FindUpload(grpc::ServerContext*, const v1::FindUploadRequest* request,
+                                  v1::FindUploadResponse* response) {
+  const std::lock_guard lock(mutex_);
+  const auto kept = kept_.find(request->asset().sha256());
+  if (kept != kept_.end()) response->set_received_bytes(kept->second.size());
+  return grpc::Status::OK;
+}
+
 grpc::Status FakeFarm::UploadAsset(grpc::ServerContext*, grpc::ServerReader<v1::UploadAssetRequest>* reader,
                                    v1::UploadAssetResponse*) {
   v1::UploadAssetRequest request;
   std::string content;
   std::string sha256;
-  while (reader->Read(&request)) {
+  std::optional<uint64_t> first;
+  uint64_t stop = std::numeric_limits<uint64_t>::max();
+  while (content.size() < stop && reader->Read(&request)) {
     if (request.has_announce()) sha256 = request.announce().sha256();
     if (!request.has_chunk()) continue;
     if (rpc::Checksum(request.chunk().data()) != request.chunk().checksum()) {
       return {grpc::StatusCode::DATA_LOSS, "checksum"};
     }
-    content += request.chunk().data();
+    if (!first.has_value()) {
+      first = request.chunk().offset();
+      const std::lock_guard lock(mutex_);
+      if (upload_offsets_.size() < break_uploads.size()) stop = break_uploads[upload_offsets_.size()];
+      upload_offsets_.push_back(*first);
+      content = kept_[sha256].substr(0, *first);
+    }
+    if (content.size() < stop) content.append(request.chunk().data(), 0, stop - content.size());
   }
   const std::lock_guard lock(mutex_);
+  if (content.size() >= stop) {
+    kept_[sha256] = content;
+    return {grpc::StatusCode::UNAVAILABLE, "broken by the test"};
+  }
+  kept_.erase(sha256);
+  if (rpc::Sha256Hex(content) != sha256) return {grpc::StatusCode::DATA_LOSS, "SHA-256"};
   assets_[sha256] = content;
   uploads_.push_back(content);
   return grpc::Status::OK;

@@ -30,11 +30,16 @@ class FakeFarm final : public v1::FarmService::Service {
   std::vector<uint64_t> break_downloads;  // the n-th download breaks at this offset of the file
   std::vector<std::string> sent_results;  // the n-th download sends this file instead, with its checksums
   std::string stated_sha256;              // instead of that of `result`
+  std::vector<uint64_t> break_uploads;    // the n-th upload breaks when the farm has this number of bytes
   std::string submit_error;               // INVALID_ARGUMENT with this text
   std::map<std::string, v1::JobStatus> jobs;
 
+  /// What the farm has from an upload that broke.
+  void KeepUpload(const std::string& sha256, const std::string& content);
+
   // Recorded requests.
   std::vector<std::string> uploads() const;  // contents, in order
+  std::vector<uint64_t> upload_offsets() const;
   std::vector<v1::SubmitJobRequest> submissions() const;
   std::vector<uint64_t> download_offsets() const;
   std::vector<std::string> cancelled() const;
@@ -42,6 +47,8 @@ class FakeFarm final : public v1::FarmService::Service {
  private:
   grpc::Status FindMissingAssets(grpc::ServerContext*, const v1::FindMissingAssetsRequest*,
                                  v1::FindMissingAssetsResponse*) override;
+  grpc::Status FindUpload(grpc::ServerContext*, const v1::FindUploadRequest*,
+                          v1::FindUploadResponse*) override;
   grpc::Status UploadAsset(grpc::ServerContext*, grpc::ServerReader<v1::UploadAssetRequest>*,
                            v1::UploadAssetResponse*) override;
   grpc::Status SubmitJob(grpc::ServerContext*, const v1::SubmitJobRequest*, v1::SubmitJobResponse*) override;
@@ -55,6 +62,8 @@ class FakeFarm final : public v1::FarmService::Service {
 
   mutable std::mutex mutex_;
   std::map<std::string, std::string> assets_;  // content by SHA-256
+  std::map<std::string, std::string> kept_;    // of uploads that broke, by SHA-256
+  std::vector<uint64_t> upload_offsets_;
   std::vector<std::string> uploads_;
   std::vector<v1::SubmitJobRequest> submissions_;
   std::vector<uint64_t> download_offsets_;

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
+#include <fstream>
 
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/sha256.h"
@@ -34,6 +36,13 @@ class AssetStoreTest : public ::testing::Test {
     v1::ByteChunk chunk;
     chunk.set_data(content);
     chunk.set_checksum(rpc::Checksum(content));
+    chunk.set_total_size(content.size());
+    return chunk;
+  }
+
+  static v1::ByteChunk Piece(const std::string& content, size_t offset, size_t size) {
+    v1::ByteChunk chunk = Chunk(content.substr(offset, size));
+    chunk.set_offset(offset);
     chunk.set_total_size(content.size());
     return chunk;
   }
@@ -87,17 +96,70 @@ TEST_F(AssetStoreTest, AnotherSizeIsRefusedAtOnce) {
   EXPECT_EQ((*upload)->Add(Chunk("chestnut")).code(), absl::StatusCode::kDataLoss);
 }
 
-TEST_F(AssetStoreTest, ABrokenUploadLeavesNothing) {
+TEST_F(AssetStoreTest, ABrokenUploadGoesOnWhereItStopped) {
   const v1::AssetRef asset = Announce("oak and elm");
+  EXPECT_EQ(store_.ReceivedBytes(asset.sha256()), 0u);
   {
     absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
-    v1::ByteChunk part = Chunk("oak");
-    part.set_total_size(asset.size());
-    ASSERT_TRUE((*upload)->Add(part).ok());
+    ASSERT_TRUE((*upload)->Add(Piece("oak and elm", 0, 3)).ok());
     EXPECT_THAT(std::string((*upload)->Finish().message()), HasSubstr("only 3 of 11 bytes"));
   }
   EXPECT_FALSE(store_.Has(asset.sha256()));
+  EXPECT_EQ(store_.ReceivedBytes(asset.sha256()), 3u);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+  ASSERT_TRUE((*upload)->Add(Piece("oak and elm", 3, 8)).ok());
+  EXPECT_TRUE((*upload)->Finish().ok());
+  EXPECT_TRUE(store_.Has(asset.sha256()));
   EXPECT_TRUE(NothingIncoming());
+}
+
+TEST_F(AssetStoreTest, AnUploadOfAKilledCoordinatorGoesOn) {
+  const v1::AssetRef asset = Announce("oak and elm");
+  std::ofstream(folder_.PathOf("incoming/" + asset.sha256() + ".7")) << "oak ";
+  std::ofstream(folder_.PathOf("incoming/" + asset.sha256() + ".8")) << "oak an";
+  std::ofstream(folder_.PathOf("incoming/" + asset.sha256() + ".9")) << "oa";
+  AssetStore store(folder_.PathOf("assets"), folder_.PathOf("incoming"));
+  EXPECT_EQ(store.ReceivedBytes(asset.sha256()), 6u);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store.Receive(asset);
+  ASSERT_TRUE((*upload)->Add(Piece("oak and elm", 6, 5)).ok());
+  EXPECT_TRUE((*upload)->Finish().ok());
+  EXPECT_TRUE(NothingIncoming());
+}
+
+TEST_F(AssetStoreTest, AnUploadThatIsGoneCannotGoOn) {
+  const v1::AssetRef asset = Announce("oak and elm");
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+  EXPECT_EQ((*upload)->Add(Piece("oak and elm", 3, 8)).code(), absl::StatusCode::kAborted);
+  std::ofstream(folder_.PathOf("incoming/" + asset.sha256() + ".kept")) << "oa";
+  EXPECT_EQ((*upload)->Add(Piece("oak and elm", 3, 8)).code(), absl::StatusCode::kAborted);
+  EXPECT_EQ(store_.ReceivedBytes(asset.sha256()), 2u);
+}
+
+TEST_F(AssetStoreTest, DamagedBytesAreNotKept) {
+  const v1::AssetRef asset = Announce("oak and elm");
+  std::ofstream(folder_.PathOf("incoming/" + asset.sha256() + ".kept")) << "???";
+  {
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+    ASSERT_TRUE((*upload)->Add(Piece("oak and elm", 3, 8)).ok());
+    EXPECT_EQ((*upload)->Finish().code(), absl::StatusCode::kDataLoss);
+  }
+  EXPECT_EQ(store_.ReceivedBytes(asset.sha256()), 0u);
+  EXPECT_TRUE(NothingIncoming());
+}
+
+TEST_F(AssetStoreTest, OldUploadsAndThoseOverTheLimitAreRemoved) {
+  const auto now = std::filesystem::file_time_type::clock::now();
+  for (size_t i = 0; i < kMaxKeptUploads + 2; ++i) {
+    const std::string path = folder_.PathOf("incoming/" + rpc::Sha256Hex(std::to_string(i)) + ".kept");
+    std::ofstream(path) << "x";
+    std::filesystem::last_write_time(path, now - std::chrono::hours(i == 0 ? 25 : 1));
+  }
+  AssetStore store(folder_.PathOf("assets"), folder_.PathOf("incoming"));
+  EXPECT_EQ(store.ReceivedBytes(rpc::Sha256Hex("0")), 0u);
+  size_t count = 0;
+  for (size_t i = 0; i < kMaxKeptUploads + 2; ++i)
+    count += store.ReceivedBytes(rpc::Sha256Hex(std::to_string(i)));
+  EXPECT_EQ(count, kMaxKeptUploads);
 }
 
 TEST_F(AssetStoreTest, NoNameLeadsOutOfTheFolder) {

@@ -1,5 +1,4 @@
 #include <signal.h>
-#include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
@@ -9,6 +8,7 @@
 #include <string>
 #include <thread>
 
+#include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
 #include "server/frame_finisher.h"
 #include "server/server.h"
@@ -55,14 +55,6 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion));
 }
 
-std::shared_ptr<spdlog::logger> MakeLogger(const std::string& level) {
-  auto log =
-      std::make_shared<spdlog::logger>("lumifold-server", std::make_shared<spdlog::sinks::stderr_sink_mt>());
-  log->set_pattern("%Y-%m-%dT%H:%M:%S.%e %l %v");
-  log->set_level(spdlog::level::from_str(level));
-  return log;
-}
-
 /// Blocks SIGTERM and SIGINT in this thread and the threads it starts, so that only sigwait receives them.
 sigset_t BlockEndSignals() {
   sigset_t signals;
@@ -76,7 +68,8 @@ sigset_t BlockEndSignals() {
 
 int RunServer(const Flags& flags) {
   const sigset_t end_signals = BlockEndSignals();
-  const std::shared_ptr<spdlog::logger> log = MakeLogger(flags.log_level);
+  const std::shared_ptr<spdlog::logger> log = lumifold::rpc::MakeNonblockingLogger(
+      {.name = "lumifold-server", .pattern = "%Y-%m-%dT%H:%M:%S.%e %l %v", .level = flags.log_level});
   lumifold::server::ServerOptions options;
   options.data_dir = flags.data_dir;
   options.listen = flags.listen;

@@ -9,8 +9,8 @@
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
-#include "spdlog/sinks/stdout_sinks.h"
 #include "spdlog/spdlog.h"
 #include "worker/connection.h"
 #include "worker/render/renderer.h"
@@ -34,9 +34,10 @@ std::thread WatchSignals(lumifold::rpc::MonotonicEvent* stop) {
   sigaddset(&set, SIGINT);
   sigaddset(&set, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &set, nullptr);
+  signal(SIGPIPE, SIG_IGN);  // a log without a reader must not end the worker
   return std::thread([set, stop] {
-    int signal = 0;
-    sigwait(&set, &signal);
+    int received = 0;
+    sigwait(&set, &received);
     stop->Notify();
   });
 }
@@ -69,19 +70,19 @@ int main(int argc, char** argv) {
     return kExitUsage;
   }
 
-  spdlog::set_default_logger(spdlog::stderr_logger_mt("worker"));
-  spdlog::set_level(spdlog::level::from_str(log_level));
+  const std::shared_ptr<spdlog::logger> log =
+      lumifold::rpc::MakeNonblockingLogger({.name = "worker", .level = log_level});
   lumifold::rpc::MonotonicEvent stop;
   WatchSignals(&stop).detach();
-  spdlog::info("event=start name={} server={} threads={} class={}", name, server, threads,
-               lumifold::render::NumericClass());
-  lumifold::worker::WorkerOptions options{.name = name, .threads = threads, .log = spdlog::default_logger()};
+  log->info("event=start name={} server={} threads={} class={}", name, server, threads,
+            lumifold::render::NumericClass());
+  lumifold::worker::WorkerOptions options{.name = name, .threads = threads, .log = log};
   const absl::Status status =
       lumifold::worker::RunWorker(lumifold::rpc::MakeChannel(server, security), std::move(options), stop);
   if (!status.ok()) {
     std::fprintf(stderr, "lumifold-worker: %s\n", std::string(status.message()).c_str());
     return kExitFailure;
   }
-  spdlog::info("event=stop name={}", name);
+  log->info("event=stop name={}", name);
   return 0;
 }

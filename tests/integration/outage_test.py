@@ -107,5 +107,34 @@ class UploadTest(unittest.TestCase):
             self.assertLess(proxy.sent_bytes, 1.4 * self.ASSET_BYTES)
 
 
+class FullPipeTest(unittest.TestCase):
+    def full_pipe(self):
+        """The ends of a pipe that takes no more bytes."""
+        reader, writer = os.pipe()
+        self.addCleanup(os.close, reader)
+        self.addCleanup(os.close, writer)
+        os.set_blocking(writer, False)
+        try:
+            while True:
+                os.write(writer, b"x" * 4096)
+        except BlockingIOError:
+            os.set_blocking(writer, True)
+        return reader, writer
+
+    def test_a_log_that_nobody_reads_stops_nothing(self):
+        reader, writer = self.full_pipe()
+        debug = ("--log-level", "debug")
+        with tempfile.TemporaryDirectory() as data, Farm(data, *debug, stderr=writer) as farm:
+            farm.start_worker(*debug, stderr=writer)
+            scene = make_scene("cornell-box", data)
+            job = farm.client("submit", scene, "--size", "64x48", "--spp", "8", timeout=300).stdout.strip()
+            farm.client("wait", job, timeout=300)
+            self.assertEqual(farm.status(job)["state"], "done")
+            # With a reader, the log goes on.
+            text = b""
+            while b"event=frame_finished" not in text:
+                text += os.read(reader, 1 << 16)
+
+
 if __name__ == "__main__":
     unittest.main()

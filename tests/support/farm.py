@@ -41,10 +41,10 @@ def wait_until(condition, what, seconds=PATIENCE_SECONDS):
 class Process:
     """One of our daemons. Its log is kept for the messages of failing tests."""
 
-    def __init__(self, program, *arguments):
+    def __init__(self, program, *arguments, stderr=None):
         self.log = tempfile.NamedTemporaryFile("w+", suffix=f"-{program}.log")
         self.popen = subprocess.Popen(
-            [str(BIN / program), *map(str, arguments)], stdout=subprocess.PIPE, stderr=self.log, text=True
+            [str(BIN / program), *map(str, arguments)], stdout=subprocess.PIPE, stderr=stderr or self.log, text=True
         )
 
     def stop(self):
@@ -73,21 +73,21 @@ class Process:
 class Farm(contextlib.AbstractContextManager):
     """A coordinator with a data folder, and its workers."""
 
-    def __init__(self, data, *server_arguments):
+    def __init__(self, data, *server_arguments, stderr=None):
         self.data = data
         self.workers = []
-        self.start_server(*server_arguments)
+        self.start_server(*server_arguments, stderr=stderr)
 
-    def start_server(self, *arguments, listen="127.0.0.1:0"):
-        self.server = Process("lumifold-server", "--data", self.data, "--listen", listen, *arguments)
+    def start_server(self, *arguments, listen="127.0.0.1:0", stderr=None):
+        self.server = Process("lumifold-server", "--data", self.data, "--listen", listen, *arguments, stderr=stderr)
         line = self.server.popen.stdout.readline()
         if not line.startswith("listening on "):
             self.server.popen.wait()
             raise AssertionError(f"no server: {line}{self.server.log_text()}")
         self.address = line.removeprefix("listening on ").strip()
 
-    def start_worker(self, threads=1):
-        worker = Process("lumifold-worker", "--server", self.address, "--threads", threads)
+    def start_worker(self, *arguments, threads=1, stderr=None):
+        worker = Process("lumifold-worker", "--server", self.address, "--threads", threads, *arguments, stderr=stderr)
         self.workers.append(worker)
         return worker
 

@@ -18,6 +18,7 @@
 #include "proto/rpc/status_codec.h"
 #include "proto/rpc/version.h"
 #include "spdlog/spdlog.h"
+#include "worker/asset_cache.h"
 #include "worker/render/renderer.h"
 #include "worker/unit_renderer.h"
 #include "worker/worker_impl.h"
@@ -223,7 +224,8 @@ absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions opt
   const std::shared_ptr<spdlog::logger> log =
       options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
   const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(channel);
-  UnitRenderer renderer(assets.get());
+  AssetCache cache(assets.get(), kAssetCacheBytes);
+  UnitRenderer renderer(&cache);
   WorkerImpl worker(options.threads, &renderer, log);
   rpc::ReconnectSchedule schedule(rpc::RetryEnvironment::Real().jitter);
   while (!stop.HasBeenNotified()) {

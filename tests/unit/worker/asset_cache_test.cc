@@ -1,0 +1,82 @@
+#include "worker/asset_cache.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/unit/worker/fake_assets.h"
+
+namespace lumifold::worker {
+namespace {
+
+using testing::ElementsAre;
+
+/// The content of an asset is its uri.
+class NamedAssets final : public AssetSource {
+ public:
+  absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) override {
+    fetched.push_back(asset.uri());
+    if (asset.uri() == "missing") return absl::NotFoundError("missing");
+    return asset.uri();
+  }
+  std::vector<std::string> fetched;
+};
+
+v1::AssetRef Asset(const std::string& content) {
+  v1::AssetRef asset;
+  asset.set_uri(content);
+  asset.set_sha256("sum of " + content);
+  return asset;
+}
+
+TEST(AssetCache, FetchesAnAssetOnce) {
+  NamedAssets source;
+  AssetCache cache(&source, 100);
+  for (const char* content : {"oak", "elm", "oak", "oak", "elm"})
+    EXPECT_EQ(*cache.Fetch(Asset(content)), content);
+  EXPECT_THAT(source.fetched, ElementsAre("oak", "elm"));
+}
+
+TEST(AssetCache, ForgetsTheLeastRecentlyUsedOverItsLimit) {
+  NamedAssets source;
+  AssetCache cache(&source, 10);
+  for (const char* content : {"oak", "elm", "oak", "pine", "beech"})
+    cache.Fetch(Asset(content)).IgnoreError();
+  source.fetched.clear();
+  for (const char* content : {"beech", "pine", "oak"}) EXPECT_EQ(*cache.Fetch(Asset(content)), content);
+  EXPECT_THAT(source.fetched, ElementsAre("oak"));  // beech and pine take 9 of the 10 bytes
+}
+
+TEST(AssetCache, DoesNotKeepWhatIsLargerThanItsLimit) {
+  NamedAssets source;
+  AssetCache cache(&source, 5);
+  for (const char* content : {"oak", "chestnut", "oak", "chestnut"})
+    EXPECT_EQ(*cache.Fetch(Asset(content)), content);
+  EXPECT_THAT(source.fetched, ElementsAre("oak", "chestnut", "chestnut"));
+}
+
+TEST(AssetCache, DoesNotKeepErrors) {
+  NamedAssets source;
+  AssetCache cache(&source, 100);
+  for (int i = 0; i < 2; ++i)
+    EXPECT_EQ(cache.Fetch(Asset("missing")).status(), absl::NotFoundError("missing"));
+  EXPECT_EQ(source.fetched.size(), 2u);
+}
+
+TEST(AssetCache, ThreadsShareWhatIsBeingFetched) {
+  FakeAssets source{"oak"};
+  source.SetOpen(false);
+  AssetCache cache(&source, 100);
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 8; ++i) threads.emplace_back([&] { EXPECT_EQ(*cache.Fetch(Asset("oak")), "oak"); });
+  source.AwaitFetches(1);
+  source.SetOpen(true);
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(source.fetches(), 1);
+}
+
+}  // namespace
+}  // namespace lumifold::worker

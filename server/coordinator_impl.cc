@@ -341,10 +341,11 @@ void Coordinator::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
   GrantLeases();
 }
 
-std::optional<Rect> Coordinator::FindLease(WorkerId worker, const UnitRef& unit, Attempt attempt) {
+std::optional<LeasedUnit> Coordinator::FindLease(WorkerId worker, const UnitRef& unit, Attempt attempt) {
   absl::MutexLock lock(&mutex_);
   if (!scheduler_.HoldsLease(worker, unit, attempt)) return std::nullopt;
-  return scheduler_.UnitsOf(unit.job).tiles().RectOf(unit.key.tile);
+  const job::FrameUnits& units = scheduler_.UnitsOf(unit.job);
+  return LeasedUnit{units.tiles().RectOf(unit.key.tile), units.SamplesOf(unit.key)};
 }
 
 void Coordinator::Deliver(WorkerId worker, film::StoredUnit unit) {
@@ -370,6 +371,18 @@ void Coordinator::Dismiss(WorkerId worker, const UnitRef& unit, Attempt attempt)
   absl::MutexLock lock(&mutex_);
   options_.log->info("event=unit_not_wanted unit={} worker={}", Quoted(Describe(unit)), NameOf(worker));
   Acknowledge(worker, unit, attempt);
+}
+
+void Coordinator::RefuseUnit(WorkerId worker, const UnitRef& unit, Attempt attempt,
+                             const std::string& reason) {
+  std::string error;
+  {
+    absl::MutexLock lock(&mutex_);
+    error = absl::StrCat("worker ", NameOf(worker), " delivered ", Describe(unit),
+                         ", which is not valid: ", reason);
+    Acknowledge(worker, unit, attempt, reason);
+  }
+  FailUnit(worker, unit, attempt, error, /*permanent=*/false);
 }
 
 void Coordinator::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, const std::string& error,
@@ -457,12 +470,14 @@ void Coordinator::GrantLeases() {
   send();
 }
 
-void Coordinator::Acknowledge(WorkerId worker, const UnitRef& unit, Attempt attempt) {
+void Coordinator::Acknowledge(WorkerId worker, const UnitRef& unit, Attempt attempt,
+                              const std::string& refused) {
   const auto found = workers_.find(worker);
   if (found == workers_.end()) return;
   v1::CoordinatorMessage message;
   *message.mutable_ack()->mutable_unit() = ProtoFromUnit(unit);
   message.mutable_ack()->set_attempt(attempt.value());
+  message.mutable_ack()->set_refused(refused);
   found->second.sink->Send(message);
 }
 

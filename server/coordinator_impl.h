@@ -40,6 +40,12 @@ struct CoordinatorOptions {
   std::shared_ptr<spdlog::logger> log;
 };
 
+/// What a worker has to deliver for a lease.
+struct LeasedUnit {
+  Rect rect;
+  SampleRange samples;
+};
+
 /// Queue of messages to a worker. Send never blocks and never calls back.
 class WorkerSink {
  public:
@@ -95,12 +101,15 @@ class Coordinator final : private Committer::Listener {
   absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, WorkerSink* sink);
   void RemoveWorker(job::WorkerId worker);
   void OnHeartbeat(job::WorkerId worker, const v1::Heartbeat& heartbeat);
-  /// The tile of a lease that the worker holds; nullopt if it does not hold it.
-  std::optional<Rect> FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
-  /// Accepts a complete unit of valid layout.
+  /// The unit of a lease that the worker holds; nullopt if it does not hold it.
+  std::optional<LeasedUnit> FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
+  /// Accepts a complete unit whose layout and values are valid.
   void Deliver(job::WorkerId worker, film::StoredUnit unit);
   /// Acknowledges a unit that is not wanted, so that the worker drops it.
   void Dismiss(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
+  /// Fails a delivered unit that is not valid, and tells the worker the reason.
+  void RefuseUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                  const std::string& reason);
   void FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                 const std::string& error, bool permanent);
 
@@ -128,8 +137,8 @@ class Coordinator final : private Committer::Listener {
 
   /// Grants leases to all workers that have free slots.
   void GrantLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void Acknowledge(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Acknowledge(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                   const std::string& refused = "") ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void EndJob(const job::JobId& job, v1::JobState state, const std::string& error)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<v1::JobStatus> StatusOf(const job::JobId& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -43,22 +43,21 @@ void WorkerSession::OnHeartbeat(const v1::Heartbeat& heartbeat) {
 
 void WorkerSession::OnChunk(const v1::UnitChunk& chunk) {
   const LeaseName lease(job::UnitFromProto(chunk.unit()), job::Attempt(chunk.attempt()));
-  const std::optional<Rect> rect = coordinator_->FindLease(worker_, lease.first, lease.second);
-  if (rect.has_value()) {
-    const absl::Status status = Take(chunk, lease, *rect);
+  const std::optional<LeasedUnit> leased = coordinator_->FindLease(worker_, lease.first, lease.second);
+  if (leased.has_value()) {
+    const absl::Status status = Take(chunk, lease, *leased);
     if (status.ok()) return;
     arriving_.erase(lease);
-    coordinator_->FailUnit(worker_, lease.first, lease.second, std::string(status.message()),
-                           /*permanent=*/false);
-  } else {
-    arriving_.erase(lease);
+    return coordinator_->RefuseUnit(worker_, lease.first, lease.second, std::string(status.message()));
   }
+  arriving_.erase(lease);
   // The worker waits for an acknowledgement of the last piece, even if the unit is not wanted.
   if (chunk.pixels().last()) coordinator_->Dismiss(worker_, lease.first, lease.second);
 }
 
-absl::Status WorkerSession::Take(const v1::UnitChunk& chunk, const LeaseName& lease, const Rect& rect) {
-  const auto entry = arriving_.try_emplace(lease, lease.first.key.kind, rect).first;
+absl::Status WorkerSession::Take(const v1::UnitChunk& chunk, const LeaseName& lease,
+                                 const LeasedUnit& leased) {
+  const auto entry = arriving_.try_emplace(lease, lease.first.key.kind, leased.rect, leased.samples).first;
   if (absl::Status status = entry->second.Add(chunk); !status.ok()) return status;
   if (!entry->second.IsComplete()) return absl::OkStatus();
   film::StoredUnit unit{lease.first, lease.second, chunk.stats(), entry->second.Take()};

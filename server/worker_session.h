@@ -37,7 +37,7 @@ class WorkerSession {
       : coordinator_(coordinator), worker_(worker) {}
   void OnHeartbeat(const v1::Heartbeat& heartbeat);
   void OnChunk(const v1::UnitChunk& chunk);
-  absl::Status Take(const v1::UnitChunk& chunk, const LeaseName& lease, const Rect& rect);
+  absl::Status Take(const v1::UnitChunk& chunk, const LeaseName& lease, const LeasedUnit& leased);
 
   Coordinator* const coordinator_;
   const job::WorkerId worker_;

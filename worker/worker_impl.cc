@@ -130,6 +130,8 @@ void WorkerImpl::RemoveHeld(Condition condition) {
 }
 
 void WorkerImpl::OnAck(const v1::UnitAck& ack) {
+  if (!ack.refused().empty())
+    log_->error("event=unit_refused {} reason=\"{}\"", Describe(ack.unit()), ack.refused());
   RemoveHeld([&](const v1::Lease& held) { return IsLease(held, ack.unit(), ack.attempt()); });
 }
 

@@ -1,8 +1,15 @@
 #include "server/film/unit_layout.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string_view>
 #include <utility>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "filter/image/layers.h"
 
@@ -42,6 +49,103 @@ absl::Status CheckEachOnce(const std::vector<std::string>& names, const v1::Pixe
       return absl::InvalidArgumentError(absl::StrCat("unit: channel ", name, " is missing or appears twice"));
   }
   return absl::OkStatus();
+}
+
+/// Whether no value of a row is NaN or infinite. Compares bits, so that the compiler vectorises it.
+bool IsFiniteRow(const float* row, int width) {
+  constexpr int32_t kWithoutSign = 0x7fffffff;
+  constexpr int32_t kInfinity = 0x7f800000;
+  int32_t largest = 0;
+  for (int x = 0; x < width; ++x) largest = std::max(largest, std::bit_cast<int32_t>(row[x]) & kWithoutSign);
+  return largest < kInfinity;
+}
+
+/// A value that is NaN or infinite.
+struct NotFinite {
+  std::string channel;
+  int x = 0;
+  int y = 0;
+  float value = 0;
+};
+
+/// The first such value of an image; nullopt if all are finite.
+std::optional<NotFinite> FindNotFinite(const LayeredImage& image) {
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    for (int y = 0; y < image.height(); ++y) {
+      const float* row = channel.plane.Row(y);
+      if (IsFiniteRow(row, image.width())) continue;
+      const float* bad = std::find_if_not(row, row + image.width(), [](float v) { return std::isfinite(v); });
+      return NotFinite{channel.name, static_cast<int>(bad - row), y, *bad};
+    }
+  }
+  return std::nullopt;
+}
+
+/// Number of samples of one half in `samples`: even indices belong to half A, odd ones to half B.
+uint32_t SamplesOfHalf(SampleRange samples, size_t half) {
+  const auto before = [half](uint32_t index) { return half == 0 ? index / 2 + index % 2 : index / 2; };
+  return before(samples.last) - before(samples.first);
+}
+
+/// Checks the sample counts of one channel and returns their sum.
+absl::StatusOr<int64_t> SumOfCounts(const std::string& name, ConstFloatView counts, const Rect& rect,
+                                    uint32_t most) {
+  int64_t sum = 0;
+  for (int y = 0; y < counts.height(); ++y) {
+    for (int x = 0; x < counts.width(); ++x) {
+      const float count = counts.At(x, y);
+      const bool in_range = count >= 0 && count <= static_cast<float>(most);
+      if (!in_range || count != std::floor(count)) {
+        return absl::InvalidArgumentError(absl::StrCat("unit: ", name, " is ", count, " at ", rect.x0 + x,
+                                                       ",", rect.y0 + y, ", not a whole number from 0 to ",
+                                                       most));
+      }
+      sum += static_cast<int64_t>(count);
+    }
+  }
+  return sum;
+}
+
+/// Checks the sample counts of a pass, and those of its levels.
+absl::Status CheckCounts(const Rect& rect, SampleRange samples, const LayeredImage& pixels,
+                         int64_t bad_samples) {
+  int64_t added = 0;
+  for (size_t half = 0; half < 2; ++half) {
+    const std::string_view base = half == 0 ? layers::kSamplesA : layers::kSamplesB;
+    const uint32_t most = SamplesOfHalf(samples, half);
+    const absl::StatusOr<int64_t> sum = SumOfCounts(std::string(base), pixels.Get(base), rect, most);
+    if (!sum.ok()) return sum.status();
+    added += *sum;
+    for (size_t i = 0; i < layers::kLevelCount; ++i) {
+      const std::string name = layers::OfLevel(Level::Of(i), base);
+      if (!pixels.Has(name)) continue;
+      const absl::StatusOr<int64_t> of_level = SumOfCounts(name, pixels.Get(name), rect, most);
+      if (!of_level.ok()) return of_level.status();
+    }
+  }
+  const int64_t all = int64_t{rect.width()} * rect.height() * samples.count();
+  if (added == all - bad_samples) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("unit: has ", added, " samples and ", bad_samples, " bad ones, but its pass has ", all));
+}
+
+absl::Status CheckStats(const v1::UnitStats& stats) {
+  if (stats.samples() >= 0 && stats.bad_samples() >= 0 && std::isfinite(stats.seconds()) &&
+      stats.seconds() >= 0)
+    return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("unit: its statistics are ", stats.samples(), " samples, ",
+                                                 stats.bad_samples(), " bad samples and ", stats.seconds(),
+                                                 " seconds: one is negative or not finite"));
+}
+
+/// Whether all sub-samples of a row name the same pixel.
+bool HasOnePixel(const LayeredImage& edges, int row) {
+  for (const std::string_view name : {layers::kPixelX, layers::kPixelY}) {
+    const float* values = edges.Get(name).Row(row);
+    if (std::adjacent_find(values, values + kSubSamples, std::not_equal_to<>()) != values + kSubSamples)
+      return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -106,6 +210,17 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
   return absl::OkStatus();
 }
 
+absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, SampleRange samples,
+                             const LayeredImage& pixels, const v1::UnitStats& stats) {
+  if (absl::Status status = CheckStats(stats); !status.ok()) return status;
+  if (const std::optional<NotFinite> bad = FindNotFinite(pixels); bad.has_value()) {
+    return absl::InvalidArgumentError(absl::StrCat("unit: ", bad->channel, " is ", bad->value, " at ",
+                                                   rect.x0 + bad->x, ",", rect.y0 + bad->y, ", not finite"));
+  }
+  if (kind == v1::UNIT_KIND_GEOMETRY) return absl::OkStatus();
+  return CheckCounts(rect, samples, pixels, stats.bad_samples());
+}
+
 absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges) {
   if (edges.channels().empty()) return absl::OkStatus();
   const v1::PixelLayout layout = rpc::LayoutOf(edges);
@@ -116,15 +231,20 @@ absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges) {
                                                    edges.channels().size(), " channels, expected ",
                                                    kSubSamples, " of ", wanted.size()));
   }
+  if (const std::optional<NotFinite> bad = FindNotFinite(edges); bad.has_value()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("edge set: ", bad->channel, " of row ", bad->y, " is ", bad->value, ", not finite"));
+  }
   std::pair<float, float> last = {-1.0f, -1.0f};
   for (int row = 0; row < edges.height(); ++row) {
     const float x = edges.Get(layers::kPixelX).At(0, row);
     const float y = edges.Get(layers::kPixelY).At(0, row);
     const bool is_within = x >= static_cast<float>(rect.x0) && x < static_cast<float>(rect.x1) &&
                            y >= static_cast<float>(rect.y0) && y < static_cast<float>(rect.y1);
-    if (!is_within || std::pair(y, x) <= last) {
+    if (!is_within || std::pair(y, x) <= last || x != std::floor(x) || y != std::floor(y) ||
+        !HasOnePixel(edges, row)) {
       return absl::InvalidArgumentError(absl::StrCat("edge set: the pixel ", x, ",", y, " of row ", row,
-                                                     " is outside the tile or out of order"));
+                                                     " is outside the tile, out of order or ambiguous"));
     }
     last = {y, x};
   }

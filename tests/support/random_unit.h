@@ -64,13 +64,20 @@ inline EdgedImage RandomUnit(const job::UnitKey& key, const Rect& rect, SampleRa
   }
   if (is_pass) {
     // Even sample indices are half A's, odd ones half B's.
-    const int count_b = samples.last / 2 - samples.first / 2;
-    const int count_a = samples.count() - count_b;
-    for (int y = 0; y < rect.height(); ++y) {
-      for (int x = 0; x < rect.width(); ++x) {
-        unit.Get(layers::kSamplesA).At(x, y) = static_cast<float>(count_a);
-        unit.Get(layers::kSamplesB).At(x, y) = static_cast<float>(count_b);
+    const uint32_t count_b = samples.last / 2 - samples.first / 2;
+    const uint32_t count_a = samples.count() - count_b;
+    const auto set = [&unit, &rect](const std::string& name, uint32_t count) {
+      if (!unit.Has(name)) return;
+      for (int y = 0; y < rect.height(); ++y) {
+        for (int x = 0; x < rect.width(); ++x) unit.Get(name).At(x, y) = static_cast<float>(count);
       }
+    };
+    set(std::string(layers::kSamplesA), count_a);
+    set(std::string(layers::kSamplesB), count_b);
+    for (size_t i = 0; i < layers::kLevelCount; ++i) {
+      set(layers::OfLevel(layers::Level::Of(i), layers::kSamplesA), count_a);
+      set(layers::OfLevel(layers::Level::Of(i), layers::kSamplesB),
+          count_b / 2);  // the others left the scene
     }
   }
   const bool has_edges = !is_pass && rect.width() > 1 && rect.height() > 1;

@@ -14,8 +14,9 @@ namespace {
 using ::testing::HasSubstr;
 
 constexpr Rect kRect = {8, 0, 16, 4};
+constexpr SampleRange kSamples = {0, 4};
 
-EdgedImage Unit(v1::UnitKind kind) { return RandomUnit({0, 1, 0, kind}, kRect, {0, 4}, 1); }
+EdgedImage Unit(v1::UnitKind kind) { return RandomUnit({0, 1, 0, kind}, kRect, kSamples, 1); }
 
 /// The pieces of a unit as sent by a worker.
 std::vector<v1::UnitChunk> PiecesOf(const EdgedImage& unit) {
@@ -37,7 +38,7 @@ std::string Bytes(const EdgedImage& unit) {
 TEST(UnitAssembler, GivesBackWhatWasSent) {
   for (const v1::UnitKind kind : {v1::UNIT_KIND_PASS, v1::UNIT_KIND_GEOMETRY}) {
     const EdgedImage unit = Unit(kind);
-    UnitAssembler assembler(kind, kRect);
+    UnitAssembler assembler(kind, kRect, kSamples);
     for (const v1::UnitChunk& piece : PiecesOf(unit)) {
       EXPECT_FALSE(assembler.IsComplete());
       ASSERT_TRUE(assembler.Add(piece).ok());
@@ -50,25 +51,34 @@ TEST(UnitAssembler, GivesBackWhatWasSent) {
 TEST(UnitAssembler, RefusesEdgesThatAreOutOfPlace) {
   const std::vector<v1::UnitChunk> pieces = PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY));
   ASSERT_EQ(pieces.size(), 2u);
-  UnitAssembler of_a_pass(v1::UNIT_KIND_PASS, kRect);
+  UnitAssembler of_a_pass(v1::UNIT_KIND_PASS, kRect, kSamples);
   EXPECT_THAT(std::string(of_a_pass.Add(pieces[0]).message()), HasSubstr("only geometry units"));
-  UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kRect);
+  UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kRect, {});
   ASSERT_TRUE(twice.Add(pieces[0]).ok());
   EXPECT_THAT(std::string(twice.Add(pieces[0]).message()), HasSubstr("after the edge set"));
-  UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kRect);
+  UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kRect, {});
   ASSERT_TRUE(after_pixels.Add(pieces[1]).ok());
   EXPECT_THAT(std::string(after_pixels.Add(pieces[0]).message()), HasSubstr("or the pixels"));
-  UnitAssembler both_at_once(v1::UNIT_KIND_GEOMETRY, kRect);
+  EXPECT_THAT(std::string(after_pixels.Add(pieces[1]).message()), HasSubstr("after the last piece"));
+  UnitAssembler both_at_once(v1::UNIT_KIND_GEOMETRY, kRect, {});
   v1::UnitChunk both = pieces[0];
   *both.mutable_pixels() = pieces[1].pixels();
   EXPECT_FALSE(both_at_once.Add(both).ok());
 }
 
+TEST(UnitAssembler, RefusesValuesThatAreNotValid) {
+  EdgedImage unit = Unit(v1::UNIT_KIND_PASS);
+  unit.pixels.Get(layers::kSamplesB).At(3, 2) = -2;
+  UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+  EXPECT_THAT(std::string(assembler.Add(PiecesOf(unit)[0]).message()),
+              HasSubstr("samples_b.Y is -2 at 11,2"));
+}
+
 TEST(UnitAssembler, RefusesAnEdgeSetOfAnotherTileOrOfTooManyRows) {
-  UnitAssembler elsewhere(v1::UNIT_KIND_GEOMETRY, {0, 0, 8, 4});
+  UnitAssembler elsewhere(v1::UNIT_KIND_GEOMETRY, {0, 0, 8, 4}, {});
   EXPECT_THAT(std::string(elsewhere.Add(PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY))[0]).message()),
               HasSubstr("edge set: the pixel"));
-  UnitAssembler small(v1::UNIT_KIND_GEOMETRY, {8, 0, 9, 1});  // two rows where there is one pixel
+  UnitAssembler small(v1::UNIT_KIND_GEOMETRY, {8, 0, 9, 1}, {});  // two rows where there is one pixel
   EXPECT_THAT(std::string(small.Add(PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY))[0]).message()),
               HasSubstr("size 16x2"));
 }

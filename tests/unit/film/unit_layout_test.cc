@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
 
 #include "tests/support/random_unit.h"
 
@@ -53,6 +54,78 @@ TEST(UnitLayout, AnEdgeSetMustBeOfItsTile) {
   LayeredImage without(kSubSamples, 1);
   without.Add(layers::kPixelX);
   EXPECT_THAT(std::string(CheckEdges(kRect, without).message()), HasSubstr("pixel.Y"));
+}
+
+TEST(UnitLayout, AnEdgeSetHasFiniteValuesAndOnePixelInEachRow) {
+  const LayeredImage good = RandomUnit({0, 0, 0, v1::UNIT_KIND_GEOMETRY}, kRect, {}, 1).edges;
+  struct Case {
+    const char* channel;
+    float value;
+    const char* message;
+  };
+  for (const Case& c : {Case{"N.X", NAN, "edge set: N.X of row 1 is nan"},
+                        {"distance.Z", INFINITY, "edge set: distance.Z of row 1 is inf"},
+                        {"pixel.X", 9, "of row 1 is outside the tile, out of order or ambiguous"}}) {
+    LayeredImage edges = good.Crop(good.bounds());
+    edges.Get(c.channel).At(7, 1) = c.value;
+    EXPECT_THAT(std::string(CheckEdges(kRect, edges).message()), HasSubstr(c.message));
+  }
+}
+
+TEST(UnitLayout, EveryValueIsCheckedAndNamed) {
+  struct Case {
+    v1::UnitKind kind;
+    const char* channel;
+    float value;
+    const char* message;  // null: valid
+  };
+  constexpr v1::UnitKind kPass = v1::UNIT_KIND_PASS;
+  constexpr v1::UnitKind kGeometry = v1::UNIT_KIND_GEOMETRY;
+  constexpr SampleRange kSamples = {4, 9};  // even indices 4, 6, 8; odd indices 5, 7
+  const std::vector<Case> cases = {
+      {kPass, "noisy_a.R", -1.0f, nullptr},
+      {kPass, "noisy_a.R", NAN, "unit: noisy_a.R is nan at 15,3, not finite"},
+      {kPass, "glossy_albedo.B", INFINITY, "unit: glossy_albedo.B is inf at 15,3, not finite"},
+      {kPass, "reflection1_direct_b.G", -INFINITY,
+       "unit: reflection1_direct_b.G is -inf at 15,3, not finite"},
+      {kPass, "samples_a.Y", NAN, "samples_a.Y is nan"},
+      {kPass, "samples_a.Y", -1, "samples_a.Y is -1 at 15,3, not a whole number from 0 to 3"},
+      {kPass, "samples_a.Y", 4, "samples_a.Y is 4 at 15,3, not a whole number from 0 to 3"},
+      {kPass, "samples_b.Y", 3, "samples_b.Y is 3 at 15,3, not a whole number from 0 to 2"},
+      {kPass, "samples_b.Y", 1.5f, "samples_b.Y is 1.5"},
+      {kPass, "samples_b.Y", 1, "unit: has 159 samples and 0 bad ones, but its pass has 160"},
+      {kPass, "reflection1_samples_a.Y", 4, "reflection1_samples_a.Y is 4 at 15,3"},
+      {kPass, "reflection1_samples_b.Y", 2, nullptr},
+      {kGeometry, "Z", 1e30f, nullptr},
+      {kGeometry, "Z", NAN, "unit: Z is nan at 15,3"},
+      {kGeometry, "reflection1_N.X", INFINITY, "unit: reflection1_N.X is inf at 15,3"},
+  };
+  for (const Case& c : cases) {
+    LayeredImage pixels = RandomUnit({0, 1, 0, c.kind}, kRect, kSamples, 1).pixels;
+    ASSERT_TRUE(CheckUnitValues(c.kind, kRect, kSamples, pixels, {}).ok());
+    pixels.Get(c.channel).At(7, 3) = c.value;
+    const absl::Status status = CheckUnitValues(c.kind, kRect, kSamples, pixels, {});
+    EXPECT_EQ(status.ok(), c.message == nullptr) << c.channel << ' ' << c.value;
+    EXPECT_THAT(std::string(status.message()), HasSubstr(c.message == nullptr ? "" : c.message));
+  }
+}
+
+TEST(UnitLayout, StatisticsAgreeWithTheCounts) {
+  constexpr SampleRange kSamples = {0, 4};
+  LayeredImage pixels = RandomUnit({0, 0, 0, v1::UNIT_KIND_PASS}, kRect, kSamples, 1).pixels;
+  const auto check = [&](const v1::UnitStats& stats) {
+    return CheckUnitValues(v1::UNIT_KIND_PASS, kRect, kSamples, pixels, stats).ok();
+  };
+  v1::UnitStats stats;
+  stats.set_bad_samples(1);
+  EXPECT_FALSE(check(stats));
+  pixels.Get(layers::kSamplesA).At(0, 0) = 1;  // of two samples one was bad
+  EXPECT_TRUE(check(stats));
+  stats.set_bad_samples(-1);
+  EXPECT_FALSE(check(stats));
+  stats.set_bad_samples(1);
+  stats.set_seconds(NAN);
+  EXPECT_FALSE(check(stats));
 }
 
 TEST(UnitLayout, AcceptsChannelsInAnyOrder) {

@@ -32,6 +32,11 @@ std::vector<std::string> FakeWorker::ended_jobs() const {
   return ended_jobs_;
 }
 
+std::vector<std::string> FakeWorker::refusals() const {
+  absl::MutexLock lock(&mutex_);
+  return refusals_;
+}
+
 bool FakeWorker::WaitForEndOf(const std::string& job_id) const {
   absl::MutexLock lock(&mutex_);
   const auto ended = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
@@ -64,6 +69,10 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
   if (message.has_job_ended()) {
     absl::MutexLock lock(&mutex_);
     ended_jobs_.push_back(message.job_ended().job_id());
+  }
+  if (!message.ack().refused().empty()) {
+    absl::MutexLock lock(&mutex_);
+    refusals_.push_back(message.ack().refused());
   }
   for (const v1::Lease& lease : message.grant().leases()) {
     if (!Deliver(lease, stream)) return false;

@@ -39,6 +39,8 @@ class FakeWorker {
 
   int delivered() const;
   std::vector<std::string> ended_jobs() const;
+  /// Reasons of the units that the coordinator refused, in order.
+  std::vector<std::string> refusals() const;
   bool WaitForEndOf(const std::string& job_id) const;
 
  private:
@@ -53,6 +55,7 @@ class FakeWorker {
   grpc::ClientContext context_;
   mutable absl::Mutex mutex_;
   int delivered_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::vector<std::string> refusals_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::string> ended_jobs_ ABSL_GUARDED_BY(mutex_);
   grpc::Status result_;
   std::thread thread_;

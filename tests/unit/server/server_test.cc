@@ -3,12 +3,19 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "filter/image/exr_io.h"
+#include "proto/rpc/checksum.h"
 #include "tests/support/film_of_units.h"
 #include "tests/unit/server/farm_fixture.h"
 
@@ -106,6 +113,48 @@ TEST_F(ServerTest, ADamagedUnitIsRenderedAgain) {
   EXPECT_EQ(damaged, 2);
   EXPECT_GE(worker->delivered(), kUnits + 1);
   EXPECT_EQ(*Download(job, 0), expected);
+}
+
+/// Replaces the first value of a channel in a piece that has all pixels of a small unit.
+void SetFirstValue(const std::string& channel, float value, v1::PixelChunk* piece) {
+  const auto& names = piece->layout().channels();
+  const auto index = std::find(names.begin(), names.end(), channel) - names.begin();
+  const size_t plane_bytes = piece->data().size() / static_cast<size_t>(names.size());
+  std::memcpy(piece->mutable_data()->data() + static_cast<size_t>(index) * plane_bytes, &value,
+              sizeof(value));
+  piece->set_checksum(rpc::Checksum(piece->data()));
+}
+
+TEST_F(ServerTest, AUnitWithInvalidValuesIsRefusedAndRenderedAgain) {
+  const std::string expected = RenderUndisturbed();
+  const std::string job = *Submit(Spec(), "invalid");
+  const std::vector<std::pair<const char*, float>> flaws = {
+      {"noisy_a.R", NAN}, {"samples_a.Y", -1.0f}, {"samples_b.Y", 1e6f}};
+  std::atomic<size_t> next{0};
+  const auto worker = Worker({.spoil = [&](v1::WorkerMessage& message) {
+    const v1::UnitId& unit = message.chunk().unit();
+    const bool is_pass = message.chunk().has_pixels() && unit.kind() == v1::UNIT_KIND_PASS;
+    if (!is_pass || next == flaws.size() || unit.tile() != static_cast<int>(next)) return;
+    const auto& [channel, value] = flaws[next++];
+    SetFirstValue(channel, value, message.mutable_chunk()->mutable_pixels());
+  }});
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
+  EXPECT_THAT(worker->refusals(),
+              ElementsAre("unit: noisy_a.R is nan at 0,0, not finite",
+                          "unit: samples_a.Y is -1 at 8,0, not a whole number from 0 to 2",
+                          "unit: samples_b.Y is 1e+06 at 16,0, not a whole number from 0 to 2"));
+  EXPECT_EQ(*Download(job, 0), expected);
+}
+
+TEST_F(ServerTest, AJobWhoseUnitIsAlwaysInvalidFailsWithTheReason) {
+  const std::string job = *Submit(Spec());
+  const auto worker = Worker({.spoil = [](v1::WorkerMessage& message) {
+    if (message.chunk().has_pixels() && message.chunk().unit().kind() == v1::UNIT_KIND_PASS)
+      SetFirstValue("samples_a.Y", -1.0f, message.mutable_chunk()->mutable_pixels());
+  }});
+  const v1::JobStatus status = WaitForEnd(job);
+  EXPECT_EQ(status.state(), v1::JOB_STATE_FAILED);
+  EXPECT_THAT(status.error(), HasSubstr("which is not valid: unit: samples_a.Y is -1 at"));
 }
 
 TEST_F(ServerTest, UnitsWithoutALeaseAreDropped) {

@@ -1,6 +1,5 @@
 #include "server/committer.h"
 
-#include <algorithm>
 #include <set>
 #include <utility>
 
@@ -26,11 +25,8 @@ ledger::JobUpdate UpdateOf(const std::vector<AcceptedUnit>& units) {
   update.numeric_class = units.front().numeric_class;
   update.started = units.front().started;
   for (const AcceptedUnit& unit : units) {
-    for (const std::string& line : unit.stored.stats.warnings()) {
-      if (std::find(update.warnings.begin(), update.warnings.end(), line) == update.warnings.end()) {
-        update.warnings.push_back(line);
-      }
-    }
+    const auto& warnings = unit.stored.stats.warnings();
+    update.warnings.insert(update.warnings.end(), warnings.begin(), warnings.end());
   }
   return update;
 }

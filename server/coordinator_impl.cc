@@ -7,6 +7,8 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "filter/methods.h"
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/limits.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/version.h"
 #include "server/film/result_digest.h"
@@ -25,6 +27,7 @@ using job::WorkerId;
 constexpr int kMaxSlots = 1024;
 constexpr int kDefaultListed = 100;
 constexpr int kMaxListed = 1000;
+constexpr size_t kMaxListedErrorBytes = 256;
 constexpr int kMaxLeasesPerGrant = 256;
 constexpr size_t kMaxRequestIdLength = 128;
 
@@ -47,9 +50,17 @@ absl::Status CheckMethod(const std::string& method) {
 }
 
 /// Escapes text of clients and workers for one line of the log.
-std::string Quoted(const std::string& text) { return absl::StrCat("\"", absl::Utf8SafeCEscape(text), "\""); }
+std::string Quoted(const std::string& text) {
+  return absl::StrCat("\"", absl::Utf8SafeCEscape(rpc::BoundedLine(text, rpc::kMaxErrorBytes)), "\"");
+}
 
 absl::Status CheckHello(const v1::Hello& hello) {
+  if (hello.name().size() > rpc::kMaxWorkerNameBytes ||
+      hello.numeric_class().size() > rpc::kMaxWorkerNameBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("worker: its name has ", hello.name().size(), " bytes and its numeric_class ",
+                     hello.numeric_class().size(), ", allowed are ", rpc::kMaxWorkerNameBytes));
+  }
   if (hello.wire_version() != rpc::kWireVersion) {
     return absl::FailedPreconditionError(absl::StrCat("worker '", hello.name(), "' has wire version ",
                                                       hello.wire_version(), ", this coordinator ",
@@ -245,6 +256,9 @@ absl::StatusOr<v1::ListJobsResponse> Coordinator::ListJobs(const v1::ListJobsReq
   for (const ledger::JobRecord& record : *records) {
     absl::StatusOr<v1::JobStatus> status = StatusOf(record.id);
     if (!status.ok()) return status.status();
+    // A thousand jobs must fit a message: their warnings and long errors are in GetJob.
+    status->clear_warnings();
+    status->set_error(rpc::BoundedLine(status->error(), kMaxListedErrorBytes));
     *response.add_jobs() = *std::move(status);
   }
   return response;
@@ -422,11 +436,7 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
   ledger::JobRecord& record = active->second;
   record.bad_samples += unit.stored.stats.bad_samples();
   record.times.set_render_seconds(absl::ToDoubleSeconds(options_.now() - record.started));
-  for (const std::string& line : unit.stored.stats.warnings()) {
-    if (std::find(record.warnings.begin(), record.warnings.end(), line) == record.warnings.end()) {
-      record.warnings.push_back(line);
-    }
-  }
+  for (const std::string& line : unit.stored.stats.warnings()) AddWarning(line, &record);
   options_.log->debug("event=unit_committed unit={} worker={} seconds={:.3f}", Quoted(Describe(ref)),
                       NameOf(unit.worker), unit.stored.stats.seconds());
   if (scheduler_.UnitCommitted(ref)) {
@@ -481,7 +491,8 @@ void Coordinator::Acknowledge(WorkerId worker, const UnitRef& unit, Attempt atte
   found->second.sink->Send(message);
 }
 
-void Coordinator::EndJob(const JobId& job, v1::JobState state, const std::string& error) {
+void Coordinator::EndJob(const JobId& job, v1::JobState state, const std::string& cause) {
+  const std::string error = rpc::BoundedLine(cause, rpc::kMaxErrorBytes);
   if (!active_jobs_.contains(job)) return;
   if (absl::Status status = store_->EndJob(job, state, error); !status.ok()) {
     // The job ends in memory; after a restart it is active again.

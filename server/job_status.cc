@@ -1,7 +1,11 @@
 #include "server/job_status.h"
 
+#include <algorithm>
 #include <string>
+#include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "server/job/limits.h"
 #include "server/job/tile_grid.h"
 
 namespace lumifold::server {
@@ -21,6 +25,11 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
                            spec.frame_count());
   status.set_bad_samples(record.bad_samples);
   for (const std::string& line : record.warnings) status.add_warnings(line);
+  if (record.warnings_left_out > 0) {
+    status.add_warnings(absl::StrCat(record.warnings_left_out,
+                                     " further warnings of units are left out: a job keeps ",
+                                     job::kMaxJobWarnings));
+  }
   status.set_submitted_unix_ms(absl::ToUnixMillis(record.submitted));
   *status.mutable_times() = record.times;
   status.set_display_name(spec.scene().display_name());
@@ -35,6 +44,16 @@ v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler
   status.set_samples_done(progress.samples_done);
   status.set_workers(progress.workers);
   return status;
+}
+
+void AddWarning(const std::string& line, ledger::JobRecord* record) {
+  std::vector<std::string>& lines = record->warnings;
+  if (std::find(lines.begin(), lines.end(), line) != lines.end()) return;
+  if (lines.size() < size_t{job::kMaxJobWarnings}) {
+    lines.push_back(line);
+  } else {
+    ++record->warnings_left_out;
+  }
 }
 
 bool HasEnded(v1::JobState state) {

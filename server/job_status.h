@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "lumifold/v1/job.pb.h"
 #include "server/ledger/job_store.h"
 #include "server/scheduler/scheduler.h"
@@ -11,6 +13,9 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record);
 
 /// Status of an active job, from the scheduler and, for the other fields, from its row in the ledger.
 v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress);
+
+/// Adds a warning of a unit to those of its job: each line once, at most job::kMaxJobWarnings; others are counted.
+void AddWarning(const std::string& line, ledger::JobRecord* record);
 
 /// True for DONE, FAILED and CANCELLED.
 bool HasEnded(v1::JobState state);

@@ -4,7 +4,25 @@
 #include <string>
 #include <utility>
 
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/limits.h"
+
 namespace lumifold::server {
+namespace {
+
+/// The statistics that are stored: the text of a worker is bounded, and fields that are not known are dropped.
+v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
+  v1::UnitStats stats;
+  stats.set_samples(delivered.samples());
+  stats.set_bad_samples(delivered.bad_samples());
+  stats.set_seconds(delivered.seconds());
+  for (std::string& line :
+       rpc::BoundedLines(delivered.warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
+    stats.add_warnings(std::move(line));
+  return stats;
+}
+
+}  // namespace
 
 absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* coordinator,
                                                                    const v1::Hello& hello, WorkerSink* sink) {
@@ -24,9 +42,9 @@ absl::Status WorkerSession::Handle(const v1::WorkerMessage& message) {
       OnChunk(message.chunk());
       return absl::OkStatus();
     case v1::WorkerMessage::kFailure:
-      coordinator_->FailUnit(worker_, job::UnitFromProto(message.failure().unit()),
-                             job::Attempt(message.failure().attempt()), message.failure().error(),
-                             message.failure().permanent());
+      coordinator_->FailUnit(
+          worker_, job::UnitFromProto(message.failure().unit()), job::Attempt(message.failure().attempt()),
+          rpc::BoundedLine(message.failure().error(), rpc::kMaxErrorBytes), message.failure().permanent());
       return absl::OkStatus();
     default:
       return absl::InvalidArgumentError("worker stream: a second Hello, or an unknown message");
@@ -60,7 +78,7 @@ absl::Status WorkerSession::Take(const v1::UnitChunk& chunk, const LeaseName& le
   const auto entry = arriving_.try_emplace(lease, lease.first.key.kind, leased.rect, leased.samples).first;
   if (absl::Status status = entry->second.Add(chunk); !status.ok()) return status;
   if (!entry->second.IsComplete()) return absl::OkStatus();
-  film::StoredUnit unit{lease.first, lease.second, chunk.stats(), entry->second.Take()};
+  film::StoredUnit unit{lease.first, lease.second, StoredStats(chunk.stats()), entry->second.Take()};
   arriving_.erase(entry);
   coordinator_->Deliver(worker_, std::move(unit));
   return absl::OkStatus();

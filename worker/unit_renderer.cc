@@ -9,6 +9,8 @@
 #include "absl/strings/strip.h"
 #include "absl/time/time.h"
 #include "filter/image/picture_io.h"
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "worker/render/environment.h"
 #include "worker/scene/gltf_loader.h"
@@ -161,7 +163,9 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
   const Rect rect = RectOf(lease.rect());
   if (lease.unit().kind() == v1::UNIT_KIND_GEOMETRY) {
     unit.image = (*renderer)->RenderGeometry(rect, lease.unit().frame());
-    for (const std::string& warning : (*renderer)->warnings()) unit.stats.add_warnings(warning);
+    for (std::string& warning :
+         rpc::BoundedLines((*renderer)->warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
+      unit.stats.add_warnings(std::move(warning));
   } else {
     const SampleRange range = {static_cast<uint32_t>(lease.first_sample()),
                                static_cast<uint32_t>(lease.last_sample())};

@@ -4,7 +4,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "proto/rpc/bounded_text.h"
 #include "proto/rpc/image_codec.h"
+#include "proto/rpc/limits.h"
 #include "spdlog/spdlog.h"
 
 namespace lumifold::worker {
@@ -53,7 +55,7 @@ void SendFailure(const v1::Lease& lease, const absl::Status& failure, Outbox* ou
   v1::UnitFailure* out = message.mutable_failure();
   *out->mutable_unit() = lease.unit();
   out->set_attempt(lease.attempt());
-  out->set_error(std::string(failure.message()));
+  out->set_error(rpc::BoundedLine(std::string(failure.message()), rpc::kMaxErrorBytes));
   out->set_permanent(IsPermanent(failure));
   outbox->Send(std::move(message));
 }

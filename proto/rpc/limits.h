@@ -10,4 +10,15 @@ inline constexpr size_t kMaxChunkBytes = size_t{1} << 20;
 /// Maximum bytes of one message, on every channel and server: a chunk with its names, and reserve.
 inline constexpr int kMaxMessageBytes = 4 << 20;
 
+/// Maximum bytes of one warning of a unit, and number of warnings of a unit: 16 KiB together.
+inline constexpr size_t kMaxWarningBytes = 512;
+inline constexpr size_t kMaxUnitWarnings = 32;
+
+/// Maximum bytes of an error text, of a unit, of a job, or of a call. gRPC sends it in trailers of at most 8 KiB,
+/// in which a byte may take three.
+inline constexpr size_t kMaxErrorBytes = 2048;
+
+/// Maximum bytes of the name and of the numeric class of a worker.
+inline constexpr size_t kMaxWorkerNameBytes = 256;
+
 }  // namespace lumifold::rpc

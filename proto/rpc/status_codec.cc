@@ -2,6 +2,9 @@
 
 #include <string>
 
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/limits.h"
+
 namespace lumifold::rpc {
 namespace {
 
@@ -13,7 +16,8 @@ static_assert(static_cast<int>(grpc::StatusCode::DATA_LOSS) == static_cast<int>(
 
 grpc::Status GrpcFromStatus(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
-  return {static_cast<grpc::StatusCode>(static_cast<int>(status.code())), std::string(status.message())};
+  return {static_cast<grpc::StatusCode>(static_cast<int>(status.code())),
+          BoundedLine(std::string(status.message()), kMaxErrorBytes)};
 }
 
 absl::Status StatusFromGrpc(const grpc::Status& status) {

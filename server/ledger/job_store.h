@@ -42,8 +42,10 @@ struct JobRecord {
   int64_t bad_samples = 0;
   int32_t frames_done = 0;
   v1::StageTimes times;
-  /// Each line once, in the order of first occurrence.
+  /// Each line once, in the order of first occurrence, at most job::kMaxJobWarnings.
   std::vector<std::string> warnings;
+  /// Further warnings of units that are not among `warnings`; a line of several units counts once for each.
+  int64_t warnings_left_out = 0;
 };
 
 /// A committed unit: the position of its record and its statistics.
@@ -62,6 +64,7 @@ struct JobUpdate {
   job::JobId job;
   std::string numeric_class;
   absl::Time started;
+  /// Warnings of all the units, one after the other; lines may repeat.
   std::vector<std::string> warnings;
 };
 

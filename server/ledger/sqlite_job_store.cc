@@ -1,10 +1,13 @@
 #include "server/ledger/sqlite_job_store.h"
 
+#include <map>
+#include <string>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
+#include "server/job/limits.h"
 #include "server/ledger/sqlite_connection.h"
 
 namespace lumifold::ledger {
@@ -12,7 +15,7 @@ namespace {
 
 using job::JobId;
 
-constexpr int kSchemaVersion = 1;
+constexpr int kSchemaVersion = 2;
 
 // The key of units has the order in which a frame is assembled. Times are milliseconds since 1970; 0 means
 // "not yet".
@@ -33,7 +36,8 @@ CREATE TABLE jobs(
   render_seconds REAL NOT NULL DEFAULT 0,
   assemble_seconds REAL NOT NULL DEFAULT 0,
   filter_seconds REAL NOT NULL DEFAULT 0,
-  write_seconds REAL NOT NULL DEFAULT 0);
+  write_seconds REAL NOT NULL DEFAULT 0,
+  warnings_left_out INTEGER NOT NULL DEFAULT 0);
 CREATE TABLE units(
   job INTEGER NOT NULL REFERENCES jobs(number),
   frame INTEGER NOT NULL,
@@ -57,12 +61,18 @@ CREATE TABLE warnings(
   UNIQUE(job, line));
 )";
 
+/// Maximum number of characters of a warning that are read.
+constexpr int kMaxReadLine = 512;
+
+/// Changes a ledger of schema 1 into one of schema 2.
+constexpr char kSchemaFrom1[] = "ALTER TABLE jobs ADD COLUMN warnings_left_out INTEGER NOT NULL DEFAULT 0;";
+
 constexpr char kJobColumns[] =
     "SELECT number, id, spec, state, error, numeric_class, submitted_ms, started_ms, units_done, "
     "samples_done,"
     " bad_samples, (SELECT COUNT(*) FROM frames WHERE frames.job = jobs.number), render_seconds, "
     "assemble_seconds,"
-    " filter_seconds, write_seconds FROM jobs ";
+    " filter_seconds, write_seconds, warnings_left_out FROM jobs ";
 constexpr char kUnitColumns[] =
     "SELECT frame, tile, kind, pass, file, offset, length, samples, bad_samples FROM units ";
 
@@ -104,6 +114,7 @@ class SqliteJobStore final : public JobStore {
   absl::Status InsertUnits(absl::Span<const UnitRecord> units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status CountUnits(absl::Span<const UnitRecord> units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status UpdateJob(const JobUpdate& update) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status InsertWarnings(const JobUpdate& update) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status InsertFrame(int64_t number, int32_t frame, const v1::StageTimes& times)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
@@ -125,13 +136,14 @@ absl::Status SqliteJobStore::Prepare() {
     if (!row.status().ok()) return row.status();
   }
   if (version == kSchemaVersion) return absl::OkStatus();
-  if (version != 0) {
+  if (version != 0 && version != 1) {
     return absl::FailedPreconditionError(
         absl::StrCat("ledger: written by another version of Lumifold (schema ", version, ", expected ",
                      kSchemaVersion, ")"));
   }
   if (absl::Status status = db_.Execute("BEGIN IMMEDIATE"); !status.ok()) return status;
-  return db_.EndTransaction(db_.Execute(absl::StrCat(kSchema, "PRAGMA user_version=", kSchemaVersion, ";")));
+  const char* const change = version == 0 ? kSchema : kSchemaFrom1;
+  return db_.EndTransaction(db_.Execute(absl::StrCat(change, "PRAGMA user_version=", kSchemaVersion, ";")));
 }
 
 absl::StatusOr<int64_t> SqliteJobStore::NumberOf(const JobId& job) {
@@ -178,8 +190,11 @@ absl::StatusOr<std::vector<JobRecord>> SqliteJobStore::ReadJobs(SqliteStatement 
     job.times.set_assemble_seconds(rows.Real());
     job.times.set_filter_seconds(rows.Real());
     job.times.set_write_seconds(rows.Real());
-    SqliteStatement lines = db_.Prepare("SELECT line FROM warnings WHERE job = ? ORDER BY number");
-    lines.Bind(number);
+    job.warnings_left_out = rows.Int();
+    // Ledgers of schema 1 may have more and longer lines.
+    SqliteStatement lines =
+        db_.Prepare("SELECT substr(line, 1, ?) FROM warnings WHERE job = ? ORDER BY number LIMIT ?");
+    lines.Bind(int64_t{kMaxReadLine}).Bind(number).Bind(int64_t{job::kMaxJobWarnings});
     while (lines.Next()) job.warnings.push_back(lines.Text());
     if (!lines.status().ok()) return lines.status();
   }
@@ -247,12 +262,34 @@ absl::Status SqliteJobStore::UpdateJob(const JobUpdate& update) {
       db_.Prepare("UPDATE jobs SET numeric_class = ?, started_ms = ? WHERE id = ? AND numeric_class = ''");
   bind_class.Bind(update.numeric_class).Bind(absl::ToUnixMillis(update.started)).Bind(update.job.value());
   if (absl::Status status = bind_class.Run(); !status.ok()) return status;
+  return update.warnings.empty() ? absl::OkStatus() : InsertWarnings(update);
+}
+
+absl::Status SqliteJobStore::InsertWarnings(const JobUpdate& update) {
+  const absl::StatusOr<int64_t> number = NumberOf(update.job);
+  if (!number.ok()) return number.status();
+  int64_t left_out = 0;
+  std::map<std::string, bool> is_kept;
+  SqliteStatement insert = db_.Prepare(
+      "INSERT INTO warnings(job, line) SELECT ?1, ?2"
+      " WHERE (SELECT COUNT(*) FROM warnings WHERE job = ?1) < ?3 ON CONFLICT DO NOTHING");
+  SqliteStatement find = db_.Prepare("SELECT 1 FROM warnings WHERE job = ? AND line = ?");
   for (const std::string& line : update.warnings) {
-    SqliteStatement insert = db_.Prepare(
-        "INSERT OR IGNORE INTO warnings(job, line) VALUES((SELECT number FROM jobs WHERE id = ?), ?)");
-    if (absl::Status status = insert.Bind(update.job.value()).Bind(line).Run(); !status.ok()) return status;
+    const auto [entry, is_new] = is_kept.emplace(line, true);
+    if (is_new) {
+      insert.Bind(*number).Bind(line).Bind(int64_t{job::kMaxJobWarnings});
+      if (absl::Status status = insert.Run(); !status.ok()) return status;
+      insert.Reset();
+      entry->second = find.Bind(*number).Bind(line).Next();
+      if (!find.status().ok()) return find.status();
+      find.Reset();
+    }
+    if (!entry->second) ++left_out;
   }
-  return absl::OkStatus();
+  if (left_out == 0) return absl::OkStatus();
+  SqliteStatement count =
+      db_.Prepare("UPDATE jobs SET warnings_left_out = warnings_left_out + ? WHERE number = ?");
+  return count.Bind(left_out).Bind(*number).Run();
 }
 
 absl::Status SqliteJobStore::CommitUnits(absl::Span<const UnitRecord> units,

@@ -5,7 +5,10 @@
 #include <sqlite3.h>
 
 #include <fstream>
+#include <string>
 
+#include "absl/strings/str_cat.h"
+#include "server/job/limits.h"
 #include "tests/support/temp_folder.h"
 
 namespace lumifold::ledger {
@@ -139,6 +142,39 @@ TEST_F(SqliteJobStoreTest, UpdatesBindTheClassOnceAndKeepEachWarningOnce) {
   EXPECT_EQ(job.numeric_class, "avx2");
   EXPECT_EQ(job.started, kStart);
   EXPECT_THAT(job.warnings, ElementsAre("no light", "no camera", "big"));
+}
+
+TEST_F(SqliteJobStoreTest, WarningsAreLimitedAndTheRestIsCounted) {
+  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
+  JobUpdate update{JobId("j-a"), "avx2", kStart, {}};
+  for (int i = 0; i < job::kMaxJobWarnings + 3; ++i) update.warnings.push_back(absl::StrCat("warning ", i));
+  update.warnings.push_back(update.warnings.back());  // of a second unit
+  update.warnings.emplace_back("warning 0");
+  ASSERT_TRUE(store_->CommitUnits({}, {update}).ok());
+  ASSERT_TRUE(store_->CommitUnits({}, {{JobId("j-a"), "avx2", kStart, {"one more", "warning 1"}}}).ok());
+  Reopen();
+  const JobRecord job = *store_->GetJob(JobId("j-a"));
+  EXPECT_EQ(job.warnings.size(), size_t{job::kMaxJobWarnings});
+  EXPECT_EQ(job.warnings.back(), absl::StrCat("warning ", job::kMaxJobWarnings - 1));
+  EXPECT_EQ(job.warnings_left_out, 5);
+}
+
+TEST_F(SqliteJobStoreTest, ALedgerOfSchema1IsTakenOver) {
+  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
+  store_.reset();
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(path_.c_str(), &db), SQLITE_OK);
+  std::string sql = "ALTER TABLE jobs DROP COLUMN warnings_left_out; PRAGMA user_version=1;";
+  for (int i = 0; i < 2 * job::kMaxJobWarnings; ++i)
+    absl::StrAppend(&sql, "INSERT INTO warnings(job, line) VALUES(1, '", i, std::string(10'000, 'x'), "');");
+  ASSERT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
+  sqlite3_close(db);
+  store_ = *OpenSqliteJobStore(path_);
+  const JobRecord job = *store_->GetJob(JobId("j-a"));
+  EXPECT_EQ(job.spec.SerializeAsString(), Job("j-a", "r-1").spec.SerializeAsString());
+  EXPECT_EQ(job.warnings.size(), size_t{job::kMaxJobWarnings});
+  EXPECT_LE(job.warnings.front().size(), 512u);
+  EXPECT_EQ(job.warnings_left_out, 0);
 }
 
 TEST_F(SqliteJobStoreTest, FramesAreRecordedOnce) {

@@ -14,8 +14,11 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "filter/image/exr_io.h"
 #include "proto/rpc/checksum.h"
+#include "proto/rpc/limits.h"
+#include "server/job/limits.h"
 #include "tests/support/film_of_units.h"
 #include "tests/unit/server/farm_fixture.h"
 
@@ -155,6 +158,61 @@ TEST_F(ServerTest, AJobWhoseUnitIsAlwaysInvalidFailsWithTheReason) {
   const v1::JobStatus status = WaitForEnd(job);
   EXPECT_EQ(status.state(), v1::JOB_STATE_FAILED);
   EXPECT_THAT(status.error(), HasSubstr("which is not valid: unit: samples_a.Y is -1 at"));
+}
+
+TEST_F(ServerTest, TextOfWorkersIsBoundedAndTheJobStaysReadable) {
+  const std::string job = *Submit(Spec());
+  std::atomic<int> units{0};
+  const auto worker = Worker({.spoil = [&](v1::WorkerMessage& message) {
+    if (!message.chunk().has_stats()) return;
+    v1::UnitStats* stats = message.mutable_chunk()->mutable_stats();
+    const int unit = units++;
+    for (int i = 0; i < 30; ++i)
+      stats->add_warnings(absl::StrCat(unit, " ", i, "\n", std::string(100'000, 'x')));
+  }});
+  const v1::JobStatus status = WaitForEnd(job);
+  EXPECT_EQ(status.state(), v1::JOB_STATE_DONE) << status.error();
+  EXPECT_LT(status.ByteSizeLong(), 60'000u);
+  ASSERT_EQ(status.warnings_size(), job::kMaxJobWarnings + 1);
+  EXPECT_THAT(status.warnings(1), HasSubstr("bytes left out)"));
+  // Each unit has 31 different lines, of which "made up" is the first.
+  const int left_out = kUnits * 30 + 1 - job::kMaxJobWarnings;
+  EXPECT_EQ(*status.warnings().rbegin(),
+            absl::StrCat(left_out, " further warnings of units are left out: a job keeps 100"));
+  EXPECT_TRUE(Download(job, 0).ok());
+  StopServer();
+  StartServer();
+  EXPECT_EQ(*Get(job)->warnings().rbegin(), *status.warnings().rbegin());
+}
+
+TEST_F(ServerTest, AListOfJobsWithLongErrorsFitsAMessage) {
+  const std::string job = *Submit(Spec());
+  const auto worker = Worker({.spoil = [](v1::WorkerMessage& message) {
+    if (!message.has_chunk()) return;
+    v1::UnitFailure failure;
+    *failure.mutable_unit() = message.chunk().unit();
+    failure.set_attempt(message.chunk().attempt());
+    failure.set_error("broken\n" + std::string(3'000'000, 'x'));
+    failure.set_permanent(true);
+    *message.mutable_failure() = failure;
+  }});
+  const v1::JobStatus status = WaitForEnd(job);
+  EXPECT_EQ(status.error().substr(0, 8), "broken x");
+  EXPECT_THAT(status.error(), HasSubstr("bytes left out)"));
+  EXPECT_LE(status.error().size(), rpc::kMaxErrorBytes);
+  const auto stub = v1::FarmService::NewStub(Channel());
+  grpc::ClientContext context;
+  v1::ListJobsResponse jobs;
+  ASSERT_TRUE(stub->ListJobs(&context, {}, &jobs).ok());
+  ASSERT_EQ(jobs.jobs_size(), 1);
+  EXPECT_LE(jobs.jobs(0).ByteSizeLong(), 512u);
+}
+
+TEST_F(ServerTest, AWorkerWithALongNameIsRefused) {
+  const auto worker = Worker({.numeric_class = std::string(rpc::kMaxWorkerNameBytes + 1, 'x')});
+  const grpc::Status status = worker->Wait();
+  EXPECT_EQ(status.error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  EXPECT_THAT(status.error_message(), HasSubstr("numeric_class 257, allowed are 256"));
 }
 
 TEST_F(ServerTest, UnitsWithoutALeaseAreDropped) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "proto/rpc/limits.h"
 #include "tests/support/gltf_fixture.h"
 #include "tests/unit/worker/fake_assets.h"
 
@@ -19,9 +20,11 @@ constexpr int kSize = 16;
 
 /// An emissive square that fills the picture of an orthographic camera. If animated, it moves out of the
 /// picture to the right within a second.
-std::string ShiningSquare(bool animated) {
+std::string ShiningSquare(bool animated, int unknown_extensions = 0) {
   scene::GltfFixture gltf;
   gltf.json["extensionsUsed"] = nlohmann::json::array({"KHR_materials_unlit"});
+  for (int i = 0; i < unknown_extensions; ++i)
+    gltf.json["extensionsUsed"].push_back("X_" + std::to_string(i) + std::string(1000, 'x'));
   gltf.json["materials"] = {{{"extensions", {{"KHR_materials_unlit", nlohmann::json::object()}}}}};
   gltf.AddTriangles({-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, -1, 0, 1, 1, 0, -1, 1, 0}, {{"material", 0}});
   gltf.json["cameras"] = {
@@ -117,6 +120,20 @@ TEST(UnitRenderer, ThreadsShareWhatIsBeingLoaded) {
     for (std::thread& thread : threads) thread.join();
     EXPECT_EQ(assets.fetches(), animated ? 2 : 1);
   }
+}
+
+TEST(UnitRenderer, WarningsOfAUnitAreBoundedAndTheRestIsCounted) {
+  FakeAssets assets{ShiningSquare(/*animated=*/false, /*unknown_extensions=*/1000)};
+  UnitRenderer renderer(&assets);
+  v1::Lease lease = LeaseOf(0);
+  lease.mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
+  const absl::StatusOr<RenderedUnit> unit = renderer.Render(Spec(24), lease);
+  ASSERT_TRUE(unit.ok()) << unit.status();
+  const auto& warnings = unit->stats.warnings();
+  ASSERT_EQ(warnings.size(), static_cast<int>(rpc::kMaxUnitWarnings));
+  for (const std::string& line : warnings) EXPECT_LE(line.size(), rpc::kMaxWarningBytes);
+  EXPECT_EQ(warnings[0].substr(0, 14), "extension X_0x");
+  EXPECT_EQ(warnings.rbegin()->substr(3), " further warnings are left out");
 }
 
 }  // namespace

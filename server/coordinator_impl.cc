@@ -14,6 +14,7 @@
 #include "server/film/result_digest.h"
 #include "server/job/ids.h"
 #include "server/job/job_spec.h"
+#include "server/job/limits.h"
 #include "server/job_status.h"
 
 namespace lumifold::server {
@@ -29,7 +30,10 @@ constexpr int kDefaultListed = 100;
 constexpr int kMaxListed = 1000;
 constexpr size_t kMaxListedErrorBytes = 256;
 constexpr int kMaxLeasesPerGrant = 256;
-constexpr size_t kMaxRequestIdLength = 128;
+/// Bytes of a lease in a grant: its job's id and ten numbers.
+constexpr size_t kMaxLeaseBytes = 256;
+static_assert(job::kMaxSpecBytes + kMaxLeasesPerGrant * kMaxLeaseBytes < rpc::kMaxMessageBytes,
+              "a grant with a spec fits a message");
 
 v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
   v1::Lease proto;
@@ -129,6 +133,13 @@ absl::Status Coordinator::Restore() {
 }
 
 absl::Status Coordinator::RestoreJob(const ledger::JobRecord& record) {
+  if (const absl::Status valid = job::NormaliseJobSpec(record.spec).status(); !valid.ok()) {
+    // Recorded by a version with other limits. A grant could not carry it, so that no worker could stay connected.
+    active_jobs_.emplace(record.id, record);
+    EndJob(record.id, v1::JOB_STATE_FAILED,
+           absl::StrCat("the job's spec is not valid: ", std::string(valid.message())));
+    return absl::OkStatus();
+  }
   scheduler_.AddJob(record.id, record.spec, record.numeric_class);
   active_jobs_.emplace(record.id, record);
   const absl::StatusOr<std::vector<int32_t>> finished = store_->FinishedFrames(record.id);
@@ -197,9 +208,9 @@ absl::Status Coordinator::CheckSpec(const v1::JobSpec& spec) const {
 }
 
 absl::StatusOr<v1::SubmitJobResponse> Coordinator::SubmitJob(const v1::SubmitJobRequest& request) {
-  if (request.request_id().empty() || request.request_id().size() > kMaxRequestIdLength) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("request_id must have 1 to ", kMaxRequestIdLength, " characters"));
+  if (request.request_id().empty() || request.request_id().size() > job::kMaxRequestIdBytes) {
+    return absl::InvalidArgumentError(absl::StrCat("request_id has ", request.request_id().size(),
+                                                   " bytes, not 1 to ", job::kMaxRequestIdBytes));
   }
   const absl::StatusOr<v1::JobSpec> spec = job::NormaliseJobSpec(request.spec());
   if (!spec.ok()) return spec.status();

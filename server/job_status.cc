@@ -17,7 +17,8 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_state(record.state);
   status.set_error(record.error);
   status.set_units_done(record.units_done);
-  status.set_units_total(job::FrameUnits(spec).count() * spec.frame_count());
+  const bool is_divisible = spec.tile_size() > 0 && spec.pass_samples() > 0;  // a damaged spec may not be
+  status.set_units_total(is_divisible ? job::FrameUnits(spec).count() * spec.frame_count() : 0);
   status.set_frames_done(record.frames_done);
   status.set_frames_total(spec.frame_count());
   status.set_samples_done(record.samples_done);

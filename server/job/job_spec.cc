@@ -9,21 +9,46 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "server/job/limits.h"
 #include "server/job/tile_grid.h"
 
 namespace lumifold::job {
 namespace {
 
-constexpr int kMaxEdge = 16384;
-constexpr int kMaxSamples = 1 << 20;
-constexpr int kMaxBounces = 1024;
-constexpr int kMinTileSize = 8;
-constexpr int kMaxTileSize = 512;
-constexpr uint64_t kMaxAssetBytes = uint64_t{1} << 40;
-
 absl::Status CheckRange(const char* field, int64_t value, int64_t low, int64_t high) {
   if (value >= low && value <= high) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(field, " is ", value, ", not ", low, " to ", high));
+}
+
+absl::Status CheckLength(const std::string& field, const std::string& text, size_t most) {
+  if (text.size() <= most) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(field, " has ", text.size(), " bytes, more than ", most));
+}
+
+absl::Status CheckTexts(const v1::JobSpec& spec) {
+  for (const absl::Status& status : {
+           CheckLength("camera", spec.camera(), kMaxNameBytes),
+           CheckLength("scene.display_name", spec.scene().display_name(), kMaxNameBytes),
+           CheckLength("filter.method", spec.filter().method(), kMaxNameBytes),
+           CheckLength("environment.uri", spec.environment().uri(), kMaxUriBytes),
+           CheckLength("scene.file.uri", spec.scene().file().uri(), kMaxUriBytes),
+       }) {
+    if (!status.ok()) return status;
+  }
+  const auto& dependencies = spec.scene().dependencies();
+  if (absl::Status status =
+          CheckRange("the number of scene.dependencies", dependencies.size(), 0, kMaxDependencies);
+      !status.ok()) {
+    return status;
+  }
+  for (int i = 0; i < dependencies.size(); ++i) {
+    if (dependencies[i].uri().size() > kMaxUriBytes)
+      return CheckLength(absl::StrCat("scene.dependencies[", i, "].uri"), dependencies[i].uri(),
+                         kMaxUriBytes);
+  }
+  if (spec.ByteSizeLong() <= kMaxSpecBytes) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("the spec has ", spec.ByteSizeLong(), " bytes, more than ", kMaxSpecBytes));
 }
 
 absl::Status CheckSize(const std::string& field, const v1::AssetRef& asset) {
@@ -106,9 +131,16 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   if (spec.frames_per_second() == 0) spec.set_frames_per_second(kDefaultFramesPerSecond);
   if (spec.filter().method().empty()) spec.mutable_filter()->set_method("default");
   if (absl::Status status = CheckNumbers(spec); !status.ok()) return status;
+  if (absl::Status status = CheckTexts(spec); !status.ok()) return status;
   if (absl::Status status = CheckScene(spec.scene()); !status.ok()) return status;
   if (absl::Status status = CheckEnvironment(spec); !status.ok()) return status;
   if (absl::Status status = CheckLens(spec); !status.ok()) return status;
+  const int64_t samples_per_frame = int64_t{spec.width()} * spec.height() * spec.samples_per_pixel();
+  if (samples_per_frame > kMaxJobSamples / spec.frame_count()) {
+    return absl::InvalidArgumentError(absl::StrCat("frame_count ", spec.frame_count(), " with ",
+                                                   samples_per_frame, " camera samples each is more than ",
+                                                   kMaxJobSamples, " camera samples"));
+  }
   const int64_t units = FrameUnits(spec).count();
   if (units > kMaxUnitsPerFrame) {
     return absl::InvalidArgumentError(absl::StrCat("tile_size ", spec.tile_size(), " with pass_samples ",

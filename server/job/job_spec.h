@@ -15,14 +15,10 @@ inline constexpr int kDefaultMaxPasses = 16;
 /// Default frame rate: that of cinema film and of most animation programs.
 inline constexpr double kDefaultFramesPerSecond = 24;
 
-/// Maximum number of units of a frame and of frames of a job. The scheduler's tables are sized for them.
-inline constexpr int64_t kMaxUnitsPerFrame = int64_t{1} << 27;
-inline constexpr int kMaxFrames = 100'000;
-
 /// Checks a spec and fills in tile_size, pass_samples, frames_per_second and the filter's method where they
 /// are 0 or empty. The result determines every bit of the picture; the scheduler takes normalised specs only.
 /// The name of the method and the checksums of the assets are not checked here.
-/// Errors: kInvalidArgument naming the field, its value and the allowed range.
+/// Errors: kInvalidArgument naming the field, its value and the allowed range (server/job/limits.h).
 absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec);
 
 }  // namespace lumifold::job

@@ -6,6 +6,32 @@
 /// Limits of a submission and of what is kept of a job, in one place. NormaliseJobSpec checks those of a spec.
 namespace lumifold::job {
 
+/// Picture: edge length, samples of a pixel, and camera samples of all frames together (they are counted in 64
+/// bits).
+inline constexpr int kMaxEdge = 16384;
+inline constexpr int kMaxSamples = 1 << 20;
+inline constexpr int64_t kMaxJobSamples = int64_t{1} << 60;
+inline constexpr int kMaxBounces = 1024;
+
+/// Units: edge length of a tile, units of a frame, frames of a job. The scheduler's tables are sized for them.
+inline constexpr int kMinTileSize = 8;
+inline constexpr int kMaxTileSize = 512;
+inline constexpr int64_t kMaxUnitsPerFrame = int64_t{1} << 27;
+inline constexpr int kMaxFrames = 100'000;
+
+/// Files of a scene: bytes of one of them, its URI, and their number.
+inline constexpr uint64_t kMaxAssetBytes = uint64_t{1} << 40;
+inline constexpr size_t kMaxUriBytes = 4096;
+inline constexpr int kMaxDependencies = 16'384;
+
+/// Names: camera, display name and method, and the request id.
+inline constexpr size_t kMaxNameBytes = 255;
+inline constexpr size_t kMaxRequestIdBytes = 128;
+
+/// Bytes of a whole normalised spec. Each message that carries one has room for as much again
+/// (rpc::kMaxMessageBytes is 4 MiB).
+inline constexpr size_t kMaxSpecBytes = size_t{2} << 20;
+
 /// Maximum number of warnings that are stored for a job; further ones are counted. Each has at most
 /// rpc::kMaxWarningBytes, so a job's status has at most 51 KiB of them.
 inline constexpr int kMaxJobWarnings = 100;

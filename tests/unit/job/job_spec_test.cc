@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "server/job/limits.h"
+
 namespace lumifold::job {
 namespace {
 
@@ -68,6 +70,39 @@ TEST(JobSpec, KeepsWhatIsGiven) {
   EXPECT_EQ(spec->SerializeAsString(), given.SerializeAsString());
 }
 
+/// Adds files with long URIs until a normalised spec has `bytes`.
+void FillUpTo(size_t bytes, v1::JobSpec& spec) {
+  spec = *NormaliseJobSpec(spec);
+  const auto add = [&spec](size_t uri_bytes) {
+    std::string uri = std::to_string(spec.scene().dependencies_size());
+    uri.resize(uri_bytes, 'x');
+    spec.mutable_scene()->add_dependencies()->set_uri(uri);
+  };
+  constexpr size_t kMostAround = 64;  // what a message adds to the URI
+  while (spec.ByteSizeLong() + 2 * (kMaxUriBytes + kMostAround) < bytes) add(kMaxUriBytes);
+  add(kMaxUriBytes / 2);
+  std::string& last = *spec.mutable_scene()->mutable_dependencies()->rbegin()->mutable_uri();
+  add(kMaxUriBytes / 2);
+  while (spec.ByteSizeLong() < bytes && last.size() < kMaxUriBytes) last.push_back('x');
+  std::string& other = *spec.mutable_scene()->mutable_dependencies()->rbegin()->mutable_uri();
+  while (spec.ByteSizeLong() < bytes) other.push_back('x');
+}
+
+TEST(JobSpec, WhatIsAtALimitIsTaken) {
+  v1::JobSpec spec = GoodSpec();
+  spec.set_camera(std::string(kMaxNameBytes, 'x'));
+  spec.mutable_scene()->set_display_name(std::string(kMaxNameBytes, 'x'));
+  spec.mutable_filter()->set_method(std::string(kMaxNameBytes, 'x'));
+  for (int i = 0; i < kMaxDependencies; ++i)
+    spec.mutable_scene()->add_dependencies()->set_uri(std::to_string(i));
+  spec.mutable_scene()->mutable_dependencies(0)->set_uri(std::string(kMaxUriBytes, 'x'));
+  EXPECT_TRUE(NormaliseJobSpec(spec).ok()) << NormaliseJobSpec(spec).status();
+  spec = GoodSpec();
+  FillUpTo(kMaxSpecBytes, spec);
+  EXPECT_EQ(spec.ByteSizeLong(), kMaxSpecBytes);
+  EXPECT_TRUE(NormaliseJobSpec(spec).ok()) << NormaliseJobSpec(spec).status();
+}
+
 TEST(JobSpec, EachBadFieldIsNamed) {
   struct Case {
     std::function<void(v1::JobSpec&)> spoil;
@@ -79,6 +114,33 @@ TEST(JobSpec, EachBadFieldIsNamed) {
       {[](auto& s) { s.set_frame_count(0); }, "frame_count is 0"},
       {[](auto& s) { s.set_first_frame(2147483647); }, "first_frame is 2147483647"},
       {[](auto& s) { s.set_samples_per_pixel(-4); }, "samples_per_pixel is -4"},
+      {[](auto& s) { s.set_samples_per_pixel(kMaxSamples + 1); }, "samples_per_pixel is 1048577"},
+      {[](auto& s) { s.set_frame_count(kMaxFrames + 1); }, "frame_count is 100001"},
+      {[](auto& s) { s.set_tile_size(kMaxTileSize + 1); }, "tile_size is 513"},
+      {[](auto& s) { s.set_pass_samples(kMaxSamples + 2); }, "pass_samples is 1048578"},
+      {[](auto& s) {
+         s.set_width(kMaxEdge), s.set_height(kMaxEdge), s.set_samples_per_pixel(kMaxSamples);
+         s.set_frame_count(4097);
+       },
+       "frame_count 4097 with 281474976710656 camera samples each is more than"},
+      {[](auto& s) { s.set_camera(std::string(kMaxNameBytes + 1, 'x')); },
+       "camera has 256 bytes, more than 255"},
+      {[](auto& s) { s.mutable_scene()->set_display_name(std::string(kMaxNameBytes + 1, 'x')); },
+       "scene.display_name has 256 bytes"},
+      {[](auto& s) { s.mutable_filter()->set_method(std::string(kMaxNameBytes + 1, 'x')); },
+       "filter.method has 256 bytes"},
+      {[](auto& s) { s.mutable_scene()->mutable_file()->set_uri(std::string(kMaxUriBytes + 1, 'x')); },
+       "scene.file.uri has 4097 bytes"},
+      {[](auto& s) { s.mutable_environment()->set_uri(std::string(kMaxUriBytes + 1, 'x')); },
+       "environment.uri has 4097 bytes"},
+      {[](auto& s) { s.mutable_scene()->add_dependencies()->set_uri(std::string(kMaxUriBytes + 1, 'x')); },
+       "scene.dependencies[0].uri has 4097 bytes, more than 4096"},
+      {[](auto& s) {
+         for (int i = 0; i <= kMaxDependencies; ++i)
+           s.mutable_scene()->add_dependencies()->set_uri(std::to_string(i));
+       },
+       "the number of scene.dependencies is 16385, not 0 to 16384"},
+      {[](auto& s) { FillUpTo(kMaxSpecBytes + 1, s); }, "the spec has 2097153 bytes, more than 2097152"},
       {[](auto& s) { s.set_max_bounces(1025); }, "max_bounces is 1025"},
       {[](auto& s) { s.set_tile_size(7); }, "tile_size is 7"},
       {[](auto& s) { s.set_pass_samples(3); }, "pass_samples is 3, not even"},
@@ -89,7 +151,7 @@ TEST(JobSpec, EachBadFieldIsNamed) {
          s.set_samples_per_pixel(1 << 20), s.set_pass_samples(2);
        },
        "cuts a frame into"},
-      {[](auto& s) { s.mutable_scene()->mutable_file()->set_size(uint64_t{1} << 50); }, "scene.file.size"},
+      {[](auto& s) { s.mutable_scene()->mutable_file()->set_size(kMaxAssetBytes + 1); }, "scene.file.size"},
       {[](auto& s) { s.mutable_scene()->add_dependencies(); }, "the uri is empty"},
       {[](auto& s) { AddEnvironment(s).set_uri("environment:x"); }, "'environment:x' is not among"},
       {[](auto& s) { AddEnvironment(s).set_scale(0); }, "environment.scale is 0"},

@@ -19,6 +19,7 @@
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
 #include "server/job/limits.h"
+#include "server/ledger/sqlite_job_store.h"
 #include "tests/support/film_of_units.h"
 #include "tests/unit/server/farm_fixture.h"
 
@@ -354,7 +355,49 @@ TEST_F(ServerTest, JobsAreRefusedWithTheFieldsName) {
   missing->set_sha256("../../etc/passwd");
   EXPECT_EQ(Submit(spec).status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(Submit(Spec(), "").status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Submit(Spec(), std::string(job::kMaxRequestIdBytes + 1, 'x')).status().message(),
+            "request_id has 129 bytes, not 1 to 128");
   EXPECT_EQ(Get("j-none").status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(ServerTest, AGrantCarriesTheLargestSpec) {
+  v1::JobSpec spec = Spec();
+  const v1::AssetRef file = spec.scene().file();
+  while (spec.ByteSizeLong() + 2 * job::kMaxUriBytes < job::kMaxSpecBytes) {
+    v1::AssetRef* dependency = spec.mutable_scene()->add_dependencies();
+    *dependency = file;
+    dependency->set_uri(
+        absl::StrCat(spec.scene().dependencies_size(), std::string(job::kMaxUriBytes - 8, 'x')));
+  }
+  const absl::StatusOr<std::string> job = Submit(spec);
+  ASSERT_TRUE(job.ok()) << job.status();
+  const auto worker = Worker({.slots = 1000});
+  EXPECT_EQ(WaitForEnd(*job).state(), v1::JOB_STATE_DONE);
+}
+
+TEST_F(ServerTest, ARecordedJobThatExceedsTheLimitsFailsAtTheStart) {
+  const v1::JobSpec spec = Spec();
+  StopServer();
+  v1::JobSpec large = spec;
+  large.set_tile_size(8);
+  large.set_frames_per_second(24);
+  large.set_camera(std::string(4'000'000, 'x'));
+  {
+    const auto store = *ledger::OpenSqliteJobStore(folder_.PathOf("data/ledger.db"));
+    const ledger::NewJob job{
+        .id = job::JobId("j-old"), .request_id = "old", .spec = large, .submitted = absl::Now()};
+    ASSERT_TRUE(store->CreateJob(job).ok());
+    const ledger::NewJob empty{
+        .id = job::JobId("j-empty"), .request_id = "empty", .spec = {}, .submitted = absl::Now()};
+    ASSERT_TRUE(store->CreateJob(empty).ok());
+  }
+  StartServer();
+  EXPECT_EQ(Get("j-old")->state(), v1::JOB_STATE_FAILED);
+  EXPECT_THAT(Get("j-old")->error(), HasSubstr("the job's spec is not valid: camera has 4000000 bytes"));
+  EXPECT_EQ(Get("j-empty")->state(), v1::JOB_STATE_FAILED);
+  const std::string job = *Submit(spec);
+  const auto worker = Worker();
+  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
 }
 
 TEST_F(ServerTest, AWorkerOfAnotherWireVersionIsRefused) {

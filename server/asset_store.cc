@@ -1,6 +1,7 @@
 #include "server/asset_store.h"
 
 #include <fcntl.h>
+#include <spdlog/logger.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -21,6 +22,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kKeptSuffix[] = ".kept";
+/// Suffix of the names of damaged assets.
+constexpr char kDamagedSuffix[] = ".damaged";
 
 absl::Status SyncFolder(const std::string& folder) {
   const rpc::FileHandle handle(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -73,11 +76,11 @@ void KeepUploads(const std::string& folder) {
 }  // namespace
 
 AssetUpload::AssetUpload(v1::AssetRef asset, std::string incoming_path, std::string kept_path,
-                         std::string final_path)
+                         AssetStore* store)
     : asset_(std::move(asset)),
       incoming_path_(std::move(incoming_path)),
       kept_path_(std::move(kept_path)),
-      final_path_(std::move(final_path)) {}
+      store_(store) {}
 
 AssetUpload::~AssetUpload() {
   if (!receiver_.has_value()) return;
@@ -130,16 +133,15 @@ absl::Status AssetUpload::Finish() {
     return Error(absl::StatusCode::kDataLoss, "the SHA-256 of its content is different");
   }
   if (absl::Status status = receiver_->Sync(); !status.ok()) return status;
-  if (std::rename(incoming_path_.c_str(), final_path_.c_str()) != 0) {
-    return absl::UnavailableError(absl::StrCat(final_path_, ": ", std::strerror(errno)));
-  }
+  absl::Status installed = store_->Install(incoming_path_, asset_.sha256());
+  if (!installed.ok()) return installed;
   receiver_.reset();
   unlink(kept_path_.c_str());  // of another upload of the same asset
-  return SyncFolder(final_path_.substr(0, final_path_.rfind('/')));
+  return absl::OkStatus();
 }
 
-AssetStore::AssetStore(std::string folder, std::string incoming_folder)
-    : folder_(std::move(folder)), incoming_folder_(std::move(incoming_folder)) {
+AssetStore::AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log)
+    : folder_(std::move(folder)), incoming_folder_(std::move(incoming_folder)), log_(std::move(log)) {
   KeepUploads(incoming_folder_);
 }
 
@@ -151,8 +153,69 @@ uint64_t AssetStore::ReceivedBytes(const std::string& sha256) const {
   return rpc::IsSha256Hex(sha256) ? SizeOrZero(KeptPathOf(sha256)) : 0;
 }
 
-bool AssetStore::Has(const std::string& sha256) const {
-  return rpc::IsSha256Hex(sha256) && access(PathOf(sha256).c_str(), R_OK) == 0;
+absl::Status AssetStore::Check(const std::string& sha256) {
+  const absl::Status missing = absl::NotFoundError(absl::StrCat("no asset ", sha256));
+  if (!rpc::IsSha256Hex(sha256) || access(PathOf(sha256).c_str(), F_OK) != 0) return missing;
+  {
+    absl::MutexLock lock(&mutex_);
+    AwaitCheck(sha256);
+    if (!states_.try_emplace(sha256, State::kBeingChecked).second) return absl::OkStatus();
+  }
+  absl::Status content = CheckContent(sha256);
+  if (absl::IsDataLoss(content)) content = MoveAside(sha256);
+  absl::MutexLock lock(&mutex_);
+  if (content.ok()) {
+    states_[sha256] = State::kIntact;
+  } else {
+    states_.erase(sha256);  // the next caller looks again
+  }
+  return content;
+}
+
+void AssetStore::AwaitCheck(const std::string& sha256) {
+  const auto has_ended = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
+    const auto state = states_.find(sha256);
+    return state == states_.end() || state->second != State::kBeingChecked;
+  };
+  mutex_.Await(absl::Condition(&has_ended));
+}
+
+absl::Status AssetStore::CheckContent(const std::string& sha256) const {
+  absl::StatusOr<rpc::ByteSender> file = rpc::ByteSender::Open(PathOf(sha256), 0);
+  rpc::Sha256 sum;
+  v1::ByteChunk chunk;
+  while (file.ok()) {
+    const absl::StatusOr<bool> has_more = file->Next(&chunk);
+    if (!has_more.ok()) return has_more.status();
+    if (!*has_more) break;
+    sum.Update(chunk.data());
+  }
+  if (!file.ok()) return file.status();
+  if (sum.FinishHex() == sha256) return absl::OkStatus();
+  return absl::DataLossError(absl::StrCat("asset ", sha256, " is damaged"));
+}
+
+absl::Status AssetStore::MoveAside(const std::string& sha256) const {
+  const std::string aside = PathOf(sha256) + kDamagedSuffix;
+  if (std::rename(PathOf(sha256).c_str(), aside.c_str()) != 0)
+    return absl::UnavailableError(absl::StrCat(PathOf(sha256), ": ", std::strerror(errno)));
+  if (log_ != nullptr) log_->error("event=asset_damaged sha256={} moved_to=\"{}\"", sha256, aside);
+  return absl::NotFoundError(absl::StrCat("asset ", sha256,
+                                          " was damaged on the disk of the coordinator and is moved aside;"
+                                          " submit its scene again to upload it"));
+}
+
+absl::Status AssetStore::Install(const std::string& incoming_path, const std::string& sha256) {
+  const std::string path = PathOf(sha256);
+  {
+    absl::MutexLock lock(&mutex_);
+    // A check in progress may be about to move the old file aside.
+    AwaitCheck(sha256);
+    if (std::rename(incoming_path.c_str(), path.c_str()) != 0)
+      return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(errno)));
+    states_[sha256] = State::kIntact;
+  }
+  return SyncFolder(folder_);
 }
 
 absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::AssetRef& asset) {
@@ -164,11 +227,11 @@ absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::Asset
   // complete.
   std::string incoming = absl::StrCat(incoming_folder_, "/", asset.sha256(), ".", uploads_.fetch_add(1));
   return std::unique_ptr<AssetUpload>(
-      new AssetUpload(asset, std::move(incoming), KeptPathOf(asset.sha256()), PathOf(asset.sha256())));
+      new AssetUpload(asset, std::move(incoming), KeptPathOf(asset.sha256()), this));
 }
 
-absl::StatusOr<rpc::ByteSender> AssetStore::Open(const std::string& sha256, uint64_t offset) const {
-  if (!Has(sha256)) return absl::NotFoundError(absl::StrCat("no asset ", sha256));
+absl::StatusOr<rpc::ByteSender> AssetStore::Open(const std::string& sha256, uint64_t offset) {
+  if (absl::Status status = Check(sha256); !status.ok()) return status;
   return rpc::ByteSender::Open(PathOf(sha256), offset);
 }
 

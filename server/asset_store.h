@@ -2,17 +2,24 @@
 
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/image.pb.h"
 #include "lumifold/v1/scene.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
+
+namespace spdlog {
+class logger;
+}  // namespace spdlog
 
 namespace lumifold::server {
 
@@ -20,6 +27,8 @@ namespace lumifold::server {
 /// that is gone starts over.
 inline constexpr absl::Duration kKeptUploadAge = absl::Hours(24);
 inline constexpr size_t kMaxKeptUploads = 64;
+
+class AssetStore;
 
 /// An asset that is being received. If it ends before Finish succeeds, what has arrived is kept for a later
 /// upload, unless it does not match what was announced.
@@ -43,48 +52,70 @@ class AssetUpload {
 
  private:
   friend class AssetStore;
-  AssetUpload(v1::AssetRef asset, std::string incoming_path, std::string kept_path, std::string final_path);
+  AssetUpload(v1::AssetRef asset, std::string incoming_path, std::string kept_path, AssetStore* store);
   absl::Status Start(uint64_t offset);
   absl::Status Error(absl::StatusCode code, const std::string& cause) const;
 
   const v1::AssetRef asset_;
   const std::string incoming_path_;
   const std::string kept_path_;
-  const std::string final_path_;
+  AssetStore* const store_;
   std::optional<rpc::ByteReceiver> receiver_;  // from the first piece on
   rpc::Sha256 sum_;
   bool is_wrong_ = false;  // does not match what was announced: not kept
 };
 
-/// Files identified by their SHA-256. A stored file is always complete.
+/// Files identified by their SHA-256. A stored file is complete; whether the disk has kept its content is checked
+/// when it is first used after the start, by reading all of it. A damaged file is renamed to SHA256.damaged and
+/// counts as missing, so that the next upload replaces it. Callers that need an asset while it is being checked
+/// wait for the result.
 /// Threads: safe.
 class AssetStore {
  public:
   /// Both folders exist and are on the same file system. Keeps the uploads that a killed coordinator left in
-  /// `incoming_folder`, within the limits above.
-  AssetStore(std::string folder, std::string incoming_folder);
+  /// `incoming_folder`, within the limits above. `log`, if not null, is told of damaged assets.
+  AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log = nullptr);
 
-  /// Whether the asset is stored. False for text that is not a SHA-256.
-  bool Has(const std::string& sha256) const;
+  /// Whether the asset is stored and undamaged. False for text that is not a SHA-256.
+  bool Has(const std::string& sha256) { return Check(sha256).ok(); }
 
   /// How many bytes of an asset are kept from an upload that broke; 0 for none.
   uint64_t ReceivedBytes(const std::string& sha256) const;
 
-  /// Begins to receive an asset.
+  /// Begins to receive an asset. The store must outlive the upload.
   /// Errors: kInvalidArgument where `asset` has no valid SHA-256; kUnavailable for a disk error.
   absl::StatusOr<std::unique_ptr<AssetUpload>> Receive(const v1::AssetRef& asset);
 
   /// Reads an asset from `offset` on.
-  /// Errors: kNotFound naming it; kOutOfRange past its end.
-  absl::StatusOr<rpc::ByteSender> Open(const std::string& sha256, uint64_t offset) const;
+  /// Errors: kNotFound naming it, also where it is damaged; kOutOfRange past its end; kUnavailable where it
+  /// cannot be read.
+  absl::StatusOr<rpc::ByteSender> Open(const std::string& sha256, uint64_t offset);
 
  private:
+  friend class AssetUpload;
+  enum class State { kBeingChecked, kIntact };
+
+  /// Checks the asset unless that has been done since the start.
+  absl::Status Check(const std::string& sha256);
+  /// Waits until the asset is not being checked.
+  void AwaitCheck(const std::string& sha256) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Reads the whole asset. Errors: kNotFound; kDataLoss where its content has another SHA-256; kUnavailable.
+  absl::Status CheckContent(const std::string& sha256) const;
+  /// Moves a damaged asset aside.
+  absl::Status MoveAside(const std::string& sha256) const;
+  /// Makes a received file, whose content is right, the stored asset.
+  absl::Status Install(const std::string& incoming_path, const std::string& sha256);
+
   std::string PathOf(const std::string& sha256) const { return folder_ + "/" + sha256; }
   std::string KeptPathOf(const std::string& sha256) const;
 
   const std::string folder_;
   const std::string incoming_folder_;
+  const std::shared_ptr<spdlog::logger> log_;
   std::atomic<int64_t> uploads_{0};
+
+  absl::Mutex mutex_;
+  std::map<std::string, State> states_ ABSL_GUARDED_BY(mutex_);  // assets used since the start
 };
 
 }  // namespace lumifold::server

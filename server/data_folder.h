@@ -12,7 +12,7 @@ namespace lumifold::server {
 /// Layout of a coordinator's data folder:
 ///
 ///   ledger.db        jobs and committed units
-///   assets/SHA256    scenes and the files they refer to
+///   assets/SHA256    scenes and the files they refer to (SHA256.damaged: the disk has changed its content)
 ///   incoming/        uploads in progress, and what has arrived of those that broke (see AssetStore)
 ///   film/JOB/        unit logs, frame-NNNN.units
 ///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256

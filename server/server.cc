@@ -69,7 +69,7 @@ absl::Status ServerImpl::Open() {
   absl::StatusOr<std::unique_ptr<ledger::JobStore>> store = ledger::OpenSqliteJobStore(folder_.LedgerPath());
   if (!store.ok()) return store.status();
   store_ = *std::move(store);
-  assets_ = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath());
+  assets_ = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log);
   finisher_ =
       options_.filter_in_child_process
           ? MakeChildProcessFinisher(folder_, {.threads = options_.filter_threads,

@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <thread>
+#include <vector>
 
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/sha256.h"
@@ -94,6 +97,42 @@ TEST_F(AssetStoreTest, AnotherContentIsNotKept) {
 TEST_F(AssetStoreTest, AnotherSizeIsRefusedAtOnce) {
   absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(Announce("oak"));
   EXPECT_EQ((*upload)->Add(Chunk("chestnut")).code(), absl::StatusCode::kDataLoss);
+}
+
+TEST_F(AssetStoreTest, ADamagedAssetIsMovedAsideAndHealedByAnUpload) {
+  const v1::AssetRef asset = Announce("oak");
+  const std::string path = folder_.PathOf("assets/" + asset.sha256());
+  std::ofstream(path, std::ios::binary) << "oal";  // a flipped bit
+  EXPECT_EQ(store_.Open(asset.sha256(), 0).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_FALSE(store_.Has(asset.sha256()));
+  EXPECT_FALSE(std::filesystem::exists(path));
+  EXPECT_TRUE(std::filesystem::exists(path + ".damaged"));
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+  ASSERT_TRUE((*upload)->Add(Chunk("oak")).ok());
+  ASSERT_TRUE((*upload)->Finish().ok());
+  EXPECT_TRUE(store_.Has(asset.sha256()));
+  EXPECT_TRUE(store_.Open(asset.sha256(), 0).ok());
+}
+
+TEST_F(AssetStoreTest, ACutAssetIsDamagedToo) {
+  const v1::AssetRef asset = Announce("oak");
+  std::ofstream(folder_.PathOf("assets/" + asset.sha256()));
+  EXPECT_FALSE(store_.Has(asset.sha256()));
+}
+
+TEST_F(AssetStoreTest, AnAssetIsReadOnceAfterTheStart) {
+  const v1::AssetRef asset = Announce("oak");
+  const std::string path = folder_.PathOf("assets/" + asset.sha256());
+  std::ofstream(path, std::ios::binary) << "oak";
+  std::vector<std::thread> threads;
+  std::atomic<int> present{0};
+  for (int i = 0; i < 4; ++i) threads.emplace_back([&] { present += store_.Has(asset.sha256()) ? 1 : 0; });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(present, 4);
+  std::ofstream(path, std::ios::binary) << "oal";  // found by the next start
+  EXPECT_TRUE(store_.Has(asset.sha256()));
+  AssetStore next(folder_.PathOf("assets"), folder_.PathOf("incoming"));
+  EXPECT_FALSE(next.Has(asset.sha256()));
 }
 
 TEST_F(AssetStoreTest, ABrokenUploadGoesOnWhereItStopped) {

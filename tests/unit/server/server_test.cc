@@ -423,6 +423,26 @@ TEST_F(ServerTest, UploadsAreCheckedAndListedAsMissingUntilThen) {
   EXPECT_TRUE(std::filesystem::is_empty(folder_.PathOf("data/incoming")));
 }
 
+TEST_F(ServerTest, ADamagedAssetIsMissingAfterARestartUntilItIsUploadedAgain) {
+  const v1::JobSpec spec = Spec();
+  const v1::AssetRef file = spec.scene().file();
+  StopServer();
+  {
+    std::fstream asset(folder_.PathOf("data/assets/" + file.sha256()), std::ios::in | std::ios::out);
+    asset.seekp(3).put('!');
+  }
+  StartServer();
+  const auto stub = v1::FarmService::NewStub(Channel());
+  grpc::ClientContext context;
+  v1::FindMissingAssetsRequest request;
+  *request.add_assets() = file;
+  v1::FindMissingAssetsResponse response;
+  ASSERT_TRUE(stub->FindMissingAssets(&context, request, &response).ok());
+  EXPECT_THAT(response.missing_sha256(), ElementsAre(file.sha256()));
+  EXPECT_EQ(Submit(spec, "early").status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_TRUE(Submit(Spec(), "healed").ok());  // Spec() uploads it
+}
+
 TEST_F(ServerTest, StopsPromptlyWithStreamsOpen) {
   const std::string job = *Submit(Spec());
   const auto worker = Worker({.numeric_class = "other", .slots = 1, .vanish_after = 0});

@@ -1,5 +1,6 @@
 #include "server/committer.h"
 
+#include <algorithm>
 #include <set>
 #include <utility>
 
@@ -16,6 +17,12 @@ ledger::UnitRecord RecordOf(const AcceptedUnit& unit, const film::RecordPlace& p
           .length = place.length,
           .samples = unit.samples,
           .bad_samples = unit.stored.stats.bad_samples()};
+}
+
+/// Whether a unit's record has its pixels undamaged.
+bool CanBeRead(const film::UnitLogReader& log, const ledger::UnitRecord& record) {
+  const absl::StatusOr<film::StoredUnit> unit = log.Read({record.offset, record.length});
+  return unit.ok() && unit->unit == record.unit;
 }
 
 /// Update of the job that all of `units` belong to.
@@ -53,6 +60,11 @@ void Committer::Discard(const job::JobId& job, std::optional<int32_t> frame) {
   if (!stopping_) queue_.emplace_back(DiscardOrder{job, frame});
 }
 
+void Committer::Check(const job::JobId& job, int32_t frame, const absl::Status& cause) {
+  absl::MutexLock lock(&mutex_);
+  if (!stopping_) queue_.emplace_back(CheckOrder{job, frame, cause});
+}
+
 void Committer::Stop() {
   {
     absl::MutexLock lock(&mutex_);
@@ -83,9 +95,14 @@ void Committer::Run() {
         units[unit->stored.unit.job].push_back(std::move(*unit));
         continue;
       }
-      const DiscardOrder& order = std::get<DiscardOrder>(task);
-      Commit(std::exchange(units[order.job], {}));
-      Execute(order);
+      if (const auto* discard = std::get_if<DiscardOrder>(&task)) {
+        Commit(std::exchange(units[discard->job], {}));
+        Execute(*discard);
+      }
+      if (const auto* check = std::get_if<CheckOrder>(&task)) {
+        Commit(std::exchange(units[check->job], {}));
+        Execute(*check);
+      }
     }
     for (auto& [job, of_job] : units) Commit(std::move(of_job));
   }
@@ -117,17 +134,56 @@ absl::Status Committer::Store(const std::vector<AcceptedUnit>& units) {
 absl::StatusOr<film::UnitLog*> Committer::LogOf(const FrameKey& key) {
   const auto found = logs_.find(key);
   if (found != logs_.end()) return &found->second;
+  if (absl::Status status = MakeFolder(folder_.FilmPath(key.first)); !status.ok()) return status;
+  absl::StatusOr<film::UnitLog> log = OpenLog(key);
+  if (absl::IsDataLoss(log.status())) {  // shorter than the ledger says
+    const absl::StatusOr<std::vector<ledger::UnitRecord>> lost = TakeBackLostUnits(key);
+    if (!lost.ok()) return lost.status();
+    listener_->OnUnitsLost(key.first, key.second, log.status(), lost);
+    log = OpenLog(key);
+  }
+  if (!log.ok()) return log.status();
+  return &logs_.emplace(key, *std::move(log)).first->second;
+}
+
+absl::StatusOr<film::UnitLog> Committer::OpenLog(const FrameKey& key) {
   uint64_t committed_bytes = 0;
   {
     absl::MutexLock lock(&mutex_);
     const auto restored = committed_bytes_.find(key);
     if (restored != committed_bytes_.end()) committed_bytes = restored->second;
   }
-  if (absl::Status status = MakeFolder(folder_.FilmPath(key.first)); !status.ok()) return status;
-  absl::StatusOr<film::UnitLog> log =
-      film::UnitLog::Open(folder_.PathOf(DataFolder::UnitLogName(key.first, key.second)), committed_bytes);
-  if (!log.ok()) return log.status();
-  return &logs_.emplace(key, *std::move(log)).first->second;
+  return film::UnitLog::Open(folder_.PathOf(DataFolder::UnitLogName(key.first, key.second)), committed_bytes);
+}
+
+absl::StatusOr<std::vector<ledger::UnitRecord>> Committer::TakeBackLostUnits(const FrameKey& key) {
+  logs_.erase(key);  // its file may have been deleted: the next unit opens or creates it
+  const absl::StatusOr<film::UnitLogReader> log =
+      film::UnitLogReader::Open(folder_.PathOf(DataFolder::UnitLogName(key.first, key.second)));
+  if (!log.ok() && !absl::IsNotFound(log.status())) return log.status();
+  // The ledger is free for others while the log is read.
+  std::vector<ledger::UnitRecord> units;
+  const absl::Status listed = store_->ForEachUnit(
+      key.first, key.second, [&units](const ledger::UnitRecord& record) { units.push_back(record); });
+  if (!listed.ok()) return listed;
+  std::vector<ledger::UnitRecord> lost;
+  uint64_t committed_bytes = 0;
+  for (ledger::UnitRecord& record : units) {
+    if (log.ok() && CanBeRead(*log, record)) {
+      committed_bytes = std::max(committed_bytes, record.offset + record.length);
+    } else {
+      lost.push_back(std::move(record));
+    }
+  }
+  if (absl::Status status = store_->RevokeUnits(key.first, lost); !status.ok()) return status;
+  absl::MutexLock lock(&mutex_);
+  committed_bytes_[key] = committed_bytes;
+  return lost;
+}
+
+void Committer::Execute(const CheckOrder& order) {
+  if (!listener_->IsWanted(order.job)) return;
+  listener_->OnUnitsLost(order.job, order.frame, order.cause, TakeBackLostUnits({order.job, order.frame}));
 }
 
 void Committer::Execute(const DiscardOrder& order) {

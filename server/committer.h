@@ -12,6 +12,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "server/data_folder.h"
 #include "server/film/unit_log.h"
@@ -44,6 +45,11 @@ class Committer {
     /// The units, all of one job, are committed; or, if `status` is an error, none of them is committed and
     /// the job cannot continue.
     virtual void OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) = 0;
+    /// The records of `lost` units of a frame could not be read, and the ledger no longer has them: they must be
+    /// rendered again. `cause` is the error that led to the check. Empty `lost`: every committed unit can be read.
+    /// An error: the job cannot continue.
+    virtual void OnUnitsLost(const job::JobId& job, int32_t frame, const absl::Status& cause,
+                             const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) = 0;
   };
 
   /// All arguments must outlive it.
@@ -56,6 +62,9 @@ class Committer {
   /// Deletes the unit log of a finished frame, or all unit logs of a job that has ended. Queued units are
   /// committed first.
   void Discard(const job::JobId& job, std::optional<int32_t> frame);
+  /// Reads the log of a frame that is not finished, takes back the units whose records cannot be read, and calls
+  /// OnUnitsLost. Queued units are committed first; later ones wait.
+  void Check(const job::JobId& job, int32_t frame, const absl::Status& cause);
   /// Commits the queued units, then stops. Later calls have no effect.
   void Stop();
 
@@ -64,7 +73,12 @@ class Committer {
     job::JobId job;
     std::optional<int32_t> frame;
   };
-  using Task = std::variant<AcceptedUnit, DiscardOrder>;
+  struct CheckOrder {
+    job::JobId job;
+    int32_t frame;
+    absl::Status cause;
+  };
+  using Task = std::variant<AcceptedUnit, DiscardOrder, CheckOrder>;
   using FrameKey = std::pair<job::JobId, int32_t>;
 
   void Run();
@@ -73,7 +87,10 @@ class Committer {
   void Commit(std::vector<AcceptedUnit> units);
   absl::Status Store(const std::vector<AcceptedUnit>& units);
   absl::StatusOr<film::UnitLog*> LogOf(const FrameKey& key);
+  absl::StatusOr<film::UnitLog> OpenLog(const FrameKey& key);
+  absl::StatusOr<std::vector<ledger::UnitRecord>> TakeBackLostUnits(const FrameKey& key);
   void Execute(const DiscardOrder& order);
+  void Execute(const CheckOrder& order);
 
   const DataFolder folder_;
   ledger::JobStore* const store_;

@@ -28,6 +28,8 @@ using job::WorkerId;
 constexpr int kMaxSlots = 1024;
 constexpr int kDefaultListed = 100;
 constexpr int kMaxListed = 1000;
+/// Units of a frame may be lost this often before its job fails: a disk that loses them each time is broken.
+constexpr int kMaxLosses = 3;
 constexpr size_t kMaxListedErrorBytes = 256;
 constexpr int kMaxLeasesPerGrant = 256;
 /// Bytes of a lease in a grant: its job's id and ten numbers.
@@ -440,6 +442,29 @@ void Coordinator::OnCommitted(const std::vector<AcceptedUnit>& units, const absl
   GrantLeases();
 }
 
+void Coordinator::OnUnitsLost(const JobId& job, int32_t frame, const absl::Status& cause,
+                              const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) {
+  absl::MutexLock lock(&mutex_);
+  const auto active = active_jobs_.find(job);
+  if (active == active_jobs_.end()) return;
+  const std::string error(cause.message());
+  if (!lost.ok()) return EndJob(job, v1::JOB_STATE_FAILED, std::string(lost.status().message()));
+  if (lost->empty()) return EndJob(job, v1::JOB_STATE_FAILED, error);
+  if (++losses_[{job, frame}] > kMaxLosses) {
+    return EndJob(job, v1::JOB_STATE_FAILED,
+                  absl::StrCat("units of frame ", frame, " were lost ", kMaxLosses + 1, " times: ", error));
+  }
+  for (const ledger::UnitRecord& record : *lost) {
+    scheduler_.RevokeUnit(record.unit);
+    active->second.bad_samples -= record.bad_samples;
+  }
+  options_.log->error("event=units_lost job={} frame={} units={} error={}", job.value(), frame, lost->size(),
+                      Quoted(error));
+  changed_jobs_.insert(job);
+  housekeeping_.Signal();
+  GrantToAll();
+}
+
 void Coordinator::CountCommitted(const AcceptedUnit& unit) {
   const UnitRef& ref = unit.stored.unit;
   const auto active = active_jobs_.find(ref.job);
@@ -512,6 +537,7 @@ void Coordinator::EndJob(const JobId& job, v1::JobState state, const std::string
   }
   scheduler_.EndJob(job);
   active_jobs_.erase(job);
+  std::erase_if(losses_, [&job](const auto& entry) { return entry.first.first == job; });
   committer_->Discard(job, std::nullopt);
   v1::CoordinatorMessage message;
   message.mutable_job_ended()->set_job_id(job.value());

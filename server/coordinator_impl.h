@@ -133,6 +133,8 @@ class Coordinator final : private Committer::Listener {
 
   bool IsWanted(const job::JobId& job) override;
   void OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) override;
+  void OnUnitsLost(const job::JobId& job, int32_t frame, const absl::Status& cause,
+                   const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) override;
   void CountCommitted(const AcceptedUnit& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   /// Grants leases to all workers that have free slots.
@@ -169,6 +171,8 @@ class Coordinator final : private Committer::Listener {
   int64_t next_worker_ ABSL_GUARDED_BY(mutex_) = 1;
   std::map<job::WorkerId, ConnectedWorker> workers_ ABSL_GUARDED_BY(mutex_);
   std::deque<CommittedFrame> committed_frames_ ABSL_GUARDED_BY(mutex_);
+  /// Number of times that units of an unfinished frame were lost.
+  std::map<std::pair<job::JobId, int32_t>, int> losses_ ABSL_GUARDED_BY(mutex_);
   std::map<JobWatcher*, job::JobId> watchers_ ABSL_GUARDED_BY(mutex_);
   std::set<job::JobId> changed_jobs_ ABSL_GUARDED_BY(mutex_);
   absl::Time watchers_notified_ ABSL_GUARDED_BY(mutex_) = absl::InfinitePast();

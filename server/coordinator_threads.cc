@@ -50,6 +50,9 @@ void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::Status
   absl::MutexLock lock(&mutex_);
   const auto active = active_jobs_.find(frame.job);
   if (active == active_jobs_.end()) return;
+  if (absl::IsDataLoss(times.status()) || absl::IsNotFound(times.status())) {
+    return committer_->Check(frame.job, frame.number, times.status());
+  }
   if (!times.ok()) {
     EndJob(frame.job, v1::JOB_STATE_FAILED, std::string(times.status().message()));
     return;

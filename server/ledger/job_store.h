@@ -90,6 +90,9 @@ class JobStore {
   /// units already is, nothing is recorded and the error is kAlreadyExists naming that unit.
   virtual absl::Status CommitUnits(absl::Span<const UnitRecord> units,
                                    absl::Span<const JobUpdate> updates) = 0;
+  /// Takes back units of a job whose records cannot be read, in one transaction: their rows go, and the job's
+  /// counts are reduced by them. No effect for a unit that is not committed.
+  virtual absl::Status RevokeUnits(const job::JobId& job, absl::Span<const UnitRecord> units) = 0;
   /// Visits the committed units of a frame, or of all frames in order. Within a frame they are ordered by
   /// tile, then kind (passes before geometry), then pass. `visit` must not call the store.
   virtual absl::Status ForEachUnit(const job::JobId& job, std::optional<int32_t> frame,

@@ -102,6 +102,7 @@ class SqliteJobStore final : public JobStore {
   absl::StatusOr<std::vector<JobRecord>> ListJobs(int limit) override;
   absl::StatusOr<std::vector<JobRecord>> UnfinishedJobs() override;
   absl::Status CommitUnits(absl::Span<const UnitRecord> units, absl::Span<const JobUpdate> updates) override;
+  absl::Status RevokeUnits(const JobId& job, absl::Span<const UnitRecord> units) override;
   absl::Status ForEachUnit(const JobId& job, std::optional<int32_t> frame,
                            absl::FunctionRef<void(const UnitRecord&)> visit) override;
   absl::Status RecordFrame(const JobId& job, int32_t frame, const v1::StageTimes& times) override;
@@ -114,6 +115,8 @@ class SqliteJobStore final : public JobStore {
   absl::Status InsertUnits(absl::Span<const UnitRecord> units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status CountUnits(absl::Span<const UnitRecord> units) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status UpdateJob(const JobUpdate& update) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status DeleteUnits(int64_t number, absl::Span<const UnitRecord> units)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status InsertWarnings(const JobUpdate& update) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::Status InsertFrame(int64_t number, int32_t frame, const v1::StageTimes& times)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -302,6 +305,35 @@ absl::Status SqliteJobStore::CommitUnits(absl::Span<const UnitRecord> units,
     if (outcome.ok()) outcome = UpdateJob(item);
   }
   return db_.EndTransaction(outcome);
+}
+
+absl::Status SqliteJobStore::DeleteUnits(int64_t number, absl::Span<const UnitRecord> units) {
+  SqliteStatement remove =
+      db_.Prepare("DELETE FROM units WHERE job = ? AND frame = ? AND tile = ? AND kind = ? AND pass = ?");
+  SqliteStatement update = db_.Prepare(
+      "UPDATE jobs SET units_done = units_done - 1, samples_done = samples_done - ?,"
+      " bad_samples = bad_samples - ? WHERE number = ?");
+  for (const UnitRecord& record : units) {
+    const job::UnitKey& key = record.unit.key;
+    remove.Bind(number).Bind(int64_t{key.frame}).Bind(int64_t{key.tile});
+    remove.Bind(int64_t{key.kind}).Bind(int64_t{key.pass});
+    if (absl::Status status = remove.Run(); !status.ok()) return status;
+    const bool was_committed = remove.ChangedRows() == 1;
+    remove.Reset();
+    if (!was_committed) continue;
+    update.Bind(record.samples).Bind(record.bad_samples).Bind(number);
+    if (absl::Status status = update.Run(); !status.ok()) return status;
+    update.Reset();
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SqliteJobStore::RevokeUnits(const JobId& job, absl::Span<const UnitRecord> units) {
+  absl::MutexLock lock(&mutex_);
+  const absl::StatusOr<int64_t> number = NumberOf(job);
+  if (!number.ok()) return number.status();
+  if (absl::Status status = db_.Execute("BEGIN IMMEDIATE"); !status.ok()) return status;
+  return db_.EndTransaction(DeleteUnits(*number, units));
 }
 
 absl::Status SqliteJobStore::ForEachUnit(const JobId& job, std::optional<int32_t> frame,

@@ -315,6 +315,22 @@ bool Scheduler::UnitCommitted(const UnitRef& unit) {
   return job.frames.at(index->place.frame).committed == job.units.count();
 }
 
+bool Scheduler::RevokeUnit(const UnitRef& unit) {
+  const std::optional<UnitIndex> index = IndexOf(unit);
+  if (!index.has_value() || accepted_.contains(*index)) return false;
+  Job& job = jobs_.at(index->job);
+  const Place& place = index->place;
+  const auto frame = job.frames.find(place.frame);  // a finished frame has none
+  if (frame == job.frames.end() || !frame->second.taken[static_cast<size_t>(place.number)]) return false;
+  frame->second.taken[static_cast<size_t>(place.number)] = false;
+  --frame->second.committed;
+  --job.committed_units;
+  job.committed_samples -= job.units.CameraSamplesOf(unit.key);
+  if (place < job.next_unleased) job.returned.insert(place);  // otherwise it is leased in its turn
+  UpdateReady(index->job, job);
+  return true;
+}
+
 std::vector<int32_t> Scheduler::CommittedFrames(const JobId& id) const {
   const Job& job = GetJob(id);
   std::vector<int32_t> frames;

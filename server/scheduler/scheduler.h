@@ -183,6 +183,9 @@ class Scheduler {
                           absl::Time now);
   /// Records that an accepted unit is committed. True when it was the last unit of its frame.
   bool UnitCommitted(const job::UnitRef& unit);
+  /// Makes a committed unit free again, because its record was lost. False for a unit that is not committed, and
+  /// for one of a finished frame.
+  bool RevokeUnit(const job::UnitRef& unit);
   /// Records that a worker could not render a unit. A permanent failure, which every worker would have, ends
   /// the job when a second worker agrees, or at once if no other worker can be asked.
   FailureOutcome FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,

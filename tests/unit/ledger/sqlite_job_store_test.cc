@@ -144,6 +144,23 @@ TEST_F(SqliteJobStoreTest, UpdatesBindTheClassOnceAndKeepEachWarningOnce) {
   EXPECT_THAT(job.warnings, ElementsAre("no light", "no camera", "big"));
 }
 
+TEST_F(SqliteJobStoreTest, RevokedUnitsCanBeCommittedAgain) {
+  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
+  const std::vector<UnitRecord> units = {Unit("j-a", 0, 0, 0), Unit("j-a", 0, 1, 0), Unit("j-a", 0, 2, 0)};
+  ASSERT_TRUE(store_->CommitUnits(units, {}).ok());
+  const JobRecord before = *store_->GetJob(JobId("j-a"));
+  const std::vector<UnitRecord> lost = {units[1], units[2], Unit("j-a", 0, 3, 0)};  // the last never was
+  ASSERT_TRUE(store_->RevokeUnits(JobId("j-a"), lost).ok());
+  Reopen();
+  const JobRecord after = *store_->GetJob(JobId("j-a"));
+  EXPECT_EQ(after.units_done, before.units_done - 2);
+  EXPECT_EQ(after.samples_done, before.samples_done - units[1].samples - units[2].samples);
+  EXPECT_EQ(after.bad_samples, before.bad_samples - 2);
+  ASSERT_TRUE(store_->CommitUnits({units[1], units[2]}, {}).ok());
+  EXPECT_EQ(store_->GetJob(JobId("j-a"))->samples_done, before.samples_done);
+  EXPECT_EQ(store_->RevokeUnits(JobId("j-x"), lost).code(), absl::StatusCode::kNotFound);
+}
+
 TEST_F(SqliteJobStoreTest, WarningsAreLimitedAndTheRestIsCounted) {
   ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
   JobUpdate update{JobId("j-a"), "avx2", kStart, {}};

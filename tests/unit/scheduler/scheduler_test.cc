@@ -101,6 +101,36 @@ TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 1u);
 }
 
+TEST_F(SchedulerTest, ARevokedUnitIsLeasedOnceMore) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, "avx2", 12);
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  EXPECT_FALSE(scheduler_.RevokeUnit(leases[5].unit)) << "it is leased, not committed";
+  for (const GrantedLease& lease : leases) Commit(kAnn, lease);
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
+  const UnitRef lost = leases[5].unit;
+  EXPECT_TRUE(scheduler_.RevokeUnit(lost));
+  EXPECT_FALSE(scheduler_.RevokeUnit(lost));
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty());
+  EXPECT_EQ(scheduler_.Progress(kJob).units_done, 11);
+  EXPECT_EQ(scheduler_.Progress(kJob).samples_done, 16 * 16 * 8 - 8 * 8 * 4);
+  const auto again = scheduler_.GrantLeases(kAnn, kStart);
+  ASSERT_EQ(again.size(), 1u);
+  EXPECT_EQ(again[0].unit, lost);
+  EXPECT_TRUE(Commit(kAnn, again[0]));
+  scheduler_.FrameFinished(kJob, 10);
+  EXPECT_FALSE(scheduler_.RevokeUnit(lost));
+}
+
+TEST_F(SchedulerTest, AUnitRevokedBeforeItsTurnIsLeasedOnceMore) {
+  scheduler_.AddJob(kJob, Spec());
+  const UnitRef lost{kJob, {10, 2, 0, v1::UNIT_KIND_GEOMETRY}};
+  scheduler_.RestoreCommittedUnit(lost);
+  EXPECT_TRUE(scheduler_.RevokeUnit(lost));
+  scheduler_.AddWorker(kAnn, "avx2", 100);
+  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 12u);
+}
+
 TEST_F(SchedulerTest, AUnitIsAcceptedOnce) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, "avx2", 2);

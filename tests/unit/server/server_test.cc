@@ -100,6 +100,51 @@ TEST_F(ServerTest, ARestartedCoordinatorContinuesAndNothingAcknowledgedIsLost) {
   EXPECT_EQ(*Download(job, 0), expected);
 }
 
+/// Damages the log of a frame that is being rendered.
+enum class Damage { kFlippedByte, kCut, kDeleted };
+
+void Inflict(Damage damage, const std::string& log) {
+  switch (damage) {
+    case Damage::kFlippedByte: {
+      std::fstream file(log, std::ios::in | std::ios::out | std::ios::binary);
+      file.seekg(1000);
+      const char byte = static_cast<char>(file.get());
+      file.seekp(1000);
+      file.put(static_cast<char>(byte ^ 1));
+      break;
+    }
+    case Damage::kCut:
+      std::filesystem::resize_file(log, std::filesystem::file_size(log) / 2);
+      break;
+    case Damage::kDeleted:
+      std::filesystem::remove(log);
+  }
+}
+
+TEST_F(ServerTest, UnitsOfADamagedLogAreRenderedAgainAndThePictureIsTheSame) {
+  const std::string expected = RenderUndisturbed();
+  int number = 0;
+  for (const bool restarts : {false, true}) {
+    for (const Damage damage : {Damage::kFlippedByte, Damage::kCut, Damage::kDeleted}) {
+      SCOPED_TRACE(number);
+      const std::string job = *Submit(Spec(), absl::StrCat("log-", number++));
+      const auto victim = Worker({.slots = 1, .vanish_after = 9});
+      victim->Wait();
+      WaitUntil(job, [](const v1::JobStatus& s) { return s.units_done() >= 8; });
+      if (restarts) StopServer();
+      Inflict(damage, folder_.PathOf(absl::StrCat("data/film/", job, "/frame-0000.units")));
+      if (restarts) StartServer();
+      const auto worker = Worker();
+      const v1::JobStatus status = WaitForEnd(job);
+      EXPECT_EQ(status.state(), v1::JOB_STATE_DONE) << status.error();
+      EXPECT_EQ(status.units_done(), kUnits);
+      EXPECT_EQ(status.samples_done(), 20 * 12 * 10);
+      EXPECT_GT(worker->delivered(), kUnits - 9);
+      EXPECT_EQ(*Download(job, 0), expected);
+    }
+  }
+}
+
 TEST_F(ServerTest, ADamagedUnitIsRenderedAgain) {
   const std::string expected = RenderUndisturbed();
   const std::string job = *Submit(Spec(), "damaged");

@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/prctl.h>
@@ -6,11 +7,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
 #include <iostream>
 #include <new>
+#include <optional>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
@@ -32,6 +36,13 @@ namespace lumifold::server {
 namespace {
 
 constexpr int kFailed = 1;
+
+using SteadyTime = std::chrono::steady_clock::time_point;
+
+SteadyTime DeadlineAfter(absl::Duration limit) {
+  constexpr absl::Duration kForever = absl::Hours(24 * 365 * 10);
+  return std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(limit, kForever));
+}
 
 absl::Status SystemError(const char* what, int error) {
   return absl::UnavailableError(absl::StrCat(what, ": ", std::strerror(error)));
@@ -71,10 +82,25 @@ absl::StatusOr<Child> Spawn(const std::vector<std::string>& command) {
   return child;
 }
 
-std::string ReadAll(const rpc::FileHandle& file) {
+/// Waits until the file has data or ends; false after `deadline`.
+bool AwaitData(const rpc::FileHandle& file, SteadyTime deadline) {
+  pollfd waiting = {.fd = file.get(), .events = POLLIN, .revents = 0};
+  while (true) {
+    const auto left =
+        std::chrono::duration_cast<std::chrono::milliseconds>(deadline - std::chrono::steady_clock::now());
+    if (left.count() <= 0) return false;
+    constexpr int64_t kLongestPoll = 60'000;
+    const int ready = poll(&waiting, 1, static_cast<int>(std::min<int64_t>(left.count() + 1, kLongestPoll)));
+    if (ready > 0 || (ready < 0 && errno != EINTR)) return true;  // an error shows when the file is read
+  }
+}
+
+/// The content of the file up to its end; nullopt after `deadline`.
+std::optional<std::string> ReadAll(const rpc::FileHandle& file, SteadyTime deadline) {
   std::string text;
   std::array<char, 4096> buffer;
   while (true) {
+    if (!AwaitData(file, deadline)) return std::nullopt;
     const ssize_t n = read(file.get(), buffer.data(), buffer.size());
     if (n < 0 && errno == EINTR) continue;
     if (n <= 0) return text;
@@ -104,13 +130,19 @@ class ChildProcessFinisher final : public FrameFinisher {
       : folder_(folder), options_(options) {}
 
   absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) override;
+  void CancelJob(const job::JobId& job) override;
   void Cancel() override;
 
  private:
+  /// Reaps the child that runs and returns its wait status.
+  int Reap(pid_t pid) ABSL_LOCKS_EXCLUDED(mutex_);
+
   const DataFolder folder_;
   const ChildProcessOptions options_;
   absl::Mutex mutex_;
   bool cancelled_ ABSL_GUARDED_BY(mutex_) = false;
+  job::JobId job_ ABSL_GUARDED_BY(mutex_);  // of the child that runs
+  bool job_cancelled_ ABSL_GUARDED_BY(mutex_) = false;
   pid_t running_ ABSL_GUARDED_BY(mutex_) =
       -1;  // reset before the child is reaped, so that no other process is killed
 };
@@ -124,18 +156,40 @@ absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Finish(const job::JobId& jo
                    absl::StrCat(options_.threads), absl::StrCat(options_.memory_limit_bytes)});
     if (!child.ok()) return child.status();
     running_ = child->pid;
+    job_ = job;
+    job_cancelled_ = false;
   }
-  const std::string answer = ReadAll(child->output);
+  const std::optional<std::string> answer = ReadAll(child->output, DeadlineAfter(options_.time_limit));
+  if (!answer.has_value()) kill(child->pid, SIGKILL);  // it is not reaped, so its pid is its own
+  const int wait_status = Reap(child->pid);
+  absl::MutexLock lock(&mutex_);
+  if (cancelled_) return absl::CancelledError("the coordinator is stopping");
+  if (job_cancelled_) return absl::CancelledError("the job has ended");
+  if (!answer.has_value()) {
+    return absl::DeadlineExceededError(absl::StrCat("the filter process of frame ", frame,
+                                                    " ran longer than ",
+                                                    absl::FormatDuration(options_.time_limit)));
+  }
+  return ReadAnswer(*answer, wait_status);
+}
+
+int ChildProcessFinisher::Reap(pid_t pid) {
   // WNOWAIT: the child is not reaped yet, so that its pid stays valid while Cancel may use it.
   siginfo_t info;
-  while (waitid(P_PID, static_cast<id_t>(child->pid), &info, WEXITED | WNOWAIT) != 0 && errno == EINTR) {
+  while (waitid(P_PID, static_cast<id_t>(pid), &info, WEXITED | WNOWAIT) != 0 && errno == EINTR) {
   }
   absl::MutexLock lock(&mutex_);
   running_ = -1;
   int wait_status = 0;
-  waitpid(child->pid, &wait_status, 0);
-  if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-  return ReadAnswer(answer, wait_status);
+  waitpid(pid, &wait_status, 0);
+  return wait_status;
+}
+
+void ChildProcessFinisher::CancelJob(const job::JobId& job) {
+  absl::MutexLock lock(&mutex_);
+  if (running_ <= 0 || job_ != job) return;
+  job_cancelled_ = true;
+  kill(running_, SIGKILL);
 }
 
 void ChildProcessFinisher::Cancel() {
@@ -182,6 +236,10 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
 }
 
 }  // namespace
+
+bool IsWorthRetrying(const absl::Status& status) {
+  return absl::IsInternal(status) || absl::IsResourceExhausted(status) || absl::IsUnavailable(status);
+}
 
 std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder,
                                                         const ChildProcessOptions& options) {

@@ -537,6 +537,7 @@ void Coordinator::EndJob(const JobId& job, v1::JobState state, const std::string
   }
   scheduler_.EndJob(job);
   active_jobs_.erase(job);
+  finisher_->CancelJob(job);
   std::erase_if(losses_, [&job](const auto& entry) { return entry.first.first == job; });
   committer_->Discard(job, std::nullopt);
   v1::CoordinatorMessage message;

@@ -35,6 +35,8 @@ struct CoordinatorOptions {
   absl::Duration lease = absl::Seconds(30);
   /// Interval of the workers' heartbeats.
   absl::Duration heartbeat = absl::Seconds(5);
+  /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as long.
+  absl::Duration finish_pause = absl::Seconds(5);
   std::function<absl::Time()> now;
   std::function<uint64_t()> random;
   std::shared_ptr<spdlog::logger> log;
@@ -121,7 +123,10 @@ class Coordinator final : private Committer::Listener {
   };
   struct CommittedFrame {
     job::JobId job;
-    int32_t number;
+    int32_t number = 0;
+    /// Number of times that finishing it has failed, and when it may be tried again.
+    int failures = 0;
+    absl::Time not_before = absl::InfinitePast();
   };
 
   Coordinator(const CoordinatorOptions& options, const DataFolder& folder, ledger::JobStore* store,
@@ -147,14 +152,20 @@ class Coordinator final : private Committer::Listener {
   std::string NameOf(job::WorkerId worker) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   void RunFinisher();
+  /// Waits for a committed frame; nullopt once the coordinator is stopping.
+  std::optional<CommittedFrame> NextCommittedFrame();
+  /// The first frame that may be finished now.
+  std::deque<CommittedFrame>::iterator FindDueFrame() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Lets a frame be tried again later, or fails its job.
+  void RetryFrame(CommittedFrame frame, const absl::Status& error) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times);
   void RunHousekeeping();
   absl::Duration UntilNextHousekeeping() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ExpireLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void NotifyWatchers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
-  bool FinisherHasWork() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return stopping_ || !committed_frames_.empty();
+  bool FinisherHasWork() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return stopping_ || FindDueFrame() != committed_frames_.end();
   }
 
   const CoordinatorOptions options_;

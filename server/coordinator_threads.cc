@@ -2,8 +2,14 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
 #include <string_view>
+#include <utility>
 
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
 #include "server/coordinator_impl.h"
 
 namespace lumifold::server {
@@ -27,23 +33,52 @@ std::string_view EventOf(scheduler::Lateness lateness) {
   }
 }
 
+/// A frame that failed this often, of a cause that may go away, fails its job.
+constexpr int kMaxFinishFailures = 3;
+constexpr double kPauseGrowth = 4;
+
 }  // namespace
 
 void Coordinator::RunFinisher() {
-  while (true) {
-    CommittedFrame frame;
-    {
-      absl::MutexLock lock(&mutex_);
-      mutex_.Await(absl::Condition(this, &Coordinator::FinisherHasWork));
-      if (stopping_) return;
-      frame = std::move(committed_frames_.front());
-      committed_frames_.pop_front();
-      if (!active_jobs_.contains(frame.job)) continue;
-    }
-    const absl::StatusOr<v1::StageTimes> times = finisher_->Finish(frame.job, frame.number);
-    if (absl::IsCancelled(times.status())) return;
-    RecordFinished(frame, times);
+  while (const std::optional<CommittedFrame> frame = NextCommittedFrame()) {
+    const absl::StatusOr<v1::StageTimes> times = finisher_->Finish(frame->job, frame->number);
+    if (!absl::IsCancelled(times.status())) RecordFinished(*frame, times);
   }
+}
+
+std::optional<Coordinator::CommittedFrame> Coordinator::NextCommittedFrame() {
+  absl::MutexLock lock(&mutex_);
+  while (true) {
+    // The time limit is for frames that are not due: options_.now may not be the clock that waits use.
+    while (!mutex_.AwaitWithTimeout(absl::Condition(this, &Coordinator::FinisherHasWork), kIdleInterval)) {
+    }
+    if (stopping_) return std::nullopt;
+    const auto due = FindDueFrame();
+    CommittedFrame frame = std::move(*due);
+    committed_frames_.erase(due);
+    if (active_jobs_.contains(frame.job)) return frame;
+  }
+}
+
+std::deque<Coordinator::CommittedFrame>::iterator Coordinator::FindDueFrame() {
+  const absl::Time now = options_.now();
+  return std::find_if(committed_frames_.begin(), committed_frames_.end(),
+                      [now](const CommittedFrame& frame) { return frame.not_before <= now; });
+}
+
+void Coordinator::RetryFrame(CommittedFrame frame, const absl::Status& error) {
+  const std::string message(error.message());
+  if (++frame.failures == kMaxFinishFailures) {
+    EndJob(frame.job, v1::JOB_STATE_FAILED,
+           absl::StrCat("frame ", frame.number, " failed ", frame.failures, " times: ", message));
+    return;
+  }
+  const absl::Duration pause = options_.finish_pause * std::pow(kPauseGrowth, frame.failures - 1);
+  options_.log->warn("event=frame_retried job={} frame={} failures={} pause_seconds={:.1f} error=\"{}\"",
+                     frame.job.value(), frame.number, frame.failures, absl::ToDoubleSeconds(pause),
+                     absl::Utf8SafeCEscape(message));
+  frame.not_before = options_.now() + pause;
+  committed_frames_.push_back(std::move(frame));
 }
 
 void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times) {
@@ -53,6 +88,7 @@ void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::Status
   if (absl::IsDataLoss(times.status()) || absl::IsNotFound(times.status())) {
     return committer_->Check(frame.job, frame.number, times.status());
   }
+  if (IsWorthRetrying(times.status())) return RetryFrame(frame, times.status());
   if (!times.ok()) {
     EndJob(frame.job, v1::JOB_STATE_FAILED, std::string(times.status().message()));
     return;

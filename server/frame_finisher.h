@@ -15,21 +15,24 @@
 namespace lumifold::server {
 
 /// Runs FinishFrame.
-/// Threads: Finish from one thread at a time, Cancel from any.
+/// Threads: Finish from one thread at a time, so that at most one child process runs; the others from any.
 class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
 
   /// Writes the frame's result; blocks.
-  /// Errors: as FinishFrame; kCancelled after Cancel.
+  /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
   virtual absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) = 0;
+
+  /// Makes a running Finish of this job return as soon as possible. No effect on later calls.
+  virtual void CancelJob(const job::JobId& job) = 0;
 
   /// Makes a running Finish return as soon as possible, and every later call at once.
   virtual void Cancel() = 0;
 };
 
 /// Finishes frames in this process, on the calling thread and a pool of `threads`, at the priority of the
-/// process. Cancel does not interrupt a running Finish. `store` must outlive it.
+/// process. Neither Cancel nor CancelJob interrupts a running Finish. `store` must outlive it.
 std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
                                                      int threads, std::function<absl::Time()> now);
 
@@ -39,15 +42,21 @@ struct ChildProcessOptions {
   int threads = 1;
   /// Limit of the child's address space in bytes; 0 for none.
   uint64_t memory_limit_bytes = 0;
+  /// A child that runs longer is killed.
+  absl::Duration time_limit = absl::InfiniteDuration();
 };
 
 /// Niceness of a child process. It yields to the coordinator and to workers on the same machine, but still gets
 /// about a quarter of a core that it shares with one process of niceness 0. At niceness 10 it would be a tenth.
 inline constexpr int kChildNiceness = 5;
 
+/// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no memory,
+/// no process or no disk space. Other errors would come again.
+bool IsWorthRetrying(const absl::Status& status);
+
 /// Finishes each frame in a child process of niceness kChildNiceness (or the coordinator's, if that is
 /// higher), so that the coordinator survives a child that runs out of memory or crashes.
-/// Errors of Finish: also kInternal naming the signal that ended the child.
+/// Errors of Finish: also kInternal naming the signal that ended the child; kDeadlineExceeded after the time limit.
 std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder,
                                                         const ChildProcessOptions& options);
 

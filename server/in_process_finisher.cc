@@ -19,6 +19,7 @@ class InProcessFinisher final : public FrameFinisher {
     return FinishFrame(folder_, *store_, job, frame, pool_.get(), now_);
   }
 
+  void CancelJob(const job::JobId&) override {}
   void Cancel() override { cancelled_ = true; }
 
  private:

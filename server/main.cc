@@ -24,6 +24,7 @@ struct Flags {
   bool insecure = false;
   int filter_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   uint64_t filter_memory_mb = 0;
+  double filter_minutes = 1440.0;
   double lease_seconds = 30.0;
   double heartbeat_seconds = 5.0;
   std::string log_level = "info";
@@ -41,6 +42,10 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->capture_default_str();
   app->add_option("--filter-memory-mb", flags->filter_memory_mb,
                   "Limit of the filter process's address space in MiB; 0: none")
+      ->capture_default_str();
+  app->add_option("--filter-minutes", flags->filter_minutes,
+                  "Time after which the filter process of a frame is ended")
+      ->check(CLI::Range(0.01, 1e6))
       ->capture_default_str();
   app->add_option("--lease-seconds", flags->lease_seconds,
                   "Time without a heartbeat after which leases expire")
@@ -79,6 +84,7 @@ int RunServer(const Flags& flags) {
   options.filter_threads = flags.filter_threads;
   options.filter_in_child_process = true;
   options.filter_memory_limit_bytes = flags.filter_memory_mb << 20;
+  options.filter_time_limit = absl::Minutes(flags.filter_minutes);
   options.log = log;
   const absl::StatusOr<std::unique_ptr<lumifold::server::Server>> server =
       lumifold::server::Server::Start(std::move(options));

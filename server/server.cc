@@ -73,7 +73,8 @@ absl::Status ServerImpl::Open() {
   finisher_ =
       options_.filter_in_child_process
           ? MakeChildProcessFinisher(folder_, {.threads = options_.filter_threads,
-                                               .memory_limit_bytes = options_.filter_memory_limit_bytes})
+                                               .memory_limit_bytes = options_.filter_memory_limit_bytes,
+                                               .time_limit = options_.filter_time_limit})
           : MakeInProcessFinisher(folder_, store_.get(), options_.filter_threads, options_.now);
   absl::StatusOr<std::unique_ptr<Coordinator>> coordinator =
       Coordinator::Create({.lease = options_.lease,

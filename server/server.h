@@ -32,6 +32,8 @@ struct ServerOptions {
   bool filter_in_child_process = false;
   /// Limit of the child's address space in bytes; 0 for none.
   uint64_t filter_memory_limit_bytes = 0;
+  /// A child that runs longer is killed, and its job fails.
+  absl::Duration filter_time_limit = absl::Hours(24);
 
   std::function<absl::Time()> now = [] { return absl::Now(); };
   /// Random numbers for job ids; default: those of the system.

@@ -4,7 +4,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
+#include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include "server/frame_finisher.h"
 #include "tests/unit/server/committed_frame_fixture.h"
@@ -75,6 +78,50 @@ TEST_F(ChildProcessFinisherTest, TheFinisherWithinKeepsThePriorityOfItsProcess) 
   ASSERT_TRUE(
       MakeInProcessFinisher(folder_, store_.get(), 2, [] { return absl::Now(); })->Finish(kJob, 0).ok());
   EXPECT_EQ(getpriority(PRIO_PROCESS, 0), before);
+}
+
+/// A program that runs for a minute instead of filtering.
+std::string Sleeper(const TempFolder& folder) {
+  const std::string path = folder.PathOf("sleeper");
+  std::ofstream(path) << "#!/bin/sh\nexec sleep 60\n";
+  std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+  return path;
+}
+
+TEST_F(ChildProcessFinisherTest, AChildThatRunsTooLongIsKilled) {
+  const absl::Time start = absl::Now();
+  const absl::Status status =
+      Child({.program = Sleeper(temp_), .time_limit = absl::Milliseconds(100)})->Finish(kJob, 0).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kDeadlineExceeded);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("frame 0 ran longer than 100ms"));
+  EXPECT_FALSE(IsWorthRetrying(status));
+  EXPECT_LT(absl::Now() - start, absl::Seconds(30));
+}
+
+TEST_F(ChildProcessFinisherTest, TheEndOfItsJobKillsAChildAndOfNoOther) {
+  const std::unique_ptr<FrameFinisher> finisher = Child({.program = Sleeper(temp_)});
+  std::atomic<bool> has_ended{false};
+  std::thread canceller([&] {
+    while (!has_ended) {
+      finisher->CancelJob(JobId("j-other"));
+      finisher->CancelJob(kJob);
+      absl::SleepFor(absl::Milliseconds(10));
+    }
+  });
+  EXPECT_EQ(finisher->Finish(kJob, 0).status(), absl::CancelledError("the job has ended"));
+  has_ended = true;
+  canceller.join();
+  finisher->CancelJob(kJob);  // no effect on later calls
+  EXPECT_TRUE(Child()->Finish(kJob, 0).ok());
+}
+
+TEST_F(ChildProcessFinisherTest, AKilledChildIsWorthRetrying) {
+  const std::string path = temp_.PathOf("suicide");
+  std::ofstream(path) << "#!/bin/sh\nkill -9 $$\n";
+  std::filesystem::permissions(path, std::filesystem::perms::owner_all);
+  const absl::Status status = Child({.program = path})->Finish(kJob, 0).status();
+  EXPECT_THAT(std::string(status.message()), HasSubstr("ended by signal 9"));
+  EXPECT_TRUE(IsWorthRetrying(status));
 }
 
 TEST_F(ChildProcessFinisherTest, AfterCancelNothingStarts) {

@@ -1,0 +1,142 @@
+// Finishing frames as a stage of the coordinator: retries, pauses and cancellation.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spdlog/logger.h>
+#include <spdlog/sinks/null_sink.h>
+
+#include <map>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "absl/synchronization/mutex.h"
+#include "server/asset_store.h"
+#include "server/coordinator_impl.h"
+#include "tests/unit/server/committed_frame_fixture.h"
+
+namespace lumifold::server {
+namespace {
+
+using job::JobId;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+const JobId kJob("j-1");
+const JobId kOther("j-2");
+
+/// Fails as often as told, job by job.
+class FailingFinisher final : public FrameFinisher {
+ public:
+  absl::StatusOr<v1::StageTimes> Finish(const JobId& job, int32_t) override {
+    absl::MutexLock lock(&mutex_);
+    tried_.push_back(job);
+    if (hangs_) {
+      mutex_.Await(absl::Condition(&cancelled_));
+      return absl::CancelledError("the job has ended");
+    }
+    std::vector<absl::Status>& errors = errors_[job];
+    if (errors.empty()) return v1::StageTimes();
+    const absl::Status error = errors.back();
+    errors.pop_back();
+    return error;
+  }
+  void CancelJob(const JobId&) override {
+    absl::MutexLock lock(&mutex_);
+    cancelled_ = true;
+  }
+  void Cancel() override { CancelJob(kJob); }
+
+  void Fail(const JobId& job, int times, const absl::Status& error) {
+    absl::MutexLock lock(&mutex_);
+    errors_[job].assign(static_cast<size_t>(times), error);
+  }
+  void Hang() {
+    absl::MutexLock lock(&mutex_);
+    hangs_ = true;
+  }
+  std::vector<JobId> tried() {
+    absl::MutexLock lock(&mutex_);
+    return tried_;
+  }
+
+ private:
+  absl::Mutex mutex_;
+  bool hangs_ = false;
+  bool cancelled_ = false;
+  std::map<JobId, std::vector<absl::Status>> errors_;
+  std::vector<JobId> tried_;
+};
+
+class FinisherStageTest : public CommittedFrameFixture {
+ protected:
+  void Start() {
+    CoordinatorOptions options;
+    options.finish_pause = absl::Milliseconds(1);
+    options.now = [] { return absl::Now(); };
+    options.random = [] { return uint64_t{1}; };
+    options.log = std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::null_sink_mt>());
+    coordinator_ = *Coordinator::Create(options, folder_, store_.get(), &assets_, &finisher_);
+  }
+
+  v1::JobStatus WaitForEnd(const JobId& job) {
+    while (true) {
+      v1::JobStatus status = *coordinator_->GetJob(job.value());
+      if (status.state() != v1::JOB_STATE_FILTERING) return status;
+      absl::SleepFor(absl::Milliseconds(5));
+    }
+  }
+
+  AssetStore assets_{folder_.AssetsPath(), folder_.IncomingPath()};
+  FailingFinisher finisher_;
+  std::unique_ptr<Coordinator> coordinator_;
+};
+
+TEST_F(FinisherStageTest, AFrameWhoseProcessWasKilledIsTriedAgainAndOthersDoNotWait) {
+  Commit(kJob, Spec(20, 12));
+  Commit(kOther, Spec(20, 12));
+  finisher_.Fail(kJob, 2, absl::InternalError("the filter process was ended by signal 9"));
+  Start();
+  EXPECT_EQ(WaitForEnd(kJob).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(WaitForEnd(kOther).state(), v1::JOB_STATE_DONE);
+  EXPECT_THAT(finisher_.tried(), ElementsAre(kJob, kOther, kJob, kJob));
+}
+
+TEST_F(FinisherStageTest, AfterThreeFailuresTheJobFailsWithTheReason) {
+  Commit(kJob, Spec(20, 12));
+  finisher_.Fail(kJob, 9, absl::ResourceExhaustedError("out of memory"));
+  Start();
+  const v1::JobStatus status = WaitForEnd(kJob);
+  EXPECT_EQ(status.state(), v1::JOB_STATE_FAILED);
+  EXPECT_EQ(status.error(), "frame 0 failed 3 times: out of memory");
+  EXPECT_EQ(finisher_.tried().size(), 3u);
+}
+
+TEST_F(FinisherStageTest, AnErrorThatWouldComeAgainFailsTheJobAtOnce) {
+  Commit(kJob, Spec(20, 12));
+  finisher_.Fail(kJob, 9, absl::InvalidArgumentError("no such method"));
+  Start();
+  EXPECT_EQ(WaitForEnd(kJob).error(), "no such method");
+  EXPECT_EQ(finisher_.tried().size(), 1u);
+}
+
+TEST_F(FinisherStageTest, ACancelledJobFreesTheFinisher) {
+  Commit(kJob, Spec(20, 12));
+  finisher_.Hang();
+  Start();
+  while (finisher_.tried().empty()) absl::SleepFor(absl::Milliseconds(5));
+  ASSERT_TRUE(coordinator_->CancelJob(kJob.value()).ok());
+  EXPECT_EQ(coordinator_->GetJob(kJob.value())->state(), v1::JOB_STATE_CANCELLED);
+  coordinator_->Shutdown();  // joins the finisher's thread, which is not in Finish any more
+}
+
+TEST_F(FinisherStageTest, DamageThatNoRecordExplainsFailsTheJob) {
+  Commit(kJob, Spec(20, 12));
+  finisher_.Fail(kJob, 9, absl::DataLossError("ledger: something else"));
+  Start();
+  const v1::JobStatus status = WaitForEnd(kJob);
+  EXPECT_EQ(status.state(), v1::JOB_STATE_FAILED);
+  EXPECT_THAT(status.error(), HasSubstr("something else"));
+}
+
+}  // namespace
+}  // namespace lumifold::server

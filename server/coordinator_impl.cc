@@ -462,7 +462,7 @@ void Coordinator::OnUnitsLost(const JobId& job, int32_t frame, const absl::Statu
                       Quoted(error));
   changed_jobs_.insert(job);
   housekeeping_.Signal();
-  GrantToAll();
+  GrantLeases();
 }
 
 void Coordinator::CountCommitted(const AcceptedUnit& unit) {

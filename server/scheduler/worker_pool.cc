@@ -1,5 +1,7 @@
 #include "server/scheduler/worker_pool.h"
 
+#include <utility>
+
 #include "filter/image/check.h"
 
 namespace lumifold::scheduler {
@@ -8,8 +10,11 @@ using job::WorkerId;
 
 void WorkerPool::Add(WorkerId id, const std::string& name, const std::string& numeric_class, int slots) {
   LUMIFOLD_CHECK(slots >= 1);
-  const auto [it, is_new] =
-      workers_.emplace(id, Worker{.name = name, .numeric_class = numeric_class, .slots = slots});
+  Worker worker;
+  worker.name = name;
+  worker.numeric_class = numeric_class;
+  worker.slots = slots;
+  const auto [it, is_new] = workers_.emplace(id, std::move(worker));
   LUMIFOLD_CHECK(is_new);
   Index(id, it->second);
 }

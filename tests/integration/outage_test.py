@@ -12,8 +12,7 @@ import unittest
 from farm import BIN, PATIENCE_SECONDS, Farm, make_scene, wait_until
 
 OUTAGE_SECONDS = 30
-# The longest pause of 5 s, gRPC's jitter of 20 % and time for a busy machine. With gRPC's own pauses of up to two minutes
-# a worker comes back 13 s after an outage of 30 s.
+# The longest pause of 5 s, gRPC's jitter of 20 % and time for a busy machine.
 LATEST_RETURN_SECONDS = 9
 
 
@@ -45,6 +44,7 @@ class SlowProxy:
         host, port = server_address.rsplit(":", 1)
         self.server = (host, int(port))
         self.sent_bytes = 0
+        self.connections = []
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.address = f"127.0.0.1:{self.listener.getsockname()[1]}"
         threading.Thread(target=self.accept, daemon=True).start()
@@ -53,12 +53,14 @@ class SlowProxy:
         while True:
             try:
                 client, _ = self.listener.accept()
+            except OSError:  # closed
+                return
+            try:
                 server = socket.create_connection(self.server)
-            except OSError:
-                if self.listener.fileno() < 0:
-                    return
+            except OSError:  # no coordinator
                 client.close()
                 continue
+            self.connections += [client, server]
             threading.Thread(target=self.forward, args=(client, server, True), daemon=True).start()
             threading.Thread(target=self.forward, args=(server, client, False), daemon=True).start()
 
@@ -78,7 +80,8 @@ class SlowProxy:
                 pass
 
     def close(self):
-        self.listener.close()
+        for end in [self.listener, *self.connections]:
+            end.close()
 
 
 class UploadTest(unittest.TestCase):

@@ -127,7 +127,8 @@ TEST(UnitRenderer, WarningsOfAUnitAreBoundedAndTheRestIsCounted) {
   UnitRenderer renderer(&assets);
   v1::Lease lease = LeaseOf(0);
   lease.mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
-  const absl::StatusOr<RenderedUnit> unit = renderer.Render(Spec(24), lease);
+  std::atomic<int64_t> progress = 0;
+  const absl::StatusOr<RenderedUnit> unit = renderer.Render(Spec(24), lease, &progress);
   ASSERT_TRUE(unit.ok()) << unit.status();
   const auto& warnings = unit->stats.warnings();
   ASSERT_EQ(warnings.size(), static_cast<int>(rpc::kMaxUnitWarnings));

@@ -71,7 +71,7 @@ absl::Status WritePicture(FarmClient& farm, const PictureOptions& picture, const
 absl::Status WritePictures(FarmClient& farm, const RenderOptions& options, const std::string& job_id,
                            Progress& progress, const Environment& environment) {
   for (int frame = options.job.frames.first; frame <= options.job.frames.last; ++frame) {
-    const absl::Status written = WritePicture(farm, options.picture, job_id, frame, progress, environment);
+    absl::Status written = WritePicture(farm, options.picture, job_id, frame, progress, environment);
     if (!written.ok()) return written;
   }
   return absl::OkStatus();

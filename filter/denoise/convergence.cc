@@ -32,11 +32,8 @@ Planes MeasureResidual(const Frame& frame, const Picture& picture, float unit, T
   const HalvedLayer& combined = frame.combined;
   for (size_t c = 0; c < 3; ++c) {
     ForEachPixel(pool, frame.width, frame.height, [&](int x, int y) {
-      const float n_a = frame.samples.a.At(x, y);
-      const float n_b = frame.samples.b.At(x, y);
-      const float n = std::max(1.0f, n_a + n_b);
       const float difference = (UsableOr0(combined.a[c].At(x, y)) - UsableOr0(combined.b[c].At(x, y))) / unit;
-      residual[0].At(x, y) += n_a * n_b / (n * n) * difference * difference;
+      residual[0].At(x, y) += frame.samples.VarianceFactor(x, y) * difference * difference;
       const float off = (UsableOr0(combined.mean[c].At(x, y)) - picture[c].At(x, y)) / unit;
       residual[1].At(x, y) += off * off;
     });

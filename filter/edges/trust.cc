@@ -22,15 +22,12 @@ Planes SquaresIn(const Planes& values, const Plane& mask, const Frame& frame, Ta
     float light = 0;
     for (const Plane& channel : values) light += per_light * std::abs(channel.At(x, y));
     const float weight = ErrorWeight(light);
-    const float n_a = frame.samples.a.At(x, y);
-    const float n_b = frame.samples.b.At(x, y);
-    const float n = std::max(1.0f, n_a + n_b);
-    const float share = weight * n_a * n_b / (n * n);
+    const float factor = frame.samples.VarianceFactor(x, y, weight);
     for (size_t c = 0; c < 3; ++c) {
       const float difference = c_layer.a[c].At(x, y) - c_layer.b[c].At(x, y);
       const float off = values[c].At(x, y) - c_layer.mean[c].At(x, y);
       squares[0].At(x, y) += weight * off * off;
-      squares[1].At(x, y) += share * difference * difference;
+      squares[1].At(x, y) += factor * difference * difference;
     }
   });
   return squares;

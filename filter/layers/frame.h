@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
@@ -23,6 +24,11 @@ struct SampleCounts {
   bool IsEmpty() const { return a.IsEmpty() || b.IsEmpty(); }
   float At(int x, int y) const { return a.At(x, y) + b.At(x, y); }
   bool HasBoth(int x, int y) const { return a.At(x, y) > 0 && b.At(x, y) > 0; }
+  /// weight * nA nB / n^2: times (A - B)^2 it is the variance of the mean.
+  float VarianceFactor(int x, int y, float weight = 1) const {
+    const float n = std::max(1.0f, At(x, y));
+    return weight * a.At(x, y) * b.At(x, y) / (n * n);
+  }
 };
 
 /// What is known of the surface that a pixel shows.

@@ -14,6 +14,10 @@ function(lumifold_precompiled name)
   set(source ${PROJECT_BINARY_DIR}/precompiled/${name}.cc)  # CMake needs one to find the language
   file(CONFIGURE OUTPUT ${source} CONTENT "")
   add_library(precompiled_${name} OBJECT ${source})
+  # ccache would take the set of the last build, which is still there, for the content of this one, and return a set of
+  # headers that have changed since.
+  set_target_properties(precompiled_${name} PROPERTIES
+    CXX_COMPILER_LAUNCHER "${PROJECT_SOURCE_DIR}/deploy/cmake/without_old_output.sh;${CMAKE_CXX_COMPILER_LAUNCHER}")
   target_precompile_headers(precompiled_${name} PRIVATE ${ARG_HEADERS})
   target_link_libraries(precompiled_${name} PRIVATE lumifold_options ${ARG_LINK})
   if(ARG_PROGRAM)

@@ -118,12 +118,12 @@ ExrRowWriter::ExrRowWriter(ExrRowWriter&&) noexcept = default;
 ExrRowWriter::~ExrRowWriter() = default;
 
 absl::StatusOr<ExrRowWriter> ExrRowWriter::Create(const std::string& path, const ExrLayout& picture,
-                                                  const ExrLayout* edges) {
+                                                  const ExrLayout* edges, FileSystem* files) {
   if (IsEmpty(picture) || (edges != nullptr && IsEmpty(*edges))) {
     return absl::InvalidArgumentError(
         absl::StrCat("cannot write ", path, ": the picture has no pixels or no channels"));
   }
-  absl::StatusOr<AtomicFile> target = AtomicFile::Create(path);
+  absl::StatusOr<AtomicFile> target = AtomicFile::Create(path, files);
   if (!target.ok()) return target.status();
   std::vector<ExrLayout> parts = {picture};
   if (edges != nullptr) parts.push_back(*edges);

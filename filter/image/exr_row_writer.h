@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "filter/image/file_system.h"
 #include "filter/image/layered_image.h"
 
 namespace lumifold {
@@ -30,9 +31,10 @@ ExrLayout ExrLayoutOf(const LayeredImage& image);
 /// Threads: one at a time.
 class ExrRowWriter {
  public:
-  /// With an edge set the file has a second part; `edges` may be null.
+  /// With an edge set the file has a second part; `edges` may be null. `files` must outlive the writer.
   static absl::StatusOr<ExrRowWriter> Create(const std::string& path, const ExrLayout& picture,
-                                             const ExrLayout* edges = nullptr);
+                                             const ExrLayout* edges = nullptr,
+                                             FileSystem* files = RealFileSystem());
   ExrRowWriter(ExrRowWriter&&) noexcept;
   ~ExrRowWriter();
 

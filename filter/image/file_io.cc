@@ -28,33 +28,6 @@ absl::Status WriteError(const std::string& path, int error) {
       absl::StrCat("cannot write ", path, ": ", std::system_category().message(error)));
 }
 
-std::string FolderOf(const std::string& path) {
-  const size_t slash = path.rfind('/');
-  if (slash == std::string::npos) return ".";
-  return slash == 0 ? "/" : path.substr(0, slash);
-}
-
-/// Writes all bytes at `offset`. Returns 0 or errno.
-int WriteAt(int file, uint64_t offset, std::string_view bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = pwrite(file, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) return errno;
-    bytes.remove_prefix(static_cast<size_t>(written));
-    offset += static_cast<uint64_t>(written);
-  }
-  return 0;
-}
-
-/// Makes a rename in `folder` survive a power failure. Returns 0 or errno.
-int SyncFolder(const std::string& folder) {
-  const int handle = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (handle < 0) return errno;
-  const int error = fsync(handle) == 0 ? 0 : errno;
-  close(handle);
-  return error == EINVAL ? 0 : error;  // some file systems cannot sync a folder and need not
-}
-
 /// Reads `size` bytes, or up to the end if the file has become shorter. Returns 0 or errno.
 int ReadAll(int file, std::string* bytes) {
   size_t done = 0;
@@ -71,40 +44,41 @@ int ReadAll(int file, std::string* bytes) {
 
 }  // namespace
 
-AtomicFile::AtomicFile(std::string path, std::string temporary, int file)
-    : path_(std::move(path)), temporary_(std::move(temporary)), file_(file) {}
+AtomicFile::AtomicFile(std::string path, std::string temporary, int file, FileSystem* files)
+    : files_(files), path_(std::move(path)), temporary_(std::move(temporary)), file_(file) {}
 
 AtomicFile::AtomicFile(AtomicFile&& other) noexcept
-    : path_(std::move(other.path_)),
+    : files_(other.files_),
+      path_(std::move(other.path_)),
       temporary_(std::exchange(other.temporary_, std::string())),
       file_(std::exchange(other.file_, -1)) {}
 
 AtomicFile::~AtomicFile() {
   if (file_ >= 0) close(file_);
-  if (!temporary_.empty()) unlink(temporary_.c_str());
+  if (!temporary_.empty()) files_->Remove(temporary_);
 }
 
-absl::StatusOr<AtomicFile> AtomicFile::Create(const std::string& path) {
+absl::StatusOr<AtomicFile> AtomicFile::Create(const std::string& path, FileSystem* files) {
   static std::atomic<uint64_t> counter{0};
   std::string temporary = absl::StrCat(path, ".", getpid(), "-", counter.fetch_add(1), kPartialSuffix);
-  const int file = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  if (file < 0) return WriteError(path, errno);
-  return AtomicFile(path, std::move(temporary), file);
+  const int file = files->Open(temporary, O_WRONLY | O_CREAT | O_EXCL);
+  if (file < 0) return WriteError(path, -file);
+  return AtomicFile(path, std::move(temporary), file, files);
 }
 
 absl::Status AtomicFile::Write(uint64_t offset, std::string_view bytes) {
-  const int error = WriteAt(file_, offset, bytes);
-  return error == 0 ? absl::OkStatus() : WriteError(path_, error);
+  const int error = files_->Write(file_, offset, {bytes});
+  return error == 0 ? absl::OkStatus() : WriteError(path_, -error);
 }
 
 absl::Status AtomicFile::Commit() {
-  int error = fsync(file_) == 0 ? 0 : errno;
-  if (close(std::exchange(file_, -1)) != 0 && error == 0) error = errno;
-  if (error == 0 && std::rename(temporary_.c_str(), path_.c_str()) != 0) error = errno;
-  if (error != 0) return WriteError(path_, error);
+  int error = files_->Sync(file_);
+  if (close(std::exchange(file_, -1)) != 0 && error == 0) error = -errno;
+  if (error == 0) error = files_->Rename(temporary_, path_);
+  if (error != 0) return WriteError(path_, -error);
   temporary_.clear();
-  error = SyncFolder(FolderOf(path_));
-  return error == 0 ? absl::OkStatus() : WriteError(path_, error);
+  error = files_->SyncFolder(FolderOf(path_));
+  return error == 0 ? absl::OkStatus() : WriteError(path_, -error);
 }
 
 ScratchFile::ScratchFile(ScratchFile&& other) noexcept
@@ -123,8 +97,8 @@ absl::StatusOr<ScratchFile> ScratchFile::Create(const std::string& folder) {
 }
 
 absl::Status ScratchFile::Write(uint64_t offset, std::string_view bytes) {
-  const int error = WriteAt(file_, offset, bytes);
-  return error == 0 ? absl::OkStatus() : WriteError(absl::StrCat("a scratch file in ", folder_), error);
+  const int error = RealFileSystem()->Write(file_, offset, {bytes});
+  return error == 0 ? absl::OkStatus() : WriteError(absl::StrCat("a scratch file in ", folder_), -error);
 }
 
 absl::Status ScratchFile::Read(uint64_t offset, char* bytes, size_t count) const {
@@ -147,8 +121,8 @@ void ScratchFile::Forget(uint64_t offset) {
   fallocate(file_, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0, static_cast<off_t>(offset));
 }
 
-absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes) {
-  absl::StatusOr<AtomicFile> file = AtomicFile::Create(path);
+absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes, FileSystem* files) {
+  absl::StatusOr<AtomicFile> file = AtomicFile::Create(path, files);
   if (!file.ok()) return file.status();
   if (absl::Status status = file->Write(0, bytes); !status.ok()) return status;
   return file->Commit();

@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "filter/image/file_system.h"
 
 namespace lumifold {
 
@@ -18,7 +19,8 @@ inline constexpr char kPartialSuffix[] = ".partial";
 /// Errors: kUnavailable with path and system message.
 class AtomicFile {
  public:
-  static absl::StatusOr<AtomicFile> Create(const std::string& path);
+  /// `files` must outlive it.
+  static absl::StatusOr<AtomicFile> Create(const std::string& path, FileSystem* files = RealFileSystem());
   AtomicFile(AtomicFile&& other) noexcept;
   AtomicFile& operator=(AtomicFile&&) = delete;
   ~AtomicFile();
@@ -28,8 +30,9 @@ class AtomicFile {
   absl::Status Commit();
 
  private:
-  AtomicFile(std::string path, std::string temporary, int file);
+  AtomicFile(std::string path, std::string temporary, int file, FileSystem* files);
 
+  FileSystem* files_;
   std::string path_;
   std::string temporary_;  // empty once renamed or deleted
   int file_ = -1;
@@ -61,7 +64,8 @@ class ScratchFile {
 /// Replaces the content of `path` atomically: temporary file in the same folder, fsync, rename, fsync of the
 /// folder. After a crash `path` holds either the old content or all of the new.
 /// Errors: kUnavailable with path and the system's message.
-absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes);
+absl::Status WriteFileAtomically(const std::string& path, std::string_view bytes,
+                                 FileSystem* files = RealFileSystem());
 
 /// Whether `path` is a regular file.
 /// Errors: kNotFound; kInvalidArgument.

@@ -1,0 +1,101 @@
+#include "filter/image/file_system.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <climits>
+#include <cstdio>
+#include <vector>
+
+namespace lumifold {
+namespace {
+
+int ErrorOr0(int result) { return result == 0 ? 0 : -errno; }
+
+/// The parts of `pieces` after their first `done` bytes, at most as many as one call takes.
+std::vector<iovec> Remaining(absl::Span<const std::string_view> pieces, size_t done) {
+  std::vector<iovec> parts;
+  for (std::string_view piece : pieces) {
+    const size_t skipped = std::min(done, piece.size());
+    done -= skipped;
+    piece.remove_prefix(skipped);
+    // pwritev only reads the bytes.
+    if (!piece.empty()) parts.push_back({const_cast<char*>(piece.data()), piece.size()});
+    if (parts.size() == IOV_MAX) break;
+  }
+  return parts;
+}
+
+class RealFiles final : public FileSystem {
+ public:
+  int Open(const std::string& path, int flags) override {
+    while (true) {
+      const int file = open(path.c_str(), flags | O_CLOEXEC, 0644);
+      if (file >= 0 || errno != EINTR) return file >= 0 ? file : -errno;
+    }
+  }
+
+  int Write(int file, uint64_t offset, absl::Span<const std::string_view> pieces) override {
+    size_t done = 0;
+    while (true) {
+      const std::vector<iovec> parts = Remaining(pieces, done);
+      if (parts.empty()) return 0;
+      const ssize_t n =
+          pwritev(file, parts.data(), static_cast<int>(parts.size()), static_cast<off_t>(offset + done));
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) return -errno;
+      done += static_cast<size_t>(n);
+    }
+  }
+
+  int Truncate(int file, uint64_t size) override {
+    return ErrorOr0(ftruncate(file, static_cast<off_t>(size)));
+  }
+
+  int Allocate(int file, uint64_t size) override {
+    // fallocate(2), not posix_fallocate, which would write every block where the file system cannot reserve.
+    const int error = ErrorOr0(fallocate(file, 0, 0, static_cast<off_t>(size)));
+    return error == -EOPNOTSUPP ? Truncate(file, size) : error;
+  }
+
+  int Sync(int file) override { return ErrorOr0(fdatasync(file)); }
+
+  int SyncFolder(const std::string& folder) override {
+    const int handle = Open(folder, O_RDONLY | O_DIRECTORY);
+    if (handle < 0) return handle;
+    const int error = ErrorOr0(fsync(handle));
+    close(handle);
+    return error == -EINVAL ? 0 : error;  // some file systems cannot sync a folder and need not
+  }
+
+  int Rename(const std::string& from, const std::string& to) override {
+    return ErrorOr0(std::rename(from.c_str(), to.c_str()));
+  }
+
+  int Remove(const std::string& path) override { return ErrorOr0(std::remove(path.c_str())); }
+
+  int MakeFolder(const std::string& path) override {
+    const int error = ErrorOr0(mkdir(path.c_str(), 0777));
+    return error == -EEXIST ? 0 : error;
+  }
+};
+
+}  // namespace
+
+FileSystem* RealFileSystem() {
+  static RealFiles files;
+  return &files;
+}
+
+std::string FolderOf(const std::string& path) {
+  const size_t slash = path.rfind('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+}  // namespace lumifold

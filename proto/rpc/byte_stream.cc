@@ -29,16 +29,9 @@ absl::StatusOr<uint64_t> SizeOf(const FileHandle& file, const std::string& path)
   return static_cast<uint64_t>(info.st_size);
 }
 
-absl::Status WriteAt(const FileHandle& file, const std::string& path, std::string_view bytes,
-                     uint64_t offset) {
-  while (!bytes.empty()) {
-    const ssize_t n = pwrite(file.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return SystemError(path);
-    bytes.remove_prefix(static_cast<size_t>(n));
-    offset += static_cast<uint64_t>(n);
-  }
-  return absl::OkStatus();
+absl::Status SystemError(const std::string& path, int error) {
+  errno = -error;
+  return SystemError(path);
 }
 
 absl::Status ReadAt(const FileHandle& file, const std::string& path, char* out, size_t size,
@@ -98,20 +91,21 @@ absl::StatusOr<bool> ByteSender::Next(v1::ByteChunk* chunk) {
   return true;
 }
 
-ByteReceiver::ByteReceiver(std::string path, FileHandle file, uint64_t offset)
-    : path_(std::move(path)), file_(std::move(file)), offset_(offset) {}
+ByteReceiver::ByteReceiver(std::string path, FileHandle file, uint64_t offset, FileSystem* files)
+    : files_(files), path_(std::move(path)), file_(std::move(file)), offset_(offset) {}
 
-absl::StatusOr<ByteReceiver> ByteReceiver::Open(const std::string& path, uint64_t offset) {
-  FileHandle file(open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
-  if (file.get() < 0) return SystemError(path);
+absl::StatusOr<ByteReceiver> ByteReceiver::Open(const std::string& path, uint64_t offset, FileSystem* files) {
+  const int opened = files->Open(path, O_WRONLY | O_CREAT);
+  if (opened < 0) return SystemError(path, opened);
+  FileHandle file(opened);
   const absl::StatusOr<uint64_t> size = SizeOf(file, path);
   if (!size.ok()) return size.status();
   if (*size < offset) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": cannot continue at ", offset, ", the file has ", *size, " bytes"));
   }
-  if (ftruncate(file.get(), static_cast<off_t>(offset)) != 0) return SystemError(path);
-  return ByteReceiver(path, std::move(file), offset);
+  if (const int error = files->Truncate(opened, offset); error != 0) return SystemError(path, error);
+  return ByteReceiver(path, std::move(file), offset, files);
 }
 
 absl::Status ByteReceiver::CheckChunk(const v1::ByteChunk& chunk) const {
@@ -139,7 +133,8 @@ absl::Status ByteReceiver::CheckChunk(const v1::ByteChunk& chunk) const {
 
 absl::Status ByteReceiver::Add(const v1::ByteChunk& chunk) {
   if (absl::Status status = CheckChunk(chunk); !status.ok()) return status;
-  if (absl::Status status = WriteAt(file_, path_, chunk.data(), offset_); !status.ok()) return status;
+  if (const int error = files_->Write(file_.get(), offset_, {chunk.data()}); error != 0)
+    return SystemError(path_, error);
   started_ = true;
   total_size_ = chunk.total_size();
   offset_ += chunk.data().size();
@@ -151,8 +146,8 @@ absl::Status ByteReceiver::Sync() {
     return absl::FailedPreconditionError(
         absl::StrCat(path_, ": only ", offset_, " of ", total_size_, " bytes arrived"));
   }
-  if (fsync(file_.get()) != 0) return SystemError(path_);
-  return absl::OkStatus();
+  const int error = files_->Sync(file_.get());
+  return error == 0 ? absl::OkStatus() : SystemError(path_, error);
 }
 
 }  // namespace lumifold::rpc

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "filter/image/file_system.h"
 #include "lumifold/v1/image.pb.h"
 
 namespace lumifold::rpc {
@@ -58,7 +59,9 @@ class ByteReceiver {
  public:
   /// Opens or creates `path` for writing at `offset` and truncates it there.
   /// Errors: kInvalidArgument if the file is shorter than `offset`; kUnavailable with the system's message.
-  static absl::StatusOr<ByteReceiver> Open(const std::string& path, uint64_t offset);
+  /// `files` must outlive it.
+  static absl::StatusOr<ByteReceiver> Open(const std::string& path, uint64_t offset,
+                                           FileSystem* files = RealFileSystem());
 
   /// Writes the next piece.
   /// Errors: kInvalidArgument for a gap, a piece that is too long, or a total size that changes or is
@@ -79,9 +82,10 @@ class ByteReceiver {
   absl::Status Sync();
 
  private:
-  ByteReceiver(std::string path, FileHandle file, uint64_t offset);
+  ByteReceiver(std::string path, FileHandle file, uint64_t offset, FileSystem* files);
   absl::Status CheckChunk(const v1::ByteChunk& chunk) const;
 
+  FileSystem* files_;
   std::string path_;
   FileHandle file_;
   uint64_t offset_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
-#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -50,18 +49,21 @@ bool IsPrintable(std::string_view name) {
 }
 
 absl::Status CheckNames(const v1::PixelLayout& layout, const PixelLimits& limits) {
-  std::set<std::string_view> seen;
+  std::vector<std::string_view> names;
+  names.reserve(static_cast<size_t>(layout.channels_size()));
   for (const std::string& name : layout.channels()) {
     if (name.empty() || name.size() > static_cast<size_t>(limits.max_name_length) || !IsPrintable(name)) {
-      return absl::InvalidArgumentError(absl::StrCat("pixel layout: the name of channel ", seen.size(),
+      return absl::InvalidArgumentError(absl::StrCat("pixel layout: the name of channel ", names.size(),
                                                      " is not 1 to ", limits.max_name_length,
                                                      " printable characters"));
     }
-    if (!seen.insert(name).second) {
-      return absl::InvalidArgumentError(absl::StrCat("pixel layout: channel ", name, " appears twice"));
-    }
+    names.push_back(name);
   }
-  return absl::OkStatus();
+  std::sort(names.begin(), names.end());
+  const auto twice = std::adjacent_find(names.begin(), names.end());
+  if (twice == names.end()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("pixel layout: channel ", std::string(*twice), " appears twice"));
 }
 
 }  // namespace
@@ -138,18 +140,26 @@ bool PixelChunker::Next(v1::PixelChunk* chunk) {
   return true;
 }
 
+uint64_t ChecksumOf(absl::Span<const PixelPiece> pieces) {
+  if (pieces.size() == 1) return pieces.front().checksum;
+  RunningChecksum sum;
+  for (const PixelPiece& piece : pieces) sum.Add(piece.bytes);
+  return sum.Value();
+}
+
 uint64_t PixelAssembler::HeldBytes() const {
-  if (!layout_.has_value()) return 0;
-  return planes_.size() * (BytesOf(*layout_) / static_cast<uint64_t>(layout_->channels_size()));
+  uint64_t bytes = 0;
+  for (const PixelPiece& piece : pieces_) bytes += piece.bytes.capacity();
+  return bytes;
 }
 
 absl::Status PixelAssembler::CheckChunk(const v1::PixelChunk& chunk) {
   if (complete_) return absl::InvalidArgumentError("pixel chunk: a chunk after the last one");
-  if (chunk.index() != next_index_) {
+  if (chunk.index() != pieces_.size()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("pixel chunk: number ", chunk.index(), ", expected ", next_index_));
+        absl::StrCat("pixel chunk: number ", chunk.index(), ", expected ", pieces_.size()));
   }
-  if (chunk.has_layout() != (next_index_ == 0)) {
+  if (chunk.has_layout() != pieces_.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat("pixel chunk ", chunk.index(), ": chunk 0, and no other, must have the layout"));
   }
@@ -172,35 +182,21 @@ absl::Status PixelAssembler::CheckChunk(const v1::PixelChunk& chunk) {
   return absl::OkStatus();
 }
 
-void PixelAssembler::Append(std::string_view bytes) {
-  const char* next = bytes.data();
-  ForEachRun(layout_->width(), layout_->height(), received_bytes_ / sizeof(float),
-             bytes.size() / sizeof(float), [&](size_t plane, int y, int x, size_t n) {
-               if (plane == planes_.size()) planes_.emplace_back(layout_->width(), layout_->height());
-               std::memcpy(planes_[plane].Row(y) + x, next, n * sizeof(float));
-               next += n * sizeof(float);
-             });
-  received_bytes_ += bytes.size();
-}
-
-absl::Status PixelAssembler::Add(const v1::PixelChunk& chunk) {
+absl::Status PixelAssembler::Add(v1::PixelChunk chunk) {
   if (!failure_.ok()) return failure_;
   failure_ = CheckChunk(chunk);
   if (!failure_.ok()) return failure_;
-  Append(chunk.data());
-  ++next_index_;
+  received_bytes_ += chunk.data().size();
   complete_ = chunk.last();
+  pieces_.push_back({std::move(*chunk.mutable_data()), chunk.checksum()});
   return absl::OkStatus();
 }
 
-LayeredImage PixelAssembler::Take() {
+ReceivedPicture PixelAssembler::Take() {
   LUMIFOLD_CHECK(complete_);
-  LayeredImage image(layout_->width(), layout_->height());
-  for (int i = 0; i < layout_->channels_size(); ++i) {
-    image.Add(layout_->channels(i), std::move(planes_[static_cast<size_t>(i)]));
-  }
+  ReceivedPicture picture{*std::move(layout_), std::move(pieces_)};
   *this = PixelAssembler(limits_);
-  return image;
+  return picture;
 }
 
 }  // namespace lumifold::rpc

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "filter/image/layered_image.h"
 #include "lumifold/v1/image.pb.h"
 
@@ -58,40 +59,55 @@ class PixelChunker {
   bool done_ = false;
 };
 
-/// Joins chunks, in order, into a picture. Its memory is bounded by the bytes received, not by the announced
-/// size.
+/// Bytes of planes that arrived in one chunk.
+struct PixelPiece {
+  std::string bytes;
+  /// XXH3-64 of `bytes`.
+  uint64_t checksum = 0;
+};
+
+/// XXH3-64 of the pieces one after another.
+uint64_t ChecksumOf(absl::Span<const PixelPiece> pieces);
+
+/// A picture in the form in which it arrived: the bytes of BytesFromImage in pieces of kMaxChunkBytes, the last
+/// of which may be smaller. A picture that never arrived has no channels and no pieces.
+struct ReceivedPicture {
+  v1::PixelLayout layout;
+  std::vector<PixelPiece> pieces;
+};
+
+/// Collects the chunks of a picture, in order, and keeps their bytes as they are. Its memory is bounded by the
+/// bytes received, not by the announced size.
 /// Threads: one at a time.
 class PixelAssembler {
  public:
   explicit PixelAssembler(PixelLimits limits = {}) : limits_(limits) {}
 
-  /// Adds the next piece.
-  /// Errors: kInvalidArgument for pieces out of order, an invalid layout or sizes that do not fit it;
+  /// Adds the next chunk; one that is moved in is not copied.
+  /// Errors: kInvalidArgument for chunks out of order, an invalid layout or sizes that do not fit it;
   /// kDataLoss when a checksum does not match. After an error every further call fails with the same error.
-  absl::Status Add(const v1::PixelChunk& chunk);
+  absl::Status Add(v1::PixelChunk chunk);
 
-  /// True after the last piece.
+  /// True after the last chunk.
   bool IsComplete() const { return complete_; }
 
-  /// The layout; nullopt before the first piece.
+  /// The layout; nullopt before the first chunk.
   const std::optional<v1::PixelLayout>& layout() const { return layout_; }
 
-  /// Bytes of the planes in memory.
+  /// Bytes of the pieces in memory.
   uint64_t HeldBytes() const;
 
   /// The picture, which must be complete. Leaves the assembler empty.
-  LayeredImage Take();
+  ReceivedPicture Take();
 
  private:
   absl::Status CheckChunk(const v1::PixelChunk& chunk);
-  void Append(std::string_view bytes);
 
   PixelLimits limits_;
   absl::Status failure_;
   std::optional<v1::PixelLayout> layout_;
-  std::vector<Plane> planes_;
+  std::vector<PixelPiece> pieces_;
   uint64_t received_bytes_ = 0;
-  uint32_t next_index_ = 0;
   bool complete_ = false;
 };
 

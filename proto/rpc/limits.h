@@ -21,4 +21,11 @@ inline constexpr size_t kMaxErrorBytes = 2048;
 /// Maximum bytes of the name and of the numeric class of a worker.
 inline constexpr size_t kMaxWorkerNameBytes = 256;
 
+/// Maximum number of tags of a worker or a job, and bytes of one.
+inline constexpr size_t kMaxTags = 32;
+inline constexpr size_t kMaxTagBytes = 64;
+
+/// Maximum bytes of the reason of a block.
+inline constexpr size_t kMaxReasonBytes = 512;
+
 }  // namespace lumifold::rpc

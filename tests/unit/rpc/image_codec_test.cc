@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
 
 namespace lumifold::rpc {
@@ -50,6 +51,12 @@ void ExpectSame(const LayeredImage& a, const LayeredImage& b) {
   EXPECT_EQ(BytesFromImage(a), BytesFromImage(b));
 }
 
+std::string BytesOf(const ReceivedPicture& picture) {
+  std::string bytes;
+  for (const PixelPiece& piece : picture.pieces) bytes += piece.bytes;
+  return bytes;
+}
+
 TEST(ImageCodec, RoundTripsPicturesOfOddSizes) {
   for (const int width : {1, 3, 32, 257, 1031}) {
     for (const int height : {1, 7, 300}) {
@@ -57,7 +64,11 @@ TEST(ImageCodec, RoundTripsPicturesOfOddSizes) {
       PixelAssembler assembler;
       ASSERT_TRUE(AddAll(ChunksOf(image), &assembler).ok());
       ASSERT_TRUE(assembler.IsComplete());
-      ExpectSame(assembler.Take(), image);
+      const ReceivedPicture picture = assembler.Take();
+      EXPECT_EQ(picture.layout.SerializeAsString(), LayoutOf(image).SerializeAsString());
+      EXPECT_EQ(BytesOf(picture), BytesFromImage(image));
+      EXPECT_EQ(ChecksumOf(picture.pieces), Checksum(BytesFromImage(image)));
+      ExpectSame(*ImageFromBytes(picture.layout, BytesOf(picture), {}), image);
     }
   }
 }
@@ -108,7 +119,7 @@ TEST(ImageCodec, AnyDamageOfTheSerialisedChunkEndsInAStatus) {
       PixelAssembler assembler(PixelLimits{.max_bytes = 1 << 20});
       if (!assembler.Add(chunk).ok() || !assembler.IsComplete()) continue;
       // An accepted chunk must have the same pixels: only the channel names have no checksum.
-      EXPECT_EQ(BytesFromImage(assembler.Take()), BytesFromImage(image));
+      EXPECT_EQ(BytesOf(assembler.Take()), BytesFromImage(image));
     }
   }
 }

@@ -31,8 +31,8 @@ using WorkerId = StrongId<struct WorkerTag, int64_t>;
 /// Fencing token: each new lease has a higher one.
 using Attempt = StrongId<struct AttemptTag, int64_t>;
 
-/// "j-" and 13 lower-case digits of Crockford's base 32: 45 bits of milliseconds since 1970, then 20 of
-/// `random`. Ids sort by time.
+/// "j-" and 16 lower-case digits of Crockford's base 32: 45 bits of milliseconds since 1970, then 35 of
+/// `random`, so that jobs submitted in the same millisecond do not collide. Ids sort by time.
 JobId MakeJobId(absl::Time now, uint64_t random);
 
 }  // namespace lumifold::job

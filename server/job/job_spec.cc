@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "server/job/frame_list.h"
 #include "server/job/limits.h"
 #include "server/job/tile_grid.h"
 
@@ -97,12 +98,10 @@ absl::Status CheckLens(const v1::JobSpec& spec) {
 }
 
 absl::Status CheckNumbers(const v1::JobSpec& spec) {
-  const int64_t last_frame = std::numeric_limits<int32_t>::max() - int64_t{kMaxFrames};
   for (const absl::Status& status : {
            CheckRange("width", spec.width(), 1, kMaxEdge),
            CheckRange("height", spec.height(), 1, kMaxEdge),
-           CheckRange("first_frame", spec.first_frame(), -last_frame, last_frame),
-           CheckRange("frame_count", spec.frame_count(), 1, kMaxFrames),
+           FrameList::Check(spec),
            CheckRange("samples_per_pixel", spec.samples_per_pixel(), 1, kMaxSamples),
            CheckRange("max_bounces", spec.max_bounces(), 0, kMaxBounces),
            CheckRange("tile_size", spec.tile_size(), kMinTileSize, kMaxTileSize),
@@ -136,10 +135,11 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   if (absl::Status status = CheckEnvironment(spec); !status.ok()) return status;
   if (absl::Status status = CheckLens(spec); !status.ok()) return status;
   const int64_t samples_per_frame = int64_t{spec.width()} * spec.height() * spec.samples_per_pixel();
-  if (samples_per_frame > kMaxJobSamples / spec.frame_count()) {
-    return absl::InvalidArgumentError(absl::StrCat("frame_count ", spec.frame_count(), " with ",
-                                                   samples_per_frame, " camera samples each is more than ",
-                                                   kMaxJobSamples, " camera samples"));
+  const int frames = FrameList(spec).count();
+  if (samples_per_frame > kMaxJobSamples / frames) {
+    return absl::InvalidArgumentError(absl::StrCat(frames, " frames with ", samples_per_frame,
+                                                   " camera samples each is more than ", kMaxJobSamples,
+                                                   " camera samples"));
   }
   const int64_t units = FrameUnits(spec).count();
   if (units > kMaxUnitsPerFrame) {

@@ -19,18 +19,24 @@ inline constexpr int kMaxTileSize = 512;
 inline constexpr int64_t kMaxUnitsPerFrame = int64_t{1} << 27;
 inline constexpr int kMaxFrames = 100'000;
 
+/// Ranges of frames of a job besides the first one.
+inline constexpr int kMaxFrameRanges = 1024;
+
 /// Files of a scene: bytes of one of them, its URI, and their number.
 inline constexpr uint64_t kMaxAssetBytes = uint64_t{1} << 40;
 inline constexpr size_t kMaxUriBytes = 4096;
 inline constexpr int kMaxDependencies = 16'384;
 
+/// Jobs that a job may wait for.
+inline constexpr int kMaxPrerequisites = 64;
+
 /// Names: camera, display name and method, and the request id.
 inline constexpr size_t kMaxNameBytes = 255;
 inline constexpr size_t kMaxRequestIdBytes = 128;
 
-/// Bytes of a whole normalised spec. Each message that carries one has room for as much again
-/// (rpc::kMaxMessageBytes is 4 MiB).
-inline constexpr size_t kMaxSpecBytes = size_t{2} << 20;
+/// Bytes of a whole normalised spec: what a message of rpc::kMaxMessageBytes (4 MiB) holds beside a submission's
+/// other fields.
+inline constexpr size_t kMaxSpecBytes = (size_t{4} << 20) - (size_t{128} << 10);
 
 /// Maximum number of warnings that are stored for a job; further ones are counted. Each has at most
 /// rpc::kMaxWarningBytes, so a job's status has at most 51 KiB of them.

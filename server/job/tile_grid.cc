@@ -1,6 +1,7 @@
 #include "server/job/tile_grid.h"
 
 #include <algorithm>
+#include <cstdlib>
 
 #include "filter/image/check.h"
 
@@ -27,6 +28,66 @@ Rect TileGrid::RectOf(int tile) const {
   return {x0, y0, std::min(x0 + tile_size_, width_), std::min(y0 + tile_size_, height_)};
 }
 
+int TileGrid::CountWithin(int radius) const {
+  if (radius < 0) return 0;
+  const int width = std::min(CentreX() + radius, columns_ - 1) - std::max(CentreX() - radius, 0) + 1;
+  const int height = std::min(CentreY() + radius, rows_ - 1) - std::max(CentreY() - radius, 0) + 1;
+  return width * height;
+}
+
+std::array<TileGrid::Side, 4> TileGrid::Ring(int radius) const {
+  if (radius == 0) return {{{CentreX(), CentreY(), 1, 0, 1}, {}, {}, {}}};
+  const int left = CentreX() - radius;
+  const int right = CentreX() + radius;
+  const int top = CentreY() - radius;
+  const int bottom = CentreY() + radius;
+  const int x0 = std::max(left, 0);
+  const int x1 = std::min(right, columns_ - 1);
+  const int y0 = std::max(top + 1, 0);  // between the corners, which belong to the rows
+  const int y1 = std::min(bottom - 1, rows_ - 1);
+  return {{{x0, top, 1, 0, top >= 0 ? x1 - x0 + 1 : 0},
+           {right, y0, 0, 1, right < columns_ ? y1 - y0 + 1 : 0},
+           {x1, bottom, -1, 0, bottom < rows_ ? x1 - x0 + 1 : 0},
+           {left, y1, 0, -1, left >= 0 ? y1 - y0 + 1 : 0}}};
+}
+
+int TileGrid::RankOf(int tile) const {
+  LUMIFOLD_CHECK(tile >= 0 && tile < count());
+  const int x = tile % columns_;
+  const int y = tile / columns_;
+  const int radius = std::max(std::abs(x - CentreX()), std::abs(y - CentreY()));
+  int rank = CountWithin(radius - 1);
+  for (const Side& side : Ring(radius)) {
+    const int step = (x - side.x) * side.dx + (y - side.y) * side.dy;
+    const bool on_line = side.x + step * side.dx == x && side.y + step * side.dy == y;
+    if (on_line && step >= 0 && step < side.length) return rank + step;
+    rank += side.length;
+  }
+  LUMIFOLD_CHECK(false);
+  return -1;
+}
+
+int TileGrid::TileOfRank(int rank) const {
+  LUMIFOLD_CHECK(rank >= 0 && rank < count());
+  int low = 0;
+  int high = std::max(columns_, rows_);
+  while (low < high) {  // the first radius within which there are more than `rank` tiles
+    const int middle = (low + high) / 2;
+    if (CountWithin(middle) > rank) {
+      high = middle;
+    } else {
+      low = middle + 1;
+    }
+  }
+  int step = rank - CountWithin(low - 1);
+  for (const Side& side : Ring(low)) {
+    if (step < side.length) return (side.y + step * side.dy) * columns_ + side.x + step * side.dx;
+    step -= side.length;
+  }
+  LUMIFOLD_CHECK(false);
+  return -1;
+}
+
 std::vector<int32_t> TileGrid::TilesIn(const Rect& rect) const {
   LUMIFOLD_CHECK(!rect.IsEmpty() && Intersect(rect, {0, 0, width_, height_}) == rect);
   std::vector<int32_t> tiles;
@@ -46,15 +107,15 @@ FrameUnits::FrameUnits(const v1::JobSpec& spec)
 std::optional<int64_t> FrameUnits::NumberOf(const UnitKey& key) const {
   if (key.tile < 0 || key.tile >= tiles_.count()) return std::nullopt;
   if (key.kind == v1::UNIT_KIND_GEOMETRY) {
-    return key.pass == 0 ? std::optional<int64_t>(key.tile) : std::nullopt;
+    return key.pass == 0 ? std::optional<int64_t>(tiles_.RankOf(key.tile)) : std::nullopt;
   }
   if (key.kind != v1::UNIT_KIND_PASS || key.pass < 0 || key.pass >= pass_count_) return std::nullopt;
-  return int64_t{tiles_.count()} * (1 + key.pass) + key.tile;
+  return int64_t{tiles_.count()} * (1 + key.pass) + tiles_.RankOf(key.tile);
 }
 
 UnitKey FrameUnits::KeyOf(int32_t frame, int64_t number) const {
   LUMIFOLD_CHECK(number >= 0 && number < count());
-  const auto tile = static_cast<int32_t>(number % tiles_.count());
+  const int32_t tile = tiles_.TileOfRank(static_cast<int>(number % tiles_.count()));
   const auto layer = static_cast<int32_t>(number / tiles_.count());
   if (layer == 0) return {frame, tile, 0, v1::UNIT_KIND_GEOMETRY};
   return {frame, tile, layer - 1, v1::UNIT_KIND_PASS};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -21,11 +22,31 @@ class TileGrid {
   int count() const { return columns_ * rows_; }
   /// The pixels of a tile in [0, count()).
   Rect RectOf(int tile) const;
+  /// Order in which the tiles are rendered: a spiral of squares around the centre, so that a preview shows the middle
+  /// of the picture first. Both are O(log tiles) and inverses of each other over [0, count()).
+  int RankOf(int tile) const;
+  int TileOfRank(int rank) const;
   /// The tiles that have pixels inside `rect`, in ascending order. `rect` lies within the frame and is not
   /// empty.
   std::vector<int32_t> TilesIn(const Rect& rect) const;
 
  private:
+  /// A row or column of tiles, from (x, y) on in steps of (dx, dy).
+  struct Side {
+    int x;
+    int y;
+    int dx;
+    int dy;
+    int length;
+  };
+
+  int CentreX() const { return (columns_ - 1) / 2; }
+  int CentreY() const { return (rows_ - 1) / 2; }
+  /// Number of tiles at most `radius` columns and rows away from the centre.
+  int CountWithin(int radius) const;
+  /// The tiles exactly `radius` away, clockwise from the upper left.
+  std::array<Side, 4> Ring(int radius) const;
+
   int width_;
   int height_;
   int tile_size_;
@@ -35,7 +56,7 @@ class TileGrid {
 
 /// The units of one frame, numbered in the order in which they are leased: the geometry of every tile, then
 /// pass 0 of every tile, then pass 1 and so on, so that an unfinished frame has about the same number of
-/// samples everywhere.
+/// samples everywhere; the tiles in the order of TileGrid::RankOf.
 class FrameUnits {
  public:
   /// `spec` is normalised (server/job/job_spec.h).
@@ -50,6 +71,11 @@ class FrameUnits {
   std::optional<int64_t> NumberOf(const UnitKey& key) const;
   /// The inverse of NumberOf, for a number in [0, count()).
   UnitKey KeyOf(int32_t frame, int64_t number) const;
+
+  /// The kind of the unit with a number in [0, count()).
+  v1::UnitKind KindOf(int64_t number) const {
+    return number < tiles_.count() ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS;
+  }
 
   /// Sample indices of a unit; empty for geometry.
   SampleRange SamplesOf(const UnitKey& key) const;

@@ -12,7 +12,7 @@ TEST(JobId, SortsByTime) {
   const auto early = MakeJobId(time, ~uint64_t{0});
   const auto late = MakeJobId(time + absl::Milliseconds(1), 0);
   EXPECT_LT(early, late);
-  EXPECT_EQ(early.value().size(), 15u);
+  EXPECT_EQ(early.value().size(), 18u);
   EXPECT_EQ(early.value().substr(0, 2), "j-");
 }
 
@@ -21,6 +21,13 @@ TEST(JobId, SameTimeAndRandomGiveTheSameId) {
   EXPECT_EQ(MakeJobId(time, 5), MakeJobId(time, 5));
   std::set<JobId> ids;
   for (uint64_t random = 0; random < 1000; ++random) EXPECT_TRUE(ids.insert(MakeJobId(time, random)).second);
+}
+
+TEST(JobId, Holds35BitsOfTheRandomNumber) {
+  const absl::Time time = absl::FromUnixMillis(1'700'000'000'000);
+  std::set<JobId> ids = {MakeJobId(time, 0)};
+  for (int bit = 0; bit < 35; ++bit)
+    EXPECT_TRUE(ids.insert(MakeJobId(time, uint64_t{1} << bit)).second) << bit;
 }
 
 }  // namespace

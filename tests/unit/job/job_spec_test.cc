@@ -112,6 +112,7 @@ TEST(JobSpec, EachBadFieldIsNamed) {
       {[](auto& s) { s.set_width(0); }, "width is 0, not 1 to 16384"},
       {[](auto& s) { s.set_height(16385); }, "height is 16385"},
       {[](auto& s) { s.set_frame_count(0); }, "frame_count is 0"},
+      {[](auto& s) { s.add_more_frames()->set_first(-3); }, "more_frames[0].first is -3, not "},
       {[](auto& s) { s.set_first_frame(2147483647); }, "first_frame is 2147483647"},
       {[](auto& s) { s.set_samples_per_pixel(-4); }, "samples_per_pixel is -4"},
       {[](auto& s) { s.set_samples_per_pixel(kMaxSamples + 1); }, "samples_per_pixel is 1048577"},
@@ -122,7 +123,7 @@ TEST(JobSpec, EachBadFieldIsNamed) {
          s.set_width(kMaxEdge), s.set_height(kMaxEdge), s.set_samples_per_pixel(kMaxSamples);
          s.set_frame_count(4097);
        },
-       "frame_count 4097 with 281474976710656 camera samples each is more than"},
+       "4097 frames with 281474976710656 camera samples each is more than"},
       {[](auto& s) { s.set_camera(std::string(kMaxNameBytes + 1, 'x')); },
        "camera has 256 bytes, more than 255"},
       {[](auto& s) { s.mutable_scene()->set_display_name(std::string(kMaxNameBytes + 1, 'x')); },
@@ -140,7 +141,7 @@ TEST(JobSpec, EachBadFieldIsNamed) {
            s.mutable_scene()->add_dependencies()->set_uri(std::to_string(i));
        },
        "the number of scene.dependencies is 16385, not 0 to 16384"},
-      {[](auto& s) { FillUpTo(kMaxSpecBytes + 1, s); }, "the spec has 2097153 bytes, more than 2097152"},
+      {[](auto& s) { FillUpTo(kMaxSpecBytes + 1, s); }, "the spec has 4063233 bytes, more than 4063232"},
       {[](auto& s) { s.set_max_bounces(1025); }, "max_bounces is 1025"},
       {[](auto& s) { s.set_tile_size(7); }, "tile_size is 7"},
       {[](auto& s) { s.set_pass_samples(3); }, "pass_samples is 3, not even"},

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdlib>
 #include <set>
 #include <vector>
 
@@ -52,6 +54,33 @@ TEST(TileGrid, NumbersRowByRow) {
   EXPECT_EQ(grid.count(), 6);
   EXPECT_EQ(grid.RectOf(2), (Rect{64, 0, 70, 32}));
   EXPECT_EQ(grid.RectOf(3), (Rect{0, 32, 32, 40}));
+}
+
+TEST(TileGrid, RanksAreASpiralFromTheCentre) {
+  const TileGrid grid(5 * 8, 3 * 8, 8);
+  std::vector<int> tiles;
+  for (int rank = 0; rank < grid.count(); ++rank) tiles.push_back(grid.TileOfRank(rank));
+  EXPECT_EQ(tiles, (std::vector<int>{7, 1, 2, 3, 8, 13, 12, 11, 6, 4, 9, 14, 10, 5, 0}));
+}
+
+TEST(TileGrid, RanksAndTilesAreInverseForAnyShape) {
+  for (int columns = 1; columns <= 9; ++columns) {
+    for (int rows = 1; rows <= 9; ++rows) {
+      const TileGrid grid(columns * 8, rows * 8, 8);
+      int last_distance = 0;
+      for (int rank = 0; rank < grid.count(); ++rank) {
+        const int tile = grid.TileOfRank(rank);
+        ASSERT_EQ(grid.RankOf(tile), rank) << columns << "x" << rows;
+        const int distance =
+            std::max(std::abs(tile % columns - (columns - 1) / 2), std::abs(tile / columns - (rows - 1) / 2));
+        EXPECT_GE(distance, last_distance);
+        last_distance = distance;
+      }
+    }
+  }
+  const TileGrid large(16384, 16384, 8);
+  for (const int tile : {0, 1, 2047, 2048, 1'000'000, large.count() - 1})
+    EXPECT_EQ(large.TileOfRank(large.RankOf(tile)), tile);
 }
 
 TEST(FrameUnits, PassesCoverEverySampleOnce) {

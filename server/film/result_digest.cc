@@ -13,10 +13,10 @@ std::string DigestPath(const std::string& result_path) { return absl::StrCat(res
 
 }  // namespace
 
-absl::StatusOr<std::string> MakeResultDigest(const std::string& result_path) {
+absl::StatusOr<std::string> MakeResultDigest(const std::string& result_path, FileSystem* files) {
   absl::StatusOr<std::string> digest = rpc::Sha256HexOfFile(result_path);
   if (!digest.ok()) return digest;
-  if (absl::Status status = WriteFileAtomically(DigestPath(result_path), *digest); !status.ok())
+  if (absl::Status status = WriteFileAtomically(DigestPath(result_path), *digest, files); !status.ok())
     return status;
   return digest;
 }

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "filter/image/file_system.h"
 
 namespace lumifold::film {
 
@@ -15,6 +16,7 @@ absl::StatusOr<std::string> ResultDigest(const std::string& result_path);
 
 /// Computes and keeps the SHA-256 of a result that was just written, also where an earlier one is kept.
 /// Errors: as ResultDigest.
-absl::StatusOr<std::string> MakeResultDigest(const std::string& result_path);
+absl::StatusOr<std::string> MakeResultDigest(const std::string& result_path,
+                                             FileSystem* files = RealFileSystem());
 
 }  // namespace lumifold::film

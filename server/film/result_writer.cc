@@ -10,13 +10,14 @@ ResultWriter::ResultWriter(ExrRowWriter file, ResultInfo info)
     : file_(std::move(file)), info_(std::move(info)) {}
 
 absl::StatusOr<ResultWriter> ResultWriter::Create(const std::string& path, const UnitFilm& film,
-                                                  ResultInfo info) {
+                                                  ResultInfo info, FileSystem* files) {
   ExrLayout picture = ExrLayoutOf(BuildResult({film.Outline(), {}}, {}, info).pixels);
   picture.width = film.width();
   picture.height = film.height();
   const ExrLayout edges = {kSubSamples, static_cast<int>(film.edge_rows()), layers::EdgeChannels(), {}};
   const bool has_edges = info.spec.save_film() && film.edge_rows() > 0;
-  absl::StatusOr<ExrRowWriter> file = ExrRowWriter::Create(path, picture, has_edges ? &edges : nullptr);
+  absl::StatusOr<ExrRowWriter> file =
+      ExrRowWriter::Create(path, picture, has_edges ? &edges : nullptr, files);
   if (!file.ok()) return file.status();
   return ResultWriter(*std::move(file), std::move(info));
 }

@@ -16,7 +16,9 @@ namespace lumifold::film {
 /// Threads: one at a time.
 class ResultWriter {
  public:
-  static absl::StatusOr<ResultWriter> Create(const std::string& path, const UnitFilm& film, ResultInfo info);
+  /// `files` must outlive it.
+  static absl::StatusOr<ResultWriter> Create(const std::string& path, const UnitFilm& film, ResultInfo info,
+                                             FileSystem* files = RealFileSystem());
 
   /// Writes the next rows: the output of UnitFilm::Read for them and the filtered picture.
   absl::Status Append(EdgedImage part, std::array<Plane, 3> filtered);

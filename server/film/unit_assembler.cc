@@ -9,37 +9,38 @@ namespace lumifold::film {
 UnitAssembler::UnitAssembler(v1::UnitKind kind, const Rect& rect, SampleRange samples)
     : kind_(kind), rect_(rect), samples_(samples), pixels_(UnitLimits(rect)), edges_(EdgeLimits(rect)) {}
 
-absl::Status UnitAssembler::Add(const v1::UnitChunk& chunk) {
+absl::Status UnitAssembler::Add(v1::UnitChunk chunk) {
   if (chunk.has_edges() && chunk.has_pixels())
     return absl::InvalidArgumentError("unit: pixels and an edge set in one piece");
-  return chunk.has_edges() ? AddEdges(chunk.edges()) : AddPixels(chunk.pixels(), chunk.stats());
+  return chunk.has_edges() ? AddEdges(std::move(*chunk.mutable_edges()))
+                           : AddPixels(std::move(*chunk.mutable_pixels()), chunk.stats());
 }
 
-absl::Status UnitAssembler::AddEdges(const v1::PixelChunk& piece) {
+absl::Status UnitAssembler::AddEdges(v1::PixelChunk piece) {
   if (kind_ != v1::UNIT_KIND_GEOMETRY)
     return absl::InvalidArgumentError("unit: only geometry units have an edge set");
-  if (pixels_.layout().has_value() || IsComplete() || !complete_edges_.channels().empty())
+  if (pixels_.layout().has_value() || IsComplete() || !complete_.edges.pieces.empty())
     return absl::InvalidArgumentError("unit: a piece of the edge set after the edge set or the pixels");
-  if (absl::Status status = edges_.Add(piece); !status.ok()) return status;
+  if (absl::Status status = edges_.Add(std::move(piece)); !status.ok()) return status;
   if (!edges_.IsComplete()) return absl::OkStatus();
-  complete_edges_ = edges_.Take();
-  return CheckEdges(rect_, complete_edges_);
+  complete_.edges = edges_.Take();
+  return CheckEdges(rect_, complete_.edges);
 }
 
-absl::Status UnitAssembler::AddPixels(const v1::PixelChunk& piece, const v1::UnitStats& stats) {
+absl::Status UnitAssembler::AddPixels(v1::PixelChunk piece, const v1::UnitStats& stats) {
   if (IsComplete()) return absl::InvalidArgumentError("unit: pixels after the last piece");
   const bool is_first = !pixels_.layout().has_value();
   if (is_first && edges_.layout().has_value())
     return absl::InvalidArgumentError("unit: pixels before the end of the edge set");
-  if (absl::Status status = pixels_.Add(piece); !status.ok()) return status;
+  if (absl::Status status = pixels_.Add(std::move(piece)); !status.ok()) return status;
   if (is_first) {
     if (absl::Status status = CheckUnitLayout(kind_, rect_, *pixels_.layout()); !status.ok()) return status;
   }
   if (!pixels_.IsComplete()) return absl::OkStatus();
-  complete_pixels_ = pixels_.Take();
-  return CheckUnitValues(kind_, rect_, samples_, complete_pixels_, stats);
+  complete_.pixels = pixels_.Take();
+  return CheckUnitValues(kind_, rect_, samples_, complete_.pixels, stats);
 }
 
-EdgedImage UnitAssembler::Take() { return {std::move(complete_pixels_), std::move(complete_edges_)}; }
+DeliveredPixels UnitAssembler::Take() { return std::exchange(complete_, {}); }
 
 }  // namespace lumifold::film

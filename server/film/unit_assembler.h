@@ -1,7 +1,6 @@
 #pragma once
 
 #include "absl/status/status.h"
-#include "filter/image/edged_image.h"
 #include "filter/image/rect.h"
 #include "filter/image/sample_range.h"
 #include "lumifold/v1/worker.pb.h"
@@ -9,35 +8,41 @@
 
 namespace lumifold::film {
 
-/// Joins the pieces of a delivered unit and checks its layout and values, so that only a unit that can be
-/// assembled is committed.
+/// The pixels and the edge set of a delivered unit, in the pieces in which they arrived. Only a geometry unit
+/// may have an edge set; the others have one without pieces.
+struct DeliveredPixels {
+  rpc::ReceivedPicture pixels;
+  rpc::ReceivedPicture edges;
+};
+
+/// Collects the pieces of a delivered unit and checks its layout and values in place, so that only a unit that
+/// can be assembled is committed.
 /// Threads: one at a time.
 class UnitAssembler {
  public:
   /// `rect` and `samples` are those of the unit's lease.
   UnitAssembler(v1::UnitKind kind, const Rect& rect, SampleRange samples);
 
-  /// Adds the next piece.
+  /// Adds the next piece; one that is moved in is not copied.
   /// Errors: those of rpc::PixelAssembler, CheckUnitLayout, CheckUnitValues and CheckEdges;
   /// kInvalidArgument for an edge set that is not allowed here. After an error the unit is unusable.
-  absl::Status Add(const v1::UnitChunk& chunk);
+  absl::Status Add(v1::UnitChunk chunk);
 
   /// True after the last piece.
-  bool IsComplete() const { return !complete_pixels_.channels().empty(); }
+  bool IsComplete() const { return !complete_.pixels.pieces.empty(); }
   /// The unit, which must be complete. Leaves the assembler empty.
-  EdgedImage Take();
+  DeliveredPixels Take();
 
  private:
-  absl::Status AddEdges(const v1::PixelChunk& piece);
-  absl::Status AddPixels(const v1::PixelChunk& piece, const v1::UnitStats& stats);
+  absl::Status AddEdges(v1::PixelChunk piece);
+  absl::Status AddPixels(v1::PixelChunk piece, const v1::UnitStats& stats);
 
   v1::UnitKind kind_;
   Rect rect_;
   SampleRange samples_;
   rpc::PixelAssembler pixels_;
   rpc::PixelAssembler edges_;
-  LayeredImage complete_pixels_;
-  LayeredImage complete_edges_;
+  DeliveredPixels complete_;
 };
 
 }  // namespace lumifold::film

@@ -1,16 +1,17 @@
 #include "server/film/unit_layout.h"
 
 #include <algorithm>
-#include <bit>
+#include <array>
 #include <cmath>
 #include <cstdint>
-#include <functional>
+#include <cstring>
 #include <optional>
 #include <string_view>
 #include <utility>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
 
 namespace lumifold::film {
@@ -33,31 +34,72 @@ std::vector<std::string> MakePassChannels() {
   return names;
 }
 
-int CountOf(const std::string& name, const v1::PixelLayout& layout) {
-  return static_cast<int>(std::count(layout.channels().begin(), layout.channels().end(), name));
+std::array<std::vector<std::string>, layers::kLevelCount> MakeLevelChannels(v1::UnitKind kind) {
+  std::array<std::vector<std::string>, layers::kLevelCount> names;
+  for (size_t i = 0; i < names.size(); ++i) {
+    names[i] = kind == v1::UNIT_KIND_GEOMETRY ? layers::LevelFeatureChannels(Level::Of(i))
+                                              : layers::LevelPassChannels(Level::Of(i));
+  }
+  return names;
 }
 
 /// Channels that a unit of this kind has for each of its levels.
-std::vector<std::string> LevelChannels(v1::UnitKind kind, Level level) {
-  return kind == v1::UNIT_KIND_GEOMETRY ? layers::LevelFeatureChannels(level)
-                                        : layers::LevelPassChannels(level);
+const std::vector<std::string>& LevelChannels(v1::UnitKind kind, size_t level) {
+  static const auto& of_passes = *new auto(MakeLevelChannels(v1::UNIT_KIND_PASS));
+  static const auto& of_geometry = *new auto(MakeLevelChannels(v1::UNIT_KIND_GEOMETRY));
+  return (kind == v1::UNIT_KIND_GEOMETRY ? of_geometry : of_passes)[level];
 }
 
-absl::Status CheckEachOnce(const std::vector<std::string>& names, const v1::PixelLayout& layout) {
-  for (const std::string& name : names) {
-    if (CountOf(name, layout) != 1)
-      return absl::InvalidArgumentError(absl::StrCat("unit: channel ", name, " is missing or appears twice"));
+/// The channel names of a picture, to be looked up.
+class NameSet {
+ public:
+  template <typename Names>
+  explicit NameSet(const Names& names) : sorted_(names.begin(), names.end()) {
+    std::sort(sorted_.begin(), sorted_.end());
   }
-  return absl::OkStatus();
+
+  bool Has(std::string_view name) const { return std::binary_search(sorted_.begin(), sorted_.end(), name); }
+  absl::Status CheckEachOnce(const std::vector<std::string>& names) const {
+    for (const std::string_view name : names) {
+      const auto [first, last] = std::equal_range(sorted_.begin(), sorted_.end(), name);
+      if (last - first == 1) continue;
+      return absl::InvalidArgumentError(
+          absl::StrCat("unit: channel ", std::string(name), " is missing or appears twice"));
+    }
+    return absl::OkStatus();
+  }
+
+ private:
+  std::vector<std::string_view> sorted_;
+};
+
+LevelSet LevelsIn(v1::UnitKind kind, const NameSet& names) {
+  LevelSet levels;
+  for (size_t i = 0; i < levels.size(); ++i) levels[i] = names.Has(LevelChannels(kind, i).front());
+  return levels;
 }
 
-/// Whether no value of a row is NaN or infinite. Compares bits, so that the compiler vectorises it.
-bool IsFiniteRow(const float* row, int width) {
-  constexpr int32_t kWithoutSign = 0x7fffffff;
-  constexpr int32_t kInfinity = 0x7f800000;
-  int32_t largest = 0;
-  for (int x = 0; x < width; ++x) largest = std::max(largest, std::bit_cast<int32_t>(row[x]) & kWithoutSign);
-  return largest < kInfinity;
+/// Whether one of kCount values is NaN or infinite: its exponent has all bits set. The count is a constant, so
+/// that the compiler vectorises the loop.
+template <size_t kCount>
+bool HasNotFinite(const char* values) {
+  constexpr uint32_t kExponent = 0x7f800000;
+  std::array<uint32_t, kCount> all_bits;
+  std::memcpy(all_bits.data(), values, sizeof(all_bits));
+  uint32_t found = 0;
+  for (const uint32_t bits : all_bits) found |= (bits & kExponent) == kExponent ? 1u : 0u;
+  return found != 0;
+}
+
+bool IsFiniteRow(std::string_view row) {
+  constexpr size_t kBlock = 16;
+  for (; row.size() >= kBlock * sizeof(float); row.remove_prefix(kBlock * sizeof(float))) {
+    if (HasNotFinite<kBlock>(row.data())) return false;
+  }
+  for (; !row.empty(); row.remove_prefix(sizeof(float))) {
+    if (HasNotFinite<1>(row.data())) return false;
+  }
+  return true;
 }
 
 /// A value that is NaN or infinite.
@@ -68,14 +110,15 @@ struct NotFinite {
   float value = 0;
 };
 
-/// The first such value of an image; nullopt if all are finite.
-std::optional<NotFinite> FindNotFinite(const LayeredImage& image) {
-  for (const LayeredImage::Channel& channel : image.channels()) {
-    for (int y = 0; y < image.height(); ++y) {
-      const float* row = channel.plane.Row(y);
-      if (IsFiniteRow(row, image.width())) continue;
-      const float* bad = std::find_if_not(row, row + image.width(), [](float v) { return std::isfinite(v); });
-      return NotFinite{channel.name, static_cast<int>(bad - row), y, *bad};
+/// The first such value of a picture; nullopt if all are finite.
+std::optional<NotFinite> FindNotFinite(PlaneRows& planes) {
+  for (size_t plane = 0; plane < planes.names().size(); ++plane) {
+    for (int y = 0; y < planes.height(); ++y) {
+      const std::string_view row = planes.Row(plane, y);
+      if (IsFiniteRow(row)) continue;
+      int x = 0;
+      while (std::isfinite(ValueAt(row, x))) ++x;
+      return NotFinite{std::string(planes.names()[plane]), x, y, ValueAt(row, x)};
     }
   }
   return std::nullopt;
@@ -87,39 +130,46 @@ uint32_t SamplesOfHalf(SampleRange samples, size_t half) {
   return before(samples.last) - before(samples.first);
 }
 
+/// The count itself if it is a whole number from 0 to `most`; otherwise, also for NaN, another number.
+int32_t WholeNumber(float count, float most) {
+  return static_cast<int32_t>(std::min(std::max(0.0f, count), most));
+}
+
 /// Checks the sample counts of one channel and returns their sum.
-absl::StatusOr<int64_t> SumOfCounts(const std::string& name, ConstFloatView counts, const Rect& rect,
-                                    uint32_t most) {
+absl::StatusOr<int64_t> SumOfCounts(PlaneRows& planes, size_t plane, const Rect& rect, uint32_t most) {
+  const auto limit = static_cast<float>(most);
   int64_t sum = 0;
-  for (int y = 0; y < counts.height(); ++y) {
-    for (int x = 0; x < counts.width(); ++x) {
-      const float count = counts.At(x, y);
-      const bool in_range = count >= 0 && count <= static_cast<float>(most);
-      if (!in_range || count != std::floor(count)) {
-        return absl::InvalidArgumentError(absl::StrCat("unit: ", name, " is ", count, " at ", rect.x0 + x,
-                                                       ",", rect.y0 + y, ", not a whole number from 0 to ",
-                                                       most));
-      }
-      sum += static_cast<int64_t>(count);
+  for (int y = 0; y < planes.height(); ++y) {
+    const std::string_view row = planes.Row(plane, y);
+    bool valid = true;
+    for (int x = 0; x < planes.width(); ++x) {
+      const int32_t count = WholeNumber(ValueAt(row, x), limit);
+      valid &= static_cast<float>(count) == ValueAt(row, x);
+      sum += count;
     }
+    if (valid) continue;
+    int x = 0;
+    while (static_cast<float>(WholeNumber(ValueAt(row, x), limit)) == ValueAt(row, x)) ++x;
+    return absl::InvalidArgumentError(absl::StrCat("unit: ", std::string(planes.names()[plane]), " is ",
+                                                   ValueAt(row, x), " at ", rect.x0 + x, ",", rect.y0 + y,
+                                                   ", not a whole number from 0 to ", most));
   }
   return sum;
 }
 
 /// Checks the sample counts of a pass, and those of its levels.
-absl::Status CheckCounts(const Rect& rect, SampleRange samples, const LayeredImage& pixels,
-                         int64_t bad_samples) {
+absl::Status CheckCounts(const Rect& rect, SampleRange samples, PlaneRows& pixels, int64_t bad_samples) {
   int64_t added = 0;
   for (size_t half = 0; half < 2; ++half) {
     const std::string_view base = half == 0 ? layers::kSamplesA : layers::kSamplesB;
     const uint32_t most = SamplesOfHalf(samples, half);
-    const absl::StatusOr<int64_t> sum = SumOfCounts(std::string(base), pixels.Get(base), rect, most);
+    const absl::StatusOr<int64_t> sum = SumOfCounts(pixels, *pixels.Find(base), rect, most);
     if (!sum.ok()) return sum.status();
     added += *sum;
     for (size_t i = 0; i < layers::kLevelCount; ++i) {
-      const std::string name = layers::OfLevel(Level::Of(i), base);
-      if (!pixels.Has(name)) continue;
-      const absl::StatusOr<int64_t> of_level = SumOfCounts(name, pixels.Get(name), rect, most);
+      const std::optional<size_t> plane = pixels.Find(layers::OfLevel(Level::Of(i), base));
+      if (!plane.has_value()) continue;
+      const absl::StatusOr<int64_t> of_level = SumOfCounts(pixels, *plane, rect, most);
       if (!of_level.ok()) return of_level.status();
     }
   }
@@ -138,14 +188,23 @@ absl::Status CheckStats(const v1::UnitStats& stats) {
                                                  " seconds: one is negative or not finite"));
 }
 
-/// Whether all sub-samples of a row name the same pixel.
-bool HasOnePixel(const LayeredImage& edges, int row) {
-  for (const std::string_view name : {layers::kPixelX, layers::kPixelY}) {
-    const float* values = edges.Get(name).Row(row);
-    if (std::adjacent_find(values, values + kSubSamples, std::not_equal_to<>()) != values + kSubSamples)
-      return false;
-  }
-  return true;
+/// A coordinate of the pixel of a row of an edge set.
+struct Coordinate {
+  float value = 0;
+  bool is_common = true;  // all sub-samples have it
+};
+
+Coordinate CoordinateOf(PlaneRows& edges, std::string_view channel, int row) {
+  const std::string_view values = edges.Row(*edges.Find(channel), row);
+  Coordinate coordinate{.value = ValueAt(values, 0)};
+  for (int i = 1; i < kSubSamples; ++i) coordinate.is_common &= ValueAt(values, i) == coordinate.value;
+  return coordinate;
+}
+
+/// Whether a coordinate is that of one pixel in [begin, end).
+bool IsOnePixelWithin(const Coordinate& coordinate, int begin, int end) {
+  return coordinate.is_common && coordinate.value >= static_cast<float>(begin) &&
+         coordinate.value < static_cast<float>(end) && coordinate.value == std::floor(coordinate.value);
 }
 
 }  // namespace
@@ -164,10 +223,7 @@ const std::vector<std::string>& GeometryChannels() {
 }
 
 LevelSet LevelsOf(v1::UnitKind kind, const v1::PixelLayout& layout) {
-  LevelSet levels;
-  for (size_t i = 0; i < levels.size(); ++i)
-    levels[i] = CountOf(LevelChannels(kind, Level::Of(i)).front(), layout) > 0;
-  return levels;
+  return LevelsIn(kind, NameSet(layout.channels()));
 }
 
 rpc::PixelLimits UnitLimits(const Rect& rect) {
@@ -192,15 +248,16 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
     return absl::InvalidArgumentError(absl::StrCat("unit: size ", layout.width(), "x", layout.height(),
                                                    ", but the tile is ", rect.width(), "x", rect.height()));
   }
+  const NameSet names(layout.channels());
   const std::vector<std::string>& wanted =
       kind == v1::UNIT_KIND_GEOMETRY ? GeometryChannels() : PassChannels();
-  if (absl::Status status = CheckEachOnce(wanted, layout); !status.ok()) return status;
+  if (absl::Status status = names.CheckEachOnce(wanted); !status.ok()) return status;
   size_t expected = wanted.size();
-  const LevelSet levels = LevelsOf(kind, layout);
+  const LevelSet levels = LevelsIn(kind, names);
   for (size_t i = 0; i < levels.size(); ++i) {
     if (!levels[i]) continue;
-    const std::vector<std::string> of_level = LevelChannels(kind, Level::Of(i));
-    if (absl::Status status = CheckEachOnce(of_level, layout); !status.ok()) return status;
+    const std::vector<std::string>& of_level = LevelChannels(kind, i);
+    if (absl::Status status = names.CheckEachOnce(of_level); !status.ok()) return status;
     expected += of_level.size();
   }
   if (layout.channels_size() != static_cast<int>(expected)) {
@@ -210,8 +267,8 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
   return absl::OkStatus();
 }
 
-absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, SampleRange samples,
-                             const LayeredImage& pixels, const v1::UnitStats& stats) {
+absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, SampleRange samples, PlaneRows pixels,
+                             const v1::UnitStats& stats) {
   if (absl::Status status = CheckStats(stats); !status.ok()) return status;
   if (const std::optional<NotFinite> bad = FindNotFinite(pixels); bad.has_value()) {
     return absl::InvalidArgumentError(absl::StrCat("unit: ", bad->channel, " is ", bad->value, " at ",
@@ -221,15 +278,14 @@ absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, SampleRange sa
   return CheckCounts(rect, samples, pixels, stats.bad_samples());
 }
 
-absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges) {
-  if (edges.channels().empty()) return absl::OkStatus();
-  const v1::PixelLayout layout = rpc::LayoutOf(edges);
-  const std::vector<std::string> wanted = layers::EdgeChannels();
-  if (absl::Status status = CheckEachOnce(wanted, layout); !status.ok()) return status;
-  if (edges.width() != kSubSamples || edges.channels().size() != wanted.size()) {
+absl::Status CheckEdges(const Rect& rect, PlaneRows edges) {
+  if (edges.names().empty()) return absl::OkStatus();
+  static const auto& wanted = *new std::vector<std::string>(layers::EdgeChannels());
+  if (absl::Status status = NameSet(edges.names()).CheckEachOnce(wanted); !status.ok()) return status;
+  if (edges.width() != kSubSamples || edges.names().size() != wanted.size()) {
     return absl::InvalidArgumentError(absl::StrCat("edge set: ", edges.width(), " sub-samples of ",
-                                                   edges.channels().size(), " channels, expected ",
-                                                   kSubSamples, " of ", wanted.size()));
+                                                   edges.names().size(), " channels, expected ", kSubSamples,
+                                                   " of ", wanted.size()));
   }
   if (const std::optional<NotFinite> bad = FindNotFinite(edges); bad.has_value()) {
     return absl::InvalidArgumentError(
@@ -237,16 +293,15 @@ absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges) {
   }
   std::pair<float, float> last = {-1.0f, -1.0f};
   for (int row = 0; row < edges.height(); ++row) {
-    const float x = edges.Get(layers::kPixelX).At(0, row);
-    const float y = edges.Get(layers::kPixelY).At(0, row);
-    const bool is_within = x >= static_cast<float>(rect.x0) && x < static_cast<float>(rect.x1) &&
-                           y >= static_cast<float>(rect.y0) && y < static_cast<float>(rect.y1);
-    if (!is_within || std::pair(y, x) <= last || x != std::floor(x) || y != std::floor(y) ||
-        !HasOnePixel(edges, row)) {
-      return absl::InvalidArgumentError(absl::StrCat("edge set: the pixel ", x, ",", y, " of row ", row,
+    const Coordinate x = CoordinateOf(edges, layers::kPixelX, row);
+    const Coordinate y = CoordinateOf(edges, layers::kPixelY, row);
+    const std::pair pixel(y.value, x.value);
+    if (!IsOnePixelWithin(x, rect.x0, rect.x1) || !IsOnePixelWithin(y, rect.y0, rect.y1) || pixel <= last) {
+      return absl::InvalidArgumentError(absl::StrCat("edge set: the pixel ", x.value, ",", y.value,
+                                                     " of row ", row,
                                                      " is outside the tile, out of order or ambiguous"));
     }
-    last = {y, x};
+    last = pixel;
   }
   return absl::OkStatus();
 }

@@ -5,13 +5,13 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
 #include "filter/image/rect.h"
 #include "filter/image/sample_range.h"
 #include "lumifold/v1/image.pb.h"
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/image_codec.h"
+#include "server/film/plane_rows.h"
 
 namespace lumifold::film {
 
@@ -41,14 +41,14 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
 /// Checks the values of a unit whose layout is valid: all are finite; each sample count of a pass is a whole
 /// number from 0 to the number of samples that its half has in `samples`; the counts and the bad samples of
 /// `stats` add up to the samples of the pass; the numbers of `stats` are not negative. `rect` and `samples` are
-/// those of the lease. Reads every value once.
+/// those of the lease. Reads every value once, in place.
 /// Errors: kInvalidArgument naming the channel, the pixel in the frame, and the value.
-absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, SampleRange samples,
-                             const LayeredImage& pixels, const v1::UnitStats& stats);
+absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, SampleRange samples, PlaneRows pixels,
+                             const v1::UnitStats& stats);
 
 /// Checks the edge set of a tile. It is empty, or it has the required channels and width, all values are
 /// finite, and its pixels are inside the tile, in row-major order, each once.
 /// Errors: kInvalidArgument naming the channel, size or row.
-absl::Status CheckEdges(const Rect& rect, const LayeredImage& edges);
+absl::Status CheckEdges(const Rect& rect, PlaneRows edges);
 
 }  // namespace lumifold::film

@@ -5,13 +5,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <bit>
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
@@ -20,26 +19,8 @@
 namespace lumifold::film {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "the log has the byte order of memory");
-
-constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '2'};
 constexpr uint32_t kMaxHeaderBytes = 1 << 20;
 constexpr uint64_t kMaxPayloadBytes = uint64_t{1} << 32;
-
-struct Preamble {
-  std::array<char, 4> magic = kMagic;
-  uint32_t header_bytes = 0;
-  uint64_t payload_bytes = 0;
-  uint64_t payload_checksum = 0;
-  uint64_t header_checksum = 0;
-};
-static_assert(sizeof(Preamble) == 32, "no padding");
-
-uint64_t HeaderChecksum(const Preamble& preamble, std::string_view header) {
-  std::string bytes(reinterpret_cast<const char*>(&preamble), offsetof(Preamble, header_checksum));
-  bytes.append(header);
-  return rpc::Checksum(bytes);
-}
 
 absl::Status SystemError(const std::string& path) {
   const int error = errno;
@@ -52,9 +33,11 @@ absl::Status DamagedRecord(const std::string& path, uint64_t offset, const char*
 }
 
 /// Whether this is the beginning of a record of another version, 1 or a later one.
-bool IsOfAnotherVersion(const Preamble& preamble) {
-  return std::equal(kMagic.begin(), kMagic.end() - 1, preamble.magic.begin()) && preamble.magic != kMagic &&
-         preamble.magic.back() >= '1' && preamble.magic.back() <= '9';
+bool IsOfAnotherVersion(const RecordPreamble& preamble) {
+  return std::equal(RecordPreamble::kMagic.begin(), RecordPreamble::kMagic.end() - 1,
+                    preamble.magic.begin()) &&
+         preamble.magic != RecordPreamble::kMagic && preamble.magic.back() >= '1' &&
+         preamble.magic.back() <= '9';
 }
 
 absl::Status AnotherVersion(const std::string& path, uint64_t offset) {
@@ -63,33 +46,8 @@ absl::Status AnotherVersion(const std::string& path, uint64_t offset) {
       ": was written by another version of Lumifold; finish the job with that version, or submit it again"));
 }
 
-absl::Status SyncFolderOf(const std::string& path) {
-  const std::string folder = path.substr(0, path.rfind('/'));
-  const rpc::FileHandle handle(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (handle.get() < 0 || fsync(handle.get()) != 0) return SystemError(folder);
-  return absl::OkStatus();
-}
-
-std::string RecordBytes(const StoredUnit& unit) {
-  v1::UnitChunk header;
-  *header.mutable_unit() = ProtoFromUnit(unit.unit);
-  header.set_attempt(unit.attempt.value());
-  *header.mutable_pixels()->mutable_layout() = rpc::LayoutOf(unit.image.pixels);
-  *header.mutable_stats() = unit.stats;
-  std::string payload = rpc::BytesFromImage(unit.image.pixels);
-  if (!unit.image.edges.channels().empty()) {
-    *header.mutable_edges()->mutable_layout() = rpc::LayoutOf(unit.image.edges);
-    payload.append(rpc::BytesFromImage(unit.image.edges));
-  }
-  const std::string header_bytes = header.SerializeAsString();
-  Preamble preamble;
-  preamble.header_bytes = static_cast<uint32_t>(header_bytes.size());
-  preamble.payload_bytes = payload.size();
-  preamble.payload_checksum = rpc::Checksum(payload);
-  preamble.header_checksum = HeaderChecksum(preamble, header_bytes);
-  std::string record(reinterpret_cast<const char*>(&preamble), sizeof(preamble));
-  record.append(header_bytes).append(payload);
-  return record;
+absl::Status SystemError(const std::string& path, int error) {
+  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-error)));
 }
 
 // Decodes the pixels and the edge set from the payload of a record.
@@ -131,27 +89,28 @@ absl::StatusOr<std::string> ReadAt(const rpc::FileHandle& file, const std::strin
 }
 
 /// Reads the beginning of the record at `offset`.
-absl::StatusOr<Preamble> ReadPreamble(const rpc::FileHandle& file, const std::string& path, uint64_t offset) {
-  const absl::StatusOr<std::string> bytes = ReadAt(file, path, offset, sizeof(Preamble));
+absl::StatusOr<RecordPreamble> ReadPreamble(const rpc::FileHandle& file, const std::string& path,
+                                            uint64_t offset) {
+  const absl::StatusOr<std::string> bytes = ReadAt(file, path, offset, sizeof(RecordPreamble));
   if (!bytes.ok()) return bytes.status();
-  if (bytes->size() != sizeof(Preamble)) return DamagedRecord(path, offset, "is cut short");
-  Preamble preamble;
+  if (bytes->size() != sizeof(RecordPreamble)) return DamagedRecord(path, offset, "is cut short");
+  RecordPreamble preamble;
   std::memcpy(&preamble, bytes->data(), sizeof(preamble));
   if (IsOfAnotherVersion(preamble)) return AnotherVersion(path, offset);
-  if (preamble.magic != kMagic || preamble.header_bytes > kMaxHeaderBytes ||
+  if (preamble.magic != RecordPreamble::kMagic || preamble.header_bytes > kMaxHeaderBytes ||
       preamble.payload_bytes > kMaxPayloadBytes) {
     return DamagedRecord(path, offset, "has no valid record header");
   }
   return preamble;
 }
 
-uint64_t LengthOf(const Preamble& preamble) {
+uint64_t LengthOf(const RecordPreamble& preamble) {
   return sizeof(preamble) + preamble.header_bytes + preamble.payload_bytes;
 }
 
 /// Reads the header of the record at `place`; `preamble` is the record's.
 absl::StatusOr<v1::UnitChunk> ReadHeaderOf(const rpc::FileHandle& file, const std::string& path,
-                                           const RecordPlace& place, const Preamble& preamble) {
+                                           const RecordPlace& place, const RecordPreamble& preamble) {
   if (LengthOf(preamble) != place.length)
     return DamagedRecord(path, place.offset, "has no valid record header");
   const absl::StatusOr<std::string> bytes =
@@ -166,39 +125,45 @@ absl::StatusOr<v1::UnitChunk> ReadHeaderOf(const rpc::FileHandle& file, const st
 
 }  // namespace
 
-UnitLog::UnitLog(std::string path, rpc::FileHandle file, uint64_t end)
-    : path_(std::move(path)), file_(std::move(file)), end_(end) {}
+UnitLog::UnitLog(std::string path, rpc::FileHandle file, uint64_t end, FileSystem* files)
+    : files_(files), path_(std::move(path)), file_(std::move(file)), end_(end) {}
 
-absl::StatusOr<UnitLog> UnitLog::Open(const std::string& path, uint64_t committed_bytes) {
-  rpc::FileHandle file(open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0644));
-  if (file.get() < 0) return SystemError(path);
+absl::StatusOr<UnitLog> UnitLog::Open(const std::string& path, uint64_t committed_bytes, FileSystem* files) {
+  int opened = files->Open(path, O_WRONLY);
+  const bool is_new = opened == -ENOENT;
+  if (is_new) opened = files->Open(path, O_WRONLY | O_CREAT);
+  if (opened < 0) return SystemError(path, opened);
+  rpc::FileHandle file(opened);
   struct stat info = {};
   if (fstat(file.get(), &info) != 0) return SystemError(path);
-  if (static_cast<uint64_t>(info.st_size) < committed_bytes) {
+  const auto size = static_cast<uint64_t>(info.st_size);
+  if (size < committed_bytes) {
     return absl::DataLossError(
-        absl::StrCat(path, ": has ", info.st_size, " bytes, the ledger has committed ", committed_bytes));
+        absl::StrCat(path, ": has ", size, " bytes, the ledger has committed ", committed_bytes));
   }
-  if (ftruncate(file.get(), static_cast<off_t>(committed_bytes)) != 0) return SystemError(path);
-  if (absl::Status status = SyncFolderOf(path); !status.ok()) return status;
-  return UnitLog(path, std::move(file), committed_bytes);
+  if (size > committed_bytes) {
+    if (const int error = files->Truncate(file.get(), committed_bytes); error != 0)
+      return SystemError(path, error);
+  }
+  // Also where the file is old: the run that created it may have been killed before its name was durable.
+  if (const int error = committed_bytes == 0 ? files->SyncFolder(FolderOf(path)) : 0; error != 0)
+    return SystemError(path, error);
+  return UnitLog(path, std::move(file), committed_bytes, files);
 }
 
-absl::StatusOr<RecordPlace> UnitLog::Append(const StoredUnit& unit) {
-  const std::string record = RecordBytes(unit);
-  size_t done = 0;
-  while (done < record.size()) {
-    const ssize_t n =
-        pwrite(file_.get(), record.data() + done, record.size() - done, static_cast<off_t>(end_ + done));
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return SystemError(path_);
-    done += static_cast<size_t>(n);
-  }
-  const RecordPlace place{end_, record.size()};
-  end_ += record.size();
+absl::StatusOr<RecordPlace> UnitLog::Append(const EncodedUnit& unit) {
+  std::vector<std::string_view> parts = {unit.head};
+  for (const rpc::PixelPiece& piece : unit.payload) parts.push_back(piece.bytes);
+  if (const int error = files_->Write(file_.get(), end_, parts); error != 0) return SystemError(path_, error);
+  const RecordPlace place{end_, unit.size_bytes()};
+  end_ += place.length;
   return place;
 }
 
-absl::Status UnitLog::Sync() { return fdatasync(file_.get()) == 0 ? absl::OkStatus() : SystemError(path_); }
+absl::Status UnitLog::Sync() {
+  const int error = files_->Sync(file_.get());
+  return error == 0 ? absl::OkStatus() : SystemError(path_, error);
+}
 
 UnitLogReader::UnitLogReader(std::string path, rpc::FileHandle file, uint64_t size)
     : path_(std::move(path)), file_(std::move(file)), size_(size) {}
@@ -218,7 +183,7 @@ absl::Status UnitLogReader::CheckWithinFile(const RecordPlace& place) const {
 
 absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) const {
   if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
-  const absl::StatusOr<Preamble> preamble = ReadPreamble(file_, path_, place.offset);
+  const absl::StatusOr<RecordPreamble> preamble = ReadPreamble(file_, path_, place.offset);
   if (!preamble.ok()) return preamble.status();
   absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
   if (!header.ok()) return header.status();
@@ -229,7 +194,7 @@ absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) c
 
 absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
   if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
-  const absl::StatusOr<Preamble> preamble = ReadPreamble(file_, path_, place.offset);
+  const absl::StatusOr<RecordPreamble> preamble = ReadPreamble(file_, path_, place.offset);
   if (!preamble.ok()) return preamble.status();
   const absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
   if (!header.ok()) return header.status();
@@ -245,25 +210,48 @@ absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
 }
 
 absl::StatusOr<RecordPlace> UnitLogReader::PlaceAt(uint64_t offset) const {
-  const absl::StatusOr<Preamble> preamble = ReadPreamble(file_, path_, offset);
+  const absl::StatusOr<RecordPreamble> preamble = ReadPreamble(file_, path_, offset);
   if (!preamble.ok()) return preamble.status();
   return RecordPlace{offset, LengthOf(*preamble)};
 }
 
-absl::StatusOr<uint64_t> UnitLogReader::Scan(
-    absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const {
-  uint64_t valid_bytes = 0;
-  while (valid_bytes < size_) {
-    const absl::StatusOr<RecordPlace> place = PlaceAt(valid_bytes);
-    if (absl::IsDataLoss(place.status())) break;
-    if (!place.ok()) return place.status();
-    const absl::StatusOr<StoredUnit> unit = Read(*place);
-    if (absl::IsDataLoss(unit.status())) break;
-    if (!unit.ok()) return unit.status();
-    visit(*unit, *place);
-    valid_bytes += place->length;
+absl::StatusOr<StoredUnit> UnitLogReader::ReadRecordAt(uint64_t offset, RecordPlace* place) const {
+  const absl::StatusOr<RecordPlace> found = PlaceAt(offset);
+  if (!found.ok()) return found.status();
+  *place = *found;
+  return Read(*found);
+}
+
+absl::StatusOr<uint64_t> UnitLogReader::FindMagic(uint64_t offset) const {
+  constexpr uint64_t kStep = 1 << 20;
+  const std::string_view magic(RecordPreamble::kMagic.data(), RecordPreamble::kMagic.size());
+  for (; offset < size_; offset += kStep) {
+    // The windows overlap, so that no record begins unseen at the end of one.
+    const absl::StatusOr<std::string> bytes = ReadAt(file_, path_, offset, kStep + magic.size() - 1);
+    if (!bytes.ok()) return bytes.status();
+    const size_t found = bytes->find(magic);
+    if (found != std::string::npos) return offset + found;
   }
-  return valid_bytes;
+  return size_;
+}
+
+absl::StatusOr<uint64_t> UnitLogReader::Scan(
+    uint64_t first, absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const {
+  uint64_t end = first;
+  for (uint64_t offset = first; offset < size_;) {
+    RecordPlace place;
+    const absl::StatusOr<StoredUnit> unit = ReadRecordAt(offset, &place);
+    if (unit.ok()) {
+      visit(*unit, place);
+      offset = end = place.offset + place.length;
+      continue;
+    }
+    if (!absl::IsDataLoss(unit.status())) return unit.status();
+    const absl::StatusOr<uint64_t> next = FindMagic(offset + 1);
+    if (!next.ok()) return next.status();
+    offset = *next;
+  }
+  return end;
 }
 
 }  // namespace lumifold::film

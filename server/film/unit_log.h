@@ -7,14 +7,16 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
+#include "filter/image/file_system.h"
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/byte_stream.h"
+#include "server/film/unit_record.h"
 #include "server/film/unit_source.h"
 #include "server/job/unit.h"
 
 namespace lumifold::film {
 
-/// A delivered unit: its id, the attempt of its lease, its statistics, its pixels and its edge set.
+/// A unit that was read: its id, the attempt of its lease, its statistics, its pixels and its edge set.
 struct StoredUnit {
   job::UnitRef unit;
   job::Attempt attempt;
@@ -42,7 +44,7 @@ struct RecordPlace {
 ///   u64  size of the payload
 ///   u64  XXH3-64 of the payload
 ///   u64  XXH3-64 of the 24 bytes before and the header
-///   header: a v1::UnitChunk without data
+///   header: a v1::UnitChunk without data (unit_record.h encodes it)
 ///   payload: the planes of the pixels in the order of their v1::PixelLayout, then those of the edge set,
 ///            if there is one, in the order of its own layout
 ///
@@ -53,20 +55,23 @@ struct RecordPlace {
 class UnitLog {
  public:
   /// Opens the log at `path`, or creates it, for appending after its first `committed_bytes`, the bytes whose
-  /// units have ledger rows. Bytes beyond them were never acknowledged and are truncated.
+  /// units have ledger rows. Bytes beyond them are truncated: whoever opens a log of an earlier run first scans
+  /// it for records that the ledger does not know. `files` must outlive the log.
   /// Errors: kDataLoss where the file is shorter; kUnavailable with the system's message. Both name the file.
-  static absl::StatusOr<UnitLog> Open(const std::string& path, uint64_t committed_bytes);
+  static absl::StatusOr<UnitLog> Open(const std::string& path, uint64_t committed_bytes,
+                                      FileSystem* files = RealFileSystem());
 
   /// Writes a record at the end; it is durable after the next Sync. After an error the next record overwrites
-  /// it.
-  absl::StatusOr<RecordPlace> Append(const StoredUnit& unit);
+  /// it. After an error of Sync nothing that was written since the last one may be believed: open the log again.
+  absl::StatusOr<RecordPlace> Append(const EncodedUnit& unit);
 
   /// Waits until all records are on the disk (fdatasync).
   absl::Status Sync();
 
  private:
-  UnitLog(std::string path, rpc::FileHandle file, uint64_t end);
+  UnitLog(std::string path, rpc::FileHandle file, uint64_t end, FileSystem* files);
 
+  FileSystem* files_;
   std::string path_;
   rpc::FileHandle file_;
   uint64_t end_;
@@ -86,15 +91,21 @@ class UnitLogReader {
   /// As Read, for the header only; the pixels are not checked.
   absl::StatusOr<UnitHeader> ReadHeader(const RecordPlace& place) const;
 
-  /// Reads records from the beginning to the end of the file or to the first damaged record; returns the
-  /// number of valid bytes.
-  /// Errors: kFailedPrecondition as Read().
-  absl::StatusOr<uint64_t> Scan(absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const;
+  /// Reads the records from `first` to the end of the file. Where one is damaged, it goes on with the next
+  /// offset at which an undamaged record begins. Returns the end of the last undamaged record, or `first`:
+  /// what follows is the torn tail of a write that never ended.
+  /// Errors: kFailedPrecondition as Read(); kUnavailable with the system's message.
+  absl::StatusOr<uint64_t> Scan(uint64_t first,
+                                absl::FunctionRef<void(const StoredUnit&, const RecordPlace&)> visit) const;
 
  private:
   UnitLogReader(std::string path, rpc::FileHandle file, uint64_t size);
   absl::Status CheckWithinFile(const RecordPlace& place) const;
   absl::StatusOr<RecordPlace> PlaceAt(uint64_t offset) const;
+  /// The record at `offset` if it is undamaged. Errors: kDataLoss otherwise, and as Read().
+  absl::StatusOr<StoredUnit> ReadRecordAt(uint64_t offset, RecordPlace* place) const;
+  /// The first offset from `offset` on that has the first bytes of a record; the size of the file if there is none.
+  absl::StatusOr<uint64_t> FindMagic(uint64_t offset) const;
 
   std::string path_;
   rpc::FileHandle file_;

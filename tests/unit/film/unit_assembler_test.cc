@@ -3,9 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "proto/rpc/limits.h"
+#include "tests/support/encoded_unit.h"
 #include "tests/support/random_unit.h"
 
 namespace lumifold::film {
@@ -44,7 +49,35 @@ TEST(UnitAssembler, GivesBackWhatWasSent) {
       ASSERT_TRUE(assembler.Add(piece).ok());
     }
     ASSERT_TRUE(assembler.IsComplete());
-    EXPECT_EQ(Bytes(assembler.Take()), Bytes(unit));
+    const DeliveredPixels delivered = assembler.Take();
+    EXPECT_FALSE(assembler.IsComplete());
+    EXPECT_EQ(delivered.pixels.layout.SerializeAsString(), rpc::LayoutOf(unit.pixels).SerializeAsString());
+    EXPECT_EQ(BytesOf(delivered.pixels) + BytesOf(delivered.edges), Bytes(unit));
+  }
+}
+
+TEST(UnitAssembler, KeepsTheBytesOfAPieceThatIsMovedIn) {
+  std::vector<v1::UnitChunk> pieces = PiecesOf(Unit(v1::UNIT_KIND_PASS));
+  const char* const bytes = pieces[0].pixels().data().data();
+  UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+  ASSERT_TRUE(assembler.Add(std::move(pieces[0])).ok());
+  EXPECT_EQ(assembler.Take().pixels.pieces[0].bytes.data(), bytes);
+}
+
+/// Values of a large unit of width 257: a piece ends within some of its rows.
+TEST(UnitAssembler, ChecksRowsThatAreCutByTheEndOfAPiece) {
+  constexpr Rect kLarge = {0, 0, 257, 129};
+  const int cut = static_cast<int>(rpc::kMaxChunkBytes / sizeof(float));
+  const EdgedImage good = RandomUnit({0, 1, 0, v1::UNIT_KIND_PASS}, kLarge, kSamples, 1);
+  for (const int at : {cut - 1, cut, static_cast<int>(good.pixels.channels().size()) * 257 * 129 - 1}) {
+    EdgedImage unit = {good.pixels.Crop(good.pixels.bounds()), {}};
+    LayeredImage::Channel& channel = unit.pixels.channels()[static_cast<size_t>(at / (257 * 129))];
+    channel.plane.At(at % 257, at / 257 % 129) = NAN;
+    UnitAssembler assembler(v1::UNIT_KIND_PASS, kLarge, kSamples);
+    absl::Status status;
+    for (const v1::UnitChunk& piece : PiecesOf(unit)) status = assembler.Add(piece);
+    EXPECT_THAT(std::string(status.message()),
+                HasSubstr(absl::StrCat(channel.name, " is nan at ", at % 257, ",", at / 257 % 129)));
   }
 }
 

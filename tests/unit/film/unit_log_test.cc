@@ -8,6 +8,8 @@
 #include <iterator>
 #include <vector>
 
+#include "proto/rpc/checksum.h"
+#include "tests/support/encoded_unit.h"
 #include "tests/support/random_unit.h"
 #include "tests/support/temp_folder.h"
 
@@ -30,6 +32,28 @@ std::string Bytes(const EdgedImage& image) {
   return rpc::BytesFromImage(image.pixels) + rpc::BytesFromImage(image.edges);
 }
 
+/// The record of a unit as the format describes it, encoded from its planes.
+std::string RecordOf(const StoredUnit& unit) {
+  const auto put = [](uint64_t value, int bytes, std::string* out) {
+    for (int i = 0; i < bytes; ++i) out->push_back(static_cast<char>(value >> 8 * i & 0xff));
+  };
+  v1::UnitChunk chunk;
+  *chunk.mutable_unit() = ProtoFromUnit(unit.unit);
+  chunk.set_attempt(unit.attempt.value());
+  *chunk.mutable_pixels()->mutable_layout() = rpc::LayoutOf(unit.image.pixels);
+  *chunk.mutable_stats() = unit.stats;
+  if (unit.image.edges.height() > 0)
+    *chunk.mutable_edges()->mutable_layout() = rpc::LayoutOf(unit.image.edges);
+  const std::string header = chunk.SerializeAsString();
+  const std::string payload = Bytes(unit.image);
+  std::string record = "LFU2";
+  put(header.size(), 4, &record);
+  put(payload.size(), 8, &record);
+  put(rpc::Checksum(payload), 8, &record);
+  put(rpc::Checksum(record + header), 8, &record);
+  return record + header + payload;
+}
+
 class UnitLogTest : public ::testing::Test {
  protected:
   std::vector<RecordPlace> WriteUnits(int count, uint64_t committed_bytes = 0) {
@@ -37,7 +61,7 @@ class UnitLogTest : public ::testing::Test {
     EXPECT_TRUE(log.ok()) << log.status();
     std::vector<RecordPlace> places;
     for (int tile = 0; tile < count; ++tile) {
-      const absl::StatusOr<RecordPlace> place = log->Append(Unit(tile));
+      const absl::StatusOr<RecordPlace> place = log->Append(Encoded(Unit(tile)));
       EXPECT_TRUE(place.ok()) << place.status();
       places.push_back(*place);
     }
@@ -55,7 +79,7 @@ class UnitLogTest : public ::testing::Test {
     const absl::StatusOr<UnitLogReader> reader = UnitLogReader::Open(path_);
     EXPECT_TRUE(reader.ok());
     const absl::StatusOr<uint64_t> good = reader->Scan(
-        [&](const StoredUnit& unit, const RecordPlace&) { tiles->push_back(unit.unit.key.tile); });
+        0, [&](const StoredUnit& unit, const RecordPlace&) { tiles->push_back(unit.unit.key.tile); });
     EXPECT_TRUE(good.ok()) << good.status();
     return *good;
   }
@@ -83,6 +107,35 @@ TEST_F(UnitLogTest, GivesBackWhatWasWritten) {
     EXPECT_EQ(Bytes(unit->image), Bytes(Unit(tile).image));
     EXPECT_TRUE(CheckUnitLayout(unit->unit.key.kind, kRect, rpc::LayoutOf(unit->image.pixels)).ok());
     EXPECT_EQ(unit->image.edges.height(), tile == 2 ? 2 : 0);
+  }
+}
+
+TEST_F(UnitLogTest, HoldsTheBytesThatTheFormatDescribes) {
+  const std::vector<RecordPlace> places = WriteUnits(3);
+  std::string expected;
+  for (int tile = 0; tile < 3; ++tile) {
+    EXPECT_EQ(places[static_cast<size_t>(tile)].offset, expected.size());
+    expected += RecordOf(Unit(tile));
+  }
+  EXPECT_EQ(File(), expected);
+}
+
+TEST_F(UnitLogTest, PiecesOfALargeUnitAreOnePayload) {
+  constexpr Rect kLarge = {0, 0, 257, 129};  // rows are cut by the ends of pieces
+  for (const v1::UnitKind kind : {v1::UNIT_KIND_PASS, v1::UNIT_KIND_GEOMETRY}) {
+    const job::UnitKey key{1, 1, 0, kind};
+    const StoredUnit unit{{job::JobId("j-1"), key}, job::Attempt(7), {}, RandomUnit(key, kLarge, {0, 4}, 1)};
+    const EncodedUnit encoded = Encoded(unit);
+    EXPECT_GT(encoded.payload.size(), 1u);
+    std::filesystem::remove(path_);
+    absl::StatusOr<UnitLog> log = UnitLog::Open(path_, 0);
+    const absl::StatusOr<RecordPlace> place = log->Append(encoded);
+    ASSERT_TRUE(place.ok()) << place.status();
+    EXPECT_EQ(place->length, encoded.size_bytes());
+    EXPECT_EQ(File(), RecordOf(unit));
+    const absl::StatusOr<StoredUnit> read = Read(*place);
+    ASSERT_TRUE(read.ok()) << read.status();
+    EXPECT_EQ(Bytes(read->image), Bytes(unit.image));
   }
 }
 
@@ -150,6 +203,30 @@ TEST_F(UnitLogTest, ATornTailIsIgnoredAndOverwritten) {
   }
 }
 
+TEST_F(UnitLogTest, AScanGoesOnBehindADamagedRecord) {
+  const std::vector<RecordPlace> places = WriteUnits(4);
+  const std::string whole = File();
+  // In the magic, in a size, in the header, and in the payload of record 1.
+  for (const uint64_t at : {0u, 5u, 40u, 3000u}) {
+    std::string damaged = whole;
+    damaged[places[1].offset + at] ^= 0x55;
+    SetFile(damaged);
+    std::vector<int> tiles;
+    EXPECT_EQ(Scan(&tiles), whole.size()) << at;
+    EXPECT_THAT(tiles, ::testing::ElementsAre(0, 2, 3)) << at;
+  }
+}
+
+TEST_F(UnitLogTest, AScanBeginsWhereItIsTold) {
+  const std::vector<RecordPlace> places = WriteUnits(3);
+  std::vector<int> tiles;
+  const absl::StatusOr<uint64_t> end = UnitLogReader::Open(path_)->Scan(
+      places[1].offset,
+      [&](const StoredUnit& unit, const RecordPlace&) { tiles.push_back(unit.unit.key.tile); });
+  EXPECT_EQ(*end, File().size());
+  EXPECT_THAT(tiles, ::testing::ElementsAre(1, 2));
+}
+
 TEST_F(UnitLogTest, WhatTheLedgerDoesNotKnowIsCutOff) {
   const std::vector<RecordPlace> places = WriteUnits(3);
   ASSERT_TRUE(UnitLog::Open(path_, places[1].offset).ok());
@@ -173,7 +250,7 @@ TEST_F(UnitLogTest, ALogOfAnotherVersionIsRefusedByName) {
   EXPECT_THAT(std::string(read.message()), HasSubstr("another version of Lumifold"));
   EXPECT_THAT(std::string(read.message()), HasSubstr(path_));
   const absl::StatusOr<uint64_t> scan =
-      UnitLogReader::Open(path_)->Scan([](const StoredUnit&, const RecordPlace&) {});
+      UnitLogReader::Open(path_)->Scan(0, [](const StoredUnit&, const RecordPlace&) {});
   EXPECT_EQ(scan.status().code(), absl::StatusCode::kFailedPrecondition);
 }
 

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstring>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "filter/image/layered_image.h"
+#include "proto/rpc/image_codec.h"
+
+namespace lumifold::film {
+
+/// The rows of a picture's planes, as bytes: of a picture in memory, or of one in the pieces in which it
+/// arrived. Copies no pixels, except a row that is cut by the end of a piece. The picture must outlive it.
+/// Threads: one at a time.
+class PlaneRows {
+ public:
+  PlaneRows(const LayeredImage& image);            // NOLINT(google-explicit-constructor): a view
+  PlaneRows(const rpc::ReceivedPicture& picture);  // NOLINT(google-explicit-constructor): a view
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  /// Channel names in the order of the planes.
+  const std::vector<std::string_view>& names() const { return names_; }
+  /// Number of the plane with this name.
+  std::optional<size_t> Find(std::string_view name) const;
+
+  /// The values of a row; valid until the next call.
+  std::string_view Row(size_t plane, int y);
+
+ private:
+  const LayeredImage* image_ = nullptr;
+  const rpc::ReceivedPicture* picture_ = nullptr;
+  int width_;
+  int height_;
+  std::vector<std::string_view> names_;
+  std::string joined_;  // a row that is cut
+};
+
+/// Value number `x` of a row. The bytes of a picture that arrived are no float objects, so they are copied.
+inline float ValueAt(std::string_view row, int x) {
+  float value;
+  std::memcpy(&value, row.data() + static_cast<size_t>(x) * sizeof(value), sizeof(value));
+  return value;
+}
+
+}  // namespace lumifold::film

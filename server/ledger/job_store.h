@@ -12,6 +12,7 @@
 #include "absl/types/span.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/job/unit.h"
+#include "server/ledger/owner.h"
 
 namespace lumifold::ledger {
 
@@ -22,15 +23,20 @@ struct NewJob {
   std::string request_id;
   /// Normalised.
   v1::JobSpec spec;
+  v1::Scheduling scheduling = {};
   absl::Time submitted;
+  Owner owner = {};
 };
 
 /// A job as recorded in the ledger.
 struct JobRecord {
   job::JobId id;
+  /// In a JobPage without the dependencies of its scene: they may have megabytes.
   v1::JobSpec spec;
-  /// JOB_STATE_QUEUED for every job that has not ended; otherwise DONE, FAILED or CANCELLED.
-  v1::JobState state = v1::JOB_STATE_QUEUED;
+  v1::Scheduling scheduling;
+  Owner owner;
+  /// JOB_STATE_SUBMITTED for every job that has not ended; otherwise DONE, FAILED or CANCELLED.
+  v1::JobState state = v1::JOB_STATE_SUBMITTED;
   std::string error;
   /// Empty until a unit of the job is committed.
   std::string numeric_class;
@@ -42,15 +48,52 @@ struct JobRecord {
   int64_t bad_samples = 0;
   int32_t frames_done = 0;
   v1::StageTimes times;
-  /// Each line once, in the order of first occurrence, at most job::kMaxJobWarnings.
+  /// Each line once, in the order of first occurrence, at most job::kMaxJobWarnings. Empty in a JobPage.
   std::vector<std::string> warnings;
   /// Further warnings of units that are not among `warnings`; a line of several units counts once for each.
   int64_t warnings_left_out = 0;
 };
 
-/// A committed unit: the position of its record and its statistics.
+/// A job whose row is damaged.
+struct DamagedJob {
+  job::JobId id;
+  /// kInternal naming the job and what cannot be read.
+  absl::Status error;
+};
+
+struct ClaimedJobs {
+  /// Oldest first.
+  std::vector<JobRecord> jobs;
+  /// They are claimed as well: EndJob can end them.
+  std::vector<DamagedJob> damaged;
+};
+
+struct JobFilter {
+  /// Maximum number of jobs on the page, at least 1.
+  int limit = 100;
+  /// JobPage::next of the page before; nullopt for the first page.
+  std::optional<int64_t> before = std::nullopt;
+  /// Recorded states, so JOB_STATE_SUBMITTED stands for every job that has not ended. Empty: all.
+  std::vector<v1::JobState> states = {};
+  /// Scheduling.user. Empty: all.
+  std::string user = "";
+};
+
+struct JobPage {
+  /// Newest first.
+  std::vector<JobRecord> jobs;
+  /// Jobs of this page whose rows are damaged; they count for the limit.
+  std::vector<DamagedJob> damaged;
+  /// nullopt on the last page.
+  std::optional<int64_t> next;
+};
+
+/// A committed unit: who rendered it, the position of its record and its statistics.
 struct UnitRecord {
   job::UnitRef unit;
+  job::Attempt attempt = {};
+  /// Name of the worker; empty where it is not known.
+  std::string worker = "";
   /// Path of the unit log relative to the data folder, and position of the record in it.
   std::string file;
   uint64_t offset = 0;
@@ -59,52 +102,102 @@ struct UnitRecord {
   int64_t bad_samples = 0;
 };
 
-/// Changes of a job's row that are recorded together with its units.
-struct JobUpdate {
-  job::JobId job;
+/// Units of one job that are committed together, and changes of the job's row.
+struct JobCommit {
+  OwnedJob job;
+  /// Recorded with the first unit of the job.
   std::string numeric_class;
-  absl::Time started;
+  absl::Time started = absl::InfinitePast();
   /// Warnings of all the units, one after the other; lines may repeat.
   std::vector<std::string> warnings;
+  std::vector<UnitRecord> units;
+  /// The units were read back from unit logs: their attempts may be of earlier epochs as well.
+  bool recovered = false;
 };
 
-/// The durable record of jobs and of committed units. The effect of a call survives any crash once the call
-/// has returned OK.
-/// Errors, unless stated otherwise: kUnavailable with the message of the storage; kNotFound for an unknown
-/// job.
-/// Threads: safe.
+struct BlockedWorker {
+  std::string name;
+  std::string reason;
+
+  friend bool operator==(const BlockedWorker&, const BlockedWorker&) = default;
+};
+
+/// The durable record of jobs and of committed units. The effect of a call survives any crash once the call has
+/// returned OK; a call that returns an error has no effect, except that after kUnavailable it may have one. Every
+/// call can be repeated with the same arguments.
+///
+/// Owners. Several coordinators may use one store. A job belongs to one of them at a time: the epoch of its owner
+/// is in its row, and a call that writes to the job names the epoch. If it is not that of the row, the caller has
+/// lost the job.
+///
+/// Errors, unless stated otherwise:
+///   kUnavailable        with its cause: the storage is full, busy, out of memory or not connected, or it failed to
+///                       read or write. It may work again later.
+///   kDataLoss           the database is malformed.
+///   kInternal           naming a job whose row is damaged. Other jobs are not affected.
+///   kNotFound           there is no such job.
+///   kAborted            naming both epochs: the job belongs to another epoch than the caller's.
+///   kFailedPrecondition the job has ended (a call that needs an active one), or has not (DeleteJob).
+///   kInvalidArgument    a text has a NUL character.
+/// Threads: safe. Reads do not wait for writes.
 class JobStore {
  public:
   virtual ~JobStore() = default;
 
-  /// Records a job and returns its id, or the id of the job that is already recorded with the same request
-  /// id.
-  virtual absl::StatusOr<job::JobId> CreateJob(const NewJob& job) = 0;
-  virtual absl::StatusOr<JobRecord> GetJob(const job::JobId& job) = 0;
-  /// Newest first, at most `limit`.
-  virtual absl::StatusOr<std::vector<JobRecord>> ListJobs(int limit) = 0;
-  /// Jobs that have not ended, oldest first.
-  virtual absl::StatusOr<std::vector<JobRecord>> UnfinishedJobs() = 0;
+  /// Draws the next epoch, which is above all epochs that were drawn before, and above `floor`.
+  virtual absl::StatusOr<Epoch> NewEpoch(Epoch floor = {}) = 0;
 
-  /// Commits units and the updates of their jobs in one transaction. A unit is committed once: if one of the
-  /// units already is, nothing is recorded and the error is kAlreadyExists naming that unit.
-  virtual absl::Status CommitUnits(absl::Span<const UnitRecord> units,
-                                   absl::Span<const JobUpdate> updates) = 0;
+  /// Records a job and returns its id, or the id of the job that is already recorded with the same request id.
+  /// Errors: kAlreadyExists where the recorded request has another spec or scheduling, or the id is taken.
+  virtual absl::StatusOr<job::JobId> CreateJob(const NewJob& job) = 0;
+  /// Makes `owner` the owner of all jobs that have not ended, and returns them.
+  /// Errors: kAborted where a later epoch owns one of them; then none is claimed.
+  virtual absl::StatusOr<ClaimedJobs> ClaimUnfinishedJobs(const Owner& owner) = 0;
+  virtual absl::StatusOr<JobRecord> GetJob(const job::JobId& job) = 0;
+  /// Jobs by the time of their submission. Time: independent of the number of jobs.
+  virtual absl::StatusOr<JobPage> ListJobs(const JobFilter& filter) = 0;
+
+  /// Commits units of several jobs in one transaction. Each job's part is recorded wholly or not at all; the
+  /// outcomes are in the order of `commits`: OK; kAlreadyExists naming a unit that is committed with another
+  /// attempt or place, or whose frame is recorded; kAborted for another epoch than the job's, or for an attempt of
+  /// another epoch; kNotFound; kFailedPrecondition. A unit that is already committed with the same attempt and place
+  /// is not recorded again, so that a commit whose outcome is not known can be repeated.
+  /// An error of the call itself: nothing is recorded.
+  virtual absl::StatusOr<std::vector<absl::Status>> CommitUnits(absl::Span<const JobCommit> commits) = 0;
   /// Takes back units of a job whose records cannot be read, in one transaction: their rows go, and the job's
-  /// counts are reduced by them. No effect for a unit that is not committed.
-  virtual absl::Status RevokeUnits(const job::JobId& job, absl::Span<const UnitRecord> units) = 0;
-  /// Visits the committed units of a frame, or of all frames in order. Within a frame they are ordered by
-  /// tile, then kind (passes before geometry), then pass. `visit` must not call the store.
+  /// counts are reduced by what the rows state. No effect for a unit that is not committed.
+  virtual absl::Status RevokeUnits(const OwnedJob& job, absl::Span<const job::UnitKey> units) = 0;
+  /// Visits the committed units of an unrecorded frame, or of all of them in order. Within a frame units are
+  /// ordered by tile, then kind (passes before geometry), then pass. `visit` must not call the store.
   virtual absl::Status ForEachUnit(const job::JobId& job, std::optional<int32_t> frame,
                                    absl::FunctionRef<void(const UnitRecord&)> visit) = 0;
 
-  /// Records that a frame's result is written, and adds `times` to those of the job. No effect for a frame
-  /// that is already recorded.
-  virtual absl::Status RecordFrame(const job::JobId& job, int32_t frame, const v1::StageTimes& times) = 0;
-  /// Frames of a job whose result is written, in ascending order.
+  /// Records that a frame's result is written, and adds `times` to those of the job. The frame's units are no longer
+  /// visited; PurgeUnits deletes their rows. No effect for a frame that is already recorded.
+  virtual absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::StageTimes& times) = 0;
+  /// Recorded frames of a job, in ascending order.
   virtual absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) = 0;
-  /// Ends a job. No effect on a job that has ended.
-  virtual absl::Status EndJob(const job::JobId& job, v1::JobState state, const std::string& error) = 0;
+  /// Ends a job. Its units are no longer visited, and PurgeUnits deletes their rows; its counts stay. No effect on a
+  /// job that has ended.
+  virtual absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) = 0;
+  /// Makes a job active with this spec, where `frames` are not recorded and have no units; the counts of the job are
+  /// those of its other frames. If nothing of the job is left, it has no numeric class. A job that has ended becomes
+  /// that of `owner`; one that has not must already be.
+  /// Errors: kAborted also where the job that has ended belonged to a later epoch.
+  virtual absl::Status ReopenFrames(const job::JobId& job, const Owner& owner, const v1::JobSpec& spec,
+                                    absl::Span<const int32_t> frames) = 0;
+  virtual absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) = 0;
+  /// Deletes a job that has ended. Its id and its request id are free again.
+  virtual absl::Status DeleteJob(const job::JobId& job) = 0;
+  /// Deletes at most `max_rows` rows of units that are no longer visited, and returns how many are left.
+  virtual absl::StatusOr<int64_t> PurgeUnits(int64_t max_rows) = 0;
+
+  /// Records that a worker is blocked; a later reason replaces an earlier one.
+  virtual absl::Status BlockWorker(const std::string& name, const std::string& reason) = 0;
+  /// Errors: kNotFound for a worker that is not blocked.
+  virtual absl::Status ReadmitWorker(const std::string& name) = 0;
+  /// By name.
+  virtual absl::StatusOr<std::vector<BlockedWorker>> BlockedWorkers() = 0;
 };
 
 }  // namespace lumifold::ledger

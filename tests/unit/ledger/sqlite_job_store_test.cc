@@ -8,236 +8,213 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "server/job/limits.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/ledger/job_store_fixture.h"
+#include "tests/unit/ledger/old_schemas.h"
 
 namespace lumifold::ledger {
 namespace {
 
+using absl::StatusCode;
 using job::JobId;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-const absl::Time kStart = absl::FromUnixMillis(1'700'000'000'123);
-
-NewJob Job(const std::string& id, const std::string& request_id) {
-  NewJob job{.id = JobId(id), .request_id = request_id, .spec = {}, .submitted = kStart};
-  job.spec.set_width(640);
-  job.spec.mutable_scene()->set_display_name("room.glb");
-  return job;
-}
-
-UnitRecord Unit(const std::string& job, int32_t frame, int32_t tile, int32_t pass,
-                v1::UnitKind kind = v1::UNIT_KIND_PASS) {
-  return {.unit = {JobId(job), {frame, tile, pass, kind}},
-          .file = "film/x",
-          .offset = uint64_t{1} << 40,
-          .length = 77,
-          .samples = 100,
-          .bad_samples = 1};
-}
-
 class SqliteJobStoreTest : public ::testing::Test {
  protected:
-  SqliteJobStoreTest() { Reopen(); }
-
-  void Reopen() {
-    store_.reset();
-    absl::StatusOr<std::unique_ptr<JobStore>> store = OpenSqliteJobStore(path_);
-    ASSERT_TRUE(store.ok()) << store.status();
-    store_ = *std::move(store);
+  void RunSql(const std::string& sql) {
+    sqlite3* db = nullptr;
+    ASSERT_EQ(sqlite3_open(path_.c_str(), &db), SQLITE_OK);
+    EXPECT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
+    sqlite3_close(db);
   }
-
-  std::vector<UnitRecord> Units(const char* job, std::optional<int32_t> frame = std::nullopt) {
-    std::vector<UnitRecord> units;
-    EXPECT_TRUE(
-        store_->ForEachUnit(JobId(job), frame, [&](const UnitRecord& unit) { units.push_back(unit); }).ok());
-    return units;
+  std::unique_ptr<JobStore> Open() {
+    absl::StatusOr<std::unique_ptr<JobStore>> store = OpenSqliteJobStore(path_);
+    EXPECT_TRUE(store.ok()) << store.status();
+    return store.ok() ? *std::move(store) : nullptr;
   }
 
   TempFolder folder_;
   const std::string path_ = folder_.PathOf("ledger.db");
-  std::unique_ptr<JobStore> store_;
 };
 
-TEST_F(SqliteJobStoreTest, KeepsJobsAcrossReopening) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  Reopen();
-  const absl::StatusOr<JobRecord> job = store_->GetJob(JobId("j-a"));
-  ASSERT_TRUE(job.ok()) << job.status();
-  EXPECT_EQ(job->id, JobId("j-a"));
-  EXPECT_EQ(job->spec.width(), 640);
-  EXPECT_EQ(job->state, v1::JOB_STATE_QUEUED);
-  EXPECT_EQ(job->submitted, kStart);
-  EXPECT_EQ(job->started, absl::InfinitePast());
-  EXPECT_EQ(store_->GetJob(JobId("j-b")).status().code(), absl::StatusCode::kNotFound);
-}
-
-TEST_F(SqliteJobStoreTest, OneRequestMakesOneJob) {
-  EXPECT_EQ(*store_->CreateJob(Job("j-a", "r-1")), JobId("j-a"));
-  EXPECT_EQ(*store_->CreateJob(Job("j-b", "r-1")), JobId("j-a"));
-  EXPECT_EQ(*store_->CreateJob(Job("j-c", "r-2")), JobId("j-c"));
-  EXPECT_THAT(*store_->ListJobs(10), SizeIs(2));
-}
-
-TEST_F(SqliteJobStoreTest, AnIdThatIsTakenIsAnError) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  EXPECT_EQ(store_->CreateJob(Job("j-a", "r-2")).status().code(), absl::StatusCode::kAlreadyExists);
-}
-
-TEST_F(SqliteJobStoreTest, ListsNewestFirst) {
-  for (const char* id : {"j-b", "j-a", "j-c"}) ASSERT_TRUE(store_->CreateJob(Job(id, id)).ok());
-  const absl::StatusOr<std::vector<JobRecord>> jobs = store_->ListJobs(2);
-  ASSERT_TRUE(jobs.ok());
-  ASSERT_EQ(jobs->size(), 2u);
-  EXPECT_EQ(jobs->at(0).id, JobId("j-c"));
-  EXPECT_EQ(jobs->at(1).id, JobId("j-a"));
-  EXPECT_EQ(store_->UnfinishedJobs()->at(0).id, JobId("j-b"));
-}
-
-TEST_F(SqliteJobStoreTest, AUnitEntersOnceAndItsBatchWithIt) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  ASSERT_TRUE(store_->CommitUnits({Unit("j-a", 0, 0, 0), Unit("j-a", 0, 0, 1)}, {}).ok());
-  const absl::Status again = store_->CommitUnits({Unit("j-a", 0, 1, 0), Unit("j-a", 0, 0, 1)}, {});
-  EXPECT_EQ(again.code(), absl::StatusCode::kAlreadyExists);
-  EXPECT_THAT(std::string(again.message()), HasSubstr("j-a frame 0 tile 0 pass 1"));
-  Reopen();
-  EXPECT_THAT(Units("j-a", 0), SizeIs(2));
-  EXPECT_EQ(store_->GetJob(JobId("j-a"))->units_done, 2);
-  EXPECT_EQ(store_->GetJob(JobId("j-a"))->samples_done, 200);
-  EXPECT_EQ(store_->GetJob(JobId("j-a"))->bad_samples, 2);
-}
-
-TEST_F(SqliteJobStoreTest, UnitsOfAnUnknownJobAreRefused) {
-  EXPECT_FALSE(store_->CommitUnits({Unit("j-none", 0, 0, 0)}, {}).ok());
-}
-
-TEST_F(SqliteJobStoreTest, UnitsComeInTheOrderOfTheFilm) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  ASSERT_TRUE(store_
-                  ->CommitUnits({Unit("j-a", 1, 0, 0), Unit("j-a", 0, 1, 1), Unit("j-a", 0, 1, 0),
-                                 Unit("j-a", 0, 0, 0, v1::UNIT_KIND_GEOMETRY), Unit("j-a", 0, 0, 0)},
-                                {})
-                  .ok());
-  std::vector<std::string> names;
-  for (const UnitRecord& unit : Units("j-a")) names.push_back(Describe(unit.unit));
-  EXPECT_THAT(names, ElementsAre("j-a frame 0 tile 0 pass 0", "j-a frame 0 tile 0 geometry",
-                                 "j-a frame 0 tile 1 pass 0", "j-a frame 0 tile 1 pass 1",
-                                 "j-a frame 1 tile 0 pass 0"));
-  const UnitRecord unit = Units("j-a", 1).at(0);
-  EXPECT_EQ(unit.file, "film/x");
-  EXPECT_EQ(unit.offset, uint64_t{1} << 40);
-  EXPECT_EQ(unit.length, 77u);
-}
-
-TEST_F(SqliteJobStoreTest, UpdatesBindTheClassOnceAndKeepEachWarningOnce) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  ASSERT_TRUE(store_->CommitUnits({}, {{JobId("j-a"), "avx2", kStart, {"no light", "no camera"}}}).ok());
+TEST_F(SqliteJobStoreTest, ALedgerOfSchema2IsTakenOver) {
+  RunSql(kSchema2);
+  RunSql(kRowsOfSchema2);
+  const std::unique_ptr<JobStore> store = Open();
+  ASSERT_NE(store, nullptr);
+  const Epoch epoch = *store->NewEpoch();
+  // Its attempts were microseconds since 1970.
+  EXPECT_GT(FirstAttempt(epoch), job::Attempt(absl::ToUnixMicros(absl::Now() + absl::Hours(24 * 365 * 50))));
+  const ClaimedJobs claimed = *store->ClaimUnfinishedJobs({"new", epoch});
+  ASSERT_THAT(claimed.jobs, SizeIs(1));
+  const JobRecord& job = claimed.jobs[0];
+  EXPECT_EQ(job.spec.width(), 640);
+  EXPECT_EQ(job.spec.scene().display_name(), "room.glb");
+  ASSERT_EQ(job.spec.scene().dependencies_size(), 1);
+  EXPECT_EQ(job.spec.scene().dependencies(0).uri(), "wood.png");
+  EXPECT_EQ(job.submitted, kStart);
+  EXPECT_EQ(job.units_done, 3);
+  EXPECT_EQ(job.frames_done, 1);
+  EXPECT_EQ(job.times.filter_seconds(), 2.5);
+  EXPECT_THAT(job.warnings, ElementsAre("no light", "no camera"));
+  EXPECT_THAT(*store->FinishedFrames(JobId("j-a")), ElementsAre(0));
+  std::vector<UnitRecord> units;
   ASSERT_TRUE(
-      store_->CommitUnits({}, {{JobId("j-a"), "sse2", kStart + absl::Hours(1), {"big", "no light"}}}).ok());
-  Reopen();
-  const JobRecord job = *store_->GetJob(JobId("j-a"));
-  EXPECT_EQ(job.numeric_class, "avx2");
-  EXPECT_EQ(job.started, kStart);
-  EXPECT_THAT(job.warnings, ElementsAre("no light", "no camera", "big"));
+      store->ForEachUnit(JobId("j-a"), std::nullopt, [&](const UnitRecord& u) { units.push_back(u); }).ok());
+  ASSERT_THAT(units, SizeIs(2));
+  EXPECT_EQ(Describe(units[1].unit), "j-a frame 1 tile 0 geometry");
+  EXPECT_EQ(units[1].offset, 77u);
+  ASSERT_TRUE(store->RevokeUnits({JobId("j-a"), epoch}, {units[1].unit.key}).ok());
+  EXPECT_EQ(store->GetJob(JobId("j-a"))->samples_done, 200);
+  // The same request is still the same job.
+  NewJob again = Job("j-new", "r-1");
+  again.spec = job.spec;
+  again.scheduling.Clear();
+  EXPECT_EQ(*store->CreateJob(again), JobId("j-a"));
+  EXPECT_EQ(store->GetJob(JobId("j-ended"))->error, "broken");
+  ASSERT_THAT(claimed.damaged, SizeIs(1));
+  EXPECT_EQ(claimed.damaged[0].id, JobId("j-damaged"));
 }
 
-TEST_F(SqliteJobStoreTest, RevokedUnitsCanBeCommittedAgain) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  const std::vector<UnitRecord> units = {Unit("j-a", 0, 0, 0), Unit("j-a", 0, 1, 0), Unit("j-a", 0, 2, 0)};
-  ASSERT_TRUE(store_->CommitUnits(units, {}).ok());
-  const JobRecord before = *store_->GetJob(JobId("j-a"));
-  const std::vector<UnitRecord> lost = {units[1], units[2], Unit("j-a", 0, 3, 0)};  // the last never was
-  ASSERT_TRUE(store_->RevokeUnits(JobId("j-a"), lost).ok());
-  Reopen();
-  const JobRecord after = *store_->GetJob(JobId("j-a"));
-  EXPECT_EQ(after.units_done, before.units_done - 2);
-  EXPECT_EQ(after.samples_done, before.samples_done - units[1].samples - units[2].samples);
-  EXPECT_EQ(after.bad_samples, before.bad_samples - 2);
-  ASSERT_TRUE(store_->CommitUnits({units[1], units[2]}, {}).ok());
-  EXPECT_EQ(store_->GetJob(JobId("j-a"))->samples_done, before.samples_done);
-  EXPECT_EQ(store_->RevokeUnits(JobId("j-x"), lost).code(), absl::StatusCode::kNotFound);
-}
-
-TEST_F(SqliteJobStoreTest, WarningsAreLimitedAndTheRestIsCounted) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  JobUpdate update{JobId("j-a"), "avx2", kStart, {}};
-  for (int i = 0; i < job::kMaxJobWarnings + 3; ++i) update.warnings.push_back(absl::StrCat("warning ", i));
-  update.warnings.push_back(update.warnings.back());  // of a second unit
-  update.warnings.emplace_back("warning 0");
-  ASSERT_TRUE(store_->CommitUnits({}, {update}).ok());
-  ASSERT_TRUE(store_->CommitUnits({}, {{JobId("j-a"), "avx2", kStart, {"one more", "warning 1"}}}).ok());
-  Reopen();
-  const JobRecord job = *store_->GetJob(JobId("j-a"));
-  EXPECT_EQ(job.warnings.size(), size_t{job::kMaxJobWarnings});
-  EXPECT_EQ(job.warnings.back(), absl::StrCat("warning ", job::kMaxJobWarnings - 1));
-  EXPECT_EQ(job.warnings_left_out, 5);
-}
-
-TEST_F(SqliteJobStoreTest, ALedgerOfSchema1IsTakenOver) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  store_.reset();
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(path_.c_str(), &db), SQLITE_OK);
-  std::string sql = "ALTER TABLE jobs DROP COLUMN warnings_left_out; PRAGMA user_version=1;";
+TEST_F(SqliteJobStoreTest, ALedgerOfSchema1IsTakenOverWithoutItsLongWarnings) {
+  RunSql(absl::StrReplaceAll(kSchema2, {{",\n  warnings_left_out INTEGER NOT NULL DEFAULT 0", ""},
+                                        {"user_version=2", "user_version=1"}}));
+  RunSql(kRowsOfSchema2);
+  std::string sql;
   for (int i = 0; i < 2 * job::kMaxJobWarnings; ++i)
-    absl::StrAppend(&sql, "INSERT INTO warnings(job, line) VALUES(1, '", i, std::string(10'000, 'x'), "');");
-  ASSERT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
-  sqlite3_close(db);
-  store_ = *OpenSqliteJobStore(path_);
-  const JobRecord job = *store_->GetJob(JobId("j-a"));
-  EXPECT_EQ(job.spec.SerializeAsString(), Job("j-a", "r-1").spec.SerializeAsString());
+    absl::StrAppend(&sql, "INSERT INTO warnings(job, line) VALUES(3, '", i, std::string(10'000, 'x'), "');");
+  RunSql(sql);
+  const std::unique_ptr<JobStore> store = Open();
+  ASSERT_NE(store, nullptr);
+  const JobRecord job = *store->GetJob(JobId("j-a"));
+  EXPECT_EQ(job.spec.width(), 640);
   EXPECT_EQ(job.warnings.size(), size_t{job::kMaxJobWarnings});
-  EXPECT_LE(job.warnings.front().size(), 512u);
+  EXPECT_EQ(job.warnings.front(), "no light");
+  EXPECT_EQ(job.warnings.back().size(), 512u);
   EXPECT_EQ(job.warnings_left_out, 0);
 }
 
-TEST_F(SqliteJobStoreTest, FramesAreRecordedOnce) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  v1::StageTimes times;
-  times.set_render_seconds(5.0);
-  times.set_filter_seconds(2.0);
-  for (const int32_t frame : {3, 1, 3}) ASSERT_TRUE(store_->RecordFrame(JobId("j-a"), frame, times).ok());
-  EXPECT_THAT(*store_->FinishedFrames(JobId("j-a")), ElementsAre(1, 3));
-  const JobRecord job = *store_->GetJob(JobId("j-a"));
-  EXPECT_EQ(job.frames_done, 2);
-  EXPECT_EQ(job.times.filter_seconds(), 4.0);
-  EXPECT_EQ(job.times.render_seconds(), 5.0);
+TEST_F(SqliteJobStoreTest, ADamagedRowIsAnErrorOfItsJobOnly) {
+  const std::vector<std::string> damages = {
+      "spec = x'ffff'",        "spec = 7",
+      "files = x'ffff'",       "scheduling = x'ffff'",
+      "units_done = 'many'",   "submitted_ms = x'00'",
+      "error = x'00'",         "render_seconds = 'x'",
+      "numeric_class = x'01'",
+  };
+  {
+    const std::unique_ptr<JobStore> store = Open();
+    ASSERT_TRUE(store->CreateJob(Job("j-good", "good")).ok());
+    for (size_t i = 0; i < damages.size(); ++i) {
+      const std::string id = absl::StrCat("j-", i);
+      ASSERT_TRUE(store->CreateJob(Job(id, id)).ok());
+    }
+  }
+  for (size_t i = 0; i < damages.size(); ++i)
+    RunSql(absl::StrCat("UPDATE jobs SET ", damages[i], " WHERE id = 'j-", i, "'"));
+  const std::unique_ptr<JobStore> store = Open();
+  const ClaimedJobs claimed = *store->ClaimUnfinishedJobs({"next", Epoch(2)});
+  ASSERT_THAT(claimed.jobs, SizeIs(1));
+  EXPECT_EQ(claimed.jobs[0].id, JobId("j-good"));
+  EXPECT_THAT(claimed.damaged, SizeIs(damages.size()));
+  EXPECT_THAT(store->ListJobs({})->jobs, SizeIs(2));  // damaged files do not matter for a list
+  EXPECT_THAT(store->ListJobs({})->damaged, SizeIs(damages.size() - 1));
+  for (size_t i = 0; i < damages.size(); ++i) {
+    const JobId id(absl::StrCat("j-", i));
+    const absl::Status status = store->GetJob(id).status();
+    EXPECT_EQ(status.code(), StatusCode::kInternal) << damages[i];
+    EXPECT_THAT(std::string(status.message()), HasSubstr(id.value()));
+    EXPECT_TRUE(store->EndJob({id, Epoch(2)}, v1::JOB_STATE_FAILED, "damaged").ok());
+    EXPECT_TRUE(store->DeleteJob(id).ok());
+  }
+  EXPECT_THAT(store->ListJobs({})->damaged, IsEmpty());
 }
 
-TEST_F(SqliteJobStoreTest, AnEndedJobStaysAsItIs) {
-  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
-  ASSERT_TRUE(store_->EndJob(JobId("j-a"), v1::JOB_STATE_FAILED, "it's \"broken\"").ok());
-  ASSERT_TRUE(store_->EndJob(JobId("j-a"), v1::JOB_STATE_DONE, "").ok());
-  Reopen();
-  EXPECT_EQ(store_->GetJob(JobId("j-a"))->state, v1::JOB_STATE_FAILED);
-  EXPECT_EQ(store_->GetJob(JobId("j-a"))->error, "it's \"broken\"");
-  EXPECT_THAT(*store_->UnfinishedJobs(), IsEmpty());
-  EXPECT_EQ(store_->EndJob(JobId("j-x"), v1::JOB_STATE_DONE, "").code(), absl::StatusCode::kNotFound);
+TEST_F(SqliteJobStoreTest, ADamagedRowOfAUnitIsAnErrorOfItsJobOnly) {
+  {
+    const std::unique_ptr<JobStore> store = Open();
+    for (const char* id : {"j-a", "j-b"}) {
+      ASSERT_TRUE(store->CreateJob(Job(id, id)).ok());
+      ASSERT_TRUE(store->CommitUnits({Commit(id, {Unit(id, 0, 0, 0)})})->front().ok());
+    }
+  }
+  RunSql("UPDATE units SET position = 'x' WHERE film = 1");
+  const std::unique_ptr<JobStore> store = Open();
+  const auto ignore = [](const UnitRecord&) {};
+  EXPECT_EQ(store->ForEachUnit(JobId("j-a"), std::nullopt, ignore).code(), StatusCode::kInternal);
+  EXPECT_TRUE(store->ForEachUnit(JobId("j-b"), std::nullopt, ignore).ok());
+}
+
+TEST_F(SqliteJobStoreTest, PurgedRowsAndDeletedJobsLeaveNothing) {
+  const std::unique_ptr<JobStore> store = Open();
+  ASSERT_TRUE(store->CreateJob(Job("j-a", "r-1")).ok());
+  JobCommit commit = Commit("j-a", {Unit("j-a", 0, 0, 0), Unit("j-a", 1, 0, 0)});
+  commit.warnings = {"no light"};
+  ASSERT_TRUE(store->CommitUnits({commit})->front().ok());
+  ASSERT_TRUE(store->RecordFrame(Owned("j-a"), 0, {}).ok());
+  ASSERT_TRUE(store->EndJob(Owned("j-a"), v1::JOB_STATE_DONE, "").ok());
+  ASSERT_TRUE(store->DeleteJob(JobId("j-a")).ok());
+  ASSERT_EQ(*store->PurgeUnits(100), 0);
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(path_.c_str(), &db), SQLITE_OK);
+  int64_t rows = -1;
+  ASSERT_EQ(
+      sqlite3_exec(
+          db,
+          "SELECT (SELECT COUNT(*) FROM jobs) + (SELECT COUNT(*) FROM films) + (SELECT COUNT(*) FROM units)"
+          " + (SELECT COUNT(*) FROM garbage) + (SELECT COUNT(*) FROM workers)"
+          " + (SELECT COUNT(*) FROM warnings)",
+          [](void* sum, int, char** columns, char**) {
+            *static_cast<int64_t*>(sum) = std::stoll(columns[0]);
+            return 0;
+          },
+          &rows, nullptr),
+      SQLITE_OK);
+  sqlite3_close(db);
+  EXPECT_EQ(rows, 0);
 }
 
 TEST_F(SqliteJobStoreTest, ALedgerOfALaterVersionIsRefusedByName) {
-  store_.reset();
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(path_.c_str(), &db), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(db, "PRAGMA user_version=99", nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_close(db);
+  RunSql("PRAGMA user_version=99");
   const absl::Status status = OpenSqliteJobStore(path_).status();
-  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(status.code(), StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("schema 99"));
 }
 
-TEST(SqliteJobStoreOpen, WhatIsNoDatabaseIsNamed) {
-  TempFolder folder;
-  std::ofstream(folder.PathOf("ledger.db"))
-      << "this is not a database, whatever its name says, and long enough to tell";
-  const absl::Status status = OpenSqliteJobStore(folder.PathOf("ledger.db")).status();
-  EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
-  EXPECT_THAT(std::string(status.message()), HasSubstr(folder.PathOf("ledger.db")));
-  EXPECT_EQ(OpenSqliteJobStore(folder.PathOf("none/ledger.db")).status().code(),
-            absl::StatusCode::kUnavailable);
+TEST_F(SqliteJobStoreTest, WhatIsNoDatabaseIsDataLossAndWhatCannotBeOpenedIsUnavailable) {
+  std::ofstream(path_) << "this is not a database, whatever its name says, and long enough to tell";
+  const absl::Status status = OpenSqliteJobStore(path_).status();
+  EXPECT_EQ(status.code(), StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(status.message()), HasSubstr(path_));
+  const absl::Status missing = OpenSqliteJobStore(folder_.PathOf("none/ledger.db")).status();
+  EXPECT_EQ(missing.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(std::string(missing.message()), HasSubstr("No such file or directory"));
+}
+
+TEST_F(SqliteJobStoreTest, AMalformedPageIsDataLoss) {
+  {
+    const std::unique_ptr<JobStore> store = Open();
+    for (int i = 0; i < 200; ++i) {
+      const std::string id = absl::StrCat("j-", i);
+      ASSERT_TRUE(store->CreateJob(Job(id, id)).ok());
+    }
+  }
+  const std::string original = [this] {
+    std::ifstream file(path_, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  }();
+  constexpr size_t kPage = 4096;
+  std::string damaged = original;
+  for (size_t at = kPage; at + kPage <= damaged.size(); at += kPage) damaged.replace(at, 100, 100, '\xff');
+  std::ofstream(path_, std::ios::binary) << damaged;
+  const absl::StatusOr<std::unique_ptr<JobStore>> store = OpenSqliteJobStore(path_);
+  const absl::Status status = store.ok() ? (*store)->ListJobs({}).status() : store.status();
+  EXPECT_EQ(status.code(), StatusCode::kDataLoss) << status;
 }
 
 }  // namespace

@@ -1,0 +1,230 @@
+#include "server/ledger/sql_job_store.h"
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/strings/str_cat.h"
+#include "absl/synchronization/mutex.h"
+#include "server/ledger/sql_commit.h"
+#include "server/ledger/sql_jobs.h"
+#include "server/ledger/sql_rows.h"
+
+namespace lumifold::ledger {
+namespace {
+
+using job::JobId;
+
+class SqlJobStore final : public JobStore {
+ public:
+  SqlJobStore(std::unique_ptr<SqlConnection> writer, std::unique_ptr<SqlConnection> reader)
+      : writer_(std::move(writer)), reader_(std::move(reader)) {}
+
+  absl::StatusOr<Epoch> NewEpoch(Epoch floor) override;
+  absl::StatusOr<JobId> CreateJob(const NewJob& job) override;
+  absl::StatusOr<ClaimedJobs> ClaimUnfinishedJobs(const Owner& owner) override;
+  absl::StatusOr<JobRecord> GetJob(const JobId& job) override;
+  absl::StatusOr<JobPage> ListJobs(const JobFilter& filter) override;
+  absl::StatusOr<std::vector<absl::Status>> CommitUnits(absl::Span<const JobCommit> commits) override;
+  absl::Status RevokeUnits(const OwnedJob& job, absl::Span<const job::UnitKey> units) override;
+  absl::Status ForEachUnit(const JobId& job, std::optional<int32_t> frame,
+                           absl::FunctionRef<void(const UnitRecord&)> visit) override;
+  absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::StageTimes& times) override;
+  absl::StatusOr<std::vector<int32_t>> FinishedFrames(const JobId& job) override;
+  absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) override;
+  absl::Status ReopenFrames(const JobId& job, const Owner& owner, const v1::JobSpec& spec,
+                            absl::Span<const int32_t> frames) override;
+  absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) override;
+  absl::Status DeleteJob(const JobId& job) override;
+  absl::StatusOr<int64_t> PurgeUnits(int64_t max_rows) override;
+  absl::Status BlockWorker(const std::string& name, const std::string& reason) override;
+  absl::Status ReadmitWorker(const std::string& name) override;
+  absl::StatusOr<std::vector<BlockedWorker>> BlockedWorkers() override;
+
+ private:
+  /// Runs `body` in a transaction of the writer, with the locked row of a job.
+  absl::Status ChangeJob(const JobId& job,
+                         absl::FunctionRef<absl::Status(SqlConnection&, const LockedJob&)> body);
+  /// The same for an active job that the caller must own.
+  absl::Status ChangeOwnedJob(const OwnedJob& job,
+                              absl::FunctionRef<absl::Status(SqlConnection&, int64_t)> body);
+
+  absl::Mutex writer_mutex_;
+  const std::unique_ptr<SqlConnection> writer_ ABSL_PT_GUARDED_BY(writer_mutex_);
+  absl::Mutex reader_mutex_;
+  const std::unique_ptr<SqlConnection> reader_ ABSL_PT_GUARDED_BY(reader_mutex_);
+};
+
+absl::Status SqlJobStore::ChangeJob(const JobId& job,
+                                    absl::FunctionRef<absl::Status(SqlConnection&, const LockedJob&)> body) {
+  absl::MutexLock lock(&writer_mutex_);
+  SqlConnection& db = *writer_;
+  return db.InTransaction([&]() -> absl::Status {
+    const absl::StatusOr<std::vector<LockedJob>> rows = LockJobs(db, {job});
+    if (!rows.ok()) return rows.status();
+    if (!rows->front().status.ok()) return rows->front().status;
+    return body(db, rows->front());
+  });
+}
+
+absl::Status SqlJobStore::ChangeOwnedJob(const OwnedJob& job,
+                                         absl::FunctionRef<absl::Status(SqlConnection&, int64_t)> body) {
+  return ChangeJob(job.job, [&](SqlConnection& db, const LockedJob& row) {
+    const absl::Status status = CheckOwned(job, row);
+    return status.ok() ? body(db, row.number) : status;
+  });
+}
+
+absl::StatusOr<Epoch> SqlJobStore::NewEpoch(Epoch floor) {
+  absl::MutexLock lock(&writer_mutex_);
+  const absl::StatusOr<std::optional<int64_t>> epoch = writer_->QueryInt(
+      "UPDATE epochs SET last = CASE WHEN last > $1 THEN last ELSE $1 END + 1 RETURNING last",
+      {floor.value()});
+  if (!epoch.ok()) return epoch.status();
+  if (!epoch->has_value()) return absl::InternalError("ledger: its sequence of epochs is gone");
+  return Epoch(**epoch);
+}
+
+absl::StatusOr<JobId> SqlJobStore::CreateJob(const NewJob& job) {
+  absl::MutexLock lock(&writer_mutex_);
+  JobId id;
+  const absl::Status status =
+      writer_->InTransaction([&]() ABSL_NO_THREAD_SAFETY_ANALYSIS { return InsertJob(*writer_, job, &id); });
+  if (!status.ok()) return status;
+  return id;
+}
+
+absl::StatusOr<ClaimedJobs> SqlJobStore::ClaimUnfinishedJobs(const Owner& owner) {
+  absl::MutexLock lock(&writer_mutex_);
+  ClaimedJobs claimed;
+  const absl::Status status = writer_->InTransaction(
+      [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS { return ClaimJobs(*writer_, owner, &claimed); });
+  if (!status.ok()) return status;
+  return claimed;
+}
+
+absl::StatusOr<JobRecord> SqlJobStore::GetJob(const JobId& job) {
+  absl::MutexLock lock(&reader_mutex_);
+  absl::StatusOr<std::vector<JobRow>> rows =
+      QueryJobs(*reader_, /*with_files=*/true, "WHERE id = $1", {job.value()});
+  if (!rows.ok()) return rows.status();
+  if (rows->empty()) return NoJob(job);
+  if (!rows->front().damage.ok()) return rows->front().damage;
+  if (absl::Status status = AddWarnings(*reader_, &*rows); !status.ok()) return status;
+  return std::move(rows->front().record);
+}
+
+absl::StatusOr<JobPage> SqlJobStore::ListJobs(const JobFilter& filter) {
+  absl::MutexLock lock(&reader_mutex_);
+  return QueryPage(*reader_, filter);
+}
+
+absl::StatusOr<std::vector<absl::Status>> SqlJobStore::CommitUnits(absl::Span<const JobCommit> commits) {
+  absl::MutexLock lock(&writer_mutex_);
+  absl::StatusOr<std::vector<absl::Status>> outcomes;
+  const absl::Status status = writer_->InTransaction([&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
+    outcomes = CommitJobs(*writer_, commits);
+    return outcomes.status();
+  });
+  if (!status.ok()) return status;
+  return outcomes;
+}
+
+absl::Status SqlJobStore::RevokeUnits(const OwnedJob& job, absl::Span<const job::UnitKey> units) {
+  return ChangeOwnedJob(
+      job, [units](SqlConnection& db, int64_t number) { return DeleteUnits(db, number, units); });
+}
+
+absl::Status SqlJobStore::ForEachUnit(const JobId& job, std::optional<int32_t> frame,
+                                      absl::FunctionRef<void(const UnitRecord&)> visit) {
+  absl::MutexLock lock(&reader_mutex_);
+  return VisitUnits(*reader_, job, frame, visit);
+}
+
+absl::Status SqlJobStore::RecordFrame(const OwnedJob& job, int32_t frame, const v1::StageTimes& times) {
+  return ChangeOwnedJob(
+      job, [&](SqlConnection& db, int64_t number) { return FinishFilm(db, number, frame, times); });
+}
+
+absl::StatusOr<std::vector<int32_t>> SqlJobStore::FinishedFrames(const JobId& job) {
+  absl::MutexLock lock(&reader_mutex_);
+  return QueryFinishedFrames(*reader_, job);
+}
+
+absl::Status SqlJobStore::EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) {
+  return ChangeJob(job.job, [&](SqlConnection& db, const LockedJob& row) -> absl::Status {
+    if (row.epoch != job.epoch) return OtherOwner(job.job, row.epoch, job.epoch);
+    if (row.has_ended) return absl::OkStatus();
+    if (absl::Status status = DiscardFilms(db, row.number, "finished = 0", {}); !status.ok()) return status;
+    return db.Run("UPDATE jobs SET state = $1, error = $2 WHERE number = $3",
+                  {int64_t{state}, error, row.number});
+  });
+}
+
+absl::Status SqlJobStore::ReopenFrames(const JobId& job, const Owner& owner, const v1::JobSpec& spec,
+                                       absl::Span<const int32_t> frames) {
+  return ChangeJob(job, [&](SqlConnection& db, const LockedJob& row) {
+    // A job that has ended belongs to nobody; but a coordinator of an earlier epoch would repeat its attempts.
+    const bool is_owned = row.has_ended ? row.epoch <= owner.epoch : row.epoch == owner.epoch;
+    return is_owned ? ReopenJob(db, row.number, owner, spec, frames)
+                    : OtherOwner(job, row.epoch, owner.epoch);
+  });
+}
+
+absl::Status SqlJobStore::SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) {
+  return ChangeOwnedJob(job, [&](SqlConnection& db, int64_t number) {
+    return db.Run("UPDATE jobs SET scheduling = $1, user_name = $2 WHERE number = $3",
+                  {SqlBytes{scheduling.SerializeAsString()}, scheduling.user(), number});
+  });
+}
+
+absl::Status SqlJobStore::DeleteJob(const JobId& job) {
+  return ChangeJob(job, [&job](SqlConnection& db, const LockedJob& row) {
+    if (!row.has_ended)
+      return absl::FailedPreconditionError(absl::StrCat("job ", job.value(), " has not ended"));
+    return RemoveJob(db, row.number);
+  });
+}
+
+absl::StatusOr<int64_t> SqlJobStore::PurgeUnits(int64_t max_rows) {
+  absl::MutexLock lock(&writer_mutex_);
+  absl::StatusOr<int64_t> left;
+  const absl::Status status = writer_->InTransaction([&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
+    left = DeleteGarbage(*writer_, max_rows);
+    return left.status();
+  });
+  if (!status.ok()) return status;
+  return left;
+}
+
+absl::Status SqlJobStore::BlockWorker(const std::string& name, const std::string& reason) {
+  absl::MutexLock lock(&writer_mutex_);
+  return writer_->Run(
+      "INSERT INTO blocked_workers(name, reason) VALUES($1, $2) ON CONFLICT(name) DO UPDATE SET reason = "
+      "excluded.reason",
+      {name, reason});
+}
+
+absl::Status SqlJobStore::ReadmitWorker(const std::string& name) {
+  absl::MutexLock lock(&writer_mutex_);
+  bool was_blocked = false;
+  const absl::Status status = writer_->Query("DELETE FROM blocked_workers WHERE name = $1 RETURNING name",
+                                             {name}, [&was_blocked](SqlRow&) { was_blocked = true; });
+  if (!status.ok() || was_blocked) return status;
+  return absl::NotFoundError(absl::StrCat("worker '", name, "' is not blocked"));
+}
+
+absl::StatusOr<std::vector<BlockedWorker>> SqlJobStore::BlockedWorkers() {
+  absl::MutexLock lock(&reader_mutex_);
+  return QueryBlockedWorkers(*reader_);
+}
+
+}  // namespace
+
+std::unique_ptr<JobStore> MakeSqlJobStore(std::unique_ptr<SqlConnection> writer,
+                                          std::unique_ptr<SqlConnection> reader) {
+  return std::make_unique<SqlJobStore>(std::move(writer), std::move(reader));
+}
+
+}  // namespace lumifold::ledger

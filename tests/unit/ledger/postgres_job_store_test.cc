@@ -1,0 +1,161 @@
+// Runs as one test: all cases share one private server.
+#include "server/ledger/postgres_job_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "server/ledger/open_job_store.h"
+#include "server/ledger/postgres_connection.h"
+#include "tests/support/private_postgres.h"
+#include "tests/unit/ledger/job_store_fixture.h"
+
+namespace lumifold::ledger {
+namespace {
+
+using absl::StatusCode;
+using job::JobId;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::SizeIs;
+
+constexpr char kPassword[] = "secret/word";
+
+PrivatePostgres* Server(std::string* why_not) {
+  static std::string reason;
+  static const std::unique_ptr<PrivatePostgres> server = PrivatePostgres::Start(&reason);
+  *why_not = reason;
+  return server.get();
+}
+
+/// A schema of its own in the server's database.
+class PostgresDatabase final : public Database {
+ public:
+  explicit PostgresDatabase(const std::string& uri) {
+    static std::atomic<int> count = 0;
+    const std::string schema = absl::StrCat("test_", ++count);
+    EXPECT_TRUE((*PostgresConnection::Open(uri))->RunScript("CREATE SCHEMA " + schema).ok());
+    uri_ = absl::StrCat(uri, "&options=-csearch_path%3D", schema);
+  }
+  absl::StatusOr<std::unique_ptr<JobStore>> Open() override { return OpenPostgresJobStore(uri_); }
+  const std::string& uri() const { return uri_; }
+
+ private:
+  std::string uri_;
+};
+
+std::unique_ptr<Database> MakePostgres(std::string* why_not) {
+  const PrivatePostgres* server = Server(why_not);
+  return server == nullptr ? nullptr : std::make_unique<PostgresDatabase>(server->uri());
+}
+
+class PostgresJobStoreTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string why_not;
+    server_ = Server(&why_not);
+    if (server_ == nullptr && why_not.find("not installed") != std::string::npos) GTEST_SKIP() << why_not;
+    ASSERT_NE(server_, nullptr) << why_not;
+    database_ = std::make_unique<PostgresDatabase>(server_->uri());
+    store_ = *database_->Open();
+  }
+
+  PrivatePostgres* server_ = nullptr;
+  std::unique_ptr<PostgresDatabase> database_;
+  std::unique_ptr<JobStore> store_;
+};
+
+TEST_F(PostgresJobStoreTest, AServerThatGoesAwayIsUnavailableAndThenUsedAgain) {
+  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
+  const JobCommit commit = Commit("j-a", {Unit("j-a", 0, 0, 0)});
+  server_->StopServer();
+  for (const absl::Status& status :
+       {store_->CommitUnits({commit}).status(), store_->GetJob(JobId("j-a")).status(),
+        store_->NewEpoch().status(), database_->Open().status()}) {
+    EXPECT_EQ(status.code(), StatusCode::kUnavailable);
+    EXPECT_THAT(std::string(status.message()), HasSubstr("postgresql://"));
+    EXPECT_THAT(std::string(status.message()), Not(HasSubstr("secret")));
+  }
+  server_->StartServer();
+  EXPECT_TRUE(store_->CommitUnits({commit})->front().ok());
+  EXPECT_EQ(store_->GetJob(JobId("j-a"))->units_done, 1);
+  // A restart between two calls is not noticed.
+  server_->StopServer();
+  server_->StartServer();
+  EXPECT_TRUE(store_->GetJob(JobId("j-a")).ok());
+  EXPECT_TRUE(store_->CommitUnits({Commit("j-a", {Unit("j-a", 0, 1, 0)})})->front().ok());
+}
+
+TEST_F(PostgresJobStoreTest, NoErrorHasThePassword) {
+  const std::string wrong = absl::StrReplaceAll(server_->uri(), {{"secret%2Fword", "other%2Fsecret"}});
+  const std::string malformed = absl::StrReplaceAll(server_->uri(), {{"@/farm", "@[/farm"}});
+  ASSERT_NE(wrong, server_->uri());
+  ASSERT_NE(malformed, server_->uri());
+  const absl::Status refused = OpenJobStore(wrong, "").status();
+  EXPECT_EQ(refused.code(), StatusCode::kUnavailable);
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("password authentication failed"));
+  const absl::Status unparsed = OpenJobStore(malformed, "").status();
+  EXPECT_EQ(unparsed.code(), StatusCode::kInvalidArgument);
+  const absl::Status other = OpenJobStore("mysql://u:secret@h/db", "").status();
+  EXPECT_EQ(other.code(), StatusCode::kInvalidArgument);
+  for (const absl::Status& status : {refused, unparsed, other}) {
+    EXPECT_THAT(std::string(status.message()), Not(HasSubstr("secret"))) << status;
+    EXPECT_THAT(std::string(status.message()), Not(HasSubstr(kPassword))) << status;
+  }
+}
+
+TEST_F(PostgresJobStoreTest, TablesOfALaterVersionAreRefused) {
+  ASSERT_TRUE((*PostgresConnection::Open(database_->uri()))->SetSchemaVersion(99).ok());
+  const absl::Status status = database_->Open().status();
+  EXPECT_EQ(status.code(), StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("schema 99"));
+}
+
+TEST_F(PostgresJobStoreTest, ABatchOfManyPipelinesIsRunInOrder) {
+  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
+  JobCommit commit = Commit("j-a", {});
+  for (int tile = 0; tile < 3000; ++tile) commit.units.push_back(Unit("j-a", 0, tile, 0));
+  ASSERT_TRUE(store_->CommitUnits({commit})->front().ok());
+  int next = 0;
+  ASSERT_TRUE(
+      store_->ForEachUnit(JobId("j-a"), 0, [&](const UnitRecord& u) { EXPECT_EQ(u.unit.key.tile, next++); })
+          .ok());
+  EXPECT_EQ(next, 3000);
+  EXPECT_EQ(*store_->PurgeUnits(10), 0);
+}
+
+TEST_F(PostgresJobStoreTest, TwoCoordinatorsOpenCreateAndCommitAtOnce) {
+  const PostgresDatabase fresh(server_->uri());
+  constexpr int kCoordinators = 4;
+  constexpr int kCommits = 20;
+  std::atomic<int> accepted = 0;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < kCoordinators; ++i) {
+    threads.emplace_back([&fresh, &accepted, i] {
+      const absl::StatusOr<std::unique_ptr<JobStore>> store = OpenPostgresJobStore(fresh.uri());
+      ASSERT_TRUE(store.ok()) << store.status();
+      ASSERT_EQ(*(*store)->CreateJob(Job("j-a", "r-1")), JobId("j-a"));
+      for (int tile = 0; tile < kCommits; ++tile) {
+        UnitRecord unit = Unit("j-a", 0, tile, 0);
+        unit.attempt = job::Attempt(unit.attempt.value() + i);  // each has rendered it
+        const absl::StatusOr<std::vector<absl::Status>> outcomes =
+            (*store)->CommitUnits({Commit("j-a", {unit})});
+        ASSERT_TRUE(outcomes.ok()) << outcomes.status();
+        if (outcomes->front().ok()) ++accepted;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(accepted, kCommits);
+  EXPECT_EQ((*OpenPostgresJobStore(fresh.uri()))->GetJob(JobId("j-a"))->units_done, kCommits);
+}
+
+}  // namespace
+
+std::vector<DatabaseKind> DatabaseKinds() { return {{"Postgres", MakePostgres}}; }
+
+}  // namespace lumifold::ledger

@@ -14,15 +14,23 @@ using job::WorkerId;
 
 FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, bool permanent,
                                    absl::Time now) {
+  latest_ = std::max(latest_, now);
   if (FindLease(worker, unit, attempt) == nullptr) return FailureOutcome::kIgnored;
-  const UnitIndex index = leases_.Remove(attempt).unit;
-  const std::string name = workers_.Find(worker)->name;
+  const Lease lease = RemoveLease(attempt);
+  const UnitIndex index = lease.unit;
+  const std::string name = workers_.Find(worker)->traits.name;
+  if (lease.audit) {
+    DeclineAudit(index, worker);
+    ReleaseSlot(worker);
+    return FailureOutcome::kRetried;
+  }
   Job& job = jobs_.at(index.job);
   History& history = job.history[index.place];
   ++history.failures;
-  history.last_failed = worker;
+  history.last_failed = name;
   history.failed_workers.insert(worker);
   if (permanent) history.permanent_by.insert(name);
+  workers_.Change(worker, [](Worker& state) { ++state.units_failed; });
   ReleaseSlot(worker);
   const bool first_opinion = permanent && history.permanent_by.size() == 1;
   if (MayReturn(index)) {
@@ -32,7 +40,7 @@ FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt
     ReturnAfter(index, first_opinion ? absl::ZeroDuration() : backoff, now);
   }
   const bool agreed = history.permanent_by.size() >= 2;
-  const bool unopposed = permanent && !workers_.HasOther(worker, job.numeric_class);
+  const bool unopposed = permanent && !workers_.HasOther(worker, RequirementOf(job));
   return agreed || unopposed || history.failures >= options_.max_failures ? FailureOutcome::kJobFails
                                                                           : FailureOutcome::kRetried;
 }
@@ -40,6 +48,7 @@ FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt
 void Scheduler::ReturnAfter(const UnitIndex& index, absl::Duration backoff, absl::Time now) {
   if (backoff > absl::ZeroDuration()) {
     delayed_.emplace(now + backoff, index);
+    jobs_.at(index.job).delayed[index.place] = now + backoff;
   } else {
     Return(index);
   }
@@ -51,6 +60,7 @@ void Scheduler::ReturnDelayed(absl::Time now) {
     delayed_.erase(delayed_.begin());
     const auto job = jobs_.find(index.job);
     if (job == jobs_.end()) continue;
+    job->second.delayed.erase(index.place);
     const auto frame = job->second.frames.find(index.place.frame);  // gone once it is finished
     if (frame == job->second.frames.end() || frame->second.taken[static_cast<size_t>(index.place.number)])
       continue;
@@ -70,15 +80,19 @@ void Scheduler::BlameOthers(const UnitIndex& index, WorkerId worker, absl::Time 
 void Scheduler::Blame(WorkerId worker, int64_t job, absl::Time now) {
   const Worker* state = workers_.Find(worker);
   if (state == nullptr || state->set_aside_until != absl::InfinitePast()) return;
-  std::map<int64_t, absl::Time>& jobs = workers_.BlamedJobs(worker);
-  std::erase_if(jobs, [&](const auto& entry) { return entry.second + options_.set_aside <= now; });
-  jobs[job] = now;
-  if (static_cast<int>(jobs.size()) < options_.max_blamed_jobs) return;
+  int blamed_jobs = 0;
+  workers_.Change(worker, [&](Worker& changed) {
+    std::map<int64_t, absl::Time>& jobs = changed.blamed_jobs;
+    std::erase_if(jobs, [&](const auto& entry) { return entry.second + options_.set_aside <= now; });
+    jobs[job] = now;
+    blamed_jobs = static_cast<int>(jobs.size());
+  });
+  if (blamed_jobs < options_.max_blamed_jobs) return;
   // A fault that all workers share, such as of the network, must not empty the farm.
-  const std::string& numeric_class = state->numeric_class;
-  if (workers_.SetAsideCount(numeric_class) + 1 >= workers_.AvailableCount(numeric_class)) return;
+  const KindCounts like = workers_.Count(Requirement::Of(state->traits.numeric_class, {}));
+  if (like.set_aside + 1 >= like.available) return;
   const absl::Time until = now + options_.set_aside;
-  workers_.SetAside(worker, until);
+  workers_.Change(worker, [until](Worker& changed) { changed.set_aside_until = until; });
   newly_set_aside_.push_back({worker, until, SetAsideReason(worker)});
 }
 
@@ -92,8 +106,10 @@ std::string Scheduler::SetAsideReason(WorkerId worker) const {
 
 void Scheduler::Readmit(absl::Time now) {
   for (const WorkerId worker : workers_.Readmissible(now)) {
-    workers_.SetAside(worker, absl::InfinitePast());
-    workers_.BlamedJobs(worker).clear();
+    workers_.Change(worker, [](Worker& state) {
+      state.set_aside_until = absl::InfinitePast();
+      state.blamed_jobs.clear();
+    });
   }
 }
 

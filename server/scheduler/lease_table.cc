@@ -21,7 +21,13 @@ void LeaseTable::Add(Attempt attempt, const Lease& lease) {
   by_unit_.emplace(lease.unit, attempt);
   by_worker_.emplace(lease.worker, attempt);
   by_deadline_.emplace(lease.deadline, attempt);
-  if (lease.check < absl::InfiniteFuture()) by_check_.emplace(lease.check, attempt);
+  Move(attempt, absl::InfiniteFuture(), lease.check, &by_check_);
+}
+
+void LeaseTable::Move(Attempt attempt, absl::Time from, absl::Time to, Times* times) {
+  if (from == to) return;
+  if (from < absl::InfiniteFuture()) times->erase({from, attempt});
+  if (to < absl::InfiniteFuture()) times->emplace(to, attempt);
 }
 
 const Lease* LeaseTable::Find(Attempt attempt) const {
@@ -32,11 +38,9 @@ const Lease* LeaseTable::Find(Attempt attempt) const {
 void LeaseTable::Update(Attempt attempt, const Lease& lease) {
   Lease& old = by_attempt_.at(attempt);
   LUMIFOLD_CHECK(old.unit == lease.unit && old.worker == lease.worker);
-  by_deadline_.erase({old.deadline, attempt});
-  by_check_.erase({old.check, attempt});
+  Move(attempt, old.deadline, lease.deadline, &by_deadline_);
+  Move(attempt, old.check, lease.check, &by_check_);
   old = lease;
-  by_deadline_.emplace(lease.deadline, attempt);
-  if (lease.check < absl::InfiniteFuture()) by_check_.emplace(lease.check, attempt);
 }
 
 Lease LeaseTable::Remove(Attempt attempt) {
@@ -46,7 +50,7 @@ Lease LeaseTable::Remove(Attempt attempt) {
   by_unit_.erase({lease.unit, attempt});
   by_worker_.erase({lease.worker, attempt});
   by_deadline_.erase({lease.deadline, attempt});
-  by_check_.erase({lease.check, attempt});
+  Move(attempt, lease.check, absl::InfiniteFuture(), &by_check_);
   by_attempt_.erase(found);
   return lease;
 }

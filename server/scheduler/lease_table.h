@@ -33,10 +33,14 @@ struct Lease {
   absl::Time deadline;
   int64_t progress = 0;   // as the worker reported it last
   absl::Time progressed;  // when it last changed
-  /// When to check whether the unit is overdue; InfiniteFuture if that is not known, or is_overdue.
+  /// When to check whether the unit is late, and then whether it is overdue; InfiniteFuture if that is not known, or
+  /// is_overdue.
   absl::Time check = absl::InfiniteFuture();
+  bool is_late = false;
+  absl::Time expected_end{};  // of a late lease, when it became late
   bool is_overdue = false;
   bool alone = false;  // of a unit in quarantine; never overdue
+  bool audit = false;  // the unit is accepted; never late
 };
 
 /// The leases that are valid, by attempt, unit, worker and time. Every call takes O(log n) for each lease
@@ -67,6 +71,7 @@ class LeaseTable {
  private:
   using Times = std::set<std::pair<absl::Time, job::Attempt>>;
 
+  static void Move(job::Attempt attempt, absl::Time from, absl::Time to, Times* times);
   static std::vector<job::Attempt> NotAfter(absl::Time now, const Times& times);
 
   std::map<job::Attempt, Lease> by_attempt_;

@@ -21,9 +21,10 @@ constexpr size_t kMaxNames = 4;
 }  // namespace
 
 std::string Scheduler::CountLoss(const Lease& lease) {
+  if (lease.audit) return "";  // a worker has rendered the unit
   History& history = jobs_.at(lease.unit.job).history[lease.unit.place];
   ++history.losses;
-  history.lost_workers.insert(workers_.Find(lease.worker)->name);
+  history.lost_workers.insert(workers_.Find(lease.worker)->traits.name);
   if (!lease.alone) return "";
   std::vector<std::string> names(history.lost_workers.begin(), history.lost_workers.end());
   if (names.size() > kMaxNames) names.resize(kMaxNames);
@@ -44,43 +45,43 @@ void Scheduler::GrantQuarantined(absl::Time now, std::vector<GrantedLease>* gran
   for (auto it = quarantine_.begin();
        it != quarantine_.end() && reservations_.size() < kMaxReservations && looked_at < kMaxReservations;
        ++looked_at) {
-    const std::optional<WorkerId> worker = FindWorkerFor(*it);
+    const bool paused = jobs_.at(it->job).paused;
+    const std::optional<WorkerId> worker = paused ? std::nullopt : FindWorkerFor(*it);
     if (!worker.has_value()) {
       ++it;
       continue;
     }
-    workers_.SetReserved(*worker, true);
+    workers_.Change(*worker, [](Worker& state) { state.reserved = true; });
     reservations_.emplace(*worker, Reservation{*it});
     it = quarantine_.erase(it);
   }
   for (auto& [worker, reservation] : reservations_) {
     if (reservation.granted || workers_.Find(worker)->busy > 0) continue;
     reservation.granted = true;
-    granted->push_back(Grant(reservation.unit, worker, now, /*alone=*/true));
+    granted->push_back(Grant(reservation.unit, worker, now, LeaseKind::kAlone));
   }
 }
 
 std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index) const {
-  const std::string& bound = jobs_.at(index.job).numeric_class;
-  if (!bound.empty()) return FindWorkerFor(index, bound);
-  std::optional<std::string> numeric_class = workers_.NextFreeClass("");
-  return numeric_class.has_value() ? FindWorkerFor(index, *numeric_class) : std::nullopt;
+  const Requirement& requirement = RequirementOf(jobs_.at(index.job));
+  std::optional<int> kind = workers_.NextFreeKind(-1);
+  while (kind.has_value() && !requirement.Admits(workers_.KindOf(*kind))) kind = workers_.NextFreeKind(*kind);
+  return kind.has_value() ? FindWorkerFor(index, *kind) : std::nullopt;
 }
 
-std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index,
-                                                 const std::string& numeric_class) const {
+std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index, int kind) const {
   const std::set<std::string>& lost = jobs_.at(index.job).history.at(index.place).lost_workers;
   std::optional<WorkerId> best;
   int best_score = -1;
-  std::optional<WorkerId> worker = workers_.NextFree(numeric_class, WorkerId(-1));
+  std::optional<WorkerId> worker = workers_.NextFree(kind, WorkerId(-1));
   for (int i = 0; i < kMaxCandidates && worker.has_value(); ++i) {
     const Worker& state = *workers_.Find(*worker);
-    const int score = (lost.contains(state.name) ? 0 : 2) + (state.busy == 0 ? 1 : 0);
+    const int score = (lost.contains(state.traits.name) ? 0 : 2) + (state.busy == 0 ? 1 : 0);
     if (score > best_score) {
       best = worker;
       best_score = score;
     }
-    worker = workers_.NextFree(numeric_class, *worker);
+    worker = workers_.NextFree(kind, *worker);
   }
   return best;
 }
@@ -90,7 +91,7 @@ void Scheduler::CancelReservation(WorkerId worker) {
   if (reservation == reservations_.end() || reservation->second.granted) return;
   quarantine_.insert(reservation->second.unit);
   reservations_.erase(reservation);
-  workers_.SetReserved(worker, false);
+  workers_.Change(worker, [](Worker& state) { state.reserved = false; });
 }
 
 void Scheduler::RemoveFromQuarantine(const UnitIndex& index) {

@@ -1,7 +1,6 @@
 #include "server/scheduler/scheduler.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -17,40 +16,59 @@ using job::WorkerId;
 
 namespace {
 
-/// Free units that a worker may not lease and that are passed over in one call, for each worker. It bounds
-/// the time of a call; such a unit waits for another worker anyway.
-constexpr int kMaxSkipped = 64;
-
 /// Accepted units of a job and kind from which their mean time is used: the first ones load the scene.
 constexpr int kMinTimedUnits = 8;
 
 /// A second lease is for a worker that hangs or is slow; a third would only cost.
 constexpr size_t kMaxLeasesOfUnit = 2;
 
-const Attempt kFirstAttempt(std::numeric_limits<int64_t>::min());
-
 }  // namespace
 
 Scheduler::Scheduler(const SchedulerOptions& options)
     : options_(options), next_attempt_(options.first_attempt.value()) {}
 
-void Scheduler::AddJob(const JobId& job, const v1::JobSpec& spec, const std::string& numeric_class) {
-  LUMIFOLD_CHECK(!HasJob(job));
+void Scheduler::AddJob(const JobId& id, const v1::JobSpec& spec, const JobOptions& options) {
+  LUMIFOLD_CHECK(!HasJob(id));
   const int64_t number = next_job_++;
-  jobs_by_id_.emplace(job, number);
-  const auto added =
-      jobs_.emplace(number, Job{.id = job,
-                                .spec = spec,
-                                .units = FrameUnits(spec),
-                                .numeric_class = numeric_class,
-                                .frames = {},
-                                .finished = std::vector<bool>(static_cast<size_t>(spec.frame_count())),
-                                .next_unleased = {},
-                                .returned = {},
-                                .geometry_times = {},
-                                .pass_times = {},
-                                .history = {}});
-  UpdateReady(number, added.first->second);
+  jobs_by_id_.emplace(id, number);
+  Job& job = jobs_.emplace(number, Job(id, spec)).first->second;
+  share_.AddJob(number, options.user, options.priority);
+  job.max_leases = options.max_leases;
+  job.audit_share = options.audit_share;
+  job.paused = options.paused;
+  SetDemand(job, Requirement::Of(options.numeric_class, options.tags));
+  UpdateReady(number, job);
+}
+
+void Scheduler::PauseJob(const JobId& id) {
+  Job* job = FindJob(id);
+  if (job == nullptr || job->paused) return;
+  CountFrames(*job, -static_cast<int>(job->frames.size()));
+  job->paused = true;
+  const int64_t number = jobs_by_id_.at(id);
+  UpdateReady(number, *job);
+  std::vector<WorkerId> waiting;
+  for (const auto& [worker, reservation] : reservations_) {
+    if (reservation.unit.job == number) waiting.push_back(worker);
+  }
+  for (const WorkerId worker : waiting) CancelReservation(worker);
+}
+
+void Scheduler::ResumeJob(const JobId& id) {
+  Job* job = FindJob(id);
+  if (job == nullptr || !job->paused) return;
+  job->paused = false;
+  CountFrames(*job, static_cast<int>(job->frames.size()));
+  UpdateReady(jobs_by_id_.at(id), *job);
+}
+
+void Scheduler::SetPriority(const JobId& id, int priority) {
+  if (HasJob(id)) share_.SetPriority(jobs_by_id_.at(id), priority);
+}
+
+void Scheduler::SetMaxActiveFrames(int frames) {
+  LUMIFOLD_CHECK(frames >= 1);
+  max_active_frames_ = frames;
 }
 
 bool Scheduler::RestoreCommittedUnit(const UnitRef& unit) {
@@ -63,20 +81,22 @@ bool Scheduler::RestoreCommittedUnit(const UnitRef& unit) {
   if (frame.taken[number]) return true;
   frame.taken[number] = true;
   CountCommitted(job, index->place);
+  UpdateReady(index->job, job);
   return true;
 }
 
 bool Scheduler::RestoreFinishedFrame(const JobId& id, int32_t frame_number) {
   Job* job = FindJob(id);
   if (job == nullptr) return false;
-  const int64_t frame = int64_t{frame_number} - job->spec.first_frame();
-  if (frame < 0 || frame >= job->spec.frame_count()) return false;
-  LUMIFOLD_CHECK(!job->frames.contains(static_cast<int>(frame)));  // finished frames are restored first
-  if (job->finished[static_cast<size_t>(frame)]) return true;
-  job->finished[static_cast<size_t>(frame)] = true;
+  const std::optional<int> frame = job->frame_list.IndexOf(frame_number);
+  if (!frame.has_value()) return false;
+  LUMIFOLD_CHECK(!job->frames.contains(*frame));  // finished frames are restored first
+  if (job->finished[static_cast<size_t>(*frame)]) return true;
+  job->finished[static_cast<size_t>(*frame)] = true;
   ++job->finished_count;
   job->committed_units += job->units.count();
   job->committed_samples += int64_t{job->spec.width()} * job->spec.height() * job->spec.samples_per_pixel();
+  UpdateReady(jobs_by_id_.at(id), *job);
   return true;
 }
 
@@ -84,7 +104,11 @@ void Scheduler::EndJob(const JobId& id) {
   const auto found = jobs_by_id_.find(id);
   if (found == jobs_by_id_.end()) return;
   const int64_t number = found->second;
-  for (const Attempt attempt : leases_.OfJob(number)) ReleaseSlot(leases_.Remove(attempt).worker);
+  for (const Attempt attempt : leases_.OfJob(number)) {
+    const Lease lease = RemoveLease(attempt);
+    newly_voided_.push_back({lease.worker, RefOf(lease.unit), attempt});
+    ReleaseSlot(lease.worker);
+  }
   for (auto it = accepted_.lower_bound({number, {}}); it != accepted_.end() && it->first.job == number;) {
     ReleaseSlot(it->second);
     it = accepted_.erase(it);
@@ -95,138 +119,13 @@ void Scheduler::EndJob(const JobId& id) {
     if (reservation.unit.job == number) quarantined.push_back(reservation.unit);
   }
   for (const UnitIndex& index : quarantined) RemoveFromQuarantine(index);
-  RemoveReady(number, jobs_.at(number));
+  Job& job = jobs_.at(number);
+  for (const auto& [frame, state] : job.frames) ReleaseDeliverers(state);
+  CountFrames(job, -static_cast<int>(job.frames.size()));
+  LeaveDemand(number, job);
+  share_.RemoveJob(number);
   jobs_.erase(number);
   jobs_by_id_.erase(found);
-}
-
-void Scheduler::AddWorker(WorkerId worker, const std::string& numeric_class, int slots,
-                          const std::string& name) {
-  workers_.Add(worker, name.empty() ? absl::StrCat("w-", worker.value()) : name, numeric_class, slots);
-}
-
-std::vector<FailedJob> Scheduler::RemoveWorker(WorkerId worker) {
-  std::vector<FailedJob> failed;
-  CancelReservation(worker);
-  for (const Attempt attempt : leases_.OfWorker(worker)) {
-    const Lease lease = *leases_.Find(attempt);
-    std::string error = CountLoss(lease);
-    if (!error.empty()) failed.push_back({jobs_.at(lease.unit.job).id, std::move(error)});
-    VoidLease(attempt);
-  }
-  stalled_.erase(stalled_.lower_bound({worker, kFirstAttempt}),
-                 stalled_.lower_bound({WorkerId(worker.value() + 1), kFirstAttempt}));
-  reservations_.erase(worker);
-  workers_.Remove(worker);
-  return failed;
-}
-
-void Scheduler::Heartbeat(WorkerId worker, absl::Span<const HeldLease> held, Attempt newest, absl::Time now) {
-  workers_.SetUnresponsive(worker, false);
-  std::map<Attempt, int64_t> progress;
-  for (const HeldLease& lease : held) progress.emplace(lease.attempt, lease.progress);
-  for (const Attempt attempt : leases_.OfWorker(worker)) {
-    const auto named = progress.find(attempt);
-    if (named != progress.end()) {
-      Renew(attempt, named->second, now);
-    } else if (attempt <= newest) {
-      VoidLease(attempt);
-    }
-  }
-  for (auto it = stalled_.lower_bound({worker, kFirstAttempt});
-       it != stalled_.end() && it->first == worker && it->second <= newest;) {
-    if (progress.contains(it->second)) {
-      ++it;
-      continue;
-    }
-    ReleaseSlot(worker);
-    it = stalled_.erase(it);
-  }
-}
-
-void Scheduler::Renew(Attempt attempt, int64_t progress, absl::Time now) {
-  Lease lease = *leases_.Find(attempt);
-  if (progress != lease.progress) lease.progressed = now;
-  lease.progress = progress;
-  lease.deadline = std::min(now + options_.lease, lease.progressed + options_.stall);
-  leases_.Update(attempt, lease);
-}
-
-std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
-  ReturnDelayed(now);
-  Readmit(now);
-  std::vector<LateLease> late;
-  for (const Attempt attempt : leases_.Expired(now)) {
-    const Lease lease = *leases_.Find(attempt);
-    const bool stalled = lease.deadline >= lease.progressed + options_.stall;
-    late.push_back({RefOf(lease.unit), lease.worker, stalled ? Lateness::kStalled : Lateness::kSilent,
-                    CountLoss(lease)});
-    if (stalled) {
-      workers_.TakeSlot(lease.worker);
-      stalled_.emplace(lease.worker, attempt);
-    } else {
-      CancelReservation(lease.worker);
-      workers_.SetUnresponsive(lease.worker, true);
-    }
-    VoidLease(attempt);
-  }
-  for (const Attempt attempt : leases_.Checks(now)) {
-    Lease lease = *leases_.Find(attempt);
-    lease.check = OverdueTime(lease.unit, lease.granted);  // the mean may have risen since
-    lease.is_overdue = lease.check <= now;
-    if (lease.is_overdue) lease.check = absl::InfiniteFuture();
-    leases_.Update(attempt, lease);
-    if (!lease.is_overdue || !MayReturn(lease.unit)) continue;
-    Return(lease.unit);
-    late.push_back({RefOf(lease.unit), lease.worker, Lateness::kOverdue, ""});
-  }
-  return late;
-}
-
-absl::Time Scheduler::NextExpiry() const {
-  const absl::Time next = std::min(leases_.NextTime(), workers_.NextReadmission());
-  return delayed_.empty() ? next : std::min(next, delayed_.begin()->first);
-}
-
-std::vector<GrantedLease> Scheduler::GrantLeases(absl::Time now) {
-  std::vector<GrantedLease> granted;
-  GrantQuarantined(now, &granted);
-  std::optional<std::string> numeric_class = workers_.NextFreeClass("");
-  for (; numeric_class.has_value(); numeric_class = workers_.NextFreeClass(*numeric_class)) {
-    WorkerId last(std::numeric_limits<int64_t>::min());
-    while (HasReady(*numeric_class)) {
-      const std::optional<WorkerId> worker = workers_.NextFree(*numeric_class, last);
-      if (!worker.has_value()) break;
-      GrantTo(*worker, now, &granted);
-      last = *worker;
-    }
-  }
-  return granted;
-}
-
-std::vector<GrantedLease> Scheduler::GrantLeases(WorkerId worker, absl::Time now) {
-  std::vector<GrantedLease> granted;
-  GrantTo(worker, now, &granted);
-  return granted;
-}
-
-void Scheduler::GrantTo(WorkerId worker, absl::Time now, std::vector<GrantedLease>* granted) {
-  const Worker* state = workers_.Find(worker);
-  if (state == nullptr) return;
-  SkipBudget budget = kMaxSkipped;
-  int64_t passed = -1;  // jobs up to this one have nothing for the worker
-  while (workers_.IsFree(worker) && budget > 0) {
-    const std::optional<int64_t> number = NextReady(state->numeric_class, passed);
-    if (!number.has_value()) return;
-    Job& job = jobs_.at(*number);
-    const std::optional<Place> place = TakeUnit(*number, worker, &budget);
-    UpdateReady(*number, job);
-    if (!place.has_value()) {
-      passed = *number;
-      continue;
-    }
-    granted->push_back(Grant({*number, *place}, worker, now, /*alone=*/false));
-  }
 }
 
 const Lease* Scheduler::FindLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const {
@@ -238,7 +137,9 @@ bool Scheduler::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt
   return FindLease(worker, unit, attempt) != nullptr;
 }
 
-Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, absl::Time now) {
+Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, absl::Time now,
+                                   absl::string_view digest) {
+  latest_ = std::max(latest_, now);
   const std::optional<UnitIndex> index = IndexOf(unit);
   if (!index.has_value()) return Completion::kUnknown;
   Job& job = jobs_.at(index->job);
@@ -246,20 +147,34 @@ Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt
   const bool finished = job.finished[static_cast<size_t>(index->place.frame)];
   if (finished ||
       (frame != job.frames.end() && frame->second.taken[static_cast<size_t>(index->place.number)])) {
-    return Completion::kDuplicate;
+    const Lease* audit = FindLease(worker, unit, attempt);
+    if (audit == nullptr) return Completion::kDuplicate;
+    CompleteAudit(attempt, digest, now);
+    return Completion::kAudited;
   }
   if (!HoldsLease(worker, unit, attempt)) return Completion::kStale;
-  CountTime(leases_.Remove(attempt), now);
+  const Lease lease = RemoveLease(attempt);
+  workers_.Change(worker, [&](Worker& state) {
+    ++state.units_done;
+    state.unit_time += now - lease.granted;
+  });
+  RateWorker(lease, now);
+  CountTime(lease, now);
   BlameOthers(*index, worker, now);
   VoidOtherLeases(*index);
-  if (job.numeric_class.empty()) Bind(index->job, workers_.Find(worker)->numeric_class);
+  job.is_bound = true;
+  if (RequirementOf(job).numeric_class.empty()) Bind(index->job, workers_.Find(worker)->traits.numeric_class);
   accepted_.emplace(*index, worker);
-  frame->second.taken[static_cast<size_t>(index->place.number)] = true;
+  const auto number = static_cast<size_t>(index->place.number);
+  const std::string& name = workers_.Find(worker)->traits.name;
+  frame->second.taken[number] = true;
+  frame->second.deliverers[number] = deliverers_.Acquire(name);
+  if (IsAudited(job, unit.key)) StartAudit(*index, name, digest, now);
   return Completion::kAccepted;
 }
 
 void Scheduler::VoidOtherLeases(const UnitIndex& index) {
-  for (const Attempt attempt : leases_.OfUnit(index)) VoidLease(attempt);
+  for (const Attempt attempt : leases_.OfUnit(index)) RevokeLease(attempt);
   Job& job = jobs_.at(index.job);
   job.returned.erase(index.place);
   UpdateReady(index.job, job);
@@ -267,9 +182,12 @@ void Scheduler::VoidOtherLeases(const UnitIndex& index) {
   job.history.erase(index.place);
 }
 
-Scheduler::UnitTimes& Scheduler::TimesOf(Job& job, const Place& place) const {
-  const bool is_geometry = job.units.KeyOf(0, place.number).kind == v1::UNIT_KIND_GEOMETRY;
-  return is_geometry ? job.geometry_times : job.pass_times;
+const Scheduler::UnitTimes& Scheduler::TimesOf(const Job& job, const Place& place) {
+  return job.times[job.units.KindOf(place.number) == v1::UNIT_KIND_GEOMETRY ? 0 : 1];
+}
+
+Scheduler::UnitTimes& Scheduler::TimesOf(Job& job, const Place& place) {
+  return job.times[job.units.KindOf(place.number) == v1::UNIT_KIND_GEOMETRY ? 0 : 1];
 }
 
 void Scheduler::CountTime(const Lease& lease, absl::Time now) {
@@ -279,28 +197,79 @@ void Scheduler::CountTime(const Lease& lease, absl::Time now) {
   times.sum += now - lease.granted;
   if (times.count != kMinTimedUnits) return;
   for (const Attempt attempt : leases_.OfJob(lease.unit.job)) {
-    Lease other = *leases_.Find(attempt);
-    if (other.alone || other.is_overdue) continue;
-    other.check = OverdueTime(other.unit, other.granted);
-    leases_.Update(attempt, other);
+    Schedule(attempt, *leases_.Find(attempt));
   }
 }
 
-absl::Time Scheduler::OverdueTime(const UnitIndex& index, absl::Time granted) {
+std::optional<absl::Duration> Scheduler::MeanTime(const UnitIndex& index) const {
   const UnitTimes& times = TimesOf(jobs_.at(index.job), index.place);
-  if (times.count < kMinTimedUnits) return absl::InfiniteFuture();
-  const absl::Duration mean = times.sum / times.count;
-  return granted + std::max(options_.overdue_factor * mean, options_.overdue_least);
+  return times.count < kMinTimedUnits ? std::nullopt : std::optional(times.sum / times.count);
+}
+
+absl::Time Scheduler::OverdueTime(const UnitIndex& index, absl::Time granted) const {
+  const std::optional<absl::Duration> mean = MeanTime(index);
+  if (!mean.has_value()) return absl::InfiniteFuture();
+  return granted + std::max(options_.overdue_factor * *mean, options_.overdue_least);
+}
+
+void Scheduler::Schedule(Attempt attempt, Lease lease) {
+  if (lease.alone || lease.audit || lease.is_overdue) return;
+  lease.check = lease.is_late ? OverdueTime(lease.unit, lease.granted)
+                              : LateTime(lease.unit, lease.worker, lease.granted);
+  leases_.Update(attempt, lease);
 }
 
 void Scheduler::Bind(int64_t number, const std::string& numeric_class) {
   Job& job = jobs_.at(number);
-  RemoveReady(number, job);
-  job.numeric_class = numeric_class;
+  Requirement requirement = RequirementOf(job);
+  requirement.numeric_class = numeric_class;
+  const int frames = static_cast<int>(job.frames.size());
+  CountFrames(job, -frames);
+  for (const Attempt attempt : leases_.OfJob(number)) {
+    Lease lease = *leases_.Find(attempt);
+    if (!lease.is_late) continue;
+    job.demand->second.late.erase({lease.expected_end, attempt});
+    lease.is_late = false;  // it is late again at the next check
+    if (!lease.is_overdue) lease.check = latest_;
+    leases_.Update(attempt, lease);
+  }
+  LeaveDemand(number, job);
+  SetDemand(job, requirement);
+  CountFrames(job, frames);
   UpdateReady(number, job);
   for (const Attempt attempt : leases_.OfJob(number)) {
-    if (workers_.Find(leases_.Find(attempt)->worker)->numeric_class != numeric_class) VoidLease(attempt);
+    const Worker& worker = *workers_.Find(leases_.Find(attempt)->worker);
+    if (worker.traits.numeric_class != numeric_class) RevokeLease(attempt);
   }
+}
+
+void Scheduler::SetDemand(Job& job, const Requirement& requirement) {
+  job.demand = demands_.try_emplace(requirement).first;
+  ++job.demand->second.jobs;
+}
+
+void Scheduler::LeaveDemand(int64_t number, Job& job) {
+  SetReadiness(number, job, Readiness::kNone);  // other jobs may keep the demand
+  if (--job.demand->second.jobs == 0) demands_.erase(job.demand);
+}
+
+void Scheduler::CountFrames(const Job& job, int change) {
+  if (job.paused || change == 0) return;
+  job.demand->second.active_frames += change;
+  if (workers_.Count(job.demand->first).available > 0) live_frames_ += change;
+}
+
+void Scheduler::RecountLiveFrames() {
+  counted_kinds_ = workers_.version();
+  live_frames_ = active_frames();
+}
+
+int Scheduler::active_frames() const {
+  int frames = 0;
+  for (const auto& [requirement, demand] : demands_) {
+    if (workers_.Count(requirement).available > 0) frames += demand.active_frames;
+  }
+  return frames;
 }
 
 bool Scheduler::UnitCommitted(const UnitRef& unit) {
@@ -312,7 +281,12 @@ bool Scheduler::UnitCommitted(const UnitRef& unit) {
   accepted_.erase(accepted);
   Job& job = jobs_.at(index->job);
   CountCommitted(job, index->place);
-  return job.frames.at(index->place.frame).committed == job.units.count();
+  const Frame& frame = job.frames.at(index->place.frame);
+  if (frame.revoking.contains(index->place.number)) {  // its worker was found faulty meanwhile
+    const std::string name = deliverers_.NameOf(frame.deliverers[static_cast<size_t>(index->place.number)]);
+    newly_faulty_.push_back({name, "it was found faulty before", {unit}});
+  }
+  return job.committed_frames.contains(index->place.frame);
 }
 
 bool Scheduler::RevokeUnit(const UnitRef& unit) {
@@ -324,6 +298,11 @@ bool Scheduler::RevokeUnit(const UnitRef& unit) {
   if (frame == job.frames.end() || !frame->second.taken[static_cast<size_t>(place.number)]) return false;
   frame->second.taken[static_cast<size_t>(place.number)] = false;
   --frame->second.committed;
+  frame->second.revoking.erase(place.number);
+  deliverers_.Release(std::exchange(frame->second.deliverers[static_cast<size_t>(place.number)], 0));
+  EndAudit(*index);
+  for (const Attempt audit : leases_.OfUnit(*index)) RevokeLease(audit);
+  UpdateCommitted(job, place.frame);
   --job.committed_units;
   job.committed_samples -= job.units.CameraSamplesOf(unit.key);
   if (place < job.next_unleased) job.returned.insert(place);  // otherwise it is leased in its turn
@@ -334,50 +313,33 @@ bool Scheduler::RevokeUnit(const UnitRef& unit) {
 std::vector<int32_t> Scheduler::CommittedFrames(const JobId& id) const {
   const Job& job = GetJob(id);
   std::vector<int32_t> frames;
-  for (const auto& [frame, state] : job.frames) {
-    if (state.committed == job.units.count()) frames.push_back(job.spec.first_frame() + frame);
-  }
+  for (const int frame : job.committed_frames) frames.push_back(job.frame_list.NumberOf(frame));
   return frames;
+}
+
+bool Scheduler::IsFrameCommitted(const JobId& id, int32_t frame_number) const {
+  if (!HasJob(id)) return false;
+  const Job& job = GetJob(id);
+  const std::optional<int> frame = job.frame_list.IndexOf(frame_number);
+  return frame.has_value() && job.committed_frames.contains(*frame);
 }
 
 bool Scheduler::FrameFinished(const JobId& id, int32_t frame_number) {
   Job* job = FindJob(id);
   if (job == nullptr) return false;
-  const int frame = frame_number - job->spec.first_frame();
-  LUMIFOLD_CHECK(job->frames.at(frame).committed == job->units.count());
+  const int frame = job->frame_list.IndexOf(frame_number).value();
+  if (job->committed_frames.erase(frame) == 0) return false;
+  ReleaseDeliverers(job->frames.at(frame));
   job->frames.erase(frame);
+  CountFrames(*job, -1);
   job->finished[static_cast<size_t>(frame)] = true;
   ++job->finished_count;
-  return job->finished_count == job->spec.frame_count();
+  return job->finished_count == job->frame_list.count();
 }
 
-JobProgress Scheduler::Progress(const JobId& id) const {
-  const Job& job = GetJob(id);
-  JobProgress progress;
-  progress.units_done = job.committed_units;
-  progress.units_total = job.units.count() * job.spec.frame_count();
-  progress.samples_done = job.committed_samples;
-  progress.samples_total =
-      int64_t{job.spec.width()} * job.spec.height() * job.spec.samples_per_pixel() * job.spec.frame_count();
-  progress.frames_done = job.finished_count;
-  progress.frames_total = job.spec.frame_count();
-  std::set<WorkerId> holders;
-  for (const Attempt attempt : leases_.OfJob(jobs_by_id_.at(id))) {
-    holders.insert(leases_.Find(attempt)->worker);
-  }
-  progress.workers = static_cast<int>(holders.size());
-  if (job.finished_count == job.spec.frame_count()) {
-    progress.state = v1::JOB_STATE_DONE;
-  } else if (!CommittedFrames(id).empty()) {
-    progress.state = v1::JOB_STATE_FILTERING;
-  } else {
-    const bool started = !job.numeric_class.empty() || !holders.empty();
-    progress.state = started ? v1::JOB_STATE_RENDERING : v1::JOB_STATE_QUEUED;
-  }
-  return progress;
+const std::string& Scheduler::NumericClassOf(const JobId& id) const {
+  return RequirementOf(GetJob(id)).numeric_class;
 }
-
-const std::string& Scheduler::NumericClassOf(const JobId& id) const { return GetJob(id).numeric_class; }
 const v1::JobSpec& Scheduler::SpecOf(const JobId& id) const { return GetJob(id).spec; }
 const FrameUnits& Scheduler::UnitsOf(const JobId& id) const { return GetJob(id).units; }
 
@@ -392,115 +354,56 @@ std::optional<UnitIndex> Scheduler::IndexOf(const UnitRef& unit) const {
   const auto found = jobs_by_id_.find(unit.job);
   if (found == jobs_by_id_.end()) return std::nullopt;
   const Job& job = jobs_.at(found->second);
-  const int64_t frame = int64_t{unit.key.frame} - job.spec.first_frame();
+  const std::optional<int> frame = job.frame_list.IndexOf(unit.key.frame);
   const std::optional<int64_t> number = job.units.NumberOf(unit.key);
-  if (frame < 0 || frame >= job.spec.frame_count() || !number.has_value()) return std::nullopt;
-  return UnitIndex{found->second, {static_cast<int>(frame), *number}};
+  if (!frame.has_value() || !number.has_value()) return std::nullopt;
+  return UnitIndex{found->second, {*frame, *number}};
 }
 
 UnitRef Scheduler::RefOf(const UnitIndex& index) const {
   const Job& job = jobs_.at(index.job);
-  return {job.id, job.units.KeyOf(job.spec.first_frame() + index.place.frame, index.place.number)};
+  return {job.id, job.units.KeyOf(job.frame_list.NumberOf(index.place.frame), index.place.number)};
 }
 
 Scheduler::Frame& Scheduler::ActiveFrame(Job& job, int frame) {
   const auto [it, is_new] = job.frames.try_emplace(frame);
-  if (is_new) it->second.taken.resize(static_cast<size_t>(job.units.count()));
+  if (is_new) {
+    it->second.taken.resize(static_cast<size_t>(job.units.count()));
+    it->second.deliverers.resize(static_cast<size_t>(job.units.count()));
+    CountFrames(job, 1);
+  }
   return it->second;
 }
 
-void Scheduler::UpdateReady(int64_t number, const Job& job) {
-  if (!job.returned.empty() || job.next_unleased.frame < job.spec.frame_count()) {
-    ready_[job.numeric_class].insert(number);
-  } else {
-    RemoveReady(number, job);
-  }
-}
-
-void Scheduler::RemoveReady(int64_t number, const Job& job) {
-  const auto ready = ready_.find(job.numeric_class);
-  if (ready == ready_.end()) return;
-  ready->second.erase(number);
-  if (ready->second.empty()) ready_.erase(ready);
-}
-
-bool Scheduler::HasReady(const std::string& numeric_class) const {
-  return ready_.contains("") || ready_.contains(numeric_class);
-}
-
-std::optional<int64_t> Scheduler::NextReady(const std::string& numeric_class, int64_t number) const {
-  std::optional<int64_t> next;
-  for (const std::string& key : {std::string(), numeric_class}) {
-    const auto ready = ready_.find(key);
-    if (ready == ready_.end()) continue;
-    const auto found = ready->second.upper_bound(number);
-    if (found != ready->second.end() && (!next.has_value() || *found < *next)) next = *found;
-  }
-  return next;
-}
-
-std::optional<Place> Scheduler::TakeUnit(int64_t job_number, WorkerId worker, SkipBudget* budget) {
-  const std::optional<Place> returned = TakeReturnedUnit(job_number, worker, budget);
-  return returned.has_value() ? returned : TakeUnleasedUnit(jobs_.at(job_number));
-}
-
-bool Scheduler::IsExcluded(const Job& job, const UnitIndex& index, WorkerId worker) const {
-  for (const Attempt attempt : leases_.OfUnit(index)) {
-    if (leases_.Find(attempt)->worker == worker) return true;
-  }
-  const auto history = job.history.find(index.place);
-  return history != job.history.end() && history->second.failures > 0 &&
-         history->second.last_failed == worker && workers_.HasOther(worker, job.numeric_class);
-}
-
-std::optional<Place> Scheduler::TakeReturnedUnit(int64_t job_number, WorkerId worker, SkipBudget* budget) {
-  Job& job = jobs_.at(job_number);
-  for (auto it = job.returned.begin(); it != job.returned.end() && *budget > 0; ++it) {
-    if (IsExcluded(job, {job_number, *it}, worker)) {
-      --*budget;
-      continue;
-    }
-    const Place place = *it;
-    job.returned.erase(it);
-    return place;
-  }
-  return std::nullopt;
-}
-
-std::optional<Place> Scheduler::TakeUnleasedUnit(Job& job) {
-  for (; job.next_unleased.frame < job.spec.frame_count();
-       job.next_unleased = {job.next_unleased.frame + 1, 0}) {
-    if (job.finished[static_cast<size_t>(job.next_unleased.frame)]) continue;
-    const Frame& frame = ActiveFrame(job, job.next_unleased.frame);
-    while (job.next_unleased.number < job.units.count()) {
-      const Place place = job.next_unleased;
-      ++job.next_unleased.number;
-      if (!frame.taken[static_cast<size_t>(place.number)]) return place;
-    }
-  }
-  return std::nullopt;
-}
-
-GrantedLease Scheduler::Grant(const UnitIndex& index, WorkerId worker, absl::Time now, bool alone) {
-  const Attempt attempt(next_attempt_++);
-  leases_.Add(attempt, {.unit = index,
-                        .worker = worker,
-                        .granted = now,
-                        .deadline = now + std::min(options_.lease, options_.stall),
-                        .progressed = now,
-                        .check = alone ? absl::InfiniteFuture() : OverdueTime(index, now),
-                        .alone = alone});
-  workers_.TakeSlot(worker);
-  const UnitRef unit = RefOf(index);
-  const FrameUnits& units = jobs_.at(index.job).units;
-  return {worker, unit, attempt, units.tiles().RectOf(unit.key.tile), units.SamplesOf(unit.key), alone};
+Lease Scheduler::RemoveLease(Attempt attempt) {
+  const Lease lease = leases_.Remove(attempt);
+  Job& job = jobs_.at(lease.unit.job);
+  --job.lease_count;
+  share_.Ended(lease.unit.job, latest_ - lease.granted);
+  if (lease.is_late) job.demand->second.late.erase({lease.expected_end, attempt});
+  const auto holder = job.holders.find(lease.worker);
+  if (--holder->second == 0) job.holders.erase(holder);
+  if (job.max_leases > 0) UpdateReady(lease.unit.job, job);
+  return lease;
 }
 
 void Scheduler::VoidLease(Attempt attempt) {
-  const Lease lease = leases_.Remove(attempt);
+  const Lease lease = RemoveLease(attempt);
   ReleaseSlot(lease.worker);
-  if (MayReturn(lease.unit)) Return(lease.unit);
+  if (lease.audit) {
+    ReturnAudit(lease.unit);
+  } else if (MayReturn(lease.unit)) {
+    Return(lease.unit);
+  }
 }
+
+void Scheduler::RevokeLease(Attempt attempt) {
+  const Lease& lease = *leases_.Find(attempt);
+  newly_voided_.push_back({lease.worker, RefOf(lease.unit), attempt});
+  VoidLease(attempt);
+}
+
+std::vector<VoidedLease> Scheduler::TakeVoided() { return std::exchange(newly_voided_, {}); }
 
 void Scheduler::ReleaseSlot(WorkerId worker) {
   workers_.ReleaseSlot(worker);
@@ -508,7 +411,7 @@ void Scheduler::ReleaseSlot(WorkerId worker) {
   if (reservation == reservations_.end() || !reservation->second.granted) return;
   if (workers_.Find(worker)->busy > 0) return;
   reservations_.erase(reservation);
-  workers_.SetReserved(worker, false);
+  workers_.Change(worker, [](Worker& state) { state.reserved = false; });
 }
 
 bool Scheduler::MayReturn(const UnitIndex& index) const {
@@ -532,6 +435,7 @@ void Scheduler::CountCommitted(Job& job, const Place& place) {
   ++job.frames.at(place.frame).committed;
   ++job.committed_units;
   job.committed_samples += job.units.CameraSamplesOf(job.units.KeyOf(0, place.number));
+  UpdateCommitted(job, place.frame);
 }
 
 }  // namespace lumifold::scheduler

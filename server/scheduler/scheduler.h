@@ -1,6 +1,8 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <limits>
 #include <map>
 #include <optional>
 #include <set>
@@ -8,164 +10,99 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 #include "absl/types/span.h"
-#include "filter/image/rect.h"
 #include "lumifold/v1/job.pb.h"
+#include "server/job/frame_list.h"
 #include "server/job/tile_grid.h"
 #include "server/job/unit.h"
+#include "server/scheduler/fair_share.h"
 #include "server/scheduler/lease_table.h"
+#include "server/scheduler/name_table.h"
+#include "server/scheduler/types.h"
 #include "server/scheduler/worker_pool.h"
 
 namespace lumifold::scheduler {
 
-struct SchedulerOptions {
-  /// Time from the grant or renewal of a lease to its expiry.
-  absl::Duration lease = absl::Seconds(30);
-  /// A lease whose progress stands still for this long is not renewed. Loading a scene reports one step for
-  /// each of its files only, so it must be longer than what the largest file takes.
-  absl::Duration stall = absl::Minutes(10);
-  /// A unit is overdue when it has been leased for longer than `overdue_factor` times the mean of the
-  /// accepted units of its job and kind, and for longer than `overdue_least`.
-  double overdue_factor = 4;
-  absl::Duration overdue_least = absl::Seconds(10);
-  /// A job fails when one of its units has failed this many times.
-  int max_failures = 3;
-  /// A unit with which this many workers were lost, or twice as many times any, is in quarantine: it is
-  /// leased once more, to a worker that then renders nothing else. If that is lost too, the job fails.
-  int max_lost_workers = 3;
-  /// A failed unit waits this long before it is leased again, twice as long after each further failure, and
-  /// no longer than `longest_backoff`.
-  absl::Duration first_backoff = absl::Seconds(1);
-  absl::Duration longest_backoff = absl::Seconds(60);
-  /// A worker that failed units of this many jobs within `set_aside`, each rendered by another worker since,
-  /// gets no leases for `set_aside`.
-  int max_blamed_jobs = 2;
-  absl::Duration set_aside = absl::Minutes(5);
-  /// Attempt of the first lease. After a restart it must be above all attempts granted before.
-  job::Attempt first_attempt{1};
-};
-
-/// A new lease.
-struct GrantedLease {
-  job::WorkerId worker;
-  job::UnitRef unit;
-  job::Attempt attempt;
-  Rect rect;
-  SampleRange samples;
-  /// The unit is in quarantine.
-  bool alone = false;
-};
-
-/// A job that cannot go on; the caller ends it with this error.
-struct FailedJob {
-  job::JobId job;
-  std::string error;
-};
-
-/// A lease as its worker reports it in a heartbeat.
-struct HeldLease {
-  job::UnitRef unit;
-  job::Attempt attempt;
-  /// Differs from the last report if the unit has advanced.
-  int64_t progress = 0;
-};
-
-/// A worker that gets no leases for a while, because it fails units that other workers render.
-struct SetAsideWorker {
-  job::WorkerId worker;
-  absl::Time until;
-  std::string reason;
-};
-
-enum class Lateness {
-  kSilent,   // the worker has not renewed the lease, which is now void
-  kStalled,  // the worker renews the lease but makes no progress; the lease is now void
-  kOverdue,  // the lease stays valid; the unit is leased a second time, and the first result counts
-};
-
-struct LateLease {
-  job::UnitRef unit;
-  job::WorkerId worker;
-  Lateness lateness = Lateness::kSilent;
-  /// Not empty: the job cannot go on, and the caller ends it with this error.
-  std::string job_error;
-};
-
-/// Outcome of the delivery of a unit.
-enum class Completion {
-  kAccepted,   // the lease was valid: the caller commits the unit and then calls UnitCommitted
-  kDuplicate,  // the unit is already accepted or committed
-  kStale,      // the lease is void or belongs to another worker
-  kUnknown,    // no such unit, or the job has ended
-};
-
-/// Outcome of the failure of a unit.
-enum class FailureOutcome {
-  kRetried,   // the unit will be leased again
-  kJobFails,  // too many failures, or two workers say that it is permanent: the caller ends the job
-  kIgnored,   // the lease was already void
-};
-
-/// Progress of an active job.
-struct JobProgress {
-  v1::JobState state = v1::JOB_STATE_QUEUED;
-  int64_t units_done = 0;
-  int64_t units_total = 0;
-  int64_t samples_done = 0;
-  int64_t samples_total = 0;
-  int frames_done = 0;
-  int frames_total = 0;
-  int workers = 0;
-};
-
 /// Assigns units to workers. Pure state and policy: no clock, no threads, no disk. The state is a function of
 /// the calls so far, so that a test can replay any history. Holds active jobs only.
 ///
-/// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free or overdue unit
-/// is leased, only a leased unit is accepted, only an accepted unit is committed; accepted and committed
-/// units never become free again. This is the exactly-once promise. An overdue unit has up to two leases, of
-/// different workers; the other one becomes void when the unit is accepted.
+/// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free, late or overdue
+/// unit is leased, only a leased unit is accepted, only an accepted unit is committed; accepted and committed
+/// units never become free again unless RevokeUnit says so. This is the exactly-once promise. A late or overdue
+/// unit has up to two leases, of different workers; the other one becomes void when the unit is accepted.
 ///
-/// Numeric class: all units of a job are of one class, that of its first accepted unit. Until then workers of
-/// all classes may lease its units; then the leases of the other classes become void.
+/// Numeric class: all units of a job are of one class, that of its first accepted unit unless its options name
+/// one. Until then workers of all classes may lease its units; then the leases of the other classes become
+/// void. Tags: only workers that have all tags of a job lease its units.
 ///
-/// Order: jobs as they were added; frames by number; within a frame as FrameUnits numbers its units. A unit
-/// whose lease became void is granted before units that were never leased, but not to the worker that failed
-/// it last while another worker of the same class is connected. Where several workers are free, the one that
-/// was added first gets the unit.
+/// Order: users and jobs by fair share (fair_share.h), except that a worker goes on with the job whose scene it
+/// has loaded while that job is not far ahead of its share, and that no ready job waits for ever; frames in the
+/// order of the job's frame list; within a frame as FrameUnits numbers its units. A unit whose lease became void
+/// is granted before units that were never leased, but not to the worker that failed it last while another
+/// worker that may render the job is available. Where several workers are free, the one that was added first
+/// gets the unit. Where slots are idle, late units are leased to a second worker.
+///
+/// Frames in flight: a frame is active from the first lease or committed unit until its result is written.
+/// Frames count against SetMaxActiveFrames while their job is not paused and a worker that may render it is
+/// available: all of these can be finished, so that the limit cannot stop the farm.
+///
+/// Audits: a share of the units of a job, chosen by a hash of job and unit, is leased again to a worker of another
+/// name once it is accepted. Equal digests settle the audit; otherwise further workers decide by majority, and a
+/// worker in the minority is blocked. A frame counts as committed when its audits are settled or waived too. A
+/// restart forgets audits that are not settled, and who delivered which unit.
 ///
 /// Time: O(log n) for each unit, lease and worker that a call names, returns or changes; n counts jobs,
-/// leases and workers. Calls about the state of a job take time linear in its leases.
-/// Memory: one bit for each unit of the active frames, plus the leases.
+/// leases and workers. A grant also looks at each distinct pair of class and tags that ready jobs require.
+/// A verdict about a faulty worker looks at each unit of the active frames.
+/// Memory: 33 bits for each unit of the active frames, plus leases and audits.
 /// Threads: one at a time.
 class Scheduler {
  public:
   explicit Scheduler(const SchedulerOptions& options);
 
-  /// Adds a job with a normalised spec and a new id. `numeric_class` is empty unless the job was bound to a
-  /// class before a restart.
-  void AddJob(const job::JobId& job, const v1::JobSpec& spec, const std::string& numeric_class = "");
+  /// Adds a job with a normalised spec and a new id. After a restart `options.numeric_class` is the class that
+  /// the job is bound to.
+  void AddJob(const job::JobId& job, const v1::JobSpec& spec, const JobOptions& options = {});
   /// Restores a unit that was committed before a restart. Call it before any lease of the job. False for a
   /// unit that the job does not have.
   bool RestoreCommittedUnit(const job::UnitRef& unit);
   /// Restores a frame whose result was written before a restart. Call it before any lease of the job and
   /// before the committed units of the frame. False for a frame that the job does not have.
   bool RestoreFinishedFrame(const job::JobId& job, int32_t frame);
+  /// A paused job gets no new leases; the units that it has are still accepted. These three have no effect on an
+  /// unknown job.
+  void PauseJob(const job::JobId& job);
+  void ResumeJob(const job::JobId& job);
+  void SetPriority(const job::JobId& job, int priority);
+  /// Units of a further frame are leased only while fewer frames than this are active; >= 1. No limit before
+  /// the first call.
+  void SetMaxActiveFrames(int frames);
   /// Removes the job; its leases become void.
   void EndJob(const job::JobId& job);
   bool HasJob(const job::JobId& job) const { return jobs_by_id_.contains(job); }
 
-  /// Adds a worker with a new id. `slots` >= 1 is the maximum number of its units that are leased or accepted
-  /// at a time. `name` tells one process from another, over all its connections; if it is empty, the id does.
-  void AddWorker(job::WorkerId worker, const std::string& numeric_class, int slots,
-                 const std::string& name = "");
+  /// Adds a worker with a new id.
+  void AddWorker(job::WorkerId worker, const WorkerTraits& traits);
   /// Removes a worker; its leases become void at once, and each counts as a loss of the worker with the unit.
   std::vector<FailedJob> RemoveWorker(job::WorkerId worker);
+  /// Grants the worker no more leases; it finishes those it has.
+  void DrainWorker(job::WorkerId worker);
+  /// Voids the leases of the workers with this name and grants them none until ReadmitWorker, those that
+  /// connect later included.
+  void BlockWorker(const std::string& name, const std::string& reason);
+  /// Ends a block or a drain, or the time for which the worker was set aside. False if no worker has this name.
+  bool ReadmitWorker(const std::string& name);
+  /// The worker will not deliver the unit: it is free at once. This is neither a failure nor a loss. False if
+  /// the worker does not hold the lease.
+  bool HandBack(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
   /// Renews the worker's leases that are in `held` and have progressed within SchedulerOptions::stall, and
   /// voids those that are not in `held`, except leases with an attempt above `newest`, the last attempt that
-  /// the worker had received when it sent the heartbeat.
-  void Heartbeat(job::WorkerId worker, absl::Span<const HeldLease> held, job::Attempt newest, absl::Time now);
+  /// the worker had received when it sent the heartbeat. Returns the voided ones: each counts as a loss of the
+  /// worker with the unit, which another worker gets next if there is one.
+  std::vector<LateLease> Heartbeat(job::WorkerId worker, absl::Span<const HeldLease> held,
+                                   job::Attempt newest, absl::Time now);
   /// Voids leases whose deadline is not after `now`, makes overdue units ready for a second lease, ends
   /// backoffs and readmits workers that were set aside. A silent worker gets no new leases until its next
   /// heartbeat; a stalled lease keeps its slot until a heartbeat no longer names it.
@@ -178,10 +115,11 @@ class Scheduler {
   /// Grants leases to one worker; none of units in quarantine.
   std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now);
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
-  /// Records that a worker delivered a complete unit.
+  /// Records that a worker delivered a complete unit. `digest` is equal for equal pixels, and empty only where no job
+  /// is audited.
   Completion CompleteUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
-                          absl::Time now);
-  /// Records that an accepted unit is committed. True when it was the last unit of its frame.
+                          absl::Time now, absl::string_view digest = "");
+  /// Records that an accepted unit is committed. True when its frame is committed now.
   bool UnitCommitted(const job::UnitRef& unit);
   /// Makes a committed unit free again, because its record was lost. False for a unit that is not committed, and
   /// for one of a finished frame.
@@ -195,10 +133,39 @@ class Scheduler {
   /// Why the worker is set aside; empty if it is not.
   std::string SetAsideReason(job::WorkerId worker) const;
 
-  /// Frames of the job whose units are all committed and whose result is not written.
+  /// Leases that became void since the last call although their workers did not say so. A caller that tells the
+  /// workers, before it sends them new leases, ends work that is in vain.
+  std::vector<VoidedLease> TakeVoided();
+
+  /// Workers found faulty since the last call.
+  std::vector<FaultyWorker> TakeFaulty();
+  /// Frames that became committed since the last call because their last audit was settled or waived; UnitCommitted
+  /// has not reported them.
+  std::vector<std::pair<job::JobId, int32_t>> TakeSettledFrames();
+
+  /// Frames of the job whose units are all committed and audited and whose result is not written.
   std::vector<int32_t> CommittedFrames(const job::JobId& job) const;
-  /// Records that the result of a committed frame is written. True when it was the last frame of the job.
+  /// False also for a frame of which units were revoked since it was committed.
+  bool IsFrameCommitted(const job::JobId& job, int32_t frame) const;
+  /// Records that the result of a committed frame is written. True when it was the last frame of the job. No effect
+  /// on a frame that is not committed.
   bool FrameFinished(const job::JobId& job, int32_t frame);
+
+  /// Why the job does not run, or runs slowly, most important first; empty for a job that runs as it should, has
+  /// all its units committed, or is unknown. Linear in the jobs and in the leases of the job. Codes: paused, no_worker,
+  /// worker_unavailable, slots_busy, max_leases, frames_in_flight, backoff, quarantine, worker_set_aside, overdue, audit,
+  /// filtering.
+  std::vector<Reason> Explain(const job::JobId& job, absl::Time now) const;
+  /// nullopt for a worker that is not connected.
+  std::optional<WorkerInfo> DescribeWorker(job::WorkerId worker) const;
+  /// At most `limit` connected workers with ids above `after`, ascending.
+  std::vector<WorkerInfo> Workers(job::WorkerId after, int limit) const;
+  /// Connected workers with this name.
+  std::vector<job::WorkerId> WorkersNamed(const std::string& name) const { return workers_.Named(name); }
+  /// By name.
+  std::vector<BlockedWorker> Blocked() const;
+  /// Frames that count against SetMaxActiveFrames.
+  int active_frames() const;
 
   /// The job must be known.
   JobProgress Progress(const job::JobId& job) const;
@@ -209,8 +176,11 @@ class Scheduler {
 
  private:
   struct Frame {
-    std::vector<bool> taken;  // accepted or committed, by unit number
+    std::vector<bool> taken;           // accepted or committed, by unit number
+    std::vector<uint32_t> deliverers;  // numbers of the workers' names, 0 for none; by unit number
     int64_t committed = 0;
+    int64_t audits = 0;          // not settled
+    std::set<int64_t> revoking;  // units of faulty workers that the caller has not revoked yet
   };
   // Times of accepted units, from lease to delivery.
   struct UnitTimes {
@@ -220,32 +190,81 @@ class Scheduler {
   // A unit that was leased in vain; forgotten once it is accepted.
   struct History {
     int failures = 0;
-    job::WorkerId last_failed;
+    std::string last_failed;  // name of the last worker that failed or dropped it; it may reconnect
     std::set<job::WorkerId> failed_workers;
     std::set<std::string> permanent_by;  // names of workers that called the failure permanent
     int losses = 0;
     std::set<std::string> lost_workers;  // by name
+  };
+  struct Vote {
+    std::string worker;  // name
+    std::string digest;
+  };
+  // An accepted unit that further workers render.
+  struct Audit {
+    std::vector<Vote> votes;         // the first is that of the accepted result
+    std::set<std::string> declined;  // workers that could not render the unit
+    absl::Time deadline;             // when it may be waived
+    bool leased = false;
+  };
+  struct Taken {
+    Place place;
+    bool audit = false;
   };
   // A worker that is reserved for a unit in quarantine.
   struct Reservation {
     UnitIndex unit;
     bool granted = false;  // otherwise the worker still has other leases
   };
+  enum class Readiness {
+    kNone,        // no free unit, or none that may be leased now
+    kUnit,        // a free unit of an active frame
+    kOpensFrame,  // free units of frames that are not active only
+  };
+  // The jobs that need the same workers.
+  struct Demand {
+    int jobs = 0;
+    int active_frames = 0;  // of jobs that are not paused
+    FairShare::Queue with_unit;
+    FairShare::Queue opening_frame;
+    std::set<std::pair<absl::Time, job::Attempt>> late;  // leases, by their expected ends
+  };
+  using Demands = std::map<Requirement, Demand>;
   struct Job {
+    Job(const job::JobId& job_id, const v1::JobSpec& job_spec)
+        : id(job_id),
+          spec(job_spec),
+          units(job_spec),
+          frame_list(job_spec),
+          finished(static_cast<size_t>(frame_list.count())) {}
+
     job::JobId id;
     v1::JobSpec spec;
     job::FrameUnits units;
-    std::string numeric_class;
-    std::map<int, Frame> frames;  // active frames, by index
-    std::vector<bool> finished;   // by frame
+    job::FrameList frame_list;
+    Demands::iterator demand;
+    Readiness readiness = Readiness::kNone;
+    int max_leases = 0;  // 0: no limit
+    bool paused = false;
+    std::map<int, Frame> frames;     // active frames, by index
+    std::set<int> committed_frames;  // active frames whose units are all committed
+    std::vector<bool> finished;      // by frame
     int finished_count = 0;
+    bool is_bound = false;  // a unit was accepted
+    int64_t lease_count = 0;
+    std::map<job::WorkerId, int> holders;  // number of leases; never 0
+    std::map<Place, absl::Time> delayed;   // failed units, and the end of their backoff
     int64_t committed_units = 0;
     int64_t committed_samples = 0;
-    Place next_unleased;       // units from here on were never leased
-    std::set<Place> returned;  // leased once, and free again or overdue
-    UnitTimes geometry_times;
-    UnitTimes pass_times;
+    Place next_unleased;             // units from here on were never leased; it is not taken, see Advance
+    std::set<Place> returned;        // leased once, and free again or overdue
+    std::array<UnitTimes, 2> times;  // of geometry units and of passes
     std::map<Place, History> history;
+    double audit_share = 0;
+    std::map<Place, Audit> audits;                 // not settled
+    std::set<std::pair<int, Place>> audits_ready;  // those to lease, by number of votes
+    int64_t audits_settled = 0;
+    int64_t audits_waived = 0;
   };
   // What one call of GrantLeases may still look at in vain, see kMaxSkipped.
   using SkipBudget = int;
@@ -258,31 +277,95 @@ class Scheduler {
   const Lease* FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   void Bind(int64_t job_number, const std::string& numeric_class);
   void VoidOtherLeases(const UnitIndex& index);
-  UnitTimes& TimesOf(Job& job, const Place& place) const;
+  static UnitTimes& TimesOf(Job& job, const Place& place);
+  static const UnitTimes& TimesOf(const Job& job, const Place& place);
   void CountTime(const Lease& lease, absl::Time now);
-  /// When a lease granted at `granted` is overdue; InfiniteFuture if too few units were accepted to tell.
-  absl::Time OverdueTime(const UnitIndex& index, absl::Time granted);
+  /// Sets when the lease is checked next, once the mean is known.
+  void Schedule(job::Attempt attempt, Lease lease);
+  /// Mean of the accepted units of the job and kind; nullopt if they are too few to tell.
+  std::optional<absl::Duration> MeanTime(const UnitIndex& index) const;
+  /// When a lease granted at `granted` is overdue; InfiniteFuture if the mean is not known. LateTime is never later.
+  absl::Time OverdueTime(const UnitIndex& index, absl::Time granted) const;
   void Renew(job::Attempt attempt, int64_t progress, absl::Time now);
+  LateLease Drop(job::Attempt attempt);
   /// Whether the unit, which is not accepted, may be leased: no lease of it is in time.
   bool MayReturn(const UnitIndex& index) const;
   void Return(const UnitIndex& index);
   void CountCommitted(Job& job, const Place& place);
 
-  /// Ready jobs are those that may have free units. Enters the job among them, or removes it.
-  void UpdateReady(int64_t number, const Job& job);
-  void RemoveReady(int64_t number, const Job& job);
-  bool HasReady(const std::string& numeric_class) const;
-  /// The first ready job after `number` whose units workers of the class may lease.
-  std::optional<int64_t> NextReady(const std::string& numeric_class, int64_t number) const;
+  /// Removes a lease, without returning its unit.
+  Lease RemoveLease(job::Attempt attempt);
+  /// Moves job.next_unleased on to the first unit that is not taken or the first frame that is not active.
+  static void Advance(Job& job);
+  const Requirement& RequirementOf(const Job& job) const { return job.demand->first; }
+  /// Enters the job, which is not ready and has no active frames that count, among those of a requirement.
+  void SetDemand(Job& job, const Requirement& requirement);
+  void LeaveDemand(int64_t number, Job& job);
+  /// Changes the number of active frames that count against the limit, see SetMaxActiveFrames.
+  void CountFrames(const Job& job, int change);
+  void RecountLiveFrames();
+
+  static Readiness ReadinessOf(const Job& job);
+  /// Enters the job among the ready ones, or removes it.
+  void UpdateReady(int64_t number, Job& job);
+  void SetReadiness(int64_t number, Job& job, Readiness readiness);
+  bool MayOpenFrame() const { return live_frames_ < max_active_frames_; }
+  bool HasReady(const Requirement& kind) const;
+  /// The job whose unit the worker is to get next, except those in `passed`.
+  std::optional<int64_t> NextReady(const Worker& worker, const std::set<int64_t>& passed, absl::Time now);
+
+  // Late units, in speculation.cc.
+  absl::Time LateTime(const UnitIndex& index, job::WorkerId worker, absl::Time granted) const;
+  /// Relates the worker's time for a unit to the mean.
+  void RateWorker(const Lease& lease, absl::Time now);
+  void MarkLate(job::Attempt attempt, Lease lease, absl::Time now);
+  bool HasLate(const Requirement& kind) const;
+  /// Leases late units to workers that have idle slots.
+  void Speculate(absl::Time now, std::vector<GrantedLease>* granted);
+  std::optional<UnitIndex> TakeLateUnit(job::WorkerId worker, const Requirement& kind, absl::Time now);
+  bool IsWorthASecondLease(const Lease& lease, job::WorkerId worker, absl::Time now) const;
 
   void GrantTo(job::WorkerId worker, absl::Time now, std::vector<GrantedLease>* granted);
-  std::optional<Place> TakeUnit(int64_t job_number, job::WorkerId worker, SkipBudget* budget);
+  std::optional<Taken> TakeUnit(int64_t job_number, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeReturnedUnit(int64_t job_number, job::WorkerId worker, SkipBudget* budget);
-  std::optional<Place> TakeUnleasedUnit(Job& job);
+  std::optional<Place> TakeUnleasedUnit(int64_t job_number);
   bool IsExcluded(const Job& job, const UnitIndex& index, job::WorkerId worker) const;
-  GrantedLease Grant(const UnitIndex& index, job::WorkerId worker, absl::Time now, bool alone);
+  enum class LeaseKind { kOrdinary, kAlone, kAudit };
+  GrantedLease Grant(const UnitIndex& index, job::WorkerId worker, absl::Time now, LeaseKind kind);
   void VoidLease(job::Attempt attempt);
+  /// The same for a lease that the worker does not know to be void.
+  void RevokeLease(job::Attempt attempt);
   void ReleaseSlot(job::WorkerId worker);
+
+  // Workers, in workers.cc.
+  WorkerInfo InfoOf(job::WorkerId id, const Worker& worker) const;
+
+  // Reasons, in explain.cc.
+  void ExplainWorkers(int64_t number, std::vector<Reason>* reasons) const;
+  /// "user ann has 12 leases, user ben 3", the users with the most ones.
+  std::string BusiestUsers() const;
+  void ExplainLimits(const Job& job, std::vector<Reason>* reasons) const;
+  void ExplainUnits(int64_t number, absl::Time now, std::vector<Reason>* reasons) const;
+  void ExplainOverdue(int64_t number, absl::Time now, std::vector<Reason>* reasons) const;
+
+  // Audits, in audit.cc.
+  bool IsAudited(const Job& job, const job::UnitKey& key) const;
+  void StartAudit(const UnitIndex& index, const std::string& worker, absl::string_view digest,
+                  absl::Time now);
+  std::optional<Place> TakeAudit(Job& job, job::WorkerId worker);
+  /// The unit is not leased for its audit any more.
+  void ReturnAudit(const UnitIndex& index);
+  void DeclineAudit(const UnitIndex& index, job::WorkerId worker);
+  void CompleteAudit(job::Attempt attempt, absl::string_view digest, absl::Time now);
+  void DecideAudit(const UnitIndex& index, absl::Time now);
+  void Convict(const std::string& worker, const std::string& reason);
+  bool HasAuditor(const Job& job, const Audit& audit) const;
+  void ExpireAudits(absl::Time now);
+  /// Removes an audit, which is not leased.
+  void EndAudit(const UnitIndex& index);
+  void ReleaseDeliverers(const Frame& frame);
+  /// Enters the frame among the committed ones, or removes it. True if it is one.
+  bool UpdateCommitted(Job& job, int frame);
 
   // Failures, in blame.cc.
   /// Returns the failed unit, which has no lease in time, after its backoff.
@@ -300,7 +383,7 @@ class Scheduler {
   /// Reserves workers for units in quarantine, and leases the units to those that have become idle.
   void GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted);
   std::optional<job::WorkerId> FindWorkerFor(const UnitIndex& index) const;
-  std::optional<job::WorkerId> FindWorkerFor(const UnitIndex& index, const std::string& numeric_class) const;
+  std::optional<job::WorkerId> FindWorkerFor(const UnitIndex& index, int kind) const;
   /// Ends a reservation that is not granted; the unit goes back to the quarantine.
   void CancelReservation(job::WorkerId worker);
   void RemoveFromQuarantine(const UnitIndex& index);
@@ -310,13 +393,25 @@ class Scheduler {
   int64_t next_job_ = 0;
   std::map<int64_t, Job> jobs_;  // by order of arrival
   std::map<job::JobId, int64_t> jobs_by_id_;
-  std::map<std::string, std::set<int64_t>> ready_;  // jobs by numeric class, "" for any; never empty
+  FairShare share_;
+  int64_t grants_ = 0;
+  absl::Time latest_ = absl::InfinitePast();  // the latest time that a call has stated
+  Demands demands_;
+  int max_active_frames_ = std::numeric_limits<int>::max();
+  int live_frames_ = 0;        // active frames that can be finished
+  int64_t counted_kinds_ = 0;  // the pool's version at which they were counted
   WorkerPool workers_;
   LeaseTable leases_;
+  std::map<std::string, std::string> blocked_;  // reasons, by the worker's name
+  std::vector<VoidedLease> newly_voided_;
   std::set<std::pair<job::WorkerId, job::Attempt>> stalled_;  // void, but still in a slot of the worker
   std::map<UnitIndex, job::WorkerId> accepted_;
   std::set<std::pair<absl::Time, UnitIndex>> delayed_;  // units that may return; some are accepted by then
   std::vector<SetAsideWorker> newly_set_aside_;
+  NameTable deliverers_;
+  std::set<std::pair<absl::Time, UnitIndex>> audit_deadlines_;  // some of audits that have ended
+  std::vector<FaultyWorker> newly_faulty_;
+  std::vector<std::pair<job::JobId, int32_t>> newly_settled_;
   std::set<UnitIndex> quarantine_;  // units that wait for a reservation
   std::map<job::WorkerId, Reservation> reservations_;
 };

@@ -1,5 +1,6 @@
 #include "server/scheduler/worker_pool.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "filter/image/check.h"
@@ -8,81 +9,92 @@ namespace lumifold::scheduler {
 
 using job::WorkerId;
 
-void WorkerPool::Add(WorkerId id, const std::string& name, const std::string& numeric_class, int slots) {
-  LUMIFOLD_CHECK(slots >= 1);
+Requirement Requirement::Of(const std::string& numeric_class, std::vector<std::string> tags) {
+  std::sort(tags.begin(), tags.end());
+  tags.erase(std::unique(tags.begin(), tags.end()), tags.end());
+  return {numeric_class, std::move(tags)};
+}
+
+bool Requirement::Admits(const Requirement& kind) const {
+  return (numeric_class.empty() || numeric_class == kind.numeric_class) &&
+         std::includes(kind.tags.begin(), kind.tags.end(), tags.begin(), tags.end());
+}
+
+void WorkerPool::Add(WorkerId id, const WorkerTraits& traits) {
+  LUMIFOLD_CHECK(traits.slots >= 1);
   Worker worker;
-  worker.name = name;
-  worker.numeric_class = numeric_class;
-  worker.slots = slots;
+  worker.traits = traits;
+  worker.kind = AddKind(traits);
   const auto [it, is_new] = workers_.emplace(id, std::move(worker));
   LUMIFOLD_CHECK(is_new);
+  ++kinds_.at(it->second.kind).counts.connected;
+  by_name_[traits.name].insert(id);
   Index(id, it->second);
+  if (kinds_.at(it->second.kind).counts.available == 1) ++version_;
+}
+
+int WorkerPool::AddKind(const WorkerTraits& traits) {
+  Requirement kind = Requirement::Of(traits.numeric_class, traits.tags);
+  const auto [it, is_new] = kind_numbers_.emplace(kind, next_kind_);
+  if (is_new) kinds_[next_kind_++].kind = std::move(kind);
+  return it->second;
 }
 
 void WorkerPool::Remove(WorkerId id) {
   const auto found = workers_.find(id);
   if (found == workers_.end()) return;
-  Unindex(id, found->second);
+  const Worker& worker = found->second;
+  Unindex(id, worker);
+  const auto named = by_name_.find(worker.traits.name);
+  named->second.erase(id);
+  if (named->second.empty()) by_name_.erase(named);
+  const auto kind = kinds_.find(worker.kind);
+  if (kind->second.counts.available == 0) ++version_;
+  if (--kind->second.counts.connected == 0) {
+    kind_numbers_.erase(kind->second.kind);
+    kinds_.erase(kind);
+  }
   workers_.erase(found);
 }
 
-void WorkerPool::SetUnresponsive(WorkerId id, bool unresponsive) {
-  const auto found = workers_.find(id);
-  if (found == workers_.end() || found->second.unresponsive == unresponsive) return;
-  Unindex(id, found->second);
-  found->second.unresponsive = unresponsive;
-  Index(id, found->second);
-}
-
-void WorkerPool::SetReserved(WorkerId id, bool reserved) {
+void WorkerPool::Change(WorkerId id, absl::FunctionRef<void(Worker&)> change) {
   const auto found = workers_.find(id);
   if (found == workers_.end()) return;
+  const int& available = kinds_.at(found->second.kind).counts.available;
+  const bool before = available > 0;
   Unindex(id, found->second);
-  found->second.reserved = reserved;
+  change(found->second);
   Index(id, found->second);
-}
-
-void WorkerPool::SetAside(WorkerId id, absl::Time until) {
-  const auto found = workers_.find(id);
-  if (found == workers_.end()) return;
-  Unindex(id, found->second);
-  found->second.set_aside_until = until;
-  Index(id, found->second);
-}
-
-void WorkerPool::AddBusy(WorkerId id, int change) {
-  const auto found = workers_.find(id);
-  if (found == workers_.end()) return;
-  Unindex(id, found->second);
-  found->second.busy += change;
-  Index(id, found->second);
+  if ((available > 0) != before) ++version_;
 }
 
 void WorkerPool::Unindex(WorkerId id, const Worker& worker) {
+  KindCounts& counts = kinds_.at(worker.kind).counts;
   if (worker.set_aside_until != absl::InfinitePast()) {
     readmissions_.erase({worker.set_aside_until, id});
-    const auto aside = set_aside_.find(worker.numeric_class);
-    if (--aside->second == 0) set_aside_.erase(aside);
+    --counts.set_aside;
   }
-  if (!IsAvailable(worker)) return;
-  const auto available = available_.find(worker.numeric_class);
-  --all_available_;
-  if (--available->second == 0) available_.erase(available);
-  if (!IsFree(worker)) return;
-  const auto free = free_.find(worker.numeric_class);
+  if (!worker.IsAvailable()) return;
+  --counts.available;
+  counts.slots -= worker.traits.slots;
+  counts.busy -= worker.busy;
+  if (!worker.IsFree()) return;
+  const auto free = free_.find(worker.kind);
   free->second.erase(id);
   if (free->second.empty()) free_.erase(free);
 }
 
 void WorkerPool::Index(WorkerId id, const Worker& worker) {
+  KindCounts& counts = kinds_.at(worker.kind).counts;
   if (worker.set_aside_until != absl::InfinitePast()) {
     readmissions_.emplace(worker.set_aside_until, id);
-    ++set_aside_[worker.numeric_class];
+    ++counts.set_aside;
   }
-  if (!IsAvailable(worker)) return;
-  ++all_available_;
-  ++available_[worker.numeric_class];
-  if (IsFree(worker)) free_[worker.numeric_class].insert(id);
+  if (!worker.IsAvailable()) return;
+  ++counts.available;
+  counts.slots += worker.traits.slots;
+  counts.busy += worker.busy;
+  if (worker.IsFree()) free_[worker.kind].insert(id);
 }
 
 const Worker* WorkerPool::Find(WorkerId id) const {
@@ -92,27 +104,40 @@ const Worker* WorkerPool::Find(WorkerId id) const {
 
 bool WorkerPool::IsFree(WorkerId id) const {
   const Worker* worker = Find(id);
-  return worker != nullptr && IsFree(*worker);
+  return worker != nullptr && worker->IsFree();
 }
 
-bool WorkerPool::HasOther(WorkerId id, const std::string& numeric_class) const {
-  const auto available = available_.find(numeric_class);
-  int others = available == available_.end() ? 0 : available->second;
-  if (numeric_class.empty()) others = all_available_;
+std::vector<WorkerId> WorkerPool::Named(const std::string& name) const {
+  const auto found = by_name_.find(name);
+  if (found == by_name_.end()) return {};
+  return {found->second.begin(), found->second.end()};
+}
+
+std::vector<WorkerId> WorkerPool::After(WorkerId after, int limit) const {
+  std::vector<WorkerId> ids;
+  for (auto it = workers_.upper_bound(after); it != workers_.end() && static_cast<int>(ids.size()) < limit;
+       ++it)
+    ids.push_back(it->first);
+  return ids;
+}
+
+KindCounts WorkerPool::Count(const Requirement& requirement) const {
+  KindCounts sum;
+  for (const auto& [number, kind] : kinds_) {
+    if (!requirement.Admits(kind.kind)) continue;
+    sum.connected += kind.counts.connected;
+    sum.available += kind.counts.available;
+    sum.set_aside += kind.counts.set_aside;
+    sum.slots += kind.counts.slots;
+    sum.busy += kind.counts.busy;
+  }
+  return sum;
+}
+
+bool WorkerPool::HasOther(WorkerId id, const Requirement& requirement) const {
   const Worker* self = Find(id);
-  const bool counted = self != nullptr && IsAvailable(*self) &&
-                       (numeric_class.empty() || self->numeric_class == numeric_class);
-  return others > (counted ? 1 : 0);
-}
-
-int WorkerPool::SetAsideCount(const std::string& numeric_class) const {
-  const auto found = set_aside_.find(numeric_class);
-  return found == set_aside_.end() ? 0 : found->second;
-}
-
-int WorkerPool::AvailableCount(const std::string& numeric_class) const {
-  const auto found = available_.find(numeric_class);
-  return found == available_.end() ? 0 : found->second;
+  const bool counted = self != nullptr && self->IsAvailable() && requirement.Admits(KindOf(self->kind));
+  return Count(requirement).available > (counted ? 1 : 0);
 }
 
 std::vector<WorkerId> WorkerPool::Readmissible(absl::Time now) const {
@@ -126,13 +151,13 @@ absl::Time WorkerPool::NextReadmission() const {
   return readmissions_.empty() ? absl::InfiniteFuture() : readmissions_.begin()->first;
 }
 
-std::optional<std::string> WorkerPool::NextFreeClass(const std::string& numeric_class) const {
-  const auto next = free_.upper_bound(numeric_class);
+std::optional<int> WorkerPool::NextFreeKind(int kind) const {
+  const auto next = free_.upper_bound(kind);
   return next == free_.end() ? std::nullopt : std::optional(next->first);
 }
 
-std::optional<WorkerId> WorkerPool::NextFree(const std::string& numeric_class, WorkerId id) const {
-  const auto free = free_.find(numeric_class);
+std::optional<WorkerId> WorkerPool::NextFree(int kind, WorkerId id) const {
+  const auto free = free_.find(kind);
   if (free == free_.end()) return std::nullopt;
   const auto next = free->second.upper_bound(id);
   return next == free->second.end() ? std::nullopt : std::optional(*next);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -8,80 +9,124 @@
 #include <utility>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/time/time.h"
 #include "server/job/ids.h"
+#include "server/scheduler/types.h"
 
 namespace lumifold::scheduler {
 
-struct Worker {
-  std::string name;
+/// What a worker is, or what a job requires of its workers; then an empty class means any.
+struct Requirement {
   std::string numeric_class;
-  int slots = 1;
+  std::vector<std::string> tags;  // ascending, each once
+
+  static Requirement Of(const std::string& numeric_class, std::vector<std::string> tags);
+  /// Whether a worker of `kind` may render a job that requires this.
+  bool Admits(const Requirement& kind) const;
+  friend auto operator<=>(const Requirement&, const Requirement&) = default;
+};
+
+struct Worker {
+  WorkerTraits traits;
+  int kind = 0;               // number of its class and tags, see WorkerPool
   int busy = 0;               // leases and accepted units
   bool unresponsive = false;  // a lease expired and no heartbeat came since
   bool reserved = false;      // for a unit in quarantine
+  bool draining = false;
+  bool blocked = false;
   /// Jobs of which other workers rendered a unit that this one had failed, and when that was last.
   std::map<int64_t, absl::Time> blamed_jobs;
   absl::Time set_aside_until = absl::InfinitePast();  // InfinitePast if it is not set aside
+  int64_t last_job = -1;                              // of its last lease; -1: none
+  /// Mean of its times for a unit / those of the unit's job, over about the last kRatedUnits units.
+  double slowness = 1;
+  int rated = 0;
+  int64_t units_done = 0;
+  int64_t units_failed = 0;
+  absl::Duration unit_time;  // sum over units_done
+
+  bool IsAvailable() const {
+    return !unresponsive && !draining && !blocked && set_aside_until == absl::InfinitePast();
+  }
+  bool IsFree() const { return IsAvailable() && !reserved && busy < traits.slots; }
 };
 
-/// The connected workers, and which of them can take a unit. Every call takes O(log n).
+/// Numbers of workers of one class and tags.
+struct KindCounts {
+  int connected = 0;
+  int available = 0;
+  int set_aside = 0;
+  int64_t slots = 0;  // of available workers
+  int64_t busy = 0;   // of these
+};
+
+/// The connected workers, and which of them can take a unit. Workers of equal class and tags are of one kind;
+/// kinds have numbers from 0 on. A call takes O(log n) unless it says otherwise.
 ///
-/// A worker is available unless it is unresponsive or set aside; it is free if it is available, not reserved,
-/// and has a free slot.
+/// A worker is available unless it is unresponsive, draining, blocked or set aside; it is free if it is
+/// available, not reserved, and has a free slot.
 /// Threads: one at a time.
 class WorkerPool {
  public:
-  /// `id` is new, slots >= 1.
-  void Add(job::WorkerId id, const std::string& name, const std::string& numeric_class, int slots);
-  /// No effect on an unknown worker, as for the calls below.
+  /// `id` is new, traits.slots >= 1.
+  void Add(job::WorkerId id, const WorkerTraits& traits);
+  /// No effect on an unknown worker.
   void Remove(job::WorkerId id);
-  void SetUnresponsive(job::WorkerId id, bool unresponsive);
-  void SetReserved(job::WorkerId id, bool reserved);
-  /// Sets the worker aside until a time, or readmits it with InfinitePast.
-  void SetAside(job::WorkerId id, absl::Time until);
-  /// The worker is known.
-  std::map<int64_t, absl::Time>& BlamedJobs(job::WorkerId id) { return workers_.at(id).blamed_jobs; }
-  void TakeSlot(job::WorkerId id) { AddBusy(id, 1); }
-  void ReleaseSlot(job::WorkerId id) { AddBusy(id, -1); }
+  /// Applies `change` to the state of a worker; no effect on an unknown one. The traits and kind stay.
+  void Change(job::WorkerId id, absl::FunctionRef<void(Worker&)> change);
+  void TakeSlot(job::WorkerId id) {
+    Change(id, [](Worker& worker) { ++worker.busy; });
+  }
+  void ReleaseSlot(job::WorkerId id) {
+    Change(id, [](Worker& worker) { --worker.busy; });
+  }
 
   /// Null for an unknown worker; valid until Remove.
   const Worker* Find(job::WorkerId id) const;
   bool IsFree(job::WorkerId id) const;
-  /// Whether a worker of the class, "" for any, is available besides `id`.
-  bool HasOther(job::WorkerId id, const std::string& numeric_class) const;
+  /// The connections of the workers with this name.
+  std::vector<job::WorkerId> Named(const std::string& name) const;
+  /// At most `limit` workers with ids above `after`, ascending.
+  std::vector<job::WorkerId> After(job::WorkerId after, int limit) const;
 
-  /// Workers of the class that are set aside, or available.
-  int SetAsideCount(const std::string& numeric_class) const;
-  int AvailableCount(const std::string& numeric_class) const;
+  /// Changes whenever the first worker of a kind becomes available, or the last one ceases to be.
+  int64_t version() const { return version_; }
+  const Requirement& KindOf(int kind) const { return kinds_.at(kind).kind; }
+  /// Sum over the kinds that `requirement` admits; O(kinds).
+  KindCounts Count(const Requirement& requirement) const;
+  /// Whether a worker that `requirement` admits is available besides `id`; O(kinds).
+  bool HasOther(job::WorkerId id, const Requirement& requirement) const;
+
   /// Workers whose time aside is over at `now`, in the order of these times.
   std::vector<job::WorkerId> Readmissible(absl::Time now) const;
   /// When the first of them is; InfiniteFuture if none is set aside.
   absl::Time NextReadmission() const;
 
-  /// The class after `numeric_class` that has free workers, in alphabetical order; classes are not empty.
-  std::optional<std::string> NextFreeClass(const std::string& numeric_class) const;
-  /// The first free worker of the class after `id`, in the order of ids.
-  std::optional<job::WorkerId> NextFree(const std::string& numeric_class, job::WorkerId id) const;
+  /// The first kind after number `kind` that has free workers.
+  std::optional<int> NextFreeKind(int kind) const;
+  /// The first free worker of the kind after `id`, in the order of ids.
+  std::optional<job::WorkerId> NextFree(int kind, job::WorkerId id) const;
 
  private:
-  static bool IsAvailable(const Worker& worker) {
-    return !worker.unresponsive && worker.set_aside_until == absl::InfinitePast();
-  }
-  static bool IsFree(const Worker& worker) {
-    return IsAvailable(worker) && !worker.reserved && worker.busy < worker.slots;
-  }
-  void AddBusy(job::WorkerId id, int change);
+  struct Kind {
+    Requirement kind;
+    KindCounts counts;
+  };
+
+  int AddKind(const WorkerTraits& traits);
   /// Removes the worker from the indices below, or enters it, by its present state.
   void Unindex(job::WorkerId id, const Worker& worker);
   void Index(job::WorkerId id, const Worker& worker);
 
   std::map<job::WorkerId, Worker> workers_;
-  std::map<std::string, int> available_;  // number, by class; never 0
-  int all_available_ = 0;
-  std::map<std::string, int> set_aside_;  // number, by class; never 0
+  std::map<std::string, std::set<job::WorkerId>> by_name_;
+  int next_kind_ = 0;
+  int64_t version_ = 0;
+  std::map<Requirement, int> kind_numbers_;
+  std::map<int, Kind> kinds_;  // with connected workers
   std::set<std::pair<absl::Time, job::WorkerId>> readmissions_;
-  std::map<std::string, std::set<job::WorkerId>> free_;  // by class; never empty
+  std::map<int, std::set<job::WorkerId>> free_;  // by kind; never empty
 };
 
 }  // namespace lumifold::scheduler

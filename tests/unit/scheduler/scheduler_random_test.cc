@@ -1,6 +1,7 @@
 // Random histories checked against a model of the rules: for any events in any order each unit is committed
 // exactly once, no unit is lost, a void lease delivers nothing, all units of a job are of one numeric class,
-// and a restart at any time preserves this.
+// paused jobs and drained or blocked workers get no leases, units of faulty workers are rendered again, and a
+// restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "server/scheduler/scheduler.h"
@@ -36,12 +38,14 @@ struct ModelLease {
   absl::Time progressed;
   int64_t progress = 0;
   bool alone = false;  // in quarantine
+  bool audit = false;
 };
 
 class RandomHistory {
  public:
-  /// In every second history units come into quarantine.
-  explicit RandomHistory(uint32_t seed) : random_(seed), max_lost_workers_(seed % 2 == 0 ? 2 : 1'000'000) {
+  /// In every second history units come into quarantine, in every third there are workers that deliver wrong pixels.
+  explicit RandomHistory(uint32_t seed)
+      : random_(seed), max_lost_workers_(seed % 2 == 0 ? 2 : 1'000'000), has_liars_(seed % 3 == 0) {
     for (int i = 0; i < 2; ++i) {
       v1::JobSpec& spec = specs_[JobId("j-" + std::to_string(i))];
       spec.set_width(20);
@@ -59,6 +63,7 @@ class RandomHistory {
     ASSERT_TRUE(IsDone()) << "units were lost";
     for (const auto& [job, spec] : specs_) {
       const FrameUnits units(spec);
+      EXPECT_EQ(scheduler_->Progress(job).state, v1::JOB_STATE_DONE);
       EXPECT_EQ(scheduler_->Progress(job).units_done, units.count() * spec.frame_count());
       for (int32_t frame = 0; frame < spec.frame_count(); ++frame) {
         for (int64_t number = 0; number < units.count(); ++number) {
@@ -70,21 +75,31 @@ class RandomHistory {
 
   int second_leases() const { return second_leases_; }
   int quarantines() const { return quarantines_; }
+  int audits() const { return audits_; }
+  int revoked() const { return revoked_; }
 
  private:
   int Draw(int below) { return static_cast<int>(random_() % static_cast<uint32_t>(below)); }
 
   bool IsDone() const {
-    size_t total = 0;
-    for (const auto& [job, spec] : specs_) {
-      total += static_cast<size_t>(FrameUnits(spec).count()) * static_cast<size_t>(spec.frame_count());
-    }
-    return commits_.size() == total;
+    size_t frames = 0;
+    for (const auto& [job, spec] : specs_) frames += static_cast<size_t>(spec.frame_count());
+    return finished_.size() == frames;
   }
 
   void Step() {
     now_ += absl::Seconds(Draw(4));
-    switch (Draw(40)) {
+    Act();
+    FollowAudits();
+    for (const VoidedLease& voided : scheduler_->TakeVoided()) {
+      const auto held = held_.find(voided.worker);
+      if (held == held_.end()) continue;
+      for (const ModelLease& lease : held->second) EXPECT_NE(lease.attempt, voided.attempt);
+    }
+  }
+
+  void Act() {
+    switch (Draw(48)) {
       case 0:
         return Restart();
       case 1:
@@ -102,6 +117,17 @@ class RandomHistory {
       case 9:
       case 10:
         return DeliverVoid();
+      case 11:
+        return HandBack();
+      case 12:
+        return PauseOrResume();
+      case 13:
+        return DrainOrBlock();
+      case 14:
+        return Readmit();
+      case 15:
+      case 16:
+        return FinishFrames();
       default:
         return Draw(2) == 0 ? Grant() : Deliver();
     }
@@ -116,17 +142,28 @@ class RandomHistory {
                                                               .max_failures = 1'000'000,
                                                               .max_lost_workers = max_lost_workers_,
                                                               .first_attempt = Attempt(last_attempt_ + 1)});
-    for (const auto& [job, spec] : specs_) scheduler_->AddJob(job, spec, class_of_job_[job]);
+    scheduler_->SetMaxActiveFrames(2);
+    for (const auto& [job, spec] : specs_) {
+      const bool second = job == JobId("j-1");
+      scheduler_->AddJob(job, spec,
+                         {.priority = second ? 10 : 0,
+                          .user = job.value(),
+                          .numeric_class = class_of_job_[job],
+                          .paused = paused_.contains(job),
+                          .audit_share = second ? 0.5 : 0});
+    }
+    for (const auto& [job, frame] : finished_) EXPECT_TRUE(scheduler_->RestoreFinishedFrame(job, frame));
     for (const auto& [unit, count] : commits_) EXPECT_TRUE(scheduler_->RestoreCommittedUnit(unit));
     for (auto& [worker, leases] : held_) MakeVoid(worker, &leases);
     held_.clear();
+    idle_.clear();
     for (int i = 0; i < kWorkers; ++i) Connect();
   }
 
   void Connect() {
     const WorkerId worker(next_worker_++);
     class_of_worker_[worker] = kClasses[Draw(2)];
-    scheduler_->AddWorker(worker, class_of_worker_[worker], kSlots);
+    scheduler_->AddWorker(worker, {.numeric_class = class_of_worker_[worker], .slots = kSlots});
     held_[worker];
   }
 
@@ -150,6 +187,7 @@ class RandomHistory {
     }
     EXPECT_LE(scheduler_->NextExpiry(), next);  // or a unit may be overdue before
     scheduler_->ExpireLeases(now_);
+    FollowAudits();
     for (auto& [worker, leases] : held_) {
       for (auto it = leases.begin(); it != leases.end();) {
         if (it->deadline > now_) {
@@ -186,7 +224,9 @@ class RandomHistory {
     for (const GrantedLease& lease : granted) {
       EXPECT_GT(lease.attempt.value(), last_attempt_);
       last_attempt_ = lease.attempt.value();
-      EXPECT_FALSE(commits_.contains(lease.unit)) << Describe(lease.unit) << " leased again";
+      EXPECT_EQ(commits_.contains(lease.unit), lease.audit) << Describe(lease.unit) << " leased again";
+      EXPECT_FALSE(paused_.contains(lease.unit.job));
+      EXPECT_FALSE(idle_.contains(lease.worker)) << "drained or blocked";
       int others = 0;
       for (const auto& [other, theirs] : held_) {
         for (const ModelLease& held : theirs) {
@@ -195,14 +235,16 @@ class RandomHistory {
           ++others;
         }
       }
-      EXPECT_LE(others, 1) << "three leases of one unit";
+      EXPECT_LE(others, lease.audit ? 0 : 1) << "three leases of one unit";
       second_leases_ += others;
+      audits_ += lease.audit ? 1 : 0;
       if (lease.alone) {
         ++quarantines_;
         EXPECT_TRUE(held_.at(lease.worker).empty()) << "a unit in quarantine has the worker for itself";
       }
       for (const ModelLease& held : held_.at(lease.worker)) EXPECT_FALSE(held.alone);
-      held_.at(lease.worker).push_back({lease.unit, lease.attempt, now_ + kLease, now_, 0, lease.alone});
+      held_.at(lease.worker)
+          .push_back({lease.unit, lease.attempt, now_ + kLease, now_, 0, lease.alone, lease.audit});
     }
     for (const auto& [worker, leases] : held_) EXPECT_LE(leases.size(), static_cast<size_t>(kSlots));
   }
@@ -212,8 +254,12 @@ class RandomHistory {
     if (leases.empty()) return;
     const ModelLease lease = leases[static_cast<size_t>(Draw(static_cast<int>(leases.size())))];
     std::erase_if(leases, [&](const ModelLease& held) { return held.attempt == lease.attempt; });
-    ASSERT_EQ(scheduler_->CompleteUnit(worker, lease.unit, lease.attempt, now_), Completion::kAccepted);
+    const bool lies = has_liars_ && worker.value() % 5 == 0;
+    const std::string digest = lies ? "wrong " + std::to_string(lease.attempt.value()) : Describe(lease.unit);
+    ASSERT_EQ(scheduler_->CompleteUnit(worker, lease.unit, lease.attempt, now_, digest),
+              lease.audit ? Completion::kAudited : Completion::kAccepted);
     void_.emplace_back(worker, lease);  // a second delivery is a duplicate
+    if (lease.audit) return;
     MakeVoidOthers(lease.unit);
     BindTo(lease.unit.job, class_of_worker_.at(worker));
     scheduler_->UnitCommitted(lease.unit);
@@ -250,6 +296,65 @@ class RandomHistory {
     EXPECT_EQ(completion, commits_.contains(lease.unit) ? Completion::kDuplicate : Completion::kStale);
   }
 
+  /// The caller's part when a worker is found faulty: its units are lost and rendered again.
+  void FollowAudits() {
+    for (const FaultyWorker& faulty : scheduler_->TakeFaulty()) {
+      EXPECT_TRUE(has_liars_);
+      for (const WorkerId worker : scheduler_->WorkersNamed(faulty.name)) {
+        EXPECT_EQ(worker.value() % 5, 0) << "an honest worker was blocked";
+        MakeVoid(worker, &held_.at(worker));
+        idle_.insert(worker);
+      }
+      for (const UnitRef& unit : faulty.units) {
+        EXPECT_TRUE(scheduler_->RevokeUnit(unit));
+        EXPECT_EQ(commits_.erase(unit), 1u);
+        EXPECT_FALSE(finished_.contains({unit.job, unit.key.frame}));
+        MakeVoidOthers(unit);  // audits of it
+        ++revoked_;
+      }
+    }
+  }
+
+  void FinishFrames() {
+    for (const auto& [job, spec] : specs_) {
+      for (const int32_t frame : scheduler_->CommittedFrames(job)) {
+        EXPECT_TRUE(scheduler_->IsFrameCommitted(job, frame));
+        finished_.emplace(job, frame);
+        scheduler_->FrameFinished(job, frame);
+      }
+    }
+  }
+
+  void HandBack() {
+    auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
+    if (leases.empty()) return;
+    const ModelLease lease = leases.back();
+    leases.pop_back();
+    EXPECT_TRUE(scheduler_->HandBack(worker, lease.unit, lease.attempt));
+    void_.emplace_back(worker, lease);
+  }
+
+  void PauseOrResume() {
+    const JobId job = std::next(specs_.begin(), Draw(2))->first;
+    if (paused_.erase(job) > 0) return scheduler_->ResumeJob(job);
+    if (Draw(4) > 0) return;
+    paused_.insert(job);
+    scheduler_->PauseJob(job);
+  }
+
+  void DrainOrBlock() {
+    auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
+    idle_.insert(worker);
+    if (Draw(2) == 0) return scheduler_->DrainWorker(worker);
+    scheduler_->BlockWorker("w-" + std::to_string(worker.value()), "a test");
+    MakeVoid(worker, &leases);
+  }
+
+  void Readmit() {
+    for (const WorkerId worker : idle_) scheduler_->ReadmitWorker("w-" + std::to_string(worker.value()));
+    idle_.clear();
+  }
+
   void Fail() {
     auto& [worker, leases] = *std::next(held_.begin(), Draw(kWorkers));
     if (leases.empty()) return;
@@ -268,7 +373,13 @@ class RandomHistory {
   std::map<WorkerId, std::vector<ModelLease>> held_;
   std::vector<std::pair<WorkerId, ModelLease>> void_;
   int max_lost_workers_;
-  int second_leases_ = 0;  // of overdue units
+  bool has_liars_;
+  int second_leases_ = 0;  // of late units
+  int audits_ = 0;
+  int revoked_ = 0;
+  std::set<JobId> paused_;
+  std::set<WorkerId> idle_;  // drained or blocked
+  std::set<std::pair<JobId, int32_t>> finished_;
   int quarantines_ = 0;
   std::map<WorkerId, std::string> class_of_worker_;
   std::map<JobId, std::string> class_of_job_;  // empty before the first commit
@@ -279,17 +390,23 @@ class SchedulerRandom : public ::testing::TestWithParam<uint32_t> {};
 
 TEST_P(SchedulerRandom, CommitsEachUnitExactlyOnceWhateverHappens) { RandomHistory(GetParam()).Run(); }
 
-TEST(SchedulerRandomHistory, TheHistoriesHaveOverdueUnitsAndQuarantine) {
+TEST(SchedulerRandomHistory, TheHistoriesHaveAllThatCanHappen) {
   int second_leases = 0;
   int quarantines = 0;
+  int audits = 0;
+  int revoked = 0;
   for (uint32_t seed = 0; seed < 30; ++seed) {
     RandomHistory history(seed);
     history.Run();
     second_leases += history.second_leases();
     quarantines += history.quarantines();
+    audits += history.audits();
+    revoked += history.revoked();
   }
   EXPECT_GT(second_leases, 0);
   EXPECT_GT(quarantines, 0);
+  EXPECT_GT(audits, 0);
+  EXPECT_GT(revoked, 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, SchedulerRandom, ::testing::Range(0u, 30u));

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <set>
+#include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -51,7 +53,7 @@ class SchedulerTest : public ::testing::Test {
 
 TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 3);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 3});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   ASSERT_EQ(leases.size(), 3u);
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
@@ -63,9 +65,9 @@ TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
 
 TEST_F(SchedulerTest, GrantsToAllWorkersInTheOrderTheyCameWhileThereIsWork) {
   scheduler_.AddJob(kJob, Spec());  // 12 units
-  for (int i = 1; i <= 4; ++i) scheduler_.AddWorker(WorkerId(i), "avx2", 4);
-  scheduler_.AddWorker(WorkerId(5), "sse2", 4);
-  scheduler_.AddJob(kOther, Spec(), "sse2");
+  for (int i = 1; i <= 4; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 4});
+  scheduler_.AddWorker(WorkerId(5), {.numeric_class = "sse2", .slots = 4});
+  scheduler_.AddJob(kOther, Spec(), {.numeric_class = "sse2"});
   const auto leases = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(leases.size(), 16u);
   for (size_t i = 0; i < leases.size(); ++i) {
@@ -79,8 +81,8 @@ TEST_F(SchedulerTest, GrantsToAllWorkersInTheOrderTheyCameWhileThereIsWork) {
 
 TEST_F(SchedulerTest, AUnitThatAFreeWorkerMayNotTakeDoesNotStopTheOthers) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 12);
-  scheduler_.AddWorker(kBen, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   scheduler_.AddJob(kOther, Spec());
   ASSERT_EQ(scheduler_.GrantLeases(kBen, kStart).size(), 1u);  // of the other job
@@ -93,7 +95,7 @@ TEST_F(SchedulerTest, AUnitThatAFreeWorkerMayNotTakeDoesNotStopTheOthers) {
 
 TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
   EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt, kStart), Completion::kAccepted);
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
@@ -101,9 +103,19 @@ TEST_F(SchedulerTest, ASlotIsFreeOnceTheUnitIsCommittedAndNotBefore) {
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 1u);
 }
 
+TEST_F(SchedulerTest, AJobThatEndsWithFreeUnitsLeavesNothingToOthersLikeIt) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddJob(kOther, Spec());
+  scheduler_.EndJob(kJob);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
+  const auto leases = scheduler_.GrantLeases(kStart);
+  EXPECT_EQ(leases.size(), 12u);
+  for (const GrantedLease& lease : leases) EXPECT_EQ(lease.unit.job, kOther);
+}
+
 TEST_F(SchedulerTest, ARevokedUnitIsLeasedOnceMore) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 12);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   EXPECT_FALSE(scheduler_.RevokeUnit(leases[5].unit)) << "it is leased, not committed";
   for (const GrantedLease& lease : leases) Commit(kAnn, lease);
@@ -127,13 +139,13 @@ TEST_F(SchedulerTest, AUnitRevokedBeforeItsTurnIsLeasedOnceMore) {
   const UnitRef lost{kJob, {10, 2, 0, v1::UNIT_KIND_GEOMETRY}};
   scheduler_.RestoreCommittedUnit(lost);
   EXPECT_TRUE(scheduler_.RevokeUnit(lost));
-  scheduler_.AddWorker(kAnn, "avx2", 100);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 12u);
 }
 
 TEST_F(SchedulerTest, AUnitIsAcceptedOnce) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 2);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
   Commit(kAnn, lease);
   EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt, kStart), Completion::kDuplicate);
@@ -142,8 +154,8 @@ TEST_F(SchedulerTest, AUnitIsAcceptedOnce) {
 
 TEST_F(SchedulerTest, AnotherWorkersLeaseIsStale) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
-  scheduler_.AddWorker(kBen, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
   EXPECT_EQ(scheduler_.CompleteUnit(kBen, lease.unit, lease.attempt, kStart), Completion::kStale);
   EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, Attempt(99), kStart), Completion::kStale);
@@ -151,7 +163,7 @@ TEST_F(SchedulerTest, AnotherWorkersLeaseIsStale) {
 
 TEST_F(SchedulerTest, UnknownUnitsAreUnknown) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
   for (const UnitRef& unit :
        {UnitRef{kOther, {10, 0, 0, v1::UNIT_KIND_PASS}}, UnitRef{kJob, {11, 0, 0, v1::UNIT_KIND_PASS}},
         UnitRef{kJob, {9, 0, 0, v1::UNIT_KIND_PASS}}, UnitRef{kJob, {10, 4, 0, v1::UNIT_KIND_PASS}},
@@ -163,10 +175,10 @@ TEST_F(SchedulerTest, UnknownUnitsAreUnknown) {
 
 TEST_F(SchedulerTest, LeasesOfAWorkerThatIsGoneGoToTheNext) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 2);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
   const auto lost = scheduler_.GrantLeases(kAnn, kStart);
   scheduler_.RemoveWorker(kAnn);
-  scheduler_.AddWorker(kBen, "avx2", 2);
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 2});
   const auto again = scheduler_.GrantLeases(kBen, kStart);
   ASSERT_EQ(again.size(), 2u);
   EXPECT_EQ(again[0].unit, lost[0].unit);
@@ -177,7 +189,7 @@ TEST_F(SchedulerTest, LeasesOfAWorkerThatIsGoneGoToTheNext) {
 
 TEST_F(SchedulerTest, LeasesRunOutUnlessRenewed) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 2);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(30));
   scheduler_.Heartbeat(kAnn, {{leases[0].unit, leases[0].attempt}}, Attempt(0), kStart + absl::Seconds(20));
@@ -192,7 +204,7 @@ TEST_F(SchedulerTest, LeasesRunOutUnlessRenewed) {
 
 TEST_F(SchedulerTest, ASilentWorkerGetsNothingUntilItIsHeardOf) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
   scheduler_.GrantLeases(kAnn, kStart);
   scheduler_.ExpireLeases(kStart + absl::Seconds(30));
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart + absl::Seconds(31)), IsEmpty());
@@ -202,7 +214,7 @@ TEST_F(SchedulerTest, ASilentWorkerGetsNothingUntilItIsHeardOf) {
 
 TEST_F(SchedulerTest, AHeartbeatVoidsWhatItDoesNotNameButNothingNewer) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 3);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 3});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   scheduler_.Heartbeat(kAnn, {{leases[0].unit, leases[0].attempt}}, leases[1].attempt, kStart);
   EXPECT_TRUE(scheduler_.HoldsLease(kAnn, leases[0].unit, leases[0].attempt));
@@ -213,7 +225,7 @@ TEST_F(SchedulerTest, AHeartbeatVoidsWhatItDoesNotNameButNothingNewer) {
 
 TEST_F(SchedulerTest, ALeaseWithoutProgressIsNotRenewedForEver) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 2);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   const GrantedLease& moving = leases[0];
   const GrantedLease& hung = leases[1];
@@ -237,7 +249,7 @@ TEST_F(SchedulerTest, ALeaseWithoutProgressIsNotRenewedForEver) {
 TEST_F(SchedulerTest, AStalledLeaseKeepsItsSlotWhileTheWorkerNamesIt) {
   Scheduler scheduler({.stall = absl::Seconds(40)});
   scheduler.AddJob(kJob, Spec());
-  scheduler.AddWorker(kAnn, "avx2", 1);
+  scheduler.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease hung = scheduler.GrantLeases(kAnn, kStart).at(0);
   scheduler.Heartbeat(kAnn, {{hung.unit, hung.attempt}}, hung.attempt, kStart + absl::Seconds(20));
   EXPECT_EQ(scheduler.NextExpiry(), kStart + absl::Seconds(40));
@@ -253,8 +265,8 @@ TEST_F(SchedulerTest, AnOverdueUnitIsLeasedToASecondWorkerAndTheFirstResultCount
   v1::JobSpec spec = Spec();
   spec.set_width(64);  // 16 tiles
   scheduler_.AddJob(kJob, spec);
-  scheduler_.AddWorker(kAnn, "avx2", 1);
-  scheduler_.AddWorker(kBen, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease slow = scheduler_.GrantLeases(kAnn, kStart).at(0);
   absl::Time now = kStart;
   for (int i = 0; i < 8; ++i) {
@@ -283,7 +295,7 @@ TEST_F(SchedulerTest, AnOverdueUnitIsNotLeasedTwiceToTheSameWorker) {
   v1::JobSpec spec = Spec();
   spec.set_samples_per_pixel(12);  // 3 passes of 4 tiles
   scheduler_.AddJob(kJob, spec);
-  scheduler_.AddWorker(kAnn, "avx2", 16);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 16});
   std::vector<GrantedLease> leases = scheduler_.GrantLeases(kAnn, kStart);
   const absl::Time now = kStart + absl::Seconds(1);
   for (size_t i = 0; i + 1 < leases.size(); ++i) {
@@ -299,8 +311,8 @@ TEST_F(SchedulerTest, AnOverdueUnitIsNotLeasedTwiceToTheSameWorker) {
 
 TEST_F(SchedulerTest, AJobStaysWithinTheClassOfItsFirstAcceptedUnit) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
-  scheduler_.AddWorker(kBen, "avx512", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx512", .slots = 1});
   const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
   const GrantedLease other = scheduler_.GrantLeases(kBen, kStart).at(0);
   EXPECT_EQ(scheduler_.NumericClassOf(kJob), "");
@@ -316,20 +328,20 @@ TEST_F(SchedulerTest, AJobStaysWithinTheClassOfItsFirstAcceptedUnit) {
 
 TEST_F(SchedulerTest, AWorkerOfAnotherClassThatLeasesOnceAndDiesDoesNotBlockTheJob) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "sse2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "sse2", .slots = 1});
   scheduler_.GrantLeases(kAnn, kStart);
-  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_RENDERING);
+  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_RUNNING);
   scheduler_.RemoveWorker(kAnn);
-  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_QUEUED);
-  scheduler_.AddWorker(kBen, "avx2", 12);
+  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_PLANNED);
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
   for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
   EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
 }
 
 TEST_F(SchedulerTest, AFailedUnitGoesToAnotherWorkerWhereThereIsOne) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
-  scheduler_.AddWorker(kBen, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
   EXPECT_EQ(scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart), FailureOutcome::kRetried);
   scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
@@ -337,9 +349,40 @@ TEST_F(SchedulerTest, AFailedUnitGoesToAnotherWorkerWhereThereIsOne) {
   EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
 }
 
+TEST_F(SchedulerTest, AWorkerThatFailedAUnitAndReconnectsIsStillTheSame) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.name = "bad", .numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.name = "good", .numeric_class = "avx2", .slots = 1});
+  const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart);
+  scheduler_.RemoveWorker(kAnn);
+  const WorkerId again(3);
+  scheduler_.AddWorker(again, {.name = "bad", .numeric_class = "avx2", .slots = 1});
+  scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
+  EXPECT_NE(scheduler_.GrantLeases(again, kStart).at(0).unit, failed.unit);
+  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
+}
+
+TEST_F(SchedulerTest, ADroppedUnitGoesToAnotherWorkerWhereThereIsOne) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  const std::vector<LateLease> late = scheduler_.Heartbeat(kAnn, {}, first.attempt, kStart);
+  ASSERT_EQ(late.size(), 1u);
+  EXPECT_EQ(late[0].unit, first.unit);
+  EXPECT_EQ(late[0].lateness, Lateness::kDropped);
+  EXPECT_EQ(late[0].job_error, "");
+  const GrantedLease again = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(again.unit, first.unit) << "there is no other worker";
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.Heartbeat(kAnn, {}, again.attempt, kStart);
+  EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, first.unit);
+  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, first.unit);
+}
+
 TEST_F(SchedulerTest, ThreeFailuresOfAUnitFailTheJobWithLongerAndLongerPauses) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 12);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   GrantedLease lease = leases[0];
   absl::Time now = kStart;
@@ -361,15 +404,15 @@ TEST_F(SchedulerTest, ThreeFailuresOfAUnitFailTheJobWithLongerAndLongerPauses) {
 
 TEST_F(SchedulerTest, APermanentFailureFailsTheJobAtOnceIfNobodyElseCanBeAsked) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
   EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, true, kStart), FailureOutcome::kJobFails);
 }
 
 TEST_F(SchedulerTest, APermanentFailureIsBelievedWhenASecondWorkerAgrees) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 1);
-  scheduler_.AddWorker(kBen, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
   EXPECT_EQ(scheduler_.FailUnit(kAnn, first.unit, first.attempt, true, kStart), FailureOutcome::kRetried);
   const GrantedLease second = scheduler_.GrantLeases(kBen, kStart).at(0);
@@ -378,11 +421,11 @@ TEST_F(SchedulerTest, APermanentFailureIsBelievedWhenASecondWorkerAgrees) {
 }
 
 TEST_F(SchedulerTest, AWorkerThatFailsWhatOthersRenderIsSetAsideForAWhile) {
-  scheduler_.AddWorker(kAnn, "avx2", 1);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
   for (const JobId& job : {kJob, kOther}) {
     scheduler_.AddJob(job, Spec());
     const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
-    if (job == kJob) scheduler_.AddWorker(kBen, "avx2", 12);
+    if (job == kJob) scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
     scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, true, kStart);
     EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
     for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
@@ -407,16 +450,17 @@ TEST_F(SchedulerTest, AWorkerThatFailsWhatOthersRenderIsSetAsideForAWhile) {
 
 TEST_F(SchedulerTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails) {
   scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(WorkerId(1), "avx2", 1, "host:1");
+  scheduler_.AddWorker(WorkerId(1), {.name = "host:1", .numeric_class = "avx2", .slots = 1});
   const UnitRef poison = scheduler_.GrantLeases(kStart).at(0).unit;
   for (int64_t i = 2; i <= 3; ++i) {
     EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i - 1)), IsEmpty());
-    scheduler_.AddWorker(WorkerId(i), "avx2", 1, absl::StrCat("host:", i));
+    scheduler_.AddWorker(WorkerId(i),
+                         {.name = absl::StrCat("host:", i), .numeric_class = "avx2", .slots = 1});
     EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit, poison);
   }
   scheduler_.RemoveWorker(WorkerId(3));
-  scheduler_.AddWorker(WorkerId(4), "avx2", 3, "host:4");
-  scheduler_.AddWorker(WorkerId(5), "avx2", 2, "host:5");
+  scheduler_.AddWorker(WorkerId(4), {.name = "host:4", .numeric_class = "avx2", .slots = 3});
+  scheduler_.AddWorker(WorkerId(5), {.name = "host:5", .numeric_class = "avx2", .slots = 2});
   const auto leases = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(leases.size(), 3u);
   EXPECT_EQ(leases[0].unit, poison);
@@ -433,11 +477,11 @@ TEST_F(SchedulerTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails) {
 TEST_F(SchedulerTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyOther) {
   scheduler_.AddJob(kJob, Spec());
   for (int64_t i = 1; i <= 3; ++i) {
-    scheduler_.AddWorker(WorkerId(i), "avx2", 2);
+    scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 2});
     scheduler_.GrantLeases(kStart);
     scheduler_.RemoveWorker(WorkerId(i));
   }
-  scheduler_.AddWorker(kAnn, "avx2", 2);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
   for (int i = 0; i < 2; ++i) {
     const auto alone = scheduler_.GrantLeases(kStart);
     ASSERT_EQ(alone.size(), 1u);
@@ -452,14 +496,14 @@ TEST_F(SchedulerTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyOther) {
 
 TEST_F(SchedulerTest, AUnitInQuarantineWaitsUntilItsWorkerIsIdle) {
   scheduler_.AddJob(kOther, Spec());
-  scheduler_.AddWorker(WorkerId(9), "avx2", 2);
+  scheduler_.AddWorker(WorkerId(9), {.numeric_class = "avx2", .slots = 2});
   const GrantedLease busy = scheduler_.GrantLeases(kStart).at(0);
-  scheduler_.AddJob(kJob, Spec());
   for (int64_t i = 1; i <= 3; ++i) {
-    scheduler_.AddWorker(WorkerId(i), "avx2", 1);
+    scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
     scheduler_.GrantLeases(kStart);
     scheduler_.RemoveWorker(WorkerId(i));
   }
+  scheduler_.AddJob(kJob, Spec());
   Commit(WorkerId(9), busy);  // one slot is free, the other one is not
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
   scheduler_.EndJob(kOther);
@@ -469,18 +513,18 @@ TEST_F(SchedulerTest, AUnitInQuarantineWaitsUntilItsWorkerIsIdle) {
 TEST_F(SchedulerTest, AWorkerThatIsLostWithItsUnitAgainAndAgainCountsAsSeveral) {
   scheduler_.AddJob(kJob, Spec());
   for (int64_t i = 1; i <= 6; ++i) {
-    scheduler_.AddWorker(WorkerId(i), "avx2", 1, "restarted");
+    scheduler_.AddWorker(WorkerId(i), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
     EXPECT_FALSE(scheduler_.GrantLeases(kStart).at(0).alone);
     scheduler_.RemoveWorker(WorkerId(i));
   }
-  scheduler_.AddWorker(WorkerId(7), "avx2", 1, "restarted");
+  scheduler_.AddWorker(WorkerId(7), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
   EXPECT_TRUE(scheduler_.GrantLeases(kStart).at(0).alone);
 }
 
 TEST_F(SchedulerTest, AnEndedJobIsForgottenAndItsSlotsAreFree) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddJob(kOther, Spec());
-  scheduler_.AddWorker(kAnn, "avx2", 2);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt, kStart);
   scheduler_.EndJob(kJob);
@@ -494,12 +538,12 @@ TEST_F(SchedulerTest, AnEndedJobIsForgottenAndItsSlotsAreFree) {
 
 TEST_F(SchedulerTest, StatesFollowTheWork) {
   scheduler_.AddJob(kJob, Spec(/*frames=*/2));
-  scheduler_.AddWorker(kAnn, "avx2", 12);
-  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_QUEUED);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
+  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_PLANNED);
   for (const int32_t frame : {10, 11}) {
     const auto leases = scheduler_.GrantLeases(kAnn, kStart);
     ASSERT_EQ(leases.size(), 12u);
-    EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_RENDERING);
+    EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_RUNNING);
     EXPECT_EQ(scheduler_.Progress(kJob).workers, 1);
     for (size_t i = 0; i < leases.size(); ++i) {
       EXPECT_EQ(leases[i].unit.key.frame, frame);
@@ -518,7 +562,7 @@ TEST_F(SchedulerTest, StatesFollowTheWork) {
 }
 
 TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
-  scheduler_.AddJob(kJob, Spec(/*frames=*/3), "avx2");
+  scheduler_.AddJob(kJob, Spec(/*frames=*/3), {.numeric_class = "avx2"});
   EXPECT_TRUE(scheduler_.RestoreFinishedFrame(kJob, 10));
   EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {10, 1, 1, v1::UNIT_KIND_PASS}}));
   EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {11, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
@@ -526,9 +570,9 @@ TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
   EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
   EXPECT_FALSE(scheduler_.RestoreCommittedUnit({kJob, {13, 2, 1, v1::UNIT_KIND_PASS}}));
   EXPECT_EQ(scheduler_.Progress(kJob).units_done, 12 + 2);
-  scheduler_.AddWorker(kBen, "sse2", 100);
+  scheduler_.AddWorker(kBen, {.numeric_class = "sse2", .slots = 100});
   EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
-  scheduler_.AddWorker(kAnn, "avx2", 100);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
   const auto leases = scheduler_.GrantLeases(kAnn, kStart);
   EXPECT_EQ(leases.size(), 12u - 2 + 12);
   for (const GrantedLease& lease : leases) {
@@ -539,7 +583,7 @@ TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
 }
 
 TEST_F(SchedulerTest, AFrameCommittedBeforeARestartAwaitsItsFinish) {
-  scheduler_.AddJob(kJob, Spec(), "avx2");
+  scheduler_.AddJob(kJob, Spec(), {.numeric_class = "avx2"});
   const FrameUnits units(Spec());
   for (int64_t number = 0; number < units.count(); ++number) {
     scheduler_.RestoreCommittedUnit({kJob, units.KeyOf(10, number)});
@@ -556,7 +600,7 @@ TEST_F(SchedulerTest, AHugeFrameTakesBitsAndNotMegabytesAndGrantsInTime) {
   spec.set_samples_per_pixel(4096);
   spec.set_pass_samples(64);
   scheduler_.AddJob(kJob, spec);
-  scheduler_.AddWorker(kAnn, "avx2", 1000);
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1000});
   EXPECT_EQ(scheduler_.Progress(kJob).units_total, 131072 * 65);
   int64_t committed = 0;
   for (int round = 0; round < 100; ++round) {
@@ -567,6 +611,224 @@ TEST_F(SchedulerTest, AHugeFrameTakesBitsAndNotMegabytesAndGrantsInTime) {
   }
   EXPECT_EQ(committed, 100'000);
   EXPECT_EQ(scheduler_.Progress(kJob).units_done, committed);
+}
+
+TEST_F(SchedulerTest, TagsAndThePinnedClassSayWhoMayRenderAJob) {
+  scheduler_.AddJob(kJob, Spec(), {.tags = {"night", "gpu"}, .numeric_class = "avx2"});
+  scheduler_.AddWorker(WorkerId(1), {.numeric_class = "avx2", .slots = 1, .tags = {"gpu"}});
+  scheduler_.AddWorker(WorkerId(2), {.numeric_class = "sse2", .slots = 1, .tags = {"gpu", "night"}});
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  scheduler_.AddWorker(WorkerId(3), {.numeric_class = "avx2", .slots = 1, .tags = {"x", "night", "gpu"}});
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).worker, WorkerId(3));
+}
+
+TEST_F(SchedulerTest, APausedJobGetsNoLeasesButKeepsThoseItHas) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
+  const auto leases = scheduler_.GrantLeases(kStart);
+  scheduler_.PauseJob(kJob);
+  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_PAUSED);
+  EXPECT_FALSE(Commit(kAnn, leases[0]));
+  scheduler_.FailUnit(kAnn, leases[1].unit, leases[1].attempt, false, kStart);
+  scheduler_.ExpireLeases(kStart + absl::Seconds(1));
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  scheduler_.ResumeJob(kJob);
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 2u);
+  scheduler_.AddJob(kOther, Spec(), {.paused = true});
+  EXPECT_EQ(scheduler_.Progress(kOther).state, v1::JOB_STATE_PAUSED);
+}
+
+TEST_F(SchedulerTest, AJobHasNoMoreLeasesThanItsLimit) {
+  scheduler_.AddJob(kJob, Spec(), {.max_leases = 3});
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 5});
+  const auto leases = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(leases.size(), 3u);
+  Commit(kAnn, leases[0]);
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 1u);
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+}
+
+TEST_F(SchedulerTest, ALeaseThatIsHandedBackIsFreeAtOnceAndNobodyIsToBlame) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
+  for (int i = 0; i < 20; ++i) {  // more often than failures or losses would be allowed
+    EXPECT_TRUE(scheduler_.HandBack(kAnn, lease.unit, lease.attempt));
+    EXPECT_FALSE(scheduler_.HandBack(kAnn, lease.unit, lease.attempt));
+    const GrantedLease again = scheduler_.GrantLeases(kStart).at(0);
+    EXPECT_EQ(again.unit, lease.unit);
+    EXPECT_FALSE(again.alone);
+    lease = again;
+  }
+  EXPECT_EQ(scheduler_.DescribeWorker(kAnn)->units_failed, 0);
+  EXPECT_THAT(scheduler_.TakeVoided(), IsEmpty()) << "the worker knows";
+}
+
+TEST_F(SchedulerTest, ADrainedWorkerFinishesWhatItHas) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
+  const GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
+  scheduler_.DrainWorker(kAnn);
+  EXPECT_EQ(scheduler_.DescribeWorker(kAnn)->state, v1::WORKER_STATE_DRAINING);
+  Commit(kAnn, lease);
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  EXPECT_TRUE(scheduler_.ReadmitWorker("ann"));
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 1u);
+}
+
+TEST_F(SchedulerTest, ABlockedWorkerLosesItsLeasesAndGetsNoneUnderAnyConnection) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
+  scheduler_.AddWorker(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2});
+  const auto leases = scheduler_.GrantLeases(kStart);
+  scheduler_.BlockWorker("ann", "wrong pixels");
+  const std::vector<VoidedLease> voided = scheduler_.TakeVoided();
+  ASSERT_EQ(voided.size(), 2u);
+  EXPECT_EQ(voided[0].worker, kAnn);
+  EXPECT_EQ(voided[0].attempt, leases[0].attempt);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, leases[0].unit, leases[0].attempt, kStart), Completion::kStale);
+  scheduler_.RemoveWorker(kAnn);
+  ASSERT_EQ(scheduler_.Blocked().size(), 1u);
+  EXPECT_EQ(scheduler_.Blocked()[0].reason, "wrong pixels");
+  scheduler_.AddWorker(WorkerId(3), {.name = "ann", .numeric_class = "avx2", .slots = 2});
+  EXPECT_EQ(scheduler_.DescribeWorker(WorkerId(3))->state, v1::WORKER_STATE_BLOCKED);
+  EXPECT_EQ(scheduler_.DescribeWorker(WorkerId(3))->reason, "wrong pixels");
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  EXPECT_TRUE(scheduler_.ReadmitWorker("ann"));
+  EXPECT_FALSE(scheduler_.ReadmitWorker("nobody"));
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit, leases[0].unit);
+}
+
+TEST_F(SchedulerTest, NoMoreFramesAreActiveThanTheirLimit) {
+  scheduler_.SetMaxActiveFrames(2);
+  scheduler_.AddJob(kJob, Spec(/*frames=*/4));
+  scheduler_.AddJob(kOther, Spec(/*frames=*/2));
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
+  const auto leases = scheduler_.GrantLeases(kStart);
+  EXPECT_EQ(leases.size(), 24u);
+  EXPECT_EQ(scheduler_.active_frames(), 2);
+  for (const GrantedLease& lease : leases) Commit(kAnn, lease);
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty()) << "the frames are not written";
+  EXPECT_EQ(scheduler_.Explain(leases[0].unit.job, kStart).at(0).code, "frames_in_flight");
+  scheduler_.FrameFinished(leases[0].unit.job, leases[0].unit.key.frame);
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 12u);
+}
+
+TEST_F(SchedulerTest, FramesThatNobodyCanFinishDoNotStopTheOthers) {
+  scheduler_.SetMaxActiveFrames(1);
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.GrantLeases(kStart);
+  scheduler_.AddJob(kOther, Spec());
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
+  scheduler_.PauseJob(kJob);
+  EXPECT_EQ(scheduler_.active_frames(), 0);
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit.job, kOther) << "a paused job's frame does not count";
+  scheduler_.EndJob(kOther);
+  scheduler_.ResumeJob(kJob);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(kStart)) Commit(lease.worker, lease);
+  scheduler_.RemoveWorker(kAnn);
+  scheduler_.RemoveWorker(kBen);  // the job is bound to avx2, and its frame is not finished
+  scheduler_.AddJob(kOther, Spec());
+  scheduler_.AddWorker(WorkerId(3), {.numeric_class = "sse2", .slots = 1});
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 1u) << "nor one that no worker can render";
+}
+
+TEST_F(SchedulerTest, LeasesThatBecomeVoidBehindTheirWorkersBackAreReported) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.numeric_class = "sse2", .slots = 1});
+  const auto leases = scheduler_.GrantLeases(kStart);
+  Commit(kAnn, leases[0]);
+  std::vector<VoidedLease> voided = scheduler_.TakeVoided();
+  ASSERT_EQ(voided.size(), 1u) << "the job is of the class avx2 now";
+  EXPECT_EQ(voided[0].worker, kBen);
+  EXPECT_EQ(voided[0].unit, leases[1].unit);
+  const auto next = scheduler_.GrantLeases(kStart);
+  scheduler_.EndJob(kJob);
+  voided = scheduler_.TakeVoided();
+  ASSERT_EQ(voided.size(), 1u);
+  EXPECT_EQ(voided[0].attempt, next[0].attempt);
+  EXPECT_THAT(scheduler_.TakeVoided(), IsEmpty());
+}
+
+std::vector<std::string> Codes(const std::vector<Reason>& reasons) {
+  std::vector<std::string> codes;
+  for (const Reason& reason : reasons) codes.push_back(reason.code);
+  return codes;
+}
+
+TEST_F(SchedulerTest, ExplainsWhyAJobDoesNotRun) {
+  scheduler_.AddJob(kJob, Spec(),
+                    {.tags = {"gpu"}, .max_leases = 1, .numeric_class = "avx2", .paused = true});
+  auto reasons = scheduler_.Explain(kJob, kStart);
+  EXPECT_THAT(Codes(reasons), ElementsAre("paused", "no_worker"));
+  EXPECT_THAT(reasons[1].text, HasSubstr("class avx2 with the tags gpu"));
+  scheduler_.ResumeJob(kJob);
+  const WorkerTraits traits{.name = "ann", .numeric_class = "avx2", .slots = 1, .tags = {"gpu"}};
+  scheduler_.AddWorker(kAnn, traits);
+  EXPECT_THAT(scheduler_.Explain(kJob, kStart), IsEmpty());
+  scheduler_.DrainWorker(kAnn);
+  EXPECT_THAT(Codes(scheduler_.Explain(kJob, kStart)), ElementsAre("worker_unavailable"));
+  scheduler_.ReadmitWorker("ann");
+  const GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
+  EXPECT_THAT(Codes(scheduler_.Explain(kJob, kStart)), ElementsAre("max_leases"));
+  scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, kStart);
+  reasons = scheduler_.Explain(kJob, kStart);
+  EXPECT_THAT(Codes(reasons), ElementsAre("backoff"));
+  EXPECT_THAT(reasons[0].text, HasSubstr("j-1 frame 10 tile 0 geometry, for 1 s"));
+  EXPECT_THAT(scheduler_.Explain(JobId("j-none"), kStart), IsEmpty());
+}
+
+TEST_F(SchedulerTest, ExplainsThatTheSlotsAreBusyWithOtherJobs) {
+  scheduler_.AddJob(kJob, Spec(), {.user = "ann"});
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 3});
+  scheduler_.GrantLeases(kStart);
+  scheduler_.AddJob(kOther, Spec(), {.user = "ben"});
+  const auto reasons = scheduler_.Explain(kOther, kStart);
+  ASSERT_THAT(Codes(reasons), ElementsAre("slots_busy"));
+  EXPECT_THAT(reasons[0].text,
+              HasSubstr("all 3 slots of the 1 workers that may render the job are busy: it has 0 "
+                        "leases, user ann has 3, user ben has 0; the share of its user is 50 %"));
+}
+
+TEST_F(SchedulerTest, DescribesWorkersInPages) {
+  scheduler_.AddJob(kJob, Spec());
+  for (int i = 1; i <= 5; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
+  const GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
+  scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt, kStart + absl::Seconds(4));
+  const auto page = scheduler_.Workers(WorkerId(0), 2);
+  ASSERT_EQ(page.size(), 2u);
+  EXPECT_EQ(page[0].traits.name, "w-1");
+  EXPECT_EQ(page[0].units_done, 1);
+  EXPECT_EQ(page[0].mean_time, absl::Seconds(4));
+  EXPECT_THAT(page[1].jobs, ElementsAre(kJob));
+  EXPECT_EQ(page[1].state, v1::WORKER_STATE_BUSY);
+  EXPECT_EQ(scheduler_.Workers(WorkerId(4), 10).size(), 1u);
+  EXPECT_FALSE(scheduler_.DescribeWorker(WorkerId(9)).has_value());
+}
+
+TEST_F(SchedulerTest, FramesMayHaveGaps) {
+  v1::JobSpec spec = Spec(/*frames=*/1);
+  spec.add_more_frames()->set_first(20);
+  spec.mutable_more_frames(0)->set_count(2);
+  scheduler_.AddJob(kJob, spec);
+  EXPECT_TRUE(scheduler_.RestoreFinishedFrame(kJob, 20));
+  EXPECT_FALSE(scheduler_.RestoreFinishedFrame(kJob, 11));
+  EXPECT_FALSE(scheduler_.RestoreCommittedUnit({kJob, {19, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
+  std::set<int32_t> frames;
+  const auto leases = scheduler_.GrantLeases(kStart);
+  EXPECT_EQ(leases.size(), 24u);
+  for (const GrantedLease& lease : leases) {
+    frames.insert(lease.unit.key.frame);
+    Commit(kAnn, lease);
+  }
+  EXPECT_EQ(frames, (std::set<int32_t>{10, 21}));
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10, 21));
+  EXPECT_FALSE(scheduler_.FrameFinished(kJob, 21));
+  EXPECT_TRUE(scheduler_.FrameFinished(kJob, 10));
+  EXPECT_EQ(scheduler_.Progress(kJob).frames_total, 3);
 }
 
 }  // namespace

@@ -1,0 +1,202 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "filter/image/rect.h"
+#include "filter/image/sample_range.h"
+#include "lumifold/v1/farm.pb.h"
+#include "lumifold/v1/job.pb.h"
+#include "server/job/ids.h"
+#include "server/job/unit.h"
+#include "server/scheduler/fair_share.h"
+
+/// What goes into the scheduler and comes out of it.
+namespace lumifold::scheduler {
+
+struct SchedulerOptions {
+  /// Time from the grant or renewal of a lease to its expiry.
+  absl::Duration lease = absl::Seconds(30);
+  /// A lease whose progress stands still for this long is not renewed. Loading a scene reports one step for
+  /// each of its files only, so it must be longer than what the largest file takes.
+  absl::Duration stall = absl::Minutes(10);
+  /// A unit is overdue when it has been leased for longer than `overdue_factor` times the mean of the
+  /// accepted units of its job and kind, and for longer than `overdue_least`.
+  double overdue_factor = 4;
+  absl::Duration overdue_least = absl::Seconds(10);
+  /// A job fails when one of its units has failed this many times.
+  int max_failures = 3;
+  /// A unit with which this many workers were lost, or twice as many times any, is in quarantine: it is
+  /// leased once more, to a worker that then renders nothing else. If that is lost too, the job fails.
+  int max_lost_workers = 3;
+  /// A failed unit waits this long before it is leased again, twice as long after each further failure, and
+  /// no longer than `longest_backoff`.
+  absl::Duration first_backoff = absl::Seconds(1);
+  absl::Duration longest_backoff = absl::Seconds(60);
+  /// A worker that failed units of this many jobs within `set_aside`, each rendered by another worker since,
+  /// gets no leases for `set_aside`.
+  int max_blamed_jobs = 2;
+  absl::Duration set_aside = absl::Minutes(5);
+  /// A worker goes on with the job it rendered last, whose scene it has loaded, while the job and its user are
+  /// ahead of their shares by no more than this.
+  FairShare::Tolerance locality{};
+  /// A ready job that has waited this long gets every eighth lease, whatever its share.
+  absl::Duration longest_wait = absl::Minutes(10);
+  /// A unit is late when it has been leased for longer than `late_factor` times the mean of its job and kind, or at
+  /// once if its worker is slow. Late units are leased a second time to idle slots that are expected
+  /// to end earlier.
+  double late_factor = 1.5;
+  /// An audit for which no other worker has been available for this long is waived.
+  absl::Duration audit_patience = absl::Minutes(5);
+  /// Attempt of the first lease. After a restart it must be above all attempts granted before.
+  job::Attempt first_attempt{1};
+};
+
+/// How a job is scheduled; nothing here changes the picture. v1::Scheduling documents the fields.
+struct JobOptions {
+  int priority = 0;
+  std::string user{};
+  std::vector<std::string> tags{};  // in any order
+  int max_leases = 0;               // 0: no limit
+  /// Only workers of this class render the job. Empty: the class of its first accepted unit.
+  std::string numeric_class{};
+  bool paused = false;
+  double audit_share = 0;
+};
+
+/// The fields of `scheduling` that concern the scheduler.
+JobOptions OptionsOf(const v1::Scheduling& scheduling);
+
+/// What a worker says of itself when it connects.
+struct WorkerTraits {
+  /// Tells one process from another, over all its connections. Empty: the worker's id does.
+  std::string name{};
+  std::string numeric_class{};
+  /// Maximum number of its units that are leased or accepted at a time, at least 1.
+  int slots = 1;
+  std::vector<std::string> tags{};  // in any order
+};
+
+/// A new lease.
+struct GrantedLease {
+  job::WorkerId worker;
+  job::UnitRef unit;
+  job::Attempt attempt;
+  Rect rect;
+  SampleRange samples;
+  /// The unit is in quarantine.
+  bool alone = false;
+  /// The unit is already accepted: the result is only compared.
+  bool audit = false;
+};
+
+/// A job that cannot go on; the caller ends it with this error.
+struct FailedJob {
+  job::JobId job;
+  std::string error;
+};
+
+/// A lease as its worker reports it in a heartbeat.
+struct HeldLease {
+  job::UnitRef unit;
+  job::Attempt attempt;
+  /// Differs from the last report if the unit has advanced.
+  int64_t progress = 0;
+};
+
+/// A worker that gets no leases for a while, because it fails units that other workers render.
+struct SetAsideWorker {
+  job::WorkerId worker;
+  absl::Time until;
+  std::string reason;
+};
+
+/// A lease that became void although its worker did not say so: the worker may still render the unit.
+struct VoidedLease {
+  job::WorkerId worker;
+  job::UnitRef unit;
+  job::Attempt attempt;
+};
+
+/// A worker that delivered other pixels than two others did; it is blocked from now on.
+struct FaultyWorker {
+  std::string name;
+  std::string reason;
+  /// Committed units that it delivered, of frames that are not finished. The caller discards them and then calls
+  /// RevokeUnit for each; until then their frames are not committed.
+  std::vector<job::UnitRef> units;
+};
+
+/// A worker that gets no leases until an operator readmits it, connected or not.
+struct BlockedWorker {
+  std::string name;
+  std::string reason;
+};
+
+/// A connected worker, for lists.
+struct WorkerInfo {
+  job::WorkerId worker{};
+  WorkerTraits traits{};
+  v1::WorkerState state = v1::WORKER_STATE_IDLE;
+  std::string reason{};  // why it is set aside or blocked
+  int leases = 0;
+  int64_t units_done = 0;  // accepted
+  int64_t units_failed = 0;
+  absl::Duration mean_time{};      // of its accepted units, from lease to delivery
+  std::vector<job::JobId> jobs{};  // of its leases, each once
+};
+
+/// A reason why a job is not running, or is slow.
+struct Reason {
+  std::string code;  // such as "no_worker"; Scheduler::Explain lists them
+  std::string text;  // one line, with names and numbers
+};
+
+enum class Lateness {
+  kSilent,   // the worker has not renewed the lease, which is now void
+  kStalled,  // the worker renews the lease but makes no progress; the lease is now void
+  kDropped,  // the worker no longer names the lease in its heartbeats; the lease is now void
+  kOverdue,  // the lease stays valid; the unit is leased a second time, and the first result counts
+};
+
+struct LateLease {
+  job::UnitRef unit;
+  job::WorkerId worker;
+  Lateness lateness = Lateness::kSilent;
+  /// Not empty: the job cannot go on, and the caller ends it with this error.
+  std::string job_error;
+};
+
+/// Outcome of the delivery of a unit.
+enum class Completion {
+  kAccepted,   // the lease was valid: the caller commits the unit and then calls UnitCommitted
+  kAudited,    // a second result of an audited unit: it is compared, and the caller drops it
+  kDuplicate,  // the unit is already accepted or committed
+  kStale,      // the lease is void or belongs to another worker
+  kUnknown,    // no such unit, or the job has ended
+};
+
+/// Outcome of the failure of a unit.
+enum class FailureOutcome {
+  kRetried,   // the unit will be leased again
+  kJobFails,  // too many failures, or two workers say that it is permanent: the caller ends the job
+  kIgnored,   // the lease was already void
+};
+
+/// Progress of an active job.
+struct JobProgress {
+  v1::JobState state = v1::JOB_STATE_PLANNED;
+  int64_t units_done = 0;
+  int64_t units_total = 0;
+  int64_t samples_done = 0;
+  int64_t samples_total = 0;
+  int frames_done = 0;
+  int frames_total = 0;
+  int workers = 0;
+  int64_t audits_settled = 0;  // audited units of which two workers delivered the same pixels
+  int64_t audits_waived = 0;   // audited units for which not enough workers were available
+};
+
+}  // namespace lumifold::scheduler

@@ -1,0 +1,226 @@
+// Units that two workers render, to find a worker that delivers wrong pixels.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "server/scheduler/scheduler.h"
+
+namespace lumifold::scheduler {
+namespace {
+
+using job::JobId;
+using job::UnitRef;
+using job::WorkerId;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+const JobId kJob("j-1");
+const WorkerId kAnn(1);
+const WorkerId kBen(2);
+const WorkerId kCat(3);
+const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
+
+v1::JobSpec Spec(int tiles, int frames = 1) {
+  v1::JobSpec spec;
+  spec.set_width(8 * tiles);
+  spec.set_height(8);
+  spec.set_tile_size(8);
+  spec.set_samples_per_pixel(4);
+  spec.set_pass_samples(4);
+  spec.set_frame_count(frames);
+  return spec;  // 2 units for each tile
+}
+
+class AuditTest : public ::testing::Test {
+ protected:
+  Scheduler scheduler_{{}};
+  absl::Time now_ = kStart;
+
+  void AddWorker(WorkerId id, int slots, const std::string& numeric_class = "avx2") {
+    scheduler_.AddWorker(
+        id, {.name = absl::StrCat("host-", id.value()), .numeric_class = numeric_class, .slots = slots});
+  }
+  Completion Complete(const GrantedLease& lease, const std::string& digest) {
+    return scheduler_.CompleteUnit(lease.worker, lease.unit, lease.attempt, now_, digest);
+  }
+  /// Delivers and commits; the digest is that of the unit.
+  void Commit(const GrantedLease& lease, const std::string& salt = "") {
+    EXPECT_EQ(Complete(lease, Describe(lease.unit) + salt), Completion::kAccepted);
+    scheduler_.UnitCommitted(lease.unit);
+  }
+};
+
+TEST_F(AuditTest, EqualResultsOfTwoWorkersSettleTheAuditAndTheFrame) {
+  scheduler_.AddJob(kJob, Spec(2), {.audit_share = 1});
+  AddWorker(kAnn, 4);
+  const auto leases = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(leases.size(), 4u);
+  for (const GrantedLease& lease : leases) Commit(lease);
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty());
+  EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty()) << "nobody audits itself";
+  AddWorker(kBen, 4);
+  const auto audits = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(audits.size(), 4u);
+  for (const GrantedLease& lease : audits) {
+    EXPECT_TRUE(lease.audit);
+    EXPECT_EQ(lease.worker, kBen);
+    EXPECT_EQ(Complete(lease, Describe(lease.unit)), Completion::kAudited);
+    EXPECT_EQ(Complete(lease, Describe(lease.unit)), Completion::kDuplicate);
+  }
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+  EXPECT_THAT(scheduler_.TakeSettledFrames(), ElementsAre(std::pair(kJob, 0)));
+  EXPECT_EQ(scheduler_.Progress(kJob).audits_settled, 4);
+  EXPECT_THAT(scheduler_.TakeFaulty(), IsEmpty());
+  EXPECT_TRUE(scheduler_.FrameFinished(kJob, 0));
+}
+
+TEST_F(AuditTest, TheShareIsChosenByJobAndUnit) {
+  std::set<UnitRef> audited[2];
+  for (auto& units : audited) {
+    Scheduler scheduler({});
+    scheduler.AddJob(kJob, Spec(1000), {.audit_share = 0.25});
+    scheduler.AddWorker(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2000});
+    for (const GrantedLease& lease : scheduler.GrantLeases(now_)) {
+      scheduler.CompleteUnit(kAnn, lease.unit, lease.attempt, now_, "same");
+      scheduler.UnitCommitted(lease.unit);
+    }
+    scheduler.AddWorker(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 2000});
+    for (const GrantedLease& lease : scheduler.GrantLeases(now_)) {
+      EXPECT_TRUE(lease.audit);
+      units.insert(lease.unit);
+    }
+  }
+  EXPECT_NEAR(static_cast<double>(audited[0].size()), 500, 60);
+  EXPECT_EQ(audited[0], audited[1]);
+}
+
+TEST_F(AuditTest, AThirdWorkerDecidesAndTheFaultyOneLosesAllItsUnits) {
+  scheduler_.AddJob(kJob, Spec(3, /*frames=*/2), {.audit_share = 0.5});
+  AddWorker(kAnn, 12);
+  const auto leases = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(leases.size(), 12u);
+  for (const GrantedLease& lease : leases) Commit(lease, "wrong");
+  AddWorker(kBen, 12);
+  AddWorker(kCat, 12);
+  auto audits = scheduler_.GrantLeases(now_);
+  ASSERT_THAT(audits, ::testing::Not(IsEmpty()));
+  const size_t audited = audits.size();
+  EXPECT_EQ(Complete(audits[0], "right"), Completion::kAudited);
+  EXPECT_THAT(scheduler_.TakeFaulty(), IsEmpty()) << "one against one";
+  const auto third = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(third.size(), 1u);
+  EXPECT_EQ(third[0].unit, audits[0].unit);
+  EXPECT_EQ(third[0].worker, kCat);
+  EXPECT_EQ(Complete(third[0], "right"), Completion::kAudited);
+  const auto faulty = scheduler_.TakeFaulty();
+  ASSERT_EQ(faulty.size(), 1u);
+  EXPECT_EQ(faulty[0].name, "host-1");
+  EXPECT_THAT(faulty[0].reason, HasSubstr(Describe(third[0].unit)));
+  EXPECT_EQ(faulty[0].units.size(), 12u);
+  EXPECT_EQ(scheduler_.DescribeWorker(kAnn)->state, v1::WORKER_STATE_BLOCKED);
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty()) << "until the units are revoked";
+  for (const UnitRef& unit : faulty[0].units) EXPECT_TRUE(scheduler_.RevokeUnit(unit));
+  EXPECT_EQ(scheduler_.TakeVoided().size(), audited - 1) << "audits of revoked units are void";
+  const auto again = scheduler_.GrantLeases(now_);
+  EXPECT_EQ(again.size(), 12u);
+  for (const GrantedLease& lease : again) {
+    EXPECT_NE(lease.worker, kAnn);
+    Commit(lease);
+  }
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, Describe(lease.unit));
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0, 1));
+}
+
+TEST_F(AuditTest, AnAuditorThatIsWrongIsFoundToo) {
+  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  AddWorker(kAnn, 2);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  AddWorker(kBen, 1);
+  const auto wrong = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(wrong.size(), 1u);
+  Complete(wrong[0], "wrong");
+  AddWorker(kCat, 2);
+  for (int i = 0; i < 2; ++i) {
+    for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, Describe(lease.unit));
+  }
+  const auto faulty = scheduler_.TakeFaulty();
+  ASSERT_EQ(faulty.size(), 1u);
+  EXPECT_EQ(faulty[0].name, "host-2");
+  EXPECT_THAT(faulty[0].units, IsEmpty());
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+}
+
+TEST_F(AuditTest, AUnitThatIsBeingCommittedWhenItsWorkerIsFoundFaultyIsReportedAfterwards) {
+  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  AddWorker(kAnn, 2);
+  const auto leases = scheduler_.GrantLeases(now_);
+  Commit(leases[0], "wrong");
+  EXPECT_EQ(Complete(leases[1], "wrong"), Completion::kAccepted);
+  AddWorker(kBen, 1);
+  AddWorker(kCat, 1);
+  for (int i = 0; i < 4; ++i) {
+    for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, "right");
+  }
+  auto faulty = scheduler_.TakeFaulty();
+  ASSERT_FALSE(faulty.empty());
+  EXPECT_THAT(faulty[0].units, ElementsAre(leases[0].unit));
+  EXPECT_FALSE(scheduler_.UnitCommitted(leases[1].unit));
+  faulty = scheduler_.TakeFaulty();
+  ASSERT_EQ(faulty.size(), 1u);
+  EXPECT_THAT(faulty[0].units, ElementsAre(leases[1].unit));
+  EXPECT_TRUE(scheduler_.RevokeUnit(leases[1].unit));
+}
+
+TEST_F(AuditTest, AnAuditIsWaivedWhenNoOtherWorkerCanBeFound) {
+  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  AddWorker(kAnn, 2);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  scheduler_.AddWorker(WorkerId(9), {.name = "host-1", .numeric_class = "avx2"});  // the same machine
+  AddWorker(kBen, 1, "sse2");                                                      // another class
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Minutes(5));
+  EXPECT_EQ(scheduler_.Explain(kJob, now_).at(0).code, "audit");
+  scheduler_.ExpireLeases(kStart + absl::Minutes(5));
+  EXPECT_EQ(scheduler_.Progress(kJob).audits_waived, 2);
+  EXPECT_THAT(scheduler_.TakeSettledFrames(), ElementsAre(std::pair(kJob, 0)));
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+}
+
+TEST_F(AuditTest, AnAuditorThatFailsOrLeavesDoesNotEndTheAudit) {
+  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  AddWorker(kAnn, 2);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  AddWorker(kBen, 2);
+  const auto audits = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(audits.size(), 2u);
+  EXPECT_EQ(scheduler_.FailUnit(kBen, audits[0].unit, audits[0].attempt, true, now_),
+            FailureOutcome::kRetried);
+  EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty()) << "it has declined";
+  EXPECT_THAT(scheduler_.RemoveWorker(kBen), IsEmpty());
+  AddWorker(kCat, 2);
+  const auto again = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(again.size(), 2u);
+  for (const GrantedLease& lease : again)
+    EXPECT_EQ(Complete(lease, Describe(lease.unit)), Completion::kAudited);
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+}
+
+TEST_F(AuditTest, FiveWorkersOfWhichNoTwoAgreeConvictNobody) {
+  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  AddWorker(kAnn, 2);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease);
+  for (int64_t i = 2; i <= 6; ++i) {
+    AddWorker(WorkerId(i), 2);
+    for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, absl::StrCat("mine ", i));
+  }
+  EXPECT_THAT(scheduler_.TakeFaulty(), IsEmpty());
+  EXPECT_EQ(scheduler_.Progress(kJob).audits_waived, 2);
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

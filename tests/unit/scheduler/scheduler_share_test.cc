@@ -1,0 +1,175 @@
+// Who gets a lease: shares, locality, waiting, idle slots.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "server/scheduler/scheduler.h"
+
+namespace lumifold::scheduler {
+namespace {
+
+using job::JobId;
+using job::WorkerId;
+using ::testing::IsEmpty;
+
+const JobId kJob("j-1");
+const JobId kOther("j-2");
+const WorkerId kAnn(1);
+const WorkerId kBen(2);
+const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
+
+/// 1000 units in a frame.
+v1::JobSpec Spec(int tiles = 500) {
+  v1::JobSpec spec;
+  spec.set_width(8 * tiles);
+  spec.set_height(8);
+  spec.set_tile_size(8);
+  spec.set_samples_per_pixel(4);
+  spec.set_pass_samples(4);
+  spec.set_frame_count(1);
+  return spec;
+}
+
+class SchedulerShareTest : public ::testing::Test {
+ protected:
+  Scheduler scheduler_{{}};
+  absl::Time now_ = kStart;
+
+  void Commit(const GrantedLease& lease) {
+    EXPECT_EQ(scheduler_.CompleteUnit(lease.worker, lease.unit, lease.attempt, now_), Completion::kAccepted);
+    scheduler_.UnitCommitted(lease.unit);
+  }
+
+  /// Renders `count` units of one second each on the one worker; returns the jobs in order.
+  std::vector<JobId> Render(WorkerId worker, int count) {
+    std::vector<JobId> jobs;
+    for (int i = 0; i < count; ++i) {
+      const GrantedLease lease = scheduler_.GrantLeases(worker, now_).at(0);
+      jobs.push_back(lease.unit.job);
+      now_ += absl::Seconds(1);
+      Commit(lease);
+    }
+    return jobs;
+  }
+};
+
+TEST_F(SchedulerShareTest, UsersGetEqualSlotsAtOnce) {
+  for (int i = 0; i < 4; ++i) scheduler_.AddJob(JobId(absl::StrCat("a-", i)), Spec(), {.user = "ann"});
+  scheduler_.AddJob(JobId("b"), Spec(), {.user = "ben"});
+  scheduler_.AddJob(JobId("c"), Spec(), {.priority = 10, .user = "cat"});
+  for (int i = 0; i < 80; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2"});
+  std::map<std::string, int> leases;
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_))
+    ++leases[lease.unit.job.value().substr(0, 1)];
+  EXPECT_EQ(leases["a"], 20);
+  EXPECT_EQ(leases["b"], 20);
+  EXPECT_EQ(leases["c"], 40);
+}
+
+TEST_F(SchedulerShareTest, AWorkerGoesOnWithTheSceneItHasLoadedUntilTheSlackIsUsedUp) {
+  scheduler_.AddJob(kJob, Spec(), {.user = "ann"});
+  scheduler_.AddJob(kOther, Spec(), {.user = "ben"});
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2"});
+  const std::vector<JobId> jobs = Render(kAnn, 600);
+  int changes = 0;
+  std::map<JobId, int> units;
+  for (size_t i = 0; i < jobs.size(); ++i) {
+    ++units[jobs[i]];
+    if (i > 0 && jobs[i] != jobs[i - 1]) ++changes;
+  }
+  EXPECT_GE(changes, 3);
+  EXPECT_LE(changes, 10) << "one for each minute of slack";
+  EXPECT_NEAR(units[kJob], 300, 70);
+}
+
+TEST_F(SchedulerShareTest, LongUnitsCountWhileTheyRun) {
+  scheduler_.AddJob(kJob, Spec(20'000), {.user = "ann"});
+  scheduler_.AddJob(kOther, Spec(20'000), {.user = "ben"});
+  for (int i = 0; i < 20; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2"});
+  std::map<JobId, int> held;
+  std::vector<GrantedLease> short_units;
+  const auto grant = [&] {
+    for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) {
+      ++held[lease.unit.job];
+      if (lease.unit.job == kOther) short_units.push_back(lease);
+    }
+  };
+  grant();
+  for (int i = 0; i < 600; ++i) {  // the units of kOther take a second, those of kJob do not end
+    now_ += absl::Seconds(1);
+    for (const GrantedLease& lease : std::exchange(short_units, {})) {
+      Commit(lease);
+      --held[kOther];
+    }
+    grant();
+    for (const GrantedLease& lease : short_units) EXPECT_EQ(lease.unit.job, kOther);
+  }
+  EXPECT_LE(held[kJob], 14) << "short units must not lose all slots to long ones";
+  EXPECT_GE(held[kOther], 6);
+}
+
+TEST_F(SchedulerShareTest, AJobOfTheLowestPriorityDoesNotStarve) {
+  scheduler_.AddJob(kJob, Spec(20'000), {.priority = 100, .user = "ann"});
+  scheduler_.AddJob(kOther, Spec(), {.priority = -100, .user = "ben"});
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2"});
+  absl::Time served = now_;
+  absl::Duration longest;
+  for (int i = 0; i < 5000; ++i) {
+    const JobId job = Render(kAnn, 1).front();
+    if (job != kOther) continue;
+    longest = std::max(longest, now_ - served);
+    served = now_;
+  }
+  longest = std::max(longest, now_ - served);
+  EXPECT_LE(longest, absl::Minutes(11));
+}
+
+TEST_F(SchedulerShareTest, IdleSlotsTakeLateUnitsASecondTimeAndOnlyOnce) {
+  scheduler_.AddJob(kJob, Spec(10));  // 20 units
+  for (int i = 0; i < 20; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2"});
+  const auto leases = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(leases.size(), 20u);
+  now_ += absl::Seconds(2);
+  for (size_t i = 0; i < leases.size(); ++i) {
+    if (i != 5 && i != 15) Commit(leases[i]);  // a geometry unit and a pass
+  }
+  EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty());
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(3)) << "1.5 times the mean";
+  now_ = kStart + absl::Seconds(3);
+  EXPECT_THAT(scheduler_.ExpireLeases(now_), IsEmpty()) << "they are not overdue";
+  const auto second = scheduler_.GrantLeases(now_);
+  ASSERT_EQ(second.size(), 2u);
+  for (const GrantedLease& lease : second) {
+    EXPECT_TRUE(lease.unit == leases[5].unit || lease.unit == leases[15].unit);
+    EXPECT_NE(lease.worker, lease.unit == leases[5].unit ? leases[5].worker : leases[15].worker);
+  }
+  EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty());
+  Commit(second[0]);
+  const auto voided = scheduler_.TakeVoided();
+  ASSERT_EQ(voided.size(), 1u);
+  EXPECT_EQ(voided[0].unit, second[0].unit);
+  now_ = kStart + absl::Seconds(20);  // it is overdue as well
+  scheduler_.ExpireLeases(now_);
+  EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty()) << "no third lease";
+}
+
+TEST_F(SchedulerShareTest, APausedOrLimitedJobGetsNoSecondLeases) {
+  scheduler_.AddJob(kJob, Spec(10), {.max_leases = 20});
+  for (int i = 0; i < 30; ++i) scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2"});
+  const auto leases = scheduler_.GrantLeases(now_);
+  now_ += absl::Seconds(2);
+  for (size_t i = 0; i < 9; ++i) Commit(leases[i]);
+  scheduler_.PauseJob(kJob);
+  now_ += absl::Seconds(4);
+  scheduler_.ExpireLeases(now_);
+  EXPECT_THAT(scheduler_.GrantLeases(now_), IsEmpty());
+  scheduler_.ResumeJob(kJob);
+  EXPECT_EQ(scheduler_.GrantLeases(now_).size(), 1u) << "the tenth geometry unit; no pass has ended";
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <spdlog/logger.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,11 +11,14 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+#include "server/job/limits.h"
 
 namespace lumifold::server {
 namespace {
@@ -24,11 +28,19 @@ namespace fs = std::filesystem;
 constexpr char kKeptSuffix[] = ".kept";
 /// Suffix of the names of damaged assets.
 constexpr char kDamagedSuffix[] = ".damaged";
+/// Time between two records of an asset's use: short against kUnusedAssetAge, and long against a submission.
+constexpr absl::Duration kUseInterval = absl::Hours(1);
 
-absl::Status SyncFolder(const std::string& folder) {
-  const rpc::FileHandle handle(open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (handle.get() >= 0 && fsync(handle.get()) == 0) return absl::OkStatus();
-  return absl::UnavailableError(absl::StrCat(folder, ": ", std::strerror(errno)));
+/// Whether a file was last written longer ago than `age`. False where it cannot be read.
+bool IsOlder(const fs::path& file, absl::Duration age) {
+  std::error_code error;
+  const fs::file_time_type written = fs::last_write_time(file, error);
+  return !error &&
+         written < fs::file_time_type::clock::now() - std::chrono::seconds(absl::ToInt64Seconds(age));
+}
+
+absl::Status FileError(const std::string& path, int error) {
+  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-error)));
 }
 
 uint64_t SizeOrZero(const std::string& path) {
@@ -39,7 +51,7 @@ uint64_t SizeOrZero(const std::string& path) {
 
 // Removes kept uploads that are too old or too many. Errors are ignored, here and below: such an upload starts
 // over.
-void RemoveOldUploads(const std::string& folder) {
+void RemoveOldUploadsIn(const std::string& folder) {
   std::error_code error;
   std::vector<std::pair<fs::file_time_type, fs::path>> kept;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
@@ -47,11 +59,9 @@ void RemoveOldUploads(const std::string& folder) {
     if (entry->path().extension() == kKeptSuffix)
       kept.emplace_back(fs::last_write_time(entry->path(), gone), entry->path());
   }
-  const fs::file_time_type oldest =
-      fs::file_time_type::clock::now() - std::chrono::seconds(absl::ToInt64Seconds(kKeptUploadAge));
   std::sort(kept.rbegin(), kept.rend());
   for (size_t i = 0; i < kept.size(); ++i) {
-    if (i >= kMaxKeptUploads || kept[i].first < oldest) fs::remove(kept[i].second, error);
+    if (i >= kMaxKeptUploads || IsOlder(kept[i].second, kKeptUploadAge)) fs::remove(kept[i].second, error);
   }
 }
 
@@ -70,7 +80,7 @@ void KeepUploads(const std::string& folder) {
     if (is_best) fs::rename(file, name, error);
     if (!is_best || error) fs::remove_all(file, error);
   }
-  RemoveOldUploads(folder);
+  RemoveOldUploadsIn(folder);
 }
 
 }  // namespace
@@ -83,12 +93,16 @@ AssetUpload::AssetUpload(v1::AssetRef asset, std::string incoming_path, std::str
       store_(store) {}
 
 AssetUpload::~AssetUpload() {
+  {
+    absl::MutexLock lock(&store_->mutex_);
+    store_->budget_.End(expected_bytes_);
+  }
   if (!receiver_.has_value()) return;
   if (is_wrong_ || receiver_->offset() <= SizeOrZero(kept_path_)) {
-    unlink(incoming_path_.c_str());
+    store_->files_->Remove(incoming_path_);
   } else {
-    std::rename(incoming_path_.c_str(), kept_path_.c_str());
-    RemoveOldUploads(fs::path(kept_path_).parent_path());
+    store_->files_->Rename(incoming_path_, kept_path_);
+    RemoveOldUploadsIn(fs::path(kept_path_).parent_path());
   }
 }
 
@@ -97,12 +111,21 @@ absl::Status AssetUpload::Error(absl::StatusCode code, const std::string& cause)
 }
 
 absl::Status AssetUpload::Start(uint64_t offset) {
+  const uint64_t room = store_->room_ == nullptr ? std::numeric_limits<uint64_t>::max() : store_->room_();
+  const uint64_t expected = asset_.size() - std::min(offset, asset_.size());
+  {
+    absl::MutexLock lock(&store_->mutex_);
+    const std::string name = absl::StrCat("asset '", asset_.uri(), "' (", asset_.sha256(), ")");
+    if (absl::Status status = store_->budget_.Expect(name, expected, room); !status.ok()) return status;
+  }
+  expected_bytes_ = expected;
   // The file is taken away from other uploads of the same asset by its new name.
   const bool is_gone = offset > 0 && (SizeOrZero(kept_path_) < offset ||
-                                      std::rename(kept_path_.c_str(), incoming_path_.c_str()) != 0);
+                                      store_->files_->Rename(kept_path_, incoming_path_) != 0);
   if (is_gone)
     return Error(absl::StatusCode::kAborted, absl::StrCat("the bytes before ", offset, " are gone"));
-  absl::StatusOr<rpc::ByteReceiver> receiver = rpc::ByteReceiver::Open(incoming_path_, offset);
+  absl::StatusOr<rpc::ByteReceiver> receiver =
+      rpc::ByteReceiver::Open(incoming_path_, offset, store_->files_);
   if (!receiver.ok()) return receiver.status();
   receiver_ = *std::move(receiver);
   return offset > 0 ? rpc::AddFileStart(incoming_path_, offset, &sum_) : absl::OkStatus();
@@ -118,8 +141,15 @@ absl::Status AssetUpload::Add(const v1::ByteChunk& chunk) {
     if (absl::Status status = Start(chunk.offset()); !status.ok()) return status;
   }
   if (absl::Status status = receiver_->Add(chunk); !status.ok()) return status;
+  CountArrived(chunk.data().size());
   sum_.Update(chunk.data());
   return absl::OkStatus();
+}
+
+void AssetUpload::CountArrived(uint64_t bytes) {
+  absl::MutexLock lock(&store_->mutex_);
+  store_->budget_.Arrived(bytes);
+  expected_bytes_ -= bytes;
 }
 
 absl::Status AssetUpload::Finish() {
@@ -136,12 +166,16 @@ absl::Status AssetUpload::Finish() {
   absl::Status installed = store_->Install(incoming_path_, asset_.sha256());
   if (!installed.ok()) return installed;
   receiver_.reset();
-  unlink(kept_path_.c_str());  // of another upload of the same asset
+  store_->files_->Remove(kept_path_);  // of another upload of the same asset
   return absl::OkStatus();
 }
 
-AssetStore::AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log)
-    : folder_(std::move(folder)), incoming_folder_(std::move(incoming_folder)), log_(std::move(log)) {
+AssetStore::AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log,
+                       FileSystem* files)
+    : folder_(std::move(folder)),
+      incoming_folder_(std::move(incoming_folder)),
+      log_(std::move(log)),
+      files_(files) {
   KeepUploads(incoming_folder_);
 }
 
@@ -159,6 +193,7 @@ absl::Status AssetStore::Check(const std::string& sha256) {
   {
     absl::MutexLock lock(&mutex_);
     AwaitCheck(sha256);
+    RecordUse(sha256);
     if (!states_.try_emplace(sha256, State::kBeingChecked).second) return absl::OkStatus();
   }
   absl::Status content = CheckContent(sha256);
@@ -171,6 +206,21 @@ absl::Status AssetStore::Check(const std::string& sha256) {
   }
   return content;
 }
+
+bool AssetStore::NeedsCheck(const std::string& sha256) {
+  if (!rpc::IsSha256Hex(sha256) || access(PathOf(sha256).c_str(), F_OK) != 0) return false;
+  absl::MutexLock lock(&mutex_);
+  const auto state = states_.find(sha256);
+  return state == states_.end() || state->second == State::kBeingChecked;
+}
+
+void AssetStore::Doubt(const std::string& sha256) {
+  absl::MutexLock lock(&mutex_);
+  const auto state = states_.find(sha256);
+  if (state != states_.end() && state->second == State::kIntact) states_.erase(state);
+}
+
+uint64_t AssetStore::SizeOf(const std::string& sha256) const { return SizeOrZero(PathOf(sha256)); }
 
 void AssetStore::AwaitCheck(const std::string& sha256) {
   const auto has_ended = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
@@ -185,6 +235,7 @@ absl::Status AssetStore::CheckContent(const std::string& sha256) const {
   rpc::Sha256 sum;
   v1::ByteChunk chunk;
   while (file.ok()) {
+    if (checks_stopped_) return absl::CancelledError("the coordinator is stopping");
     const absl::StatusOr<bool> has_more = file->Next(&chunk);
     if (!has_more.ok()) return has_more.status();
     if (!*has_more) break;
@@ -197,8 +248,8 @@ absl::Status AssetStore::CheckContent(const std::string& sha256) const {
 
 absl::Status AssetStore::MoveAside(const std::string& sha256) const {
   const std::string aside = PathOf(sha256) + kDamagedSuffix;
-  if (std::rename(PathOf(sha256).c_str(), aside.c_str()) != 0)
-    return absl::UnavailableError(absl::StrCat(PathOf(sha256), ": ", std::strerror(errno)));
+  if (const int error = files_->Rename(PathOf(sha256), aside); error != 0)
+    return FileError(PathOf(sha256), error);
   if (log_ != nullptr) log_->error("event=asset_damaged sha256={} moved_to=\"{}\"", sha256, aside);
   return absl::NotFoundError(absl::StrCat("asset ", sha256,
                                           " was damaged on the disk of the coordinator and is moved aside;"
@@ -211,17 +262,26 @@ absl::Status AssetStore::Install(const std::string& incoming_path, const std::st
     absl::MutexLock lock(&mutex_);
     // A check in progress may be about to move the old file aside.
     AwaitCheck(sha256);
-    if (std::rename(incoming_path.c_str(), path.c_str()) != 0)
-      return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(errno)));
+    if (const int error = files_->Rename(incoming_path, path); error != 0) return FileError(path, error);
     states_[sha256] = State::kIntact;
   }
-  return SyncFolder(folder_);
+  const int error = files_->SyncFolder(folder_);
+  return error == 0 ? absl::OkStatus() : FileError(folder_, error);
 }
 
 absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::AssetRef& asset) {
   if (!rpc::IsSha256Hex(asset.sha256())) {
     return absl::InvalidArgumentError(
         absl::StrCat("asset '", asset.uri(), "': sha256 is not 64 lower-case hexadecimal digits"));
+  }
+  if (asset.size() > job::kMaxAssetBytes) {
+    return absl::InvalidArgumentError(absl::StrCat("asset '", asset.uri(), "': its size is ", asset.size(),
+                                                   ", more than ", job::kMaxAssetBytes));
+  }
+  {
+    absl::MutexLock lock(&mutex_);
+    if (absl::Status status = budget_.Begin(absl::StrCat("asset '", asset.uri(), "'")); !status.ok())
+      return status;
   }
   // Two clients may send the same asset at the same time, so each upload has its own file until it is
   // complete.
@@ -233,6 +293,35 @@ absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::Asset
 absl::StatusOr<rpc::ByteSender> AssetStore::Open(const std::string& sha256, uint64_t offset) {
   if (absl::Status status = Check(sha256); !status.ok()) return status;
   return rpc::ByteSender::Open(PathOf(sha256), offset);
+}
+
+void AssetStore::RecordUse(const std::string& sha256) {
+  // The time of the file, which outlives the coordinator. An asset whose time cannot be set is at worst sent again.
+  if (IsOlder(PathOf(sha256), kUseInterval)) utimensat(AT_FDCWD, PathOf(sha256).c_str(), nullptr, 0);
+}
+
+void AssetStore::RemoveOldUploads() const { RemoveOldUploadsIn(incoming_folder_); }
+
+absl::Status AssetStore::RemoveUnused(absl::FunctionRef<absl::StatusOr<std::set<std::string>>()> referenced) {
+  std::vector<fs::path> old;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder_, error), end; !error && entry != end; entry.increment(error)) {
+    if (IsOlder(entry->path(), kUnusedAssetAge)) old.push_back(entry->path());
+  }
+  if (old.empty()) return absl::OkStatus();
+  const absl::StatusOr<std::set<std::string>> kept = referenced();
+  if (!kept.ok()) return kept.status();
+  for (const fs::path& file : old) {
+    const std::string name = file.filename().string();
+    const std::string sha256(absl::StripSuffix(name, kDamagedSuffix));
+    if (!rpc::IsSha256Hex(sha256) || (name == sha256 && kept->contains(sha256))) continue;
+    absl::MutexLock lock(&mutex_);
+    AwaitCheck(sha256);
+    if (!IsOlder(file, kUnusedAssetAge) || !fs::remove(file, error)) continue;  // it was used meanwhile
+    if (name == sha256) states_.erase(sha256);
+    if (log_ != nullptr) log_->info("event=asset_removed file={}", name);
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace lumifold::server

@@ -2,20 +2,25 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
+#include "filter/image/file_system.h"
 #include "lumifold/v1/image.pb.h"
 #include "lumifold/v1/scene.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
+#include "server/job_life/upload_budget.h"
 
 namespace spdlog {
 class logger;
@@ -27,6 +32,9 @@ namespace lumifold::server {
 /// that is gone starts over.
 inline constexpr absl::Duration kKeptUploadAge = absl::Hours(24);
 inline constexpr size_t kMaxKeptUploads = 64;
+
+/// An asset that no job refers to is removed when it was not used for this long.
+inline constexpr absl::Duration kUnusedAssetAge = absl::Hours(7 * 24);
 
 class AssetStore;
 
@@ -42,7 +50,8 @@ class AssetUpload {
   /// Adds the next piece. The first may begin where an earlier upload of the asset broke (see
   /// AssetStore::ReceivedBytes).
   /// Errors: as ByteReceiver::Add; kDataLoss where the size is not the announced one; kAborted where the bytes
-  /// before the first piece are no longer kept.
+  /// before the first piece are no longer kept; kResourceExhausted where there is no room for the bytes that are to
+  /// come.
   absl::Status Add(const v1::ByteChunk& chunk);
 
   /// Stores the asset.
@@ -54,6 +63,7 @@ class AssetUpload {
   friend class AssetStore;
   AssetUpload(v1::AssetRef asset, std::string incoming_path, std::string kept_path, AssetStore* store);
   absl::Status Start(uint64_t offset);
+  void CountArrived(uint64_t bytes);
   absl::Status Error(absl::StatusCode code, const std::string& cause) const;
 
   const v1::AssetRef asset_;
@@ -62,7 +72,8 @@ class AssetUpload {
   AssetStore* const store_;
   std::optional<rpc::ByteReceiver> receiver_;  // from the first piece on
   rpc::Sha256 sum_;
-  bool is_wrong_ = false;  // does not match what was announced: not kept
+  bool is_wrong_ = false;        // does not match what was announced: not kept
+  uint64_t expected_bytes_ = 0;  // of the store's budget
 };
 
 /// Files identified by their SHA-256. A stored file is complete; whether the disk has kept its content is checked
@@ -73,23 +84,46 @@ class AssetUpload {
 class AssetStore {
  public:
   /// Both folders exist and are on the same file system. Keeps the uploads that a killed coordinator left in
-  /// `incoming_folder`, within the limits above. `log`, if not null, is told of damaged assets.
-  AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log = nullptr);
+  /// `incoming_folder`, within the limits above. `log`, if not null, is told of damaged assets. `files` must outlive
+  /// it.
+  AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log = nullptr,
+             FileSystem* files = RealFileSystem());
+
+  /// Sets what returns the bytes that uploads may take at a moment; without it there is no limit. Call it before any
+  /// upload.
+  void SetRoom(std::function<uint64_t()> room) { room_ = std::move(room); }
 
   /// Whether the asset is stored and undamaged. False for text that is not a SHA-256.
   bool Has(const std::string& sha256) { return Check(sha256).ok(); }
+
+  /// Whether the asset is stored and Has would have to read it, or wait for that.
+  bool NeedsCheck(const std::string& sha256);
+  /// The content of the asset may have changed since it was checked: it counts as not checked.
+  void Doubt(const std::string& sha256);
+  /// Ends checks in progress, with kCancelled; further ones end at once.
+  void StopChecks() { checks_stopped_ = true; }
+  /// 0 for an asset that is not stored.
+  uint64_t SizeOf(const std::string& sha256) const;
 
   /// How many bytes of an asset are kept from an upload that broke; 0 for none.
   uint64_t ReceivedBytes(const std::string& sha256) const;
 
   /// Begins to receive an asset. The store must outlive the upload.
-  /// Errors: kInvalidArgument where `asset` has no valid SHA-256; kUnavailable for a disk error.
+  /// Errors: kInvalidArgument where `asset` has no valid SHA-256 or is larger than job::kMaxAssetBytes;
+  /// kResourceExhausted where too many uploads are running; kUnavailable for a disk error.
   absl::StatusOr<std::unique_ptr<AssetUpload>> Receive(const v1::AssetRef& asset);
 
   /// Reads an asset from `offset` on.
   /// Errors: kNotFound naming it, also where it is damaged; kOutOfRange past its end; kUnavailable where it
   /// cannot be read.
   absl::StatusOr<rpc::ByteSender> Open(const std::string& sha256, uint64_t offset);
+
+  /// Removes what is left of uploads that broke too long ago, see kKeptUploadAge.
+  void RemoveOldUploads() const;
+  /// Removes the assets that were not used for kUnusedAssetAge and to which no job refers, and the damaged ones of that
+  /// age. `referenced` returns the SHA-256 of the others; it is called only where there are assets of that age. One that
+  /// is used after that call stays. Errors: those of `referenced`.
+  absl::Status RemoveUnused(absl::FunctionRef<absl::StatusOr<std::set<std::string>>()> referenced);
 
  private:
   friend class AssetUpload;
@@ -103,6 +137,8 @@ class AssetStore {
   absl::Status CheckContent(const std::string& sha256) const;
   /// Moves a damaged asset aside.
   absl::Status MoveAside(const std::string& sha256) const;
+  /// Remembers on the disk that the asset was used now, at most once in kUseInterval.
+  void RecordUse(const std::string& sha256) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Makes a received file, whose content is right, the stored asset.
   absl::Status Install(const std::string& incoming_path, const std::string& sha256);
 
@@ -112,10 +148,14 @@ class AssetStore {
   const std::string folder_;
   const std::string incoming_folder_;
   const std::shared_ptr<spdlog::logger> log_;
+  FileSystem* const files_;
+  std::function<uint64_t()> room_;
   std::atomic<int64_t> uploads_{0};
+  std::atomic<bool> checks_stopped_{false};
 
   absl::Mutex mutex_;
   std::map<std::string, State> states_ ABSL_GUARDED_BY(mutex_);  // assets used since the start
+  job_life::UploadBudget budget_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace lumifold::server

@@ -11,23 +11,25 @@
 #include <array>
 #include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <cstring>
 #include <iostream>
 #include <new>
 #include <optional>
+#include <string_view>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
-#include "absl/time/clock.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/memory.h"
 #include "proto/rpc/byte_stream.h"
+#include "proto/rpc/monotonic.h"
 #include "server/finish_frame.h"
 #include "server/frame_finisher.h"
-#include "server/ledger/sqlite_job_store.h"
+#include "server/ledger/open_job_store.h"
 
 // The child writes its answer to standard output: on success a serialised StageTimes; otherwise the number of
 // the status code, a space and the message, with exit code 1.
@@ -44,8 +46,11 @@ SteadyTime DeadlineAfter(absl::Duration limit) {
   return std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(std::min(limit, kForever));
 }
 
+/// A machine that has no descriptor, process or memory left may have one later.
 absl::Status SystemError(const char* what, int error) {
-  return absl::UnavailableError(absl::StrCat(what, ": ", std::strerror(error)));
+  const bool may_pass = error == EMFILE || error == ENFILE || error == EAGAIN || error == ENOMEM;
+  const std::string text = absl::StrCat(what, ": ", std::strerror(error));
+  return may_pass ? absl::UnavailableError(text) : absl::InternalError(text);
 }
 
 struct Child {
@@ -53,7 +58,25 @@ struct Child {
   rpc::FileHandle output;
 };
 
-absl::StatusOr<Child> Spawn(const std::vector<std::string>& command) {
+/// Pointers to the words, and a null pointer. execve takes char*, but does not write to it.
+std::vector<char*> PointersTo(const std::vector<std::string>& words) {
+  std::vector<char*> pointers;
+  for (const std::string& word : words) pointers.push_back(const_cast<char*>(word.c_str()));
+  pointers.push_back(nullptr);
+  return pointers;
+}
+
+/// This process's environment, with the name of the store.
+std::vector<std::string> EnvironmentWith(const std::string& store) {
+  const std::string prefix = absl::StrCat(ledger::kStoreVariable, "=");
+  std::vector<std::string> variables = {prefix + store};
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    if (!std::string_view(*variable).starts_with(prefix)) variables.emplace_back(*variable);
+  }
+  return variables;
+}
+
+absl::StatusOr<Child> Spawn(const std::vector<std::string>& command, const std::string& store) {
   std::array<int, 2> ends = {-1, -1};
   if (pipe2(ends.data(), O_CLOEXEC) != 0) return SystemError("pipe", errno);
   Child child{.output = rpc::FileHandle(ends[0])};
@@ -70,12 +93,9 @@ absl::StatusOr<Child> Spawn(const std::vector<std::string>& command) {
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
 
-  std::vector<char*> arguments;
-  arguments.reserve(command.size() + 1);
-  for (const std::string& word : command)
-    arguments.push_back(const_cast<char*>(word.c_str()));  // execve takes char*, but does not write to it
-  arguments.push_back(nullptr);
-  const int error = posix_spawn(&child.pid, arguments[0], &actions, &attributes, arguments.data(), environ);
+  const std::vector<std::string> environment = EnvironmentWith(store);
+  const int error = posix_spawn(&child.pid, command[0].c_str(), &actions, &attributes,
+                                PointersTo(command).data(), PointersTo(environment).data());
   posix_spawn_file_actions_destroy(&actions);
   posix_spawnattr_destroy(&attributes);
   if (error != 0) return SystemError(command[0].c_str(), error);
@@ -153,7 +173,8 @@ absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Finish(const job::JobId& jo
     absl::MutexLock lock(&mutex_);
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
     child = Spawn({options_.program, kFinishFrameCommand, folder_.root(), job.value(), absl::StrCat(frame),
-                   absl::StrCat(options_.threads), absl::StrCat(options_.memory_limit_bytes)});
+                   absl::StrCat(options_.threads), absl::StrCat(options_.memory_limit_bytes)},
+                  options_.store);
     if (!child.ok()) return child.status();
     running_ = child->pid;
     job_ = job;
@@ -221,14 +242,15 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   }
   if (absl::Status status = LimitThisProcess(memory_limit_bytes); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
+  const char* const store_name = std::getenv(ledger::kStoreVariable);
   const absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =
-      ledger::OpenSqliteJobStore(folder.LedgerPath());
+      ledger::OpenJobStore(store_name == nullptr ? "" : store_name, folder.LedgerPath());
   if (!store.ok()) return store.status();
   KeepFreedMemory();
   SetExrThreads(threads);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   try {
-    return FinishFrame(folder, **store, job::JobId(arguments[1]), frame, pool.get(), absl::Now);
+    return FinishFrame(folder, **store, job::JobId(arguments[1]), frame, pool.get(), rpc::MonotonicNow);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(absl::StrCat("filtering frame ", frame, ": out of memory (limit ",
                                                      memory_limit_bytes >> 20, " MiB, 0 for none)"));
@@ -238,7 +260,7 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
 }  // namespace
 
 bool IsWorthRetrying(const absl::Status& status) {
-  return absl::IsInternal(status) || absl::IsResourceExhausted(status) || absl::IsUnavailable(status);
+  return absl::IsInternal(status) || absl::IsResourceExhausted(status);
 }
 
 std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder,

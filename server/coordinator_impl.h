@@ -1,10 +1,12 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
@@ -12,6 +14,7 @@
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
@@ -22,8 +25,15 @@
 #include "server/committer.h"
 #include "server/data_folder.h"
 #include "server/frame_finisher.h"
+#include "server/frame_limit.h"
+#include "server/janitor.h"
+#include "server/job_life/dependencies.h"
+#include "server/job_life/reopen_plan.h"
 #include "server/ledger/job_store.h"
 #include "server/scheduler/scheduler.h"
+#include "server/storage_state.h"
+#include "server/task_thread.h"
+#include "server/wake_up.h"
 
 namespace spdlog {
 class logger;
@@ -31,15 +41,36 @@ class logger;
 
 namespace lumifold::server {
 
+class AssetChecks;
+class EventLog;
+
 struct CoordinatorOptions {
   absl::Duration lease = absl::Seconds(30);
   /// Interval of the workers' heartbeats.
   absl::Duration heartbeat = absl::Seconds(5);
   /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as long.
   absl::Duration finish_pause = absl::Seconds(5);
+  /// Monotonic clock: orders everything.
   std::function<absl::Time()> now;
+  /// Wall clock: stamps submissions, for display and for the ids of jobs.
+  std::function<absl::Time()> wall_now;
   std::function<uint64_t()> random;
   std::shared_ptr<spdlog::logger> log;
+  /// Bytes of the reserve file, see Committer; 0 for none.
+  uint64_t reserve_bytes = 0;
+  /// Number of unit logs that may be open.
+  size_t max_open_logs = 256;
+  /// Pauses while the storage cannot be written.
+  absl::Duration first_storage_pause = absl::Milliseconds(250);
+  absl::Duration longest_storage_pause = absl::Seconds(5);
+  /// What is kept of jobs that have ended. The free bytes of the disk are set by the coordinator.
+  job_life::RetentionLimits retention;
+  /// Called with false when the storage can no longer be written, and with true when it can again; from any thread.
+  std::function<void(bool)> on_storage_change = [](bool) {};
+  /// What GetLog reads; must outlive the coordinator.
+  const EventLog* events = nullptr;
+  /// Reads assets again that workers could not get; must be stopped before the coordinator ends.
+  AssetChecks* asset_checks = nullptr;
 };
 
 /// What a worker has to deliver for a lease.
@@ -65,9 +96,13 @@ class JobWatcher {
 /// Makes all decisions of the coordinator: accepts jobs, grants leases, commits each unit once, finishes
 /// frames, ends jobs. Independent of gRPC. Acknowledges a unit only after it is committed; after a restart
 /// with the same data folder it continues all unfinished jobs.
-/// Threads: safe; it has three of its own (committer, finisher, housekeeping).
+/// Its lock is never held during a call of the ledger or of a file, so that slow storage does not delay leases: the
+/// committer writes, and what clients ask of ended jobs is read without the lock.
+/// Threads: safe; it has five of its own (committer, finisher, housekeeping, and those for tasks).
 class Coordinator final : private Committer::Listener {
  public:
+  using StatusAnswer = std::function<void(absl::StatusOr<v1::JobStatus>)>;
+
   /// Restores the unfinished jobs from the ledger. The caller has claimed the folder. `folder`, `store`,
   /// `assets` and `finisher` must outlive it.
   static absl::StatusOr<std::unique_ptr<Coordinator>> Create(const CoordinatorOptions& options,
@@ -89,15 +124,41 @@ class Coordinator final : private Committer::Listener {
   absl::StatusOr<v1::SubmitJobResponse> SubmitJob(const v1::SubmitJobRequest& request);
   absl::StatusOr<v1::JobStatus> GetJob(const std::string& job_id);
   absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request);
-  absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id);
+  /// Cancels a job. Calls `done` once: when the end of the job is recorded, or with kResourceExhausted when it cannot be
+  /// recorded now; then the job ends as soon as it can. `done` is called at once or from another thread, without a
+  /// lock.
+  void CancelJob(const std::string& job_id, StatusAnswer done);
+  // Changes of a job that exists. Each calls `done` once, at once or from another thread, without a lock. The changes
+  // are made one after the other.
+  void RetryJob(const v1::RetryJobRequest& request, StatusAnswer done);
+  void AddSamples(const v1::AddSamplesRequest& request, StatusAnswer done);
+  /// The answer is the status that the job had last.
+  void DeleteJob(const v1::DeleteJobRequest& request, StatusAnswer done);
+  absl::StatusOr<v1::ServerStatus> GetServerStatus();
+  /// Whether the storage can be written.
+  const StorageState& storage() const { return storage_; }
+  /// Notes an error of the storage that occurred outside the coordinator, and returns what the caller is told.
+  absl::Status NoteError(const absl::Status& status);
+  /// These three record what they change, so that it holds after a restart. In coordinator_control.cc, as are all calls
+  /// of operators.
+  absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id);
+  absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id);
+  absl::StatusOr<v1::JobStatus> SetJobPriority(const v1::SetJobPriorityRequest& request);
+  absl::StatusOr<v1::ExplainJobResponse> ExplainJob(const std::string& job_id);
+  absl::StatusOr<v1::ListWorkersResponse> ListWorkers(const v1::ListWorkersRequest& request);
+  absl::StatusOr<v1::WorkerStatus> DrainWorker(const v1::WorkerRequest& request);
+  absl::StatusOr<v1::WorkerStatus> BlockWorker(const v1::WorkerRequest& request);
+  absl::StatusOr<v1::WorkerStatus> ReadmitWorker(const v1::WorkerRequest& request);
+  absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request);
   absl::StatusOr<rpc::ByteSender> OpenResult(const v1::DownloadResultRequest& request);
-  /// Calls `watcher` with the job's status at once and after changes, at most ten times a second, until
-  /// Unwatch.
+  /// Calls `watcher` with the job's status at once and after changes, at most ten times a second and once more when
+  /// the job ends, until Unwatch.
   absl::Status Watch(const std::string& job_id, JobWatcher* watcher);
   /// After it returns the watcher is not called again. No effect on a watcher that does not watch.
   void Unwatch(JobWatcher* watcher);
 
   // Calls of workers, made by WorkerSession; see worker.proto.
+  absl::StatusOr<v1::JobSpec> FetchSpec(const std::string& job_id);
   absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const;
   /// Sends Welcome to a worker and grants it leases. `sink` is used until RemoveWorker has returned.
   absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, WorkerSink* sink);
@@ -106,7 +167,7 @@ class Coordinator final : private Committer::Listener {
   /// The unit of a lease that the worker holds; nullopt if it does not hold it.
   std::optional<LeasedUnit> FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
   /// Accepts a complete unit whose layout and values are valid.
-  void Deliver(job::WorkerId worker, film::StoredUnit unit);
+  void Deliver(job::WorkerId worker, film::EncodedUnit unit);
   /// Acknowledges a unit that is not wanted, so that the worker drops it.
   void Dismiss(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
   /// Fails a delivered unit that is not valid, and tells the worker the reason.
@@ -114,41 +175,166 @@ class Coordinator final : private Committer::Listener {
                   const std::string& reason);
   void FailUnit(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                 const std::string& error, bool permanent);
+  /// The worker could not get an asset of the unit's job. If it is not here or damaged, the job waits until it is
+  /// uploaded again; otherwise the unit has failed.
+  void OnAssetMissing(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                      const std::string& sha256, const std::string& error);
+  /// An asset was uploaded: jobs that wait for it go on.
+  void OnAssetStored(const std::string& sha256);
+  /// The worker will not deliver these units.
+  void HandBack(job::WorkerId worker, const v1::HandBack& message);
+  /// The worker wants no more leases; answers with Released.
+  void OnLeaving(job::WorkerId worker, const std::string& reason);
 
  private:
   struct ConnectedWorker {
     std::string name;
+    int slots;
     WorkerSink* sink;
-    std::set<job::JobId> known_jobs;  // jobs whose specs were sent to the worker
+    absl::Time connected;             // by the wall clock, for display
+    std::set<job::JobId> known_jobs;  // jobs of which the worker got leases
   };
   struct CommittedFrame {
     job::JobId job;
     int32_t number = 0;
     /// Number of times that finishing it has failed, and when it may be tried again.
     int failures = 0;
+    /// Number of times that the storage could not be written meanwhile, which is no failure of the frame.
+    int waits = 0;
     absl::Time not_before = absl::InfinitePast();
+  };
+  /// What a job that is to be entered into the scheduler has on the disk.
+  struct LoadedJob {
+    ledger::JobRecord record;
+    std::vector<int32_t> finished;
+    /// Committed units of the other frames, and the ends of their logs.
+    std::vector<job::UnitKey> units;
+    std::map<int32_t, uint64_t> committed_bytes;
+    std::vector<job_life::Prerequisite> after;
+    /// Why the job cannot continue; empty if it can.
+    std::string error;
+  };
+  /// A job that is being changed: neither the scheduler nor the committer nor the finisher has anything of it.
+  struct SuspendedJob {
+    /// What clients see meanwhile.
+    v1::JobStatus shown;
+    bool committer_is_done = false;
+  };
+  /// A job that has ended, whose end is being recorded.
+  struct EndingJob {
+    /// With the end.
+    ledger::JobRecord record;
+    /// What clients see until the end is recorded.
+    v1::JobStatus shown;
+    std::vector<StatusAnswer> cancels;
+  };
+
+  /// The connected workers that a request means, and the name that they have in common.
+  struct NamedWorkers {
+    std::string name;
+    std::vector<job::WorkerId> connected;
   };
 
   Coordinator(const CoordinatorOptions& options, const DataFolder& folder, ledger::JobStore* store,
-              AssetStore* assets, FrameFinisher* finisher);
+              AssetStore* assets, FrameFinisher* finisher, ledger::Owner owner);
+  // Before any other thread has the object; see coordinator_restore.cc.
   absl::Status Restore();
-  absl::Status RestoreJob(const ledger::JobRecord& record) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status RestoreBlockedWorkers();
+  /// Errors: those of the ledger that are not of this job alone.
+  absl::Status RestoreJob(const ledger::JobRecord& record);
+  /// Reads what the ledger and the data folder have of an unfinished job. Errors: those of the storage.
+  absl::StatusOr<LoadedJob> LoadJob(const ledger::JobRecord& record);
+  absl::Status LoadProgress(LoadedJob* loaded);
+  absl::Status RestoreFiles(const ledger::JobRecord& record, const std::vector<int32_t>& finished);
+  /// Makes a loaded job active.
+  void EnterJob(LoadedJob loaded) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Starts jobs whose manifest lies here but that the ledger does not have, and clears away after jobs that have ended.
+  absl::StatusOr<std::vector<ledger::JobRecord>> FindForgottenJobs();
   absl::Status CheckSpec(const v1::JobSpec& spec) const;
-  void StartJob(const ledger::NewJob& job);
+  absl::StatusOr<job::JobId> RecordJob(ledger::NewJob job, const std::vector<job_life::Prerequisite>& after);
+  /// Starts a recorded job. `was_uncertain`: it is one of uncertain_jobs_, unless another call was first.
+  void StartJob(ledger::JobRecord record, const std::vector<job_life::Prerequisite>& after,
+                bool was_uncertain);
+  /// Adds the jobs of a page that the request asks for.
+  absl::Status AddListed(const ledger::JobPage& page, const v1::ListJobsRequest& request,
+                         v1::ListJobsResponse* response);
+
+  // Dependencies, see coordinator_dependencies.cc.
+  /// As ReadPrerequisites. Errors: also kInvalidArgument naming a job that is not known, or for too many.
+  absl::StatusOr<std::vector<job_life::Prerequisite>> CheckAfter(const v1::Scheduling& scheduling);
+  /// The jobs that `scheduling` names, in the states that the ledger has.
+  absl::StatusOr<std::vector<job_life::Prerequisite>> ReadPrerequisites(const v1::Scheduling& scheduling);
+  /// Lets an active job wait for others, as they are now.
+  void AwaitPrerequisites(const job::JobId& job, std::vector<job_life::Prerequisite> after)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Looks again at jobs that had not ended when they were read, and may have left memory before AwaitPrerequisites.
+  void CheckPrerequisites(const std::vector<job_life::Prerequisite>& after);
+  /// Starts or fails jobs that no longer wait.
+  void Settle(const job_life::Settled& settled) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  bool IsInMemory(const job::JobId& job) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return active_jobs_.contains(job) || ending_jobs_.contains(job) || suspended_jobs_.contains(job);
+  }
+
+  // Changes of jobs, see coordinator_reopen.cc. All but the first run on the thread of changes.
+  /// Calls `change` on the thread of changes, and `done` with its outcome or when the coordinator stops.
+  void Change(std::function<absl::StatusOr<v1::JobStatus>()> change, StatusAnswer done);
+  void AnswerChange(int64_t number, const absl::StatusOr<v1::JobStatus>& answer);
+  absl::StatusOr<v1::JobStatus> Reopen(const job::JobId& job, const job_life::ReopenRequest& request);
+  absl::StatusOr<v1::JobStatus> Delete(const job::JobId& job);
+  absl::StatusOr<v1::JobStatus> CancelNow(const job::JobId& job);
+  absl::StatusOr<job_life::ReopenPlan> PlanFor(const job::JobId& job, const job_life::ReopenRequest& request);
+  /// Takes a job away from scheduler, finisher and committer. Errors: kUnavailable when the coordinator stops.
+  absl::Status Suspend(const job::JobId& job, v1::JobStatus shown);
+  /// Waits while the end of the job is being recorded.
+  void AwaitEnd(const job::JobId& job);
+  absl::Status ChangeFiles(const job::JobId& job, const job_life::ReopenPlan& plan);
+  /// Makes a suspended job what the ledger says: active or ended. Waits for the storage.
+  void Resume(const job::JobId& job);
+  absl::StatusOr<std::optional<LoadedJob>> LoadSuspended(const job::JobId& job);
 
   bool IsWanted(const job::JobId& job) override;
   void OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) override;
   void OnUnitsLost(const job::JobId& job, int32_t frame, const absl::Status& cause,
                    const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) override;
+  void OnStorageAvailable() override;
   void CountCommitted(const AcceptedUnit& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   /// Grants leases to all workers that have free slots.
   void GrantLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Tells the workers which of their leases have become void.
+  void SendVoided() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Acknowledge(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                    const std::string& refused = "") ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Ends a job: its leases are void at once, its end is recorded by the committer.
   void EndJob(const job::JobId& job, v1::JobState state, const std::string& error)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::StatusOr<v1::JobStatus> StatusOf(const job::JobId& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Voids the leases of a job and forgets it, except what `active_jobs_` has.
+  void StopRendering(const job::JobId& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::Status RecordEnd(const job::JobId& job, v1::JobState state, const std::string& error);
+  void OnEndRecorded(const job::JobId& job, const absl::Status& status);
+  /// Answers cancellations that wait for the end of the job.
+  void AnswerCancels(const job::JobId& job, const absl::StatusOr<v1::JobStatus>& answer);
+  /// Deletes rows of units that are not needed any more, some at a time.
+  void PurgeUnits();
+  /// Status of a job that is active or whose end is being recorded.
+  std::optional<v1::JobStatus> StatusInMemory(const job::JobId& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Reads the ledger for a job that has ended.
+  absl::StatusOr<v1::JobStatus> StatusOf(const job::JobId& job);
+  ledger::OwnedJob Owned(const job::JobId& job) const { return {job, owner_.epoch}; }
+  /// Changes how an active job is scheduled, in the ledger first.
+  absl::StatusOr<v1::JobStatus> ChangeScheduling(const std::string& job_id,
+                                                 absl::FunctionRef<void(v1::Scheduling*)> change);
+  void Reschedule(const job::JobId& job, const v1::Scheduling& scheduling)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Adds why frames of the job that are rendered have no result yet.
+  void ExplainFinishing(const job::JobId& job, v1::ExplainJobResponse* response)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void AwaitAsset(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                  const v1::AssetRef& asset);
+  void ExplainAsset(const job::JobId& job, v1::ExplainJobResponse* response)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  absl::StatusOr<NamedWorkers> FindWorkers(const std::string& worker) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  v1::WorkerStatus StatusOf(const scheduler::WorkerInfo& info) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::string NameOf(job::WorkerId worker) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   void RunFinisher();
@@ -158,37 +344,70 @@ class Coordinator final : private Committer::Listener {
   std::deque<CommittedFrame>::iterator FindDueFrame() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Lets a frame be tried again later, or fails its job.
   void RetryFrame(CommittedFrame frame, const absl::Status& error) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Lets a frame whose result could not be written wait for the storage.
+  void AwaitStorage(CommittedFrame frame, const absl::Status& error) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times);
+  void OnFrameRecorded(const CommittedFrame& frame, const v1::StageTimes& times, const absl::Status& status);
+  /// Deletes a file or folder, at low priority.
+  void DeleteFiles(const std::string& path);
   void RunHousekeeping();
   absl::Duration UntilNextHousekeeping() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ExpireLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Logs leases that are late, and ends the jobs that cannot go on because of them.
+  void ReportLate(const std::vector<scheduler::LateLease>& late) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void NotifyWatchers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-
-  bool FinisherHasWork() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    return stopping_ || FindDueFrame() != committed_frames_.end();
-  }
+  /// Bounds the frames in flight by what the machine has.
+  void LimitFrames(uint64_t free_disk_bytes) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const CoordinatorOptions options_;
   const DataFolder folder_;
   ledger::JobStore* const store_;
   AssetStore* const assets_;
   FrameFinisher* const finisher_;
+  /// This run of the coordinator, which owns all active jobs.
+  const ledger::Owner owner_;
+  const uint64_t memory_bytes_ = MemoryBytes();
+  StorageState storage_;
 
+  /// One change of a job's scheduling or of the blocked workers at a time, in the ledger and here. Taken before mutex_.
+  absl::Mutex control_mutex_;
   absl::Mutex mutex_;
   bool leasing_ ABSL_GUARDED_BY(mutex_) = true;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   scheduler::Scheduler scheduler_ ABSL_GUARDED_BY(mutex_);
   std::map<job::JobId, ledger::JobRecord> active_jobs_ ABSL_GUARDED_BY(mutex_);
+  std::map<job::JobId, EndingJob> ending_jobs_ ABSL_GUARDED_BY(mutex_);
+  /// Jobs whose submission ended with an error of the ledger, which may have recorded them.
+  std::set<job::JobId> uncertain_jobs_ ABSL_GUARDED_BY(mutex_);
+  std::map<job::JobId, SuspendedJob> suspended_jobs_ ABSL_GUARDED_BY(mutex_);
+  job_life::Dependencies dependencies_ ABSL_GUARDED_BY(mutex_);
+  /// Job of the frame that is being finished.
+  std::optional<job::JobId> finishing_job_ ABSL_GUARDED_BY(mutex_);
+  /// Changes that were asked for and are not answered.
+  std::map<int64_t, StatusAnswer> changes_ ABSL_GUARDED_BY(mutex_);
+  int64_t next_change_ ABSL_GUARDED_BY(mutex_) = 1;
+  /// When the render time of an active job would have begun, had all of it been spent without a break.
+  std::map<job::JobId, absl::Time> render_starts_ ABSL_GUARDED_BY(mutex_);
+  std::map<job::JobId, UnitBytes> unit_bytes_ ABSL_GUARDED_BY(mutex_);
   int64_t next_worker_ ABSL_GUARDED_BY(mutex_) = 1;
   std::map<job::WorkerId, ConnectedWorker> workers_ ABSL_GUARDED_BY(mutex_);
   std::deque<CommittedFrame> committed_frames_ ABSL_GUARDED_BY(mutex_);
   /// Number of times that units of an unfinished frame were lost.
   std::map<std::pair<job::JobId, int32_t>, int> losses_ ABSL_GUARDED_BY(mutex_);
+  /// What jobs wait for whose scene is not complete; the scheduler grants them no leases.
+  std::map<job::JobId, v1::AssetRef> wanted_assets_ ABSL_GUARDED_BY(mutex_);
   std::map<JobWatcher*, job::JobId> watchers_ ABSL_GUARDED_BY(mutex_);
   std::set<job::JobId> changed_jobs_ ABSL_GUARDED_BY(mutex_);
   absl::Time watchers_notified_ ABSL_GUARDED_BY(mutex_) = absl::InfinitePast();
-  absl::CondVar housekeeping_;
+  std::atomic<bool> purging_{false};
+  WakeUp housekeeping_;
+  WakeUp finishing_;
+  WakeUp changing_;
 
+  TaskThread deleter_{TaskThread::Priority::kLowest};  // of files
+  TaskThread purger_{TaskThread::Priority::kNormal};   // of rows
+  Janitor janitor_;
+  TaskThread changer_{TaskThread::Priority::kNormal};
   std::unique_ptr<Committer> committer_;
   std::thread finisher_thread_;
   std::thread housekeeping_thread_;

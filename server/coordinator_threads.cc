@@ -11,6 +11,8 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "server/coordinator_impl.h"
+#include "server/frame_limit.h"
+#include "server/log_text.h"
 
 namespace lumifold::server {
 namespace {
@@ -28,6 +30,8 @@ std::string_view EventOf(scheduler::Lateness lateness) {
       return "lease_stalled";
     case scheduler::Lateness::kOverdue:
       return "unit_overdue";
+    case scheduler::Lateness::kDropped:
+      return "lease_dropped";
     default:
       return "lease_expired";
   }
@@ -36,6 +40,9 @@ std::string_view EventOf(scheduler::Lateness lateness) {
 /// A frame that failed this often, of a cause that may go away, fails its job.
 constexpr int kMaxFinishFailures = 3;
 constexpr double kPauseGrowth = 4;
+/// Longest pause before a frame that found the disk full is tried again, and the growths that lead to it at most.
+constexpr absl::Duration kLongestFinishPause = absl::Minutes(1);
+constexpr int kMaxGrowths = 20;
 
 }  // namespace
 
@@ -43,24 +50,38 @@ void Coordinator::RunFinisher() {
   while (const std::optional<CommittedFrame> frame = NextCommittedFrame()) {
     const absl::StatusOr<v1::StageTimes> times = finisher_->Finish(frame->job, frame->number);
     if (!absl::IsCancelled(times.status())) RecordFinished(*frame, times);
+    absl::MutexLock lock(&mutex_);
+    finishing_job_.reset();
   }
 }
 
 std::optional<Coordinator::CommittedFrame> Coordinator::NextCommittedFrame() {
-  absl::MutexLock lock(&mutex_);
   while (true) {
-    // The time limit is for frames that are not due: options_.now may not be the clock that waits use.
-    while (!mutex_.AwaitWithTimeout(absl::Condition(this, &Coordinator::FinisherHasWork), kIdleInterval)) {
+    absl::Duration pause = kIdleInterval;
+    {
+      absl::MutexLock lock(&mutex_);
+      if (stopping_) return std::nullopt;
+      if (const auto due = FindDueFrame(); due != committed_frames_.end()) {
+        CommittedFrame frame = std::move(*due);
+        committed_frames_.erase(due);
+        if (active_jobs_.contains(frame.job)) {
+          finishing_job_ = frame.job;
+          return frame;
+        }
+        continue;
+      }
+      // Of frames that are due already, only the storage is waited for: its return wakes this thread.
+      const absl::Time now = options_.now();
+      for (const CommittedFrame& frame : committed_frames_) {
+        if (frame.not_before > now) pause = std::min(pause, frame.not_before - now);
+      }
     }
-    if (stopping_) return std::nullopt;
-    const auto due = FindDueFrame();
-    CommittedFrame frame = std::move(*due);
-    committed_frames_.erase(due);
-    if (active_jobs_.contains(frame.job)) return frame;
+    finishing_.Wait(pause);
   }
 }
 
 std::deque<Coordinator::CommittedFrame>::iterator Coordinator::FindDueFrame() {
+  if (!storage_.ok()) return committed_frames_.end();
   const absl::Time now = options_.now();
   return std::find_if(committed_frames_.begin(), committed_frames_.end(),
                       [now](const CommittedFrame& frame) { return frame.not_before <= now; });
@@ -81,48 +102,93 @@ void Coordinator::RetryFrame(CommittedFrame frame, const absl::Status& error) {
   committed_frames_.push_back(std::move(frame));
 }
 
+void Coordinator::AwaitStorage(CommittedFrame frame, const absl::Status& error) {
+  const absl::Duration pause =
+      std::min(kLongestFinishPause,
+               options_.finish_pause * std::pow(kPauseGrowth, std::min(frame.waits, kMaxGrowths)));
+  ++frame.waits;
+  options_.log->warn("event=frame_waits job={} frame={} pause_seconds={:.1f} error={}", frame.job.value(),
+                     frame.number, absl::ToDoubleSeconds(pause), Quoted(std::string(error.message())));
+  frame.not_before = options_.now() + pause;
+  committed_frames_.push_back(std::move(frame));
+}
+
 void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times) {
+  if (absl::IsUnavailable(times.status())) storage_.Fail(times.status());
   absl::MutexLock lock(&mutex_);
   const auto active = active_jobs_.find(frame.job);
   if (active == active_jobs_.end()) return;
-  if (absl::IsDataLoss(times.status()) || absl::IsNotFound(times.status())) {
-    return committer_->Check(frame.job, frame.number, times.status());
-  }
+  const FrameKey key(frame.job, frame.number);
+  if (absl::IsDataLoss(times.status()) || absl::IsNotFound(times.status()))
+    return committer_->Check(key, times.status());
+  if (absl::IsUnavailable(times.status())) return AwaitStorage(frame, times.status());
   if (IsWorthRetrying(times.status())) return RetryFrame(frame, times.status());
   if (!times.ok()) {
     EndJob(frame.job, v1::JOB_STATE_FAILED, std::string(times.status().message()));
     return;
   }
-  v1::StageTimes& sum = active->second.times;
   v1::StageTimes recorded = *times;
-  recorded.set_render_seconds(sum.render_seconds());
-  if (absl::Status status = store_->RecordFrame(frame.job, frame.number, recorded); !status.ok()) {
-    EndJob(frame.job, v1::JOB_STATE_FAILED, std::string(status.message()));
-    return;
+  recorded.set_render_seconds(active->second.times.render_seconds());
+  committer_->Write(
+      [this, key, recorded] { return store_->RecordFrame(Owned(key.first), key.second, recorded); },
+      [this, frame, recorded](const absl::Status& status) { OnFrameRecorded(frame, recorded, status); });
+}
+
+void Coordinator::OnFrameRecorded(const CommittedFrame& frame, const v1::StageTimes& times,
+                                  const absl::Status& status) {
+  const JobId& job = frame.job;
+  if (status.ok()) {
+    committer_->ForgetLog({job, frame.number});
+    janitor_.FrameFinished(job, frame.number);
+    PurgeUnits();
   }
-  sum.set_assemble_seconds(sum.assemble_seconds() + times->assemble_seconds());
-  sum.set_filter_seconds(sum.filter_seconds() + times->filter_seconds());
-  sum.set_write_seconds(sum.write_seconds() + times->write_seconds());
-  options_.log->info("event=frame_finished job={} frame={} filter_seconds={:.3f}", frame.job.value(),
-                     frame.number, times->filter_seconds());
-  changed_jobs_.insert(frame.job);
-  housekeeping_.Signal();
-  if (scheduler_.FrameFinished(frame.job, frame.number)) {
-    EndJob(frame.job, v1::JOB_STATE_DONE, "");
+  absl::MutexLock lock(&mutex_);
+  const auto active = active_jobs_.find(job);
+  if (active == active_jobs_.end()) return;
+  if (!status.ok()) return EndJob(job, v1::JOB_STATE_FAILED, std::string(status.message()));
+  v1::StageTimes& sum = active->second.times;
+  sum.set_assemble_seconds(sum.assemble_seconds() + times.assemble_seconds());
+  sum.set_filter_seconds(sum.filter_seconds() + times.filter_seconds());
+  sum.set_write_seconds(sum.write_seconds() + times.write_seconds());
+  options_.log->info("event=frame_finished job={} frame={} filter_seconds={:.3f}", job.value(), frame.number,
+                     times.filter_seconds());
+  changed_jobs_.insert(job);
+  housekeeping_.Wake();
+  if (scheduler_.FrameFinished(job, frame.number)) {
+    EndJob(job, v1::JOB_STATE_DONE, "");
   } else {
-    committer_->Discard(frame.job, frame.number);
+    GrantLeases();  // another frame may be active now
   }
 }
 
 void Coordinator::RunHousekeeping() {
-  absl::MutexLock lock(&mutex_);
-  while (!stopping_) {
-    const absl::Duration pause = UntilNextHousekeeping();
-    if (pause > absl::ZeroDuration()) housekeeping_.WaitWithTimeout(&mutex_, pause);
-    if (stopping_) return;
-    ExpireLeases();
-    NotifyWatchers();
+  while (true) {
+    janitor_.Poke();
+    absl::Duration pause;
+    const uint64_t free_bytes = folder_.FreeBytes().value_or(0);
+    {
+      absl::MutexLock lock(&mutex_);
+      if (stopping_) return;
+      LimitFrames(free_bytes);
+      ExpireLeases();
+      NotifyWatchers();
+      pause = UntilNextHousekeeping();
+    }
+    if (pause > absl::ZeroDuration()) housekeeping_.Wait(pause);
   }
+}
+
+void Coordinator::LimitFrames(uint64_t free_disk_bytes) {
+  FrameDemand largest;
+  for (const auto& [job, record] : active_jobs_) {
+    if (!scheduler_.HasJob(job)) continue;
+    const FrameDemand demand = DemandOf(record.spec, scheduler_.UnitsOf(job), unit_bytes_[job]);
+    largest.log_bytes = std::max(largest.log_bytes, demand.log_bytes);
+    largest.units = std::max(largest.units, demand.units);
+  }
+  const FrameResources resources = {
+      .open_logs = options_.max_open_logs, .free_disk_bytes = free_disk_bytes, .memory_bytes = memory_bytes_};
+  scheduler_.SetMaxActiveFrames(MaxActiveFrames(resources, largest));
 }
 
 absl::Duration Coordinator::UntilNextHousekeeping() {
@@ -133,13 +199,16 @@ absl::Duration Coordinator::UntilNextHousekeeping() {
 }
 
 void Coordinator::ExpireLeases() {
-  const std::vector<scheduler::LateLease> late = scheduler_.ExpireLeases(options_.now());
+  ReportLate(scheduler_.ExpireLeases(options_.now()));
+  GrantLeases();
+}
+
+void Coordinator::ReportLate(const std::vector<scheduler::LateLease>& late) {
   for (const scheduler::LateLease& lease : late) {
     options_.log->warn("event={} unit=\"{}\" worker={}", EventOf(lease.lateness), Describe(lease.unit),
                        NameOf(lease.worker));
     if (leasing_ && !lease.job_error.empty()) EndJob(lease.unit.job, v1::JOB_STATE_FAILED, lease.job_error);
   }
-  GrantLeases();
 }
 
 void Coordinator::NotifyWatchers() {
@@ -148,8 +217,7 @@ void Coordinator::NotifyWatchers() {
   watchers_notified_ = now;
   for (const auto& [watcher, job] : watchers_) {
     if (!changed_jobs_.contains(job)) continue;
-    const absl::StatusOr<v1::JobStatus> status = StatusOf(job);
-    if (status.ok()) watcher->OnStatus(*status);
+    if (const std::optional<v1::JobStatus> status = StatusInMemory(job)) watcher->OnStatus(*status);
   }
   changed_jobs_.clear();
 }

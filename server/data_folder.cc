@@ -2,36 +2,94 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/statvfs.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
 #include <vector>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "filter/image/file_io.h"
 
 namespace lumifold::server {
+namespace {
 
-absl::Status MakeFolder(const std::string& path) {
-  std::error_code error;
-  std::filesystem::create_directories(path, error);
-  if (error) return absl::UnavailableError(absl::StrCat(path, ": ", error.message()));
-  return absl::OkStatus();
+namespace fs = std::filesystem;
+
+constexpr char kFramePrefix[] = "frame-";
+constexpr char kLogSuffix[] = ".units";
+constexpr char kResultSuffix[] = ".exr";
+
+absl::Status FileError(const std::string& path, int error) {
+  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-error)));
 }
 
-absl::Status RemoveAll(const std::string& path) {
+/// Everything in a folder and the folder itself, contents first.
+absl::StatusOr<std::vector<std::string>> ContentsFirst(const std::string& path) {
+  std::vector<std::string> all;
   std::error_code error;
-  std::filesystem::remove_all(path, error);
+  if (!fs::exists(fs::symlink_status(path, error))) return all;
+  all.push_back(path);
+  if (fs::is_directory(fs::symlink_status(path, error))) {
+    for (fs::recursive_directory_iterator entry(path, error), end; !error && entry != end;
+         entry.increment(error)) {
+      all.push_back(entry->path().string());
+    }
+  }
   if (error) return absl::UnavailableError(absl::StrCat(path, ": ", error.message()));
+  std::reverse(all.begin(), all.end());
+  return all;
+}
+
+/// The files of frames in a folder, frame-NNNN and the suffix, with their sizes.
+std::map<int32_t, uint64_t> FrameFilesIn(const std::string& folder, const char* suffix) {
+  std::map<int32_t, uint64_t> files;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    const std::string name = entry->path().stem().string();
+    int32_t frame = 0;
+    if (entry->path().extension() != suffix || !name.starts_with(kFramePrefix) ||
+        !absl::SimpleAtoi(name.substr(std::strlen(kFramePrefix)), &frame)) {
+      continue;
+    }
+    std::error_code gone;
+    files[frame] = fs::file_size(entry->path(), gone);
+  }
+  return files;
+}
+
+}  // namespace
+
+absl::Status MakeFolder(const std::string& path, FileSystem* files) {
+  std::error_code error;
+  if (fs::is_directory(path, error)) return absl::OkStatus();
+  const std::string parent = FolderOf(path);
+  if (parent != path) {
+    if (absl::Status status = MakeFolder(parent, files); !status.ok()) return status;
+  }
+  int failed = files->MakeFolder(path);
+  if (failed == 0) failed = files->SyncFolder(parent);
+  return failed == 0 ? absl::OkStatus() : FileError(path, failed);
+}
+
+absl::Status RemoveAll(const std::string& path, FileSystem* files) {
+  const absl::StatusOr<std::vector<std::string>> contents = ContentsFirst(path);
+  if (!contents.ok()) return contents.status();
+  for (const std::string& name : *contents) {
+    const int error = files->Remove(name);
+    if (error != 0 && error != -ENOENT) return FileError(name, error);
+  }
   return absl::OkStatus();
 }
 
 absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
-  for (const char* folder : {"", "/assets", "/incoming", "/film", "/results"}) {
-    if (absl::Status status = MakeFolder(root_ + folder); !status.ok()) return status;
+  for (const char* folder : {"", "/assets", "/incoming", "/film", "/results", "/deleted"}) {
+    if (absl::Status status = MakeFolder(root_ + folder, files_); !status.ok()) return status;
   }
   const std::string path = root_ + "/lock";
   rpc::FileHandle lock(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
@@ -44,26 +102,58 @@ absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
 }
 
 absl::Status DataFolder::RemoveLeftovers() const {
-  // Results that still have their temporary name are incomplete.
+  // Results and manifests that still have their temporary name are incomplete.
   std::vector<std::string> partial;
-  std::error_code error;
-  for (std::filesystem::recursive_directory_iterator entry(root_ + "/results", error), end;
-       !error && entry != end; entry.increment(error)) {
-    if (entry->path().extension() == kPartialSuffix) partial.push_back(entry->path().string());
+  for (const char* name : {"/results", "/film"}) {
+    std::error_code error;
+    for (fs::recursive_directory_iterator entry(root_ + name, error), end; !error && entry != end;
+         entry.increment(error)) {
+      if (entry->path().extension() == kPartialSuffix) partial.push_back(entry->path().string());
+    }
+    if (error) return absl::UnavailableError(absl::StrCat(root_, name, ": ", error.message()));
   }
-  if (error) return absl::UnavailableError(absl::StrCat(root_, "/results: ", error.message()));
   for (const std::string& path : partial) {
-    if (absl::Status status = RemoveAll(path); !status.ok()) return status;
+    if (absl::Status status = RemoveAll(path, files_); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
 
+bool DataFolder::IsBeingDeleted(const job::JobId& job) const {
+  std::error_code error;
+  return fs::exists(DeletionPath(job), error);
+}
+
+absl::StatusOr<uint64_t> DataFolder::FreeBytes() const {
+  struct statvfs info = {};
+  if (statvfs(root_.c_str(), &info) != 0) return FileError(root_, -errno);
+  return uint64_t{info.f_bavail} * info.f_frsize;
+}
+
+std::vector<job::JobId> DataFolder::NamesIn(const std::string& path) {
+  std::vector<job::JobId> names;
+  std::error_code error;
+  for (fs::directory_iterator entry(path, error), end; !error && entry != end; entry.increment(error))
+    names.emplace_back(entry->path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::map<int32_t, uint64_t> DataFolder::UnitLogsOf(const job::JobId& job) const {
+  return FrameFilesIn(FilmPath(job), kLogSuffix);
+}
+
+std::vector<int32_t> DataFolder::ResultsOf(const job::JobId& job) const {
+  std::vector<int32_t> frames;
+  for (const auto& [frame, size] : FrameFilesIn(ResultsPath(job), kResultSuffix)) frames.push_back(frame);
+  return frames;
+}
+
 std::string DataFolder::UnitLogName(const job::JobId& job, int32_t frame) {
-  return absl::StrFormat("film/%s/frame-%04d.units", job.value(), frame);
+  return absl::StrFormat("film/%s/%s%04d%s", job.value(), kFramePrefix, frame, kLogSuffix);
 }
 
 std::string DataFolder::ResultPath(const job::JobId& job, int32_t frame) const {
-  return absl::StrFormat("%s/frame-%04d.exr", ResultsPath(job), frame);
+  return absl::StrFormat("%s/%s%04d%s", ResultsPath(job), kFramePrefix, frame, kResultSuffix);
 }
 
 }  // namespace lumifold::server

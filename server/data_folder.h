@@ -1,9 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "filter/image/file_system.h"
 #include "proto/rpc/byte_stream.h"
 #include "server/job/unit.h"
 
@@ -14,14 +18,20 @@ namespace lumifold::server {
 ///   ledger.db        jobs and committed units
 ///   assets/SHA256    scenes and the files they refer to (SHA256.damaged: the disk has changed its content)
 ///   incoming/        uploads in progress, and what has arrived of those that broke (see AssetStore)
-///   film/JOB/        unit logs, frame-NNNN.units
-///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256
+///   film/JOB/        the unit logs of a job, frame-NNNN.units, and its numeric class (class); until the job has ended,
+///                    its manifest
+///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256; the manifest of a job
+///                    that has ended
+///   deleted/JOB      empty: the job was deleted, its files go next (see Janitor)
+///   reserve          space that is given up when the disk is full, so that the ledger can still be written
 ///   lock             lock file of the coordinator that uses the folder
 ///
 /// Threads: safe.
 class DataFolder {
  public:
-  explicit DataFolder(std::string root) : root_(std::move(root)) {}
+  /// All files but the ledger's are written through `files`, which must outlive the folder and its copies.
+  explicit DataFolder(std::string root, FileSystem* files = RealFileSystem())
+      : root_(std::move(root)), files_(files) {}
 
   /// Creates missing folders and takes the lock, which is held until the returned handle is closed.
   /// Errors: kFailedPrecondition where another coordinator holds it; kUnavailable with the system's message.
@@ -33,11 +43,34 @@ class DataFolder {
   absl::Status RemoveLeftovers() const;
 
   const std::string& root() const { return root_; }
+  FileSystem* files() const { return files_; }
   std::string LedgerPath() const { return root_ + "/ledger.db"; }
   std::string AssetsPath() const { return root_ + "/assets"; }
   std::string IncomingPath() const { return root_ + "/incoming"; }
   std::string FilmPath(const job::JobId& job) const { return root_ + "/film/" + job.value(); }
   std::string ResultsPath(const job::JobId& job) const { return root_ + "/results/" + job.value(); }
+  std::string DeletionsPath() const { return root_ + "/deleted"; }
+  std::string DeletionPath(const job::JobId& job) const { return DeletionsPath() + "/" + job.value(); }
+  /// Whether the deletion of the job has begun: whatever is left of it goes.
+  bool IsBeingDeleted(const job::JobId& job) const;
+
+  std::string ReservePath() const { return root_ + "/reserve"; }
+  /// The manifests of a job that has not ended, and of one that has.
+  std::string ManifestPath(const job::JobId& job) const { return FilmPath(job) + "/manifest"; }
+  std::string EndedManifestPath(const job::JobId& job) const { return ResultsPath(job) + "/manifest"; }
+  std::string NumericClassPath(const job::JobId& job) const { return FilmPath(job) + "/class"; }
+
+  /// Free space of the file system for this user.
+  /// Errors: kUnavailable naming the folder.
+  absl::StatusOr<uint64_t> FreeBytes() const;
+
+  /// Jobs that have a film, and jobs that have results, by id.
+  std::vector<job::JobId> JobsWithFilm() const { return NamesIn(root_ + "/film"); }
+  std::vector<job::JobId> JobsWithResults() const { return NamesIn(root_ + "/results"); }
+  /// Frames of a job that have a unit log, with the size of the log in bytes.
+  std::map<int32_t, uint64_t> UnitLogsOf(const job::JobId& job) const;
+  /// Frames of a job that have a result, in ascending order.
+  std::vector<int32_t> ResultsOf(const job::JobId& job) const;
 
   /// Path of a frame's unit log relative to the data folder, as recorded in the ledger.
   static std::string UnitLogName(const job::JobId& job, int32_t frame);
@@ -45,15 +78,18 @@ class DataFolder {
   std::string ResultPath(const job::JobId& job, int32_t frame) const;
 
  private:
+  static std::vector<job::JobId> NamesIn(const std::string& path);
+
   std::string root_;
+  FileSystem* files_;
 };
 
-/// Creates a folder and its missing parents.
+/// Creates a folder and its missing parents. Durable once it returns OK.
 /// Errors: kUnavailable naming it.
-absl::Status MakeFolder(const std::string& path);
+absl::Status MakeFolder(const std::string& path, FileSystem* files = RealFileSystem());
 
 /// Removes a file, or a folder with its contents, if it exists.
 /// Errors: kUnavailable naming it.
-absl::Status RemoveAll(const std::string& path);
+absl::Status RemoveAll(const std::string& path, FileSystem* files = RealFileSystem());
 
 }  // namespace lumifold::server

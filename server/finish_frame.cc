@@ -138,10 +138,11 @@ absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::Job
   absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(job->spec, frame, &*units, pool);
   if (!film.ok()) return film.status();
   clock.Charge(StageClock::kAssemble);
-  if (absl::Status status = MakeFolder(folder.ResultsPath(job_id)); !status.ok()) return status;
-  absl::StatusOr<film::ResultWriter> result =
-      film::ResultWriter::Create(folder.ResultPath(job_id, frame), *film,
-                                 {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class});
+  if (absl::Status status = MakeFolder(folder.ResultsPath(job_id), folder.files()); !status.ok())
+    return status;
+  absl::StatusOr<film::ResultWriter> result = film::ResultWriter::Create(
+      folder.ResultPath(job_id, frame), *film,
+      {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class}, folder.files());
   if (!result.ok()) return result.status();
   clock.Charge(StageClock::kWrite);
   Finish finish(&*film, &*result, job->spec.filter().method(), pool, &clock);
@@ -149,7 +150,8 @@ absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::Job
   const absl::Status written = is_one_block ? finish.Whole() : finish.InRows(blocks);
   if (!written.ok()) return written;
   if (absl::Status status = result->Finish(); !status.ok()) return status;
-  const absl::StatusOr<std::string> digest = film::MakeResultDigest(folder.ResultPath(job_id, frame));
+  const absl::StatusOr<std::string> digest =
+      film::MakeResultDigest(folder.ResultPath(job_id, frame), folder.files());
   if (!digest.ok()) return digest.status();
   clock.Charge(StageClock::kWrite);
   return clock.Times();

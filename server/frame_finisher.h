@@ -39,6 +39,8 @@ std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, l
 struct ChildProcessOptions {
   /// The program to start; its main passes the arguments to RunFinishFrameProcess.
   std::string program = "/proc/self/exe";
+  /// Name of the ledger's store, see ledger::OpenJobStore; the child gets it in its environment.
+  std::string store = "";
   int threads = 1;
   /// Limit of the child's address space in bytes; 0 for none.
   uint64_t memory_limit_bytes = 0;
@@ -50,8 +52,9 @@ struct ChildProcessOptions {
 /// about a quarter of a core that it shares with one process of niceness 0. At niceness 10 it would be a tenth.
 inline constexpr int kChildNiceness = 5;
 
-/// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no memory,
-/// no process or no disk space. Other errors would come again.
+/// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no memory.
+/// kUnavailable, a disk or machine without space, descriptors or processes, is no failure of the frame at all: it is
+/// waited for. Other errors would come again.
 bool IsWorthRetrying(const absl::Status& status);
 
 /// Finishes each frame in a child process of niceness kChildNiceness (or the coordinator's, if that is

@@ -9,10 +9,11 @@ class Service;
 
 namespace lumifold::server {
 
+class AssetChecks;
 class Coordinator;
 
-/// FarmService and WorkerService of a coordinator. Handlers only call the coordinator and convert the result.
-/// The coordinator must outlive the services.
-std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator);
+/// FarmService and WorkerService of a coordinator. Handlers only call the coordinator, those that use assets after
+/// `checks`, and convert the result. Both must outlive the services.
+std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks);
 
 }  // namespace lumifold::server

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "server/job/frame_list.h"
 #include "server/job/limits.h"
 #include "server/job/tile_grid.h"
 
@@ -18,12 +19,16 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_error(record.error);
   status.set_units_done(record.units_done);
   const bool is_divisible = spec.tile_size() > 0 && spec.pass_samples() > 0;  // a damaged spec may not be
-  status.set_units_total(is_divisible ? job::FrameUnits(spec).count() * spec.frame_count() : 0);
+  const int frames = job::FrameList(spec).count();
+  status.set_units_total(is_divisible ? job::FrameUnits(spec).count() * frames : 0);
   status.set_frames_done(record.frames_done);
-  status.set_frames_total(spec.frame_count());
+  status.set_frames_total(frames);
   status.set_samples_done(record.samples_done);
-  status.set_samples_total(int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() *
-                           spec.frame_count());
+  status.set_samples_total(int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() * frames);
+  if (record.state == v1::JOB_STATE_DONE) {  // a ledger that was rebuilt has not counted them
+    status.set_units_done(status.units_total());
+    status.set_samples_done(status.samples_total());
+  }
   status.set_bad_samples(record.bad_samples);
   for (const std::string& line : record.warnings) status.add_warnings(line);
   if (record.warnings_left_out > 0) {
@@ -33,6 +38,7 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   }
   status.set_submitted_unix_ms(absl::ToUnixMillis(record.submitted));
   *status.mutable_times() = record.times;
+  *status.mutable_scheduling() = record.scheduling;
   status.set_display_name(spec.scene().display_name());
   return status;
 }
@@ -40,6 +46,9 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
 v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress) {
   v1::JobStatus status = StatusOfEndedJob(record);
   status.set_state(progress.state);
+  // The scheduler also pauses jobs that wait for an asset.
+  if (progress.state == v1::JOB_STATE_PAUSED && !record.scheduling.paused())
+    status.set_state(progress.units_done > 0 ? v1::JOB_STATE_RUNNING : v1::JOB_STATE_PLANNED);
   status.set_units_done(progress.units_done);
   status.set_frames_done(progress.frames_done);
   status.set_samples_done(progress.samples_done);

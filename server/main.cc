@@ -1,5 +1,6 @@
 #include <signal.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -11,15 +12,19 @@
 #include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
 #include "server/frame_finisher.h"
+#include "server/ledger/open_job_store.h"
+#include "server/recover.h"
 #include "server/server.h"
 
 namespace {
 
 constexpr int kExitFailure = 1;
 constexpr int kExitUsage = 2;
+constexpr double kBytesPerGb = 1e9;
 
 struct Flags {
   std::string data_dir;
+  std::string store = "sqlite";
   std::string listen = "127.0.0.1:7700";
   bool insecure = false;
   int filter_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
@@ -28,12 +33,19 @@ struct Flags {
   double lease_seconds = 30.0;
   double heartbeat_seconds = 5.0;
   std::string log_level = "info";
+  uint64_t reserve_mb = 16;
+  double keep_film_gb = 10;
+  double keep_results_days = 0;
+  double quota_gb = 0;
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--data", flags->data_dir,
-                  "Folder for ledger, assets, film and results; created if missing")
-      ->required();
+                  "Folder for ledger, assets, film and results; created if missing");
+  app->add_option("--store", flags->store,
+                  "Ledger: sqlite (in the data folder) or postgresql://USER@HOST/DATABASE")
+      ->envname(lumifold::ledger::kStoreVariable)
+      ->capture_default_str();
   app->add_option("--listen", flags->listen, "HOST:PORT to listen on; port 0: a free port")
       ->capture_default_str();
   app->add_flag("--insecure", flags->insecure, "Allow listening off loopback, without encryption");
@@ -54,6 +66,21 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--heartbeat-seconds", flags->heartbeat_seconds, "Interval of the workers' heartbeats")
       ->check(CLI::Range(0.01, 3600.0))
       ->capture_default_str();
+  app->add_option("--keep-film-gb", flags->keep_film_gb,
+                  "Units of finished frames that are kept for add-samples and retry, in GB; 0: none")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app->add_option("--keep-results-days", flags->keep_results_days,
+                  "Days after which a job that has ended is deleted; 0: never")
+      ->check(CLI::Range(0.0, 36500.0))
+      ->capture_default_str();
+  app->add_option("--quota-gb", flags->quota_gb,
+                  "Limit of assets, units and results together, in GB; 0: none")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  app->add_option("--reserve-mb", flags->reserve_mb,
+                  "Disk space in MiB that is kept so that the ledger can be written when the disk is full")
+      ->capture_default_str();
   app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
@@ -71,12 +98,22 @@ sigset_t BlockEndSignals() {
   return signals;
 }
 
+/// The limit of open files is low for the sake of programs that use select(2); this one does not.
+void RaiseFileLimit() {
+  rlimit limit = {};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 int RunServer(const Flags& flags) {
   const sigset_t end_signals = BlockEndSignals();
+  RaiseFileLimit();
   const std::shared_ptr<spdlog::logger> log = lumifold::rpc::MakeNonblockingLogger(
       {.name = "lumifold-server", .pattern = "%Y-%m-%dT%H:%M:%S.%e %l %v", .level = flags.log_level});
   lumifold::server::ServerOptions options;
   options.data_dir = flags.data_dir;
+  options.store = flags.store;
   options.listen = flags.listen;
   options.security.insecure = flags.insecure;
   options.lease = absl::Seconds(flags.lease_seconds);
@@ -85,6 +122,10 @@ int RunServer(const Flags& flags) {
   options.filter_in_child_process = true;
   options.filter_memory_limit_bytes = flags.filter_memory_mb << 20;
   options.filter_time_limit = absl::Minutes(flags.filter_minutes);
+  options.reserve_bytes = flags.reserve_mb << 20;
+  options.retention.film_bytes = static_cast<uint64_t>(flags.keep_film_gb * kBytesPerGb);
+  if (flags.keep_results_days > 0) options.retention.keep_results = absl::Hours(24 * flags.keep_results_days);
+  if (flags.quota_gb > 0) options.retention.quota_bytes = static_cast<uint64_t>(flags.quota_gb * kBytesPerGb);
   options.log = log;
   const absl::StatusOr<std::unique_ptr<lumifold::server::Server>> server =
       lumifold::server::Server::Start(std::move(options));
@@ -102,6 +143,17 @@ int RunServer(const Flags& flags) {
   return 0;
 }
 
+int RunRecover(const std::string& data_dir) {
+  const absl::StatusOr<std::string> report =
+      lumifold::server::RecoverLedger(lumifold::server::DataFolder(data_dir));
+  if (!report.ok()) {
+    std::cerr << "lumifold-server: " << std::string(report.status().message()) << '\n';
+    return kExitFailure;
+  }
+  std::cout << *report << std::flush;
+  return 0;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -116,12 +168,21 @@ int main(int argc, char** argv) {
       "lumifold-server");
   Flags flags;
   AddFlags(&app, &flags);
+  CLI::App* recover =
+      app.add_subcommand(lumifold::server::kRecoverCommand,
+                         "Rebuilds a lost or malformed ledger from the files of the data folder, then ends");
+  recover->add_option("--data", flags.data_dir, "The data folder")->required();
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {
     return app.exit(success);
   } catch (const CLI::ParseError& error) {
     std::cerr << "lumifold-server: " << error.what() << '\n';
+    return kExitUsage;
+  }
+  if (recover->parsed()) return RunRecover(flags.data_dir);
+  if (flags.data_dir.empty()) {
+    std::cerr << "lumifold-server: --data is required\n";
     return kExitUsage;
   }
   return RunServer(flags);

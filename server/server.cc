@@ -1,5 +1,7 @@
 #include "server/server.h"
 
+#include <grpcpp/ext/proto_server_reflection_plugin.h>
+#include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/impl/codegen/service_type.h>
 #include <grpcpp/server.h>
 #include <grpcpp/server_builder.h>
@@ -9,11 +11,20 @@
 #include <random>
 #include <utility>
 
+#include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
+#include "absl/synchronization/mutex.h"
+#include "lumifold/v1/farm.grpc.pb.h"
+#include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/limits.h"
+#include "server/asset_checks.h"
 #include "server/coordinator_impl.h"
+#include "server/event_log.h"
+#include "server/frame_limit.h"
 #include "server/grpc_adapter.h"
-#include "server/ledger/sqlite_job_store.h"
+#include "server/ledger/open_job_store.h"
+#include "server/recover.h"
 
 namespace lumifold::server {
 namespace {
@@ -26,9 +37,15 @@ constexpr int kMinPingIntervalMs = 10'000;
 constexpr int kKeepAliveMs = 20'000;
 constexpr int kKeepAliveTimeoutMs = 10'000;
 
+ServerOptions WithEvents(ServerOptions options, EventLog* events) {
+  options.log = MakeEventLogger(options.log, events);
+  return options;
+}
+
 class ServerImpl final : public Server {
  public:
-  explicit ServerImpl(ServerOptions options) : options_(std::move(options)), folder_(options_.data_dir) {}
+  explicit ServerImpl(ServerOptions options)
+      : options_(WithEvents(std::move(options), &events_)), folder_(options_.data_dir, options_.files) {}
   ~ServerImpl() override { Shutdown(); }
 
   absl::Status Open();
@@ -37,14 +54,26 @@ class ServerImpl final : public Server {
   void Shutdown() override;
 
  private:
+  struct Health {
+    grpc::HealthCheckServiceInterface* service = nullptr;  // null until the server listens
+    bool has_storage = true;
+    bool stops = false;
+  };
+
   absl::Status Listen();
+  /// Changes what the health service says of all services.
+  void ChangeHealth(absl::FunctionRef<void(Health*)> change);
 
   // In order of construction: each uses members above it.
+  absl::Mutex health_mutex_;
+  Health health_ ABSL_GUARDED_BY(health_mutex_);
+  EventLog events_;
   const ServerOptions options_;
   const DataFolder folder_;
   rpc::FileHandle lock_;
   std::unique_ptr<ledger::JobStore> store_;
   std::unique_ptr<AssetStore> assets_;
+  std::unique_ptr<AssetChecks> asset_checks_;
   std::unique_ptr<FrameFinisher> finisher_;
   std::unique_ptr<Coordinator> coordinator_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
@@ -66,30 +95,51 @@ absl::Status ServerImpl::Open() {
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
   if (absl::Status status = folder_.RemoveLeftovers(); !status.ok()) return status;
-  absl::StatusOr<std::unique_ptr<ledger::JobStore>> store = ledger::OpenSqliteJobStore(folder_.LedgerPath());
-  if (!store.ok()) return store.status();
+  const bool is_in_folder = options_.store.empty() || options_.store == ledger::kSqliteStore;
+  if (is_in_folder) {
+    if (absl::Status status = CheckHasLedger(folder_); !status.ok()) return status;
+  }
+  absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =
+      ledger::OpenJobStore(options_.store, folder_.LedgerPath());
+  if (!store.ok()) return is_in_folder ? AdviseRecovery(folder_, store.status()) : store.status();
   store_ = *std::move(store);
-  assets_ = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log);
+  assets_ = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log,
+                                         options_.files);
+  asset_checks_ = std::make_unique<AssetChecks>(assets_.get());
   finisher_ =
       options_.filter_in_child_process
-          ? MakeChildProcessFinisher(folder_, {.threads = options_.filter_threads,
+          ? MakeChildProcessFinisher(folder_, {.store = options_.store,
+                                               .threads = options_.filter_threads,
                                                .memory_limit_bytes = options_.filter_memory_limit_bytes,
                                                .time_limit = options_.filter_time_limit})
           : MakeInProcessFinisher(folder_, store_.get(), options_.filter_threads, options_.now);
-  absl::StatusOr<std::unique_ptr<Coordinator>> coordinator =
-      Coordinator::Create({.lease = options_.lease,
-                           .heartbeat = options_.heartbeat,
-                           .now = options_.now,
-                           .random = options_.random,
-                           .log = options_.log},
-                          folder_, store_.get(), assets_.get(), finisher_.get());
-  if (!coordinator.ok()) return coordinator.status();
+  absl::StatusOr<std::unique_ptr<Coordinator>> coordinator = Coordinator::Create(
+      {.lease = options_.lease,
+       .heartbeat = options_.heartbeat,
+       .now = options_.now,
+       .wall_now = options_.wall_now,
+       .random = options_.random,
+       .log = options_.log,
+       .reserve_bytes = options_.reserve_bytes,
+       .max_open_logs = MaxOpenLogs(),
+       .first_storage_pause = options_.first_storage_pause,
+       .longest_storage_pause = options_.longest_storage_pause,
+       .retention = options_.retention,
+       .on_storage_change =
+           [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
+       .events = &events_,
+       .asset_checks = asset_checks_.get()},
+      folder_, store_.get(), assets_.get(), finisher_.get());
+  if (!coordinator.ok())
+    return is_in_folder ? AdviseRecovery(folder_, coordinator.status()) : coordinator.status();
   coordinator_ = *std::move(coordinator);
   return Listen();
 }
 
 absl::Status ServerImpl::Listen() {
-  services_ = MakeServices(coordinator_.get());
+  services_ = MakeServices(coordinator_.get(), asset_checks_.get());
+  grpc::EnableDefaultHealthCheckService(true);
+  grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   builder.SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
   builder.SetMaxSendMessageSize(rpc::kMaxMessageBytes);
@@ -108,6 +158,7 @@ absl::Status ServerImpl::Listen() {
     return absl::UnavailableError(absl::StrCat("cannot listen on ", options_.listen,
                                                ": the port is taken, or the host is not this machine"));
   }
+  ChangeHealth([this](Health* health) { health->service = grpc_server_->GetHealthCheckService(); });
   if (!options_.listen.empty()) {
     options_.log->info("event=listening address={} port={} data=\"{}\"", options_.listen, port_,
                        options_.data_dir);
@@ -122,9 +173,20 @@ std::shared_ptr<grpc::Channel> ServerImpl::InProcessChannel() {
   return grpc_server_->InProcessChannel(arguments);
 }
 
+void ServerImpl::ChangeHealth(absl::FunctionRef<void(Health*)> change) {
+  absl::MutexLock lock(&health_mutex_);
+  change(&health_);
+  if (health_.service == nullptr) return;
+  for (const char* service :
+       {"", v1::FarmService::service_full_name(), v1::WorkerService::service_full_name()})
+    health_.service->SetServingStatus(service, health_.has_storage && !health_.stops);
+}
+
 void ServerImpl::Shutdown() {
+  ChangeHealth([](Health* health) { health->stops = true; });
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
-  if (grpc_server_ != nullptr) grpc_server_->Shutdown(absl::ToChronoTime(absl::Now() + kGrace));
+  if (asset_checks_ != nullptr) asset_checks_->Stop();  // calls that wait for it get an answer
+  if (grpc_server_ != nullptr) grpc_server_->Shutdown(rpc::MonotonicDeadline(kGrace));
   if (coordinator_ != nullptr) coordinator_->Shutdown();
 }
 

@@ -8,7 +8,10 @@
 #include "absl/status/statusor.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "filter/image/file_system.h"
 #include "proto/rpc/credentials.h"
+#include "proto/rpc/monotonic.h"
+#include "server/job_life/retention.h"
 
 namespace spdlog {
 class logger;
@@ -19,6 +22,8 @@ namespace lumifold::server {
 struct ServerOptions {
   /// The data folder; created if missing.
   std::string data_dir;
+  /// Name of the ledger's store, see ledger::OpenJobStore; empty: SQLite in the data folder.
+  std::string store;
   /// HOST:PORT to listen on; port 0 for a free port. Empty: do not listen (InProcessChannel still works).
   std::string listen;
   rpc::Security security;
@@ -35,7 +40,20 @@ struct ServerOptions {
   /// A child that runs longer is killed, and its job fails.
   absl::Duration filter_time_limit = absl::Hours(24);
 
-  std::function<absl::Time()> now = [] { return absl::Now(); };
+  /// Space that is kept so that the ledger can be written when the disk is full; 0 for none.
+  uint64_t reserve_bytes = uint64_t{16} << 20;
+  /// What is kept of jobs that have ended; the free bytes are set by the disk.
+  job_life::RetentionLimits retention;
+  /// Pauses between tries while the storage cannot be written.
+  absl::Duration first_storage_pause = absl::Milliseconds(250);
+  absl::Duration longest_storage_pause = absl::Seconds(5);
+  /// Writes all files but the ledger's; outlives the server.
+  FileSystem* files = RealFileSystem();
+
+  /// Monotonic clock: orders everything.
+  std::function<absl::Time()> now = rpc::MonotonicNow;
+  /// Wall clock: stamps submissions, for display and for the ids of jobs.
+  std::function<absl::Time()> wall_now = [] { return absl::Now(); };
   /// Random numbers for job ids; default: those of the system.
   std::function<uint64_t()> random;
   /// Log of events; null for none.
@@ -46,7 +64,8 @@ struct ServerOptions {
 /// Threads: safe.
 class Server {
  public:
-  /// Errors: kFailedPrecondition where another coordinator uses the folder or the address is not allowed;
+  /// Errors: kFailedPrecondition where another coordinator uses the folder, the folder has jobs but no ledger (see
+  /// recover.h), or the address is not allowed; kDataLoss for a malformed ledger;
   /// kInvalidArgument for a malformed address or a lease shorter than two heartbeats; kUnavailable naming the
   /// address or the file that cannot be used.
   static absl::StatusOr<std::unique_ptr<Server>> Start(ServerOptions options);

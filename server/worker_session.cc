@@ -33,18 +33,22 @@ absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* 
 
 WorkerSession::~WorkerSession() { coordinator_->RemoveWorker(worker_); }
 
-absl::Status WorkerSession::Handle(const v1::WorkerMessage& message) {
-  switch (message.message_case()) {
+absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
+  switch (message->message_case()) {
     case v1::WorkerMessage::kHeartbeat:
-      OnHeartbeat(message.heartbeat());
+      OnHeartbeat(message->heartbeat());
       return absl::OkStatus();
     case v1::WorkerMessage::kChunk:
-      OnChunk(message.chunk());
+      OnChunk(message->mutable_chunk());
       return absl::OkStatus();
     case v1::WorkerMessage::kFailure:
-      coordinator_->FailUnit(
-          worker_, job::UnitFromProto(message.failure().unit()), job::Attempt(message.failure().attempt()),
-          rpc::BoundedLine(message.failure().error(), rpc::kMaxErrorBytes), message.failure().permanent());
+      OnFailure(message->failure());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kHandBack:
+      coordinator_->HandBack(worker_, message->hand_back());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kLeaving:
+      coordinator_->OnLeaving(worker_, rpc::BoundedLine(message->leaving().reason(), rpc::kMaxReasonBytes));
       return absl::OkStatus();
     default:
       return absl::InvalidArgumentError("worker stream: a second Hello, or an unknown message");
@@ -59,8 +63,19 @@ void WorkerSession::OnHeartbeat(const v1::Heartbeat& heartbeat) {
   });
 }
 
-void WorkerSession::OnChunk(const v1::UnitChunk& chunk) {
-  const LeaseName lease(job::UnitFromProto(chunk.unit()), job::Attempt(chunk.attempt()));
+void WorkerSession::OnFailure(const v1::UnitFailure& failure) {
+  const job::UnitRef unit = job::UnitFromProto(failure.unit());
+  const job::Attempt attempt(failure.attempt());
+  const std::string error = rpc::BoundedLine(failure.error(), rpc::kMaxErrorBytes);
+  if (failure.has_missing_asset()) {
+    coordinator_->OnAssetMissing(worker_, unit, attempt, failure.missing_asset().sha256(), error);
+  } else {
+    coordinator_->FailUnit(worker_, unit, attempt, error, failure.permanent());
+  }
+}
+
+void WorkerSession::OnChunk(v1::UnitChunk* chunk) {
+  const LeaseName lease(job::UnitFromProto(chunk->unit()), job::Attempt(chunk->attempt()));
   const std::optional<LeasedUnit> leased = coordinator_->FindLease(worker_, lease.first, lease.second);
   if (leased.has_value()) {
     const absl::Status status = Take(chunk, lease, *leased);
@@ -70,15 +85,15 @@ void WorkerSession::OnChunk(const v1::UnitChunk& chunk) {
   }
   arriving_.erase(lease);
   // The worker waits for an acknowledgement of the last piece, even if the unit is not wanted.
-  if (chunk.pixels().last()) coordinator_->Dismiss(worker_, lease.first, lease.second);
+  if (chunk->pixels().last()) coordinator_->Dismiss(worker_, lease.first, lease.second);
 }
 
-absl::Status WorkerSession::Take(const v1::UnitChunk& chunk, const LeaseName& lease,
-                                 const LeasedUnit& leased) {
+absl::Status WorkerSession::Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased) {
   const auto entry = arriving_.try_emplace(lease, lease.first.key.kind, leased.rect, leased.samples).first;
-  if (absl::Status status = entry->second.Add(chunk); !status.ok()) return status;
+  const v1::UnitStats stats = StoredStats(chunk->stats());
+  if (absl::Status status = entry->second.Add(std::move(*chunk)); !status.ok()) return status;
   if (!entry->second.IsComplete()) return absl::OkStatus();
-  film::StoredUnit unit{lease.first, lease.second, StoredStats(chunk.stats()), entry->second.Take()};
+  film::EncodedUnit unit = film::EncodeUnit(lease.first, lease.second, stats, entry->second.Take());
   arriving_.erase(entry);
   coordinator_->Deliver(worker_, std::move(unit));
   return absl::OkStatus();

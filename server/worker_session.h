@@ -26,9 +26,9 @@ class WorkerSession {
   WorkerSession(const WorkerSession&) = delete;
   WorkerSession& operator=(const WorkerSession&) = delete;
 
-  /// Handles a message after Hello.
+  /// Handles a message after Hello. Takes the pixels of a chunk.
   /// Errors: kInvalidArgument for a second Hello or an unknown message; the stream must then be closed.
-  absl::Status Handle(const v1::WorkerMessage& message);
+  absl::Status Handle(v1::WorkerMessage* message);
 
  private:
   using LeaseName = std::pair<job::UnitRef, job::Attempt>;
@@ -36,8 +36,9 @@ class WorkerSession {
   WorkerSession(Coordinator* coordinator, job::WorkerId worker)
       : coordinator_(coordinator), worker_(worker) {}
   void OnHeartbeat(const v1::Heartbeat& heartbeat);
-  void OnChunk(const v1::UnitChunk& chunk);
-  absl::Status Take(const v1::UnitChunk& chunk, const LeaseName& lease, const LeasedUnit& leased);
+  void OnFailure(const v1::UnitFailure& failure);
+  void OnChunk(v1::UnitChunk* chunk);
+  absl::Status Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased);
 
   Coordinator* const coordinator_;
   const job::WorkerId worker_;

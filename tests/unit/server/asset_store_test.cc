@@ -7,12 +7,16 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <set>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/sha256.h"
 #include "server/data_folder.h"
+#include "server/job/limits.h"
+#include "server/job_life/upload_budget.h"
 #include "tests/support/temp_folder.h"
 
 namespace lumifold::server {
@@ -199,6 +203,83 @@ TEST_F(AssetStoreTest, OldUploadsAndThoseOverTheLimitAreRemoved) {
   for (size_t i = 0; i < kMaxKeptUploads + 2; ++i)
     count += store.ReceivedBytes(rpc::Sha256Hex(std::to_string(i)));
   EXPECT_EQ(count, kMaxKeptUploads);
+}
+
+TEST_F(AssetStoreTest, AnUploadThatDoesNotFitIsRefused) {
+  uint64_t room = 10;
+  AssetStore store(folder_.PathOf("assets"), folder_.PathOf("incoming"));
+  store.SetRoom([&room] { return room; });
+  const std::string content = "oak and elm";  // 11 bytes
+  const v1::AssetRef asset = Announce(content);
+  {
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store.Receive(asset);
+    ASSERT_TRUE(upload.ok());
+    const absl::Status refused = (*upload)->Add(Piece(content, 0, 3));
+    EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+    EXPECT_THAT(std::string(refused.message()), HasSubstr("wood.png"));
+    EXPECT_THAT(std::string(refused.message()), HasSubstr("11 bytes are to come, but there is room for 10"));
+  }
+  room = 20;
+  absl::StatusOr<std::unique_ptr<AssetUpload>> first = store.Receive(asset);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> second = store.Receive(asset);
+  ASSERT_TRUE((*first)->Add(Piece(content, 0, 3)).ok());
+  room = 17;
+  EXPECT_FALSE((*second)->Add(Piece(content, 0, 3)).ok());  // the first upload needs 8 of the 17 bytes
+  EXPECT_TRUE((*first)->Add(Piece(content, 3, 8)).ok());
+  EXPECT_TRUE((*first)->Finish().ok());
+  EXPECT_TRUE((*second)->Add(Piece(content, 0, 3)).ok());
+}
+
+TEST_F(AssetStoreTest, AResumedUploadNeedsRoomForItsRestOnly) {
+  uint64_t room = 100;
+  AssetStore store(folder_.PathOf("assets"), folder_.PathOf("incoming"));
+  store.SetRoom([&room] { return room; });
+  const std::string content = "oak and elm";
+  const v1::AssetRef asset = Announce(content);
+  ASSERT_TRUE((*store.Receive(asset))->Add(Piece(content, 0, 8)).ok());
+  room = 3;
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store.Receive(asset);
+  EXPECT_TRUE((*upload)->Add(Piece(content, 8, 3)).ok());
+  EXPECT_TRUE((*upload)->Finish().ok());
+}
+
+TEST_F(AssetStoreTest, TheNumberAndSizeOfUploadsIsLimited) {
+  std::vector<std::unique_ptr<AssetUpload>> uploads;
+  for (int i = 0; i < job_life::kMaxUploads; ++i) uploads.push_back(*store_.Receive(Announce("oak")));
+  EXPECT_EQ(store_.Receive(Announce("oak")).status().code(), absl::StatusCode::kResourceExhausted);
+  uploads.pop_back();
+  EXPECT_TRUE(store_.Receive(Announce("oak")).ok());
+  v1::AssetRef huge = Announce("oak");
+  huge.set_size(job::kMaxAssetBytes + 1);
+  uploads.pop_back();
+  EXPECT_EQ(store_.Receive(huge).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(AssetStoreTest, AssetsThatNobodyUsesAreRemovedAndTheOthersStay) {
+  const auto old = std::filesystem::file_time_type::clock::now() -
+                   std::chrono::seconds(absl::ToInt64Seconds(kUnusedAssetAge) + 60);
+  const auto put = [&](const std::string& content, const std::string& suffix, bool is_old) {
+    const std::string path = folder_.PathOf("assets/" + rpc::Sha256Hex(content) + suffix);
+    std::ofstream(path, std::ios::binary) << content;
+    if (is_old) std::filesystem::last_write_time(path, old);
+  };
+  for (const char* content : {"unused", "used", "referenced"}) put(content, "", true);
+  put("new", "", false);
+  put("unused", ".damaged", true);
+  std::ofstream(folder_.PathOf("assets/of somebody else")) << "x";
+  std::filesystem::last_write_time(folder_.PathOf("assets/of somebody else"), old);
+  EXPECT_TRUE(store_.Has(rpc::Sha256Hex("used")));
+  const auto unknown = [] { return absl::StatusOr<std::set<std::string>>(absl::UnavailableError("ledger")); };
+  EXPECT_EQ(store_.RemoveUnused(unknown).message(), "ledger");
+  EXPECT_TRUE(std::filesystem::exists(folder_.PathOf("assets/" + rpc::Sha256Hex("unused"))));
+  const auto referenced = [] {
+    return absl::StatusOr<std::set<std::string>>({rpc::Sha256Hex("referenced")});
+  };
+  EXPECT_TRUE(store_.RemoveUnused(referenced).ok());
+  EXPECT_FALSE(store_.Has(rpc::Sha256Hex("unused")));
+  for (const char* content : {"used", "referenced", "new"}) EXPECT_TRUE(store_.Has(rpc::Sha256Hex(content)));
+  EXPECT_TRUE(std::filesystem::exists(folder_.PathOf("assets/of somebody else")));
+  EXPECT_FALSE(std::filesystem::exists(folder_.PathOf("assets/" + rpc::Sha256Hex("unused") + ".damaged")));
 }
 
 TEST_F(AssetStoreTest, NoNameLeadsOutOfTheFolder) {

@@ -62,6 +62,18 @@ TEST_F(ChildProcessFinisherTest, AChildWithoutMemoryOrProgramIsAnErrorAndNoCrash
               HasSubstr("/none/such"));
 }
 
+TEST_F(ChildProcessFinisherTest, TheNameOfTheStoreIsInTheEnvironmentOfTheChildAndNotInItsArguments) {
+  const std::string program = temp_.PathOf("child");
+  std::ofstream(program)
+      << "#!/bin/sh\nprintf '13 arguments %s, store %s' \"$*\" \"$LUMIFOLD_STORE\"; exit 1\n";
+  std::filesystem::permissions(program, std::filesystem::perms::owner_all);
+  const absl::Status status =
+      Child({.program = program, .store = "postgresql://u:secret@h/db"})->Finish(kJob, 0).status();
+  const std::string message(status.message());
+  EXPECT_THAT(message, HasSubstr(", store postgresql://u:secret@h/db"));
+  EXPECT_EQ(message.substr(0, message.find(", store")).find("secret"), std::string::npos);
+}
+
 TEST_F(ChildProcessFinisherTest, TheChildYieldsToOtherProcessesButIsNotStarved) {
   static_assert(kChildNiceness <= 5);
   const int expected = std::max(getpriority(PRIO_PROCESS, 0), kChildNiceness);

@@ -14,6 +14,7 @@
 #include "server/film/unit_log.h"
 #include "server/job/tile_grid.h"
 #include "server/ledger/sqlite_job_store.h"
+#include "tests/support/encoded_unit.h"
 #include "tests/support/random_unit.h"
 #include "tests/support/temp_folder.h"
 
@@ -47,17 +48,23 @@ class CommittedFrameFixture : public ::testing::Test {
     const std::string name = DataFolder::UnitLogName(id, 0);
     absl::StatusOr<film::UnitLog> log = film::UnitLog::Open(folder_.PathOf(name), 0);
     const job::FrameUnits units(spec);
-    std::vector<ledger::UnitRecord> records;
+    ledger::JobCommit commit;
+    commit.job.job = id;
     for (int64_t i = 0; i < units.count(); ++i) {
       const job::UnitKey key = units.KeyOf(0, is_forward ? i : units.count() - 1 - i);
       const film::StoredUnit unit{{id, key},
                                   job::Attempt(1),
                                   {},
                                   RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1)};
-      const film::RecordPlace place = *log->Append(unit);
-      records.push_back({.unit = unit.unit, .file = name, .offset = place.offset, .length = place.length});
+      const film::RecordPlace place = *log->Append(Encoded(unit));
+      ledger::UnitRecord& record = commit.units.emplace_back();
+      record.unit = unit.unit;
+      record.attempt = unit.attempt;
+      record.file = name;
+      record.offset = place.offset;
+      record.length = place.length;
     }
-    EXPECT_TRUE(store_->CommitUnits(records, {}).ok());
+    EXPECT_TRUE(store_->CommitUnits({commit})->front().ok());
   }
 
   /// The bytes of frame 0's result; empty if there is none.

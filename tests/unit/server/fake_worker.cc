@@ -45,6 +45,11 @@ bool FakeWorker::WaitForEndOf(const std::string& job_id) const {
   return mutex_.AwaitWithTimeout(absl::Condition(&ended), absl::Minutes(10));
 }
 
+bool FakeWorker::WaitForDrain() const {
+  absl::MutexLock lock(&mutex_);
+  return mutex_.AwaitWithTimeout(absl::Condition(&is_drained_), absl::Minutes(10));
+}
+
 bool FakeWorker::Send(v1::WorkerMessage message, Stream* stream) {
   options_.spoil(message);
   return stream->Write(message);
@@ -69,6 +74,10 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
   if (message.has_job_ended()) {
     absl::MutexLock lock(&mutex_);
     ended_jobs_.push_back(message.job_ended().job_id());
+  }
+  if (message.has_drain()) {
+    absl::MutexLock lock(&mutex_);
+    is_drained_ = true;
   }
   if (!message.ack().refused().empty()) {
     absl::MutexLock lock(&mutex_);

@@ -41,6 +41,7 @@ class FakeWorker {
   std::vector<std::string> ended_jobs() const;
   /// Reasons of the units that the coordinator refused, in order.
   std::vector<std::string> refusals() const;
+  bool WaitForDrain() const;
   bool WaitForEndOf(const std::string& job_id) const;
 
  private:
@@ -54,6 +55,7 @@ class FakeWorker {
   const std::unique_ptr<v1::WorkerService::Stub> stub_;
   grpc::ClientContext context_;
   mutable absl::Mutex mutex_;
+  bool is_drained_ ABSL_GUARDED_BY(mutex_) = false;
   int delivered_ ABSL_GUARDED_BY(mutex_) = 0;
   std::vector<std::string> refusals_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::string> ended_jobs_ ABSL_GUARDED_BY(mutex_);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/synchronization/mutex.h"
+#include "proto/rpc/monotonic.h"
 #include "server/asset_store.h"
 #include "server/coordinator_impl.h"
 #include "tests/unit/server/committed_frame_fixture.h"
@@ -72,7 +73,8 @@ class FinisherStageTest : public CommittedFrameFixture {
   void Start() {
     CoordinatorOptions options;
     options.finish_pause = absl::Milliseconds(1);
-    options.now = [] { return absl::Now(); };
+    options.now = rpc::MonotonicNow;
+    options.wall_now = [] { return absl::Now(); };
     options.random = [] { return uint64_t{1}; };
     options.log = std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::null_sink_mt>());
     coordinator_ = *Coordinator::Create(options, folder_, store_.get(), &assets_, &finisher_);
@@ -124,8 +126,11 @@ TEST_F(FinisherStageTest, ACancelledJobFreesTheFinisher) {
   finisher_.Hang();
   Start();
   while (finisher_.tried().empty()) absl::SleepFor(absl::Milliseconds(5));
-  ASSERT_TRUE(coordinator_->CancelJob(kJob.value()).ok());
-  EXPECT_EQ(coordinator_->GetJob(kJob.value())->state(), v1::JOB_STATE_CANCELLED);
+  coordinator_->CancelJob(kJob.value(), [](const absl::StatusOr<v1::JobStatus>& status) {
+    ASSERT_TRUE(status.ok()) << status.status();
+    EXPECT_EQ(status->state(), v1::JOB_STATE_CANCELLED);
+  });
+  EXPECT_EQ(WaitForEnd(kJob).state(), v1::JOB_STATE_CANCELLED);
   coordinator_->Shutdown();  // joins the finisher's thread, which is not in Finish any more
 }
 

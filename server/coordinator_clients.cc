@@ -1,0 +1,334 @@
+// What clients ask of the coordinator.
+#include <spdlog/logger.h>
+
+#include <algorithm>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "filter/methods.h"
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/limits.h"
+#include "proto/rpc/sha256.h"
+#include "proto/rpc/version.h"
+#include "server/coordinator_impl.h"
+#include "server/film/result_digest.h"
+#include "server/job/frame_list.h"
+#include "server/job/ids.h"
+#include "server/job/job_spec.h"
+#include "server/job/limits.h"
+#include "server/job/scheduling.h"
+#include "server/job_status.h"
+#include "server/log_text.h"
+#include "server/manifest.h"
+
+namespace lumifold::server {
+
+using job::JobId;
+
+namespace {
+
+constexpr int kDefaultListed = 100;
+constexpr int kMaxListed = 1000;
+constexpr size_t kMaxListedErrorBytes = 256;
+/// Bytes of a submission besides its spec: the request id, and the scheduling with its names.
+constexpr size_t kMaxSubmissionRestBytes = size_t{64} << 10;
+static_assert(job::kMaxSpecBytes + kMaxSubmissionRestBytes < rpc::kMaxMessageBytes,
+              "a submission with the largest spec fits a message, and so does the spec alone");
+
+absl::Status CheckMethod(const std::string& method) {
+  const absl::Status status = filter::CheckMethod(method);
+  return status.ok() ? status : absl::InvalidArgumentError(absl::StrCat("filter.method: ", status.message()));
+}
+
+/// The jobs of the ledger that may be on a page: it does not tell active jobs apart.
+absl::StatusOr<ledger::JobFilter> FilterOf(const v1::ListJobsRequest& request) {
+  ledger::JobFilter filter;
+  filter.limit = request.limit() == 0 ? kDefaultListed : request.limit();
+  if (filter.limit < 1 || filter.limit > kMaxListed)
+    return absl::InvalidArgumentError(absl::StrCat("limit is ", request.limit(), ", not 0 to ", kMaxListed));
+  if (int64_t before = 0; !request.page_token().empty()) {
+    if (!absl::SimpleAtoi(request.page_token(), &before) || before < 1) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("page_token ", Quoted(request.page_token()), " is not one of this call's"));
+    }
+    filter.before = before;
+  }
+  std::set<v1::JobState> states;
+  for (const int value : request.states()) {
+    const auto state = static_cast<v1::JobState>(value);
+    states.insert(HasEnded(state) ? state : v1::JOB_STATE_SUBMITTED);
+  }
+  filter.states.assign(states.begin(), states.end());
+  filter.user = request.user();
+  return filter;
+}
+
+}  // namespace
+
+absl::StatusOr<v1::FindMissingAssetsResponse> Coordinator::FindMissingAssets(
+    const v1::FindMissingAssetsRequest& request) const {
+  v1::FindMissingAssetsResponse response;
+  std::set<std::string> seen;
+  for (const v1::AssetRef& asset : request.assets()) {
+    if (!rpc::IsSha256Hex(asset.sha256())) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("asset '", asset.uri(), "': sha256 is not 64 lower-case hexadecimal digits"));
+    }
+    if (seen.insert(asset.sha256()).second && !assets_->Has(asset.sha256())) {
+      response.add_missing_sha256(asset.sha256());
+    }
+  }
+  return response;
+}
+
+absl::StatusOr<v1::FindUploadResponse> Coordinator::FindUpload(const v1::FindUploadRequest& request) const {
+  v1::FindUploadResponse response;
+  response.set_received_bytes(assets_->ReceivedBytes(request.asset().sha256()));
+  return response;
+}
+
+absl::StatusOr<std::unique_ptr<AssetUpload>> Coordinator::ReceiveAsset(const v1::AssetRef& asset) {
+  if (absl::Status status = storage_.status(); !status.ok()) return status;
+  return assets_->Receive(asset);
+}
+
+absl::Status Coordinator::CheckSpec(const v1::JobSpec& spec) const {
+  if (absl::Status status = CheckMethod(spec.filter().method()); !status.ok()) return status;
+  std::vector<v1::AssetRef> assets(spec.scene().dependencies().begin(), spec.scene().dependencies().end());
+  assets.insert(assets.begin(), spec.scene().file());
+  for (const v1::AssetRef& asset : assets) {
+    const std::string name = asset.uri().empty() ? "scene.file" : absl::StrCat("'", asset.uri(), "'");
+    if (!rpc::IsSha256Hex(asset.sha256())) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(name, ": sha256 is not 64 lower-case hexadecimal digits"));
+    }
+    if (!assets_->Has(asset.sha256())) {
+      return absl::FailedPreconditionError(
+          absl::StrCat("asset ", asset.sha256(), " (", name, ") is missing"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::SubmitJobResponse> Coordinator::SubmitJob(const v1::SubmitJobRequest& request) {
+  if (request.request_id().empty() || request.request_id().size() > job::kMaxRequestIdBytes) {
+    return absl::InvalidArgumentError(absl::StrCat("request_id has ", request.request_id().size(),
+                                                   " bytes, not 1 to ", job::kMaxRequestIdBytes));
+  }
+  const absl::StatusOr<v1::JobSpec> spec = job::NormaliseJobSpec(request.spec());
+  if (!spec.ok()) return spec.status();
+  if (absl::Status status = storage_.status(); !status.ok()) return status;
+  if (absl::Status status = janitor_.CheckQuota(); !status.ok()) return status;
+  if (absl::Status status = CheckSpec(*spec); !status.ok()) return status;
+  absl::StatusOr<v1::Scheduling> scheduling = job::NormaliseScheduling(request.scheduling());
+  if (!scheduling.ok()) return scheduling.status();
+  const absl::StatusOr<std::vector<job_life::Prerequisite>> after = CheckAfter(*scheduling);
+  if (!after.ok()) return NoteError(after.status());
+  const absl::Time now = options_.wall_now();
+  const absl::StatusOr<JobId> id = RecordJob({.id = job::MakeJobId(now, options_.random()),
+                                              .request_id = request.request_id(),
+                                              .spec = *spec,
+                                              .scheduling = *std::move(scheduling),
+                                              .submitted = now,
+                                              .owner = owner_},
+                                             *after);
+  if (!id.ok()) return NoteError(id.status());
+  v1::SubmitJobResponse response;
+  response.set_job_id(id->value());
+  return response;
+}
+
+absl::StatusOr<JobId> Coordinator::RecordJob(ledger::NewJob job,
+                                             const std::vector<job_life::Prerequisite>& after) {
+  // First the manifest: a job that is in the ledger can be rebuilt from the folder.
+  if (absl::Status status = WriteManifest(folder_, ManifestOf(job)); !status.ok()) {
+    DeleteFiles(folder_.FilmPath(job.id));
+    return status;
+  }
+  const absl::StatusOr<JobId> id = store_->CreateJob(job);
+  if (IsStorageError(id.status())) {
+    // It may be recorded: the manifest stays, and the job is started when the client, or the next start, finds it.
+    absl::MutexLock lock(&mutex_);
+    uncertain_jobs_.insert(job.id);
+    return id;
+  }
+  if (!id.ok() || *id != job.id) DeleteFiles(folder_.FilmPath(job.id));
+  if (!id.ok()) return id;
+  if (*id == job.id) {
+    ledger::JobRecord record;
+    record.id = job.id;
+    record.spec = job.spec;
+    record.scheduling = job.scheduling;
+    record.owner = job.owner;
+    record.submitted = job.submitted;
+    StartJob(std::move(record), after, /*was_uncertain=*/false);
+    return id;
+  }
+  {
+    absl::MutexLock lock(&mutex_);
+    if (!uncertain_jobs_.contains(*id)) return id;  // the request was recorded, and the job started, before
+  }
+  absl::StatusOr<ledger::JobRecord> recorded = store_->GetJob(*id);
+  if (!recorded.ok()) return recorded.status();
+  const absl::StatusOr<std::vector<job_life::Prerequisite>> recorded_after =
+      ReadPrerequisites(recorded->scheduling);
+  if (!recorded_after.ok()) return recorded_after.status();
+  StartJob(*std::move(recorded), *recorded_after, /*was_uncertain=*/true);
+  return id;
+}
+
+void Coordinator::StartJob(ledger::JobRecord record, const std::vector<job_life::Prerequisite>& after,
+                           bool was_uncertain) {
+  const JobId id = record.id;
+  {
+    absl::MutexLock lock(&mutex_);
+    // Another call may have started it, and it may have ended since.
+    if (was_uncertain && uncertain_jobs_.erase(id) == 0) return;
+    scheduler_.AddJob(id, record.spec, scheduler::OptionsOf(record.scheduling));
+    options_.log->info("event=job_submitted job={} scene={} size={}x{} spp={} frames={}", id.value(),
+                       Quoted(record.spec.scene().display_name()), record.spec.width(), record.spec.height(),
+                       record.spec.samples_per_pixel(), job::FrameList(record.spec).count());
+    active_jobs_.emplace(id, std::move(record));
+    AwaitPrerequisites(id, after);
+    GrantLeases();
+  }
+  CheckPrerequisites(after);
+}
+
+std::optional<v1::JobStatus> Coordinator::StatusInMemory(const JobId& job) {
+  const auto active = active_jobs_.find(job);
+  if (active != active_jobs_.end()) {
+    v1::JobStatus status = StatusOfActiveJob(active->second, scheduler_.Progress(job));
+    if (dependencies_.IsWaiting(job)) status.set_state(v1::JOB_STATE_SUBMITTED);
+    return status;
+  }
+  const auto suspended = suspended_jobs_.find(job);
+  if (suspended != suspended_jobs_.end()) return suspended->second.shown;
+  const auto ending = ending_jobs_.find(job);
+  if (ending != ending_jobs_.end()) return ending->second.shown;
+  return std::nullopt;
+}
+
+absl::StatusOr<v1::JobStatus> Coordinator::StatusOf(const JobId& job) {
+  {
+    absl::MutexLock lock(&mutex_);
+    if (const std::optional<v1::JobStatus> status = StatusInMemory(job)) return *status;
+  }
+  // A job that leaves memory is in the ledger before.
+  const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
+  if (!record.ok()) return record.status();
+  return StatusOfEndedJob(*record);
+}
+
+absl::StatusOr<v1::JobStatus> Coordinator::GetJob(const std::string& job_id) {
+  return StatusOf(JobId(job_id));
+}
+
+absl::StatusOr<v1::ListJobsResponse> Coordinator::ListJobs(const v1::ListJobsRequest& request) {
+  absl::StatusOr<ledger::JobFilter> filter = FilterOf(request);
+  if (!filter.ok()) return filter.status();
+  const int limit = filter->limit;
+  v1::ListJobsResponse response;
+  do {
+    filter->limit = limit - response.jobs_size();
+    const absl::StatusOr<ledger::JobPage> page = store_->ListJobs(*filter);
+    if (!page.ok()) return page.status();
+    if (absl::Status status = AddListed(*page, request, &response); !status.ok()) return status;
+    filter->before = page->next;
+  } while (filter->before.has_value() && response.jobs_size() < limit);
+  if (filter->before.has_value()) response.set_next_page_token(absl::StrCat(*filter->before));
+  return response;
+}
+
+absl::Status Coordinator::AddListed(const ledger::JobPage& page, const v1::ListJobsRequest& request,
+                                    v1::ListJobsResponse* response) {
+  const auto add = [&](v1::JobStatus status) {
+    const auto& states = request.states();
+    if (!states.empty() && std::find(states.begin(), states.end(), status.state()) == states.end()) return;
+    // A thousand jobs must fit a message: their warnings and long errors are in GetJob.
+    status.clear_warnings();
+    status.set_error(rpc::BoundedLine(status.error(), kMaxListedErrorBytes));
+    *response->add_jobs() = std::move(status);
+  };
+  for (const ledger::JobRecord& record : page.jobs) {
+    // A job that was active when the page was read may have ended since, or be gone.
+    absl::StatusOr<v1::JobStatus> status =
+        HasEnded(record.state) ? StatusOfEndedJob(record) : StatusOf(record.id);
+    if (absl::IsNotFound(status.status())) continue;
+    if (!status.ok()) return status.status();
+    add(*std::move(status));
+  }
+  for (const ledger::DamagedJob& job : page.damaged) {
+    v1::JobStatus status;
+    status.set_job_id(job.id.value());
+    status.set_state(v1::JOB_STATE_FAILED);
+    status.set_error(std::string(job.error.message()));
+    add(std::move(status));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<rpc::ByteSender> Coordinator::OpenResult(const v1::DownloadResultRequest& request) {
+  const JobId job(request.job_id());
+  const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
+  if (!record.ok()) return record.status();
+  if (!job::FrameList(record->spec).IndexOf(request.frame()).has_value()) {
+    return absl::NotFoundError(absl::StrCat("job ", request.job_id(), " has no frame ", request.frame()));
+  }
+  const absl::StatusOr<std::vector<int32_t>> finished = store_->FinishedFrames(job);
+  if (!finished.ok()) return finished.status();
+  if (!std::binary_search(finished->begin(), finished->end(), request.frame())) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("frame ", request.frame(), " of job ", request.job_id(), " is not ready"));
+  }
+  const std::string path = folder_.ResultPath(job, request.frame());
+  absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::Open(path, request.offset());
+  if (!sender.ok()) return sender;
+  absl::StatusOr<std::string> digest = film::ResultDigest(path);
+  if (!digest.ok()) return digest.status();
+  sender->SetSha256(*std::move(digest));
+  return sender;
+}
+
+absl::Status Coordinator::Watch(const std::string& job_id, JobWatcher* watcher) {
+  const JobId job(job_id);
+  {
+    absl::MutexLock lock(&mutex_);
+    if (const std::optional<v1::JobStatus> status = StatusInMemory(job)) {
+      watchers_[watcher] = job;
+      watcher->OnStatus(*status);
+      return absl::OkStatus();
+    }
+  }
+  const absl::StatusOr<v1::JobStatus> status = StatusOf(job);
+  if (!status.ok()) return status.status();
+  watcher->OnStatus(*status);  // the job has ended: there will be no other
+  return absl::OkStatus();
+}
+
+void Coordinator::Unwatch(JobWatcher* watcher) {
+  absl::MutexLock lock(&mutex_);
+  watchers_.erase(watcher);
+}
+
+absl::StatusOr<v1::ServerStatus> Coordinator::GetServerStatus() {
+  v1::ServerStatus status;
+  status.set_version(std::string(rpc::kVersion));
+  const absl::StatusOr<uint64_t> free_bytes = folder_.FreeBytes();
+  status.set_free_bytes(free_bytes.value_or(0));
+  if (const std::optional<StorageState::Outage> outage = storage_.outage()) {
+    status.set_storage_error(outage->error);
+    status.set_storage_error_since_unix_ms(absl::ToUnixMillis(outage->since));
+  }
+  absl::MutexLock lock(&mutex_);
+  status.set_workers(static_cast<int32_t>(workers_.size()));
+  for (const auto& [id, worker] : workers_) status.set_slots(status.slots() + worker.slots);
+  status.set_active_jobs(static_cast<int64_t>(active_jobs_.size()));
+  return status;
+}
+
+absl::StatusOr<rpc::ByteSender> Coordinator::OpenAsset(const v1::FetchAssetRequest& request) const {
+  return assets_->Open(request.sha256(), request.offset());
+}
+
+}  // namespace lumifold::server

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "absl/synchronization/mutex.h"
+#include "server/asset_store.h"
+#include "server/coordinator_impl.h"
+#include "server/worker_session.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/server/faulty_files.h"
+
+namespace lumifold::server {
+
+/// A worker without a connection: it delivers RandomUnit for its leases when it is told to.
+class PumpedWorker final : public WorkerSink {
+ public:
+  /// The coordinator must outlive it.
+  PumpedWorker(Coordinator* coordinator, int slots);
+
+  void Send(const v1::CoordinatorMessage& message) override;
+  /// Delivers the units of at most `count` leases that it has got; returns how many.
+  int Deliver(int count = 1'000'000);
+  int leases() const;
+  /// Units that were acknowledged.
+  std::set<job::UnitRef> acknowledged() const;
+  /// All units that were ever leased to it.
+  std::set<job::UnitRef> leased() const;
+
+ private:
+  void DeliverUnit(const v1::Lease& lease);
+
+  mutable absl::Mutex mutex_;
+  std::deque<v1::Lease> leases_ ABSL_GUARDED_BY(mutex_);
+  std::set<job::UnitRef> leased_ ABSL_GUARDED_BY(mutex_);
+  std::set<job::UnitRef> acknowledged_ ABSL_GUARDED_BY(mutex_);
+  std::unique_ptr<WorkerSession> session_;  // last: it uses the members above
+};
+
+/// A coordinator without gRPC over faulty files, and a client's calls. It retries at once, and storage that cannot be
+/// written is tried every millisecond.
+class CoordinatorFixture : public ::testing::Test {
+ protected:
+  CoordinatorFixture() : data_(folder_.PathOf("data"), &files_) {}
+
+  /// Starts a coordinator over the data folder. Errors: as Server::Start.
+  absl::Status Start();
+  /// Ends it; as after a crash, workers do not learn of it.
+  void Stop();
+  /// Uploads the scene and submits the job; repeats what failed for the storage.
+  job::JobId Submit(const v1::JobSpec& spec, const std::string& request_id = "request-1");
+  /// One try.
+  absl::StatusOr<job::JobId> TrySubmit(const v1::JobSpec& spec, const std::string& request_id = "request-1");
+  /// Lets the worker deliver until the job has ended; its status.
+  v1::JobStatus Finish(const job::JobId& job, PumpedWorker* worker);
+  /// Waits until `condition` holds.
+  static void Await(const std::function<bool()>& condition);
+
+  /// A job of `tiles` tiles of 8 pixels in a row, each with one geometry unit and one pass.
+  v1::JobSpec Spec(int tiles = 1) const;
+  std::string Result(const job::JobId& job, int32_t frame = 0) const;
+
+  /// In memory where the machine has such a folder: what these tests sync they sync thousands of times.
+  static std::filesystem::path Parent() {
+    const std::filesystem::path memory = "/dev/shm";
+    return std::filesystem::is_directory(memory) ? memory : std::filesystem::temp_directory_path();
+  }
+
+  TempFolder folder_{Parent()};
+  FaultyFiles files_;
+  DataFolder data_;
+  CoordinatorOptions options_;
+  /// Makes the store that the coordinator uses out of the real one.
+  std::function<std::unique_ptr<ledger::JobStore>(std::unique_ptr<ledger::JobStore>)> wrap_store_;
+  /// Replaces the finisher that filters in this process.
+  std::function<std::unique_ptr<FrameFinisher>()> make_finisher_;
+
+  rpc::FileHandle lock_;
+  uint64_t random_ = 0;
+  std::ostringstream log_;  // read it after Stop
+  std::unique_ptr<ledger::JobStore> store_;
+  std::unique_ptr<AssetStore> assets_;
+  std::unique_ptr<FrameFinisher> finisher_;
+  std::unique_ptr<Coordinator> coordinator_;
+};
+
+}  // namespace lumifold::server

@@ -1,0 +1,82 @@
+#include "server/event_log.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <spdlog/spdlog.h>
+
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+
+namespace lumifold::server {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+std::vector<std::string> Texts(const std::vector<v1::LogEvent>& events) {
+  std::vector<std::string> texts;
+  for (const v1::LogEvent& event : events) texts.push_back(event.text());
+  return texts;
+}
+
+TEST(EventLog, FindsLinesByJobAndByWorker) {
+  EventLog log;
+  const std::string submitted = R"(event=job_submitted job=j-1 scene="a b.glb" size=8x8)";
+  const std::string failed = R"(event=unit_failed unit="j-1 frame 0 tile 3" worker=w-7/node:1 error="x")";
+  const std::string gone = "event=worker_gone worker=w-7/node:1";
+  const std::string again = "event=worker_connected worker=w-8/node:1 class=\"c\"";
+  for (const std::string& line : {submitted, failed, gone, again}) log.Add(5, "info", line);
+  log.Add(5, "info", "event=listening address=127.0.0.1:1");
+  EXPECT_THAT(Texts(log.OfJob("j-1", 100)), ElementsAre(submitted, failed));
+  EXPECT_THAT(Texts(log.OfWorker("w-7", 100)), ElementsAre(failed, gone));
+  EXPECT_THAT(Texts(log.OfWorker("node:1", 100)), ElementsAre(failed, gone, again));
+  EXPECT_THAT(Texts(log.OfWorker("node:1", 2)), ElementsAre(gone, again));
+  EXPECT_THAT(log.OfJob("", 100), IsEmpty());
+  EXPECT_THAT(log.OfWorker("listening", 100), IsEmpty());
+  EXPECT_EQ(log.OfJob("j-1", 1)[0].unix_ms(), 5);
+}
+
+TEST(EventLog, TextOfOthersIsNoField) {
+  EventLog log;
+  log.Add(0, "warn", R"(event=unit_failed unit="j-1 frame 0" error="a \" job=j-2 worker=w-1 ")");
+  EXPECT_EQ(log.OfJob("j-1", 9).size(), 1u);
+  EXPECT_THAT(log.OfJob("j-2", 9), IsEmpty());
+  EXPECT_THAT(log.OfWorker("w-1", 9), IsEmpty());
+}
+
+TEST(EventLog, DropsTheOldestOverItsLimits) {
+  EventLog few(/*max_events=*/3);
+  for (int i = 0; i < 5; ++i) few.Add(i, "info", absl::StrCat("event=e", i, " job=j"));
+  EXPECT_THAT(Texts(few.OfJob("j", 9)), ElementsAre("event=e2 job=j", "event=e3 job=j", "event=e4 job=j"));
+  EventLog small(/*max_events=*/1000, /*max_bytes=*/100);
+  for (int i = 0; i < 9; ++i)
+    small.Add(i, "info", absl::StrCat("event=e", i, " job=j text=", std::string(25, 'x')));
+  EXPECT_EQ(small.OfJob("j", 9).size(), 2u);
+  small.Add(0, "info", "event=long job=j " + std::string(200, 'x'));
+  EXPECT_THAT(small.OfJob("j", 9), IsEmpty()) << "a line over the limit is not kept either";
+}
+
+TEST(EventLog, TheLoggerPassesLinesOnAtTheLevelOfTheOther) {
+  std::ostringstream text;
+  const auto other =
+      std::make_shared<spdlog::logger>("x", std::make_shared<spdlog::sinks::ostream_sink_mt>(text));
+  other->set_level(spdlog::level::warn);
+  EventLog events;
+  const std::shared_ptr<spdlog::logger> log = MakeEventLogger(other, &events);
+  log->debug("event=one job=j");
+  log->info("event=two job=j");
+  log->error("event=three job=j");
+  EXPECT_THAT(Texts(events.OfJob("j", 9)), ElementsAre("event=two job=j", "event=three job=j"));
+  EXPECT_EQ(events.OfJob("j", 9)[1].level(), "error");
+  EXPECT_THAT(text.str(), HasSubstr("event=three"));
+  EXPECT_THAT(text.str(), Not(HasSubstr("event=two")));
+}
+
+}  // namespace
+}  // namespace lumifold::server

@@ -1,0 +1,187 @@
+// What a data folder has beyond its ledger: tails of unit logs, and manifests from which a lost ledger is rebuilt.
+#include <gmock/gmock.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "server/recover.h"
+#include "tests/unit/server/coordinator_fixture.h"
+#include "tests/unit/server/store_wrapper.h"
+
+namespace lumifold::server {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class RecoveryTest : public CoordinatorFixture {
+ protected:
+  RecoveryTest() {
+    wrap_store_ = [this](std::unique_ptr<ledger::JobStore> store) {
+      return std::make_unique<FailingStore>(std::move(store), &fault_);
+    };
+    EXPECT_TRUE(Start().ok());
+    const job::JobId job = Submit(Spec(3), "undisturbed");
+    PumpedWorker worker(coordinator_.get(), 3);
+    EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
+    expected_ = Result(job);
+    done_ = job;
+  }
+
+  /// Commits some units of the active job and stops; returns them.
+  std::set<job::UnitRef> RenderSome(int count) {
+    PumpedWorker worker(coordinator_.get(), 1);
+    while (static_cast<int>(worker.acknowledged().size()) < count) {
+      worker.Deliver(1);
+      absl::SleepFor(absl::Milliseconds(1));
+    }
+    const std::set<job::UnitRef> acknowledged = worker.acknowledged();
+    coordinator_->Shutdown();
+    return acknowledged;
+  }
+
+  void FinishWithout(const std::set<job::UnitRef>& committed, const job::JobId& job) {
+    PumpedWorker worker(coordinator_.get(), 2);
+    const v1::JobStatus status = Finish(job, &worker);
+    EXPECT_EQ(status.state(), v1::JOB_STATE_DONE) << status.error();
+    EXPECT_EQ(status.units_done(), 6);
+    for (const job::UnitRef& unit : committed) EXPECT_FALSE(worker.leased().contains(unit)) << Describe(unit);
+    EXPECT_EQ(worker.leased().size() + committed.size(), 6u);
+    EXPECT_EQ(Result(job), expected_);
+  }
+
+  void DeleteLedger() {
+    for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(data_.LedgerPath() + suffix);
+  }
+
+  std::string LogOf(const job::JobId& job) const { return data_.PathOf(DataFolder::UnitLogName(job, 0)); }
+
+  FailingStore::Fault fault_;
+  std::string expected_;
+  job::JobId done_;
+};
+
+TEST_F(RecoveryTest, RecordsThatTheLedgerDoesNotKnowAreCommittedAtTheStart) {
+  const job::JobId job = Submit(Spec(3));
+  std::set<job::UnitRef> written;
+  {
+    PumpedWorker worker(coordinator_.get(), 4);
+    fault_.Set("CommitUnits");
+    worker.Deliver(4);
+    // The first batch may have some of them only; the others follow when it is repeated with all.
+    Await([this] { return fault_.count() > 0; });
+    coordinator_->Shutdown();
+    written = worker.leased();
+    EXPECT_TRUE(worker.acknowledged().empty());
+  }
+  Stop();
+  fault_.Set("");
+  const uint64_t size = fs::file_size(LogOf(job));
+  ASSERT_GT(size, 0u);
+  // A torn tail behind the records.
+  std::ofstream(LogOf(job), std::ios::app) << "LFU2 and then nothing";
+  ASSERT_TRUE(Start().ok());
+  const int64_t restored = coordinator_->GetJob(job.value())->units_done();
+  EXPECT_GT(restored, 0);
+  PumpedWorker worker(coordinator_.get(), 2);
+  EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(worker.leased().size(), static_cast<size_t>(6 - restored));
+  EXPECT_EQ(Result(job), expected_);
+}
+
+TEST_F(RecoveryTest, AFolderWithJobsButWithoutALedgerIsRefusedAndRecovered) {
+  const job::JobId job = Submit(Spec(3));
+  const std::set<job::UnitRef> committed = RenderSome(4);
+  Stop();
+  DeleteLedger();
+  const absl::Status refused = Start();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(refused.message()),
+              HasSubstr(absl::StrCat("lumifold-server recover --data ", data_.root())));
+  Stop();
+  // Twice: the second time the ledger of the first is replaced by an equal one.
+  for (int i = 0; i < 2; ++i) {
+    const absl::StatusOr<std::string> report = RecoverLedger(data_);
+    ASSERT_TRUE(report.ok()) << report.status();
+    EXPECT_THAT(*report, HasSubstr("jobs: 1 active, 1 ended\nunits read from logs: 4\nresults: 1\n"));
+  }
+  ASSERT_TRUE(Start().ok());
+  EXPECT_EQ(coordinator_->GetJob(done_.value())->state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(*TrySubmit(Spec(3), "undisturbed"), done_) << "its request id is known";
+  FinishWithout(committed, job);
+}
+
+TEST_F(RecoveryTest, ADamagedRecordIsLeftOutAndRenderedAgain) {
+  const job::JobId job = Submit(Spec(3));
+  const std::set<job::UnitRef> committed = RenderSome(4);
+  Stop();
+  DeleteLedger();
+  {
+    std::fstream log(LogOf(job), std::ios::in | std::ios::out | std::ios::binary);
+    log.seekp(200).put('!');
+  }
+  EXPECT_THAT(*RecoverLedger(data_), HasSubstr("units read from logs: 3\n"));
+  ASSERT_TRUE(Start().ok());
+  PumpedWorker worker(coordinator_.get(), 2);
+  EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(worker.leased().size(), 3u);
+  EXPECT_EQ(Result(job), expected_);
+}
+
+TEST_F(RecoveryTest, AMalformedLedgerIsRefusedWithTheCommandAndKept) {
+  const job::JobId job = Submit(Spec(3));
+  const std::set<job::UnitRef> committed = RenderSome(3);
+  Stop();
+  {
+    std::fstream ledger(data_.LedgerPath(), std::ios::in | std::ios::out | std::ios::binary);
+    ledger.seekp(0) << std::string(200, 'x');
+  }
+  for (const char* suffix : {"-wal", "-shm"}) fs::remove(data_.LedgerPath() + suffix);
+  const absl::Status refused = Start();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kDataLoss) << refused;
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("lumifold-server recover --data "));
+  Stop();
+  EXPECT_THAT(*RecoverLedger(data_), HasSubstr("ledger.db.old-1"));
+  EXPECT_TRUE(fs::exists(data_.LedgerPath() + ".old-1"));
+  ASSERT_TRUE(Start().ok());
+  FinishWithout(committed, job);
+}
+
+TEST_F(RecoveryTest, ACancelledJobStaysCancelledAndDamagedManifestsAreNamed) {
+  const job::JobId cancelled = Submit(Spec(3), "cancelled");
+  coordinator_->CancelJob(cancelled.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
+  const job::JobId damaged = Submit(Spec(3), "damaged");
+  PumpedWorker worker(coordinator_.get(), 1);
+  EXPECT_EQ(Finish(cancelled, &worker).state(), v1::JOB_STATE_CANCELLED);
+  Await([&] { return fs::exists(data_.EndedManifestPath(cancelled)); });
+  coordinator_->Shutdown();
+  {
+    std::fstream manifest(data_.ManifestPath(damaged), std::ios::in | std::ios::out | std::ios::binary);
+    manifest.seekp(30).put('!');
+  }
+  DeleteLedger();
+  lock_ = rpc::FileHandle();
+  const absl::StatusOr<std::string> report = RecoverLedger(data_);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_THAT(*report, HasSubstr("jobs: 0 active, 2 ended"));
+  EXPECT_THAT(*report, HasSubstr(absl::StrCat("left out: ", data_.ManifestPath(damaged),
+                                              ": the manifest is damaged")));
+}
+
+TEST_F(RecoveryTest, AJobWhoseManifestAloneIsKnownIsStarted) {
+  // The machine stopped between the manifest of a submission and its row.
+  fault_.Set("CreateJob");
+  EXPECT_FALSE(TrySubmit(Spec(3), "forgotten").ok());
+  fault_.Set("");
+  coordinator_->Shutdown();
+  Stop();
+  ASSERT_TRUE(Start().ok());
+  const job::JobId job = *TrySubmit(Spec(3), "forgotten");
+  PumpedWorker worker(coordinator_.get(), 2);
+  EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(coordinator_->ListJobs({})->jobs_size(), 2);
+}
+
+}  // namespace
+}  // namespace lumifold::server

@@ -10,16 +10,16 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.grpc.pb.h"
-#include "proto/rpc/checksum.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/reconnect_schedule.h"
 #include "proto/rpc/retry.h"
-#include "proto/rpc/sha256.h"
 #include "proto/rpc/status_codec.h"
 #include "proto/rpc/version.h"
 #include "spdlog/spdlog.h"
 #include "worker/asset_cache.h"
+#include "worker/remote_sources.h"
 #include "worker/render/renderer.h"
+#include "worker/spec_cache.h"
 #include "worker/unit_renderer.h"
 #include "worker/worker_impl.h"
 
@@ -31,56 +31,13 @@ constexpr absl::Duration kFirstHeartbeat = absl::Seconds(1);
 /// Time limit from the start of a stream to Welcome, connecting included. It does not delay a return: the
 /// channel connects meanwhile. Half of it may refuse a coordinator that is busy with many workers.
 constexpr absl::Duration kWelcomeTimeout = absl::Seconds(20);
+/// Time for a worker that leaves to hear that its units are committed and no grant is under way, after it has
+/// handed back the others. A coordinator that takes longer finds the connection broken.
+constexpr absl::Duration kLeaveTimeout = absl::Seconds(20);
+/// Of `stop`, heartbeats and leaving.
+constexpr absl::Duration kPollInterval = absl::Milliseconds(50);
 /// A stream that lasted this long was no refusal: the next pause is short.
 constexpr absl::Duration kSteadyStream = absl::Seconds(5);
-/// Time limit of one transfer of an asset; large scenes may be sent over slow networks.
-constexpr absl::Duration kAssetTimeout = absl::Minutes(10);
-
-class RemoteAssetSource final : public AssetSource {
- public:
-  explicit RemoteAssetSource(std::shared_ptr<grpc::Channel> channel)
-      : stub_(v1::WorkerService::NewStub(std::move(channel))) {}
-
-  absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) override {
-    std::string bytes;
-    rpc::RetryPolicy policy;
-    policy.try_timeout = kAssetTimeout;
-    policy.total_timeout = 2 * kAssetTimeout;
-    const absl::Status status =
-        rpc::CallWithRetry(policy, rpc::Idempotency::kIdempotent, rpc::RetryEnvironment::Real(),
-                           [&](grpc::ClientContext& context) { return Continue(asset, context, &bytes); });
-    if (!status.ok()) return status;
-    if (rpc::Sha256Hex(bytes) != asset.sha256()) {
-      return absl::DataLossError(absl::StrCat("asset ", asset.sha256(), " does not match its SHA-256"));
-    }
-    return bytes;
-  }
-
- private:
-  /// Appends the missing bytes of the asset to *bytes.
-  absl::Status Continue(const v1::AssetRef& asset, grpc::ClientContext& context, std::string* bytes) const {
-    v1::FetchAssetRequest request;
-    request.set_sha256(asset.sha256());
-    request.set_offset(bytes->size());
-    const std::unique_ptr<grpc::ClientReader<v1::ByteChunk>> reader = stub_->FetchAsset(&context, request);
-    v1::ByteChunk chunk;
-    while (reader->Read(&chunk)) {
-      if (chunk.offset() != bytes->size() || chunk.checksum() != rpc::Checksum(chunk.data()) ||
-          bytes->size() + chunk.data().size() > asset.size()) {
-        context.TryCancel();
-        reader->Finish();
-        return absl::UnavailableError(absl::StrCat("asset ", asset.sha256(), " was damaged in transit"));
-      }
-      bytes->append(chunk.data());
-    }
-    absl::Status status = rpc::StatusFromGrpc(reader->Finish());
-    if (status.ok() && bytes->size() != asset.size()) status = absl::UnavailableError("asset ended early");
-    return status;
-  }
-
-  std::unique_ptr<v1::WorkerService::Stub> stub_;
-};
-
 /// The stream of gRPC callbacks. Writes are started from any thread, so a hold keeps the call open until a
 /// read fails.
 class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
@@ -109,6 +66,13 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   }
 
   void Cancel() { context_.TryCancel(); }
+
+  /// Ends the stream from this side once all messages are sent; further ones are dropped.
+  void HalfClose() {
+    absl::MutexLock lock(&mutex_);
+    if (std::exchange(half_closes_, true) || closed_) return;
+    if (outgoing_.empty()) EndWrites();
+  }
 
   /// Waits at most `timeout` for the end of the stream.
   bool WaitUntilDone(absl::Duration timeout) { return done_.WaitFor(timeout); }
@@ -149,7 +113,11 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
       closed_ = true;
       return;
     }
-    if (!outgoing_.empty()) StartWrite(&outgoing_.front());
+    if (!outgoing_.empty()) {
+      StartWrite(&outgoing_.front());
+    } else if (half_closes_) {
+      EndWrites();
+    }
   }
 
   void OnDone(const grpc::Status& status) override {
@@ -158,6 +126,11 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   }
 
  private:
+  void EndWrites() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    closed_ = true;
+    StartWritesDone();
+  }
+
   WorkerImpl* worker_;
   spdlog::logger* log_;
   std::unique_ptr<v1::WorkerService::Stub> stub_;
@@ -169,55 +142,101 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   mutable absl::Mutex mutex_;
   absl::Duration heartbeat_ ABSL_GUARDED_BY(mutex_) = kFirstHeartbeat;
   bool welcome_ ABSL_GUARDED_BY(mutex_) = false;
-  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
+  bool half_closes_ ABSL_GUARDED_BY(mutex_) = false;
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;                     // nothing more is sent
   std::deque<v1::WorkerMessage> outgoing_ ABSL_GUARDED_BY(mutex_);  // the front is being written
 };
 
-v1::WorkerMessage MakeHello(const std::string& name, int slots) {
+v1::WorkerMessage MakeHello(const WorkerOptions& options, int slots) {
   v1::WorkerMessage message;
   v1::Hello* hello = message.mutable_hello();
-  hello->set_name(name);
+  hello->set_name(options.name);
   hello->set_numeric_class(render::NumericClass());
   hello->set_slots(slots);
   hello->set_wire_version(rpc::kWireVersion);
+  for (const std::string& tag : options.tags) hello->add_tags(tag);
   return message;
 }
 
-/// Runs one stream, from Hello to its end or `stop`.
-absl::Status RunConnection(grpc::Channel& channel, const std::string& name, WorkerImpl& worker,
-                           spdlog::logger& log, const rpc::MonotonicEvent& stop) {
-  // Shared with render threads, which may send after the stream has ended.
-  const auto stream = std::make_shared<Stream>(channel, &worker, &log);
-  worker.OnConnected(stream);
-  stream->Start(MakeHello(name, worker.slots()));
-  constexpr absl::Duration kPollInterval = absl::Milliseconds(50);  // of `stop`
-  const absl::Time start = rpc::MonotonicNow();
-  absl::Time next_heartbeat = start + kFirstHeartbeat;
-  bool timed_out = false;
-  while (!stream->WaitUntilDone(kPollInterval)) {
-    const absl::Time now = rpc::MonotonicNow();
-    timed_out = !stream->is_welcome() && now - start > kWelcomeTimeout;
-    if (timed_out || stop.HasBeenNotified()) stream->Cancel();
-    if (now < next_heartbeat || !stream->is_welcome()) continue;
-    v1::WorkerMessage message;
-    *message.mutable_heartbeat() = worker.MakeHeartbeat();
-    stream->Send(std::move(message));
-    next_heartbeat = now + stream->heartbeat();
+/// Whether and why the worker shall leave.
+class LeaveTrigger {
+ public:
+  LeaveTrigger(const WorkerOptions& options, const WorkerImpl& worker) : options_(options), worker_(worker) {}
+
+  /// Of v1::Leaving; empty while the worker shall stay.
+  std::string Reason() const {
+    if (options_.leave != nullptr && options_.leave->HasBeenNotified()) return "signal";
+    return rpc::MonotonicNow() - worker_.IdleSince() >= options_.exit_when_idle ? "idle" : "";
   }
-  worker.OnDisconnected();
-  if (stop.HasBeenNotified()) return absl::OkStatus();
-  if (timed_out) {
+
+ private:
+  const WorkerOptions& options_;
+  const WorkerImpl& worker_;
+};
+
+/// One stream, from Hello to its end.
+class Connection {
+ public:
+  Connection(grpc::Channel& channel, const WorkerOptions& options, WorkerImpl& worker, spdlog::logger& log)
+      : options_(options),
+        worker_(worker),
+        // Shared with render threads, which may send after the stream has ended.
+        stream_(std::make_shared<Stream>(channel, &worker, &log)) {}
+
+  /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left.
+  absl::Status Run(const LeaveTrigger& trigger, const rpc::MonotonicEvent& stop) {
+    worker_.OnConnected(stream_);
+    stream_->Start(MakeHello(options_, worker_.slots()));
+    while (!stream_->WaitUntilDone(kPollInterval)) {
+      if (!stream_->is_welcome()) {
+        Await(trigger);
+      } else {
+        Leave(trigger);
+        SendHeartbeat();
+      }
+      if (stop.HasBeenNotified()) stream_->Cancel();
+    }
+    worker_.OnDisconnected();
+    if (!timed_out_) return stream_->result();
     return absl::UnavailableError(
         absl::StrCat("no answer from the coordinator within ", absl::FormatDuration(kWelcomeTimeout)));
   }
-  return stream->result();
-}
+
+ private:
+  void Await(const LeaveTrigger& trigger) {
+    timed_out_ = rpc::MonotonicNow() - start_ > kWelcomeTimeout;
+    if (timed_out_ || !trigger.Reason().empty()) stream_->Cancel();
+  }
+
+  void SendHeartbeat() {
+    const absl::Time now = rpc::MonotonicNow();
+    if (now < next_heartbeat_) return;
+    v1::WorkerMessage message;
+    *message.mutable_heartbeat() = worker_.MakeHeartbeat();
+    stream_->Send(std::move(message));
+    next_heartbeat_ = now + stream_->heartbeat();
+  }
+
+  void Leave(const LeaveTrigger& trigger) {
+    if (const std::string reason = trigger.Reason(); !reason.empty()) worker_.Leave(reason);
+    if (!worker_.IsLeaving()) return;
+    const absl::Time now = rpc::MonotonicNow();
+    leaving_since_ = std::min(leaving_since_, now);
+    if (now - leaving_since_ >= options_.drain) worker_.HandBackUnfinished();
+    if (worker_.HasLeft()) stream_->HalfClose();
+    if (now - leaving_since_ >= options_.drain + kLeaveTimeout) stream_->Cancel();
+  }
+
+  const WorkerOptions& options_;
+  WorkerImpl& worker_;
+  const std::shared_ptr<Stream> stream_;
+  const absl::Time start_ = rpc::MonotonicNow();
+  absl::Time next_heartbeat_ = start_ + kFirstHeartbeat;
+  absl::Time leaving_since_ = absl::InfiniteFuture();
+  bool timed_out_ = false;
+};
 
 }  // namespace
-
-std::unique_ptr<AssetSource> MakeRemoteAssetSource(std::shared_ptr<grpc::Channel> channel) {
-  return std::make_unique<RemoteAssetSource>(std::move(channel));
-}
 
 absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
                        const rpc::MonotonicEvent& stop) {
@@ -226,18 +245,25 @@ absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions opt
   const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(channel);
   AssetCache cache(assets.get(), kAssetCacheBytes);
   UnitRenderer renderer(&cache);
-  WorkerImpl worker(options.threads, &renderer, log);
+  const std::unique_ptr<SpecSource> spec_source = MakeRemoteSpecSource(channel);
+  SpecCache specs(spec_source.get());
+  WorkerImpl worker(options.threads, &specs, &renderer, log);
+  const LeaveTrigger trigger(options, worker);
+  const auto is_over = [&] {
+    return stop.HasBeenNotified() || worker.IsLeaving() || !trigger.Reason().empty();
+  };
   rpc::ReconnectSchedule schedule(rpc::RetryEnvironment::Real().jitter);
-  while (!stop.HasBeenNotified()) {
+  while (!is_over()) {
     const absl::Time start = rpc::MonotonicNow();
-    const absl::Status status = RunConnection(*channel, options.name, worker, *log, stop);
-    if (stop.HasBeenNotified()) break;
+    const absl::Status status = Connection(*channel, options, worker, *log).Run(trigger, stop);
+    if (is_over()) break;
     if (absl::IsFailedPrecondition(status) || absl::IsInvalidArgument(status)) return status;
     if (rpc::MonotonicNow() - start > kSteadyStream) schedule.Reset();
     const absl::Duration pause = schedule.NextPause();
     log->warn("event=disconnected error=\"{}\" retry_in={:.1f}s", std::string(status.message()),
               absl::ToDoubleSeconds(pause));
-    stop.WaitFor(pause);
+    const absl::Time end = rpc::MonotonicNow() + pause;
+    while (!is_over() && rpc::MonotonicNow() < end) stop.WaitFor(kPollInterval);
   }
   return absl::OkStatus();
 }

@@ -2,10 +2,11 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
+#include "absl/time/time.h"
 #include "proto/rpc/monotonic.h"
-#include "worker/asset_source.h"
 
 namespace grpc {
 class Channel;
@@ -16,20 +17,28 @@ class logger;
 
 namespace lumifold::worker {
 
-/// Fetches assets from the coordinator and resumes broken transfers.
-std::unique_ptr<AssetSource> MakeRemoteAssetSource(std::shared_ptr<grpc::Channel> channel);
-
 struct WorkerOptions {
   /// Host and process, for the coordinator's log.
   std::string name;
   /// Number of units rendered at the same time, at least 1.
   int threads = 1;
+  /// What the machine has or may be used for; see v1::Hello.
+  std::vector<std::string> tags = {};
   /// Log of events; null for none.
-  std::shared_ptr<spdlog::logger> log;
+  std::shared_ptr<spdlog::logger> log = nullptr;
+
+  /// Once it is notified the worker leaves: it takes no more leases, hands back those that wait, finishes the units
+  /// being rendered within `drain`, hands back the others, and ends. So it does when an operator drains it. Null:
+  /// never.
+  const rpc::MonotonicEvent* leave = nullptr;
+  absl::Duration drain = absl::Seconds(30);
+  /// A worker that has held no lease for this long leaves, connected or not.
+  absl::Duration exit_when_idle = absl::InfiniteDuration();
 };
 
-/// Renders units for the coordinator at the other end of `channel` until `stop` is notified. Blocks. After a
-/// broken connection it reconnects with the pauses of rpc::ReconnectSchedule, without limit.
+/// Renders units for the coordinator at the other end of `channel` until the worker has left or `stop` is notified;
+/// `stop` breaks the connection at once. Blocks. After a broken connection it reconnects with the pauses of
+/// rpc::ReconnectSchedule, without limit, unless it was leaving.
 /// Errors: kFailedPrecondition or kInvalidArgument when the coordinator refuses this worker.
 absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
                        const rpc::MonotonicEvent& stop);

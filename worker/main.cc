@@ -3,11 +3,15 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <limits>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/credentials.h"
+#include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
@@ -19,6 +23,7 @@ namespace {
 
 constexpr int kExitFailure = 1;
 constexpr int kExitUsage = 2;
+constexpr int kExitSignal = 128;  // plus the number of the signal, as shells say it
 
 std::string DefaultName() {
   char host[256] = "worker";
@@ -26,63 +31,114 @@ std::string DefaultName() {
   return absl::StrCat(host, ":", getpid());
 }
 
-/// Notifies `stop` on the first SIGINT or SIGTERM. The signals are blocked in all threads and received by
-/// sigwait, so that no code runs in a signal handler.
-std::thread WatchSignals(lumifold::rpc::MonotonicEvent* stop) {
+/// Notifies `leave` on the first SIGINT or SIGTERM and ends the process on the second. The signals are blocked in all
+/// threads and received by sigwait, so that no code runs in a signal handler.
+std::thread WatchSignals(lumifold::rpc::MonotonicEvent* leave) {
   sigset_t set;
   sigemptyset(&set);
   sigaddset(&set, SIGINT);
   sigaddset(&set, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &set, nullptr);
   signal(SIGPIPE, SIG_IGN);  // a log without a reader must not end the worker
-  return std::thread([set, stop] {
+  return std::thread([set, leave] {
     int received = 0;
     sigwait(&set, &received);
-    stop->Notify();
+    leave->Notify();
+    sigwait(&set, &received);
+    _exit(kExitSignal + received);
   });
+}
+
+/// The error of the tags of --tags; empty if they are valid.
+std::string TagsError(const std::vector<std::string>& tags) {
+  if (tags.size() > lumifold::rpc::kMaxTags)
+    return absl::StrCat("at most ", lumifold::rpc::kMaxTags, " tags");
+  for (const std::string& tag : tags) {
+    if (tag.empty() || tag.size() > lumifold::rpc::kMaxTagBytes)
+      return absl::StrCat("'", tag, "': a tag has 1 to ", lumifold::rpc::kMaxTagBytes, " bytes");
+  }
+  return "";
+}
+
+struct Flags {
+  std::string server = "127.0.0.1:7700";
+  std::string name = DefaultName();
+  std::string log_level = "info";
+  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  std::vector<std::string> tags;
+  double drain_seconds = 30;
+  double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
+};
+
+void AddFlags(CLI::App* app, Flags* flags) {
+  app->add_option("--server", flags->server, "Coordinator, HOST:PORT")->capture_default_str();
+  app->add_option("--threads", flags->threads, "Number of units rendered at the same time")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app->add_option("--name", flags->name, "Name in the coordinator's log")->capture_default_str();
+  app->add_option("--tags", flags->tags, "What the machine has or may be used for: gpu,night")
+      ->delimiter(',');
+  app->add_option("--drain-seconds", flags->drain_seconds,
+                  "After SIGINT or SIGTERM: time to finish the units being rendered")
+      ->check(CLI::Range(0.0, 86400.0))
+      ->capture_default_str();
+  app->add_option("--exit-when-idle", flags->exit_when_idle_seconds,
+                  "Seconds without a unit after which the worker ends (default: never)")
+      ->check(CLI::Range(0.0, 1e9));
+  app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
+      ->capture_default_str();
+  app->set_version_flag("--version", absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),
+                                                  " (numeric class ", lumifold::render::NumericClass(), ")"));
+}
+
+int RunWorkerProcess(const Flags& flags) {
+  lumifold::rpc::MonotonicEvent leave;
+  const lumifold::rpc::MonotonicEvent never;
+  WatchSignals(&leave).detach();  // before any other thread, which would take the signals
+  const std::shared_ptr<spdlog::logger> log =
+      lumifold::rpc::MakeNonblockingLogger({.name = "worker", .level = flags.log_level});
+  log->info("event=start name={} server={} threads={} class={}", flags.name, flags.server, flags.threads,
+            lumifold::render::NumericClass());
+  lumifold::worker::WorkerOptions options{
+      .name = flags.name,
+      .threads = flags.threads,
+      .tags = flags.tags,
+      .log = log,
+      .leave = &leave,
+      .drain = absl::Seconds(flags.drain_seconds),
+      .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
+  };
+  const absl::Status status = lumifold::worker::RunWorker(
+      lumifold::rpc::MakeChannel(flags.server, lumifold::rpc::Security{}), std::move(options), never);
+  if (!status.ok()) {
+    std::fprintf(stderr, "lumifold-worker: %s\n", std::string(status.message()).c_str());
+    return kExitFailure;
+  }
+  log->info("event=stop name={}", flags.name);
+  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Renders units for a Lumifold coordinator until SIGINT or SIGTERM.", "lumifold-worker");
-  std::string server = "127.0.0.1:7700";
-  std::string name = DefaultName();
-  std::string log_level = "info";
-  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  lumifold::rpc::Security security;
-  app.add_option("--server", server, "Coordinator, HOST:PORT")->capture_default_str();
-  app.add_option("--threads", threads, "Number of units rendered at the same time")
-      ->check(CLI::Range(1, 1024))
-      ->capture_default_str();
-  app.add_option("--name", name, "Name in the coordinator's log")->capture_default_str();
-  app.add_option("--log-level", log_level, "Minimum level of the log on standard error")
-      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
-      ->capture_default_str();
-  app.set_version_flag("--version", absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),
-                                                 " (numeric class ", lumifold::render::NumericClass(), ")"));
+  CLI::App app(
+      "Renders units for a Lumifold coordinator. SIGINT or SIGTERM lets it finish or hand back its units and "
+      "leave; "
+      "a second one ends it at once.",
+      "lumifold-worker");
+  Flags flags;
+  AddFlags(&app, &flags);
+  std::string problem;
   try {
     app.parse(argc, argv);
+    if (const std::string error = TagsError(flags.tags); !error.empty()) problem = "--tags: " + error;
   } catch (const CLI::Success& success) {
     return app.exit(success);
   } catch (const CLI::ParseError& error) {
-    std::fprintf(stderr, "lumifold-worker: %s\n", error.what());
-    return kExitUsage;
+    problem = error.what();
   }
-
-  const std::shared_ptr<spdlog::logger> log =
-      lumifold::rpc::MakeNonblockingLogger({.name = "worker", .level = log_level});
-  lumifold::rpc::MonotonicEvent stop;
-  WatchSignals(&stop).detach();
-  log->info("event=start name={} server={} threads={} class={}", name, server, threads,
-            lumifold::render::NumericClass());
-  lumifold::worker::WorkerOptions options{.name = name, .threads = threads, .log = log};
-  const absl::Status status =
-      lumifold::worker::RunWorker(lumifold::rpc::MakeChannel(server, security), std::move(options), stop);
-  if (!status.ok()) {
-    std::fprintf(stderr, "lumifold-worker: %s\n", std::string(status.message()).c_str());
-    return kExitFailure;
-  }
-  log->info("event=stop name={}", name);
-  return 0;
+  if (problem.empty()) return RunWorkerProcess(flags);
+  std::fprintf(stderr, "lumifold-worker: %s\n", problem.c_str());
+  return kExitUsage;
 }

@@ -2,17 +2,17 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
+#include <string_view>
 #include <utility>
 
+#include "absl/strings/cord.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "absl/strings/strip.h"
 #include "absl/time/time.h"
-#include "filter/image/picture_io.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
-#include "worker/render/environment.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::worker {
@@ -20,6 +20,9 @@ namespace {
 
 /// Scenes are large: one is in use, one is being loaded for the next job or frame.
 constexpr size_t kMaxScenes = 2;
+
+/// Key of the payload of a status: the serialised AssetRef that MissingAsset returns.
+constexpr char kMissingAssetPayload[] = "lumifold/missing_asset";
 
 /// A unit with a larger share of NaN or infinite samples fails: the scene is invalid.
 constexpr double kMaxBadShare = 0.01;
@@ -36,20 +39,10 @@ double SecondsOf(const v1::JobSpec& spec, int frame) {
 
 Rect RectOf(const v1::Rect& r) { return {r.x0(), r.y0(), r.x1(), r.y1()}; }
 
-absl::StatusOr<std::shared_ptr<const render::Environment>> DecodeEnvironment(
-    const v1::EnvironmentMap& environment, const std::string& bytes) {
-  const std::string name(absl::StripPrefix(environment.uri(), "environment:"));
-  absl::StatusOr<LayeredImage> picture = DecodeLinearPicture(name, bytes);
-  if (!picture.ok()) return picture.status();
-  absl::StatusOr<std::shared_ptr<const render::Environment>> sky =
-      render::Environment::Create(*picture, environment.rotate_degrees(), environment.scale());
-  if (!sky.ok()) return absl::Status(sky.status().code(), absl::StrCat(name, ": ", sky.status().message()));
-  return sky;
-}
-
 }  // namespace
 
 bool IsPermanent(const absl::Status& failure) {
+  if (MissingAsset(failure).has_value()) return false;
   switch (failure.code()) {
     case absl::StatusCode::kUnavailable:
     case absl::StatusCode::kDeadlineExceeded:
@@ -63,21 +56,50 @@ bool IsPermanent(const absl::Status& failure) {
   }
 }
 
+std::optional<v1::AssetRef> MissingAsset(const absl::Status& failure) {
+  const auto payload = failure.GetPayload(kMissingAssetPayload);
+  v1::AssetRef asset;
+  if (!payload.has_value() || !asset.ParseFromString(std::string(*payload))) return std::nullopt;
+  return asset;
+}
+
 absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, int frame,
-                                                             std::atomic<int64_t>* progress) const {
+                                                             std::atomic<int64_t>* progress) {
+  // A file that cannot be fetched fails the load, whatever the loader makes of its absence.
+  absl::Status failure;
+  const auto fetch = [&](const v1::AssetRef& asset) -> absl::StatusOr<std::string> {
+    if (stopped_) failure = absl::CancelledError("the worker stops");
+    if (!failure.ok()) return failure;
+    absl::StatusOr<std::string> bytes = assets_->Fetch(asset);
+    if (!bytes.ok()) failure = Annotate(bytes.status(), spec);
+    if (absl::IsNotFound(failure) || absl::IsDataLoss(failure))
+      failure.SetPayload(kMissingAssetPayload, absl::Cord(asset.SerializeAsString()));
+    return bytes;
+  };
+  absl::StatusOr<LoadedScene> loaded = LoadWith(spec, frame, fetch, progress);
+  if (!failure.ok()) return failure;
+  return loaded;
+}
+
+absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::LoadWith(const v1::JobSpec& spec, int frame,
+                                                                 const FetchAsset& fetch,
+                                                                 std::atomic<int64_t>* progress) {
   std::map<std::string, v1::AssetRef> dependencies;
   for (const v1::AssetRef& asset : spec.scene().dependencies()) dependencies[asset.uri()] = asset;
-  absl::StatusOr<std::string> file = assets_->Fetch(spec.scene().file());
+  absl::StatusOr<std::string> file = fetch(spec.scene().file());
   if (!file.ok()) return file.status();
   const auto read = [&](const std::string& uri) -> absl::StatusOr<std::string> {
     ++*progress;
     const auto asset = dependencies.find(uri);
     if (asset == dependencies.end())
       return absl::NotFoundError(absl::StrCat("'", uri, "' is not among the job's files"));
-    return assets_->Fetch(asset->second);
+    return fetch(asset->second);
   };
   scene::LoadOptions options;
   options.time_seconds = SecondsOf(spec, frame);
+  options.decode = [this](std::string_view bytes, int64_t max_pixels) {
+    return decoded_.Texture(bytes, max_pixels);
+  };
   absl::StatusOr<scene::Scene> scene = scene::LoadGltf(*file, spec.scene().display_name(), read, options);
   if (!scene.ok()) return scene.status();
   const bool animated = scene->animated;
@@ -90,11 +112,11 @@ absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& 
   settings.max_bounces = spec.max_bounces();
   settings.camera = spec.camera();
   settings.lens = {spec.lens().f_stop(), spec.lens().focus_metres()};
+  settings.mips = [this](const scene::SharedImage& image, bool srgb) { return decoded_.Mips(image, srgb); };
   if (spec.has_environment()) {
-    const v1::EnvironmentMap& environment = spec.environment();
-    absl::StatusOr<std::string> bytes = read(environment.uri());
-    if (!bytes.ok()) return bytes.status();
-    absl::StatusOr<std::shared_ptr<const render::Environment>> sky = DecodeEnvironment(environment, *bytes);
+    const auto sky_file = dependencies.find(spec.environment().uri());
+    absl::StatusOr<std::shared_ptr<const render::Environment>> sky = decoded_.Environment(
+        spec.environment(), sky_file == dependencies.end() ? "" : sky_file->second.sha256(), read);
     if (!sky.ok()) return sky.status();
     settings.environment = *std::move(sky);
   }
@@ -153,16 +175,18 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
 }
 
 absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const v1::Lease& lease,
-                                                  std::atomic<int64_t>* progress) {
-  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer = RendererOf(spec, lease.unit(), progress);
+                                                  UnitControl* control) {
+  absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer =
+      RendererOf(spec, lease.unit(), &control->progress);
   if (!renderer.ok()) return renderer.status();
   const absl::Time start = rpc::MonotonicNow();
   RenderedUnit unit;
   render::RenderCounts counts;
-  counts.rows = progress;
+  counts.rows = &control->progress;
+  counts.stop = &control->stop;
   const Rect rect = RectOf(lease.rect());
   if (lease.unit().kind() == v1::UNIT_KIND_GEOMETRY) {
-    unit.image = (*renderer)->RenderGeometry(rect, lease.unit().frame());
+    unit.image = (*renderer)->RenderGeometry(rect, lease.unit().frame(), &control->stop);
     for (std::string& warning :
          rpc::BoundedLines((*renderer)->warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
       unit.stats.add_warnings(std::move(warning));
@@ -171,6 +195,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
                                static_cast<uint32_t>(lease.last_sample())};
     unit.image.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), range, &counts);
   }
+  if (control->stop) return absl::CancelledError("the unit is no longer wanted");
   if (static_cast<double>(counts.bad_samples) > kMaxBadShare * static_cast<double>(counts.samples)) {
     return absl::DataLossError(absl::StrFormat("%s: %d of %d samples are not finite in the tile at %d,%d",
                                                spec.scene().display_name(), counts.bad_samples,

@@ -4,15 +4,18 @@
 #include <cstdint>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/base/thread_annotations.h"
+#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "filter/image/edged_image.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
 #include "worker/asset_source.h"
+#include "worker/decoded_cache.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::worker {
@@ -23,19 +26,29 @@ struct RenderedUnit {
   v1::UnitStats stats;
 };
 
+/// What other threads see of a unit that is being rendered, and what they ask of it.
+struct UnitControl {
+  /// Grows by one for each row of pixels traced and for each file of a scene loaded.
+  std::atomic<int64_t> progress = 0;
+  /// The unit is no longer wanted.
+  std::atomic<bool> stop = false;
+};
+
 /// Renders leased units. Loads the scene of a job for its first unit and keeps it for the next ones; an
-/// animated scene is loaded for each frame.
+/// animated scene is loaded for each frame, but its pictures are decoded once.
 /// Threads: safe concurrently; threads that need a scene that is being loaded wait for it.
 class UnitRenderer {
  public:
   /// `assets` must outlive it.
   explicit UnitRenderer(AssetSource* assets) : assets_(assets) {}
 
-  /// Adds one to `progress` for each row of pixels traced and for each file of a scene loaded.
   /// Errors: those of AssetSource, scene::LoadGltf and render::Renderer::Create, each naming the job's scene;
-  /// kDataLoss where more than 1 % of the samples are not finite.
-  absl::StatusOr<RenderedUnit> Render(const v1::JobSpec& spec, const v1::Lease& lease,
-                                      std::atomic<int64_t>* progress);
+  /// kDataLoss where more than 1 % of the samples are not finite; kCancelled once control->stop is true (at the
+  /// latest after a packet of rays, but a scene is loaded to the end, for the next units of the job).
+  absl::StatusOr<RenderedUnit> Render(const v1::JobSpec& spec, const v1::Lease& lease, UnitControl* control);
+
+  /// Ends scenes that are being loaded at their next file, with kCancelled; none is loaded any more.
+  void StopLoading() { stopped_ = true; }
 
   /// Unloads the scene of a job; units in progress keep it until they are done.
   void ForgetJob(const std::string& job_id);
@@ -63,14 +76,23 @@ class UnitRenderer {
   /// An entry whose scene fits the unit, or may fit once it is ready; null if a new one is needed.
   std::shared_ptr<Entry> FindEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, int frame, std::atomic<int64_t>* progress) const;
+  absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, int frame, std::atomic<int64_t>* progress);
+  using FetchAsset = absl::FunctionRef<absl::StatusOr<std::string>(const v1::AssetRef&)>;
+  absl::StatusOr<LoadedScene> LoadWith(const v1::JobSpec& spec, int frame, const FetchAsset& fetch,
+                                       std::atomic<int64_t>* progress);
 
   AssetSource* assets_;
+  DecodedCache decoded_;
+  std::atomic<bool> stopped_ = false;
   absl::Mutex mutex_;
   std::deque<std::shared_ptr<Entry>> entries_ ABSL_GUARDED_BY(mutex_);  // least recently used first
 };
 
 /// Whether the cause of a failure is in the job, so that it would fail on every worker.
 bool IsPermanent(const absl::Status& failure);
+
+/// The file of the scene whose absence or damage on the coordinator's side is the cause of a failure of
+/// UnitRenderer::Render; nullopt for other causes.
+std::optional<v1::AssetRef> MissingAsset(const absl::Status& failure);
 
 }  // namespace lumifold::worker

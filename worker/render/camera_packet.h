@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <type_traits>
 
 #include "filter/image/sample_range.h"
 #include "worker/render/camera.h"
@@ -49,7 +50,7 @@ class CameraPacket {
 static_assert(PathTracer::kPacket == DrawnPairs::kSamples);
 
 /// Calls visit(CameraPacket) for the samples of pixel (x, y) of a frame `width` pixels wide. The division
-/// into packets depends on the range alone.
+/// into packets depends on the range alone. `visit` may return a bool; false ends it.
 template <typename Visit>
 void ForEachCameraPacket(const PictureCamera& camera, uint64_t seed, int frame, int width, int x, int y,
                          SampleRange range, Visit visit) {
@@ -57,7 +58,12 @@ void ForEachCameraPacket(const PictureCamera& camera, uint64_t seed, int frame, 
   for (uint32_t first = range.first; first < range.last; first += PathTracer::kPacket) {
     const SamplerPacket samplers(seed, frame, pixel, first);
     const SampleRange together = {first, std::min<uint32_t>(range.last, first + PathTracer::kPacket)};
-    visit(CameraPacket(camera, x, y, samplers, together));
+    const CameraPacket packet(camera, x, y, samplers, together);
+    if constexpr (std::is_same_v<decltype(visit(packet)), bool>) {
+      if (!visit(packet)) return;
+    } else {
+      visit(packet);
+    }
   }
 }
 

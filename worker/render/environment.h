@@ -43,6 +43,12 @@ class Environment {
   /// Number of texels that are negative or not finite and count as black.
   int64_t bad_texels() const { return bad_texels_; }
 
+  /// Memory of its tables.
+  uint64_t bytes() const {
+    return texels_.size() * sizeof(scene::Vec3) +
+           (row_cos_.size() + row_cdf_.size() + column_cdf_.size()) * sizeof(float);
+  }
+
  private:
   struct TexelPoint {
     float x;  // in texels from the left edge

@@ -139,10 +139,11 @@ class GeometryUnit {
         x1_(std::min(rect.x1 + 1, frame.x1)),
         picture_(rect.width(), rect.height()) {}
 
-  EdgedImage Render() {
+  EdgedImage Render(const std::atomic<bool>* stop) {
     Row above = ProbeRow(rect_.y0 - 1);
     Row here = ProbeRow(rect_.y0);
     for (int y = rect_.y0; y < rect_.y1; ++y) {
+      if (stop != nullptr && stop->load(std::memory_order_relaxed)) break;
       Row below = ProbeRow(y + 1);
       for (int x = rect_.x0; x < rect_.x1; ++x) {
         const Pixel& pixel = here[static_cast<size_t>(x - x0_)];
@@ -237,8 +238,8 @@ class GeometryUnit {
 }  // namespace
 
 EdgedImage RenderGeometryUnit(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame,
-                              const Rect& rect) {
-  return GeometryUnit(tracer, camera, frame, rect).Render();
+                              const Rect& rect, const std::atomic<bool>* stop) {
+  return GeometryUnit(tracer, camera, frame, rect).Render(stop);
 }
 
 }  // namespace lumifold::render

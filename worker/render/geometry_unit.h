@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+
 #include "filter/image/edged_image.h"
 #include "filter/image/rect.h"
 #include "worker/render/camera.h"
@@ -15,7 +17,8 @@ namespace lumifold::render {
 ///         hits), id.Y (the most frequent one), mask.Y and A (fractions of the sub-samples); all 0 if nothing
 ///         is hit. For each level that any sub-sample reaches, layers::kLevelFeatures in the same way.
 ///         edges: see EdgedImage.
+/// Once `stop`, which may be null, is true it returns within a row of pixels; the result is then incomplete.
 EdgedImage RenderGeometryUnit(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame,
-                              const Rect& rect);
+                              const Rect& rect, const std::atomic<bool>* stop = nullptr);
 
 }  // namespace lumifold::render

@@ -76,9 +76,9 @@ uint8_t TransferTable::Encode(float linear) const {
   return static_cast<uint8_t>(above - linear_ - (nearer_below ? 1 : 0));
 }
 
-std::vector<scene::ImageData> MakeMipChain(const scene::ImageData& image, const TransferTable& color,
-                                           const TransferTable& alpha) {
-  std::vector<scene::ImageData> chain;
+MipLevels MakeMipChain(const scene::ImageData& image, const TransferTable& color,
+                       const TransferTable& alpha) {
+  MipLevels chain;
   const scene::ImageData* last = &image;
   while (last->width > 1 || last->height > 1) {
     scene::ImageData half = Halve(*last, color, alpha);
@@ -86,6 +86,12 @@ std::vector<scene::ImageData> MakeMipChain(const scene::ImageData& image, const 
     last = &chain.back();
   }
   return chain;
+}
+
+MipLevels MakeMips(const scene::ImageData& image, bool srgb) {
+  const TransferTable linear(/*srgb=*/false);
+  return srgb ? MakeMipChain(image, TransferTable(/*srgb=*/true), linear)
+              : MakeMipChain(image, linear, linear);
 }
 
 }  // namespace lumifold::render

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <vector>
 
 #include "worker/scene/scene.h"
@@ -21,11 +23,18 @@ class TransferTable {
   float linear_[256];
 };
 
+using MipLevels = std::vector<scene::ImageData>;
+using SharedMips = std::shared_ptr<const MipLevels>;
+/// Returns MakeMips of a picture, made now or kept from an earlier scene.
+using MipSource = std::function<SharedMips(const scene::SharedImage& image, bool srgb)>;
+
 /// The mip levels of a picture without the picture itself, each half as wide and high as the one before
 /// (rounded down, at least 1), down to a single texel. A texel is the mean of the linear values over the area
 /// it covers. `color` decodes red, green and blue, `alpha` the alpha channel. All levels together take a
 /// third of the picture's memory.
-std::vector<scene::ImageData> MakeMipChain(const scene::ImageData& image, const TransferTable& color,
-                                           const TransferTable& alpha);
+MipLevels MakeMipChain(const scene::ImageData& image, const TransferTable& color, const TransferTable& alpha);
+
+/// MakeMipChain of a picture whose colour is sRGB-encoded or linear; its alpha is linear.
+MipLevels MakeMips(const scene::ImageData& image, bool srgb);
 
 }  // namespace lumifold::render

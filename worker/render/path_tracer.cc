@@ -76,9 +76,9 @@ layers::Branch BranchOf(const BsdfSample& event) {
 }  // namespace
 
 PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
-                       std::shared_ptr<const Environment> environment, int max_bounces)
+                       std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips)
     : embree_(&embree),
-      textures_(scene),
+      textures_(scene, mips),
       surfaces_(scene, textures_),
       lights_(scene, textures_, std::move(environment)),
       albedo_table_(AlbedoContentsOf(scene)),

@@ -43,7 +43,7 @@ class PathTracer {
   /// direct light by both techniques.
   /// `environment` may be null.
   PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
-             std::shared_ptr<const Environment> environment, int max_bounces);
+             std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips = {});
 
   /// Maximum number of samples that are traced together.
   static constexpr size_t kPacket = EmbreeScene::kPacket;

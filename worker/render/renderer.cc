@@ -49,7 +49,7 @@ Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<Em
       embree_(std::move(embree)),
       settings_(settings),
       camera_(camera, settings.lens, settings.width, settings.height),
-      tracer_(*scene_, *embree_, settings.environment, settings.max_bounces),
+      tracer_(*scene_, *embree_, settings.environment, settings.max_bounces, settings.mips),
       warnings_(scene_->warnings) {
   if (!tracer_.HasLights()) warnings_.push_back("the scene has no light: the picture is black");
   if (settings.environment != nullptr && settings.environment->bad_texels() > 0) {
@@ -65,13 +65,15 @@ LayeredImage Renderer::RenderPass(const Rect& rect, int frame, SampleRange range
   PassPicture picture(rect.width(), rect.height());
   std::array<LayerSample, PathTracer::kPacket> samples;
   for (int y = rect.y0; y < rect.y1; ++y) {
-    for (int x = rect.x0; x < rect.x1; ++x) {
+    for (int x = rect.x0; x < rect.x1 && !counts->IsStopped(); ++x) {
       PixelSums sums;
       ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
+        if (counts->IsStopped()) return false;
         tracer_.Trace(packet.rays(), packet.samplers(), samples);
         for (size_t i = 0; i < packet.size(); ++i) {
           if (counts->Add(IsFinite(samples[i]))) sums.Add(samples[i], packet.Index(i) & 1);
         }
+        return true;
       });
       picture.Store(x - rect.x0, y - rect.y0, sums);
     }
@@ -80,9 +82,9 @@ LayeredImage Renderer::RenderPass(const Rect& rect, int frame, SampleRange range
   return picture.Take();
 }
 
-EdgedImage Renderer::RenderGeometry(const Rect& rect, int) const {
+EdgedImage Renderer::RenderGeometry(const Rect& rect, int, const std::atomic<bool>* stop) const {
   const ScopedFloatEnvironment environment;
-  return RenderGeometryUnit(tracer_, camera_, {0, 0, settings_.width, settings_.height}, rect);
+  return RenderGeometryUnit(tracer_, camera_, {0, 0, settings_.width, settings_.height}, rect, stop);
 }
 
 }  // namespace lumifold::render

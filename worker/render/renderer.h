@@ -13,6 +13,7 @@
 #include "worker/render/camera_packet.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/environment.h"
+#include "worker/render/mip_chain.h"
 #include "worker/render/path_tracer.h"
 #include "worker/scene/scene.h"
 
@@ -27,6 +28,7 @@ struct RenderSettings {
   std::string camera;   // empty: the scene's first
   Lens lens;
   std::shared_ptr<const Environment> environment;  // null: black
+  MipSource mips;                                  // used while the renderer is created; empty: MakeMips
 };
 
 /// Sample counts of one unit.
@@ -35,6 +37,9 @@ struct RenderCounts {
   int64_t bad_samples = 0;  // NaN or infinite: left out of the sums and of the pixel's count
   std::atomic<int64_t>* rows =
       nullptr;  // counts rows of pixels that are done, for other threads; may be null
+  const std::atomic<bool>* stop = nullptr;  // true: the rest of the unit is not wanted; may be null
+
+  bool IsStopped() const { return stop != nullptr && stop->load(std::memory_order_relaxed); }
 
   /// Counts one sample; returns `is_finite`.
   bool Add(bool is_finite) {
@@ -62,10 +67,12 @@ class Renderer {
   /// Shapes: rect's size; channels: for each of layers::kHalved its halves *_a and *_b; layers::kWhole (sums
   ///         over both halves); samples_a.Y, samples_b.Y (finite samples); and layers::LevelPassChannels of
   ///         each level that any sample has reached.
+  /// Once counts->stop is true it returns within a packet of rays; the result is then incomplete.
   LayeredImage RenderPass(const Rect& rect, int frame, SampleRange range, RenderCounts* counts) const;
 
-  /// Traces fixed sub-pixel rays in every pixel of `rect`: see RenderGeometryUnit.
-  EdgedImage RenderGeometry(const Rect& rect, int frame) const;
+  /// Traces fixed sub-pixel rays in every pixel of `rect`: see RenderGeometryUnit. Once `stop`, which may be null,
+  /// is true it returns within a row of pixels; the result is then incomplete.
+  EdgedImage RenderGeometry(const Rect& rect, int frame, const std::atomic<bool>* stop = nullptr) const;
 
   /// Messages for the artist: the loader's warnings, a scene without lights, bad pixels of the environment.
   const std::vector<std::string>& warnings() const { return warnings_; }

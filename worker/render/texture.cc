@@ -60,20 +60,22 @@ T Interpolate(const ImageData& image, const scene::Texture& texture, Vec2 uv, co
 
 }  // namespace
 
-TextureSampler::TextureSampler(const scene::Scene& scene)
+TextureSampler::TextureSampler(const scene::Scene& scene, const MipSource& mips)
     : scene_(&scene), linear_(/*srgb=*/false), srgb_(/*srgb=*/true) {
   for (auto& levels : levels_) levels.resize(scene.images.size());
   for (const scene::Material& material : scene.materials) {
-    for (const scene::TextureUse& use : TexturesOf(material)) Prepare(use);
+    for (const scene::TextureUse& use : TexturesOf(material)) Prepare(use, mips);
   }
 }
 
-void TextureSampler::Prepare(const scene::TextureUse& use) {
+void TextureSampler::Prepare(const scene::TextureUse& use, const MipSource& mips) {
   if (use.ref->texture == scene::kNone) return;
   const int image = scene_->textures[use.ref->texture].image;
   if (image == scene::kNone) return;
-  Levels& levels = levels_[use.srgb][image];
-  if (levels.empty()) levels = MakeMipChain(scene_->images[image], use.srgb ? srgb_ : linear_, linear_);
+  SharedMips& levels = levels_[use.srgb][image];
+  if (levels != nullptr) return;
+  const scene::SharedImage& picture = scene_->images[image];
+  levels = mips ? mips(picture, use.srgb) : std::make_shared<const MipLevels>(MakeMips(*picture, use.srgb));
 }
 
 Vec4 TextureSampler::Texel(const ImageData& image, int x, int y, bool srgb) const {
@@ -91,7 +93,7 @@ Vec4 TextureSampler::SampleImage(const scene::TextureRef& ref, const Vec2 uv[2],
                                  bool srgb) const {
   const scene::Texture& texture = scene_->textures[ref.texture];
   if (texture.image == scene::kNone) return {1, 1, 1, 1};
-  const ImageData& image = scene_->images[texture.image];
+  const ImageData& image = *scene_->images[texture.image];
   const Vec2 center = Transform(ref, uv[ref.uv_set]);
   const auto texels2 = [&image](Vec2 v) {
     const float x = v.x * static_cast<float>(image.width);
@@ -121,8 +123,8 @@ Vec4 TextureSampler::SampleImage(const scene::TextureRef& ref, const Vec2 uv[2],
 }
 
 Vec4 TextureSampler::SampleLevels(const scene::Texture& texture, Vec2 uv, float width, bool srgb) const {
-  const ImageData& image = scene_->images[texture.image];
-  const Levels& levels = levels_[srgb][texture.image];
+  const ImageData& image = *scene_->images[texture.image];
+  const MipLevels& levels = *levels_[srgb][texture.image];
   int level = 0;  // the last one whose texels are not wider than `width`
   for (float next = 2; next <= width && level < static_cast<int>(levels.size()); next *= 2) ++level;
   const ImageData& finer = level == 0 ? image : levels[level - 1];
@@ -134,7 +136,7 @@ Vec4 TextureSampler::SampleLevels(const scene::Texture& texture, Vec2 uv, float 
 
 Vec3 TextureSampler::Mean(const scene::TextureRef& ref, bool srgb) const {
   if (ref.texture == scene::kNone || scene_->textures[ref.texture].image == scene::kNone) return {1, 1, 1};
-  const ImageData& image = scene_->images[scene_->textures[ref.texture].image];
+  const ImageData& image = *scene_->images[scene_->textures[ref.texture].image];
   double sum[3] = {0, 0, 0};
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
@@ -152,7 +154,7 @@ Vec3 TextureSampler::Mean(const scene::TextureRef& ref, bool srgb) const {
 float SampleAlpha(const scene::Scene& scene, const scene::TextureRef& ref, Vec2 uv) {
   const scene::Texture& texture = scene.textures[ref.texture];
   if (texture.image == scene::kNone) return 1;
-  const ImageData& image = scene.images[texture.image];
+  const ImageData& image = *scene.images[texture.image];
   return Interpolate<float>(image, texture, Transform(ref, uv), [&image](int x, int y) {
     return static_cast<float>(image.rgba[(static_cast<size_t>(y) * image.width + x) * 4 + 3]) / 255.0f;
   });

@@ -14,13 +14,14 @@ struct Footprint {
 };
 
 /// Texture lookup with the file's wrap modes: bilinear (or nearest, if the file says so) for footprints of at
-/// most a texel, else the mean over the footprint from mip levels. The constructor builds the mip levels of
+/// most a texel, else the mean over the footprint from mip levels. The constructor gets the mip levels of
 /// all textures that materials use. Threads: safe concurrently. Keeps a pointer to the scene, which must
 /// outlive it. Source: Akenine-Moeller et al. 2021, "Improved Shader and Texture Level of Detail Using Ray
 /// Cones" (footprint); Ewins et al. 1998 (several probes along the longer diameter).
 class TextureSampler {
  public:
-  explicit TextureSampler(const scene::Scene& scene);
+  /// `mips` is used by the constructor only; empty: MakeMips.
+  explicit TextureSampler(const scene::Scene& scene, const MipSource& mips = {});
 
   /// Linear RGBA at the coordinates of both uv sets; `srgb` decodes the colour (never alpha). White if the
   /// reference names no texture.
@@ -37,9 +38,7 @@ class TextureSampler {
   scene::Vec3 Mean(const scene::TextureRef& ref, bool srgb) const;
 
  private:
-  using Levels = std::vector<scene::ImageData>;  // mip levels, see MakeMipChain
-
-  void Prepare(const scene::TextureUse& use);
+  void Prepare(const scene::TextureUse& use, const MipSource& mips);
   scene::Vec4 SampleImage(const scene::TextureRef& ref, const scene::Vec2 uv[2], const Footprint& footprint,
                           bool srgb) const;
   /// Trilinear lookup: interpolates between the two levels whose texels are nearest in size to `width` texels
@@ -52,7 +51,7 @@ class TextureSampler {
   const scene::Scene* scene_;
   TransferTable linear_;
   TransferTable srgb_;
-  std::vector<Levels> levels_[2];  // [srgb][image]
+  std::vector<SharedMips> levels_[2];  // [srgb][image]
 };
 
 /// The alpha of a texture at uv, bilinear and without footprint; the reference must name a texture.

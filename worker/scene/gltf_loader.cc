@@ -157,7 +157,7 @@ absl::StatusOr<Scene> LoadUnguarded(std::string_view bytes, const AssetReader& r
   scene.animation_duration = animation->duration_seconds;
   scene.cameras = std::move(contents->cameras);
   scene.lights = std::move(contents->lights);
-  s = ReadMaterials(*document, reader, limits, &scene, &diagnostics);
+  s = ReadMaterials(*document, reader, options, &scene, &diagnostics);
   if (s.ok()) s = InstanceReader(*document, *contents, limits, &scene, &diagnostics).Run();
   if (s.ok()) s = CheckExtent(scene);
   if (!s.ok()) return s;

@@ -13,6 +13,9 @@ namespace lumifold::scene {
 /// it.
 using AssetReader = std::function<absl::StatusOr<std::string>(const std::string& uri)>;
 
+/// Decodes a PNG or JPEG file of at most `max_pixels` pixels: DecodeImage, or a cache in front of it.
+using ImageDecoder = std::function<absl::StatusOr<SharedImage>(std::string_view file, int64_t max_pixels)>;
+
 /// Resource limits for one scene.
 struct LoadLimits {
   int64_t max_triangles = int64_t{1} << 29;  // of unique meshes: instances do not count
@@ -30,6 +33,7 @@ struct LoadOptions {
   /// keyframe's value. All animations of the file play together.
   double time_seconds = 0;
   LoadLimits limits;
+  ImageDecoder decode;  // empty: DecodeImage
 };
 
 /// Reads glTF 2.0, text (.gltf) or binary (.glb; recognised by its magic), into a Scene at

@@ -235,9 +235,9 @@ class MaterialReader {
 
 }  // namespace
 
-absl::Status ReadMaterials(const Document& document, const AssetReader& reader, const LoadLimits& limits,
+absl::Status ReadMaterials(const Document& document, const AssetReader& reader, const LoadOptions& options,
                            Scene* scene, Diagnostics* diagnostics) {
-  TextureTable textures(document, reader, limits, scene, diagnostics);
+  TextureTable textures(document, reader, options, scene, diagnostics);
   const auto& sources = document.model.materials;
   for (size_t i = 0; i < sources.size(); ++i) {
     const std::string place = Place("material", static_cast<int64_t>(i), sources[i].name);

@@ -9,7 +9,7 @@ namespace lumifold::scene {
 /// once, into `scene`. Factors out of range are clamped and counted; textures that the renderer does not use
 /// are counted. Errors: kInvalidArgument, kResourceExhausted, the reader's own; each names the material,
 /// texture or image.
-absl::Status ReadMaterials(const Document& document, const AssetReader& reader, const LoadLimits& limits,
+absl::Status ReadMaterials(const Document& document, const AssetReader& reader, const LoadOptions& options,
                            Scene* scene, Diagnostics* diagnostics);
 
 }  // namespace lumifold::scene

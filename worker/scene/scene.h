@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -21,6 +22,8 @@ struct ImageData {
   int height = 0;
   std::vector<uint8_t> rgba;
 };
+/// Scenes that show the same picture share it.
+using SharedImage = std::shared_ptr<const ImageData>;
 
 enum class Wrap { kRepeat, kMirror, kClamp };
 
@@ -140,7 +143,7 @@ struct Scene {
   std::vector<Instance> instances;
   std::vector<Material> materials;
   std::vector<Texture> textures;
-  std::vector<ImageData> images;
+  std::vector<SharedImage> images;
   std::vector<Camera> cameras;
   std::vector<PunctualLight> lights;
   bool animated = false;          // the Scene may differ at another time

@@ -42,13 +42,14 @@ absl::Status ApplySampler(const tinygltf::Model& model, int sampler, Texture* te
 
 }  // namespace
 
-TextureTable::TextureTable(const Document& document, const AssetReader& reader, const LoadLimits& limits,
+TextureTable::TextureTable(const Document& document, const AssetReader& reader, const LoadOptions& options,
                            Scene* scene, Diagnostics* diagnostics)
     : document_(document),
       reader_(reader),
+      decode_(options.decode),
       scene_(scene),
       diagnostics_(diagnostics),
-      pixels_left_(limits.max_texture_pixels),
+      pixels_left_(options.limits.max_texture_pixels),
       textures_(document.model.textures.size(), kNotRead),
       images_(document.images.size(), kNotRead) {}
 
@@ -83,23 +84,30 @@ absl::StatusOr<int> TextureTable::UseImage(int index) {
   const ImageSource& source = document_.images[index];
   auto image = Decode(source);
   if (!image.ok()) return WithContext(image.status(), Place("image", index, source.name));
-  pixels_left_ -= int64_t{image->width} * image->height;
+  pixels_left_ -= int64_t{(*image)->width} * (*image)->height;
   images_[index] = static_cast<int>(scene_->images.size());
   scene_->images.push_back(*std::move(image));
   return images_[index];
 }
 
-absl::StatusOr<ImageData> TextureTable::Decode(const ImageSource& source) {
+absl::StatusOr<SharedImage> TextureTable::Decode(const ImageSource& source) {
   if (source.view != kNone) {
     const auto bytes = ViewBytes(document_, source.view);
     if (!bytes.ok()) return bytes.status();
-    return DecodeImage(*bytes, pixels_left_);
+    return DecodeFile(*bytes);
   }
   const auto bytes = ReadUri(source.uri, reader_);
   if (!bytes.ok()) return bytes.status();
-  auto image = DecodeImage(*bytes, pixels_left_);
+  auto image = DecodeFile(*bytes);
   if (!image.ok() && !IsDataUri(source.uri)) return WithContext(image.status(), source.uri);
   return image;
+}
+
+absl::StatusOr<SharedImage> TextureTable::DecodeFile(std::string_view file) const {
+  if (decode_) return decode_(file, pixels_left_);
+  absl::StatusOr<ImageData> image = DecodeImage(file, pixels_left_);
+  if (!image.ok()) return image.status();
+  return std::make_shared<const ImageData>(*std::move(image));
 }
 
 }  // namespace lumifold::scene

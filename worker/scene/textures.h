@@ -13,7 +13,7 @@ namespace lumifold::scene {
 class TextureTable {
  public:
   /// All arguments must outlive the table.
-  TextureTable(const Document& document, const AssetReader& reader, const LoadLimits& limits, Scene* scene,
+  TextureTable(const Document& document, const AssetReader& reader, const LoadOptions& options, Scene* scene,
                Diagnostics* diagnostics);
 
   /// The Scene's index of glTF texture `index`; kNone if its picture has an unsupported format.
@@ -22,10 +22,12 @@ class TextureTable {
 
  private:
   absl::StatusOr<int> UseImage(int index);
-  absl::StatusOr<ImageData> Decode(const ImageSource& source);
+  absl::StatusOr<SharedImage> Decode(const ImageSource& source);
+  absl::StatusOr<SharedImage> DecodeFile(std::string_view file) const;
 
   const Document& document_;
   const AssetReader& reader_;
+  const ImageDecoder& decode_;
   Scene* scene_;
   Diagnostics* diagnostics_;
   int64_t pixels_left_;

@@ -41,7 +41,7 @@ scene::ImageData Checker(int cells) {
 /// One material that uses the image as colour and as data.
 scene::Scene SceneOf(scene::ImageData image) {
   scene::Scene scene;
-  scene.images = {std::move(image)};
+  scene.images = {std::make_shared<const scene::ImageData>(std::move(image))};
   scene.textures = {{.image = 0}};
   scene.materials = {testing::Lambert({1, 1, 1})};
   scene.materials[0].base_color_texture.texture = 0;

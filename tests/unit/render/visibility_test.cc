@@ -33,7 +33,7 @@ void AddCheckeredAlpha(Scene* scene, Material* material) {
   image.width = image.height = 2;
   for (const uint8_t alpha : std::initializer_list<uint8_t>{255, 0, 0, 255})
     image.rgba.insert(image.rgba.end(), {255, 255, 255, alpha});
-  scene->images = {image};
+  scene->images = {std::make_shared<const scene::ImageData>(image)};
   scene->textures = {{.image = 0, .nearest = true}};
   material->base_color_texture.texture = 0;
 }

@@ -68,7 +68,7 @@ TEST(GltfLoader, AsksTheReaderForDecodedUrisOnly) {
   const auto scene = LoadGltf(fixture.Text("my%20scene.bin"), "a.gltf", reader);
   ASSERT_TRUE(scene.ok()) << scene.status();
   EXPECT_THAT(asked, testing::UnorderedElementsAre("my scene.bin", "textures/a+b c.png"));
-  EXPECT_EQ(scene->images[0].rgba[0], 9);
+  EXPECT_EQ(scene->images[0]->rgba[0], 9);
 }
 
 TEST(GltfLoader, ReturnsTheReadersOwnError) {

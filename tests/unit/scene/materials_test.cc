@@ -144,8 +144,8 @@ TEST(Materials, DecodeASharedImageOnce) {
   fixture.Add("textures", {{"source", 0}, {"sampler", 0}});
   const Scene scene = MustLoad(fixture);
   ASSERT_EQ(scene.images.size(), 1u);
-  EXPECT_EQ(scene.images[0].width, 2);
-  EXPECT_EQ(scene.images[0].rgba[0], 255);
+  EXPECT_EQ(scene.images[0]->width, 2);
+  EXPECT_EQ(scene.images[0]->rgba[0], 255);
   ASSERT_EQ(scene.textures.size(), 2u);
   const Texture& base = scene.textures[scene.materials[0].base_color_texture.texture];
   EXPECT_EQ(base.wrap_s, Wrap::kClamp);

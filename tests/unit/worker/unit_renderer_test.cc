@@ -63,8 +63,8 @@ v1::Lease LeaseOf(int frame) {
 
 /// The share of the picture covered by the square in a frame.
 double Coverage(UnitRenderer& renderer, const v1::JobSpec& spec, int frame) {
-  std::atomic<int64_t> progress = 0;
-  const absl::StatusOr<RenderedUnit> unit = renderer.Render(spec, LeaseOf(frame), &progress);
+  UnitControl control;
+  const absl::StatusOr<RenderedUnit> unit = renderer.Render(spec, LeaseOf(frame), &control);
   EXPECT_TRUE(unit.ok()) << unit.status();
   if (!unit.ok()) return -1;
   double sum = 0;
@@ -83,6 +83,23 @@ TEST(UnitRenderer, AFrameShowsTheSceneAtItsTime) {
   EXPECT_EQ(Coverage(renderer, Spec(4), 3), 0.25);
   EXPECT_EQ(Coverage(renderer, Spec(4), 4), 0);
   EXPECT_EQ(Coverage(renderer, Spec(4), 400), 0);  // the position of the last keyframe
+}
+
+TEST(UnitRenderer, FramesOfAnAnimationShareTheEnvironment) {
+  // A Radiance file of one pixel, (1, 1, 1).
+  FakeAssets assets{ShiningSquare(true), "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n\x80\x80\x80\x81"};
+  UnitRenderer renderer(&assets);
+  v1::JobSpec spec = Spec(4);
+  spec.mutable_environment()->set_uri("environment:sky.hdr");
+  spec.mutable_environment()->set_scale(1);
+  *spec.mutable_scene()->add_dependencies() = [] {
+    v1::AssetRef sky;
+    sky.set_uri("environment:sky.hdr");
+    sky.set_sha256("sky");
+    return sky;
+  }();
+  for (const int frame : {0, 1, 2}) EXPECT_GE(Coverage(renderer, spec, frame), 0);
+  EXPECT_EQ(assets.fetches(), 3 + 1);
 }
 
 TEST(UnitRenderer, AJobWithoutASpeedStandsStill) {
@@ -127,8 +144,8 @@ TEST(UnitRenderer, WarningsOfAUnitAreBoundedAndTheRestIsCounted) {
   UnitRenderer renderer(&assets);
   v1::Lease lease = LeaseOf(0);
   lease.mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
-  std::atomic<int64_t> progress = 0;
-  const absl::StatusOr<RenderedUnit> unit = renderer.Render(Spec(24), lease, &progress);
+  UnitControl control;
+  const absl::StatusOr<RenderedUnit> unit = renderer.Render(Spec(24), lease, &control);
   ASSERT_TRUE(unit.ok()) << unit.status();
   const auto& warnings = unit->stats.warnings();
   ASSERT_EQ(warnings.size(), static_cast<int>(rpc::kMaxUnitWarnings));

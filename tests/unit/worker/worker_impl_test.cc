@@ -7,13 +7,16 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
 #include "absl/synchronization/mutex.h"
 #include "proto/rpc/image_codec.h"
+#include "proto/rpc/monotonic.h"
 #include "spdlog/spdlog.h"
 #include "tests/unit/worker/fake_assets.h"
+#include "tests/unit/worker/fake_specs.h"
 
 namespace lumifold::worker {
 namespace {
@@ -75,7 +78,6 @@ v1::CoordinatorMessage Grant(int count, const std::string& job = "j") {
     lease->mutable_rect()->set_y1(16);
     lease->set_last_sample(2);
   }
-  *message.mutable_grant()->mutable_spec() = Spec();
   return message;
 }
 
@@ -89,8 +91,10 @@ v1::CoordinatorMessage Ack(const v1::Lease& lease) {
 TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
   FakeAssets assets{std::string(kScene)};
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(2, &renderer, Silent());
+  WorkerImpl worker(2, &specs, &renderer, Silent());
   worker.OnConnected(outbox);
   worker.OnMessage(Grant(3));
   for (const v1::WorkerMessage& message : outbox->Await(3)) {
@@ -98,17 +102,20 @@ TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
     rpc::PixelAssembler assembler;
     ASSERT_TRUE(assembler.Add(message.chunk().pixels()).ok());
     ASSERT_TRUE(assembler.IsComplete());
-    EXPECT_EQ(assembler.Take().width(), 16);
+    EXPECT_EQ(assembler.Take().layout.width(), 16);
     EXPECT_EQ(message.chunk().stats().samples(), 16 * 16 * 2);
   }
   EXPECT_EQ(assets.fetches(), 1);  // the scene is loaded once
+  EXPECT_EQ(source.fetches, 1);
 }
 
 TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
   FakeAssets assets{std::string(kScene)};
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &renderer, Silent());
+  WorkerImpl worker(1, &specs, &renderer, Silent());
   worker.OnConnected(outbox);
   v1::CoordinatorMessage grant = Grant(1);
   grant.mutable_grant()->mutable_leases(0)->mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
@@ -120,7 +127,7 @@ TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
   rpc::PixelAssembler assembler;
   ASSERT_TRUE(assembler.Add(messages[0].chunk().edges()).ok());
   ASSERT_TRUE(assembler.IsComplete());
-  EXPECT_EQ(assembler.Take().width(), kSubSamples);
+  EXPECT_EQ(assembler.Take().layout.width(), kSubSamples);
   EXPECT_TRUE(messages[1].chunk().has_pixels());
   EXPECT_TRUE(messages[1].chunk().has_stats());
 }
@@ -128,8 +135,10 @@ TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
 TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
   FakeAssets assets{std::string(kScene)};
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &renderer, Silent());
+  WorkerImpl worker(1, &specs, &renderer, Silent());
   worker.OnConnected(outbox);
   const v1::CoordinatorMessage grant = Grant(2);
   worker.OnMessage(grant);
@@ -145,8 +154,10 @@ TEST(WorkerImpl, ReportsTheProgressOfItsLeases) {
   FakeAssets assets{std::string(kScene)};
   assets.SetOpen(false);
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &renderer, Silent());
+  WorkerImpl worker(1, &specs, &renderer, Silent());
   worker.OnConnected(outbox);
   const v1::CoordinatorMessage grant = Grant(3);
   worker.OnMessage(grant);
@@ -165,8 +176,10 @@ TEST(WorkerImpl, ReportsTheProgressOfItsLeases) {
 TEST(WorkerImpl, ALeaseThatWaitsAdvancesWithTheWorker) {
   FakeAssets assets{std::string(kScene)};
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &renderer, Silent());
+  WorkerImpl worker(1, &specs, &renderer, Silent());
   worker.OnConnected(outbox);
   const v1::CoordinatorMessage first = Grant(1, "j");
   worker.OnMessage(first);
@@ -183,10 +196,12 @@ TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
   FakeAssets assets{std::string(kScene)};
   assets.SetOpen(false);
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto lost = std::make_shared<FakeOutbox>();
   const auto next = std::make_shared<FakeOutbox>();
   {
-    WorkerImpl worker(1, &renderer, Silent());
+    WorkerImpl worker(1, &specs, &renderer, Silent());
     worker.OnConnected(lost);
     worker.OnMessage(Grant(2));
     assets.AwaitFetches(1);  // the first unit is being rendered
@@ -205,9 +220,11 @@ TEST(WorkerImpl, ForgetsAnEndedJob) {
   FakeAssets assets{std::string(kScene)};
   assets.SetOpen(false);
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
   {
-    WorkerImpl worker(1, &renderer, Silent());
+    WorkerImpl worker(1, &specs, &renderer, Silent());
     worker.OnConnected(outbox);
     worker.OnMessage(Grant(4));
     assets.AwaitFetches(1);
@@ -220,24 +237,176 @@ TEST(WorkerImpl, ForgetsAnEndedJob) {
   EXPECT_EQ(outbox->size(), 0u);
 }
 
+TEST(WorkerImpl, DropsTheLeasesOfAJobThatEndedBeforeItsSpecWasFetched) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  FakeSpecs source{absl::NotFoundError("no active job 'j'")};
+  SpecCache specs(&source);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &specs, &renderer, Silent());
+  worker.OnConnected(outbox);
+  worker.OnMessage(Grant(3));
+  while (worker.MakeHeartbeat().held_size() > 0) std::this_thread::yield();
+  EXPECT_EQ(outbox->size(), 0u) << "neither a unit nor a failure";
+}
+
+TEST(WorkerImpl, ASpecThatCannotBeFetchedIsNoFaultOfTheJob) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  FakeSpecs source{absl::UnavailableError("gone")};
+  SpecCache specs(&source);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &specs, &renderer, Silent());
+  worker.OnConnected(outbox);
+  worker.OnMessage(Grant(1));
+  const v1::WorkerMessage message = outbox->Await(1).front();
+  ASSERT_TRUE(message.has_failure());
+  EXPECT_FALSE(message.failure().permanent());
+}
+
+v1::CoordinatorMessage Released() {
+  v1::CoordinatorMessage message;
+  message.mutable_released();
+  return message;
+}
+
+TEST(WorkerImpl, LeavesAfterItsUnitsAreAcknowledgedAndHandsBackThoseThatWait) {
+  FakeAssets assets{std::string(kScene)};
+  assets.SetOpen(false);
+  UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &specs, &renderer, Silent());
+  worker.OnConnected(outbox);
+  const v1::CoordinatorMessage grant = Grant(3);
+  worker.OnMessage(grant);
+  assets.AwaitFetches(1);  // the first unit is being rendered
+  worker.Leave("signal");
+  worker.Leave("idle");
+  const std::vector<v1::WorkerMessage> messages = outbox->Await(2);
+  EXPECT_EQ(messages[0].leaving().reason(), "signal");
+  ASSERT_EQ(messages[1].hand_back().leases_size(), 2);
+  EXPECT_EQ(messages[1].hand_back().leases(0).attempt(), 2);
+  EXPECT_EQ(messages[1].hand_back().leases(1).attempt(), 3);
+  v1::CoordinatorMessage late = Grant(1, "k");  // sent before the coordinator heard of it
+  late.mutable_grant()->mutable_leases(0)->set_attempt(4);
+  worker.OnMessage(late);
+  EXPECT_EQ(outbox->Await(3)[2].hand_back().leases(0).unit().job_id(), "k");
+  worker.OnMessage(Released());
+  EXPECT_FALSE(worker.HasLeft());
+  assets.SetOpen(true);
+  EXPECT_TRUE(outbox->Await(4)[3].has_chunk());
+  worker.HandBackUnfinished();  // not of a unit that is delivered
+  EXPECT_FALSE(worker.HasLeft());
+  worker.OnMessage(Ack(grant.grant().leases(0)));
+  EXPECT_TRUE(worker.HasLeft());
+  EXPECT_EQ(outbox->size(), 4u);
+}
+
+TEST(WorkerImpl, HandsBackWhatItCannotFinishInTime) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &specs, &renderer, Silent());
+  worker.OnConnected(outbox);
+  v1::CoordinatorMessage grant = Grant(1);
+  grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);  // hours of work
+  worker.OnMessage(grant);
+  assets.AwaitFetches(1);
+  v1::CoordinatorMessage drain;
+  drain.mutable_drain();
+  worker.OnMessage(drain);
+  EXPECT_EQ(outbox->Await(1)[0].leaving().reason(), "drained");
+  EXPECT_FALSE(worker.HasLeft());
+  worker.HandBackUnfinished();
+  EXPECT_EQ(outbox->Await(2)[1].hand_back().leases_size(), 1);
+  EXPECT_FALSE(worker.HasLeft()) << "a grant may be under way";
+  worker.OnMessage(Released());
+  EXPECT_TRUE(worker.HasLeft());
+}  // the destructor waits for the unit that is no longer wanted
+
+TEST(WorkerImpl, StopsRenderingAUnitWhoseLeaseIsVoid) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &specs, &renderer, Silent());
+  worker.OnConnected(outbox);
+  v1::CoordinatorMessage grant = Grant(2);
+  grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);
+  worker.OnMessage(grant);
+  v1::CoordinatorMessage voided;
+  *voided.mutable_void_leases()->add_leases() = grant.grant().leases(0);
+  worker.OnMessage(voided);
+  const v1::WorkerMessage message = outbox->Await(1)[0];  // of the second, which has the thread now
+  EXPECT_EQ(message.chunk().unit().tile(), 1);
+  EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(1));
+}
+
+TEST(WorkerImpl, KnowsSinceWhenItIsIdle) {
+  FakeAssets assets{std::string(kScene)};
+  UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
+  const auto outbox = std::make_shared<FakeOutbox>();
+  WorkerImpl worker(1, &specs, &renderer, Silent());
+  const absl::Time start = worker.IdleSince();
+  EXPECT_LE(start, rpc::MonotonicNow());
+  worker.OnConnected(outbox);
+  const v1::CoordinatorMessage grant = Grant(1);
+  worker.OnMessage(grant);
+  EXPECT_EQ(worker.IdleSince(), absl::InfiniteFuture());
+  outbox->Await(1);
+  worker.OnMessage(Ack(grant.grant().leases(0)));
+  EXPECT_GT(worker.IdleSince(), start);
+  EXPECT_LE(worker.IdleSince(), rpc::MonotonicNow());
+}
+
+TEST(WorkerImpl, NamesTheAssetThatTheCoordinatorLost) {
+  for (const absl::Status& lost : {absl::NotFoundError("no asset"), absl::DataLossError("SHA-256")}) {
+    FakeAssets assets{lost};
+    UnitRenderer renderer(&assets);
+    v1::JobSpec spec = Spec();
+    spec.mutable_scene()->mutable_file()->set_sha256("5ca1ab1e");
+    FakeSpecs source{spec};
+    SpecCache specs(&source);
+    const auto outbox = std::make_shared<FakeOutbox>();
+    WorkerImpl worker(1, &specs, &renderer, Silent());
+    worker.OnConnected(outbox);
+    worker.OnMessage(Grant(1));
+    const v1::WorkerMessage message = outbox->Await(1).front();
+    EXPECT_FALSE(message.failure().permanent());
+    EXPECT_EQ(message.failure().missing_asset().sha256(), "5ca1ab1e");
+  }
+}
+
 TEST(WorkerImpl, SaysThatABrokenSceneIsBrokenForEveryone) {
   FakeAssets assets{std::string("this is no scene")};
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &renderer, Silent());
+  WorkerImpl worker(1, &specs, &renderer, Silent());
   worker.OnConnected(outbox);
   worker.OnMessage(Grant(1));
   const v1::WorkerMessage message = outbox->Await(1).front();
   ASSERT_TRUE(message.has_failure());
   EXPECT_TRUE(message.failure().permanent());
+  EXPECT_FALSE(message.failure().has_missing_asset());
   EXPECT_THAT(message.failure().error(), HasSubstr("triangle.gltf"));
 }
 
 TEST(WorkerImpl, SaysThatALostCoordinatorIsNoFaultOfTheJob) {
   FakeAssets assets{absl::UnavailableError("gone")};
   UnitRenderer renderer(&assets);
+  FakeSpecs source{Spec()};
+  SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &renderer, Silent());
+  WorkerImpl worker(1, &specs, &renderer, Silent());
   worker.OnConnected(outbox);
   worker.OnMessage(Grant(1));
   EXPECT_FALSE(outbox->Await(1).front().failure().permanent());
@@ -250,8 +419,8 @@ TEST(UnitRenderer, NamesAnEnvironmentThatIsNoPicture) {
   spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.exr");
   spec.mutable_environment()->set_uri("environment:sky.exr");
   spec.mutable_environment()->set_scale(1);
-  std::atomic<int64_t> progress = 0;
-  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0), &progress);
+  UnitControl control;
+  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0), &control);
   EXPECT_TRUE(IsPermanent(unit.status()));
   EXPECT_THAT(std::string(unit.status().message()), HasSubstr("sky.exr: neither an OpenEXR nor"));
 }
@@ -263,8 +432,8 @@ TEST(UnitRenderer, RendersTheEnvironment) {
   spec.mutable_scene()->add_dependencies()->set_uri("environment:sky.hdr");
   spec.mutable_environment()->set_uri("environment:sky.hdr");
   spec.mutable_environment()->set_scale(3);
-  std::atomic<int64_t> progress = 0;
-  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0), &progress);
+  UnitControl control;
+  const auto unit = renderer.Render(spec, Grant(1).grant().leases(0), &control);
   ASSERT_TRUE(unit.ok()) << unit.status();
   EXPECT_EQ(unit->image.pixels.GetColor("emission")[0].At(0, 0),
             2 * 3);  // two samples of the corner, environment only

@@ -19,10 +19,25 @@ constexpr size_t kHelpColumn = 26;
 
 // Parses one value. Returns the expected format for invalid text, and an empty string for valid text.
 using ReadValue = std::function<std::string(const std::string& text)>;
+// The same for the values of all uses of an option.
+using ReadValues = std::function<std::string(const std::vector<std::string>& texts)>;
 
 bool IsDigits(const std::string& text) {
   return !text.empty() &&
          std::all_of(text.begin(), text.end(), [](unsigned char c) { return absl::ascii_isdigit(c); });
+}
+
+ReadValue ReadWholeNumber(int* value, int least, int most) {
+  return [=](const std::string& text) -> std::string {
+    int number = 0;
+    const bool is_negative = least < 0 && text.starts_with('-');
+    if (!IsDigits(text.substr(is_negative ? 1 : 0)) || !absl::SimpleAtoi(text, &number) || number < least ||
+        number > most) {
+      return absl::StrCat("expected a whole number from ", least, " to ", most, "; got '", text, "'");
+    }
+    *value = number;
+    return "";
+  };
 }
 
 std::string FirstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
@@ -42,16 +57,25 @@ class CommandLine::Parser {
 
   CLI::Option* Add(const std::string& names, const std::string& value_name, ReadValue read,
                    const std::string& help) {
+    const ReadValues read_last = [read = std::move(read)](const std::vector<std::string>& texts) {
+      return read(texts.back());
+    };
+    return AddRepeated(names, value_name, read_last, help)
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+  }
+
+  CLI::Option* AddRepeated(const std::string& names, const std::string& value_name, ReadValues read,
+                           const std::string& help) {
     const std::string long_name = names.substr(names.rfind(',') + 1);  // the whole text if there is no comma
     CLI::callback_t store = [read = std::move(read), long_name](const CLI::results_t& texts) {
-      const std::string problem = read(texts.back());
+      const std::string problem = read(texts);
       if (!problem.empty()) throw CLI::ValidationError(long_name, problem);
       return true;
     };
     return app_.add_option(names, std::move(store), help)
         ->type_name(value_name)
         ->allow_extra_args(false)
-        ->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+        ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   }
 
   CLI::App& app() { return app_; }
@@ -110,17 +134,28 @@ void CommandLine::AddRequiredText(const std::string& names, const std::string& v
   parser_->app().get_options().back()->required();
 }
 
-void CommandLine::AddWholeNumber(const std::string& names, int* value, int least, int most,
-                                 const std::string& help) {
-  const ReadValue read = [=](const std::string& text) -> std::string {
-    int number = 0;
-    if (!IsDigits(text) || !absl::SimpleAtoi(text, &number) || number < least || number > most) {
-      return absl::StrCat("expected a whole number from ", least, " to ", most, "; got '", text, "'");
+void CommandLine::AddTexts(const std::string& names, const std::string& value_name,
+                           std::vector<std::string>* values, const std::string& help) {
+  const ReadValues read = [values](const std::vector<std::string>& texts) -> std::string {
+    std::vector<std::string> words;
+    for (const std::string& text : texts) {
+      for (const absl::string_view word : absl::StrSplit(text, ',')) words.emplace_back(word);
     }
-    *value = number;
+    if (std::count(words.begin(), words.end(), "") > 0) return "expected a non-empty text";
+    *values = std::move(words);
     return "";
   };
-  parser_->Add(names, "N", read, help);
+  parser_->AddRepeated(names, value_name, read, help);
+}
+
+void CommandLine::AddWholeNumber(const std::string& names, int* value, int least, int most,
+                                 const std::string& help) {
+  parser_->Add(names, "N", ReadWholeNumber(value, least, most), help);
+}
+
+void CommandLine::AddWholeNumberArgument(const std::string& name, int* value, int least, int most,
+                                         const std::string& help) {
+  parser_->Add(name, "", ReadWholeNumber(value, least, most), help)->required();
 }
 
 void CommandLine::AddSeed(const std::string& names, uint64_t* value, const std::string& help) {
@@ -138,6 +173,18 @@ void CommandLine::AddNumber(const std::string& names, float* value, const std::s
     float number = 0;
     if (!absl::SimpleAtof(text, &number) || !std::isfinite(number)) {
       return absl::StrCat("expected a number; got '", text, "'");
+    }
+    *value = number;
+    return "";
+  };
+  parser_->Add(names, "X", read, help);
+}
+
+void CommandLine::AddShare(const std::string& names, float* value, const std::string& help) {
+  const ReadValue read = [value](const std::string& text) -> std::string {
+    float number = 0;
+    if (!absl::SimpleAtof(text, &number) || !(number >= 0 && number <= 1)) {
+      return absl::StrCat("expected a number from 0 to 1; got '", text, "'");
     }
     *value = number;
     return "";
@@ -167,14 +214,14 @@ void CommandLine::AddSize(const std::string& names, PictureSize* value, const st
   parser_->Add(names, "WxH", read, help);
 }
 
-void CommandLine::AddFrames(const std::string& names, FrameRange* value, const std::string& help) {
+void CommandLine::AddFrames(const std::string& names, Frames* value, const std::string& help) {
   const ReadValue read = [value](const std::string& text) -> std::string {
-    const absl::StatusOr<FrameRange> frames = ParseFrameRange(text);
+    const absl::StatusOr<Frames> frames = ParseFrames(text);
     if (!frames.ok()) return std::string(frames.status().message());
     *value = *frames;
     return "";
   };
-  parser_->Add(names, "N[-LAST]", read, help);
+  parser_->Add(names, "N[-LAST],...", read, help);
 }
 
 void CommandLine::AddAddress(const std::string& names, std::string* value, const std::string& help) {

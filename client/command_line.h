@@ -32,17 +32,25 @@ class CommandLine {
                const std::string& help);
   void AddRequiredText(const std::string& names, const std::string& value_name, std::string* value,
                        const std::string& help);
+  /// Each use adds a value, and each value may be a list: "a,b".
+  void AddTexts(const std::string& names, const std::string& value_name, std::vector<std::string>* values,
+                const std::string& help);
   /// A whole number from `least` to `most`.
   void AddWholeNumber(const std::string& names, int* value, int least, int most, const std::string& help);
+  /// The same as a required positional argument.
+  void AddWholeNumberArgument(const std::string& name, int* value, int least, int most,
+                              const std::string& help);
   /// Any 64-bit unsigned number.
   void AddSeed(const std::string& names, uint64_t* value, const std::string& help);
   /// Any finite number.
   void AddNumber(const std::string& names, float* value, const std::string& help);
+  /// A number from 0 to 1.
+  void AddShare(const std::string& names, float* value, const std::string& help);
   /// A finite number above 0.
   void AddPositiveNumber(const std::string& names, float* value, const std::string& help);
   void AddSize(const std::string& names, PictureSize* value, const std::string& help);
   /// A range of frames.
-  void AddFrames(const std::string& names, FrameRange* value, const std::string& help);
+  void AddFrames(const std::string& names, Frames* value, const std::string& help);
 
   /// HOST:PORT of a coordinator.
   void AddAddress(const std::string& names, std::string* value, const std::string& help);

@@ -24,6 +24,8 @@ struct Environment {
   int terminal_columns = 80;
   /// HOST:PORT if --server is not given.
   std::string default_server = "127.0.0.1:7700";
+  /// Whose jobs `submit` submits if --user is not given; empty: anonymous.
+  std::string default_user = "";
   /// Threads of a local farm if --threads is not given.
   int default_threads = 1;
   /// Null in a build without coordinator and worker; `render` then fails.

@@ -10,16 +10,16 @@ enum class ExitCode : int {
   kFailed = 1,       // the job failed, or any other error
   kUsage = 2,        // the command line, or a setting in it, is wrong
   kUnreachable = 3,  // the coordinator does not answer
-  kNotFound = 4,     // no such job, frame or file
+  kNotFound = 4,     // no such job, frame, worker or file
   kCancelled = 5,    // the job was cancelled
   kInterrupted = 130,
 };
 
 /// The same as text, for the end of every help page.
 inline constexpr char kExitCodesHelp[] =
-    "Exit codes: 0 ok, 1 failed, 2 wrong command line, 3 coordinator not reachable, 4 no such job, frame or "
-    "file,\n"
-    "5 job cancelled, 130 interrupted.";
+    "Exit codes: 0 ok, 1 failed, 2 wrong command line, 3 coordinator not reachable, 4 no such job, frame, "
+    "worker\n"
+    "or file, 5 job cancelled, 130 interrupted.";
 
 /// The exit code of an error. kCancelled means that the user interrupted the program; a cancelled job is a
 /// state, not an error.

@@ -22,11 +22,25 @@ const rpc::RetryPolicy kCallPolicy = {
     .try_timeout = absl::Seconds(10), .total_timeout = absl::Seconds(20), .max_tries = 3};
 const rpc::RetryPolicy kSlowCallPolicy = {
     .try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60), .max_tries = 3};
+// For calls that must not be repeated when it is unknown whether they took effect.
+const rpc::RetryPolicy kOncePolicy = {.try_timeout = absl::Seconds(30), .max_tries = 1};
 // Streams have longer deadlines than calls. The callers reopen a stream that broke or exceeded its deadline.
 constexpr absl::Duration kStreamTimeout = absl::Minutes(10);
 // Uploads over slower connections exceed their deadline and go on with a new call.
 constexpr double kSlowestUploadBytesPerSecond = 128 * 1024;
+// The coordinator reads assets that it has not used since its start. It manages 1.5 GB/s; a busy disk a tenth of that.
+constexpr double kSlowestCheckBytesPerSecond = 150e6;
 constexpr absl::Duration kTick = absl::Milliseconds(100);
+
+/// Policy of a call for which the coordinator may have to read all files of a scene.
+rpc::RetryPolicy PolicyFor(const v1::SceneRef& scene) {
+  double bytes = static_cast<double>(scene.file().size());
+  for (const v1::AssetRef& asset : scene.dependencies()) bytes += static_cast<double>(asset.size());
+  rpc::RetryPolicy policy = kSlowCallPolicy;
+  policy.try_timeout += absl::Seconds(bytes / kSlowestCheckBytesPerSecond);
+  policy.total_timeout += absl::Seconds(bytes / kSlowestCheckBytesPerSecond);
+  return policy;
+}
 
 // gRPC lists all addresses it tried; the last error is enough for the user.
 absl::string_view Reason(absl::string_view message) {
@@ -36,6 +50,8 @@ absl::string_view Reason(absl::string_view message) {
 }
 
 class GrpcFarmClient : public FarmClient {
+  using Stub = v1::FarmService::Stub;
+
  public:
   GrpcFarmClient(std::shared_ptr<grpc::Channel> channel, FarmClientOptions options)
       : stub_(v1::FarmService::NewStub(std::move(channel))), options_(std::move(options)) {}
@@ -44,23 +60,19 @@ class GrpcFarmClient : public FarmClient {
     v1::FindMissingAssetsRequest request;
     *request.add_assets() = scene.file();
     for (const v1::AssetRef& asset : scene.dependencies()) *request.add_assets() = asset;
-    v1::FindMissingAssetsResponse response;
-    const absl::Status status = Call(kSlowCallPolicy, [&](grpc::ClientContext& context) {
-      return stub_->FindMissingAssets(&context, request, &response);
-    });
-    if (!status.ok()) return status;
-    return std::vector<std::string>(response.missing_sha256().begin(), response.missing_sha256().end());
+    const absl::StatusOr<v1::FindMissingAssetsResponse> response =
+        Unary<v1::FindMissingAssetsResponse>(PolicyFor(scene), &Stub::FindMissingAssets, request);
+    if (!response.ok()) return response.status();
+    return std::vector<std::string>(response->missing_sha256().begin(), response->missing_sha256().end());
   }
 
   absl::StatusOr<uint64_t> FindUpload(const v1::AssetRef& asset) override {
     v1::FindUploadRequest request;
     *request.mutable_asset() = asset;
-    v1::FindUploadResponse response;
-    const absl::Status status = Call(kSlowCallPolicy, [&](grpc::ClientContext& context) {
-      return stub_->FindUpload(&context, request, &response);
-    });
-    if (!status.ok()) return status;
-    return std::min<uint64_t>(response.received_bytes(), asset.size());
+    const absl::StatusOr<v1::FindUploadResponse> response =
+        Unary<v1::FindUploadResponse>(kSlowCallPolicy, &Stub::FindUpload, request);
+    if (!response.ok()) return response.status();
+    return std::min<uint64_t>(response->received_bytes(), asset.size());
   }
 
   absl::Status UploadAsset(const LocalAsset& asset, uint64_t offset,
@@ -71,47 +83,67 @@ class GrpcFarmClient : public FarmClient {
     return UploadOnce(context, asset, offset, on_sent);
   }
 
-  absl::StatusOr<std::string> SubmitJob(const v1::JobSpec& spec, const std::string& request_id) override {
-    v1::SubmitJobRequest request;
-    *request.mutable_spec() = spec;
-    request.set_request_id(request_id);
-    v1::SubmitJobResponse response;
-    const absl::Status status = Call(kSlowCallPolicy, [&](grpc::ClientContext& context) {
-      return stub_->SubmitJob(&context, request, &response);
-    });
-    if (!status.ok()) return status;
-    return response.job_id();
+  absl::StatusOr<std::string> SubmitJob(const v1::SubmitJobRequest& request) override {
+    const absl::StatusOr<v1::SubmitJobResponse> response =
+        Unary<v1::SubmitJobResponse>(kSlowCallPolicy, &Stub::SubmitJob, request);
+    if (!response.ok()) return response.status();
+    return response->job_id();
   }
 
   absl::StatusOr<v1::JobStatus> GetJob(const std::string& job_id) override {
-    v1::GetJobRequest request;
-    request.set_job_id(job_id);
-    v1::JobStatus job;
-    const absl::Status status = Call(
-        kCallPolicy, [&](grpc::ClientContext& context) { return stub_->GetJob(&context, request, &job); });
-    if (!status.ok()) return status;
-    return job;
+    return Unary<v1::JobStatus>(kCallPolicy, &Stub::GetJob, OfJob<v1::GetJobRequest>(job_id));
   }
-
-  absl::StatusOr<std::vector<v1::JobStatus>> ListJobs(int limit) override {
-    v1::ListJobsRequest request;
-    request.set_limit(limit);
-    v1::ListJobsResponse response;
-    const absl::Status status = Call(kCallPolicy, [&](grpc::ClientContext& context) {
-      return stub_->ListJobs(&context, request, &response);
-    });
-    if (!status.ok()) return status;
-    return std::vector<v1::JobStatus>(response.jobs().begin(), response.jobs().end());
+  absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request) override {
+    return Unary<v1::ListJobsResponse>(kCallPolicy, &Stub::ListJobs, request);
   }
-
   absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id) override {
-    v1::CancelJobRequest request;
-    request.set_job_id(job_id);
-    v1::JobStatus job;
-    const absl::Status status = Call(
-        kCallPolicy, [&](grpc::ClientContext& context) { return stub_->CancelJob(&context, request, &job); });
-    if (!status.ok()) return status;
-    return job;
+    return Unary<v1::JobStatus>(kCallPolicy, &Stub::CancelJob, OfJob<v1::CancelJobRequest>(job_id));
+  }
+  absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) override {
+    return Unary<v1::JobStatus>(kCallPolicy, &Stub::PauseJob, OfJob<v1::PauseJobRequest>(job_id));
+  }
+  absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) override {
+    return Unary<v1::JobStatus>(kCallPolicy, &Stub::ResumeJob, OfJob<v1::ResumeJobRequest>(job_id));
+  }
+  absl::StatusOr<v1::JobStatus> SetJobPriority(const std::string& job_id, int priority) override {
+    auto request = OfJob<v1::SetJobPriorityRequest>(job_id);
+    request.set_priority(priority);
+    return Unary<v1::JobStatus>(kCallPolicy, &Stub::SetJobPriority, request);
+  }
+  absl::Status DeleteJob(const std::string& job_id) override {
+    return Unary<v1::DeleteJobResponse>(kCallPolicy, &Stub::DeleteJob, OfJob<v1::DeleteJobRequest>(job_id))
+        .status();
+  }
+  absl::StatusOr<v1::JobStatus> RetryJob(const v1::RetryJobRequest& request) override {
+    return Unary<v1::JobStatus>(kOncePolicy, &Stub::RetryJob, request);
+  }
+  absl::StatusOr<v1::JobStatus> AddSamples(const std::string& job_id, int samples_per_pixel) override {
+    auto request = OfJob<v1::AddSamplesRequest>(job_id);
+    request.set_samples_per_pixel(samples_per_pixel);
+    return Unary<v1::JobStatus>(kSlowCallPolicy, &Stub::AddSamples, request);
+  }
+  absl::StatusOr<v1::ExplainJobResponse> ExplainJob(const std::string& job_id) override {
+    return Unary<v1::ExplainJobResponse>(kCallPolicy, &Stub::ExplainJob,
+                                         OfJob<v1::ExplainJobRequest>(job_id));
+  }
+
+  absl::StatusOr<v1::ListWorkersResponse> ListWorkers(const v1::ListWorkersRequest& request) override {
+    return Unary<v1::ListWorkersResponse>(kCallPolicy, &Stub::ListWorkers, request);
+  }
+  absl::StatusOr<v1::WorkerStatus> DrainWorker(const v1::WorkerRequest& request) override {
+    return Unary<v1::WorkerStatus>(kCallPolicy, &Stub::DrainWorker, request);
+  }
+  absl::StatusOr<v1::WorkerStatus> BlockWorker(const v1::WorkerRequest& request) override {
+    return Unary<v1::WorkerStatus>(kCallPolicy, &Stub::BlockWorker, request);
+  }
+  absl::StatusOr<v1::WorkerStatus> ReadmitWorker(const v1::WorkerRequest& request) override {
+    return Unary<v1::WorkerStatus>(kCallPolicy, &Stub::ReadmitWorker, request);
+  }
+  absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) override {
+    return Unary<v1::GetLogResponse>(kCallPolicy, &Stub::GetLog, request);
+  }
+  absl::StatusOr<v1::ServerStatus> GetServerStatus() override {
+    return Unary<v1::ServerStatus>(kCallPolicy, &Stub::GetServerStatus, v1::GetServerStatusRequest());
   }
 
   absl::Status WatchJob(const std::string& job_id, absl::FunctionRef<void(const v1::JobStatus&)> on_status,
@@ -166,10 +198,25 @@ class GrpcFarmClient : public FarmClient {
     return ok;
   }
 
-  template <typename OneCall>
-  absl::Status Call(const rpc::RetryPolicy& policy, const OneCall& call) const {
-    return rpc::CallWithRetry(policy, rpc::Idempotency::kIdempotent, options_.time,
-                              [&](grpc::ClientContext& context) { return StatusOfCall(call(context)); });
+  template <typename Request>
+  static Request OfJob(const std::string& job_id) {
+    Request request;
+    request.set_job_id(job_id);
+    return request;
+  }
+
+  // A call with one request and one response, repeated as the policy says.
+  template <typename Response, typename Request>
+  absl::StatusOr<Response> Unary(const rpc::RetryPolicy& policy,
+                                 grpc::Status (Stub::*call)(grpc::ClientContext*, const Request&, Response*),
+                                 const Request& request) const {
+    Response response;
+    absl::Status status = rpc::CallWithRetry(
+        policy, rpc::Idempotency::kIdempotent, options_.time, [&](grpc::ClientContext& context) {
+          return StatusOfCall((stub_.get()->*call)(&context, request, &response));
+        });
+    if (!status.ok()) return status;
+    return response;
   }
 
   absl::Status UploadOnce(grpc::ClientContext& context, const LocalAsset& asset, uint64_t offset,

@@ -40,11 +40,27 @@ class FarmClient {
                                    absl::FunctionRef<void(uint64_t sent_bytes)> on_sent) = 0;
 
   /// Submits a job and returns its id. Repeated calls with the same request_id create one job.
-  virtual absl::StatusOr<std::string> SubmitJob(const v1::JobSpec& spec, const std::string& request_id) = 0;
+  virtual absl::StatusOr<std::string> SubmitJob(const v1::SubmitJobRequest& request) = 0;
 
   virtual absl::StatusOr<v1::JobStatus> GetJob(const std::string& job_id) = 0;
-  virtual absl::StatusOr<std::vector<v1::JobStatus>> ListJobs(int limit) = 0;
+  /// One page.
+  virtual absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request) = 0;
   virtual absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id) = 0;
+  virtual absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) = 0;
+  virtual absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) = 0;
+  virtual absl::StatusOr<v1::JobStatus> SetJobPriority(const std::string& job_id, int priority) = 0;
+  virtual absl::Status DeleteJob(const std::string& job_id) = 0;
+  virtual absl::StatusOr<v1::JobStatus> RetryJob(const v1::RetryJobRequest& request) = 0;
+  virtual absl::StatusOr<v1::JobStatus> AddSamples(const std::string& job_id, int samples_per_pixel) = 0;
+  virtual absl::StatusOr<v1::ExplainJobResponse> ExplainJob(const std::string& job_id) = 0;
+
+  /// One page.
+  virtual absl::StatusOr<v1::ListWorkersResponse> ListWorkers(const v1::ListWorkersRequest& request) = 0;
+  virtual absl::StatusOr<v1::WorkerStatus> DrainWorker(const v1::WorkerRequest& request) = 0;
+  virtual absl::StatusOr<v1::WorkerStatus> BlockWorker(const v1::WorkerRequest& request) = 0;
+  virtual absl::StatusOr<v1::WorkerStatus> ReadmitWorker(const v1::WorkerRequest& request) = 0;
+  virtual absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) = 0;
+  virtual absl::StatusOr<v1::ServerStatus> GetServerStatus() = 0;
 
   /// Calls `on_status` with each status until the stream ends, and `on_tick` several times a second. Not
   /// retried when the connection breaks: the caller decides how long to retry.

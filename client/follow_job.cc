@@ -12,7 +12,7 @@ ProgressState ProgressOf(const v1::JobStatus& job) {
   ProgressState state;
   state.stage = std::string(StateName(job.state()));
   state.workers = job.workers();
-  if (job.state() == v1::JOB_STATE_RENDERING) {
+  if (job.state() == v1::JOB_STATE_RUNNING) {
     state.done = job.samples_done();
     state.total = job.samples_total();
   }

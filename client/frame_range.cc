@@ -7,6 +7,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 
 namespace lumifold::client {
 namespace {
@@ -19,17 +20,27 @@ bool ParseFrame(absl::string_view text, int* frame) {
          absl::SimpleAtoi(text, frame) && *frame <= kLastFrame;
 }
 
+bool ParseRange(absl::string_view text, FrameRange* range) {
+  const size_t dash = text.find('-');
+  if (!ParseFrame(text.substr(0, dash), &range->first)) return false;
+  range->last = range->first;
+  if (dash != absl::string_view::npos && !ParseFrame(text.substr(dash + 1), &range->last)) return false;
+  return range->first <= range->last;
+}
+
 }  // namespace
 
-absl::StatusOr<FrameRange> ParseFrameRange(absl::string_view text) {
-  const size_t dash = text.find('-');
-  FrameRange frames;
-  bool valid = ParseFrame(text.substr(0, dash), &frames.first);
-  frames.last = frames.first;
-  if (dash != absl::string_view::npos) valid = valid && ParseFrame(text.substr(dash + 1), &frames.last);
-  if (!valid || frames.last < frames.first) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("expected a frame such as 7 or frames such as 1-48; got '", text, "'"));
+absl::StatusOr<Frames> ParseFrames(absl::string_view text) {
+  Frames frames{.ranges = {}};
+  for (const absl::string_view part : absl::StrSplit(text, ',')) {
+    FrameRange range;
+    const bool valid = ParseRange(part, &range);
+    if (!valid || (!frames.ranges.empty() && range.first <= frames.last())) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          "expected a frame such as 7 or frames such as 1-48 or 1-48,60 in ascending order; got '", text,
+          "'"));
+    }
+    frames.ranges.push_back(range);
   }
   return frames;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
@@ -16,9 +17,20 @@ struct FrameRange {
   friend bool operator==(const FrameRange&, const FrameRange&) = default;
 };
 
-/// Parses "7" or "1-48".
-/// Errors: kInvalidArgument with the expected format, for other text and for a last frame before the first.
-absl::StatusOr<FrameRange> ParseFrameRange(absl::string_view text);
+/// Frames of a job: at least one range, in ascending order, which do not overlap.
+struct Frames {
+  std::vector<FrameRange> ranges{{}};
+
+  int first() const { return ranges.front().first; }
+  int last() const { return ranges.back().last; }
+  bool IsOne() const { return first() == last(); }
+  friend bool operator==(const Frames&, const Frames&) = default;
+};
+
+/// Parses "7", "1-48" or "1-48,60,70-72".
+/// Errors: kInvalidArgument with the expected format, for other text, for a last frame before the first and for
+/// ranges that are not ascending.
+absl::StatusOr<Frames> ParseFrames(absl::string_view text);
 
 /// Whether the file name contains a placeholder for the frame number: one or more #.
 bool HasFrameNumber(const std::string& path);

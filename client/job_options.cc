@@ -8,7 +8,6 @@
 namespace lumifold::client {
 namespace {
 
-constexpr int kMaxSamples = 1 << 20;
 constexpr int kMaxBounces = 1024;
 
 /// URI of the environment map in the job; no file of a scene can have this scheme.
@@ -30,7 +29,7 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
                        "Filter: a method of 'lumifold filter --list-methods' (default 'default')");
   command_line.AddText("--camera", "NAME", &options->camera, "Camera by name (default: the scene's first)");
   command_line.AddFrames("--frame,--frames", &options->frames,
-                         "Number of the frame, or of the first and last one (default 0)");
+                         "Frames, such as 7, 1-48 or 1-48,60 (default 0)");
   command_line.AddPositiveNumber("--fps", &options->frames_per_second,
                                  "Frames per second: frame N shows the scene at N/X seconds (default 24)");
   command_line.AddText("--env", "FILE", &options->environment,
@@ -77,8 +76,13 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
   spec.set_camera(options.camera);
   spec.set_width(options.size.width);
   spec.set_height(options.size.height);
-  spec.set_first_frame(options.frames.first);
-  spec.set_frame_count(options.frames.count());
+  spec.set_first_frame(options.frames.first());
+  spec.set_frame_count(options.frames.ranges.front().count());
+  for (size_t i = 1; i < options.frames.ranges.size(); ++i) {
+    v1::FrameRange* range = spec.add_more_frames();
+    range->set_first(options.frames.ranges[i].first);
+    range->set_count(options.frames.ranges[i].count());
+  }
   spec.set_frames_per_second(options.frames_per_second);
   spec.set_samples_per_pixel(options.samples_per_pixel);
   spec.set_seed(options.seed);

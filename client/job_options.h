@@ -15,6 +15,9 @@
 
 namespace lumifold::client {
 
+/// Maximum number of samples per pixel.
+inline constexpr int kMaxSamples = 1 << 20;
+
 /// Options of `render` and `submit`: all parameters that determine the picture.
 struct JobOptions {
   std::string scene;
@@ -24,7 +27,7 @@ struct JobOptions {
   int max_bounces = 8;
   std::string method = "default";
   std::string camera;
-  FrameRange frames;
+  Frames frames;
   float frames_per_second = 24;
   bool save_film = false;
   std::string environment;  // path of the environment map; empty: none

@@ -1,13 +1,30 @@
 #include "client/job_report.h"
 
+#include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "absl/time/time.h"
+#include "client/suggestion.h"
 
 namespace lumifold::client {
 namespace {
+
+struct NamedState {
+  v1::JobState state;
+  absl::string_view name;
+};
+constexpr std::array<NamedState, 8> kStates = {{{v1::JOB_STATE_SUBMITTED, "submitted"},
+                                                {v1::JOB_STATE_PLANNED, "planned"},
+                                                {v1::JOB_STATE_RUNNING, "running"},
+                                                {v1::JOB_STATE_PAUSED, "paused"},
+                                                {v1::JOB_STATE_FILTERING, "filtering"},
+                                                {v1::JOB_STATE_DONE, "done"},
+                                                {v1::JOB_STATE_FAILED, "failed"},
+                                                {v1::JOB_STATE_CANCELLED, "cancelled"}}};
 
 std::string SubmittedText(const v1::JobStatus& status) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%SZ", absl::FromUnixMillis(status.submitted_unix_ms()),
@@ -23,22 +40,19 @@ int PercentDone(const v1::JobStatus& status) {
 }  // namespace
 
 absl::string_view StateName(v1::JobState state) {
-  switch (state) {
-    case v1::JOB_STATE_QUEUED:
-      return "queued";
-    case v1::JOB_STATE_RENDERING:
-      return "rendering";
-    case v1::JOB_STATE_FILTERING:
-      return "filtering";
-    case v1::JOB_STATE_DONE:
-      return "done";
-    case v1::JOB_STATE_FAILED:
-      return "failed";
-    case v1::JOB_STATE_CANCELLED:
-      return "cancelled";
-    default:
-      return "unknown";
+  const auto found = std::find_if(kStates.begin(), kStates.end(),
+                                  [state](const NamedState& named) { return named.state == state; });
+  return found == kStates.end() ? "unknown" : found->name;
+}
+
+absl::StatusOr<v1::JobState> ParseStateName(absl::string_view name) {
+  std::vector<std::string> names;
+  for (const NamedState& named : kStates) {
+    if (named.name == name) return named.state;
+    names.emplace_back(named.name);
   }
+  return absl::InvalidArgumentError(
+      absl::StrCat("no state '", name, "'; there are ", absl::StrJoin(names, ", "), Suggestion(name, names)));
 }
 
 bool HasEnded(const v1::JobStatus& status) {
@@ -80,6 +94,14 @@ std::string JobJson(const v1::JobStatus& status,
   json["assemble_seconds"] = status.times().assemble_seconds();
   json["filter_seconds"] = status.times().filter_seconds();
   json["write_seconds"] = status.times().write_seconds();
+  const v1::Scheduling& scheduling = status.scheduling();
+  json["user"] = scheduling.user();
+  json["priority"] = scheduling.priority();
+  json["tags"] = scheduling.tags();
+  json["max_leases"] = scheduling.max_leases();
+  json["after"] = scheduling.after();
+  json["class"] = scheduling.numeric_class();
+  json["audit_share"] = scheduling.audit_share();
   for (const auto& [name, text] : more) json[name] = text;
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
@@ -95,6 +117,12 @@ std::string JobText(const v1::JobStatus& status) {
   if (!status.error().empty()) line("error", status.error());
   for (const std::string& warning : status.warnings()) line("warning", warning);
   line("submitted", SubmittedText(status));
+  const v1::Scheduling& scheduling = status.scheduling();
+  if (!scheduling.user().empty()) line("user", scheduling.user());
+  line("priority", scheduling.priority());
+  if (scheduling.tags_size() > 0) line("tags", absl::StrJoin(scheduling.tags(), ", "));
+  if (scheduling.max_leases() > 0) line("max leases", scheduling.max_leases());
+  if (scheduling.after_size() > 0) line("after", absl::StrJoin(scheduling.after(), ", "));
   line("workers", status.workers());
   line("units", status.units_done(), " of ", status.units_total());
   line("frames", status.frames_done(), " of ", status.frames_total());
@@ -105,12 +133,14 @@ std::string JobText(const v1::JobStatus& status) {
 }
 
 std::string JobTableHead() {
-  return absl::StrFormat("%-20s %-10s %5s  %-20s %s\n", "JOB", "STATE", "DONE", "SUBMITTED", "SCENE");
+  return absl::StrFormat("%-20s %-10s %5s  %-20s %-12s %s\n", "JOB", "STATE", "DONE", "SUBMITTED", "USER",
+                         "SCENE");
 }
 
 std::string JobTableLine(const v1::JobStatus& status) {
-  return absl::StrFormat("%-20s %-10s %4d%%  %-20s %s\n", status.job_id(), StateName(status.state()),
-                         PercentDone(status), SubmittedText(status), status.display_name());
+  return absl::StrFormat("%-20s %-10s %4d%%  %-20s %-12s %s\n", status.job_id(), StateName(status.state()),
+                         PercentDone(status), SubmittedText(status), status.scheduling().user(),
+                         status.display_name());
 }
 
 }  // namespace lumifold::client

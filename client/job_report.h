@@ -4,15 +4,20 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "client/exit_code.h"
 #include "lumifold/v1/job.pb.h"
 
 namespace lumifold::client {
 
-/// "queued", "rendering", "filtering", "done", "failed" or "cancelled"; "unknown" for a state of a later
-/// version.
+/// "submitted", "planned", "running", "paused", "filtering", "done", "failed" or "cancelled"; "unknown" for a
+/// state of a later version.
 absl::string_view StateName(v1::JobState state);
+
+/// The inverse.
+/// Errors: kInvalidArgument naming the states.
+absl::StatusOr<v1::JobState> ParseStateName(absl::string_view name);
 
 /// True if the job is done, failed or cancelled.
 bool HasEnded(const v1::JobStatus& status);

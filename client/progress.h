@@ -17,7 +17,7 @@ enum class ProgressUnit { kSamples, kBytes };
 
 /// Progress of one stage of the work.
 struct ProgressState {
-  /// One word: "uploading", "queued", "rendering", "filtering", "downloading".
+  /// One word: "uploading", "planned", "running", "filtering", "downloading".
   std::string stage;
   int64_t done = 0;
   /// 0 if unknown.

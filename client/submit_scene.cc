@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <random>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -49,26 +50,27 @@ absl::Status Upload(FarmClient& farm, const std::vector<const LocalAsset*>& asse
 }
 
 // The request id makes retries harmless.
-absl::StatusOr<std::string> Submit(FarmClient& farm, const v1::JobSpec& spec, Backoff backoff) {
-  const std::string request_id = MakeRequestId();
+absl::StatusOr<std::string> Submit(FarmClient& farm, v1::SubmitJobRequest job, Backoff backoff) {
+  job.set_request_id(MakeRequestId());
   backoff.Reset();
   while (true) {
-    absl::StatusOr<std::string> job_id = farm.SubmitJob(spec, request_id);
+    absl::StatusOr<std::string> job_id = farm.SubmitJob(job);
     if (!absl::IsUnavailable(job_id.status()) || !backoff.Pause()) return job_id;
   }
 }
 
 }  // namespace
 
-absl::StatusOr<std::string> SubmitScene(FarmClient& farm, const SceneAssets& assets, v1::JobSpec spec,
+absl::StatusOr<std::string> SubmitScene(FarmClient& farm, const SceneAssets& assets, v1::SubmitJobRequest job,
                                         Progress& progress, const Backoff& backoff) {
-  *spec.mutable_scene() = MakeSceneRef(assets);
-  const absl::StatusOr<std::vector<std::string>> missing = farm.FindMissingAssets(spec.scene());
+  v1::SceneRef* scene = job.mutable_spec()->mutable_scene();
+  *scene = MakeSceneRef(assets);
+  const absl::StatusOr<std::vector<std::string>> missing = farm.FindMissingAssets(*scene);
   if (!missing.ok()) return missing.status();
   const absl::Status uploaded = Upload(farm, Missing(assets, *missing), progress, backoff);
   progress.Clear();
   if (!uploaded.ok()) return uploaded;
-  return Submit(farm, spec, backoff);
+  return Submit(farm, std::move(job), backoff);
 }
 
 }  // namespace lumifold::client

@@ -7,15 +7,15 @@
 #include "client/backoff.h"
 #include "client/farm_client.h"
 #include "client/progress.h"
-#include "lumifold/v1/job.pb.h"
+#include "lumifold/v1/farm.pb.h"
 
 namespace lumifold::client {
 
 /// Uploads the assets that the coordinator does not have, each content once, submits the job and returns its
-/// id. `spec` is the job without its scene. A first call that fails is an error at once; after it, a
+/// id. `job` is the submission without scene and request id. A first call that fails is an error at once; after it, a
 /// coordinator that goes away is tried again as long as `backoff` allows without progress.
 /// Errors: those of FarmClient.
-absl::StatusOr<std::string> SubmitScene(FarmClient& farm, const SceneAssets& assets, v1::JobSpec spec,
+absl::StatusOr<std::string> SubmitScene(FarmClient& farm, const SceneAssets& assets, v1::SubmitJobRequest job,
                                         Progress& progress, const Backoff& backoff);
 
 }  // namespace lumifold::client

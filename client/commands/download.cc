@@ -22,13 +22,12 @@ void ReportDownloaded(const std::string& job_id, int frame, const std::string& p
 
 ExitCode RunDownload(const std::vector<std::string>& arguments, const Environment& environment) {
   std::string job_id;
-  FrameRange frames;
+  Frames frames;
   PictureOptions picture;
   RemoteOptions remote(environment);
   CommandLine command_line("download", SummaryOf("download"));
   command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
-  command_line.AddFrames("--frame,--frames", &frames,
-                         "Number of the frame, or of the first and last one (default 0)");
+  command_line.AddFrames("--frame,--frames", &frames, "Frames, such as 7, 1-48 or 1-48,60 (default 0)");
   picture.AddTo(command_line);
   remote.AddTo(command_line);
   command_line.SetFooter("An interrupted download is kept beside FILE; the same command resumes it.");
@@ -37,10 +36,13 @@ ExitCode RunDownload(const std::vector<std::string>& arguments, const Environmen
 
   const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
-  for (int frame = frames.first; frame <= frames.last; ++frame) {
-    const absl::Status downloaded = picture.Fetch(*farm, job_id, frame, *progress, MakeBackoff(environment));
-    if (!downloaded.ok()) return ReportError(environment, downloaded);
-    ReportDownloaded(job_id, frame, PathOfFrame(picture.output, frame), remote.json, environment);
+  for (const FrameRange& range : frames.ranges) {
+    for (int frame = range.first; frame <= range.last; ++frame) {
+      const absl::Status downloaded =
+          picture.Fetch(*farm, job_id, frame, *progress, MakeBackoff(environment));
+      if (!downloaded.ok()) return ReportError(environment, downloaded);
+      ReportDownloaded(job_id, frame, PathOfFrame(picture.output, frame), remote.json, environment);
+    }
   }
   return ExitCode::kOk;
 }

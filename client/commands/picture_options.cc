@@ -19,7 +19,7 @@ void PictureOptions::AddTo(CommandLine& command_line) {
   command_line.AddPositiveNumber("--exposure", &exposure, "Factor on the radiance of a .png (default 1)");
 }
 
-std::optional<ExitCode> PictureOptions::Check(const FrameRange& frames, const std::string& command,
+std::optional<ExitCode> PictureOptions::Check(const Frames& frames, const std::string& command,
                                               const Environment& environment) const {
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(output);
   if (!format.ok()) return ReportUsage(environment, command, absl::StrCat("-o: ", format.status().message()));
@@ -29,13 +29,13 @@ std::optional<ExitCode> PictureOptions::Check(const FrameRange& frames, const st
                        absl::StrCat("--noisy: expected a name that ends in .png; got '", noisy, "'"));
   }
   for (const auto& [option, path] : {std::pair("-o", output), std::pair("--noisy", noisy)}) {
-    if (frames.count() == 1 || path.empty() || HasFrameNumber(path)) continue;
+    if (frames.IsOne() || path.empty() || HasFrameNumber(path)) continue;
     return ReportUsage(
         environment, command,
         absl::StrCat(option, ": expected a name with ### for the frame's number; got '", path, "'"));
   }
-  absl::Status writable = CheckOutput(PathOfFrame(output, frames.first));
-  if (writable.ok() && !noisy.empty()) writable = CheckOutput(PathOfFrame(noisy, frames.first));
+  absl::Status writable = CheckOutput(PathOfFrame(output, frames.first()));
+  if (writable.ok() && !noisy.empty()) writable = CheckOutput(PathOfFrame(noisy, frames.first()));
   if (!writable.ok()) return ReportError(environment, writable);
   return std::nullopt;
 }

@@ -20,7 +20,7 @@ struct PictureOptions {
   /// Checks names and folders before any work is done; for several frames each name needs a placeholder for
   /// the frame number. For an error it prints to `err` and returns the exit code. `command` is "lumifold
   /// COMMAND".
-  std::optional<ExitCode> Check(const FrameRange& frames, const std::string& command,
+  std::optional<ExitCode> Check(const Frames& frames, const std::string& command,
                                 const Environment& environment) const;
 
   /// Downloads a frame to PartPath() of the output and writes the requested files.

@@ -1,5 +1,6 @@
 #include <filesystem>
 #include <system_error>
+#include <utility>
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
@@ -45,8 +46,10 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
 absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, const RenderOptions& options,
                                      const SceneAssets& assets, Progress& progress,
                                      const Environment& environment) {
+  v1::SubmitJobRequest request;
+  *request.mutable_spec() = MakeJobSpec(options.job);
   const absl::StatusOr<std::string> job_id =
-      SubmitScene(farm, assets, MakeJobSpec(options.job), progress, MakeBackoff(environment));
+      SubmitScene(farm, assets, std::move(request), progress, MakeBackoff(environment));
   if (!job_id.ok()) return job_id.status();
   absl::StatusOr<v1::JobStatus> job =
       FollowJob(farm, *job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});
@@ -70,25 +73,27 @@ absl::Status WritePicture(FarmClient& farm, const PictureOptions& picture, const
 
 absl::Status WritePictures(FarmClient& farm, const RenderOptions& options, const std::string& job_id,
                            Progress& progress, const Environment& environment) {
-  for (int frame = options.job.frames.first; frame <= options.job.frames.last; ++frame) {
-    absl::Status written = WritePicture(farm, options.picture, job_id, frame, progress, environment);
-    if (!written.ok()) return written;
+  for (const FrameRange& range : options.job.frames.ranges) {
+    for (int frame = range.first; frame <= range.last; ++frame) {
+      absl::Status written = WritePicture(farm, options.picture, job_id, frame, progress, environment);
+      if (!written.ok()) return written;
+    }
   }
   return absl::OkStatus();
 }
 
 /// "out.exr", or "out.0001.exr to out.0048.exr".
-std::string FilesOf(const std::string& path, const FrameRange& frames) {
-  const std::string first = PathOfFrame(path, frames.first);
-  return frames.count() == 1 ? first : absl::StrCat(first, " to ", PathOfFrame(path, frames.last));
+std::string FilesOf(const std::string& path, const Frames& frames) {
+  const std::string first = PathOfFrame(path, frames.first());
+  return frames.IsOne() ? first : absl::StrCat(first, " to ", PathOfFrame(path, frames.last()));
 }
 
 void ReportRendered(const RenderOptions& options, const v1::JobStatus& job, const Environment& environment) {
   const PictureOptions& picture = options.picture;
-  const FrameRange& frames = options.job.frames;
+  const Frames& frames = options.job.frames;
   if (options.json) {
     const auto name = [&](const std::string& path) {
-      return frames.count() == 1 ? PathOfFrame(path, frames.first) : path;
+      return frames.IsOne() ? PathOfFrame(path, frames.first()) : path;
     };
     std::vector<std::pair<std::string, std::string>> files{{"output", name(picture.output)}};
     if (!picture.noisy.empty()) files.emplace_back("noisy_output", name(picture.noisy));

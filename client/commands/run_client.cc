@@ -24,7 +24,7 @@ std::string Help() {
       "\n"
       "Commands:\n";
   for (const Command& command : Commands())
-    absl::StrAppendFormat(&text, "  %-10s %s\n", command.name, command.summary);
+    absl::StrAppendFormat(&text, "  %-13s %s\n", command.name, command.summary);
   absl::StrAppend(&text, "\nData goes to standard output, messages and progress to standard error.\n",
                   kExitCodesHelp, "\n");
   return text;

@@ -1,6 +1,8 @@
 #include "client/commands/shared_options.h"
 
 #include "absl/strings/str_cat.h"
+#include "client/commands/commands.h"
+#include "client/farm_report.h"
 #include "client/job_report.h"
 
 namespace lumifold::client {
@@ -34,6 +36,33 @@ std::unique_ptr<Progress> MakeProgressPrinter(const Environment& environment) {
 
 Backoff MakeBackoff(const Environment& environment) {
   return {kMaxOutage, environment.time, environment.interrupted};
+}
+
+ExitCode ReportJob(const Environment& environment, bool json, const absl::StatusOr<v1::JobStatus>& job) {
+  if (!job.ok()) return ReportError(environment, job.status());
+  if (json) environment.out << JobJson(*job) << "\n" << std::flush;
+  ReportOutcome(environment, *job);
+  return ExitCode::kOk;
+}
+
+ExitCode ReportWorker(const Environment& environment, bool json,
+                      const absl::StatusOr<v1::WorkerStatus>& worker) {
+  if (!worker.ok()) return ReportError(environment, worker.status());
+  if (json) environment.out << WorkerJson(*worker) << "\n" << std::flush;
+  ReportLine(environment, absl::StrCat("worker ", worker->name(), " ", WorkerStateName(worker->state())));
+  return ExitCode::kOk;
+}
+
+ExitCode RunOnJob(const std::string& command, const std::string& footer,
+                  const std::vector<std::string>& arguments, const Environment& environment, JobCall call) {
+  std::string job_id;
+  RemoteOptions remote(environment);
+  CommandLine command_line(command, SummaryOf(command));
+  command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
+  remote.AddTo(command_line);
+  command_line.SetFooter(footer);
+  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+  return ReportJob(environment, remote.json, call(*remote.Connect(environment), job_id));
 }
 
 ExitCode ReportOutcome(const Environment& environment, const v1::JobStatus& job) {

@@ -2,7 +2,10 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "absl/functional/function_ref.h"
+#include "absl/status/statusor.h"
 #include "client/backoff.h"
 #include "client/command_line.h"
 #include "client/environment.h"
@@ -31,6 +34,21 @@ std::unique_ptr<Progress> MakeProgressPrinter(const Environment& environment);
 /// Retries of commands that follow a job or download a frame: they give up after five minutes without
 /// progress.
 Backoff MakeBackoff(const Environment& environment);
+
+/// Help of the arguments JOB and WORKER.
+inline constexpr char kJobArgumentHelp[] = "The job's id, as submit printed it";
+inline constexpr char kWorkerArgumentHelp[] = "The worker's id (w-...) or name, see 'lumifold workers'";
+
+/// The end of a command that changes a job or a worker: prints it as JSON to `out` or, as one line, to `err`; or the
+/// error.
+ExitCode ReportJob(const Environment& environment, bool json, const absl::StatusOr<v1::JobStatus>& job);
+ExitCode ReportWorker(const Environment& environment, bool json,
+                      const absl::StatusOr<v1::WorkerStatus>& worker);
+
+/// A command whose only argument is JOB: makes the call and reports the job.
+using JobCall = absl::FunctionRef<absl::StatusOr<v1::JobStatus>(FarmClient& farm, const std::string& job_id)>;
+ExitCode RunOnJob(const std::string& command, const std::string& footer,
+                  const std::vector<std::string>& arguments, const Environment& environment, JobCall call);
 
 /// Prints the outcome of a job to `err`: "lumifold: job X done: ...". Returns the exit code of the outcome.
 ExitCode ReportOutcome(const Environment& environment, const v1::JobStatus& job);

@@ -8,7 +8,7 @@ ExitCode RunStatus(const std::vector<std::string>& arguments, const Environment&
   std::string job_id;
   RemoteOptions remote(environment);
   CommandLine command_line("status", SummaryOf("status"));
-  command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
+  command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
   remote.AddTo(command_line);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 

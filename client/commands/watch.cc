@@ -9,7 +9,7 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   std::string job_id;
   RemoteOptions remote(environment);
   CommandLine command_line("watch", SummaryOf("watch"));
-  command_line.AddArgument("JOB", &job_id, "The job's id, as submit printed it");
+  command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
   remote.AddTo(command_line);
   command_line.SetFooter(
       "The exit code is the job's outcome: 0 done, 1 failed, 5 cancelled. Ctrl-C ends this command, not "

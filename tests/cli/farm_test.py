@@ -123,11 +123,29 @@ class Jobs(FarmTest):
 
     def test_cancel(self):
         job = self.submit(*NO_END)  # no worker yet
-        self.assertEqual(self.succeed_json("status", job)["state"], "queued")
+        self.assertEqual(self.succeed_json("status", job)["state"], "planned")
         self.assertEqual(self.run_lumifold("cancel", job), (0, "", f"lumifold: job {job} cancelled\n"))
         self.assertEqual(self.run_lumifold("wait", job)[:2], (5, "cancelled\n"))
         self.assertEqual(self.run_lumifold("watch", job)[0], 5)
         self.assertEqual(self.succeed_json("cancel", job)["state"], "cancelled")  # cancelling it again is not an error
+
+    def test_pause_explain_and_resume(self):
+        job = self.submit("--size", "40x30", "--spp", "4", "--paused", "--user", "ann")
+        self.assertTrue(self.succeed("explain", job).startswith(f"job: {job}\nstate: paused\npaused: the job is paused\n"))
+        self.assertEqual(self.succeed_json("explain", job)["reasons"][0]["code"], "paused")
+        self.assertEqual(self.succeed_json("list", "--user", "ann", "--state", "paused")["job_id"], job)
+        self.assertEqual(self.succeed("list", "--user", "ben", "--json"), "")
+        self.assertEqual(self.run_lumifold("set-priority", job, "-5"), (0, "", f"lumifold: job {job} paused\n"))
+        self.start_worker()
+        self.assertEqual(self.succeed_json("resume", job)["priority"], -5)
+        self.succeed("wait", job)
+        self.assertEqual(self.succeed("explain", job), f"job: {job}\nstate: done\nnothing holds it up\n")
+        log = self.succeed("logs", job)
+        for event in ("job_submitted", "job_resumed", "job_priority", "frame_finished", "job_ended"):
+            self.assertIn(f"event={event} job={job}", log)
+        worker = self.succeed_json("workers")
+        self.assertEqual((worker["worker_id"], worker["state"]), ("w-1", "idle"))
+        self.assertGreater(worker["units_done"], 0)
 
     def test_download_before_the_end(self):
         job = self.submit(*NO_END)
@@ -142,7 +160,7 @@ class Jobs(FarmTest):
         watch.stdout.readline()  # it is watching
         code, _, err = self.interrupt(watch)
         self.assertEqual((code, err.splitlines()[-1]), (130, "lumifold: interrupted"))
-        self.assertEqual(self.succeed_json("status", job)["state"], "queued")
+        self.assertEqual(self.succeed_json("status", job)["state"], "planned")
 
 
 class FileNames(FarmTest):
@@ -168,7 +186,8 @@ class FileNames(FarmTest):
 
 class Refusals(FarmTest):
     def test_unknown_job(self):
-        for command in (("status",), ("wait",), ("watch",), ("cancel",), ("download", "-o", "out.exr")):
+        for command in (("status",), ("wait",), ("watch",), ("cancel",), ("download", "-o", "out.exr"), ("explain",), ("logs",),
+                        ("pause",), ("resume",), ("set-priority", "5"), ("drain",), ("readmit",)):
             with self.subTest(command=command[0]):
                 code, out, err = self.run_lumifold(command[0], "nonesuch", *command[1:])
                 self.assertEqual((code, out), (4, ""))
@@ -262,7 +281,7 @@ class Render(harness.CliTest):
     def test_interrupted_render_leaves_nothing(self):
         before = self.files()
         render = self.start("render", "room.gltf", *NO_END, "--threads", "1", "-o", "out.exr")
-        self.assertIn("rendering", self.read_until(render, "rendering"))
+        self.assertIn("running", self.read_until(render, "running"))
         code, out, err = self.interrupt(render)
         self.assertEqual((code, out, err.splitlines()[-1]), (130, "", "lumifold: interrupted"))
         self.assertEqual(self.files(), before)

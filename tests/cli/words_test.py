@@ -13,10 +13,11 @@ class Help(harness.CliTest):
         self.check_golden("version", "--version", replace=[(r"\d+\.\d+\.\d+", "VERSION")])
 
     def test_each_command(self):
-        for command in ("render", "submit", "status", "wait", "watch", "list", "cancel", "download", "filter", "convert",
-                        "compare"):
+        for command in ("render", "submit", "status", "wait", "watch", "list", "explain", "logs", "pause", "resume",
+                        "set-priority", "add-samples", "retry", "cancel", "delete", "download", "workers", "drain", "block",
+                        "readmit", "server-status", "filter", "convert", "compare"):
             with self.subTest(command=command):
-                self.check_golden(f"help_{command}", command, "--help")
+                self.check_golden(f"help_{command.replace('-', '_')}", command, "--help")
 
 
 class WrongCommandLine(harness.CliTest):
@@ -93,6 +94,19 @@ class NoServer(harness.CliTest):
             ("watch", "j1"),
             ("list",),
             ("cancel", "j1"),
+            ("explain", "j1"),
+            ("logs", "j1"),
+            ("pause", "j1"),
+            ("resume", "j1"),
+            ("set-priority", "j1", "-5"),
+            ("add-samples", "j1", "8"),
+            ("retry", "j1"),
+            ("delete", "j1"),
+            ("workers",),
+            ("drain", "w-1"),
+            ("block", "w-1"),
+            ("readmit", "w-1"),
+            ("server-status",),
             ("download", "j1", "-o", "out.exr"),
         ):
             with self.subTest(command=command[0]):

@@ -138,8 +138,13 @@ grpc::Status FakeFarm::GetJob(grpc::ServerContext*, const v1::GetJobRequest* req
 
 grpc::Status FakeFarm::ListJobs(grpc::ServerContext*, const v1::ListJobsRequest* request,
                                 v1::ListJobsResponse* response) {
-  for (const auto& [id, job] : jobs) {
-    if (response->jobs_size() < request->limit()) *response->add_jobs() = job;
+  Record("ListJobs", *request);
+  for (auto job = jobs.upper_bound(request->page_token()); job != jobs.end(); ++job) {
+    if (response->jobs_size() == std::min(page_jobs, request->limit())) {
+      response->set_next_page_token(response->jobs().rbegin()->job_id());
+      break;
+    }
+    *response->add_jobs() = job->second;
   }
   return grpc::Status::OK;
 }
@@ -162,6 +167,95 @@ grpc::Status FakeFarm::CancelJob(grpc::ServerContext*, const v1::CancelJobReques
   job->set_job_id(request->job_id());
   job->set_state(v1::JOB_STATE_CANCELLED);
   return grpc::Status::OK;
+}
+
+std::vector<std::string> FakeFarm::calls() const {
+  const std::lock_guard lock(mutex_);
+  return calls_;
+}
+
+grpc::Status FakeFarm::Record(const std::string& call, const google::protobuf::Message& request) {
+  const std::lock_guard lock(mutex_);
+  calls_.push_back(absl::StrCat(call, " ", request.ShortDebugString()));
+  return grpc::Status::OK;
+}
+
+template <typename Request>
+grpc::Status FakeFarm::ChangeJob(const std::string& call, const Request& request, v1::JobStatus* job) {
+  Record(call, request);
+  v1::GetJobRequest get;
+  get.set_job_id(request.job_id());
+  return GetJob(nullptr, &get, job);
+}
+
+grpc::Status FakeFarm::ChangeWorker(const std::string& call, const v1::WorkerRequest& request,
+                                    v1::WorkerState state, v1::WorkerStatus* worker) {
+  Record(call, request);
+  worker->set_name(request.worker());
+  worker->set_state(state);
+  return grpc::Status::OK;
+}
+
+grpc::Status FakeFarm::PauseJob(grpc::ServerContext*, const v1::PauseJobRequest* request,
+                                v1::JobStatus* job) {
+  return ChangeJob("PauseJob", *request, job);
+}
+grpc::Status FakeFarm::ResumeJob(grpc::ServerContext*, const v1::ResumeJobRequest* request,
+                                 v1::JobStatus* job) {
+  return ChangeJob("ResumeJob", *request, job);
+}
+grpc::Status FakeFarm::SetJobPriority(grpc::ServerContext*, const v1::SetJobPriorityRequest* request,
+                                      v1::JobStatus* job) {
+  return ChangeJob("SetJobPriority", *request, job);
+}
+grpc::Status FakeFarm::DeleteJob(grpc::ServerContext*, const v1::DeleteJobRequest* request,
+                                 v1::DeleteJobResponse*) {
+  v1::JobStatus job;
+  return ChangeJob("DeleteJob", *request, &job);
+}
+grpc::Status FakeFarm::RetryJob(grpc::ServerContext*, const v1::RetryJobRequest* request,
+                                v1::JobStatus* job) {
+  return ChangeJob("RetryJob", *request, job);
+}
+grpc::Status FakeFarm::AddSamples(grpc::ServerContext*, const v1::AddSamplesRequest* request,
+                                  v1::JobStatus* job) {
+  return ChangeJob("AddSamples", *request, job);
+}
+grpc::Status FakeFarm::ExplainJob(grpc::ServerContext*, const v1::ExplainJobRequest* request,
+                                  v1::ExplainJobResponse* response) {
+  response->mutable_reasons()->Assign(reasons.begin(), reasons.end());
+  return ChangeJob("ExplainJob", *request, response->mutable_status());
+}
+
+grpc::Status FakeFarm::ListWorkers(grpc::ServerContext*, const v1::ListWorkersRequest* request,
+                                   v1::ListWorkersResponse* response) {
+  Record("ListWorkers", *request);
+  const size_t next = request->page_token().size();
+  if (next < workers.size()) *response->add_workers() = workers[next];
+  if (next + 1 < workers.size()) response->set_next_page_token(request->page_token() + "x");
+  return grpc::Status::OK;
+}
+grpc::Status FakeFarm::DrainWorker(grpc::ServerContext*, const v1::WorkerRequest* request,
+                                   v1::WorkerStatus* worker) {
+  return ChangeWorker("DrainWorker", *request, v1::WORKER_STATE_DRAINING, worker);
+}
+grpc::Status FakeFarm::BlockWorker(grpc::ServerContext*, const v1::WorkerRequest* request,
+                                   v1::WorkerStatus* worker) {
+  return ChangeWorker("BlockWorker", *request, v1::WORKER_STATE_BLOCKED, worker);
+}
+grpc::Status FakeFarm::ReadmitWorker(grpc::ServerContext*, const v1::WorkerRequest* request,
+                                     v1::WorkerStatus* worker) {
+  return ChangeWorker("ReadmitWorker", *request, v1::WORKER_STATE_IDLE, worker);
+}
+grpc::Status FakeFarm::GetLog(grpc::ServerContext*, const v1::GetLogRequest* request,
+                              v1::GetLogResponse* response) {
+  response->mutable_events()->Assign(events.begin(), events.end());
+  return Record("GetLog", *request);
+}
+grpc::Status FakeFarm::GetServerStatus(grpc::ServerContext*, const v1::GetServerStatusRequest* request,
+                                       v1::ServerStatus* status) {
+  *status = server_status;
+  return Record("GetServerStatus", *request);
 }
 
 grpc::Status FakeFarm::DownloadResult(grpc::ServerContext*, const v1::DownloadResultRequest* request,

@@ -58,17 +58,16 @@ TEST_F(FollowJobTest, SaysThatThereIsNoSuchJob) {
 }
 
 TEST_F(FollowJobTest, GivesTheLastStatusWhateverTheFate) {
-  farm_.watched = {Job(v1::JOB_STATE_QUEUED), Job(v1::JOB_STATE_RENDERING, 50),
-                   Job(v1::JOB_STATE_FAILED, 50)};
+  farm_.watched = {Job(v1::JOB_STATE_PLANNED), Job(v1::JOB_STATE_RUNNING, 50), Job(v1::JOB_STATE_FAILED, 50)};
   farm_.watched.back().set_error("no memory");
   const auto job = Follow(farm_.address());
   ASSERT_TRUE(job.ok()) << job.status();
   EXPECT_EQ(job->error(), "no memory");
-  EXPECT_THAT(seen_, ElementsAre(v1::JOB_STATE_QUEUED, v1::JOB_STATE_RENDERING, v1::JOB_STATE_FAILED));
+  EXPECT_THAT(seen_, ElementsAre(v1::JOB_STATE_PLANNED, v1::JOB_STATE_RUNNING, v1::JOB_STATE_FAILED));
 }
 
 TEST_F(FollowJobTest, ComesBackWhenTheConnectionBreaks) {
-  farm_.watched = {Job(v1::JOB_STATE_RENDERING, 10), Job(v1::JOB_STATE_RENDERING, 20),
+  farm_.watched = {Job(v1::JOB_STATE_RUNNING, 10), Job(v1::JOB_STATE_RUNNING, 20),
                    Job(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
   const auto job = Follow(farm_.address());
@@ -78,7 +77,7 @@ TEST_F(FollowJobTest, ComesBackWhenTheConnectionBreaks) {
 }
 
 TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
-  farm_.watched = {Job(v1::JOB_STATE_RENDERING, 10), Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched = {Job(v1::JOB_STATE_RUNNING, 10), Job(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
   const absl::Time begin = time_.now;
   const auto client = ConnectTo({.coordinator = farm_.address(),
@@ -94,23 +93,23 @@ TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
 }
 
 TEST_F(FollowJobTest, SaysEachWarningOnce) {
-  farm_.watched = {Job(v1::JOB_STATE_RENDERING), Job(v1::JOB_STATE_DONE)};
+  farm_.watched = {Job(v1::JOB_STATE_RUNNING), Job(v1::JOB_STATE_DONE)};
   for (v1::JobStatus& job : farm_.watched) job.add_warnings("the scene has no light");
   ASSERT_TRUE(Follow(farm_.address()).ok());
   EXPECT_EQ(test_.err.str(), "warning: the scene has no light\n");
 }
 
 TEST_F(FollowJobTest, StopsWhenTheUserInterruptsThoughTheCoordinatorIsSilent) {
-  farm_.watched = {Job(v1::JOB_STATE_RENDERING)};
+  farm_.watched = {Job(v1::JOB_STATE_RUNNING)};
   farm_.hold_watch = true;
-  interrupt_at_ = v1::JOB_STATE_RENDERING;
+  interrupt_at_ = v1::JOB_STATE_RUNNING;
   EXPECT_EQ(Follow(farm_.address()).status(), absl::CancelledError("interrupted"));
 }
 
 TEST(ProgressOf, CountsSamplesWhileRenderingAlone) {
-  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RENDERING, 30)).done, 30);
-  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RENDERING, 30)).total, 100);
-  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_QUEUED)).total, 0);
+  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RUNNING, 30)).done, 30);
+  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RUNNING, 30)).total, 100);
+  EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_PLANNED)).total, 0);
   EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_FILTERING, 100)).total, 0);
   EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_FILTERING, 100)).stage, "filtering");
 }

@@ -6,19 +6,22 @@ namespace lumifold::client {
 namespace {
 
 TEST(FrameRange, RefusesWhatIsNoRangeAndSaysWhatIsExpected) {
-  for (const char* text : {"", "-", "1-", "-3", "5-4", "1-2-3", "a", "1-b", " 1", "1 -2", "+1", "1.5", "1..3",
-                           "2147483647", "0-99999999999"}) {
-    EXPECT_EQ(ParseFrameRange(text).status(),
-              absl::InvalidArgumentError("expected a frame such as 7 or frames such as 1-48; got '" +
-                                         std::string(text) + "'"));
+  for (const char* text : {"",     "-",     "1-",  "-3",   "5-4",        "1-2-3",         "a",  "1-b", " 1",
+                           "1 -2", "+1",    "1.5", "1..3", "2147483647", "0-99999999999", "1,", ",1",  "1,,2",
+                           "3,2",  "1-4,4", "7,7", "1, 2"}) {
+    EXPECT_EQ(ParseFrames(text).status(),
+              absl::InvalidArgumentError(
+                  "expected a frame such as 7 or frames such as 1-48 or 1-48,60 in ascending order; got '" +
+                  std::string(text) + "'"));
   }
 }
 
-TEST(FrameRange, ReadsOneFrameOrSeveral) {
-  EXPECT_EQ(ParseFrameRange("7").value(), (FrameRange{7, 7}));
-  EXPECT_EQ(ParseFrameRange("1-48").value(), (FrameRange{1, 48}));
-  EXPECT_EQ(ParseFrameRange("0012-0012").value(), (FrameRange{12, 12}));
-  EXPECT_EQ(ParseFrameRange("1-48")->count(), 48);
+TEST(FrameRange, ReadsOneFrameOrSeveralWithGaps) {
+  EXPECT_EQ(ParseFrames("7").value(), (Frames{{{7, 7}}}));
+  EXPECT_EQ(ParseFrames("1-48").value(), (Frames{{{1, 48}}}));
+  EXPECT_EQ(ParseFrames("0012-0012").value(), (Frames{{{12, 12}}}));
+  EXPECT_EQ(ParseFrames("1-48,60,70-72").value(), (Frames{{{1, 48}, {60, 60}, {70, 72}}}));
+  EXPECT_EQ((FrameRange{1, 48}).count(), 48);
 }
 
 TEST(PathOfFrame, FillsTheRunOfTheFileName) {

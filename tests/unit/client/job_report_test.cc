@@ -8,7 +8,7 @@ namespace {
 v1::JobStatus SampleJob() {
   v1::JobStatus job;
   job.set_job_id("j7");
-  job.set_state(v1::JOB_STATE_RENDERING);
+  job.set_state(v1::JOB_STATE_RUNNING);
   job.set_display_name("room \"A\".glb");
   job.add_warnings("no light");
   job.set_submitted_unix_ms(1'700'000'000'000);
@@ -19,16 +19,20 @@ v1::JobStatus SampleJob() {
   job.set_samples_done(1000);
   job.set_samples_total(4000);
   job.mutable_times()->set_render_seconds(1.5);
+  job.mutable_scheduling()->set_user("ann");
+  job.mutable_scheduling()->set_priority(5);
+  job.mutable_scheduling()->add_tags("gpu");
   return job;
 }
 
 TEST(JobJson, HasEveryFieldInAStableOrder) {
   EXPECT_EQ(
       JobJson(SampleJob(), {{"output", "a.exr"}}),
-      R"({"job_id":"j7","state":"rendering","name":"room \"A\".glb","error":"","warnings":["no light"],)"
+      R"({"job_id":"j7","state":"running","name":"room \"A\".glb","error":"","warnings":["no light"],)"
       R"("submitted_unix_ms":1700000000000,"workers":3,"units_done":5,"units_total":20,"frames_done":0,)"
       R"("frames_total":1,"samples_done":1000,"samples_total":4000,"bad_samples":0,"render_seconds":1.5,)"
-      R"("assemble_seconds":0.0,"filter_seconds":0.0,"write_seconds":0.0,"output":"a.exr"})");
+      R"("assemble_seconds":0.0,"filter_seconds":0.0,"write_seconds":0.0,"user":"ann","priority":5,"tags":["gpu"],)"
+      R"("max_leases":0,"after":[],"class":"","audit_share":0.0,"output":"a.exr"})");
 }
 
 TEST(JobJson, ReplacesBytesThatAreNoText) {
@@ -40,21 +44,22 @@ TEST(JobJson, ReplacesBytesThatAreNoText) {
 TEST(JobText, NamesEachThingOnALine) {
   EXPECT_EQ(
       JobText(SampleJob()),
-      "job: j7\nstate: rendering\nscene: room \"A\".glb\nwarning: no light\nsubmitted: 2023-11-14T22:13:20Z\n"
-      "workers: 3\nunits: 5 of 20\nframes: 0 of 1\nsamples: 1000 of 4000\n"
+      "job: j7\nstate: running\nscene: room \"A\".glb\nwarning: no light\nsubmitted: 2023-11-14T22:13:20Z\n"
+      "user: ann\npriority: 5\ntags: gpu\nworkers: 3\nunits: 5 of 20\nframes: 0 of 1\nsamples: 1000 of 4000\n"
       "stages: render 1.50 s, assemble 0.00 s, filter 0.00 s, write 0.00 s\n");
 }
 
 TEST(JobTable, LinesUpUnderItsHead) {
-  EXPECT_EQ(JobTableHead(), "JOB                  STATE       DONE  SUBMITTED            SCENE\n");
+  EXPECT_EQ(JobTableHead(),
+            "JOB                  STATE       DONE  SUBMITTED            USER         SCENE\n");
   EXPECT_EQ(JobTableLine(SampleJob()),
-            "j7                   rendering    25%  2023-11-14T22:13:20Z room \"A\".glb\n");
+            "j7                   running      25%  2023-11-14T22:13:20Z ann          room \"A\".glb\n");
 }
 
 TEST(Fate, IsTheExitCode) {
   v1::JobStatus job;
-  for (const auto& [state, code, ended] : {std::tuple{v1::JOB_STATE_QUEUED, ExitCode::kOk, false},
-                                           std::tuple{v1::JOB_STATE_RENDERING, ExitCode::kOk, false},
+  for (const auto& [state, code, ended] : {std::tuple{v1::JOB_STATE_PLANNED, ExitCode::kOk, false},
+                                           std::tuple{v1::JOB_STATE_RUNNING, ExitCode::kOk, false},
                                            std::tuple{v1::JOB_STATE_FILTERING, ExitCode::kOk, false},
                                            std::tuple{v1::JOB_STATE_DONE, ExitCode::kOk, true},
                                            std::tuple{v1::JOB_STATE_FAILED, ExitCode::kFailed, true},

@@ -44,7 +44,7 @@ class RunClientTest : public testing::Test {
     image.AddColor("noisy");
     EXPECT_EQ(WriteExr(folder_.File("result"), image), absl::OkStatus());
     farm_.result = folder_.Read("result");
-    farm_.watched = {Job(v1::JOB_STATE_RENDERING), Job(v1::JOB_STATE_DONE)};
+    farm_.watched = {Job(v1::JOB_STATE_RUNNING), Job(v1::JOB_STATE_DONE)};
   }
 
   static v1::JobStatus Job(v1::JobState state) {
@@ -128,6 +128,18 @@ TEST_F(RunClientTest, SendsTheFramesAndTheirSpeed) {
   EXPECT_EQ(one.first_frame(), 0);
   EXPECT_EQ(one.frame_count(), 1);
   EXPECT_EQ(one.frames_per_second(), 24);
+}
+
+TEST_F(RunClientTest, SendsFramesWithGaps) {
+  EXPECT_EQ(Run({"submit", scene_, "--frames", "3-5,8,10-11"}), 0);
+  const v1::JobSpec spec = farm_.submissions()[0].spec();
+  EXPECT_EQ(spec.first_frame(), 3);
+  EXPECT_EQ(spec.frame_count(), 3);
+  ASSERT_EQ(spec.more_frames_size(), 2);
+  EXPECT_EQ(spec.more_frames(0).first(), 8);
+  EXPECT_EQ(spec.more_frames(0).count(), 1);
+  EXPECT_EQ(spec.more_frames(1).first(), 10);
+  EXPECT_EQ(spec.more_frames(1).count(), 2);
 }
 
 TEST_F(RunClientTest, RefusesSeveralFramesInOneFile) {
@@ -227,7 +239,7 @@ TEST_F(RunClientTest, LeavesNothingOfARenderThatFailed) {
 }
 
 TEST_F(RunClientTest, CancelsARenderThatIsInterrupted) {
-  farm_.watched = {Job(v1::JOB_STATE_RENDERING)};
+  farm_.watched = {Job(v1::JOB_STATE_RUNNING)};
   farm_.hold_watch = true;
   int questions = 0;
   test_.environment.interrupted = [&] { return ++questions > 20; };
@@ -264,16 +276,185 @@ TEST_F(RunClientTest, WatchPrintsAnObjectForEachStatus) {
   EXPECT_EQ(Run({"watch", "job-1", "--json"}), 0);
   const std::string out = Out();
   EXPECT_EQ(std::count(out.begin(), out.end(), '\n'), 2);
-  EXPECT_THAT(out, StartsWith(R"({"job_id":"job-1","state":"rendering",)"));
+  EXPECT_THAT(out, StartsWith(R"({"job_id":"job-1","state":"running",)"));
   EXPECT_THAT(out, HasSubstr("\n"
                              R"({"job_id":"job-1","state":"done",)"));
 }
 
 TEST_F(RunClientTest, ListsJobsUpToTheLimit) {
-  farm_.jobs = {{"job-1", Job(v1::JOB_STATE_DONE)}, {"job-2", Job(v1::JOB_STATE_QUEUED)}};
+  farm_.jobs = {{"job-1", Job(v1::JOB_STATE_DONE)}, {"job-2", Job(v1::JOB_STATE_PLANNED)}};
   EXPECT_EQ(Run({"list", "--limit", "1"}), 0);
   EXPECT_THAT(Out(), HasSubstr("job-1                done        100%"));
-  EXPECT_THAT(Out(), testing::Not(HasSubstr("queued")));
+  EXPECT_THAT(Out(), testing::Not(HasSubstr("planned")));
+}
+
+TEST_F(RunClientTest, ListsJobsPageByPageWithFilters) {
+  for (int i = 0; i < 5; ++i) {
+    const std::string id = "j-" + std::to_string(i);
+    farm_.jobs[id] = Job(v1::JOB_STATE_DONE);
+    farm_.jobs[id].set_job_id(id);
+    farm_.jobs[id].mutable_scheduling()->set_user("ann");
+  }
+  farm_.page_jobs = 2;
+  EXPECT_EQ(Run({"list", "--json", "--limit", "1001", "--state", "done,failed", "--state", "paused", "--user",
+                 "ann"}),
+            0)
+      << Err();
+  const std::string out = Out();
+  EXPECT_EQ(std::count(out.begin(), out.end(), '\n'), 5);
+  EXPECT_THAT(out, HasSubstr(R"("user":"ann")"));
+  const std::string filters =
+      R"( states: JOB_STATE_DONE states: JOB_STATE_FAILED states: JOB_STATE_PAUSED user: "ann")";
+  EXPECT_THAT(farm_.calls(), ElementsAre("ListJobs limit: 1000" + filters,
+                                         R"(ListJobs limit: 999 page_token: "j-1")" + filters,
+                                         R"(ListJobs limit: 997 page_token: "j-3")" + filters));
+  EXPECT_EQ(Run({"list", "--state", "finished"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("lumifold list: --state: no state 'finished'; there are submitted, planned"));
+}
+
+TEST_F(RunClientTest, SendsHowAJobIsScheduled) {
+  test_.environment.default_user = "ann";
+  EXPECT_EQ(Run({"submit", scene_, "--priority", "-20", "--tag", "gpu,night", "--tag", "big", "--max-leases",
+                 "7", "--after", "j-1", "--after", "j-2", "--class", "lumifold/avx2", "--paused",
+                 "--audit-share", "0.25"}),
+            0)
+      << Err();
+  EXPECT_EQ(Run({"submit", scene_, "--user", "ben"}), 0);
+  const v1::Scheduling scheduling = farm_.submissions()[0].scheduling();
+  EXPECT_EQ(scheduling.priority(), -20);
+  EXPECT_EQ(scheduling.user(), "ann");
+  EXPECT_THAT(scheduling.tags(), ElementsAre("gpu", "night", "big"));
+  EXPECT_EQ(scheduling.max_leases(), 7);
+  EXPECT_THAT(scheduling.after(), ElementsAre("j-1", "j-2"));
+  EXPECT_EQ(scheduling.numeric_class(), "lumifold/avx2");
+  EXPECT_TRUE(scheduling.paused());
+  EXPECT_EQ(scheduling.audit_share(), 0.25);
+  EXPECT_EQ(farm_.submissions()[1].scheduling().user(), "ben");
+  EXPECT_EQ(farm_.submissions()[1].scheduling().priority(), 0);
+  EXPECT_EQ(Run({"submit", scene_, "--audit-share", "1.5"}), 2);
+  EXPECT_EQ(Run({"submit", scene_, "--tag", "a,,b"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("--audit-share: expected a number from 0 to 1; got '1.5'"));
+  EXPECT_THAT(Err(), HasSubstr("--tag: expected a non-empty text"));
+}
+
+TEST_F(RunClientTest, ChangesAJob) {
+  farm_.jobs = {{"job-1", Job(v1::JOB_STATE_PAUSED)}};
+  EXPECT_EQ(Run({"pause", "job-1"}), 0);
+  EXPECT_EQ(Run({"resume", "job-1"}), 0);
+  EXPECT_EQ(Run({"set-priority", "job-1", "-30"}), 0) << Err();
+  EXPECT_EQ(Run({"add-samples", "job-1", "256"}), 0);
+  EXPECT_EQ(Run({"delete", "job-1"}), 0);
+  EXPECT_EQ(Run({"retry", "job-1"}), 0);
+  EXPECT_EQ(Run({"retry", "job-1", "--frames", "3-5", "--region", "0,16,32,48", "--filter-only"}), 0);
+  EXPECT_THAT(farm_.calls(), ElementsAre(R"(PauseJob job_id: "job-1")", R"(ResumeJob job_id: "job-1")",
+                                         R"(SetJobPriority job_id: "job-1" priority: -30)",
+                                         R"(AddSamples job_id: "job-1" samples_per_pixel: 256)",
+                                         R"(DeleteJob job_id: "job-1")", R"(RetryJob job_id: "job-1")",
+                                         R"(RetryJob job_id: "job-1" frames: 3 frames: 4 frames: 5 )"
+                                         R"(region { y0: 16 x1: 32 y1: 48 } filter_only: true)"));
+  EXPECT_EQ(Out(), "");
+  EXPECT_THAT(Err(), StartsWith("lumifold: job job-1 paused\nlumifold: job job-1 paused\n"));
+  EXPECT_THAT(Err(), HasSubstr("lumifold: job job-1 deleted\n"));
+  EXPECT_EQ(Run({"pause", "job-1", "--json"}), 0);
+  EXPECT_THAT(Out(), StartsWith(R"({"job_id":"job-1","state":"paused",)"));
+  for (const std::vector<std::string>& command : {std::vector<std::string>{"pause", "job-9"},
+                                                  {"resume", "job-9"},
+                                                  {"set-priority", "job-9", "1"},
+                                                  {"add-samples", "job-9", "4"},
+                                                  {"delete", "job-9"},
+                                                  {"retry", "job-9"},
+                                                  {"explain", "job-9"}}) {
+    EXPECT_EQ(Run(command), 4) << command[0];
+  }
+}
+
+TEST_F(RunClientTest, RefusesARegionWithoutPixels) {
+  for (const char* region : {"0,0,8", "8,0,8,8", "0,-1,8,8", "a,0,8,8", "0,0,8,8,8"}) {
+    EXPECT_EQ(Run({"retry", "job-1", "--region", region}), 2) << region;
+  }
+  EXPECT_THAT(Err(), HasSubstr("lumifold retry: --region: expected X0,Y0,X1,Y1"));
+  EXPECT_EQ(Run({"retry", "job-1", "--frames", "1-2000000000"}), 2);
+  EXPECT_EQ(Run({"set-priority", "job-1", "101"}), 2);
+  EXPECT_THAT(farm_.calls(), testing::IsEmpty());
+}
+
+TEST_F(RunClientTest, ExplainsAJob) {
+  farm_.jobs = {{"job-1", Job(v1::JOB_STATE_RUNNING)}};
+  EXPECT_EQ(Run({"explain", "job-1"}), 0);
+  EXPECT_EQ(Out(), "job: job-1\nstate: running\nnothing holds it up\n");
+  test_.out.str("");
+  farm_.reasons.emplace_back().set_code("no_worker");
+  farm_.reasons.back().set_text("no worker has the tag 'gpu'");
+  EXPECT_EQ(Run({"explain", "job-1"}), 0);
+  EXPECT_EQ(Run({"explain", "job-1", "--json"}), 0);
+  EXPECT_EQ(Out(),
+            "job: job-1\nstate: running\nno_worker: no worker has the tag 'gpu'\n"
+            R"({"job_id":"job-1","state":"running","reasons":[{"code":"no_worker",)"
+            R"("text":"no worker has the tag 'gpu'"}]})"
+            "\n");
+}
+
+TEST_F(RunClientTest, ListsAllWorkers) {
+  for (const char* id : {"w-1", "w-2", "w-3"}) {
+    v1::WorkerStatus& worker = farm_.workers.emplace_back();
+    worker.set_worker_id(id);
+    worker.set_name("node:1");
+    worker.set_state(v1::WORKER_STATE_BUSY);
+    worker.set_slots(8);
+    worker.set_leases(5);
+    worker.set_seconds_per_unit(1.5);
+    worker.add_tags("gpu");
+  }
+  EXPECT_EQ(Run({"workers"}), 0);
+  EXPECT_THAT(Out(), StartsWith("WORKER   NAME "));
+  EXPECT_THAT(Out(), HasSubstr("\nw-3      node:1                   busy           5      8        0"));
+  test_.out.str("");
+  EXPECT_EQ(Run({"workers", "--json"}), 0);
+  EXPECT_THAT(Out(), StartsWith(R"({"worker_id":"w-1","name":"node:1","state":"busy","reason":"","class":"",)"
+                                R"("tags":["gpu"],"slots":8,"leases":5,)"));
+  EXPECT_EQ(farm_.calls().size(), 6u);
+}
+
+TEST_F(RunClientTest, ChangesAWorker) {
+  EXPECT_EQ(Run({"drain", "w-1"}), 0);
+  EXPECT_EQ(Run({"block", "node:1", "--reason", "wrong pixels"}), 0);
+  EXPECT_EQ(Run({"readmit", "node:1", "--json"}), 0);
+  EXPECT_THAT(farm_.calls(), ElementsAre(R"(DrainWorker worker: "w-1")",
+                                         R"(BlockWorker worker: "node:1" reason: "wrong pixels")",
+                                         R"(ReadmitWorker worker: "node:1")"));
+  EXPECT_EQ(Err(),
+            "lumifold: worker w-1 draining\nlumifold: worker node:1 blocked\n"
+            "lumifold: worker node:1 idle\n");
+  EXPECT_THAT(Out(), HasSubstr(R"("name":"node:1","state":"idle")"));
+}
+
+TEST_F(RunClientTest, PrintsTheLogOfAJobOrAWorker) {
+  v1::LogEvent& event = farm_.events.emplace_back();
+  event.set_unix_ms(1'000);
+  event.set_level("warn");
+  event.set_text("event=unit_failed");
+  EXPECT_EQ(Run({"logs", "j-1"}), 0);
+  EXPECT_EQ(Run({"logs", "node:1", "--limit", "5", "--json"}), 0);
+  EXPECT_EQ(Out(),
+            "1970-01-01T00:00:01.000Z warn  event=unit_failed\n"
+            R"({"unix_ms":1000,"level":"warn","text":"event=unit_failed"})"
+            "\n");
+  EXPECT_THAT(farm_.calls(),
+              ElementsAre(R"(GetLog job_id: "j-1" limit: 100)", R"(GetLog worker: "node:1" limit: 5)"));
+}
+
+TEST_F(RunClientTest, PrintsTheStateOfTheCoordinator) {
+  farm_.server_status.set_version("1.2.3");
+  farm_.server_status.set_free_bytes(12'340'000'000);
+  farm_.server_status.set_insecure(true);
+  EXPECT_EQ(Run({"server-status"}), 0);
+  EXPECT_THAT(Out(), StartsWith("version: 1.2.3\nstorage: ok\nfree: 12.3 GB\n"));
+  test_.out.str("");
+  farm_.server_status.set_storage_error("no space left on device");
+  EXPECT_EQ(Run({"server-status"}), 0);
+  EXPECT_THAT(Out(), HasSubstr("storage: no space left on device\n"));
+  EXPECT_EQ(Run({"server-status", "--json"}), 0);
+  EXPECT_THAT(Out(), HasSubstr(R"({"version":"1.2.3","storage_error":"no space left on device",)"));
 }
 
 TEST_F(RunClientTest, ComparesLayers) {

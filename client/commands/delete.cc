@@ -1,0 +1,25 @@
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "client/commands/commands.h"
+#include "client/commands/shared_options.h"
+
+namespace lumifold::client {
+
+ExitCode RunDelete(const std::vector<std::string>& arguments, const Environment& environment) {
+  std::string job_id;
+  RemoteOptions remote(environment);
+  CommandLine command_line("delete", SummaryOf("delete"));
+  command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
+  remote.AddTo(command_line);
+  command_line.SetFooter("The job must have ended: see 'lumifold cancel'. Its pictures are deleted too.");
+  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+
+  const absl::Status status = remote.Connect(environment)->DeleteJob(job_id);
+  if (!status.ok()) return ReportError(environment, status);
+  if (remote.json) environment.out << nlohmann::json{{"job_id", job_id}}.dump() << "\n" << std::flush;
+  ReportLine(environment, absl::StrCat("job ", job_id, " deleted"));
+  return ExitCode::kOk;
+}
+
+}  // namespace lumifold::client

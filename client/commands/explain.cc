@@ -1,0 +1,21 @@
+#include "client/commands/commands.h"
+#include "client/commands/shared_options.h"
+#include "client/farm_report.h"
+
+namespace lumifold::client {
+
+ExitCode RunExplain(const std::vector<std::string>& arguments, const Environment& environment) {
+  std::string job_id;
+  RemoteOptions remote(environment);
+  CommandLine command_line("explain", SummaryOf("explain"));
+  command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
+  remote.AddTo(command_line);
+  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+
+  const absl::StatusOr<v1::ExplainJobResponse> answer = remote.Connect(environment)->ExplainJob(job_id);
+  if (!answer.ok()) return ReportError(environment, answer.status());
+  environment.out << (remote.json ? ExplanationJson(*answer) + "\n" : ExplanationText(*answer)) << std::flush;
+  return ExitCode::kOk;
+}
+
+}  // namespace lumifold::client

@@ -1,0 +1,35 @@
+#include "client/commands/commands.h"
+#include "client/commands/shared_options.h"
+#include "client/farm_report.h"
+
+namespace lumifold::client {
+namespace {
+
+constexpr int kPageWorkers = 1000;  // the coordinator's limit
+
+}  // namespace
+
+ExitCode RunWorkers(const std::vector<std::string>& arguments, const Environment& environment) {
+  RemoteOptions remote(environment);
+  CommandLine command_line("workers", SummaryOf("workers"));
+  remote.AddTo(command_line);
+  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+
+  const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
+  v1::ListWorkersRequest request;
+  request.set_limit(kPageWorkers);
+  bool is_first = true;
+  do {
+    const absl::StatusOr<v1::ListWorkersResponse> page = farm->ListWorkers(request);
+    if (!page.ok()) return ReportError(environment, page.status());
+    if (is_first && !remote.json) environment.out << WorkerTableHead();
+    is_first = false;
+    for (const v1::WorkerStatus& worker : page->workers())
+      environment.out << (remote.json ? WorkerJson(worker) + "\n" : WorkerTableLine(worker));
+    request.set_page_token(page->next_page_token());
+  } while (!request.page_token().empty());
+  environment.out << std::flush;
+  return ExitCode::kOk;
+}
+
+}  // namespace lumifold::client

@@ -1,0 +1,135 @@
+#include "client/farm_report.h"
+
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/time.h"
+#include "client/job_report.h"
+
+namespace lumifold::client {
+namespace {
+
+std::string Line(const nlohmann::ordered_json& json) {
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+std::string TimeText(int64_t unix_ms) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(unix_ms), absl::UTCTimeZone());
+}
+
+}  // namespace
+
+absl::string_view WorkerStateName(v1::WorkerState state) {
+  switch (state) {
+    case v1::WORKER_STATE_IDLE:
+      return "idle";
+    case v1::WORKER_STATE_BUSY:
+      return "busy";
+    case v1::WORKER_STATE_DRAINING:
+      return "draining";
+    case v1::WORKER_STATE_SILENT:
+      return "silent";
+    case v1::WORKER_STATE_SET_ASIDE:
+      return "set aside";
+    case v1::WORKER_STATE_BLOCKED:
+      return "blocked";
+    case v1::WORKER_STATE_GONE:
+      return "gone";
+    default:
+      return "unknown";
+  }
+}
+
+std::string WorkerTableHead() {
+  return absl::StrFormat("%-8s %-24s %-9s %6s %6s %8s %6s %7s  %s\n", "WORKER", "NAME", "STATE", "LEASES",
+                         "SLOTS", "DONE", "FAILED", "S/UNIT", "REASON");
+}
+
+std::string WorkerTableLine(const v1::WorkerStatus& worker) {
+  return absl::StrFormat(
+      "%-8s %-24s %-9s %6d %6d %8d %6d %7.2f  %s\n", worker.worker_id().empty() ? "-" : worker.worker_id(),
+      worker.name(), WorkerStateName(worker.state()), worker.leases(), worker.slots(), worker.units_done(),
+      worker.units_failed(), worker.seconds_per_unit(), worker.reason());
+}
+
+std::string WorkerJson(const v1::WorkerStatus& worker) {
+  nlohmann::ordered_json json;
+  json["worker_id"] = worker.worker_id();
+  json["name"] = worker.name();
+  json["state"] = std::string(WorkerStateName(worker.state()));
+  json["reason"] = worker.reason();
+  json["class"] = worker.numeric_class();
+  json["tags"] = worker.tags();
+  json["slots"] = worker.slots();
+  json["leases"] = worker.leases();
+  json["units_done"] = worker.units_done();
+  json["units_failed"] = worker.units_failed();
+  json["seconds_per_unit"] = worker.seconds_per_unit();
+  json["connected_unix_ms"] = worker.connected_unix_ms();
+  json["job_ids"] = worker.job_ids();
+  return Line(json);
+}
+
+std::string ExplanationText(const v1::ExplainJobResponse& explanation) {
+  std::string text = absl::StrCat("job: ", explanation.status().job_id(),
+                                  "\nstate: ", StateName(explanation.status().state()), "\n");
+  for (const v1::Reason& reason : explanation.reasons())
+    absl::StrAppend(&text, reason.code(), ": ", reason.text(), "\n");
+  if (explanation.reasons().empty()) absl::StrAppend(&text, "nothing holds it up\n");
+  return text;
+}
+
+std::string ExplanationJson(const v1::ExplainJobResponse& explanation) {
+  nlohmann::ordered_json json;
+  json["job_id"] = explanation.status().job_id();
+  json["state"] = std::string(StateName(explanation.status().state()));
+  json["reasons"] = nlohmann::ordered_json::array();
+  for (const v1::Reason& reason : explanation.reasons())
+    json["reasons"].push_back({{"code", reason.code()}, {"text", reason.text()}});
+  return Line(json);
+}
+
+std::string LogEventLine(const v1::LogEvent& event) {
+  return absl::StrFormat("%s %-5s %s\n", TimeText(event.unix_ms()), event.level(), event.text());
+}
+
+std::string LogEventJson(const v1::LogEvent& event) {
+  return Line({{"unix_ms", event.unix_ms()}, {"level", event.level()}, {"text", event.text()}});
+}
+
+std::string ServerStatusText(const v1::ServerStatus& status) {
+  std::string text;
+  const auto line = [&text](absl::string_view name, const auto&... value) {
+    absl::StrAppend(&text, name, ": ", value..., "\n");
+  };
+  line("version", status.version());
+  line("storage", status.storage_error().empty() ? "ok" : status.storage_error());
+  if (status.storage_error_since_unix_ms() > 0)
+    line("storage failed at", TimeText(status.storage_error_since_unix_ms()));
+  line("free", absl::StrFormat("%.1f GB", static_cast<double>(status.free_bytes()) * 1e-9));
+  line("workers", status.workers());
+  line("leases", status.leases(), " of ", status.slots());
+  line("active jobs", status.active_jobs());
+  line("frames in flight", status.frames_in_flight());
+  line("encrypted", status.insecure() ? "no" : "yes");
+  return text;
+}
+
+std::string ServerStatusJson(const v1::ServerStatus& status) {
+  nlohmann::ordered_json json;
+  json["version"] = status.version();
+  json["storage_error"] = status.storage_error();
+  json["storage_error_since_unix_ms"] = status.storage_error_since_unix_ms();
+  json["free_bytes"] = status.free_bytes();
+  json["workers"] = status.workers();
+  json["slots"] = status.slots();
+  json["leases"] = status.leases();
+  json["active_jobs"] = status.active_jobs();
+  json["frames_in_flight"] = status.frames_in_flight();
+  json["insecure"] = status.insecure();
+  return Line(json);
+}
+
+}  // namespace lumifold::client

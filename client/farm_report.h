@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+
+#include "absl/strings/string_view.h"
+#include "lumifold/v1/farm.pb.h"
+
+/// What operators see of a farm, as text and as JSON: one object in one line, without the newline, in UTF-8 (bytes that
+/// are not are replaced). docs/cli.md documents the fields of the objects; their meaning never changes.
+namespace lumifold::client {
+
+/// "idle", "busy", "draining", "silent", "set aside", "blocked" or "gone"; "unknown" for a state of a later version.
+absl::string_view WorkerStateName(v1::WorkerState state);
+
+/// A line of `lumifold workers`, and its header line.
+std::string WorkerTableHead();
+std::string WorkerTableLine(const v1::WorkerStatus& worker);
+std::string WorkerJson(const v1::WorkerStatus& worker);
+
+/// The state of a job and the reasons why it does not run or runs slowly, one in each line.
+std::string ExplanationText(const v1::ExplainJobResponse& explanation);
+std::string ExplanationJson(const v1::ExplainJobResponse& explanation);
+
+/// A line of `lumifold logs`.
+std::string LogEventLine(const v1::LogEvent& event);
+std::string LogEventJson(const v1::LogEvent& event);
+
+/// Lines of "name: value".
+std::string ServerStatusText(const v1::ServerStatus& status);
+std::string ServerStatusJson(const v1::ServerStatus& status);
+
+}  // namespace lumifold::client

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "client/command_line.h"
+#include "client/environment.h"
+#include "lumifold/v1/job.pb.h"
+
+namespace lumifold::client {
+
+/// Priorities of jobs.
+inline constexpr int kMinPriority = -100;
+inline constexpr int kMaxPriority = 100;
+
+/// Options of `submit`: how a job is scheduled. None of them changes the picture.
+struct SchedulingOptions {
+  explicit SchedulingOptions(const Environment& environment) : user(environment.default_user) {}
+
+  void AddTo(CommandLine& command_line);
+  v1::Scheduling ToProto() const;
+
+  int priority = 0;
+  std::string user;
+  std::vector<std::string> tags;
+  int max_leases = 0;  // no limit
+  std::vector<std::string> after;
+  std::string numeric_class;
+  bool paused = false;
+  float audit_share = 0;
+};
+
+}  // namespace lumifold::client

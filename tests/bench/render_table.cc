@@ -103,7 +103,7 @@ int64_t BytesOf(const scene::Scene& scene) {
     bytes += BytesOf(mesh.positions) + BytesOf(mesh.normals) + BytesOf(mesh.uvs[0]) + BytesOf(mesh.uvs[1]) +
              BytesOf(mesh.tangents) + BytesOf(mesh.colors) + BytesOf(mesh.triangles);
   }
-  for (const scene::ImageData& image : scene.images) bytes += BytesOf(image.rgba);
+  for (const scene::SharedImage& image : scene.images) bytes += BytesOf(image->rgba);
   return bytes;
 }
 

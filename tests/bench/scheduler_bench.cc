@@ -39,7 +39,8 @@ class Farm {
  public:
   Farm() {
     for (int i = 0; i < kJobs; ++i) scheduler.AddJob(JobId("j-" + std::to_string(i)), Spec());
-    for (int i = 0; i < kWorkers; ++i) scheduler.AddWorker(WorkerId(i), "avx2", kSlots);
+    for (int i = 0; i < kWorkers; ++i)
+      scheduler.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = kSlots});
     Grant();
   }
 
@@ -112,7 +113,7 @@ void WorkerLeaves(benchmark::State& state) {
   int64_t next = kWorkers;
   for (auto _ : state) {
     farm.scheduler.RemoveWorker(WorkerId(next - kWorkers));
-    farm.scheduler.AddWorker(WorkerId(next), "avx2", kSlots);
+    farm.scheduler.AddWorker(WorkerId(next), {.numeric_class = "avx2", .slots = kSlots});
     benchmark::DoNotOptimize(farm.scheduler.GrantLeases(farm.now));
     ++next;
   }

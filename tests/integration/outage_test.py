@@ -2,14 +2,13 @@
 
 import os
 import pathlib
-import socket
 import subprocess
 import tempfile
-import threading
 import time
 import unittest
 
 from farm import BIN, PATIENCE_SECONDS, Farm, make_scene, wait_until
+from slow_proxy import SlowProxy
 
 OUTAGE_SECONDS = 30
 # The longest pause of 5 s, gRPC's jitter of 20 % and time for a busy machine.
@@ -34,58 +33,9 @@ class OutageTest(unittest.TestCase):
             self.assertLess(time.monotonic() - begin, LATEST_RETURN_SECONDS)
 
 
-class SlowProxy:
-    """Forwards connections at a limited rate and counts the bytes sent to the server."""
-
-    BYTES_PER_TURN = 64 << 10
-    SECONDS_PER_TURN = 0.005  # 12 MB/s
-
-    def __init__(self, server_address):
-        host, port = server_address.rsplit(":", 1)
-        self.server = (host, int(port))
-        self.sent_bytes = 0
-        self.connections = []
-        self.listener = socket.create_server(("127.0.0.1", 0))
-        self.address = f"127.0.0.1:{self.listener.getsockname()[1]}"
-        threading.Thread(target=self.accept, daemon=True).start()
-
-    def accept(self):
-        while True:
-            try:
-                client, _ = self.listener.accept()
-            except OSError:  # closed
-                return
-            try:
-                server = socket.create_connection(self.server)
-            except OSError:  # no coordinator
-                client.close()
-                continue
-            self.connections += [client, server]
-            threading.Thread(target=self.forward, args=(client, server, True), daemon=True).start()
-            threading.Thread(target=self.forward, args=(server, client, False), daemon=True).start()
-
-    def forward(self, source, target, is_upload):
-        try:
-            while data := source.recv(self.BYTES_PER_TURN):
-                target.sendall(data)
-                if is_upload:
-                    self.sent_bytes += len(data)
-                    time.sleep(self.SECONDS_PER_TURN)
-        except OSError:
-            pass
-        for end in (source, target):
-            try:
-                end.shutdown(socket.SHUT_RDWR)
-            except OSError:
-                pass
-
-    def close(self):
-        for end in [self.listener, *self.connections]:
-            end.close()
-
-
 class UploadTest(unittest.TestCase):
     ASSET_BYTES = 48 << 20
+    UPLOAD_BYTES_PER_SECOND = 12e6
 
     def test_an_upload_goes_on_with_a_restarted_coordinator(self):
         with tempfile.TemporaryDirectory() as folder, Farm(pathlib.Path(folder) / "data") as farm:
@@ -95,7 +45,7 @@ class UploadTest(unittest.TestCase):
             length = len(content) + 8 + len(noise)  # a chunk of an unknown kind, which readers skip
             scene.write_bytes(content[:8] + length.to_bytes(4, "little") + content[12:]
                               + len(noise).to_bytes(4, "little") + b"NOIS" + noise)
-            proxy = SlowProxy(farm.address)
+            proxy = SlowProxy(farm.address, upload_bytes_per_second=self.UPLOAD_BYTES_PER_SECOND)
             self.addCleanup(proxy.close)
             client = subprocess.Popen([BIN / "lumifold", "submit", scene, "--server", proxy.address, "--size", "8x8"],
                                       stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -17,12 +17,15 @@ CLEAN = {
     "filter/manifold/CMakeLists.txt": "",
     "filter/manifold/tree.h": '#include "filter/image/plane.h"\n',
     "filter/manifold/tree.cc": '#include "filter/manifold/tree.h"\n',
+    "server/job_life/CMakeLists.txt": "",
+    "server/job_life/retention.cc": "",
     "server/scheduler/CMakeLists.txt": "",
     "server/scheduler/scheduler.cc": '#include <map>\n#include "filter/image/plane.h"\n#include "filter/manifold/tree.h"\n',
 }
 GRAPH = """\
 lumifold_image\tSTATIC_LIBRARY\tfilter/image\tplane.cc\tabsl::status\tabsl::status
 lumifold_manifold\tSTATIC_LIBRARY\tfilter/manifold\ttree.cc\tlumifold::image\tlumifold::image
+lumifold_job_life\tSTATIC_LIBRARY\tserver/job_life\tretention.cc\tabsl::status\tabsl::status
 lumifold_scheduler\tSTATIC_LIBRARY\tserver/scheduler\tscheduler.cc\tlumifold::manifold\t$<LINK_ONLY:lumifold::manifold>
 """
 
@@ -70,6 +73,7 @@ class IncludeDirectionTest(unittest.TestCase):
                 ("filter/image/plane.h", "<embree3/rtcore.h>", "ray tracer"),
                 ("filter/manifold/tree.cc", '"filter/layers/halves.h"', "stands on kernels and image alone"),
                 ("filter/image/plane.cc", '"tests/support/temp_folder.h"', "depend on their tests"),
+                ("server/job_life/retention.cc", "<filesystem>", "no files"),
                 ("server/scheduler/scheduler.cc", "<thread>", "no threads"),
                 ("server/scheduler/scheduler.cc", '"absl/time/clock.h"', "no clock")):
             self.assertIn(reason, self.problems({file: f"#include {include}\n"}), include)

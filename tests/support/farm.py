@@ -13,9 +13,14 @@ BIN = pathlib.Path(os.environ["LUMIFOLD_BIN"])
 PATIENCE_SECONDS = 900
 
 
-def run(program, *arguments, timeout=PATIENCE_SECONDS, check=True, **options):
-    """Runs one of our programs to its end; returns the finished process with text output."""
-    command = [str(BIN / program), *map(str, arguments)]
+def command_of(program, arguments, host=None):
+    """The command line of one of our programs."""
+    return [*(host.prefix if host else ()), str(BIN / program), *map(str, arguments)]
+
+
+def run(program, *arguments, timeout=PATIENCE_SECONDS, check=True, host=None, **options):
+    """Runs one of our programs to its end, on `host` (see network.py); returns the finished process with text output."""
+    command = command_of(program, arguments, host)
     done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
     if check and done.returncode != 0:
         raise AssertionError(f"{' '.join(command)}\nexit {done.returncode}\n{done.stdout}{done.stderr}")
@@ -39,12 +44,15 @@ def wait_until(condition, what, seconds=PATIENCE_SECONDS):
 
 
 class Process:
-    """One of our daemons. Its log is kept for the messages of failing tests."""
+    """One of our daemons. Its log is kept for the messages of failing tests: in a file that goes with it, or in `log`, to
+    which it is appended. It runs on `host` (see network.py), or without one on this machine."""
 
-    def __init__(self, program, *arguments, stderr=None):
-        self.log = tempfile.NamedTemporaryFile("w+", suffix=f"-{program}.log")
+    def __init__(self, program, *arguments, stderr=None, log=None, host=None):
+        self.host = host
+        self.log = open(log, "a+") if log else tempfile.NamedTemporaryFile("w+", suffix=f"-{program}.log")
         self.popen = subprocess.Popen(
-            [str(BIN / program), *map(str, arguments)], stdout=subprocess.PIPE, stderr=stderr or self.log, text=True
+            command_of(program, arguments, host), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=stderr or self.log, text=True
         )
 
     def stop(self):
@@ -66,40 +74,86 @@ class Process:
         self.popen.wait()
         self.popen.stdout.close()
 
+    def pause(self):
+        """Sends SIGSTOP."""
+        self.popen.send_signal(signal.SIGSTOP)
+
+    def resume(self):
+        """Sends SIGCONT."""
+        self.popen.send_signal(signal.SIGCONT)
+
+    def is_running(self):
+        return self.popen.poll() is None
+
+    def children(self):
+        """Process ids of its children."""
+        pids = []
+        for task in pathlib.Path(f"/proc/{self.popen.pid}/task").glob("*/children"):
+            with contextlib.suppress(OSError):  # the thread or process has ended
+                pids += map(int, task.read_text().split())
+        return pids
+
     def log_text(self):
         return pathlib.Path(self.log.name).read_text()
 
 
 class Farm(contextlib.AbstractContextManager):
-    """A coordinator with a data folder, and its workers."""
+    """A coordinator with a data folder, and its workers. With a folder `logs`, all logs are kept there; with a `host` (see
+    network.py) the coordinator and its clients run there."""
 
-    def __init__(self, data, *server_arguments, stderr=None):
+    def __init__(self, data, *server_arguments, stderr=None, listen="127.0.0.1:0", logs=None, host=None):
         self.data = data
         self.workers = []
-        self.start_server(*server_arguments, stderr=stderr)
+        self.logs = logs and pathlib.Path(logs)
+        self.host = host
+        self.server_arguments = server_arguments
+        self.start_server(*server_arguments, stderr=stderr, listen=listen)
+
+    def log_of(self, name):
+        return self.logs and self.logs / f"{name}.log"
 
     def start_server(self, *arguments, listen="127.0.0.1:0", stderr=None):
-        self.server = Process("lumifold-server", "--data", self.data, "--listen", listen, *arguments, stderr=stderr)
+        self.launch_server(*arguments, listen=listen, stderr=stderr)
         line = self.server.popen.stdout.readline()
         if not line.startswith("listening on "):
             self.server.popen.wait()
             raise AssertionError(f"no server: {line}{self.server.log_text()}")
         self.address = line.removeprefix("listening on ").strip()
 
-    def start_worker(self, *arguments, threads=1, stderr=None):
-        worker = Process("lumifold-worker", "--server", self.address, "--threads", threads, *arguments, stderr=stderr)
+    def launch_server(self, *arguments, listen, stderr=None):
+        """Starts the coordinator and does not wait until it listens."""
+        self.server = Process("lumifold-server", "--data", self.data, "--listen", listen, *arguments, stderr=stderr,
+                              log=self.log_of("server"), host=self.host)
+
+    def restart_server(self):
+        """Starts the coordinator again after its end, at the same address and with the same arguments."""
+        self.start_server(*self.server_arguments, listen=self.address)
+
+    def start_worker(self, *arguments, threads=1, stderr=None, host=None, program="lumifold-worker"):
+        if program == "lumifold-worker":
+            arguments = ("--threads", threads, *arguments)
+        worker = Process(program, "--server", self.address, *arguments, stderr=stderr,
+                         log=self.log_of(f"worker-{len(self.workers)}"), host=host)
         self.workers.append(worker)
         return worker
 
     def client(self, command, *arguments, **options):
         """Runs a subcommand of `lumifold` against this farm."""
-        return run("lumifold", command, "--server", self.address, *arguments, **options)
+        return run("lumifold", command, "--server", self.address, *arguments, **{"host": self.host, **options})
+
+    def start_client(self, command, *arguments):
+        """Starts a subcommand of `lumifold` against this farm; its output is dropped."""
+        return subprocess.Popen(
+            [str(BIN / "lumifold"), command, "--server", self.address, *map(str, arguments)],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
 
     def status(self, job):
         return json.loads(self.client("status", job, "--json").stdout)
 
     def __exit__(self, *_):
         for process in [*self.workers, self.server]:
-            if process.popen.poll() is None:
+            if process.is_running():
+                process.resume()  # a stopped process would not see SIGTERM
                 process.stop()
         return False

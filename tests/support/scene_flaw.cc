@@ -80,9 +80,9 @@ std::string FirstFlaw(const Scene& scene) {
   for (const Texture& texture : scene.textures) {
     if (!IsIndex(texture.image, scene.images.size())) return "an image index out of range";
   }
-  for (const ImageData& image : scene.images) {
-    const size_t bytes = static_cast<size_t>(image.width) * static_cast<size_t>(image.height) * 4;
-    if (image.rgba.size() != bytes) return "an image of another size than it says";
+  for (const SharedImage& image : scene.images) {
+    const size_t bytes = static_cast<size_t>(image->width) * static_cast<size_t>(image->height) * 4;
+    if (image->rgba.size() != bytes) return "an image of another size than it says";
   }
   for (const Camera& camera : scene.cameras) {
     if (!(std::fabs(camera.world_from_camera.Determinant() - 1) < 1e-3f)) return "a distorted camera";

@@ -12,7 +12,8 @@ namespace lumifold {
 /// A new empty folder that goes, with all in it, when the test ends.
 class TempFolder {
  public:
-  TempFolder() : path_((std::filesystem::temp_directory_path() / "lumifold_test_XXXXXX").string()) {
+  explicit TempFolder(const std::filesystem::path& parent = std::filesystem::temp_directory_path())
+      : path_((parent / "lumifold_test_XXXXXX").string()) {
     LUMIFOLD_CHECK(mkdtemp(path_.data()) != nullptr);
   }
   ~TempFolder() {

@@ -1,0 +1,395 @@
+// Load on a real coordinator: its own process, N workers over real sockets that answer each lease with a unit
+// that is ready. Prints one "name value" pair a line. Exits with 1 where the coordinator refused a unit, ended
+// a stream or committed nothing.
+#include <fcntl.h>
+#include <sys/resource.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "proto/rpc/monotonic.h"
+#include "tests/bench/farm_load_server.h"
+#include "tests/bench/farm_load_worker.h"
+
+namespace lumifold::bench {
+namespace {
+
+/// Interval of the workers' heartbeats.
+constexpr absl::Duration kHeartbeat = absl::Seconds(5);
+/// Limit of the waits for workers and units.
+constexpr absl::Duration kPatience = absl::Minutes(10);
+/// Bytes between two fdatasync when the disk's own limit is measured: the committer's largest batch of 256
+/// units of 140 KiB.
+constexpr size_t kSyncedBytes = size_t{36} << 20;
+/// Passes of a load job: half an hour at 2000 units/s of 1024 tiles. Four times as many are more units than a
+/// frame of 64x64 tiles may have.
+constexpr int kPasses = 4096;
+constexpr double kMega = 1e6;
+
+struct Flags {
+  std::string measure = "units";
+  int workers = 8;
+  int slots = 2;
+  int jobs = 1;
+  double seconds = 10;
+  int size = 1024;
+  int tile = 32;
+  int64_t units = 100'000;
+  std::string folder = std::filesystem::temp_directory_path().string();
+  std::string server =
+      (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "lumifold-server").string();
+};
+
+void AddFlags(CLI::App* app, Flags* flags) {
+  app->add_option(
+         "--measure", flags->measure,
+         "units: rate, times and memory under load; restart: time until a killed coordinator with --units "
+         "committed units listens again; list: time of a page of --jobs jobs")
+      ->check(CLI::IsMember({"units", "restart", "list"}))
+      ->capture_default_str();
+  app->add_option("--workers", flags->workers)->check(CLI::Range(1, 10'000))->capture_default_str();
+  app->add_option("--slots", flags->slots, "Slots of a worker")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app->add_option("--jobs", flags->jobs)->check(CLI::Range(1, 1'000'000))->capture_default_str();
+  app->add_option("--seconds", flags->seconds, "Time of measurement")->capture_default_str();
+  app->add_option("--size", flags->size, "Width and height of a frame, in pixels")->capture_default_str();
+  app->add_option("--tile", flags->tile, "Tile size in pixels")->capture_default_str();
+  app->add_option("--units", flags->units, "Units to commit before the restart")->capture_default_str();
+  app->add_option("--folder", flags->folder, "Where the data folder is made, and removed at the end")
+      ->capture_default_str();
+  app->add_option("--server", flags->server, "The program of the coordinator")->capture_default_str();
+}
+
+void Print(std::string_view name, double value, int digits = 1) {
+  std::printf("%-36.*s %.*f\n", static_cast<int>(name.size()), name.data(), digits, value);
+  std::fflush(stdout);
+}
+
+/// Value at `share` of sorted values; 0 if there are none.
+double Quantile(const std::vector<double>& sorted, double share) {
+  if (sorted.empty()) return 0;
+  return sorted[std::min(sorted.size() - 1, static_cast<size_t>(share * static_cast<double>(sorted.size())))];
+}
+
+double OwnCpuSeconds() {
+  timespec time = {};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
+
+v1::JobSpec SpecOf(const Flags& flags, const v1::SceneRef& scene) {
+  v1::JobSpec spec;
+  *spec.mutable_scene() = scene;
+  spec.set_width(flags.size);
+  spec.set_height(flags.size);
+  spec.set_frame_count(1);
+  spec.set_samples_per_pixel(2 * kPasses);
+  spec.set_pass_samples(2);
+  spec.set_tile_size(flags.tile);
+  spec.mutable_filter()->set_method("none");
+  return spec;
+}
+
+/// A folder that is removed at the end.
+class ScratchFolder {
+ public:
+  explicit ScratchFolder(const std::string& parent)
+      : path_(std::filesystem::path(parent) / absl::StrCat("farm-load-", getpid())) {
+    std::filesystem::create_directories(path_);
+  }
+  ~ScratchFolder() {
+    std::error_code error;
+    std::filesystem::remove_all(path_, error);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+
+  std::string Path(std::string_view name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Bytes per second of a sequential write of `bytes` in pieces of `piece`, with fdatasync as often as the
+/// coordinator has it at full load.
+double DiskBytesPerSecond(const std::string& path, int64_t bytes, size_t piece) {
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  const std::string data(piece, 'x');
+  const absl::Time start = rpc::MonotonicNow();
+  size_t dirty = 0;
+  for (int64_t written = 0; written < bytes; written += static_cast<int64_t>(piece)) {
+    if (write(file, data.data(), data.size()) != static_cast<ssize_t>(data.size())) break;
+    dirty += piece;
+    if (dirty < kSyncedBytes) continue;
+    fdatasync(file);
+    dirty = 0;
+  }
+  fdatasync(file);
+  const double seconds = absl::ToDoubleSeconds(rpc::MonotonicNow() - start);
+  close(file);
+  unlink(path.c_str());
+  return static_cast<double>(bytes) / seconds;
+}
+
+/// Workers that load a coordinator until they are destroyed.
+class Load {
+ public:
+  Load(const std::string& address, int workers, int slots) {
+    for (int i = 0; i < workers; ++i)
+      workers_.push_back(
+          std::make_unique<LoadWorker>(address, absl::StrCat("load-", i), slots, &units_, &counters));
+    pulse_ = std::thread([this] {
+      while (!stop_.WaitFor(kHeartbeat)) {
+        for (const std::unique_ptr<LoadWorker>& worker : workers_) worker->SendHeartbeat();
+      }
+    });
+  }
+  ~Load() {
+    stop_.Notify();
+    pulse_.join();
+    for (const std::unique_ptr<LoadWorker>& worker : workers_) worker->Cancel();
+  }
+  Load(const Load&) = delete;
+  Load& operator=(const Load&) = delete;
+
+  bool WaitForWorkers() const {
+    return WaitUntil([this] { return counters.welcomed == static_cast<int>(workers_.size()); });
+  }
+  /// False where they do not arrive, or a stream has ended.
+  bool WaitForUnits(int64_t units) const {
+    return WaitUntil([this, units] { return counters.committed >= units; });
+  }
+
+  LoadCounters counters;
+
+ private:
+  template <typename Condition>
+  bool WaitUntil(Condition condition) const {
+    const absl::Time end = rpc::MonotonicNow() + kPatience;
+    while (!condition()) {
+      if (counters.ended > 0 || rpc::MonotonicNow() > end) return false;
+      absl::SleepFor(absl::Milliseconds(5));
+    }
+    return true;
+  }
+
+  ReadyUnits units_;
+  rpc::MonotonicEvent stop_;
+  std::vector<std::unique_ptr<LoadWorker>> workers_;
+  std::thread pulse_;
+};
+
+int Fail(const absl::Status& status) {
+  std::cerr << "farm-load: " << std::string(status.message()) << '\n';
+  return 1;
+}
+
+/// Uploads the scene and submits --jobs jobs.
+absl::Status SubmitJobs(const Flags& flags, Client& client) {
+  const absl::StatusOr<v1::SceneRef> scene = client.UploadScene();
+  if (!scene.ok()) return scene.status();
+  for (int i = 0; i < flags.jobs; ++i) {
+    if (absl::Status status = client.Submit(SpecOf(flags, *scene), absl::StrCat("load-", i)).status();
+        !status.ok())
+      return status;
+  }
+  return absl::OkStatus();
+}
+
+/// Whether the load was undisturbed; prints what disturbed it.
+bool IsClean(const Load& load) {
+  for (const std::string& error : load.counters.errors()) std::cerr << "farm-load: " << error << '\n';
+  return load.counters.errors().empty() && load.counters.refused == 0 && load.counters.ended == 0;
+}
+
+/// A state of the load, to be subtracted from a later one.
+struct Snapshot {
+  Snapshot(const Load& load, const ServerProcess& server)
+      : at(rpc::MonotonicNow()),
+        units(static_cast<double>(load.counters.committed)),
+        bytes(static_cast<double>(load.counters.committed_bytes)),
+        server_cpu(server.cpu_seconds()),
+        own_cpu(OwnCpuSeconds()) {}
+  absl::Time at;
+  double units;
+  double bytes;
+  double server_cpu;
+  double own_cpu;
+};
+
+void PrintTimes(const char* what, const std::vector<double>& sorted) {
+  Print(absl::StrCat(what, "_p50_ms"), Quantile(sorted, 0.5), 3);
+  Print(absl::StrCat(what, "_p99_ms"), Quantile(sorted, 0.99), 3);
+  Print(absl::StrCat(what, "_max_ms"), Quantile(sorted, 1), 3);
+}
+
+/// Prints the server's memory at ten moments of the load, and returns after `seconds`.
+void WatchMemory(const ServerProcess& server, double seconds) {
+  constexpr int kMoments = 10;
+  for (int i = 0; i < kMoments; ++i) {
+    absl::SleepFor(absl::Seconds(seconds / kMoments));
+    Print(absl::StrCat("server_rss_mb_at_", (i + 1) * 100 / kMoments, "_percent"),
+          static_cast<double>(server.rss_bytes()) / kMega);
+  }
+}
+
+int MeasureUnits(const Flags& flags) {
+  const ScratchFolder folder(flags.folder);
+  absl::StatusOr<std::unique_ptr<ServerProcess>> server =
+      ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
+  if (!server.ok()) return Fail(server.status());
+  Client client((*server)->address());
+  if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
+  double unit_bytes = 0;
+  bool clean = false;
+  {
+    Load load((*server)->address(), flags.workers, flags.slots);
+    // The first units of a job are those of the geometry; the passes are measured.
+    const int64_t first_units = int64_t{flags.size / flags.tile} * (flags.size / flags.tile) * flags.jobs;
+    if (!load.WaitForWorkers() || !load.WaitForUnits(std::min(first_units, int64_t{5000}))) {
+      IsClean(load);
+      return Fail(absl::UnavailableError("the workers get no leases"));
+    }
+    load.counters.StartTiming();
+    const Snapshot first(load, **server);
+    WatchMemory(**server, flags.seconds);
+    const Snapshot last(load, **server);
+    load.counters.StopTiming();
+    clean = IsClean(load) && last.units > first.units;
+    const double seconds = absl::ToDoubleSeconds(last.at - first.at);
+    const double units = last.units - first.units;
+    unit_bytes = (last.bytes - first.bytes) / std::max(1.0, units);
+    Print("units_per_second", units / seconds);
+    Print("mb_per_second", (last.bytes - first.bytes) / seconds / kMega);
+    Print("bytes_per_unit", unit_bytes, 0);
+    Print("server_cpu_seconds_per_1000_units", (last.server_cpu - first.server_cpu) / units * 1000, 4);
+    Print("load_cpu_seconds_per_1000_units", (last.own_cpu - first.own_cpu) / units * 1000, 4);
+    Print("server_cores", (last.server_cpu - first.server_cpu) / seconds, 2);
+    PrintTimes("lease", load.counters.lease_ms());
+    PrintTimes("commit", load.counters.commit_ms());
+  }
+  *server = nullptr;
+  std::filesystem::remove_all(folder.Path("data"));
+  const auto piece = static_cast<size_t>(unit_bytes);
+  const int64_t bytes = std::min(int64_t{2} << 30, static_cast<int64_t>(unit_bytes * 500 * flags.seconds));
+  if (piece > 0) Print("disk_mb_per_second", DiskBytesPerSecond(folder.Path("disk"), bytes, piece) / kMega);
+  return clean ? 0 : 1;
+}
+
+int MeasureRestart(const Flags& flags) {
+  const ScratchFolder folder(flags.folder);
+  absl::StatusOr<std::unique_ptr<ServerProcess>> server =
+      ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
+  if (!server.ok()) return Fail(server.status());
+  {
+    Client client((*server)->address());
+    if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
+    Load load((*server)->address(), flags.workers, flags.slots);
+    if (!load.WaitForUnits(flags.units) || !IsClean(load))
+      return Fail(absl::UnavailableError("the units are not committed"));
+    Print("committed_units", static_cast<double>(load.counters.committed), 0);
+    (*server)->Kill();
+  }
+  const absl::Time start = rpc::MonotonicNow();
+  server = ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
+  if (!server.ok()) return Fail(server.status());
+  Print("restart_seconds", absl::ToDoubleSeconds(rpc::MonotonicNow() - start), 3);
+  Load load((*server)->address(), flags.workers, flags.slots);
+  if (!load.WaitForUnits(1) || !IsClean(load)) return Fail(absl::UnavailableError("the job does not go on"));
+  Print("first_commit_seconds", absl::ToDoubleSeconds(rpc::MonotonicNow() - start), 3);
+  return 0;
+}
+
+/// Submits the jobs on several connections; all but a hundred are cancelled, as most jobs of a store have ended.
+absl::Status FillStore(const Flags& flags, const std::string& address, const v1::SceneRef& scene) {
+  constexpr int kThreads = 32;
+  constexpr int kActive = 100;
+  std::vector<std::thread> threads;
+  std::vector<absl::Status> results(kThreads);
+  for (int thread = 0; thread < kThreads; ++thread) {
+    threads.emplace_back([&, thread] {
+      Client client(address);
+      for (int i = thread; i < flags.jobs; i += kThreads) {
+        const absl::StatusOr<std::string> job = client.Submit(SpecOf(flags, scene), absl::StrCat("list-", i));
+        results[thread] = !job.ok() ? job.status() : i < kActive ? absl::OkStatus() : client.Cancel(*job);
+        if (!results[thread].ok()) return;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (const absl::Status& status : results) {
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+int MeasureList(const Flags& flags) {
+  constexpr int kLimit = 100;
+  const ScratchFolder folder(flags.folder);
+  const absl::StatusOr<std::unique_ptr<ServerProcess>> server =
+      ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
+  if (!server.ok()) return Fail(server.status());
+  Client client((*server)->address());
+  const absl::StatusOr<v1::SceneRef> scene = client.UploadScene();
+  if (!scene.ok()) return Fail(scene.status());
+  const absl::Time start = rpc::MonotonicNow();
+  if (absl::Status status = FillStore(flags, (*server)->address(), *scene); !status.ok()) return Fail(status);
+  Print("jobs_per_second", flags.jobs / absl::ToDoubleSeconds(rpc::MonotonicNow() - start));
+  Print("server_rss_mb", static_cast<double>((*server)->rss_bytes()) / kMega);
+  std::vector<double> ms;
+  int64_t listed = 0;
+  std::string page;
+  do {
+    const absl::Time before = rpc::MonotonicNow();
+    const absl::StatusOr<v1::ListJobsResponse> jobs = client.List(kLimit, page);
+    if (!jobs.ok()) return Fail(jobs.status());
+    ms.push_back(absl::ToDoubleMilliseconds(rpc::MonotonicNow() - before));
+    listed += jobs->jobs_size();
+    page = jobs->next_page_token();
+  } while (!page.empty());
+  Print("first_page_ms", ms.front(), 3);
+  std::sort(ms.begin(), ms.end());
+  PrintTimes("page", ms);
+  Print("listed_jobs", static_cast<double>(listed), 0);
+  return listed == flags.jobs ? 0 : 1;
+}
+
+/// A worker is a socket here and one in the coordinator.
+void RaiseDescriptorLimit() {
+  rlimit limit = {};
+  getrlimit(RLIMIT_NOFILE, &limit);
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+int Run(const Flags& flags) {
+  RaiseDescriptorLimit();
+  if (flags.measure == "restart") return MeasureRestart(flags);
+  if (flags.measure == "list") return MeasureList(flags);
+  return MeasureUnits(flags);
+}
+
+}  // namespace
+}  // namespace lumifold::bench
+
+int main(int argc, char** argv) {
+  setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
+  CLI::App app("Loads a coordinator with workers that do not render, and measures it.", "farm-load");
+  lumifold::bench::Flags flags;
+  lumifold::bench::AddFlags(&app, &flags);
+  CLI11_PARSE(app, argc, argv);
+  return lumifold::bench::Run(flags);
+}

@@ -1,0 +1,97 @@
+#pragma once
+
+#include <grpcpp/generic/generic_stub.h>
+#include <grpcpp/grpcpp.h>
+
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/synchronization/mutex.h"
+#include "absl/synchronization/notification.h"
+#include "absl/time/time.h"
+#include "lumifold/v1/worker.pb.h"
+#include "tests/bench/farm_load_units.h"
+
+namespace lumifold::bench {
+
+/// What all workers of a load have seen.
+/// Threads: safe.
+class LoadCounters {
+ public:
+  std::atomic<int> welcomed = 0;
+  std::atomic<int> ended = 0;
+  std::atomic<int64_t> committed = 0;
+  std::atomic<int64_t> refused = 0;
+  std::atomic<int64_t> committed_bytes = 0;
+
+  /// Times are kept between Start and Stop only.
+  void StartTiming();
+  void StopTiming();
+  void AddLease(absl::Duration free_to_lease);
+  void AddCommit(absl::Duration delivered_to_acknowledged);
+  /// Sorted, in milliseconds.
+  std::vector<double> lease_ms() const;
+  std::vector<double> commit_ms() const;
+  /// Reasons for which units were refused and streams ended, at most ten.
+  void AddError(const std::string& error);
+  std::vector<std::string> errors() const;
+
+ private:
+  mutable absl::Mutex mutex_;
+  bool timing_ ABSL_GUARDED_BY(mutex_) = false;
+  std::vector<double> lease_ms_ ABSL_GUARDED_BY(mutex_);
+  std::vector<double> commit_ms_ ABSL_GUARDED_BY(mutex_);
+  std::vector<std::string> errors_ ABSL_GUARDED_BY(mutex_);
+};
+
+/// A worker that answers each lease with a unit that is ready, on a connection of its own. Sends raw bytes, so
+/// that N workers cost little more than the system's sockets.
+/// Threads: safe.
+class LoadWorker final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
+ public:
+  /// `units` and `counters` must outlive it.
+  LoadWorker(const std::string& address, const std::string& name, int slots, ReadyUnits* units,
+             LoadCounters* counters);
+  ~LoadWorker() override;
+
+  void SendHeartbeat();
+  void Cancel() { context_.TryCancel(); }
+
+ private:
+  /// A delivered unit that is not acknowledged.
+  struct Delivered {
+    v1::Lease lease;
+    absl::Time at;
+    int64_t bytes = 0;
+  };
+
+  void OnReadDone(bool ok) override;
+  void OnWriteDone(bool ok) override;
+  void OnDone(const grpc::Status& status) override;
+  void OnGrant(const v1::Grant& grant);
+  void OnAck(const v1::UnitAck& ack);
+  void Send(grpc::ByteBuffer message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  ReadyUnits* const units_;
+  LoadCounters* const counters_;
+  grpc::GenericStub stub_;
+  grpc::ClientContext context_;
+  grpc::ByteBuffer incoming_;
+  absl::Notification done_;
+
+  absl::Mutex mutex_;
+  bool closed_ ABSL_GUARDED_BY(mutex_) = false;
+  std::deque<grpc::ByteBuffer> outgoing_ ABSL_GUARDED_BY(mutex_);   // the front is being written
+  std::map<int64_t, Delivered> delivered_ ABSL_GUARDED_BY(mutex_);  // by attempt
+  std::deque<absl::Time> free_since_ ABSL_GUARDED_BY(mutex_);       // slots without a lease
+  int64_t newest_attempt_ ABSL_GUARDED_BY(mutex_) = 0;
+  int64_t progress_ ABSL_GUARDED_BY(mutex_) = 0;
+};
+
+}  // namespace lumifold::bench

@@ -1,0 +1,85 @@
+// Plays a large farm with the scheduler in virtual time: see docs/scale.md.
+#include <cstdlib>
+#include <functional>
+#include <iostream>
+#include <map>
+#include <string>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
+#include "tests/bench/farm_sim.h"
+
+namespace lumifold::sim {
+namespace {
+
+void Print(const FarmResult& result) {
+  const double bound = absl::ToDoubleSeconds(result.ideal + result.longest_unit);
+  const double makespan = absl::ToDoubleSeconds(result.makespan);
+  std::cout << absl::StrFormat("finished          %s\n", result.finished ? "yes" : "NO")
+            << absl::StrFormat("units             %d\n", result.units)
+            << absl::StrFormat("leases            %d, %d of them second ones\n", result.leases,
+                               result.second_leases)
+            << absl::StrFormat("makespan          %.0f s\n", makespan)
+            << absl::StrFormat("last unit leased  %.0f s\n", absl::ToDoubleSeconds(result.last_leased))
+            << absl::StrFormat("total work/speed  %.0f s, makespan / this = %.3f\n",
+                               absl::ToDoubleSeconds(result.ideal),
+                               makespan / absl::ToDoubleSeconds(result.ideal))
+            << absl::StrFormat("+ longest unit    %.0f s, makespan / this = %.3f\n", bound, makespan / bound)
+            << absl::StrFormat("unfairness        %.3f, in the minute before %.0f s\n", result.unfairness,
+                               absl::ToDoubleSeconds(result.unfair_at))
+            << absl::StrFormat("longest wait      %.1f s, until %.0f s\n",
+                               absl::ToDoubleSeconds(result.longest_wait),
+                               absl::ToDoubleSeconds(result.waited_at))
+            << absl::StrFormat("scene loads       %d\n", result.scene_loads)
+            << absl::StrFormat("deaths            %d\n", result.deaths)
+            << absl::StrFormat("heartbeats        %d\n", result.heartbeats)
+            << absl::StrFormat("scheduler         %d calls, %.1f us each\n", result.calls,
+                               result.scheduler_seconds / static_cast<double>(result.calls) * 1e6)
+            << absl::StrFormat("memory            %.0f MB\n",
+                               static_cast<double>(result.scheduler_bytes) / 1e6)
+            << absl::StrFormat("faulty found      %d, units redone %d, wrong units left %d\n",
+                               result.faulty_found, result.units_redone, result.wrong_units);
+}
+
+int Main(int argc, char** argv) {
+  FarmSettings settings;
+  const std::map<std::string, std::function<void(double)>> options{
+      {"--seed", [&](double x) { settings.seed = static_cast<uint32_t>(x); }},
+      {"--workers", [&](double x) { settings.workers = static_cast<int>(x); }},
+      {"--users", [&](double x) { settings.users = static_cast<int>(x); }},
+      {"--jobs", [&](double x) { settings.jobs = static_cast<int>(x); }},
+      {"--units", [&](double x) { settings.units = static_cast<int64_t>(x); }},
+      {"--frames", [&](double x) { settings.frames_per_job = static_cast<int>(x); }},
+      {"--slowest", [&](double x) { settings.slowest = x; }},
+      {"--unit-seconds", [&](double x) { settings.mean_unit = absl::Seconds(x); }},
+      {"--unit-spread", [&](double x) { settings.unit_spread = x; }},
+      {"--unit-scale", [&](double x) { settings.unit_scale = x; }},
+      {"--stragglers", [&](double x) { settings.straggler_share = x; }},
+      {"--hangs", [&](double x) { settings.hang_share = x; }},
+      {"--arrivals", [&](double x) { settings.arrivals = absl::Seconds(x); }},
+      {"--priority", [&](double x) { settings.high_priority = static_cast<int>(x); }},
+      {"--audits", [&](double x) { settings.audit_share = x; }},
+      {"--liars", [&](double x) { settings.liars = static_cast<int>(x); }},
+      {"--scene-load", [&](double x) { settings.scene_load = absl::Seconds(x); }},
+      {"--max-frames", [&](double x) { settings.max_active_frames = static_cast<int>(x); }},
+  };
+  for (int i = 1; i < argc; i += 2) {
+    const auto option = options.find(argv[i]);
+    double value = 0;
+    if (option == options.end() || i + 1 == argc || !absl::SimpleAtod(argv[i + 1], &value)) {
+      std::cerr << "farm-sim: expected pairs of an option and a number; got '" << argv[i] << "'. Options:";
+      for (const auto& [name, set] : options) std::cerr << " " << name;
+      std::cerr << "\n";
+      return EXIT_FAILURE;
+    }
+    option->second(value);
+  }
+  const FarmResult result = Simulate(settings);
+  Print(result);
+  return result.finished ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+}  // namespace
+}  // namespace lumifold::sim
+
+int main(int argc, char** argv) { return lumifold::sim::Main(argc, argv); }

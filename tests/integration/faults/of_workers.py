@@ -1,0 +1,94 @@
+"""Workers that break the protocol (tests/support/hostile_worker.cc)."""
+
+import os
+import socket
+
+from fault import Fault, both, logged, logged_one_of, refused, said_by_workers
+from world import LEASE_SECONDS, Picture, Setup
+
+# What the hostile worker says for each unit, and for each connection that was ended.
+DELIVERED = ("event=hostile .*unit=", "units")
+ENDED = ("event=hostile .*ended code=", "connections ended")
+FOREIGN_TOKEN = ("token of another job", "units")
+GARBAGE_CONNECTIONS = 20
+ANSWER_SECONDS = 5
+MAX_WARNINGS = 101  # with the line that counts the others
+LONG = Picture(samples=512)
+
+
+def hostile(behaviour, what, *proofs, said=DELIVERED, jobs=1, options=(), picture=Picture(), **fault):
+    """A worker with this behaviour beside an honest one."""
+    setup = Setup(workers=1, hostile=(behaviour,), jobs=jobs, hostile_options=options, picture=picture)
+    return Fault(f"worker: {behaviour}", what, lambda world: None, both(said_by_workers(*said), *proofs), setup=setup,
+                 after_units=0, **fault)
+
+
+def texts_are_bounded(world, _):
+    """A proof: status and list, which carry the texts of workers, can be read."""
+    world.farm.client("list")
+    warnings = world.farm.status(next(iter(world.jobs)))["warnings"]
+    if not MAX_WARNINGS // 2 < len(warnings) <= MAX_WARNINGS:
+        raise AssertionError(f"the status has {len(warnings)} warnings")
+    return f"{len(warnings)} warnings in the status"
+
+
+def send_garbage(world):
+    """Random bytes on the coordinator's port."""
+    host, port = world.farm.address.rsplit(":", 1)
+    connections = [socket.create_connection((host, int(port)), timeout=ANSWER_SECONDS) for _ in range(GARBAGE_CONNECTIONS)]
+    for connection in connections:
+        connection.sendall(os.urandom(1000))
+    return connections
+
+
+def is_refused(connection):
+    """Whether the coordinator has closed the connection."""
+    with connection:
+        try:
+            while connection.recv(1 << 16):
+                pass
+        except TimeoutError:
+            return False
+        except ConnectionError:
+            pass
+    return True
+
+
+def count_refused(world, connections):
+    return sum(is_refused(connection) for connection in connections)
+
+
+def all_refused(world, refused):
+    if refused != GARBAGE_CONNECTIONS:
+        raise AssertionError(f"{refused} of {GARBAGE_CONNECTIONS} connections with random bytes were closed")
+    return f"{refused} connections closed"
+
+
+FAULTS = [
+    hostile("nan", "a value of each unit is NaN", refused),
+    hostile("infinity", "a value of each unit is infinite", refused),
+    hostile("negative-count", "a sample count is negative", refused),
+    hostile("too-many-samples", "a sample count is above that of the pass", refused),
+    hostile("wrong-size", "units one pixel narrower than their tile", refused),
+    hostile("missing-channel", "units without their last channel", refused),
+    hostile("wrong-tile", "units under the number of another tile", logged("unit_not_wanted", "lease_dropped")),
+    hostile("other-job", "units with the token of another job, and wrong pixels", logged("unit_not_wanted", "lease_dropped"), jobs=2,
+            said=FOREIGN_TOKEN),
+    hostile("garbage", "random bytes for pixels, with a checksum that fits", refused),
+    hostile("flipped-bit", "pixels that differ in one bit from their checksum", refused),
+    hostile("short", "half of the bytes of each unit", refused),
+    hostile("warnings", "3 MB of new warnings with each unit", texts_are_bounded),
+    hostile("twice", "each unit twice, with wrong pixels the second time", logged("unit_not_wanted")),
+    hostile("late", "silence past the lease, then wrong pixels", logged("lease_expired", "unit_not_wanted"),
+            options=("--late-seconds", str(1.5 * LEASE_SECONDS), "--slots", "1"), picture=LONG),
+    hostile("vanish", "an incomplete unit, then its connection breaks, again and again", logged("worker_gone"), picture=LONG),
+    hostile("permanent", "calls each unit impossible to render", logged("unit_failed")),
+    hostile("long-error", "as before, with 3 MB of error text", logged("unit_failed")),
+    hostile("foreign-failures", "failures of units that others have leased"),
+    hostile("hoard", "reports progress for ever and delivers nothing", logged_one_of("unit_overdue", "leases_void")),
+    hostile("second-hello", "introduces itself twice", said=ENDED),
+    hostile("other-version", "speaks another version of the protocol", logged("worker_refused"), said=ENDED),
+    hostile("garbage-message", "random bytes for its first message", said=ENDED),
+    Fault("garbage on the port", f"{GARBAGE_CONNECTIONS} connections with random bytes", send_garbage, all_refused,
+          count_refused),
+]

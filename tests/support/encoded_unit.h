@@ -1,0 +1,33 @@
+#pragma once
+
+#include <utility>
+
+#include "filter/image/check.h"
+#include "server/film/unit_log.h"
+
+namespace lumifold {
+
+/// A picture as it arrives from a worker.
+inline rpc::ReceivedPicture Received(const LayeredImage& picture) {
+  if (picture.channels().empty() || picture.height() == 0) return {};
+  rpc::PixelAssembler assembler;
+  rpc::PixelChunker chunker(picture);
+  v1::PixelChunk chunk;
+  while (chunker.Next(&chunk)) LUMIFOLD_CHECK(assembler.Add(chunk).ok());
+  return assembler.Take();
+}
+
+/// A unit as it arrives from a worker.
+inline film::EncodedUnit Encoded(const film::StoredUnit& unit) {
+  return film::EncodeUnit(unit.unit, unit.attempt, unit.stats,
+                          {Received(unit.image.pixels), Received(unit.image.edges)});
+}
+
+/// The bytes of a picture that was received.
+inline std::string BytesOf(const rpc::ReceivedPicture& picture) {
+  std::string bytes;
+  for (const rpc::PixelPiece& piece : picture.pieces) bytes += piece.bytes;
+  return bytes;
+}
+
+}  // namespace lumifold

@@ -6,6 +6,7 @@
 #include <memory>
 #include <utility>
 
+#include "server/film/void_records.h"
 #include "server/manifest.h"
 
 namespace lumifold::server {
@@ -100,6 +101,35 @@ void Committer::Check(const FrameKey& frame, const absl::Status& cause) {
       [this, frame, cause, lost](const absl::Status&) {
         if (listener_->IsWanted(frame.first)) listener_->OnUnitsLost(frame.first, frame.second, cause, *lost);
       });
+}
+
+void Committer::Discard(const FrameKey& frame, const std::vector<job::UnitKey>& units) {
+  using Lost = absl::StatusOr<std::vector<ledger::UnitRecord>>;
+  const auto lost = std::make_shared<Lost>();
+  Write(
+      [this, frame, units, lost] {
+        if (!listener_->IsWanted(frame.first)) return absl::CancelledError("");
+        // First the records: a crash in between leaves rows without records, which are found and rendered again.
+        if (absl::Status status = VoidRecordsOf(frame, units); !status.ok()) return status;
+        *lost = TakeBackLostUnits(frame);
+        return lost->status();
+      },
+      [this, frame, units, lost](const absl::Status&) {
+        if (listener_->IsWanted(frame.first)) listener_->OnUnitsDiscarded(frame, units, *lost);
+      });
+}
+
+absl::Status Committer::VoidRecordsOf(const FrameKey& frame, const std::vector<job::UnitKey>& units) {
+  const std::set<job::UnitKey> discarded(units.begin(), units.end());
+  std::vector<film::RecordPlace> places;
+  const absl::Status listed =
+      store_->ForEachUnit(frame.first, frame.second, [&](const ledger::UnitRecord& record) {
+        if (discarded.contains(record.unit.key)) places.push_back({record.offset, record.length});
+      });
+  if (!listed.ok()) return listed;
+  const absl::Status status = film::VoidRecords(
+      folder_.PathOf(DataFolder::UnitLogName(frame.first, frame.second)), places, folder_.files());
+  return absl::IsNotFound(status) ? absl::OkStatus() : status;
 }
 
 void Committer::ForgetLog(const FrameKey& frame) {

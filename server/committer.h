@@ -80,6 +80,10 @@ class Committer {
     /// An error: the job cannot continue.
     virtual void OnUnitsLost(const job::JobId& job, int32_t frame, const absl::Status& cause,
                              const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) = 0;
+    /// Units of a frame were discarded: neither the ledger nor the log has them. `lost`: those, and others whose records
+    /// could not be read. An error: the job cannot continue.
+    virtual void OnUnitsDiscarded(const FrameKey& frame, const std::vector<job::UnitKey>& units,
+                                  const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) = 0;
     /// The storage can be written again.
     virtual void OnStorageAvailable() = 0;
   };
@@ -100,6 +104,9 @@ class Committer {
   /// Reads the log of a frame that is not finished, takes back the units whose records cannot be read, and calls
   /// OnUnitsLost. No unit of the frame may be queued.
   void Check(const FrameKey& frame, const absl::Status& cause);
+  /// Takes committed units of a frame that is not finished out of its log and the ledger, and calls OnUnitsDiscarded.
+  /// No effect on a frame that the listener does not want any more.
+  void Discard(const FrameKey& frame, const std::vector<job::UnitKey>& units);
   /// Forgets the log of a finished frame, or all logs of a job that has ended, so that they can be deleted. Call it
   /// from the committer's thread.
   void ForgetLog(const FrameKey& frame);
@@ -149,6 +156,7 @@ class Committer {
   absl::StatusOr<film::UnitLog*> LogOf(const FrameKey& frame);
   absl::StatusOr<film::UnitLog> OpenLog(const FrameKey& frame);
   absl::StatusOr<std::vector<ledger::UnitRecord>> TakeBackLostUnits(const FrameKey& frame);
+  absl::Status VoidRecordsOf(const FrameKey& frame, const std::vector<job::UnitKey>& units);
 
   const CommitterOptions options_;
   const DataFolder folder_;

@@ -185,6 +185,7 @@ void Coordinator::StartJob(ledger::JobRecord record, const std::vector<job_life:
     // Another call may have started it, and it may have ended since.
     if (was_uncertain && uncertain_jobs_.erase(id) == 0) return;
     scheduler_.AddJob(id, record.spec, scheduler::OptionsOf(record.scheduling));
+    LimitFramesFor(id);
     options_.log->info("event=job_submitted job={} scene={} size={}x{} spp={} frames={}", id.value(),
                        Quoted(record.spec.scene().display_name()), record.spec.width(), record.spec.height(),
                        record.spec.samples_per_pixel(), job::FrameList(record.spec).count());

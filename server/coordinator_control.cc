@@ -7,6 +7,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
@@ -15,6 +16,7 @@
 #include "server/job/scheduling.h"
 #include "server/job_status.h"
 #include "server/log_text.h"
+#include "server/manifest.h"
 
 namespace lumifold::server {
 
@@ -28,6 +30,8 @@ constexpr int kMaxListed = 1000;
 /// Bytes of the events of one answer, and what each takes beside its text.
 constexpr size_t kMaxLogBytes = size_t{3} << 20;
 constexpr size_t kEventOverheadBytes = 16;
+/// Jobs that a reason names.
+constexpr size_t kMaxNamedJobs = 4;
 constexpr char kIdPrefix[] = "w-";
 /// Prefix of page tokens after the connected workers; the name of a blocked worker follows.
 constexpr char kBlockedToken[] = "b-";
@@ -79,6 +83,16 @@ void AddReason(const std::string& code, const std::string& text, v1::ExplainJobR
   reason->set_text(text);
 }
 
+std::string TextOf(const std::vector<JobId>& waits_for) {
+  const size_t named = std::min(waits_for.size(), kMaxNamedJobs);
+  std::string text = absl::StrCat(
+      "the job waits until these are done: ",
+      absl::StrJoin(waits_for.begin(), waits_for.begin() + static_cast<std::ptrdiff_t>(named), ", ",
+                    [](std::string* out, const JobId& job) { absl::StrAppend(out, job.value()); }));
+  if (named < waits_for.size()) absl::StrAppend(&text, " and ", waits_for.size() - named, " more");
+  return text;
+}
+
 }  // namespace
 
 absl::StatusOr<v1::JobStatus> Coordinator::ChangeScheduling(const std::string& job_id,
@@ -99,6 +113,7 @@ absl::StatusOr<v1::JobStatus> Coordinator::ChangeScheduling(const std::string& j
     change(&scheduling);
     recorded = store_->SetScheduling(Owned(job), scheduling);
     if (IsStorageError(recorded)) return NoteError(recorded);
+    if (recorded.ok()) RecordScheduling(job, scheduling);
   }
   {
     absl::MutexLock lock(&mutex_);
@@ -114,6 +129,19 @@ absl::StatusOr<v1::JobStatus> Coordinator::ChangeScheduling(const std::string& j
   }
   if (const absl::Status known = GetJob(job_id).status(); !known.ok()) return known;
   return absl::FailedPreconditionError(absl::StrCat("job ", job_id, " has ended"));
+}
+
+void Coordinator::RecordScheduling(const JobId& job, const v1::Scheduling& scheduling) {
+  // By the committer, so that it cannot write the manifest of a job that ends meanwhile.
+  committer_->Write(
+      [this, job, scheduling] {
+        return IsWanted(job) ? RewriteManifest(folder_, job, scheduling) : absl::OkStatus();
+      },
+      [this, job](const absl::Status& status) {
+        if (status.ok()) return;
+        options_.log->warn("event=manifest_not_written job={} error={}", job.value(),
+                           Quoted(std::string(status.message())));
+      });
 }
 
 void Coordinator::Reschedule(const JobId& job, const v1::Scheduling& scheduling) {
@@ -158,6 +186,8 @@ absl::StatusOr<v1::ExplainJobResponse> Coordinator::ExplainJob(const std::string
     AddReason("storage", std::string(storage.message()), &response);
   const JobId job(job_id);
   absl::MutexLock lock(&mutex_);
+  if (const std::vector<JobId> waits_for = dependencies_.WaitsFor(job); !waits_for.empty())
+    AddReason("after", TextOf(waits_for), &response);
   ExplainAsset(job, &response);
   const bool is_paused = status->scheduling().paused();
   for (const scheduler::Reason& reason : scheduler_.Explain(job, options_.now())) {

@@ -83,6 +83,10 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
                                              folder_, store_, &storage_,
                                              static_cast<Committer::Listener*>(this))) {
   storage_.OnChange(options.on_storage_change);
+  absl::MutexLock lock(&mutex_);
+  frame_resources_ = {.open_logs = options.max_open_logs,
+                      .free_disk_bytes = folder.FreeBytes().value_or(0),
+                      .memory_bytes = MemoryBytes()};
 }
 
 Coordinator::~Coordinator() { Shutdown(); }
@@ -196,8 +200,7 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
                       NameOf(unit.worker), unit.stored.stats.seconds());
   if (scheduler_.UnitCommitted(ref)) {
     options_.log->info("event=frame_committed job={} frame={}", ref.job.value(), ref.key.frame);
-    committed_frames_.push_back({ref.job, ref.key.frame});
-    finishing_.Wake();
+    QueueFrame({ref.job, ref.key.frame});
   }
   changed_jobs_.insert(ref.job);
   housekeeping_.Wake();

@@ -197,6 +197,7 @@ class Coordinator final : private Committer::Listener {
   struct CommittedFrame {
     job::JobId job;
     int32_t number = 0;
+    FrameKey key() const { return {job, number}; }
     /// Number of times that finishing it has failed, and when it may be tried again.
     int failures = 0;
     /// Number of times that the storage could not be written meanwhile, which is no failure of the frame.
@@ -208,7 +209,7 @@ class Coordinator final : private Committer::Listener {
     ledger::JobRecord record;
     std::vector<int32_t> finished;
     /// Committed units of the other frames, and the ends of their logs.
-    std::vector<job::UnitKey> units;
+    std::vector<scheduler::RestoredUnit> units;
     std::map<int32_t, uint64_t> committed_bytes;
     std::vector<job_life::Prerequisite> after;
     /// Why the job cannot continue; empty if it can.
@@ -296,8 +297,20 @@ class Coordinator final : private Committer::Listener {
   void OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) override;
   void OnUnitsLost(const job::JobId& job, int32_t frame, const absl::Status& cause,
                    const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) override;
+  void OnUnitsDiscarded(const FrameKey& frame, const std::vector<job::UnitKey>& units,
+                        const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) override;
   void OnStorageAvailable() override;
   void CountCommitted(const AcceptedUnit& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
+  // Audits, see coordinator_audits.cc.
+  /// Carries out what the scheduler has concluded from audits.
+  void FollowAudits() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Takes back the units of a faulty worker, and records that it is blocked.
+  void ConvictWorker(const scheduler::FaultyWorker& faulty) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Lets a committed frame be finished.
+  void QueueFrame(const FrameKey& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Whether all units of a frame are committed, and none was taken back since it was last begun to be finished.
+  bool IsResultWanted(const FrameKey& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   /// Grants leases to all workers that have free slots.
   void GrantLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -324,6 +337,8 @@ class Coordinator final : private Committer::Listener {
   /// Changes how an active job is scheduled, in the ledger first.
   absl::StatusOr<v1::JobStatus> ChangeScheduling(const std::string& job_id,
                                                  absl::FunctionRef<void(v1::Scheduling*)> change);
+  /// Records the scheduling where `recover` reads it.
+  void RecordScheduling(const job::JobId& job, const v1::Scheduling& scheduling);
   void Reschedule(const job::JobId& job, const v1::Scheduling& scheduling)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Adds why frames of the job that are rendered have no result yet.
@@ -356,8 +371,10 @@ class Coordinator final : private Committer::Listener {
   /// Logs leases that are late, and ends the jobs that cannot go on because of them.
   void ReportLate(const std::vector<scheduler::LateLease>& late) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void NotifyWatchers() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Bounds the frames in flight by what the machine has.
+  /// Bounds the frames in flight by what the machine has and all jobs demand.
   void LimitFrames(uint64_t free_disk_bytes) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// The same for a job that is new in the scheduler, before any of its units is leased.
+  void LimitFramesFor(const job::JobId& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const CoordinatorOptions options_;
   const DataFolder folder_;
@@ -366,7 +383,6 @@ class Coordinator final : private Committer::Listener {
   FrameFinisher* const finisher_;
   /// This run of the coordinator, which owns all active jobs.
   const ledger::Owner owner_;
-  const uint64_t memory_bytes_ = MemoryBytes();
   StorageState storage_;
 
   /// One change of a job's scheduling or of the blocked workers at a time, in the ledger and here. Taken before mutex_.
@@ -381,14 +397,18 @@ class Coordinator final : private Committer::Listener {
   std::set<job::JobId> uncertain_jobs_ ABSL_GUARDED_BY(mutex_);
   std::map<job::JobId, SuspendedJob> suspended_jobs_ ABSL_GUARDED_BY(mutex_);
   job_life::Dependencies dependencies_ ABSL_GUARDED_BY(mutex_);
-  /// Job of the frame that is being finished.
-  std::optional<job::JobId> finishing_job_ ABSL_GUARDED_BY(mutex_);
+  /// The frame that is being finished, and whether units of it were taken back since.
+  std::optional<FrameKey> finished_frame_ ABSL_GUARDED_BY(mutex_);
+  bool finished_in_vain_ ABSL_GUARDED_BY(mutex_) = false;
   /// Changes that were asked for and are not answered.
   std::map<int64_t, StatusAnswer> changes_ ABSL_GUARDED_BY(mutex_);
   int64_t next_change_ ABSL_GUARDED_BY(mutex_) = 1;
   /// When the render time of an active job would have begun, had all of it been spent without a break.
   std::map<job::JobId, absl::Time> render_starts_ ABSL_GUARDED_BY(mutex_);
   std::map<job::JobId, UnitBytes> unit_bytes_ ABSL_GUARDED_BY(mutex_);
+  /// What the frames in flight are bounded by.
+  FrameResources frame_resources_ ABSL_GUARDED_BY(mutex_);
+  FrameDemand largest_frame_ ABSL_GUARDED_BY(mutex_);
   int64_t next_worker_ ABSL_GUARDED_BY(mutex_) = 1;
   std::map<job::WorkerId, ConnectedWorker> workers_ ABSL_GUARDED_BY(mutex_);
   std::deque<CommittedFrame> committed_frames_ ABSL_GUARDED_BY(mutex_);

@@ -126,7 +126,7 @@ absl::Status Coordinator::Suspend(const JobId& job, v1::JobStatus shown) {
     }
     suspended_jobs_[job] = std::move(suspended);
     const auto is_not_finishing = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS {
-      return stopping_ || finishing_job_ != job;
+      return stopping_ || !finished_frame_.has_value() || finished_frame_->first != job;
     };
     mutex_.Await(absl::Condition(&is_not_finishing));
   }

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "server/coordinator_impl.h"
+#include "server/film/unit_log.h"
 #include "server/job/job_spec.h"
 #include "server/log_text.h"
 #include "server/manifest.h"
@@ -14,6 +15,32 @@
 namespace lumifold::server {
 
 using job::JobId;
+
+namespace {
+
+/// Reads the digests of audited units from their records.
+class DigestReader {
+ public:
+  DigestReader(const DataFolder& folder, double share) : folder_(folder), share_(share) {}
+
+  /// Empty for a unit that is not audited, and where its record cannot be read.
+  std::string Of(const ledger::UnitRecord& unit) {
+    if (!scheduler::IsAudited(unit.unit, share_)) return "";
+    if (unit.file != file_) {  // the units of a frame follow one another
+      file_ = unit.file;
+      log_ = film::UnitLogReader::Open(folder_.PathOf(file_));
+    }
+    return log_.ok() ? log_->ReadDigest({unit.offset, unit.length}).value_or("") : "";
+  }
+
+ private:
+  const DataFolder& folder_;
+  const double share_;
+  std::string file_;
+  absl::StatusOr<film::UnitLogReader> log_ = absl::NotFoundError("");
+};
+
+}  // namespace
 
 // No other thread has the coordinator yet, so that nothing here needs the lock; and nothing may hold it, because these
 // functions read and write the ledger and files.
@@ -99,9 +126,11 @@ absl::Status Coordinator::LoadProgress(LoadedJob* loaded) {
   absl::StatusOr<std::vector<int32_t>> finished = store_->FinishedFrames(id);
   if (!finished.ok()) return finished.status();
   loaded->finished = *std::move(finished);
-  absl::StatusOr<RestoredUnits> units =
-      RestoreUnits(folder_, *store_, Owned(id), loaded->record, loaded->finished,
-                   [loaded](const job::UnitRef& unit) { loaded->units.push_back(unit.key); });
+  DigestReader digests(folder_, loaded->record.scheduling.audit_share());
+  absl::StatusOr<RestoredUnits> units = RestoreUnits(
+      folder_, *store_, Owned(id), loaded->record, loaded->finished, [&](const ledger::UnitRecord& unit) {
+        loaded->units.push_back({unit.unit.key, unit.worker, digests.Of(unit)});
+      });
   if (!units.ok()) return units.status();
   loaded->committed_bytes = std::move(units->committed_bytes);
   if (units->recovered > 0) {  // they have changed the job's class and counts
@@ -123,11 +152,12 @@ void Coordinator::EnterJob(LoadedJob loaded) {
   scheduler::JobOptions options = scheduler::OptionsOf(loaded.record.scheduling);
   if (!loaded.record.numeric_class.empty()) options.numeric_class = loaded.record.numeric_class;
   scheduler_.AddJob(id, loaded.record.spec, options);
+  LimitFramesFor(id);
   for (const int32_t frame : loaded.finished) scheduler_.RestoreFinishedFrame(id, frame);
-  for (const job::UnitKey& unit : loaded.units) scheduler_.RestoreCommittedUnit({id, unit});
+  for (const scheduler::RestoredUnit& unit : loaded.units)
+    scheduler_.RestoreCommittedUnit(id, unit, options_.now());
   for (const int32_t frame : scheduler_.CommittedFrames(id)) {
-    committed_frames_.push_back({.job = id, .number = frame});
-    finishing_.Wake();
+    QueueFrame({id, frame});
   }
   const scheduler::JobProgress progress = scheduler_.Progress(id);
   options_.log->info("event=job_restored job={} units={}/{} frames={}/{}", id.value(), progress.units_done,

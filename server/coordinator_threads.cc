@@ -51,7 +51,7 @@ void Coordinator::RunFinisher() {
     const absl::StatusOr<v1::StageTimes> times = finisher_->Finish(frame->job, frame->number);
     if (!absl::IsCancelled(times.status())) RecordFinished(*frame, times);
     absl::MutexLock lock(&mutex_);
-    finishing_job_.reset();
+    finished_frame_.reset();
   }
 }
 
@@ -64,11 +64,11 @@ std::optional<Coordinator::CommittedFrame> Coordinator::NextCommittedFrame() {
       if (const auto due = FindDueFrame(); due != committed_frames_.end()) {
         CommittedFrame frame = std::move(*due);
         committed_frames_.erase(due);
-        if (active_jobs_.contains(frame.job)) {
-          finishing_job_ = frame.job;
-          return frame;
-        }
-        continue;
+        if (!active_jobs_.contains(frame.job) || !scheduler_.IsFrameCommitted(frame.job, frame.number))
+          continue;
+        finished_frame_ = frame.key();
+        finished_in_vain_ = false;
+        return frame;
       }
       // Of frames that are due already, only the storage is waited for: its return wakes this thread.
       const absl::Time now = options_.now();
@@ -118,7 +118,8 @@ void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::Status
   absl::MutexLock lock(&mutex_);
   const auto active = active_jobs_.find(frame.job);
   if (active == active_jobs_.end()) return;
-  const FrameKey key(frame.job, frame.number);
+  const FrameKey key = frame.key();
+  if (!IsResultWanted(key)) return;  // it is queued again when its units are committed again
   if (absl::IsDataLoss(times.status()) || absl::IsNotFound(times.status()))
     return committer_->Check(key, times.status());
   if (absl::IsUnavailable(times.status())) return AwaitStorage(frame, times.status());
@@ -179,16 +180,18 @@ void Coordinator::RunHousekeeping() {
 }
 
 void Coordinator::LimitFrames(uint64_t free_disk_bytes) {
-  FrameDemand largest;
+  frame_resources_.free_disk_bytes = free_disk_bytes;
+  largest_frame_ = {};
   for (const auto& [job, record] : active_jobs_) {
-    if (!scheduler_.HasJob(job)) continue;
-    const FrameDemand demand = DemandOf(record.spec, scheduler_.UnitsOf(job), unit_bytes_[job]);
-    largest.log_bytes = std::max(largest.log_bytes, demand.log_bytes);
-    largest.units = std::max(largest.units, demand.units);
+    if (scheduler_.HasJob(job)) LimitFramesFor(job);
   }
-  const FrameResources resources = {
-      .open_logs = options_.max_open_logs, .free_disk_bytes = free_disk_bytes, .memory_bytes = memory_bytes_};
-  scheduler_.SetMaxActiveFrames(MaxActiveFrames(resources, largest));
+}
+
+void Coordinator::LimitFramesFor(const JobId& job) {
+  const FrameDemand demand = DemandOf(scheduler_.SpecOf(job), scheduler_.UnitsOf(job), unit_bytes_[job]);
+  largest_frame_.log_bytes = std::max(largest_frame_.log_bytes, demand.log_bytes);
+  largest_frame_.units = std::max(largest_frame_.units, demand.units);
+  scheduler_.SetMaxActiveFrames(MaxActiveFrames(frame_resources_, largest_frame_));
 }
 
 absl::Duration Coordinator::UntilNextHousekeeping() {

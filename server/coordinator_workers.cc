@@ -125,7 +125,12 @@ std::optional<LeasedUnit> Coordinator::FindLease(WorkerId worker, const UnitRef&
 void Coordinator::Deliver(WorkerId worker, film::EncodedUnit unit) {
   absl::MutexLock lock(&mutex_);
   const scheduler::Completion completion =
-      scheduler_.CompleteUnit(worker, unit.unit, unit.attempt, options_.now());
+      scheduler_.CompleteUnit(worker, unit.unit, unit.attempt, options_.now(), unit.digest());
+  if (completion == scheduler::Completion::kAudited) {
+    options_.log->debug("event=unit_audited unit={} worker={}", Quoted(Describe(unit.unit)), NameOf(worker));
+    Acknowledge(worker, unit.unit, unit.attempt);
+    return GrantLeases();
+  }
   if (completion != scheduler::Completion::kAccepted) {
     options_.log->info("event=unit_not_wanted unit={} worker={}", Quoted(Describe(unit.unit)),
                        NameOf(worker));
@@ -193,6 +198,7 @@ void Coordinator::OnLeaving(WorkerId worker, const std::string& reason) {
 
 void Coordinator::GrantLeases() {
   if (!leasing_) return;
+  FollowAudits();
   for (const scheduler::SetAsideWorker& aside : scheduler_.TakeSetAside()) {
     options_.log->warn("event=worker_set_aside worker={} seconds={:.0f} reason={}", NameOf(aside.worker),
                        absl::ToDoubleSeconds(aside.until - options_.now()), Quoted(aside.reason));

@@ -54,6 +54,14 @@ absl::Status WriteManifest(const DataFolder& folder, const v1::JobManifest& mani
   return WriteTo(folder, folder.ManifestPath(job), manifest);
 }
 
+absl::Status RewriteManifest(const DataFolder& folder, const job::JobId& job,
+                             const v1::Scheduling& scheduling) {
+  absl::StatusOr<v1::JobManifest> manifest = ReadManifest(folder.ManifestPath(job));
+  if (!manifest.ok()) return manifest.status();
+  *manifest->mutable_scheduling() = scheduling;
+  return WriteTo(folder, folder.ManifestPath(job), *manifest);
+}
+
 absl::Status RetireJob(const DataFolder& folder, const job::JobId& job, v1::JobState end_state,
                        const std::string& error) {
   absl::StatusOr<v1::JobManifest> manifest = ReadManifest(folder.ManifestPath(job));

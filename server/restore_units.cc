@@ -34,7 +34,7 @@ class LogTail {
   }
 
   /// Returns the end of the last undamaged record from `first` on.
-  absl::StatusOr<uint64_t> Commit(uint64_t first, absl::FunctionRef<void(const job::UnitRef&)> visit) {
+  absl::StatusOr<uint64_t> Commit(uint64_t first, absl::FunctionRef<void(const ledger::UnitRecord&)> visit) {
     if (commit_.numeric_class.empty()) return first;
     const absl::StatusOr<film::UnitLogReader> log = film::UnitLogReader::Open(path_);
     if (!log.ok()) return log.status();
@@ -57,7 +57,7 @@ class LogTail {
 
  private:
   absl::Status Add(const film::StoredUnit& unit, const film::RecordPlace& place,
-                   absl::FunctionRef<void(const job::UnitRef&)> visit) {
+                   absl::FunctionRef<void(const ledger::UnitRecord&)> visit) {
     const job::UnitKey& key = unit.unit.key;
     const bool is_of_frame = unit.unit.job == commit_.job.job && key.frame == frame_;
     if (!is_of_frame || !units_.NumberOf(key).has_value() || !committed_.insert(key).second)
@@ -75,12 +75,12 @@ class LogTail {
     return commit_.units.size() < kMaxCommit ? absl::OkStatus() : Flush(visit);
   }
 
-  absl::Status Flush(absl::FunctionRef<void(const job::UnitRef&)> visit) {
+  absl::Status Flush(absl::FunctionRef<void(const ledger::UnitRecord&)> visit) {
     if (commit_.units.empty()) return absl::OkStatus();
     const absl::StatusOr<std::vector<absl::Status>> outcomes = store_.CommitUnits({commit_});
     if (!outcomes.ok()) return outcomes.status();
     if (!outcomes->front().ok()) return outcomes->front();
-    for (const ledger::UnitRecord& record : commit_.units) visit(record.unit);
+    for (const ledger::UnitRecord& record : commit_.units) visit(record);
     recovered_ += static_cast<int64_t>(commit_.units.size());
     commit_.units.clear();
     commit_.warnings.clear();
@@ -102,10 +102,10 @@ class LogTail {
 absl::StatusOr<RestoredUnits> RestoreUnits(const DataFolder& folder, ledger::JobStore& store,
                                            const ledger::OwnedJob& job, const ledger::JobRecord& record,
                                            const std::vector<int32_t>& finished,
-                                           absl::FunctionRef<void(const job::UnitRef&)> visit) {
+                                           absl::FunctionRef<void(const ledger::UnitRecord&)> visit) {
   RestoredUnits restored;
   const absl::Status read = store.ForEachUnit(job.job, std::nullopt, [&](const ledger::UnitRecord& unit) {
-    visit(unit.unit);
+    visit(unit);
     uint64_t& end = restored.committed_bytes[unit.unit.key.frame];
     end = std::max(end, unit.offset + unit.length);
   });

@@ -27,6 +27,6 @@ struct RestoredUnits {
 absl::StatusOr<RestoredUnits> RestoreUnits(const DataFolder& folder, ledger::JobStore& store,
                                            const ledger::OwnedJob& job, const ledger::JobRecord& record,
                                            const std::vector<int32_t>& finished,
-                                           absl::FunctionRef<void(const job::UnitRef&)> visit);
+                                           absl::FunctionRef<void(const ledger::UnitRecord&)> visit);
 
 }  // namespace lumifold::server

@@ -25,6 +25,7 @@
 #include "server/grpc_adapter.h"
 #include "server/ledger/open_job_store.h"
 #include "server/recover.h"
+#include "server/reserve_file.h"
 
 namespace lumifold::server {
 namespace {
@@ -95,6 +96,9 @@ absl::Status ServerImpl::Open() {
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
   if (absl::Status status = folder_.RemoveLeftovers(); !status.ok()) return status;
+  // A start writes to the ledger; on a full disk in the space that is kept for it.
+  if (folder_.FreeBytes().value_or(0) < options_.reserve_bytes)
+    ReserveFile(folder_.ReservePath(), options_.reserve_bytes, options_.files).GiveUp();
   const bool is_in_folder = options_.store.empty() || options_.store == ledger::kSqliteStore;
   if (is_in_folder) {
     if (absl::Status status = CheckHasLedger(folder_); !status.ok()) return status;

@@ -192,6 +192,13 @@ absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) c
       {std::move(*header->mutable_pixels()->mutable_layout()), header->edges().layout().height()}};
 }
 
+absl::StatusOr<std::string> UnitLogReader::ReadDigest(const RecordPlace& place) const {
+  if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
+  const absl::StatusOr<RecordPreamble> preamble = ReadPreamble(file_, path_, place.offset);
+  if (!preamble.ok()) return preamble.status();
+  return DigestOf(*preamble);
+}
+
 absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
   if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
   const absl::StatusOr<RecordPreamble> preamble = ReadPreamble(file_, path_, place.offset);

@@ -91,6 +91,9 @@ class UnitLogReader {
   /// As Read, for the header only; the pixels are not checked.
   absl::StatusOr<UnitHeader> ReadHeader(const RecordPlace& place) const;
 
+  /// EncodedUnit::digest of the record. Errors: as Read; the pixels are not checked.
+  absl::StatusOr<std::string> ReadDigest(const RecordPlace& place) const;
+
   /// Reads the records from `first` to the end of the file. Where one is damaged, it goes on with the next
   /// offset at which an undamaged record begins. Returns the end of the last undamaged record, or `first`:
   /// what follows is the torn tail of a write that never ended.

@@ -2,9 +2,11 @@
 
 #include <bit>
 #include <cstddef>
+#include <cstring>
 #include <iterator>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
 
 namespace lumifold::film {
@@ -27,6 +29,16 @@ uint64_t HeaderChecksum(const RecordPreamble& preamble, std::string_view header)
 }
 
 uint64_t EncodedUnit::size_bytes() const { return head.size() + BytesOf(payload); }
+
+std::string DigestOf(const RecordPreamble& preamble) {
+  return absl::StrCat(absl::Hex(preamble.payload_checksum, absl::kZeroPad16));
+}
+
+std::string EncodedUnit::digest() const {
+  RecordPreamble preamble;
+  std::memcpy(&preamble, head.data(), sizeof(preamble));
+  return DigestOf(preamble);
+}
 
 EncodedUnit EncodeUnit(const job::UnitRef& unit, job::Attempt attempt, const v1::UnitStats& stats,
                        DeliveredPixels delivered) {

@@ -41,7 +41,12 @@ struct EncodedUnit {
 
   /// Bytes of the record.
   uint64_t size_bytes() const;
+  /// Equal for equal pixels: the checksum of the payload, in text.
+  std::string digest() const;
 };
+
+/// EncodedUnit::digest of the record with this preamble.
+std::string DigestOf(const RecordPreamble& preamble);
 
 /// Encodes a complete unit without copying its pixels.
 EncodedUnit EncodeUnit(const job::UnitRef& unit, job::Attempt attempt, const v1::UnitStats& stats,

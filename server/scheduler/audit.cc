@@ -8,7 +8,6 @@
 namespace lumifold::scheduler {
 
 using job::Attempt;
-using job::UnitKey;
 using job::UnitRef;
 using job::WorkerId;
 
@@ -33,15 +32,15 @@ uint64_t HashOf(const UnitRef& unit) {
 
 }  // namespace
 
-bool Scheduler::IsAudited(const Job& job, const UnitKey& key) const {
+bool IsAudited(const UnitRef& unit, double share) {
   constexpr double kRange = 18446744073709551616.0;  // 2^64
-  return job.audit_share > 0 && static_cast<double>(HashOf({job.id, key})) < job.audit_share * kRange;
+  return share > 0 && static_cast<double>(HashOf(unit)) < share * kRange;
 }
 
 void Scheduler::StartAudit(const UnitIndex& index, const std::string& worker, absl::string_view digest,
                            absl::Time now) {
   Job& job = jobs_.at(index.job);
-  if (digest.empty()) {
+  if (digest.empty() || worker.empty()) {
     ++job.audits_waived;
     return;
   }
@@ -50,6 +49,7 @@ void Scheduler::StartAudit(const UnitIndex& index, const std::string& worker, ab
   audit.deadline = now + options_.audit_patience;
   audit_deadlines_.emplace(audit.deadline, index);
   ++job.frames.at(index.place.frame).audits;
+  UpdateCommitted(job, index.place.frame);
   ReturnAudit(index);
 }
 

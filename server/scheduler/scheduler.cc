@@ -71,8 +71,10 @@ void Scheduler::SetMaxActiveFrames(int frames) {
   max_active_frames_ = frames;
 }
 
-bool Scheduler::RestoreCommittedUnit(const UnitRef& unit) {
-  const std::optional<UnitIndex> index = IndexOf(unit);
+bool Scheduler::RestoreCommittedUnit(const JobId& id, const RestoredUnit& unit, absl::Time now) {
+  latest_ = std::max(latest_, now);
+  const UnitRef ref{id, unit.key};
+  const std::optional<UnitIndex> index = IndexOf(ref);
   if (!index.has_value()) return false;
   Job& job = jobs_.at(index->job);
   if (job.finished[static_cast<size_t>(index->place.frame)]) return true;  // counted with its frame
@@ -80,7 +82,9 @@ bool Scheduler::RestoreCommittedUnit(const UnitRef& unit) {
   const auto number = static_cast<size_t>(index->place.number);
   if (frame.taken[number]) return true;
   frame.taken[number] = true;
+  if (!unit.worker.empty()) frame.deliverers[number] = deliverers_.Acquire(unit.worker);
   CountCommitted(job, index->place);
+  if (IsAudited(ref, job.audit_share)) StartAudit(*index, unit.worker, unit.digest, now);
   UpdateReady(index->job, job);
   return true;
 }
@@ -169,7 +173,7 @@ Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt
   const std::string& name = workers_.Find(worker)->traits.name;
   frame->second.taken[number] = true;
   frame->second.deliverers[number] = deliverers_.Acquire(name);
-  if (IsAudited(job, unit.key)) StartAudit(*index, name, digest, now);
+  if (IsAudited(unit, job.audit_share)) StartAudit(*index, name, digest, now);
   return Completion::kAccepted;
 }
 
@@ -284,7 +288,7 @@ bool Scheduler::UnitCommitted(const UnitRef& unit) {
   const Frame& frame = job.frames.at(index->place.frame);
   if (frame.revoking.contains(index->place.number)) {  // its worker was found faulty meanwhile
     const std::string name = deliverers_.NameOf(frame.deliverers[static_cast<size_t>(index->place.number)]);
-    newly_faulty_.push_back({name, "it was found faulty before", {unit}});
+    newly_faulty_.push_back({name, "", {unit}});
   }
   return job.committed_frames.contains(index->place.frame);
 }
@@ -328,9 +332,13 @@ bool Scheduler::FrameFinished(const JobId& id, int32_t frame_number) {
   Job* job = FindJob(id);
   if (job == nullptr) return false;
   const int frame = job->frame_list.IndexOf(frame_number).value();
-  if (job->committed_frames.erase(frame) == 0) return false;
-  ReleaseDeliverers(job->frames.at(frame));
-  job->frames.erase(frame);
+  const auto active = job->frames.find(frame);
+  if (active == job->frames.end() || active->second.committed < job->units.count() ||
+      active->second.audits > 0)
+    return false;
+  job->committed_frames.erase(frame);
+  ReleaseDeliverers(active->second);
+  job->frames.erase(active);
   CountFrames(*job, -1);
   job->finished[static_cast<size_t>(frame)] = true;
   ++job->finished_count;

@@ -50,8 +50,8 @@ namespace lumifold::scheduler {
 ///
 /// Audits: a share of the units of a job, chosen by a hash of job and unit, is leased again to a worker of another
 /// name once it is accepted. Equal digests settle the audit; otherwise further workers decide by majority, and a
-/// worker in the minority is blocked. A frame counts as committed when its audits are settled or waived too. A
-/// restart forgets audits that are not settled, and who delivered which unit.
+/// worker in the minority is blocked, and its units of frames that are not finished are revoked. A frame counts as
+/// committed when its audits are settled or waived too. A restart begins the audits of unfinished frames again.
 ///
 /// Time: O(log n) for each unit, lease and worker that a call names, returns or changes; n counts jobs,
 /// leases and workers. A grant also looks at each distinct pair of class and tags that ready jobs require.
@@ -67,7 +67,7 @@ class Scheduler {
   void AddJob(const job::JobId& job, const v1::JobSpec& spec, const JobOptions& options = {});
   /// Restores a unit that was committed before a restart. Call it before any lease of the job. False for a
   /// unit that the job does not have.
-  bool RestoreCommittedUnit(const job::UnitRef& unit);
+  bool RestoreCommittedUnit(const job::JobId& job, const RestoredUnit& unit, absl::Time now);
   /// Restores a frame whose result was written before a restart. Call it before any lease of the job and
   /// before the committed units of the frame. False for a frame that the job does not have.
   bool RestoreFinishedFrame(const job::JobId& job, int32_t frame);
@@ -147,8 +147,8 @@ class Scheduler {
   std::vector<int32_t> CommittedFrames(const job::JobId& job) const;
   /// False also for a frame of which units were revoked since it was committed.
   bool IsFrameCommitted(const job::JobId& job, int32_t frame) const;
-  /// Records that the result of a committed frame is written. True when it was the last frame of the job. No effect
-  /// on a frame that is not committed.
+  /// Records that the result of a frame is written. True when it was the last frame of the job. No effect on a frame of
+  /// which units are not committed and audited. Units that were to be revoked stay: their pixels are in the result.
   bool FrameFinished(const job::JobId& job, int32_t frame);
 
   /// Why the job does not run, or runs slowly, most important first; empty for a job that runs as it should, has
@@ -349,7 +349,6 @@ class Scheduler {
   void ExplainOverdue(int64_t number, absl::Time now, std::vector<Reason>* reasons) const;
 
   // Audits, in audit.cc.
-  bool IsAudited(const Job& job, const job::UnitKey& key) const;
   void StartAudit(const UnitIndex& index, const std::string& worker, absl::string_view digest,
                   absl::Time now);
   std::optional<Place> TakeAudit(Job& job, job::WorkerId worker);

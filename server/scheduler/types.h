@@ -66,6 +66,9 @@ struct JobOptions {
   double audit_share = 0;
 };
 
+/// Whether a unit is among the `share` of the units of its job that are audited: a hash of job and unit decides.
+bool IsAudited(const job::UnitRef& unit, double share);
+
 /// The fields of `scheduling` that concern the scheduler.
 JobOptions OptionsOf(const v1::Scheduling& scheduling);
 
@@ -120,9 +123,17 @@ struct VoidedLease {
   job::Attempt attempt;
 };
 
+/// A committed unit of an unfinished frame, as a restart finds it.
+struct RestoredUnit {
+  job::UnitKey key;
+  std::string worker{};  // name of the worker that delivered it; empty if that is not known
+  std::string digest{};  // of an audited unit, as for Scheduler::CompleteUnit; empty if it is not known
+};
+
 /// A worker that delivered other pixels than two others did; it is blocked from now on.
 struct FaultyWorker {
   std::string name;
+  /// Empty if the worker was reported before, and these are further units of it.
   std::string reason;
   /// Committed units that it delivered, of frames that are not finished. The caller discards them and then calls
   /// RevokeUnit for each; until then their frames are not committed.

@@ -143,6 +143,15 @@ def fill_disk(world):
     return said
 
 
+def start_on_full_disk(world):
+    """Killed, the coordinator starts in the space that it keeps for its ledger."""
+    world.farm.server.kill()
+    world.disk.fill()
+    world.farm.restart_server()
+    world.wait_for("event=storage_unavailable")
+    return refusal(world)
+
+
 def free_disk(world, said):
     world.disk.free()
     return said
@@ -227,6 +236,8 @@ FAULTS = [
           after_units=8),
     Fault("disk full", f"no byte is free for {OUTAGE_SECONDS} s", fill_disk, refused_and_went_on, free_disk, OUTAGE_SECONDS,
           Setup(disk="tmpfs", disk_megabytes=96)),
+    Fault("start on a full disk", "the coordinator is killed, and started when no byte is free", start_on_full_disk,
+          refused_and_went_on, free_disk, OUTAGE_SECONDS, Setup(disk="tmpfs", disk_megabytes=96)),
     Fault("folder read-only", f"no file can be made in a job's folder for {OUTAGE_SECONDS} s", lock_folder, refused_and_went_on,
           unlock_folder, OUTAGE_SECONDS, Setup(disk="ext4", disk_megabytes=128)),
     Fault("disk read-only", "the file system ends all writes, as after an error of the device; mounted again, the coordinator "

@@ -16,9 +16,9 @@ MAX_WARNINGS = 101  # with the line that counts the others
 LONG = Picture(samples=512)
 
 
-def hostile(behaviour, what, *proofs, said=DELIVERED, jobs=1, options=(), picture=Picture(), **fault):
-    """A worker with this behaviour beside an honest one."""
-    setup = Setup(workers=1, hostile=(behaviour,), jobs=jobs, hostile_options=options, picture=picture)
+def hostile(behaviour, what, *proofs, said=DELIVERED, jobs=1, options=(), picture=Picture(), workers=1, submit=(), **fault):
+    """A worker with this behaviour beside honest ones."""
+    setup = Setup(workers=workers, hostile=(behaviour,), jobs=jobs, hostile_options=options, picture=picture, submit=submit)
     return Fault(f"worker: {behaviour}", what, lambda world: None, both(said_by_workers(*said), *proofs), setup=setup,
                  after_units=0, **fault)
 
@@ -81,6 +81,8 @@ FAULTS = [
     hostile("twice", "each unit twice, with wrong pixels the second time", logged("unit_not_wanted")),
     hostile("late", "silence past the lease, then wrong pixels", logged("lease_expired", "unit_not_wanted"),
             options=("--late-seconds", str(1.5 * LEASE_SECONDS), "--slots", "1"), picture=LONG),
+    hostile("wrong-pixels", "plausible but wrong pixels, in a job whose units are all audited", logged("worker_faulty", "units_discarded"),
+            workers=2, submit=("--audit-share", "1")),
     hostile("vanish", "an incomplete unit, then its connection breaks, again and again", logged("worker_gone"), picture=LONG),
     hostile("permanent", "calls each unit impossible to render", logged("unit_failed")),
     hostile("long-error", "as before, with 3 MB of error text", logged("unit_failed")),

@@ -176,6 +176,55 @@ TEST_F(AuditTest, AUnitThatIsBeingCommittedWhenItsWorkerIsFoundFaultyIsReportedA
   EXPECT_TRUE(scheduler_.RevokeUnit(leases[1].unit));
 }
 
+TEST_F(AuditTest, ARestartBeginsTheAuditsOfUnfinishedFramesAgain) {
+  scheduler_.AddJob(kJob, Spec(1), {.numeric_class = "avx2", .audit_share = 1});
+  const job::FrameUnits units(Spec(1));
+  for (int64_t number = 0; number < units.count(); ++number) {
+    const job::UnitKey key = units.KeyOf(0, number);
+    EXPECT_TRUE(
+        scheduler_.RestoreCommittedUnit(kJob, {key, "host-1", Describe(UnitRef{kJob, key}) + "wrong"}, now_));
+  }
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), IsEmpty());
+  AddWorker(kBen, 2);
+  AddWorker(kCat, 2);
+  for (int i = 0; i < 2; ++i) {
+    for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) {
+      EXPECT_TRUE(lease.audit);
+      Complete(lease, Describe(lease.unit));
+    }
+  }
+  const auto faulty = scheduler_.TakeFaulty();
+  ASSERT_FALSE(faulty.empty());
+  EXPECT_EQ(faulty[0].name, "host-1");
+  EXPECT_EQ(faulty[0].units.size(), 2u);
+}
+
+TEST_F(AuditTest, ARestoredUnitOfAnUnknownWorkerIsNotAudited) {
+  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  const job::FrameUnits units(Spec(1));
+  for (int64_t number = 0; number < units.count(); ++number)
+    EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {units.KeyOf(0, number)}, now_));
+  EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(0));
+  EXPECT_EQ(scheduler_.Progress(kJob).audits_waived, 2);
+}
+
+TEST_F(AuditTest, AResultThatIsWrittenOutlivesTheVerdict) {
+  const JobId other("j-other");
+  scheduler_.AddJob(other, Spec(1));
+  scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
+  AddWorker(kAnn, 4);
+  for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Commit(lease, "wrong");
+  EXPECT_TRUE(scheduler_.IsFrameCommitted(other, 0));
+  AddWorker(kBen, 2);
+  AddWorker(kCat, 2);
+  for (int i = 0; i < 2; ++i) {
+    for (const GrantedLease& lease : scheduler_.GrantLeases(now_)) Complete(lease, Describe(lease.unit));
+  }
+  ASSERT_FALSE(scheduler_.TakeFaulty().empty());
+  EXPECT_FALSE(scheduler_.IsFrameCommitted(other, 0));
+  EXPECT_TRUE(scheduler_.FrameFinished(other, 0));
+}
+
 TEST_F(AuditTest, AnAuditIsWaivedWhenNoOtherWorkerCanBeFound) {
   scheduler_.AddJob(kJob, Spec(1), {.audit_share = 1});
   AddWorker(kAnn, 2);

@@ -153,7 +153,8 @@ class RandomHistory {
                           .audit_share = second ? 0.5 : 0});
     }
     for (const auto& [job, frame] : finished_) EXPECT_TRUE(scheduler_->RestoreFinishedFrame(job, frame));
-    for (const auto& [unit, count] : commits_) EXPECT_TRUE(scheduler_->RestoreCommittedUnit(unit));
+    for (const auto& [unit, count] : commits_)
+      EXPECT_TRUE(scheduler_->RestoreCommittedUnit(unit.job, {unit.key}, now_));
     for (auto& [worker, leases] : held_) MakeVoid(worker, &leases);
     held_.clear();
     idle_.clear();

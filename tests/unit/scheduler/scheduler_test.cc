@@ -137,7 +137,7 @@ TEST_F(SchedulerTest, ARevokedUnitIsLeasedOnceMore) {
 TEST_F(SchedulerTest, AUnitRevokedBeforeItsTurnIsLeasedOnceMore) {
   scheduler_.AddJob(kJob, Spec());
   const UnitRef lost{kJob, {10, 2, 0, v1::UNIT_KIND_GEOMETRY}};
-  scheduler_.RestoreCommittedUnit(lost);
+  scheduler_.RestoreCommittedUnit(lost.job, {lost.key}, kStart);
   EXPECT_TRUE(scheduler_.RevokeUnit(lost));
   scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 12u);
@@ -564,11 +564,11 @@ TEST_F(SchedulerTest, StatesFollowTheWork) {
 TEST_F(SchedulerTest, RestoredUnitsAreNotRenderedAgain) {
   scheduler_.AddJob(kJob, Spec(/*frames=*/3), {.numeric_class = "avx2"});
   EXPECT_TRUE(scheduler_.RestoreFinishedFrame(kJob, 10));
-  EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {10, 1, 1, v1::UNIT_KIND_PASS}}));
-  EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {11, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
-  EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
-  EXPECT_TRUE(scheduler_.RestoreCommittedUnit({kJob, {11, 2, 1, v1::UNIT_KIND_PASS}}));
-  EXPECT_FALSE(scheduler_.RestoreCommittedUnit({kJob, {13, 2, 1, v1::UNIT_KIND_PASS}}));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {{10, 1, 1, v1::UNIT_KIND_PASS}}, kStart));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {{11, 0, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {{11, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kJob, {{11, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
+  EXPECT_FALSE(scheduler_.RestoreCommittedUnit(kJob, {{13, 2, 1, v1::UNIT_KIND_PASS}}, kStart));
   EXPECT_EQ(scheduler_.Progress(kJob).units_done, 12 + 2);
   scheduler_.AddWorker(kBen, {.numeric_class = "sse2", .slots = 100});
   EXPECT_THAT(scheduler_.GrantLeases(kBen, kStart), IsEmpty());
@@ -586,7 +586,7 @@ TEST_F(SchedulerTest, AFrameCommittedBeforeARestartAwaitsItsFinish) {
   scheduler_.AddJob(kJob, Spec(), {.numeric_class = "avx2"});
   const FrameUnits units(Spec());
   for (int64_t number = 0; number < units.count(); ++number) {
-    scheduler_.RestoreCommittedUnit({kJob, units.KeyOf(10, number)});
+    scheduler_.RestoreCommittedUnit(kJob, {units.KeyOf(10, number)}, kStart);
   }
   EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
   EXPECT_TRUE(scheduler_.FrameFinished(kJob, 10));
@@ -815,7 +815,7 @@ TEST_F(SchedulerTest, FramesMayHaveGaps) {
   scheduler_.AddJob(kJob, spec);
   EXPECT_TRUE(scheduler_.RestoreFinishedFrame(kJob, 20));
   EXPECT_FALSE(scheduler_.RestoreFinishedFrame(kJob, 11));
-  EXPECT_FALSE(scheduler_.RestoreCommittedUnit({kJob, {19, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
+  EXPECT_FALSE(scheduler_.RestoreCommittedUnit(kJob, {{19, 0, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
   scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 100});
   std::set<int32_t> frames;
   const auto leases = scheduler_.GrantLeases(kStart);

@@ -164,6 +164,17 @@ TEST_F(ControlTest, TheSchedulingOfAJobIsCheckedAndKept) {
             absl::InvalidArgumentError("audit_share is 2, not 0 to 1"));
 }
 
+TEST_F(ControlTest, SaysWhichJobsAJobWaitsFor) {
+  const std::string first = *Submit(Spec(), "first");
+  v1::SubmitJobRequest request;
+  *request.mutable_spec() = Spec();
+  request.set_request_id("second");
+  request.mutable_scheduling()->add_after(first);
+  const auto second = Call<v1::SubmitJobResponse>(&Stub::SubmitJob, request);
+  ASSERT_TRUE(second.ok()) << second.status();
+  EXPECT_THAT(Explain(second->job_id()), Contains("after: the job waits until these are done: " + first));
+}
+
 TEST_F(ControlTest, SaysWhyAJobHasEnded) {
   const std::string job = *Submit(Spec());
   ASSERT_TRUE(Call<v1::JobStatus>(&Stub::CancelJob, OfJob<v1::CancelJobRequest>(job)).ok());

@@ -26,9 +26,10 @@ constexpr char kScene[] = "a scene nobody reads";
 
 }  // namespace
 
-PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots) {
+PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, const std::string& name, uint32_t seed)
+    : seed_(seed) {
   v1::Hello hello;
-  hello.set_name("pumped");
+  hello.set_name(name);
   hello.set_numeric_class("test");
   hello.set_slots(slots);
   hello.set_wire_version(rpc::kWireVersion);
@@ -81,7 +82,7 @@ void PumpedWorker::DeliverUnit(const v1::Lease& lease) {
   const Rect rect = {lease.rect().x0(), lease.rect().y0(), lease.rect().x1(), lease.rect().y1()};
   const SampleRange samples = {static_cast<uint32_t>(lease.first_sample()),
                                static_cast<uint32_t>(lease.last_sample())};
-  const EdgedImage image = RandomUnit(job::UnitFromProto(lease.unit()).key, rect, samples, 1);
+  const EdgedImage image = RandomUnit(job::UnitFromProto(lease.unit()).key, rect, samples, seed_);
   v1::WorkerMessage message;
   *message.mutable_chunk()->mutable_unit() = lease.unit();
   message.mutable_chunk()->set_attempt(lease.attempt());
@@ -162,6 +163,7 @@ absl::StatusOr<job::JobId> CoordinatorFixture::TrySubmit(const v1::JobSpec& spec
   }
   v1::SubmitJobRequest request;
   *request.mutable_spec() = spec;
+  *request.mutable_scheduling() = scheduling_;
   request.set_request_id(request_id);
   const absl::StatusOr<v1::SubmitJobResponse> response = coordinator_->SubmitJob(request);
   if (!response.ok()) return response.status();

@@ -23,8 +23,8 @@ namespace lumifold::server {
 /// A worker without a connection: it delivers RandomUnit for its leases when it is told to.
 class PumpedWorker final : public WorkerSink {
  public:
-  /// The coordinator must outlive it.
-  PumpedWorker(Coordinator* coordinator, int slots);
+  /// The coordinator must outlive it. Workers with equal seeds deliver equal pixels.
+  PumpedWorker(Coordinator* coordinator, int slots, const std::string& name = "pumped", uint32_t seed = 1);
 
   void Send(const v1::CoordinatorMessage& message) override;
   /// Delivers the units of at most `count` leases that it has got; returns how many.
@@ -38,6 +38,7 @@ class PumpedWorker final : public WorkerSink {
  private:
   void DeliverUnit(const v1::Lease& lease);
 
+  const uint32_t seed_;
   mutable absl::Mutex mutex_;
   std::deque<v1::Lease> leases_ ABSL_GUARDED_BY(mutex_);
   std::set<job::UnitRef> leased_ ABSL_GUARDED_BY(mutex_);
@@ -82,6 +83,8 @@ class CoordinatorFixture : public ::testing::Test {
   std::function<std::unique_ptr<ledger::JobStore>(std::unique_ptr<ledger::JobStore>)> wrap_store_;
   /// Replaces the finisher that filters in this process.
   std::function<std::unique_ptr<FrameFinisher>()> make_finisher_;
+  /// Of the jobs that are submitted.
+  v1::Scheduling scheduling_;
 
   rpc::FileHandle lock_;
   uint64_t random_ = 0;

@@ -112,6 +112,23 @@ TEST_F(RecoveryTest, AFolderWithJobsButWithoutALedgerIsRefusedAndRecovered) {
   FinishWithout(committed, job);
 }
 
+TEST_F(RecoveryTest, ARecoveredJobIsScheduledAsItWasLast) {
+  const job::JobId job = Submit(Spec(3));
+  v1::SetJobPriorityRequest request;
+  request.set_job_id(job.value());
+  request.set_priority(7);
+  ASSERT_TRUE(coordinator_->SetJobPriority(request).ok());
+  ASSERT_TRUE(coordinator_->PauseJob(job.value()).ok());
+  coordinator_->Shutdown();
+  Stop();
+  DeleteLedger();
+  ASSERT_TRUE(RecoverLedger(data_).ok());
+  ASSERT_TRUE(Start().ok());
+  const v1::JobStatus status = *coordinator_->GetJob(job.value());
+  EXPECT_EQ(status.state(), v1::JOB_STATE_PAUSED);
+  EXPECT_EQ(status.scheduling().priority(), 7);
+}
+
 TEST_F(RecoveryTest, ADamagedRecordIsLeftOutAndRenderedAgain) {
   const job::JobId job = Submit(Spec(3));
   const std::set<job::UnitRef> committed = RenderSome(4);

@@ -1,0 +1,71 @@
+// What follows from audits: workers that delivered wrong pixels are blocked and their units rendered again.
+#include <spdlog/logger.h>
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "server/coordinator_impl.h"
+#include "server/log_text.h"
+
+namespace lumifold::server {
+
+void Coordinator::FollowAudits() {
+  for (const scheduler::FaultyWorker& faulty : scheduler_.TakeFaulty()) ConvictWorker(faulty);
+  for (const auto& [job, frame] : scheduler_.TakeSettledFrames()) {
+    if (!scheduler_.IsFrameCommitted(job, frame)) continue;
+    options_.log->info("event=frame_committed job={} frame={}", job.value(), frame);
+    QueueFrame({job, frame});
+  }
+}
+
+void Coordinator::ConvictWorker(const scheduler::FaultyWorker& faulty) {
+  std::map<FrameKey, std::vector<job::UnitKey>> units;
+  for (const job::UnitRef& unit : faulty.units) units[{unit.job, unit.key.frame}].push_back(unit.key);
+  for (const auto& [frame, keys] : units) committer_->Discard(frame, keys);
+  if (faulty.reason.empty()) return;
+  options_.log->error("event=worker_faulty worker={} units={} reason={}", absl::StrCat("-/", faulty.name),
+                      faulty.units.size(), Quoted(faulty.reason));
+  // Last: after a crash in between, the audits that a restart begins again find the rest of its units.
+  committer_->Write([this, faulty] { return store_->BlockWorker(faulty.name, faulty.reason); },
+                    [this, faulty](const absl::Status& status) {
+                      if (status.ok()) return;
+                      options_.log->error("event=ledger_failed worker={} error={}",
+                                          absl::StrCat("-/", faulty.name),
+                                          Quoted(std::string(status.message())));
+                    });
+}
+
+void Coordinator::OnUnitsDiscarded(const FrameKey& frame, const std::vector<job::UnitKey>& units,
+                                   const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) {
+  const auto& [job, number] = frame;
+  absl::MutexLock lock(&mutex_);
+  const auto active = active_jobs_.find(job);
+  if (active == active_jobs_.end()) return;
+  if (!lost.ok()) return EndJob(job, v1::JOB_STATE_FAILED, std::string(lost.status().message()));
+  for (const job::UnitKey& unit : units) scheduler_.RevokeUnit({job, unit});
+  for (const ledger::UnitRecord& record : *lost) {
+    scheduler_.RevokeUnit(record.unit);
+    active->second.bad_samples -= record.bad_samples;
+  }
+  if (finished_frame_ == frame) finished_in_vain_ = true;
+  options_.log->warn("event=units_discarded job={} frame={} units={}", job.value(), number, lost->size());
+  changed_jobs_.insert(job);
+  housekeeping_.Wake();
+  GrantLeases();
+}
+
+void Coordinator::QueueFrame(const FrameKey& frame) {
+  const bool is_queued =
+      std::any_of(committed_frames_.begin(), committed_frames_.end(),
+                  [&frame](const CommittedFrame& queued) { return queued.key() == frame; });
+  if (!is_queued) committed_frames_.push_back({.job = frame.first, .number = frame.second});
+  finishing_.Wake();
+}
+
+bool Coordinator::IsResultWanted(const FrameKey& frame) {
+  return !finished_in_vain_ && scheduler_.IsFrameCommitted(frame.first, frame.second);
+}
+
+}  // namespace lumifold::server

@@ -123,6 +123,7 @@ void Scheduler::DecideAudit(const UnitIndex& index, absl::Time now) {
 }
 
 void Scheduler::Convict(const std::string& worker, const std::string& reason) {
+  const bool was_blocked = blocked_.contains(worker);
   BlockWorker(worker, reason);
   FaultyWorker faulty{.name = worker, .reason = reason, .units = {}};
   const uint32_t number = deliverers_.Find(worker);
@@ -138,7 +139,7 @@ void Scheduler::Convict(const std::string& worker, const std::string& reason) {
       UpdateCommitted(job, frame_index);
     }
   }
-  newly_faulty_.push_back(std::move(faulty));
+  if (!was_blocked || !faulty.units.empty()) newly_faulty_.push_back(std::move(faulty));
 }
 
 bool Scheduler::HasAuditor(const Job& job, const Audit& audit) const {

@@ -1,4 +1,5 @@
-// Jobs that wait for a file of their scene, which was lost or damaged after they were submitted.
+// What workers fetch of a job, and jobs that wait for a file of their scene, which was lost or damaged after they were
+// submitted.
 #include <spdlog/logger.h>
 
 #include <algorithm>
@@ -30,6 +31,47 @@ std::string NameOf(const v1::AssetRef& asset) {
 }
 
 }  // namespace
+
+absl::Status Coordinator::CheckHasLeases(const std::string& worker_id, const JobId& job) {
+  if (!active_jobs_.contains(job))
+    return absl::NotFoundError(absl::StrCat("no active job ", Quoted(job.value())));
+  const std::optional<WorkerId> worker = job::ParseWorkerId(worker_id);
+  const auto connected = worker.has_value() ? workers_.find(*worker) : workers_.end();
+  if (connected == workers_.end())
+    return absl::PermissionDeniedError(absl::StrCat("no worker ", Quoted(worker_id), " is connected"));
+  if (!connected->second.known_jobs.contains(job)) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("worker ", worker_id, " has no lease of job ", job.value()));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::JobSpec> Coordinator::FetchSpec(const v1::FetchSpecRequest& request) {
+  const JobId job(request.job_id());
+  absl::MutexLock lock(&mutex_);
+  if (absl::Status status = CheckHasLeases(request.worker_id(), job); !status.ok()) return status;
+  return active_jobs_.at(job).spec;
+}
+
+absl::Status Coordinator::CheckFetch(const v1::FetchAssetRequest& request) {
+  const JobId job(request.job_id());
+  absl::MutexLock lock(&mutex_);
+  if (absl::Status status = CheckHasLeases(request.worker_id(), job); !status.ok()) return status;
+  // A scene may have thousands of files, and each worker fetches all of them.
+  const auto [files, is_new] = scene_files_.try_emplace(job);
+  if (is_new) {
+    const v1::SceneRef& scene = active_jobs_.at(job).spec.scene();
+    files->second.insert(scene.file().sha256());
+    for (const v1::AssetRef& asset : scene.dependencies()) files->second.insert(asset.sha256());
+  }
+  if (files->second.contains(request.sha256())) return absl::OkStatus();
+  return absl::PermissionDeniedError(
+      absl::StrCat("job ", job.value(), " has no file ", Quoted(request.sha256())));
+}
+
+absl::StatusOr<rpc::ByteSender> Coordinator::OpenAsset(const v1::FetchAssetRequest& request) const {
+  return assets_->Open(request.sha256(), request.offset());
+}
 
 void Coordinator::OnAssetMissing(WorkerId worker, const UnitRef& unit, Attempt attempt,
                                  const std::string& sha256, const std::string& error) {

@@ -328,8 +328,4 @@ absl::StatusOr<v1::ServerStatus> Coordinator::GetServerStatus() {
   return status;
 }
 
-absl::StatusOr<rpc::ByteSender> Coordinator::OpenAsset(const v1::FetchAssetRequest& request) const {
-  return assets_->Open(request.sha256(), request.offset());
-}
-
 }  // namespace lumifold::server

@@ -5,7 +5,6 @@
 #include <limits>
 #include <set>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/strip.h"
@@ -32,7 +31,6 @@ constexpr size_t kMaxLogBytes = size_t{3} << 20;
 constexpr size_t kEventOverheadBytes = 16;
 /// Jobs that a reason names.
 constexpr size_t kMaxNamedJobs = 4;
-constexpr char kIdPrefix[] = "w-";
 /// Prefix of page tokens after the connected workers; the name of a blocked worker follows.
 constexpr char kBlockedToken[] = "b-";
 
@@ -41,15 +39,6 @@ absl::StatusOr<int> LimitOf(int32_t limit) {
     return absl::InvalidArgumentError(absl::StrCat("limit is ", limit, ", not 0 to ", kMaxListed));
   return limit == 0 ? kDefaultListed : limit;
 }
-
-/// The id "w-7".
-std::optional<WorkerId> ParseWorkerId(absl::string_view text) {
-  int64_t number = 0;
-  if (!absl::ConsumePrefix(&text, kIdPrefix) || !absl::SimpleAtoi(text, &number)) return std::nullopt;
-  return WorkerId(number);
-}
-
-std::string TextOf(WorkerId worker) { return absl::StrCat(kIdPrefix, worker.value()); }
 
 v1::WorkerStatus ProtoFromWorker(const scheduler::WorkerInfo& info, absl::Time connected) {
   v1::WorkerStatus status;
@@ -230,7 +219,7 @@ absl::StatusOr<v1::ListWorkersResponse> Coordinator::ListWorkers(const v1::ListW
   std::string blocked_after;
   if (absl::ConsumePrefix(&token, kBlockedToken)) {
     blocked_after = std::string(token);
-  } else if (const std::optional<WorkerId> id = ParseWorkerId(token)) {
+  } else if (const std::optional<WorkerId> id = job::ParseWorkerId(token)) {
     after = *id;
   } else if (token.empty()) {
     after = WorkerId(0);
@@ -264,7 +253,7 @@ absl::StatusOr<Coordinator::NamedWorkers> Coordinator::FindWorkers(const std::st
   if (worker.empty() || worker.size() > rpc::kMaxWorkerNameBytes)
     return absl::InvalidArgumentError(
         absl::StrCat("worker has ", worker.size(), " bytes, not 1 to ", rpc::kMaxWorkerNameBytes));
-  if (const std::optional<WorkerId> id = ParseWorkerId(worker)) {
+  if (const std::optional<WorkerId> id = job::ParseWorkerId(worker)) {
     const std::optional<scheduler::WorkerInfo> info = scheduler_.DescribeWorker(*id);
     if (!info.has_value()) return absl::NotFoundError(absl::StrCat("no worker ", worker, " is connected"));
     return NamedWorkers{info->traits.name, {*id}};

@@ -208,7 +208,7 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
 
 std::string Coordinator::NameOf(WorkerId worker) const {
   const auto found = workers_.find(worker);
-  const std::string id = absl::StrCat("w-", worker.value());
+  const std::string id = job::TextOf(worker);
   return found == workers_.end() ? id : absl::StrCat(id, "/", found->second.name);
 }
 

@@ -158,7 +158,10 @@ class Coordinator final : private Committer::Listener {
   void Unwatch(JobWatcher* watcher);
 
   // Calls of workers, made by WorkerSession; see worker.proto.
-  absl::StatusOr<v1::JobSpec> FetchSpec(const std::string& job_id);
+  absl::StatusOr<v1::JobSpec> FetchSpec(const v1::FetchSpecRequest& request);
+  /// Whether the worker may read the asset.
+  absl::Status CheckFetch(const v1::FetchAssetRequest& request);
+  /// After CheckFetch.
   absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const;
   /// Sends Welcome to a worker and grants it leases. `sink` is used until RemoveWorker has returned.
   absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, WorkerSink* sink);
@@ -344,6 +347,9 @@ class Coordinator final : private Committer::Listener {
   /// Adds why frames of the job that are rendered have no result yet.
   void ExplainFinishing(const job::JobId& job, v1::ExplainJobResponse* response)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Whether a connected worker has had a lease of the active job.
+  absl::Status CheckHasLeases(const std::string& worker_id, const job::JobId& job)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void AwaitAsset(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                   const v1::AssetRef& asset);
   void ExplainAsset(const job::JobId& job, v1::ExplainJobResponse* response)
@@ -405,6 +411,8 @@ class Coordinator final : private Committer::Listener {
   int64_t next_change_ ABSL_GUARDED_BY(mutex_) = 1;
   /// When the render time of an active job would have begun, had all of it been spent without a break.
   std::map<job::JobId, absl::Time> render_starts_ ABSL_GUARDED_BY(mutex_);
+  /// SHA-256 of the files of a job's scene, of jobs that workers have fetched files of.
+  std::map<job::JobId, std::set<std::string>> scene_files_ ABSL_GUARDED_BY(mutex_);
   std::map<job::JobId, UnitBytes> unit_bytes_ ABSL_GUARDED_BY(mutex_);
   /// What the frames in flight are bounded by.
   FrameResources frame_resources_ ABSL_GUARDED_BY(mutex_);

@@ -62,13 +62,6 @@ absl::Status CheckHello(const v1::Hello& hello) {
 
 }  // namespace
 
-absl::StatusOr<v1::JobSpec> Coordinator::FetchSpec(const std::string& job_id) {
-  absl::MutexLock lock(&mutex_);
-  const auto active = active_jobs_.find(JobId(job_id));
-  if (active == active_jobs_.end()) return absl::NotFoundError(absl::StrCat("no active job '", job_id, "'"));
-  return active->second.spec;
-}
-
 absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, WorkerSink* sink) {
   if (absl::Status status = CheckHello(hello); !status.ok()) {
     options_.log->warn("event=worker_refused worker={} error={}", Quoted(hello.name()),
@@ -85,7 +78,7 @@ absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, WorkerSi
   workers_.emplace(worker,
                    ConnectedWorker{WorkerName(hello.name()), hello.slots(), sink, options_.wall_now(), {}});
   v1::CoordinatorMessage welcome;
-  welcome.mutable_welcome()->set_worker_id(absl::StrCat("w-", worker.value()));
+  welcome.mutable_welcome()->set_worker_id(job::TextOf(worker));
   welcome.mutable_welcome()->set_heartbeat_ms(absl::ToInt64Milliseconds(options_.heartbeat));
   sink->Send(welcome);
   options_.log->info("event=worker_connected worker={} class={} slots={}", NameOf(worker),

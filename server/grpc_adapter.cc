@@ -400,11 +400,15 @@ class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
   }
   grpc::ServerUnaryReactor* FetchSpec(grpc::CallbackServerContext* context,
                                       const v1::FetchSpecRequest* request, v1::JobSpec* response) override {
-    return Answer(context, coordinator_->FetchSpec(request->job_id()), response);
+    return Answer(context, coordinator_->FetchSpec(*request), response);
   }
   grpc::ServerWriteReactor<v1::ByteChunk>* FetchAsset(grpc::CallbackServerContext*,
                                                       const v1::FetchAssetRequest* request) override {
     auto* writer = new FileWriter();
+    if (absl::Status allowed = coordinator_->CheckFetch(*request); !allowed.ok()) {
+      writer->Start(std::move(allowed));
+      return writer;
+    }
     checks_->Check({request->sha256()}, [this, request, writer](const absl::Status& checked) {
       writer->Start(checked.ok() ? coordinator_->OpenAsset(*request) : checked);
     });

@@ -5,10 +5,10 @@
 
 namespace lumifold::worker {
 
-absl::StatusOr<std::string> AssetCache::Fetch(const v1::AssetRef& asset) {
+absl::StatusOr<std::string> AssetCache::Fetch(const std::string& job_id, const v1::AssetRef& asset) {
   using Content = std::shared_ptr<const std::string>;
   const auto fetch = [&]() -> absl::StatusOr<Content> {
-    absl::StatusOr<std::string> bytes = source_->Fetch(asset);
+    absl::StatusOr<std::string> bytes = source_->Fetch(job_id, asset);
     if (!bytes.ok()) return bytes.status();
     return std::make_shared<const std::string>(*std::move(bytes));
   };

@@ -13,10 +13,10 @@ class AssetSource {
  public:
   virtual ~AssetSource() = default;
 
-  /// The content of the asset, checked against its size and SHA-256.
+  /// The content of an asset of the job, checked against its size and SHA-256.
   /// Errors: kNotFound; kDataLoss when the SHA-256 does not match; kUnavailable when the coordinator cannot
-  /// be reached.
-  virtual absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) = 0;
+  /// be reached; kPermissionDenied when this worker has no lease of the job any more.
+  virtual absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) = 0;
 };
 
 }  // namespace lumifold::worker

@@ -43,8 +43,9 @@ constexpr absl::Duration kSteadyStream = absl::Seconds(5);
 class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
                      public Outbox {
  public:
-  Stream(grpc::Channel& channel, WorkerImpl* worker, spdlog::logger* log)
+  Stream(grpc::Channel& channel, WorkerImpl* worker, AssignedId* id, spdlog::logger* log)
       : worker_(worker),
+        id_(id),
         log_(log),
         stub_(v1::WorkerService::NewStub(std::shared_ptr<grpc::ChannelInterface>(&channel, [](auto*) {}))) {}
 
@@ -99,6 +100,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
       absl::MutexLock lock(&mutex_);
       welcome_ = true;
       heartbeat_ = absl::Milliseconds(std::max<int64_t>(1, incoming_.welcome().heartbeat_ms()));
+      id_->Set(incoming_.welcome().worker_id());
       log_->info("event=joined worker={}", incoming_.welcome().worker_id());
     }
     worker_->OnMessage(incoming_);
@@ -132,6 +134,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   }
 
   WorkerImpl* worker_;
+  AssignedId* id_;
   spdlog::logger* log_;
   std::unique_ptr<v1::WorkerService::Stub> stub_;
   grpc::ClientContext context_;
@@ -177,11 +180,13 @@ class LeaveTrigger {
 /// One stream, from Hello to its end.
 class Connection {
  public:
-  Connection(grpc::Channel& channel, const WorkerOptions& options, WorkerImpl& worker, spdlog::logger& log)
+  Connection(grpc::Channel& channel, const WorkerOptions& options, WorkerImpl& worker, AssignedId& id,
+             spdlog::logger& log)
       : options_(options),
         worker_(worker),
+        id_(id),
         // Shared with render threads, which may send after the stream has ended.
-        stream_(std::make_shared<Stream>(channel, &worker, &log)) {}
+        stream_(std::make_shared<Stream>(channel, &worker, &id, &log)) {}
 
   /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left.
   absl::Status Run(const LeaveTrigger& trigger, const rpc::MonotonicEvent& stop) {
@@ -196,6 +201,7 @@ class Connection {
       }
       if (stop.HasBeenNotified()) stream_->Cancel();
     }
+    id_.Set("");
     worker_.OnDisconnected();
     if (!timed_out_) return stream_->result();
     return absl::UnavailableError(
@@ -229,6 +235,7 @@ class Connection {
 
   const WorkerOptions& options_;
   WorkerImpl& worker_;
+  AssignedId& id_;
   const std::shared_ptr<Stream> stream_;
   const absl::Time start_ = rpc::MonotonicNow();
   absl::Time next_heartbeat_ = start_ + kFirstHeartbeat;
@@ -242,10 +249,11 @@ absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions opt
                        const rpc::MonotonicEvent& stop) {
   const std::shared_ptr<spdlog::logger> log =
       options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
-  const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(channel);
+  AssignedId id;
+  const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(channel, &id);
   AssetCache cache(assets.get(), kAssetCacheBytes);
   UnitRenderer renderer(&cache);
-  const std::unique_ptr<SpecSource> spec_source = MakeRemoteSpecSource(channel);
+  const std::unique_ptr<SpecSource> spec_source = MakeRemoteSpecSource(channel, &id);
   SpecCache specs(spec_source.get());
   WorkerImpl worker(options.threads, &specs, &renderer, log);
   const LeaveTrigger trigger(options, worker);
@@ -255,7 +263,7 @@ absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions opt
   rpc::ReconnectSchedule schedule(rpc::RetryEnvironment::Real().jitter);
   while (!is_over()) {
     const absl::Time start = rpc::MonotonicNow();
-    const absl::Status status = Connection(*channel, options, worker, *log).Run(trigger, stop);
+    const absl::Status status = Connection(*channel, options, worker, id, *log).Run(trigger, stop);
     if (is_over()) break;
     if (absl::IsFailedPrecondition(status) || absl::IsInvalidArgument(status)) return status;
     if (rpc::MonotonicNow() - start > kSteadyStream) schedule.Reset();

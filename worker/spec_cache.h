@@ -19,7 +19,8 @@ class SpecSource {
   virtual ~SpecSource() = default;
 
   /// The spec of an active job.
-  /// Errors: kNotFound for a job that has ended; kUnavailable and others when the coordinator cannot be reached.
+  /// Errors: kNotFound for a job that has ended; kPermissionDenied when this worker has no lease of the job any more;
+  /// kUnavailable and others when the coordinator cannot be reached.
   virtual absl::StatusOr<v1::JobSpec> Fetch(const std::string& job_id) = 0;
 };
 

@@ -63,20 +63,20 @@ std::optional<v1::AssetRef> MissingAsset(const absl::Status& failure) {
   return asset;
 }
 
-absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, int frame,
+absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, const v1::UnitId& unit,
                                                              std::atomic<int64_t>* progress) {
   // A file that cannot be fetched fails the load, whatever the loader makes of its absence.
   absl::Status failure;
   const auto fetch = [&](const v1::AssetRef& asset) -> absl::StatusOr<std::string> {
     if (stopped_) failure = absl::CancelledError("the worker stops");
     if (!failure.ok()) return failure;
-    absl::StatusOr<std::string> bytes = assets_->Fetch(asset);
+    absl::StatusOr<std::string> bytes = assets_->Fetch(unit.job_id(), asset);
     if (!bytes.ok()) failure = Annotate(bytes.status(), spec);
     if (absl::IsNotFound(failure) || absl::IsDataLoss(failure))
       failure.SetPayload(kMissingAssetPayload, absl::Cord(asset.SerializeAsString()));
     return bytes;
   };
-  absl::StatusOr<LoadedScene> loaded = LoadWith(spec, frame, fetch, progress);
+  absl::StatusOr<LoadedScene> loaded = LoadWith(spec, unit.frame(), fetch, progress);
   if (!failure.ok()) return failure;
   return loaded;
 }
@@ -154,6 +154,8 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
     absl::MutexLock lock(&mutex_);
     while ((entry = FindEntry(unit)) != nullptr) {
       mutex_.Await(absl::Condition(&entry->ready));
+      // Loaded for a lease that is void; this unit has one of its own.
+      if (absl::IsPermissionDenied(entry->failure)) continue;
       if (!entry->failure.ok()) return entry->failure;
       if (entry->frame != unit.frame() && entry->loaded.animated) continue;
       if (std::erase(entries_, entry) > 0) entries_.push_back(entry);  // now the most recently used
@@ -161,7 +163,7 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
     }
     entry = AddEntry(unit);
   }
-  absl::StatusOr<LoadedScene> loaded = Load(spec, unit.frame(), progress);
+  absl::StatusOr<LoadedScene> loaded = Load(spec, unit, progress);
   absl::MutexLock lock(&mutex_);
   if (loaded.ok()) {
     entry->loaded = *loaded;

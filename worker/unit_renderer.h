@@ -76,7 +76,8 @@ class UnitRenderer {
   /// An entry whose scene fits the unit, or may fit once it is ready; null if a new one is needed.
   std::shared_ptr<Entry> FindEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, int frame, std::atomic<int64_t>* progress);
+  absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, const v1::UnitId& unit,
+                                   std::atomic<int64_t>* progress);
   using FetchAsset = absl::FunctionRef<absl::StatusOr<std::string>(const v1::AssetRef&)>;
   absl::StatusOr<LoadedScene> LoadWith(const v1::JobSpec& spec, int frame, const FetchAsset& fetch,
                                        std::atomic<int64_t>* progress);

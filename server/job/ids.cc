@@ -1,6 +1,8 @@
 #include "server/job/ids.h"
 
-#include <string>
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
 
 namespace lumifold::job {
 
@@ -16,6 +18,17 @@ JobId MakeJobId(absl::Time now, uint64_t random) {
   append(static_cast<uint64_t>(absl::ToUnixMillis(now)), kTimeDigits);
   append(random, kRandomDigits);
   return JobId(text);
+}
+
+std::string TextOf(WorkerId worker) { return absl::StrCat("w-", worker.value()); }
+
+std::optional<WorkerId> ParseWorkerId(absl::string_view text) {
+  absl::string_view digits = text;
+  int64_t number = 0;
+  if (!absl::ConsumePrefix(&digits, "w-") || !absl::SimpleAtoi(digits, &number)) return std::nullopt;
+  const WorkerId worker(number);
+  if (TextOf(worker) != text) return std::nullopt;  // a sign, or zeros before it
+  return worker;
 }
 
 }  // namespace lumifold::job

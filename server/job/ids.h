@@ -2,9 +2,11 @@
 
 #include <compare>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 
+#include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 
 namespace lumifold::job {
@@ -34,5 +36,9 @@ using Attempt = StrongId<struct AttemptTag, int64_t>;
 /// "j-" and 16 lower-case digits of Crockford's base 32: 45 bits of milliseconds since 1970, then 35 of
 /// `random`, so that jobs submitted in the same millisecond do not collide. Ids sort by time.
 JobId MakeJobId(absl::Time now, uint64_t random);
+
+/// "w-7", and back; nullopt for any other text.
+std::string TextOf(WorkerId worker);
+std::optional<WorkerId> ParseWorkerId(absl::string_view text);
 
 }  // namespace lumifold::job

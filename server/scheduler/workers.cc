@@ -28,7 +28,7 @@ v1::WorkerState StateOf(const Worker& worker) {
 
 void Scheduler::AddWorker(WorkerId worker, const WorkerTraits& traits) {
   WorkerTraits named = traits;
-  if (named.name.empty()) named.name = absl::StrCat("w-", worker.value());
+  if (named.name.empty()) named.name = job::TextOf(worker);
   workers_.Add(worker, named);
   if (!blocked_.contains(named.name)) return;
   workers_.Change(worker, [](Worker& state) { state.blocked = true; });

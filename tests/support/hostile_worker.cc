@@ -69,8 +69,8 @@ using Spoil = void (*)(v1::UnitChunk& chunk);
 class Session {
  public:
   Session(v1::WorkerService::Stub* stub, worker::SpecCache* specs, worker::UnitRenderer* renderer,
-          const Options& options)
-      : options_(options), specs_(specs), renderer_(renderer), stream_(stub->Work(&context_)) {}
+          worker::AssignedId* id, const Options& options)
+      : options_(options), specs_(specs), renderer_(renderer), id_(id), stream_(stub->Work(&context_)) {}
 
   bool Send(const v1::WorkerMessage& message) {
     absl::MutexLock lock(&write_mutex_);
@@ -168,7 +168,10 @@ class Session {
     v1::CoordinatorMessage message;
     while (stream_->Read(&message)) {
       absl::MutexLock lock(&mutex_);
-      if (message.has_welcome()) welcome_ = true;
+      if (message.has_welcome()) {
+        id_->Set(message.welcome().worker_id());
+        welcome_ = true;
+      }
       if (message.has_ack()) held_.erase(message.ack().attempt());
       if (message.has_grant()) OnGrant(message.grant());
     }
@@ -208,6 +211,7 @@ class Session {
   const Options& options_;
   worker::SpecCache* const specs_;
   worker::UnitRenderer* const renderer_;
+  worker::AssignedId* const id_;
   grpc::ClientContext context_;
   absl::Mutex write_mutex_;
   const std::unique_ptr<grpc::ClientReaderWriter<v1::WorkerMessage, v1::CoordinatorMessage>> stream_;
@@ -412,9 +416,9 @@ const Behaviour* FindBehaviour(const std::string& name) {
 
 /// One connection; returns how the coordinator ended it.
 grpc::Status RunSession(v1::WorkerService::Stub* stub, worker::SpecCache* specs,
-                        worker::UnitRenderer* renderer, const Options& options) {
+                        worker::UnitRenderer* renderer, worker::AssignedId* id, const Options& options) {
   const Behaviour* behaviour = FindBehaviour(options.behaviour);
-  Session session(stub, specs, renderer, options);
+  Session session(stub, specs, renderer, id, options);
   session.SendHello(options.behaviour == kOtherVersion ? rpc::kWireVersion + 1 : rpc::kWireVersion);
   std::thread reader([&session] { session.ReadAll(); });
   std::atomic<bool> stop = false;
@@ -465,15 +469,16 @@ grpc::Status SendGarbageMessage(const std::shared_ptr<grpc::Channel>& channel) {
 void Run(const Options& options) {
   const std::shared_ptr<grpc::Channel> channel = rpc::MakeChannel(options.server, rpc::Security{});
   const std::unique_ptr<v1::WorkerService::Stub> stub = v1::WorkerService::NewStub(channel);
-  const std::unique_ptr<worker::AssetSource> assets = worker::MakeRemoteAssetSource(channel);
+  worker::AssignedId id;
+  const std::unique_ptr<worker::AssetSource> assets = worker::MakeRemoteAssetSource(channel, &id);
   worker::AssetCache cache(assets.get(), worker::kAssetCacheBytes);
   worker::UnitRenderer renderer(&cache);
-  const std::unique_ptr<worker::SpecSource> spec_source = worker::MakeRemoteSpecSource(channel);
+  const std::unique_ptr<worker::SpecSource> spec_source = worker::MakeRemoteSpecSource(channel, &id);
   worker::SpecCache specs(spec_source.get());
   while (true) {
     const grpc::Status status = options.behaviour == kGarbageMessage
                                     ? SendGarbageMessage(channel)
-                                    : RunSession(stub.get(), &specs, &renderer, options);
+                                    : RunSession(stub.get(), &specs, &renderer, &id, options);
     Report(absl::StrCat("behaviour=", options.behaviour, " ended code=",
                         static_cast<int>(status.error_code()), " error=\"", status.error_message(), "\""));
     absl::SleepFor(kReconnectPause);

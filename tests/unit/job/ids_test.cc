@@ -30,5 +30,13 @@ TEST(JobId, Holds35BitsOfTheRandomNumber) {
     EXPECT_TRUE(ids.insert(MakeJobId(time, uint64_t{1} << bit)).second) << bit;
 }
 
+TEST(WorkerId, HasOneText) {
+  EXPECT_EQ(TextOf(WorkerId(7)), "w-7");
+  EXPECT_EQ(ParseWorkerId("w-7"), WorkerId(7));
+  for (const char* text :
+       {"", "7", "w-", "w-07", "w-+7", "w- 7", "w-7 ", "W-7", "w-7x", "w-99999999999999999999"})
+    EXPECT_EQ(ParseWorkerId(text), std::nullopt) << text;
+}
+
 }  // namespace
 }  // namespace lumifold::job

@@ -22,6 +22,7 @@
 #include "server/ledger/sqlite_job_store.h"
 #include "tests/support/film_of_units.h"
 #include "tests/unit/server/farm_fixture.h"
+#include "tests/unit/server/holding_worker.h"
 
 namespace lumifold::server {
 namespace {
@@ -404,10 +405,11 @@ TEST_F(ServerTest, JobsAreRefusedWithTheFieldsName) {
   EXPECT_EQ(Get("j-none").status().code(), absl::StatusCode::kNotFound);
 }
 
-grpc::Status FetchSpec(const std::shared_ptr<grpc::Channel>& channel, const std::string& job_id,
-                       v1::JobSpec* spec) {
+grpc::Status FetchSpec(const std::shared_ptr<grpc::Channel>& channel, const std::string& worker_id,
+                       const std::string& job_id, v1::JobSpec* spec) {
   grpc::ClientContext context;
   v1::FetchSpecRequest request;
+  request.set_worker_id(worker_id);
   request.set_job_id(job_id);
   return v1::WorkerService::NewStub(channel)->FetchSpec(&context, request, spec);
 }
@@ -424,12 +426,15 @@ TEST_F(ServerTest, TheLargestSpecReachesTheWorkersAndOneThatIsTooLargeIsRefused)
   const absl::StatusOr<std::string> job = Submit(spec);
   ASSERT_TRUE(job.ok()) << job.status();
   v1::JobSpec fetched;
-  ASSERT_TRUE(FetchSpec(Channel(), *job, &fetched).ok());
+  {
+    HoldingWorker holder(Channel());
+    ASSERT_EQ(holder.AwaitGrant(), *job);
+    ASSERT_TRUE(FetchSpec(Channel(), holder.id(), *job, &fetched).ok());
+  }
   EXPECT_GT(fetched.ByteSizeLong(), job::kMaxSpecBytes - 3 * job::kMaxUriBytes);
   EXPECT_EQ(fetched.scene().dependencies_size(), spec.scene().dependencies_size());
   const auto worker = Worker({.slots = 1000});
   EXPECT_EQ(WaitForEnd(*job).state(), v1::JOB_STATE_DONE);
-  EXPECT_EQ(FetchSpec(Channel(), *job, &fetched).error_code(), grpc::StatusCode::NOT_FOUND);
   for (int i = 0; i < 3; ++i) *spec.mutable_scene()->add_dependencies() = spec.scene().dependencies(i);
   EXPECT_THAT(std::string(Submit(spec, "too large").status().message()), HasSubstr("the spec has"));
 }

@@ -17,7 +17,7 @@ using testing::ElementsAre;
 /// The content of an asset is its uri.
 class NamedAssets final : public AssetSource {
  public:
-  absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) override {
+  absl::StatusOr<std::string> Fetch(const std::string&, const v1::AssetRef& asset) override {
     fetched.push_back(asset.uri());
     if (asset.uri() == "missing") return absl::NotFoundError("missing");
     return asset.uri();
@@ -36,7 +36,7 @@ TEST(AssetCache, FetchesAnAssetOnce) {
   NamedAssets source;
   AssetCache cache(&source, 100);
   for (const char* content : {"oak", "elm", "oak", "oak", "elm"})
-    EXPECT_EQ(*cache.Fetch(Asset(content)), content);
+    EXPECT_EQ(*cache.Fetch("j", Asset(content)), content);
   EXPECT_THAT(source.fetched, ElementsAre("oak", "elm"));
 }
 
@@ -44,9 +44,9 @@ TEST(AssetCache, ForgetsTheLeastRecentlyUsedOverItsLimit) {
   NamedAssets source;
   AssetCache cache(&source, 10);
   for (const char* content : {"oak", "elm", "oak", "pine", "beech"})
-    cache.Fetch(Asset(content)).IgnoreError();
+    cache.Fetch("j", Asset(content)).IgnoreError();
   source.fetched.clear();
-  for (const char* content : {"beech", "pine", "oak"}) EXPECT_EQ(*cache.Fetch(Asset(content)), content);
+  for (const char* content : {"beech", "pine", "oak"}) EXPECT_EQ(*cache.Fetch("j", Asset(content)), content);
   EXPECT_THAT(source.fetched, ElementsAre("oak"));  // beech and pine take 9 of the 10 bytes
 }
 
@@ -54,7 +54,7 @@ TEST(AssetCache, DoesNotKeepWhatIsLargerThanItsLimit) {
   NamedAssets source;
   AssetCache cache(&source, 5);
   for (const char* content : {"oak", "chestnut", "oak", "chestnut"})
-    EXPECT_EQ(*cache.Fetch(Asset(content)), content);
+    EXPECT_EQ(*cache.Fetch("j", Asset(content)), content);
   EXPECT_THAT(source.fetched, ElementsAre("oak", "chestnut", "chestnut"));
 }
 
@@ -62,7 +62,7 @@ TEST(AssetCache, DoesNotKeepErrors) {
   NamedAssets source;
   AssetCache cache(&source, 100);
   for (int i = 0; i < 2; ++i)
-    EXPECT_EQ(cache.Fetch(Asset("missing")).status(), absl::NotFoundError("missing"));
+    EXPECT_EQ(cache.Fetch("j", Asset("missing")).status(), absl::NotFoundError("missing"));
   EXPECT_EQ(source.fetched.size(), 2u);
 }
 
@@ -71,7 +71,8 @@ TEST(AssetCache, ThreadsShareWhatIsBeingFetched) {
   source.SetOpen(false);
   AssetCache cache(&source, 100);
   std::vector<std::thread> threads;
-  for (int i = 0; i < 8; ++i) threads.emplace_back([&] { EXPECT_EQ(*cache.Fetch(Asset("oak")), "oak"); });
+  for (int i = 0; i < 8; ++i)
+    threads.emplace_back([&] { EXPECT_EQ(*cache.Fetch("j", Asset("oak")), "oak"); });
   source.AwaitFetches(1);
   source.SetOpen(true);
   for (std::thread& thread : threads) thread.join();

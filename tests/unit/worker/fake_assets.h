@@ -15,7 +15,7 @@ class FakeAssets final : public AssetSource {
   explicit FakeAssets(absl::StatusOr<std::string> content, std::string environment = "")
       : content_(std::move(content)), environment_(std::move(environment)) {}
 
-  absl::StatusOr<std::string> Fetch(const v1::AssetRef& asset) override {
+  absl::StatusOr<std::string> Fetch(const std::string&, const v1::AssetRef& asset) override {
     absl::MutexLock lock(&mutex_);
     ++fetches_;
     mutex_.Await(absl::Condition(&open_));

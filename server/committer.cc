@@ -14,6 +14,10 @@ namespace {
 
 /// Maximum number of units in a batch. Limits the memory of a batch and the delay of acknowledgements.
 constexpr size_t kMaxBatch = 256;
+/// A log with which the disk has failed this often in succession is set aside, with a pause after each failure: an error
+/// that goes away by itself must not cost a frame. Its file stays until the film is deleted.
+constexpr int kMaxWriteErrors = 3;
+constexpr char kBrokenSuffix[] = ".broken";
 constexpr double kPauseGrowth = 2;
 constexpr int kMaxGrowths = 60;  // further ones would overflow
 /// Maximum time between two looks at the clock: options_.now may not be the clock that waits use.
@@ -144,6 +148,7 @@ void Committer::ForgetLogs(const job::JobId& job) {
   while (last != committed_bytes_.end() && last->first.first == job) ++last;
   committed_bytes_.erase(first, last);
   classes_recorded_.erase(job);
+  std::erase_if(write_errors_, [&job](const auto& entry) { return entry.first.first == job; });
 }
 
 void Committer::ForgetJob(const job::JobId& job) {
@@ -316,6 +321,24 @@ absl::Status Committer::WriteLogs(const job::JobId& job, JobBatch* batch) {
 
 absl::Status Committer::WriteLog(const FrameKey& frame, const std::vector<AcceptedUnit*>& units,
                                  std::vector<ledger::UnitRecord>* records) {
+  const absl::Status status = AppendAndSync(frame, units, records);
+  if (absl::IsDataLoss(status)) return SetAsideBrokenLog(frame, status);
+  if (status.ok()) write_errors_.erase(frame);
+  return status;
+}
+
+absl::Status Committer::SetAsideBrokenLog(const FrameKey& frame, const absl::Status& cause) {
+  const absl::Status again = absl::UnavailableError(cause.message());
+  if (++write_errors_[frame] < kMaxWriteErrors) return again;
+  logs_.Close(frame);
+  const std::string path = folder_.PathOf(DataFolder::UnitLogName(frame.first, frame.second));
+  if (folder_.files()->Rename(path, path + kBrokenSuffix) != 0) return again;
+  write_errors_.erase(frame);
+  return again;  // the next try makes a new log, and finds that the units of the old one are lost
+}
+
+absl::Status Committer::AppendAndSync(const FrameKey& frame, const std::vector<AcceptedUnit*>& units,
+                                      std::vector<ledger::UnitRecord>* records) {
   const absl::StatusOr<film::UnitLog*> log = LogOf(frame);
   if (!log.ok()) return log.status();
   for (AcceptedUnit* unit : units) {

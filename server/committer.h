@@ -58,7 +58,8 @@ struct CommitterOptions {
 /// the ledger. Only then may a unit be acknowledged.
 ///
 /// Errors of the storage never reach a job: what could not be written is kept and tried again with growing pauses, and
-/// the StorageState says so. Meanwhile the reserve file is given up, so that orders, which need little space, can still
+/// the StorageState says so. A log that alone cannot be written, again and again, is set aside: a new one is begun, and
+/// what the old one had is rendered again. Meanwhile the reserve file is given up, so that orders, which need little space, can still
 /// be recorded; units wait until the reserve is held again. What waits is bounded by the slots of the workers, since a
 /// unit takes its worker's slot until it is acknowledged, and by the active jobs and frames.
 ///
@@ -150,6 +151,10 @@ class Committer {
   absl::Status WriteLogs(const job::JobId& job, JobBatch* batch);
   absl::Status WriteLog(const FrameKey& frame, const std::vector<AcceptedUnit*>& units,
                         std::vector<ledger::UnitRecord>* records);
+  absl::Status AppendAndSync(const FrameKey& frame, const std::vector<AcceptedUnit*>& units,
+                             std::vector<ledger::UnitRecord>* records);
+  /// Counts an error of the disk with a log, and begins a new log after some. The error that is to be tried again.
+  absl::Status SetAsideBrokenLog(const FrameKey& frame, const absl::Status& cause);
   absl::Status RecordClass(const job::JobId& job, const std::string& numeric_class);
   void Report(Batch batch, const std::vector<absl::Status>& outcomes);
 
@@ -171,6 +176,8 @@ class Committer {
   std::set<job::JobId> classes_recorded_;
   /// Lost units until the ledger is known not to have them: a try whose outcome is not known is repeated.
   std::map<FrameKey, std::map<job::UnitKey, ledger::UnitRecord>> being_revoked_;
+  /// Errors of the disk with a log since it was last written.
+  std::map<FrameKey, int> write_errors_;
   Batch batch_;
   bool batch_is_synced_ = false;
   int failures_ = 0;

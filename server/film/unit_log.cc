@@ -50,6 +50,12 @@ absl::Status SystemError(const std::string& path, int error) {
   return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-error)));
 }
 
+/// An error of a write or sync: one of the file alone is told from one of the whole disk.
+absl::Status WriteError(const std::string& path, int error) {
+  absl::Status status = SystemError(path, error);
+  return error == -EIO ? absl::DataLossError(status.message()) : status;
+}
+
 // Decodes the pixels and the edge set from the payload of a record.
 absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::string_view payload) {
   EdgedImage image;
@@ -154,7 +160,7 @@ absl::StatusOr<UnitLog> UnitLog::Open(const std::string& path, uint64_t committe
 absl::StatusOr<RecordPlace> UnitLog::Append(const EncodedUnit& unit) {
   std::vector<std::string_view> parts = {unit.head};
   for (const rpc::PixelPiece& piece : unit.payload) parts.push_back(piece.bytes);
-  if (const int error = files_->Write(file_.get(), end_, parts); error != 0) return SystemError(path_, error);
+  if (const int error = files_->Write(file_.get(), end_, parts); error != 0) return WriteError(path_, error);
   const RecordPlace place{end_, unit.size_bytes()};
   end_ += place.length;
   return place;
@@ -162,7 +168,7 @@ absl::StatusOr<RecordPlace> UnitLog::Append(const EncodedUnit& unit) {
 
 absl::Status UnitLog::Sync() {
   const int error = files_->Sync(file_.get());
-  return error == 0 ? absl::OkStatus() : SystemError(path_, error);
+  return error == 0 ? absl::OkStatus() : WriteError(path_, error);
 }
 
 UnitLogReader::UnitLogReader(std::string path, rpc::FileHandle file, uint64_t size)

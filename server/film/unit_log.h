@@ -63,6 +63,7 @@ class UnitLog {
 
   /// Writes a record at the end; it is durable after the next Sync. After an error the next record overwrites
   /// it. After an error of Sync nothing that was written since the last one may be believed: open the log again.
+  /// Errors of both: kDataLoss where the disk cannot write this file (EIO); kUnavailable with the system's message.
   absl::StatusOr<RecordPlace> Append(const EncodedUnit& unit);
 
   /// Waits until all records are on the disk (fdatasync).

@@ -1,6 +1,7 @@
 #include "tests/unit/server/faulty_files.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -40,6 +41,18 @@ void FaultyFiles::Fail(int error, const std::string& part) {
   absl::MutexLock lock(&mutex_);
   failing_ = error;
   failing_part_ = part;
+}
+
+void FaultyFiles::Break(const std::string& path) {
+  struct stat info = {};
+  absl::MutexLock lock(&mutex_);
+  if (stat(path.c_str(), &info) == 0) broken_ = info.st_ino;
+}
+
+bool FaultyFiles::IsBroken(int file) const {
+  struct stat info = {};
+  absl::MutexLock lock(&mutex_);
+  return broken_.has_value() && fstat(file, &info) == 0 && broken_ == info.st_ino;
 }
 
 bool FaultyFiles::has_stopped() const {
@@ -122,6 +135,7 @@ int FaultyFiles::Open(const std::string& path, int flags) {
 }
 
 int FaultyFiles::Write(int file, uint64_t offset, absl::Span<const std::string_view> pieces) {
+  if (IsBroken(file)) return -EIO;
   const std::string path = PathOf(file);
   const int error = Begin(path);
   bool tears = false;
@@ -155,6 +169,7 @@ int FaultyFiles::Allocate(int file, uint64_t size) {
 }
 
 int FaultyFiles::Sync(int file) {
+  if (IsBroken(file)) return -EIO;
   const std::string path = PathOf(file);
   if (const int error = Begin(path); error != 0) return error;
   absl::MutexLock lock(&mutex_);

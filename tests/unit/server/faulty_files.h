@@ -24,6 +24,8 @@ class FaultyFiles final : public FileSystem {
   /// From now on every call that changes a path with `part` in it fails with `error`, until Heal.
   void Fail(int error, const std::string& part = "");
   void Heal() { Fail(0); }
+  /// From now on every write and sync of the file that is at `path` now fails with EIO, whatever its name.
+  void Break(const std::string& path);
 
   /// After a stop: undoes everything that was not synced, if `loses_unsynced`, and goes on without faults.
   void Restart(bool loses_unsynced);
@@ -50,6 +52,7 @@ class FaultyFiles final : public FileSystem {
     bool is_folder = false;              // it was a folder
   };
 
+  bool IsBroken(int file) const;
   /// 0, or the error with which the call fails.
   int Begin(const std::string& path);
   std::string PathOf(int file) const;
@@ -68,6 +71,7 @@ class FaultyFiles final : public FileSystem {
   bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
   int failing_ ABSL_GUARDED_BY(mutex_) = 0;
   std::string failing_part_ ABSL_GUARDED_BY(mutex_);
+  std::optional<uint64_t> broken_ ABSL_GUARDED_BY(mutex_);  // inode
   std::map<int, std::string> open_ ABSL_GUARDED_BY(mutex_);
   std::map<std::string, std::string> contents_ ABSL_GUARDED_BY(mutex_);  // durable ones of changed files
   std::vector<Durable> names_ ABSL_GUARDED_BY(mutex_);                   // oldest first

@@ -154,6 +154,26 @@ TEST_F(StorageOutageTest, TheReserveIsGivenUpForTheLedgerAndTakenAgain) {
   EXPECT_EQ(ReserveBytes(), options_.reserve_bytes);
 }
 
+TEST_F(StorageOutageTest, ALogThatAloneCannotBeWrittenIsSetAsideAndItsUnitsAreRenderedAgain) {
+  const std::string expected = UndisturbedResult(4);
+  const job::JobId job = Submit(Spec(4));
+  const job::JobId other = Submit(Spec(4), "other");
+  auto worker = std::make_unique<PumpedWorker>(coordinator_.get(), 2);
+  const std::string log = data_.PathOf(DataFolder::UnitLogName(job, 0));
+  Await([&] {
+    worker->Deliver();
+    return std::filesystem::exists(log) && coordinator_->GetJob(job.value())->units_done() > 0;
+  });
+  files_.Break(log);
+  EXPECT_EQ(Finish(job, worker.get()).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(Finish(other, worker.get()).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(Result(job), expected);
+  EXPECT_EQ(Result(other), expected);
+  worker.reset();
+  Stop();
+  EXPECT_EQ(CountInLog("event=units_lost"), 1);
+}
+
 TEST_F(StorageOutageTest, ACoordinatorThatStopsWithoutRoomLosesNothingAcknowledged) {
   const std::string expected = UndisturbedResult(3);
   const job::JobId job = Submit(Spec(3));

@@ -88,16 +88,27 @@ v1::CoordinatorMessage Ack(const v1::Lease& lease) {
   return message;
 }
 
+/// A connected worker, and what it is connected to.
+struct Rig {
+  explicit Rig(const absl::StatusOr<std::string>& scene = std::string(kScene),
+               const absl::StatusOr<v1::JobSpec>& spec = Spec(), int threads = 1)
+      : assets(scene), source(spec) {
+    worker = std::make_unique<WorkerImpl>(threads, &specs, &renderer, Silent());
+    worker->OnConnected(outbox);
+  }
+
+  FakeAssets assets;
+  UnitRenderer renderer{&assets};
+  FakeSpecs source;
+  SpecCache specs{&source};
+  const std::shared_ptr<FakeOutbox> outbox = std::make_shared<FakeOutbox>();
+  std::unique_ptr<WorkerImpl> worker;
+};
+
 TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(2, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
-  worker.OnMessage(Grant(3));
-  for (const v1::WorkerMessage& message : outbox->Await(3)) {
+  Rig rig(std::string(kScene), Spec(), 2);
+  rig.worker->OnMessage(Grant(3));
+  for (const v1::WorkerMessage& message : rig.outbox->Await(3)) {
     ASSERT_TRUE(message.has_chunk());
     rpc::PixelAssembler assembler;
     ASSERT_TRUE(assembler.Add(message.chunk().pixels()).ok());
@@ -105,22 +116,16 @@ TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
     EXPECT_EQ(assembler.Take().layout.width(), 16);
     EXPECT_EQ(message.chunk().stats().samples(), 16 * 16 * 2);
   }
-  EXPECT_EQ(assets.fetches(), 1);  // the scene is loaded once
-  EXPECT_EQ(source.fetches, 1);
+  EXPECT_EQ(rig.assets.fetches(), 1);  // the scene is loaded once
+  EXPECT_EQ(rig.source.fetches, 1);
 }
 
 TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
+  Rig rig;
   v1::CoordinatorMessage grant = Grant(1);
   grant.mutable_grant()->mutable_leases(0)->mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
-  worker.OnMessage(grant);
-  const std::vector<v1::WorkerMessage> messages = outbox->Await(2);
+  rig.worker->OnMessage(grant);
+  const std::vector<v1::WorkerMessage> messages = rig.outbox->Await(2);
   ASSERT_TRUE(messages[0].chunk().has_edges());
   EXPECT_FALSE(messages[0].chunk().has_pixels());
   EXPECT_FALSE(messages[0].chunk().has_stats());
@@ -133,63 +138,45 @@ TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
 }
 
 TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
+  Rig rig;
   const v1::CoordinatorMessage grant = Grant(2);
-  worker.OnMessage(grant);
-  outbox->Await(2);
-  EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(2));
-  worker.OnMessage(Ack(grant.grant().leases(0)));
-  ASSERT_THAT(worker.MakeHeartbeat().held(), SizeIs(1));
-  EXPECT_EQ(worker.MakeHeartbeat().held(0).unit().tile(), 1);
-  EXPECT_EQ(worker.MakeHeartbeat().newest_attempt(), 2);
+  rig.worker->OnMessage(grant);
+  rig.outbox->Await(2);
+  EXPECT_THAT(rig.worker->MakeHeartbeat().held(), SizeIs(2));
+  rig.worker->OnMessage(Ack(grant.grant().leases(0)));
+  ASSERT_THAT(rig.worker->MakeHeartbeat().held(), SizeIs(1));
+  EXPECT_EQ(rig.worker->MakeHeartbeat().held(0).unit().tile(), 1);
+  EXPECT_EQ(rig.worker->MakeHeartbeat().newest_attempt(), 2);
 }
 
 TEST(WorkerImpl, ReportsTheProgressOfItsLeases) {
-  FakeAssets assets{std::string(kScene)};
-  assets.SetOpen(false);
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
+  Rig rig;
+  rig.assets.SetOpen(false);
   const v1::CoordinatorMessage grant = Grant(3);
-  worker.OnMessage(grant);
-  assets.AwaitFetches(1);
-  const v1::Heartbeat before = worker.MakeHeartbeat();
+  rig.worker->OnMessage(grant);
+  rig.assets.AwaitFetches(1);
+  const v1::Heartbeat before = rig.worker->MakeHeartbeat();
   for (int i = 0; i < 3; ++i) {  // neither the unit that waits for its scene nor those behind it advance
-    EXPECT_EQ(before.held(i).progress(), worker.MakeHeartbeat().held(i).progress());
+    EXPECT_EQ(before.held(i).progress(), rig.worker->MakeHeartbeat().held(i).progress());
   }
-  assets.SetOpen(true);
-  outbox->Await(3);
-  worker.OnMessage(Ack(grant.grant().leases(0)));
-  const v1::Heartbeat after = worker.MakeHeartbeat();
+  rig.assets.SetOpen(true);
+  rig.outbox->Await(3);
+  rig.worker->OnMessage(Ack(grant.grant().leases(0)));
+  const v1::Heartbeat after = rig.worker->MakeHeartbeat();
   for (const v1::Lease& lease : after.held()) EXPECT_GE(lease.progress(), 16) << "rows of the tile";
 }
 
 TEST(WorkerImpl, ALeaseThatWaitsAdvancesWithTheWorker) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
+  Rig rig;
   const v1::CoordinatorMessage first = Grant(1, "j");
-  worker.OnMessage(first);
-  outbox->Await(1);
-  worker.OnMessage(Ack(first.grant().leases(0)));
-  assets.SetOpen(false);
-  worker.OnMessage(Grant(2, "k"));  // of another scene, which is not there yet
-  assets.AwaitFetches(2);
-  EXPECT_GE(worker.MakeHeartbeat().held(1).progress(), 16) << "of the unit that is done";
-  assets.SetOpen(true);
+  rig.worker->OnMessage(first);
+  rig.outbox->Await(1);
+  rig.worker->OnMessage(Ack(first.grant().leases(0)));
+  rig.assets.SetOpen(false);
+  rig.worker->OnMessage(Grant(2, "k"));  // of another scene, which is not there yet
+  rig.assets.AwaitFetches(2);
+  EXPECT_GE(rig.worker->MakeHeartbeat().held(1).progress(), 16) << "of the unit that is done";
+  rig.assets.SetOpen(true);
 }
 
 TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
@@ -238,28 +225,16 @@ TEST(WorkerImpl, ForgetsAnEndedJob) {
 }
 
 TEST(WorkerImpl, DropsTheLeasesOfAJobThatEndedBeforeItsSpecWasFetched) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{absl::NotFoundError("no active job 'j'")};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
-  worker.OnMessage(Grant(3));
-  while (worker.MakeHeartbeat().held_size() > 0) std::this_thread::yield();
-  EXPECT_EQ(outbox->size(), 0u) << "neither a unit nor a failure";
+  Rig rig(std::string(kScene), absl::NotFoundError("no active job 'j'"));
+  rig.worker->OnMessage(Grant(3));
+  while (rig.worker->MakeHeartbeat().held_size() > 0) std::this_thread::yield();
+  EXPECT_EQ(rig.outbox->size(), 0u) << "neither a unit nor a failure";
 }
 
 TEST(WorkerImpl, ASpecThatCannotBeFetchedIsNoFaultOfTheJob) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{absl::UnavailableError("gone")};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
-  worker.OnMessage(Grant(1));
-  const v1::WorkerMessage message = outbox->Await(1).front();
+  Rig rig(std::string(kScene), absl::UnavailableError("gone"));
+  rig.worker->OnMessage(Grant(1));
+  const v1::WorkerMessage message = rig.outbox->Await(1).front();
   ASSERT_TRUE(message.has_failure());
   EXPECT_FALSE(message.failure().permanent());
 }
@@ -271,80 +246,62 @@ v1::CoordinatorMessage Released() {
 }
 
 TEST(WorkerImpl, LeavesAfterItsUnitsAreAcknowledgedAndHandsBackThoseThatWait) {
-  FakeAssets assets{std::string(kScene)};
-  assets.SetOpen(false);
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
+  Rig rig;
+  rig.assets.SetOpen(false);
   const v1::CoordinatorMessage grant = Grant(3);
-  worker.OnMessage(grant);
-  assets.AwaitFetches(1);  // the first unit is being rendered
-  worker.Leave("signal");
-  worker.Leave("idle");
-  const std::vector<v1::WorkerMessage> messages = outbox->Await(2);
+  rig.worker->OnMessage(grant);
+  rig.assets.AwaitFetches(1);  // the first unit is being rendered
+  rig.worker->Leave("signal");
+  rig.worker->Leave("idle");
+  const std::vector<v1::WorkerMessage> messages = rig.outbox->Await(2);
   EXPECT_EQ(messages[0].leaving().reason(), "signal");
   ASSERT_EQ(messages[1].hand_back().leases_size(), 2);
   EXPECT_EQ(messages[1].hand_back().leases(0).attempt(), 2);
   EXPECT_EQ(messages[1].hand_back().leases(1).attempt(), 3);
   v1::CoordinatorMessage late = Grant(1, "k");  // sent before the coordinator heard of it
   late.mutable_grant()->mutable_leases(0)->set_attempt(4);
-  worker.OnMessage(late);
-  EXPECT_EQ(outbox->Await(3)[2].hand_back().leases(0).unit().job_id(), "k");
-  worker.OnMessage(Released());
-  EXPECT_FALSE(worker.HasLeft());
-  assets.SetOpen(true);
-  EXPECT_TRUE(outbox->Await(4)[3].has_chunk());
-  worker.HandBackUnfinished();  // not of a unit that is delivered
-  EXPECT_FALSE(worker.HasLeft());
-  worker.OnMessage(Ack(grant.grant().leases(0)));
-  EXPECT_TRUE(worker.HasLeft());
-  EXPECT_EQ(outbox->size(), 4u);
+  rig.worker->OnMessage(late);
+  EXPECT_EQ(rig.outbox->Await(3)[2].hand_back().leases(0).unit().job_id(), "k");
+  rig.worker->OnMessage(Released());
+  EXPECT_FALSE(rig.worker->HasLeft());
+  rig.assets.SetOpen(true);
+  EXPECT_TRUE(rig.outbox->Await(4)[3].has_chunk());
+  rig.worker->HandBackUnfinished();  // not of a unit that is delivered
+  EXPECT_FALSE(rig.worker->HasLeft());
+  rig.worker->OnMessage(Ack(grant.grant().leases(0)));
+  EXPECT_TRUE(rig.worker->HasLeft());
+  EXPECT_EQ(rig.outbox->size(), 4u);
 }
 
 TEST(WorkerImpl, HandsBackWhatItCannotFinishInTime) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
+  Rig rig;
   v1::CoordinatorMessage grant = Grant(1);
   grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);  // hours of work
-  worker.OnMessage(grant);
-  assets.AwaitFetches(1);
+  rig.worker->OnMessage(grant);
+  rig.assets.AwaitFetches(1);
   v1::CoordinatorMessage drain;
   drain.mutable_drain();
-  worker.OnMessage(drain);
-  EXPECT_EQ(outbox->Await(1)[0].leaving().reason(), "drained");
-  EXPECT_FALSE(worker.HasLeft());
-  worker.HandBackUnfinished();
-  EXPECT_EQ(outbox->Await(2)[1].hand_back().leases_size(), 1);
-  EXPECT_FALSE(worker.HasLeft()) << "a grant may be under way";
-  worker.OnMessage(Released());
-  EXPECT_TRUE(worker.HasLeft());
+  rig.worker->OnMessage(drain);
+  EXPECT_EQ(rig.outbox->Await(1)[0].leaving().reason(), "drained");
+  EXPECT_FALSE(rig.worker->HasLeft());
+  rig.worker->HandBackUnfinished();
+  EXPECT_EQ(rig.outbox->Await(2)[1].hand_back().leases_size(), 1);
+  EXPECT_FALSE(rig.worker->HasLeft()) << "a grant may be under way";
+  rig.worker->OnMessage(Released());
+  EXPECT_TRUE(rig.worker->HasLeft());
 }  // the destructor waits for the unit that is no longer wanted
 
 TEST(WorkerImpl, StopsRenderingAUnitWhoseLeaseIsVoid) {
-  FakeAssets assets{std::string(kScene)};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
+  Rig rig;
   v1::CoordinatorMessage grant = Grant(2);
   grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);
-  worker.OnMessage(grant);
+  rig.worker->OnMessage(grant);
   v1::CoordinatorMessage voided;
   *voided.mutable_void_leases()->add_leases() = grant.grant().leases(0);
-  worker.OnMessage(voided);
-  const v1::WorkerMessage message = outbox->Await(1)[0];  // of the second, which has the thread now
+  rig.worker->OnMessage(voided);
+  const v1::WorkerMessage message = rig.outbox->Await(1)[0];  // of the second, which has the thread now
   EXPECT_EQ(message.chunk().unit().tile(), 1);
-  EXPECT_THAT(worker.MakeHeartbeat().held(), SizeIs(1));
+  EXPECT_THAT(rig.worker->MakeHeartbeat().held(), SizeIs(1));
 }
 
 TEST(WorkerImpl, KnowsSinceWhenItIsIdle) {
@@ -368,32 +325,20 @@ TEST(WorkerImpl, KnowsSinceWhenItIsIdle) {
 
 TEST(WorkerImpl, NamesTheAssetThatTheCoordinatorLost) {
   for (const absl::Status& lost : {absl::NotFoundError("no asset"), absl::DataLossError("SHA-256")}) {
-    FakeAssets assets{lost};
-    UnitRenderer renderer(&assets);
     v1::JobSpec spec = Spec();
     spec.mutable_scene()->mutable_file()->set_sha256("5ca1ab1e");
-    FakeSpecs source{spec};
-    SpecCache specs(&source);
-    const auto outbox = std::make_shared<FakeOutbox>();
-    WorkerImpl worker(1, &specs, &renderer, Silent());
-    worker.OnConnected(outbox);
-    worker.OnMessage(Grant(1));
-    const v1::WorkerMessage message = outbox->Await(1).front();
+    Rig rig(lost, spec);
+    rig.worker->OnMessage(Grant(1));
+    const v1::WorkerMessage message = rig.outbox->Await(1).front();
     EXPECT_FALSE(message.failure().permanent());
     EXPECT_EQ(message.failure().missing_asset().sha256(), "5ca1ab1e");
   }
 }
 
 TEST(WorkerImpl, SaysThatABrokenSceneIsBrokenForEveryone) {
-  FakeAssets assets{std::string("this is no scene")};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
-  worker.OnMessage(Grant(1));
-  const v1::WorkerMessage message = outbox->Await(1).front();
+  Rig rig(std::string("this is no scene"));
+  rig.worker->OnMessage(Grant(1));
+  const v1::WorkerMessage message = rig.outbox->Await(1).front();
   ASSERT_TRUE(message.has_failure());
   EXPECT_TRUE(message.failure().permanent());
   EXPECT_FALSE(message.failure().has_missing_asset());
@@ -401,15 +346,9 @@ TEST(WorkerImpl, SaysThatABrokenSceneIsBrokenForEveryone) {
 }
 
 TEST(WorkerImpl, SaysThatALostCoordinatorIsNoFaultOfTheJob) {
-  FakeAssets assets{absl::UnavailableError("gone")};
-  UnitRenderer renderer(&assets);
-  FakeSpecs source{Spec()};
-  SpecCache specs(&source);
-  const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
-  worker.OnConnected(outbox);
-  worker.OnMessage(Grant(1));
-  EXPECT_FALSE(outbox->Await(1).front().failure().permanent());
+  Rig rig(absl::UnavailableError("gone"));
+  rig.worker->OnMessage(Grant(1));
+  EXPECT_FALSE(rig.outbox->Await(1).front().failure().permanent());
 }
 
 TEST(UnitRenderer, NamesAnEnvironmentThatIsNoPicture) {

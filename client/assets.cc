@@ -1,10 +1,12 @@
 #include "client/assets.h"
 
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -31,17 +33,30 @@ absl::Status Prefixed(absl::string_view prefix, const absl::Status& status) {
   return {status.code(), absl::StrCat(prefix, status.message())};
 }
 
-absl::StatusOr<std::ifstream> Open(const std::string& path) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": is a folder, not a file"));
+absl::Status SystemError(const std::string& path) {
+  const int error = errno;
+  return {absl::ErrnoToStatusCode(error), absl::StrCat(path, ": ", std::strerror(error))};
+}
+
+absl::StatusOr<uint64_t> SizeOf(const rpc::FileHandle& file, const std::string& path) {
+  struct stat info = {};
+  if (fstat(file.get(), &info) != 0) return SystemError(path);
+  return static_cast<uint64_t>(info.st_size);
+}
+
+/// At most `bytes` of the file from `offset` on; fewer at its end.
+absl::StatusOr<std::string> ReadPiece(const rpc::FileHandle& file, uint64_t offset, size_t bytes) {
+  std::string text(bytes, '\0');
+  size_t done = 0;
+  while (done < bytes) {
+    const ssize_t n = pread(file.get(), text.data() + done, bytes - done, static_cast<off_t>(offset + done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return absl::DataLossError(absl::StrCat("cannot be read: ", std::strerror(errno)));
+    if (n == 0) break;
+    done += static_cast<size_t>(n);
   }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
-    const int error = errno;
-    return absl::Status(absl::ErrnoToStatusCode(error), absl::StrCat(path, ": ", std::strerror(error)));
-  }
-  return file;
+  text.resize(done);
+  return text;
 }
 
 uint32_t LittleEndian32(const char* bytes) {
@@ -50,47 +65,36 @@ uint32_t LittleEndian32(const char* bytes) {
   return value;
 }
 
-absl::StatusOr<std::string> ReadPiece(std::ifstream& file, int64_t bytes) {
-  std::string text(static_cast<size_t>(bytes), '\0');
-  file.read(text.data(), bytes);
-  if (file.gcount() != bytes) return absl::DataLossError("cannot be read to the end");
-  return text;
-}
-
 // The JSON of a .glb or .gltf file. The content decides which of them it is, not the file name.
-absl::StatusOr<std::string> ReadSceneJson(std::ifstream& file, int64_t file_bytes) {
-  char head[kGlbHeadBytes] = {};
-  file.read(head, sizeof head);
-  const absl::string_view seen(head, static_cast<size_t>(file.gcount()));
-  if (!absl::StartsWith(seen, kGlbMagic)) {
+absl::StatusOr<std::string> ReadSceneJson(const rpc::FileHandle& file, int64_t file_bytes) {
+  const absl::StatusOr<std::string> head = ReadPiece(file, 0, kGlbHeadBytes);
+  if (!head.ok()) return head.status();
+  if (!absl::StartsWith(*head, kGlbMagic)) {
     if (file_bytes > kMaxJsonBytes) return absl::DataLossError("not a glTF file");
-    file.clear();
-    file.seekg(0);
-    return ReadPiece(file, file_bytes);
+    return ReadPiece(file, 0, static_cast<size_t>(file_bytes));
   }
-  if (seen.size() < kGlbHeadBytes) return absl::DataLossError("a GLB file that ends within its header");
-  if (const uint32_t version = LittleEndian32(head + 4); version != 2) {
+  if (head->size() < kGlbHeadBytes) return absl::DataLossError("a GLB file that ends within its header");
+  if (const uint32_t version = LittleEndian32(head->data() + 4); version != 2) {
     return absl::DataLossError(absl::StrCat("glTF version ", version, "; only version 2 is supported"));
   }
-  if (const int64_t stated = LittleEndian32(head + 8); stated > file_bytes) {
+  if (const int64_t stated = LittleEndian32(head->data() + 8); stated > file_bytes) {
     return absl::DataLossError(absl::StrCat("a GLB file that is too short: it has ", file_bytes, " of the ",
                                             stated, " bytes its header states"));
   }
-  const int64_t json_bytes = LittleEndian32(head + 12);
-  if (absl::string_view(head + 16, 4) != kGlbJsonChunk || json_bytes > kMaxJsonBytes ||
+  const int64_t json_bytes = LittleEndian32(head->data() + 12);
+  if (absl::string_view(*head).substr(16) != kGlbJsonChunk || json_bytes > kMaxJsonBytes ||
       json_bytes > file_bytes - static_cast<int64_t>(kGlbHeadBytes)) {
     return absl::DataLossError("a GLB file whose first chunk is not JSON");
   }
-  return ReadPiece(file, json_bytes);
+  return ReadPiece(file, kGlbHeadBytes, static_cast<size_t>(json_bytes));
 }
 
 absl::StatusOr<std::vector<std::string>> ReadExternalFiles(const std::string& scene_path) {
-  absl::StatusOr<std::ifstream> file = Open(scene_path);
+  const absl::StatusOr<rpc::FileHandle> file = OpenRegularFile(scene_path);
   if (!file.ok()) return file.status();
-  std::error_code error;
-  const auto bytes = static_cast<int64_t>(std::filesystem::file_size(scene_path, error));
-  if (error) return absl::UnknownError(absl::StrCat(scene_path, ": ", error.message()));
-  const absl::StatusOr<std::string> json_text = ReadSceneJson(*file, bytes);
+  const absl::StatusOr<uint64_t> bytes = SizeOf(*file, scene_path);
+  if (!bytes.ok()) return bytes.status();
+  const absl::StatusOr<std::string> json_text = ReadSceneJson(*file, static_cast<int64_t>(*bytes));
   if (!json_text.ok()) return Prefixed(absl::StrCat(scene_path, ": "), json_text.status());
   absl::StatusOr<std::vector<std::string>> files = ExternalFiles(*json_text);
   if (!files.ok()) return Prefixed(absl::StrCat(scene_path, ": "), files.status());
@@ -114,17 +118,15 @@ bool IsPlainUtf8(const std::string& text) {
 
 // The name of the file that a URI refers to. Errors: without the place of the URI.
 absl::StatusOr<std::string> FileOfUri(const std::string& uri) {
-  if (uri.empty() || HasScheme(uri)) {
-    return absl::DataLossError(absl::StrCat("'", uri, "'; only files and data: URIs are supported"));
-  }
+  const auto refuse = [&uri](absl::string_view why) {
+    return absl::DataLossError(absl::StrCat("'", Shown(uri), "'; ", why));
+  };
+  if (uri.empty() || HasScheme(uri)) return refuse("only files and data: URIs are supported");
   std::string file = PercentDecoded(uri);
-  if (!IsPlainUtf8(file)) {
-    return absl::DataLossError(absl::StrCat("'", uri, "'; decoded, it is not a file name in UTF-8"));
-  }
-  if (absl::StartsWith(file, kEnvironmentScheme)) {
-    return absl::DataLossError(
-        absl::StrCat("'", uri, "'; names that begin with '", kEnvironmentScheme, "' are reserved"));
-  }
+  if (!IsPlainUtf8(file)) return refuse("decoded, it is not a file name in UTF-8");
+  if (absl::StartsWith(file, kEnvironmentScheme))
+    return refuse(absl::StrCat("names that begin with '", kEnvironmentScheme, "' are reserved"));
+  if (const absl::Status status = CheckFileName(file); !status.ok()) return refuse(status.message());
   return file;
 }
 
@@ -143,6 +145,39 @@ absl::Status CollectFiles(const json& scene, const char* array_name, std::vector
     if (std::find(files->begin(), files->end(), *file) == files->end()) files->push_back(*std::move(file));
   }
   return absl::OkStatus();
+}
+
+// An error of an asset, with the place where its name comes from.
+absl::Status NamedBy(const SceneAssets& assets, const LocalAsset& asset, const absl::Status& error) {
+  if (&asset == &assets.front()) return Prefixed("scene ", error);
+  if (asset.folder == nullptr) return Prefixed("--env ", error);
+  return Prefixed(absl::StrCat("scene ", assets.front().path, " needs ", asset.ref.uri(), ": "), error);
+}
+
+// Stores the sizes of all files, before any of them is read.
+absl::Status CheckSizes(const SceneFileRules& rules, SceneAssets* assets) {
+  uint64_t total = 0;
+  const LocalAsset* largest = nullptr;
+  for (LocalAsset& asset : *assets) {
+    const absl::StatusOr<rpc::FileHandle> file = OpenAsset(asset);
+    if (!file.ok()) return NamedBy(*assets, asset, file.status());
+    const absl::StatusOr<uint64_t> size = SizeOf(*file, asset.path);
+    if (!size.ok()) return NamedBy(*assets, asset, size.status());
+    if (*size > rules.max_file_bytes) {
+      return NamedBy(*assets, asset,
+                     absl::ResourceExhaustedError(
+                         absl::StrCat(asset.path, ": has ", *size, " bytes, over the limit of ",
+                                      rules.max_file_bytes, " for a file; --max-file-mb raises it")));
+    }
+    asset.ref.set_size(*size);
+    total += *size;
+    if (largest == nullptr || *size > largest->ref.size()) largest = &asset;
+  }
+  if (total <= rules.max_job_bytes) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat("scene ", assets->front().path, ": its files have ", total,
+                                                   " bytes, over the limit of ", rules.max_job_bytes,
+                                                   " for a job; --max-job-mb raises it; the largest is ",
+                                                   largest->path, " with ", largest->ref.size()));
 }
 
 }  // namespace
@@ -169,43 +204,55 @@ absl::StatusOr<std::vector<std::string>> ExternalFiles(const std::string& json_t
   return files;
 }
 
+absl::StatusOr<rpc::FileHandle> OpenAsset(const LocalAsset& asset) {
+  return asset.folder == nullptr ? OpenRegularFile(asset.path) : asset.folder->OpenFile(asset.ref.uri());
+}
+
 absl::Status HashAsset(LocalAsset* asset) {
-  absl::StatusOr<std::ifstream> file = Open(asset->path);
+  const absl::StatusOr<rpc::FileHandle> file = OpenAsset(*asset);
   if (!file.ok()) return file.status();
+  const absl::StatusOr<uint64_t> size = SizeOf(*file, asset->path);
+  if (!size.ok()) return size.status();
   rpc::Sha256 digest;
-  std::string buffer(kReadBytes, '\0');
-  uint64_t size = 0;
-  while (*file) {
-    file->read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-    const auto count = static_cast<size_t>(file->gcount());
-    digest.Update({buffer.data(), count});
-    size += count;
+  uint64_t done = 0;
+  while (done < *size) {
+    const absl::StatusOr<std::string> piece =
+        ReadPiece(*file, done, static_cast<size_t>(std::min<uint64_t>(kReadBytes, *size - done)));
+    if (!piece.ok()) return Prefixed(absl::StrCat(asset->path, ": "), piece.status());
+    if (piece->empty())
+      return absl::DataLossError(absl::StrCat(asset->path, ": became shorter while it was read"));
+    digest.Update(*piece);
+    done += piece->size();
   }
-  if (!file->eof()) return absl::DataLossError(absl::StrCat(asset->path, ": cannot be read to the end"));
   asset->ref.set_sha256(digest.FinishHex());
-  asset->ref.set_size(size);
+  asset->ref.set_size(*size);
   return absl::OkStatus();
 }
 
-absl::StatusOr<SceneAssets> FindSceneAssets(const std::string& scene_path) {
+absl::StatusOr<SceneAssets> FindSceneAssets(const std::string& scene_path, const SceneFileRules& rules) {
   const absl::StatusOr<std::vector<std::string>> files = ReadExternalFiles(scene_path);
   if (!files.ok()) return Prefixed("scene ", files.status());
+  absl::StatusOr<SceneFolder> opened = SceneFolder::Open(scene_path, rules.allowed_folders);
+  if (!opened.ok()) return opened.status();
+  const auto folder = std::make_shared<const SceneFolder>(*std::move(opened));
   SceneAssets assets(1);
   assets.front().path = scene_path;
-  const std::filesystem::path folder = std::filesystem::path(scene_path).parent_path();
   for (const std::string& file : *files) {
     LocalAsset asset;
-    asset.path = (folder / file).string();
+    asset.path = folder->PathOf(file);
+    asset.folder = folder;
     asset.ref.set_uri(file);
     assets.push_back(std::move(asset));
   }
-  for (LocalAsset& asset : assets) {
-    const absl::Status hashed = HashAsset(&asset);
-    if (!hashed.ok() && asset.ref.uri().empty()) return Prefixed("scene ", hashed);
-    if (!hashed.ok())
-      return Prefixed(absl::StrCat("scene ", scene_path, " needs ", asset.ref.uri(), ": "), hashed);
-  }
   return assets;
+}
+
+absl::Status HashAssets(const SceneFileRules& rules, SceneAssets* assets) {
+  if (absl::Status status = CheckSizes(rules, assets); !status.ok()) return status;
+  for (LocalAsset& asset : *assets) {
+    if (const absl::Status hashed = HashAsset(&asset); !hashed.ok()) return NamedBy(*assets, asset, hashed);
+  }
+  return absl::OkStatus();
 }
 
 v1::SceneRef MakeSceneRef(const SceneAssets& assets) {

@@ -221,7 +221,9 @@ class GrpcFarmClient : public FarmClient {
 
   absl::Status UploadOnce(grpc::ClientContext& context, const LocalAsset& asset, uint64_t offset,
                           absl::FunctionRef<void(uint64_t)> on_sent) const {
-    absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::Open(asset.path, offset);
+    absl::StatusOr<rpc::FileHandle> file = OpenAsset(asset);
+    if (!file.ok()) return OfThisMachine(file.status());
+    absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::OfFile(*std::move(file), asset.path, offset);
     if (!sender.ok()) return OfThisMachine(sender.status());
     v1::UploadAssetResponse response;
     const auto writer = stub_->UploadAsset(&context, &response);

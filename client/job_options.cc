@@ -9,6 +9,7 @@ namespace lumifold::client {
 namespace {
 
 constexpr int kMaxBounces = 1024;
+constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 
 /// URI of the environment map in the job; no file of a scene can have this scheme.
 std::string EnvironmentUri(const std::string& path) {
@@ -44,6 +45,12 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
       "Depth of field: focal length / aperture diameter (default: pinhole camera)");
   command_line.AddPositiveNumber("--focus", &options->focus_metres,
                                  "Distance of the plane of focus in metres; with --f-stop");
+  command_line.AddTexts("--allow-dir", "DIR", &options->allowed_folders,
+                        "Folder besides the scene's own whose files the scene may name; repeatable");
+  command_line.AddWholeNumber("--max-file-mb", &options->max_file_mb, 1, kMaxMb,
+                              "Limit of a file of the scene in MiB (default 4096)");
+  command_line.AddWholeNumber("--max-job-mb", &options->max_job_mb, 1, kMaxMb,
+                              "Limit of all files of the job in MiB (default 65536)");
   command_line.AddFlag("--save-film", &options->save_film,
                        "Write every layer that the filter reads into the result");
 }
@@ -60,14 +67,20 @@ std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::st
 }
 
 absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {
-  absl::StatusOr<SceneAssets> assets = FindSceneAssets(options.scene);
-  if (!assets.ok() || options.environment.empty()) return assets;
-  LocalAsset asset;
-  asset.path = options.environment;
-  asset.ref.set_uri(EnvironmentUri(options.environment));
-  const absl::Status hashed = HashAsset(&asset);
-  if (!hashed.ok()) return absl::Status(hashed.code(), absl::StrCat("--env ", hashed.message()));
-  assets->push_back(std::move(asset));
+  const SceneFileRules rules = {
+      .allowed_folders = options.allowed_folders,
+      .max_file_bytes = static_cast<uint64_t>(options.max_file_mb) << 20,
+      .max_job_bytes = static_cast<uint64_t>(options.max_job_mb) << 20,
+  };
+  absl::StatusOr<SceneAssets> assets = FindSceneAssets(options.scene, rules);
+  if (!assets.ok()) return assets;
+  if (!options.environment.empty()) {
+    LocalAsset asset;
+    asset.path = options.environment;
+    asset.ref.set_uri(EnvironmentUri(options.environment));
+    assets->push_back(std::move(asset));
+  }
+  if (absl::Status status = HashAssets(rules, &*assets); !status.ok()) return status;
   return assets;
 }
 

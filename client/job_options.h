@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "client/assets.h"
@@ -30,6 +31,9 @@ struct JobOptions {
   Frames frames;
   float frames_per_second = 24;
   bool save_film = false;
+  std::vector<std::string> allowed_folders;
+  int max_file_mb = 4096;
+  int max_job_mb = 65536;
   std::string environment;  // path of the environment map; empty: none
   float environment_rotate_degrees = 0;
   float environment_scale = 1;
@@ -44,8 +48,8 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options);
 std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
                                         const Environment& environment);
 
-/// The files of the job: those of its scene and its environment map.
-/// Errors: those of FindSceneAssets().
+/// The files of the job: those of its scene and its environment map, with size and SHA-256.
+/// Errors: those of FindSceneAssets() and HashAssets().
 absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options);
 
 /// The job's spec, without the scene.

@@ -87,7 +87,7 @@ class AssetStore {
   /// `incoming_folder`, within the limits above. `log`, if not null, is told of damaged assets. `files` must outlive
   /// it.
   AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log = nullptr,
-             FileSystem* files = RealFileSystem());
+             FileSystem* files = PrivateFileSystem());
 
   /// Sets what returns the bytes that uploads may take at a moment; without it there is no limit. Call it before any
   /// upload.

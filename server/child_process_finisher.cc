@@ -30,6 +30,7 @@
 #include "server/finish_frame.h"
 #include "server/frame_finisher.h"
 #include "server/ledger/open_job_store.h"
+#include "worker/fence/fence.h"
 
 // The child writes its answer to standard output: on success a serialised StageTimes; otherwise the number of
 // the status code, a space and the message, with exit code 1.
@@ -219,16 +220,36 @@ void ChildProcessFinisher::Cancel() {
   if (running_ > 0) kill(running_, SIGKILL);
 }
 
-absl::Status LimitThisProcess(uint64_t memory_limit_bytes) {
+absl::Status YieldToOthers() {
   // If the coordinator is killed, this frame is finished again after its restart.
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   const int niceness = getpriority(PRIO_PROCESS, 0);
   if (niceness < kChildNiceness && setpriority(PRIO_PROCESS, 0, kChildNiceness) != 0)
     return SystemError("setpriority", errno);
-  if (memory_limit_bytes == 0) return absl::OkStatus();
-  const rlimit limit = {memory_limit_bytes, memory_limit_bytes};
-  if (setrlimit(RLIMIT_AS, &limit) != 0) return SystemError("setrlimit", errno);
   return absl::OkStatus();
+}
+
+/// The filter reads units and writes results, all of them in the data folder; only a ledger elsewhere needs the network.
+absl::Status FenceThisProcess(const DataFolder& folder, const std::string& store,
+                              uint64_t memory_limit_bytes) {
+  // SQLite would sort large results in /tmp.
+  setenv("SQLITE_TMPDIR", folder.root().c_str(), /*overwrite=*/1);
+  fence::FenceOptions options = {
+      .keep_file_access = true,
+      .memory_bytes = memory_limit_bytes,
+      // A folder in it may be a link to another disk.
+      .writable = {folder.root(), folder.root() + "/film", folder.root() + "/results"},
+  };
+  if (!store.empty() && store != ledger::kSqliteStore) {
+    options.network = true;
+    options.readable = {"/var/run/postgresql"};
+    if (const char* const home = std::getenv("HOME"); home != nullptr)
+      options.readable.insert(options.readable.end(),
+                              {absl::StrCat(home, "/.postgresql"), absl::StrCat(home, "/.pgpass")});
+    if (const char* const file = std::getenv("PGPASSFILE"); file != nullptr)
+      options.readable.emplace_back(file);
+  }
+  return fence::EnterFence(options).status();
 }
 
 absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arguments) {
@@ -240,11 +261,14 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
       !absl::SimpleAtoi(arguments[4], &memory_limit_bytes)) {
     return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");
   }
-  if (absl::Status status = LimitThisProcess(memory_limit_bytes); !status.ok()) return status;
+  if (absl::Status status = YieldToOthers(); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
-  const char* const store_name = std::getenv(ledger::kStoreVariable);
+  const char* const variable = std::getenv(ledger::kStoreVariable);
+  const std::string store_name = variable == nullptr ? "" : variable;
+  if (absl::Status status = FenceThisProcess(folder, store_name, memory_limit_bytes); !status.ok())
+    return status;
   const absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =
-      ledger::OpenJobStore(store_name == nullptr ? "" : store_name, folder.LedgerPath());
+      ledger::OpenJobStore(store_name, folder.LedgerPath());
   if (!store.ok()) return store.status();
   KeepFreedMemory();
   SetExrThreads(threads);

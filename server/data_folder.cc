@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <sys/statvfs.h>
 
 #include <algorithm>
@@ -91,8 +92,11 @@ absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
   for (const char* folder : {"", "/assets", "/incoming", "/film", "/results", "/deleted"}) {
     if (absl::Status status = MakeFolder(root_ + folder, files_); !status.ok()) return status;
   }
+  // A folder that someone made before may be open to others. Where it belongs to another user it stays so: the files in
+  // it are private anyway.
+  (void)chmod(root_.c_str(), 0700);
   const std::string path = root_ + "/lock";
-  rpc::FileHandle lock(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
+  rpc::FileHandle lock(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (lock.get() < 0) return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(errno)));
   if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
     return absl::FailedPreconditionError(

@@ -26,14 +26,16 @@ namespace lumifold::server {
 ///   reserve          space that is given up when the disk is full, so that the ledger can still be written
 ///   lock             lock file of the coordinator that uses the folder
 ///
+/// Only its owner may read it: scenes are the users' property.
+///
 /// Threads: safe.
 class DataFolder {
  public:
   /// All files but the ledger's are written through `files`, which must outlive the folder and its copies.
-  explicit DataFolder(std::string root, FileSystem* files = RealFileSystem())
+  explicit DataFolder(std::string root, FileSystem* files = PrivateFileSystem())
       : root_(std::move(root)), files_(files) {}
 
-  /// Creates missing folders and takes the lock, which is held until the returned handle is closed.
+  /// Creates missing folders, closes them to other users and takes the lock, which is held until the returned handle is closed.
   /// Errors: kFailedPrecondition where another coordinator holds it; kUnavailable with the system's message.
   /// Both name the folder.
   absl::StatusOr<rpc::FileHandle> Claim() const;
@@ -86,10 +88,10 @@ class DataFolder {
 
 /// Creates a folder and its missing parents. Durable once it returns OK.
 /// Errors: kUnavailable naming it.
-absl::Status MakeFolder(const std::string& path, FileSystem* files = RealFileSystem());
+absl::Status MakeFolder(const std::string& path, FileSystem* files = PrivateFileSystem());
 
 /// Removes a file, or a folder with its contents, if it exists.
 /// Errors: kUnavailable naming it.
-absl::Status RemoveAll(const std::string& path, FileSystem* files = RealFileSystem());
+absl::Status RemoveAll(const std::string& path, FileSystem* files = PrivateFileSystem());
 
 }  // namespace lumifold::server

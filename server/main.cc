@@ -1,6 +1,7 @@
 #include <signal.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -107,6 +108,7 @@ void RaiseFileLimit() {
 }
 
 int RunServer(const Flags& flags) {
+  umask(077);  // SQLite makes the ledger's files by itself
   const sigset_t end_signals = BlockEndSignals();
   RaiseFileLimit();
   const std::shared_ptr<spdlog::logger> log = lumifold::rpc::MakeNonblockingLogger(

@@ -18,6 +18,6 @@ namespace lumifold::server {
 /// nothing is changed. kUnavailable with the system's message.
 absl::StatusOr<std::vector<int32_t>> ReviseFilm(const DataFolder& folder, const job::JobId& job,
                                                 const job_life::ReopenPlan& plan,
-                                                FileSystem* files = RealFileSystem());
+                                                FileSystem* files = PrivateFileSystem());
 
 }  // namespace lumifold::server

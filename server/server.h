@@ -48,7 +48,7 @@ struct ServerOptions {
   absl::Duration first_storage_pause = absl::Milliseconds(250);
   absl::Duration longest_storage_pause = absl::Seconds(5);
   /// Writes all files but the ledger's; outlives the server.
-  FileSystem* files = RealFileSystem();
+  FileSystem* files = PrivateFileSystem();
 
   /// Monotonic clock: orders everything.
   std::function<absl::Time()> now = rpc::MonotonicNow;

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <optional>
 #include <utility>
 
@@ -192,7 +193,7 @@ absl::StatusOr<std::unique_ptr<ExrFilm>> ExrFilm::Open(const std::string& path,
   file->path = path;
   const absl::Status status = CatchExr(path, [&] {
     file->input = std::make_unique<Imf::MultiPartInputFile>(path.c_str());
-    return CheckExr(path, *file->input);
+    return CheckExr(path, *file->input, std::filesystem::file_size(path));
   });
   if (!status.ok()) return status;
   file->pixels = std::make_unique<Part>(path, scratch_folder, file->input.get(), 0, false);

@@ -7,6 +7,7 @@
 #include <ImfThreading.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <utility>
 
 #include "filter/image/exr_parts.h"
@@ -50,8 +51,9 @@ LayeredImage ReadPart(Imf::MultiPartInputFile& file, int number) {
   return image;
 }
 
-absl::Status ReadParts(const std::string& path, Imf::MultiPartInputFile& file, EdgedImage* image) {
-  if (absl::Status status = CheckExr(path, file); !status.ok()) return status;
+absl::Status ReadParts(const std::string& path, Imf::MultiPartInputFile& file, uint64_t file_bytes,
+                       EdgedImage* image) {
+  if (absl::Status status = CheckExr(path, file, file_bytes); !status.ok()) return status;
   image->pixels = ReadPart(file, 0);
   if (file.parts() == 2) image->edges = ReadPart(file, 1);
   return absl::OkStatus();
@@ -91,7 +93,7 @@ absl::StatusOr<EdgedImage> ReadEdgedExr(const std::string& path) {
   EdgedImage image;
   const absl::Status status = CatchExr(path, [&] {
     Imf::MultiPartInputFile file(path.c_str());
-    return ReadParts(path, file, &image);
+    return ReadParts(path, file, std::filesystem::file_size(path), &image);
   });
   if (!status.ok()) return status;
   return image;
@@ -104,7 +106,7 @@ absl::StatusOr<LayeredImage> DecodeExr(const std::string& name, std::string_view
   const absl::Status status = CatchExr(name, [&] {
     ViewStream stream(name, bytes);
     Imf::MultiPartInputFile file(stream);
-    return ReadParts(name, file, &image);
+    return ReadParts(name, file, bytes.size(), &image);
   });
   if (!status.ok()) return status;
   return std::move(image.pixels);

@@ -1,6 +1,7 @@
 #include "filter/image/exr_parts.h"
 
 #include <ImfChannelList.h>
+#include <ImfCompression.h>
 #include <ImfPartType.h>
 #include <ImfStringAttribute.h>
 
@@ -17,7 +18,14 @@ namespace {
 /// The most channels that are read: our pictures have under a hundred, a damaged header may list any number.
 constexpr int kMaxChannels = 1024;
 
-absl::Status CheckHeader(const std::string& path, const Imf::Header& header) {
+/// The most samples (channels times pixels) that a byte of a file can stand for, so that a header alone cannot make a
+/// reader take memory. Deflate compresses at most 1032:1. DWA also keeps one number for a block of 8x8 pixels.
+int64_t MaxSamplesPerByte(Imf::Compression compression) {
+  const bool is_dwa = compression == Imf::DWAA_COMPRESSION || compression == Imf::DWAB_COMPRESSION;
+  return is_dwa ? 64 * 1032 : 1032;
+}
+
+absl::Status CheckHeader(const std::string& path, const Imf::Header& header, uint64_t file_bytes) {
   const auto invalid = [&path](const std::string& why) {
     return absl::InvalidArgumentError(absl::StrCat(path, ": ", why));
   };
@@ -28,7 +36,7 @@ absl::Status CheckHeader(const std::string& path, const Imf::Header& header) {
   const int64_t height = int64_t{window.max.y} - window.min.y + 1;
   if (width <= 0 || height <= 0) return invalid("has no pixels");
   if (width > kMaxPixels || height > kMaxPixels / width) {
-    return invalid(absl::StrCat(width, "x", height, " pixels is more than is read"));
+    return invalid(absl::StrCat(width, "x", height, " pixels is more than is read: ", kMaxPixels));
   }
   int channels = 0;
   for (auto it = header.channels().begin(); it != header.channels().end(); ++it) {
@@ -39,6 +47,11 @@ absl::Status CheckHeader(const std::string& path, const Imf::Header& header) {
   }
   if (channels == 0) return invalid("has no channels");
   if (channels > kMaxChannels) return invalid(absl::StrCat(channels, " channels is more than is read"));
+  if (width * height * channels / MaxSamplesPerByte(header.compression()) >
+      static_cast<int64_t>(file_bytes)) {
+    return invalid(absl::StrCat("claims ", width, "x", height, " pixels of ", channels,
+                                " channels, but has only ", file_bytes, " bytes"));
+  }
   return absl::OkStatus();
 }
 
@@ -72,7 +85,7 @@ Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0) {
   return frame;
 }
 
-absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file) {
+absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file, uint64_t file_bytes) {
   const bool has_edges =
       file.parts() == 2 && file.header(1).hasName() && file.header(1).name() == kExrPartNames[1];
   if (file.parts() != 1 && !has_edges) {
@@ -80,7 +93,7 @@ absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& fi
         absl::StrCat(path, ": has several parts; only single-part OpenEXR is read"));
   }
   for (int part = 0; part < file.parts(); ++part) {
-    if (absl::Status status = CheckHeader(path, file.header(part)); !status.ok()) return status;
+    if (absl::Status status = CheckHeader(path, file.header(part), file_bytes); !status.ok()) return status;
   }
   return absl::OkStatus();
 }

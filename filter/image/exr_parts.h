@@ -5,6 +5,7 @@
 #include <ImfMultiPartInputFile.h>
 
 #include <array>
+#include <cstdint>
 #include <string>
 
 #include "absl/functional/function_ref.h"
@@ -26,9 +27,10 @@ Imf::Slice ExrSliceOf(FloatView view, int x0, int y0);
 /// Slices of all channels of `image`, whose first pixel is (x0, y0) of the file.
 Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0);
 
-/// Whether this library reads the parts and headers of the file.
+/// Whether this library reads the parts and headers of the file, which has `file_bytes` bytes: checks the sizes that the
+/// headers claim before memory is taken for them.
 /// Errors: kInvalidArgument naming the file.
-absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file);
+absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file, uint64_t file_bytes);
 
 /// The string attributes of a header.
 std::map<std::string, std::string> ExrMetadata(const Imf::Header& header);

@@ -33,9 +33,11 @@ std::vector<iovec> Remaining(absl::Span<const std::string_view> pieces, size_t d
 
 class RealFiles final : public FileSystem {
  public:
+  RealFiles(mode_t file_mode, mode_t folder_mode) : file_mode_(file_mode), folder_mode_(folder_mode) {}
+
   int Open(const std::string& path, int flags) override {
     while (true) {
-      const int file = open(path.c_str(), flags | O_CLOEXEC, 0644);
+      const int file = open(path.c_str(), flags | O_CLOEXEC, file_mode_);
       if (file >= 0 || errno != EINTR) return file >= 0 ? file : -errno;
     }
   }
@@ -80,15 +82,24 @@ class RealFiles final : public FileSystem {
   int Remove(const std::string& path) override { return ErrorOr0(std::remove(path.c_str())); }
 
   int MakeFolder(const std::string& path) override {
-    const int error = ErrorOr0(mkdir(path.c_str(), 0777));
+    const int error = ErrorOr0(mkdir(path.c_str(), folder_mode_));
     return error == -EEXIST ? 0 : error;
   }
+
+ private:
+  const mode_t file_mode_;
+  const mode_t folder_mode_;
 };
 
 }  // namespace
 
 FileSystem* RealFileSystem() {
-  static RealFiles files;
+  static RealFiles files(0644, 0777);
+  return &files;
+}
+
+FileSystem* PrivateFileSystem() {
+  static RealFiles files(0600, 0700);
   return &files;
 }
 

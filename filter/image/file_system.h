@@ -17,7 +17,8 @@ class FileSystem {
  public:
   virtual ~FileSystem() = default;
 
-  /// open(2), close-on-exec. Returns the descriptor, which the caller closes. New files get mode 0644.
+  /// open(2), close-on-exec. Returns the descriptor, which the caller closes. The implementation
+  /// decides the mode of new files and folders.
   virtual int Open(const std::string& path, int flags) = 0;
   /// Writes all of the pieces one after the other, the first at `offset`. After an error any part of them may
   /// be written.
@@ -36,8 +37,11 @@ class FileSystem {
   virtual int MakeFolder(const std::string& path) = 0;
 };
 
-/// The file system of this machine.
+/// The file system of this machine. New files get mode 0644 and new folders 0777, less the umask.
 FileSystem* RealFileSystem();
+
+/// The same for files that only their owner may read: modes 0600 and 0700.
+FileSystem* PrivateFileSystem();
 
 /// The folder of a file, for SyncFolder.
 std::string FolderOf(const std::string& path);

@@ -32,6 +32,10 @@ constexpr int kLongestRun = 127;
 /// Bytes at the start of a line: one pixel, or the mark of the new coding.
 constexpr int64_t kLeastLineBytes = 4;
 
+/// A line of one colour takes 12 bytes in the old coding with runs of up to 2^16 pixels; a picture of 16384x8192 pixels
+/// has 1365 pixels to a byte then. What claims more is a bomb or cut short.
+constexpr int64_t kMaxPixelsPerByte = 4096;
+
 struct Header {
   int width = 0;  // of the picture in its final orientation
   int height = 0;
@@ -186,7 +190,12 @@ absl::StatusOr<LayeredImage> DecodeHdr(const std::string& name, std::string_view
   Header header;
   if (const std::string problem = ParseHeader(reader, &header); !problem.empty()) return invalid(problem);
   if (int64_t{header.width} * header.height > kMaxPixels) {
-    return invalid(absl::StrCat(header.width, "x", header.height, " pixels is more than is read"));
+    return invalid(
+        absl::StrCat(header.width, "x", header.height, " pixels is more than is read: ", kMaxPixels));
+  }
+  if (int64_t{header.width} * header.height / kMaxPixelsPerByte > static_cast<int64_t>(reader.size())) {
+    return invalid(absl::StrCat("claims ", header.width, "x", header.height, " pixels, but has only ",
+                                bytes.size(), " bytes"));
   }
   // Checked before memory is allocated for a size that only the header claims.
   if (header.lines() * kLeastLineBytes > static_cast<int64_t>(reader.size())) return invalid("cut short");

@@ -67,6 +67,10 @@ ByteSender::ByteSender(std::string path, FileHandle file, uint64_t offset, uint6
 absl::StatusOr<ByteSender> ByteSender::Open(const std::string& path, uint64_t offset) {
   FileHandle file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0) return SystemError(path);
+  return OfFile(std::move(file), path, offset);
+}
+
+absl::StatusOr<ByteSender> ByteSender::OfFile(FileHandle file, const std::string& path, uint64_t offset) {
   const absl::StatusOr<uint64_t> size = SizeOf(file, path);
   if (!size.ok()) return size.status();
   if (offset > *size) {

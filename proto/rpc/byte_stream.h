@@ -34,6 +34,8 @@ class ByteSender {
   /// Errors: kNotFound naming the path; kOutOfRange for an offset past the end; kUnavailable with the
   /// system's message.
   static absl::StatusOr<ByteSender> Open(const std::string& path, uint64_t offset);
+  /// The same for a file that is open; `path` is for messages.
+  static absl::StatusOr<ByteSender> OfFile(FileHandle file, const std::string& path, uint64_t offset);
 
   /// States the SHA-256 of the whole file on the first chunk. Call it before Next.
   void SetSha256(std::string sha256) { sha256_ = std::move(sha256); }

@@ -17,6 +17,6 @@ absl::StatusOr<std::string> ResultDigest(const std::string& result_path);
 /// Computes and keeps the SHA-256 of a result that was just written, also where an earlier one is kept.
 /// Errors: as ResultDigest.
 absl::StatusOr<std::string> MakeResultDigest(const std::string& result_path,
-                                             FileSystem* files = RealFileSystem());
+                                             FileSystem* files = PrivateFileSystem());
 
 }  // namespace lumifold::film

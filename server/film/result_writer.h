@@ -18,7 +18,7 @@ class ResultWriter {
  public:
   /// `files` must outlive it.
   static absl::StatusOr<ResultWriter> Create(const std::string& path, const UnitFilm& film, ResultInfo info,
-                                             FileSystem* files = RealFileSystem());
+                                             FileSystem* files = PrivateFileSystem());
 
   /// Writes the next rows: the output of UnitFilm::Read for them and the filtered picture.
   absl::Status Append(EdgedImage part, std::array<Plane, 3> filtered);

@@ -59,7 +59,7 @@ class UnitLog {
   /// it for records that the ledger does not know. `files` must outlive the log.
   /// Errors: kDataLoss where the file is shorter; kUnavailable with the system's message. Both name the file.
   static absl::StatusOr<UnitLog> Open(const std::string& path, uint64_t committed_bytes,
-                                      FileSystem* files = RealFileSystem());
+                                      FileSystem* files = PrivateFileSystem());
 
   /// Writes a record at the end; it is durable after the next Sync. After an error the next record overwrites
   /// it. After an error of Sync nothing that was written since the last one may be believed: open the log again.

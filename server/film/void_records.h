@@ -14,6 +14,6 @@ namespace lumifold::film {
 /// a crash or an error some of the records are void.
 /// Errors: kNotFound where there is no log; kUnavailable with the system's message.
 absl::Status VoidRecords(const std::string& path, absl::Span<const RecordPlace> places,
-                         FileSystem* files = RealFileSystem());
+                         FileSystem* files = PrivateFileSystem());
 
 }  // namespace lumifold::film

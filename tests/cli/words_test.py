@@ -1,5 +1,6 @@
 """What the program says without any farm: help, and each way to ask for something that cannot be."""
 
+import json
 import struct
 import unittest
 
@@ -81,6 +82,26 @@ class BadScene(harness.CliTest):
         harness.write_scene(self.folder)
         (self.folder / "mesh.bin").unlink()
         self.check_golden("missing_buffer", "submit", "room.gltf")
+
+    def test_file_outside_the_folder_of_the_scene(self):
+        for name, uri in (("outside", "..%2f..%2fetc/passwd"), ("absolute", "/etc/passwd"), ("url", "file:///etc/passwd"),
+                          ("device", "zero"), ("drive", "C:/a.png"), ("control", "a%0ab.png")):
+            (self.folder / "room.gltf").write_text(
+                json.dumps({"asset": {"version": "2.0"}, "images": [{"uri": uri}]}))
+            (self.folder / "zero").unlink(missing_ok=True)
+            (self.folder / "zero").symlink_to("/dev/zero")
+            self.check_golden(f"file_{name}", "submit", "room.gltf")
+
+    def test_device_in_an_allowed_folder(self):
+        (self.folder / "room.gltf").write_text('{"asset": {"version": "2.0"}, "images": [{"uri": "zero"}]}')
+        (self.folder / "zero").symlink_to("/dev/zero")
+        self.check_golden("file_allowed_device", "render", "room.gltf", "--allow-dir", "/dev", "-o", "out.exr")
+
+    def test_file_over_the_limit(self):
+        (self.folder / "room.gltf").write_text('{"asset": {"version": "2.0"}, "images": [{"uri": "a.png"}]}')
+        with open(self.folder / "a.png", "wb") as file:
+            file.truncate(5 << 20)
+        self.check_golden("file_too_large", "submit", "room.gltf", "--max-file-mb", "4")
 
 
 class NoServer(harness.CliTest):

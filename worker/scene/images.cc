@@ -42,8 +42,8 @@ bool Accept(Decoding* decoding, uint64_t width, uint64_t height) {
   const bool too_long = width > kMaxSide || height > kMaxSide;
   const auto pixels = too_long ? 0 : static_cast<int64_t>(width * height);
   if (too_long || pixels > decoding->max_pixels) {
-    decoding->refused =
-        absl::ResourceExhaustedError(absl::StrCat(width, "x", height, " pixels are over the limit"));
+    decoding->refused = absl::ResourceExhaustedError(
+        absl::StrCat(width, "x", height, " pixels are over the limit of ", decoding->max_pixels));
   } else if (pixels == 0 || pixels / kMaxPixelsPerByte > decoding->encoded_bytes) {
     decoding->refused = absl::InvalidArgumentError(absl::StrCat(
         "claims ", width, "x", height, " pixels, but has only ", decoding->encoded_bytes, " bytes"));

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include "tests/support/percent_decoding_cases.h"
 #include "tests/unit/client/test_environment.h"
@@ -26,7 +27,14 @@ std::string Glb(const std::string& json) {
   return "glTF" + LittleEndian(2) + LittleEndian(20 + size) + LittleEndian(size) + "JSON" + json;
 }
 
-absl::Status ErrorOf(const std::string& path) { return FindSceneAssets(path).status(); }
+absl::StatusOr<SceneAssets> Find(const std::string& path, const SceneFileRules& rules = {}) {
+  absl::StatusOr<SceneAssets> assets = FindSceneAssets(path, rules);
+  if (!assets.ok()) return assets;
+  if (absl::Status status = HashAssets(rules, &*assets); !status.ok()) return status;
+  return assets;
+}
+
+absl::Status ErrorOf(const std::string& path) { return Find(path).status(); }
 
 TEST(SceneAssets, NameAMissingScene) {
   const ScratchFolder folder;
@@ -102,7 +110,7 @@ TEST(SceneAssets, RefuseUrisThatDecodeToNoFileName) {
             "buffers[0].uri is 'environment%3Asky.exr'; names that begin with 'environment:' are reserved");
 }
 
-TEST(SceneAssets, HashTheSceneAndItsFilesWhereverTheyAre) {
+TEST(SceneAssets, HashTheSceneAndItsFilesAlsoInAnAllowedFolder) {
   const ScratchFolder folder;
   folder.Write("textures/wood floor.png", "abc");
   folder.Write("scenes/mesh.bin", "");
@@ -110,7 +118,7 @@ TEST(SceneAssets, HashTheSceneAndItsFilesWhereverTheyAre) {
       R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}],"images":[{"uri":"../textures/wood%20floor.png"}]})";
   for (const std::string& content : {json, Glb(json)}) {
     const std::string path = folder.Write("scenes/room.glb", content);
-    const SceneAssets assets = FindSceneAssets(path).value();
+    const SceneAssets assets = Find(path, {.allowed_folders = {folder.File("textures")}}).value();
     ASSERT_EQ(assets.size(), 3u);
     EXPECT_EQ(assets[0].ref.uri(), "");
     EXPECT_EQ(assets[0].ref.size(), content.size());
@@ -124,6 +132,38 @@ TEST(SceneAssets, HashTheSceneAndItsFilesWhereverTheyAre) {
     EXPECT_EQ(scene.file().sha256(), assets[0].ref.sha256());
     EXPECT_EQ(scene.dependencies_size(), 2);
   }
+}
+
+TEST(SceneAssets, AreWithinTheLimitsBeforeAnyOfThemIsRead) {
+  const ScratchFolder folder;
+  const std::string path =
+      folder.Write("room.gltf", R"({"asset":{"version":"2.0"},"images":[{"uri":"a.png"},{"uri":"b.png"}]})");
+  folder.Write("a.png", "abc");
+  // Sparse: reading it would take minutes.
+  std::filesystem::resize_file(folder.Write("b.png", ""), uint64_t{1} << 40);
+  EXPECT_EQ(ErrorOf(path), absl::ResourceExhaustedError(
+                               "scene " + path + " needs b.png: " + folder.File("b.png") +
+                               ": has 1099511627776 bytes, over the limit of 4294967296 for a file; "
+                               "--max-file-mb raises it"));
+  EXPECT_EQ(
+      Find(path, {.max_file_bytes = uint64_t{2} << 40, .max_job_bytes = 1000}).status(),
+      absl::ResourceExhaustedError("scene " + path +
+                                   ": its files have 1099511627849 bytes, over the limit of 1000 for a job; "
+                                   "--max-job-mb raises it; the largest is " +
+                                   folder.File("b.png") + " with 1099511627776"));
+}
+
+TEST(SceneAssets, OfTheCommandLineMayBeAnywhereButAreRegularFiles) {
+  const ScratchFolder folder;
+  const std::string fifo = folder.File("fifo");
+  ASSERT_EQ(mkfifo(fifo.c_str(), 0600), 0);
+  EXPECT_EQ(ErrorOf(fifo), absl::InvalidArgumentError("scene " + fifo + ": is a FIFO, not a file"));
+  EXPECT_EQ(ErrorOf("/dev/zero"), absl::InvalidArgumentError("scene /dev/zero: is a device, not a file"));
+  SceneAssets assets = FindSceneAssets(folder.Write("room.gltf", R"({"asset":{}})"), {}).value();
+  LocalAsset environment;
+  environment.path = "/dev/zero";
+  assets.push_back(environment);
+  EXPECT_EQ(HashAssets({}, &assets), absl::InvalidArgumentError("--env /dev/zero: is a device, not a file"));
 }
 
 TEST(PercentDecoded, AgreesWithTheWorker) {

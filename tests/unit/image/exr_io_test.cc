@@ -6,9 +6,12 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "filter/image/file_io.h"
 #include "filter/image/planes.h"
+#include "tests/support/peak_memory.h"
 
 namespace lumifold {
 namespace {
@@ -113,17 +116,47 @@ TEST(Exr, RefusesAFileCutShortAnywhere) {
   }
 }
 
-TEST(Exr, RefusesAHugeDataWindowBeforeAllocating) {
-  const std::string path = TestPath("a.exr");
-  ASSERT_TRUE(WriteExr(path, SampleImage(8, 8)).ok());
+/// A small file whose header says that its last pixel is (x, y).
+std::string ClaimingLastPixel(const std::string& path, uint32_t x, uint32_t y) {
+  EXPECT_TRUE(WriteExr(path, SampleImage(8, 8)).ok());
   std::string bytes = ReadFile(path, 1 << 24).value();
   const std::string attribute("dataWindow\0box2i\0", 17);
   const size_t at = bytes.find(attribute);
-  ASSERT_NE(at, std::string::npos);
+  EXPECT_NE(at, std::string::npos);
   const size_t max_x = at + attribute.size() + 4 + 8;  // size, min.x, min.y
-  for (const size_t corner : {max_x, max_x + 4}) bytes.replace(corner, 4, std::string("\xff\xff\x0f\x00", 4));
-  ASSERT_TRUE(WriteFileAtomically(path, bytes).ok());
-  EXPECT_EQ(ReadExr(path).status().code(), absl::StatusCode::kInvalidArgument);
+  for (int i = 0; i < 4; ++i) {
+    bytes[max_x + i] = static_cast<char>(x >> (8 * i));
+    bytes[max_x + 4 + i] = static_cast<char>(y >> (8 * i));
+  }
+  return bytes;
+}
+
+TEST(Exr, RefusesAHugeDataWindowBeforeAllocating) {
+  const std::string path = TestPath("a.exr");
+  const int64_t before = PeakMemoryBytes();
+  for (const auto& [x, y] : {std::pair(0xfffffu, 0xfffffu),
+                             {0xfffu, 0xfffu},
+                             {0xfffffu, 0u},
+                             {0u, 0xfffffu},
+                             {0x7ffffffeu, 0u},
+                             {0u, 0x7ffffffeu},
+                             {0x7ffffffeu, 0x7ffffffeu}}) {
+    const std::string bytes = ClaimingLastPixel(path, x, y);
+    ASSERT_TRUE(WriteFileAtomically(path, bytes).ok());
+    for (const absl::Status& status : {ReadExr(path).status(), DecodeExr(path, bytes).status()}) {
+      EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+      EXPECT_THAT(std::string(status.message()), HasSubstr(path));
+    }
+  }
+  EXPECT_LT(PeakMemoryBytes() - before, kRefusalBytes);
+}
+
+TEST(Exr, NamesWhatAFileClaimsAndWhatItHas) {
+  const std::string path = TestPath("a.exr");
+  const std::string bytes = ClaimingLastPixel(path, 0xfffff, 7);
+  EXPECT_EQ(
+      DecodeExr("sky.exr", bytes).status().message(),
+      absl::StrCat("sky.exr: claims 1048576x8 pixels of 6 channels, but has only ", bytes.size(), " bytes"));
 }
 
 TEST(Exr, TellsMissingFromNotAPicture) {

@@ -6,6 +6,8 @@
 #include <random>
 #include <string>
 
+#include "tests/support/peak_memory.h"
+
 namespace lumifold {
 namespace {
 
@@ -95,11 +97,18 @@ TEST(Hdr, RefusesWhatIsNoWholePicture) {
     EXPECT_THAT(ErrorOf(Head(resolution) + "1234"), HasSubstr("resolution")) << resolution;
   }
   EXPECT_THAT(ErrorOf(Head("-Y 1000000 +X 1000000")), HasSubstr("more than is read"));
-  EXPECT_THAT(ErrorOf(Head("-Y 16384 +X 16384") + "1234"), HasSubstr("cut short"));
+  EXPECT_THAT(ErrorOf(Head("-Y 20 +X 20") + "1234"), HasSubstr("cut short"));
   EXPECT_THAT(ErrorOf(Head("-Y 1 +X 2") + Bytes({1, 1, 1, 1, 0, 0, 0, 0})), HasSubstr("line 0"));
   EXPECT_THAT(ErrorOf(Head("-Y 1 +X 10") + Bytes({2, 2, 0, 10, 139, 1})), HasSubstr("line 0"));
   EXPECT_THAT(ErrorOf(Head("-Y 1 +X 10") + Bytes({2, 2, 0, 10, 0, 0})), HasSubstr("line 0"));
   EXPECT_THAT(ErrorOf(Head("-Y 1 +X 10") + Bytes({2, 2, 0, 9, 138, 1})), HasSubstr("line 0"));
+}
+
+TEST(Hdr, RefusesMorePixelsThanTheBytesCanHoldBeforeAllocating) {
+  const int64_t before = PeakMemoryBytes();
+  for (const char* resolution : {"-Y 16384 +X 16384", "-Y 1 +X 268435456", "-X 1 +Y 268435456"})
+    EXPECT_THAT(ErrorOf(Head(resolution) + "1234"), HasSubstr(" pixels, but has only ")) << resolution;
+  EXPECT_LT(PeakMemoryBytes() - before, kRefusalBytes);
 }
 
 TEST(Hdr, SurvivesAnyDamage) {

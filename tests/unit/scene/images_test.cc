@@ -97,9 +97,10 @@ TEST(Images, CheckThePixelLimitBeforeDecoding) {
   EXPECT_TRUE(DecodeImage(png, 300 * 300).ok());
   const auto image = DecodeImage(png, 300 * 300 - 1);
   EXPECT_EQ(image.status().code(), absl::StatusCode::kResourceExhausted);
-  EXPECT_EQ(image.status().message(), "300x300 pixels are over the limit");
+  EXPECT_EQ(image.status().message(), "300x300 pixels are over the limit of 89999");
   // Everything after the header is missing, but the error is about the size.
-  EXPECT_EQ(DecodeImage(png.substr(0, 60), 100).status().message(), "300x300 pixels are over the limit");
+  EXPECT_EQ(DecodeImage(png.substr(0, 60), 100).status().message(),
+            "300x300 pixels are over the limit of 100");
 }
 
 TEST(Images, RefuseMorePixelsThanTheBytesCanHold) {

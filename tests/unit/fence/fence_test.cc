@@ -1,0 +1,366 @@
+#include "worker/fence/fence.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netdb.h>
+#include <pwd.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/mount.h>
+#include <sys/ptrace.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "worker/fence/landlock.h"
+
+namespace lumifold::fence {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::Contains;
+using testing::HasSubstr;
+
+/// What is tried; returns 0, or the error number.
+using Attempt = std::function<int()>;
+
+int ErrorOf(long result) { return result >= 0 ? 0 : errno; }
+
+constexpr int kNoFence = 200;
+
+/// The result of an attempt in a process of its own, inside the fence or, without options, outside.
+int Try(const FenceOptions* options, const Attempt& attempt) {
+  const pid_t child = fork();
+  if (child == 0) {
+    if (options != nullptr && !EnterFence(*options).ok()) _exit(kNoFence);
+    _exit(attempt());
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+int OpenAndClose(const std::string& path, int flags) {
+  const int file = open(path.c_str(), flags | O_CLOEXEC, 0600);
+  if (file < 0) return errno;
+  close(file);
+  return 0;
+}
+
+int Connect(uint16_t port) {
+  const int file = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  if (file < 0) return errno;
+  sockaddr_in address = {};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  return ErrorOf(connect(file, reinterpret_cast<const sockaddr*>(&address), sizeof(address)));
+}
+
+/// A port of this machine that accepts connections.
+class Listener {
+ public:
+  Listener() : file_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address = {};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    EXPECT_EQ(bind(file_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+    EXPECT_EQ(listen(file_, 8), 0);
+    socklen_t size = sizeof(address);
+    EXPECT_EQ(getsockname(file_, reinterpret_cast<sockaddr*>(&address), &size), 0);
+    port_ = ntohs(address.sin_port);
+  }
+  ~Listener() { close(file_); }
+  uint16_t port() const { return port_; }
+
+ private:
+  int file_;
+  uint16_t port_ = 0;
+};
+
+class FenceTest : public testing::Test {
+ protected:
+  FenceTest() {
+    std::string name = (fs::temp_directory_path() / "lumifold-fence-XXXXXX").string();
+    EXPECT_NE(mkdtemp(name.data()), nullptr);
+    root_ = name;
+    for (const char* folder : {"own", "other"}) {
+      fs::create_directory(root_ / folder);
+      std::ofstream(root_ / folder / "file") << "content";
+    }
+    // So that the user that the fence makes us may do there what the fence does not refuse.
+    fs::permissions(root_, fs::perms::all);
+    for (const auto& entry : fs::recursive_directory_iterator(root_)) fs::permissions(entry, fs::perms::all);
+  }
+  ~FenceTest() override { fs::remove_all(root_); }
+
+  std::string Own(const std::string& name) const { return (root_ / "own" / name).string(); }
+  std::string Other(const std::string& name) const { return (root_ / "other" / name).string(); }
+  FenceOptions Options() const { return {.writable = {Own("")}, .network = true}; }
+
+  /// Succeeds outside the fence, and fails inside it with `error`.
+  void ExpectRefused(const char* name, const Attempt& attempt, int error) const {
+    ExpectRefused(name, attempt, error, Options());
+  }
+  static void ExpectRefused(const char* name, const Attempt& attempt, int error,
+                            const FenceOptions& options) {
+    EXPECT_EQ(Try(&options, attempt), error) << name << " inside";
+    EXPECT_EQ(Try(nullptr, attempt), 0) << name << " outside";
+  }
+  void ExpectAllowed(const char* name, const Attempt& attempt) const {
+    const FenceOptions options = Options();
+    EXPECT_EQ(Try(&options, attempt), 0) << name;
+  }
+
+  fs::path root_;
+};
+
+TEST_F(FenceTest, RefusesProgramsProcessesAndTracing) {
+  ExpectRefused(
+      "execve", [] { return ErrorOf(execl("/bin/true", "true", nullptr)); }, EPERM);
+  ExpectRefused(
+      "fork",
+      [] {
+        const pid_t child = fork();
+        if (child == 0) _exit(0);
+        return ErrorOf(child);
+      },
+      EPERM);
+  ExpectRefused(
+      "system", [] { return std::system("true") == 0 ? 0 : 1; }, 1);
+  ExpectRefused(
+      "ptrace", [] { return ErrorOf(ptrace(PTRACE_TRACEME, 0, nullptr, nullptr)); }, EPERM);
+  ExpectRefused(
+      "a signal to another process", [] { return ErrorOf(kill(getppid(), 0)); }, EPERM);
+  // A call that the C library replaces by clone; 0 is no valid size of its arguments.
+  const FenceOptions options = Options();
+  EXPECT_EQ(Try(&options, [] { return ErrorOf(syscall(SYS_clone3, nullptr, 0)); }), ENOSYS);
+  EXPECT_EQ(Try(nullptr, [] { return ErrorOf(syscall(SYS_clone3, nullptr, 0)); }), EINVAL);
+}
+
+TEST_F(FenceTest, AllowsThreadsAndSignalsToItself) {
+  ExpectAllowed("threads", [] {
+    std::atomic<int> runs{0};
+    std::thread first([&] { ++runs; });
+    std::thread second([&] { ++runs; });
+    first.join();
+    second.join();
+    return runs == 2 ? 0 : 1;
+  });
+  ExpectAllowed("a signal to itself", [] { return ErrorOf(kill(getpid(), 0)); });
+  const FenceOptions options = Options();
+  EXPECT_EQ(Try(&options, []() -> int { std::abort(); }), 128 + SIGABRT);
+}
+
+TEST_F(FenceTest, RefusesWhatOnlyRootMayDo) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root, to be refused something";
+  ExpectRefused(
+      "mount", [] { return ErrorOf(mount("none", "/proc", "proc", MS_REMOUNT, nullptr)); }, EPERM);
+  ExpectRefused(
+      "a new namespace", [] { return ErrorOf(unshare(CLONE_NEWUTS)); }, EPERM);
+  ExpectRefused(
+      "a raw socket", [] { return ErrorOf(socket(AF_PACKET, SOCK_RAW, 0)); }, EAFNOSUPPORT);
+  ExpectRefused(
+      "another user", [] { return ErrorOf(setuid(65534)); }, EPERM);
+  ExpectRefused(
+      "another owner", [this] { return ErrorOf(chown(Own("file").c_str(), 1, 1)); }, EPERM);
+  ExpectRefused(
+      "a device", [this] { return ErrorOf(mknod(Own("null").c_str(), S_IFCHR | 0600, 0x103)); }, EPERM);
+}
+
+TEST_F(FenceTest, FilesAreThoseOfTheSystemAndItsOwn) {
+  ExpectAllowed("its own file", [this] { return OpenAndClose(Own("new"), O_WRONLY | O_CREAT); });
+  ExpectAllowed("renaming it",
+                [this] { return ErrorOf(rename(Own("file").c_str(), Own("renamed").c_str())); });
+  ExpectAllowed("names of machines", [] { return OpenAndClose("/etc/hosts", O_RDONLY); });
+  ExpectAllowed("random numbers", [] { return OpenAndClose("/dev/urandom", O_RDONLY); });
+  if (Landlock::KernelVersion() == 0) GTEST_SKIP() << "this kernel has no Landlock";
+  ExpectRefused(
+      "reading another file", [this] { return OpenAndClose(Other("file"), O_RDONLY); }, EACCES);
+  ExpectRefused(
+      "writing it", [this] { return OpenAndClose(Other("file"), O_WRONLY); }, EACCES);
+  ExpectRefused(
+      "making one", [this] { return OpenAndClose(Other("new"), O_WRONLY | O_CREAT); }, EACCES);
+  ExpectRefused(
+      "moving one out", [this] { return ErrorOf(link(Own("renamed").c_str(), Other("l").c_str())); }, EACCES);
+  ExpectRefused(
+      "the memory of others",
+      [] { return OpenAndClose("/proc/" + std::to_string(getppid()) + "/environ", O_RDONLY); }, EACCES);
+  ExpectRefused(
+      "programs of the temporary folder", [] { return OpenAndClose("/tmp", O_RDONLY | O_DIRECTORY); },
+      EACCES);
+  // Last, for it succeeds outside.
+  ExpectRefused(
+      "removing one", [this] { return ErrorOf(unlink(Other("file").c_str())); }, EACCES);
+}
+
+TEST_F(FenceTest, RootBecomesAnotherUserAndCannotReturn) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root";
+  FenceOptions options = Options();
+  options.user = "nobody";
+  const passwd* nobody = getpwnam("nobody");
+  ASSERT_NE(nobody, nullptr);
+  const uid_t id = nobody->pw_uid;
+  EXPECT_EQ(
+      Try(&options, [id] { return getuid() == id && geteuid() == id && getgroups(0, nullptr) == 0 ? 0 : 1; }),
+      0);
+  EXPECT_EQ(Try(&options, [] { return setuid(0) == 0 ? 0 : errno; }), EPERM);
+  ExpectRefused(
+      "passwords", [] { return OpenAndClose("/etc/shadow", O_RDONLY); }, EACCES, options);
+}
+
+TEST_F(FenceTest, RootThatStaysHasNoSecretsAndNoCapabilities) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root";
+  ExpectRefused(
+      "the file of another user",
+      [this] {
+        if (chmod(Own("").c_str(), 0700) != 0) return 99;
+        return OpenAndClose("/etc/shadow", O_RDONLY);
+      },
+      EACCES);
+  ASSERT_EQ(chown(Own("file").c_str(), 12345, 12345), 0);
+  ASSERT_EQ(chmod(Own("file").c_str(), 0600), 0);
+  ExpectRefused(
+      "the private file of another user in its folder",
+      [this] { return OpenAndClose(Own("file"), O_RDONLY); }, EACCES);
+  FenceOptions options = Options();
+  options.keep_file_access = true;
+  EXPECT_EQ(Try(&options, [this] { return OpenAndClose(Own("file"), O_RDONLY); }), 0);
+}
+
+TEST_F(FenceTest, NetworkIsForClients) {
+  const Listener listener;
+  ExpectAllowed("connecting", [&] { return Connect(listener.port()); });
+  ExpectAllowed("names", [] {
+    addrinfo* found = nullptr;
+    const int error = getaddrinfo("localhost", "80", nullptr, &found);
+    if (found != nullptr) freeaddrinfo(found);
+    return error == 0 ? 0 : 1;
+  });
+  ExpectRefused(
+      "listening",
+      [] {
+        const int file = socket(AF_INET, SOCK_STREAM, 0);
+        return file < 0 ? errno : ErrorOf(listen(file, 1));
+      },
+      EPERM);
+  FenceOptions options = Options();
+  options.network = false;
+  ExpectRefused(
+      "sockets", [&] { return Connect(listener.port()); }, EPERM, options);
+}
+
+TEST_F(FenceTest, ConnectsToTheGivenPortsOnly) {
+  if (Landlock::KernelVersion() < 4) GTEST_SKIP() << "this kernel's Landlock has no ports";
+  const Listener coordinator;
+  const Listener other;
+  FenceOptions options = Options();
+  options.connect_ports = {coordinator.port()};
+  EXPECT_EQ(Try(&options, [&] { return Connect(coordinator.port()); }), 0);
+  ExpectRefused(
+      "another port", [&] { return Connect(other.port()); }, EACCES, options);
+}
+
+TEST_F(FenceTest, LimitsOpenFilesTheirSizeAndCoreDumps) {
+  FenceOptions options = Options();
+  options.open_files = 20;
+  options.file_bytes = 1000;
+  ExpectRefused(
+      "open files",
+      [] {
+        for (int i = 0; i < 30; ++i) {
+          if (open("/dev/null", O_RDONLY) < 0) return errno;
+        }
+        return 0;
+      },
+      EMFILE, options);
+  ExpectRefused(
+      "size",
+      [this] {
+        const int file = open(Own("file").c_str(), O_WRONLY);
+        return ErrorOf(pwrite(file, "x", 1, 1000));
+      },
+      EFBIG, options);
+  EXPECT_EQ(Try(&options,
+                [] {
+                  rlimit limit = {};
+                  getrlimit(RLIMIT_CORE, &limit);
+                  return limit.rlim_max == 0 ? 0 : 1;
+                }),
+            0);
+}
+
+TEST_F(FenceTest, LimitsMemory) {
+#if defined(__SANITIZE_ADDRESS__)
+  GTEST_SKIP() << "not under AddressSanitizer";
+#endif
+  FenceOptions options = Options();
+  options.memory_bytes = uint64_t{1} << 30;
+  ExpectRefused(
+      "memory",
+      [] {
+        void* const memory =
+            mmap(nullptr, size_t{2} << 30, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+        return memory == MAP_FAILED ? errno : 0;
+      },
+      ENOMEM, options);
+}
+
+TEST_F(FenceTest, ReportsWhatIsUp) {
+  const FenceOptions options = Options();
+  EXPECT_EQ(
+      Try(nullptr,
+          [&] {
+            const absl::StatusOr<FenceReport> report = EnterFence(options);
+            if (!report.ok()) return 1;
+            const bool has_landlock = testing::Matches(Contains(HasSubstr("landlock (files")))(report->up);
+            const bool lacks_landlock = testing::Matches(Contains(HasSubstr("landlock")))(report->lacking);
+            if (has_landlock == lacks_landlock || has_landlock != (Landlock::KernelVersion() > 0)) return 2;
+            return testing::Matches(Contains("system calls"))(report->up) ? 0 : 3;
+          }),
+      0);
+}
+
+TEST_F(FenceTest, IsNoFenceForThreadsThatRunAlready) {
+  EXPECT_EQ(Try(nullptr,
+                [] {
+                  std::atomic<bool> ended{false};
+                  std::thread other([&] {
+                    while (!ended) std::this_thread::yield();
+                  });
+                  const absl::Status status = EnterFence({}).status();
+                  ended = true;
+                  other.join();
+                  return absl::IsFailedPrecondition(status) ? 0 : 1;
+                }),
+            0);
+  if (geteuid() == 0) {
+    EXPECT_EQ(EnterFence({.user = "no such user"}).status(),
+              absl::NotFoundError("fence: no user 'no such user'"));
+  }
+}
+
+TEST(DefaultMemory, IsMoreForMoreThreads) {
+  EXPECT_GT(DefaultMemoryBytes(1), uint64_t{1} << 30);
+  EXPECT_GT(DefaultMemoryBytes(8), DefaultMemoryBytes(1));
+}
+
+}  // namespace
+}  // namespace lumifold::fence

@@ -1,3 +1,4 @@
+#include <google/protobuf/stubs/logging.h>
 #include <signal.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
@@ -164,6 +165,8 @@ int main(int argc, char** argv) {
   }
   // gRPC logs to standard error by default; errors reach us as a Status. The user can set the variable.
   setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);
+  // So does protobuf, a line for each malformed message: anyone could fill the disk.
+  google::protobuf::SetLogHandler(nullptr);
   CLI::App app(
       "Lumifold's coordinator: accepts jobs, leases units to workers, commits units, assembles and filters "
       "frames, serves results.",

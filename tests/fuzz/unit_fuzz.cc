@@ -1,0 +1,151 @@
+// Units: chunks of a worker's stream as bytes of protobuf, and records of unit logs. A record's checksums are made right,
+// so that what lies behind them is reached.
+
+#include <cstring>
+#include <fstream>
+
+#include "google/protobuf/stubs/logging.h"
+#include "proto/rpc/checksum.h"
+#include "server/film/unit_assembler.h"
+#include "server/film/unit_log.h"
+#include "tests/fuzz/fuzz_target.h"
+#include "tests/support/encoded_unit.h"
+#include "tests/support/random_unit.h"
+#include "tests/support/temp_folder.h"
+
+namespace lumifold::fuzz {
+namespace {
+
+const Rect kRect = {8, 0, 16, 8};
+constexpr SampleRange kSamples = {0, 4};
+
+EdgedImage MadeUpUnit(v1::UnitKind kind, int32_t tile) {
+  return RandomUnit({.frame = 0, .tile = tile, .pass = 0, .kind = kind}, kRect, kSamples, 1);
+}
+
+/// The messages in which a worker sends a unit.
+std::vector<std::string> ChunksOf(v1::UnitKind kind, int32_t tile) {
+  const EdgedImage unit = MadeUpUnit(kind, tile);
+  std::vector<std::string> messages;
+  const auto send = [&](const LayeredImage& picture, bool edges) {
+    if (picture.channels().empty()) return;
+    rpc::PixelChunker chunker(picture);
+    v1::PixelChunk chunk;
+    while (chunker.Next(&chunk)) {
+      v1::UnitChunk message;
+      message.mutable_unit()->set_job_id("j-1");
+      message.mutable_unit()->set_kind(kind);
+      message.mutable_stats()->set_samples(64);
+      *(edges ? message.mutable_edges() : message.mutable_pixels()) = chunk;
+      messages.push_back(message.SerializeAsString());
+    }
+  };
+  send(unit.edges, true);
+  send(unit.pixels, false);
+  return messages;
+}
+
+std::string RecordOf(v1::UnitKind kind, int32_t tile) {
+  const film::StoredUnit unit{{job::JobId("j-1"), {.frame = 0, .tile = tile, .pass = 0, .kind = kind}},
+                              job::Attempt(1),
+                              {},
+                              MadeUpUnit(kind, tile)};
+  const film::EncodedUnit encoded = Encoded(unit);
+  std::string record = encoded.head;
+  for (const rpc::PixelPiece& piece : encoded.payload) record += piece.bytes;
+  return record;
+}
+
+/// Gives the first record of a log the checksums of what it holds, if it holds a record at all.
+void RepairChecksums(std::string* log) {
+  film::RecordPreamble preamble;
+  if (log->size() < sizeof(preamble)) return;
+  std::memcpy(&preamble, log->data(), sizeof(preamble));
+  const std::string_view rest = std::string_view(*log).substr(sizeof(preamble));
+  if (preamble.header_bytes > rest.size() || preamble.payload_bytes > rest.size() - preamble.header_bytes)
+    return;
+  preamble.payload_checksum = rpc::Checksum(rest.substr(preamble.header_bytes, preamble.payload_bytes));
+  preamble.header_checksum = film::HeaderChecksum(preamble, rest.substr(0, preamble.header_bytes));
+  std::memcpy(log->data(), &preamble, sizeof(preamble));
+}
+
+void ReadLog(std::string log) {
+  static const TempFolder folder(InMemory());
+  const std::string path = folder.PathOf("log");
+  std::ofstream(path, std::ios::binary) << log;
+  const absl::StatusOr<film::UnitLogReader> reader = film::UnitLogReader::Open(path);
+  if (!reader.ok()) Fail("cannot open", std::string(reader.status().message()));
+  uint64_t units = 0;
+  const absl::StatusOr<uint64_t> end =
+      reader->Scan(0, [&](const film::StoredUnit&, const film::RecordPlace& place) {
+        ++units;
+        if (place.offset + place.length > log.size())
+          Fail("a record beyond the end", std::to_string(place.offset));
+      });
+  if (end.ok() && *end > log.size()) Fail("an end beyond the end", std::to_string(*end));
+  const film::RecordPlace whole = {.offset = 0, .length = log.size()};
+  (void)reader->Read(whole);
+  (void)reader->ReadHeader(whole);
+  (void)reader->ReadDigest(whole);
+}
+
+/// As the coordinator takes the messages of a stream.
+void Assemble(v1::UnitKind kind, const std::vector<std::string>& messages) {
+  film::UnitAssembler assembler(kind, kRect, kSamples);
+  for (const std::string& bytes : messages) {
+    v1::UnitChunk chunk;
+    if (!chunk.ParseFromString(bytes)) return;
+    // Most changes are in the pixels: with a right checksum, their values are looked at.
+    for (v1::PixelChunk* pixels : {chunk.mutable_pixels(), chunk.mutable_edges()}) {
+      if (pixels->checksum() != 0) pixels->set_checksum(rpc::Checksum(pixels->data()));
+    }
+    if (!chunk.has_pixels()) chunk.clear_pixels();
+    if (chunk.edges().data().empty() && chunk.edges().checksum() == 0) chunk.clear_edges();
+    if (!assembler.Add(std::move(chunk)).ok() || assembler.IsComplete()) break;
+  }
+  if (!assembler.IsComplete()) return;
+  film::DeliveredPixels unit = assembler.Take();
+  if (!rpc::ImageFromBytes(unit.pixels.layout, BytesOf(unit.pixels), {}).ok())
+    Fail("a unit without an image", "");
+}
+
+}  // namespace
+
+std::vector<std::string> Seeds() {
+  google::protobuf::SetLogHandler(nullptr);  // it would print a line for each malformed message
+  std::vector<std::string> seeds;
+  for (const int32_t tile : {0, 1}) {
+    seeds.push_back("p" + Joined(ChunksOf(v1::UNIT_KIND_PASS, tile)));
+    seeds.push_back("g" + Joined(ChunksOf(v1::UNIT_KIND_GEOMETRY, tile)));
+    const std::string record = RecordOf(tile == 0 ? v1::UNIT_KIND_PASS : v1::UNIT_KIND_GEOMETRY, tile);
+    seeds.push_back("l" + record);
+    seeds.push_back("l" + record + record);
+    seeds.push_back("r" + record);
+  }
+  return seeds;
+}
+
+}  // namespace lumifold::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace lumifold;
+  if (size == 0) return 0;
+  const std::string_view rest(reinterpret_cast<const char*>(data) + 1, size - 1);
+  switch (data[0]) {
+    case 'p':
+      fuzz::Assemble(v1::UNIT_KIND_PASS, fuzz::Pieces(rest));
+      return 0;
+    case 'g':
+      fuzz::Assemble(v1::UNIT_KIND_GEOMETRY, fuzz::Pieces(rest));
+      return 0;
+    case 'r': {
+      std::string log(rest);
+      fuzz::RepairChecksums(&log);
+      fuzz::ReadLog(std::move(log));
+      return 0;
+    }
+    default:
+      fuzz::ReadLog(std::string(rest));
+      return 0;
+  }
+}

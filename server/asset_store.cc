@@ -11,14 +11,12 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <limits>
 #include <system_error>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
-#include "server/job/limits.h"
 
 namespace lumifold::server {
 namespace {
@@ -47,6 +45,10 @@ uint64_t SizeOrZero(const std::string& path) {
   std::error_code error;
   const auto size = fs::file_size(path, error);
   return error ? 0 : static_cast<uint64_t>(size);
+}
+
+std::string FullNameOf(const v1::AssetRef& asset) {
+  return absl::StrCat("asset '", asset.uri(), "' (", asset.sha256(), ")");
 }
 
 // Removes kept uploads that are too old or too many. Errors are ignored, here and below: such an upload starts
@@ -85,17 +87,19 @@ void KeepUploads(const std::string& folder) {
 
 }  // namespace
 
-AssetUpload::AssetUpload(v1::AssetRef asset, std::string incoming_path, std::string kept_path,
-                         AssetStore* store)
+AssetUpload::AssetUpload(v1::AssetRef asset, std::string caller, std::string incoming_path,
+                         std::string kept_path, uint64_t expected_bytes, AssetStore* store)
     : asset_(std::move(asset)),
+      caller_(std::move(caller)),
       incoming_path_(std::move(incoming_path)),
       kept_path_(std::move(kept_path)),
-      store_(store) {}
+      store_(store),
+      expected_bytes_(expected_bytes) {}
 
 AssetUpload::~AssetUpload() {
   {
     absl::MutexLock lock(&store_->mutex_);
-    store_->budget_.End(expected_bytes_);
+    store_->budget_.End(caller_, expected_bytes_);
   }
   if (!receiver_.has_value()) return;
   if (is_wrong_ || receiver_->offset() <= SizeOrZero(kept_path_)) {
@@ -107,18 +111,26 @@ AssetUpload::~AssetUpload() {
 }
 
 absl::Status AssetUpload::Error(absl::StatusCode code, const std::string& cause) const {
-  return {code, absl::StrCat("asset '", asset_.uri(), "' (", asset_.sha256(), "): ", cause)};
+  return {code, absl::StrCat(FullNameOf(asset_), ": ", cause)};
+}
+
+absl::Status AssetUpload::ExpectFrom(uint64_t offset) {
+  const uint64_t expected = asset_.size() - std::min(offset, asset_.size());
+  const uint64_t room = store_->Room();
+  absl::MutexLock lock(&store_->mutex_);
+  if (expected > expected_bytes_) {
+    absl::Status status =
+        store_->budget_.Expect(caller_, FullNameOf(asset_), expected - expected_bytes_, room);
+    if (!status.ok()) return status;
+  } else {
+    store_->budget_.Arrived(caller_, expected_bytes_ - expected);
+  }
+  expected_bytes_ = expected;
+  return absl::OkStatus();
 }
 
 absl::Status AssetUpload::Start(uint64_t offset) {
-  const uint64_t room = store_->room_ == nullptr ? std::numeric_limits<uint64_t>::max() : store_->room_();
-  const uint64_t expected = asset_.size() - std::min(offset, asset_.size());
-  {
-    absl::MutexLock lock(&store_->mutex_);
-    const std::string name = absl::StrCat("asset '", asset_.uri(), "' (", asset_.sha256(), ")");
-    if (absl::Status status = store_->budget_.Expect(name, expected, room); !status.ok()) return status;
-  }
-  expected_bytes_ = expected;
+  if (absl::Status status = ExpectFrom(offset); !status.ok()) return status;
   // The file is taken away from other uploads of the same asset by its new name.
   const bool is_gone = offset > 0 && (SizeOrZero(kept_path_) < offset ||
                                       store_->files_->Rename(kept_path_, incoming_path_) != 0);
@@ -148,7 +160,7 @@ absl::Status AssetUpload::Add(const v1::ByteChunk& chunk) {
 
 void AssetUpload::CountArrived(uint64_t bytes) {
   absl::MutexLock lock(&store_->mutex_);
-  store_->budget_.Arrived(bytes);
+  store_->budget_.Arrived(caller_, bytes);
   expected_bytes_ -= bytes;
 }
 
@@ -171,11 +183,13 @@ absl::Status AssetUpload::Finish() {
 }
 
 AssetStore::AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log,
-                       FileSystem* files)
+                       FileSystem* files, const AssetLimits& limits)
     : folder_(std::move(folder)),
       incoming_folder_(std::move(incoming_folder)),
       log_(std::move(log)),
-      files_(files) {
+      files_(files),
+      limits_(limits),
+      budget_(limits.uploads) {
   KeepUploads(incoming_folder_);
 }
 
@@ -269,25 +283,28 @@ absl::Status AssetStore::Install(const std::string& incoming_path, const std::st
   return error == 0 ? absl::OkStatus() : FileError(folder_, error);
 }
 
-absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::AssetRef& asset) {
+absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::AssetRef& asset,
+                                                                 const std::string& caller) {
   if (!rpc::IsSha256Hex(asset.sha256())) {
     return absl::InvalidArgumentError(
         absl::StrCat("asset '", asset.uri(), "': sha256 is not 64 lower-case hexadecimal digits"));
   }
-  if (asset.size() > job::kMaxAssetBytes) {
+  if (asset.size() > limits_.asset_bytes) {
     return absl::InvalidArgumentError(absl::StrCat("asset '", asset.uri(), "': its size is ", asset.size(),
-                                                   ", more than ", job::kMaxAssetBytes));
+                                                   ", more than ", limits_.asset_bytes));
   }
+  const uint64_t room = Room();
+  const uint64_t expected = asset.size() - std::min(asset.size(), ReceivedBytes(asset.sha256()));
   {
     absl::MutexLock lock(&mutex_);
-    if (absl::Status status = budget_.Begin(absl::StrCat("asset '", asset.uri(), "'")); !status.ok())
-      return status;
+    absl::Status status = budget_.Begin(caller, FullNameOf(asset), expected, room);
+    if (!status.ok()) return status;
   }
   // Two clients may send the same asset at the same time, so each upload has its own file until it is
   // complete.
   std::string incoming = absl::StrCat(incoming_folder_, "/", asset.sha256(), ".", uploads_.fetch_add(1));
   return std::unique_ptr<AssetUpload>(
-      new AssetUpload(asset, std::move(incoming), KeptPathOf(asset.sha256()), this));
+      new AssetUpload(asset, caller, std::move(incoming), KeptPathOf(asset.sha256()), expected, this));
 }
 
 absl::StatusOr<rpc::ByteSender> AssetStore::Open(const std::string& sha256, uint64_t offset) {

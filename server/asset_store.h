@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
@@ -20,6 +21,7 @@
 #include "lumifold/v1/scene.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
+#include "server/job/limits.h"
 #include "server/job_life/upload_budget.h"
 
 namespace spdlog {
@@ -35,6 +37,12 @@ inline constexpr size_t kMaxKeptUploads = 64;
 
 /// An asset that no job refers to is removed when it was not used for this long.
 inline constexpr absl::Duration kUnusedAssetAge = absl::Hours(7 * 24);
+
+struct AssetLimits {
+  /// Of one asset; at most job::kMaxAssetBytes.
+  uint64_t asset_bytes = job::kMaxAssetBytes;
+  job_life::UploadLimits uploads = {};
+};
 
 class AssetStore;
 
@@ -61,19 +69,23 @@ class AssetUpload {
 
  private:
   friend class AssetStore;
-  AssetUpload(v1::AssetRef asset, std::string incoming_path, std::string kept_path, AssetStore* store);
+  AssetUpload(v1::AssetRef asset, std::string caller, std::string incoming_path, std::string kept_path,
+              uint64_t expected_bytes, AssetStore* store);
   absl::Status Start(uint64_t offset);
+  /// The upload begins at `offset`: what is to come is not what was announced.
+  absl::Status ExpectFrom(uint64_t offset);
   void CountArrived(uint64_t bytes);
   absl::Status Error(absl::StatusCode code, const std::string& cause) const;
 
   const v1::AssetRef asset_;
+  const std::string caller_;
   const std::string incoming_path_;
   const std::string kept_path_;
   AssetStore* const store_;
   std::optional<rpc::ByteReceiver> receiver_;  // from the first piece on
   rpc::Sha256 sum_;
-  bool is_wrong_ = false;        // does not match what was announced: not kept
-  uint64_t expected_bytes_ = 0;  // of the store's budget
+  bool is_wrong_ = false;    // does not match what was announced: not kept
+  uint64_t expected_bytes_;  // of the store's budget
 };
 
 /// Files identified by their SHA-256. A stored file is complete; whether the disk has kept its content is checked
@@ -87,7 +99,7 @@ class AssetStore {
   /// `incoming_folder`, within the limits above. `log`, if not null, is told of damaged assets. `files` must outlive
   /// it.
   AssetStore(std::string folder, std::string incoming_folder, std::shared_ptr<spdlog::logger> log = nullptr,
-             FileSystem* files = PrivateFileSystem());
+             FileSystem* files = PrivateFileSystem(), const AssetLimits& limits = {});
 
   /// Sets what returns the bytes that uploads may take at a moment; without it there is no limit. Call it before any
   /// upload.
@@ -108,10 +120,10 @@ class AssetStore {
   /// How many bytes of an asset are kept from an upload that broke; 0 for none.
   uint64_t ReceivedBytes(const std::string& sha256) const;
 
-  /// Begins to receive an asset. The store must outlive the upload.
-  /// Errors: kInvalidArgument where `asset` has no valid SHA-256 or is larger than job::kMaxAssetBytes;
-  /// kResourceExhausted where too many uploads are running; kUnavailable for a disk error.
-  absl::StatusOr<std::unique_ptr<AssetUpload>> Receive(const v1::AssetRef& asset);
+  /// Begins to receive an asset from a caller, see job_life::UploadBudget. The store must outlive the upload.
+  /// Errors: kInvalidArgument where `asset` has no valid SHA-256 or is larger than the limit;
+  /// kResourceExhausted where too many uploads, or too many bytes, are announced; kUnavailable for a disk error.
+  absl::StatusOr<std::unique_ptr<AssetUpload>> Receive(const v1::AssetRef& asset, const std::string& caller);
 
   /// Reads an asset from `offset` on.
   /// Errors: kNotFound naming it, also where it is damaged; kOutOfRange past its end; kUnavailable where it
@@ -142,6 +154,8 @@ class AssetStore {
   /// Makes a received file, whose content is right, the stored asset.
   absl::Status Install(const std::string& incoming_path, const std::string& sha256);
 
+  /// The bytes that uploads may take at this moment.
+  uint64_t Room() const { return room_ == nullptr ? std::numeric_limits<uint64_t>::max() : room_(); }
   std::string PathOf(const std::string& sha256) const { return folder_ + "/" + sha256; }
   std::string KeptPathOf(const std::string& sha256) const;
 
@@ -149,6 +163,7 @@ class AssetStore {
   const std::string incoming_folder_;
   const std::shared_ptr<spdlog::logger> log_;
   FileSystem* const files_;
+  const AssetLimits limits_;
   std::function<uint64_t()> room_;
   std::atomic<int64_t> uploads_{0};
   std::atomic<bool> checks_stopped_{false};

@@ -32,12 +32,13 @@ std::string NameOf(const v1::AssetRef& asset) {
 
 }  // namespace
 
-absl::Status Coordinator::CheckHasLeases(const std::string& worker_id, const JobId& job) {
+absl::Status Coordinator::CheckHasLeases(const std::string& worker_id, const std::string& caller,
+                                         const JobId& job) {
   if (!active_jobs_.contains(job))
     return absl::NotFoundError(absl::StrCat("no active job ", Quoted(job.value())));
   const std::optional<WorkerId> worker = job::ParseWorkerId(worker_id);
   const auto connected = worker.has_value() ? workers_.find(*worker) : workers_.end();
-  if (connected == workers_.end())
+  if (connected == workers_.end() || connected->second.caller != caller)
     return absl::PermissionDeniedError(absl::StrCat("no worker ", Quoted(worker_id), " is connected"));
   if (!connected->second.known_jobs.contains(job)) {
     return absl::PermissionDeniedError(
@@ -46,17 +47,18 @@ absl::Status Coordinator::CheckHasLeases(const std::string& worker_id, const Job
   return absl::OkStatus();
 }
 
-absl::StatusOr<v1::JobSpec> Coordinator::FetchSpec(const v1::FetchSpecRequest& request) {
+absl::StatusOr<v1::JobSpec> Coordinator::FetchSpec(const v1::FetchSpecRequest& request,
+                                                   const std::string& caller) {
   const JobId job(request.job_id());
   absl::MutexLock lock(&mutex_);
-  if (absl::Status status = CheckHasLeases(request.worker_id(), job); !status.ok()) return status;
+  if (absl::Status status = CheckHasLeases(request.worker_id(), caller, job); !status.ok()) return status;
   return active_jobs_.at(job).spec;
 }
 
-absl::Status Coordinator::CheckFetch(const v1::FetchAssetRequest& request) {
+absl::Status Coordinator::CheckFetch(const v1::FetchAssetRequest& request, const std::string& caller) {
   const JobId job(request.job_id());
   absl::MutexLock lock(&mutex_);
-  if (absl::Status status = CheckHasLeases(request.worker_id(), job); !status.ok()) return status;
+  if (absl::Status status = CheckHasLeases(request.worker_id(), caller, job); !status.ok()) return status;
   // A scene may have thousands of files, and each worker fetches all of them.
   const auto [files, is_new] = scene_files_.try_emplace(job);
   if (is_new) {

@@ -87,9 +87,10 @@ absl::StatusOr<v1::FindUploadResponse> Coordinator::FindUpload(const v1::FindUpl
   return response;
 }
 
-absl::StatusOr<std::unique_ptr<AssetUpload>> Coordinator::ReceiveAsset(const v1::AssetRef& asset) {
+absl::StatusOr<std::unique_ptr<AssetUpload>> Coordinator::ReceiveAsset(const v1::AssetRef& asset,
+                                                                       const std::string& caller) {
   if (absl::Status status = storage_.status(); !status.ok()) return status;
-  return assets_->Receive(asset);
+  return assets_->Receive(asset, caller);
 }
 
 absl::Status Coordinator::CheckSpec(const v1::JobSpec& spec) const {
@@ -110,6 +111,37 @@ absl::Status Coordinator::CheckSpec(const v1::JobSpec& spec) const {
   return absl::OkStatus();
 }
 
+absl::Status Coordinator::CheckAssetBytes(const v1::JobSpec& spec) const {
+  // What lies here, not what the client says. A file that several names refer to counts once for each.
+  uint64_t bytes = assets_->SizeOf(spec.scene().file().sha256());
+  for (const v1::AssetRef& asset : spec.scene().dependencies()) bytes += assets_->SizeOf(asset.sha256());
+  if (bytes <= options_.limits.job_asset_bytes) return absl::OkStatus();
+  return absl::ResourceExhaustedError(absl::StrCat("the files of the scene have ", bytes,
+                                                   " bytes; the limit of a job is ",
+                                                   options_.limits.job_asset_bytes));
+}
+
+absl::Status Coordinator::BeginSubmission(const std::string& user) {
+  absl::MutexLock lock(&mutex_);
+  int64_t jobs = 0;
+  for (const auto& [id, record] : active_jobs_) jobs += record.scheduling.user() == user ? 1 : 0;
+  for (const auto& [id, job] : suspended_jobs_) jobs += job.shown.scheduling().user() == user ? 1 : 0;
+  int& submissions = submissions_[user];
+  if (jobs + submissions >= options_.limits.jobs_per_user) {
+    if (submissions == 0) submissions_.erase(user);
+    return absl::ResourceExhaustedError(absl::StrCat(
+        "user ", Quoted(user), " has ", jobs, " active jobs; the limit is ", options_.limits.jobs_per_user));
+  }
+  ++submissions;
+  return absl::OkStatus();
+}
+
+void Coordinator::EndSubmission(const std::string& user) {
+  absl::MutexLock lock(&mutex_);
+  const auto found = submissions_.find(user);
+  if (--found->second == 0) submissions_.erase(found);
+}
+
 absl::StatusOr<v1::SubmitJobResponse> Coordinator::SubmitJob(const v1::SubmitJobRequest& request) {
   if (request.request_id().empty() || request.request_id().size() > job::kMaxRequestIdBytes) {
     return absl::InvalidArgumentError(absl::StrCat("request_id has ", request.request_id().size(),
@@ -120,10 +152,13 @@ absl::StatusOr<v1::SubmitJobResponse> Coordinator::SubmitJob(const v1::SubmitJob
   if (absl::Status status = storage_.status(); !status.ok()) return status;
   if (absl::Status status = janitor_.CheckQuota(); !status.ok()) return status;
   if (absl::Status status = CheckSpec(*spec); !status.ok()) return status;
+  if (absl::Status status = CheckAssetBytes(*spec); !status.ok()) return status;
   absl::StatusOr<v1::Scheduling> scheduling = job::NormaliseScheduling(request.scheduling());
   if (!scheduling.ok()) return scheduling.status();
   const absl::StatusOr<std::vector<job_life::Prerequisite>> after = CheckAfter(*scheduling);
   if (!after.ok()) return NoteError(after.status());
+  const std::string user = scheduling->user();
+  if (absl::Status status = BeginSubmission(user); !status.ok()) return status;
   const absl::Time now = options_.wall_now();
   const absl::StatusOr<JobId> id = RecordJob({.id = job::MakeJobId(now, options_.random()),
                                               .request_id = request.request_id(),
@@ -132,6 +167,7 @@ absl::StatusOr<v1::SubmitJobResponse> Coordinator::SubmitJob(const v1::SubmitJob
                                               .submitted = now,
                                               .owner = owner_},
                                              *after);
+  EndSubmission(user);
   if (!id.ok()) return NoteError(id.status());
   v1::SubmitJobResponse response;
   response.set_job_id(id->value());
@@ -223,6 +259,19 @@ absl::StatusOr<v1::JobStatus> Coordinator::StatusOf(const JobId& job) {
 
 absl::StatusOr<v1::JobStatus> Coordinator::GetJob(const std::string& job_id) {
   return StatusOf(JobId(job_id));
+}
+
+absl::StatusOr<std::string> Coordinator::UserOf(const std::string& job_id) {
+  const JobId job(job_id);
+  {
+    absl::MutexLock lock(&mutex_);
+    const auto active = active_jobs_.find(job);
+    if (active != active_jobs_.end()) return active->second.scheduling.user();
+    if (const std::optional<v1::JobStatus> status = StatusInMemory(job)) return status->scheduling().user();
+  }
+  const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
+  if (!record.ok()) return record.status();
+  return record->scheduling.user();
 }
 
 absl::StatusOr<v1::ListJobsResponse> Coordinator::ListJobs(const v1::ListJobsRequest& request) {
@@ -324,6 +373,8 @@ absl::StatusOr<v1::ServerStatus> Coordinator::GetServerStatus() {
   absl::MutexLock lock(&mutex_);
   status.set_workers(static_cast<int32_t>(workers_.size()));
   for (const auto& [id, worker] : workers_) status.set_slots(status.slots() + worker.slots);
+  status.set_leases(static_cast<int32_t>(scheduler_.lease_count()));
+  status.set_frames_in_flight(scheduler_.frames_in_flight());
   status.set_active_jobs(static_cast<int64_t>(active_jobs_.size()));
   return status;
 }

@@ -30,6 +30,7 @@
 #include "server/job_life/dependencies.h"
 #include "server/job_life/reopen_plan.h"
 #include "server/ledger/job_store.h"
+#include "server/limits.h"
 #include "server/scheduler/scheduler.h"
 #include "server/storage_state.h"
 #include "server/task_thread.h"
@@ -63,6 +64,7 @@ struct CoordinatorOptions {
   /// Pauses while the storage cannot be written.
   absl::Duration first_storage_pause = absl::Milliseconds(250);
   absl::Duration longest_storage_pause = absl::Seconds(5);
+  Limits limits;
   /// What is kept of jobs that have ended. The free bytes of the disk are set by the coordinator.
   job_life::RetentionLimits retention;
   /// Called with false when the storage can no longer be written, and with true when it can again; from any thread.
@@ -120,9 +122,13 @@ class Coordinator final : private Committer::Listener {
   absl::StatusOr<v1::FindMissingAssetsResponse> FindMissingAssets(
       const v1::FindMissingAssetsRequest& request) const;
   absl::StatusOr<v1::FindUploadResponse> FindUpload(const v1::FindUploadRequest& request) const;
-  absl::StatusOr<std::unique_ptr<AssetUpload>> ReceiveAsset(const v1::AssetRef& asset);
+  /// `caller` is whose upload it is, see Limits::uploads.
+  absl::StatusOr<std::unique_ptr<AssetUpload>> ReceiveAsset(const v1::AssetRef& asset,
+                                                            const std::string& caller);
   absl::StatusOr<v1::SubmitJobResponse> SubmitJob(const v1::SubmitJobRequest& request);
   absl::StatusOr<v1::JobStatus> GetJob(const std::string& job_id);
+  /// Whose job it is. Errors: those of GetJob.
+  absl::StatusOr<std::string> UserOf(const std::string& job_id);
   absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request);
   /// Cancels a job. Calls `done` once: when the end of the job is recorded, or with kResourceExhausted when it cannot be
   /// recorded now; then the job ends as soon as it can. `done` is called at once or from another thread, without a
@@ -157,14 +163,16 @@ class Coordinator final : private Committer::Listener {
   /// After it returns the watcher is not called again. No effect on a watcher that does not watch.
   void Unwatch(JobWatcher* watcher);
 
-  // Calls of workers, made by WorkerSession; see worker.proto.
-  absl::StatusOr<v1::JobSpec> FetchSpec(const v1::FetchSpecRequest& request);
+  // Calls of workers, made by WorkerSession; see worker.proto. `caller` is the identity of the connection, see
+  // access::KeyOf: a worker's id is of use to its own identity only.
+  absl::StatusOr<v1::JobSpec> FetchSpec(const v1::FetchSpecRequest& request, const std::string& caller);
   /// Whether the worker may read the asset.
-  absl::Status CheckFetch(const v1::FetchAssetRequest& request);
+  absl::Status CheckFetch(const v1::FetchAssetRequest& request, const std::string& caller);
   /// After CheckFetch.
   absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const;
   /// Sends Welcome to a worker and grants it leases. `sink` is used until RemoveWorker has returned.
-  absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, WorkerSink* sink);
+  absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, const std::string& caller,
+                                          WorkerSink* sink);
   void RemoveWorker(job::WorkerId worker);
   void OnHeartbeat(job::WorkerId worker, const v1::Heartbeat& heartbeat);
   /// The unit of a lease that the worker holds; nullopt if it does not hold it.
@@ -192,6 +200,7 @@ class Coordinator final : private Committer::Listener {
  private:
   struct ConnectedWorker {
     std::string name;
+    std::string caller;
     int slots;
     WorkerSink* sink;
     absl::Time connected;             // by the wall clock, for display
@@ -255,6 +264,11 @@ class Coordinator final : private Committer::Listener {
   /// Starts jobs whose manifest lies here but that the ledger does not have, and clears away after jobs that have ended.
   absl::StatusOr<std::vector<ledger::JobRecord>> FindForgottenJobs();
   absl::Status CheckSpec(const v1::JobSpec& spec) const;
+  /// That the files of a job are not too large together.
+  absl::Status CheckAssetBytes(const v1::JobSpec& spec) const;
+  /// Counts a submission of the user until EndSubmission. Errors: kResourceExhausted where it has too many jobs.
+  absl::Status BeginSubmission(const std::string& user);
+  void EndSubmission(const std::string& user);
   absl::StatusOr<job::JobId> RecordJob(ledger::NewJob job, const std::vector<job_life::Prerequisite>& after);
   /// Starts a recorded job. `was_uncertain`: it is one of uncertain_jobs_, unless another call was first.
   void StartJob(ledger::JobRecord record, const std::vector<job_life::Prerequisite>& after,
@@ -348,7 +362,7 @@ class Coordinator final : private Committer::Listener {
   void ExplainFinishing(const job::JobId& job, v1::ExplainJobResponse* response)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Whether a connected worker has had a lease of the active job.
-  absl::Status CheckHasLeases(const std::string& worker_id, const job::JobId& job)
+  absl::Status CheckHasLeases(const std::string& worker_id, const std::string& caller, const job::JobId& job)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void AwaitAsset(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
                   const v1::AssetRef& asset);
@@ -401,6 +415,8 @@ class Coordinator final : private Committer::Listener {
   std::map<job::JobId, EndingJob> ending_jobs_ ABSL_GUARDED_BY(mutex_);
   /// Jobs whose submission ended with an error of the ledger, which may have recorded them.
   std::set<job::JobId> uncertain_jobs_ ABSL_GUARDED_BY(mutex_);
+  /// Submissions of each user that are being recorded.
+  std::map<std::string, int> submissions_ ABSL_GUARDED_BY(mutex_);
   std::map<job::JobId, SuspendedJob> suspended_jobs_ ABSL_GUARDED_BY(mutex_);
   job_life::Dependencies dependencies_ ABSL_GUARDED_BY(mutex_);
   /// The frame that is being finished, and whether units of it were taken back since.

@@ -62,7 +62,8 @@ absl::Status CheckHello(const v1::Hello& hello) {
 
 }  // namespace
 
-absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, WorkerSink* sink) {
+absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, const std::string& caller,
+                                                WorkerSink* sink) {
   if (absl::Status status = CheckHello(hello); !status.ok()) {
     options_.log->warn("event=worker_refused worker={} error={}", Quoted(hello.name()),
                        Quoted(std::string(status.message())));
@@ -75,8 +76,9 @@ absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, WorkerSi
                                 .numeric_class = hello.numeric_class(),
                                 .slots = hello.slots(),
                                 .tags = {hello.tags().begin(), hello.tags().end()}});
-  workers_.emplace(worker,
-                   ConnectedWorker{WorkerName(hello.name()), hello.slots(), sink, options_.wall_now(), {}});
+  workers_.emplace(
+      worker,
+      ConnectedWorker{WorkerName(hello.name()), caller, hello.slots(), sink, options_.wall_now(), {}});
   v1::CoordinatorMessage welcome;
   welcome.mutable_welcome()->set_worker_id(job::TextOf(worker));
   welcome.mutable_welcome()->set_heartbeat_ms(absl::ToInt64Milliseconds(options_.heartbeat));

@@ -11,8 +11,11 @@
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/status_codec.h"
+#include "server/access/identity.h"
 #include "server/asset_checks.h"
+#include "server/call_gate.h"
 #include "server/coordinator_impl.h"
+#include "server/job_access.h"
 #include "server/job_status.h"
 #include "server/worker_session.h"
 
@@ -26,40 +29,54 @@ namespace {
 constexpr size_t kMaxOutgoingMessages = 8192;
 constexpr size_t kMaxOutgoingBytes = size_t{4} << 20;
 
-template <typename Response>
-grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, absl::StatusOr<Response> result,
-                                 Response* response) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  if (result.ok()) *response = *std::move(result);
-  reactor->Finish(rpc::GrpcFromStatus(result.status()));
-  return reactor;
-}
+using AdmittedCall = std::unique_ptr<CallGate::Call>;
 
-/// Answers a call that uses assets once these are checked.
+/// Takes the result of a call, from any thread.
 template <typename Response>
-grpc::ServerUnaryReactor* AnswerChecked(grpc::CallbackServerContext* context, AssetChecks* checks,
-                                        const std::set<std::string>& assets,
-                                        std::function<absl::StatusOr<Response>()> call, Response* response) {
+using Done = std::function<void(absl::StatusOr<Response>)>;
+
+/// Makes a unary call that has passed the gate: `start` gets the call and what takes its result.
+template <typename Response, typename Start>
+grpc::ServerUnaryReactor* AnswerLater(grpc::CallbackServerContext* context,
+                                      absl::StatusOr<AdmittedCall> admitted, Response* response,
+                                      Start start) {
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  checks->Check(assets, [=](const absl::Status& checked) {
-    absl::StatusOr<Response> result = checked.ok() ? call() : absl::StatusOr<Response>(checked);
+  if (!admitted.ok()) {
+    reactor->Finish(rpc::GrpcFromStatus(admitted.status()));
+    return reactor;
+  }
+  const std::shared_ptr<CallGate::Call> call = *std::move(admitted);
+  start(*call, Done<Response>([call, reactor, response](absl::StatusOr<Response> result) {
     if (result.ok()) *response = *std::move(result);
+    call->End(result.status());
     reactor->Finish(rpc::GrpcFromStatus(result.status()));
-  });
+  }));
   return reactor;
 }
 
-/// Answers a call when the coordinator has done what it asks for. `response` may be null.
-Coordinator::StatusAnswer AnswerLater(grpc::ServerUnaryReactor* reactor, v1::JobStatus* response) {
-  return [reactor, response](absl::StatusOr<v1::JobStatus> status) {
-    if (status.ok() && response != nullptr) *response = *std::move(status);
-    reactor->Finish(rpc::GrpcFromStatus(status.status()));
-  };
+/// The same for a call that has its result at once.
+template <typename Response, typename Make>
+grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, absl::StatusOr<AdmittedCall> admitted,
+                                 Response* response, Make make) {
+  return AnswerLater(context, std::move(admitted), response,
+                     [&make](const CallGate::Call& call, const Done<Response>& done) {
+                       done(absl::StatusOr<Response>(make(call)));
+                     });
 }
+
+/// A stream that is refused.
+template <typename Reactor>
+class Refused final : public Reactor {
+ public:
+  explicit Refused(const absl::Status& status) { this->Finish(rpc::GrpcFromStatus(status)); }
+  void OnDone() override { delete this; }
+};
 
 /// Streams a file to the caller, from Start on.
 class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
  public:
+  explicit FileWriter(AdmittedCall call) : call_(std::move(call)) {}
+
   void Start(absl::StatusOr<rpc::ByteSender> sender) {
     sender_ = std::move(sender);
     WriteNext();
@@ -76,12 +93,16 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
 
  private:
   void WriteNext() {
-    if (!sender_.ok()) return Finish(rpc::GrpcFromStatus(sender_.status()));
+    if (!sender_.ok()) {
+      call_->End(sender_.status());
+      return Finish(rpc::GrpcFromStatus(sender_.status()));
+    }
     const absl::StatusOr<bool> has_next = sender_->Next(&chunk_);
     if (!has_next.ok() || !*has_next) return Finish(rpc::GrpcFromStatus(has_next.status()));
     StartWrite(&chunk_);
   }
 
+  const AdmittedCall call_;
   absl::StatusOr<rpc::ByteSender> sender_ = absl::UnknownError("not started");
   v1::ByteChunk chunk_;
 };
@@ -89,12 +110,16 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
 /// Receives an asset.
 class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
-  explicit AssetReader(Coordinator* coordinator) : coordinator_(coordinator) { StartRead(&request_); }
+  AssetReader(AdmittedCall call, Coordinator* coordinator)
+      : call_(std::move(call)), coordinator_(coordinator) {
+    StartRead(&request_);
+  }
 
   void OnReadDone(bool ok) override {
     const absl::Status status = ok ? Take() : End();
     if (ok && status.ok()) return StartRead(&request_);
     upload_.reset();  // first, so that what has arrived is kept before the caller gets the error
+    call_->End(status);
     Finish(rpc::GrpcFromStatus(status));
   }
   void OnDone() override { delete this; }
@@ -107,7 +132,9 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
     }
     if (upload_ != nullptr) return coordinator_->NoteError(upload_->Add(request_.chunk()));
     sha256_ = request_.announce().sha256();
-    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = coordinator_->ReceiveAsset(request_.announce());
+    call_->SetSubject(sha256_);
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload =
+        coordinator_->ReceiveAsset(request_.announce(), call_->limit_key());
     if (upload.ok()) upload_ = *std::move(upload);
     return upload.status();
   }
@@ -119,6 +146,7 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
     return stored;
   }
 
+  const AdmittedCall call_;
   Coordinator* const coordinator_;
   v1::UploadAssetRequest request_;
   std::string sha256_;
@@ -128,7 +156,8 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
 /// Streams the status of a job. A slow caller may miss intermediate states, but gets the last one.
 class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, public JobWatcher {
  public:
-  StatusWriter(Coordinator* coordinator, const std::string& job_id) : coordinator_(coordinator) {
+  StatusWriter(AdmittedCall call, Coordinator* coordinator, const std::string& job_id)
+      : call_(std::move(call)), coordinator_(coordinator) {
     const absl::Status status = coordinator_->Watch(job_id, this);
     if (!status.ok()) End(rpc::GrpcFromStatus(status));
   }
@@ -176,6 +205,7 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
     StartWrite(&current_);
   }
 
+  const AdmittedCall call_;
   Coordinator* const coordinator_;
   absl::Mutex mutex_;
   v1::JobStatus current_;  // used by gRPC while writing_
@@ -190,8 +220,8 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
 class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
                          public WorkerSink {
  public:
-  WorkStream(grpc::CallbackServerContext* context, Coordinator* coordinator)
-      : context_(context), coordinator_(coordinator) {
+  WorkStream(grpc::CallbackServerContext* context, AdmittedCall call, Coordinator* coordinator)
+      : context_(context), call_(std::move(call)), coordinator_(coordinator) {
     StartRead(&incoming_);
   }
 
@@ -236,8 +266,10 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
     if (session_ != nullptr) return session_->Handle(&incoming_);
     if (!incoming_.has_hello())
       return absl::FailedPreconditionError("worker stream: the first message is not Hello");
+    call_->SetSubject(incoming_.hello().name());
     absl::StatusOr<std::unique_ptr<WorkerSession>> session =
-        WorkerSession::Open(coordinator_, incoming_.hello(), this);
+        WorkerSession::Open(coordinator_, incoming_.hello(), access::KeyOf(call_->caller()), this);
+    call_->End(session.status());
     if (session.ok()) session_ = *std::move(session);
     return session.status();
   }
@@ -251,6 +283,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
   }
 
   grpc::CallbackServerContext* const context_;
+  const AdmittedCall call_;
   Coordinator* const coordinator_;
   v1::WorkerMessage incoming_;
   std::unique_ptr<WorkerSession> session_;  // used by OnReadDone only, which runs on one thread at a time
@@ -262,150 +295,275 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
+/// The calls of one service, as the gate sees them.
+class ServiceGate {
+ public:
+  ServiceGate(CallGate* gate, std::string service) : gate_(gate), service_(std::move(service)) {}
+
+  absl::StatusOr<AdmittedCall> Admit(const grpc::CallbackServerContext* context, const char* method,
+                                     const std::string& subject) const {
+    return gate_->Admit(*context, PathOf(method), subject);
+  }
+  absl::StatusOr<AdmittedCall> AdmitStream(grpc::CallbackServerContext* context, const char* method,
+                                           const std::string& subject) const {
+    return gate_->AdmitStream(context, PathOf(method), subject);
+  }
+
+ private:
+  std::string PathOf(const char* method) const { return absl::StrCat("/", service_, "/", method); }
+
+  CallGate* const gate_;
+  const std::string service_;
+};
+
 class FarmServiceAdapter final : public v1::FarmService::CallbackService {
  public:
-  FarmServiceAdapter(Coordinator* coordinator, AssetChecks* checks)
-      : coordinator_(coordinator), checks_(checks) {}
+  FarmServiceAdapter(Coordinator* coordinator, AssetChecks* checks, CallGate* gate)
+      : coordinator_(coordinator),
+        checks_(checks),
+        gate_(gate, v1::FarmService::service_full_name()),
+        jobs_(coordinator) {}
 
   grpc::ServerUnaryReactor* FindMissingAssets(grpc::CallbackServerContext* context,
                                               const v1::FindMissingAssetsRequest* request,
                                               v1::FindMissingAssetsResponse* response) override {
-    std::set<std::string> assets;
-    for (const v1::AssetRef& asset : request->assets()) assets.insert(asset.sha256());
-    return AnswerChecked<v1::FindMissingAssetsResponse>(
-        context, checks_, assets, [this, request] { return coordinator_->FindMissingAssets(*request); },
-        response);
+    return AnswerLater(context, gate_.Admit(context, "FindMissingAssets", ""), response,
+                       [&](const CallGate::Call&, Done<v1::FindMissingAssetsResponse> done) {
+                         std::set<std::string> assets;
+                         for (const v1::AssetRef& asset : request->assets()) assets.insert(asset.sha256());
+                         checks_->Check(assets, [this, request, done](const absl::Status& checked) {
+                           if (!checked.ok()) return done(checked);
+                           done(coordinator_->FindMissingAssets(*request));
+                         });
+                       });
   }
   grpc::ServerUnaryReactor* FindUpload(grpc::CallbackServerContext* context,
                                        const v1::FindUploadRequest* request,
                                        v1::FindUploadResponse* response) override {
-    return Answer(context, coordinator_->FindUpload(*request), response);
+    return Answer(context, gate_.Admit(context, "FindUpload", request->asset().sha256()), response,
+                  [&](const CallGate::Call&) { return coordinator_->FindUpload(*request); });
   }
-  grpc::ServerReadReactor<v1::UploadAssetRequest>* UploadAsset(grpc::CallbackServerContext*,
+  grpc::ServerReadReactor<v1::UploadAssetRequest>* UploadAsset(grpc::CallbackServerContext* context,
                                                                v1::UploadAssetResponse*) override {
-    return new AssetReader(coordinator_);
+    absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "UploadAsset", "");
+    if (!call.ok()) return new Refused<grpc::ServerReadReactor<v1::UploadAssetRequest>>(call.status());
+    return new AssetReader(*std::move(call), coordinator_);
   }
   grpc::ServerUnaryReactor* SubmitJob(grpc::CallbackServerContext* context,
                                       const v1::SubmitJobRequest* request,
                                       v1::SubmitJobResponse* response) override {
-    std::set<std::string> assets = {request->spec().scene().file().sha256()};
-    for (const v1::AssetRef& asset : request->spec().scene().dependencies()) assets.insert(asset.sha256());
-    return AnswerChecked<v1::SubmitJobResponse>(
-        context, checks_, assets, [this, request] { return coordinator_->SubmitJob(*request); }, response);
+    return AnswerLater(context, gate_.Admit(context, "SubmitJob", request->request_id()), response,
+                       [&](CallGate::Call& call, Done<v1::SubmitJobResponse> done) {
+                         Submit(call, *request, std::move(done));
+                       });
   }
   grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context, const v1::GetJobRequest* request,
                                    v1::JobStatus* response) override {
-    return Answer(context, coordinator_->GetJob(request->job_id()), response);
+    return AnswerOfJob(context, "GetJob", *request, response,
+                       [&] { return coordinator_->GetJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context, const v1::ListJobsRequest* request,
                                      v1::ListJobsResponse* response) override {
-    return Answer(context, coordinator_->ListJobs(*request), response);
+    return Answer(context, gate_.Admit(context, "ListJobs", ""), response,
+                  [&](const CallGate::Call& call) -> absl::StatusOr<v1::ListJobsResponse> {
+                    const std::optional<v1::ListJobsRequest> own = jobs_.Restrict(call.caller(), *request);
+                    if (!own.has_value()) return v1::ListJobsResponse();
+                    return coordinator_->ListJobs(*own);
+                  });
   }
-  grpc::ServerWriteReactor<v1::JobStatus>* WatchJob(grpc::CallbackServerContext*,
+  grpc::ServerWriteReactor<v1::JobStatus>* WatchJob(grpc::CallbackServerContext* context,
                                                     const v1::WatchJobRequest* request) override {
-    return new StatusWriter(coordinator_, request->job_id());
+    absl::StatusOr<AdmittedCall> call = AdmitStreamOfJob(context, "WatchJob", request->job_id());
+    if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::JobStatus>>(call.status());
+    return new StatusWriter(*std::move(call), coordinator_, request->job_id());
   }
   grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
                                       const v1::CancelJobRequest* request, v1::JobStatus* response) override {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    coordinator_->CancelJob(request->job_id(), AnswerLater(reactor, response));
-    return reactor;
+    return ChangeJob(context, "CancelJob", *request, response, [&](Coordinator::StatusAnswer done) {
+      coordinator_->CancelJob(request->job_id(), std::move(done));
+    });
   }
   grpc::ServerUnaryReactor* RetryJob(grpc::CallbackServerContext* context, const v1::RetryJobRequest* request,
                                      v1::JobStatus* response) override {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    coordinator_->RetryJob(*request, AnswerLater(reactor, response));
-    return reactor;
+    return ChangeJob(context, "RetryJob", *request, response, [&](Coordinator::StatusAnswer done) {
+      coordinator_->RetryJob(*request, std::move(done));
+    });
   }
   grpc::ServerUnaryReactor* AddSamples(grpc::CallbackServerContext* context,
                                        const v1::AddSamplesRequest* request,
                                        v1::JobStatus* response) override {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    coordinator_->AddSamples(*request, AnswerLater(reactor, response));
-    return reactor;
+    return ChangeJob(context, "AddSamples", *request, response, [&](Coordinator::StatusAnswer done) {
+      coordinator_->AddSamples(*request, std::move(done));
+    });
   }
   grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* context,
-                                      const v1::DeleteJobRequest* request, v1::DeleteJobResponse*) override {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    coordinator_->DeleteJob(*request, AnswerLater(reactor, /*response=*/nullptr));
-    return reactor;
+                                      const v1::DeleteJobRequest* request,
+                                      v1::DeleteJobResponse* response) override {
+    return AnswerLater(context, gate_.Admit(context, "DeleteJob", request->job_id()), response,
+                       [&](const CallGate::Call& call, Done<v1::DeleteJobResponse> done) {
+                         const absl::Status own = jobs_.Check(call.caller(), request->job_id());
+                         if (!own.ok()) return done(own);
+                         coordinator_->DeleteJob(*request, [done](const absl::StatusOr<v1::JobStatus>& last) {
+                           if (!last.ok()) return done(last.status());
+                           done(v1::DeleteJobResponse());
+                         });
+                       });
   }
   grpc::ServerUnaryReactor* GetServerStatus(grpc::CallbackServerContext* context,
                                             const v1::GetServerStatusRequest*,
                                             v1::ServerStatus* response) override {
-    return Answer(context, coordinator_->GetServerStatus(), response);
+    return Answer(context, gate_.Admit(context, "GetServerStatus", ""), response,
+                  [&](const CallGate::Call&) { return coordinator_->GetServerStatus(); });
   }
   grpc::ServerUnaryReactor* PauseJob(grpc::CallbackServerContext* context, const v1::PauseJobRequest* request,
                                      v1::JobStatus* response) override {
-    return Answer(context, coordinator_->PauseJob(request->job_id()), response);
+    return AnswerOfJob(context, "PauseJob", *request, response,
+                       [&] { return coordinator_->PauseJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* ResumeJob(grpc::CallbackServerContext* context,
                                       const v1::ResumeJobRequest* request, v1::JobStatus* response) override {
-    return Answer(context, coordinator_->ResumeJob(request->job_id()), response);
+    return AnswerOfJob(context, "ResumeJob", *request, response,
+                       [&] { return coordinator_->ResumeJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* SetJobPriority(grpc::CallbackServerContext* context,
                                            const v1::SetJobPriorityRequest* request,
                                            v1::JobStatus* response) override {
-    return Answer(context, coordinator_->SetJobPriority(*request), response);
+    return AnswerOfJob(context, "SetJobPriority", *request, response,
+                       [&] { return coordinator_->SetJobPriority(*request); });
   }
   grpc::ServerUnaryReactor* ExplainJob(grpc::CallbackServerContext* context,
                                        const v1::ExplainJobRequest* request,
                                        v1::ExplainJobResponse* response) override {
-    return Answer(context, coordinator_->ExplainJob(request->job_id()), response);
+    return AnswerOfJob(context, "ExplainJob", *request, response,
+                       [&] { return coordinator_->ExplainJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* ListWorkers(grpc::CallbackServerContext* context,
                                         const v1::ListWorkersRequest* request,
                                         v1::ListWorkersResponse* response) override {
-    return Answer(context, coordinator_->ListWorkers(*request), response);
+    return Answer(context, gate_.Admit(context, "ListWorkers", ""), response,
+                  [&](const CallGate::Call& call) -> absl::StatusOr<v1::ListWorkersResponse> {
+                    absl::StatusOr<v1::ListWorkersResponse> workers = coordinator_->ListWorkers(*request);
+                    if (!workers.ok()) return workers;
+                    return jobs_.Shown(call.caller(), *std::move(workers));
+                  });
   }
   grpc::ServerUnaryReactor* DrainWorker(grpc::CallbackServerContext* context,
                                         const v1::WorkerRequest* request,
                                         v1::WorkerStatus* response) override {
-    return Answer(context, coordinator_->DrainWorker(*request), response);
+    return Answer(context, gate_.Admit(context, "DrainWorker", request->worker()), response,
+                  [&](const CallGate::Call&) { return coordinator_->DrainWorker(*request); });
   }
   grpc::ServerUnaryReactor* BlockWorker(grpc::CallbackServerContext* context,
                                         const v1::WorkerRequest* request,
                                         v1::WorkerStatus* response) override {
-    return Answer(context, coordinator_->BlockWorker(*request), response);
+    return Answer(context, gate_.Admit(context, "BlockWorker", request->worker()), response,
+                  [&](const CallGate::Call&) { return coordinator_->BlockWorker(*request); });
   }
   grpc::ServerUnaryReactor* ReadmitWorker(grpc::CallbackServerContext* context,
                                           const v1::WorkerRequest* request,
                                           v1::WorkerStatus* response) override {
-    return Answer(context, coordinator_->ReadmitWorker(*request), response);
+    return Answer(context, gate_.Admit(context, "ReadmitWorker", request->worker()), response,
+                  [&](const CallGate::Call&) { return coordinator_->ReadmitWorker(*request); });
   }
   grpc::ServerUnaryReactor* GetLog(grpc::CallbackServerContext* context, const v1::GetLogRequest* request,
                                    v1::GetLogResponse* response) override {
-    return Answer(context, coordinator_->GetLog(*request), response);
+    return Answer(context, gate_.Admit(context, "GetLog", absl::StrCat(request->job_id(), request->worker())),
+                  response, [&](const CallGate::Call& call) -> absl::StatusOr<v1::GetLogResponse> {
+                    const absl::Status own = jobs_.CheckLog(call.caller(), *request);
+                    if (!own.ok()) return own;
+                    return coordinator_->GetLog(*request);
+                  });
   }
-  grpc::ServerWriteReactor<v1::ByteChunk>* DownloadResult(grpc::CallbackServerContext*,
+  grpc::ServerWriteReactor<v1::ByteChunk>* DownloadResult(grpc::CallbackServerContext* context,
                                                           const v1::DownloadResultRequest* request) override {
-    auto* writer = new FileWriter();
+    absl::StatusOr<AdmittedCall> call = AdmitStreamOfJob(context, "DownloadResult", request->job_id());
+    if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
+    auto* writer = new FileWriter(*std::move(call));
     writer->Start(coordinator_->OpenResult(*request));
     return writer;
   }
 
  private:
+  /// A call about one job, which must be the caller's.
+  template <typename Request, typename Response, typename Make>
+  grpc::ServerUnaryReactor* AnswerOfJob(grpc::CallbackServerContext* context, const char* method,
+                                        const Request& request, Response* response, Make make) {
+    return Answer(context, gate_.Admit(context, method, request.job_id()), response,
+                  [&](const CallGate::Call& call) -> absl::StatusOr<Response> {
+                    const absl::Status own = jobs_.Check(call.caller(), request.job_id());
+                    if (!own.ok()) return own;
+                    return make();
+                  });
+  }
+
+  /// A change of one job, which is answered later.
+  template <typename Request, typename Start>
+  grpc::ServerUnaryReactor* ChangeJob(grpc::CallbackServerContext* context, const char* method,
+                                      const Request& request, v1::JobStatus* response, Start start) {
+    return AnswerLater(context, gate_.Admit(context, method, request.job_id()), response,
+                       [&](const CallGate::Call& call, Done<v1::JobStatus> done) {
+                         const absl::Status own = jobs_.Check(call.caller(), request.job_id());
+                         if (!own.ok()) return done(own);
+                         start(std::move(done));
+                       });
+  }
+
+  absl::StatusOr<AdmittedCall> AdmitStreamOfJob(grpc::CallbackServerContext* context, const char* method,
+                                                const std::string& job_id) {
+    absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, method, job_id);
+    if (!call.ok()) return call;
+    absl::Status own = jobs_.Check((*call)->caller(), job_id);
+    if (own.ok()) return call;
+    (*call)->End(own);
+    return own;
+  }
+
+  void Submit(CallGate::Call& call, const v1::SubmitJobRequest& request, Done<v1::SubmitJobResponse> done) {
+    absl::StatusOr<v1::SubmitJobRequest> claimed = jobs_.Claim(call.caller(), request);
+    if (!claimed.ok()) return done(claimed.status());
+    const auto own = std::make_shared<v1::SubmitJobRequest>(*std::move(claimed));
+    std::set<std::string> assets = {own->spec().scene().file().sha256()};
+    for (const v1::AssetRef& asset : own->spec().scene().dependencies()) assets.insert(asset.sha256());
+    checks_->Check(assets, [this, own, &call, done](const absl::Status& checked) {
+      if (!checked.ok()) return done(checked);
+      absl::StatusOr<v1::SubmitJobResponse> submitted = coordinator_->SubmitJob(*own);
+      if (submitted.ok()) call.SetSubject(submitted->job_id());  // `done` keeps the call
+      done(std::move(submitted));
+    });
+  }
+
   Coordinator* const coordinator_;
   AssetChecks* const checks_;
+  const ServiceGate gate_;
+  const JobAccess jobs_;
 };
 
 class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
  public:
-  WorkerServiceAdapter(Coordinator* coordinator, AssetChecks* checks)
-      : coordinator_(coordinator), checks_(checks) {}
+  WorkerServiceAdapter(Coordinator* coordinator, AssetChecks* checks, CallGate* gate)
+      : coordinator_(coordinator), checks_(checks), gate_(gate, v1::WorkerService::service_full_name()) {}
 
   grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>* Work(
       grpc::CallbackServerContext* context) override {
-    return new WorkStream(context, coordinator_);
+    absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "Work", "");
+    if (!call.ok())
+      return new Refused<grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>>(call.status());
+    return new WorkStream(context, *std::move(call), coordinator_);
   }
   grpc::ServerUnaryReactor* FetchSpec(grpc::CallbackServerContext* context,
                                       const v1::FetchSpecRequest* request, v1::JobSpec* response) override {
-    return Answer(context, coordinator_->FetchSpec(*request), response);
+    return Answer(context, gate_.Admit(context, "FetchSpec", request->job_id()), response,
+                  [&](const CallGate::Call& call) {
+                    return coordinator_->FetchSpec(*request, access::KeyOf(call.caller()));
+                  });
   }
-  grpc::ServerWriteReactor<v1::ByteChunk>* FetchAsset(grpc::CallbackServerContext*,
+  grpc::ServerWriteReactor<v1::ByteChunk>* FetchAsset(grpc::CallbackServerContext* context,
                                                       const v1::FetchAssetRequest* request) override {
-    auto* writer = new FileWriter();
-    if (absl::Status allowed = coordinator_->CheckFetch(*request); !allowed.ok()) {
+    absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "FetchAsset", request->job_id());
+    if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
+    absl::Status allowed = coordinator_->CheckFetch(*request, access::KeyOf((*call)->caller()));
+    auto* writer = new FileWriter(*std::move(call));
+    if (!allowed.ok()) {
       writer->Start(std::move(allowed));
       return writer;
     }
@@ -418,14 +576,16 @@ class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
  private:
   Coordinator* const coordinator_;
   AssetChecks* const checks_;
+  const ServiceGate gate_;
 };
 
 }  // namespace
 
-std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks) {
+std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks,
+                                                         CallGate* gate) {
   std::vector<std::unique_ptr<grpc::Service>> services;
-  services.push_back(std::make_unique<FarmServiceAdapter>(coordinator, checks));
-  services.push_back(std::make_unique<WorkerServiceAdapter>(coordinator, checks));
+  services.push_back(std::make_unique<FarmServiceAdapter>(coordinator, checks, gate));
+  services.push_back(std::make_unique<WorkerServiceAdapter>(coordinator, checks, gate));
   return services;
 }
 

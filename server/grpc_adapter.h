@@ -10,10 +10,12 @@ class Service;
 namespace lumifold::server {
 
 class AssetChecks;
+class CallGate;
 class Coordinator;
 
-/// FarmService and WorkerService of a coordinator. Handlers only call the coordinator, those that use assets after
-/// `checks`, and convert the result. Both must outlive the services.
-std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks);
+/// FarmService and WorkerService of a coordinator. Handlers pass the gate, call the coordinator, those that use assets
+/// after `checks`, and convert the result. All three must outlive the services.
+std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks,
+                                                         CallGate* gate);
 
 }  // namespace lumifold::server

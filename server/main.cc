@@ -15,6 +15,7 @@
 #include "proto/rpc/version.h"
 #include "server/frame_finisher.h"
 #include "server/ledger/open_job_store.h"
+#include "server/limits.h"
 #include "server/recover.h"
 #include "server/server.h"
 
@@ -39,6 +40,10 @@ struct Flags {
   double keep_film_gb = 10;
   double keep_results_days = 0;
   double quota_gb = 0;
+  lumifold::server::Limits limits;
+  double max_asset_gb = static_cast<double>(limits.asset_bytes) / kBytesPerGb;
+  double max_job_gb = static_cast<double>(limits.job_asset_bytes) / kBytesPerGb;
+  double max_upload_gb = static_cast<double>(limits.uploads.bytes_of_caller) / kBytesPerGb;
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
@@ -89,6 +94,42 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion));
 }
 
+/// What callers may take.
+void AddLimits(CLI::App* app, Flags* flags) {
+  app->add_option("--max-user-jobs", flags->limits.jobs_per_user, "Active jobs of one user")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+  app->add_option("--max-asset-gb", flags->max_asset_gb, "One file of a scene, in GB")
+      ->check(CLI::Range(1e-6, 1e3))
+      ->capture_default_str();
+  app->add_option("--max-job-gb", flags->max_job_gb, "All files of a job, in GB")
+      ->check(CLI::Range(1e-6, 1e6))
+      ->capture_default_str();
+  app->add_option("--max-upload-gb", flags->max_upload_gb,
+                  "What uploads of one caller have announced and not sent, in GB")
+      ->check(CLI::Range(1e-6, 1e6))
+      ->capture_default_str();
+  app->add_option(
+         "--max-requests-per-second", flags->limits.requests_per_second,
+         "Calls of one person or, without access control, of one address; five times as many at once")
+      ->check(CLI::Range(1.0, 1e6))
+      ->capture_default_str();
+  app->add_option("--max-connections-per-address", flags->limits.connections_per_address,
+                  "Connections of one address")
+      ->check(CLI::Range(1, 1'000'000))
+      ->capture_default_str();
+}
+
+lumifold::server::Limits LimitsOf(const Flags& flags) {
+  constexpr double kBurst = 5;
+  lumifold::server::Limits limits = flags.limits;
+  limits.asset_bytes = static_cast<uint64_t>(flags.max_asset_gb * kBytesPerGb);
+  limits.job_asset_bytes = static_cast<uint64_t>(flags.max_job_gb * kBytesPerGb);
+  limits.uploads.bytes_of_caller = static_cast<uint64_t>(flags.max_upload_gb * kBytesPerGb);
+  limits.request_burst = kBurst * limits.requests_per_second;
+  return limits;
+}
+
 /// Blocks SIGTERM and SIGINT in this thread and the threads it starts, so that only sigwait receives them.
 sigset_t BlockEndSignals() {
   sigset_t signals;
@@ -129,6 +170,7 @@ int RunServer(const Flags& flags) {
   options.retention.film_bytes = static_cast<uint64_t>(flags.keep_film_gb * kBytesPerGb);
   if (flags.keep_results_days > 0) options.retention.keep_results = absl::Hours(24 * flags.keep_results_days);
   if (flags.quota_gb > 0) options.retention.quota_bytes = static_cast<uint64_t>(flags.quota_gb * kBytesPerGb);
+  options.limits = LimitsOf(flags);
   options.log = log;
   const absl::StatusOr<std::unique_ptr<lumifold::server::Server>> server =
       lumifold::server::Server::Start(std::move(options));
@@ -173,6 +215,7 @@ int main(int argc, char** argv) {
       "lumifold-server");
   Flags flags;
   AddFlags(&app, &flags);
+  AddLimits(&app, &flags);
   CLI::App* recover =
       app.add_subcommand(lumifold::server::kRecoverCommand,
                          "Rebuilds a lost or malformed ledger from the files of the data folder, then ends");

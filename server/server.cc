@@ -5,25 +5,33 @@
 #include <grpcpp/impl/codegen/service_type.h>
 #include <grpcpp/server.h>
 #include <grpcpp/server_builder.h>
+#include <grpcpp/support/byte_buffer.h>
 #include <spdlog/sinks/null_sink.h>
 #include <spdlog/spdlog.h>
 
+#include <filesystem>
 #include <random>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/functional/function_ref.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/limits.h"
+#include "server/access/audit_log.h"
+#include "server/access/identity.h"
+#include "server/access/open_calls.h"
 #include "server/asset_checks.h"
+#include "server/call_gate.h"
 #include "server/coordinator_impl.h"
 #include "server/event_log.h"
 #include "server/frame_limit.h"
 #include "server/grpc_adapter.h"
 #include "server/ledger/open_job_store.h"
+#include "server/listener.h"
 #include "server/recover.h"
 #include "server/reserve_file.h"
 
@@ -41,6 +49,29 @@ constexpr int kKeepAliveTimeoutMs = 10'000;
 ServerOptions WithEvents(ServerOptions options, EventLog* events) {
   options.log = MakeEventLogger(options.log, events);
   return options;
+}
+
+/// Everyone is local.
+class LocalCallers final : public access::Callers {
+ public:
+  absl::StatusOr<access::Identity> Of(const grpc::CallbackServerContext&) const override {
+    return access::LocalIdentity();
+  }
+};
+
+int Milliseconds(absl::Duration duration) { return static_cast<int>(absl::ToInt64Milliseconds(duration)); }
+
+/// gRPC's side of the limits.
+void SetLimits(const Limits& limits, grpc::ServerBuilder* builder) {
+  builder->SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
+  builder->SetMaxSendMessageSize(rpc::kMaxMessageBytes);
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, limits.streams_per_connection);
+  builder->AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, Milliseconds(limits.handshake));
+  builder->AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, Milliseconds(limits.idle_connection));
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepAliveMs);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepAliveTimeoutMs);
+  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
 }
 
 class ServerImpl final : public Server {
@@ -62,6 +93,10 @@ class ServerImpl final : public Server {
   };
 
   absl::Status Listen();
+  /// Builds the gRPC server; calls inside the process can be made, and the listener is open but does not accept.
+  absl::Status StartServices();
+  absl::Status OpenListener(grpc::ServerBuilder* builder);
+  absl::Status OpenAudit();
   /// Changes what the health service says of all services.
   void ChangeHealth(absl::FunctionRef<void(Health*)> change);
 
@@ -77,8 +112,14 @@ class ServerImpl final : public Server {
   std::unique_ptr<AssetChecks> asset_checks_;
   std::unique_ptr<FrameFinisher> finisher_;
   std::unique_ptr<Coordinator> coordinator_;
+  const LocalCallers callers_;
+  access::OpenCalls open_calls_;
+  std::unique_ptr<access::AuditLog> audit_;
+  std::unique_ptr<CallGate> gate_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
+  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;
   std::unique_ptr<grpc::Server> grpc_server_;
+  std::unique_ptr<Listener> listener_;
   int port_ = 0;
 };
 
@@ -107,8 +148,9 @@ absl::Status ServerImpl::Open() {
       ledger::OpenJobStore(options_.store, folder_.LedgerPath());
   if (!store.ok()) return is_in_folder ? AdviseRecovery(folder_, store.status()) : store.status();
   store_ = *std::move(store);
-  assets_ = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log,
-                                         options_.files);
+  assets_ = std::make_unique<AssetStore>(
+      folder_.AssetsPath(), folder_.IncomingPath(), options_.log, options_.files,
+      AssetLimits{.asset_bytes = options_.limits.asset_bytes, .uploads = options_.limits.uploads});
   asset_checks_ = std::make_unique<AssetChecks>(assets_.get());
   finisher_ =
       options_.filter_in_child_process
@@ -128,6 +170,7 @@ absl::Status ServerImpl::Open() {
        .max_open_logs = MaxOpenLogs(),
        .first_storage_pause = options_.first_storage_pause,
        .longest_storage_pause = options_.longest_storage_pause,
+       .limits = options_.limits,
        .retention = options_.retention,
        .on_storage_change =
            [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
@@ -140,21 +183,53 @@ absl::Status ServerImpl::Open() {
   return Listen();
 }
 
-absl::Status ServerImpl::Listen() {
-  services_ = MakeServices(coordinator_.get(), asset_checks_.get());
+absl::Status ServerImpl::OpenAudit() {
+  // Beside the identities where there are some.
+  const std::string access = folder_.root() + "/access";
+  std::error_code error;
+  const bool has_access = std::filesystem::is_directory(access, error);
+  absl::StatusOr<std::unique_ptr<access::AuditLog>> audit =
+      access::AuditLog::Open({.path = (has_access ? access : folder_.root()) + "/audit.log"});
+  if (!audit.ok()) return audit.status();
+  audit_ = *std::move(audit);
+  return absl::OkStatus();
+}
+
+absl::Status ServerImpl::OpenListener(grpc::ServerBuilder* builder) {
+  if (absl::StartsWith(options_.listen, "unix:")) {  // its folder says who may connect
+    builder->AddListeningPort(options_.listen, rpc::MakeServerCredentials(options_.security), &port_);
+    return absl::OkStatus();
+  }
+  absl::StatusOr<std::unique_ptr<Listener>> listener =
+      Listener::Open({.address = options_.listen,
+                      .connections_per_address = options_.limits.connections_per_address,
+                      .connections = options_.limits.connections,
+                      .first_bytes = options_.limits.handshake,
+                      .now = rpc::MonotonicNow,
+                      .log = options_.log});
+  if (!listener.ok()) return listener.status();
+  listener_ = *std::move(listener);
+  port_ = listener_->port();
+  acceptor_ = builder->experimental().AddExternalConnectionAcceptor(
+      grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
+      rpc::MakeServerCredentials(options_.security));
+  return absl::OkStatus();
+}
+
+absl::Status ServerImpl::StartServices() {
+  gate_ = std::make_unique<CallGate>(CallGate::Options{.callers = &callers_,
+                                                       .open_calls = &open_calls_,
+                                                       .audit = audit_.get(),
+                                                       .limits = options_.limits,
+                                                       .now = options_.now,
+                                                       .wall_now = options_.wall_now});
+  services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get());
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
-  builder.SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
-  builder.SetMaxSendMessageSize(rpc::kMaxMessageBytes);
-  // Otherwise two coordinators could listen on the same port and share its calls.
-  builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepAliveMs);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepAliveTimeoutMs);
-  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
+  SetLimits(options_.limits, &builder);
   if (!options_.listen.empty()) {
-    builder.AddListeningPort(options_.listen, rpc::MakeServerCredentials(options_.security), &port_);
+    if (absl::Status status = OpenListener(&builder); !status.ok()) return status;
   }
   for (const std::unique_ptr<grpc::Service>& service : services_) builder.RegisterService(service.get());
   grpc_server_ = builder.BuildAndStart();
@@ -162,7 +237,22 @@ absl::Status ServerImpl::Listen() {
     return absl::UnavailableError(absl::StrCat("cannot listen on ", options_.listen,
                                                ": the port is taken, or the host is not this machine"));
   }
+  return absl::OkStatus();
+}
+
+absl::Status ServerImpl::Listen() {
+  if (!options_.listen.empty()) {
+    if (absl::Status status = OpenAudit(); !status.ok()) return status;
+  }
+  if (absl::Status status = StartServices(); !status.ok()) return status;
   ChangeHealth([this](Health* health) { health->service = grpc_server_->GetHealthCheckService(); });
+  if (listener_ != nullptr) {
+    listener_->Start([this](int socket) {
+      grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
+      connection.fd = socket;
+      acceptor_->HandleNewConnection(&connection);
+    });
+  }
   if (!options_.listen.empty()) {
     options_.log->info("event=listening address={} port={} data=\"{}\"", options_.listen, port_,
                        options_.data_dir);
@@ -190,6 +280,7 @@ void ServerImpl::Shutdown() {
   ChangeHealth([](Health* health) { health->stops = true; });
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
   if (asset_checks_ != nullptr) asset_checks_->Stop();  // calls that wait for it get an answer
+  if (listener_ != nullptr) listener_->Stop();
   if (grpc_server_ != nullptr) grpc_server_->Shutdown(rpc::MonotonicDeadline(kGrace));
   if (coordinator_ != nullptr) coordinator_->Shutdown();
 }

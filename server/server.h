@@ -12,6 +12,7 @@
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/monotonic.h"
 #include "server/job_life/retention.h"
+#include "server/limits.h"
 
 namespace spdlog {
 class logger;
@@ -39,6 +40,9 @@ struct ServerOptions {
   uint64_t filter_memory_limit_bytes = 0;
   /// A child that runs longer is killed, and its job fails.
   absl::Duration filter_time_limit = absl::Hours(24);
+
+  /// What callers may take.
+  Limits limits;
 
   /// Space that is kept so that the ledger can be written when the disk is full; 0 for none.
   uint64_t reserve_bytes = uint64_t{16} << 20;

@@ -25,8 +25,10 @@ v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* coordinator,
-                                                                   const v1::Hello& hello, WorkerSink* sink) {
-  const absl::StatusOr<job::WorkerId> worker = coordinator->AddWorker(hello, sink);
+                                                                   const v1::Hello& hello,
+                                                                   const std::string& caller,
+                                                                   WorkerSink* sink) {
+  const absl::StatusOr<job::WorkerId> worker = coordinator->AddWorker(hello, caller, sink);
   if (!worker.ok()) return worker.status();
   return std::unique_ptr<WorkerSession>(new WorkerSession(coordinator, *worker));
 }

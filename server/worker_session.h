@@ -2,6 +2,7 @@
 
 #include <map>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -18,10 +19,10 @@ namespace lumifold::server {
 /// Threads: one at a time.
 class WorkerSession {
  public:
-  /// `coordinator` and `sink` must outlive it.
+  /// `coordinator` and `sink` must outlive it. `caller` is the identity of the connection.
   /// Errors: kFailedPrecondition for a different wire version; kInvalidArgument for an invalid Hello.
   static absl::StatusOr<std::unique_ptr<WorkerSession>> Open(Coordinator* coordinator, const v1::Hello& hello,
-                                                             WorkerSink* sink);
+                                                             const std::string& caller, WorkerSink* sink);
   ~WorkerSession();
   WorkerSession(const WorkerSession&) = delete;
   WorkerSession& operator=(const WorkerSession&) = delete;

@@ -21,6 +21,8 @@ namespace {
 
 constexpr auto kFlushTime = std::chrono::milliseconds(500);
 constexpr int kPollMs = 100;
+/// The end of a line that is too long.
+constexpr std::string_view kCut = "... (cut)\n";
 
 /// What the sink and its thread share. The thread may outlive the sink: a write that blocks cannot be ended.
 struct Queue {
@@ -97,6 +99,10 @@ class NonblockingSink final : public spdlog::sinks::base_sink<std::mutex> {
   void sink_it_(const spdlog::details::log_msg& message) override {
     spdlog::memory_buf_t line;
     formatter_->format(message, line);
+    if (line.size() > kMaxLogLineBytes) {
+      line.resize(kMaxLogLineBytes - kCut.size());
+      line.append(kCut);
+    }
     const std::lock_guard lock(queue_->mutex);
     if (queue_->dropped > 0 || queue_->lines.size() + line.size() > max_waiting_bytes_) {
       ++queue_->dropped;

@@ -13,6 +13,8 @@ namespace lumifold::rpc {
 /// Bytes of log lines that wait for a reader of standard error; about ten thousand lines. Further lines are
 /// dropped and counted.
 inline constexpr size_t kMaxWaitingLogBytes = size_t{1} << 20;
+/// Bytes of one line; the rest is cut.
+inline constexpr size_t kMaxLogLineBytes = size_t{16} << 10;
 
 struct LogOptions {
   std::string name;

@@ -9,4 +9,16 @@ Identity LocalIdentity() {
           .id = ""};
 }
 
+std::string KeyOf(const Identity& caller) {
+  switch (caller.kind) {
+    case IdentityKind::kLocal:
+      return "local/" + caller.name;
+    case IdentityKind::kPerson:
+      return "person/" + caller.name;
+    case IdentityKind::kWorker:
+      return "worker/" + caller.name;
+  }
+  return "";
+}
+
 }  // namespace lumifold::access

@@ -36,6 +36,9 @@ struct Identity {
 /// The only caller of a coordinator without access control: "local", with all scopes.
 Identity LocalIdentity();
 
+/// What one caller has with all its tokens or certificates: "person/ann", "worker/node-7", "local/local".
+std::string KeyOf(const Identity& caller);
+
 /// Tells who makes a call. The answer cannot be a property of grpc::AuthContext: that belongs to the connection, over
 /// which calls with different tokens may come at the same time.
 /// Threads: safe.

@@ -67,6 +67,7 @@ class LeaseTable {
   std::vector<job::Attempt> Checks(absl::Time now) const;
   /// The first deadline or check; InfiniteFuture without leases.
   absl::Time NextTime() const;
+  int64_t size() const { return static_cast<int64_t>(by_attempt_.size()); }
 
  private:
   using Times = std::set<std::pair<absl::Time, job::Attempt>>;

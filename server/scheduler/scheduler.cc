@@ -276,6 +276,12 @@ int Scheduler::active_frames() const {
   return frames;
 }
 
+int64_t Scheduler::frames_in_flight() const {
+  int64_t frames = 0;
+  for (const auto& [number, job] : jobs_) frames += static_cast<int64_t>(job.frames.size());
+  return frames;
+}
+
 bool Scheduler::UnitCommitted(const UnitRef& unit) {
   const std::optional<UnitIndex> index = IndexOf(unit);
   if (!index.has_value()) return false;  // the job ended while the unit was being committed

@@ -166,6 +166,9 @@ class Scheduler {
   std::vector<BlockedWorker> Blocked() const;
   /// Frames that count against SetMaxActiveFrames.
   int active_frames() const;
+  /// Frames from their first lease until FrameFinished, of all jobs.
+  int64_t frames_in_flight() const;
+  int64_t lease_count() const { return leases_.size(); }
 
   /// The job must be known.
   JobProgress Progress(const job::JobId& job) const;

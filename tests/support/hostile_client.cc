@@ -18,6 +18,7 @@
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/sha256.h"
+#include "tests/support/hostile_texts.h"
 
 namespace lumifold {
 namespace {
@@ -25,6 +26,7 @@ namespace {
 /// Connections over which the calls of a flood are spread.
 constexpr int kChannels = 8;
 constexpr std::chrono::seconds kDeadline(120);
+constexpr uint64_t kTebibyte = uint64_t{1} << 40;
 
 struct Options {
   std::string server;
@@ -156,6 +158,53 @@ int Upload(const Options& options) {
   std::_Exit(EXIT_SUCCESS);  // without ending the calls
 }
 
+/// Announces uploads of 1 TiB and sends nothing of them, all at the same time.
+int Announce(const Options& options) {
+  struct Announced {
+    grpc::ClientContext context;
+    v1::UploadAssetResponse response;
+    std::unique_ptr<grpc::ClientWriter<v1::UploadAssetRequest>> writer;
+  };
+  const auto stub = MakeStub(options.server, 0);
+  std::vector<Announced> uploads(static_cast<size_t>(options.count));
+  for (size_t i = 0; i < uploads.size(); ++i) {
+    uploads[i].context.set_deadline(std::chrono::system_clock::now() + kDeadline);
+    uploads[i].writer = stub->UploadAsset(&uploads[i].context, &uploads[i].response);
+    v1::UploadAssetRequest request;
+    request.mutable_announce()->set_sha256(rpc::Sha256Hex(absl::StrCat("announced ", i)));
+    request.mutable_announce()->set_size(kTebibyte);
+    uploads[i].writer->Write(request);
+  }
+  int refused = 0;
+  std::string error;
+  for (Announced& upload : uploads) {
+    const grpc::Status status = upload.writer->Finish();
+    if (status.error_code() != grpc::StatusCode::RESOURCE_EXHAUSTED &&
+        status.error_code() != grpc::StatusCode::INVALID_ARGUMENT)
+      continue;
+    ++refused;
+    error = status.error_message();
+  }
+  std::printf("%d of %d refused: %s\n", refused, options.count, error.c_str());
+  return EXIT_SUCCESS;
+}
+
+/// Asks for the coordinator's status, all at the same time.
+int AskOften(const Options& options) {
+  std::vector<std::unique_ptr<v1::FarmService::Stub>> stubs;
+  stubs.reserve(kChannels);
+  for (int i = 0; i < kChannels; ++i) stubs.push_back(MakeStub(options.server, i));
+  std::vector<Call<v1::GetServerStatusRequest, v1::ServerStatus>> calls(static_cast<size_t>(options.count));
+  const int failed = CallAll(
+      stubs,
+      [](auto& async, auto& call, auto done) {
+        async.GetServerStatus(&call.context, &call.request, &call.response, done);
+      },
+      calls);
+  std::printf("%d answered, %d refused\n", options.count - failed, failed);
+  return EXIT_SUCCESS;
+}
+
 }  // namespace
 }  // namespace lumifold
 
@@ -170,7 +219,13 @@ int main(int argc, char** argv) {
       app.add_subcommand("submit", "Submit jobs at once; cancel them at the end of standard input");
   submit->add_option("--scene", options.scene, "Scene file; it must be stored already")->required();
   app.add_subcommand("upload", "Leave uploads half done until the end of standard input");
+  CLI::App* announce = app.add_subcommand("announce", "Announce uploads of 1 TiB");
+  CLI::App* status = app.add_subcommand("status", "Ask for the coordinator's status at once");
+  CLI::App* strings = app.add_subcommand("strings", "Make every call with tricks in its texts");
   app.require_subcommand(1);
   CLI11_PARSE(app, argc, argv);
+  if (announce->parsed()) return lumifold::Announce(options);
+  if (status->parsed()) return lumifold::AskOften(options);
+  if (strings->parsed()) return lumifold::SendHostileTexts(options.server) ? EXIT_SUCCESS : EXIT_FAILURE;
   return submit->parsed() ? lumifold::Submit(options) : lumifold::Upload(options);
 }

@@ -105,18 +105,18 @@ def parse_arguments():
     return parser.parse_args()
 
 
-def chosen(arguments):
+def chosen(table, arguments):
     if not arguments.only:
-        return [fault for fault in FAULTS if fault.gate or arguments.all]
-    names = {fault.name: fault for fault in FAULTS}
+        return [fault for fault in table if fault.gate or arguments.all]
+    names = {fault.name: fault for fault in table}
     if unknown := [name for name in arguments.only if name not in names]:
         sys.exit(f"run.py: no fault is called {', '.join(unknown)}; --list prints them")
     return [names[name] for name in arguments.only]
 
 
-def main():
+def main(table):
     arguments = parse_arguments()
-    faults = chosen(arguments)
+    faults = chosen(table, arguments)
     if arguments.list:
         for fault in faults:
             print(f"{fault.name:30} {fault.what}")
@@ -135,11 +135,11 @@ def main():
     if arguments.write:
         arguments.write.write_text(markdown(rows, arguments.seed))
     if failed:
-        print(f"The logs are in {root}. To run one again: run.py --only \"{failed[0].fault}\" --seed {arguments.seed}")
+        print(f"The logs are in {root}. To run one again: {sys.argv[0]} --only \"{failed[0].fault}\" --seed {arguments.seed}")
     elif not arguments.keep:
         shutil.rmtree(root)
     return 1 if failed else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(FAULTS))

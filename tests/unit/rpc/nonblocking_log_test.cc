@@ -83,6 +83,18 @@ TEST_F(NonblockingLogTest, EndsThoughNobodyReads) {
   for (int i = 0; i < 1000; ++i) log->info("event=line number={}", i);
 }
 
+TEST_F(NonblockingLogTest, CutsALineThatIsTooLong) {
+  const auto log = Log(kMaxWaitingLogBytes);
+  log->info("event=long text={}", std::string(1'000'000, 'x'));
+  log->info("event=after");
+  const std::vector<std::string> lines =
+      ReadUntil([](const std::string& line) { return line == "info event=after"; });
+  ASSERT_EQ(lines.size(), 2u);
+  EXPECT_EQ(lines[0].size() + 1, kMaxLogLineBytes);
+  EXPECT_THAT(lines[0], testing::AllOf(testing::StartsWith("info event=long text=xxx"),
+                                       testing::EndsWith("... (cut)")));
+}
+
 TEST_F(NonblockingLogTest, WritesTheRestAtItsEnd) {
   Log(kMaxWaitingLogBytes)->info("event=last");
   EXPECT_EQ(ReadUntil([](const std::string&) { return true; }).back(), "info event=last");

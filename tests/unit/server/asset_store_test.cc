@@ -63,7 +63,7 @@ class AssetStoreTest : public ::testing::Test {
 TEST_F(AssetStoreTest, KeepsWhatHasTheSumAnnounced) {
   const v1::AssetRef asset = Announce("oak");
   for (int repeat = 0; repeat < 2; ++repeat) {
-    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset, "ann");
     ASSERT_TRUE(upload.ok());
     ASSERT_TRUE((*upload)->Add(Chunk("oak")).ok());
     EXPECT_EQ(store_.Has(asset.sha256()), repeat == 1);
@@ -79,7 +79,7 @@ TEST_F(AssetStoreTest, KeepsWhatHasTheSumAnnounced) {
 
 TEST_F(AssetStoreTest, KeepsAnEmptyAsset) {
   const v1::AssetRef asset = Announce("");
-  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset, "ann");
   ASSERT_TRUE((*upload)->Add(Chunk("")).ok());
   EXPECT_TRUE((*upload)->Finish().ok());
   EXPECT_TRUE(store_.Has(asset.sha256()));
@@ -88,7 +88,7 @@ TEST_F(AssetStoreTest, KeepsAnEmptyAsset) {
 TEST_F(AssetStoreTest, AnotherContentIsNotKept) {
   const v1::AssetRef asset = Announce("oak");
   {
-    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset, "ann");
     ASSERT_TRUE((*upload)->Add(Chunk("elm")).ok());
     const absl::Status status = (*upload)->Finish();
     EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
@@ -99,7 +99,7 @@ TEST_F(AssetStoreTest, AnotherContentIsNotKept) {
 }
 
 TEST_F(AssetStoreTest, AnotherSizeIsRefusedAtOnce) {
-  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(Announce("oak"));
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(Announce("oak"), "ann");
   EXPECT_EQ((*upload)->Add(Chunk("chestnut")).code(), absl::StatusCode::kDataLoss);
 }
 
@@ -111,7 +111,7 @@ TEST_F(AssetStoreTest, ADamagedAssetIsMovedAsideAndHealedByAnUpload) {
   EXPECT_FALSE(store_.Has(asset.sha256()));
   EXPECT_FALSE(std::filesystem::exists(path));
   EXPECT_TRUE(std::filesystem::exists(path + ".damaged"));
-  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset, "ann");
   ASSERT_TRUE((*upload)->Add(Chunk("oak")).ok());
   ASSERT_TRUE((*upload)->Finish().ok());
   EXPECT_TRUE(store_.Has(asset.sha256()));
@@ -143,13 +143,13 @@ TEST_F(AssetStoreTest, ABrokenUploadGoesOnWhereItStopped) {
   const v1::AssetRef asset = Announce("oak and elm");
   EXPECT_EQ(store_.ReceivedBytes(asset.sha256()), 0u);
   {
-    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset, "ann");
     ASSERT_TRUE((*upload)->Add(Piece("oak and elm", 0, 3)).ok());
     EXPECT_THAT(std::string((*upload)->Finish().message()), HasSubstr("only 3 of 11 bytes"));
   }
   EXPECT_FALSE(store_.Has(asset.sha256()));
   EXPECT_EQ(store_.ReceivedBytes(asset.sha256()), 3u);
-  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset, "ann");
   ASSERT_TRUE((*upload)->Add(Piece("oak and elm", 3, 8)).ok());
   EXPECT_TRUE((*upload)->Finish().ok());
   EXPECT_TRUE(store_.Has(asset.sha256()));
@@ -163,7 +163,7 @@ TEST_F(AssetStoreTest, AnUploadOfAKilledCoordinatorGoesOn) {
   std::ofstream(folder_.PathOf("incoming/" + asset.sha256() + ".9")) << "oa";
   AssetStore store(folder_.PathOf("assets"), folder_.PathOf("incoming"));
   EXPECT_EQ(store.ReceivedBytes(asset.sha256()), 6u);
-  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store.Receive(asset);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store.Receive(asset, "ann");
   ASSERT_TRUE((*upload)->Add(Piece("oak and elm", 6, 5)).ok());
   EXPECT_TRUE((*upload)->Finish().ok());
   EXPECT_TRUE(NothingIncoming());
@@ -171,7 +171,7 @@ TEST_F(AssetStoreTest, AnUploadOfAKilledCoordinatorGoesOn) {
 
 TEST_F(AssetStoreTest, AnUploadThatIsGoneCannotGoOn) {
   const v1::AssetRef asset = Announce("oak and elm");
-  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset, "ann");
   EXPECT_EQ((*upload)->Add(Piece("oak and elm", 3, 8)).code(), absl::StatusCode::kAborted);
   std::ofstream(folder_.PathOf("incoming/" + asset.sha256() + ".kept")) << "oa";
   EXPECT_EQ((*upload)->Add(Piece("oak and elm", 3, 8)).code(), absl::StatusCode::kAborted);
@@ -182,7 +182,7 @@ TEST_F(AssetStoreTest, DamagedBytesAreNotKept) {
   const v1::AssetRef asset = Announce("oak and elm");
   std::ofstream(folder_.PathOf("incoming/" + asset.sha256() + ".kept")) << "???";
   {
-    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset);
+    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store_.Receive(asset, "ann");
     ASSERT_TRUE((*upload)->Add(Piece("oak and elm", 3, 8)).ok());
     EXPECT_EQ((*upload)->Finish().code(), absl::StatusCode::kDataLoss);
   }
@@ -211,23 +211,19 @@ TEST_F(AssetStoreTest, AnUploadThatDoesNotFitIsRefused) {
   store.SetRoom([&room] { return room; });
   const std::string content = "oak and elm";  // 11 bytes
   const v1::AssetRef asset = Announce(content);
-  {
-    absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store.Receive(asset);
-    ASSERT_TRUE(upload.ok());
-    const absl::Status refused = (*upload)->Add(Piece(content, 0, 3));
-    EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
-    EXPECT_THAT(std::string(refused.message()), HasSubstr("wood.png"));
-    EXPECT_THAT(std::string(refused.message()), HasSubstr("11 bytes are to come, but there is room for 10"));
-  }
+  const absl::Status refused = store.Receive(asset, "ann").status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("wood.png"));
+  EXPECT_THAT(std::string(refused.message()), HasSubstr("11 bytes are to come, but there is room for 10"));
   room = 20;
-  absl::StatusOr<std::unique_ptr<AssetUpload>> first = store.Receive(asset);
-  absl::StatusOr<std::unique_ptr<AssetUpload>> second = store.Receive(asset);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> first = store.Receive(asset, "ann");
+  EXPECT_FALSE(store.Receive(asset, "ann").ok());  // the first upload needs 11 of the 20 bytes
   ASSERT_TRUE((*first)->Add(Piece(content, 0, 3)).ok());
   room = 17;
-  EXPECT_FALSE((*second)->Add(Piece(content, 0, 3)).ok());  // the first upload needs 8 of the 17 bytes
+  EXPECT_FALSE(store.Receive(asset, "ann").ok());  // it needs 8 of the 17 bytes
   EXPECT_TRUE((*first)->Add(Piece(content, 3, 8)).ok());
   EXPECT_TRUE((*first)->Finish().ok());
-  EXPECT_TRUE((*second)->Add(Piece(content, 0, 3)).ok());
+  EXPECT_TRUE(store.Receive(asset, "ann").ok());
 }
 
 TEST_F(AssetStoreTest, AResumedUploadNeedsRoomForItsRestOnly) {
@@ -236,23 +232,25 @@ TEST_F(AssetStoreTest, AResumedUploadNeedsRoomForItsRestOnly) {
   store.SetRoom([&room] { return room; });
   const std::string content = "oak and elm";
   const v1::AssetRef asset = Announce(content);
-  ASSERT_TRUE((*store.Receive(asset))->Add(Piece(content, 0, 8)).ok());
+  ASSERT_TRUE((*store.Receive(asset, "ann"))->Add(Piece(content, 0, 8)).ok());
   room = 3;
-  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store.Receive(asset);
+  absl::StatusOr<std::unique_ptr<AssetUpload>> upload = store.Receive(asset, "ann");
   EXPECT_TRUE((*upload)->Add(Piece(content, 8, 3)).ok());
   EXPECT_TRUE((*upload)->Finish().ok());
 }
 
 TEST_F(AssetStoreTest, TheNumberAndSizeOfUploadsIsLimited) {
   std::vector<std::unique_ptr<AssetUpload>> uploads;
-  for (int i = 0; i < job_life::kMaxUploads; ++i) uploads.push_back(*store_.Receive(Announce("oak")));
-  EXPECT_EQ(store_.Receive(Announce("oak")).status().code(), absl::StatusCode::kResourceExhausted);
+  const job_life::UploadLimits limits;
+  for (int i = 0; i < limits.uploads_of_caller; ++i)
+    uploads.push_back(*store_.Receive(Announce("oak"), "ann"));
+  EXPECT_EQ(store_.Receive(Announce("oak"), "ann").status().code(), absl::StatusCode::kResourceExhausted);
   uploads.pop_back();
-  EXPECT_TRUE(store_.Receive(Announce("oak")).ok());
+  EXPECT_TRUE(store_.Receive(Announce("oak"), "ann").ok());
   v1::AssetRef huge = Announce("oak");
   huge.set_size(job::kMaxAssetBytes + 1);
   uploads.pop_back();
-  EXPECT_EQ(store_.Receive(huge).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(store_.Receive(huge, "ann").status().code(), absl::StatusCode::kInvalidArgument);
 }
 
 TEST_F(AssetStoreTest, AssetsThatNobodyUsesAreRemovedAndTheOthersStay) {
@@ -285,7 +283,7 @@ TEST_F(AssetStoreTest, AssetsThatNobodyUsesAreRemovedAndTheOthersStay) {
 TEST_F(AssetStoreTest, NoNameLeadsOutOfTheFolder) {
   v1::AssetRef asset = Announce("oak");
   asset.set_sha256("../lock");
-  EXPECT_EQ(store_.Receive(asset).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(store_.Receive(asset, "ann").status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_FALSE(store_.Has("../assets"));
   EXPECT_EQ(store_.Open("../assets", 0).status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(store_.Open(std::string(64, 'a'), 0).status().code(), absl::StatusCode::kNotFound);

@@ -9,6 +9,7 @@
 #include "proto/rpc/limits.h"
 #include "proto/rpc/status_codec.h"
 #include "tests/unit/server/farm_fixture.h"
+#include "tests/unit/server/holding_worker.h"
 
 namespace lumifold::server {
 namespace {
@@ -267,6 +268,29 @@ TEST_F(ControlTest, TheLastEventsOfJobsAndWorkersCanBeRead) {
   EXPECT_TRUE(absl::IsInvalidArgument(Call<v1::GetLogResponse>(&Stub::GetLog, request).status()));
   EXPECT_TRUE(
       absl::IsNotFound(Call<v1::GetLogResponse>(&Stub::GetLog, OfJob<v1::GetLogRequest>("j-none")).status()));
+}
+
+TEST_F(ControlTest, TheStatusCountsLeasesAndFramesInFlight) {
+  const auto status = [&] {
+    return *Call<v1::ServerStatus>(&Stub::GetServerStatus, v1::GetServerStatusRequest());
+  };
+  const std::string job = *Submit(Spec());
+  EXPECT_EQ(status().leases(), 0);
+  EXPECT_EQ(status().frames_in_flight(), 0) << "nothing of the job has begun";
+  EXPECT_EQ(status().active_jobs(), 1);
+  {
+    HoldingWorker holder(Channel());
+    ASSERT_EQ(holder.AwaitGrant(), job);
+    EXPECT_EQ(status().leases(), 1);
+    EXPECT_EQ(status().frames_in_flight(), 1);
+    EXPECT_EQ(status().workers(), 1);
+    EXPECT_EQ(status().slots(), 1);
+  }
+  const auto worker = Worker();
+  WaitForEnd(job);
+  EXPECT_EQ(status().leases(), 0);
+  EXPECT_EQ(status().frames_in_flight(), 0);
+  EXPECT_EQ(status().active_jobs(), 0);
 }
 
 }  // namespace

@@ -33,7 +33,8 @@ PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, const std::strin
   hello.set_numeric_class("test");
   hello.set_slots(slots);
   hello.set_wire_version(rpc::kWireVersion);
-  absl::StatusOr<std::unique_ptr<WorkerSession>> session = WorkerSession::Open(coordinator, hello, this);
+  absl::StatusOr<std::unique_ptr<WorkerSession>> session =
+      WorkerSession::Open(coordinator, hello, "worker/pumped", this);
   EXPECT_TRUE(session.ok()) << session.status();
   session_ = *std::move(session);
 }
@@ -152,7 +153,7 @@ absl::StatusOr<job::JobId> CoordinatorFixture::TrySubmit(const v1::JobSpec& spec
                                                          const std::string& request_id) {
   const v1::AssetRef& file = spec.scene().file();
   if (!assets_->Has(file.sha256())) {
-    const absl::StatusOr<std::unique_ptr<AssetUpload>> upload = coordinator_->ReceiveAsset(file);
+    const absl::StatusOr<std::unique_ptr<AssetUpload>> upload = coordinator_->ReceiveAsset(file, "ann");
     if (!upload.ok()) return upload.status();
     v1::ByteChunk chunk;
     chunk.set_data(kScene);

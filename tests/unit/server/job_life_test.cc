@@ -16,6 +16,7 @@
 #include "proto/rpc/status_codec.h"
 #include "server/job/limits.h"
 #include "server/job_status.h"
+#include "server/limits.h"
 #include "tests/unit/server/farm_fixture.h"
 
 namespace lumifold::server {
@@ -387,7 +388,7 @@ TEST_F(JobLifeTest, AnUploadThatExceedsTheQuotaIsRefused) {
   RestartWith([](ServerOptions& options) { options.retention.quota_bytes = 1'000'000; });
   v1::AssetRef asset;
   asset.set_sha256(std::string(64, 'a'));
-  asset.set_size(job::kMaxAssetBytes);
+  asset.set_size(Limits().asset_bytes);
   const auto stub = v1::FarmService::NewStub(Channel());
   for (int i = 0; i < 20; ++i) {
     grpc::ClientContext context;

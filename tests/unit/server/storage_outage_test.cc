@@ -62,7 +62,8 @@ TEST_F(StorageOutageTest, UnitsThatFindTheDiskFullAreKeptAndCommittedWhenThereIs
   const absl::Status refused = TrySubmit(Spec(5), "refused").status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_THAT(std::string(refused.message()), HasSubstr("No space left on device"));
-  EXPECT_EQ(coordinator_->ReceiveAsset(Spec().scene().file()).status(), coordinator_->storage().status());
+  EXPECT_EQ(coordinator_->ReceiveAsset(Spec().scene().file(), "ann").status(),
+            coordinator_->storage().status());
   const v1::ServerStatus status = *coordinator_->GetServerStatus();
   EXPECT_THAT(status.storage_error(), HasSubstr("No space left on device"));
   EXPECT_GT(status.storage_error_since_unix_ms(), 0);

@@ -8,6 +8,8 @@
 #include <thread>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "absl/synchronization/notification.h"
 #include "filter/image/layers.h"
 #include "proto/rpc/limits.h"
 #include "tests/support/gltf_fixture.h"
@@ -137,6 +139,41 @@ TEST(UnitRenderer, ThreadsShareWhatIsBeingLoaded) {
     for (std::thread& thread : threads) thread.join();
     EXPECT_EQ(assets.fetches(), animated ? 2 : 1);
   }
+}
+
+/// Refuses the first fetch, once it may.
+class RefusingAssets final : public AssetSource {
+ public:
+  absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
+    if (!refused_.exchange(true)) {
+      begun.Notify();
+      may_refuse.WaitForNotification();
+      return absl::PermissionDeniedError("no lease of the job");
+    }
+    return assets_.Fetch(job_id, asset);
+  }
+  absl::Notification begun;
+  absl::Notification may_refuse;
+
+ private:
+  std::atomic<bool> refused_ = false;
+  FakeAssets assets_{ShiningSquare(false)};
+};
+
+// The first unit's lease was that of a connection that broke; the second one's is valid.
+TEST(UnitRenderer, ASceneThatWasRefusedToOneLeaseIsLoadedForAnother) {
+  RefusingAssets assets;
+  UnitRenderer renderer(&assets);
+  UnitControl control;
+  std::thread first([&] {
+    EXPECT_EQ(renderer.Render(Spec(24), LeaseOf(0), &control).status().code(),
+              absl::StatusCode::kPermissionDenied);
+  });
+  assets.begun.WaitForNotification();
+  std::thread second([&] { EXPECT_EQ(Coverage(renderer, Spec(24), 0), 1); });
+  assets.may_refuse.Notify();
+  first.join();
+  second.join();
 }
 
 TEST(UnitRenderer, WarningsOfAUnitAreBoundedAndTheRestIsCounted) {

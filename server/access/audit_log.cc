@@ -1,0 +1,194 @@
+#include "server/access/audit_log.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <thread>
+#include <utility>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "absl/synchronization/mutex.h"
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/monotonic.h"
+#include "server/access/authorisation.h"
+
+namespace lumifold::access {
+namespace {
+
+constexpr absl::Duration kFlushTime = absl::Seconds(1);
+/// Bytes of the caller's text in a line.
+constexpr size_t kMaxSubjectBytes = 256;
+constexpr size_t kMaxReasonBytes = 512;
+
+std::string Quoted(const std::string& text, size_t max_bytes) {
+  return absl::StrCat("\"", absl::Utf8SafeCEscape(rpc::BoundedLine(text, max_bytes)), "\"");
+}
+
+std::string Stamp(absl::Time time) {
+  return absl::FormatTime("%Y-%m-%dT%H:%M:%E3S", time, absl::UTCTimeZone()) + "Z";
+}
+
+int OpenFile(const std::string& path) {
+  return open(path.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR);
+}
+
+uint64_t SizeOf(int file) {
+  struct stat info = {};
+  return fstat(file, &info) == 0 ? static_cast<uint64_t>(info.st_size) : 0;
+}
+
+/// What the log and its thread share. The thread may outlive the log: a write that hangs cannot be ended.
+struct Queue {
+  absl::Mutex mutex;
+  std::string lines ABSL_GUARDED_BY(mutex);
+  uint64_t dropped ABSL_GUARDED_BY(mutex) = 0;                   // since the last batch
+  absl::Time latest ABSL_GUARDED_BY(mutex) = absl::UnixEpoch();  // of the events
+  bool stopping ABSL_GUARDED_BY(mutex) = false;
+  rpc::MonotonicEvent finished;  // everything is written, and nothing more will come
+
+  bool HasWork() const ABSL_SHARED_LOCKS_REQUIRED(mutex) { return stopping || !lines.empty() || dropped > 0; }
+};
+
+/// The file, used by one thread.
+class RotatedFile {
+ public:
+  RotatedFile(const AuditLogOptions& options, int file)
+      : options_(options), file_(file), bytes_(SizeOf(file)) {}
+  RotatedFile(const RotatedFile&) = delete;
+  RotatedFile& operator=(const RotatedFile&) = delete;
+  ~RotatedFile() {
+    if (file_ >= 0) close(file_);
+  }
+
+  /// Appends whole lines. Returns how many were lost.
+  uint64_t Append(absl::string_view lines) {
+    uint64_t lost = 0;
+    while (!lines.empty()) {
+      const size_t end = lines.find('\n') + 1;
+      if (!AppendLine(lines.substr(0, end))) ++lost;
+      lines.remove_prefix(end);
+    }
+    return lost;
+  }
+
+ private:
+  bool AppendLine(absl::string_view line) {
+    if (bytes_ > 0 && bytes_ + line.size() > options_.max_file_bytes) Rotate();
+    if (file_ < 0) file_ = OpenFile(options_.path);
+    if (file_ < 0) return false;
+    if (is_torn_ && WriteBytes("\n") != 1) return false;
+    const size_t written = WriteBytes(line);
+    is_torn_ = written > 0 && written < line.size();
+    return written == line.size();
+  }
+
+  size_t WriteBytes(absl::string_view bytes) {
+    const ssize_t written = write(file_, bytes.data(), bytes.size());
+    if (written <= 0) return 0;
+    bytes_ += static_cast<uint64_t>(written);
+    return static_cast<size_t>(written);
+  }
+
+  // Errors leave the name as it is: the file grows on, and nothing is lost.
+  void Rotate() {
+    const auto name = [this](int number) { return absl::StrCat(options_.path, ".", number); };
+    for (int i = options_.kept_files; i > 1; --i) rename(name(i - 1).c_str(), name(i).c_str());
+    if (rename(options_.path.c_str(), name(1).c_str()) != 0) return;
+    close(file_);
+    file_ = OpenFile(options_.path);
+    bytes_ = 0;
+  }
+
+  const AuditLogOptions options_;
+  int file_;
+  uint64_t bytes_;
+  bool is_torn_ = false;  // the disk took only a part of the last line
+};
+
+void WriteLines(const std::shared_ptr<Queue>& queue, const AuditLogOptions& options, int opened) {
+  RotatedFile file(options, opened);
+  uint64_t lost = 0;  // lines that the file did not take
+  while (true) {
+    std::string batch;
+    absl::Time latest;
+    {
+      absl::MutexLock lock(&queue->mutex);
+      queue->mutex.Await(absl::Condition(queue.get(), &Queue::HasWork));
+      if (queue->lines.empty() && queue->dropped == 0) {
+        queue->finished.Notify();
+        return;
+      }
+      batch = std::exchange(queue->lines, {});
+      lost += std::exchange(queue->dropped, 0);
+      latest = queue->latest;
+    }
+    const uint64_t failed = file.Append(batch);
+    if (failed == 0 && lost > 0) {
+      const std::string line = absl::StrCat(Stamp(latest), " warn event=audit_dropped lines=", lost, "\n");
+      if (file.Append(line) == 0) lost = 0;
+    }
+    lost += failed;
+  }
+}
+
+class AuditLogImpl final : public AuditLog {
+ public:
+  AuditLogImpl(const AuditLogOptions& options, int file)
+      : max_waiting_bytes_(options.max_waiting_bytes), queue_(std::make_shared<Queue>()) {
+    std::thread([queue = queue_, options, file] { WriteLines(queue, options, file); }).detach();
+  }
+
+  ~AuditLogImpl() override {
+    {
+      absl::MutexLock lock(&queue_->mutex);
+      queue_->stopping = true;
+    }
+    queue_->finished.WaitFor(kFlushTime);
+  }
+
+  void Write(absl::Time time, const AuditEvent& event) override {
+    const std::string line = AuditLine(time, event) + "\n";
+    absl::MutexLock lock(&queue_->mutex);
+    queue_->latest = time;
+    if (queue_->dropped > 0 || queue_->lines.size() + line.size() > max_waiting_bytes_) {
+      ++queue_->dropped;
+      return;
+    }
+    queue_->lines += line;
+  }
+
+ private:
+  const size_t max_waiting_bytes_;
+  const std::shared_ptr<Queue> queue_;
+};
+
+}  // namespace
+
+std::string AuditLine(absl::Time time, const AuditEvent& event) {
+  const Rule* rule = FindRule(event.rpc_path);
+  std::string line = absl::StrCat(Stamp(time), event.outcome.ok() ? " info" : " warn",
+                                  " event=call identity=", Quoted(event.caller.name, kMaxSubjectBytes),
+                                  " role=", NameOf(RoleOf(event.caller)),
+                                  " id=", event.caller.id.empty() ? "-" : event.caller.id,
+                                  " address=", event.address.empty() ? "-" : event.address,
+                                  " rpc=", rule == nullptr ? "unknown" : rule->rpc_path.substr(1));
+  if (!event.subject.empty()) absl::StrAppend(&line, " subject=", Quoted(event.subject, kMaxSubjectBytes));
+  absl::StrAppend(&line, " outcome=", absl::StatusCodeToString(event.outcome.code()));
+  if (!event.outcome.ok())
+    absl::StrAppend(&line, " error=", Quoted(std::string(event.outcome.message()), kMaxReasonBytes));
+  return line;
+}
+
+absl::StatusOr<std::unique_ptr<AuditLog>> AuditLog::Open(const AuditLogOptions& options) {
+  const int file = OpenFile(options.path);
+  if (file < 0) return absl::UnavailableError(absl::StrCat(options.path, ": ", std::strerror(errno)));
+  return std::make_unique<AuditLogImpl>(options, file);
+}
+
+}  // namespace lumifold::access

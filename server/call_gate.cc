@@ -1,0 +1,118 @@
+#include "server/call_gate.h"
+
+#include <grpcpp/server_context.h>
+
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "server/access/authorisation.h"
+
+namespace lumifold::server {
+namespace {
+
+/// "ipv4:192.0.2.1" of "ipv4:192.0.2.1:50000".
+absl::string_view WithoutPort(absl::string_view peer) {
+  if (!absl::StartsWith(peer, "ipv4:") && !absl::StartsWith(peer, "ipv6:")) return peer;
+  return peer.substr(0, peer.rfind(':'));
+}
+
+/// Without access control there is one identity: its limits are those of an address. Calls inside the process have none.
+std::string LimitKeyOf(const access::Identity& caller, absl::string_view peer) {
+  if (caller.kind != access::IdentityKind::kLocal) return access::KeyOf(caller);
+  if (!absl::StartsWith(peer, "ipv") && !absl::StartsWith(peer, "unix:")) return "";
+  return absl::StrCat("local/", WithoutPort(peer));
+}
+
+}  // namespace
+
+CallGate::Call::Call(CallGate* gate, access::AuditEvent event, bool changes)
+    : gate_(gate),
+      event_(std::move(event)),
+      changes_(changes),
+      limit_key_(LimitKeyOf(event_.caller, event_.address)) {}
+
+CallGate::Call::~Call() {
+  if (open_call_.has_value()) gate_->options_.open_calls->Remove(*open_call_);
+  if (counts_as_stream_) gate_->streams_.Remove(limit_key_);
+  End(absl::OkStatus());
+}
+
+void CallGate::Call::End(const absl::Status& outcome) {
+  if (std::exchange(ended_, true) || gate_->options_.audit == nullptr) return;
+  // A stream that the other side broke did what it did; other errors of calls that change nothing are of no interest.
+  const bool refused = absl::IsPermissionDenied(outcome) || absl::IsUnauthenticated(outcome) ||
+                       absl::IsResourceExhausted(outcome) || absl::IsNotFound(outcome);
+  if (!changes_ && !refused) return;
+  event_.outcome = outcome;
+  gate_->options_.audit->Write(gate_->options_.wall_now(), event_);
+}
+
+CallGate::CallGate(const Options& options)
+    : options_(options),
+      requests_(options.limits.requests_per_second, options.limits.request_burst),
+      worker_requests_(options.limits.worker_requests_per_second, options.limits.worker_request_burst) {}
+
+absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::Admit(const grpc::CallbackServerContext& context,
+                                                                absl::string_view rpc_path,
+                                                                const std::string& subject) {
+  access::AuditEvent event;
+  event.address = context.peer();
+  event.rpc_path = std::string(rpc_path);
+  event.subject = subject;
+  const absl::StatusOr<access::Identity> caller = options_.callers->Of(context);
+  if (caller.ok()) event.caller = *caller;
+  const access::Rule* rule = access::FindRule(rpc_path);
+  auto call = std::make_unique<Call>(this, std::move(event), rule != nullptr && rule->changes);
+  absl::Status status = caller.ok() ? Check(*call, rpc_path) : caller.status();
+  if (status.ok()) return call;
+  call->End(status);
+  return status;
+}
+
+absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::AdmitStream(grpc::CallbackServerContext* context,
+                                                                      absl::string_view rpc_path,
+                                                                      const std::string& subject) {
+  absl::StatusOr<std::unique_ptr<Call>> call = Admit(*context, rpc_path, subject);
+  if (!call.ok()) return call;
+  absl::Status status = OpenStream(context, call->get());
+  if (status.ok()) return call;
+  (*call)->End(status);
+  return status;
+}
+
+absl::Status CallGate::Check(const Call& call, absl::string_view rpc_path) {
+  const access::Role role = access::RoleOf(call.caller());
+  // A coordinator whose port has no check of its own is closed by the same table.
+  if (access::AccessOf(role, rpc_path) == access::Access::kNo)
+    return absl::PermissionDeniedError(
+        absl::StrCat("the role ", access::NameOf(role), " may not make ", rpc_path.substr(1)));
+  return CheckRate(call);
+}
+
+absl::Status CallGate::CheckRate(const Call& call) {
+  if (call.limit_key().empty()) return absl::OkStatus();
+  const bool is_worker = call.caller().kind == access::IdentityKind::kWorker;
+  access::TokenBuckets& buckets = is_worker ? worker_requests_ : requests_;
+  if (buckets.Take(call.limit_key(), options_.now())) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("too many requests: a caller may make ", buckets.per_second(), " a second"));
+}
+
+absl::Status CallGate::OpenStream(grpc::CallbackServerContext* context, Call* call) {
+  const bool is_person = call->caller().kind == access::IdentityKind::kPerson;
+  const int limit = is_person ? options_.limits.streams_per_person : options_.limits.streams_per_worker;
+  if (!call->limit_key().empty()) {
+    if (!streams_.Add(call->limit_key(), limit)) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("too many streams are open: a caller may have ", limit));
+    }
+    call->counts_as_stream_ = true;
+  }
+  call->open_call_ =
+      options_.open_calls->Add(call->caller(), [context](const absl::Status&) { context->TryCancel(); });
+  // The caller's token may have been revoked since it was looked at, before the call could be ended.
+  return options_.callers->Of(*context).status();
+}
+
+}  // namespace lumifold::server

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
+#include "absl/time/time.h"
+#include "server/access/audit_log.h"
+#include "server/access/identity.h"
+#include "server/access/open_calls.h"
+#include "server/access/rate_limit.h"
+#include "server/limits.h"
+
+namespace grpc {
+class CallbackServerContext;
+}  // namespace grpc
+
+namespace lumifold::server {
+
+/// What every call passes at its start: who calls, whether it may, and whether it calls too often. Calls that change
+/// something, and those that are refused, get a line in the audit log at their end.
+/// Threads: safe.
+class CallGate {
+ public:
+  struct Options {
+    const access::Callers* callers = nullptr;
+    access::OpenCalls* open_calls = nullptr;
+    access::AuditLog* audit = nullptr;  // null: none
+    Limits limits;
+    /// Monotonic, and that of the wall.
+    std::function<absl::Time()> now;
+    std::function<absl::Time()> wall_now;
+  };
+
+  /// A call that was admitted, until its destruction.
+  class Call {
+   public:
+    Call(CallGate* gate, access::AuditEvent event, bool changes);
+    Call(const Call&) = delete;
+    Call& operator=(const Call&) = delete;
+    /// A call that was not ended has OK as its outcome.
+    ~Call();
+
+    const access::Identity& caller() const { return event_.caller; }
+    /// What the limits of this caller are counted by.
+    const std::string& limit_key() const { return limit_key_; }
+    /// The job, worker, asset or person that the call is about, for the audit log.
+    void SetSubject(const std::string& subject) { event_.subject = subject; }
+    /// The first outcome counts.
+    void End(const absl::Status& outcome);
+
+   private:
+    friend class CallGate;
+    CallGate* const gate_;
+    access::AuditEvent event_;
+    const bool changes_;
+    std::string limit_key_;
+    bool counts_as_stream_ = false;
+    std::optional<uint64_t> open_call_;
+    bool ended_ = false;
+  };
+
+  /// All that the options name must outlive it.
+  explicit CallGate(const Options& options);
+
+  /// Errors: kUnauthenticated; kPermissionDenied; kResourceExhausted naming the limit and its value.
+  absl::StatusOr<std::unique_ptr<Call>> Admit(const grpc::CallbackServerContext& context,
+                                              absl::string_view rpc_path, const std::string& subject);
+  /// The same for a stream, which counts as open until its destruction, and whose `context` is cancelled when the
+  /// caller's token or certificate is revoked or expires. The Call must be destroyed in the reactor's OnDone.
+  absl::StatusOr<std::unique_ptr<Call>> AdmitStream(grpc::CallbackServerContext* context,
+                                                    absl::string_view rpc_path, const std::string& subject);
+
+ private:
+  absl::Status Check(const Call& call, absl::string_view rpc_path);
+  absl::Status CheckRate(const Call& call);
+  absl::Status OpenStream(grpc::CallbackServerContext* context, Call* call);
+
+  const Options options_;
+  access::TokenBuckets requests_;
+  access::TokenBuckets worker_requests_;
+  access::CallerCounts streams_;
+};
+
+}  // namespace lumifold::server

@@ -1,0 +1,280 @@
+#include "server/listener.h"
+
+#include <fcntl.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <spdlog/logger.h>
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <list>
+#include <map>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
+#include "server/connection_table.h"
+
+namespace lumifold::server {
+namespace {
+
+/// Lines about refused connections in a second; the last one says how many had none.
+constexpr int kMaxLinesPerSecond = 10;
+/// Pause while the process has no descriptor for another connection.
+constexpr int kNoDescriptorPauseMs = 100;
+constexpr int kTickMs = 500;
+constexpr absl::string_view kHttp2 = "PRI";
+constexpr absl::string_view kTls = "\x16\x03";
+
+/// A descriptor that is closed at the end.
+class Descriptor {
+ public:
+  explicit Descriptor(int number = -1) : number_(number) {}
+  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+  ~Descriptor() {
+    if (number_ >= 0) close(number_);
+  }
+  int get() const { return number_; }
+
+ private:
+  int number_;
+};
+
+absl::Status ListenError(const std::string& address) {
+  return absl::UnavailableError(
+      absl::StrCat("cannot listen on ", address, ": the port is taken, or the host is not this machine"));
+}
+
+/// Not listening where the machine does not have the address; port 0 of `address` takes that of `port`.
+absl::StatusOr<Descriptor> ListenAt(const addrinfo& address, int* port) {
+  sockaddr_storage bound = {};
+  std::memcpy(&bound, address.ai_addr, address.ai_addrlen);
+  in_port_t* const bound_port = address.ai_family == AF_INET
+                                    ? &reinterpret_cast<sockaddr_in&>(bound).sin_port
+                                    : &reinterpret_cast<sockaddr_in6&>(bound).sin6_port;
+  if (*bound_port == 0) *bound_port = htons(static_cast<uint16_t>(*port));
+  Descriptor socket(::socket(address.ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (socket.get() < 0) return absl::NotFoundError("no such family");
+  const int on = 1;
+  const int off = 0;
+  setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  if (address.ai_family == AF_INET6) {
+    // "[::]" takes IPv4 as well.
+    const bool is_any = IN6_IS_ADDR_UNSPECIFIED(&reinterpret_cast<sockaddr_in6&>(bound).sin6_addr);
+    setsockopt(socket.get(), IPPROTO_IPV6, IPV6_V6ONLY, is_any ? &off : &on, sizeof on);
+  }
+  if (bind(socket.get(), reinterpret_cast<sockaddr*>(&bound), address.ai_addrlen) != 0) {
+    if (errno == EADDRNOTAVAIL) return absl::NotFoundError("not an address of this machine");
+    return absl::UnavailableError("the port is taken");
+  }
+  if (listen(socket.get(), SOMAXCONN) != 0) return absl::UnavailableError("the port is taken");
+  socklen_t size = sizeof bound;
+  getsockname(socket.get(), reinterpret_cast<sockaddr*>(&bound), &size);
+  *port = ntohs(*bound_port);
+  return socket;
+}
+
+class ListenerImpl final : public Listener {
+ public:
+  explicit ListenerImpl(const ListenerOptions& options)
+      : options_(options), table_(options.connections_per_address, options.connections) {}
+  ~ListenerImpl() override { Stop(); }
+
+  absl::Status Listen();
+  int port() const override { return port_; }
+  void Start(std::function<void(int)> take) override {
+    take_ = std::move(take);
+    thread_ = std::thread([this] { Run(); });
+  }
+  void Stop() override {
+    if (!thread_.joinable()) return;
+    eventfd_write(stop_.get(), 1);
+    thread_.join();
+  }
+
+ private:
+  /// A connection without bytes.
+  struct Silent {
+    int socket;
+    std::string network;
+    absl::Time deadline;
+  };
+  using Silents = std::list<Silent>;  // in the order of their deadlines
+
+  void Watch(int descriptor) {
+    epoll_event event = {.events = EPOLLIN | EPOLLRDHUP, .data = {.fd = descriptor}};
+    epoll_ctl(poll_.get(), EPOLL_CTL_ADD, descriptor, &event);
+  }
+  void Run();
+  void Accept(int listening);
+  void OnBytes(Silents::iterator silent);
+  /// Stops watching the connection; the caller decides what becomes of its socket.
+  Silent Take(Silents::iterator silent);
+  void Refuse(int socket, const std::string& network, absl::string_view reason);
+  void CloseSilent();
+
+  const ListenerOptions options_;
+  int port_ = 0;
+  std::vector<Descriptor> listening_;
+  Descriptor poll_;
+  Descriptor stop_;
+  std::function<void(int)> take_;
+  // Used by the thread only.
+  ConnectionTable table_;
+  Silents silents_;
+  std::map<int, Silents::iterator> silent_by_socket_;
+  absl::Time second_ = absl::InfinitePast();
+  int lines_ = 0;
+  int without_line_ = 0;
+  std::thread thread_;
+};
+
+absl::Status ListenerImpl::Listen() {
+  const size_t colon = options_.address.rfind(':');
+  std::string host = options_.address.substr(0, colon);
+  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  addrinfo hints = {};
+  hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  if (getaddrinfo(host.c_str(), options_.address.substr(colon + 1).c_str(), &hints, &found) != 0)
+    return ListenError(options_.address);
+  const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> addresses(found, freeaddrinfo);
+  poll_ = Descriptor(epoll_create1(EPOLL_CLOEXEC));
+  stop_ = Descriptor(eventfd(0, EFD_CLOEXEC));
+  if (poll_.get() < 0 || stop_.get() < 0) return absl::UnavailableError("no descriptor is left");
+  Watch(stop_.get());
+  for (const addrinfo* address = found; address != nullptr; address = address->ai_next) {
+    if (address->ai_family != AF_INET && address->ai_family != AF_INET6) continue;
+    absl::StatusOr<Descriptor> socket = ListenAt(*address, &port_);
+    if (absl::IsNotFound(socket.status())) continue;
+    if (!socket.ok()) return ListenError(options_.address);
+    Watch(socket->get());
+    listening_.push_back(*std::move(socket));
+  }
+  return listening_.empty() ? ListenError(options_.address) : absl::OkStatus();
+}
+
+void ListenerImpl::Run() {
+  std::array<epoll_event, 64> events;
+  while (true) {
+    const int ready = epoll_wait(poll_.get(), events.data(), static_cast<int>(events.size()), kTickMs);
+    for (int i = 0; i < ready; ++i) {
+      const int descriptor = events[static_cast<size_t>(i)].data.fd;
+      if (descriptor == stop_.get()) {
+        listening_.clear();
+        while (!silents_.empty()) close(Take(silents_.begin()).socket);
+        return;
+      }
+      const auto silent = silent_by_socket_.find(descriptor);
+      if (silent != silent_by_socket_.end()) {
+        OnBytes(silent->second);
+      } else {
+        Accept(descriptor);
+      }
+    }
+    CloseSilent();
+  }
+}
+
+void ListenerImpl::Accept(int listening) {
+  sockaddr_storage address = {};
+  socklen_t size = sizeof address;
+  const int socket =
+      accept4(listening, reinterpret_cast<sockaddr*>(&address), &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+  if (socket < 0) {
+    // The connection waits in the kernel; without a pause this loop would take a whole core.
+    if (errno == EMFILE || errno == ENFILE) usleep(kNoDescriptorPauseMs * 1000);
+    return;
+  }
+  const std::string network = NetworkOf(address);
+  if (!table_.Add(socket, network)) {
+    return Refuse(socket, network,
+                  absl::StrCat("too many connections: the limits are ", options_.connections_per_address,
+                               " of an address and ", options_.connections, " of all"));
+  }
+  const int on = 1;
+  setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  silents_.push_back({socket, network, options_.now() + options_.first_bytes});
+  silent_by_socket_[socket] = std::prev(silents_.end());
+  Watch(socket);
+}
+
+ListenerImpl::Silent ListenerImpl::Take(Silents::iterator silent) {
+  Silent taken = std::move(*silent);
+  silent_by_socket_.erase(taken.socket);
+  silents_.erase(silent);
+  epoll_ctl(poll_.get(), EPOLL_CTL_DEL, taken.socket, nullptr);
+  return taken;
+}
+
+void ListenerImpl::OnBytes(Silents::iterator silent) {
+  const absl::string_view expected = options_.expects_tls ? kTls : kHttp2;
+  std::array<char, 4> bytes = {};
+  const ssize_t count = recv(silent->socket, bytes.data(), expected.size(), MSG_PEEK);
+  if (count < 0 && (errno == EAGAIN || errno == EINTR)) return;
+  const absl::string_view begin(bytes.data(), count > 0 ? static_cast<size_t>(count) : 0);
+  const bool fits = count > 0 && expected.substr(0, begin.size()) == begin;
+  const Silent taken = Take(silent);
+  if (fits)
+    return take_(taken.socket);  // fewer bytes than expected: the handshake has a time limit of its own
+  absl::string_view reason = "not HTTP/2";
+  if (count <= 0) {
+    reason = "closed by the other side before its first byte";
+  } else if (options_.expects_tls) {
+    reason = "not TLS, which this port expects";
+  } else if (absl::StartsWith(begin, kTls)) {
+    reason = "TLS, but this port is in plain text";
+  }
+  Refuse(taken.socket, taken.network, reason);
+}
+
+void ListenerImpl::Refuse(int socket, const std::string& network, absl::string_view reason) {
+  table_.Remove(socket);
+  close(socket);
+  const absl::Time now = options_.now();
+  if (now - second_ >= absl::Seconds(1)) {
+    if (without_line_ > 0) options_.log->warn("event=connections_refused connections={}", without_line_);
+    second_ = now;
+    lines_ = 0;
+    without_line_ = 0;
+  }
+  if (lines_ >= kMaxLinesPerSecond) {
+    ++without_line_;
+    return;
+  }
+  ++lines_;
+  options_.log->warn("event=connection_refused address={} reason=\"{}\"", network, std::string(reason));
+}
+
+void ListenerImpl::CloseSilent() {
+  const absl::Time now = options_.now();
+  while (!silents_.empty() && silents_.front().deadline <= now) {
+    const Silent taken = Take(silents_.begin());
+    Refuse(taken.socket, taken.network,
+           absl::StrCat("silent for ", absl::FormatDuration(options_.first_bytes)));
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<Listener>> Listener::Open(const ListenerOptions& options) {
+  auto listener = std::make_unique<ListenerImpl>(options);
+  if (absl::Status status = listener->Listen(); !status.ok()) return status;
+  return listener;
+}
+
+}  // namespace lumifold::server

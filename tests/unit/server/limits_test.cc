@@ -1,0 +1,181 @@
+// Each limit of server/limits.h, and a step past it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <list>
+
+#include "absl/strings/str_cat.h"
+#include "proto/rpc/checksum.h"
+#include "proto/rpc/limits.h"
+#include "proto/rpc/sha256.h"
+#include "tests/unit/server/gate_fixture.h"
+
+namespace lumifold::server {
+namespace {
+
+using ::testing::HasSubstr;
+using Stub = v1::FarmService::Stub;
+
+constexpr char kAnn[] = "person/ann/submit";
+constexpr char kBob[] = "person/bob/submit";
+
+class LimitsTest : public GateFixture {
+ protected:
+  grpc::Status Status(const std::string& caller) {
+    v1::ServerStatus status;
+    return Call(caller, &Stub::GetServerStatus, v1::GetServerStatusRequest(), &status);
+  }
+
+  /// An upload that announces an asset and sends nothing of it.
+  struct HalfUpload {
+    std::unique_ptr<grpc::ClientContext> context;
+    v1::UploadAssetResponse response;
+    std::unique_ptr<grpc::ClientWriter<v1::UploadAssetRequest>> writer;
+  };
+  HalfUpload* Announce(const std::string& caller, int number, uint64_t size) {
+    HalfUpload& upload = uploads_.emplace_back();
+    upload.context = As(caller);
+    upload.writer = farm().UploadAsset(upload.context.get(), &upload.response);
+    v1::UploadAssetRequest request;
+    request.mutable_announce()->set_uri(absl::StrCat("file-", number));
+    request.mutable_announce()->set_sha256(rpc::Sha256Hex(absl::StrCat("content ", number)));
+    request.mutable_announce()->set_size(size);
+    upload.writer->Write(request);
+    return &upload;
+  }
+  /// How an upload ends that the coordinator refuses.
+  static grpc::Status EndOf(HalfUpload* upload) { return upload->writer->Finish(); }
+  ~LimitsTest() override {
+    for (HalfUpload& upload : uploads_) upload.context->TryCancel();
+  }
+
+  std::list<HalfUpload> uploads_;
+};
+
+TEST_F(LimitsTest, RequestsASecond) {
+  StartGate({.requests_per_second = 10, .request_burst = 3});
+  for (int i = 0; i < 3; ++i) EXPECT_TRUE(Status(kAnn).ok());
+  const grpc::Status refused = Status(kAnn);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(refused.error_message(), "too many requests: a caller may make 10 a second");
+  EXPECT_TRUE(Status(kBob).ok()) << "each caller has its own limit";
+  EXPECT_FALSE(Status("person/ann/read").ok()) << "another token of the same person";
+  now_ += absl::Milliseconds(100);
+  EXPECT_TRUE(Status(kAnn).ok());
+  EXPECT_FALSE(Status(kAnn).ok());
+}
+
+TEST_F(LimitsTest, OpenStreams) {
+  StartGate({.streams_per_person = 2});
+  StoreScene();
+  std::string job;
+  ASSERT_TRUE(SubmitAs(kAnn, "watched", "", &job).ok());
+  v1::WatchJobRequest request;
+  request.set_job_id(job);
+  v1::JobStatus status;
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReader<v1::JobStatus>>> readers;
+  for (int i = 0; i < 3; ++i) {
+    contexts.push_back(As(kAnn));
+    readers.push_back(farm().WatchJob(contexts.back().get(), request));
+    EXPECT_EQ(readers.back()->Read(&status), i < 2);
+  }
+  const grpc::Status refused = readers.back()->Finish();
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(refused.error_message(), "too many streams are open: a caller may have 2");
+  readers.pop_back();
+  for (size_t i = 0; i < readers.size(); ++i) {
+    contexts[i]->TryCancel();
+    readers[i]->Finish();
+  }
+  Await([&] {  // the places are free again
+    const auto context = As(kAnn);
+    const auto reader = farm().WatchJob(context.get(), request);
+    const bool open = reader->Read(&status);
+    context->TryCancel();
+    reader->Finish();
+    return open;
+  });
+}
+
+TEST_F(LimitsTest, ActiveJobsOfAUser) {
+  StartGate({.jobs_per_user = 2});
+  StoreScene();
+  std::string first;
+  EXPECT_TRUE(SubmitAs(kAnn, "1", "", &first).ok());
+  EXPECT_TRUE(SubmitAs(kAnn, "2", "", nullptr).ok());
+  const grpc::Status refused = SubmitAs(kAnn, "3", "", nullptr);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(refused.error_message(), "user \"ann\" has 2 active jobs; the limit is 2");
+  EXPECT_TRUE(SubmitAs(kBob, "4", "", nullptr).ok());
+  coordinator_->CancelJob(first, [](const absl::StatusOr<v1::JobStatus>&) {});
+  EXPECT_TRUE(SubmitAs(kAnn, "5", "", nullptr).ok());
+}
+
+TEST_F(LimitsTest, BytesOfAJobsFiles) {
+  StartGate({.job_asset_bytes = 30});
+  StoreScene();  // of 20 bytes
+  v1::SubmitJobRequest request;
+  *request.mutable_spec() = Spec();
+  request.set_request_id("large");
+  v1::AssetRef* dependency = request.mutable_spec()->mutable_scene()->add_dependencies();
+  *dependency = request.spec().scene().file();
+  dependency->set_uri("wood.png");
+  dependency->set_size(1);  // what the client says does not count
+  v1::SubmitJobResponse response;
+  const grpc::Status refused = Call(kAnn, &Stub::SubmitJob, request, &response);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(refused.error_message(), "the files of the scene have 40 bytes; the limit of a job is 30");
+}
+
+TEST_F(LimitsTest, BytesOfOneFile) {
+  StartGate();
+  assets_ = std::make_unique<AssetStore>(data_.AssetsPath(), data_.IncomingPath(), nullptr, &files_,
+                                         AssetLimits{.asset_bytes = 100});
+  v1::AssetRef asset;
+  asset.set_uri("wood.png");
+  asset.set_sha256(std::string(64, 'a'));
+  asset.set_size(101);
+  const absl::Status refused = assets_->Receive(asset, "ann").status();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(refused.message(), "asset 'wood.png': its size is 101, more than 100");
+}
+
+TEST_F(LimitsTest, TwentyAnnouncementsOfATebibyteAreRefusedAtOnce) {
+  StartGate();
+  for (int i = 0; i < 20; ++i) {
+    const grpc::Status refused = EndOf(Announce(kAnn, i, uint64_t{1} << 40));
+    EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << refused.error_message();
+  }
+}
+
+TEST_F(LimitsTest, UploadsThatAreAnnouncedAndNotComplete) {
+  StartGate();
+  const job_life::UploadLimits limits;
+  for (int i = 0; i < limits.uploads_of_caller; ++i) Announce(kAnn, i, 1000);
+  // The announcements come one after the other, but each on its own stream.
+  Await([&] {
+    const grpc::Status refused = [&] {
+      HalfUpload* upload = Announce(kAnn, 100, 1000);
+      upload->writer->WritesDone();
+      return EndOf(upload);
+    }();
+    return refused.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
+  });
+  HalfUpload* of_bob = Announce(kBob, 101, 3);
+  of_bob->writer->WritesDone();
+  EXPECT_EQ(EndOf(of_bob).error_code(), grpc::StatusCode::DATA_LOSS) << "bob may announce; he sent nothing";
+}
+
+TEST_F(LimitsTest, BytesOfAMessage) {
+  StartGate();
+  v1::FindMissingAssetsRequest request;
+  request.add_assets()->set_uri(std::string(rpc::kMaxMessageBytes, 'x'));
+  v1::FindMissingAssetsResponse response;
+  const grpc::Status refused = Call(kAnn, &Stub::FindMissingAssets, request, &response);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_THAT(refused.error_message(), HasSubstr(absl::StrCat("vs. ", rpc::kMaxMessageBytes)));
+}
+
+}  // namespace
+}  // namespace lumifold::server

@@ -1,0 +1,151 @@
+#include "server/listener.h"
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <spdlog/logger.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/synchronization/mutex.h"
+#include "proto/rpc/monotonic.h"
+
+namespace lumifold::server {
+namespace {
+
+using ::testing::HasSubstr;
+
+class ListenerTest : public ::testing::Test {
+ protected:
+  void Open(ListenerOptions options) {
+    options.address = "127.0.0.1:0";
+    options.now = rpc::MonotonicNow;
+    options.log =
+        std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log_));
+    listener_ = *Listener::Open(options);
+    listener_->Start([this](int socket) {
+      absl::MutexLock lock(&mutex_);
+      taken_.push_back(socket);
+    });
+  }
+  ~ListenerTest() override {
+    listener_.reset();
+    for (const int socket : taken_) close(socket);
+    for (const int socket : connected_) close(socket);
+  }
+
+  int Connect(const std::string& bytes) {
+    const int connected = socket(AF_INET, SOCK_STREAM, 0);
+    sockaddr_in address = {};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<uint16_t>(listener_->port()));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    EXPECT_EQ(connect(connected, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    EXPECT_EQ(send(connected, bytes.data(), bytes.size(), MSG_NOSIGNAL), static_cast<ssize_t>(bytes.size()));
+    connected_.push_back(connected);
+    return connected;
+  }
+  /// Waits for the other side to close the connection.
+  static bool IsClosed(int connected) {
+    char byte = 0;
+    return recv(connected, &byte, 1, 0) <= 0;
+  }
+  void AwaitTaken(size_t count) {
+    absl::MutexLock lock(&mutex_);
+    const auto reached = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS { return taken_.size() >= count; };
+    mutex_.Await(absl::Condition(&reached));
+  }
+  std::string Log() {
+    listener_->Stop();
+    return log_.str();
+  }
+
+  std::ostringstream log_;
+  std::unique_ptr<Listener> listener_;
+  absl::Mutex mutex_;
+  std::vector<int> taken_ ABSL_GUARDED_BY(mutex_);
+  std::vector<int> connected_;
+};
+
+constexpr char kPreface[] = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+constexpr char kClientHello[] = "\x16\x03\x01\x02";
+
+TEST_F(ListenerTest, HandsOnWhatBeginsAsItShould) {
+  Open({});
+  Connect(kPreface);
+  Connect("P");
+  AwaitTaken(2);
+  EXPECT_EQ(Log(), "");
+}
+
+TEST_F(ListenerTest, ClosesWhatIsNotHttp2) {
+  Open({});
+  for (const std::string& bytes : {std::string("GET / HTTP/1.1\r\n\r\n"), std::string(1000, '\0'),
+                                   std::string("\xff\xfe\xfd"), std::string("SSH-2.0-OpenSSH\r\n")})
+    EXPECT_TRUE(IsClosed(Connect(bytes)));
+  EXPECT_TRUE(IsClosed(Connect(kClientHello)));
+  const std::string log = Log();
+  EXPECT_THAT(log, HasSubstr("event=connection_refused address=127.0.0.1 reason=\"not HTTP/2\""));
+  EXPECT_THAT(log, HasSubstr("reason=\"TLS, but this port is in plain text\""));
+}
+
+TEST_F(ListenerTest, ClosesWhatIsNotTls) {
+  Open({.expects_tls = true});
+  EXPECT_TRUE(IsClosed(Connect(kPreface)));
+  Connect(kClientHello);
+  AwaitTaken(1);
+  EXPECT_THAT(Log(), HasSubstr("reason=\"not TLS, which this port expects\""));
+}
+
+TEST_F(ListenerTest, ClosesWhatIsSilent) {
+  Open({.first_bytes = absl::Milliseconds(20)});
+  EXPECT_TRUE(IsClosed(Connect("")));
+  EXPECT_THAT(Log(), HasSubstr("reason=\"silent for 20ms\""));
+}
+
+TEST_F(ListenerTest, TheConnectionsOfAnAddressAreBounded) {
+  Open({.connections_per_address = 3});
+  for (int i = 0; i < 3; ++i) Connect(kPreface);
+  AwaitTaken(3);
+  for (int i = 0; i < 100; ++i) EXPECT_TRUE(IsClosed(Connect(kPreface)));
+  {
+    absl::MutexLock lock(&mutex_);
+    ASSERT_EQ(taken_.size(), 3u);
+    close(taken_.back());
+    taken_.pop_back();
+  }
+  Connect(kPreface);
+  AwaitTaken(3);
+  const std::string log = Log();
+  EXPECT_THAT(log,
+              HasSubstr("reason=\"too many connections: the limits are 3 of an address and 16384 of all\""));
+  EXPECT_LT(std::count(log.begin(), log.end(), '\n'), 100) << "a flood must not fill the log";
+}
+
+TEST_F(ListenerTest, ATakenPortAndAForeignHostAreErrors) {
+  Open({});
+  for (const std::string& address : {absl::StrCat("127.0.0.1:", listener_->port()),
+                                     std::string("192.0.2.1:0"), std::string("no such host:0")}) {
+    const absl::Status status = Listener::Open({.address = address}).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable) << address;
+    EXPECT_THAT(std::string(status.message()), HasSubstr(address));
+  }
+}
+
+TEST_F(ListenerTest, StopClosesTheDoor) {
+  Open({});
+  const int silent = Connect("");
+  listener_->Stop();
+  EXPECT_TRUE(IsClosed(silent));
+}
+
+}  // namespace
+}  // namespace lumifold::server

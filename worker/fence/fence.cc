@@ -174,7 +174,7 @@ LandlockRules RulesOf(const FenceOptions& options, bool stays_root) {
 }
 
 absl::Status FilterCalls(bool network, FenceReport* report) {
-  const absl::Status status = FilterSystemCalls(network);
+  absl::Status status = FilterSystemCalls(network);
   if (status.ok()) report->up.emplace_back(network ? "system calls" : "system calls, no network");
   if (!absl::IsUnimplemented(status)) return status;
   report->lacking.push_back(absl::StrCat("system calls (", std::string(status.message()), ")"));

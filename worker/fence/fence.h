@@ -11,7 +11,7 @@ namespace lumifold::fence {
 /// What a process may still do inside the fence. Limits of 0 mean none.
 struct FenceOptions {
   /// User to become if the process is root; empty: stay. Capabilities are dropped in any case.
-  std::string user = "";
+  std::string user = {};
   /// Keep the capability to open files of other users; for a process that stays root and works in their folder.
   bool keep_file_access = false;
   /// Limit of the address space in bytes. Not set under AddressSanitizer, which reserves terabytes.

@@ -232,8 +232,6 @@ absl::Status YieldToOthers() {
 /// The filter reads units and writes results, all of them in the data folder; only a ledger elsewhere needs the network.
 absl::Status FenceThisProcess(const DataFolder& folder, const std::string& store,
                               uint64_t memory_limit_bytes) {
-  // SQLite would sort large results in /tmp.
-  setenv("SQLITE_TMPDIR", folder.root().c_str(), /*overwrite=*/1);
   fence::FenceOptions options = {
       .keep_file_access = true,
       .memory_bytes = memory_limit_bytes,
@@ -263,13 +261,15 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   }
   if (absl::Status status = YieldToOthers(); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
+  setenv("SQLITE_TMPDIR", folder.root().c_str(), /*overwrite=*/1);  // the fence leaves no other folder
   const char* const variable = std::getenv(ledger::kStoreVariable);
   const std::string store_name = variable == nullptr ? "" : variable;
-  if (absl::Status status = FenceThisProcess(folder, store_name, memory_limit_bytes); !status.ok())
-    return status;
   const absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =
       ledger::OpenJobStore(store_name, folder.LedgerPath());
   if (!store.ok()) return store.status();
+  // After the store: its address may name certificates anywhere.
+  if (absl::Status status = FenceThisProcess(folder, store_name, memory_limit_bytes); !status.ok())
+    return status;
   KeepFreedMemory();
   SetExrThreads(threads);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);

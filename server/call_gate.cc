@@ -11,6 +11,11 @@
 namespace lumifold::server {
 namespace {
 
+constexpr absl::string_view kWorkerService = "/lumifold.v1.WorkerService/";
+/// Refusals of one caller that the audit log takes: a flood must not push out what was there before.
+constexpr double kAuditedRefusalsPerSecond = 10;
+constexpr double kAuditedRefusalBurst = 100;
+
 /// "ipv4:192.0.2.1" of "ipv4:192.0.2.1:50000".
 absl::string_view WithoutPort(absl::string_view peer) {
   if (!absl::StartsWith(peer, "ipv4:") && !absl::StartsWith(peer, "ipv6:")) return peer;
@@ -34,7 +39,7 @@ CallGate::Call::Call(CallGate* gate, access::AuditEvent event, bool changes)
 
 CallGate::Call::~Call() {
   if (open_call_.has_value()) gate_->options_.open_calls->Remove(*open_call_);
-  if (counts_as_stream_) gate_->streams_.Remove(limit_key_);
+  if (stream_key_.has_value()) gate_->streams_.Remove(*stream_key_);
   End(absl::OkStatus());
 }
 
@@ -44,6 +49,7 @@ void CallGate::Call::End(const absl::Status& outcome) {
   const bool refused = absl::IsPermissionDenied(outcome) || absl::IsUnauthenticated(outcome) ||
                        absl::IsResourceExhausted(outcome) || absl::IsNotFound(outcome);
   if (!changes_ && !refused) return;
+  if (refused && !gate_->audited_refusals_.Take(limit_key_, gate_->options_.now())) return;
   event_.outcome = outcome;
   gate_->options_.audit->Write(gate_->options_.wall_now(), event_);
 }
@@ -51,7 +57,8 @@ void CallGate::Call::End(const absl::Status& outcome) {
 CallGate::CallGate(const Options& options)
     : options_(options),
       requests_(options.limits.requests_per_second, options.limits.request_burst),
-      worker_requests_(options.limits.worker_requests_per_second, options.limits.worker_request_burst) {}
+      worker_requests_(options.limits.worker_requests_per_second, options.limits.worker_request_burst),
+      audited_refusals_(kAuditedRefusalsPerSecond, kAuditedRefusalBurst) {}
 
 absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::Admit(const grpc::CallbackServerContext& context,
                                                                 absl::string_view rpc_path,
@@ -100,14 +107,17 @@ absl::Status CallGate::CheckRate(const Call& call) {
 }
 
 absl::Status CallGate::OpenStream(grpc::CallbackServerContext* context, Call* call) {
-  const bool is_person = call->caller().kind == access::IdentityKind::kPerson;
-  const int limit = is_person ? options_.limits.streams_per_person : options_.limits.streams_per_worker;
+  // By the call and not by the caller, who may be everyone at an address: each watch of a job costs messages with each
+  // change of it, a worker that says nothing costs little.
+  const bool is_of_worker = absl::StartsWith(call->event_.rpc_path, kWorkerService);
+  const int limit = is_of_worker ? options_.limits.streams_per_worker : options_.limits.streams_per_person;
   if (!call->limit_key().empty()) {
-    if (!streams_.Add(call->limit_key(), limit)) {
+    std::string key = absl::StrCat(call->limit_key(), is_of_worker ? " as worker" : "");
+    if (!streams_.Add(key, limit)) {
       return absl::ResourceExhaustedError(
           absl::StrCat("too many streams are open: a caller may have ", limit));
     }
-    call->counts_as_stream_ = true;
+    call->stream_key_ = std::move(key);
   }
   call->open_call_ =
       options_.open_calls->Add(call->caller(), [context](const absl::Status&) { context->TryCancel(); });

@@ -59,7 +59,7 @@ class CallGate {
     access::AuditEvent event_;
     const bool changes_;
     std::string limit_key_;
-    bool counts_as_stream_ = false;
+    std::optional<std::string> stream_key_;
     std::optional<uint64_t> open_call_;
     bool ended_ = false;
   };
@@ -83,6 +83,7 @@ class CallGate {
   const Options options_;
   access::TokenBuckets requests_;
   access::TokenBuckets worker_requests_;
+  access::TokenBuckets audited_refusals_;
   access::CallerCounts streams_;
 };
 

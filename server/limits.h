@@ -12,8 +12,8 @@ namespace lumifold::server {
 struct Limits {
   /// Calls at a time over one connection; further ones wait at the client.
   int streams_per_connection = 256;
-  /// Streams (uploads, downloads, watches, workers) that a caller may have open. A worker's name may stand for a room of
-  /// machines, and without access control everyone at an address is one caller.
+  /// Streams that a caller may have open: uploads, downloads and watches, and those of WorkerService. A worker's name may
+  /// stand for a room of machines, and without access control everyone at an address is one caller.
   int streams_per_person = 256;
   int streams_per_worker = 4096;
   /// Calls a second of one caller, and calls at once after a pause. A worker that loads a scene fetches up to 16,384 files

@@ -16,7 +16,7 @@ namespace lumifold::server {
 
 struct ListenerOptions {
   /// HOST:PORT; port 0 for a free port. A host with several addresses is listened on at all of them.
-  std::string address = "";
+  std::string address = {};
   /// Connections begin with the handshake of TLS, or else with the preface of HTTP/2.
   bool expects_tls = false;
   /// Of one IPv4 address, or of one IPv6 network of 64 bits; and of all.

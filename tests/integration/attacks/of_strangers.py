@@ -18,7 +18,7 @@ from world import Setup
 ATTACKER = "127.0.0.66"
 REFUSED = f"event=connection_refused address={ATTACKER} reason="
 STREAMS = 10_000
-MAX_STREAMS = 4096  # limits.h: of an address, without access control
+MAX_STREAMS = 256  # limits.h: of an address, without access control
 CONNECTIONS = 3000
 ALLOWED_CONNECTIONS = 200
 

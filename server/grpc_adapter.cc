@@ -352,10 +352,9 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   grpc::ServerUnaryReactor* SubmitJob(grpc::CallbackServerContext* context,
                                       const v1::SubmitJobRequest* request,
                                       v1::SubmitJobResponse* response) override {
-    return AnswerLater(context, gate_.Admit(context, "SubmitJob", request->request_id()), response,
-                       [&](CallGate::Call& call, Done<v1::SubmitJobResponse> done) {
-                         Submit(call, *request, std::move(done));
-                       });
+    return AnswerLater(
+        context, gate_.Admit(context, "SubmitJob", request->request_id()), response,
+        [&](CallGate::Call& call, const Done<v1::SubmitJobResponse>& done) { Submit(call, *request, done); });
   }
   grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context, const v1::GetJobRequest* request,
                                    v1::JobStatus* response) override {
@@ -518,7 +517,8 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     return own;
   }
 
-  void Submit(CallGate::Call& call, const v1::SubmitJobRequest& request, Done<v1::SubmitJobResponse> done) {
+  void Submit(CallGate::Call& call, const v1::SubmitJobRequest& request,
+              const Done<v1::SubmitJobResponse>& done) {
     absl::StatusOr<v1::SubmitJobRequest> claimed = jobs_.Claim(call.caller(), request);
     if (!claimed.ok()) return done(claimed.status());
     const auto own = std::make_shared<v1::SubmitJobRequest>(*std::move(claimed));

@@ -39,6 +39,17 @@ double SecondsOf(const v1::JobSpec& spec, int frame) {
 
 Rect RectOf(const v1::Rect& r) { return {r.x0(), r.y0(), r.x1(), r.y1()}; }
 
+/// The renderer relies on it: a rectangle within the picture, and samples.
+absl::Status CheckLease(const v1::JobSpec& spec, const v1::Lease& lease) {
+  const Rect rect = RectOf(lease.rect());
+  const bool is_inside = rect.x0 >= 0 && rect.x0 < rect.x1 && rect.x1 <= spec.width() && rect.y0 >= 0 &&
+                         rect.y0 < rect.y1 && rect.y1 <= spec.height();
+  const bool has_samples = lease.unit().kind() == v1::UNIT_KIND_GEOMETRY ||
+                           (lease.first_sample() >= 0 && lease.first_sample() < lease.last_sample());
+  if (is_inside && has_samples) return absl::OkStatus();
+  return absl::InvalidArgumentError("the lease is not for a part of the job's picture");
+}
+
 }  // namespace
 
 bool IsPermanent(const absl::Status& failure) {
@@ -178,6 +189,7 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
 
 absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const v1::Lease& lease,
                                                   UnitControl* control) {
+  if (absl::Status status = CheckLease(spec, lease); !status.ok()) return status;
   absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer =
       RendererOf(spec, lease.unit(), &control->progress);
   if (!renderer.ok()) return renderer.status();

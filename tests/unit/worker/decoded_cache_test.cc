@@ -30,7 +30,7 @@ TEST(DecodedCache, ScenesShareATextureWithTheSameFile) {
 TEST(DecodedCache, ATextureThatIsKeptStillMeetsTheLimitOfItsScene) {
   DecodedCache cache;
   ASSERT_TRUE(cache.Texture(Png(7), kPlenty).ok());
-  EXPECT_EQ(cache.Texture(Png(7), 7).status().message(), "4x2 pixels are over the limit");
+  EXPECT_EQ(cache.Texture(Png(7), 7).status().message(), "4x2 pixels are over the limit of 7");
   EXPECT_TRUE(cache.Texture(Png(7), 8).ok());
 }
 

@@ -114,6 +114,10 @@ void CommandLine::AddArgument(const std::string& name, std::string* value, const
   AddRequiredText(name, "", value, help);
 }
 
+void CommandLine::AddOptionalArgument(const std::string& name, std::string* value, const std::string& help) {
+  AddText(name, "", value, help);
+}
+
 void CommandLine::AddFlag(const std::string& names, bool* value, const std::string& help) {
   parser_->app().add_flag(names, *value, help)->disable_flag_override();
 }
@@ -238,6 +242,8 @@ void CommandLine::AddAddress(const std::string& names, std::string* value, const
   parser_->Add(names, "HOST:PORT", read, help);
 }
 
+void CommandLine::AddCheck(std::function<absl::Status()> check) { checks_.push_back(std::move(check)); }
+
 void CommandLine::SetFooter(const std::string& text) {
   parser_->app().footer(absl::StrCat(text, "\n", kExitCodesHelp));
 }
@@ -260,8 +266,11 @@ std::optional<ExitCode> CommandLine::Parse(const std::vector<std::string>& argum
   }
   // An unknown option may be the reason why CLI11 misses another one, so it is reported first.
   if (const std::string unknown = parser_->UnknownArgument(); !unknown.empty()) problem = unknown;
-  if (problem.empty()) return std::nullopt;
-  return ReportUsage(environment, app.get_name(), problem);
+  if (!problem.empty()) return ReportUsage(environment, app.get_name(), problem);
+  for (const std::function<absl::Status()>& check : checks_) {
+    if (const absl::Status status = check(); !status.ok()) return ReportError(environment, status);
+  }
+  return std::nullopt;
 }
 
 ExitCode ReportUsage(const Environment& environment, const std::string& command, const std::string& message) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,6 +24,8 @@ class CommandLine {
   CommandLine(const CommandLine&) = delete;
   CommandLine& operator=(const CommandLine&) = delete;
 
+  /// An optional positional argument.
+  void AddOptionalArgument(const std::string& name, std::string* value, const std::string& help);
   /// A required positional argument.
   void AddArgument(const std::string& name, std::string* value, const std::string& help);
 
@@ -55,6 +58,9 @@ class CommandLine {
   /// HOST:PORT of a coordinator.
   void AddAddress(const std::string& names, std::string* value, const std::string& help);
 
+  /// `check` is called when all arguments are valid. Its error ends the command.
+  void AddCheck(std::function<absl::Status()> check);
+
   /// Additional text of help, between the options and the exit codes.
   void SetFooter(const std::string& text);
 
@@ -65,6 +71,7 @@ class CommandLine {
  private:
   class Parser;
   std::unique_ptr<Parser> parser_;
+  std::vector<std::function<absl::Status()>> checks_;
 };
 
 /// Prints an error of the command line to `err` and returns kUsage. `command` is "lumifold" or "lumifold

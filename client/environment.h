@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <istream>
 #include <ostream>
 #include <string>
 
@@ -13,6 +14,9 @@
 
 namespace lumifold::client {
 
+/// The coordinator where neither a server nor a profile is named.
+inline constexpr char kDefaultServer[] = "127.0.0.1:7700";
+
 /// The outside world of a command, besides its arguments and the files they name. Tests replace it.
 struct Environment {
   /// Output for programs.
@@ -22,8 +26,12 @@ struct Environment {
   /// Whether `err` is a terminal whose last line can be rewritten, and its width.
   bool err_is_terminal = false;
   int terminal_columns = 80;
-  /// HOST:PORT if --server is not given.
-  std::string default_server = "127.0.0.1:7700";
+  /// HOST:PORT if --server is not given; empty: that of the default profile, else kDefaultServer.
+  std::string default_server = "";
+  /// Folder of the user's profiles (identity::ProfilesFolder); empty: there are none.
+  std::string profiles_folder = "";
+  /// What the user types or pipes in, for secrets; null: nothing.
+  std::istream* in = nullptr;
   /// Whose jobs `submit` submits if --user is not given; empty: anonymous.
   std::string default_user = "";
   /// Threads of a local farm if --threads is not given.

@@ -10,7 +10,6 @@
 #include "client/exit_code.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "proto/rpc/byte_stream.h"
-#include "proto/rpc/credentials.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/status_codec.h"
 
@@ -267,7 +266,7 @@ std::unique_ptr<FarmClient> MakeFarmClient(std::shared_ptr<grpc::Channel> channe
 }
 
 std::unique_ptr<FarmClient> ConnectTo(FarmClientOptions options) {
-  auto channel = rpc::MakeChannel(options.coordinator, rpc::Security{});
+  auto channel = rpc::MakeChannel(options.coordinator, options.security);
   return MakeFarmClient(std::move(channel), std::move(options));
 }
 

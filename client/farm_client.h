@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "client/assets.h"
 #include "lumifold/v1/farm.pb.h"
+#include "proto/rpc/credentials.h"
 #include "proto/rpc/retry.h"
 
 namespace grpc {
@@ -75,8 +76,9 @@ class FarmClient {
 };
 
 struct FarmClientOptions {
-  /// The coordinator's name in errors: "127.0.0.1:7700".
+  /// HOST:PORT, also for errors.
   std::string coordinator;
+  rpc::Security security = {};
   rpc::RetryEnvironment time;
   /// True after the user interrupted the program.
   std::function<bool()> interrupted;

@@ -10,6 +10,7 @@
 #include "client/interrupt.h"
 #include "client/local/film_filter.h"
 #include "client/local/in_process_farm.h"
+#include "proto/identity/profile.h"
 
 namespace {
 
@@ -32,6 +33,8 @@ int main(int argc, char** argv) {
   client::CatchInterrupts();
   setenv("GRPC_CLIENT_CHANNEL_BACKUP_POLL_INTERVAL_MS", kConnectionPollMs, /*overwrite=*/0);
   client::Environment environment{.out = std::cout, .err = std::cerr};
+  environment.in = &std::cin;
+  environment.profiles_folder = lumifold::identity::ProfilesFolder();
   environment.err_is_terminal = isatty(STDERR_FILENO) == 1;
   environment.terminal_columns = TerminalColumns();
   if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.default_server = server;

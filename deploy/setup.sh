@@ -12,7 +12,7 @@ packages=(
   libtbb-dev libeigen3-dev libhwy-dev
 )
 test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format clang-tidy
-               postgresql iproute2 nftables e2fsprogs)
+               postgresql iproute2 nftables e2fsprogs openssl)
 [ "${1:-}" = --tests ] && packages+=("${test_packages[@]}")
 
 missing=()

@@ -364,6 +364,7 @@ void Coordinator::Unwatch(JobWatcher* watcher) {
 absl::StatusOr<v1::ServerStatus> Coordinator::GetServerStatus() {
   v1::ServerStatus status;
   status.set_version(std::string(rpc::kVersion));
+  status.set_insecure(options_.insecure);
   const absl::StatusOr<uint64_t> free_bytes = folder_.FreeBytes();
   status.set_free_bytes(free_bytes.value_or(0));
   if (const std::optional<StorageState::Outage> outage = storage_.outage()) {

@@ -73,6 +73,8 @@ struct CoordinatorOptions {
   const EventLog* events = nullptr;
   /// Reads assets again that workers could not get; must be stopped before the coordinator ends.
   AssetChecks* asset_checks = nullptr;
+  /// Whether connections are in plain text, for display.
+  bool insecure = false;
 };
 
 /// What a worker has to deliver for a lease.

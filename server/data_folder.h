@@ -23,6 +23,7 @@ namespace lumifold::server {
 ///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256; the manifest of a job
 ///                    that has ended
 ///   deleted/JOB      empty: the job was deleted, its files go next (see Janitor)
+///   access/          authority, server certificate, tokens (see access::AccessControl); there after `init`
 ///   reserve          space that is given up when the disk is full, so that the ledger can still be written
 ///   lock             lock file of the coordinator that uses the folder
 ///
@@ -47,6 +48,7 @@ class DataFolder {
   const std::string& root() const { return root_; }
   FileSystem* files() const { return files_; }
   std::string LedgerPath() const { return root_ + "/ledger.db"; }
+  std::string AccessPath() const { return root_ + "/access"; }
   std::string AssetsPath() const { return root_ + "/assets"; }
   std::string IncomingPath() const { return root_ + "/incoming"; }
   std::string FilmPath(const job::JobId& job) const { return root_ + "/film/" + job.value(); }

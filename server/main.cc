@@ -1,5 +1,6 @@
 #include <google/protobuf/stubs/logging.h>
 #include <signal.h>
+#include <spdlog/sinks/null_sink.h>
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -10,9 +11,15 @@
 #include <iostream>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include "proto/identity/certificate.h"
+#include "proto/identity/secrets.h"
 #include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
+#include "server/access/access_control.h"
+#include "server/access/setup.h"
+#include "server/data_folder.h"
 #include "server/frame_finisher.h"
 #include "server/ledger/open_job_store.h"
 #include "server/limits.h"
@@ -30,6 +37,7 @@ struct Flags {
   std::string store = "sqlite";
   std::string listen = "127.0.0.1:7700";
   bool insecure = false;
+  double certificate_hours = absl::ToDoubleHours(lumifold::access::kCredentialLifetime);
   int filter_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   uint64_t filter_memory_mb = 0;
   double filter_minutes = 1440.0;
@@ -44,6 +52,8 @@ struct Flags {
   double max_asset_gb = static_cast<double>(limits.asset_bytes) / kBytesPerGb;
   double max_job_gb = static_cast<double>(limits.job_asset_bytes) / kBytesPerGb;
   double max_upload_gb = static_cast<double>(limits.uploads.bytes_of_caller) / kBytesPerGb;
+  std::vector<std::string> names;  // of init
+  std::string admin = "admin";     // of invite-admin
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
@@ -55,7 +65,12 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->capture_default_str();
   app->add_option("--listen", flags->listen, "HOST:PORT to listen on; port 0: a free port")
       ->capture_default_str();
-  app->add_flag("--insecure", flags->insecure, "Allow listening off loopback, without encryption");
+  app->add_flag("--insecure", flags->insecure,
+                "Allow listening off loopback without encryption, where 'init' has not been run");
+  app->add_option("--certificate-hours", flags->certificate_hours,
+                  "Lifetime of the certificates of server and workers; they are renewed before")
+      ->check(CLI::Range(0.005, 24 * 365.0))
+      ->capture_default_str();
   app->add_option("--filter-threads", flags->filter_threads, "Threads of the filter")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
@@ -151,6 +166,8 @@ void RaiseFileLimit() {
 
 int RunServer(const Flags& flags) {
   umask(077);  // SQLite makes the ledger's files by itself
+  if (lumifold::access::HasAccessFolder(lumifold::server::DataFolder(flags.data_dir).AccessPath()))
+    lumifold::identity::ProtectMemory();
   const sigset_t end_signals = BlockEndSignals();
   RaiseFileLimit();
   const std::shared_ptr<spdlog::logger> log = lumifold::rpc::MakeNonblockingLogger(
@@ -159,7 +176,8 @@ int RunServer(const Flags& flags) {
   options.data_dir = flags.data_dir;
   options.store = flags.store;
   options.listen = flags.listen;
-  options.security.insecure = flags.insecure;
+  options.insecure = flags.insecure;
+  options.certificate_lifetime = absl::Hours(flags.certificate_hours);
   options.lease = absl::Seconds(flags.lease_seconds);
   options.heartbeat = absl::Seconds(flags.heartbeat_seconds);
   options.filter_threads = flags.filter_threads;
@@ -188,15 +206,37 @@ int RunServer(const Flags& flags) {
   return 0;
 }
 
-int RunRecover(const std::string& data_dir) {
-  const absl::StatusOr<std::string> report =
-      lumifold::server::RecoverLedger(lumifold::server::DataFolder(data_dir));
+/// Prints what a subcommand has done, or its error.
+int Report(const absl::StatusOr<std::string>& report) {
   if (!report.ok()) {
     std::cerr << "lumifold-server: " << std::string(report.status().message()) << '\n';
     return kExitFailure;
   }
   std::cout << *report << std::flush;
   return 0;
+}
+
+int RunRecover(const std::string& data_dir) {
+  return Report(lumifold::server::RecoverLedger(lumifold::server::DataFolder(data_dir)));
+}
+
+lumifold::access::AccessOptions AccessOptionsOf(const Flags& flags) {
+  lumifold::identity::ProtectMemory();
+  return {.folder = lumifold::server::DataFolder(flags.data_dir).AccessPath(),
+          .store = flags.store,
+          .certificate_lifetime = absl::Hours(flags.certificate_hours),
+          .wall_now = lumifold::identity::ValidityClock,
+          .log = std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::null_sink_mt>())};
+}
+
+int RunInit(const Flags& flags) {
+  return Report(lumifold::access::SetUp(AccessOptionsOf(flags), flags.data_dir, flags.names));
+}
+
+int RunInviteAdmin(const Flags& flags) {
+  absl::StatusOr<std::string> code = lumifold::access::InviteAdmin(AccessOptionsOf(flags), flags.admin);
+  if (code.ok()) code->push_back('\n');
+  return Report(code);
 }
 
 }  // namespace
@@ -220,6 +260,20 @@ int main(int argc, char** argv) {
       app.add_subcommand(lumifold::server::kRecoverCommand,
                          "Rebuilds a lost or malformed ledger from the files of the data folder, then ends");
   recover->add_option("--data", flags.data_dir, "The data folder")->required();
+  CLI::App* init = app.add_subcommand(
+      "init",
+      "Makes certificates and the first codes, so that others can connect; prints what to type, then ends");
+  init->add_option(
+      "--name", flags.names,
+      "A host name or IP address by which others reach it (default: this machine's name); may be repeated");
+  CLI::App* invite_admin =
+      app.add_subcommand("invite-admin", "Prints a code for 'lumifold login' as an administrator, then ends");
+  invite_admin->add_option("--name", flags.admin, "The administrator's name")->capture_default_str();
+  for (CLI::App* command : {init, invite_admin}) {
+    command->add_option("--data", flags.data_dir, "The data folder")->required();
+    command->add_option("--store", flags.store, "As without a command")
+        ->envname(lumifold::ledger::kStoreVariable);
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {
@@ -229,6 +283,8 @@ int main(int argc, char** argv) {
     return kExitUsage;
   }
   if (recover->parsed()) return RunRecover(flags.data_dir);
+  if (init->parsed()) return RunInit(flags);
+  if (invite_admin->parsed()) return RunInviteAdmin(flags);
   if (flags.data_dir.empty()) {
     std::cerr << "lumifold-server: --data is required\n";
     return kExitUsage;

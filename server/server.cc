@@ -9,7 +9,7 @@
 #include <spdlog/sinks/null_sink.h>
 #include <spdlog/spdlog.h>
 
-#include <filesystem>
+#include <algorithm>
 #include <random>
 #include <utility>
 
@@ -18,10 +18,15 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
+#include "lumifold/v1/access.grpc.pb.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/limits.h"
+#include "server/access/access_adapter.h"
+#include "server/access/access_control.h"
 #include "server/access/audit_log.h"
+#include "server/access/authorisation.h"
+#include "server/access/caller_check.h"
 #include "server/access/identity.h"
 #include "server/access/open_calls.h"
 #include "server/asset_checks.h"
@@ -45,19 +50,15 @@ constexpr absl::Duration kGrace = absl::Milliseconds(100);
 constexpr int kMinPingIntervalMs = 10'000;
 constexpr int kKeepAliveMs = 20'000;
 constexpr int kKeepAliveTimeoutMs = 10'000;
+/// A connection has the certificate that it was opened with. After this part of a certificate's life, and after an hour at
+/// most, callers are asked to open another, so that what was renewed is used before the old one expires.
+constexpr int kConnectionsPerCertificate = 6;
+constexpr absl::Duration kMaxConnectionAge = absl::Hours(1);
 
 ServerOptions WithEvents(ServerOptions options, EventLog* events) {
   options.log = MakeEventLogger(options.log, events);
   return options;
 }
-
-/// Everyone is local.
-class LocalCallers final : public access::Callers {
- public:
-  absl::StatusOr<access::Identity> Of(const grpc::CallbackServerContext&) const override {
-    return access::LocalIdentity();
-  }
-};
 
 int Milliseconds(absl::Duration duration) { return static_cast<int>(absl::ToInt64Milliseconds(duration)); }
 
@@ -92,6 +93,9 @@ class ServerImpl final : public Server {
     bool stops = false;
   };
 
+  /// Opens access control where the data folder has it.
+  absl::Status OpenAccess();
+  std::shared_ptr<grpc::ServerCredentials> Credentials() const;
   absl::Status Listen();
   /// Builds the gRPC server; calls inside the process can be made, and the listener is open but does not accept.
   absl::Status StartServices();
@@ -107,13 +111,16 @@ class ServerImpl final : public Server {
   const ServerOptions options_;
   const DataFolder folder_;
   rpc::FileHandle lock_;
+  rpc::Security security_;
+  const std::unique_ptr<access::Authoriser> authoriser_ = access::MakeAuthoriser();
+  std::unique_ptr<access::AccessControl> access_;  // null: plain text
+  std::unique_ptr<access::Callers> callers_ = access::MakeLocalCallers();
   std::unique_ptr<ledger::JobStore> store_;
   std::unique_ptr<AssetStore> assets_;
   std::unique_ptr<AssetChecks> asset_checks_;
   std::unique_ptr<FrameFinisher> finisher_;
   std::unique_ptr<Coordinator> coordinator_;
-  const LocalCallers callers_;
-  access::OpenCalls open_calls_;
+  access::OpenCalls local_calls_;
   std::unique_ptr<access::AuditLog> audit_;
   std::unique_ptr<CallGate> gate_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
@@ -129,13 +136,10 @@ absl::Status ServerImpl::Open() {
                                                    " is shorter than two heartbeats of ",
                                                    absl::FormatDuration(options_.heartbeat)));
   }
-  if (!options_.listen.empty()) {
-    if (absl::Status status = rpc::CheckListenAddress(options_.listen, options_.security); !status.ok())
-      return status;
-  }
   absl::StatusOr<rpc::FileHandle> lock = folder_.Claim();
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
+  if (absl::Status status = OpenAccess(); !status.ok()) return status;
   if (absl::Status status = folder_.RemoveLeftovers(); !status.ok()) return status;
   // A start writes to the ledger; on a full disk in the space that is kept for it.
   if (folder_.FreeBytes().value_or(0) < options_.reserve_bytes)
@@ -175,7 +179,8 @@ absl::Status ServerImpl::Open() {
        .on_storage_change =
            [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
        .events = &events_,
-       .asset_checks = asset_checks_.get()},
+       .asset_checks = asset_checks_.get(),
+       .insecure = !security_.uses_tls()},
       folder_, store_.get(), assets_.get(), finisher_.get());
   if (!coordinator.ok())
     return is_in_folder ? AdviseRecovery(folder_, coordinator.status()) : coordinator.status();
@@ -183,13 +188,42 @@ absl::Status ServerImpl::Open() {
   return Listen();
 }
 
+absl::Status ServerImpl::OpenAccess() {
+  if (options_.listen.empty()) return absl::OkStatus();  // all calls come from inside the process
+  security_.insecure = options_.insecure;
+  if (access::HasAccessFolder(folder_.AccessPath())) {
+    absl::StatusOr<std::unique_ptr<access::AccessControl>> access =
+        access::AccessControl::Open({.folder = folder_.AccessPath(),
+                                     .store = options_.store,
+                                     .certificate_lifetime = options_.certificate_lifetime,
+                                     .wall_now = options_.wall_now,
+                                     .log = options_.log});
+    if (!access.ok()) return access.status();
+    access_ = *std::move(access);
+    security_ = access_->security();
+    callers_ = access::MakeCallers(&access_->known(), options_.wall_now);
+    access_->Start();
+  }
+  if (absl::Status status = rpc::CheckListenAddress(options_.listen, security_); !status.ok()) return status;
+  if (!security_.uses_tls() && !rpc::IsLoopback(options_.listen)) {
+    options_.log->warn(
+        "event=insecure address={} meaning=\"whoever reaches it can do everything, and read everything\"",
+        options_.listen);
+  }
+  return absl::OkStatus();
+}
+
+std::shared_ptr<grpc::ServerCredentials> ServerImpl::Credentials() const {
+  if (access_ == nullptr) return rpc::MakeServerCredentials(security_);
+  return rpc::MakeServerCredentials(
+      security_, access::MakeCallerCheck(&access_->known(), authoriser_.get(), options_.wall_now));
+}
+
 absl::Status ServerImpl::OpenAudit() {
   // Beside the identities where there are some.
-  const std::string access = folder_.root() + "/access";
-  std::error_code error;
-  const bool has_access = std::filesystem::is_directory(access, error);
+  const std::string folder = access_ != nullptr ? folder_.AccessPath() : folder_.root();
   absl::StatusOr<std::unique_ptr<access::AuditLog>> audit =
-      access::AuditLog::Open({.path = (has_access ? access : folder_.root()) + "/audit.log"});
+      access::AuditLog::Open({.path = folder + "/audit.log"});
   if (!audit.ok()) return audit.status();
   audit_ = *std::move(audit);
   return absl::OkStatus();
@@ -197,7 +231,7 @@ absl::Status ServerImpl::OpenAudit() {
 
 absl::Status ServerImpl::OpenListener(grpc::ServerBuilder* builder) {
   if (absl::StartsWith(options_.listen, "unix:")) {  // its folder says who may connect
-    builder->AddListeningPort(options_.listen, rpc::MakeServerCredentials(options_.security), &port_);
+    builder->AddListeningPort(options_.listen, Credentials(), &port_);
     return absl::OkStatus();
   }
   absl::StatusOr<std::unique_ptr<Listener>> listener =
@@ -211,23 +245,30 @@ absl::Status ServerImpl::OpenListener(grpc::ServerBuilder* builder) {
   listener_ = *std::move(listener);
   port_ = listener_->port();
   acceptor_ = builder->experimental().AddExternalConnectionAcceptor(
-      grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD,
-      rpc::MakeServerCredentials(options_.security));
+      grpc::ServerBuilder::experimental_type::ExternalConnectionType::FROM_FD, Credentials());
   return absl::OkStatus();
 }
 
 absl::Status ServerImpl::StartServices() {
-  gate_ = std::make_unique<CallGate>(CallGate::Options{.callers = &callers_,
-                                                       .open_calls = &open_calls_,
-                                                       .audit = audit_.get(),
-                                                       .limits = options_.limits,
-                                                       .now = options_.now,
-                                                       .wall_now = options_.wall_now});
+  gate_ = std::make_unique<CallGate>(
+      CallGate::Options{.callers = callers_.get(),
+                        .open_calls = access_ != nullptr ? &access_->open_calls() : &local_calls_,
+                        .audit = audit_.get(),
+                        .limits = options_.limits,
+                        .now = options_.now,
+                        .wall_now = options_.wall_now});
   services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get());
+  services_.push_back(access::MakeAccessService(access_.get(), callers_.get()));
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
   SetLimits(options_.limits, &builder);
+  if (access_ != nullptr) {
+    builder.AddChannelArgument(
+        GRPC_ARG_MAX_CONNECTION_AGE_MS,
+        Milliseconds(
+            std::min(options_.certificate_lifetime / kConnectionsPerCertificate, kMaxConnectionAge)));
+  }
   if (!options_.listen.empty()) {
     if (absl::Status status = OpenListener(&builder); !status.ok()) return status;
   }
@@ -254,8 +295,8 @@ absl::Status ServerImpl::Listen() {
     });
   }
   if (!options_.listen.empty()) {
-    options_.log->info("event=listening address={} port={} data=\"{}\"", options_.listen, port_,
-                       options_.data_dir);
+    options_.log->info("event=listening address={} port={} data=\"{}\" encrypted={}", options_.listen, port_,
+                       options_.data_dir, security_.uses_tls());
   }
   return absl::OkStatus();
 }
@@ -271,14 +312,15 @@ void ServerImpl::ChangeHealth(absl::FunctionRef<void(Health*)> change) {
   absl::MutexLock lock(&health_mutex_);
   change(&health_);
   if (health_.service == nullptr) return;
-  for (const char* service :
-       {"", v1::FarmService::service_full_name(), v1::WorkerService::service_full_name()})
+  for (const char* service : {"", v1::AccessService::service_full_name(),
+                              v1::FarmService::service_full_name(), v1::WorkerService::service_full_name()})
     health_.service->SetServingStatus(service, health_.has_storage && !health_.stops);
 }
 
 void ServerImpl::Shutdown() {
   ChangeHealth([](Health* health) { health->stops = true; });
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
+  if (access_ != nullptr) access_->Stop();
   if (asset_checks_ != nullptr) asset_checks_->Stop();  // calls that wait for it get an answer
   if (listener_ != nullptr) listener_->Stop();
   if (grpc_server_ != nullptr) grpc_server_->Shutdown(rpc::MonotonicDeadline(kGrace));

@@ -9,8 +9,8 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "filter/image/file_system.h"
-#include "proto/rpc/credentials.h"
 #include "proto/rpc/monotonic.h"
+#include "server/access/access_control.h"
 #include "server/job_life/retention.h"
 #include "server/limits.h"
 
@@ -27,7 +27,10 @@ struct ServerOptions {
   std::string store;
   /// HOST:PORT to listen on; port 0 for a free port. Empty: do not listen (InProcessChannel still works).
   std::string listen;
-  rpc::Security security;
+  /// Plain text off loopback is allowed. Without effect where the data folder has access control, see DataFolder.
+  bool insecure = false;
+  /// Lifetime of the certificates that access control signs.
+  absl::Duration certificate_lifetime = access::kCredentialLifetime;
 
   absl::Duration lease = absl::Seconds(30);
   absl::Duration heartbeat = absl::Seconds(5);

@@ -1,10 +1,13 @@
+#include <pwd.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <iostream>
 #include <limits>
 #include <optional>
 #include <string>
@@ -16,12 +19,17 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "proto/identity/certificate.h"
+#include "proto/identity/join.h"
+#include "proto/identity/profile.h"
+#include "proto/identity/secrets.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
 #include "spdlog/spdlog.h"
+#include "worker/certificate_renewal.h"
 #include "worker/connection.h"
 #include "worker/fence/fence.h"
 #include "worker/render/renderer.h"
@@ -32,6 +40,7 @@ namespace fence = lumifold::fence;
 
 constexpr int kExitFailure = 1;
 constexpr int kExitUsage = 2;
+constexpr char kDefaultServer[] = "127.0.0.1:7700";
 constexpr int kExitSignal = 128;  // plus the number of the signal, as shells say it
 
 std::string DefaultName() {
@@ -70,7 +79,10 @@ std::string TagsError(const std::vector<std::string>& tags) {
 }
 
 struct Flags {
-  std::string server = "127.0.0.1:7700";
+  std::string server;
+  std::string profile;
+  bool insecure = false;
+  std::string code;  // of enroll
   std::string name = DefaultName();
   std::string log_level = "info";
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
@@ -83,7 +95,10 @@ struct Flags {
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
-  app->add_option("--server", flags->server, "Coordinator, HOST:PORT")->capture_default_str();
+  app->add_option("--server", flags->server,
+                  "Coordinator, HOST:PORT (default: that of the profile, else 127.0.0.1:7700)");
+  app->add_option("--profile", flags->profile, "A profile of 'enroll' (default: the coordinator's)");
+  app->add_flag("--insecure", flags->insecure, "Allow a coordinator of another machine without encryption");
   app->add_option("--threads", flags->threads, "Number of units rendered at the same time")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
@@ -99,7 +114,8 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->check(CLI::Range(0.0, 1e9));
   app->add_option("--memory-mb", flags->memory_mb,
                   "Limit of the address space in MiB; 0: none (default: the machine's memory and a reserve)");
-  app->add_option("--user", flags->user, "User to become when started as root; root: stay")
+  app->add_option("--user", flags->user,
+                  "User to become when started as root; root: stay. With a profile: always its owner")
       ->capture_default_str();
   app->add_flag("--no-fence", flags->no_fence,
                 "For debugging: no limits, all files, all system calls, and root stays root");
@@ -112,7 +128,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
 
 /// Files and sockets of gRPC and the log; a coordinator and its names need a few dozen.
 constexpr uint64_t kMaxOpenFiles = 1024;
-/// A worker writes no file but its log.
+/// A worker writes no files but its log and its certificate.
 constexpr uint64_t kMaxFileBytes = uint64_t{16} << 30;
 constexpr uint16_t kDnsPort = 53;
 
@@ -130,18 +146,6 @@ std::vector<uint16_t> PortsOf(const std::string& server) {
   return {static_cast<uint16_t>(port), kDnsPort};
 }
 
-absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags) {
-  return fence::EnterFence({
-      .user = flags.user,
-      .memory_bytes =
-          flags.memory_mb.has_value() ? *flags.memory_mb << 20 : fence::DefaultMemoryBytes(flags.threads),
-      .open_files = kMaxOpenFiles,
-      .file_bytes = kMaxFileBytes,
-      .network = true,
-      .connect_ports = PortsOf(flags.server),
-  });
-}
-
 void LogFence(const Flags& flags, const fence::FenceReport& report, spdlog::logger& log) {
   if (flags.no_fence) {
     log.warn(
@@ -155,21 +159,97 @@ void LogFence(const Flags& flags, const fence::FenceReport& report, spdlog::logg
   if (!report.lacking.empty()) log.warn("event=fence_lacks what=\"{}\"", absl::StrJoin(report.lacking, ", "));
 }
 
-int RunWorkerProcess(const Flags& flags) {
-  // Before any thread starts: the fence holds only for threads that start later.
-  absl::StatusOr<fence::FenceReport> fenced = fence::FenceReport();
-  if (!flags.no_fence) fenced = EnterFence(flags);
-  if (!fenced.ok()) {
-    std::fprintf(stderr, "lumifold-worker: %s\n", std::string(fenced.status().message()).c_str());
-    return kExitFailure;
+int Fail(const absl::Status& status) {
+  std::fprintf(stderr, "lumifold-worker: %s\n", std::string(status.message()).c_str());
+  return kExitFailure;
+}
+
+int RunEnroll(const Flags& flags) {
+  lumifold::identity::ProtectMemory();
+  const absl::StatusOr<std::string> code =
+      lumifold::identity::ReadCode(flags.code, &std::cin, isatty(STDIN_FILENO) == 1 ? &std::cerr : nullptr);
+  if (!code.ok()) return Fail(code.status());
+  const std::string profile = flags.profile.empty() ? lumifold::identity::kDefaultProfile : flags.profile;
+  const absl::StatusOr<lumifold::v1::CertificateResponse> enrolled = lumifold::identity::Enroll(
+      lumifold::identity::Profiles(lumifold::identity::ProfilesFolder()), profile, flags.server, *code);
+  if (!enrolled.ok()) return Fail(enrolled.status());
+  std::fprintf(stderr, "lumifold-worker: enrolled at %s as %s; profile '%s'\n", flags.server.c_str(),
+               enrolled->name().c_str(), profile.c_str());
+  return 0;
+}
+
+/// Where the worker connects to, and as whom.
+struct Target {
+  std::string server;
+  std::string profile;  // empty: none
+  std::string folder;   // of the profile
+  lumifold::rpc::Security security;
+};
+absl::StatusOr<Target> FindTarget(const Flags& flags, const lumifold::identity::Profiles& profiles) {
+  const absl::StatusOr<std::optional<std::string>> chosen =
+      profiles.Choose(flags.profile, flags.server, lumifold::identity::Profile::Kind::kWorker);
+  if (!chosen.ok()) return chosen.status();
+  Target target{.server = flags.server.empty() ? kDefaultServer : flags.server,
+                .profile = "",
+                .folder = "",
+                .security = {}};
+  target.security.insecure = flags.insecure;
+  if (chosen->has_value()) {
+    lumifold::identity::ProtectMemory();
+    const absl::StatusOr<lumifold::identity::Profile> profile = profiles.Read(**chosen);
+    if (!profile.ok()) return profile.status();
+    absl::StatusOr<lumifold::rpc::Security> security = profiles.SecurityOf(**chosen);
+    if (!security.ok()) return security.status();
+    target = {.server = profile->server,
+              .profile = **chosen,
+              .folder = profiles.FolderOf(**chosen),
+              .security = *std::move(security)};
   }
+  if (absl::Status status = lumifold::rpc::CheckServerAddress(target.server, target.security); !status.ok())
+    return status;
+  return target;
+}
+
+/// The user that a worker becomes when started as root: with a profile its owner, who must be able to renew it.
+absl::StatusOr<std::string> UserFor(const Flags& flags, const Target& target) {
+  if (target.folder.empty() || geteuid() != 0) return flags.user;
+  struct stat info = {};
+  const passwd* const owner = stat(target.folder.c_str(), &info) == 0 ? getpwuid(info.st_uid) : nullptr;
+  if (owner == nullptr)
+    return absl::FailedPreconditionError(absl::StrCat(target.folder, ": belongs to no known user"));
+  return owner->pw_name;
+}
+
+/// Enters the fence, before any thread starts: it holds only for threads that start later.
+absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& target) {
+  if (flags.no_fence) return fence::FenceReport();
+  const absl::StatusOr<std::string> user = UserFor(flags, target);
+  if (!user.ok()) return user.status();
+  fence::FenceOptions options;
+  options.user = *user;
+  options.memory_bytes =
+      flags.memory_mb.has_value() ? *flags.memory_mb << 20 : fence::DefaultMemoryBytes(flags.threads);
+  options.open_files = kMaxOpenFiles;
+  options.file_bytes = kMaxFileBytes;
+  if (!target.folder.empty()) options.writable = {target.folder};  // its certificate is renewed there
+  options.network = true;
+  options.connect_ports = PortsOf(target.server);
+  return fence::EnterFence(options);
+}
+
+int RunWorkerProcess(const Flags& flags) {
+  const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
+  const absl::StatusOr<Target> target = FindTarget(flags, profiles);
+  if (!target.ok()) return Fail(target.status());
+  const absl::StatusOr<fence::FenceReport> fenced = EnterFence(flags, *target);
+  if (!fenced.ok()) return Fail(fenced.status());
   lumifold::rpc::MonotonicEvent leave;
   const lumifold::rpc::MonotonicEvent never;
   WatchSignals(&leave).detach();  // before any other thread, which would take the signals
   const std::shared_ptr<spdlog::logger> log =
       lumifold::rpc::MakeNonblockingLogger({.name = "worker", .level = flags.log_level});
   LogFence(flags, *fenced, *log);
-  log->info("event=start name={} server={} threads={} class={}", flags.name, flags.server, flags.threads,
+  log->info("event=start name={} server={} threads={} class={}", flags.name, target->server, flags.threads,
             lumifold::render::NumericClass());
   lumifold::worker::WorkerOptions options{
       .name = flags.name,
@@ -180,12 +260,13 @@ int RunWorkerProcess(const Flags& flags) {
       .drain = absl::Seconds(flags.drain_seconds),
       .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
   };
+  const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
+                                                      .profile = target->profile,
+                                                      .wall_now = lumifold::identity::ValidityClock,
+                                                      .log = log});
   const absl::Status status = lumifold::worker::RunWorker(
-      lumifold::rpc::MakeChannel(flags.server, lumifold::rpc::Security{}), std::move(options), never);
-  if (!status.ok()) {
-    std::fprintf(stderr, "lumifold-worker: %s\n", std::string(status.message()).c_str());
-    return kExitFailure;
-  }
+      lumifold::rpc::MakeChannel(target->server, target->security), std::move(options), never);
+  if (!status.ok()) return Fail(status);
   log->info("event=stop name={}", flags.name);
   return 0;
 }
@@ -200,6 +281,13 @@ int main(int argc, char** argv) {
       "lumifold-worker");
   Flags flags;
   AddFlags(&app, &flags);
+  CLI::App* enroll =
+      app.add_subcommand("enroll", "Gets a certificate from a coordinator with a code, then ends");
+  enroll->add_option("HOST:PORT", flags.server, "The coordinator")->required();
+  enroll->add_option(
+      "CODE", flags.code,
+      "From 'lumifold invite --worker'; without it, or with '-', it is read from standard input");
+  enroll->add_option("--profile", flags.profile, "Where to keep key and certificate (default: default)");
   std::string problem;
   try {
     app.parse(argc, argv);
@@ -209,7 +297,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     problem = error.what();
   }
-  if (problem.empty()) return RunWorkerProcess(flags);
+  if (problem.empty()) return enroll->parsed() ? RunEnroll(flags) : RunWorkerProcess(flags);
   std::fprintf(stderr, "lumifold-worker: %s\n", problem.c_str());
   return kExitUsage;
 }

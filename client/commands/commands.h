@@ -42,6 +42,12 @@ ExitCode RunBlock(const std::vector<std::string>& arguments, const Environment& 
 ExitCode RunReadmit(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunServerStatus(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunDownload(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunLogin(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunLogout(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunWhoAmI(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunInvite(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunIdentities(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunRevoke(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunConvert(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment& environment);

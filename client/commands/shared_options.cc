@@ -1,9 +1,12 @@
 #include "client/commands/shared_options.h"
 
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "client/commands/commands.h"
 #include "client/farm_report.h"
 #include "client/job_report.h"
+#include "proto/identity/secrets.h"
 
 namespace lumifold::client {
 namespace {
@@ -14,13 +17,48 @@ constexpr absl::Duration kMaxOutage = absl::Minutes(5);
 }  // namespace
 
 void RemoteOptions::AddTo(CommandLine& command_line) {
-  command_line.AddAddress("--server", &server,
-                          "The coordinator (default: $LUMIFOLD_SERVER, else 127.0.0.1:7700)");
+  command_line.AddAddress(
+      "--server", &server,
+      "The coordinator (default: $LUMIFOLD_SERVER, else that of the profile, else 127.0.0.1:7700)");
+  command_line.AddText("--profile", "NAME", &profile,
+                       "A profile of 'lumifold login' (default: the coordinator's)");
+  command_line.AddFlag("--insecure", &security.insecure,
+                       "Allow a coordinator of another machine without encryption");
+  command_line.AddCheck([this] { return Resolve(); });
   AddJson(command_line, &json);
 }
 
+FarmClientOptions RemoteOptions::ClientOptions(const Environment& environment) const {
+  return {.coordinator = server,
+          .security = security,
+          .time = environment.time,
+          .interrupted = environment.interrupted};
+}
+
 std::unique_ptr<FarmClient> RemoteOptions::Connect(const Environment& environment) const {
-  return ConnectTo({.coordinator = server, .time = environment.time, .interrupted = environment.interrupted});
+  return ConnectTo(ClientOptions(environment));
+}
+
+std::unique_ptr<AccessClient> RemoteOptions::ConnectToAccess(const Environment& environment) const {
+  return client::ConnectToAccess(ClientOptions(environment));
+}
+
+absl::Status RemoteOptions::Resolve() {
+  const absl::StatusOr<std::optional<std::string>> chosen =
+      profiles.Choose(profile, server, identity::Profile::Kind::kPerson);
+  if (!chosen.ok()) return OfThisMachine(chosen.status());
+  if (chosen->has_value()) {
+    identity::ProtectMemory();
+    const absl::StatusOr<identity::Profile> read = profiles.Read(**chosen);
+    absl::StatusOr<rpc::Security> found = profiles.SecurityOf(**chosen);
+    if (!read.ok()) return OfThisMachine(read.status());
+    if (!found.ok()) return OfThisMachine(found.status());
+    profile = **chosen;
+    server = read->server;
+    security = *std::move(found);
+  }
+  if (server.empty()) server = kDefaultServer;
+  return rpc::CheckServerAddress(server, security);
 }
 
 void AddJson(CommandLine& command_line, bool* json) {

@@ -6,23 +6,35 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "client/access_client.h"
 #include "client/backoff.h"
 #include "client/command_line.h"
 #include "client/environment.h"
 #include "client/farm_client.h"
 #include "client/progress.h"
+#include "proto/identity/profile.h"
 
 namespace lumifold::client {
 
 /// Options of every command that connects to a coordinator.
 struct RemoteOptions {
-  explicit RemoteOptions(const Environment& environment) : server(environment.default_server) {}
+  explicit RemoteOptions(const Environment& environment)
+      : server(environment.default_server), profiles(environment.profiles_folder) {}
 
+  /// After command_line.Parse, `server` and `security` are those of the profile, if there is one.
   void AddTo(CommandLine& command_line);
   std::unique_ptr<FarmClient> Connect(const Environment& environment) const;
+  std::unique_ptr<AccessClient> ConnectToAccess(const Environment& environment) const;
 
   std::string server;
+  std::string profile;  // named with --profile
+  rpc::Security security;
   bool json = false;
+  identity::Profiles profiles;
+
+ private:
+  absl::Status Resolve();
+  FarmClientOptions ClientOptions(const Environment& environment) const;
 };
 
 /// Adds --json.

@@ -4,6 +4,11 @@
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 #include <grpcpp/security/server_credentials.h>
+#include <grpcpp/security/tls_certificate_provider.h>
+#include <grpcpp/security/tls_certificate_verifier.h>
+#include <grpcpp/security/tls_credentials_options.h>
+
+#include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
@@ -22,15 +27,17 @@ constexpr absl::Duration kConnectTimeout = absl::Seconds(5);
 
 int Milliseconds(absl::Duration duration) { return static_cast<int>(absl::ToInt64Milliseconds(duration)); }
 
-// HOST:PORT with a port of 0 to 65535; an IPv6 host is in brackets.
-bool IsHostAndPort(const std::string& address) {
-  const size_t colon = address.rfind(':');
-  if (colon == std::string_view::npos || colon == 0) return false;
-  const std::string host = address.substr(0, colon);
-  const bool bracketed = host.front() == '[' && host.back() == ']';
-  if (!bracketed && absl::StrContains(host, ":")) return false;
-  int port = -1;
-  return absl::SimpleAtoi(address.substr(colon + 1), &port) && port >= 0 && port <= 65535;
+// How often the certificate files are looked at. A renewed one has a third of its predecessor's life to be noticed.
+constexpr unsigned kCertificateRefreshSeconds = 2;
+
+std::shared_ptr<grpc::experimental::CertificateProviderInterface> WatchCertificates(
+    const Security& security) {
+  if (security.certificate_path.empty()) {
+    return std::make_shared<grpc::experimental::FileWatcherCertificateProvider>(security.ca_path,
+                                                                                kCertificateRefreshSeconds);
+  }
+  return std::make_shared<grpc::experimental::FileWatcherCertificateProvider>(
+      security.certificate_path, security.certificate_path, security.ca_path, kCertificateRefreshSeconds);
 }
 
 }  // namespace
@@ -44,24 +51,68 @@ bool IsLoopback(const std::string& address) {
   return is_ip4_loopback || host == "localhost" || host == "[::1]";
 }
 
-absl::Status CheckListenAddress(const std::string& address, const Security& security) {
-  if (!absl::StartsWith(address, "unix:") && !IsHostAndPort(address)) {
-    return absl::InvalidArgumentError(absl::StrCat("'", address, "' is not HOST:PORT"));
+absl::Status ParseHostAndPort(const std::string& address, HostAndPort* result) {
+  const absl::Status malformed = absl::InvalidArgumentError(absl::StrCat("'", address, "' is not HOST:PORT"));
+  const size_t colon = address.rfind(':');
+  if (colon == std::string::npos || colon == 0) return malformed;
+  std::string host = address.substr(0, colon);
+  const bool bracketed = host.front() == '[' && host.back() == ']';
+  if (bracketed) {
+    host = host.substr(1, host.size() - 2);
+  } else if (absl::StrContains(host, ":")) {
+    return malformed;
   }
-  if (!IsLoopback(address) && !security.insecure) {
+  int port = -1;
+  if (!absl::SimpleAtoi(address.substr(colon + 1), &port) || port < 0 || port > 65535) return malformed;
+  *result = {.host = std::move(host), .port = port};
+  return absl::OkStatus();
+}
+
+absl::Status CheckListenAddress(const std::string& address, const Security& security) {
+  HostAndPort parsed;
+  if (!absl::StartsWith(address, "unix:")) {
+    if (absl::Status status = ParseHostAndPort(address, &parsed); !status.ok()) return status;
+  }
+  if (!IsLoopback(address) && !security.uses_tls() && !security.insecure) {
     return absl::FailedPreconditionError(absl::StrCat(
         "listening on ", address,
-        " would accept connections of other machines without encryption; allow it with --insecure"));
+        " would accept connections of other machines without encryption; set up certificates with "
+        "'lumifold-server init', or allow it with --insecure"));
   }
   return absl::OkStatus();
 }
 
-std::shared_ptr<grpc::ServerCredentials> MakeServerCredentials(const Security&) {
-  return grpc::InsecureServerCredentials();
+absl::Status CheckServerAddress(const std::string& address, const Security& security) {
+  if (IsLoopback(address) || security.uses_tls() || security.insecure) return absl::OkStatus();
+  return absl::FailedPreconditionError(absl::StrCat(
+      "there is no profile for the coordinator at ", address,
+      ", and without one all would go there unencrypted; see 'lumifold login' and 'lumifold-worker "
+      "enroll', or allow it with --insecure"));
 }
 
-std::shared_ptr<grpc::ChannelCredentials> MakeChannelCredentials(const Security&) {
-  return grpc::InsecureChannelCredentials();
+std::shared_ptr<grpc::ServerCredentials> MakeServerCredentials(
+    const Security& security, std::shared_ptr<grpc::AuthMetadataProcessor> processor) {
+  if (!security.uses_tls()) return grpc::InsecureServerCredentials();
+  grpc::experimental::TlsServerCredentialsOptions options(WatchCertificates(security));
+  options.watch_root_certs();
+  options.watch_identity_key_cert_pairs();
+  // People come with a token and without a certificate; a certificate that is given must be one of ours.
+  options.set_cert_request_type(GRPC_SSL_REQUEST_CLIENT_CERTIFICATE_AND_VERIFY);
+  std::shared_ptr<grpc::ServerCredentials> credentials = grpc::experimental::TlsServerCredentials(options);
+  if (processor != nullptr) credentials->SetAuthMetadataProcessor(std::move(processor));
+  return credentials;
+}
+
+std::shared_ptr<grpc::ChannelCredentials> MakeChannelCredentials(const Security& security) {
+  if (!security.uses_tls()) return grpc::InsecureChannelCredentials();
+  grpc::experimental::TlsChannelCredentialsOptions options;
+  options.set_certificate_provider(WatchCertificates(security));
+  options.watch_root_certs();
+  if (!security.certificate_path.empty()) options.watch_identity_key_cert_pairs();
+  options.set_certificate_verifier(std::make_shared<grpc::experimental::HostNameCertificateVerifier>());
+  std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::experimental::TlsCredentials(options);
+  if (security.token.empty()) return credentials;
+  return grpc::CompositeChannelCredentials(credentials, grpc::AccessTokenCredentials(security.token));
 }
 
 std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security) {

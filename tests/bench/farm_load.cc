@@ -20,6 +20,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "proto/rpc/monotonic.h"
+#include "tests/bench/farm_load_access.h"
 #include "tests/bench/farm_load_server.h"
 #include "tests/bench/farm_load_worker.h"
 
@@ -48,6 +49,7 @@ struct Flags {
   int tile = 32;
   int64_t units = 100'000;
   std::string folder = std::filesystem::temp_directory_path().string();
+  bool tls = false;
   std::string server =
       (std::filesystem::read_symlink("/proc/self/exe").parent_path() / "lumifold-server").string();
 };
@@ -68,6 +70,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--size", flags->size, "Width and height of a frame, in pixels")->capture_default_str();
   app->add_option("--tile", flags->tile, "Tile size in pixels")->capture_default_str();
   app->add_option("--units", flags->units, "Units to commit before the restart")->capture_default_str();
+  app->add_flag("--tls", flags->tls, "With certificates and tokens, instead of plain text");
   app->add_option("--folder", flags->folder, "Where the data folder is made, and removed at the end")
       ->capture_default_str();
   app->add_option("--server", flags->server, "The program of the coordinator")->capture_default_str();
@@ -147,10 +150,10 @@ double DiskBytesPerSecond(const std::string& path, int64_t bytes, size_t piece) 
 /// Workers that load a coordinator until they are destroyed.
 class Load {
  public:
-  Load(const std::string& address, int workers, int slots) {
+  Load(const std::string& address, const rpc::Security& security, int workers, int slots) {
     for (int i = 0; i < workers; ++i)
-      workers_.push_back(
-          std::make_unique<LoadWorker>(address, absl::StrCat("load-", i), slots, &units_, &counters));
+      workers_.push_back(std::make_unique<LoadWorker>(address, security, absl::StrCat("load-", i), slots,
+                                                      &units_, &counters));
     pulse_ = std::thread([this] {
       while (!stop_.WaitFor(kHeartbeat)) {
         for (const std::unique_ptr<LoadWorker>& worker : workers_) worker->SendHeartbeat();
@@ -195,6 +198,10 @@ class Load {
 int Fail(const absl::Status& status) {
   std::cerr << "farm-load: " << std::string(status.message()) << '\n';
   return 1;
+}
+
+absl::StatusOr<LoadAccess> SetUpAccess(const Flags& flags, const ScratchFolder& folder) {
+  return flags.tls ? LoadAccess::SetUp(folder.Path("data"), folder.Path("config")) : LoadAccess();
 }
 
 /// Uploads the scene and submits --jobs jobs.
@@ -248,15 +255,18 @@ void WatchMemory(const ServerProcess& server, double seconds) {
 
 int MeasureUnits(const Flags& flags) {
   const ScratchFolder folder(flags.folder);
+  absl::StatusOr<LoadAccess> access = SetUpAccess(flags, folder);
+  if (!access.ok()) return Fail(access.status());
   absl::StatusOr<std::unique_ptr<ServerProcess>> server =
       ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
   if (!server.ok()) return Fail(server.status());
-  Client client((*server)->address());
+  if (absl::Status status = access->Join((*server)->address()); !status.ok()) return Fail(status);
+  Client client((*server)->address(), access->client());
   if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
   double unit_bytes = 0;
   bool clean = false;
   {
-    Load load((*server)->address(), flags.workers, flags.slots);
+    Load load((*server)->address(), access->worker(), flags.workers, flags.slots);
     // The first units of a job are those of the geometry; the passes are measured.
     const int64_t first_units = int64_t{flags.size / flags.tile} * (flags.size / flags.tile) * flags.jobs;
     if (!load.WaitForWorkers() || !load.WaitForUnits(std::min(first_units, int64_t{5000}))) {
@@ -291,13 +301,16 @@ int MeasureUnits(const Flags& flags) {
 
 int MeasureRestart(const Flags& flags) {
   const ScratchFolder folder(flags.folder);
+  absl::StatusOr<LoadAccess> access = SetUpAccess(flags, folder);
+  if (!access.ok()) return Fail(access.status());
   absl::StatusOr<std::unique_ptr<ServerProcess>> server =
       ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
   if (!server.ok()) return Fail(server.status());
+  if (absl::Status status = access->Join((*server)->address()); !status.ok()) return Fail(status);
   {
-    Client client((*server)->address());
+    Client client((*server)->address(), access->client());
     if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
-    Load load((*server)->address(), flags.workers, flags.slots);
+    Load load((*server)->address(), access->worker(), flags.workers, flags.slots);
     if (!load.WaitForUnits(flags.units) || !IsClean(load))
       return Fail(absl::UnavailableError("the units are not committed"));
     Print("committed_units", static_cast<double>(load.counters.committed), 0);
@@ -307,21 +320,22 @@ int MeasureRestart(const Flags& flags) {
   server = ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
   if (!server.ok()) return Fail(server.status());
   Print("restart_seconds", absl::ToDoubleSeconds(rpc::MonotonicNow() - start), 3);
-  Load load((*server)->address(), flags.workers, flags.slots);
+  Load load((*server)->address(), access->worker(), flags.workers, flags.slots);
   if (!load.WaitForUnits(1) || !IsClean(load)) return Fail(absl::UnavailableError("the job does not go on"));
   Print("first_commit_seconds", absl::ToDoubleSeconds(rpc::MonotonicNow() - start), 3);
   return 0;
 }
 
 /// Submits the jobs on several connections; all but a hundred are cancelled, as most jobs of a store have ended.
-absl::Status FillStore(const Flags& flags, const std::string& address, const v1::SceneRef& scene) {
+absl::Status FillStore(const Flags& flags, const std::string& address, const rpc::Security& security,
+                       const v1::SceneRef& scene) {
   constexpr int kThreads = 32;
   constexpr int kActive = 100;
   std::vector<std::thread> threads;
   std::vector<absl::Status> results(kThreads);
   for (int thread = 0; thread < kThreads; ++thread) {
     threads.emplace_back([&, thread] {
-      Client client(address);
+      Client client(address, security);
       for (int i = thread; i < flags.jobs; i += kThreads) {
         const absl::StatusOr<std::string> job = client.Submit(SpecOf(flags, scene), absl::StrCat("list-", i));
         results[thread] = !job.ok() ? job.status() : i < kActive ? absl::OkStatus() : client.Cancel(*job);
@@ -339,14 +353,18 @@ absl::Status FillStore(const Flags& flags, const std::string& address, const v1:
 int MeasureList(const Flags& flags) {
   constexpr int kLimit = 100;
   const ScratchFolder folder(flags.folder);
+  absl::StatusOr<LoadAccess> access = SetUpAccess(flags, folder);
+  if (!access.ok()) return Fail(access.status());
   const absl::StatusOr<std::unique_ptr<ServerProcess>> server =
       ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
   if (!server.ok()) return Fail(server.status());
-  Client client((*server)->address());
+  if (absl::Status status = access->Join((*server)->address()); !status.ok()) return Fail(status);
+  Client client((*server)->address(), access->client());
   const absl::StatusOr<v1::SceneRef> scene = client.UploadScene();
   if (!scene.ok()) return Fail(scene.status());
   const absl::Time start = rpc::MonotonicNow();
-  if (absl::Status status = FillStore(flags, (*server)->address(), *scene); !status.ok()) return Fail(status);
+  if (absl::Status status = FillStore(flags, (*server)->address(), access->client(), *scene); !status.ok())
+    return Fail(status);
   Print("jobs_per_second", flags.jobs / absl::ToDoubleSeconds(rpc::MonotonicNow() - start));
   Print("server_rss_mb", static_cast<double>((*server)->rss_bytes()) / kMega);
   std::vector<double> ms;

@@ -15,7 +15,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
-#include "proto/rpc/credentials.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/status_codec.h"
@@ -85,7 +84,8 @@ int64_t ServerProcess::rss_bytes() const {
   return resident * sysconf(_SC_PAGESIZE);
 }
 
-Client::Client(const std::string& address) : stub_(v1::FarmService::NewStub(rpc::MakeChannel(address, {}))) {}
+Client::Client(const std::string& address, const rpc::Security& security)
+    : stub_(v1::FarmService::NewStub(rpc::MakeChannel(address, security))) {}
 
 absl::StatusOr<v1::SceneRef> Client::UploadScene() {
   v1::SceneRef scene;

@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "lumifold/v1/farm.grpc.pb.h"
+#include "proto/rpc/credentials.h"
 
 namespace lumifold::bench {
 
@@ -45,7 +46,7 @@ class ServerProcess {
 /// Threads: safe.
 class Client {
  public:
-  explicit Client(const std::string& address);
+  Client(const std::string& address, const rpc::Security& security);
 
   /// Stores a scene that no worker reads.
   absl::StatusOr<v1::SceneRef> UploadScene();

@@ -15,11 +15,11 @@ namespace {
 constexpr size_t kMaxErrors = 10;
 
 /// A channel that shares its connection with no other.
-std::shared_ptr<grpc::Channel> OwnChannel(const std::string& address) {
+std::shared_ptr<grpc::Channel> OwnChannel(const std::string& address, const rpc::Security& security) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  return grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(address, rpc::MakeChannelCredentials(security), arguments);
 }
 
 grpc::ByteBuffer Serialised(const v1::WorkerMessage& message) {
@@ -74,9 +74,9 @@ std::vector<std::string> LoadCounters::errors() const {
   return errors_;
 }
 
-LoadWorker::LoadWorker(const std::string& address, const std::string& name, int slots, ReadyUnits* units,
-                       LoadCounters* counters)
-    : units_(units), counters_(counters), stub_(OwnChannel(address)) {
+LoadWorker::LoadWorker(const std::string& address, const rpc::Security& security, const std::string& name,
+                       int slots, ReadyUnits* units, LoadCounters* counters)
+    : units_(units), counters_(counters), stub_(OwnChannel(address, security)) {
   v1::WorkerMessage message;
   message.mutable_hello()->set_name(name);
   message.mutable_hello()->set_numeric_class("load");

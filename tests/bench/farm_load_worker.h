@@ -16,6 +16,7 @@
 #include "absl/synchronization/notification.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
+#include "proto/rpc/credentials.h"
 #include "tests/bench/farm_load_units.h"
 
 namespace lumifold::bench {
@@ -56,8 +57,8 @@ class LoadCounters {
 class LoadWorker final : private grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
  public:
   /// `units` and `counters` must outlive it.
-  LoadWorker(const std::string& address, const std::string& name, int slots, ReadyUnits* units,
-             LoadCounters* counters);
+  LoadWorker(const std::string& address, const rpc::Security& security, const std::string& name, int slots,
+             ReadyUnits* units, LoadCounters* counters);
   ~LoadWorker() override;
 
   void SendHeartbeat();

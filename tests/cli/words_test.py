@@ -16,7 +16,8 @@ class Help(harness.CliTest):
     def test_each_command(self):
         for command in ("render", "submit", "status", "wait", "watch", "list", "explain", "logs", "pause", "resume",
                         "set-priority", "add-samples", "retry", "cancel", "delete", "download", "workers", "drain", "block",
-                        "readmit", "server-status", "filter", "convert", "compare"):
+                        "readmit", "server-status", "login", "logout", "whoami", "invite", "identities", "revoke", "filter",
+                        "convert", "compare"):
             with self.subTest(command=command):
                 self.check_golden(f"help_{command.replace('-', '_')}", command, "--help")
 
@@ -128,6 +129,10 @@ class NoServer(harness.CliTest):
             ("block", "w-1"),
             ("readmit", "w-1"),
             ("server-status",),
+            ("whoami",),
+            ("invite", "ann"),
+            ("identities",),
+            ("revoke", "ann"),
             ("download", "j1", "-o", "out.exr"),
         ):
             with self.subTest(command=command[0]):

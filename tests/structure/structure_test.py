@@ -17,6 +17,8 @@ CLEAN = {
     "filter/manifold/CMakeLists.txt": "",
     "filter/manifold/tree.h": '#include "filter/image/plane.h"\n',
     "filter/manifold/tree.cc": '#include "filter/manifold/tree.h"\n',
+    "proto/identity/CMakeLists.txt": "",
+    "server/access/CMakeLists.txt": "",
     "server/job_life/CMakeLists.txt": "",
     "server/job_life/retention.cc": "",
     "server/scheduler/CMakeLists.txt": "",
@@ -74,6 +76,8 @@ class IncludeDirectionTest(unittest.TestCase):
                 ("filter/manifold/tree.cc", '"filter/layers/halves.h"', "stands on kernels and image alone"),
                 ("filter/image/plane.cc", '"tests/support/temp_folder.h"', "depend on their tests"),
                 ("server/job_life/retention.cc", "<filesystem>", "no files"),
+                ("server/access/identity.h", '"server/job/ids.h"', "knows no jobs"),
+                ("proto/identity/profile.h", '"server/access/identity.h"', "below all programs"),
                 ("server/scheduler/scheduler.cc", "<thread>", "no threads"),
                 ("server/scheduler/scheduler.cc", '"absl/time/clock.h"', "no clock")):
             self.assertIn(reason, self.problems({file: f"#include {include}\n"}), include)

@@ -119,6 +119,9 @@ class Farm(contextlib.AbstractContextManager):
             self.server.popen.wait()
             raise AssertionError(f"no server: {line}{self.server.log_text()}")
         self.address = line.removeprefix("listening on ").strip()
+        on_loopback = self.address.startswith("127.")
+        # Off loopback these tests use plain text; access_test.py does not.
+        self.consent = () if on_loopback else ("--insecure",)
 
     def launch_server(self, *arguments, listen, stderr=None):
         """Starts the coordinator and does not wait until it listens."""
@@ -131,7 +134,7 @@ class Farm(contextlib.AbstractContextManager):
 
     def start_worker(self, *arguments, threads=1, stderr=None, host=None, program="lumifold-worker"):
         if program == "lumifold-worker":
-            arguments = ("--threads", threads, *arguments)
+            arguments = ("--threads", threads, *self.consent, *arguments)
         worker = Process(program, "--server", self.address, *arguments, stderr=stderr,
                          log=self.log_of(f"worker-{len(self.workers)}"), host=host)
         self.workers.append(worker)
@@ -139,12 +142,13 @@ class Farm(contextlib.AbstractContextManager):
 
     def client(self, command, *arguments, **options):
         """Runs a subcommand of `lumifold` against this farm."""
-        return run("lumifold", command, "--server", self.address, *arguments, **{"host": self.host, **options})
+        return run("lumifold", command, "--server", self.address, *self.consent, *arguments,
+                   **{"host": self.host, **options})
 
     def start_client(self, command, *arguments):
         """Starts a subcommand of `lumifold` against this farm; its output is dropped."""
         return subprocess.Popen(
-            [str(BIN / "lumifold"), command, "--server", self.address, *map(str, arguments)],
+            [str(BIN / "lumifold"), command, "--server", self.address, *self.consent, *map(str, arguments)],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )
 

@@ -60,7 +60,7 @@ def cut_client(world):
     """A client that waits for the job is cut off; returns its process and host."""
     host = world.network.hosts[-1]
     job = next(iter(world.jobs))
-    client = subprocess.Popen(command_of("lumifold", ("wait", job, "--server", world.farm.address), host),
+    client = subprocess.Popen(command_of("lumifold", ("wait", job, "--server", world.farm.address, *world.farm.consent), host),
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     world.wait_until(lambda: connections_of(world, host), "no connection of the client")
     host.cut()

@@ -1,0 +1,34 @@
+#include "absl/strings/str_cat.h"
+#include "client/commands/commands.h"
+#include "client/commands/shared_options.h"
+#include "proto/identity/join.h"
+#include "proto/identity/secrets.h"
+
+namespace lumifold::client {
+
+ExitCode RunLogin(const std::vector<std::string>& arguments, const Environment& environment) {
+  std::string server;
+  std::string code;
+  std::string profile = identity::kDefaultProfile;
+  CommandLine command_line("login", SummaryOf("login"));
+  command_line.AddArgument("HOST:PORT", &server, "The coordinator");
+  command_line.AddOptionalArgument(
+      "CODE", &code, "From 'lumifold invite'; without it, or with '-', it is read from standard input");
+  command_line.AddText("--profile", "NAME", &profile, "Where to keep the token (default: default)");
+  command_line.SetFooter(
+      "The token is kept in ~/.config/lumifold, or in $XDG_CONFIG_HOME/lumifold, for you alone.");
+  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
+
+  identity::ProtectMemory();
+  const absl::StatusOr<std::string> text =
+      identity::ReadCode(code, environment.in, environment.err_is_terminal ? &environment.err : nullptr);
+  if (!text.ok()) return ReportError(environment, text.status());
+  const absl::StatusOr<v1::LoginResponse> login =
+      identity::Login(identity::Profiles(environment.profiles_folder), profile, server, *text);
+  if (!login.ok()) return ReportError(environment, login.status());
+  ReportLine(environment,
+             absl::StrCat("logged in to ", server, " as ", login->name(), "; profile '", profile, "'"));
+  return ExitCode::kOk;
+}
+
+}  // namespace lumifold::client

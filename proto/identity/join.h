@@ -1,0 +1,33 @@
+#pragma once
+
+#include <istream>
+#include <ostream>
+#include <string>
+#include <string_view>
+
+#include "absl/status/statusor.h"
+#include "lumifold/v1/access.pb.h"
+#include "proto/identity/profile.h"
+
+namespace lumifold::identity {
+
+/// A code as the user gave it: `argument`, or, where that is empty or "-", a line of `in`, so that the code need not be in
+/// the list of processes. The prompt goes to `err`; null: none.
+/// Errors: kInvalidArgument for what is no code. The text is not shown.
+absl::StatusOr<std::string> ReadCode(const std::string& argument, std::istream* in, std::ostream* err);
+
+/// Exchanges a person's code for a token and writes the profile. The authority is fetched first and compared with the code;
+/// the code itself is sent over a connection that this authority vouches for.
+/// Errors: those of FetchPinnedCa and of AccessService; those of files as kInternal.
+absl::StatusOr<v1::LoginResponse> Login(const Profiles& profiles, const std::string& profile,
+                                        const std::string& address, std::string_view code);
+
+/// The same for a worker: makes a key, which stays on this machine, and fetches a certificate for it.
+absl::StatusOr<v1::CertificateResponse> Enroll(const Profiles& profiles, const std::string& profile,
+                                               const std::string& address, std::string_view code);
+
+/// Makes a new key and fetches a certificate for it over the profile's connection.
+absl::StatusOr<v1::CertificateResponse> RenewCertificate(const Profiles& profiles,
+                                                         const std::string& profile);
+
+}  // namespace lumifold::identity

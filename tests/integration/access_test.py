@@ -11,7 +11,7 @@ import tempfile
 import time
 import unittest
 
-from farm import Farm, make_scene, run, wait_until
+from farm import BIN, Farm, make_scene, run, wait_until
 
 SETTINGS = ["--size", "160x120", "--spp", "96", "--seed", "5", "--save-film"]
 CODE = re.compile(r"lumifold-[A-Za-z0-9_-]{64}")
@@ -152,6 +152,25 @@ class AccessTest(unittest.TestCase):
         states = [json.loads(line) for line in self.farm.client("identities", "--all", "--json").stdout.splitlines()]
         self.assertEqual([(i["form"], i["state"]) for i in states if i["name"] == name],
                          [("token", "revoked"), ("invite", "used")])
+
+    def test_open_streams_end_with_a_revocation(self):
+        name = self.invite_person("carol")
+        job = self.farm.client("submit", self.scene, *SETTINGS, "--paused", "--profile", name).stdout.strip()
+        watcher = subprocess.Popen([BIN / "lumifold", "watch", job, "--json", "--server", self.farm.address, "--profile", name],
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.assertIn(job, watcher.stdout.readline())
+        self.farm.enroll("node-2", "node-2")
+        worker = self.farm.start_worker("--profile", "node-2")
+        wait_until(lambda: self.farm.client("workers", "--json").stdout.strip(), "the worker")
+        start = time.monotonic()
+        self.farm.client("revoke", name)
+        self.farm.client("revoke", "node-2")
+        _, errors = watcher.communicate(timeout=60)
+        self.assertEqual(watcher.returncode, EXIT_FAILED, errors)
+        self.assertIn("was revoked", errors)
+        wait_until(lambda: not worker.is_running(), "the end of the worker", seconds=60)
+        self.assertIn("revoked", worker.log_text())
+        self.assertLess(time.monotonic() - start, 20)
 
     def test_scopes_are_kept(self):
         name = self.invite_person("reader", "--scope", "read")

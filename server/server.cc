@@ -236,6 +236,7 @@ absl::Status ServerImpl::OpenListener(grpc::ServerBuilder* builder) {
   }
   absl::StatusOr<std::unique_ptr<Listener>> listener =
       Listener::Open({.address = options_.listen,
+                      .expects_tls = security_.uses_tls(),
                       .connections_per_address = options_.limits.connections_per_address,
                       .connections = options_.limits.connections,
                       .first_bytes = options_.limits.handshake,

@@ -24,6 +24,7 @@ absl::string_view WithoutPort(absl::string_view peer) {
 
 /// Without access control there is one identity: its limits are those of an address. Calls inside the process have none.
 std::string LimitKeyOf(const access::Identity& caller, absl::string_view peer) {
+  if (caller.name.empty()) return absl::StrCat("nobody/", WithoutPort(peer));
   if (caller.kind != access::IdentityKind::kLocal) return access::KeyOf(caller);
   if (!absl::StartsWith(peer, "ipv") && !absl::StartsWith(peer, "unix:")) return "";
   return absl::StrCat("local/", WithoutPort(peer));
@@ -67,7 +68,9 @@ absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::Admit(const grpc::Call
   event.address = context.peer();
   event.rpc_path = std::string(rpc_path);
   event.subject = subject;
-  const absl::StatusOr<access::Identity> caller = options_.callers->Of(context);
+  absl::StatusOr<access::Identity> caller = options_.callers->Of(context);
+  if (!caller.ok() && access::AccessOf(access::Role::kNobody, rpc_path) == access::Access::kYes)
+    caller = access::Identity();
   if (caller.ok()) event.caller = *caller;
   const access::Rule* rule = access::FindRule(rpc_path);
   auto call = std::make_unique<Call>(this, std::move(event), rule != nullptr && rule->changes);
@@ -75,6 +78,14 @@ absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::Admit(const grpc::Call
   if (status.ok()) return call;
   call->End(status);
   return status;
+}
+
+void CallGate::NoteRefusal(const access::Identity& caller, absl::string_view rpc_path,
+                           const absl::Status& why) {
+  access::AuditEvent event;
+  event.caller = caller;
+  event.rpc_path = std::string(rpc_path);
+  Call(this, std::move(event), /*changes=*/false).End(why);
 }
 
 absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::AdmitStream(grpc::CallbackServerContext* context,

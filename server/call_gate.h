@@ -67,6 +67,7 @@ class CallGate {
   /// All that the options name must outlive it.
   explicit CallGate(const Options& options);
 
+  /// A call that is open to everyone needs no identity: the caller then has no name and no scopes.
   /// Errors: kUnauthenticated; kPermissionDenied; kResourceExhausted naming the limit and its value.
   absl::StatusOr<std::unique_ptr<Call>> Admit(const grpc::CallbackServerContext& context,
                                               absl::string_view rpc_path, const std::string& subject);
@@ -74,6 +75,9 @@ class CallGate {
   /// caller's token or certificate is revoked or expires. The Call must be destroyed in the reactor's OnDone.
   absl::StatusOr<std::unique_ptr<Call>> AdmitStream(grpc::CallbackServerContext* context,
                                                     absl::string_view rpc_path, const std::string& subject);
+
+  /// Audits a call that was refused before it reached a service; its address is not known.
+  void NoteRefusal(const access::Identity& caller, absl::string_view rpc_path, const absl::Status& why);
 
  private:
   absl::Status Check(const Call& call, absl::string_view rpc_path);

@@ -17,6 +17,7 @@
 #include "server/coordinator_impl.h"
 #include "server/job_access.h"
 #include "server/job_status.h"
+#include "server/unary_calls.h"
 #include "server/worker_session.h"
 
 // A reactor exists from the start of its call to OnDone, where it deletes itself.
@@ -28,41 +29,6 @@ namespace {
 /// (25 KiB each) and an acknowledgement for each of its up to 1024 slots before it.
 constexpr size_t kMaxOutgoingMessages = 8192;
 constexpr size_t kMaxOutgoingBytes = size_t{4} << 20;
-
-using AdmittedCall = std::unique_ptr<CallGate::Call>;
-
-/// Takes the result of a call, from any thread.
-template <typename Response>
-using Done = std::function<void(absl::StatusOr<Response>)>;
-
-/// Makes a unary call that has passed the gate: `start` gets the call and what takes its result.
-template <typename Response, typename Start>
-grpc::ServerUnaryReactor* AnswerLater(grpc::CallbackServerContext* context,
-                                      absl::StatusOr<AdmittedCall> admitted, Response* response,
-                                      Start start) {
-  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-  if (!admitted.ok()) {
-    reactor->Finish(rpc::GrpcFromStatus(admitted.status()));
-    return reactor;
-  }
-  const std::shared_ptr<CallGate::Call> call = *std::move(admitted);
-  start(*call, Done<Response>([call, reactor, response](absl::StatusOr<Response> result) {
-    if (result.ok()) *response = *std::move(result);
-    call->End(result.status());
-    reactor->Finish(rpc::GrpcFromStatus(result.status()));
-  }));
-  return reactor;
-}
-
-/// The same for a call that has its result at once.
-template <typename Response, typename Make>
-grpc::ServerUnaryReactor* Answer(grpc::CallbackServerContext* context, absl::StatusOr<AdmittedCall> admitted,
-                                 Response* response, Make make) {
-  return AnswerLater(context, std::move(admitted), response,
-                     [&make](const CallGate::Call& call, const Done<Response>& done) {
-                       done(absl::StatusOr<Response>(make(call)));
-                     });
-}
 
 /// A stream that is refused.
 template <typename Reactor>
@@ -293,27 +259,6 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
   std::optional<grpc::Status> end_ ABSL_GUARDED_BY(mutex_);
   bool writing_ ABSL_GUARDED_BY(mutex_) = false;
   bool broken_ ABSL_GUARDED_BY(mutex_) = false;
-};
-
-/// The calls of one service, as the gate sees them.
-class ServiceGate {
- public:
-  ServiceGate(CallGate* gate, std::string service) : gate_(gate), service_(std::move(service)) {}
-
-  absl::StatusOr<AdmittedCall> Admit(const grpc::CallbackServerContext* context, const char* method,
-                                     const std::string& subject) const {
-    return gate_->Admit(*context, PathOf(method), subject);
-  }
-  absl::StatusOr<AdmittedCall> AdmitStream(grpc::CallbackServerContext* context, const char* method,
-                                           const std::string& subject) const {
-    return gate_->AdmitStream(context, PathOf(method), subject);
-  }
-
- private:
-  std::string PathOf(const char* method) const { return absl::StrCat("/", service_, "/", method); }
-
-  CallGate* const gate_;
-  const std::string service_;
 };
 
 class FarmServiceAdapter final : public v1::FarmService::CallbackService {

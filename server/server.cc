@@ -22,13 +22,13 @@
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/limits.h"
-#include "server/access/access_adapter.h"
 #include "server/access/access_control.h"
 #include "server/access/audit_log.h"
 #include "server/access/authorisation.h"
 #include "server/access/caller_check.h"
 #include "server/access/identity.h"
 #include "server/access/open_calls.h"
+#include "server/access_adapter.h"
 #include "server/asset_checks.h"
 #include "server/call_gate.h"
 #include "server/coordinator_impl.h"
@@ -216,7 +216,11 @@ absl::Status ServerImpl::OpenAccess() {
 std::shared_ptr<grpc::ServerCredentials> ServerImpl::Credentials() const {
   if (access_ == nullptr) return rpc::MakeServerCredentials(security_);
   return rpc::MakeServerCredentials(
-      security_, access::MakeCallerCheck(&access_->known(), authoriser_.get(), options_.wall_now));
+      security_,
+      access::MakeCallerCheck(
+          &access_->known(), authoriser_.get(), options_.wall_now,
+          [gate = gate_.get()](const access::Identity& caller, absl::string_view rpc_path,
+                               const absl::Status& why) { gate->NoteRefusal(caller, rpc_path, why); }));
 }
 
 absl::Status ServerImpl::OpenAudit() {
@@ -259,7 +263,7 @@ absl::Status ServerImpl::StartServices() {
                         .now = options_.now,
                         .wall_now = options_.wall_now});
   services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get());
-  services_.push_back(access::MakeAccessService(access_.get(), callers_.get()));
+  services_.push_back(MakeAccessService(access_.get(), gate_.get()));
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;

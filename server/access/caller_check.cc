@@ -57,8 +57,11 @@ absl::StatusOr<Identity> IdentityOf(const KnownCredentials& known, const grpc::A
 class CallerCheck final : public grpc::AuthMetadataProcessor {
  public:
   CallerCheck(const KnownCredentials* known, const Authoriser* authoriser,
-              std::function<absl::Time()> wall_now)
-      : known_(known), authoriser_(authoriser), wall_now_(std::move(wall_now)) {}
+              std::function<absl::Time()> wall_now, RefusalListener on_refusal)
+      : known_(known),
+        authoriser_(authoriser),
+        wall_now_(std::move(wall_now)),
+        on_refusal_(std::move(on_refusal)) {}
 
   // It looks things up in memory.
   bool IsBlocking() const override { return false; }
@@ -74,12 +77,18 @@ class CallerCheck final : public grpc::AuthMetadataProcessor {
     if (path == metadata.end()) return absl::UnauthenticatedError("the call has no path");
     if (AccessOf(Role::kNobody, View(path->second)) == Access::kYes) return absl::OkStatus();
     const absl::StatusOr<Identity> caller = IdentityOf(*known_, context, metadata, wall_now_());
-    return caller.ok() ? authoriser_->Check(*caller, View(path->second)) : caller.status();
+    absl::Status status = caller.ok() ? authoriser_->Check(*caller, View(path->second)) : caller.status();
+    if (!status.ok()) {
+      const Rule* rule = FindRule(View(path->second));
+      on_refusal_(caller.value_or(Identity()), rule == nullptr ? "" : rule->rpc_path, status);
+    }
+    return status;
   }
 
   const KnownCredentials* const known_;
   const Authoriser* const authoriser_;
   const std::function<absl::Time()> wall_now_;
+  const RefusalListener on_refusal_;
 };
 
 class CheckedCallers final : public Callers {
@@ -109,8 +118,9 @@ class LocalCallers final : public Callers {
 
 std::shared_ptr<grpc::AuthMetadataProcessor> MakeCallerCheck(const KnownCredentials* known,
                                                              const Authoriser* authoriser,
-                                                             std::function<absl::Time()> wall_now) {
-  return std::make_shared<CallerCheck>(known, authoriser, std::move(wall_now));
+                                                             std::function<absl::Time()> wall_now,
+                                                             RefusalListener on_refusal) {
+  return std::make_shared<CallerCheck>(known, authoriser, std::move(wall_now), std::move(on_refusal));
 }
 
 std::unique_ptr<Callers> MakeCallers(const KnownCredentials* known, std::function<absl::Time()> wall_now) {

@@ -3,7 +3,9 @@
 #include <functional>
 #include <memory>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 #include "server/access/identity.h"
 #include "server/access/known_credentials.h"
@@ -14,12 +16,18 @@ class AuthMetadataProcessor;
 
 namespace lumifold::access {
 
+/// Threads: called on threads that serve connections; must not block.
+using RefusalListener =
+    std::function<void(const Identity& caller, absl::string_view rpc_path, const absl::Status& why)>;
+
 /// Who calls is known before any message of the call is parsed: calls without identity, and those that `authoriser`
-/// refuses, end here. Calls that the table of authorisation opens to nobody in
-/// particular need none. All arguments must outlive the processor; it is part of the credentials of a server.
+/// refuses, end here. Calls that the table of authorisation opens to nobody in particular need none. `on_refusal` is
+/// told of each call that ends here; its caller has no name where it is not known, and the path is one of the table or
+/// empty. All that the arguments name must outlive the processor; it is part of the credentials of a server.
 std::shared_ptr<grpc::AuthMetadataProcessor> MakeCallerCheck(const KnownCredentials* known,
                                                              const Authoriser* authoriser,
-                                                             std::function<absl::Time()> wall_now);
+                                                             std::function<absl::Time()> wall_now,
+                                                             RefusalListener on_refusal);
 
 /// Callers of a server with that check. `known` must outlive it.
 std::unique_ptr<Callers> MakeCallers(const KnownCredentials* known, std::function<absl::Time()> wall_now);

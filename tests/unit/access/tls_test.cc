@@ -16,9 +16,10 @@
 #include "proto/identity/profile.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/status_codec.h"
-#include "server/access/access_adapter.h"
 #include "server/access/authorisation.h"
 #include "server/access/caller_check.h"
+#include "server/access_adapter.h"
+#include "server/call_gate.h"
 #include "tests/unit/access/access_fixture.h"
 
 namespace lumifold::access {
@@ -35,13 +36,17 @@ class TlsTest : public AccessFixture {
     EXPECT_TRUE(MakeAccessFolder(Options(), {}).ok());
     Open();
     callers_ = MakeCallers(&access_->known(), Options().wall_now);
-    service_ = MakeAccessService(access_.get(), callers_.get());
+    gate_ = std::make_unique<server::CallGate>(GateOptions(callers_.get()));
+    service_ = server::MakeAccessService(access_.get(), gate_.get());
     grpc::ServerBuilder builder;
     int port = 0;
     builder.AddListeningPort(
         "127.0.0.1:0",
-        rpc::MakeServerCredentials(access_->security(),
-                                   MakeCallerCheck(&access_->known(), authoriser_.get(), Options().wall_now)),
+        rpc::MakeServerCredentials(
+            access_->security(),
+            MakeCallerCheck(&access_->known(), authoriser_.get(), Options().wall_now,
+                            [this](const Identity& caller, absl::string_view rpc_path,
+                                   const absl::Status& why) { gate_->NoteRefusal(caller, rpc_path, why); })),
         &port);
     builder.RegisterService(service_.get());
     server_ = builder.BuildAndStart();
@@ -73,9 +78,27 @@ class TlsTest : public AccessFixture {
     return NameOver(rpc::MakeChannel(address_, security), context);
   }
 
+  server::CallGate::Options GateOptions(const Callers* callers) {
+    return {.callers = callers,
+            .open_calls = &access_->open_calls(),
+            .audit = audit_.get(),
+            .limits = {.requests_per_second = 1, .request_burst = 20},
+            .now = [this] { return now_; },
+            .wall_now = Options().wall_now};
+  }
+  /// Once the log is closed, so that all of it is written.
+  std::string AuditText() {
+    server_.reset();
+    gate_.reset();
+    audit_.reset();
+    return ReadFile(folder_.PathOf("audit.log"), 1 << 20).value_or("");
+  }
+
   const identity::Profiles profiles_{folder_.PathOf("config")};
+  std::unique_ptr<AuditLog> audit_ = *AuditLog::Open({.path = folder_.PathOf("audit.log")});
   const std::unique_ptr<Authoriser> authoriser_ = MakeAuthoriser();
   std::unique_ptr<Callers> callers_;
+  std::unique_ptr<server::CallGate> gate_;
   std::unique_ptr<grpc::Service> service_;
   std::unique_ptr<grpc::Server> server_;
   std::string address_;
@@ -137,6 +160,45 @@ TEST_F(TlsTest, AsksTheAuthoriser) {
   EXPECT_EQ(stub.ListIdentities(&context, {}, &response).error_code(), grpc::StatusCode::PERMISSION_DENIED);
 }
 
+TEST_F(TlsTest, GuessesOfCodesAreBoundedAndAudited) {
+  LogIn("ann");
+  rpc::Security security = *profiles_.SecurityOf("ann");
+  security.token = "";
+  v1::AccessService::Stub stub(rpc::MakeChannel(address_, security));
+  int guesses = 0;
+  grpc::StatusCode code = grpc::StatusCode::OK;
+  while (code != grpc::StatusCode::RESOURCE_EXHAUSTED && guesses < 100) {
+    grpc::ClientContext context;
+    v1::LoginRequest request;
+    request.set_code("a-guess");
+    v1::LoginResponse response;
+    code = stub.Login(&context, request, &response).error_code();
+    EXPECT_NE(code, grpc::StatusCode::OK);
+    ++guesses;
+  }
+  EXPECT_EQ(guesses, 20) << "and the login that succeeded";
+  const std::string text = AuditText();
+  EXPECT_THAT(text, HasSubstr("role=nobody id=- address=ipv4:127.0.0.1:"));
+  EXPECT_THAT(text, HasSubstr("rpc=lumifold.v1.AccessService/Login outcome=OK"));
+  EXPECT_THAT(text, HasSubstr("rpc=lumifold.v1.AccessService/Login outcome=RESOURCE_EXHAUSTED"));
+  EXPECT_THAT(text, ::testing::Not(HasSubstr("a-guess")));
+}
+
+TEST_F(TlsTest, CallsThatAreRefusedBeforeTheirMessagesAreReadAreAudited) {
+  LogIn("ann");
+  v1::AccessService::Stub stub(rpc::MakeChannel(address_, *profiles_.SecurityOf("ann")));
+  grpc::ClientContext context;
+  v1::ListIdentitiesResponse response;
+  EXPECT_EQ(stub.ListIdentities(&context, {}, &response).error_code(), grpc::StatusCode::PERMISSION_DENIED);
+  rpc::Security nobody = *profiles_.SecurityOf("ann");
+  nobody.token = "";
+  EXPECT_FALSE(NameWith(nobody).ok());
+  const std::string text = AuditText();
+  EXPECT_THAT(text, HasSubstr("identity=\"ann\" role=read"));
+  EXPECT_THAT(text, HasSubstr("rpc=lumifold.v1.AccessService/ListIdentities outcome=PERMISSION_DENIED"));
+  EXPECT_THAT(text, HasSubstr("rpc=lumifold.v1.AccessService/WhoAmI outcome=UNAUTHENTICATED"));
+}
+
 TEST_F(TlsTest, TrustsTheAuthorityOfTheCodeOnly) {
   EXPECT_EQ(identity::FetchPinnedCa(address_, std::string(32, 'x'), absl::Seconds(10)).status().code(),
             absl::StatusCode::kUnauthenticated);
@@ -144,7 +206,8 @@ TEST_F(TlsTest, TrustsTheAuthorityOfTheCodeOnly) {
   int port = 0;
   builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port);
   const std::unique_ptr<Callers> callers = MakeLocalCallers();
-  const std::unique_ptr<grpc::Service> service = MakeAccessService(nullptr, callers.get());
+  server::CallGate gate(GateOptions(callers.get()));
+  const std::unique_ptr<grpc::Service> service = server::MakeAccessService(nullptr, &gate);
   builder.RegisterService(service.get());
   const std::unique_ptr<grpc::Server> plain = builder.BuildAndStart();
   const std::string address = absl::StrCat("127.0.0.1:", port);

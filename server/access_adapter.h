@@ -2,17 +2,19 @@
 
 #include <memory>
 
-#include "server/access/identity.h"
-
 namespace grpc {
 class Service;
 }  // namespace grpc
 
 namespace lumifold::access {
-
 class AccessControl;
+}  // namespace lumifold::access
+
+namespace lumifold::server {
+
+class CallGate;
 
 /// AccessService. `access` is null for a coordinator without access control. Both must outlive the service.
-std::unique_ptr<grpc::Service> MakeAccessService(AccessControl* access, const Callers* callers);
+std::unique_ptr<grpc::Service> MakeAccessService(access::AccessControl* access, CallGate* gate);
 
-}  // namespace lumifold::access
+}  // namespace lumifold::server

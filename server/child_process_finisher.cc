@@ -229,14 +229,16 @@ absl::Status YieldToOthers() {
   return absl::OkStatus();
 }
 
-/// The filter reads units and writes results, all of them in the data folder; only a ledger elsewhere needs the network.
+/// The filter reads units, writes results and reads the ledger; the rest of the data folder has secrets. Only a ledger
+/// elsewhere needs the network.
 absl::Status FenceThisProcess(const DataFolder& folder, const std::string& store,
                               uint64_t memory_limit_bytes) {
   fence::FenceOptions options = {
       .keep_file_access = true,
       .memory_bytes = memory_limit_bytes,
-      // A folder in it may be a link to another disk.
-      .writable = {folder.root(), folder.root() + "/film", folder.root() + "/results"},
+      // The coordinator has the ledger open, so that its files are there and stay.
+      .writable = {folder.root() + "/film", folder.root() + "/results", folder.LedgerPath(),
+                   folder.LedgerPath() + "-wal", folder.LedgerPath() + "-shm"},
   };
   if (!store.empty() && store != ledger::kSqliteStore) {
     options.network = true;
@@ -261,7 +263,8 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   }
   if (absl::Status status = YieldToOthers(); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
-  setenv("SQLITE_TMPDIR", folder.root().c_str(), /*overwrite=*/1);  // the fence leaves no other folder
+  setenv("SQLITE_TMPDIR", (folder.root() + "/film").c_str(),
+         /*overwrite=*/1);  // the fence leaves no other folder
   const char* const variable = std::getenv(ledger::kStoreVariable);
   const std::string store_name = variable == nullptr ? "" : variable;
   const absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =

@@ -1,4 +1,5 @@
 // A client for tests that loads the coordinator in ways a user's would not. It prints what it did to standard output.
+#include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 #include <signal.h>
 
@@ -7,11 +8,14 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <iostream>
 #include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/blocking_counter.h"
 #include "lumifold/v1/farm.grpc.pb.h"
@@ -30,6 +34,7 @@ constexpr uint64_t kTebibyte = uint64_t{1} << 40;
 
 struct Options {
   std::string server;
+  rpc::Security security;
   std::string scene;
   int count = 1000;
 };
@@ -205,6 +210,19 @@ int AskOften(const Options& options) {
   return EXIT_SUCCESS;
 }
 
+/// Makes the calls of standard input, one path a line, each with an empty message, and prints their codes.
+int CallEach(const Options& options) {
+  const std::shared_ptr<grpc::Channel> channel = rpc::MakeChannel(options.server, options.security);
+  grpc::GenericStub stub(channel);
+  std::string path;
+  while (std::getline(std::cin, path)) {
+    const grpc::StatusCode code = CallByPath(&stub, path, "");
+    std::printf("%s %s\n", path.c_str(),
+                absl::StatusCodeToString(static_cast<absl::StatusCode>(code)).c_str());
+  }
+  return EXIT_SUCCESS;
+}
+
 }  // namespace
 }  // namespace lumifold
 
@@ -221,9 +239,17 @@ int main(int argc, char** argv) {
   app.add_subcommand("upload", "Leave uploads half done until the end of standard input");
   CLI::App* announce = app.add_subcommand("announce", "Announce uploads of 1 TiB");
   CLI::App* status = app.add_subcommand("status", "Ask for the coordinator's status at once");
+  app.add_option("--ca", options.security.ca_path, "Use TLS: the authority of the server's certificate");
+  app.add_option("--certificate", options.security.certificate_path, "Key and certificate of a worker");
+  std::string token_file;
+  app.add_option("--token", token_file, "File with a person's token");
+  CLI::App* call = app.add_subcommand("call", "Make the calls of standard input");
   CLI::App* strings = app.add_subcommand("strings", "Make every call with tricks in its texts");
   app.require_subcommand(1);
   CLI11_PARSE(app, argc, argv);
+  if (!token_file.empty())
+    options.security.token = std::string(absl::StripAsciiWhitespace(lumifold::ReadFile(token_file)));
+  if (call->parsed()) return lumifold::CallEach(options);
   if (announce->parsed()) return lumifold::Announce(options);
   if (status->parsed()) return lumifold::AskOften(options);
   if (strings->parsed()) return lumifold::SendHostileTexts(options.server) ? EXIT_SUCCESS : EXIT_FAILURE;

@@ -105,8 +105,13 @@ std::string WithText(std::string bytes, const std::string& stand_in, const std::
   return bytes;
 }
 
-/// Makes a call with one message, and reads its first answer.
-grpc::StatusCode Call(grpc::GenericStub* stub, const std::string& path, const std::string& bytes) {
+std::string NameOf(grpc::StatusCode code) {
+  return absl::StatusCodeToString(static_cast<absl::StatusCode>(code));
+}
+
+}  // namespace
+
+grpc::StatusCode CallByPath(grpc::GenericStub* stub, const std::string& path, const std::string& bytes) {
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kDeadline);
   grpc::CompletionQueue queue;
@@ -134,19 +139,13 @@ grpc::StatusCode Call(grpc::GenericStub* stub, const std::string& path, const st
   return answers == kMaxAnswers ? grpc::StatusCode::OK : status.error_code();
 }
 
-std::string NameOf(grpc::StatusCode code) {
-  return absl::StatusCodeToString(static_cast<absl::StatusCode>(code));
-}
-
-}  // namespace
-
 bool SendHostileTexts(const std::string& server) {
   const std::shared_ptr<grpc::Channel> channel = rpc::MakeChannel(server, rpc::Security{});
   grpc::GenericStub stub(channel);
   std::map<std::string, int> codes;
   int calls = 0;
   const auto make = [&](const std::string& path, const std::string& bytes) {
-    const grpc::StatusCode code = Call(&stub, path, bytes);
+    const grpc::StatusCode code = CallByPath(&stub, path, bytes);
     ++codes[NameOf(code)];
     ++calls;
     if (code == grpc::StatusCode::UNAVAILABLE || code == grpc::StatusCode::DEADLINE_EXCEEDED ||

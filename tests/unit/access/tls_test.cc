@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/file_io.h"
 #include "lumifold/v1/access.grpc.pb.h"
 #include "proto/identity/join.h"
 #include "proto/identity/pinned_ca.h"

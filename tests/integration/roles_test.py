@@ -69,8 +69,6 @@ class RolesTest(unittest.TestCase):
             codes = self.call(rows, farm, *credentials)
             for path, row in rows.items():
                 with self.subTest(role=role, path=path):
-                    if row[role] == "yes" and "/Fetch" in path:
-                        continue  # a worker that has no lease is told so
                     # Codes that are not valid are refused too, but by the call itself.
                     if row["nobody"] == "yes" and path.startswith("/lumifold"):
                         self.assertIn(codes[path], ("UNAUTHENTICATED", "INVALID_ARGUMENT", "FAILED_PRECONDITION"))

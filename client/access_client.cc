@@ -4,7 +4,6 @@
 
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "lumifold/v1/access.grpc.pb.h"
 #include "proto/rpc/status_codec.h"
 
@@ -48,8 +47,7 @@ class GrpcAccessClient final : public AccessClient {
     if (status.ok()) return response;
     if (options_.interrupted()) return absl::CancelledError("interrupted");
     if (!rpc::IsTransient(status)) return status;
-    return absl::UnavailableError(
-        absl::StrCat("cannot reach the coordinator at ", options_.coordinator, ": ", status.message()));
+    return CannotReach(options_.coordinator, status.message());
   }
 
   const std::unique_ptr<Stub> stub_;

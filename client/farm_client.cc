@@ -41,13 +41,6 @@ rpc::RetryPolicy PolicyFor(const v1::SceneRef& scene) {
   return policy;
 }
 
-// gRPC lists all addresses it tried; the last error is enough for the user.
-absl::string_view Reason(absl::string_view message) {
-  constexpr absl::string_view kLead = "Failed to connect to remote host: ";
-  const size_t at = message.rfind(kLead);
-  return at == absl::string_view::npos ? message : message.substr(at + kLead.size());
-}
-
 class GrpcFarmClient : public FarmClient {
   using Stub = v1::FarmService::Stub;
 
@@ -250,8 +243,7 @@ class GrpcFarmClient : public FarmClient {
     if (!status.ok() && options_.interrupted()) return absl::CancelledError("interrupted");
     // Without an interruption, kCancelled means that the other side closed the connection.
     if (!rpc::IsTransient(status) && !absl::IsCancelled(status)) return status;
-    return absl::UnavailableError(absl::StrCat("cannot reach the coordinator at ", options_.coordinator, ": ",
-                                               Reason(status.message())));
+    return CannotReach(options_.coordinator, status.message());
   }
 
   const std::unique_ptr<v1::FarmService::Stub> stub_;
@@ -259,6 +251,15 @@ class GrpcFarmClient : public FarmClient {
 };
 
 }  // namespace
+
+absl::Status CannotReach(const std::string& coordinator, absl::string_view message) {
+  // gRPC lists all addresses it tried; the last error is enough for the user.
+  constexpr absl::string_view kLead = "Failed to connect to remote host: ";
+  const size_t at = message.rfind(kLead);
+  const absl::string_view reason =
+      at == absl::string_view::npos ? message : message.substr(at + kLead.size());
+  return absl::UnavailableError(absl::StrCat("cannot reach the coordinator at ", coordinator, ": ", reason));
+}
 
 std::unique_ptr<FarmClient> MakeFarmClient(std::shared_ptr<grpc::Channel> channel,
                                            FarmClientOptions options) {

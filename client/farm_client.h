@@ -9,6 +9,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "client/assets.h"
 #include "lumifold/v1/farm.pb.h"
 #include "proto/rpc/credentials.h"
@@ -19,6 +20,9 @@ class Channel;
 }  // namespace grpc
 
 namespace lumifold::client {
+
+/// kUnavailable "cannot reach the coordinator at ADDRESS: ...", with what a user needs of gRPC's `message`.
+absl::Status CannotReach(const std::string& coordinator, absl::string_view message);
 
 /// The client's interface to the coordinator; hides gRPC.
 /// Errors of every call: kUnavailable "cannot reach the coordinator at ..." when it does not answer in time;

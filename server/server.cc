@@ -136,6 +136,12 @@ absl::Status ServerImpl::Open() {
                                                    " is shorter than two heartbeats of ",
                                                    absl::FormatDuration(options_.heartbeat)));
   }
+  security_.insecure = options_.insecure;
+  if (!options_.listen.empty() && !access::HasAccessFolder(folder_.AccessPath())) {
+    // Before anything is made.
+    if (absl::Status status = rpc::CheckListenAddress(options_.listen, security_); !status.ok())
+      return status;
+  }
   absl::StatusOr<rpc::FileHandle> lock = folder_.Claim();
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
@@ -190,7 +196,6 @@ absl::Status ServerImpl::Open() {
 
 absl::Status ServerImpl::OpenAccess() {
   if (options_.listen.empty()) return absl::OkStatus();  // all calls come from inside the process
-  security_.insecure = options_.insecure;
   if (access::HasAccessFolder(folder_.AccessPath())) {
     absl::StatusOr<std::unique_ptr<access::AccessControl>> access =
         access::AccessControl::Open({.folder = folder_.AccessPath(),

@@ -5,6 +5,7 @@
 #include <grpcpp/generic/generic_stub.h>
 #include <grpcpp/grpcpp.h>
 
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <random>
@@ -13,12 +14,14 @@
 #include "absl/time/clock.h"
 #include "google/protobuf/descriptor.h"
 #include "google/protobuf/stubs/logging.h"
+#include "lumifold/v1/access.grpc.pb.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/version.h"
+#include "server/access/access_control.h"
 #include "server/server.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/support/temp_folder.h"
@@ -45,7 +48,8 @@ const std::vector<Method>& Methods() {
   static const std::vector<Method> methods = [] {
     std::vector<Method> all;
     for (const google::protobuf::FileDescriptor* file :
-         {v1::SubmitJobRequest::descriptor()->file(), v1::WorkerMessage::descriptor()->file()}) {
+         {v1::SubmitJobRequest::descriptor()->file(), v1::WorkerMessage::descriptor()->file(),
+          v1::LoginRequest::descriptor()->file()}) {
       for (int s = 0; s < file->service_count(); ++s) {
         for (int m = 0; m < file->service(s)->method_count(); ++m) {
           const google::protobuf::MethodDescriptor& method = *file->service(s)->method(m);
@@ -78,10 +82,15 @@ class Farm {
   Farm() : folder_(InMemory()) {
     server::ServerOptions options;
     options.data_dir = folder_.PathOf("data");
-    options.listen = "";
+    // Access control is there for a coordinator that listens, but all calls come from inside the process.
+    options.listen = "127.0.0.1:0";
+    if (!std::filesystem::create_directory(options.data_dir)) Fail("no folder", options.data_dir);
+    if (const absl::Status made = access::MakeAccessFolder(
+            {.folder = options.data_dir + "/access", .store = "", .log = nullptr}, {});
+        !made.ok())
+      Fail("no access control", std::string(made.message()));
     options.reserve_bytes = 0;
     options.random = [random = std::make_shared<std::mt19937_64>(1)] { return (*random)(); };
-    options.wall_now = [] { return absl::FromUnixSeconds(1'700'000'000); };
     absl::StatusOr<std::unique_ptr<server::Server>> server = server::Server::Start(std::move(options));
     if (!server.ok()) Fail("no server", std::string(server.status().message()));
     server_ = *std::move(server);

@@ -54,6 +54,7 @@ struct Flags {
   double max_upload_gb = static_cast<double>(limits.uploads.bytes_of_caller) / kBytesPerGb;
   std::vector<std::string> names;  // of init
   std::string admin = "admin";     // of invite-admin
+  std::string store_of_command;    // of both; empty: `store`, which has the variable's value
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
@@ -223,7 +224,7 @@ int RunRecover(const std::string& data_dir) {
 lumifold::access::AccessOptions AccessOptionsOf(const Flags& flags) {
   lumifold::identity::ProtectMemory();
   return {.folder = lumifold::server::DataFolder(flags.data_dir).AccessPath(),
-          .store = flags.store,
+          .store = flags.store_of_command.empty() ? flags.store : flags.store_of_command,
           .certificate_lifetime = absl::Hours(flags.certificate_hours),
           .wall_now = lumifold::identity::ValidityClock,
           .log = std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::null_sink_mt>())};
@@ -271,8 +272,7 @@ int main(int argc, char** argv) {
   invite_admin->add_option("--name", flags.admin, "The administrator's name")->capture_default_str();
   for (CLI::App* command : {init, invite_admin}) {
     command->add_option("--data", flags.data_dir, "The data folder")->required();
-    command->add_option("--store", flags.store, "As without a command")
-        ->envname(lumifold::ledger::kStoreVariable);
+    command->add_option("--store", flags.store_of_command, "As without a command");
   }
   try {
     app.parse(argc, argv);

@@ -27,13 +27,13 @@ struct Environment {
   bool err_is_terminal = false;
   int terminal_columns = 80;
   /// HOST:PORT if --server is not given; empty: that of the default profile, else kDefaultServer.
-  std::string default_server = "";
+  std::string default_server = {};
   /// Folder of the user's profiles (identity::ProfilesFolder); empty: there are none.
-  std::string profiles_folder = "";
+  std::string profiles_folder = {};
   /// What the user types or pipes in, for secrets; null: nothing.
   std::istream* in = nullptr;
   /// Whose jobs `submit` submits if --user is not given; empty: anonymous.
-  std::string default_user = "";
+  std::string default_user = {};
   /// Threads of a local farm if --threads is not given.
   int default_threads = 1;
   /// Null in a build without coordinator and worker; `render` then fails.

@@ -40,7 +40,7 @@ struct ChildProcessOptions {
   /// The program to start; its main passes the arguments to RunFinishFrameProcess.
   std::string program = "/proc/self/exe";
   /// Name of the ledger's store, see ledger::OpenJobStore; the child gets it in its environment.
-  std::string store = "";
+  std::string store = {};
   int threads = 1;
   /// Limit of the child's address space in bytes; 0 for none.
   uint64_t memory_limit_bytes = 0;

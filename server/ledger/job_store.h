@@ -76,7 +76,7 @@ struct JobFilter {
   /// Recorded states, so JOB_STATE_SUBMITTED stands for every job that has not ended. Empty: all.
   std::vector<v1::JobState> states = {};
   /// Scheduling.user. Empty: all.
-  std::string user = "";
+  std::string user = {};
 };
 
 struct JobPage {
@@ -93,7 +93,7 @@ struct UnitRecord {
   job::UnitRef unit;
   job::Attempt attempt = {};
   /// Name of the worker; empty where it is not known.
-  std::string worker = "";
+  std::string worker = {};
   /// Path of the unit log relative to the data folder, and position of the record in it.
   std::string file;
   uint64_t offset = 0;

@@ -65,6 +65,24 @@ TEST_F(LimitsTest, RequestsASecond) {
   EXPECT_FALSE(Status(kAnn).ok());
 }
 
+TEST_F(LimitsTest, RequestsASecondOfAWorker) {
+  StartGate({.requests_per_second = 1,
+             .request_burst = 1,
+             .worker_requests_per_second = 10,
+             .worker_request_burst = 3});
+  const auto fetch = [this] {
+    const auto context = As("worker/node-7");
+    v1::JobSpec spec;
+    return workers().FetchSpec(context.get(), v1::FetchSpecRequest(), &spec);
+  };
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(fetch().error_code(), grpc::StatusCode::NOT_FOUND);
+  const grpc::Status refused = fetch();
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(refused.error_message(), "too many requests: a caller may make 10 a second");
+  now_ += absl::Milliseconds(100);
+  EXPECT_EQ(fetch().error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
 TEST_F(LimitsTest, OpenStreams) {
   StartGate({.streams_per_person = 2});
   StoreScene();

@@ -42,10 +42,13 @@ class ListenerTest : public ::testing::Test {
     for (const int socket : connected_) close(socket);
   }
 
-  int Connect(const std::string& bytes) {
+  /// From 127.0.0.`host`.
+  int Connect(const std::string& bytes, uint32_t host = 1) {
     const int connected = socket(AF_INET, SOCK_STREAM, 0);
     sockaddr_in address = {};
     address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl((uint32_t{127} << 24) + host);
+    EXPECT_EQ(bind(connected, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
     address.sin_port = htons(static_cast<uint16_t>(listener_->port()));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     EXPECT_EQ(connect(connected, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
@@ -128,6 +131,16 @@ TEST_F(ListenerTest, TheConnectionsOfAnAddressAreBounded) {
   EXPECT_THAT(log,
               HasSubstr("reason=\"too many connections: the limits are 3 of an address and 16384 of all\""));
   EXPECT_LT(std::count(log.begin(), log.end(), '\n'), 100) << "a flood must not fill the log";
+}
+
+TEST_F(ListenerTest, TheConnectionsOfAllAddressesAreBounded) {
+  Open({.connections_per_address = 2, .connections = 3});
+  for (const uint32_t host : {1, 1, 2}) Connect(kPreface, host);
+  AwaitTaken(3);
+  EXPECT_TRUE(IsClosed(Connect(kPreface, 2)));
+  EXPECT_TRUE(IsClosed(Connect(kPreface, 3)));
+  EXPECT_THAT(Log(),
+              HasSubstr("reason=\"too many connections: the limits are 2 of an address and 3 of all\""));
 }
 
 TEST_F(ListenerTest, ATakenPortAndAForeignHostAreErrors) {

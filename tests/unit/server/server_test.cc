@@ -507,87 +507,10 @@ TEST_F(ServerTest, ADamagedAssetIsMissingAfterARestartUntilItIsUploadedAgain) {
   EXPECT_TRUE(Submit(Spec(), "healed").ok());  // Spec() uploads it
 }
 
-TEST_F(ServerTest, AWorkerThatDoesNotReadIsDisconnected) {
-  const auto stub = v1::WorkerService::NewStub(Channel());
-  grpc::ClientContext context;
-  const auto stream = stub->Work(&context);
-  v1::WorkerMessage message;
-  message.mutable_hello()->set_numeric_class("test");
-  message.mutable_hello()->set_slots(1);
-  message.mutable_hello()->set_wire_version(rpc::kWireVersion);
-  ASSERT_TRUE(stream->Write(message));
-  // Each of these is answered by an acknowledgement of about the same size.
-  message.mutable_chunk()->mutable_unit()->set_job_id(std::string(1000, 'x'));
-  message.mutable_chunk()->mutable_pixels()->set_last(true);
-  int written = 0;
-  while (written < 100'000 && stream->Write(message)) ++written;
-  EXPECT_LT(written, 50'000) << "nobody stops it";
-  v1::CoordinatorMessage ignored;
-  while (stream->Read(&ignored)) {
-  }
-  EXPECT_FALSE(stream->Finish().ok());
-}
-
-TEST_F(ServerTest, ASlowWatcherSkipsStatesButGetsTheLast) {
-  StopServer();
-  ServerOptions options = Options();
-  options.lease = absl::Hours(10'000);
-  // Every change is due at once, however fast they come.
-  const auto ticks = std::make_shared<std::atomic<int64_t>>(0);
-  options.now = [ticks] { return absl::UnixEpoch() + absl::Seconds(ticks->fetch_add(1)); };
-  StartServer(options);
-  v1::JobSpec spec = Spec();
-  spec.set_frame_count(10);
-  const std::string job = *Submit(spec);
-  const auto stub = v1::FarmService::NewStub(Channel());
-  grpc::ClientContext context;
-  v1::WatchJobRequest request;
-  request.set_job_id(job);
-  const auto watch = stub->WatchJob(&context, request);
-  v1::JobStatus status;
-  ASSERT_TRUE(watch->Read(&status));
-  // A status of 50 KiB fills what the connection takes before the watcher reads.
-  const auto worker = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {
-                                if (!message.chunk().has_stats()) return;
-                                for (int i = 0; i < 32; ++i) {
-                                  message.mutable_chunk()->mutable_stats()->add_warnings(absl::StrCat(
-                                      message.chunk().unit().tile(), " ", i, std::string(500, 'x')));
-                                }
-                              }});
-  EXPECT_EQ(WaitForEnd(job).state(), v1::JOB_STATE_DONE);
-  int read = 0;
-  while (watch->Read(&status)) ++read;
-  EXPECT_LT(read, 10 * kUnits / 2);
-  EXPECT_EQ(status.state(), v1::JOB_STATE_DONE);
-}
-
-TEST_F(ServerTest, StopsPromptlyWithStreamsOpen) {
-  const std::string job = *Submit(Spec());
-  const auto worker = Worker({.numeric_class = "other", .slots = 1, .vanish_after = 0});
-  const auto idle = Worker({.slots = 1, .spoil = [](v1::WorkerMessage& message) {
-                              if (message.has_chunk()) message.mutable_chunk()->set_attempt(0);
-                            }});
-  WaitUntil(job, [](const v1::JobStatus& status) { return status.state() == v1::JOB_STATE_RUNNING; });
-  const absl::Time start = absl::Now();
-  StopServer();
-  EXPECT_LT(absl::Now() - start, absl::Minutes(1))
-      << "streams that stay open hold it up until their deadline";
-  idle->Wait();
-}
-
 TEST_F(ServerTest, AFolderHasOneCoordinator) {
   const absl::Status status = Server::Start(Options()).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("another coordinator"));
-}
-
-TEST_F(ServerTest, ATakenPortIsNamed) {
-  ServerOptions options = Options();
-  options.data_dir = folder_.PathOf("other");
-  options.listen = "127.0.0.1:" + std::to_string(server_->port());
-  const absl::Status status = Server::Start(options).status();
-  EXPECT_EQ(status.code(), absl::StatusCode::kUnavailable);
-  EXPECT_THAT(std::string(status.message()), HasSubstr(options.listen));
 }
 
 TEST_F(ServerTest, AnIncompleteResultIsRemovedAtTheStart) {
@@ -599,14 +522,6 @@ TEST_F(ServerTest, AnIncompleteResultIsRemovedAtTheStart) {
   StartServer();
   EXPECT_FALSE(std::filesystem::exists(partial));
   EXPECT_TRUE(std::filesystem::exists(whole));
-}
-
-TEST_F(ServerTest, OffLoopbackIsClosedByDefault) {
-  ServerOptions options = Options();
-  options.data_dir = folder_.PathOf("other");
-  options.listen = "0.0.0.0:0";
-  EXPECT_EQ(Server::Start(options).status().code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_FALSE(std::filesystem::exists(options.data_dir));
 }
 
 TEST_F(ServerTest, WithinOneProcessThePictureIsTheSame) {

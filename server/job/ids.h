@@ -21,7 +21,8 @@ class StrongId {
 
   const T& value() const { return value_; }
 
-  friend auto operator<=>(const StrongId&, const StrongId&) = default;
+  // clang-tidy 14 takes the result's comparison with 0 for one of pointers.
+  friend auto operator<=>(const StrongId&, const StrongId&) = default;  // NOLINT(modernize-use-nullptr)
 
  private:
   T value_{};

@@ -60,7 +60,7 @@ class GateFixture : public CoordinatorFixture {
 
  private:
   EventLog events_;
-  const BelievedCallers callers_;
+  BelievedCallers callers_;
   std::unique_ptr<access::AuditLog> audit_;
   std::unique_ptr<AssetChecks> checks_;
   std::unique_ptr<CallGate> gate_;

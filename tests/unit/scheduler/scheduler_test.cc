@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "absl/strings/str_cat.h"
+#include "tests/unit/scheduler/scheduler_fixture.h"
 
 namespace lumifold::scheduler {
 namespace {
@@ -22,34 +22,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const JobId kJob("j-1");
-const JobId kOther("j-2");
-const WorkerId kAnn(1);
-const WorkerId kBen(2);
-const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
-
-v1::JobSpec Spec(int frames = 1) {
-  v1::JobSpec spec;
-  spec.set_width(16);
-  spec.set_height(16);
-  spec.set_tile_size(8);
-  spec.set_samples_per_pixel(8);
-  spec.set_pass_samples(4);
-  spec.set_first_frame(10);
-  spec.set_frame_count(frames);
-  return spec;  // 4 tiles x (1 + 2) units per frame
-}
-
-class SchedulerTest : public ::testing::Test {
- protected:
-  Scheduler scheduler_{{.lease = absl::Seconds(30), .max_failures = 3, .first_attempt = Attempt(100)}};
-
-  /// Delivers and commits a unit; true if it was the last one of its frame.
-  bool Commit(WorkerId worker, const GrantedLease& lease) {
-    EXPECT_EQ(scheduler_.CompleteUnit(worker, lease.unit, lease.attempt, kStart), Completion::kAccepted);
-    return scheduler_.UnitCommitted(lease.unit);
-  }
-};
+using SchedulerTest = SchedulerFixture;
 
 TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
   scheduler_.AddJob(kJob, Spec());
@@ -143,24 +116,6 @@ TEST_F(SchedulerTest, AUnitRevokedBeforeItsTurnIsLeasedOnceMore) {
   EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).size(), 12u);
 }
 
-TEST_F(SchedulerTest, AUnitIsAcceptedOnce) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
-  const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  Commit(kAnn, lease);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, lease.attempt, kStart), Completion::kDuplicate);
-  EXPECT_EQ(scheduler_.Progress(kJob).units_done, 1);
-}
-
-TEST_F(SchedulerTest, AnotherWorkersLeaseIsStale) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
-  const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.CompleteUnit(kBen, lease.unit, lease.attempt, kStart), Completion::kStale);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lease.unit, Attempt(99), kStart), Completion::kStale);
-}
-
 TEST_F(SchedulerTest, UnknownUnitsAreUnknown) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
@@ -171,142 +126,6 @@ TEST_F(SchedulerTest, UnknownUnitsAreUnknown) {
     EXPECT_EQ(scheduler_.CompleteUnit(kAnn, unit, Attempt(100), kStart), Completion::kUnknown)
         << Describe(unit);
   }
-}
-
-TEST_F(SchedulerTest, LeasesOfAWorkerThatIsGoneGoToTheNext) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
-  const auto lost = scheduler_.GrantLeases(kAnn, kStart);
-  scheduler_.RemoveWorker(kAnn);
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 2});
-  const auto again = scheduler_.GrantLeases(kBen, kStart);
-  ASSERT_EQ(again.size(), 2u);
-  EXPECT_EQ(again[0].unit, lost[0].unit);
-  EXPECT_GT(again[0].attempt, lost[1].attempt);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lost[0].unit, lost[0].attempt, kStart), Completion::kStale);
-  EXPECT_EQ(scheduler_.CompleteUnit(kBen, again[0].unit, again[0].attempt, kStart), Completion::kAccepted);
-}
-
-TEST_F(SchedulerTest, LeasesRunOutUnlessRenewed) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
-  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
-  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(30));
-  scheduler_.Heartbeat(kAnn, {{leases[0].unit, leases[0].attempt}}, Attempt(0), kStart + absl::Seconds(20));
-  EXPECT_THAT(scheduler_.ExpireLeases(kStart + absl::Seconds(29)), IsEmpty());
-  const auto expired = scheduler_.ExpireLeases(kStart + absl::Seconds(30));
-  ASSERT_EQ(expired.size(), 1u);
-  EXPECT_EQ(expired[0].unit, leases[1].unit);
-  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, leases[0].unit, leases[0].attempt));
-  EXPECT_FALSE(scheduler_.HoldsLease(kAnn, leases[1].unit, leases[1].attempt));
-  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(50));
-}
-
-TEST_F(SchedulerTest, ASilentWorkerGetsNothingUntilItIsHeardOf) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.GrantLeases(kAnn, kStart);
-  scheduler_.ExpireLeases(kStart + absl::Seconds(30));
-  EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart + absl::Seconds(31)), IsEmpty());
-  scheduler_.Heartbeat(kAnn, {}, Attempt(0), kStart + absl::Seconds(32));
-  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart + absl::Seconds(32)).size(), 1u);
-}
-
-TEST_F(SchedulerTest, AHeartbeatVoidsWhatItDoesNotNameButNothingNewer) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 3});
-  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
-  scheduler_.Heartbeat(kAnn, {{leases[0].unit, leases[0].attempt}}, leases[1].attempt, kStart);
-  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, leases[0].unit, leases[0].attempt));
-  EXPECT_FALSE(scheduler_.HoldsLease(kAnn, leases[1].unit, leases[1].attempt));
-  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, leases[2].unit, leases[2].attempt));
-  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, leases[1].unit);
-}
-
-TEST_F(SchedulerTest, ALeaseWithoutProgressIsNotRenewedForEver) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
-  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
-  const GrantedLease& moving = leases[0];
-  const GrantedLease& hung = leases[1];
-  absl::Time now = kStart;
-  std::vector<LateLease> late;
-  for (int64_t progress = 1; late.empty(); ++progress) {
-    now += absl::Seconds(5);
-    ASSERT_LE(now, kStart + absl::Minutes(10));
-    scheduler_.Heartbeat(kAnn, {{moving.unit, moving.attempt, progress}, {hung.unit, hung.attempt, 0}},
-                         hung.attempt, now);
-    late = scheduler_.ExpireLeases(now);
-  }
-  EXPECT_EQ(now, kStart + absl::Minutes(10));
-  ASSERT_EQ(late.size(), 1u);
-  EXPECT_EQ(late[0].unit, hung.unit);
-  EXPECT_EQ(late[0].lateness, Lateness::kStalled);
-  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, moving.unit, moving.attempt));
-  EXPECT_FALSE(scheduler_.HoldsLease(kAnn, hung.unit, hung.attempt));
-}
-
-TEST_F(SchedulerTest, AStalledLeaseKeepsItsSlotWhileTheWorkerNamesIt) {
-  Scheduler scheduler({.stall = absl::Seconds(40)});
-  scheduler.AddJob(kJob, Spec());
-  scheduler.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  const GrantedLease hung = scheduler.GrantLeases(kAnn, kStart).at(0);
-  scheduler.Heartbeat(kAnn, {{hung.unit, hung.attempt}}, hung.attempt, kStart + absl::Seconds(20));
-  EXPECT_EQ(scheduler.NextExpiry(), kStart + absl::Seconds(40));
-  const absl::Time now = kStart + absl::Seconds(40);
-  EXPECT_EQ(scheduler.ExpireLeases(now).size(), 1u);
-  scheduler.Heartbeat(kAnn, {{hung.unit, hung.attempt}}, hung.attempt, now);
-  EXPECT_THAT(scheduler.GrantLeases(kAnn, now), IsEmpty());
-  scheduler.Heartbeat(kAnn, {}, hung.attempt, now);
-  EXPECT_EQ(scheduler.GrantLeases(kAnn, now).size(), 1u);
-}
-
-TEST_F(SchedulerTest, AnOverdueUnitIsLeasedToASecondWorkerAndTheFirstResultCounts) {
-  v1::JobSpec spec = Spec();
-  spec.set_width(64);  // 16 tiles
-  scheduler_.AddJob(kJob, spec);
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
-  const GrantedLease slow = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  absl::Time now = kStart;
-  for (int i = 0; i < 8; ++i) {
-    const GrantedLease lease = scheduler_.GrantLeases(kBen, now).at(0);
-    EXPECT_NE(lease.unit, slow.unit);
-    now += absl::Seconds(3);
-    EXPECT_EQ(scheduler_.CompleteUnit(kBen, lease.unit, lease.attempt, now), Completion::kAccepted);
-    scheduler_.UnitCommitted(lease.unit);
-    scheduler_.Heartbeat(kAnn, {{slow.unit, slow.attempt, i}}, slow.attempt, now);
-  }
-  const std::vector<LateLease> late = scheduler_.ExpireLeases(now);  // 24 s are more than 4 x 3 s
-  ASSERT_EQ(late.size(), 1u);
-  EXPECT_EQ(late[0].unit, slow.unit);
-  EXPECT_EQ(late[0].lateness, Lateness::kOverdue);
-  EXPECT_TRUE(scheduler_.HoldsLease(kAnn, slow.unit, slow.attempt));
-  const GrantedLease again = scheduler_.GrantLeases(now).at(0);
-  EXPECT_EQ(again.worker, kBen);
-  EXPECT_EQ(again.unit, slow.unit);
-  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, slow.unit, slow.attempt, now), Completion::kAccepted);
-  EXPECT_EQ(scheduler_.CompleteUnit(kBen, again.unit, again.attempt, now), Completion::kDuplicate);
-  scheduler_.UnitCommitted(slow.unit);
-  for (const GrantedLease& lease : scheduler_.GrantLeases(now)) EXPECT_NE(lease.unit, slow.unit);
-}
-
-TEST_F(SchedulerTest, AnOverdueUnitIsNotLeasedTwiceToTheSameWorker) {
-  v1::JobSpec spec = Spec();
-  spec.set_samples_per_pixel(12);  // 3 passes of 4 tiles
-  scheduler_.AddJob(kJob, spec);
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 16});
-  std::vector<GrantedLease> leases = scheduler_.GrantLeases(kAnn, kStart);
-  const absl::Time now = kStart + absl::Seconds(1);
-  for (size_t i = 0; i + 1 < leases.size(); ++i) {
-    scheduler_.CompleteUnit(kAnn, leases[i].unit, leases[i].attempt, now);
-    scheduler_.UnitCommitted(leases[i].unit);
-  }
-  EXPECT_EQ(scheduler_.ExpireLeases(kStart + absl::Seconds(9)).size(), 0u);
-  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(10));
-  EXPECT_EQ(scheduler_.ExpireLeases(kStart + absl::Seconds(10)).size(), 1u);
-  EXPECT_THAT(scheduler_.GrantLeases(kStart + absl::Seconds(10)), IsEmpty());
-  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Seconds(30));
 }
 
 TEST_F(SchedulerTest, AJobStaysWithinTheClassOfItsFirstAcceptedUnit) {
@@ -336,189 +155,6 @@ TEST_F(SchedulerTest, AWorkerOfAnotherClassThatLeasesOnceAndDiesDoesNotBlockTheJ
   scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
   for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
   EXPECT_THAT(scheduler_.CommittedFrames(kJob), ElementsAre(10));
-}
-
-TEST_F(SchedulerTest, AFailedUnitGoesToAnotherWorkerWhereThereIsOne) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
-  const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart), FailureOutcome::kRetried);
-  scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
-  EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, failed.unit);
-  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
-}
-
-TEST_F(SchedulerTest, AWorkerThatFailedAUnitAndReconnectsIsStillTheSame) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.name = "bad", .numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.name = "good", .numeric_class = "avx2", .slots = 1});
-  const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart);
-  scheduler_.RemoveWorker(kAnn);
-  const WorkerId again(3);
-  scheduler_.AddWorker(again, {.name = "bad", .numeric_class = "avx2", .slots = 1});
-  scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
-  EXPECT_NE(scheduler_.GrantLeases(again, kStart).at(0).unit, failed.unit);
-  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
-}
-
-TEST_F(SchedulerTest, ADroppedUnitGoesToAnotherWorkerWhereThereIsOne) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  const std::vector<LateLease> late = scheduler_.Heartbeat(kAnn, {}, first.attempt, kStart);
-  ASSERT_EQ(late.size(), 1u);
-  EXPECT_EQ(late[0].unit, first.unit);
-  EXPECT_EQ(late[0].lateness, Lateness::kDropped);
-  EXPECT_EQ(late[0].job_error, "");
-  const GrantedLease again = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(again.unit, first.unit) << "there is no other worker";
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.Heartbeat(kAnn, {}, again.attempt, kStart);
-  EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, first.unit);
-  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, first.unit);
-}
-
-TEST_F(SchedulerTest, ThreeFailuresOfAUnitFailTheJobWithLongerAndLongerPauses) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
-  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
-  GrantedLease lease = leases[0];
-  absl::Time now = kStart;
-  for (const absl::Duration pause : {absl::Seconds(1), absl::Seconds(2)}) {
-    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kRetried);
-    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kIgnored);
-    EXPECT_EQ(scheduler_.NextExpiry(), now + pause);
-    scheduler_.ExpireLeases(now + pause - absl::Milliseconds(1));
-    EXPECT_THAT(scheduler_.GrantLeases(now), IsEmpty());
-    now += pause;
-    scheduler_.ExpireLeases(now);
-    const auto again = scheduler_.GrantLeases(now);
-    ASSERT_EQ(again.size(), 1u);
-    EXPECT_EQ(again[0].unit, lease.unit);
-    lease = again[0];
-  }
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kJobFails);
-}
-
-TEST_F(SchedulerTest, APermanentFailureFailsTheJobAtOnceIfNobodyElseCanBeAsked) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, true, kStart), FailureOutcome::kJobFails);
-}
-
-TEST_F(SchedulerTest, APermanentFailureIsBelievedWhenASecondWorkerAgrees) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
-  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
-  EXPECT_EQ(scheduler_.FailUnit(kAnn, first.unit, first.attempt, true, kStart), FailureOutcome::kRetried);
-  const GrantedLease second = scheduler_.GrantLeases(kBen, kStart).at(0);
-  EXPECT_EQ(second.unit, first.unit) << "the second opinion is asked for at once";
-  EXPECT_EQ(scheduler_.FailUnit(kBen, second.unit, second.attempt, true, kStart), FailureOutcome::kJobFails);
-}
-
-TEST_F(SchedulerTest, AWorkerThatFailsWhatOthersRenderIsSetAsideForAWhile) {
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  for (const JobId& job : {kJob, kOther}) {
-    scheduler_.AddJob(job, Spec());
-    const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
-    if (job == kJob) scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
-    scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, true, kStart);
-    EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
-    for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
-    if (job == kJob) {
-      EXPECT_THAT(scheduler_.TakeSetAside(), IsEmpty()) << "one job may be to blame itself";
-      scheduler_.EndJob(job);
-    }
-  }
-  const std::vector<SetAsideWorker> aside = scheduler_.TakeSetAside();
-  ASSERT_EQ(aside.size(), 1u);
-  EXPECT_EQ(aside[0].worker, kAnn);
-  EXPECT_EQ(aside[0].until, kStart + absl::Minutes(5));
-  EXPECT_EQ(aside[0].reason, "it failed units of 2 jobs that other workers rendered");
-  EXPECT_EQ(scheduler_.SetAsideReason(kAnn), aside[0].reason);
-  scheduler_.AddJob(kJob, Spec());
-  EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
-  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Minutes(5));
-  scheduler_.ExpireLeases(kStart + absl::Minutes(5));
-  EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
-  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart + absl::Minutes(5)).size(), 1u);
-}
-
-TEST_F(SchedulerTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(WorkerId(1), {.name = "host:1", .numeric_class = "avx2", .slots = 1});
-  const UnitRef poison = scheduler_.GrantLeases(kStart).at(0).unit;
-  for (int64_t i = 2; i <= 3; ++i) {
-    EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i - 1)), IsEmpty());
-    scheduler_.AddWorker(WorkerId(i),
-                         {.name = absl::StrCat("host:", i), .numeric_class = "avx2", .slots = 1});
-    EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit, poison);
-  }
-  scheduler_.RemoveWorker(WorkerId(3));
-  scheduler_.AddWorker(WorkerId(4), {.name = "host:4", .numeric_class = "avx2", .slots = 3});
-  scheduler_.AddWorker(WorkerId(5), {.name = "host:5", .numeric_class = "avx2", .slots = 2});
-  const auto leases = scheduler_.GrantLeases(kStart);
-  ASSERT_EQ(leases.size(), 3u);
-  EXPECT_EQ(leases[0].unit, poison);
-  EXPECT_EQ(leases[0].worker, WorkerId(4));
-  EXPECT_TRUE(leases[0].alone);
-  EXPECT_EQ(leases[1].worker, WorkerId(5)) << "the worker in quarantine gets nothing else";
-  const std::vector<FailedJob> failed = scheduler_.RemoveWorker(WorkerId(4));
-  ASSERT_EQ(failed.size(), 1u);
-  EXPECT_EQ(failed[0].job, kJob);
-  EXPECT_THAT(failed[0].error, HasSubstr("j-1 frame 10 tile 0 geometry: workers were lost with it 4 times"));
-  EXPECT_THAT(failed[0].error, HasSubstr("host:1, host:2, host:3, host:4"));
-}
-
-TEST_F(SchedulerTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyOther) {
-  scheduler_.AddJob(kJob, Spec());
-  for (int64_t i = 1; i <= 3; ++i) {
-    scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 2});
-    scheduler_.GrantLeases(kStart);
-    scheduler_.RemoveWorker(WorkerId(i));
-  }
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
-  for (int i = 0; i < 2; ++i) {
-    const auto alone = scheduler_.GrantLeases(kStart);
-    ASSERT_EQ(alone.size(), 1u);
-    EXPECT_TRUE(alone[0].alone);
-    EXPECT_EQ(alone[0].unit.key.tile, i);
-    EXPECT_FALSE(Commit(kAnn, alone[0]));
-  }
-  const auto others = scheduler_.GrantLeases(kStart);
-  ASSERT_EQ(others.size(), 2u);
-  EXPECT_FALSE(others[0].alone);
-}
-
-TEST_F(SchedulerTest, AUnitInQuarantineWaitsUntilItsWorkerIsIdle) {
-  scheduler_.AddJob(kOther, Spec());
-  scheduler_.AddWorker(WorkerId(9), {.numeric_class = "avx2", .slots = 2});
-  const GrantedLease busy = scheduler_.GrantLeases(kStart).at(0);
-  for (int64_t i = 1; i <= 3; ++i) {
-    scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
-    scheduler_.GrantLeases(kStart);
-    scheduler_.RemoveWorker(WorkerId(i));
-  }
-  scheduler_.AddJob(kJob, Spec());
-  Commit(WorkerId(9), busy);  // one slot is free, the other one is not
-  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
-  scheduler_.EndJob(kOther);
-  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 2u) << "the unit in quarantine has ended with its job";
-}
-
-TEST_F(SchedulerTest, AWorkerThatIsLostWithItsUnitAgainAndAgainCountsAsSeveral) {
-  scheduler_.AddJob(kJob, Spec());
-  for (int64_t i = 1; i <= 6; ++i) {
-    scheduler_.AddWorker(WorkerId(i), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
-    EXPECT_FALSE(scheduler_.GrantLeases(kStart).at(0).alone);
-    scheduler_.RemoveWorker(WorkerId(i));
-  }
-  scheduler_.AddWorker(WorkerId(7), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
-  EXPECT_TRUE(scheduler_.GrantLeases(kStart).at(0).alone);
 }
 
 TEST_F(SchedulerTest, AnEndedJobIsForgottenAndItsSlotsAreFree) {
@@ -648,22 +284,6 @@ TEST_F(SchedulerTest, AJobHasNoMoreLeasesThanItsLimit) {
   EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
 }
 
-TEST_F(SchedulerTest, ALeaseThatIsHandedBackIsFreeAtOnceAndNobodyIsToBlame) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  GrantedLease lease = scheduler_.GrantLeases(kStart).at(0);
-  for (int i = 0; i < 20; ++i) {  // more often than failures or losses would be allowed
-    EXPECT_TRUE(scheduler_.HandBack(kAnn, lease.unit, lease.attempt));
-    EXPECT_FALSE(scheduler_.HandBack(kAnn, lease.unit, lease.attempt));
-    const GrantedLease again = scheduler_.GrantLeases(kStart).at(0);
-    EXPECT_EQ(again.unit, lease.unit);
-    EXPECT_FALSE(again.alone);
-    lease = again;
-  }
-  EXPECT_EQ(scheduler_.DescribeWorker(kAnn)->units_failed, 0);
-  EXPECT_THAT(scheduler_.TakeVoided(), IsEmpty()) << "the worker knows";
-}
-
 TEST_F(SchedulerTest, ADrainedWorkerFinishesWhatItHas) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 2});
@@ -732,24 +352,6 @@ TEST_F(SchedulerTest, FramesThatNobodyCanFinishDoNotStopTheOthers) {
   scheduler_.AddJob(kOther, Spec());
   scheduler_.AddWorker(WorkerId(3), {.numeric_class = "sse2", .slots = 1});
   EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 1u) << "nor one that no worker can render";
-}
-
-TEST_F(SchedulerTest, LeasesThatBecomeVoidBehindTheirWorkersBackAreReported) {
-  scheduler_.AddJob(kJob, Spec());
-  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
-  scheduler_.AddWorker(kBen, {.numeric_class = "sse2", .slots = 1});
-  const auto leases = scheduler_.GrantLeases(kStart);
-  Commit(kAnn, leases[0]);
-  std::vector<VoidedLease> voided = scheduler_.TakeVoided();
-  ASSERT_EQ(voided.size(), 1u) << "the job is of the class avx2 now";
-  EXPECT_EQ(voided[0].worker, kBen);
-  EXPECT_EQ(voided[0].unit, leases[1].unit);
-  const auto next = scheduler_.GrantLeases(kStart);
-  scheduler_.EndJob(kJob);
-  voided = scheduler_.TakeVoided();
-  ASSERT_EQ(voided.size(), 1u);
-  EXPECT_EQ(voided[0].attempt, next[0].attempt);
-  EXPECT_THAT(scheduler_.TakeVoided(), IsEmpty());
 }
 
 std::vector<std::string> Codes(const std::vector<Reason>& reasons) {

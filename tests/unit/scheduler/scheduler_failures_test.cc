@@ -1,0 +1,204 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "tests/unit/scheduler/scheduler_fixture.h"
+
+namespace lumifold::scheduler {
+namespace {
+
+using job::JobId;
+using job::UnitRef;
+using job::WorkerId;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+using SchedulerFailuresTest = SchedulerFixture;
+
+TEST_F(SchedulerFailuresTest, AFailedUnitGoesToAnotherWorkerWhereThereIsOne) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
+  const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart), FailureOutcome::kRetried);
+  scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
+  EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, failed.unit);
+  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
+}
+
+TEST_F(SchedulerFailuresTest, AWorkerThatFailedAUnitAndReconnectsIsStillTheSame) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.name = "bad", .numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.name = "good", .numeric_class = "avx2", .slots = 1});
+  const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, false, kStart);
+  scheduler_.RemoveWorker(kAnn);
+  const WorkerId again(3);
+  scheduler_.AddWorker(again, {.name = "bad", .numeric_class = "avx2", .slots = 1});
+  scheduler_.ExpireLeases(kStart + absl::Seconds(1));  // the backoff is over
+  EXPECT_NE(scheduler_.GrantLeases(again, kStart).at(0).unit, failed.unit);
+  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, failed.unit);
+}
+
+TEST_F(SchedulerFailuresTest, ADroppedUnitGoesToAnotherWorkerWhereThereIsOne) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  const std::vector<LateLease> late = scheduler_.Heartbeat(kAnn, {}, first.attempt, kStart);
+  ASSERT_EQ(late.size(), 1u);
+  EXPECT_EQ(late[0].unit, first.unit);
+  EXPECT_EQ(late[0].lateness, Lateness::kDropped);
+  EXPECT_EQ(late[0].job_error, "");
+  const GrantedLease again = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(again.unit, first.unit) << "there is no other worker";
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.Heartbeat(kAnn, {}, again.attempt, kStart);
+  EXPECT_NE(scheduler_.GrantLeases(kAnn, kStart).at(0).unit, first.unit);
+  EXPECT_EQ(scheduler_.GrantLeases(kBen, kStart).at(0).unit, first.unit);
+}
+
+TEST_F(SchedulerFailuresTest, ThreeFailuresOfAUnitFailTheJobWithLongerAndLongerPauses) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 12});
+  const auto leases = scheduler_.GrantLeases(kAnn, kStart);
+  GrantedLease lease = leases[0];
+  absl::Time now = kStart;
+  for (const absl::Duration pause : {absl::Seconds(1), absl::Seconds(2)}) {
+    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kRetried);
+    EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kIgnored);
+    EXPECT_EQ(scheduler_.NextExpiry(), now + pause);
+    scheduler_.ExpireLeases(now + pause - absl::Milliseconds(1));
+    EXPECT_THAT(scheduler_.GrantLeases(now), IsEmpty());
+    now += pause;
+    scheduler_.ExpireLeases(now);
+    const auto again = scheduler_.GrantLeases(now);
+    ASSERT_EQ(again.size(), 1u);
+    EXPECT_EQ(again[0].unit, lease.unit);
+    lease = again[0];
+  }
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, false, now), FailureOutcome::kJobFails);
+}
+
+TEST_F(SchedulerFailuresTest, APermanentFailureFailsTheJobAtOnceIfNobodyElseCanBeAsked) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  const GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, lease.unit, lease.attempt, true, kStart), FailureOutcome::kJobFails);
+}
+
+TEST_F(SchedulerFailuresTest, APermanentFailureIsBelievedWhenASecondWorkerAgrees) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
+  const GrantedLease first = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, first.unit, first.attempt, true, kStart), FailureOutcome::kRetried);
+  const GrantedLease second = scheduler_.GrantLeases(kBen, kStart).at(0);
+  EXPECT_EQ(second.unit, first.unit) << "the second opinion is asked for at once";
+  EXPECT_EQ(scheduler_.FailUnit(kBen, second.unit, second.attempt, true, kStart), FailureOutcome::kJobFails);
+}
+
+TEST_F(SchedulerFailuresTest, AWorkerThatFailsWhatOthersRenderIsSetAsideForAWhile) {
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  for (const JobId& job : {kJob, kOther}) {
+    scheduler_.AddJob(job, Spec());
+    const GrantedLease failed = scheduler_.GrantLeases(kAnn, kStart).at(0);
+    if (job == kJob) scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 12});
+    scheduler_.FailUnit(kAnn, failed.unit, failed.attempt, true, kStart);
+    EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
+    for (const GrantedLease& lease : scheduler_.GrantLeases(kBen, kStart)) Commit(kBen, lease);
+    if (job == kJob) {
+      EXPECT_THAT(scheduler_.TakeSetAside(), IsEmpty()) << "one job may be to blame itself";
+      scheduler_.EndJob(job);
+    }
+  }
+  const std::vector<SetAsideWorker> aside = scheduler_.TakeSetAside();
+  ASSERT_EQ(aside.size(), 1u);
+  EXPECT_EQ(aside[0].worker, kAnn);
+  EXPECT_EQ(aside[0].until, kStart + absl::Minutes(5));
+  EXPECT_EQ(aside[0].reason, "it failed units of 2 jobs that other workers rendered");
+  EXPECT_EQ(scheduler_.SetAsideReason(kAnn), aside[0].reason);
+  scheduler_.AddJob(kJob, Spec());
+  EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
+  EXPECT_EQ(scheduler_.NextExpiry(), kStart + absl::Minutes(5));
+  scheduler_.ExpireLeases(kStart + absl::Minutes(5));
+  EXPECT_EQ(scheduler_.SetAsideReason(kAnn), "");
+  EXPECT_EQ(scheduler_.GrantLeases(kAnn, kStart + absl::Minutes(5)).size(), 1u);
+}
+
+TEST_F(SchedulerFailuresTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(WorkerId(1), {.name = "host:1", .numeric_class = "avx2", .slots = 1});
+  const UnitRef poison = scheduler_.GrantLeases(kStart).at(0).unit;
+  for (int64_t i = 2; i <= 3; ++i) {
+    EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i - 1)), IsEmpty());
+    scheduler_.AddWorker(WorkerId(i),
+                         {.name = absl::StrCat("host:", i), .numeric_class = "avx2", .slots = 1});
+    EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit, poison);
+  }
+  scheduler_.RemoveWorker(WorkerId(3));
+  scheduler_.AddWorker(WorkerId(4), {.name = "host:4", .numeric_class = "avx2", .slots = 3});
+  scheduler_.AddWorker(WorkerId(5), {.name = "host:5", .numeric_class = "avx2", .slots = 2});
+  const auto leases = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(leases.size(), 3u);
+  EXPECT_EQ(leases[0].unit, poison);
+  EXPECT_EQ(leases[0].worker, WorkerId(4));
+  EXPECT_TRUE(leases[0].alone);
+  EXPECT_EQ(leases[1].worker, WorkerId(5)) << "the worker in quarantine gets nothing else";
+  const std::vector<FailedJob> failed = scheduler_.RemoveWorker(WorkerId(4));
+  ASSERT_EQ(failed.size(), 1u);
+  EXPECT_EQ(failed[0].job, kJob);
+  EXPECT_THAT(failed[0].error, HasSubstr("j-1 frame 10 tile 0 geometry: workers were lost with it 4 times"));
+  EXPECT_THAT(failed[0].error, HasSubstr("host:1, host:2, host:3, host:4"));
+}
+
+TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyOther) {
+  scheduler_.AddJob(kJob, Spec());
+  for (int64_t i = 1; i <= 3; ++i) {
+    scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 2});
+    scheduler_.GrantLeases(kStart);
+    scheduler_.RemoveWorker(WorkerId(i));
+  }
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
+  for (int i = 0; i < 2; ++i) {
+    const auto alone = scheduler_.GrantLeases(kStart);
+    ASSERT_EQ(alone.size(), 1u);
+    EXPECT_TRUE(alone[0].alone);
+    EXPECT_EQ(alone[0].unit.key.tile, i);
+    EXPECT_FALSE(Commit(kAnn, alone[0]));
+  }
+  const auto others = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(others.size(), 2u);
+  EXPECT_FALSE(others[0].alone);
+}
+
+TEST_F(SchedulerFailuresTest, AUnitInQuarantineWaitsUntilItsWorkerIsIdle) {
+  scheduler_.AddJob(kOther, Spec());
+  scheduler_.AddWorker(WorkerId(9), {.numeric_class = "avx2", .slots = 2});
+  const GrantedLease busy = scheduler_.GrantLeases(kStart).at(0);
+  for (int64_t i = 1; i <= 3; ++i) {
+    scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
+    scheduler_.GrantLeases(kStart);
+    scheduler_.RemoveWorker(WorkerId(i));
+  }
+  scheduler_.AddJob(kJob, Spec());
+  Commit(WorkerId(9), busy);  // one slot is free, the other one is not
+  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  scheduler_.EndJob(kOther);
+  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 2u) << "the unit in quarantine has ended with its job";
+}
+
+TEST_F(SchedulerFailuresTest, AWorkerThatIsLostWithItsUnitAgainAndAgainCountsAsSeveral) {
+  scheduler_.AddJob(kJob, Spec());
+  for (int64_t i = 1; i <= 6; ++i) {
+    scheduler_.AddWorker(WorkerId(i), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
+    EXPECT_FALSE(scheduler_.GrantLeases(kStart).at(0).alone);
+    scheduler_.RemoveWorker(WorkerId(i));
+  }
+  scheduler_.AddWorker(WorkerId(7), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
+  EXPECT_TRUE(scheduler_.GrantLeases(kStart).at(0).alone);
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

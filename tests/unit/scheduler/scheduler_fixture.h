@@ -1,0 +1,41 @@
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/scheduler/scheduler.h"
+
+namespace lumifold::scheduler {
+
+inline const job::JobId kJob("j-1");
+inline const job::JobId kOther("j-2");
+inline const job::WorkerId kAnn(1);
+inline const job::WorkerId kBen(2);
+inline const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
+
+/// A job of 4 tiles x (1 + 2) units a frame.
+inline v1::JobSpec Spec(int frames = 1) {
+  v1::JobSpec spec;
+  spec.set_width(16);
+  spec.set_height(16);
+  spec.set_tile_size(8);
+  spec.set_samples_per_pixel(8);
+  spec.set_pass_samples(4);
+  spec.set_first_frame(10);
+  spec.set_frame_count(frames);
+  return spec;
+}
+
+/// A scheduler without jobs and workers, with leases of 30 s, whose third failure of a unit is the last.
+class SchedulerFixture : public ::testing::Test {
+ protected:
+  /// Delivers and commits a unit; true if it was the last one of its frame.
+  bool Commit(job::WorkerId worker, const GrantedLease& lease) {
+    EXPECT_EQ(scheduler_.CompleteUnit(worker, lease.unit, lease.attempt, kStart), Completion::kAccepted);
+    return scheduler_.UnitCommitted(lease.unit);
+  }
+
+  Scheduler scheduler_{{.lease = absl::Seconds(30), .max_failures = 3, .first_attempt = job::Attempt(100)}};
+};
+
+}  // namespace lumifold::scheduler

@@ -147,31 +147,42 @@ absl::StatusOr<v1::SubmitJobResponse> Coordinator::SubmitJob(const v1::SubmitJob
     return absl::InvalidArgumentError(absl::StrCat("request_id has ", request.request_id().size(),
                                                    " bytes, not 1 to ", job::kMaxRequestIdBytes));
   }
-  const absl::StatusOr<v1::JobSpec> spec = job::NormaliseJobSpec(request.spec());
+  absl::StatusOr<v1::JobSpec> spec = job::NormaliseJobSpec(request.spec());
   if (!spec.ok()) return spec.status();
-  if (absl::Status status = storage_.status(); !status.ok()) return status;
-  if (absl::Status status = janitor_.CheckQuota(); !status.ok()) return status;
-  if (absl::Status status = CheckSpec(*spec); !status.ok()) return status;
-  if (absl::Status status = CheckAssetBytes(*spec); !status.ok()) return status;
   absl::StatusOr<v1::Scheduling> scheduling = job::NormaliseScheduling(request.scheduling());
   if (!scheduling.ok()) return scheduling.status();
-  const absl::StatusOr<std::vector<job_life::Prerequisite>> after = CheckAfter(*scheduling);
-  if (!after.ok()) return NoteError(after.status());
-  const std::string user = scheduling->user();
-  if (absl::Status status = BeginSubmission(user); !status.ok()) return status;
-  const absl::Time now = options_.wall_now();
-  const absl::StatusOr<JobId> id = RecordJob({.id = job::MakeJobId(now, options_.random()),
-                                              .request_id = request.request_id(),
-                                              .spec = *spec,
-                                              .scheduling = *std::move(scheduling),
-                                              .submitted = now,
-                                              .owner = owner_},
-                                             *after);
-  EndSubmission(user);
+  if (absl::Status status = storage_.status(); !status.ok()) return status;
+  ledger::NewJob job{.id = {},
+                     .request_id = request.request_id(),
+                     .spec = *std::move(spec),
+                     .scheduling = *std::move(scheduling),
+                     .submitted = absl::InfinitePast(),
+                     .owner = owner_};
+  // First: limits and conditions are those of new jobs. A client that did not get the answer to its submission must get
+  // it by a repetition.
+  const absl::StatusOr<std::optional<JobId>> recorded = store_->FindRequest(job);
+  if (!recorded.ok()) return NoteError(recorded.status());
+  const absl::StatusOr<JobId> id =
+      recorded->has_value() ? StartIfUncertain(**recorded) : SubmitNewJob(std::move(job));
   if (!id.ok()) return NoteError(id.status());
   v1::SubmitJobResponse response;
   response.set_job_id(id->value());
   return response;
+}
+
+absl::StatusOr<JobId> Coordinator::SubmitNewJob(ledger::NewJob job) {
+  if (absl::Status status = janitor_.CheckQuota(); !status.ok()) return status;
+  if (absl::Status status = CheckSpec(job.spec); !status.ok()) return status;
+  if (absl::Status status = CheckAssetBytes(job.spec); !status.ok()) return status;
+  const absl::StatusOr<std::vector<job_life::Prerequisite>> after = CheckAfter(job.scheduling);
+  if (!after.ok()) return after.status();
+  const std::string user = job.scheduling.user();
+  if (absl::Status status = BeginSubmission(user); !status.ok()) return status;
+  job.submitted = options_.wall_now();
+  job.id = job::MakeJobId(job.submitted, options_.random());
+  absl::StatusOr<JobId> id = RecordJob(std::move(job), *after);
+  EndSubmission(user);
+  return id;
 }
 
 absl::StatusOr<JobId> Coordinator::RecordJob(ledger::NewJob job,
@@ -200,11 +211,15 @@ absl::StatusOr<JobId> Coordinator::RecordJob(ledger::NewJob job,
     StartJob(std::move(record), after, /*was_uncertain=*/false);
     return id;
   }
+  return StartIfUncertain(*id);  // another call with the same request was faster
+}
+
+absl::StatusOr<JobId> Coordinator::StartIfUncertain(const JobId& id) {
   {
     absl::MutexLock lock(&mutex_);
-    if (!uncertain_jobs_.contains(*id)) return id;  // the request was recorded, and the job started, before
+    if (!uncertain_jobs_.contains(id)) return id;  // the job was started when it was recorded
   }
-  absl::StatusOr<ledger::JobRecord> recorded = store_->GetJob(*id);
+  absl::StatusOr<ledger::JobRecord> recorded = store_->GetJob(id);
   if (!recorded.ok()) return recorded.status();
   const absl::StatusOr<std::vector<job_life::Prerequisite>> recorded_after =
       ReadPrerequisites(recorded->scheduling);

@@ -278,6 +278,10 @@ class Coordinator final : private Committer::Listener {
   /// Adds the jobs of a page that the request asks for.
   absl::Status AddListed(const ledger::JobPage& page, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response);
+  /// Checks what a new job must meet, and records it.
+  absl::StatusOr<job::JobId> SubmitNewJob(ledger::NewJob job);
+  /// A request that is recorded: starts its job if an error of the storage has left open whether it is. Returns `id`.
+  absl::StatusOr<job::JobId> StartIfUncertain(const job::JobId& id);
 
   // Dependencies, see coordinator_dependencies.cc.
   /// As ReadPrerequisites. Errors: also kInvalidArgument naming a job that is not known, or for too many.

@@ -150,6 +150,10 @@ class JobStore {
   /// Records a job and returns its id, or the id of the job that is already recorded with the same request id.
   /// Errors: kAlreadyExists where the recorded request has another spec or scheduling, or the id is taken.
   virtual absl::StatusOr<job::JobId> CreateJob(const NewJob& job) = 0;
+  /// The id that CreateJob would return because the request is recorded; nullopt where it is not. The id of `job` does
+  /// not count.
+  /// Errors: as CreateJob for a request id of another spec or scheduling.
+  virtual absl::StatusOr<std::optional<job::JobId>> FindRequest(const NewJob& job) = 0;
   /// Makes `owner` the owner of all jobs that have not ended, and returns them.
   /// Errors: kAborted where a later epoch owns one of them; then none is claimed.
   virtual absl::StatusOr<ClaimedJobs> ClaimUnfinishedJobs(const Owner& owner) = 0;

@@ -23,6 +23,7 @@ class SqlJobStore final : public JobStore {
 
   absl::StatusOr<Epoch> NewEpoch(Epoch floor) override;
   absl::StatusOr<JobId> CreateJob(const NewJob& job) override;
+  absl::StatusOr<std::optional<JobId>> FindRequest(const NewJob& job) override;
   absl::StatusOr<ClaimedJobs> ClaimUnfinishedJobs(const Owner& owner) override;
   absl::StatusOr<JobRecord> GetJob(const JobId& job) override;
   absl::StatusOr<JobPage> ListJobs(const JobFilter& filter) override;
@@ -93,6 +94,11 @@ absl::StatusOr<JobId> SqlJobStore::CreateJob(const NewJob& job) {
       writer_->InTransaction([&]() ABSL_NO_THREAD_SAFETY_ANALYSIS { return InsertJob(*writer_, job, &id); });
   if (!status.ok()) return status;
   return id;
+}
+
+absl::StatusOr<std::optional<JobId>> SqlJobStore::FindRequest(const NewJob& job) {
+  absl::MutexLock lock(&reader_mutex_);
+  return QueryRequest(*reader_, job);
 }
 
 absl::StatusOr<ClaimedJobs> SqlJobStore::ClaimUnfinishedJobs(const Owner& owner) {

@@ -90,19 +90,31 @@ absl::Status InsertJob(SqlConnection& db, const NewJob& job, JobId* id) {
   if (!inserted.ok()) return inserted.status();
   *id = job.id;
   if (inserted->has_value()) return absl::OkStatus();
+  const absl::StatusOr<std::optional<JobId>> recorded = QueryRequest(db, job);
+  if (!recorded.ok()) return recorded.status();
+  if (!recorded->has_value()) {  // another coordinator has deleted it since the conflict
+    return absl::AbortedError(absl::StrCat("the job of request_id '", absl::Utf8SafeCEscape(job.request_id),
+                                           "' was deleted meanwhile"));
+  }
+  *id = **recorded;
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<JobId>> QueryRequest(SqlConnection& db, const NewJob& job) {
+  std::optional<JobId> recorded;
   std::string recorded_digest;
   if (absl::Status status =
           db.Query("SELECT id, request_digest FROM jobs WHERE request_id = $1", {job.request_id},
                    [&](SqlRow& row) {
-                     *id = JobId(row.Text());
+                     recorded = JobId(row.Text());
                      recorded_digest = row.Bytes();
                    });
       !status.ok()) {
     return status;
   }
-  if (recorded_digest == digest) return absl::OkStatus();
+  if (!recorded.has_value() || recorded_digest == RequestDigest(job.spec, job.scheduling)) return recorded;
   return absl::AlreadyExistsError(absl::StrCat("request_id '", absl::Utf8SafeCEscape(job.request_id),
-                                               "' is that of job ", id->value(),
+                                               "' is that of job ", recorded->value(),
                                                ", which has another spec or scheduling"));
 }
 

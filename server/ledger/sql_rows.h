@@ -21,6 +21,8 @@ absl::Status NoJob(const job::JobId& job);
 
 /// JobStore::CreateJob.
 absl::Status InsertJob(SqlConnection& db, const NewJob& job, job::JobId* id);
+/// JobStore::FindRequest.
+absl::StatusOr<std::optional<job::JobId>> QueryRequest(SqlConnection& db, const NewJob& job);
 /// JobStore::ClaimUnfinishedJobs.
 absl::Status ClaimJobs(SqlConnection& db, const Owner& owner, ClaimedJobs* claimed);
 /// Makes a job active as in JobStore::ReopenFrames.

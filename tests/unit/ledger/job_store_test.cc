@@ -54,9 +54,12 @@ TEST_P(JobStoreTest, EpochsIncreaseAcrossReopeningAndStayAboveAFloor) {
 }
 
 TEST_P(JobStoreTest, OneRequestMakesOneJob) {
+  EXPECT_EQ(*store_->FindRequest(Job("j-a", "r-1")), std::nullopt);
   EXPECT_EQ(*store_->CreateJob(Job("j-a", "r-1")), JobId("j-a"));
   EXPECT_EQ(*store_->CreateJob(Job("j-b", "r-1")), JobId("j-a"));
   EXPECT_EQ(*store_->CreateJob(Job("j-c", "r-2")), JobId("j-c"));
+  EXPECT_EQ(*store_->FindRequest(Job("", "r-1")), JobId("j-a"));
+  EXPECT_EQ(*store_->FindRequest(Job("", "r-3")), std::nullopt);
   EXPECT_THAT(Listed({}), SizeIs(2));
 }
 
@@ -69,9 +72,10 @@ TEST_P(JobStoreTest, ARequestIdOfAnotherSpecOrSchedulingIsRefused) {
   NewJob other_scheduling = Job("j-b", "r-1");
   other_scheduling.scheduling.set_priority(1);
   for (const NewJob& job : {other_spec, other_file, other_scheduling}) {
-    const absl::Status status = store_->CreateJob(job).status();
-    EXPECT_EQ(status.code(), StatusCode::kAlreadyExists);
-    EXPECT_THAT(Text(status), AllOf(HasSubstr("r-1"), HasSubstr("j-a")));
+    for (const absl::Status& status : {store_->CreateJob(job).status(), store_->FindRequest(job).status()}) {
+      EXPECT_EQ(status.code(), StatusCode::kAlreadyExists);
+      EXPECT_THAT(Text(status), AllOf(HasSubstr("r-1"), HasSubstr("j-a")));
+    }
   }
   // What was asked for counts, not what has become of it.
   v1::Scheduling paused;

@@ -48,6 +48,10 @@ bool HasNul(const std::string& text) { return text.find('\0') != std::string::np
 
 absl::Status Nul() { return absl::InvalidArgumentError("r\\000x has a NUL character"); }
 
+std::string RequestOf(const NewJob& job) {
+  return job.spec.SerializeAsString() + "|" + job.scheduling.SerializeAsString();
+}
+
 class MemoryJobStore final : public JobStore {
  public:
   explicit MemoryJobStore(std::shared_ptr<MemoryState> state) : state_(std::move(state)) {}
@@ -58,24 +62,30 @@ class MemoryJobStore final : public JobStore {
   }
 
   absl::StatusOr<JobId> CreateJob(const NewJob& job) override {
-    if (HasNul(job.request_id)) return Nul();
-    const std::string request = job.spec.SerializeAsString() + "|" + job.scheduling.SerializeAsString();
-    for (const auto& [number, stored] : jobs_) {
-      if (stored.request_id != job.request_id) continue;
-      if (stored.request == request) return stored.record.id;
-      return absl::AlreadyExistsError(absl::StrCat(job.request_id, " is that of ", stored.record.id.value()));
-    }
+    const absl::StatusOr<std::optional<JobId>> recorded = FindRequest(job);
+    if (!recorded.ok()) return recorded.status();
+    if (recorded->has_value()) return **recorded;
     if (Find(job.id) != nullptr) return absl::AlreadyExistsError("the id is taken");
     StoredJob& stored = jobs_[--next_];
     stored.number = -next_;
     stored.request_id = job.request_id;
-    stored.request = request;
+    stored.request = RequestOf(job);
     stored.record.id = job.id;
     stored.record.spec = job.spec;
     stored.record.scheduling = job.scheduling;
     stored.record.owner = job.owner;
     stored.record.submitted = job.submitted;
     return job.id;
+  }
+
+  absl::StatusOr<std::optional<JobId>> FindRequest(const NewJob& job) override {
+    if (HasNul(job.request_id)) return Nul();
+    for (const auto& [number, stored] : jobs_) {
+      if (stored.request_id != job.request_id) continue;
+      if (stored.request == RequestOf(job)) return stored.record.id;
+      return absl::AlreadyExistsError(absl::StrCat(job.request_id, " is that of ", stored.record.id.value()));
+    }
+    return std::nullopt;
   }
 
   absl::StatusOr<ClaimedJobs> ClaimUnfinishedJobs(const Owner& owner) override {

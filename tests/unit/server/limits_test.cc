@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <list>
 
 #include "absl/strings/str_cat.h"
@@ -132,6 +133,22 @@ TEST_F(LimitsTest, ActiveJobsOfAUser) {
 
 TEST_F(LimitsTest, BytesOfAJobsFiles) {
   StartGate({.job_asset_bytes = 30});
+TEST_F(LimitsTest, ARepeatedSubmissionGetsItsJobWhateverIsFull) {
+  StartGate({.jobs_per_user = 1});
+  StoreScene();
+  std::string first;
+  ASSERT_TRUE(SubmitAs(kAnn, "1", "", &first).ok());
+  EXPECT_EQ(SubmitAs(kAnn, "2", "", nullptr).error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  std::string repeated;
+  const grpc::Status again = SubmitAs(kAnn, "1", "", &repeated);
+  EXPECT_TRUE(again.ok()) << again.error_message();
+  EXPECT_EQ(repeated, first);
+  std::filesystem::remove_all(data_.AssetsPath());  // of its scene
+  EXPECT_TRUE(SubmitAs(kAnn, "1", "", &repeated).ok());
+  EXPECT_EQ(repeated, first);
+  EXPECT_EQ(SubmitAs(kAnn, "2", "", nullptr).error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+}
+
   StoreScene();  // of 20 bytes
   v1::SubmitJobRequest request;
   *request.mutable_spec() = Spec();

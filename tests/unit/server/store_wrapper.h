@@ -20,6 +20,9 @@ class StoreWrapper : public ledger::JobStore {
   absl::StatusOr<job::JobId> CreateJob(const ledger::NewJob& job) override {
     return Call("CreateJob", [&] { return store_->CreateJob(job); });
   }
+  absl::StatusOr<std::optional<job::JobId>> FindRequest(const ledger::NewJob& job) override {
+    return Call("FindRequest", [&] { return store_->FindRequest(job); });
+  }
   absl::StatusOr<ledger::ClaimedJobs> ClaimUnfinishedJobs(const ledger::Owner& owner) override {
     return Call("ClaimUnfinishedJobs", [&] { return store_->ClaimUnfinishedJobs(owner); });
   }

@@ -137,7 +137,15 @@ absl::Status ServerImpl::Open() {
                                                    absl::FormatDuration(options_.heartbeat)));
   }
   security_.insecure = options_.insecure;
-  if (!options_.listen.empty() && !access::HasAccessFolder(folder_.AccessPath())) {
+  const bool has_access = access::HasAccessFolder(folder_.AccessPath());
+  if (has_access && options_.insecure) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("--insecure does not go with ", folder_.AccessPath(),
+                     ": 'lumifold-server init' has set up encryption and identities there. Start without "
+                     "--insecure, or with another data folder; to give all identities up, remove ",
+                     folder_.AccessPath()));
+  }
+  if (!options_.listen.empty() && !has_access) {
     // Before anything is made.
     if (absl::Status status = rpc::CheckListenAddress(options_.listen, security_); !status.ok())
       return status;

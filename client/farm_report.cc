@@ -48,9 +48,11 @@ std::string WorkerTableHead() {
 }
 
 std::string WorkerTableLine(const v1::WorkerStatus& worker) {
+  const bool has_two_names = !worker.process().empty() && worker.process() != worker.name();
   return absl::StrFormat(
       "%-8s %-24s %-9s %6d %6d %8d %6d %7.2f  %s\n", worker.worker_id().empty() ? "-" : worker.worker_id(),
-      worker.name(), WorkerStateName(worker.state()), worker.leases(), worker.slots(), worker.units_done(),
+      has_two_names ? absl::StrCat(worker.name(), "/", worker.process()) : worker.name(),
+      WorkerStateName(worker.state()), worker.leases(), worker.slots(), worker.units_done(),
       worker.units_failed(), worker.seconds_per_unit(), worker.reason());
 }
 
@@ -58,6 +60,7 @@ std::string WorkerJson(const v1::WorkerStatus& worker) {
   nlohmann::ordered_json json;
   json["worker_id"] = worker.worker_id();
   json["name"] = worker.name();
+  json["process"] = worker.process();
   json["state"] = std::string(WorkerStateName(worker.state()));
   json["reason"] = worker.reason();
   json["class"] = worker.numeric_class();

@@ -246,7 +246,10 @@ absl::StatusOr<v1::ListWorkersResponse> Coordinator::ListWorkers(const v1::ListW
 }
 
 v1::WorkerStatus Coordinator::StatusOf(const scheduler::WorkerInfo& info) const {
-  return ProtoFromWorker(info, workers_.at(info.worker).connected);
+  const ConnectedWorker& worker = workers_.at(info.worker);
+  v1::WorkerStatus status = ProtoFromWorker(info, worker.connected);
+  status.set_process(worker.process);
+  return status;
 }
 
 absl::StatusOr<Coordinator::NamedWorkers> Coordinator::FindWorkers(const std::string& worker) {

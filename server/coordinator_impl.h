@@ -40,6 +40,10 @@ namespace spdlog {
 class logger;
 }  // namespace spdlog
 
+namespace lumifold::access {
+struct Identity;
+}  // namespace lumifold::access
+
 namespace lumifold::server {
 
 class AssetChecks;
@@ -172,8 +176,10 @@ class Coordinator final : private Committer::Listener {
   absl::Status CheckFetch(const v1::FetchAssetRequest& request, const std::string& caller);
   /// After CheckFetch.
   absl::StatusOr<rpc::ByteSender> OpenAsset(const v1::FetchAssetRequest& request) const;
-  /// Sends Welcome to a worker and grants it leases. `sink` is used until RemoveWorker has returned.
-  absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, const std::string& caller,
+  /// Sends Welcome to a worker and grants it leases. With access control its name is that of its certificate, so that a
+  /// block holds for all processes that have it, and they count as one party in audits. `sink` is used until RemoveWorker
+  /// has returned.
+  absl::StatusOr<job::WorkerId> AddWorker(const v1::Hello& hello, const access::Identity& caller,
                                           WorkerSink* sink);
   void RemoveWorker(job::WorkerId worker);
   void OnHeartbeat(job::WorkerId worker, const v1::Heartbeat& heartbeat);
@@ -201,8 +207,9 @@ class Coordinator final : private Committer::Listener {
 
  private:
   struct ConnectedWorker {
-    std::string name;
-    std::string caller;
+    std::string name;     // see AddWorker
+    std::string process;  // what the worker calls itself
+    std::string caller;   // access::KeyOf
     int slots;
     WorkerSink* sink;
     absl::Time connected;             // by the wall clock, for display
@@ -271,6 +278,10 @@ class Coordinator final : private Committer::Listener {
   /// Counts a submission of the user until EndSubmission. Errors: kResourceExhausted where it has too many jobs.
   absl::Status BeginSubmission(const std::string& user);
   void EndSubmission(const std::string& user);
+  /// Checks what a new job must meet, and records it.
+  absl::StatusOr<job::JobId> SubmitNewJob(ledger::NewJob job);
+  /// A request that is recorded: starts its job if an error of the storage has left open whether it is. Returns `id`.
+  absl::StatusOr<job::JobId> StartIfUncertain(const job::JobId& id);
   absl::StatusOr<job::JobId> RecordJob(ledger::NewJob job, const std::vector<job_life::Prerequisite>& after);
   /// Starts a recorded job. `was_uncertain`: it is one of uncertain_jobs_, unless another call was first.
   void StartJob(ledger::JobRecord record, const std::vector<job_life::Prerequisite>& after,
@@ -278,10 +289,6 @@ class Coordinator final : private Committer::Listener {
   /// Adds the jobs of a page that the request asks for.
   absl::Status AddListed(const ledger::JobPage& page, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response);
-  /// Checks what a new job must meet, and records it.
-  absl::StatusOr<job::JobId> SubmitNewJob(ledger::NewJob job);
-  /// A request that is recorded: starts its job if an error of the storage has left open whether it is. Returns `id`.
-  absl::StatusOr<job::JobId> StartIfUncertain(const job::JobId& id);
 
   // Dependencies, see coordinator_dependencies.cc.
   /// As ReadPrerequisites. Errors: also kInvalidArgument naming a job that is not known, or for too many.

@@ -6,6 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/version.h"
+#include "server/access/identity.h"
 #include "server/coordinator_impl.h"
 #include "server/log_text.h"
 
@@ -62,7 +63,7 @@ absl::Status CheckHello(const v1::Hello& hello) {
 
 }  // namespace
 
-absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, const std::string& caller,
+absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, const access::Identity& caller,
                                                 WorkerSink* sink) {
   if (absl::Status status = CheckHello(hello); !status.ok()) {
     options_.log->warn("event=worker_refused worker={} error={}", Quoted(hello.name()),
@@ -72,18 +73,25 @@ absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, const st
   absl::MutexLock lock(&mutex_);
   if (stopping_) return absl::UnavailableError("the coordinator is stopping");
   const WorkerId worker(next_worker_++);
-  scheduler_.AddWorker(worker, {.name = WorkerName(hello.name()),
+  const std::string process = WorkerName(hello.name());
+  // What a worker says of itself must not free it from a block.
+  const std::string name = caller.kind == access::IdentityKind::kLocal ? process : WorkerName(caller.name);
+  scheduler_.AddWorker(worker, {.name = name,
                                 .numeric_class = hello.numeric_class(),
                                 .slots = hello.slots(),
                                 .tags = {hello.tags().begin(), hello.tags().end()}});
-  workers_.emplace(
-      worker,
-      ConnectedWorker{WorkerName(hello.name()), caller, hello.slots(), sink, options_.wall_now(), {}});
+  workers_.emplace(worker, ConnectedWorker{.name = name,
+                                           .process = process,
+                                           .caller = access::KeyOf(caller),
+                                           .slots = hello.slots(),
+                                           .sink = sink,
+                                           .connected = options_.wall_now(),
+                                           .known_jobs = {}});
   v1::CoordinatorMessage welcome;
   welcome.mutable_welcome()->set_worker_id(job::TextOf(worker));
   welcome.mutable_welcome()->set_heartbeat_ms(absl::ToInt64Milliseconds(options_.heartbeat));
   sink->Send(welcome);
-  options_.log->info("event=worker_connected worker={} class={} slots={}", NameOf(worker),
+  options_.log->info("event=worker_connected worker={} process={} class={} slots={}", NameOf(worker), process,
                      Quoted(hello.numeric_class()), hello.slots());
   GrantLeases();
   return worker;

@@ -234,7 +234,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
       return absl::FailedPreconditionError("worker stream: the first message is not Hello");
     call_->SetSubject(incoming_.hello().name());
     absl::StatusOr<std::unique_ptr<WorkerSession>> session =
-        WorkerSession::Open(coordinator_, incoming_.hello(), access::KeyOf(call_->caller()), this);
+        WorkerSession::Open(coordinator_, incoming_.hello(), call_->caller(), this);
     call_->End(session.status());
     if (session.ok()) session_ = *std::move(session);
     return session.status();

@@ -26,7 +26,7 @@ v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
 
 absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* coordinator,
                                                                    const v1::Hello& hello,
-                                                                   const std::string& caller,
+                                                                   const access::Identity& caller,
                                                                    WorkerSink* sink) {
   const absl::StatusOr<job::WorkerId> worker = coordinator->AddWorker(hello, caller, sink);
   if (!worker.ok()) return worker.status();

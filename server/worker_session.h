@@ -19,10 +19,11 @@ namespace lumifold::server {
 /// Threads: one at a time.
 class WorkerSession {
  public:
-  /// `coordinator` and `sink` must outlive it. `caller` is the identity of the connection.
+  /// `coordinator` and `sink` must outlive it. `caller`: whose connection it is.
   /// Errors: kFailedPrecondition for a different wire version; kInvalidArgument for an invalid Hello.
   static absl::StatusOr<std::unique_ptr<WorkerSession>> Open(Coordinator* coordinator, const v1::Hello& hello,
-                                                             const std::string& caller, WorkerSink* sink);
+                                                             const access::Identity& caller,
+                                                             WorkerSink* sink);
   ~WorkerSession();
   WorkerSession(const WorkerSession&) = delete;
   WorkerSession& operator=(const WorkerSession&) = delete;

@@ -410,8 +410,10 @@ TEST_F(RunClientTest, ListsAllWorkers) {
   EXPECT_THAT(Out(), HasSubstr("\nw-3      node:1                   busy           5      8        0"));
   test_.out.str("");
   EXPECT_EQ(Run({"workers", "--json"}), 0);
-  EXPECT_THAT(Out(), StartsWith(R"({"worker_id":"w-1","name":"node:1","state":"busy","reason":"","class":"",)"
-                                R"("tags":["gpu"],"slots":8,"leases":5,)"));
+  EXPECT_THAT(
+      Out(),
+      StartsWith(R"({"worker_id":"w-1","name":"node:1","process":"","state":"busy","reason":"","class":"",)"
+                 R"("tags":["gpu"],"slots":8,"leases":5,)"));
   EXPECT_EQ(farm_.calls().size(), 6u);
 }
 
@@ -425,7 +427,7 @@ TEST_F(RunClientTest, ChangesAWorker) {
   EXPECT_EQ(Err(),
             "lumifold: worker w-1 draining\nlumifold: worker node:1 blocked\n"
             "lumifold: worker node:1 idle\n");
-  EXPECT_THAT(Out(), HasSubstr(R"("name":"node:1","state":"idle")"));
+  EXPECT_THAT(Out(), HasSubstr(R"("name":"node:1","process":"","state":"idle")"));
 }
 
 TEST_F(RunClientTest, PrintsTheLogOfAJobOrAWorker) {

@@ -117,6 +117,44 @@ TEST_F(AuditsTest, ARestartDoesNotFindDiscardedUnitsInTheLog) {
   EXPECT_EQ(Result(job), expected);
 }
 
+access::Identity Certificate(const std::string& name) {
+  return {.kind = access::IdentityKind::kWorker, .name = name, .scopes = {}, .id = "serial of " + name};
+}
+
+TEST_F(AuditsTest, ProcessesWithOneCertificateAreOneParty) {
+  ASSERT_TRUE(Start().ok());
+  const job::JobId job = SubmitAudited(1);
+  PumpedWorker first(coordinator_.get(), static_cast<int>(kUnits), "host:1", 1, Certificate("node-1"));
+  PumpedWorker second(coordinator_.get(), static_cast<int>(kUnits), "host:2", 1, Certificate("node-1"));
+  Await([&] {
+    first.Deliver();
+    second.Deliver();
+    return first.acknowledged().size() + second.acknowledged().size() == kUnits;
+  });
+  EXPECT_EQ(first.leases() + second.leases(), 0) << "it would audit itself";
+  EXPECT_EQ(coordinator_->ExplainJob(job.value())->reasons(0).code(), "audit");
+  PumpedWorker other(coordinator_.get(), 1, "host:1", 1, Certificate("node-2"));
+  EXPECT_EQ(FinishBy(job, {&other}).state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(other.leased().size(), kUnits);
+}
+
+TEST_F(AuditsTest, ABlockHoldsForAllProcessesWithTheCertificate) {
+  ASSERT_TRUE(Start().ok());
+  v1::WorkerRequest request;
+  request.set_worker("node-1");
+  ASSERT_TRUE(coordinator_->BlockWorker(request).ok());
+  PumpedWorker renamed(coordinator_.get(), 1, "another name", 1, Certificate("node-1"));
+  const v1::ListWorkersResponse listed = *coordinator_->ListWorkers({});
+  ASSERT_EQ(listed.workers_size(), 1);
+  EXPECT_EQ(listed.workers(0).name(), "node-1");
+  EXPECT_EQ(listed.workers(0).process(), "another\\x20name");
+  EXPECT_EQ(listed.workers(0).state(), v1::WORKER_STATE_BLOCKED);
+  PumpedWorker named_alike(coordinator_.get(), 1, "node-1", 1, Certificate("node-2"));
+  const job::JobId job = Submit(Spec(kTiles));
+  EXPECT_EQ(FinishBy(job, {&renamed, &named_alike}).state(), v1::JOB_STATE_DONE);
+  EXPECT_TRUE(renamed.leased().empty());
+}
+
 TEST_F(AuditsTest, AFrameIsFinishedOnceItsAuditsAreSettled) {
   const std::string expected = UndisturbedResult();
   const job::JobId job = SubmitAudited(1);

@@ -26,7 +26,8 @@ constexpr char kScene[] = "a scene nobody reads";
 
 }  // namespace
 
-PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, const std::string& name, uint32_t seed)
+PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, const std::string& name, uint32_t seed,
+                           const access::Identity& caller)
     : seed_(seed) {
   v1::Hello hello;
   hello.set_name(name);
@@ -34,7 +35,7 @@ PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, const std::strin
   hello.set_slots(slots);
   hello.set_wire_version(rpc::kWireVersion);
   absl::StatusOr<std::unique_ptr<WorkerSession>> session =
-      WorkerSession::Open(coordinator, hello, "worker/pumped", this);
+      WorkerSession::Open(coordinator, hello, caller, this);
   EXPECT_TRUE(session.ok()) << session.status();
   session_ = *std::move(session);
 }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/synchronization/mutex.h"
+#include "server/access/identity.h"
 #include "server/asset_store.h"
 #include "server/coordinator_impl.h"
 #include "server/worker_session.h"
@@ -23,8 +24,9 @@ namespace lumifold::server {
 /// A worker without a connection: it delivers RandomUnit for its leases when it is told to.
 class PumpedWorker final : public WorkerSink {
  public:
-  /// The coordinator must outlive it. Workers with equal seeds deliver equal pixels.
-  PumpedWorker(Coordinator* coordinator, int slots, const std::string& name = "pumped", uint32_t seed = 1);
+  /// The coordinator must outlive it. Workers with equal seeds deliver equal pixels. `caller`: whose connection it is.
+  PumpedWorker(Coordinator* coordinator, int slots, const std::string& name = "pumped", uint32_t seed = 1,
+               const access::Identity& caller = access::LocalIdentity());
 
   void Send(const v1::CoordinatorMessage& message) override;
   /// Delivers the units of at most `count` leases that it has got; returns how many.

@@ -2,6 +2,7 @@
 
 #include <grpcpp/server_context.h>
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -55,6 +56,18 @@ void CallGate::Call::End(const absl::Status& outcome) {
   gate_->options_.audit->Write(gate_->options_.wall_now(), event_);
 }
 
+void CallGate::Call::SetEnd(access::OpenCalls::End end) {
+  gate_->options_.open_calls->SetEnd(*open_call_, std::move(end));
+}
+
+void CallGate::Call::AwaitPeer() {
+  gate_->options_.open_calls->SetDeadline(*open_call_, gate_->options_.now() + stall_limit_);
+}
+
+void CallGate::Call::PeerMoved() {
+  gate_->options_.open_calls->SetDeadline(*open_call_, absl::InfiniteFuture());
+}
+
 CallGate::CallGate(const Options& options)
     : options_(options),
       requests_(options.limits.requests_per_second, options.limits.request_burst),
@@ -99,6 +112,13 @@ absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::AdmitStream(grpc::Call
   return status;
 }
 
+size_t CallGate::EndStalledStreams() {
+  return options_.open_calls->EndOverdue(
+      options_.now(), absl::DeadlineExceededError(absl::StrCat(
+                          "the stream has stalled: its other end neither sent nor took a message for ",
+                          absl::FormatDuration(options_.limits.stalled_stream))));
+}
+
 absl::Status CallGate::Check(const Call& call, absl::string_view rpc_path) {
   const access::Role role = access::RoleOf(call.caller());
   // A coordinator whose port has no check of its own is closed by the same table.
@@ -130,6 +150,9 @@ absl::Status CallGate::OpenStream(grpc::CallbackServerContext* context, Call* ca
     }
     call->stream_key_ = std::move(key);
   }
+  // A heartbeat may come as late as its lease lets it.
+  call->stall_limit_ = is_of_worker ? std::max(options_.limits.stalled_stream, 2 * options_.lease)
+                                    : options_.limits.stalled_stream;
   call->open_call_ =
       options_.open_calls->Add(call->caller(), [context](const absl::Status&) { context->TryCancel(); });
   // The caller's token may have been revoked since it was looked at, before the call could be ended.

@@ -31,6 +31,8 @@ class CallGate {
     access::OpenCalls* open_calls = nullptr;
     access::AuditLog* audit = nullptr;  // null: none
     Limits limits;
+    /// Of leases: a worker with longer pauses between its heartbeats has not stalled.
+    absl::Duration lease = absl::ZeroDuration();
     /// Monotonic, and that of the wall.
     std::function<absl::Time()> now;
     std::function<absl::Time()> wall_now;
@@ -53,6 +55,16 @@ class CallGate {
     /// The first outcome counts.
     void End(const absl::Status& outcome);
 
+    // Of a stream:
+    /// What ends it early, in place of a cancellation: when its caller loses its identity, or with kDeadlineExceeded when it
+    /// has stalled. `end` is called at most once, from another thread, before the call's destruction.
+    void SetEnd(access::OpenCalls::End end);
+    /// It is the turn of the other end: to send a message, or to take one. If nothing comes for Limits::stalled_stream, the
+    /// stream has stalled.
+    void AwaitPeer();
+    /// It is no longer.
+    void PeerMoved();
+
    private:
     friend class CallGate;
     CallGate* const gate_;
@@ -61,6 +73,7 @@ class CallGate {
     std::string limit_key_;
     std::optional<std::string> stream_key_;
     std::optional<uint64_t> open_call_;
+    absl::Duration stall_limit_;
     bool ended_ = false;
   };
 
@@ -75,6 +88,9 @@ class CallGate {
   /// caller's token or certificate is revoked or expires. The Call must be destroyed in the reactor's OnDone.
   absl::StatusOr<std::unique_ptr<Call>> AdmitStream(grpc::CallbackServerContext* context,
                                                     absl::string_view rpc_path, const std::string& subject);
+
+  /// Ends the streams that have stalled. To be called every second or so. Returns how many.
+  size_t EndStalledStreams();
 
   /// Audits a call that was refused before it reached a service; its address is not known.
   void NoteRefusal(const access::Identity& caller, absl::string_view rpc_path, const absl::Status& why);

@@ -49,6 +49,7 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
   }
 
   void OnWriteDone(bool ok) override {
+    call_->PeerMoved();
     if (ok) {
       WriteNext();
     } else {
@@ -65,6 +66,7 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
     }
     const absl::StatusOr<bool> has_next = sender_->Next(&chunk_);
     if (!has_next.ok() || !*has_next) return Finish(rpc::GrpcFromStatus(has_next.status()));
+    call_->AwaitPeer();
     StartWrite(&chunk_);
   }
 
@@ -78,19 +80,49 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
  public:
   AssetReader(AdmittedCall call, Coordinator* coordinator)
       : call_(std::move(call)), coordinator_(coordinator) {
-    StartRead(&request_);
+    call_->SetEnd([this](const absl::Status& why) {
+      absl::MutexLock lock(&mutex_);
+      EndWith(why);
+    });
+    absl::MutexLock lock(&mutex_);
+    ReadNext();
   }
 
   void OnReadDone(bool ok) override {
+    call_->PeerMoved();
+    if (HasEnded()) {
+      upload_.reset();
+      return;
+    }
     const absl::Status status = ok ? Take() : End();
-    if (ok && status.ok()) return StartRead(&request_);
-    upload_.reset();  // first, so that what has arrived is kept before the caller gets the error
-    call_->End(status);
-    Finish(rpc::GrpcFromStatus(status));
+    const bool goes_on = ok && status.ok();
+    if (!goes_on)
+      upload_.reset();  // first, so that what has arrived is kept before the caller gets the error
+    absl::MutexLock lock(&mutex_);
+    if (!goes_on) {
+      EndWith(status);
+    } else if (!ended_) {
+      ReadNext();
+    }
   }
   void OnDone() override { delete this; }
 
  private:
+  bool HasEnded() {
+    absl::MutexLock lock(&mutex_);
+    return ended_;
+  }
+  void ReadNext() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    call_->AwaitPeer();
+    StartRead(&request_);
+  }
+  // A read that is under way then fails.
+  void EndWith(const absl::Status& status) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    if (std::exchange(ended_, true)) return;
+    call_->End(status);
+    Finish(rpc::GrpcFromStatus(status));
+  }
+
   absl::Status Take() {
     if (request_.has_announce() == (upload_ != nullptr)) {
       return absl::InvalidArgumentError(
@@ -98,7 +130,10 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
     }
     if (upload_ != nullptr) return coordinator_->NoteError(upload_->Add(request_.chunk()));
     sha256_ = request_.announce().sha256();
-    call_->SetSubject(sha256_);
+    {
+      absl::MutexLock lock(&mutex_);  // the call may be ended meanwhile
+      call_->SetSubject(sha256_);
+    }
     absl::StatusOr<std::unique_ptr<AssetUpload>> upload =
         coordinator_->ReceiveAsset(request_.announce(), call_->limit_key());
     if (upload.ok()) upload_ = *std::move(upload);
@@ -116,7 +151,9 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
   Coordinator* const coordinator_;
   v1::UploadAssetRequest request_;
   std::string sha256_;
-  std::unique_ptr<AssetUpload> upload_;
+  std::unique_ptr<AssetUpload> upload_;  // used by OnReadDone only, which runs on one thread at a time
+  absl::Mutex mutex_;
+  bool ended_ ABSL_GUARDED_BY(mutex_) = false;
 };
 
 /// Streams the status of a job. A slow caller may miss intermediate states, but gets the last one.
@@ -135,6 +172,7 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
   }
   void OnWriteDone(bool ok) override {
     absl::MutexLock lock(&mutex_);
+    call_->PeerMoved();
     writing_ = false;
     if (!ok) {
       end_ = grpc::Status::CANCELLED;
@@ -168,6 +206,7 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
     if (!next_.has_value()) return;
     current_ = *std::exchange(next_, std::nullopt);
     writing_ = true;
+    call_->AwaitPeer();
     StartWrite(&current_);
   }
 
@@ -188,14 +227,18 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
  public:
   WorkStream(grpc::CallbackServerContext* context, AdmittedCall call, Coordinator* coordinator)
       : context_(context), call_(std::move(call)), coordinator_(coordinator) {
-    StartRead(&incoming_);
+    call_->SetEnd([this](const absl::Status& why) { EndEarly(why); });
+    absl::MutexLock lock(&mutex_);
+    ReadNext();
   }
 
   void OnReadDone(bool ok) override {
+    call_->PeerMoved();
     const absl::Status status = ok ? Take() : absl::CancelledError("the worker disconnected");
-    if (status.ok()) return StartRead(&incoming_);
-    session_.reset();  // voids the leases
+    if (!status.ok()) session_.reset();  // voids the leases
     absl::MutexLock lock(&mutex_);
+    if (end_.has_value()) return;  // EndEarly was first
+    if (status.ok()) return ReadNext();
     end_ = ok ? rpc::GrpcFromStatus(status) : grpc::Status::OK;
     Continue();
   }
@@ -225,9 +268,27 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
     Continue();
   }
 
-  void OnDone() override { delete this; }
+  void OnDone() override {
+    session_.reset();  // it may send until then
+    delete this;
+  }
 
  private:
+  void ReadNext() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    call_->AwaitPeer();
+    StartRead(&incoming_);
+  }
+
+  // A read that is under way then fails, which voids the leases.
+  void EndEarly(const absl::Status& why) {
+    absl::MutexLock lock(&mutex_);
+    if (end_.has_value()) return;
+    if (writing_)
+      return context_->TryCancel();  // the status would have to wait for a worker that may not read
+    end_ = rpc::GrpcFromStatus(why);
+    Continue();
+  }
+
   absl::Status Take() {
     if (session_ != nullptr) return session_->Handle(&incoming_);
     if (!incoming_.has_hello())

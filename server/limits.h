@@ -16,6 +16,10 @@ struct Limits {
   /// stand for a room of machines, and without access control everyone at an address is one caller.
   int streams_per_person = 256;
   int streams_per_worker = 4096;
+  /// A stream whose other end does not do the next step for this long, that is to send a message or to take one, is ended:
+  /// its place is for those that make progress. An upload needs a message of 1 MiB in this time, 70 kbit/s; half as long
+  /// would end those over the slowest lines, twice as long keeps places for the dead.
+  absl::Duration stalled_stream = absl::Minutes(2);
   /// Calls a second of one caller, and calls at once after a pause. A worker that loads a scene fetches up to 16,384 files
   /// in a row.
   double requests_per_second = 1000;

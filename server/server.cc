@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <random>
+#include <thread>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
@@ -22,6 +23,7 @@
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/rpc/limits.h"
+#include "proto/rpc/monotonic.h"
 #include "server/access/access_control.h"
 #include "server/access/audit_log.h"
 #include "server/access/authorisation.h"
@@ -54,6 +56,8 @@ constexpr int kKeepAliveTimeoutMs = 10'000;
 /// most, callers are asked to open another, so that what was renewed is used before the old one expires.
 constexpr int kConnectionsPerCertificate = 6;
 constexpr absl::Duration kMaxConnectionAge = absl::Hours(1);
+/// Time between two looks for streams that have stalled.
+constexpr absl::Duration kStallInterval = absl::Seconds(1);
 
 ServerOptions WithEvents(ServerOptions options, EventLog* events) {
   options.log = MakeEventLogger(options.log, events);
@@ -128,6 +132,8 @@ class ServerImpl final : public Server {
   std::unique_ptr<grpc::Server> grpc_server_;
   std::unique_ptr<Listener> listener_;
   int port_ = 0;
+  rpc::MonotonicEvent stop_;
+  std::thread stall_thread_;  // ends streams that have stalled
 };
 
 absl::Status ServerImpl::Open() {
@@ -273,6 +279,7 @@ absl::Status ServerImpl::StartServices() {
                         .open_calls = access_ != nullptr ? &access_->open_calls() : &local_calls_,
                         .audit = audit_.get(),
                         .limits = options_.limits,
+                        .lease = options_.lease,
                         .now = options_.now,
                         .wall_now = options_.wall_now});
   services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get());
@@ -305,6 +312,11 @@ absl::Status ServerImpl::Listen() {
   }
   if (absl::Status status = StartServices(); !status.ok()) return status;
   ChangeHealth([this](Health* health) { health->service = grpc_server_->GetHealthCheckService(); });
+  if (!options_.listen.empty()) {
+    stall_thread_ = std::thread([this] {
+      while (!stop_.WaitFor(kStallInterval)) gate_->EndStalledStreams();
+    });
+  }
   if (listener_ != nullptr) {
     listener_->Start([this](int socket) {
       grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
@@ -338,6 +350,8 @@ void ServerImpl::ChangeHealth(absl::FunctionRef<void(Health*)> change) {
 void ServerImpl::Shutdown() {
   ChangeHealth([](Health* health) { health->stops = true; });
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
+  stop_.Notify();
+  if (stall_thread_.joinable()) stall_thread_.join();
   if (access_ != nullptr) access_->Stop();
   if (asset_checks_ != nullptr) asset_checks_->Stop();  // calls that wait for it get an answer
   if (listener_ != nullptr) listener_->Stop();

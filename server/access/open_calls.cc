@@ -1,5 +1,6 @@
 #include "server/access/open_calls.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -7,8 +8,21 @@ namespace lumifold::access {
 
 uint64_t OpenCalls::Add(const Identity& caller, End end) {
   absl::MutexLock lock(&mutex_);
-  calls_.emplace(next_, Call{.caller = caller, .end = std::move(end), .ending = {}});
+  Call& call = calls_[next_];
+  call.caller = caller;
+  call.end = std::move(end);
   return next_++;
+}
+
+void OpenCalls::SetEnd(uint64_t call, End end) {
+  absl::MutexLock lock(&mutex_);
+  Call& found = calls_.at(call);
+  if (!found.ended) found.end = std::move(end);
+}
+
+void OpenCalls::SetDeadline(uint64_t call, absl::Time deadline) {
+  absl::MutexLock lock(&mutex_);
+  calls_.at(call).deadline = deadline;
 }
 
 void OpenCalls::Remove(uint64_t call) {
@@ -24,6 +38,14 @@ void OpenCalls::Remove(uint64_t call) {
 }
 
 size_t OpenCalls::EndUnless(absl::FunctionRef<absl::Status(const Identity&)> check) {
+  return EndThose([&check](const Call& call) { return check(call.caller); });
+}
+
+size_t OpenCalls::EndOverdue(absl::Time now, const absl::Status& why) {
+  return EndThose([&](const Call& call) { return call.deadline <= now ? why : absl::OkStatus(); });
+}
+
+size_t OpenCalls::EndThose(absl::FunctionRef<absl::Status(const Call&)> why) {
   struct Ending {
     uint64_t call;
     End end;
@@ -34,7 +56,7 @@ size_t OpenCalls::EndUnless(absl::FunctionRef<absl::Status(const Identity&)> che
     absl::MutexLock lock(&mutex_);
     for (auto& [number, call] : calls_) {
       if (call.ended) continue;
-      absl::Status status = check(call.caller);
+      absl::Status status = why(call);
       if (status.ok()) continue;
       call.ended = true;
       call.ending = std::this_thread::get_id();
@@ -48,6 +70,13 @@ size_t OpenCalls::EndUnless(absl::FunctionRef<absl::Status(const Identity&)> che
     if (const auto found = calls_.find(ending.call); found != calls_.end()) found->second.ending = {};
   }
   return endings.size();
+}
+
+size_t OpenCalls::waiting() const {
+  absl::MutexLock lock(&mutex_);
+  return static_cast<size_t>(std::count_if(calls_.begin(), calls_.end(), [](const auto& entry) {
+    return entry.second.deadline != absl::InfiniteFuture();
+  }));
 }
 
 size_t OpenCalls::size() const {

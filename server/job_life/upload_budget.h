@@ -8,10 +8,11 @@
 
 namespace lumifold::job_life {
 
-/// Uploads that are announced and not complete. Each holds a file descriptor and up to one message in memory.
+/// Uploads that are announced and not complete. Each holds a file descriptor and up to one message in memory. One caller
+/// may have a quarter of them.
 struct UploadLimits {
   int uploads = 64;
-  int uploads_of_caller = 32;
+  int uploads_of_caller = 16;
   /// Bytes that are to come, of one caller. Those of all are bounded by the room that is left.
   uint64_t bytes_of_caller = 256'000'000'000;
 };

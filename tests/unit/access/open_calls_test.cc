@@ -36,6 +36,29 @@ TEST(OpenCalls, EndsTheCallsOfARefusedCallerOnce) {
   EXPECT_EQ(ended, (std::vector<std::string>{"second:revoked", "third:revoked"}));
 }
 
+TEST(OpenCalls, EndsCallsWhoseDeadlineIsOver) {
+  OpenCalls calls;
+  std::vector<std::string> ended;
+  const auto note = [&ended](const char* call) {
+    return [&ended, call](const absl::Status&) { ended.emplace_back(call); };
+  };
+  const absl::Time now = absl::UnixEpoch();
+  const absl::Status why = absl::DeadlineExceededError("stalled");
+  const uint64_t first = calls.Add(Person("a"), note("first"));
+  const uint64_t second = calls.Add(Person("b"), note("second"));
+  calls.Add(Person("b"), note("never"));
+  calls.SetDeadline(first, now + absl::Seconds(10));
+  calls.SetDeadline(second, now + absl::Seconds(10));
+  EXPECT_EQ(calls.EndOverdue(now + absl::Seconds(9), why), 0u);
+  calls.SetDeadline(first, now + absl::Seconds(19));  // it moved
+  calls.SetEnd(second, note("second, otherwise"));
+  EXPECT_EQ(calls.EndOverdue(now + absl::Seconds(18), why), 1u);
+  EXPECT_EQ(calls.EndOverdue(now + absl::Seconds(18), why), 0u);
+  calls.SetDeadline(first, absl::InfiniteFuture());
+  EXPECT_EQ(calls.EndOverdue(now + absl::Hours(1), why), 0u);
+  EXPECT_EQ(ended, std::vector<std::string>{"second, otherwise"});
+}
+
 TEST(OpenCalls, DoesNotEndACallThatIsGone) {
   OpenCalls calls;
   const uint64_t call = calls.Add(Person("b"), [](const absl::Status&) { FAIL(); });

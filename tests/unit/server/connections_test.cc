@@ -47,6 +47,7 @@ TEST_F(ConnectionsTest, ASlowWatcherSkipsStatesButGetsTheLast) {
   StopServer();
   ServerOptions options = Options();
   options.lease = absl::Hours(10'000);
+  options.limits.stalled_stream = absl::InfiniteDuration();
   // Every change is due at once, however fast they come.
   const auto ticks = std::make_shared<std::atomic<int64_t>>(0);
   options.now = [ticks] { return absl::UnixEpoch() + absl::Seconds(ticks->fetch_add(1)); };

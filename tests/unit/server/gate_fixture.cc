@@ -37,12 +37,13 @@ void GateFixture::StartGate(const Limits& limits) {
   }
   audit_ = *access::AuditLog::Open({.path = folder_.PathOf("audit.log")});
   checks_ = std::make_unique<AssetChecks>(assets_.get());
-  gate_ = std::make_unique<CallGate>(CallGate::Options{.callers = &callers_,
-                                                       .open_calls = &open_calls_,
-                                                       .audit = audit_.get(),
-                                                       .limits = limits,
-                                                       .now = [this] { return now_; },
-                                                       .wall_now = [] { return absl::UnixEpoch(); }});
+  gate_ = std::make_unique<CallGate>(
+      CallGate::Options{.callers = &callers_,
+                        .open_calls = &open_calls_,
+                        .audit = audit_.get(),
+                        .limits = limits,
+                        .now = [this] { return absl::UnixEpoch() + absl::Seconds(seconds_.load()); },
+                        .wall_now = [] { return absl::UnixEpoch(); }});
   services_ = MakeServices(coordinator_.get(), checks_.get(), gate_.get());
   grpc::ServerBuilder builder;
   for (const auto& service : services_) builder.RegisterService(service.get());

@@ -2,6 +2,7 @@
 
 #include <grpcpp/grpcpp.h>
 
+#include <atomic>
 #include <memory>
 #include <string>
 #include <vector>
@@ -55,10 +56,14 @@ class GateFixture : public CoordinatorFixture {
   void StoreScene();
   std::string AuditText();
 
-  absl::Time now_ = absl::UnixEpoch();
+  /// Moves the gate's clock, which streams read at the same time.
+  void Advance(absl::Duration duration) { seconds_ = seconds_ + absl::ToDoubleSeconds(duration); }
+  size_t EndStalledStreams() { return gate_->EndStalledStreams(); }
+
   access::OpenCalls open_calls_;
 
  private:
+  std::atomic<double> seconds_ = 0;
   EventLog events_;
   BelievedCallers callers_;
   std::unique_ptr<access::AuditLog> audit_;

@@ -9,11 +9,13 @@
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/sha256.h"
+#include "proto/rpc/version.h"
 #include "tests/unit/server/gate_fixture.h"
 
 namespace lumifold::server {
 namespace {
 
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using Stub = v1::FarmService::Stub;
 
@@ -61,7 +63,7 @@ TEST_F(LimitsTest, RequestsASecond) {
   EXPECT_EQ(refused.error_message(), "too many requests: a caller may make 10 a second");
   EXPECT_TRUE(Status(kBob).ok()) << "each caller has its own limit";
   EXPECT_FALSE(Status("person/ann/read").ok()) << "another token of the same person";
-  now_ += absl::Milliseconds(100);
+  Advance(absl::Milliseconds(100));
   EXPECT_TRUE(Status(kAnn).ok());
   EXPECT_FALSE(Status(kAnn).ok());
 }
@@ -80,7 +82,7 @@ TEST_F(LimitsTest, RequestsASecondOfAWorker) {
   const grpc::Status refused = fetch();
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(refused.error_message(), "too many requests: a caller may make 10 a second");
-  now_ += absl::Milliseconds(100);
+  Advance(absl::Milliseconds(100));
   EXPECT_EQ(fetch().error_code(), grpc::StatusCode::NOT_FOUND);
 }
 
@@ -131,8 +133,6 @@ TEST_F(LimitsTest, ActiveJobsOfAUser) {
   EXPECT_TRUE(SubmitAs(kAnn, "5", "", nullptr).ok());
 }
 
-TEST_F(LimitsTest, BytesOfAJobsFiles) {
-  StartGate({.job_asset_bytes = 30});
 TEST_F(LimitsTest, ARepeatedSubmissionGetsItsJobWhateverIsFull) {
   StartGate({.jobs_per_user = 1});
   StoreScene();
@@ -149,6 +149,8 @@ TEST_F(LimitsTest, ARepeatedSubmissionGetsItsJobWhateverIsFull) {
   EXPECT_EQ(SubmitAs(kAnn, "2", "", nullptr).error_code(), grpc::StatusCode::FAILED_PRECONDITION);
 }
 
+TEST_F(LimitsTest, BytesOfAJobsFiles) {
+  StartGate({.job_asset_bytes = 30});
   StoreScene();  // of 20 bytes
   v1::SubmitJobRequest request;
   *request.mutable_spec() = Spec();
@@ -200,6 +202,91 @@ TEST_F(LimitsTest, UploadsThatAreAnnouncedAndNotComplete) {
   HalfUpload* of_bob = Announce(kBob, 101, 3);
   of_bob->writer->WritesDone();
   EXPECT_EQ(EndOf(of_bob).error_code(), grpc::StatusCode::DATA_LOSS) << "bob may announce; he sent nothing";
+}
+
+TEST_F(LimitsTest, AnUploadThatStallsLosesItsPlace) {
+  StartGate({.stalled_stream = absl::Seconds(10)});
+  std::vector<HalfUpload*> stalled;
+  const job_life::UploadLimits limits;
+  for (int i = 0; i < limits.uploads_of_caller; ++i) stalled.push_back(Announce(kAnn, i, 1000));
+  size_t ended = 0;
+  Await([&] {  // each stream waits from the moment at which its announcement was taken
+    Advance(absl::Seconds(10));
+    ended += EndStalledStreams();
+    return ended == stalled.size();
+  });
+  for (HalfUpload* upload : stalled) {
+    const grpc::Status end = EndOf(upload);
+    EXPECT_EQ(end.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+    EXPECT_EQ(end.error_message(),
+              "the stream has stalled: its other end neither sent nor took a message for 10s");
+  }
+  Await([&] {  // the places are free again
+    HalfUpload* upload = Announce(kAnn, 100, 1000);
+    upload->writer->WritesDone();
+    return EndOf(upload).error_code() == grpc::StatusCode::DATA_LOSS;
+  });
+}
+
+TEST_F(LimitsTest, AWatcherThatDoesNotReadLosesItsPlace) {
+  StartGate({.streams_per_person = 1, .stalled_stream = absl::Seconds(10)});
+  StoreScene();
+  std::string job;
+  ASSERT_TRUE(SubmitAs(kAnn, "watched", "", &job).ok());
+  v1::WatchJobRequest request;
+  request.set_job_id(job);
+  const auto context = As(kAnn);
+  const auto reader = farm().WatchJob(context.get(), request);
+  Await([&] {
+    Advance(absl::Seconds(10));
+    return EndStalledStreams() == 1;
+  });
+  v1::JobStatus status;
+  while (reader->Read(&status)) {
+  }
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
+}
+
+TEST_F(LimitsTest, AWatcherOfAQuietJobHasNotStalled) {
+  StartGate({.stalled_stream = absl::Seconds(10)});
+  StoreScene();
+  std::string job;
+  ASSERT_TRUE(SubmitAs(kAnn, "watched", "", &job).ok());
+  v1::WatchJobRequest request;
+  request.set_job_id(job);
+  const auto context = As(kAnn);
+  const auto reader = farm().WatchJob(context.get(), request);
+  v1::JobStatus status;
+  ASSERT_TRUE(reader->Read(&status));
+  // Until the coordinator has noticed that the message was taken.
+  Await([&] { return open_calls_.waiting() == 0; });
+  Advance(absl::Hours(1));
+  EXPECT_EQ(EndStalledStreams(), 0u);
+  context->TryCancel();
+  reader->Finish();
+}
+
+TEST_F(LimitsTest, AWorkerThatSaysNothingIsDisconnected) {
+  StartGate({.stalled_stream = absl::Seconds(10)});
+  const auto context = As("worker/node-7");
+  const auto stream = workers().Work(context.get());
+  v1::WorkerMessage message;
+  message.mutable_hello()->set_name("node-7");
+  message.mutable_hello()->set_numeric_class("test");
+  message.mutable_hello()->set_slots(1);
+  message.mutable_hello()->set_wire_version(rpc::kWireVersion);
+  stream->Write(message);
+  v1::CoordinatorMessage answer;
+  ASSERT_TRUE(stream->Read(&answer));
+  Await([&] {
+    Advance(absl::Seconds(10));
+    return EndStalledStreams() == 1;
+  });
+  EXPECT_FALSE(stream->Read(&answer));
+  // Cancelled where the coordinator has not yet learnt that Welcome was read.
+  EXPECT_THAT(stream->Finish().error_code(),
+              AnyOf(grpc::StatusCode::DEADLINE_EXCEEDED, grpc::StatusCode::CANCELLED));
+  Await([&] { return coordinator_->ListWorkers({})->workers_size() == 0; });
 }
 
 TEST_F(LimitsTest, BytesOfAMessage) {

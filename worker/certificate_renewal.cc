@@ -7,7 +7,6 @@
 
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
-#include "proto/identity/private_file.h"
 
 namespace lumifold::worker {
 namespace {
@@ -31,13 +30,19 @@ CertificateRenewal::~CertificateRenewal() {
   if (thread_.joinable()) thread_.join();
 }
 
-absl::Duration CertificateRenewal::Look() const {
-  const std::string path = options_.profiles.CertificatePath(options_.profile);
-  const absl::StatusOr<std::string> pem = identity::ReadPrivateFile(path, identity::kMaxCertificateFileBytes);
+absl::Status CertificateRenewal::CheckNotExpired() const {
+  if (options_.profile.empty()) return absl::OkStatus();
   const absl::StatusOr<identity::CertificateFacts> certificate =
-      pem.ok() ? identity::ReadCertificate(*pem) : pem.status();
+      options_.profiles.CertificateOf(options_.profile);
+  // One that cannot be read now may be readable later; Look says so.
+  return certificate.ok() ? identity::CheckNotExpired(*certificate, options_.wall_now()) : absl::OkStatus();
+}
+
+absl::Duration CertificateRenewal::Look() const {
+  const absl::StatusOr<identity::CertificateFacts> certificate =
+      options_.profiles.CertificateOf(options_.profile);
   if (!certificate.ok()) {
-    options_.log->error("event=certificate_unreadable path=\"{}\" error=\"{}\"", path,
+    options_.log->error("event=certificate_unreadable profile={} error=\"{}\"", options_.profile,
                         std::string(certificate.status().message()));
     return kLongestPause;
   }

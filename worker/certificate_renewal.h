@@ -31,6 +31,9 @@ class CertificateRenewal {
   explicit CertificateRenewal(CertificateRenewalOptions options);
   ~CertificateRenewal();
 
+  /// Errors: kUnauthenticated where the certificate has expired. OK where there is none.
+  absl::Status CheckNotExpired() const;
+
  private:
   /// Looks at the certificate, renews it if it is due, and returns the time until the next look.
   absl::Duration Look() const;

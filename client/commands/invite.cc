@@ -8,7 +8,6 @@
 namespace lumifold::client {
 namespace {
 
-constexpr float kDefaultHours = 2160;
 constexpr double kSecondsPerHour = 3600;
 
 }  // namespace
@@ -16,7 +15,7 @@ constexpr double kSecondsPerHour = 3600;
 ExitCode RunInvite(const std::vector<std::string>& arguments, const Environment& environment) {
   v1::CreateInviteRequest request;
   bool is_worker = false;
-  float hours = kDefaultHours;
+  float hours = 0;
   std::vector<std::string> scopes;
   RemoteOptions remote(environment);
   CommandLine command_line("invite", SummaryOf("invite"));
@@ -24,7 +23,9 @@ ExitCode RunInvite(const std::vector<std::string>& arguments, const Environment&
   command_line.AddFlag("--worker", &is_worker, "Invite a worker, not a person");
   command_line.AddTexts("--scope", "SCOPE", &scopes,
                         "read, submit or admin; may be repeated (default: read,submit)");
-  command_line.AddPositiveNumber("--hours", &hours, "Lifetime of a person's token (default 2160: 90 days)");
+  command_line.AddPositiveNumber(
+      "--hours", &hours,
+      "Lifetime of a person's token (default: 90 days) or of all its certificates (default: no end)");
   remote.AddTo(command_line);
   command_line.SetFooter(
       "Prints a code that is valid once and for 24 hours, for 'lumifold login' or 'lumifold-worker enroll'.");
@@ -34,8 +35,10 @@ ExitCode RunInvite(const std::vector<std::string>& arguments, const Environment&
   request.set_kind(is_worker ? v1::HOLDER_KIND_WORKER : v1::HOLDER_KIND_PERSON);
   if (!is_worker) {
     if (scopes.empty()) scopes = {"read", "submit"};
-    request.set_token_lifetime_seconds(
-        std::max(int64_t{1}, static_cast<int64_t>(static_cast<double>(hours) * kSecondsPerHour)));
+    if (hours > 0) {
+      request.set_token_lifetime_seconds(
+          std::max(int64_t{1}, static_cast<int64_t>(static_cast<double>(hours) * kSecondsPerHour)));
+    }
   }
   for (const std::string& name : scopes) {
     const absl::StatusOr<v1::AccessScope> scope = ParseScope(name);

@@ -8,7 +8,8 @@ ExitCode RunLogout(const std::vector<std::string>& arguments, const Environment&
   std::string profile = identity::kDefaultProfile;
   CommandLine command_line("logout", SummaryOf("logout"));
   command_line.AddText("--profile", "NAME", &profile, "The profile (default: default)");
-  command_line.SetFooter("The token itself stays valid until it expires or an administrator revokes it.");
+  command_line.SetFooter(
+      "The token or certificate itself stays valid until it expires or an administrator revokes it.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   const absl::Status status = identity::Profiles(environment.profiles_folder).Remove(profile);

@@ -6,6 +6,8 @@
 #include "client/commands/commands.h"
 #include "client/farm_report.h"
 #include "client/job_report.h"
+#include "proto/identity/certificate.h"
+#include "proto/identity/join.h"
 #include "proto/identity/secrets.h"
 
 namespace lumifold::client {
@@ -49,6 +51,9 @@ absl::Status RemoteOptions::Resolve() {
   if (!chosen.ok()) return OfThisMachine(chosen.status());
   if (chosen->has_value()) {
     identity::ProtectMemory();
+    // One that fails may succeed with the next command: until its end the certificate is good.
+    const absl::Status renewed = identity::RenewIfDue(profiles, **chosen, identity::ValidityClock());
+    if (absl::IsUnauthenticated(renewed)) return renewed;
     const absl::StatusOr<identity::Profile> read = profiles.Read(**chosen);
     absl::StatusOr<rpc::Security> found = profiles.SecurityOf(**chosen);
     if (!read.ok()) return OfThisMachine(read.status());

@@ -94,6 +94,13 @@ absl::StatusOr<CertificateFacts> ReadCertificate(std::string_view pem) {
 
 absl::Time ValidityClock() { return absl::Now(); }
 
+absl::Status CheckNotExpired(const CertificateFacts& certificate, absl::Time now) {
+  if (now < certificate.not_after) return absl::OkStatus();
+  return absl::UnauthenticatedError(absl::StrCat(
+      "the certificate of ", certificate.common_name,
+      " has expired: ", absl::FormatTime(absl::RFC3339_sec, certificate.not_after, absl::UTCTimeZone())));
+}
+
 bool IsDueForRenewal(const CertificateFacts& certificate, absl::Time now) {
   return now >= certificate.not_before + (certificate.not_after - certificate.not_before) * 2 / 3;
 }

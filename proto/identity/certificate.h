@@ -40,6 +40,9 @@ absl::StatusOr<CertificateFacts> ReadCertificate(std::string_view pem);
 /// with it.
 absl::Time ValidityClock();
 
+/// Errors: kUnauthenticated naming the holder where the certificate has expired: nobody takes it, not even to renew it.
+absl::Status CheckNotExpired(const CertificateFacts& certificate, absl::Time now);
+
 /// Whether a certificate that is valid from `not_before` to `not_after` should be replaced: two thirds of its life are over.
 bool IsDueForRenewal(const CertificateFacts& certificate, absl::Time now);
 

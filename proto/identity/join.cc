@@ -65,6 +65,19 @@ absl::StatusOr<Opened> Open(const Profiles& profiles, const std::string& profile
       .security = {.insecure = false, .ca_path = *std::move(ca_path), .certificate_path = "", .token = ""}};
 }
 
+/// A new key, and a request to certify it.
+struct NewKey {
+  std::string pem;
+  std::string request_pem;
+};
+absl::StatusOr<NewKey> MakeKey() {
+  absl::StatusOr<std::string> key = MakePrivateKey();
+  if (!key.ok()) return key.status();
+  absl::StatusOr<std::string> request_pem = MakeCertificateRequest(*key);
+  if (!request_pem.ok()) return request_pem.status();
+  return NewKey{.pem = *std::move(key), .request_pem = *std::move(request_pem)};
+}
+
 }  // namespace
 
 absl::StatusOr<std::string> ReadCode(const std::string& argument, std::istream* in, std::ostream* err) {
@@ -79,17 +92,33 @@ absl::StatusOr<std::string> ReadCode(const std::string& argument, std::istream* 
 }
 
 absl::StatusOr<v1::LoginResponse> Login(const Profiles& profiles, const std::string& profile,
-                                        const std::string& address, std::string_view code) {
+                                        const std::string& address, std::string_view code, LoginForm form) {
   const absl::StatusOr<Opened> opened = Open(profiles, profile, address, code);
   if (!opened.ok()) return opened.status();
   v1::LoginRequest request;
   request.set_code(opened->secret);
+  NewKey key;
+  if (form == LoginForm::kCertificate) {
+    absl::StatusOr<NewKey> made = MakeKey();
+    if (!made.ok()) return made.status();
+    key = *std::move(made);
+    request.set_certificate_request_pem(key.request_pem);
+  }
   absl::StatusOr<v1::LoginResponse> response =
       Call(address, opened->security, request, &v1::AccessService::Stub::Login);
   if (!response.ok()) return response.status();
+  const bool has_certificate = form == LoginForm::kCertificate;
+  if (has_certificate && response->certificate_pem().empty())
+    return absl::InternalError(absl::StrCat("the coordinator at ", address, " gave no certificate"));
   const absl::Status written =
-      profiles.Write(profile, {.server = address, .kind = Profile::Kind::kPerson, .name = response->name()},
-                     opened->ca_pem, absl::StrCat(response->token(), "\n"));
+      profiles.Write(profile,
+                     {.server = address,
+                      .kind = Profile::Kind::kPerson,
+                      .name = response->name(),
+                      .has_certificate = has_certificate},
+                     opened->ca_pem,
+                     has_certificate ? absl::StrCat(key.pem, response->certificate_pem(), opened->ca_pem)
+                                     : absl::StrCat(response->token(), "\n"));
   if (!written.ok()) return OfFiles(written);
   return response;
 }
@@ -98,19 +127,18 @@ absl::StatusOr<v1::CertificateResponse> Enroll(const Profiles& profiles, const s
                                                const std::string& address, std::string_view code) {
   const absl::StatusOr<Opened> opened = Open(profiles, profile, address, code);
   if (!opened.ok()) return opened.status();
-  const absl::StatusOr<std::string> key = MakePrivateKey();
+  const absl::StatusOr<NewKey> key = MakeKey();
   if (!key.ok()) return key.status();
-  absl::StatusOr<std::string> request_pem = MakeCertificateRequest(*key);
-  if (!request_pem.ok()) return request_pem.status();
   v1::EnrollRequest request;
   request.set_code(opened->secret);
-  request.set_certificate_request_pem(*std::move(request_pem));
+  request.set_certificate_request_pem(key->request_pem);
   absl::StatusOr<v1::CertificateResponse> response =
       Call(address, opened->security, request, &v1::AccessService::Stub::Enroll);
   if (!response.ok()) return response.status();
-  const absl::Status written =
-      profiles.Write(profile, {.server = address, .kind = Profile::Kind::kWorker, .name = response->name()},
-                     opened->ca_pem, absl::StrCat(*key, response->certificate_pem(), opened->ca_pem));
+  const absl::Status written = profiles.Write(
+      profile,
+      {.server = address, .kind = Profile::Kind::kWorker, .name = response->name(), .has_certificate = true},
+      opened->ca_pem, absl::StrCat(key->pem, response->certificate_pem(), opened->ca_pem));
   if (!written.ok()) return OfFiles(written);
   return response;
 }
@@ -121,19 +149,27 @@ absl::StatusOr<v1::CertificateResponse> RenewCertificate(const Profiles& profile
   if (!read.ok()) return OfFiles(read.status());
   const absl::StatusOr<rpc::Security> security = profiles.SecurityOf(profile);
   if (!security.ok()) return OfFiles(security.status());
-  const absl::StatusOr<std::string> key = MakePrivateKey();
+  const absl::StatusOr<NewKey> key = MakeKey();
   if (!key.ok()) return key.status();
-  absl::StatusOr<std::string> request_pem = MakeCertificateRequest(*key);
-  if (!request_pem.ok()) return request_pem.status();
   v1::RenewCertificateRequest request;
-  request.set_certificate_request_pem(*std::move(request_pem));
+  request.set_certificate_request_pem(key->request_pem);
   absl::StatusOr<v1::CertificateResponse> response =
       Call(read->server, *security, request, &v1::AccessService::Stub::RenewCertificate);
   if (!response.ok()) return response.status();
-  const absl::Status written =
-      profiles.WriteCertificate(profile, absl::StrCat(*key, response->certificate_pem(), response->ca_pem()));
+  const absl::Status written = profiles.WriteCertificate(
+      profile, absl::StrCat(key->pem, response->certificate_pem(), response->ca_pem()));
   if (!written.ok()) return OfFiles(written);
   return response;
+}
+
+absl::Status RenewIfDue(const Profiles& profiles, const std::string& profile, absl::Time now) {
+  const absl::StatusOr<Profile> read = profiles.Read(profile);
+  if (!read.ok()) return OfFiles(read.status());
+  if (!read->has_certificate) return absl::OkStatus();
+  const absl::StatusOr<CertificateFacts> facts = profiles.CertificateOf(profile);
+  if (!facts.ok()) return OfFiles(facts.status());
+  if (absl::Status status = CheckNotExpired(*facts, now); !status.ok()) return status;
+  return IsDueForRenewal(*facts, now) ? RenewCertificate(profiles, profile).status() : absl::OkStatus();
 }
 
 }  // namespace lumifold::identity

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <map>
@@ -28,6 +29,8 @@ constexpr char kKindKey[] = "kind";
 constexpr char kNameKey[] = "name";
 constexpr char kPerson[] = "person";
 constexpr char kWorker[] = "worker";
+/// Of which a profile has one.
+constexpr std::array kSecretFiles = {"token", "person.pem", "worker.pem"};
 
 bool IsPrintable(absl::string_view text) {
   return std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c <= '~'; });
@@ -113,7 +116,12 @@ absl::StatusOr<Profile> Profiles::Read(const std::string& profile) const {
   if (absl::IsNotFound(text.status()))
     return absl::NotFoundError(absl::StrCat("there is no profile '", profile, "' in ", folder_));
   if (!text.ok()) return text.status();
-  return ParseProfile(path, *text);
+  absl::StatusOr<Profile> read = ParseProfile(path, *text);
+  if (!read.ok()) return read;
+  struct stat info = {};
+  read->has_certificate = read->kind == Profile::Kind::kWorker ||
+                          lstat(CertificatePath(profile, Profile::Kind::kPerson).c_str(), &info) == 0;
+  return read;
 }
 
 std::vector<std::string> Profiles::List() const {
@@ -136,10 +144,10 @@ absl::StatusOr<rpc::Security> Profiles::SecurityOf(const std::string& name) cons
   // gRPC says nothing of a file that it cannot read.
   if (auto ca = ReadPrivateFile(security.ca_path, kMaxCertificateFileBytes); !ca.ok()) return ca.status();
   const std::string secret_path =
-      profile->kind == Profile::Kind::kWorker ? CertificatePath(name) : PathOf(name, "token");
+      profile->has_certificate ? CertificatePath(name, profile->kind) : PathOf(name, "token");
   const absl::StatusOr<std::string> secret = ReadPrivateFile(secret_path, kMaxCertificateFileBytes);
   if (!secret.ok()) return secret.status();
-  if (profile->kind == Profile::Kind::kWorker) {
+  if (profile->has_certificate) {
     security.certificate_path = secret_path;
     return security;
   }
@@ -147,6 +155,15 @@ absl::StatusOr<rpc::Security> Profiles::SecurityOf(const std::string& name) cons
   if (security.token.empty() || security.token.size() > kMaxSecretTextBytes || !IsPrintable(security.token))
     return absl::InvalidArgumentError(absl::StrCat(secret_path, ": not a token"));
   return security;
+}
+
+absl::StatusOr<CertificateFacts> Profiles::CertificateOf(const std::string& name) const {
+  const absl::StatusOr<Profile> profile = Read(name);
+  if (!profile.ok()) return profile.status();
+  const absl::StatusOr<std::string> pem =
+      ReadPrivateFile(CertificatePath(name, profile->kind), kMaxCertificateFileBytes);
+  if (!pem.ok()) return pem.status();
+  return ReadCertificate(*pem);
 }
 
 absl::StatusOr<std::optional<std::string>> Profiles::Choose(const std::string& named,
@@ -194,22 +211,32 @@ absl::Status Profiles::Write(const std::string& name, const Profile& profile, st
                    kNameKey, "=", profile.name, "\n");
   absl::Status status = ParseProfile(PathOf(name, "profile"), text).status();
   if (status.ok()) status = WritePrivateFile(PathOf(name, "ca.pem"), ca_pem);
-  if (status.ok()) status = RemoveFile(PathOf(name, is_worker ? "token" : "worker.pem"));
-  if (status.ok()) status = WritePrivateFile(PathOf(name, is_worker ? "worker.pem" : "token"), secret);
+  // The others first: whatever stops it, nobody is left with two identities.
+  const std::string secret_path =
+      is_worker || profile.has_certificate ? CertificatePath(name, profile.kind) : PathOf(name, "token");
+  for (const char* file : kSecretFiles) {
+    if (status.ok() && PathOf(name, file) != secret_path) status = RemoveFile(PathOf(name, file));
+  }
+  if (status.ok()) status = WritePrivateFile(secret_path, secret);
   if (status.ok()) status = WritePrivateFile(PathOf(name, "profile"), text);
   if (status.ok()) status = RemoveFile(PathOf(name, "ca.pem.pending"));
   return status;
 }
 
 absl::Status Profiles::WriteCertificate(const std::string& name, std::string_view pem) const {
-  return WritePrivateFile(CertificatePath(name), pem);
+  const absl::StatusOr<Profile> profile = Read(name);
+  if (!profile.ok()) return profile.status();
+  return WritePrivateFile(CertificatePath(name, profile->kind), pem);
 }
 
 absl::Status Profiles::Remove(const std::string& name) const {
   absl::Status status = CheckName(name);
   if (status.ok() && !std::filesystem::exists(PathOf(name, "profile")))
     return absl::NotFoundError(absl::StrCat("there is no profile '", name, "' in ", folder_));
-  for (const char* file : {"token", "worker.pem", "ca.pem", "ca.pem.pending", "profile"}) {
+  for (const char* file : kSecretFiles) {
+    if (status.ok()) status = RemoveFile(PathOf(name, file));
+  }
+  for (const char* file : {"ca.pem", "ca.pem.pending", "profile"}) {
     if (status.ok()) status = RemoveFile(PathOf(name, file));
   }
   if (status.ok())

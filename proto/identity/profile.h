@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "proto/identity/certificate.h"
 #include "proto/rpc/credentials.h"
 
 namespace lumifold::identity {
@@ -19,14 +20,17 @@ inline constexpr char kDefaultProfile[] = "default";
 ///
 ///   profile      server, kind and name, one "KEY=VALUE" a line
 ///   ca.pem       the authority that signs the server's certificate
-///   token        of a person
-///   worker.pem   of a worker: private key, certificate and authority
+///   token        of a person, or
+///   person.pem   private key, certificate and authority of a person
+///   worker.pem   the same of a worker
 struct Profile {
   enum class Kind { kPerson, kWorker };
 
   std::string server;  // HOST:PORT
   Kind kind = Kind::kPerson;
   std::string name;  // as the coordinator knows it
+  /// Instead of a token. Workers always have one.
+  bool has_certificate = false;
 };
 
 /// "$XDG_CONFIG_HOME/lumifold", or "$HOME/.config/lumifold"; empty where neither variable is set.
@@ -51,6 +55,9 @@ class Profiles {
   /// What a channel to the profile's server needs. `name`: of the profile.
   absl::StatusOr<rpc::Security> SecurityOf(const std::string& name) const;
 
+  /// The certificate of a profile that has one. Errors: also kInvalidArgument for a file that has none.
+  absl::StatusOr<CertificateFacts> CertificateOf(const std::string& name) const;
+
   /// The profile to use for a command: `named` if it is not empty; otherwise the default one, if it has the `server`
   /// or none is given; otherwise the first by name that has it. nullopt where there is none and none was named.
   /// Errors: kInvalidArgument where the named profile is of another server.
@@ -60,16 +67,18 @@ class Profiles {
   /// Writes the authority's certificate to a file of its own, for the connection that fetches the secret; returns its
   /// path. An earlier profile of the name stays as it is until Write, which removes this file.
   absl::StatusOr<std::string> WritePendingCa(const std::string& name, std::string_view ca_pem) const;
-  /// `secret`: the token, or the text of worker.pem.
+  /// `secret`: the token, or the text of person.pem or worker.pem.
   absl::Status Write(const std::string& name, const Profile& profile, std::string_view ca_pem,
                      std::string_view secret) const;
-  /// Replaces the key and certificate of a worker's profile.
+  /// Replaces the key and certificate of a profile that has them.
   absl::Status WriteCertificate(const std::string& name, std::string_view pem) const;
   /// Removes its files. Errors: also kNotFound.
   absl::Status Remove(const std::string& name) const;
 
   std::string FolderOf(const std::string& name) const { return folder_ + "/" + name; }
-  std::string CertificatePath(const std::string& name) const { return PathOf(name, "worker.pem"); }
+  std::string CertificatePath(const std::string& name, Profile::Kind kind) const {
+    return PathOf(name, kind == Profile::Kind::kWorker ? "worker.pem" : "person.pem");
+  }
 
  private:
   std::string PathOf(const std::string& name, const char* file) const;

@@ -95,7 +95,7 @@ absl::StatusOr<Credential> InviteFrom(const v1::CreateInviteRequest& request) {
     return BadField("token_lifetime_seconds", "must be 0 to 31536000");
   if (request.kind() == v1::HOLDER_KIND_PERSON) {
     if (invite.scopes.empty()) return BadField("scopes", "a person needs at least one");
-    invite.token_lifetime = seconds == 0 ? kCredentialLifetime : absl::Seconds(seconds);
+    invite.token_lifetime = absl::Seconds(seconds);
     return invite;
   }
   if (request.kind() != v1::HOLDER_KIND_WORKER) return BadField("kind", "must be person or worker");
@@ -105,75 +105,105 @@ absl::StatusOr<Credential> InviteFrom(const v1::CreateInviteRequest& request) {
   return invite;
 }
 
+struct NewToken {
+  NewCredential credential;
+  std::string token;
+};
+absl::StatusOr<NewToken> MakeTokenFor(const Credential& invite, absl::Time now) {
+  absl::StatusOr<std::string> token = identity::MakeToken();
+  absl::StatusOr<std::string> id = NewId();
+  if (!token.ok()) return token.status();
+  if (!id.ok()) return id.status();
+  const bool is_usual = invite.token_lifetime == absl::ZeroDuration();
+  NewCredential made;
+  made.sha256 = identity::HashOf(*token);
+  made.credential.id = *std::move(id);
+  made.credential.form = CredentialForm::kToken;
+  made.credential.name = invite.name;
+  made.credential.scopes = invite.scopes;
+  made.credential.created = now;
+  made.credential.expires = now + (is_usual ? kCredentialLifetime : invite.token_lifetime);
+  return NewToken{.credential = std::move(made), .token = *std::move(token)};
+}
+
 }  // namespace
 
-absl::StatusOr<NewCredential> AccessControl::SignWorker(const std::string& name,
-                                                        const std::string& request_pem,
-                                                        v1::CertificateResponse* response) const {
+absl::StatusOr<AccessControl::SignedKey> AccessControl::SignKey(const Credential& holder,
+                                                                const std::string& request_pem) const {
   const absl::Time now = options_.wall_now();
-  const absl::StatusOr<CertificateAuthority::WorkerCertificate> made =
-      authority_->SignWorker(name, request_pem, now, options_.certificate_lifetime);
+  const absl::Duration lifetime = holder.token_lifetime == absl::ZeroDuration()
+                                      ? options_.certificate_lifetime
+                                      : std::min(options_.certificate_lifetime, holder.token_lifetime);
+  absl::StatusOr<CertificateAuthority::ClientCertificate> made =
+      authority_->SignClient(holder.kind, holder.name, request_pem, now, lifetime);
   if (!made.ok()) return made.status();
-  response->set_name(name);
-  response->set_certificate_pem(made->pem);
-  response->set_ca_pem(authority_->pem());
-  response->set_expires_unix_ms(absl::ToUnixMillis(made->expires));
-  return NewCredential{.credential = {.id = made->serial,
-                                      .form = CredentialForm::kCertificate,
-                                      .kind = IdentityKind::kWorker,
-                                      .name = name,
-                                      .scopes = {},
-                                      .token_lifetime = absl::ZeroDuration(),
-                                      .created = now,
-                                      .expires = made->expires},
-                       .sha256 = made->sha256};
+  return SignedKey{.credential = {.credential = {.id = made->serial,
+                                                 .form = CredentialForm::kCertificate,
+                                                 .kind = holder.kind,
+                                                 .name = holder.name,
+                                                 .scopes = holder.scopes,
+                                                 .token_lifetime = holder.token_lifetime,
+                                                 .created = now,
+                                                 .expires = made->expires},
+                                  .sha256 = made->sha256},
+                   .pem = std::move(made->pem)};
+}
+
+v1::CertificateResponse AccessControl::ResponseFor(const SignedKey& made) const {
+  v1::CertificateResponse response;
+  response.set_name(made.credential.credential.name);
+  response.set_certificate_pem(made.pem);
+  response.set_ca_pem(authority_->pem());
+  response.set_expires_unix_ms(absl::ToUnixMillis(made.credential.credential.expires));
+  return response;
 }
 
 absl::StatusOr<v1::CertificateResponse> AccessControl::Enroll(const v1::EnrollRequest& request) {
   if (absl::Status status = CheckCode(request.code()); !status.ok()) return status;
-  v1::CertificateResponse response;
-  NewCredential made;
+  absl::StatusOr<SignedKey> made = absl::InternalError("no certificate was made");
   absl::MutexLock lock(&mutex_);
   absl::Status status =
       store_->Exchange(identity::HashOf(request.code()), IdentityKind::kWorker, options_.wall_now(),
                        [&](const Credential& invite) -> absl::StatusOr<NewCredential> {
-                         absl::StatusOr<NewCredential> signed_key =
-                             SignWorker(invite.name, request.certificate_request_pem(), &response);
-                         if (signed_key.ok()) made = *signed_key;
-                         return signed_key;
+                         made = SignKey(invite, request.certificate_request_pem());
+                         if (!made.ok()) return made.status();
+                         return made->credential;
                        });
   if (!status.ok()) return status;
-  known_.Add(made);
-  options_.log->info("event=worker_enrolled name={} serial={}", made.credential.name, made.credential.id);
-  return response;
+  known_.Add(made->credential);
+  options_.log->info("event=worker_enrolled name={} serial={}", made->credential.credential.name,
+                     made->credential.credential.id);
+  return ResponseFor(*made);
 }
 
 absl::StatusOr<v1::LoginResponse> AccessControl::Login(const v1::LoginRequest& request) {
   if (absl::Status status = CheckCode(request.code()); !status.ok()) return status;
-  const absl::StatusOr<std::string> token = identity::MakeToken();
-  const absl::StatusOr<std::string> id = NewId();
-  if (!token.ok()) return token.status();
-  if (!id.ok()) return id.status();
   const absl::Time now = options_.wall_now();
+  const bool wants_certificate = !request.certificate_request_pem().empty();
+  v1::LoginResponse response;
   NewCredential made;
-  made.sha256 = identity::HashOf(*token);
-  made.credential.id = *id;
-  made.credential.form = CredentialForm::kToken;
-  made.credential.created = now;
   absl::MutexLock lock(&mutex_);
   absl::Status status = store_->Exchange(identity::HashOf(request.code()), IdentityKind::kPerson, now,
                                          [&](const Credential& invite) -> absl::StatusOr<NewCredential> {
-                                           made.credential.name = invite.name;
-                                           made.credential.scopes = invite.scopes;
-                                           made.credential.expires = now + invite.token_lifetime;
+                                           if (wants_certificate) {
+                                             absl::StatusOr<SignedKey> key =
+                                                 SignKey(invite, request.certificate_request_pem());
+                                             if (!key.ok()) return key.status();
+                                             response.set_certificate_pem(std::move(key->pem));
+                                             made = std::move(key->credential);
+                                           } else {
+                                             absl::StatusOr<NewToken> token = MakeTokenFor(invite, now);
+                                             if (!token.ok()) return token.status();
+                                             response.set_token(std::move(token->token));
+                                             made = std::move(token->credential);
+                                           }
                                            return made;
                                          });
   if (!status.ok()) return status;
   known_.Add(made);
-  options_.log->info("event=person_logged_in name={} token_id={}", made.credential.name, made.credential.id);
-  v1::LoginResponse response;
+  options_.log->info("event=person_logged_in name={} form={} id={}", made.credential.name,
+                     wants_certificate ? "certificate" : "token", made.credential.id);
   response.set_name(made.credential.name);
-  response.set_token(*token);
   AddScopes(made.credential.scopes, &response);
   response.set_expires_unix_ms(absl::ToUnixMillis(made.credential.expires));
   return response;
@@ -181,18 +211,26 @@ absl::StatusOr<v1::LoginResponse> AccessControl::Login(const v1::LoginRequest& r
 
 absl::StatusOr<v1::CertificateResponse> AccessControl::RenewCertificate(
     const Identity& caller, const v1::RenewCertificateRequest& request) {
-  if (caller.kind != IdentityKind::kWorker)
-    return absl::PermissionDeniedError("only workers have certificates");
-  v1::CertificateResponse response;
-  const absl::StatusOr<NewCredential> made =
-      SignWorker(caller.name, request.certificate_request_pem(), &response);
+  absl::StatusOr<Credential> holder = known_.OfId(caller.id);
+  if (!holder.ok() || holder->form != CredentialForm::kCertificate)
+    return absl::FailedPreconditionError("the caller has no certificate, and only those are renewed");
+  if (holder->token_lifetime != absl::ZeroDuration()) {
+    const absl::Time end = holder->created + holder->token_lifetime;
+    // Certificates have whole seconds.
+    if (holder->expires + absl::Seconds(1) >= end)
+      return absl::FailedPreconditionError(
+          "the time that the caller was invited for ends with its certificate");
+    holder->token_lifetime = end - options_.wall_now();
+  }
+  const absl::StatusOr<SignedKey> made = SignKey(*holder, request.certificate_request_pem());
   if (!made.ok()) return made.status();
   absl::MutexLock lock(&mutex_);
-  if (absl::Status status = store_->AddFor(caller.id, *made); !status.ok()) return status;
-  known_.Add(*made);
-  options_.log->info("event=worker_certificate_renewed name={} serial={} before={}", caller.name,
-                     made->credential.id, caller.id);
-  return response;
+  if (absl::Status status = store_->AddFor(caller.id, made->credential); !status.ok()) return status;
+  known_.Add(made->credential);
+  options_.log->info("event={}_certificate_renewed name={} serial={} before={}",
+                     caller.kind == IdentityKind::kWorker ? "worker" : "person", caller.name,
+                     made->credential.credential.id, caller.id);
+  return ResponseFor(*made);
 }
 
 v1::WhoAmIResponse DescribeCaller(const AccessControl* access, const Identity& caller) {

@@ -90,9 +90,14 @@ class AccessControl {
       : options_(std::move(options)), authority_(std::move(authority)), store_(std::move(store)) {}
   absl::Status RenewServerCertificate();
   absl::Status ReadChanges();
-  /// Signs the key of a request and says what the store keeps of the certificate.
-  absl::StatusOr<NewCredential> SignWorker(const std::string& name, const std::string& request_pem,
-                                           v1::CertificateResponse* response) const;
+  /// Signs the key of a request for `holder`, whose kind, name, scopes and token_lifetime count. Returns what the store
+  /// keeps of the certificate, and the certificate.
+  struct SignedKey {
+    NewCredential credential;
+    std::string pem;
+  };
+  absl::StatusOr<SignedKey> SignKey(const Credential& holder, const std::string& request_pem) const;
+  v1::CertificateResponse ResponseFor(const SignedKey& made) const;
 
   const AccessOptions options_;
   const std::unique_ptr<CertificateAuthority> authority_;

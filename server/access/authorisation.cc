@@ -31,7 +31,7 @@ constexpr std::array kRules = {
     Rule{"/lumifold.v1.AccessService/Enroll", kAnyone, kChanges},
     Rule{"/lumifold.v1.AccessService/ListIdentities", kAdmins},
     Rule{"/lumifold.v1.AccessService/Login", kAnyone, kChanges},
-    Rule{"/lumifold.v1.AccessService/RenewCertificate", kWorkers, kChanges},
+    Rule{"/lumifold.v1.AccessService/RenewCertificate", kKnown, kChanges},
     Rule{"/lumifold.v1.AccessService/Revoke", kAdmins, kChanges},
     Rule{"/lumifold.v1.AccessService/WhoAmI", kKnown},
     Rule{"/lumifold.v1.FarmService/AddSamples", kOwners, kChanges},

@@ -137,8 +137,9 @@ class OpensslAuthority final : public CertificateAuthority {
     return absl::StrCat(*key_pem, *certificate, pem_);
   }
 
-  absl::StatusOr<WorkerCertificate> SignWorker(const std::string& name, std::string_view request_pem,
-                                               absl::Time now, absl::Duration lifetime) const override {
+  absl::StatusOr<ClientCertificate> SignClient(IdentityKind kind, const std::string& name,
+                                               std::string_view request_pem, absl::Time now,
+                                               absl::Duration lifetime) const override {
     // A comma in it would add names to the certificate.
     if (absl::Status status = CheckCredentialName(name); !status.ok()) return status;
     const absl::StatusOr<OpensslPtr<EVP_PKEY>> key = KeyOfRequest(request_pem);
@@ -146,11 +147,13 @@ class OpensslAuthority final : public CertificateAuthority {
     const absl::StatusOr<Base> base = MakeBase(name, key->get(), now, lifetime);
     if (!base.ok()) return base.status();
     const absl::StatusOr<std::string> pem =
-        Sign(*base, "clientAuth", absl::StrCat("URI:", kWorkerUri, name, ",URI:", kSerialUri, base->serial));
+        Sign(*base, "clientAuth",
+             absl::StrCat("URI:", kind == IdentityKind::kWorker ? kWorkerUri : kPersonUri, name,
+                          ",URI:", kSerialUri, base->serial));
     if (!pem.ok()) return pem.status();
     const absl::StatusOr<identity::CertificateFacts> facts = identity::ReadCertificate(*pem);
     if (!facts.ok()) return facts.status();
-    return WorkerCertificate{
+    return ClientCertificate{
         .pem = *pem, .serial = base->serial, .sha256 = facts->sha256, .expires = facts->not_after};
   }
 

@@ -8,15 +8,17 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "server/access/identity.h"
 
 namespace lumifold::access {
 
-/// What a worker's certificate says of it, besides its common name: "lumifold:worker:NAME" and "lumifold:serial:SERIAL",
-/// so that a call need not parse a certificate to know whose it is.
+/// What the certificate of a worker or a person says of it, besides its common name: "lumifold:worker:NAME" or
+/// "lumifold:person:NAME", and "lumifold:serial:SERIAL", so that a call need not parse a certificate to know whose it is.
 inline constexpr char kWorkerUri[] = "lumifold:worker:";
+inline constexpr char kPersonUri[] = "lumifold:person:";
 inline constexpr char kSerialUri[] = "lumifold:serial:";
 
-/// Signs certificates of workers and of coordinators with a P-256 key. The key is in the folder of access control; it
+/// Signs certificates of workers, people and coordinators with a P-256 key. The key is in the folder of access control; it
 /// never leaves it.
 /// Threads: safe.
 class CertificateAuthority {
@@ -38,17 +40,18 @@ class CertificateAuthority {
   virtual absl::StatusOr<std::string> SignServer(const std::vector<std::string>& hosts, absl::Time now,
                                                  absl::Duration lifetime) const = 0;
 
-  struct WorkerCertificate {
+  struct ClientCertificate {
     std::string pem;
     std::string serial;  // 32 hexadecimal digits
     std::string sha256;
     absl::Time expires;
   };
-  /// A certificate for a worker, for connections as a client only. Of the request only the key counts, which must be P-256
-  /// and have signed it.
+  /// A certificate for a worker or a person, for connections as a client only. Of the request only the key counts, which
+  /// must be P-256 and have signed it.
   /// Errors: kInvalidArgument for what is no such request.
-  virtual absl::StatusOr<WorkerCertificate> SignWorker(const std::string& name, std::string_view request_pem,
-                                                       absl::Time now, absl::Duration lifetime) const = 0;
+  virtual absl::StatusOr<ClientCertificate> SignClient(IdentityKind kind, const std::string& name,
+                                                       std::string_view request_pem, absl::Time now,
+                                                       absl::Duration lifetime) const = 0;
 };
 
 /// "localhost", "127.0.0.1" and "::1", which are in every server's certificate, and `names`, each once.

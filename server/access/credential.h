@@ -22,7 +22,8 @@ struct Credential {
   IdentityKind kind = IdentityKind::kPerson;
   std::string name;
   std::set<Scope> scopes;
-  /// Of an invite for a person: lifetime of the token.
+  /// Of an invite for a person: lifetime of the token, or of all certificates; of a person's certificate: what was left of
+  /// that when it was made. Zero: the usual lifetime of a token, and certificates without end.
   absl::Duration token_lifetime;
   absl::Time created;
   absl::Time expires;

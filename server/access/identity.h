@@ -17,7 +17,7 @@ enum class Scope { kRead, kSubmit, kAdmin };
 
 enum class IdentityKind {
   kLocal,   // whoever reaches a coordinator without access control, or calls it inside the process
-  kPerson,  // by token
+  kPerson,  // by token or certificate
   kWorker,  // by certificate
 };
 

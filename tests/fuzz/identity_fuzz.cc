@@ -33,7 +33,9 @@ struct Fixture {
     authority = *access::CertificateAuthority::Open(folder.path());
     const std::string key = *identity::MakePrivateKey();
     request = *identity::MakeCertificateRequest(key);
-    certificate = key + authority->SignWorker("ann", request, kNow, absl::Hours(24))->pem;
+    certificate =
+        key +
+        authority->SignClient(access::IdentityKind::kWorker, "ann", request, kNow, absl::Hours(24))->pem;
     const identity::Profile profile = {
         .server = "farm:7700", .kind = identity::Profile::Kind::kWorker, .name = "ann"};
     if (!profiles.WritePendingCa(kName, authority->pem()).ok() ||
@@ -74,7 +76,8 @@ void TryCertificate(std::string_view pem) {
 }
 
 void TryRequest(std::string_view pem) {
-  const auto signed_one = TheFixture().authority->SignWorker("ben", pem, kNow, absl::Hours(1));
+  const auto signed_one =
+      TheFixture().authority->SignClient(access::IdentityKind::kPerson, "ben", pem, kNow, absl::Hours(1));
   if (!signed_one.ok()) return;
   // Whatever the request says, the authority chose the name.
   const absl::StatusOr<identity::CertificateFacts> facts = identity::ReadCertificate(signed_one->pem);

@@ -34,6 +34,7 @@ class RolesTest(unittest.TestCase):
         cls.farm.enroll("node-1", "node-1")
         for name, scope in (("ann", "submit"), ("bob", "submit"), ("reader", "read"), ("root", "admin")):
             cls.farm.join("login", cls.farm.invite(name, "--scope", scope), profile=name)
+            cls.farm.join("login", cls.farm.invite(name, "--scope", scope), "--certificate", profile=f"{name}-by-certificate")
         cls.plain = Farm(cls.root / "plain")
 
     @classmethod
@@ -49,7 +50,7 @@ class RolesTest(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         return dict(line.split(" ", 1) for line in done.stdout.splitlines())
 
-    def credentials(self, role):
+    def credentials(self, role, by_certificate=False):
         profiles = self.farm.profiles
         ca = ("--ca", profiles / "default" / "ca.pem")
         if role == "nobody":
@@ -59,23 +60,25 @@ class RolesTest(unittest.TestCase):
         if role == "local":
             return self.plain, ()
         profile = {"read": "reader", "submit": "ann", "admin": "root"}[role]
+        if by_certificate:
+            return self.farm, (*ca, "--certificate", profiles / f"{profile}-by-certificate" / "person.pem")
         return self.farm, (*ca, "--token", profiles / profile / "token")
 
     def test_each_cell(self):
         roles, rows = table()
         cells = 0
-        for role in roles:
-            farm, credentials = self.credentials(role)
+        for role, by_certificate in [*((role, False) for role in roles), *((role, True) for role in ("read", "submit", "admin"))]:
+            farm, credentials = self.credentials(role, by_certificate)
             codes = self.call(rows, farm, *credentials)
             for path, row in rows.items():
-                with self.subTest(role=role, path=path):
+                with self.subTest(role=role, by_certificate=by_certificate, path=path):
                     # Codes that are not valid are refused too, but by the call itself.
                     if row["nobody"] == "yes" and path.startswith("/lumifold"):
                         self.assertIn(codes[path], ("UNAUTHENTICATED", "INVALID_ARGUMENT", "FAILED_PRECONDITION"))
                     else:
                         self.assertEqual(codes[path] in REFUSALS, row[role] == "-", codes[path])
                 cells += 1
-        self.assertEqual(cells, len(roles) * len(rows))
+        self.assertEqual(cells, (len(roles) + 3) * len(rows))
         print(f"{cells} cells")
 
     def submit(self, profile, *arguments, check=True):

@@ -115,6 +115,63 @@ TEST_F(AccessControlTest, ARevocationCountsOnOtherCoordinatorsToo) {
   EXPECT_EQ(Revoke("nobody").status().code(), absl::StatusCode::kNotFound);
 }
 
+/// The serial number that a certificate names.
+std::string SerialOf(const std::string& certificate_pem) {
+  const identity::CertificateFacts facts = *identity::ReadCertificate(certificate_pem);
+  return facts.uris.at(1).substr(std::string(kSerialUri).size());
+}
+
+TEST_F(AccessControlTest, APersonGetsACertificateInsteadOfATokenAndRenewsIt) {
+  const std::string code = Invite(v1::HOLDER_KIND_PERSON, "ann", {v1::ACCESS_SCOPE_SUBMIT});
+  EXPECT_EQ(Login(code, "no request").status().code(), absl::StatusCode::kInvalidArgument);
+  const absl::StatusOr<v1::LoginResponse> login = Login(code, Request());
+  ASSERT_TRUE(login.ok()) << login.status();
+  EXPECT_EQ(login->token(), "");
+  EXPECT_FALSE(Login(code, Request()).ok()) << "the code is used up";
+  const identity::CertificateFacts facts = *identity::ReadCertificate(login->certificate_pem());
+  EXPECT_EQ(facts.uris.at(0), "lumifold:person:ann");
+  const Credential known = *access_->known().OfCertificate(SerialOf(login->certificate_pem()), now_);
+  EXPECT_EQ(known.kind, IdentityKind::kPerson);
+  EXPECT_EQ(known.scopes, std::set<Scope>{Scope::kSubmit});
+  EXPECT_EQ(DescribeCaller(access_.get(), known.identity()).expires_unix_ms(), login->expires_unix_ms());
+  v1::RenewCertificateRequest request;
+  request.set_certificate_request_pem(Request());
+  for (int i = 0; i < 4; ++i) {  // for more than a year
+    now_ += absl::Hours(24 * 60);
+    const absl::StatusOr<v1::CertificateResponse> next = access_->RenewCertificate(known.identity(), request);
+    EXPECT_EQ(next.ok(), i == 0) << "a certificate that has expired renews nothing";
+    if (next.ok()) {
+      const Credential renewed = *access_->known().OfCertificate(SerialOf(next->certificate_pem()), now_);
+      EXPECT_EQ(renewed.scopes, known.scopes);
+      EXPECT_EQ(renewed.kind, known.kind);
+    }
+  }
+  EXPECT_EQ(Revoke("ann")->revoked(), 0) << "both have expired";
+}
+
+TEST_F(AccessControlTest, CertificatesEndWithTheTimeThatAPersonWasInvitedFor) {
+  const std::string code = Invite(v1::HOLDER_KIND_PERSON, "ann", {v1::ACCESS_SCOPE_READ}, 100 * 24 * 3600);
+  const absl::Time end = now_ + absl::Hours(24 * 100);
+  const absl::StatusOr<v1::LoginResponse> login = Login(code, Request());
+  ASSERT_TRUE(login.ok()) << login.status();
+  EXPECT_EQ(absl::FromUnixMillis(login->expires_unix_ms()), now_ + absl::Hours(24 * 90));
+  v1::RenewCertificateRequest request;
+  request.set_certificate_request_pem(Request());
+  now_ += absl::Hours(24 * 60);
+  const absl::StatusOr<v1::CertificateResponse> last = access_->RenewCertificate(
+      access_->known().OfCertificate(SerialOf(login->certificate_pem()), now_)->identity(), request);
+  ASSERT_TRUE(last.ok()) << last.status();
+  EXPECT_EQ(absl::FromUnixMillis(last->expires_unix_ms()), end);
+  now_ += absl::Hours(24 * 30);
+  EXPECT_EQ(
+      access_
+          ->RenewCertificate(
+              access_->known().OfCertificate(SerialOf(last->certificate_pem()), now_)->identity(), request)
+          .status()
+          .code(),
+      absl::StatusCode::kFailedPrecondition);
+}
+
 TEST_F(AccessControlTest, AWorkerGetsACertificateAndRenewsIt) {
   const absl::StatusOr<v1::CertificateResponse> first = Enroll(Invite(v1::HOLDER_KIND_WORKER, "node-1"));
   ASSERT_TRUE(first.ok()) << first.status();
@@ -149,7 +206,7 @@ TEST_F(AccessControlTest, ARevokedWorkerCannotRenew) {
   request.set_certificate_request_pem(Request());
   EXPECT_EQ(access_->RenewCertificate(worker, request).status().code(), absl::StatusCode::kUnauthenticated);
   EXPECT_EQ(access_->RenewCertificate(LocalIdentity(), request).status().code(),
-            absl::StatusCode::kPermissionDenied);
+            absl::StatusCode::kFailedPrecondition);
 }
 
 TEST_F(AccessControlTest, ABadRequestDoesNotUseUpTheCode) {

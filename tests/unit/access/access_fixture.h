@@ -53,9 +53,11 @@ class AccessFixture : public ::testing::Test {
     EXPECT_TRUE(response.ok()) << response.status();
     return identity::SecretText(identity::ParseCode(response->code())->secret);
   }
-  absl::StatusOr<v1::LoginResponse> Login(const std::string& code) {
+  /// With a certificate request: for a certificate.
+  absl::StatusOr<v1::LoginResponse> Login(const std::string& code, const std::string& pem = "") {
     v1::LoginRequest request;
     request.set_code(code);
+    request.set_certificate_request_pem(pem);
     return access_->Login(request);
   }
   absl::StatusOr<v1::CertificateResponse> Enroll(const std::string& code,

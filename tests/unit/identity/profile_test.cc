@@ -48,6 +48,24 @@ TEST_F(ProfileTest, GivesWhatAConnectionNeeds) {
   EXPECT_FALSE(std::filesystem::exists(FileOf("default", "token")));
 }
 
+TEST_F(ProfileTest, OfAPersonHasATokenOrACertificate) {
+  Write("default", "farm:7700");
+  EXPECT_FALSE(profiles_.Read("default")->has_certificate);
+  const Profile person = {
+      .server = "farm:7700", .kind = Profile::Kind::kPerson, .name = "ann", .has_certificate = true};
+  ASSERT_TRUE(profiles_.Write("default", person, "authority", "key and certificate").ok());
+  EXPECT_TRUE(profiles_.Read("default")->has_certificate);
+  const rpc::Security security = *profiles_.SecurityOf("default");
+  EXPECT_EQ(security.token, "");
+  EXPECT_EQ(security.certificate_path, FileOf("default", "person.pem"));
+  EXPECT_FALSE(std::filesystem::exists(FileOf("default", "token")));
+  ASSERT_TRUE(profiles_.WriteCertificate("default", "newer").ok());
+  EXPECT_EQ(*ReadPrivateFile(FileOf("default", "person.pem"), 100), "newer");
+  Write("default", "farm:7700");
+  EXPECT_FALSE(profiles_.Read("default")->has_certificate);
+  EXPECT_EQ(profiles_.SecurityOf("default")->token, "secret");
+}
+
 TEST_F(ProfileTest, IsChosenByNameByServerOrByDefault) {
   using Kind = Profile::Kind;
   Write("default", "farm:7700");

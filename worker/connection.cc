@@ -38,6 +38,10 @@ constexpr absl::Duration kLeaveTimeout = absl::Seconds(20);
 constexpr absl::Duration kPollInterval = absl::Milliseconds(50);
 /// A stream that lasted this long was no refusal: the next pause is short.
 constexpr absl::Duration kSteadyStream = absl::Seconds(5);
+/// Refusals of the identity in a row after which the worker gives up. A new certificate is known to another coordinator over
+/// the same database two seconds later at most; the pauses before the sixth refusal are 3 to 6 s together.
+constexpr int kIdentityRefusals = 6;
+
 /// The stream of gRPC callbacks. Writes are started from any thread, so a hold keeps the call open until a
 /// read fails.
 class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
@@ -243,6 +247,10 @@ class Connection {
   bool timed_out_ = false;
 };
 
+bool IsRefusedIdentity(const absl::Status& status) {
+  return absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status);
+}
+
 }  // namespace
 
 absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
@@ -261,11 +269,17 @@ absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions opt
     return stop.HasBeenNotified() || worker.IsLeaving() || !trigger.Reason().empty();
   };
   rpc::ReconnectSchedule schedule(rpc::RetryEnvironment::Real().jitter);
+  int identity_refusals = 0;
   while (!is_over()) {
+    if (options.check_identity != nullptr) {
+      if (absl::Status status = options.check_identity(); !status.ok()) return status;
+    }
     const absl::Time start = rpc::MonotonicNow();
     const absl::Status status = Connection(*channel, options, worker, id, *log).Run(trigger, stop);
     if (is_over()) break;
     if (absl::IsFailedPrecondition(status) || absl::IsInvalidArgument(status)) return status;
+    identity_refusals = IsRefusedIdentity(status) ? identity_refusals + 1 : 0;
+    if (identity_refusals == kIdentityRefusals) return status;
     if (rpc::MonotonicNow() - start > kSteadyStream) schedule.Reset();
     const absl::Duration pause = schedule.NextPause();
     log->warn("event=disconnected error=\"{}\" retry_in={:.1f}s", std::string(status.message()),

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -32,6 +33,9 @@ struct WorkerOptions {
   /// never.
   const rpc::MonotonicEvent* leave = nullptr;
   absl::Duration drain = absl::Seconds(30);
+  /// Why the worker can no longer be admitted, as its certificate has expired; asked before each connection. Null: it
+  /// has none.
+  std::function<absl::Status()> check_identity = nullptr;
   /// A worker that has held no lease for this long leaves, connected or not.
   absl::Duration exit_when_idle = absl::InfiniteDuration();
 };
@@ -39,7 +43,9 @@ struct WorkerOptions {
 /// Renders units for the coordinator at the other end of `channel` until the worker has left or `stop` is notified;
 /// `stop` breaks the connection at once. Blocks. After a broken connection it reconnects with the pauses of
 /// rpc::ReconnectSchedule, without limit, unless it was leaving.
-/// Errors: kFailedPrecondition or kInvalidArgument when the coordinator refuses this worker.
+/// Errors: kFailedPrecondition or kInvalidArgument when the coordinator refuses this worker; kUnauthenticated or
+/// kPermissionDenied when it does not admit the worker's identity: the certificate was revoked, is not known, has expired
+/// or is not a worker's.
 absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
                        const rpc::MonotonicEvent& stop);
 

@@ -40,6 +40,7 @@ namespace fence = lumifold::fence;
 
 constexpr int kExitFailure = 1;
 constexpr int kExitUsage = 2;
+constexpr int kExitNotAdmitted = 3;
 constexpr char kDefaultServer[] = "127.0.0.1:7700";
 constexpr int kExitSignal = 128;  // plus the number of the signal, as shells say it
 
@@ -122,6 +123,9 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
+  app->footer(
+      "Exit codes: 0 it has left, 1 failed, 2 wrong command line, 3 the coordinator does not admit it:\n"
+      "its certificate was revoked, has expired or is not known; 128 and the number of a second signal.");
   app->set_version_flag("--version", absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),
                                                   " (numeric class ", lumifold::render::NumericClass(), ")"));
 }
@@ -251,6 +255,10 @@ int RunWorkerProcess(const Flags& flags) {
   LogFence(flags, *fenced, *log);
   log->info("event=start name={} server={} threads={} class={}", flags.name, target->server, flags.threads,
             lumifold::render::NumericClass());
+  const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
+                                                      .profile = target->profile,
+                                                      .wall_now = lumifold::identity::ValidityClock,
+                                                      .log = log});
   lumifold::worker::WorkerOptions options{
       .name = flags.name,
       .threads = flags.threads,
@@ -258,14 +266,17 @@ int RunWorkerProcess(const Flags& flags) {
       .log = log,
       .leave = &leave,
       .drain = absl::Seconds(flags.drain_seconds),
+      .check_identity = [&renewal] { return renewal.CheckNotExpired(); },
       .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
   };
-  const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
-                                                      .profile = target->profile,
-                                                      .wall_now = lumifold::identity::ValidityClock,
-                                                      .log = log});
   const absl::Status status = lumifold::worker::RunWorker(
       lumifold::rpc::MakeChannel(target->server, target->security), std::move(options), never);
+  if (absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status)) {
+    log->error("event=not_admitted error=\"{}\"", std::string(status.message()));
+    std::fprintf(stderr, "lumifold-worker: %s. The worker needs a new code: 'lumifold-worker enroll'\n",
+                 std::string(status.message()).c_str());
+    return kExitNotAdmitted;
+  }
   if (!status.ok()) return Fail(status);
   log->info("event=stop name={}", flags.name);
   return 0;

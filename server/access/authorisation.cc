@@ -22,6 +22,7 @@ constexpr Row kAdmins = {Access::kNo, Access::kNo, Access::kNo, Access::kYes, Ac
 constexpr Row kWorkers = {Access::kNo, Access::kNo, Access::kNo, Access::kNo, Access::kYes, Access::kYes};
 
 constexpr bool kChanges = true;
+constexpr bool kCheckedByService = true;
 
 constexpr std::array kRules = {
     Rule{"/grpc.health.v1.Health/Check", kAnyone},
@@ -54,11 +55,11 @@ constexpr std::array kRules = {
     Rule{"/lumifold.v1.FarmService/RetryJob", kOwners, kChanges},
     Rule{"/lumifold.v1.FarmService/SetJobPriority", kOwners, kChanges},
     Rule{"/lumifold.v1.FarmService/SubmitJob", kOwners, kChanges},
-    Rule{"/lumifold.v1.FarmService/UploadAsset", kSubmitters, kChanges},
+    Rule{"/lumifold.v1.FarmService/UploadAsset", kSubmitters, kChanges, kCheckedByService},
     Rule{"/lumifold.v1.FarmService/WatchJob", kReadersOfJobs},
     Rule{"/lumifold.v1.WorkerService/FetchAsset", kWorkers},
     Rule{"/lumifold.v1.WorkerService/FetchSpec", kWorkers},
-    Rule{"/lumifold.v1.WorkerService/Work", kWorkers, kChanges},
+    Rule{"/lumifold.v1.WorkerService/Work", kWorkers, kChanges, kCheckedByService},
 };
 
 constexpr bool IsBefore(const Rule& left, const Rule& right) { return left.rpc_path < right.rpc_path; }

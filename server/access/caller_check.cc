@@ -75,13 +75,12 @@ class CallerCheck final : public grpc::AuthMetadataProcessor {
   absl::Status Check(const InputMetadata& metadata, const grpc::AuthContext& context) const {
     const auto path = metadata.find(kPathKey);
     if (path == metadata.end()) return absl::UnauthenticatedError("the call has no path");
+    const Rule* rule = FindRule(View(path->second));
+    if (rule != nullptr && rule->checked_by_service) return absl::OkStatus();
     if (AccessOf(Role::kNobody, View(path->second)) == Access::kYes) return absl::OkStatus();
     const absl::StatusOr<Identity> caller = IdentityOf(*known_, context, metadata, wall_now_());
     absl::Status status = caller.ok() ? authoriser_->Check(*caller, View(path->second)) : caller.status();
-    if (!status.ok()) {
-      const Rule* rule = FindRule(View(path->second));
-      on_refusal_(caller.value_or(Identity()), rule == nullptr ? "" : rule->rpc_path, status);
-    }
+    if (!status.ok()) on_refusal_(caller.value_or(Identity()), rule == nullptr ? "" : rule->rpc_path, status);
     return status;
   }
 

@@ -21,7 +21,8 @@ using RefusalListener =
     std::function<void(const Identity& caller, absl::string_view rpc_path, const absl::Status& why)>;
 
 /// Who calls is known before any message of the call is parsed: calls without identity, and those that `authoriser`
-/// refuses, end here. Calls that the table of authorisation opens to nobody in particular need none. `on_refusal` is
+/// refuses, end here. Calls that the table of authorisation opens to nobody in particular need none, and streams of requests
+/// pass: their service refuses them before it reads. `on_refusal` is
 /// told of each call that ends here; its caller has no name where it is not known, and the path is one of the table or
 /// empty. All that the arguments name must outlive the processor; it is part of the credentials of a server.
 std::shared_ptr<grpc::AuthMetadataProcessor> MakeCallerCheck(const KnownCredentials* known,

@@ -17,6 +17,7 @@ SETTINGS = ["--size", "160x120", "--spp", "96", "--seed", "5", "--save-film"]
 CODE = re.compile(r"lumifold-[A-Za-z0-9_-]{64}")
 EXIT_FAILED = 1
 EXIT_UNREACHABLE = 3
+EXIT_NOT_ADMITTED = 3  # of a worker
 
 
 class SecureFarm(Farm):
@@ -31,16 +32,16 @@ class SecureFarm(Farm):
         super().__init__(self.root / "data", *server_arguments)
         self.join("login", self.admin_code)
 
-    def join(self, command, code, profile="default", check=True, address=None):
+    def join(self, command, code, *options, profile="default", check=True, address=None):
         """lumifold login, or lumifold-worker enroll; the code goes over standard input."""
         program = {"login": "lumifold", "enroll": "lumifold-worker"}[command]
-        return run(program, command, address or self.address, "-", "--profile", profile, input=code, check=check)
+        return run(program, command, address or self.address, "-", "--profile", profile, *options, input=code, check=check)
 
     def invite(self, *arguments):
         return self.client("invite", *arguments).stdout.strip()
 
     def enroll(self, name, profile):
-        self.join("enroll", self.invite("--worker", name), profile)
+        self.join("enroll", self.invite("--worker", name), profile=profile)
 
     def token(self, profile="default"):
         return (self.profiles / profile / "token").read_text().strip()
@@ -114,6 +115,21 @@ class AccessTest(unittest.TestCase):
             self.assertNotIn(secret, log)
         self.assertIn("event=person_logged_in name=admin", log)
 
+    def test_a_coordinator_with_identities_does_not_give_them_up(self):
+        self.expect_failure(run("lumifold-server", "--data", self.farm.data, "--insecure", check=False),
+                            "--insecure does not go with " + str(self.farm.data / "access"))
+
+    def test_a_block_holds_for_every_name_of_a_worker(self):
+        self.farm.enroll("node-3", "node-3")
+        self.farm.client("block", "node-3", "--reason", "test")
+        worker = self.farm.start_worker("--profile", "node-3", "--name", "somebody-else")
+        workers = lambda: [json.loads(line) for line in self.farm.client("workers", "--json").stdout.splitlines()]
+        wait_until(lambda: any(w["process"] == "somebody-else" for w in workers()), "the worker")
+        self.assertEqual([(w["name"], w["state"]) for w in workers() if w["process"] == "somebody-else"], [("node-3", "blocked")])
+        self.assertIn("node-3/somebody-else", self.farm.client("workers").stdout)
+        worker.stop()
+        self.farm.client("readmit", "node-3")  # blocked workers are listed, and other tests count
+
     def test_init_happens_once(self):
         self.expect_failure(run("lumifold-server", "init", "--data", self.farm.data, check=False), "set up before")
 
@@ -144,6 +160,23 @@ class AccessTest(unittest.TestCase):
         wait_until(lambda: "has expired" in self.farm.client("whoami", "--profile", name, check=False).stderr,
                    "the end of a token of 1.8 s", seconds=30)
 
+    def test_a_person_with_a_certificate(self):
+        code = self.farm.invite("cora", "--scope", "submit")
+        self.farm.join("login", code, "--certificate", profile="cora")
+        self.assertFalse((self.farm.profiles / "cora" / "token").exists())
+        whoami = json.loads(self.farm.client("whoami", "--json", "--profile", "cora").stdout)
+        self.assertEqual((whoami["kind"], whoami["name"], whoami["scopes"]), ("person", "cora", ["submit"]))
+        job = self.farm.client("submit", self.scene, *SETTINGS, "--paused", "--profile", "cora").stdout.strip()
+        self.assertEqual(json.loads(self.farm.client("status", job, "--json", "--profile", "cora").stdout)["user"], "cora")
+        self.expect_failure(self.farm.client("identities", "--profile", "cora", check=False), "role submit")
+        worker = self.farm.start_worker("--profile", "cora")
+        self.assertEqual(worker.popen.wait(timeout=60), EXIT_NOT_ADMITTED)
+        self.assertIn("may not make", worker.log_text())
+        states = [json.loads(line) for line in self.farm.client("identities", "--json").stdout.splitlines()]
+        self.assertEqual([(i["form"], i["kind"]) for i in states if i["name"] == "cora"], [("certificate", "person")])
+        self.farm.client("revoke", "cora")
+        self.expect_failure(self.farm.client("list", "--profile", "cora", check=False), "the certificate of cora was revoked")
+
     def test_a_token_that_is_revoked(self):
         name = self.invite_person("bob")
         self.farm.client("list", "--profile", name)
@@ -169,9 +202,11 @@ class AccessTest(unittest.TestCase):
         self.assertEqual(watcher.returncode, EXIT_FAILED, errors)
         self.assertIn("was revoked", errors)
         wait_until(lambda: not self.farm.client("workers", "--json").stdout.strip(), "the worker's end", seconds=60)
-        wait_until(lambda: "was revoked" in worker.log_text(), "the worker's word", seconds=60)
+        self.assertEqual(worker.popen.wait(timeout=60), EXIT_NOT_ADMITTED)
+        self.assertIn("the certificate of node-2 was revoked. The worker needs a new code", worker.log_text())
         self.assertLess(time.monotonic() - start, 30)
-        worker.stop()
+        audit = (self.farm.root / "data" / "access" / "audit.log").read_text()
+        self.assertRegex(audit, r"address=ipv4:127\.0\.0\.1:\d+ rpc=\S+/Work .*outcome=UNAUTHENTICATED")
 
     def test_scopes_are_kept(self):
         name = self.invite_person("reader", "--scope", "read")
@@ -257,6 +292,11 @@ class RenewalTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as root, SecureFarm(root, "--certificate-hours", "0.01") as farm:
             scene = make_scene("cornell-box", root)
             farm.enroll("node-1", "node-1")
+            farm.enroll("node-2", "node-2")  # nobody renews its certificate
+            for name in ("ann", "idle"):
+                farm.join("login", farm.invite(name), "--certificate", profile=name)
+            person = farm.profiles / "ann" / "person.pem"
+            first_person = person.read_text()
             pem = farm.profiles / "node-1" / "worker.pem"
             first_pem = pem.read_text()
             first_server = farm.server_certificate()
@@ -264,6 +304,8 @@ class RenewalTest(unittest.TestCase):
             started = time.monotonic()
             wait_until(lambda: farm.server_certificate() != first_server, "a new server certificate", seconds=120)
             wait_until(lambda: pem.read_text() != first_pem, "a new worker certificate", seconds=120)
+            wait_until(lambda: farm.client("list", "--profile", "ann") and person.read_text() != first_person,
+                       "a new certificate of a person", seconds=60)
             # Until the first certificates have expired for certain.
             wait_until(lambda: time.monotonic() - started > 45, "the end of the first certificates")
             job = farm.client("submit", scene, *SETTINGS).stdout.strip()
@@ -273,6 +315,16 @@ class RenewalTest(unittest.TestCase):
             self.assertIn("event=certificate_renewed", worker.log_text())
             self.assertIn("event=server_certificate_renewed", farm.server.log_text())
             self.assertIn("event=worker_certificate_renewed name=node-1", farm.server.log_text())
+            self.assertIn("event=person_certificate_renewed name=ann", farm.server.log_text())
+            done = farm.client("list", "--profile", "idle", check=False)
+            self.assertEqual((done.returncode, "the certificate of idle has expired" in done.stderr), (EXIT_FAILED, True))
+            expired = farm.start_worker("--profile", "node-2")
+            self.assertEqual(expired.popen.wait(timeout=60), EXIT_NOT_ADMITTED)
+            self.assertIn("the certificate of node-2 has expired", expired.log_text())
+            # A coordinator that is away is waited for, longer than one that does not admit the worker.
+            farm.server.kill()
+            time.sleep(10)
+            self.assertTrue(worker.is_running())
 
 
 if __name__ == "__main__":

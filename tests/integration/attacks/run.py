@@ -2,8 +2,12 @@
 equal bit by bit. Options as those of ../faults/run.py.
 
     run.py --measure [NAME ...]   the time of a job that is attacked again and again, against that of an undisturbed one
+
+The attacker of --measure has a processor core of its own, as one on another machine has: only what the farm does about the
+attack takes time from the job.
 """
 
+import os
 import pathlib
 import random
 import sys
@@ -21,10 +25,20 @@ from world import Picture, References, World  # noqa: E402
 ATTACKS = [*of_strangers.ATTACKS, *of_callers.ATTACKS]
 LONG_PICTURE = Picture(size="128x96", samples=192)
 PAIRS = 3
+ATTACKER_CORE = set()  # of --measure
+
+
+def cores():
+    """Those of the farm, and that of the attacker."""
+    *farm, attacker = sorted(os.sched_getaffinity(0))
+    if not farm:
+        sys.exit("--measure needs two processor cores, one of them for the attacker")
+    return set(farm), {attacker}
 
 
 def attack_until(done, attack, world, outcomes):
-    """The same attack again and again."""
+    """The same attack again and again, on the attacker's core."""
+    os.sched_setaffinity(0, ATTACKER_CORE)  # of this thread, and of all that it starts
     while not done.is_set():
         outcomes.append(attack.end(world, attack.begin(world)))
 
@@ -51,6 +65,9 @@ def seconds_of(folder, attack, references, disturbed):
 
 def measure(names):
     """Prints the ratio of each attack, or of those with these names: the median of pairs, undisturbed and disturbed in turns."""
+    farm, attacker = cores()
+    ATTACKER_CORE.update(attacker)
+    os.sched_setaffinity(0, farm)  # of this thread and of all processes that it starts
     root = pathlib.Path(tempfile.mkdtemp(prefix="lumifold-attacks-"))
     references = References(root / "references")
     slow = []

@@ -1,0 +1,144 @@
+#include "filter/metrics/error_estimate.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+#include "filter/image/check.h"
+#include "filter/image/layers.h"
+#include "filter/image/portable_math.h"
+
+namespace lumifold::metrics {
+namespace {
+
+/// Weight of a squared difference at a value: the squared slope of the metric's curve.
+float WeightAt(float value, ErrorMetric metric) {
+  if (metric == ErrorMetric::kRelMse) return 1.0f / (value * value + 0.01f);  // as RelMse
+  constexpr float kLinearEnd = 0.0031308f;  // of the sRGB curve
+  if (!(value < 1.0f)) return 0.0f;         // clamped there
+  const float slope = 255.0f * (value < kLinearEnd ? 12.92f : 1.055f / 2.4f * Pow(value, 1.0f / 2.4f - 1.0f));
+  return slope * slope;
+}
+
+/// A film's noisy layer.
+struct Noisy {
+  explicit Noisy(const LayeredImage& film)
+      : mean(film.GetColor(layers::kNoisy)),
+        half_a(film.GetColor(layers::HalfA(layers::kNoisy))),
+        half_b(film.GetColor(layers::HalfB(layers::kNoisy))),
+        samples_a(film.Get(layers::kSamplesA)),
+        samples_b(film.Get(layers::kSamplesB)) {}
+
+  ConstColorView mean, half_a, half_b;
+  ConstFloatView samples_a, samples_b;
+};
+
+/// Sums over the pixels of a block.
+struct Sums {
+  double variance = 0;    // of the later picture
+  double earlier = 0;     // of the earlier one, where the error was measured too
+  double error = 0;       // of the earlier one, by the new samples
+  int64_t with_news = 0;  // pixels that have new samples
+};
+
+/// Mean of the samples that the later film has over the earlier one.
+double MeanOfNew(double later, double later_count, double earlier, double earlier_count) {
+  return (later * later_count - earlier * earlier_count) / (later_count - earlier_count);
+}
+
+class Comparison {
+ public:
+  Comparison(const FilteredFilm& earlier, const FilteredFilm& later, ErrorMetric metric)
+      : before_(earlier.film),
+        after_(later.film),
+        earlier_(earlier.picture),
+        later_(later.picture),
+        metric_(metric) {}
+
+  void Add(int x, int y, Sums* sums) const {
+    const double a0 = before_.samples_a.At(x, y);
+    const double b0 = before_.samples_b.At(x, y);
+    const double a1 = after_.samples_a.At(x, y);
+    const double b1 = after_.samples_b.At(x, y);
+    const double m = a0 + b0;
+    const double n = a1 + b1;
+    if (m < 1 || n <= m) return;
+    ++sums->with_news;
+    const bool has_halves = a1 > a0 && b1 > b0;
+    for (size_t c = 0; c < 3; ++c) {
+      const double weight = WeightAt(later_[c].At(x, y), metric_);
+      const double step = double{later_[c].At(x, y)} - double{earlier_[c].At(x, y)};
+      sums->variance += weight * step * step * m / (n - m);
+      if (!has_halves) continue;
+      const double half_a = MeanOfNew(after_.half_a[c].At(x, y), a1, before_.half_a[c].At(x, y), a0);
+      const double half_b = MeanOfNew(after_.half_b[c].At(x, y), b1, before_.half_b[c].At(x, y), b0);
+      const double share = (a1 - a0) / (n - m);
+      const double mean = share * half_a + (1 - share) * half_b;
+      const double off = double{earlier_[c].At(x, y)} - mean;
+      const double noise = share * (1 - share) * (half_a - half_b) * (half_a - half_b);
+      sums->error += weight * (off * off - noise);
+      sums->earlier += weight * step * step * n / (n - m);
+    }
+  }
+
+ private:
+  Noisy before_;
+  Noisy after_;
+  ConstColorView earlier_;
+  ConstColorView later_;
+  ErrorMetric metric_;
+};
+
+/// The error over the variance, drawn towards 1 by its standard error over the blocks (James and Stein).
+double BiasFactor(const std::vector<Sums>& blocks) {
+  double error = 0;
+  double variance = 0;
+  int64_t count = 0;
+  for (const Sums& block : blocks) {
+    error += block.error;
+    variance += block.earlier;
+    count += block.earlier > 0 ? 1 : 0;
+  }
+  if (count < 2 || !(variance > 0)) return 1;
+  const double ratio = error / variance;
+  if (ratio <= 1) return 1;
+  double squares = 0;
+  for (const Sums& block : blocks) {
+    const double residual = block.error - ratio * block.earlier;
+    squares += residual * residual;
+  }
+  const double share = 1 - squares / (variance * variance) / ((ratio - 1) * (ratio - 1));
+  return 1 + (ratio - 1) * std::max(0.0, share);
+}
+
+}  // namespace
+
+ErrorEstimate EstimateError(const FilteredFilm& earlier, const FilteredFilm& later, int block,
+                            ErrorMetric metric, TaskPool* pool) {
+  const int width = later.film.width();
+  const int height = later.film.height();
+  LUMIFOLD_CHECK(block >= 1 && earlier.film.width() == width && earlier.film.height() == height);
+  const Comparison comparison(earlier, later, metric);
+  ErrorEstimate estimate;
+  estimate.columns = (width + block - 1) / block;
+  estimate.rows = (height + block - 1) / block;
+  const auto columns = static_cast<size_t>(estimate.columns);
+  std::vector<Sums> sums(columns * static_cast<size_t>(estimate.rows));
+  ParallelFor(pool, estimate.rows, [&](int64_t row) {
+    const int y0 = static_cast<int>(row) * block;
+    for (int y = y0; y < std::min(y0 + block, height); ++y) {
+      for (int x = 0; x < width; ++x)
+        comparison.Add(x, y, &sums[static_cast<size_t>(row) * columns + static_cast<size_t>(x / block)]);
+    }
+  });
+  estimate.bias_factor = BiasFactor(sums);
+  for (const Sums& of_block : sums) {
+    const double channels = 3.0 * static_cast<double>(of_block.with_news);
+    estimate.blocks.push_back(
+        of_block.with_news == 0 ? -1.0 : estimate.bias_factor * of_block.variance / channels);
+  }
+  return estimate;
+}
+
+}  // namespace lumifold::metrics

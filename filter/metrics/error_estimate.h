@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "filter/image/layered_image.h"
+#include "filter/image/parallel.h"
+#include "filter/image/plane.h"
+
+namespace lumifold::metrics {
+
+/// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
+/// filtered value.
+enum class ErrorMetric { kMse255, kRelMse };
+
+/// A film, and what the filter made of it.
+struct FilteredFilm {
+  const LayeredImage& film;  // with noisy, noisy_a, noisy_b, samples_a.Y and samples_b.Y
+  ConstColorView picture;
+};
+
+/// Estimated squared error of a filtered picture, without a reference.
+struct ErrorEstimate {
+  int columns = 0;  // of blocks
+  int rows = 0;
+  /// Mean over the pixels and channels of each block, row by row; the error at the later film's counts. Negative where
+  /// the block has no new samples.
+  std::vector<double> blocks;
+  /// By what cross-validation has scaled them: the error over the variance, at least 1.
+  double bias_factor = 1;
+};
+
+/// Compares what the filter makes of a film with what it made of the same film when it had fewer samples.
+///
+/// Variance, block by block: the filtered picture is nearly a mean of the samples, so that of n samples, m of which the
+/// earlier film had, the two pictures differ by V(m) - V(n), and V falls as 1 / n: V(n) = m / (n - m) * difference^2.
+/// Bias, over the whole picture: the earlier picture has seen none of the new samples, so the mean square of its
+/// difference from their mean, less the variance of that mean, is its whole error. That is without bias but far noisier
+/// than V; so it gives one factor on all blocks, which is as far above 1 as its standard error allows.
+/// Shapes:  both W x H; each pixel of `later` has at least as many samples as in `earlier`, which are among them.
+///          Blocks are squares of `block` pixels, smaller at the right and lower border.
+/// Units:   squared 8-bit steps, or relative.
+/// Threads: identical for any pool.
+/// Source:  the variance is Gruzdev's halves taken over time; cross-validation with new samples is our own.
+ErrorEstimate EstimateError(const FilteredFilm& earlier, const FilteredFilm& later, int block,
+                            ErrorMetric metric, TaskPool* pool);
+
+}  // namespace lumifold::metrics

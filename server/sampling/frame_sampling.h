@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "absl/types/span.h"
+
+/// Adaptive sampling: where the samples of a frame go, decided at barriers from estimated errors and costs alone. Pure
+/// state and policy: no clock, no threads, no files.
+namespace lumifold::sampling {
+
+/// Edge length of a block in pixels: all of its pixels get equally many samples. In the chart's scenes blocks of 8 need
+/// 0.85 to 0.9 of the time that blocks of 16 need for equal error; the estimate of smaller ones is too noisy.
+inline constexpr int kBlockSize = 8;
+
+/// Samples per pixel of each block of a frame, row by row. Multiples of kSampleStep.
+using Allocation = std::vector<uint32_t>;
+
+/// Two samples for each half.
+inline constexpr uint32_t kSampleStep = 4;
+
+struct SamplingSettings {
+  int width = 0;  // of the frame in pixels
+  int height = 0;
+  /// Mean samples per pixel that the frame may have at most, in units of the mean cost of a sample. >= 1.
+  double budget = 0;
+  /// Sampling ends when the filtered picture's estimated error is at most this; 0: only the budget ends it.
+  double target_error = 0;
+  /// Cost of filtering the frame once, in samples per pixel: every estimate costs as much.
+  double filter_cost = 5;
+};
+
+/// The samples of one frame as a sequence of rounds. Round r brings every block to its count in rounds()[r]; the first
+/// rounds are uniform. Two rounds are under way at a time, so that nobody waits for a decision: the estimate for round
+/// r decides round r + 2. The rounds are a function of the settings and of the estimates.
+///
+/// Error of a block: amplitude / samples^0.75, which lies between the decline of noise and that of bias. Samples go
+/// where the sum of errors falls most per cost, which makes the samples of a block proportional to
+/// (amplitude / cost)^(1 / 1.75). Bounds on that, because an estimate may be wrong:
+///   - no block gets fewer than a tenth of the mean samples: one that looks clean may not have met its light yet;
+///   - no block grows more than fourfold in a round, nor beyond 16 times the budget: a firefly may not draw everything.
+/// Threads: one at a time.
+class FrameSampling {
+ public:
+  explicit FrameSampling(const SamplingSettings& settings);
+
+  int columns() const { return columns_; }
+  int rows() const { return rows_; }
+
+  /// The rounds decided so far; each block's count never falls from one to the next.
+  const std::vector<Allocation>& rounds() const { return rounds_; }
+  /// No round follows those decided so far.
+  bool is_final() const { return is_final_; }
+  /// Whether a frame whose round `round` is complete is to be filtered: for the estimate of this round or of the next.
+  bool NeedsPicture(int round) const { return !is_final_ && round >= 0; }
+
+  /// What is known once round `round` is complete; call it once for each round from 1 on, in order, until is_final.
+  /// `errors`: by block, as metrics::EstimateError gives them for rounds round - 1 and round; negative: unknown.
+  /// `costs`: of one sample of each pixel of a block, by block, above 0, in any unit.
+  void AddEstimate(int round, absl::Span<const double> errors, absl::Span<const double> costs);
+
+  /// Error of the frame once all rounds decided so far are complete, as the estimates predict it; negative before the
+  /// first.
+  double PredictedError() const;
+
+ private:
+  double PixelsOf(size_t block) const;
+  void Learn(const Allocation& samples, absl::Span<const double> errors);
+  double ErrorOf(const Allocation& samples) const;
+  /// Cost of an allocation over that of one sample of each pixel.
+  double MeanCost(const Allocation& samples, absl::Span<const double> costs) const;
+  /// The best allocation of at most this mean cost that no block loses samples by.
+  Allocation Distribute(double mean_cost, absl::Span<const double> costs) const;
+
+  SamplingSettings settings_;
+  int columns_;
+  int rows_;
+  std::vector<Allocation> rounds_;
+  bool is_final_ = false;
+  std::vector<double> amplitudes_;  // sums over the estimates so far, by block
+  std::vector<int> estimates_;      // their number
+};
+
+}  // namespace lumifold::sampling

@@ -1,0 +1,167 @@
+#include "server/sampling/frame_sampling.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+namespace lumifold::sampling {
+namespace {
+
+constexpr int kEdge = 80;  // pixels: 10 x 10 blocks
+constexpr size_t kBlocks = 100;
+constexpr double kBudget = 512;
+
+SamplingSettings Settings() { return {.width = kEdge, .height = kEdge, .budget = kBudget}; }
+
+std::vector<double> Ones() { return std::vector<double>(kBlocks, 1.0); }
+
+/// The error of each block at its samples, if its amplitude is `amplitudes`.
+std::vector<double> ErrorsAt(const Allocation& samples, const std::vector<double>& amplitudes) {
+  std::vector<double> errors;
+  for (size_t i = 0; i < samples.size(); ++i)
+    errors.push_back(amplitudes[i] / std::pow(static_cast<double>(samples[i]), 0.75));
+  return errors;
+}
+
+double MeanOf(const std::vector<double>& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+double MeanCost(const Allocation& samples, const std::vector<double>& costs) {
+  double sum = 0;
+  for (size_t i = 0; i < samples.size(); ++i) sum += samples[i] * costs[i];
+  return sum / (MeanOf(costs) * static_cast<double>(samples.size()));
+}
+
+/// Runs all rounds of a frame whose errors decline as the policy assumes.
+FrameSampling RunFrame(const SamplingSettings& settings, const std::vector<double>& amplitudes,
+                       const std::vector<double>& costs) {
+  FrameSampling sampling(settings);
+  for (size_t round = 1; !sampling.is_final() && round < sampling.rounds().size(); ++round)
+    sampling.AddEstimate(static_cast<int>(round), ErrorsAt(sampling.rounds()[round], amplitudes), costs);
+  return sampling;
+}
+
+std::vector<double> OneLoudBlock(double amplitude) {
+  std::vector<double> amplitudes = Ones();
+  amplitudes[37] = amplitude;
+  return amplitudes;
+}
+
+TEST(FrameSampling, IsUniformWhereAnEstimateWouldCostTooMuch) {
+  SamplingSettings settings = Settings();
+  settings.budget = 64;
+  const FrameSampling sampling(settings);
+  EXPECT_TRUE(sampling.is_final());
+  EXPECT_EQ(sampling.rounds(), std::vector<Allocation>({Allocation(kBlocks, 64)}));
+}
+
+TEST(FrameSampling, BeginsWithUniformRounds) {
+  const FrameSampling sampling(Settings());
+  EXPECT_FALSE(sampling.is_final());
+  EXPECT_EQ(sampling.rounds(), std::vector<Allocation>({Allocation(kBlocks, 8), Allocation(kBlocks, 16),
+                                                        Allocation(kBlocks, 24)}));
+}
+
+TEST(FrameSampling, KeepsTheBudgetAndNeverTakesSamplesBack) {
+  std::vector<double> amplitudes;
+  std::vector<double> costs;
+  for (size_t i = 0; i < kBlocks; ++i) {
+    amplitudes.push_back(std::pow(1.1, static_cast<double>(i)));
+    costs.push_back(1 + static_cast<double>(i % 7));
+  }
+  const FrameSampling sampling = RunFrame(Settings(), amplitudes, costs);
+  ASSERT_TRUE(sampling.is_final());
+  const std::vector<Allocation>& rounds = sampling.rounds();
+  for (size_t r = 1; r < rounds.size(); ++r) {
+    for (size_t i = 0; i < kBlocks; ++i) {
+      EXPECT_GE(rounds[r][i], rounds[r - 1][i]);
+      EXPECT_EQ(rounds[r][i] % kSampleStep, 0u);
+    }
+  }
+  EXPECT_LE(MeanCost(rounds.back(), costs), kBudget);
+  EXPECT_GE(MeanCost(rounds.back(), costs), kBudget - kSampleStep);
+}
+
+TEST(FrameSampling, GivesSamplesByErrorOverCost) {
+  std::vector<double> amplitudes = Ones();
+  std::vector<double> costs = Ones();
+  for (size_t i = 0; i < kBlocks / 2; ++i) amplitudes[i] = 4;
+  for (size_t i = kBlocks / 2; i < kBlocks; i += 2) costs[i] = 2;
+  const Allocation last = RunFrame(Settings(), amplitudes, costs).rounds().back();
+  const double cheap = last[kBlocks - 1];
+  EXPECT_NEAR(last[0] / cheap, std::pow(4, 1 / 1.75), 0.05);
+  EXPECT_NEAR(last[kBlocks - 2] / cheap, std::pow(0.5, 1 / 1.75), 0.05);
+}
+
+TEST(FrameSampling, LowersTheErrorBelowThatOfUniformSampling) {
+  std::vector<double> amplitudes;
+  for (size_t i = 0; i < kBlocks; ++i) amplitudes.push_back(std::pow(1.05, static_cast<double>(i)));
+  const Allocation last = RunFrame(Settings(), amplitudes, Ones()).rounds().back();
+  const Allocation uniform(kBlocks, static_cast<uint32_t>(kBudget));
+  EXPECT_LT(MeanOf(ErrorsAt(last, amplitudes)), 0.9 * MeanOf(ErrorsAt(uniform, amplitudes)));
+}
+
+TEST(FrameSampling, GivesABlockThatLooksCleanItsShare) {
+  std::vector<double> amplitudes = Ones();
+  amplitudes[5] = 0;
+  const Allocation last = RunFrame(Settings(), amplitudes, Ones()).rounds().back();
+  EXPECT_GE(last[5], 48u);  // a tenth of 512, rounded down
+}
+
+TEST(FrameSampling, LetsNoBlockDrawAllSamples) {
+  const FrameSampling sampling = RunFrame(Settings(), OneLoudBlock(1e9), Ones());
+  const std::vector<Allocation>& rounds = sampling.rounds();
+  for (size_t r = 1; r < rounds.size(); ++r) EXPECT_LE(rounds[r][37], 4 * rounds[r - 1][37]);
+  EXPECT_LE(rounds.back()[37], 16 * kBudget);
+  EXPECT_GE(*std::min_element(rounds.back().begin(), rounds.back().end()), 48u);
+}
+
+TEST(FrameSampling, EndsABlackFrameEarly) {
+  const FrameSampling sampling = RunFrame(Settings(), std::vector<double>(kBlocks, 0.0), Ones());
+  EXPECT_TRUE(sampling.is_final());
+  EXPECT_LE(sampling.rounds().back()[0], 24u);
+  EXPECT_EQ(sampling.PredictedError(), 0);
+}
+
+TEST(FrameSampling, EndsAtTheTarget) {
+  SamplingSettings settings = Settings();
+  settings.target_error = 1 / std::pow(100.0, 0.75);  // of 100 samples, uniformly
+  const FrameSampling sampling = RunFrame(settings, Ones(), Ones());
+  EXPECT_TRUE(sampling.is_final());
+  EXPECT_LE(sampling.PredictedError(), settings.target_error);
+  EXPECT_LT(sampling.rounds().back()[0], 200u);
+}
+
+TEST(FrameSampling, SpendsTheBudgetOnATargetOutOfReach) {
+  SamplingSettings settings = Settings();
+  settings.target_error = 1e-9;
+  const FrameSampling sampling = RunFrame(settings, Ones(), Ones());
+  EXPECT_TRUE(sampling.is_final());
+  EXPECT_NEAR(MeanCost(sampling.rounds().back(), Ones()), kBudget, kSampleStep);
+  EXPECT_GT(sampling.PredictedError(), settings.target_error);
+}
+
+TEST(FrameSampling, KeepsWhatItKnowsOfBlocksWithoutNewSamples) {
+  FrameSampling sampling(Settings());
+  const std::vector<double> amplitudes = OneLoudBlock(20);
+  sampling.AddEstimate(1, ErrorsAt(sampling.rounds()[1], amplitudes), Ones());
+  sampling.AddEstimate(2, std::vector<double>(kBlocks, -1.0), Ones());
+  const Allocation& last = sampling.rounds().back();
+  EXPECT_GT(last[37], 2 * last[0]);
+}
+
+TEST(FrameSampling, CountsSmallerBlocksAtTheBorder) {
+  const SamplingSettings settings = {.width = 9, .height = 17, .budget = kBudget};
+  const FrameSampling sampling(settings);
+  EXPECT_EQ(sampling.columns(), 2);
+  EXPECT_EQ(sampling.rows(), 3);
+  EXPECT_EQ(sampling.rounds().front().size(), 6u);
+  EXPECT_EQ(sampling.PredictedError(), -1);
+}
+
+}  // namespace
+}  // namespace lumifold::sampling

@@ -15,8 +15,8 @@ namespace {
 /// Weight of a squared difference at a value: the squared slope of the metric's curve.
 float WeightAt(float value, ErrorMetric metric) {
   if (metric == ErrorMetric::kRelMse) return 1.0f / (value * value + 0.01f);  // as RelMse
-  constexpr float kLinearEnd = 0.0031308f;  // of the sRGB curve
-  if (!(value < 1.0f)) return 0.0f;         // clamped there
+  constexpr float kLinearEnd = 0.0031308f;                                    // of the sRGB curve
+  if (!(value < 1.0f)) return 0.0f;                                           // clamped there
   const float slope = 255.0f * (value < kLinearEnd ? 12.92f : 1.055f / 2.4f * Pow(value, 1.0f / 2.4f - 1.0f));
   return slope * slope;
 }
@@ -135,8 +135,8 @@ ErrorEstimate EstimateError(const FilteredFilm& earlier, const FilteredFilm& lat
   estimate.bias_factor = BiasFactor(sums);
   for (const Sums& of_block : sums) {
     const double channels = 3.0 * static_cast<double>(of_block.with_news);
-    estimate.blocks.push_back(
-        of_block.with_news == 0 ? -1.0 : estimate.bias_factor * of_block.variance / channels);
+    estimate.blocks.push_back(of_block.with_news == 0 ? -1.0
+                                                      : estimate.bias_factor * of_block.variance / channels);
   }
   return estimate;
 }

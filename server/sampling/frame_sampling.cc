@@ -45,7 +45,8 @@ FrameSampling::FrameSampling(const SamplingSettings& settings)
     is_final_ = true;
     return;
   }
-  for (uint32_t round = 1; round <= kUniformRounds; ++round) rounds_.emplace_back(blocks, round * kFirstSamples);
+  for (uint32_t round = 1; round <= kUniformRounds; ++round)
+    rounds_.emplace_back(blocks, round * kFirstSamples);
 }
 
 double FrameSampling::PixelsOf(size_t block) const {
@@ -67,14 +68,14 @@ void FrameSampling::Learn(const Allocation& samples, absl::Span<const double> er
 double FrameSampling::ErrorOf(const Allocation& samples) const {
   double sum = 0;
   for (size_t i = 0; i < samples.size(); ++i) {
-    if (estimates_[i] > 0)
-      sum += PixelsOf(i) * amplitudes_[i] / estimates_[i] / Power(samples[i], kDecline);
+    if (estimates_[i] > 0) sum += PixelsOf(i) * amplitudes_[i] / estimates_[i] / Power(samples[i], kDecline);
   }
   return sum / (static_cast<double>(settings_.width) * settings_.height);
 }
 
 double FrameSampling::PredictedError() const {
-  const bool is_known = std::any_of(estimates_.begin(), estimates_.end(), [](int count) { return count > 0; });
+  const bool is_known =
+      std::any_of(estimates_.begin(), estimates_.end(), [](int count) { return count > 0; });
   return is_known ? ErrorOf(rounds_.back()) : -1;
 }
 

@@ -11,6 +11,7 @@
 #include "filter/image/exr_io.h"
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
+#include "tests/charts/adaptive.h"
 #include "tests/charts/error_charts.h"
 #include "tests/charts/films/film_source.h"
 #include "tests/charts/knee.h"
@@ -60,10 +61,11 @@ class Session {
 
   absl::Status Run() {
     for (const std::string& chart : options_.charts) {
-      absl::Status status = chart == "errors"   ? ChartErrors()
-                            : chart == "tables" ? Tables()
-                            : chart == "stages" ? Stages()
-                                                : Knee();
+      absl::Status status = chart == "errors"     ? ChartErrors()
+                            : chart == "tables"   ? Tables()
+                            : chart == "stages"   ? Stages()
+                            : chart == "adaptive" ? Adaptive()
+                                                  : Knee();
       if (!status.ok()) return status;
       std::fprintf(stderr, "wrote %s/%s.md\n", options_.output.c_str(), chart.c_str());
     }
@@ -212,6 +214,25 @@ class Session {
     }
     const absl::StatusOr<bool> drawn =
         ChartKnee(options_.output, points, {options_.command, options_.threads}, Format());
+    is_drawn_ &= drawn.value_or(false);
+    return drawn.status();
+  }
+
+  absl::Status Adaptive() {
+    std::vector<AdaptivePoint> points;
+    for (size_t i = 0; i < options_.scenes.size(); ++i) {
+      const absl::StatusOr<FilmSource> source = FilmSource::Create(options_.scenes[i], options_.cache);
+      if (!source.ok()) return source.status();
+      const absl::StatusOr<Reference> reference = RenderReference(*source, i);
+      if (!reference.ok()) return reference.status();
+      const absl::StatusOr<std::vector<AdaptivePoint>> more = MeasureAdaptive(
+          options_.scenes[i], *source, SettingsOf(1, kFilmSeed), options_.samples, *reference, pool_);
+      if (!more.ok()) return more.status();
+      points.insert(points.end(), more->begin(), more->end());
+      std::fprintf(stderr, "%s: every budget rendered twice\n", options_.scenes[i].c_str());
+    }
+    const absl::StatusOr<bool> drawn =
+        ChartAdaptive(options_.output, points, {options_.command, options_.threads}, Format());
     is_drawn_ &= drawn.value_or(false);
     return drawn.status();
   }

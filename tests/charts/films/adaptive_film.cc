@@ -23,7 +23,8 @@ class Blocks {
       : renderer_(renderer), width_(settings.width), height_(settings.height), pool_(pool) {
     for (int y = 0; y < height_; y += kBlockSize) {
       for (int x = 0; x < width_; x += kBlockSize)
-        blocks_.push_back({{x, y, std::min(x + kBlockSize, width_), std::min(y + kBlockSize, height_)}, {}, {}});
+        blocks_.push_back(
+            {{x, y, std::min(x + kBlockSize, width_), std::min(y + kBlockSize, height_)}, {}, {}});
     }
     ParallelFor(pool_, static_cast<int64_t>(blocks_.size()), [&](int64_t i) {
       Block& block = blocks_[static_cast<size_t>(i)];
@@ -38,7 +39,6 @@ class Blocks {
       if (to[i] == from[i]) return;
       render::RenderCounts counts;
       blocks_[i].sums.Add(renderer_.RenderPass(blocks_[i].rect, 0, {from[i], to[i]}, &counts));
-      
     });
   }
 

@@ -125,9 +125,9 @@ TEST(EstimateError, TakesNoNoiseForBias) {
 
 TEST(EstimateError, MarksBlocksWithoutNewSamples) {
   const Case films = MakeCase(16, 32);
-  const ErrorEstimate estimate =
-      EstimateError({films.later, films.later.GetColor(layers::kNoisy)},
-                    {films.later, films.later.GetColor(layers::kNoisy)}, kBlock, ErrorMetric::kRelMse, nullptr);
+  const ErrorEstimate estimate = EstimateError({films.later, films.later.GetColor(layers::kNoisy)},
+                                               {films.later, films.later.GetColor(layers::kNoisy)}, kBlock,
+                                               ErrorMetric::kRelMse, nullptr);
   for (const double block : estimate.blocks) EXPECT_LT(block, 0);
 }
 
@@ -135,8 +135,8 @@ TEST(EstimateError, CountsSteepDarkTonesMoreInMse255) {
   const Case films = MakeCase(16, 32);
   const Picture earlier = Filter(films.earlier, 0.3f, 0);
   const Picture later = Filter(films.later, 0.3f, 0);
-  const ErrorEstimate estimate =
-      EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)}, kBlock, ErrorMetric::kMse255, nullptr);
+  const ErrorEstimate estimate = EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)},
+                                               kBlock, ErrorMetric::kMse255, nullptr);
   const double slope = 255 * 1.055 / 2.4 * std::pow(static_cast<double>(kLight), 1 / 2.4 - 1);
   EXPECT_NEAR(MeanOf(estimate) / (slope * slope * 0.09 * 0.01 / 32), 1, 0.1);
 }

@@ -1,0 +1,128 @@
+#include "tests/charts/adaptive.h"
+
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "filter/image/file_io.h"
+#include "filter/image/planes.h"
+#include "tests/charts/films/adaptive_film.h"
+#include "tests/charts/series.h"
+
+namespace lumifold::charts {
+namespace {
+
+/// No estimate pays where filtering costs more than all samples: sampling is uniform.
+constexpr double kNeverPays = 1e9;
+
+AdaptivePoint PointOf(const std::string& scene, const render::Renderer& renderer,
+                      const sampling::SamplingSettings& settings, const Reference& reference,
+                      TaskPool* pool) {
+  const AdaptiveFilm film = RenderAdaptively(renderer, settings, metrics::ErrorMetric::kMse255, pool);
+  return {.scene = scene,
+          .width = settings.width,
+          .height = settings.height,
+          .budget = static_cast<int>(settings.budget),
+          .is_adaptive = settings.filter_cost < kNeverPays,
+          .mse255 = Judge(ViewOf(film.picture), reference, false).mse255.whole,
+          .estimated = film.estimated_error,
+          .render_seconds = film.render_seconds,
+          .filter_seconds = film.filter_seconds,
+          .estimates = film.estimates};
+}
+
+std::string NameOf(const AdaptivePoint& point) {
+  return absl::StrCat(point.scene, point.is_adaptive ? ", adaptive" : ", uniform");
+}
+
+Figure ErrorFigure(const std::vector<AdaptivePoint>& points) {
+  Figure figure{
+      "Adaptive and uniform sampling", "processor seconds, filter and estimates included", "MSE255", {}, {}};
+  for (const bool is_adaptive : {false, true}) {
+    for (const AdaptivePoint& point : points) {
+      if (point.is_adaptive != is_adaptive) continue;
+      if (figure.curves.empty() || figure.curves.back().name != NameOf(point))
+        figure.curves.push_back({NameOf(point), Curve::Style::kLine, is_adaptive, {}});
+      figure.curves.back().points.emplace_back(point.TotalSeconds(), point.mse255);
+    }
+  }
+  return figure;
+}
+
+std::string Table(const std::vector<AdaptivePoint>& points) {
+  std::string text =
+      TableHead({"scene", "size", "samples", "sampling", "MSE255", "estimated over true", "rendering, s",
+                 "filter, s", "estimates", "time over uniform at equal error"});
+  for (const AdaptivePoint& point : points) {
+    const double ratio = point.is_adaptive ? TimeRatio(points, point) : 0;
+    absl::StrAppend(
+        &text,
+        TableLine({point.scene, absl::StrCat(point.width, "x", point.height), absl::StrCat(point.budget),
+                   point.is_adaptive ? "adaptive" : "uniform", absl::StrFormat("%.3f", point.mse255),
+                   point.estimated < 0 ? "" : absl::StrFormat("%.2f", point.estimated / point.mse255),
+                   absl::StrFormat("%.2f", point.render_seconds),
+                   absl::StrFormat("%.2f", point.filter_seconds), absl::StrCat(point.estimates),
+                   ratio > 0 ? absl::StrFormat("%.2f", ratio) : ""}));
+  }
+  return text;
+}
+
+std::string Csv(const std::vector<AdaptivePoint>& points) {
+  std::string text =
+      "scene,width,height,samples,adaptive,mse255,estimated,render_seconds,filter_seconds,estimates\n";
+  for (const AdaptivePoint& point : points) {
+    absl::StrAppendFormat(&text, "%s,%d,%d,%d,%d,%.6g,%.6g,%.4f,%.4f,%d\n", point.scene, point.width,
+                          point.height, point.budget, point.is_adaptive ? 1 : 0, point.mse255,
+                          point.estimated, point.render_seconds, point.filter_seconds, point.estimates);
+  }
+  return text;
+}
+
+}  // namespace
+
+absl::StatusOr<std::vector<AdaptivePoint>> MeasureAdaptive(const std::string& scene, const FilmSource& source,
+                                                           const FilmSettings& settings,
+                                                           absl::Span<const int> budgets,
+                                                           const Reference& reference, TaskPool* pool) {
+  const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer = source.MakeRenderer(settings);
+  if (!renderer.ok()) return renderer.status();
+  std::vector<AdaptivePoint> points;
+  for (const bool is_adaptive : {false, true}) {
+    for (const int budget : budgets) {
+      sampling::SamplingSettings sampling = {
+          .width = settings.width, .height = settings.height, .budget = static_cast<double>(budget)};
+      if (!is_adaptive) sampling.filter_cost = kNeverPays;
+      points.push_back(PointOf(scene, **renderer, sampling, reference, pool));
+    }
+  }
+  return points;
+}
+
+double TimeRatio(const std::vector<AdaptivePoint>& points, const AdaptivePoint& adaptive) {
+  std::vector<std::pair<double, double>> time_by_error;  // errors rising
+  for (const AdaptivePoint& point : points) {
+    if (point.scene == adaptive.scene && !point.is_adaptive)
+      time_by_error.insert(time_by_error.begin(), {point.mse255, point.TotalSeconds()});
+  }
+  const std::optional<double> uniform = Interpolate(time_by_error, adaptive.mse255);
+  return uniform.has_value() ? adaptive.TotalSeconds() / *uniform : 0;
+}
+
+absl::StatusOr<bool> ChartAdaptive(const std::string& folder, const std::vector<AdaptivePoint>& points,
+                                   const Provenance& provenance, DrawFormat format) {
+  absl::StatusOr<bool> drawn = Draw(folder + "/adaptive-error", ErrorFigure(points), format);
+  if (!drawn.ok()) return drawn;
+  if (absl::Status status = WriteFileAtomically(folder + "/adaptive.csv", Csv(points)); !status.ok())
+    return status;
+  const absl::Status status = WritePage(
+      folder + "/adaptive.md", "Adaptive sampling", provenance,
+      absl::StrCat("Samples go where the filtered picture's estimated error falls most, in blocks of 8x8 "
+                   "pixels; every "
+                   "estimate is part of the filter's time.\n\n![error against time](adaptive-error.svg)\n\n",
+                   Table(points)));
+  if (!status.ok()) return status;
+  return drawn;
+}
+
+}  // namespace lumifold::charts

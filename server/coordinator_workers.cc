@@ -128,7 +128,7 @@ std::optional<LeasedUnit> Coordinator::FindLease(WorkerId worker, const UnitRef&
 void Coordinator::Deliver(WorkerId worker, film::EncodedUnit unit) {
   absl::MutexLock lock(&mutex_);
   const scheduler::Completion completion =
-      scheduler_.CompleteUnit(worker, unit.unit, unit.attempt, options_.now(), unit.digest());
+      scheduler_.CompleteUnit(worker, unit.unit, unit.attempt, options_.now(), unit.digest);
   if (completion == scheduler::Completion::kAudited) {
     options_.log->debug("event=unit_audited unit={} worker={}", Quoted(Describe(unit.unit)), NameOf(worker));
     Acknowledge(worker, unit.unit, unit.attempt);

@@ -1,47 +1,20 @@
 #include "proto/rpc/image_codec.h"
 
 #include <algorithm>
-#include <bit>
-#include <cstring>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
+#include "proto/rpc/plane_codec.h"
 
 namespace lumifold::rpc {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "planes are sent in the byte order of memory");
-static_assert(kMaxChunkBytes % sizeof(float) == 0, "a value never straddles two chunks");
-
-// Calls run(plane, y, x, n) for each run of n values within one row of the values [first, first + count).
-template <typename Run>
-void ForEachRun(int width, int height, uint64_t first, uint64_t count, Run run) {
-  const uint64_t area = static_cast<uint64_t>(width) * static_cast<uint64_t>(height);
-  while (count > 0) {
-    const uint64_t in_plane = first % area;
-    const int y = static_cast<int>(in_plane / static_cast<uint64_t>(width));
-    const int x = static_cast<int>(in_plane % static_cast<uint64_t>(width));
-    const uint64_t n = std::min(count, static_cast<uint64_t>(width - x));
-    run(static_cast<size_t>(first / area), y, x, static_cast<size_t>(n));
-    first += n;
-    count -= n;
-  }
-}
-
-void AppendBytes(const LayeredImage& image, uint64_t first_byte, uint64_t byte_count, std::string* out) {
-  out->reserve(out->size() + byte_count);
-  ForEachRun(image.width(), image.height(), first_byte / sizeof(float), byte_count / sizeof(float),
-             [&](size_t plane, int y, int x, size_t n) {
-               const float* values = image.channels()[plane].plane.Row(y) + x;
-               out->append(reinterpret_cast<const char*>(values), n * sizeof(float));
-             });
-}
-
-uint64_t BytesOf(const LayeredImage& image) {
-  return static_cast<uint64_t>(image.width()) * static_cast<uint64_t>(image.height()) * sizeof(float) *
-         image.channels().size();
+/// Bytes of the planes as float32.
+uint64_t FloatBytesOf(const v1::PixelLayout& layout) {
+  return static_cast<uint64_t>(layout.width()) * static_cast<uint64_t>(layout.height()) * sizeof(float) *
+         static_cast<uint64_t>(layout.channels_size());
 }
 
 bool IsPrintable(std::string_view name) {
@@ -66,6 +39,17 @@ absl::Status CheckNames(const v1::PixelLayout& layout, const PixelLimits& limits
       absl::StrCat("pixel layout: channel ", std::string(*twice), " appears twice"));
 }
 
+absl::Status CheckEncodings(const v1::PixelLayout& layout) {
+  if (layout.encodings_size() != 0 && layout.encodings_size() != layout.channels_size()) {
+    return absl::InvalidArgumentError(absl::StrCat("pixel layout: ", layout.encodings_size(),
+                                                   " encodings of ", layout.channels_size(), " channels"));
+  }
+  const auto unknown =
+      std::find_if_not(layout.encodings().begin(), layout.encodings().end(), v1::PlaneEncoding_IsValid);
+  if (unknown == layout.encodings().end()) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("pixel layout: unknown encoding ", *unknown));
+}
+
 }  // namespace
 
 v1::PixelLayout LayoutOf(const LayeredImage& image) {
@@ -73,6 +57,13 @@ v1::PixelLayout LayoutOf(const LayeredImage& image) {
   layout.set_width(image.width());
   layout.set_height(image.height());
   for (const LayeredImage::Channel& channel : image.channels()) layout.add_channels(channel.name);
+  return layout;
+}
+
+v1::PixelLayout EncodedLayoutOf(const LayeredImage& image) {
+  v1::PixelLayout layout = LayoutOf(image);
+  for (const LayeredImage::Channel& channel : image.channels())
+    layout.add_encodings(EncodingOf(channel.plane.view()));
   return layout;
 }
 
@@ -87,53 +78,71 @@ absl::Status CheckLayout(const v1::PixelLayout& layout, const PixelLimits& limit
     return absl::InvalidArgumentError(
         absl::StrCat("pixel layout: ", layout.channels_size(), " channels, not 1 to ", limits.max_channels));
   }
-  if (BytesOf(layout) > limits.max_bytes) {
+  if (FloatBytesOf(layout) > limits.max_bytes) {
     return absl::InvalidArgumentError(absl::StrCat(
-        "pixel layout: ", BytesOf(layout), " bytes are more than the ", limits.max_bytes, " allowed"));
+        "pixel layout: ", FloatBytesOf(layout), " bytes are more than the ", limits.max_bytes, " allowed"));
   }
+  if (absl::Status status = CheckEncodings(layout); !status.ok()) return status;
   return CheckNames(layout, limits);
 }
 
-uint64_t BytesOf(const v1::PixelLayout& layout) {
-  return static_cast<uint64_t>(layout.width()) * static_cast<uint64_t>(layout.height()) * sizeof(float) *
-         static_cast<uint64_t>(layout.channels_size());
+uint64_t EncodedBytesOf(const v1::PixelLayout& layout) {
+  if (layout.encodings_size() == 0) return FloatBytesOf(layout);
+  const uint64_t area = static_cast<uint64_t>(layout.width()) * static_cast<uint64_t>(layout.height());
+  uint64_t bytes = 0;
+  for (const int encoding : layout.encodings())
+    bytes += EncodedBytes(static_cast<v1::PlaneEncoding>(encoding), area);
+  return bytes;
 }
 
 std::string BytesFromImage(const LayeredImage& image) {
   std::string bytes;
-  AppendBytes(image, 0, BytesOf(image), &bytes);
+  bytes.reserve(FloatBytesOf(LayoutOf(image)));
+  for (const LayeredImage::Channel& channel : image.channels())
+    AppendPlane(channel.plane.view(), v1::PLANE_ENCODING_FLOAT, &bytes);
   return bytes;
 }
 
 absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                             const PixelLimits& limits) {
   if (absl::Status status = CheckLayout(layout, limits); !status.ok()) return status;
-  if (bytes.size() != BytesOf(layout)) {
+  if (bytes.size() != EncodedBytesOf(layout)) {
     return absl::InvalidArgumentError(
-        absl::StrCat("pixels: ", bytes.size(), " bytes, the layout needs ", BytesOf(layout)));
+        absl::StrCat("pixels: ", bytes.size(), " bytes, the layout needs ", EncodedBytesOf(layout)));
   }
+  const std::vector<EncodedPlane> planes = PlanesOf(layout);
   LayeredImage image(layout.width(), layout.height());
-  for (const std::string& name : layout.channels()) image.Add(name);
-  const char* next = bytes.data();
-  ForEachRun(layout.width(), layout.height(), 0, bytes.size() / sizeof(float),
-             [&](size_t plane, int y, int x, size_t n) {
-               std::memcpy(image.channels()[plane].plane.Row(y) + x, next, n * sizeof(float));
-               next += n * sizeof(float);
-             });
+  for (size_t i = 0; i < planes.size(); ++i) {
+    const FloatView view = image.Add(layout.channels(static_cast<int>(i)));
+    const auto width = static_cast<size_t>(view.width());
+    const uint64_t row_bytes = EncodedBytes(planes[i].encoding, width);
+    for (int y = 0; y < view.height(); ++y) {
+      const uint64_t first = planes[i].RowByte(y, view.width());
+      DecodeValues(planes[i].encoding, bytes.substr(first, row_bytes), view.Row(y), width);
+    }
+  }
   return image;
 }
 
-PixelChunker::PixelChunker(const LayeredImage& image) : image_(image), total_bytes_(BytesOf(image)) {}
+PixelChunker::PixelChunker(const LayeredImage& image) : image_(image), layout_(EncodedLayoutOf(image)) {}
 
 bool PixelChunker::Next(v1::PixelChunk* chunk) {
   if (done_) return false;
   chunk->Clear();
   chunk->set_index(index_);
-  if (index_ == 0) *chunk->mutable_layout() = LayoutOf(image_);
-  const uint64_t size = std::min<uint64_t>(kMaxChunkBytes, total_bytes_ - sent_bytes_);
-  AppendBytes(image_, sent_bytes_, size, chunk->mutable_data());
-  sent_bytes_ += size;
-  done_ = sent_bytes_ == total_bytes_;
+  if (index_ == 0) *chunk->mutable_layout() = layout_;
+  const std::vector<LayeredImage::Channel>& channels = image_.channels();
+  // One byte more than the piece tells whether it is the last.
+  for (; encoded_.size() <= kMaxChunkBytes && next_plane_ < channels.size(); ++next_plane_)
+    AppendPlane(channels[next_plane_].plane.view(), layout_.encodings(static_cast<int>(next_plane_)),
+                &encoded_);
+  if (encoded_.size() > kMaxChunkBytes) {
+    chunk->set_data(encoded_.data(), kMaxChunkBytes);
+    encoded_.erase(0, kMaxChunkBytes);
+  } else {
+    *chunk->mutable_data() = std::move(encoded_);
+    done_ = true;
+  }
   chunk->set_checksum(Checksum(chunk->data()));
   chunk->set_last(done_);
   ++index_;
@@ -167,12 +176,13 @@ absl::Status PixelAssembler::CheckChunk(const v1::PixelChunk& chunk) {
     if (absl::Status status = CheckLayout(chunk.layout(), limits_); !status.ok()) return status;
     layout_ = chunk.layout();
   }
-  const uint64_t expected = std::min<uint64_t>(kMaxChunkBytes, BytesOf(*layout_) - received_bytes_);
+  const uint64_t missing = EncodedBytesOf(*layout_) - received_bytes_;
+  const uint64_t expected = std::min<uint64_t>(kMaxChunkBytes, missing);
   if (chunk.data().size() != expected) {
     return absl::InvalidArgumentError(absl::StrCat("pixel chunk ", chunk.index(), ": ", chunk.data().size(),
                                                    " bytes, expected ", expected));
   }
-  if (chunk.last() != (received_bytes_ + expected == BytesOf(*layout_))) {
+  if (chunk.last() != (expected == missing)) {
     return absl::InvalidArgumentError(
         absl::StrCat("pixel chunk ", chunk.index(), ": `last` is set on the wrong chunk"));
   }

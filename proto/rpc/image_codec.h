@@ -20,30 +20,33 @@ struct PixelLimits {
   int max_height = 16384;
   int max_channels = 256;
   int max_name_length = 64;
-  /// Bytes of all planes.
+  /// Bytes of all planes as float32, however few their encodings take.
   uint64_t max_bytes = uint64_t{1} << 32;
 };
 
-/// Layout of `image`, without its metadata.
+/// Layout of `image` with all planes as float32, without its metadata.
 v1::PixelLayout LayoutOf(const LayeredImage& image);
 
+/// LayoutOf with the encodings in which a PixelChunker sends the planes.
+v1::PixelLayout EncodedLayoutOf(const LayeredImage& image);
+
 /// Checks that a layout is valid and within `limits`: positive size, at least one channel, unique and
-/// printable channel names.
+/// printable channel names, known encodings.
 /// Errors: kInvalidArgument naming the cause.
 absl::Status CheckLayout(const v1::PixelLayout& layout, const PixelLimits& limits);
 
-/// Bytes of the planes of a checked layout.
-uint64_t BytesOf(const v1::PixelLayout& layout);
+/// Bytes of the encoded planes. Of a layout that CheckLayout refuses the result has no meaning.
+uint64_t EncodedBytesOf(const v1::PixelLayout& layout);
 
-/// The planes in the order of their PixelLayout.
+/// The planes as float32, in the order of LayoutOf.
 std::string BytesFromImage(const LayeredImage& image);
 
-/// The inverse of BytesFromImage.
+/// The picture with this layout and these encoded planes.
 /// Errors: kInvalidArgument for an invalid layout or a size that does not fit it.
 absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                             const PixelLimits& limits);
 
-/// Splits a picture into PixelChunks. The picture must outlive it and must not change.
+/// Encodes a picture as PixelChunks. The picture must outlive it and must not change.
 class PixelChunker {
  public:
   explicit PixelChunker(const LayeredImage& image);
@@ -53,8 +56,9 @@ class PixelChunker {
 
  private:
   const LayeredImage& image_;
-  uint64_t total_bytes_;
-  uint64_t sent_bytes_ = 0;
+  v1::PixelLayout layout_;
+  size_t next_plane_ = 0;
+  std::string encoded_;  // bytes of the planes before next_plane_ that are not sent
   uint32_t index_ = 0;
   bool done_ = false;
 };
@@ -69,7 +73,7 @@ struct PixelPiece {
 /// XXH3-64 of the pieces one after another.
 uint64_t ChecksumOf(absl::Span<const PixelPiece> pieces);
 
-/// A picture in the form in which it arrived: the bytes of BytesFromImage in pieces of kMaxChunkBytes, the last
+/// A picture in the form in which it arrived: its encoded planes in pieces of kMaxChunkBytes, the last
 /// of which may be smaller. A picture that never arrived has no channels and no pieces.
 struct ReceivedPicture {
   v1::PixelLayout layout;

@@ -16,7 +16,9 @@ PlaneRows::PlaneRows(const rpc::ReceivedPicture& picture)
     : picture_(&picture),
       width_(picture.layout.width()),
       height_(picture.layout.height()),
-      names_(picture.layout.channels().begin(), picture.layout.channels().end()) {}
+      names_(picture.layout.channels().begin(), picture.layout.channels().end()),
+      planes_(rpc::PlanesOf(picture.layout)),
+      decoded_(static_cast<size_t>(width_)) {}
 
 std::optional<size_t> PlaneRows::Find(std::string_view name) const {
   const auto found = std::find(names_.begin(), names_.end(), name);
@@ -24,18 +26,31 @@ std::optional<size_t> PlaneRows::Find(std::string_view name) const {
   return static_cast<size_t>(found - names_.begin());
 }
 
+int PlaneRows::DistinctRows(size_t plane) const {
+  return image_ == nullptr && planes_[plane].encoding == v1::PLANE_ENCODING_CONSTANT ? 1 : height_;
+}
+
 std::string_view PlaneRows::Row(size_t plane, int y) {
   const size_t row_bytes = static_cast<size_t>(width_) * sizeof(float);
   if (image_ != nullptr)
     return {reinterpret_cast<const char*>(image_->channels()[plane].plane.Row(y)), row_bytes};
-  const size_t offset = (plane * static_cast<size_t>(height_) + static_cast<size_t>(y)) * row_bytes;
-  size_t piece = offset / rpc::kMaxChunkBytes;
+  const rpc::EncodedPlane& encoded = planes_[plane];
+  const auto width = static_cast<size_t>(width_);
+  const std::string_view bytes =
+      BytesAt(encoded.RowByte(y, width_), rpc::EncodedBytes(encoded.encoding, width));
+  if (encoded.encoding == v1::PLANE_ENCODING_FLOAT) return bytes;
+  rpc::DecodeValues(encoded.encoding, bytes, decoded_.data(), width);
+  return {reinterpret_cast<const char*>(decoded_.data()), row_bytes};
+}
+
+std::string_view PlaneRows::BytesAt(uint64_t first, size_t size) {
+  size_t piece = first / rpc::kMaxChunkBytes;
   const std::string_view bytes = picture_->pieces[piece].bytes;
-  const std::string_view row = bytes.substr(offset % rpc::kMaxChunkBytes, row_bytes);
-  if (row.size() == row_bytes) return row;
+  const std::string_view row = bytes.substr(first % rpc::kMaxChunkBytes, size);
+  if (row.size() == size) return row;
   joined_ = row;
-  while (joined_.size() < row_bytes)
-    joined_ += std::string_view(picture_->pieces[++piece].bytes).substr(0, row_bytes - joined_.size());
+  while (joined_.size() < size)
+    joined_ += std::string_view(picture_->pieces[++piece].bytes).substr(0, size - joined_.size());
   return joined_;
 }
 

@@ -8,11 +8,13 @@
 
 #include "filter/image/layered_image.h"
 #include "proto/rpc/image_codec.h"
+#include "proto/rpc/plane_codec.h"
 
 namespace lumifold::film {
 
-/// The rows of a picture's planes, as bytes: of a picture in memory, or of one in the pieces in which it
-/// arrived. Copies no pixels, except a row that is cut by the end of a piece. The picture must outlive it.
+/// The rows of a picture's planes, as bytes of float32: of a picture in memory, or of one in the pieces in which it
+/// arrived. Copies no pixels, except a row that is not float32 or is cut by the end of a piece. The picture must
+/// outlive it.
 /// Threads: one at a time.
 class PlaneRows {
  public:
@@ -26,16 +28,25 @@ class PlaneRows {
   /// Number of the plane with this name.
   std::optional<size_t> Find(std::string_view name) const;
 
+  /// Number of rows from the top after which all rows of the plane are equal to the first: 1 of a plane that is
+  /// encoded as constant, so that its cost does not grow with its size.
+  int DistinctRows(size_t plane) const;
+
   /// The values of a row; valid until the next call.
   std::string_view Row(size_t plane, int y);
 
  private:
+  /// Bytes [first, first + size) of the picture's pieces; valid until the next call.
+  std::string_view BytesAt(uint64_t first, size_t size);
+
   const LayeredImage* image_ = nullptr;
   const rpc::ReceivedPicture* picture_ = nullptr;
   int width_;
   int height_;
   std::vector<std::string_view> names_;
-  std::string joined_;  // a row that is cut
+  std::vector<rpc::EncodedPlane> planes_;  // of a picture that arrived
+  std::string joined_;                     // a row that is cut
+  std::vector<float> decoded_;             // a row that is not float32
 };
 
 /// Value number `x` of a row. The bytes of a picture that arrived are no float objects, so they are copied.

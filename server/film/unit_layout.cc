@@ -113,7 +113,7 @@ struct NotFinite {
 /// The first such value of a picture; nullopt if all are finite.
 std::optional<NotFinite> FindNotFinite(PlaneRows& planes) {
   for (size_t plane = 0; plane < planes.names().size(); ++plane) {
-    for (int y = 0; y < planes.height(); ++y) {
+    for (int y = 0; y < planes.DistinctRows(plane); ++y) {
       const std::string_view row = planes.Row(plane, y);
       if (IsFiniteRow(row)) continue;
       int x = 0;
@@ -139,7 +139,8 @@ int32_t WholeNumber(float count, float most) {
 absl::StatusOr<int64_t> SumOfCounts(PlaneRows& planes, size_t plane, const Rect& rect, uint32_t most) {
   const auto limit = static_cast<float>(most);
   int64_t sum = 0;
-  for (int y = 0; y < planes.height(); ++y) {
+  const int rows = planes.DistinctRows(plane);
+  for (int y = 0; y < rows; ++y) {
     const std::string_view row = planes.Row(plane, y);
     bool valid = true;
     for (int x = 0; x < planes.width(); ++x) {
@@ -154,7 +155,7 @@ absl::StatusOr<int64_t> SumOfCounts(PlaneRows& planes, size_t plane, const Rect&
                                                    ValueAt(row, x), " at ", rect.x0 + x, ",", rect.y0 + y,
                                                    ", not a whole number from 0 to ", most));
   }
-  return sum;
+  return sum * (planes.height() / rows);
 }
 
 /// Checks the sample counts of a pass, and those of its levels.

@@ -8,13 +8,14 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
-#include <limits>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/image_codec.h"
+#include "server/film/unit_layout.h"
+#include "server/job/limits.h"
 
 namespace lumifold::film {
 namespace {
@@ -58,10 +59,12 @@ absl::Status WriteError(const std::string& path, int error) {
 
 // Decodes the pixels and the edge set from the payload of a record.
 absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::string_view payload) {
+  constexpr Rect kLargest = {0, 0, job::kMaxTileSize, job::kMaxTileSize};
   EdgedImage image;
-  const uint64_t pixel_bytes = std::min<uint64_t>(rpc::BytesOf(header.pixels().layout()), payload.size());
+  const uint64_t pixel_bytes =
+      std::min<uint64_t>(rpc::EncodedBytesOf(header.pixels().layout()), payload.size());
   absl::StatusOr<LayeredImage> pixels =
-      rpc::ImageFromBytes(header.pixels().layout(), payload.substr(0, pixel_bytes), {});
+      rpc::ImageFromBytes(header.pixels().layout(), payload.substr(0, pixel_bytes), UnitLimits(kLargest));
   if (!pixels.ok()) return pixels.status();
   image.pixels = *std::move(pixels);
   const std::string_view rest = payload.substr(pixel_bytes);
@@ -69,9 +72,8 @@ absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::st
     if (!rest.empty()) return absl::InvalidArgumentError("bytes past the pixels");
     return image;
   }
-  rpc::PixelLimits limits;
-  limits.max_height = std::numeric_limits<int>::max();  // one row for each edge pixel
-  absl::StatusOr<LayeredImage> edges = rpc::ImageFromBytes(header.edges().layout(), rest, limits);
+  absl::StatusOr<LayeredImage> edges =
+      rpc::ImageFromBytes(header.edges().layout(), rest, EdgeLimits(kLargest));
   if (!edges.ok()) return edges.status();
   image.edges = *std::move(edges);
   return image;
@@ -202,7 +204,9 @@ absl::StatusOr<std::string> UnitLogReader::ReadDigest(const RecordPlace& place) 
   if (absl::Status status = CheckWithinFile(place); !status.ok()) return status;
   const absl::StatusOr<RecordPreamble> preamble = ReadPreamble(file_, path_, place.offset);
   if (!preamble.ok()) return preamble.status();
-  return DigestOf(*preamble);
+  const absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
+  if (!header.ok()) return header.status();
+  return DigestOf(*header, preamble->payload_checksum);
 }
 
 absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {

@@ -39,13 +39,13 @@ struct RecordPlace {
 /// The append-only file of a frame's delivered units. Each record describes itself and has checksums, so that
 /// a lost ledger can be rebuilt from the logs:
 ///
-///   "LFU2"
+///   "LFU3"
 ///   u32  size of the header
 ///   u64  size of the payload
 ///   u64  XXH3-64 of the payload
 ///   u64  XXH3-64 of the 24 bytes before and the header
 ///   header: a v1::UnitChunk without data (unit_record.h encodes it)
-///   payload: the planes of the pixels in the order of their v1::PixelLayout, then those of the edge set,
+///   payload: the encoded planes of the pixels in the order of their v1::PixelLayout, then those of the edge set,
 ///            if there is one, in the order of its own layout
 ///
 /// All numbers are little-endian. Records of another version ("LFU" and another digit) give an error that

@@ -20,6 +20,19 @@ uint64_t BytesOf(const std::vector<rpc::PixelPiece>& pieces) {
   return bytes;
 }
 
+void AppendNumber(uint64_t number, std::string* bytes) {
+  bytes->append(reinterpret_cast<const char*>(&number), sizeof(number));
+}
+
+/// Appends all fields, and none that are unknown.
+void AppendLayout(const v1::PixelLayout& layout, std::string* bytes) {
+  AppendNumber(static_cast<uint64_t>(layout.width()), bytes);
+  AppendNumber(static_cast<uint64_t>(layout.height()), bytes);
+  AppendNumber(static_cast<uint64_t>(layout.channels_size()), bytes);
+  for (const std::string& name : layout.channels()) bytes->append(name).push_back('\0');
+  for (const int encoding : layout.encodings()) bytes->push_back(static_cast<char>(encoding));
+}
+
 }  // namespace
 
 uint64_t HeaderChecksum(const RecordPreamble& preamble, std::string_view header) {
@@ -30,14 +43,12 @@ uint64_t HeaderChecksum(const RecordPreamble& preamble, std::string_view header)
 
 uint64_t EncodedUnit::size_bytes() const { return head.size() + BytesOf(payload); }
 
-std::string DigestOf(const RecordPreamble& preamble) {
-  return absl::StrCat(absl::Hex(preamble.payload_checksum, absl::kZeroPad16));
-}
-
-std::string EncodedUnit::digest() const {
-  RecordPreamble preamble;
-  std::memcpy(&preamble, head.data(), sizeof(preamble));
-  return DigestOf(preamble);
+std::string DigestOf(const v1::UnitChunk& header, uint64_t payload_checksum) {
+  std::string bytes;
+  AppendLayout(header.pixels().layout(), &bytes);
+  AppendLayout(header.edges().layout(), &bytes);
+  AppendNumber(payload_checksum, &bytes);
+  return absl::StrCat(absl::Hex(rpc::Checksum(bytes), absl::kZeroPad16));
 }
 
 EncodedUnit EncodeUnit(const job::UnitRef& unit, job::Attempt attempt, const v1::UnitStats& stats,
@@ -60,7 +71,8 @@ EncodedUnit EncodeUnit(const job::UnitRef& unit, job::Attempt attempt, const v1:
   preamble.header_checksum = HeaderChecksum(preamble, header);
   std::string head(reinterpret_cast<const char*>(&preamble), sizeof(preamble));
   head.append(header);
-  return {unit, attempt, stats, std::move(head), std::move(payload)};
+  return {
+      unit, attempt, stats, std::move(head), std::move(payload), DigestOf(chunk, preamble.payload_checksum)};
 }
 
 }  // namespace lumifold::film

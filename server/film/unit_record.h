@@ -15,7 +15,7 @@ namespace lumifold::film {
 
 /// The beginning of a record of a UnitLog, as it is on the disk.
 struct RecordPreamble {
-  static constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '2'};
+  static constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '3'};
 
   std::array<char, 4> magic = kMagic;
   uint32_t header_bytes = 0;
@@ -38,15 +38,15 @@ struct EncodedUnit {
   std::string head;
   /// Payload of the record.
   std::vector<rpc::PixelPiece> payload;
+  /// Equal for equal channels and pixels, because their encoding depends on the values alone.
+  std::string digest;
 
   /// Bytes of the record.
   uint64_t size_bytes() const;
-  /// Equal for equal pixels: the checksum of the payload, in text.
-  std::string digest() const;
 };
 
-/// EncodedUnit::digest of the record with this preamble.
-std::string DigestOf(const RecordPreamble& preamble);
+/// EncodedUnit::digest of the record with this header and checksum of the payload.
+std::string DigestOf(const v1::UnitChunk& header, uint64_t payload_checksum);
 
 /// Encodes a complete unit without copying its pixels.
 EncodedUnit EncodeUnit(const job::UnitRef& unit, job::Attempt attempt, const v1::UnitStats& stats,

@@ -19,8 +19,15 @@ namespace {
 const Rect kRect = {8, 0, 16, 8};
 constexpr SampleRange kSamples = {0, 4};
 
+/// Has planes of all encodings.
 EdgedImage MadeUpUnit(v1::UnitKind kind, int32_t tile) {
-  return RandomUnit({.frame = 0, .tile = tile, .pass = 0, .kind = kind}, kRect, kSamples, 1);
+  EdgedImage unit = RandomUnit({.frame = 0, .tile = tile, .pass = 0, .kind = kind}, kRect, kSamples, 1);
+  std::vector<LayeredImage::Channel>& channels = unit.pixels.channels();
+  channels[1].plane.Fill(0);
+  for (int x = 0; x < kRect.width(); ++x) {
+    for (int y = 0; y < kRect.height(); ++y) channels[2].plane.At(x, y) = static_cast<float>(x * y) / 16;
+  }
+  return unit;
 }
 
 /// The messages in which a worker sends a unit.
@@ -105,8 +112,15 @@ void Assemble(v1::UnitKind kind, const std::vector<std::string>& messages) {
   }
   if (!assembler.IsComplete()) return;
   film::DeliveredPixels unit = assembler.Take();
-  if (!rpc::ImageFromBytes(unit.pixels.layout, BytesOf(unit.pixels), {}).ok())
-    Fail("a unit without an image", "");
+  const absl::StatusOr<LayeredImage> image =
+      rpc::ImageFromBytes(unit.pixels.layout, BytesOf(unit.pixels), {});
+  if (!image.ok()) Fail("a unit without an image", "");
+  const rpc::ReceivedPicture again = Received(*image);
+  if (rpc::BytesFromImage(*rpc::ImageFromBytes(again.layout, BytesOf(again), {})) !=
+      rpc::BytesFromImage(*image))
+    Fail("a unit that changes when it is sent again", "");
+  if (BytesOf(again).size() > BytesOf(unit.pixels).size())
+    Fail("a unit that grows when it is sent again", "");
 }
 
 }  // namespace

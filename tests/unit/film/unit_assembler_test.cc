@@ -3,13 +3,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
+#include "proto/rpc/plane_codec.h"
 #include "tests/support/encoded_unit.h"
 #include "tests/support/random_unit.h"
 
@@ -22,6 +25,10 @@ constexpr Rect kRect = {8, 0, 16, 4};
 constexpr SampleRange kSamples = {0, 4};
 
 EdgedImage Unit(v1::UnitKind kind) { return RandomUnit({0, 1, 0, kind}, kRect, kSamples, 1); }
+
+void FillPlane(const FloatView& plane, float value) {
+  for (int y = 0; y < plane.height(); ++y) std::fill_n(plane.Row(y), plane.width(), value);
+}
 
 /// The pieces of a unit as sent by a worker.
 std::vector<v1::UnitChunk> PiecesOf(const EdgedImage& unit) {
@@ -40,6 +47,12 @@ std::string Bytes(const EdgedImage& unit) {
   return rpc::BytesFromImage(unit.pixels) + rpc::BytesFromImage(unit.edges);
 }
 
+/// The values of a picture that was received.
+std::string Decoded(const rpc::ReceivedPicture& picture) {
+  if (picture.pieces.empty()) return "";
+  return rpc::BytesFromImage(*rpc::ImageFromBytes(picture.layout, BytesOf(picture), {}));
+}
+
 TEST(UnitAssembler, GivesBackWhatWasSent) {
   for (const v1::UnitKind kind : {v1::UNIT_KIND_PASS, v1::UNIT_KIND_GEOMETRY}) {
     const EdgedImage unit = Unit(kind);
@@ -51,9 +64,56 @@ TEST(UnitAssembler, GivesBackWhatWasSent) {
     ASSERT_TRUE(assembler.IsComplete());
     const DeliveredPixels delivered = assembler.Take();
     EXPECT_FALSE(assembler.IsComplete());
-    EXPECT_EQ(delivered.pixels.layout.SerializeAsString(), rpc::LayoutOf(unit.pixels).SerializeAsString());
-    EXPECT_EQ(BytesOf(delivered.pixels) + BytesOf(delivered.edges), Bytes(unit));
+    EXPECT_EQ(delivered.pixels.layout.SerializeAsString(),
+              rpc::EncodedLayoutOf(unit.pixels).SerializeAsString());
+    EXPECT_EQ(Decoded(delivered.pixels) + Decoded(delivered.edges), Bytes(unit));
   }
+}
+
+/// Sends planes in encodings that a PixelChunker does not choose.
+TEST(UnitAssembler, TakesAnyEncodingOfAnyPlane) {
+  EdgedImage unit = Unit(v1::UNIT_KIND_PASS);
+  FillPlane(unit.pixels.Get("noisy_a.R"), 0.5f);
+  for (const v1::PlaneEncoding encoding :
+       {v1::PLANE_ENCODING_FLOAT, v1::PLANE_ENCODING_HALF, v1::PLANE_ENCODING_CONSTANT}) {
+    v1::PixelChunk piece;
+    *piece.mutable_layout() = rpc::EncodedLayoutOf(unit.pixels);
+    for (int i = 0; i < piece.layout().channels_size(); ++i) {
+      if (piece.layout().encodings(i) == v1::PLANE_ENCODING_CONSTANT)
+        piece.mutable_layout()->set_encodings(i, encoding);
+      rpc::AppendPlane(unit.pixels.channels()[static_cast<size_t>(i)].plane.view(),
+                       piece.layout().encodings(i), piece.mutable_data());
+    }
+    piece.set_checksum(rpc::Checksum(piece.data()));
+    piece.set_last(true);
+    v1::UnitChunk chunk;
+    *chunk.mutable_pixels() = piece;
+    UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+    ASSERT_TRUE(assembler.Add(chunk).ok());
+    EXPECT_EQ(Decoded(assembler.Take().pixels), rpc::BytesFromImage(unit.pixels));
+  }
+}
+
+TEST(UnitAssembler, ChecksThePlanesOfEachEncoding) {
+  for (const char* channel : {"noisy_a.R", "samples_a.Y"}) {
+    for (const bool constant : {false, true}) {
+      EdgedImage unit = Unit(v1::UNIT_KIND_PASS);
+      const FloatView plane = unit.pixels.Get(channel);
+      FillPlane(plane, constant ? INFINITY : 1.0f);
+      plane.At(0, 0) = INFINITY;
+      UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+      EXPECT_THAT(std::string(assembler.Add(PiecesOf(unit)[0]).message()),
+                  HasSubstr(absl::StrCat(channel, " is inf at 8,0")));
+    }
+  }
+  EdgedImage unit = Unit(v1::UNIT_KIND_PASS);
+  FillPlane(unit.pixels.Get("samples_a.Y"), 1.0f);  // of two samples each
+  UnitAssembler too_few(v1::UNIT_KIND_PASS, kRect, kSamples);
+  EXPECT_THAT(std::string(too_few.Add(PiecesOf(unit)[0]).message()), HasSubstr("has 96 samples"));
+  FillPlane(unit.pixels.Get("samples_a.Y"), 2.0f);
+  unit.pixels.Get("samples_a.Y").At(0, 0) = 1.0f;  // as halves
+  UnitAssembler one_less(v1::UNIT_KIND_PASS, kRect, kSamples);
+  EXPECT_THAT(std::string(one_less.Add(PiecesOf(unit)[0]).message()), HasSubstr("has 127 samples"));
 }
 
 TEST(UnitAssembler, KeepsTheBytesOfAPieceThatIsMovedIn) {

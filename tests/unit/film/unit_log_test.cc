@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "proto/rpc/checksum.h"
+#include "proto/rpc/plane_codec.h"
 #include "tests/support/encoded_unit.h"
 #include "tests/support/random_unit.h"
 #include "tests/support/temp_folder.h"
@@ -32,6 +33,14 @@ std::string Bytes(const EdgedImage& image) {
   return rpc::BytesFromImage(image.pixels) + rpc::BytesFromImage(image.edges);
 }
 
+/// The encoded planes of a picture.
+std::string EncodedBytes(const LayeredImage& image) {
+  std::string bytes;
+  for (const LayeredImage::Channel& channel : image.channels())
+    rpc::AppendPlane(channel.plane.view(), rpc::EncodingOf(channel.plane.view()), &bytes);
+  return bytes;
+}
+
 /// The record of a unit as the format describes it, encoded from its planes.
 std::string RecordOf(const StoredUnit& unit) {
   const auto put = [](uint64_t value, int bytes, std::string* out) {
@@ -40,13 +49,13 @@ std::string RecordOf(const StoredUnit& unit) {
   v1::UnitChunk chunk;
   *chunk.mutable_unit() = ProtoFromUnit(unit.unit);
   chunk.set_attempt(unit.attempt.value());
-  *chunk.mutable_pixels()->mutable_layout() = rpc::LayoutOf(unit.image.pixels);
+  *chunk.mutable_pixels()->mutable_layout() = rpc::EncodedLayoutOf(unit.image.pixels);
   *chunk.mutable_stats() = unit.stats;
   if (unit.image.edges.height() > 0)
-    *chunk.mutable_edges()->mutable_layout() = rpc::LayoutOf(unit.image.edges);
+    *chunk.mutable_edges()->mutable_layout() = rpc::EncodedLayoutOf(unit.image.edges);
   const std::string header = chunk.SerializeAsString();
-  const std::string payload = Bytes(unit.image);
-  std::string record = "LFU2";
+  const std::string payload = EncodedBytes(unit.image.pixels) + EncodedBytes(unit.image.edges);
+  std::string record = "LFU3";
   put(header.size(), 4, &record);
   put(payload.size(), 8, &record);
   put(rpc::Checksum(payload), 8, &record);
@@ -151,7 +160,7 @@ TEST_F(UnitLogTest, AHeaderIsReadWithoutThePixels) {
     ASSERT_TRUE(header.ok()) << header.status();
     EXPECT_EQ(header->unit, Unit(tile).unit);
     EXPECT_EQ(header->outline.pixels.SerializeAsString(),
-              rpc::LayoutOf(Unit(tile).image.pixels).SerializeAsString());
+              rpc::EncodedLayoutOf(Unit(tile).image.pixels).SerializeAsString());
     EXPECT_EQ(header->outline.edge_rows, tile == 2 ? 2 : 0);
     EXPECT_EQ(reader->Read(place).status().code(), absl::StatusCode::kDataLoss);
   }
@@ -160,7 +169,7 @@ TEST_F(UnitLogTest, AHeaderIsReadWithoutThePixels) {
 TEST_F(UnitLogTest, EveryFlippedBitOfAHeaderIsFound) {
   const RecordPlace place = WriteUnits(1).front();
   const std::string good = File();
-  const size_t payload_bytes = rpc::BytesFromImage(Unit(0).image.pixels).size();
+  const size_t payload_bytes = EncodedBytes(Unit(0).image.pixels).size();
   for (size_t at = 0; at < good.size() - payload_bytes; ++at) {
     std::string bad = good;
     bad[at] ^= static_cast<char>(1 << at % 8);
@@ -176,7 +185,7 @@ TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
   const std::string good = File();
   for (size_t at = 0; at < good.size(); ++at) {
     std::string bad = good;
-    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU2" becomes "LFU:", which is not a version
+    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU3" becomes "LFU;", which is not a version
     SetFile(bad);
     const absl::Status status = Read(place).status();
     ASSERT_EQ(status.code(), absl::StatusCode::kDataLoss) << at;
@@ -243,7 +252,7 @@ TEST_F(UnitLogTest, AFileShorterThanTheLedgerSaysIsNamed) {
 TEST_F(UnitLogTest, ALogOfAnotherVersionIsRefusedByName) {
   const RecordPlace place = WriteUnits(1).front();
   std::string old = File();
-  old[3] = '1';
+  old[3] = '2';
   SetFile(old);
   const absl::Status read = Read(place).status();
   EXPECT_EQ(read.code(), absl::StatusCode::kFailedPrecondition);
@@ -252,6 +261,43 @@ TEST_F(UnitLogTest, ALogOfAnotherVersionIsRefusedByName) {
   const absl::StatusOr<uint64_t> scan =
       UnitLogReader::Open(path_)->Scan(0, [](const StoredUnit&, const RecordPlace&) {});
   EXPECT_EQ(scan.status().code(), absl::StatusCode::kFailedPrecondition);
+}
+
+TEST_F(UnitLogTest, ADigestIsThatOfChannelsAndPixels) {
+  StoredUnit unit = Unit(0);
+  for (LayeredImage::Channel& channel : unit.image.pixels.channels()) channel.plane.Fill(0.5f);
+  const std::string digest = Encoded(unit).digest;
+  unit.attempt = job::Attempt(99);
+  unit.stats.set_seconds(3);
+  EXPECT_EQ(Encoded(unit).digest, digest);
+  unit.image.pixels.channels()[3].plane.Fill(0.25f);
+  EXPECT_NE(Encoded(unit).digest, digest);
+  unit.image.pixels.channels()[3].plane.Fill(0.5f);
+  EXPECT_EQ(Encoded(unit).digest, digest);
+  std::swap(unit.image.pixels.channels()[0].name, unit.image.pixels.channels()[1].name);
+  EXPECT_NE(Encoded(unit).digest, digest);
+  std::swap(unit.image.pixels.channels()[0].name, unit.image.pixels.channels()[1].name);
+  EncodedUnit encoded = Encoded(unit);
+  absl::StatusOr<UnitLog> log = UnitLog::Open(path_, 0);
+  const absl::StatusOr<RecordPlace> place = log->Append(encoded);
+  EXPECT_EQ(*UnitLogReader::Open(path_)->ReadDigest(*place), digest);
+}
+
+TEST_F(UnitLogTest, ARecordThatClaimsMoreThanATileIsRefused) {
+  StoredUnit unit = Unit(0);
+  DeliveredPixels delivered = {Received(unit.image.pixels), {}};
+  delivered.pixels.layout.set_width(16384);
+  delivered.pixels.layout.set_height(16384);
+  delivered.pixels.layout.clear_encodings();
+  for (int i = 0; i < delivered.pixels.layout.channels_size(); ++i)
+    delivered.pixels.layout.add_encodings(v1::PLANE_ENCODING_CONSTANT);
+  const std::string bytes(static_cast<size_t>(delivered.pixels.layout.channels_size()) * sizeof(float), '\0');
+  delivered.pixels.pieces = {{bytes, rpc::Checksum(bytes)}};
+  absl::StatusOr<UnitLog> log = UnitLog::Open(path_, 0);
+  const absl::StatusOr<RecordPlace> place =
+      log->Append(EncodeUnit(unit.unit, unit.attempt, unit.stats, std::move(delivered)));
+  ASSERT_TRUE(place.ok());
+  EXPECT_EQ(Read(*place).status().code(), absl::StatusCode::kDataLoss);
 }
 
 TEST_F(UnitLogTest, PlacesThatAreNoneAreRefused) {

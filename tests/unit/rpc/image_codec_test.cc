@@ -3,12 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
 
@@ -65,9 +68,8 @@ TEST(ImageCodec, RoundTripsPicturesOfOddSizes) {
       ASSERT_TRUE(AddAll(ChunksOf(image), &assembler).ok());
       ASSERT_TRUE(assembler.IsComplete());
       const ReceivedPicture picture = assembler.Take();
-      EXPECT_EQ(picture.layout.SerializeAsString(), LayoutOf(image).SerializeAsString());
-      EXPECT_EQ(BytesOf(picture), BytesFromImage(image));
-      EXPECT_EQ(ChecksumOf(picture.pieces), Checksum(BytesFromImage(image)));
+      EXPECT_EQ(picture.layout.SerializeAsString(), EncodedLayoutOf(image).SerializeAsString());
+      EXPECT_EQ(ChecksumOf(picture.pieces), Checksum(BytesOf(picture)));
       ExpectSame(*ImageFromBytes(picture.layout, BytesOf(picture), {}), image);
     }
   }
@@ -119,9 +121,82 @@ TEST(ImageCodec, AnyDamageOfTheSerialisedChunkEndsInAStatus) {
       PixelAssembler assembler(PixelLimits{.max_bytes = 1 << 20});
       if (!assembler.Add(chunk).ok() || !assembler.IsComplete()) continue;
       // An accepted chunk must have the same pixels: only the channel names have no checksum.
-      EXPECT_EQ(BytesOf(assembler.Take()), BytesFromImage(image));
+      const ReceivedPicture picture = assembler.Take();
+      EXPECT_EQ(BytesFromImage(*ImageFromBytes(picture.layout, BytesOf(picture), {})), BytesFromImage(image));
     }
   }
+}
+
+v1::PlaneEncoding EncodingOfValues(const std::vector<float>& values) {
+  LayeredImage image(static_cast<int>(values.size()), 1);
+  const FloatView view = image.Add("A");
+  std::copy(values.begin(), values.end(), view.Row(0));
+  const v1::PixelLayout layout = EncodedLayoutOf(image);
+  v1::PixelChunk chunk;
+  EXPECT_TRUE(PixelChunker(image).Next(&chunk));
+  EXPECT_EQ(chunk.data().size(), EncodedBytesOf(layout));
+  EXPECT_EQ(BytesFromImage(*ImageFromBytes(layout, chunk.data(), {})), BytesFromImage(image));
+  return layout.encodings(0);
+}
+
+TEST(ImageCodec, APlaneHasTheSmallestEncodingThatKeepsItsBits) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  for (const float value : {0.0f, -0.0f, 0.1f, kNan, kInfinity})
+    EXPECT_EQ(EncodingOfValues({value, value, value}), v1::PLANE_ENCODING_CONSTANT) << value;
+  EXPECT_EQ(EncodingOfValues({0.0f, -0.0f}), v1::PLANE_ENCODING_HALF);
+  EXPECT_EQ(EncodingOfValues({0.0f, 1.0f / 16, 2048.0f, -65504.0f}), v1::PLANE_ENCODING_HALF);
+  for (const float value :
+       {0.1f, 2049.0f, 65520.0f, 65536.0f, 0x1p-25f, 0x1.8p-24f, 0x1p-149f, kNan, kInfinity})
+    EXPECT_EQ(EncodingOfValues({0.0f, value}), v1::PLANE_ENCODING_FLOAT) << value;
+}
+
+/// Halves by their definition: sign, exponent with bias 15, mantissa of 10 bits.
+TEST(ImageCodec, EveryHalfIsExactAndNothingElseIsOne) {
+  for (uint32_t half = 0; half < 1u << 16; ++half) {
+    const int exponent = static_cast<int>(half >> 10 & 31);
+    const double mantissa = half & 1023;
+    if (exponent == 31) continue;  // infinities and NaN, which stay floats
+    const double magnitude =
+        exponent == 0 ? std::ldexp(mantissa, -24) : std::ldexp(1024 + mantissa, exponent - 25);
+    const auto value = static_cast<float>(half >> 15 != 0 ? -magnitude : magnitude);
+    const float other = value == 1.0f ? 2.0f : 1.0f;
+    ASSERT_EQ(EncodingOfValues({value, other}), v1::PLANE_ENCODING_HALF) << value;
+    for (const float direction : {-1e9f, 1e9f})
+      ASSERT_EQ(EncodingOfValues({std::nextafter(value, direction), other}), v1::PLANE_ENCODING_FLOAT)
+          << value;
+  }
+}
+
+TEST(ImageCodec, AMixOfEncodingsRoundTripsAcrossPieces) {
+  LayeredImage image = RandomImage(257, 300, 9, 9);  // an odd width: halves end anywhere
+  for (const size_t plane : {size_t{0}, size_t{4}, size_t{8}}) image.channels()[plane].plane.Fill(0.1f);
+  for (const size_t plane : {size_t{1}, size_t{5}}) {
+    for (int y = 0; y < image.height(); ++y) {
+      for (int x = 0; x < image.width(); ++x)
+        image.channels()[plane].plane.At(x, y) = static_cast<float>((x + y) % 7) / 16;
+    }
+  }
+  PixelAssembler assembler;
+  const std::vector<v1::PixelChunk> chunks = ChunksOf(image);
+  ASSERT_EQ(chunks.size(), 2u);
+  ASSERT_TRUE(AddAll(chunks, &assembler).ok());
+  const ReceivedPicture picture = assembler.Take();
+  EXPECT_EQ(BytesOf(picture).size(), 3u * 4 + 2 * 2 * 257 * 300 + 4 * 4 * 257 * 300);
+  ExpectSame(*ImageFromBytes(picture.layout, BytesOf(picture), {}), image);
+}
+
+TEST(ImageCodec, RefusesAPictureThatIsTooLargeHoweverFewItsBytes) {
+  LayeredImage image(512, 512);
+  for (int i = 0; i < 100; ++i) image.Add(absl::StrCat("c", i));
+  const std::vector<v1::PixelChunk> chunks = ChunksOf(image);
+  ASSERT_EQ(chunks.size(), 1u);
+  EXPECT_EQ(chunks[0].data().size(), 400u);
+  PixelAssembler assembler(PixelLimits{.max_bytes = 100u * 512 * 512 * 4 - 1});
+  EXPECT_THAT(std::string(assembler.Add(chunks[0]).message()), HasSubstr("bytes are more than"));
+  EXPECT_EQ(assembler.HeldBytes(), 0u);
+  EXPECT_FALSE(
+      ImageFromBytes(chunks[0].layout(), chunks[0].data(), {.max_bytes = 100u * 512 * 512 * 4 - 1}).ok());
 }
 
 struct Misuse {
@@ -152,6 +227,15 @@ TEST(ImageCodec, MisuseIsNamed) {
       {"long name", [](auto& c) { c[0].mutable_layout()->set_channels(1, std::string(65, 'x')); },
        "name of channel 1"},
       {"control", [](auto& c) { c[0].mutable_layout()->set_channels(1, "a\nb"); }, "name of channel 1"},
+      {"fewer encodings", [](auto& c) { c[0].mutable_layout()->mutable_encodings()->RemoveLast(); },
+       "2 encodings of 3 channels"},
+      {"more encodings", [](auto& c) { c[0].mutable_layout()->add_encodings(v1::PLANE_ENCODING_HALF); },
+       "4 encodings of 3 channels"},
+      {"unknown encoding",
+       [](auto& c) { c[0].mutable_layout()->set_encodings(1, static_cast<v1::PlaneEncoding>(9)); },
+       "unknown encoding 9"},
+      {"smaller encoding",
+       [](auto& c) { c[0].mutable_layout()->set_encodings(0, v1::PLANE_ENCODING_CONSTANT); }, "chunk 1: "},
       {"bytes",
        [](auto& c) { c[0].mutable_layout()->set_width(16384), c[0].mutable_layout()->set_height(16384); },
        "bytes are more than"},

@@ -49,7 +49,10 @@ TEST_F(ChildProcessFinisherTest, TellsWhatTheChildTells) {
 
 TEST_F(ChildProcessFinisherTest, ADamagedRecordIsNamed) {
   const std::string path = folder_.PathOf(DataFolder::UnitLogName(kJob, 0));
-  std::fstream(path, std::ios::binary | std::ios::in | std::ios::out).seekp(5000).put('!');
+  std::fstream file(path, std::ios::binary | std::ios::in | std::ios::out);
+  const int byte = file.seekg(5000).peek();
+  file.seekp(5000).put(static_cast<char>(byte ^ 1));
+  file.close();
   const absl::Status status = Child()->Finish(kJob, 0).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(status.message()), HasSubstr(path));

@@ -16,7 +16,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/exr_io.h"
-#include "proto/rpc/checksum.h"
+#include "proto/rpc/image_codec.h"
 #include "proto/rpc/limits.h"
 #include "server/job/limits.h"
 #include "server/ledger/sqlite_job_store.h"
@@ -167,12 +167,10 @@ TEST_F(ServerTest, ADamagedUnitIsRenderedAgain) {
 
 /// Replaces the first value of a channel in a piece that has all pixels of a small unit.
 void SetFirstValue(const std::string& channel, float value, v1::PixelChunk* piece) {
-  const auto& names = piece->layout().channels();
-  const auto index = std::find(names.begin(), names.end(), channel) - names.begin();
-  const size_t plane_bytes = piece->data().size() / static_cast<size_t>(names.size());
-  std::memcpy(piece->mutable_data()->data() + static_cast<size_t>(index) * plane_bytes, &value,
-              sizeof(value));
-  piece->set_checksum(rpc::Checksum(piece->data()));
+  absl::StatusOr<LayeredImage> image = rpc::ImageFromBytes(piece->layout(), piece->data(), {});
+  ASSERT_TRUE(image.ok());
+  image->Get(channel).At(0, 0) = value;
+  rpc::PixelChunker(*image).Next(piece);
 }
 
 TEST_F(ServerTest, AUnitWithInvalidValuesIsRefusedAndRenderedAgain) {

@@ -47,6 +47,9 @@ struct Flags {
   double seconds = 10;
   int size = 1024;
   int tile = 32;
+  int pass_samples = 2;
+  std::string scene;
+  bool float32 = false;
   int64_t units = 100'000;
   std::string folder = std::filesystem::temp_directory_path().string();
   bool tls = false;
@@ -69,6 +72,14 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--seconds", flags->seconds, "Time of measurement")->capture_default_str();
   app->add_option("--size", flags->size, "Width and height of a frame, in pixels")->capture_default_str();
   app->add_option("--tile", flags->tile, "Tile size in pixels")->capture_default_str();
+  app->add_option("--pass-samples", flags->pass_samples, "Samples a pixel of a pass, an even number")
+      ->check(CLI::Range(2, 64))
+      ->capture_default_str();
+  app->add_option(
+      "--scene", flags->scene,
+      "Send units of this generated scene (cornell-box, meeting-room ...); otherwise made-up values");
+  app->add_flag("--float32", flags->float32,
+                "Send all planes as float32 instead of their smallest encodings");
   app->add_option("--units", flags->units, "Units to commit before the restart")->capture_default_str();
   app->add_flag("--tls", flags->tls, "With certificates and tokens, instead of plain text");
   app->add_option("--folder", flags->folder, "Where the data folder is made, and removed at the end")
@@ -99,8 +110,8 @@ v1::JobSpec SpecOf(const Flags& flags, const v1::SceneRef& scene) {
   spec.set_width(flags.size);
   spec.set_height(flags.size);
   spec.set_frame_count(1);
-  spec.set_samples_per_pixel(2 * kPasses);
-  spec.set_pass_samples(2);
+  spec.set_samples_per_pixel(flags.pass_samples * kPasses);
+  spec.set_pass_samples(flags.pass_samples);
   spec.set_tile_size(flags.tile);
   spec.mutable_filter()->set_method("none");
   return spec;
@@ -150,10 +161,11 @@ double DiskBytesPerSecond(const std::string& path, int64_t bytes, size_t piece) 
 /// Workers that load a coordinator until they are destroyed.
 class Load {
  public:
-  Load(const std::string& address, const rpc::Security& security, int workers, int slots) {
+  /// `units` must outlive it.
+  Load(const std::string& address, const rpc::Security& security, int workers, int slots, ReadyUnits* units) {
     for (int i = 0; i < workers; ++i)
-      workers_.push_back(std::make_unique<LoadWorker>(address, security, absl::StrCat("load-", i), slots,
-                                                      &units_, &counters));
+      workers_.push_back(
+          std::make_unique<LoadWorker>(address, security, absl::StrCat("load-", i), slots, units, &counters));
     pulse_ = std::thread([this] {
       while (!stop_.WaitFor(kHeartbeat)) {
         for (const std::unique_ptr<LoadWorker>& worker : workers_) worker->SendHeartbeat();
@@ -189,7 +201,6 @@ class Load {
     return true;
   }
 
-  ReadyUnits units_;
   rpc::MonotonicEvent stop_;
   std::vector<std::unique_ptr<LoadWorker>> workers_;
   std::thread pulse_;
@@ -202,6 +213,14 @@ int Fail(const absl::Status& status) {
 
 absl::StatusOr<LoadAccess> SetUpAccess(const Flags& flags, const ScratchFolder& folder) {
   return flags.tls ? LoadAccess::SetUp(folder.Path("data"), folder.Path("config")) : LoadAccess();
+}
+
+absl::StatusOr<std::unique_ptr<ReadyUnits>> MakeUnits(const Flags& flags) {
+  if (flags.scene.empty()) return std::make_unique<ReadyUnits>(flags.float32);
+  return ReadyUnits::OfScene(flags.scene, {.size = flags.size,
+                                           .tile = flags.tile,
+                                           .pass_samples = static_cast<uint32_t>(flags.pass_samples),
+                                           .float32 = flags.float32});
 }
 
 /// Uploads the scene and submits --jobs jobs.
@@ -254,6 +273,8 @@ void WatchMemory(const ServerProcess& server, double seconds) {
 }
 
 int MeasureUnits(const Flags& flags) {
+  const absl::StatusOr<std::unique_ptr<ReadyUnits>> units_to_send = MakeUnits(flags);
+  if (!units_to_send.ok()) return Fail(units_to_send.status());
   const ScratchFolder folder(flags.folder);
   absl::StatusOr<LoadAccess> access = SetUpAccess(flags, folder);
   if (!access.ok()) return Fail(access.status());
@@ -266,7 +287,7 @@ int MeasureUnits(const Flags& flags) {
   double unit_bytes = 0;
   bool clean = false;
   {
-    Load load((*server)->address(), access->worker(), flags.workers, flags.slots);
+    Load load((*server)->address(), access->worker(), flags.workers, flags.slots, units_to_send->get());
     // The first units of a job are those of the geometry; the passes are measured.
     const int64_t first_units = int64_t{flags.size / flags.tile} * (flags.size / flags.tile) * flags.jobs;
     if (!load.WaitForWorkers() || !load.WaitForUnits(std::min(first_units, int64_t{5000}))) {
@@ -300,6 +321,8 @@ int MeasureUnits(const Flags& flags) {
 }
 
 int MeasureRestart(const Flags& flags) {
+  const absl::StatusOr<std::unique_ptr<ReadyUnits>> units = MakeUnits(flags);
+  if (!units.ok()) return Fail(units.status());
   const ScratchFolder folder(flags.folder);
   absl::StatusOr<LoadAccess> access = SetUpAccess(flags, folder);
   if (!access.ok()) return Fail(access.status());
@@ -310,7 +333,7 @@ int MeasureRestart(const Flags& flags) {
   {
     Client client((*server)->address(), access->client());
     if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
-    Load load((*server)->address(), access->worker(), flags.workers, flags.slots);
+    Load load((*server)->address(), access->worker(), flags.workers, flags.slots, units->get());
     if (!load.WaitForUnits(flags.units) || !IsClean(load))
       return Fail(absl::UnavailableError("the units are not committed"));
     Print("committed_units", static_cast<double>(load.counters.committed), 0);
@@ -320,7 +343,7 @@ int MeasureRestart(const Flags& flags) {
   server = ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
   if (!server.ok()) return Fail(server.status());
   Print("restart_seconds", absl::ToDoubleSeconds(rpc::MonotonicNow() - start), 3);
-  Load load((*server)->address(), access->worker(), flags.workers, flags.slots);
+  Load load((*server)->address(), access->worker(), flags.workers, flags.slots, units->get());
   if (!load.WaitForUnits(1) || !IsClean(load)) return Fail(absl::UnavailableError("the job does not go on"));
   Print("first_commit_seconds", absl::ToDoubleSeconds(rpc::MonotonicNow() - start), 3);
   return 0;
@@ -332,6 +355,7 @@ absl::Status FillStore(const Flags& flags, const std::string& address, const rpc
   constexpr int kThreads = 32;
   constexpr int kActive = 100;
   std::vector<std::thread> threads;
+  threads.reserve(kThreads);
   std::vector<absl::Status> results(kThreads);
   for (int thread = 0; thread < kThreads; ++thread) {
     threads.emplace_back([&, thread] {

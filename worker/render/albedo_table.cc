@@ -138,7 +138,7 @@ void Fill(Table* table, const Albedo& albedo) {
 }  // namespace
 
 AlbedoTable::AlbedoTable(const Contents& contents) : glass_iors_(contents.glass_iors) {
-  BuildReflection();
+  if (contents.reflection) BuildReflection();
   for (const float ior : glass_iors_) {
     for (const float eta : {ior, 1.0f / ior}) {
       Fill(&glass_.emplace_back(),

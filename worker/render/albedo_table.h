@@ -17,10 +17,11 @@ struct DirectionalAlbedo {
 /// Threads: safe concurrently after construction.
 class AlbedoTable {
  public:
-  /// The optional tables; GGX with Schlick's Fresnel is always there.
+  /// The optional tables.
   struct Contents {
+    bool reflection = true;  // GGX with Schlick's Fresnel: Lookup() and Average()
     bool sheen = false;
-    std::vector<float> glass_iors;  // of solid glass, ascending
+    std::vector<float> glass_iors = {};  // of solid glass, ascending
   };
   AlbedoTable() : AlbedoTable(Contents{}) {}
   explicit AlbedoTable(const Contents& contents);

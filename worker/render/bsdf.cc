@@ -5,6 +5,7 @@
 
 #include "filter/image/color.h"
 #include "filter/image/portable_math.h"
+#include "worker/render/diffuse_bsdf.h"
 #include "worker/render/microfacet.h"
 #include "worker/render/sheen.h"
 
@@ -17,19 +18,10 @@ constexpr float kMinDiffuseProbability = 0.05f;
 
 constexpr float kMinCosine = 1e-4f;
 
-/// Below this difference of indices a rough boundary bends light by less than float resolves; it is treated
-/// as smooth.
-constexpr float kMinIorDifference = 0.01f;
-
 /// Reflectance at normal incidence of the coat of KHR_materials_clearcoat, whose ior is 1.5.
 constexpr float kCoatF0 = 0.04f;
 
 float LuminanceOf(Vec3 c) { return Luminance(c.x, c.y, c.z); }
-
-Vec3 CosineDirection(Vec2 u) {
-  const Vec2 disk = ConcentricDisk(u);
-  return {disk.x, disk.y, std::sqrt(std::max(0.0f, 1.0f - disk.x * disk.x - disk.y * disk.y))};
-}
 
 /// Uniform over the hemisphere: the squared radius of a uniform disk point is uniform in [0, 1], and so is
 /// the cosine derived from it.
@@ -284,16 +276,8 @@ void Bsdf::EvaluateSheen(Vec3 wi, BsdfValue* value, float* pdf) const {
   *pdf += p_sheen_ / (2.0f * kPi);
 }
 
-BsdfValue Bsdf::EvaluateDiffuse(Vec3 wi_world, float* pdf) const {
-  BsdfValue value;
-  const float cos_i = Dot(wi_world, frame_.z);
-  *pdf = cos_i > 0 && Dot(wi_world, geometric_) > 0 ? cos_i / kPi : 0.0f;
-  value.diffuse = *pdf;
-  return value;
-}
-
 BsdfValue Bsdf::Evaluate(Vec3 wi_world, float* pdf) const {
-  if (IsDiffuseOnly()) return EvaluateDiffuse(wi_world, pdf);
+  if (IsDiffuseOnly()) return DiffuseBsdf(diffuse_albedo_, frame_.z, geometric_).Evaluate(wi_world, pdf);
   BsdfValue value;
   *pdf = 0;
   const Vec3 wi = frame_.ToLocal(wi_world);
@@ -391,20 +375,8 @@ BsdfSample Bsdf::SampleTowards(Vec3 wi_world) const {
   return sample;
 }
 
-/// The only lobe is diffuse and is sampled in proportion to its value: the weight is 1.
-BsdfSample Bsdf::SampleDiffuse(Vec2 u) const {
-  BsdfSample sample;
-  const Vec3 wi = CosineDirection(u);
-  sample.wi = frame_.ToWorld(wi);
-  if (wi.z <= 0 || Dot(sample.wi, geometric_) <= 0) return sample;
-  sample.pdf = wi.z / kPi;
-  sample.weight.diffuse = 1;
-  sample.valid = true;
-  return sample;
-}
-
 BsdfSample Bsdf::Sample(float u_lobe, Vec2 u) const {
-  if (IsDiffuseOnly()) return SampleDiffuse(u);
+  if (IsDiffuseOnly()) return DiffuseBsdf(diffuse_albedo_, frame_.z, geometric_).Sample(u_lobe, u);
   if (u_lobe < p_diffuse_) return SampleTowards(frame_.ToWorld(CosineDirection(u)));
   // Rounding errors of the probabilities go to the last lobe that exists.
   const float rest = u_lobe - p_diffuse_;

@@ -63,6 +63,8 @@ struct BsdfSample {
 /// "Practical multiple scattering compensation for microfacet models".
 class Bsdf {
  public:
+  static constexpr bool kDiffuseOnly = false;
+
   /// `normal` is the unit shading normal, `geometric` the unit face normal, both on wo's side. wo points away
   /// from the surface.
   Bsdf(const SurfaceMaterial& material, const AlbedoTable& table, Vec3 normal, Vec3 geometric, Vec3 wo);
@@ -127,8 +129,6 @@ class Bsdf {
   void EvaluateSheen(Vec3 wi, BsdfValue* value, float* pdf) const;
 
   bool IsDiffuseOnly() const { return p_diffuse_ >= 1 && dielectric_f90_ <= 0; }
-  BsdfValue EvaluateDiffuse(Vec3 wi_world, float* pdf) const;
-  BsdfSample SampleDiffuse(Vec2 u) const;
   BsdfSample SampleFacets(float u_lobe, Vec2 u) const;
   BsdfSample SampleDelta(float u_lobe) const;
   BsdfSample Reflection(const Fresnel& fresnel) const;

@@ -106,7 +106,7 @@ LayeredImage ChartsAccess::RenderGuide(const Rect& rect, int frame) const {
   return image;
 }
 
-Vec3 ChartsAccess::RadianceFrom(const PathTracer::FirstSurface& first, const Sampler& sampler) const {
+Vec3 ChartsAccess::RadianceFrom(const PathTracer::FirstSurface<Bsdf>& first, const Sampler& sampler) const {
   const PathTracer::PathSampler random(sampler);
   const PathTracer::ScatteredRadiance scattered =
       tracer().Scatter(first.surface, first.bsdf, first.connection, first.u_lobe, 0, {1, 1, 1}, random);
@@ -114,13 +114,13 @@ Vec3 ChartsAccess::RadianceFrom(const PathTracer::FirstSurface& first, const Sam
   if (!scattered.delta_event.valid) return radiance;
   const Vec3 weight = scattered.delta_event.weight.non_diffuse;
   PathTracer::PathSegment next(first.surface, scattered.delta_event, random.Key(0));
-  const PathTracer::IncidentRadiance incident = tracer().TraceIncident(&next, 1, weight, random);
+  const PathTracer::IncidentRadiance incident = tracer().TraceIncident<Bsdf>(&next, 1, weight, random);
   return radiance + weight * (incident.direct + incident.indirect);
 }
 
 void ChartsAccess::TraceRadiance(std::span<const Ray> rays, std::span<const Sampler> samplers,
                                  std::span<Vec3> out) const {
-  const PathTracer::FirstSurfaces surfaces = tracer().IntersectFirst(rays, samplers);
+  const PathTracer::FirstSurfaces<Bsdf> surfaces = tracer().IntersectFirst<Bsdf>(rays, samplers);
   for (size_t i = 0; i < rays.size(); ++i) {
     out[i] = surfaces[i].has_value() ? RadianceFrom(*surfaces[i], samplers[i])
                                      : tracer().EmittedOnMiss(rays[i].direction, 0);
@@ -130,7 +130,7 @@ void ChartsAccess::TraceRadiance(std::span<const Ray> rays, std::span<const Samp
 void ChartsAccess::TraceWithoutIndirect(std::span<const Ray> rays, std::span<const Sampler> samplers,
                                         std::span<LayerSample> out,
                                         std::span<std::optional<Surface>> diffuse) const {
-  const PathTracer::FirstSurfaces surfaces = tracer().IntersectFirst(rays, samplers);
+  const PathTracer::FirstSurfaces<Bsdf> surfaces = tracer().IntersectFirst<Bsdf>(rays, samplers);
   for (size_t i = 0; i < rays.size(); ++i) {
     out[i].Clear();
     diffuse[i].reset();
@@ -161,7 +161,7 @@ IndirectRadiance ChartsAccess::TraceIndirect(const Surface& surface, Vec3 direct
   step.wi = direction;
   step.pdf = Dot(direction, surface.normal) / kPi;
   PathTracer::PathSegment next(surface, step, random.Key(0));
-  const PathTracer::IncidentRadiance incident = tracer().TraceIncident(&next, 1, {1, 1, 1}, random);
+  const PathTracer::IncidentRadiance incident = tracer().TraceIncident<Bsdf>(&next, 1, {1, 1, 1}, random);
   return {incident.indirect, incident.first_distance};
 }
 

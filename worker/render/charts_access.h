@@ -86,7 +86,7 @@ class ChartsAccess {
  private:
   const PathTracer& tracer() const { return renderer_->tracer_; }
   Ray CentreRay(int x, int y, const Sampler& sampler) const;
-  Vec3 RadianceFrom(const PathTracer::FirstSurface& first, const Sampler& sampler) const;
+  Vec3 RadianceFrom(const PathTracer::FirstSurface<Bsdf>& first, const Sampler& sampler) const;
 
   const Renderer* renderer_;
 };

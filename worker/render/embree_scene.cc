@@ -239,7 +239,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
 
   explicit EmbreeSceneImpl(const scene::Scene& scene) : hit_context_(scene), builder_(MakeTaskPool(1)) {}
 
-  absl::Status Build() {
+  absl::Status Build(const OpacitySource& opacity) {
     const scene::Scene& scene = *hit_context_.scene;
     const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
     device_.reset(rtcNewDevice(config.c_str()));
@@ -252,7 +252,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
       const scene::Instance& instance = scene.instances[i];
       const scene::Mesh& mesh = scene.meshes[instance.mesh];
       if (mesh.triangles.empty()) continue;
-      const OpacityClass opacity_class = OpacityClassOf(scene, mesh);
+      const OpacityClass opacity_class = opacity(scene, mesh);
       const Geometry geometry = uses[instance.mesh] == 1
                                     ? NewTriangles(mesh, instance.world_from_object, opacity_class)
                                     : NewInstance(mesh, instance, opacity_class);
@@ -351,9 +351,10 @@ class EmbreeSceneImpl final : public EmbreeScene {
 
 const char* TracingInstructionSet() { return __builtin_cpu_supports("avx2") ? "avx2" : "sse4.2"; }
 
-absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Create(const scene::Scene& scene) {
+absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Create(const scene::Scene& scene,
+                                                                 const OpacitySource& opacity) {
   auto result = std::make_unique<EmbreeSceneImpl>(scene);
-  if (absl::Status status = result->Build(); !status.ok()) return status;
+  if (absl::Status status = result->Build(opacity); !status.ok()) return status;
   return result;
 }
 

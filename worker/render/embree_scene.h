@@ -7,6 +7,7 @@
 #include <span>
 
 #include "absl/status/statusor.h"
+#include "worker/render/opacity.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
@@ -51,9 +52,10 @@ const char* TracingInstructionSet();
 /// everywhere.
 class EmbreeScene {
  public:
-  /// Keeps a pointer to the scene, which must outlive it. Errors: kResourceExhausted if memory runs out;
+  /// Keeps a pointer to the scene, which must outlive it. `opacity` is used by this call only. Errors: kResourceExhausted if memory runs out;
   /// kInternal if Embree fails.
-  static absl::StatusOr<std::unique_ptr<EmbreeScene>> Create(const scene::Scene& scene);
+  static absl::StatusOr<std::unique_ptr<EmbreeScene>> Create(const scene::Scene& scene,
+                                                             const OpacitySource& opacity = OpacityClassOf);
   virtual ~EmbreeScene() = default;
 
   /// The nearest triangle on the ray that is not cut out. A half-transparent one is hit with its opacity as

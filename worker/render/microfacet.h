@@ -10,6 +10,10 @@ namespace lumifold::render {
 /// Below this alpha a lobe is a delta lobe: float directions do not resolve so narrow a highlight well.
 inline constexpr float kDeltaAlpha = 1e-3f;
 
+/// Below this difference of indices a rough boundary bends light by less than float resolves; it is treated
+/// as smooth.
+inline constexpr float kMinIorDifference = 0.01f;
+
 /// Density of microfacet normals at h, per projected steradian.
 float GgxDensity(Vec3 h, float alpha);
 

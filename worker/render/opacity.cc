@@ -1,5 +1,7 @@
 #include "worker/render/opacity.h"
 
+#include <algorithm>
+
 #include "worker/render/microfacet.h"
 #include "worker/render/texture.h"
 
@@ -22,15 +24,39 @@ bool MayBeClearPane(const Material& material) {
   return material.transmission > 0 && !material.has_volume && !material.unlit && smooth;
 }
 
+/// Whether every point of the mesh has opacity 1.
+bool IsOpaqueEverywhere(const Material& material, const Mesh& mesh, TextureRanges* ranges) {
+  constexpr float kRounding = 1e-5f;  // interpolated alpha may lie below the least of the texels
+  float least = material.alpha * ranges->Of(material.base_color_texture, 3).min;
+  if (!mesh.colors.empty()) {
+    const auto lowest =
+        std::min_element(mesh.colors.begin(), mesh.colors.end(),
+                         [](const scene::Vec4& a, const scene::Vec4& b) { return a.w < b.w; });
+    least *= lowest->w;
+  }
+  // Sums of ones weighted by barycentric coordinates may lie below 1.
+  if (material.alpha_mode == scene::AlphaMode::kBlend) return least >= 1 && mesh.colors.empty();
+  return least * (1.0f - kRounding) >= material.alpha_cutoff;
+}
+
+OpacityClass ClassOf(const Material& material, bool has_alpha) {
+  if (MayBeClearPane(material) || (has_alpha && material.alpha_mode == scene::AlphaMode::kBlend))
+    return OpacityClass::kTransparent;
+  return has_alpha ? OpacityClass::kMasked : OpacityClass::kOpaque;
+}
+
 }  // namespace
 
 OpacityClass OpacityClassOf(const Scene& scene, const Mesh& mesh) {
   if (mesh.material == scene::kNone) return OpacityClass::kOpaque;
   const Material& material = scene.materials[mesh.material];
-  const bool has_alpha = HasAlpha(material, mesh);
-  if (MayBeClearPane(material) || (has_alpha && material.alpha_mode == scene::AlphaMode::kBlend))
-    return OpacityClass::kTransparent;
-  return has_alpha ? OpacityClass::kMasked : OpacityClass::kOpaque;
+  return ClassOf(material, HasAlpha(material, mesh));
+}
+
+OpacityClass ScannedOpacityClassOf(const Scene& scene, const Mesh& mesh, TextureRanges* ranges) {
+  if (mesh.material == scene::kNone) return OpacityClass::kOpaque;
+  const Material& material = scene.materials[mesh.material];
+  return ClassOf(material, HasAlpha(material, mesh) && !IsOpaqueEverywhere(material, mesh, ranges));
 }
 
 float OpacityAt(const Scene& scene, const Mesh& mesh, uint32_t triangle, float u, float v) {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
+#include "worker/render/texture_ranges.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
@@ -13,7 +15,13 @@ enum class OpacityClass {
   kTransparent,  // a fraction at each point: alphaMode BLEND, and panes of clear thin glass
 };
 
+/// From the material's settings alone.
 OpacityClass OpacityClassOf(const scene::Scene& scene, const scene::Mesh& mesh);
+/// The same, but kOpaque where the texels and vertex colours show that nothing is cut out.
+OpacityClass ScannedOpacityClassOf(const scene::Scene& scene, const scene::Mesh& mesh, TextureRanges* ranges);
+
+/// One of the two functions.
+using OpacitySource = std::function<OpacityClass(const scene::Scene& scene, const scene::Mesh& mesh)>;
 
 /// Opacity at the point with barycentric weights u and v of a triangle's second and third vertex: 1 for an
 /// opaque material, 1 or 0 for a mask, else alpha = base colour factor times texture (bilinear, without

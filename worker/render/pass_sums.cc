@@ -1,5 +1,6 @@
 #include "worker/render/pass_sums.h"
 
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -14,6 +15,15 @@ void AddLevel(const LevelSample& sample, size_t half, LevelSums* sums) {
   sums->whole[0] += sample.albedo;
   sums->whole[1] += sample.emitted;
   if (sample.has_diffuse) sums->count[half] += 1;
+}
+
+bool IsCarried(std::string_view layer, const TracingPlan::Layers& carried) {
+  if (layer == layers::kDirect) return carried.direct;
+  if (layer == layers::kIndirect) return carried.indirect;
+  if (layer == layers::kAlbedo) return carried.albedo;
+  if (layer == layers::kEmission) return carried.emission;
+  if (layer == layers::kGlossy || layer == layers::kGlossyAlbedo) return carried.glossy;
+  return true;
 }
 
 /// The sums in the order of layers::LevelPassChannels.
@@ -49,22 +59,26 @@ void PixelSums::Add(const LayerSample& s, size_t half) {
       [&](layers::Level level, const LevelSample& sample) { AddLevel(sample, half, &levels.Set(level)); });
 }
 
-PassPicture::PassPicture(int width, int height)
+PassPicture::PassPicture(int width, int height, const TracingPlan::Layers& carried)
     : image_(width, height), levels_(width, height, layers::LevelPassChannels) {
   for (size_t i = 0; i < layers::kHalved.size(); ++i) {
-    halved_[0][i] = image_.AddColor(layers::HalfA(layers::kHalved[i]));
-    halved_[1][i] = image_.AddColor(layers::HalfB(layers::kHalved[i]));
+    if (!IsCarried(layers::kHalved[i], carried)) continue;
+    const ColorView a = image_.AddColor(layers::HalfA(layers::kHalved[i]));
+    const ColorView b = image_.AddColor(layers::HalfB(layers::kHalved[i]));
+    halved_.push_back({i, {a, b}});
   }
-  for (size_t i = 0; i < layers::kWhole.size(); ++i) whole_[i] = image_.AddColor(layers::kWhole[i]);
+  for (size_t i = 0; i < layers::kWhole.size(); ++i) {
+    if (IsCarried(layers::kWhole[i], carried)) whole_.push_back({i, image_.AddColor(layers::kWhole[i])});
+  }
   count_ = {image_.Add(layers::kSamplesA), image_.Add(layers::kSamplesB)};
 }
 
 void PassPicture::Store(int x, int y, const PixelSums& sums) {
   for (size_t half = 0; half < 2; ++half) {
-    for (size_t i = 0; i < layers::kHalved.size(); ++i) Put(halved_[half][i], x, y, sums.halved[half][i]);
+    for (const auto& layer : halved_) Put(layer.views[half], x, y, sums.halved[half][layer.number]);
     count_[half].At(x, y) = sums.count[half];
   }
-  for (size_t i = 0; i < layers::kWhole.size(); ++i) Put(whole_[i], x, y, sums.whole[i]);
+  for (const auto& layer : whole_) Put(layer.views, x, y, sums.whole[layer.number]);
   sums.levels.ForEach([&](layers::Level level, const LevelSums& level_sums) {
     PutAll(ValuesOf(level_sums), x, y, &levels_.At(level));
   });

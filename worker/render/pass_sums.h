@@ -2,11 +2,13 @@
 
 #include <array>
 #include <span>
+#include <vector>
 
 #include "filter/image/layered_image.h"
 #include "filter/image/layers.h"
 #include "filter/image/level_images.h"
 #include "worker/render/layer_sample.h"
+#include "worker/render/tracing_plan.h"
 
 namespace lumifold::render {
 
@@ -31,7 +33,8 @@ struct PixelSums {
 /// The channels of a pass.
 class PassPicture {
  public:
-  PassPicture(int width, int height);
+  /// `carried`: the layers that the picture has besides C.
+  PassPicture(int width, int height, const TracingPlan::Layers& carried = {});
 
   void Store(int x, int y, const PixelSums& sums);
   /// Moves the picture out; levels come last.
@@ -40,8 +43,14 @@ class PassPicture {
  private:
   LayeredImage image_;
   LevelImages levels_;
-  std::array<std::array<ColorView, layers::kHalved.size()>, 2> halved_;
-  std::array<ColorView, layers::kWhole.size()> whole_;
+  /// A layer that the picture has, by its number in PixelSums.
+  template <typename Views>
+  struct Carried {
+    size_t number;
+    Views views;
+  };
+  std::vector<Carried<std::array<ColorView, 2>>> halved_;
+  std::vector<Carried<ColorView>> whole_;
   std::array<FloatView, 2> count_;
 };
 

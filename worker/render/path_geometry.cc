@@ -44,7 +44,7 @@ void PathTracer::TraceDeltaChainGeometry(const Ray& camera_ray, const Surface& f
   Surface surface = first;
   BsdfSample step = event;
   float distance = out->distance;
-  for (int depth = 1; step.valid && depth <= std::min(layers::kMaxDepth, max_bounces_); ++depth) {
+  for (int depth = 1; step.valid && depth <= std::min(plan_.levels, max_bounces_); ++depth) {
     if (!step.transmitted) mirrors.Add(surface.normal);
     Ray ray;
     surface.SpawnRay(step, MixBits(camera_ray.random_key + static_cast<uint64_t>(depth)), &ray);

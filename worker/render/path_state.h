@@ -78,9 +78,10 @@ struct PathTracer::ScatteredRadiance {
 };
 
 /// The first intersection of a camera ray with its light sample.
+template <typename BsdfType>
 struct PathTracer::FirstSurface {
   Surface surface;
-  Bsdf bsdf;
+  BsdfType bsdf;
   Connection connection;
   float u_lobe;  // random number that selects the lobe
 
@@ -91,7 +92,7 @@ struct PathTracer::FirstSurface {
   FirstSurface(const PathTracer& tracer, const Hit& hit, const Ray& ray, const PathSampler& random,
                Vec2 light_and_lobe)
       : surface(tracer.surfaces_.Read(hit, ray)),
-        bsdf(tracer.MakeBsdf(surface, -ray.direction)),
+        bsdf(tracer.MakeBsdf<BsdfType>(surface, -ray.direction)),
         connection(tracer.SampleLight(surface, bsdf, light_and_lobe.x, random, 0)),
         u_lobe(light_and_lobe.y) {}
 };

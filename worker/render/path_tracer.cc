@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "filter/image/portable_math.h"
+#include "worker/render/diffuse_bsdf.h"
+#include "worker/render/lobes.h"
 #include "worker/render/path_state.h"
 
 namespace lumifold::render {
@@ -20,7 +22,16 @@ constexpr uint32_t kTransmissionPairs = 1u << 16;
 /// Glossy radiance is not divided by a directional albedo below this.
 constexpr float kMinGlossyAlbedo = 1e-6f;
 
-Vec3 TotalOf(const BsdfValue& value, Vec3 albedo) { return albedo * value.diffuse + value.non_diffuse; }
+/// The value of all lobes.
+template <typename BsdfType>
+Vec3 TotalOf(const BsdfValue& value, const BsdfType& bsdf) {
+  const Vec3 diffuse = bsdf.DiffuseAlbedo() * value.diffuse;
+  if constexpr (BsdfType::kDiffuseOnly) {
+    return diffuse;
+  } else {
+    return diffuse + value.non_diffuse;
+  }
+}
 
 /// Builds the shadow ray from `surface` to the light sample; `ray` must be new.
 void SetShadowRay(const Surface& surface, const LightSample& sample, Ray* ray) {
@@ -76,16 +87,20 @@ layers::Branch BranchOf(const BsdfSample& event) {
 }  // namespace
 
 PathTracer::PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
-                       std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips)
+                       std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips,
+                       const TracingPlan& plan)
     : embree_(&embree),
       textures_(scene, mips),
       surfaces_(scene, textures_),
       lights_(scene, textures_, std::move(environment)),
-      albedo_table_(AlbedoContentsOf(scene)),
+      diffuse_only_(plan.diffuse_code && IsDiffuseOnly(scene)),
+      albedo_table_(diffuse_only_ ? AlbedoTable::Contents{.reflection = false} : AlbedoContentsOf(scene)),
       visibility_(scene, embree, surfaces_, albedo_table_),
-      max_bounces_(max_bounces) {}
+      max_bounces_(max_bounces),
+      plan_(plan) {}
 
-Bsdf PathTracer::MakeBsdf(const Surface& surface, Vec3 wo) const {
+template <typename BsdfType>
+BsdfType PathTracer::MakeBsdf(const Surface& surface, Vec3 wo) const {
   if (surface.values != nullptr)
     return {*surface.values, albedo_table_, surface.normal, surface.geometric, wo};
   return {surfaces_.Shade(surface), albedo_table_, surface.normal, surface.geometric, wo};
@@ -101,7 +116,8 @@ float PathTracer::LightSampleWeight(const LightSample& sample, float bsdf_pdf) c
   return strategy_ == LightStrategy::kCombined ? 1.0f / (sample.pdf + bsdf_pdf) : 0.0f;
 }
 
-PathTracer::Connection PathTracer::SampleLight(const Surface& surface, const Bsdf& bsdf, float u_light,
+template <typename BsdfType>
+PathTracer::Connection PathTracer::SampleLight(const Surface& surface, const BsdfType& bsdf, float u_light,
                                                const PathSampler& random, int vertex) const {
   Connection out;
   if (lights_.IsEmpty() || !bsdf.HasNonDeltaLobe()) return out;
@@ -110,24 +126,27 @@ PathTracer::Connection PathTracer::SampleLight(const Surface& surface, const Bsd
   if (sample.pdf <= 0) return out;
   float bsdf_pdf = 0;
   out.value = bsdf.Evaluate(sample.direction, &bsdf_pdf);
-  if (out.value.diffuse <= 0 && MaxComponent(out.value.non_diffuse) <= 0) return out;
+  if (out.value.diffuse <= 0 && (BsdfType::kDiffuseOnly || MaxComponent(out.value.non_diffuse) <= 0))
+    return out;
   out.light = sample.radiance * LightSampleWeight(sample, bsdf_pdf);
   SetShadowRay(surface, sample, &out.ray);
   return out;
 }
 
-PathTracer::Connection PathTracer::ConnectToLight(const Surface& surface, const Bsdf& bsdf, float u_light,
+template <typename BsdfType>
+PathTracer::Connection PathTracer::ConnectToLight(const Surface& surface, const BsdfType& bsdf, float u_light,
                                                   const PathSampler& random, int vertex) const {
   Connection out = SampleLight(surface, bsdf, u_light, random, vertex);
   if (!out.IsBlack()) out.light *= visibility_.Transmittance(out.ray);
   return out;
 }
 
-void PathTracer::ApplyVisibility(FirstSurfaces* surfaces) const {
+template <typename BsdfType>
+void PathTracer::ApplyVisibility(FirstSurfaces<BsdfType>* surfaces) const {
   std::array<Connection*, kPacket> connections;
   std::array<Ray, kPacket> rays;
   size_t count = 0;
-  for (std::optional<FirstSurface>& first : *surfaces) {
+  for (std::optional<FirstSurface<BsdfType>>& first : *surfaces) {
     if (!first.has_value() || first->connection.IsBlack()) continue;
     rays[count] = first->connection.ray;
     connections[count++] = &first->connection;
@@ -157,6 +176,7 @@ Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
   return radiance * HitWeight(pdf, light_pdf);
 }
 
+template <typename BsdfType>
 PathTracer::IncidentRadiance PathTracer::TraceIncident(PathSegment* segment, int vertex, Vec3 path_throughput,
                                                        const PathSampler& random, Indirect indirect) const {
   IncidentRadiance incident;
@@ -180,11 +200,11 @@ PathTracer::IncidentRadiance PathTracer::TraceIncident(PathSegment* segment, int
     }
     if (scatterings > max_bounces_) return incident;
 
-    const Bsdf bsdf = MakeBsdf(surface, -segment->ray.direction);
+    const auto bsdf = MakeBsdf<BsdfType>(surface, -segment->ray.direction);
     const Vec2 light_and_lobe = random.Get2D(vertex, PathSampler::kLightAndLobe);
     if (indirect == Indirect::kTraced) {
       const Connection connection = ConnectToLight(surface, bsdf, light_and_lobe.x, random, vertex);
-      incident.indirect += throughput * TotalOf(connection.value, bsdf.DiffuseAlbedo()) * connection.light;
+      incident.indirect += throughput * TotalOf(connection.value, bsdf) * connection.light;
     }
 
     float u_lobe = light_and_lobe.y;
@@ -195,27 +215,28 @@ PathTracer::IncidentRadiance PathTracer::TraceIncident(PathSegment* segment, int
     }
     const BsdfSample step = bsdf.Sample(u_lobe, random.Get2D(vertex, PathSampler::kDirection));
     if (!step.valid) return incident;
-    throughput *= TotalOf(step.weight, bsdf.DiffuseAlbedo());
-    if (step.straight) {
+    throughput *= TotalOf(step.weight, bsdf);
+    if (!BsdfType::kDiffuseOnly && step.straight) {
       surface.SpawnRay(step, random.Key(vertex), &segment->ray);
       continue;
     }
-    if (indirect == Indirect::kLeftOut) return incident;
+    if (indirect == Indirect::kLeftOut || (!plan_.emission_on_hits && scatterings >= max_bounces_))
+      return incident;
     segment->Set(surface, step, random.Key(vertex));
     emission = &incident.indirect;
     ++scatterings;
   }
 }
 
-PathTracer::ScatteredRadiance PathTracer::Scatter(const Surface& surface, const Bsdf& bsdf,
+template <typename BsdfType>
+PathTracer::ScatteredRadiance PathTracer::Scatter(const Surface& surface, const BsdfType& bsdf,
                                                   const Connection& connection, float u_lobe, int vertex,
                                                   Vec3 path_throughput, const PathSampler& random,
                                                   Indirect indirect) const {
   ScatteredRadiance out;
-  const Vec3 albedo = bsdf.DiffuseAlbedo();
   out.direct = connection.light * connection.value.diffuse;
-  out.glossy = connection.light * connection.value.non_diffuse;
-  out.total = connection.light * TotalOf(connection.value, albedo);
+  if constexpr (!BsdfType::kDiffuseOnly) out.glossy = connection.light * connection.value.non_diffuse;
+  out.total = connection.light * TotalOf(connection.value, bsdf);
 
   const float survival =
       vertex >= kFirstRouletteVertex ? RussianRoulette(path_throughput * bsdf.Albedo(), &u_lobe) : 1.0f;
@@ -225,16 +246,20 @@ PathTracer::ScatteredRadiance PathTracer::Scatter(const Surface& surface, const 
     step.weight.diffuse /= survival;
     step.weight.non_diffuse = step.weight.non_diffuse / survival;
   }
-  if (step.is_delta) out.delta_event = step;
+  if constexpr (!BsdfType::kDiffuseOnly) {
+    if (step.is_delta) out.delta_event = step;
+  }
   if (step.is_delta || !step.valid) return out;
-  const Vec3 weight = TotalOf(step.weight, albedo);
+  if (!plan_.emission_on_hits && vertex >= max_bounces_) return out;
+  const Vec3 weight = TotalOf(step.weight, bsdf);
   PathSegment next(surface, step, random.Key(vertex));
   const bool has_glossy = MaxComponent(step.weight.non_diffuse) > 0;
-  const IncidentRadiance incident = TraceIncident(&next, vertex + 1, path_throughput * weight, random,
-                                                  has_glossy ? Indirect::kTraced : indirect);
+  const auto incident = TraceIncident<BsdfType>(&next, vertex + 1, path_throughput * weight, random,
+                                                has_glossy ? Indirect::kTraced : indirect);
   out.direct += incident.direct * step.weight.diffuse;
   out.indirect = incident.indirect * step.weight.diffuse;
-  out.glossy += (incident.direct + incident.indirect) * step.weight.non_diffuse;
+  if constexpr (!BsdfType::kDiffuseOnly)
+    out.glossy += (incident.direct + incident.indirect) * step.weight.non_diffuse;
   out.total += (incident.direct + incident.indirect) * weight;
   return out;
 }
@@ -243,7 +268,7 @@ void PathTracer::TraceDeltaChain(const Surface& first, const BsdfSample& event, 
                                  const PathSampler& random, LayerSample* out) const {
   const layers::Branch branch = BranchOf(event);
   PathSegment next(first, event, random.Key(0));
-  for (int depth = 1; depth <= layers::kMaxDepth; ++depth) {
+  for (int depth = 1; depth <= plan_.levels; ++depth) {
     LevelSample& level = out->levels.Set({branch, depth});
     const Hit hit = embree_->Intersect(next.ray);
     if (hit.IsMiss()) {
@@ -272,17 +297,18 @@ void PathTracer::TraceDeltaChain(const Surface& first, const BsdfSample& event, 
     throughput *= scattered.delta_event.weight.non_diffuse;
     next.Set(surface, scattered.delta_event, random.Key(depth));
   }
-  const IncidentRadiance incident = TraceIncident(&next, layers::kMaxDepth + 1, throughput, random);
+  const auto incident = TraceIncident<Bsdf>(&next, plan_.levels + 1, throughput, random);
   const Vec3 radiance = throughput * (incident.direct + incident.indirect);
   out->remainder += radiance;
   out->combined += radiance;
 }
 
-PathTracer::FirstSurfaces PathTracer::IntersectFirst(std::span<const Ray> rays,
-                                                     std::span<const Sampler> samplers) const {
+template <typename BsdfType>
+PathTracer::FirstSurfaces<BsdfType> PathTracer::IntersectFirst(std::span<const Ray> rays,
+                                                               std::span<const Sampler> samplers) const {
   std::array<Hit, kPacket> hits;
   embree_->IntersectTogether(rays, hits);
-  FirstSurfaces surfaces;
+  FirstSurfaces<BsdfType> surfaces;
   for (size_t i = 0; i < rays.size(); ++i) {
     if (!hits[i].IsMiss()) surfaces[i].emplace(*this, hits[i], rays[i], PathSampler(samplers[i]));
   }
@@ -290,10 +316,11 @@ PathTracer::FirstSurfaces PathTracer::IntersectFirst(std::span<const Ray> rays,
   return surfaces;
 }
 
-void PathTracer::TraceLayers(const FirstSurface& first, const Sampler& sampler, Indirect indirect,
+template <typename BsdfType>
+void PathTracer::TraceLayers(const FirstSurface<BsdfType>& first, const Sampler& sampler, Indirect indirect,
                              LayerSample* out) const {
   const Surface& surface = first.surface;
-  const Bsdf& bsdf = first.bsdf;
+  const BsdfType& bsdf = first.bsdf;
   const PathSampler random(sampler);
   const ScatteredRadiance scattered =
       Scatter(surface, bsdf, first.connection, first.u_lobe, 0, {1, 1, 1}, random, indirect);
@@ -301,18 +328,20 @@ void PathTracer::TraceLayers(const FirstSurface& first, const Sampler& sampler, 
   out->albedo = bsdf.DiffuseAlbedo();
   out->direct = scattered.direct;
   out->indirect = scattered.indirect;
-  Demodulate(scattered.glossy, bsdf.GlossyAlbedo(), out);
   out->combined = out->emitted + scattered.total;
-  const BsdfSample& event = scattered.delta_event;
-  if (!event.is_delta) return;
-  if (bsdf.IsSmoothGlass()) {
-    TraceBothBranches(first, sampler, out);
-  } else if (event.valid) {
-    TraceDeltaChain(surface, event, event.weight.non_diffuse, random, out);
+  if constexpr (!BsdfType::kDiffuseOnly) {
+    Demodulate(scattered.glossy, bsdf.GlossyAlbedo(), out);
+    const BsdfSample& event = scattered.delta_event;
+    if (!event.is_delta) return;
+    if (bsdf.IsSmoothGlass()) {
+      TraceBothBranches(first, sampler, out);
+    } else if (event.valid) {
+      TraceDeltaChain(surface, event, event.weight.non_diffuse, random, out);
+    }
   }
 }
 
-void PathTracer::TraceBothBranches(const FirstSurface& first, const Sampler& sampler,
+void PathTracer::TraceBothBranches(const FirstSurface<Bsdf>& first, const Sampler& sampler,
                                    LayerSample* out) const {
   const float inverse_probability = 1.0f / first.bsdf.DeltaProbability();
   const BsdfSample reflected = first.bsdf.DeltaReflection();
@@ -332,9 +361,10 @@ void PathTracer::TraceMiss(const Ray& ray, LayerSample* out) const {
   out->combined = out->emitted;
 }
 
-void PathTracer::Trace(std::span<const Ray> rays, std::span<const Sampler> samplers,
-                       std::span<LayerSample> out) const {
-  const FirstSurfaces surfaces = IntersectFirst(rays, samplers);
+template <typename BsdfType>
+void PathTracer::TraceWith(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                           std::span<LayerSample> out) const {
+  const auto surfaces = IntersectFirst<BsdfType>(rays, samplers);
   for (size_t i = 0; i < rays.size(); ++i) {
     out[i].Clear();
     if (surfaces[i].has_value()) {
@@ -344,5 +374,26 @@ void PathTracer::Trace(std::span<const Ray> rays, std::span<const Sampler> sampl
     }
   }
 }
+
+void PathTracer::Trace(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                       std::span<LayerSample> out) const {
+  if (diffuse_only_) {
+    TraceWith<DiffuseBsdf>(rays, samplers, out);
+  } else {
+    TraceWith<Bsdf>(rays, samplers, out);
+  }
+}
+
+// ChartsAccess uses these.
+template PathTracer::FirstSurfaces<Bsdf> PathTracer::IntersectFirst<Bsdf>(std::span<const Ray>,
+                                                                          std::span<const Sampler>) const;
+template void PathTracer::TraceLayers<Bsdf>(const FirstSurface<Bsdf>&, const Sampler&, Indirect,
+                                            LayerSample*) const;
+template PathTracer::ScatteredRadiance PathTracer::Scatter<Bsdf>(const Surface&, const Bsdf&,
+                                                                 const Connection&, float, int, Vec3,
+                                                                 const PathSampler&, Indirect) const;
+template PathTracer::IncidentRadiance PathTracer::TraceIncident<Bsdf>(PathSegment*, int, Vec3,
+                                                                      const PathSampler&, Indirect) const;
+template Bsdf PathTracer::MakeBsdf<Bsdf>(const Surface&, Vec3) const;
 
 }  // namespace lumifold::render

@@ -13,6 +13,7 @@
 #include "worker/render/lights.h"
 #include "worker/render/sampler.h"
 #include "worker/render/surface.h"
+#include "worker/render/tracing_plan.h"
 #include "worker/render/visibility.h"
 #include "worker/scene/scene.h"
 
@@ -43,7 +44,8 @@ class PathTracer {
   /// direct light by both techniques.
   /// `environment` may be null.
   PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
-             std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips = {});
+             std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips = {},
+             const TracingPlan& plan = {});
 
   /// Maximum number of samples that are traced together.
   static constexpr size_t kPacket = EmbreeScene::kPacket;
@@ -62,12 +64,14 @@ class PathTracer {
   class PathSampler;
   struct Connection;
   struct PathSegment;
+  template <typename BsdfType>
   struct FirstSurface;
   struct IncidentRadiance;
   struct ScatteredRadiance;
   /// Whether paths are traced whose only contribution is the first surface's I. The farm traces them all.
   enum class Indirect { kTraced, kLeftOut };
-  using FirstSurfaces = std::array<std::optional<FirstSurface>, kPacket>;
+  template <typename BsdfType>
+  using FirstSurfaces = std::array<std::optional<FirstSurface<BsdfType>>, kPacket>;
 
   /// MIS weight of a light that a direction sampled with density `bsdf_pdf` hits, and that light sampling
   /// generates with density `light_pdf`.
@@ -77,43 +81,55 @@ class PathTracer {
   float LightSampleWeight(const LightSample& sample, float bsdf_pdf) const;
   /// Samples a point on the lights. The radiance is divided by the density and MIS-weighted against
   /// Bsdf::Sample(); visibility is not yet applied.
-  Connection SampleLight(const Surface& surface, const Bsdf& bsdf, float u_light, const PathSampler& random,
-                         int vertex) const;
+  template <typename BsdfType>
+  Connection SampleLight(const Surface& surface, const BsdfType& bsdf, float u_light,
+                         const PathSampler& random, int vertex) const;
   /// As SampleLight(), with visibility applied.
-  Connection ConnectToLight(const Surface& surface, const Bsdf& bsdf, float u_light,
+  template <typename BsdfType>
+  Connection ConnectToLight(const Surface& surface, const BsdfType& bsdf, float u_light,
                             const PathSampler& random, int vertex) const;
   /// Multiplies the radiance of all connections by the transmittance of their shadow rays.
-  void ApplyVisibility(FirstSurfaces* surfaces) const;
+  template <typename BsdfType>
+  void ApplyVisibility(FirstSurfaces<BsdfType>* surfaces) const;
   /// Radiance that the hit surface emits back along a ray sampled at `from` with density `pdf`, MIS-weighted
   /// against ConnectToLight().
   Vec3 EmittedOnHit(const LightReceiver& from, const Surface& surface, const Hit& hit, Vec3 direction,
                     float pdf) const;
   /// The same for a ray that leaves the scene.
   Vec3 EmittedOnMiss(Vec3 direction, float pdf) const;
-  Bsdf MakeBsdf(const Surface& surface, Vec3 wo) const;
+  template <typename BsdfType = Bsdf>
+  BsdfType MakeBsdf(const Surface& surface, Vec3 wo) const;
   /// Radiance incident along `segment`, which is advanced to the path's end; the surface at its first hit is
   /// path vertex number `vertex`. `path_throughput` is the throughput of the path before the segment. With
   /// Indirect::kLeftOut only the direct part is traced.
+  template <typename BsdfType>
   IncidentRadiance TraceIncident(PathSegment* segment, int vertex, Vec3 path_throughput,
                                  const PathSampler& random, Indirect indirect = Indirect::kTraced) const;
   /// Radiance that path vertex number `vertex` scatters towards the viewer; `connection` is its light sample
   /// and `u_lobe` the random number that selects the lobe.
-  ScatteredRadiance Scatter(const Surface& surface, const Bsdf& bsdf, const Connection& connection,
+  template <typename BsdfType>
+  ScatteredRadiance Scatter(const Surface& surface, const BsdfType& bsdf, const Connection& connection,
                             float u_lobe, int vertex, Vec3 path_throughput, const PathSampler& random,
                             Indirect indirect = Indirect::kTraced) const;
   /// The first intersection of each ray; empty for rays that miss.
-  FirstSurfaces IntersectFirst(std::span<const Ray> rays, std::span<const Sampler> samplers) const;
+  template <typename BsdfType>
+  FirstSurfaces<BsdfType> IntersectFirst(std::span<const Ray> rays, std::span<const Sampler> samplers) const;
   /// The layers of a sample whose camera ray hits `first`.
-  void TraceLayers(const FirstSurface& first, const Sampler& sampler, Indirect indirect,
+  template <typename BsdfType>
+  void TraceLayers(const FirstSurface<BsdfType>& first, const Sampler& sampler, Indirect indirect,
                    LayerSample* out) const;
   /// Traces the delta events that leave smooth glass at the first surface, each weighted by Fresnel.
-  void TraceBothBranches(const FirstSurface& first, const Sampler& sampler, LayerSample* out) const;
+  void TraceBothBranches(const FirstSurface<Bsdf>& first, const Sampler& sampler, LayerSample* out) const;
   /// The layers of a sample whose camera ray leaves the scene.
   void TraceMiss(const Ray& ray, LayerSample* out) const;
   /// Follows the chain of delta events that begins at the first surface with `event` of weight `throughput`,
   /// and adds one level for each surface on it.
   void TraceDeltaChain(const Surface& first, const BsdfSample& event, Vec3 throughput,
                        const PathSampler& random, LayerSample* out) const;
+  /// Trace() with the code for one type of BSDF.
+  template <typename BsdfType>
+  void TraceWith(std::span<const Ray> rays, std::span<const Sampler> samplers,
+                 std::span<LayerSample> out) const;
   GeometrySample GeometryAt(const Ray& ray, const Hit& hit) const;
   /// The same chain without random decisions: at each surface the stronger delta event.
   void TraceDeltaChainGeometry(const Ray& camera_ray, const Surface& first, const BsdfSample& event,
@@ -123,9 +139,11 @@ class PathTracer {
   TextureSampler textures_;
   SurfaceReader surfaces_;
   LightSet lights_;
+  bool diffuse_only_;  // the scene is traced with DiffuseBsdf, and Bsdf looks up no albedo
   AlbedoTable albedo_table_;
   Visibility visibility_;
   int max_bounces_;
+  TracingPlan plan_;
   LightStrategy strategy_ = LightStrategy::kCombined;
 };
 

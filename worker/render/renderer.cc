@@ -24,7 +24,23 @@ std::string LensError(const Lens& lens, const scene::Camera& camera) {
   return "";
 }
 
+OpacitySource OpacitySourceOf(const scene::Scene& scene, const TracingPlan& plan) {
+  if (!plan.opacity_scan) return OpacityClassOf;
+  return [ranges = std::make_shared<TextureRanges>(scene)](const scene::Scene& s, const scene::Mesh& mesh) {
+    return ScannedOpacityClassOf(s, mesh, ranges.get());
+  };
+}
+
 }  // namespace
+
+absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const RenderSettings& settings) {
+  const std::optional<scene::Camera> camera = FindCamera(scene, settings.camera);
+  if (!camera.has_value())
+    return absl::NotFoundError(absl::StrCat("the scene has no camera called '", settings.camera, "'"));
+  if (const std::string error = LensError(settings.lens, *camera); !error.empty())
+    return absl::InvalidArgumentError(error);
+  return PictureCamera(*camera, settings.lens, settings.width, settings.height);
+}
 
 std::string NumericClass() {
   return absl::StrCat("lumifold-", LUMIFOLD_VERSION, "/", TracingInstructionSet());
@@ -32,24 +48,22 @@ std::string NumericClass() {
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Create(std::shared_ptr<const scene::Scene> scene,
                                                            const RenderSettings& settings) {
-  const std::optional<scene::Camera> camera = FindCamera(*scene, settings.camera);
-  if (!camera.has_value())
-    return absl::NotFoundError(absl::StrCat("the scene has no camera called '", settings.camera, "'"));
-  if (const std::string error = LensError(settings.lens, *camera); !error.empty())
-    return absl::InvalidArgumentError(error);
-  absl::StatusOr<std::unique_ptr<EmbreeScene>> embree = EmbreeScene::Create(*scene);
+  const absl::StatusOr<PictureCamera> camera = MakeCamera(*scene, settings);
+  if (!camera.ok()) return camera.status();
+  absl::StatusOr<std::unique_ptr<EmbreeScene>> embree =
+      EmbreeScene::Create(*scene, OpacitySourceOf(*scene, settings.plan));
   if (!embree.ok()) return embree.status();
   return std::unique_ptr<Renderer>(
       new Renderer(std::move(scene), *std::move(embree), *camera, settings));  // the constructor is private
 }
 
 Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<EmbreeScene> embree,
-                   const scene::Camera& camera, const RenderSettings& settings)
+                   const PictureCamera& camera, const RenderSettings& settings)
     : scene_(std::move(scene)),
       embree_(std::move(embree)),
       settings_(settings),
-      camera_(camera, settings.lens, settings.width, settings.height),
-      tracer_(*scene_, *embree_, settings.environment, settings.max_bounces, settings.mips),
+      camera_(camera),
+      tracer_(*scene_, *embree_, settings.environment, settings.max_bounces, settings.mips, settings.plan),
       warnings_(scene_->warnings) {
   if (!tracer_.HasLights()) warnings_.push_back("the scene has no light: the picture is black");
   if (settings.environment != nullptr && settings.environment->bad_texels() > 0) {
@@ -62,7 +76,7 @@ Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<Em
 LayeredImage Renderer::RenderPass(const Rect& rect, int frame, SampleRange range,
                                   RenderCounts* counts) const {
   const ScopedFloatEnvironment environment;
-  PassPicture picture(rect.width(), rect.height());
+  PassPicture picture(rect.width(), rect.height(), settings_.plan.layers);
   std::array<LayerSample, PathTracer::kPacket> samples;
   for (int y = rect.y0; y < rect.y1; ++y) {
     for (int x = rect.x0; x < rect.x1 && !counts->IsStopped(); ++x) {

@@ -29,6 +29,7 @@ struct RenderSettings {
   Lens lens;
   std::shared_ptr<const Environment> environment;  // null: black
   MipSource mips;                                  // used while the renderer is created; empty: MakeMips
+  TracingPlan plan;                                // default: everything is modelled
 };
 
 /// Sample counts of one unit.
@@ -49,6 +50,10 @@ struct RenderCounts {
   }
 };
 
+/// The camera of a picture with these settings. Errors: kNotFound naming a camera that does not exist;
+/// kInvalidArgument for lens values out of range or a lens with an orthographic camera.
+absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const RenderSettings& settings);
+
 /// The name of the class of machines and builds that give the same bits, e.g. "lumifold-0.1.0/avx2".
 std::string NumericClass();
 
@@ -56,16 +61,15 @@ std::string NumericClass();
 /// unit, and the result depends on the arguments alone.
 class Renderer {
  public:
-  /// Errors: kNotFound naming a camera that does not exist; kInvalidArgument for lens values out of range or
-  /// a lens with an orthographic camera; kResourceExhausted; kInternal.
+  /// Errors: those of MakeCamera; kResourceExhausted; kInternal.
   static absl::StatusOr<std::unique_ptr<Renderer>> Create(std::shared_ptr<const scene::Scene> scene,
                                                           const RenderSettings& settings);
   Renderer(const Renderer&) = delete;
   Renderer& operator=(const Renderer&) = delete;
 
   /// Traces the samples of `range` in every pixel of `rect` (within the frame) and returns their sums.
-  /// Shapes: rect's size; channels: for each of layers::kHalved its halves *_a and *_b; layers::kWhole (sums
-  ///         over both halves); samples_a.Y, samples_b.Y (finite samples); and layers::LevelPassChannels of
+  /// Shapes: rect's size; channels, as far as the plan's layers go: for each of layers::kHalved its halves *_a
+  ///         and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples); and layers::LevelPassChannels of
   ///         each level that any sample has reached.
   /// Once counts->stop is true it returns within a packet of rays; the result is then incomplete.
   LayeredImage RenderPass(const Rect& rect, int frame, SampleRange range, RenderCounts* counts) const;
@@ -81,7 +85,7 @@ class Renderer {
   friend class ChartsAccess;  // tests and charts only
 
   Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<EmbreeScene> embree,
-           const scene::Camera& camera, const RenderSettings& settings);
+           const PictureCamera& camera, const RenderSettings& settings);
 
   /// Calls visit(CameraPacket) for the samples of a pixel.
   template <typename Visit>

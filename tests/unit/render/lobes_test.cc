@@ -1,0 +1,77 @@
+#include "worker/render/lobes.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "filter/image/mix_bits.h"
+#include "worker/render/bsdf.h"
+#include "worker/render/surface.h"
+
+namespace lumifold::render {
+namespace {
+
+using scene::Material;
+
+/// Random factors, with 0 and 1 more often than others.
+class Factors {
+ public:
+  float Next() {
+    const uint64_t bits = MixBits(++count_);
+    if (bits % 3 == 0) return 0;
+    if (bits % 3 == 1) return 1;
+    return static_cast<float>(bits >> 40) * 0x1p-24f;
+  }
+
+ private:
+  uint64_t count_ = 0;
+};
+
+Material RandomMaterial(Factors* next) {
+  Material m;
+  m.base_color = {next->Next(), next->Next(), next->Next()};
+  m.metallic = next->Next();
+  m.roughness = next->Next();
+  m.specular = next->Next();
+  m.transmission = next->Next();
+  m.ior = 1.0f + 0.5f * next->Next();
+  m.has_volume = next->Next() > 0.5f;
+  m.clearcoat = next->Next();
+  m.clearcoat_roughness = next->Next();
+  m.sheen_color = Vec3{1, 1, 1} * (next->Next() > 0.5f ? 1.0f : 0.0f);
+  m.sheen_roughness = next->Next();
+  m.unlit = next->Next() * next->Next() * next->Next() == 1;
+  return m;
+}
+
+// The renderer believes LobesOf(): a lobe that a BSDF has must be in the set.
+TEST(Lobes, NoLobeOfABsdfIsMissing) {
+  Factors next;
+  const AlbedoTable table(AlbedoTable::Contents{.sheen = true, .glass_iors = {1.0f, 1.5f}});
+  for (int i = 0; i < 400; ++i) {
+    scene::Scene scene;
+    scene.materials = {RandomMaterial(&next)};
+    const Material& material = scene.materials[0];
+    const TextureSampler textures(scene);
+    const SurfaceReader reader(scene, textures);
+    TextureRanges ranges(scene);
+    const LobeSet lobes = LobesOf(material, &ranges);
+    for (const bool front : {true, false}) {
+      for (const float cosine : {0.02f, 0.3f, 0.8f, 1.0f}) {
+        Surface surface;
+        surface.material = &material;
+        surface.front = front;
+        surface.coat_normal = {0, 0, 1};
+        const SurfaceMaterial values = reader.Shade(surface);
+        const Bsdf bsdf(values, table, {0, 0, 1}, {0, 0, 1}, {std::sqrt(1.0f - cosine * cosine), 0, cosine});
+        EXPECT_LE(bsdf.HasDiffuse(), lobes.diffuse) << i;
+        EXPECT_LE(bsdf.DeltaProbability() > 0, lobes.delta) << i;
+        EXPECT_LE(MaxComponent(bsdf.GlossyAlbedo()) > 0, lobes.glossy) << i;
+        EXPECT_EQ(values.IsDiffuseOnly(), !lobes.glossy && !lobes.delta) << i;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::render

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "filter/image/layers.h"
+
+namespace lumifold::render {
+
+/// What a renderer models of a scene. The default models everything. What may be left out for which scene:
+/// see docs/plan.md.
+struct TracingPlan {
+  /// Levels that are kept apart, 0 to layers::kMaxDepth. Light of deeper levels is traced all the same and
+  /// belongs to the remainder.
+  int levels = layers::kMaxDepth;
+  /// Scenes whose only lobe is diffuse are traced by code for that lobe alone; others are not affected. The
+  /// result has the same bits.
+  bool diffuse_code = false;
+  /// Meshes whose textures and vertex colours cut out nothing are opaque in spite of their alpha mode. The
+  /// result has the same bits.
+  bool opacity_scan = false;
+  /// false: sampled directions gather no emission. For scenes in which nothing emits but punctual lights the
+  /// result has the same bits.
+  bool emission_on_hits = true;
+  /// The layers that units carry besides C; without `glossy` neither G nor S.
+  struct Layers {
+    bool direct = true;
+    bool indirect = true;
+    bool albedo = true;
+    bool emission = true;
+    bool glossy = true;
+    friend bool operator==(const Layers&, const Layers&) = default;
+  } layers;
+
+  friend bool operator==(const TracingPlan&, const TracingPlan&) = default;
+};
+
+}  // namespace lumifold::render

@@ -1,9 +1,7 @@
 #include "worker/unit_renderer.h"
 
 #include <algorithm>
-#include <map>
 #include <optional>
-#include <string_view>
 #include <utility>
 
 #include "absl/strings/cord.h"
@@ -13,7 +11,7 @@
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
-#include "worker/scene/gltf_loader.h"
+#include "worker/plan/plan.h"
 
 namespace lumifold::worker {
 namespace {
@@ -26,16 +24,6 @@ constexpr char kMissingAssetPayload[] = "lumifold/missing_asset";
 
 /// A unit with a larger share of NaN or infinite samples fails: the scene is invalid.
 constexpr double kMaxBadShare = 0.01;
-
-absl::Status Annotate(const absl::Status& status, const v1::JobSpec& spec) {
-  return {status.code(), absl::StrCat(spec.scene().display_name(), ": ", status.message())};
-}
-
-/// Time of a frame in the scene's animations. Jobs recorded by a version without frames_per_second show time
-/// 0.
-double SecondsOf(const v1::JobSpec& spec, int frame) {
-  return spec.frames_per_second() > 0 ? frame / spec.frames_per_second() : 0;
-}
 
 Rect RectOf(const v1::Rect& r) { return {r.x0(), r.y0(), r.x1(), r.y1()}; }
 
@@ -82,7 +70,7 @@ absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& 
     if (stopped_) failure = absl::CancelledError("the worker stops");
     if (!failure.ok()) return failure;
     absl::StatusOr<std::string> bytes = assets_->Fetch(unit.job_id(), asset);
-    if (!bytes.ok()) failure = Annotate(bytes.status(), spec);
+    if (!bytes.ok()) failure = NamingScene(bytes.status(), spec);
     if (absl::IsNotFound(failure) || absl::IsDataLoss(failure))
       failure.SetPayload(kMissingAssetPayload, absl::Cord(asset.SerializeAsString()));
     return bytes;
@@ -95,45 +83,13 @@ absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& 
 absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::LoadWith(const v1::JobSpec& spec, int frame,
                                                                  const FetchAsset& fetch,
                                                                  std::atomic<int64_t>* progress) {
-  std::map<std::string, v1::AssetRef> dependencies;
-  for (const v1::AssetRef& asset : spec.scene().dependencies()) dependencies[asset.uri()] = asset;
-  absl::StatusOr<std::string> file = fetch(spec.scene().file());
-  if (!file.ok()) return file.status();
-  const auto read = [&](const std::string& uri) -> absl::StatusOr<std::string> {
-    ++*progress;
-    const auto asset = dependencies.find(uri);
-    if (asset == dependencies.end())
-      return absl::NotFoundError(absl::StrCat("'", uri, "' is not among the job's files"));
-    return fetch(asset->second);
-  };
-  scene::LoadOptions options;
-  options.time_seconds = SecondsOf(spec, frame);
-  options.decode = [this](std::string_view bytes, int64_t max_pixels) {
-    return decoded_.Texture(bytes, max_pixels);
-  };
-  absl::StatusOr<scene::Scene> scene = scene::LoadGltf(*file, spec.scene().display_name(), read, options);
-  if (!scene.ok()) return scene.status();
-  const bool animated = scene->animated;
-  file->clear();
-  file->shrink_to_fit();
-  render::RenderSettings settings;
-  settings.width = spec.width();
-  settings.height = spec.height();
-  settings.seed = spec.seed();
-  settings.max_bounces = spec.max_bounces();
-  settings.camera = spec.camera();
-  settings.lens = {spec.lens().f_stop(), spec.lens().focus_metres()};
-  settings.mips = [this](const scene::SharedImage& image, bool srgb) { return decoded_.Mips(image, srgb); };
-  if (spec.has_environment()) {
-    const auto sky_file = dependencies.find(spec.environment().uri());
-    absl::StatusOr<std::shared_ptr<const render::Environment>> sky = decoded_.Environment(
-        spec.environment(), sky_file == dependencies.end() ? "" : sky_file->second.sha256(), read);
-    if (!sky.ok()) return sky.status();
-    settings.environment = *std::move(sky);
-  }
+  absl::StatusOr<JobScene> job = LoadJobScene(spec, frame, fetch, &decoded_, progress);
+  if (!job.ok()) return job.status();
+  const bool animated = job->scene->animated;
+  job->settings.plan = plan::ExactTracing(*job->scene, job->settings.environment != nullptr);
   absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
-      render::Renderer::Create(std::make_shared<scene::Scene>(*std::move(scene)), settings);
-  if (!renderer.ok()) return Annotate(renderer.status(), spec);
+      render::Renderer::Create(std::move(job->scene), job->settings);
+  if (!renderer.ok()) return NamingScene(renderer.status(), spec);
   return LoadedScene{*std::move(renderer), animated};
 }
 

@@ -8,7 +8,6 @@
 #include <string>
 
 #include "absl/base/thread_annotations.h"
-#include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "filter/image/edged_image.h"
@@ -16,6 +15,7 @@
 #include "lumifold/v1/worker.pb.h"
 #include "worker/asset_source.h"
 #include "worker/decoded_cache.h"
+#include "worker/job_scene.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::worker {
@@ -78,7 +78,6 @@ class UnitRenderer {
   std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, const v1::UnitId& unit,
                                    std::atomic<int64_t>* progress);
-  using FetchAsset = absl::FunctionRef<absl::StatusOr<std::string>(const v1::AssetRef&)>;
   absl::StatusOr<LoadedScene> LoadWith(const v1::JobSpec& spec, int frame, const FetchAsset& fetch,
                                        std::atomic<int64_t>* progress);
 

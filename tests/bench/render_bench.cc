@@ -2,6 +2,7 @@
 // without layers. Scenes: the generated ones and, if LUMIFOLD_SCENES_DIR is set, staircase.glb. Compare
 // figures of one run only, because the machine may be shared.
 #include <benchmark/benchmark.h>
+#include <time.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -9,10 +10,12 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "filter/image/parallel.h"
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
+#include "worker/plan/plan.h"
 #include "worker/render/charts_access.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/gltf_loader.h"
@@ -113,6 +116,46 @@ void BM_Frame(benchmark::State& state, const std::string& name, bool radiance_on
                          benchmark::Counter::kIsRate);
 }
 
+double ThreadSeconds() {
+  timespec now = {};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double SecondsOfPass(const render::Renderer& renderer, const Rect& rect) {
+  render::RenderCounts counts;
+  const double start = ThreadSeconds();
+  benchmark::DoNotOptimize(renderer.RenderPass(rect, 0, {0, 16}, &counts));
+  return ThreadSeconds() - start;
+}
+
+/// The time of a planned pass over that of a full one: the median of pairs that are rendered in turn.
+void BM_PlannedOverFull(benchmark::State& state, const std::string& name) {
+  auto loaded = LoadScene(name);
+  if (!loaded.ok()) return state.SkipWithError(std::string(loaded.status().message()).c_str());
+  const auto scene = std::make_shared<const scene::Scene>(*std::move(loaded));
+  const Rect frame = {0, 0, 160, 120};
+  plan::PlanSettings settings;
+  settings.render.width = frame.width();
+  settings.render.height = frame.height();
+  const plan::Plan plan = *plan::MakePlan(*scene, settings, *plan::RunProbe(*scene, settings.render));
+  const auto full = *render::Renderer::Create(scene, settings.render);
+  settings.render.plan = plan.tracing;
+  settings.render.max_bounces = plan.max_bounces;
+  const auto planned = *render::Renderer::Create(scene, settings.render);
+  std::vector<double> ratios;
+  for (auto _ : state) {
+    const double seconds = SecondsOfPass(*planned, frame);
+    ratios.push_back(seconds / SecondsOfPass(*full, frame));
+  }
+  std::sort(ratios.begin(), ratios.end());
+  state.counters["median"] = ratios[ratios.size() / 2];
+  state.counters["least"] = ratios.front();
+  state.counters["most"] = ratios.back();
+}
+
+BENCHMARK_CAPTURE(BM_PlannedOverFull, cornell_box, "cornell-box")->Iterations(31)->UseRealTime();
+BENCHMARK_CAPTURE(BM_PlannedOverFull, bedroom, "bedroom")->Iterations(5)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Passes, cornell_box, "cornell-box")->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Passes, meeting_room, "meeting-room")->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Passes, bedroom, "bedroom")->Unit(benchmark::kMillisecond)->UseRealTime();

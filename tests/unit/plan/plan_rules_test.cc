@@ -1,0 +1,354 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+#include <utility>
+
+#include "nlohmann/json.hpp"
+#include "tests/support/analytic_scenes.h"
+#include "tests/support/gltf_fixture.h"
+#include "tests/unit/plan/plan_scenes.h"
+#include "worker/plan/plan_text.h"
+
+namespace lumifold::plan {
+namespace {
+
+using scene::Material;
+using scene::Scene;
+using ::testing::HasSubstr;
+
+Material Gray() { return lumifold::testing::Lambert({0.5f, 0.5f, 0.5f}); }
+
+Material Glossy() {
+  Material glossy = Gray();
+  glossy.name = "varnish";
+  glossy.specular = 1;
+  glossy.roughness = 0.4f;
+  return glossy;
+}
+
+scene::PunctualLight Bulb() {
+  scene::PunctualLight bulb;
+  bulb.world_from_light.origin = {0, 1, 1};
+  return bulb;
+}
+
+/// The values of these decisions.
+std::vector<std::string> Values(const Plan& plan, const std::vector<std::string>& names) {
+  std::vector<std::string> values;
+  for (const std::string& name : names) values.push_back(ValueOf(plan, name));
+  return values;
+}
+
+const std::vector<std::string> kLayers = {"direct", "indirect", "albedo", "emission", "glossy"};
+using Strings = std::vector<std::string>;
+
+TEST(PlanRules, ADiffuseRoomNeedsNoGlossyLayersAndNoLevels) {
+  const Plan plan = PlanOf(LitBox(Gray()));
+  EXPECT_EQ(Values(plan, kLayers), (Strings{"on", "on", "on", "on", "off"}));
+  EXPECT_EQ(Values(plan, {"levels", "bounces", "general-code", "emission-on-hits"}),
+            (Strings{"0", "8", "off", "on"}));
+  EXPECT_EQ(plan.tracing.levels, 0);
+  EXPECT_EQ(plan.max_bounces, 8);
+  EXPECT_TRUE(plan.tracing.diffuse_code);
+  EXPECT_FALSE(plan.tracing.layers.glossy);
+  EXPECT_EQ(Find(plan, "levels").reason, "no material is a perfect mirror or smooth glass");
+}
+
+TEST(PlanRules, AGlossyMaterialNeedsItsLayersAndIsNamed) {
+  const Plan plan = PlanOf(LitBox(Glossy()));
+  EXPECT_EQ(Values(plan, {"glossy", "general-code", "levels"}), (Strings{"on", "on", "0"}));
+  EXPECT_THAT(Find(plan, "glossy").reason, HasSubstr("'varnish'"));
+}
+
+TEST(PlanRules, MirrorsThatFaceEachOtherNeedAllLevels) {
+  const Plan plan = PlanOf(LitBox(Mirror()));
+  EXPECT_EQ(Values(plan, {"direct", "albedo", "glossy", "levels", "general-code"}),
+            (Strings{"off", "off", "off", "3", "on"}));
+  EXPECT_THAT(Find(plan, "levels").reason, HasSubstr("'mirror'"));
+}
+
+TEST(PlanRules, OneFlatMirrorNeedsOneLevel) {
+  Scene room = LitBox(Gray());
+  room.materials.push_back(Mirror());
+  lumifold::testing::Place(&room, lumifold::testing::QuadMesh({-1, -1, -1.9f}, {2, 0, 0}, {0, 2, 0}, 2));
+  const Plan plan = PlanOf(room);
+  EXPECT_EQ(ValueOf(plan, "levels"), "1");
+  EXPECT_EQ(plan.tracing.levels, 1);
+}
+
+TEST(PlanRules, AnEmitterBehindGlassIsSeenThroughALevel) {
+  Scene room = LitBox(Gray());
+  room.materials.push_back(ClearPane());
+  lumifold::testing::Place(&room, lumifold::testing::QuadMesh({-1, 1, -1}, {2, 0, 0}, {0, 0, 2}, 2));
+  const Plan plan = PlanOf(room);
+  EXPECT_EQ(Values(plan, {"levels", "emission", "general-code", "emission-on-hits"}),
+            (Strings{"1", "on", "on", "on"}));
+}
+
+TEST(PlanRules, DeeperLevelsThanTheProbeSeesAreLeftOut) {
+  // Two mirror balls far apart, before a background without light: each is a speck in the other.
+  Scene scene;
+  scene.materials = {Mirror(), lumifold::testing::Emitter({1, 1, 1})};
+  lumifold::testing::Place(&scene, lumifold::testing::SphereMesh(0.5f, 12, 0));
+  lumifold::testing::Place(&scene, lumifold::testing::SphereMesh(0.5f, 12, 0));
+  scene.instances[1].world_from_object.origin = {0, 0, -400};
+  lumifold::testing::PlaceBoxInside(&scene, 1000, {1, 1, 1, 1, 1, 1});
+  scene.cameras = {lumifold::testing::LookAt({0, 0, 4}, {0, 0, 0}, 0.3f)};
+  const Plan plan = PlanOf(scene);
+  EXPECT_EQ(ValueOf(plan, "levels"), "1");
+  EXPECT_EQ(Find(plan, "levels").source, Source::kProbe);
+}
+
+TEST(PlanRules, UnlitMaterialsNeedEmissionAlone) {
+  Material unlit = Gray();
+  unlit.unlit = true;
+  const Plan plan = PlanOf(Box(unlit));
+  EXPECT_EQ(Values(plan, kLayers), (Strings{"off", "off", "off", "on", "off"}));
+  EXPECT_EQ(Values(plan, {"bounces", "levels", "emission-on-hits"}), (Strings{"0", "0", "on"}));
+  EXPECT_EQ(Find(plan, "bounces").reason, "no material scatters light");
+}
+
+TEST(PlanRules, ALoneEmitterNeedsEmissionAlone) {
+  const Plan plan = PlanOf(Sheet(lumifold::testing::Emitter({1, 1, 1})));
+  EXPECT_EQ(Values(plan, kLayers), (Strings{"off", "off", "off", "on", "off"}));
+  EXPECT_EQ(ValueOf(plan, "bounces"), "0");
+}
+
+TEST(PlanRules, SurfacesInOnePlaneHaveNoIndirectLight) {
+  const Plan sheet = PlanOf(Sheet(Gray()), SettingsFor(WhiteSky()));
+  EXPECT_EQ(Values(sheet, {"bounces", "direct", "indirect", "emission"}), (Strings{"0", "on", "off", "on"}));
+  Scene tilted = Sheet(Gray());
+  lumifold::testing::Place(&tilted, lumifold::testing::QuadMesh({-1, -1, 0}, {2, 0, 0}, {0, 0, 2}, 0));
+  EXPECT_EQ(ValueOf(PlanOf(tilted, SettingsFor(WhiteSky())), "bounces"), "8");
+}
+
+TEST(PlanRules, TheScaleOfASceneChangesNothing) {
+  for (const Scene& scene : {LitBox(Gray()), Sheet(Gray()), LitBox(Mirror())}) {
+    const PlanSettings settings = SettingsFor(WhiteSky());
+    const Plan plan = PlanOf(scene, settings);
+    for (const float factor : {1e-3f, 1e5f}) {
+      const Plan scaled = PlanOf(Scaled(scene, factor), settings);
+      for (const std::string& name : DecisionNames())
+        EXPECT_EQ(ValueOf(scaled, name), ValueOf(plan, name)) << name << " at " << factor;
+    }
+  }
+}
+
+TEST(PlanRules, PunctualLightsAreNotHitByRays) {
+  Scene room = Box(Gray());
+  room.lights = {Bulb()};
+  const Plan plan = PlanOf(room);
+  EXPECT_EQ(Values(plan, {"direct", "emission", "emission-on-hits"}), (Strings{"on", "off", "off"}));
+  EXPECT_FALSE(plan.tracing.emission_on_hits);
+}
+
+TEST(PlanRules, AnEnvironmentIsHitByRays) {
+  const Plan plan = PlanOf(lumifold::testing::SmallRoom(), SettingsFor(WhiteSky()));
+  EXPECT_EQ(Values(plan, {"emission", "emission-on-hits"}), (Strings{"on", "on"}));
+}
+
+TEST(PlanRules, WithoutLightThereIsNothingToScatter) {
+  const Plan plan = PlanOf(Box(Gray()));
+  EXPECT_EQ(Values(plan, kLayers), (Strings{"off", "off", "on", "off", "off"}));
+  EXPECT_EQ(Find(plan, "bounces").reason, "nothing emits light");
+}
+
+TEST(PlanRules, TexturesAreScannedForTheValuesTheyTake) {
+  Material metal = Mirror();
+  metal.roughness = 1;
+  // Green is roughness, blue is metallic.
+  const auto with_texels = [&](const std::vector<uint8_t>& rgba) {
+    Scene room = LitBox(metal);
+    room.materials[0].metallic_roughness_texture.texture = AddTexture(rgba, &room);
+    return PlanOf(room);
+  };
+  EXPECT_EQ(Values(with_texels({0, 200, 255, 255, 0, 100, 255, 255}), {"levels", "glossy", "direct"}),
+            (Strings{"0", "on", "off"}));
+  const Plan partly_smooth = with_texels({0, 200, 255, 255, 0, 3, 255, 255});
+  EXPECT_EQ(Values(partly_smooth, {"glossy", "direct"}), (Strings{"on", "off"}));
+  EXPECT_NE(ValueOf(partly_smooth, "levels"), "0");
+  EXPECT_EQ(Values(with_texels({0, 0, 255, 255}), {"levels", "glossy", "direct"}),  // one texel
+            (Strings{"3", "off", "off"}));
+  EXPECT_EQ(Values(with_texels({0, 200, 0, 255}), {"levels", "glossy", "direct"}),
+            (Strings{"0", "on", "on"}));  // no metal: a dielectric with its highlight
+  metal.specular = 0;
+  EXPECT_EQ(Values(with_texels({0, 0, 0, 255}), {"levels", "glossy", "direct"}), (Strings{"0", "off", "on"}));
+}
+
+TEST(PlanRules, AlphaModesAreIgnoredWhereEveryTexelIsOpaque) {
+  for (const scene::AlphaMode mode : {scene::AlphaMode::kMask, scene::AlphaMode::kBlend}) {
+    Scene room = LitBox(Gray());
+    room.materials[0].alpha_mode = mode;
+    room.materials[0].base_color_texture.texture = AddTexture({9, 9, 9, 255, 99, 99, 99, 255}, &room);
+    EXPECT_THAT(Find(PlanOf(room), "alpha-by-mode").saving, HasSubstr("6 surfaces"));
+    room.materials[0].base_color_texture.texture = AddTexture({9, 9, 9, 255, 99, 99, 99, 100}, &room);
+    EXPECT_EQ(Find(PlanOf(room), "alpha-by-mode").saving, "");
+  }
+}
+
+/// A lit room in which a mirror appears: its node has scale 0 until frame 30.
+scene::GltfFixture RoomWithLateMirror() {
+  scene::GltfFixture fixture;
+  const int gray =
+      fixture.Add("materials", {{"extensions", {{"KHR_materials_specular", {{"specularFactor", 0}}}}},
+                                {"pbrMetallicRoughness", {{"metallicFactor", 0}}}});
+  const int lamp =
+      fixture.Add("materials", {{"emissiveFactor", {1, 1, 1}},
+                                {"pbrMetallicRoughness", {{"metallicFactor", 0}}},
+                                {"extensions", {{"KHR_materials_specular", {{"specularFactor", 0}}}}}});
+  const int mirror =
+      fixture.Add("materials", {{"name", "late"}, {"pbrMetallicRoughness", {{"roughnessFactor", 0}}}});
+  fixture.json["extensionsUsed"] = {"KHR_materials_specular"};
+  fixture.AddTriangles({-2, -1, -2, 2, -1, -2, 0, -1, 2}, {{"material", gray}});
+  fixture.AddTriangles({-2, 2, -2, 0, 2, 2, 2, 2, -2}, {{"material", lamp}});
+  fixture.AddTriangles(scene::kTriangle, {{"material", mirror}});
+  const int node = static_cast<int>(fixture.json["nodes"].size()) - 1;
+  const int times = fixture.AddFloats({0, 1.25f}, "SCALAR");
+  const int scales = fixture.AddFloats({0, 0, 0, 1, 1, 1}, "VEC3");
+  fixture.json["animations"] = {
+      {{"channels", {{{"sampler", 0}, {"target", {{"node", node}, {"path", "scale"}}}}}},
+       {"samplers", {{{"input", times}, {"output", scales}, {"interpolation", "STEP"}}}}}};
+  return fixture;
+}
+
+TEST(PlanRules, AMirrorThatAppearsAtFrame30IsPlannedForFromTheStart) {
+  const auto first = RoomWithLateMirror().Load();
+  ASSERT_TRUE(first.ok()) << first.status();
+  ASSERT_TRUE(first->animated);
+  ASSERT_EQ(first->instances.size(), 2u) << "the mirror is hidden";
+  const Plan plan = PlanOf(*first);
+  EXPECT_EQ(ValueOf(plan, "levels"), "3");
+  EXPECT_THAT(Find(plan, "levels").reason, HasSubstr("'late'"));
+  EXPECT_EQ(ValueOf(plan, "general-code"), "on");
+  EXPECT_EQ(Values(plan, {"guide-normal", "guide-depth"}), (Strings{"on", "on"}));
+}
+
+TEST(PlanRules, AnEmptySceneAndASkyNeedNothingButEmission) {
+  Scene empty;
+  EXPECT_EQ(Values(PlanOf(empty), kLayers), (Strings{"off", "off", "off", "off", "off"}));
+  Scene away = Sheet(Gray());
+  away.cameras = {lumifold::testing::LookAt({0, 0, 4}, {0, 0, 8}, 0.6f)};
+  const Plan sky = PlanOf(away, SettingsFor(WhiteSky()));
+  EXPECT_EQ(Values(sky, {"emission", "bounces", "guide-normal", "guide-depth"}),
+            (Strings{"on", "0", "off", "off"}));
+}
+
+TEST(PlanRules, TheGuideOmitsFeaturesThatDoNotVary) {
+  const Plan sheet = PlanOf(Sheet(Gray()), SettingsFor(WhiteSky()));
+  EXPECT_EQ(Values(sheet, {"guide-normal", "guide-depth"}), (Strings{"off", "on"}));
+  const Plan room = PlanOf(LitBox(Gray()));
+  EXPECT_EQ(Values(room, {"guide-normal", "guide-depth"}), (Strings{"on", "on"}));
+}
+
+TEST(PlanRules, UnitsTakeLongEnoughAndThereAreTwoPasses) {
+  PlanSettings settings = SettingsFor();
+  settings.render.width = settings.render.height = 1024;
+  const auto with = [&](int samples, double rays_per_second) {
+    settings.samples = samples;
+    settings.rays_per_second = rays_per_second;
+    return PlanOf(LitBox(Gray()), settings).units;
+  };
+  const double rays_per_sample = RunProbe(LitBox(Gray()), settings.render)->RaysPerSample();
+  const UnitPlan many = with(1024, 1e6);
+  const double seconds = many.tile_size * many.tile_size * many.pass_samples * rays_per_sample / 1e6;
+  EXPECT_GE(seconds, kMinUnitSeconds);
+  EXPECT_EQ(many.pass_samples % 2, 0);
+  const UnitPlan few = with(8, 1e6);
+  EXPECT_EQ(few.pass_samples, 4) << "two passes";
+  EXPECT_EQ(few.tile_size, 128) << "short passes get large tiles";
+  EXPECT_EQ(with(1, 1e6).pass_samples, 2) << "the least that a job may have";
+  EXPECT_EQ(with(1024, 1e3).tile_size, 32) << "on a slow machine a small tile takes long enough";
+}
+
+TEST(PlanRules, CostlyTilesComeFirst) {
+  PlanSettings settings = SettingsFor(WhiteSky());
+  settings.render.width = 256;
+  settings.render.height = 192;
+  Scene scene = lumifold::testing::SmallRoom();
+  scene.cameras = {lumifold::testing::LookAt({0, 0, 30}, {0, 0, 0}, 0.6f)};  // a small box before the sky
+  scene.instances.erase(scene.instances.begin() + 3);                        // without its front
+  const Plan plan = PlanOf(scene, settings);
+  ASSERT_EQ(ValueOf(plan, "costliest-first"), "on");
+  const std::set<int> tiles(plan.units.tile_order.begin(), plan.units.tile_order.end());
+  ASSERT_EQ(tiles.size(), 48u);
+  EXPECT_EQ(*tiles.rbegin(), 47);
+  const int column = plan.units.tile_order.front() % 8;
+  const int row = plan.units.tile_order.front() / 8;
+  EXPECT_TRUE(column == 3 || column == 4) << column;
+  EXPECT_TRUE(row == 2 || row == 3) << row;
+  EXPECT_TRUE(PlanOf(LitBox(Gray()), settings).units.tile_order.empty()) << "all tiles cost about the same";
+}
+
+TEST(PlanRules, FullModelsEverything) {
+  PlanSettings settings = SettingsFor();
+  settings.full = true;
+  settings.render.max_bounces = 5;
+  const Plan plan = PlanOf(Sheet(lumifold::testing::Emitter({1, 1, 1})), settings);
+  EXPECT_EQ(plan.tracing, render::TracingPlan{});
+  EXPECT_EQ(plan.max_bounces, 5);
+  EXPECT_TRUE(plan.guide.normal && plan.guide.depth);
+  EXPECT_EQ(plan.units.tile_size, UnitPlan{}.tile_size);
+  EXPECT_EQ(plan.units.pass_samples, UnitPlan{}.pass_samples);
+  EXPECT_TRUE(plan.units.tile_order.empty());
+  for (const Decision& decision : plan.decisions) EXPECT_EQ(decision.source, Source::kFull) << decision.name;
+}
+
+TEST(PlanRules, DecisionsCanBeForced) {
+  PlanSettings settings = SettingsFor();
+  settings.forced = {"levels=2", "glossy=on", "tile-size=16"};
+  const Plan plan = PlanOf(LitBox(Gray()), settings);
+  EXPECT_EQ(plan.tracing.levels, 2);
+  EXPECT_TRUE(plan.tracing.layers.glossy);
+  EXPECT_EQ(plan.units.tile_size, 16);
+  EXPECT_EQ(Find(plan, "levels").source, Source::kForced);
+  EXPECT_EQ(Find(plan, "levels").reason,
+            "asked for; otherwise 0: no material is a perfect mirror or smooth glass");
+  settings.full = true;
+  EXPECT_EQ(ValueOf(PlanOf(LitBox(Gray()), settings), "levels"), "2");
+}
+
+TEST(PlanRules, WhatCannotBeForcedIsNamed) {
+  const Scene room = LitBox(Gray());
+  PlanSettings settings = SettingsFor();
+  const auto probe = RunProbe(room, settings.render);
+  ASSERT_TRUE(probe.ok());
+  const auto error_of = [&](const std::string& forced) {
+    settings.forced = {forced};
+    const auto plan = MakePlan(room, settings, *probe);
+    EXPECT_EQ(plan.status().code(), absl::StatusCode::kInvalidArgument) << forced;
+    return std::string(plan.status().message());
+  };
+  EXPECT_THAT(error_of("speed=9"), HasSubstr("bounces, levels, direct"));
+  EXPECT_THAT(error_of("levels"), HasSubstr("'levels' is not NAME=VALUE"));
+  EXPECT_EQ(error_of("levels=4"), "'levels=4': levels is a whole number from 0 to 3");
+  EXPECT_EQ(error_of("glossy=1"), "'glossy=1': glossy is on or off");
+  EXPECT_EQ(error_of("tile-size=many"), "'tile-size=many': tile-size is a whole number from 8 to 512");
+}
+
+TEST(PlanText, TableAndJsonHaveEveryDecision) {
+  const Plan plan = PlanOf(LitBox(Glossy()));
+  const std::string table = PlanTable(plan);
+  const nlohmann::json json = nlohmann::json::parse(PlanJson(plan));
+  ASSERT_EQ(json["decisions"].size(), DecisionNames().size());
+  for (size_t i = 0; i < DecisionNames().size(); ++i) {
+    const Decision& decision = plan.decisions[i];
+    EXPECT_THAT(table, HasSubstr("\n" + decision.name + " "));
+    EXPECT_THAT(table, HasSubstr(decision.reason));
+    EXPECT_EQ(json["decisions"][i]["name"], DecisionNames()[i]);
+    EXPECT_EQ(json["decisions"][i]["value"], decision.value);
+    EXPECT_EQ(json["decisions"][i]["reason"], decision.reason);
+  }
+  EXPECT_EQ(json["probe_rays"], plan.probe_rays);
+}
+
+TEST(PlanText, NamesOfMaterialsStayOnTheirLine) {
+  Material glossy = Glossy();
+  glossy.name = "two\nlines\x1b[2J";
+  const std::string table = PlanTable(PlanOf(LitBox(glossy)));
+  EXPECT_EQ(table.find('\x1b'), std::string::npos);
+  EXPECT_EQ(table.find("two\n"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace lumifold::plan

@@ -1,0 +1,116 @@
+#include "tests/unit/plan/plan_scenes.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "filter/image/check.h"
+#include "tests/support/analytic_scenes.h"
+
+namespace lumifold::plan {
+
+using scene::Material;
+using scene::Scene;
+
+Material Mirror() {
+  Material mirror;
+  mirror.name = "mirror";
+  mirror.base_color = {0.9f, 0.9f, 0.9f};
+  mirror.roughness = 0;
+  return mirror;
+}
+
+Material ClearPane() {
+  Material pane;
+  pane.name = "pane";
+  pane.metallic = 0;
+  pane.roughness = 0;
+  pane.transmission = 1;
+  return pane;
+}
+
+Scene Box(const Material& walls) {
+  Scene scene;
+  scene.materials = {walls};
+  testing::PlaceBoxInside(&scene, 2, {0, 0, 0, 0, 0, 0});
+  scene.cameras = {testing::LookAt({0, 0, 1.9f}, {0, -0.3f, 0}, 1.2f)};
+  return scene;
+}
+
+Scene LitBox(const Material& walls) {
+  Scene scene = Box(walls);
+  scene.materials.push_back(testing::Emitter({12, 11, 9}));
+  testing::Place(&scene, testing::QuadMesh({-0.5f, 1.95f, -0.5f}, {1, 0, 0}, {0, 0, 1}, 1));
+  return scene;
+}
+
+Scene Sheet(const Material& material) {
+  Scene scene;
+  scene.materials = {material};
+  testing::Place(&scene, testing::QuadMesh({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 0));
+  scene.cameras = {testing::LookAt({0, 0, 4}, {0, 0, 0}, 0.6f)};
+  return scene;
+}
+
+std::shared_ptr<const render::Environment> WhiteSky() {
+  LayeredImage picture(4, 2);
+  const ColorView color = picture.AddColor(layers::kBeauty);
+  for (const FloatView& channel : color) {
+    for (int y = 0; y < 2; ++y) std::fill_n(channel.Row(y), 4, 1.0f);
+  }
+  const auto sky = render::Environment::Create(picture, 0, 1);
+  LUMIFOLD_CHECK(sky.ok());
+  return *sky;
+}
+
+int AddTexture(const std::vector<uint8_t>& rgba, Scene* scene) {
+  scene::ImageData image;
+  image.width = static_cast<int>(rgba.size() / 4);
+  image.height = 1;
+  image.rgba = rgba;
+  scene->images.push_back(std::make_shared<const scene::ImageData>(std::move(image)));
+  scene::Texture texture;
+  texture.image = static_cast<int>(scene->images.size()) - 1;
+  scene->textures.push_back(texture);
+  for (scene::Mesh& mesh : scene->meshes) {
+    mesh.uvs[0].clear();
+    for (size_t i = 0; i < mesh.positions.size(); ++i)
+      mesh.uvs[0].push_back({static_cast<float>(i % 2), static_cast<float>(i / 2 % 2)});
+  }
+  return static_cast<int>(scene->textures.size()) - 1;
+}
+
+Scene Scaled(Scene scene, float factor) {
+  for (scene::Mesh& mesh : scene.meshes) {
+    for (scene::Vec3& position : mesh.positions) position *= factor;
+  }
+  for (scene::Instance& instance : scene.instances) instance.world_from_object.origin *= factor;
+  for (scene::Camera& camera : scene.cameras) camera.world_from_camera.origin *= factor;
+  return scene;
+}
+
+PlanSettings SettingsFor(std::shared_ptr<const render::Environment> sky) {
+  PlanSettings settings;
+  settings.render.width = 64;
+  settings.render.height = 48;
+  settings.render.environment = std::move(sky);
+  return settings;
+}
+
+Plan PlanOf(const Scene& scene, const PlanSettings& settings) {
+  const auto probe = RunProbe(scene, settings.render);
+  LUMIFOLD_CHECK(probe.ok());
+  auto plan = MakePlan(scene, settings, *probe);
+  LUMIFOLD_CHECK(plan.ok());
+  return *std::move(plan);
+}
+
+const Decision& Find(const Plan& plan, const std::string& name) {
+  const auto found = std::find_if(plan.decisions.begin(), plan.decisions.end(),
+                                  [&](const Decision& decision) { return decision.name == name; });
+  LUMIFOLD_CHECK(found != plan.decisions.end());
+  return *found;
+}
+
+}  // namespace lumifold::plan

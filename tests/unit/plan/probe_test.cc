@@ -1,0 +1,76 @@
+#include "worker/plan/probe.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/plan/plan_scenes.h"
+#include "worker/plan/plan_text.h"
+
+namespace lumifold::plan {
+namespace {
+
+using scene::Scene;
+
+Probe ProbeOf(const Scene& scene, const render::RenderSettings& settings) {
+  const auto probe = RunProbe(scene, settings);
+  EXPECT_TRUE(probe.ok()) << probe.status();
+  return *probe;
+}
+
+TEST(Probe, IsTheSameInEveryRunAndThread) {
+  const Scene room = lumifold::testing::SmallRoom();
+  const PlanSettings settings = SettingsFor();
+  const std::string alone = PlanJson(PlanOf(room, settings));
+  std::vector<std::string> together(3);
+  std::vector<std::thread> threads;
+  for (std::string& json : together) threads.emplace_back([&] { json = PlanJson(PlanOf(room, settings)); });
+  for (std::thread& thread : threads) thread.join();
+  for (const std::string& json : together) EXPECT_EQ(json, alone);
+}
+
+TEST(Probe, HasTheFramesAspectRatioAndAboutAFixedNumberOfPixels) {
+  for (const auto& [width, height] : {std::pair{1024, 768}, {16384, 1}, {3, 5}, {7000, 40}}) {
+    render::RenderSettings settings;
+    settings.width = width;
+    settings.height = height;
+    const Probe probe = ProbeOf(Sheet(lumifold::testing::Lambert({1, 1, 1})), settings);
+    EXPECT_LE(probe.width * probe.height, kProbePixels * 1.1) << width;
+    EXPECT_LE(probe.width, width);
+    EXPECT_GE(probe.height, 1);
+    EXPECT_EQ(probe.samples, int64_t{probe.width} * probe.height * int64_t{kProbeSamples});
+    EXPECT_EQ(probe.rays_of_pixel.size(), static_cast<size_t>(probe.width * probe.height));
+  }
+}
+
+TEST(Probe, CountsTheRaysOfAScene) {
+  // Every camera ray hits; nothing emits or scatters: one ray for each sample, and one for each pixel's features.
+  const Probe probe = ProbeOf(Box(lumifold::testing::Lambert({0, 0, 0})), SettingsFor().render);
+  EXPECT_EQ(probe.rays, probe.samples + probe.samples / kProbeSamples);
+  EXPECT_EQ(probe.RaysPerSample(), 1);
+  // A camera ray, a scattered ray, and a shadow ray to the light sample.
+  const Probe sheet = ProbeOf(Sheet(lumifold::testing::Lambert({1, 1, 1})), SettingsFor(WhiteSky()).render);
+  // Half of the light samples lie behind it.
+  EXPECT_NEAR(sheet.RaysPerSample({24, 16, 40, 32}, 64, 48), 2.5, 0.01);
+  EXPECT_EQ(sheet.RaysPerSample({0, 0, 2, 2}, 64, 48), 1) << "a corner without the sheet";
+}
+
+TEST(Probe, APictureWithoutNoiseHasNone) {
+  EXPECT_EQ(ProbeOf(Box(lumifold::testing::Emitter({3, 2, 1})), SettingsFor().render).noise, 0);
+  EXPECT_EQ(ProbeOf(Box(lumifold::testing::Lambert({1, 1, 1})), SettingsFor().render).noise, 0) << "black";
+  EXPECT_GT(ProbeOf(lumifold::testing::SmallRoom(), SettingsFor().render).noise, 0.01);
+}
+
+TEST(Probe, MissesOfTheCameraAreNamed) {
+  render::RenderSettings settings = SettingsFor().render;
+  settings.camera = "none";
+  const auto probe = RunProbe(lumifold::testing::SmallRoom(), settings);
+  EXPECT_EQ(probe.status().code(), absl::StatusCode::kNotFound);
+}
+
+}  // namespace
+}  // namespace lumifold::plan

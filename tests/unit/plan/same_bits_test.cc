@@ -1,0 +1,140 @@
+// A plan leaves out only what the scene does not need: the planned picture has the bits of the full one, and the
+// channels that it lacks are 0 there.
+#include <gtest/gtest.h>
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/plan/plan_scenes.h"
+#include "tests/unit/render/pictures.h"
+
+namespace lumifold::plan {
+namespace {
+
+using scene::Material;
+using scene::Scene;
+
+struct NamedScene {
+  std::string name;
+  Scene scene;
+  bool sky = false;
+};
+
+Material Gray() { return lumifold::testing::Lambert({0.6f, 0.5f, 0.4f}); }
+
+Scene TexturedRoom(scene::AlphaMode mode, uint8_t alpha) {
+  Scene room = LitBox(Gray());
+  room.materials.push_back(Gray());
+  room.materials[2].alpha_mode = mode;
+  lumifold::testing::Place(&room, lumifold::testing::QuadMesh({-1, -1, -0.5f}, {2, 0, 0}, {0, 2, 0}, 2));
+  const int texture = AddTexture({200, 90, 30, 255, 20, 90, 200, alpha, 90, 90, 90, 255}, &room);
+  room.materials[2].base_color_texture.texture = texture;
+  return room;
+}
+
+/// Scenes in which the plan leaves out nothing that contributes.
+std::vector<NamedScene> Scenes() {
+  Material unlit = Gray();
+  unlit.unlit = true;
+  Scene bulb = Box(Gray());
+  bulb.lights.emplace_back();
+  bulb.lights[0].world_from_light.origin = {0, 1, 1};
+  Scene sheet_and_bulb = Sheet(Gray());
+  sheet_and_bulb.lights = bulb.lights;
+  Scene one_mirror = LitBox(Gray());
+  one_mirror.materials.push_back(Mirror());
+  lumifold::testing::Place(&one_mirror,
+                           lumifold::testing::QuadMesh({-1, -1, -1.9f}, {2, 0, 0}, {0, 2, 0}, 2));
+  Scene pane = LitBox(Gray());
+  pane.materials.push_back(ClearPane());
+  lumifold::testing::Place(&pane, lumifold::testing::QuadMesh({-1, -1, -0.5f}, {2, 0, 0}, {0, 2, 0}, 2));
+  return {
+      {"diffuse room", LitBox(Gray())},
+      {"diffuse room under a sky", LitBox(Gray()), true},
+      {"glossy and mirror room", lumifold::testing::SmallRoom()},
+      {"hall of mirrors", LitBox(Mirror())},
+      {"one flat mirror", one_mirror},
+      {"a pane", pane},
+      {"unlit", Box(unlit)},
+      {"emitter only", Sheet(lumifold::testing::Emitter({3, 2, 1}))},
+      {"sheet under a sky", Sheet(Gray()), true},
+      {"mirror sheet under a sky", Sheet(Mirror()), true},
+      {"sheet and bulb", sheet_and_bulb},
+      {"room and bulb", bulb},
+      {"no light", Box(Gray())},
+      {"textured", TexturedRoom(scene::AlphaMode::kOpaque, 255)},
+      {"mask without holes", TexturedRoom(scene::AlphaMode::kMask, 200)},
+      {"mask with holes", TexturedRoom(scene::AlphaMode::kMask, 0)},
+      {"blend of 255", TexturedRoom(scene::AlphaMode::kBlend, 255)},
+      {"blend", TexturedRoom(scene::AlphaMode::kBlend, 100)},
+      {"tiny", Scaled(LitBox(Gray()), 1e-3f)},
+      {"huge", Scaled(LitBox(Gray()), 1e5f)},
+      {"empty", Scene(), true},
+  };
+}
+
+TEST(SameBits, ThePlannedPictureIsTheFullOne) {
+  for (const NamedScene& named : Scenes()) {
+    SCOPED_TRACE(named.name);
+    const PlanSettings settings = SettingsFor(named.sky ? WhiteSky() : nullptr);
+    const Plan plan = PlanOf(named.scene, settings);
+    render::RenderSettings planned = settings.render;
+    planned.plan = plan.tracing;
+    planned.max_bounces = plan.max_bounces;
+    const auto full_renderer = render::MakeRenderer(named.scene, settings.render);
+    const auto plan_renderer = render::MakeRenderer(named.scene, planned);
+    const int width = settings.render.width;
+    const int height = settings.render.height;
+    const LayeredImage full = render::RenderAll(*full_renderer, width, height, 10);
+    const LayeredImage pass = render::RenderAll(*plan_renderer, width, height, 10);
+    render::ExpectSameBits(full, pass);
+    EXPECT_LE(pass.channels().size(), full.channels().size());
+    const Rect frame = {0, 0, width, height};
+    const EdgedImage geometry = plan_renderer->RenderGeometry(frame, 0);
+    const EdgedImage full_geometry = full_renderer->RenderGeometry(frame, 0);
+    render::ExpectSameBits(full_geometry.pixels, geometry.pixels);
+    render::ExpectSameBits(full_geometry.edges, geometry.edges);
+  }
+}
+
+TEST(SameBits, WhatWorkersLeaveOutChangesNothing) {
+  for (const NamedScene& named : Scenes()) {
+    SCOPED_TRACE(named.name);
+    render::RenderSettings settings = SettingsFor(named.sky ? WhiteSky() : nullptr).render;
+    const LayeredImage full = render::RenderAll(*render::MakeRenderer(named.scene, settings), 64, 48, 10);
+    settings.plan = ExactTracing(named.scene, settings.environment != nullptr);
+    const LayeredImage exact = render::RenderAll(*render::MakeRenderer(named.scene, settings), 64, 48, 10);
+    render::ExpectSameBits(full, exact);
+    EXPECT_EQ(exact.channels().size(), full.channels().size());
+  }
+}
+
+TEST(SameBits, ADiffuseRoomHasAQuarterFewerChannels) {
+  const Plan plan = PlanOf(LitBox(Gray()));
+  render::RenderSettings planned = SettingsFor().render;
+  const auto channels = [&] {
+    return render::RenderAll(*render::MakeRenderer(LitBox(Gray()), planned), 64, 48, 2).channels().size();
+  };
+  const size_t full = channels();
+  planned.plan = plan.tracing;
+  EXPECT_LE(4 * channels(), 3 * full);
+}
+
+TEST(SameBits, LevelsThatAreLeftOutAreStillInC) {
+  // Unbiased, not the same bits: the light of deeper levels is gathered by the general code.
+  const Scene hall = LitBox(Mirror());
+  render::RenderSettings settings = SettingsFor().render;
+  const auto mean_of = [&](int levels) {
+    settings.plan.levels = levels;
+    const LayeredImage pass = render::RenderAll(*render::MakeRenderer(hall, settings), 64, 48, 64);
+    EXPECT_EQ(pass.Has("reflection1_emission.R"), levels > 0);
+    return render::MeanOf(pass, layers::kNoisy);
+  };
+  const double full = mean_of(layers::kMaxDepth);
+  for (const int levels : {0, 1, 2}) EXPECT_NEAR(mean_of(levels), full, 0.01 * full) << levels;
+}
+
+}  // namespace
+}  // namespace lumifold::plan

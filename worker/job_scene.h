@@ -1,0 +1,37 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "absl/functional/function_ref.h"
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "lumifold/v1/job.pb.h"
+#include "lumifold/v1/scene.pb.h"
+#include "worker/decoded_cache.h"
+#include "worker/render/renderer.h"
+#include "worker/scene/scene.h"
+
+namespace lumifold::worker {
+
+/// Returns the content of a job's file.
+using FetchAsset = absl::FunctionRef<absl::StatusOr<std::string>(const v1::AssetRef&)>;
+
+/// A job's scene in one frame, and what the job asks of the renderer.
+struct JobScene {
+  std::shared_ptr<const scene::Scene> scene;
+  render::RenderSettings settings;  // refers to the DecodedCache
+};
+
+/// Loads the scene and the environment of a job. `progress` grows by one for each file.
+/// Errors: those of `fetch`, scene::LoadGltf and render::Environment::Create; kNotFound for a file that is not
+/// among the job's.
+absl::StatusOr<JobScene> LoadJobScene(const v1::JobSpec& spec, int frame, FetchAsset fetch,
+                                      DecodedCache* decoded, std::atomic<int64_t>* progress);
+
+/// `status` with the name of the job's scene before its message.
+absl::Status NamingScene(const absl::Status& status, const v1::JobSpec& spec);
+
+}  // namespace lumifold::worker

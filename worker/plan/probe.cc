@@ -1,0 +1,188 @@
+#include "worker/plan/probe.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+#include <utility>
+
+#include "filter/image/color.h"
+#include "worker/plan/counting_scene.h"
+#include "worker/render/camera_packet.h"
+#include "worker/render/floating_point.h"
+#include "worker/render/path_tracer.h"
+
+namespace lumifold::plan {
+namespace {
+
+using render::Vec3;
+
+double LuminanceOf(Vec3 c) { return static_cast<double>(Luminance(c.x, c.y, c.z)); }
+
+/// Mean and variance of numbers that come one by one. Source: Welford 1962.
+struct Moments {
+  int64_t count = 0;
+  double mean = 0;
+  double squares = 0;  // sum of squared differences from the mean
+
+  void Add(double value) {
+    ++count;
+    const double before = value - mean;
+    mean += before / static_cast<double>(count);
+    squares += before * (value - mean);
+  }
+  double Variance() const { return count < 2 ? 0.0 : squares / static_cast<double>(count); }
+};
+
+/// Luminance by depth of level in one block of pixels.
+struct BlockLight {
+  double all = 0;
+  std::array<double, layers::kMaxDepth + 1> at_depth = {};
+
+  void Add(const render::LayerSample& sample) {
+    all += LuminanceOf(sample.combined);
+    sample.levels.ForEach([&](layers::Level level, const render::LevelSample& s) {
+      at_depth[static_cast<size_t>(level.depth)] +=
+          LuminanceOf((s.direct + s.indirect) * s.albedo + s.emitted);
+    });
+  }
+};
+
+/// Size of the probe's picture.
+std::pair<int, int> ProbeSize(int width, int height) {
+  const double pixels = static_cast<double>(width) * height;
+  const double scale = std::min(1.0, std::sqrt(kProbePixels / pixels));
+  // An edge of at least one pixel, and what the other one leaves.
+  const auto scaled = [scale](int edge, int other) {
+    const int most = std::max(1, kProbePixels / std::max(1, static_cast<int>(std::lround(other * scale))));
+    return std::clamp(static_cast<int>(std::lround(edge * scale)), 1, std::min(edge, most));
+  };
+  return {scaled(width, height), scaled(height, width)};
+}
+
+/// One probe.
+class ProbeRun {
+ public:
+  ProbeRun(const scene::Scene& scene, const render::RenderSettings& settings,
+           const render::PictureCamera& camera, std::unique_ptr<render::EmbreeScene> embree, int width,
+           int height)
+      : camera_(camera),
+        seed_(settings.seed),
+        embree_(std::move(embree)),
+        tracer_(scene, embree_, settings.environment, settings.max_bounces, settings.mips) {
+    probe_.width = width;
+    probe_.height = height;
+    probe_.rays_of_pixel.reserve(static_cast<size_t>(width) * static_cast<size_t>(height));
+  }
+
+  Probe Run() {
+    const render::ScopedFloatEnvironment environment;
+    std::vector<BlockLight> blocks;
+    const int columns = (probe_.width + kBlock - 1) / kBlock;
+    for (int y = 0; y < probe_.height; ++y) {
+      if (y % kBlock == 0) blocks.assign(static_cast<size_t>(columns), {});
+      for (int x = 0; x < probe_.width; ++x) TracePixel(x, y, &blocks[static_cast<size_t>(x / kBlock)]);
+      if ((y + 1) % kBlock == 0 || y + 1 == probe_.height) AddShares(blocks);
+    }
+    Finish();
+    return std::move(probe_);
+  }
+
+ private:
+  void TracePixel(int x, int y, BlockLight* block) {
+    const int64_t rays_before = embree_.rays();
+    Moments luminance;
+    std::array<render::LayerSample, render::PathTracer::kPacket> samples;
+    const auto trace = [&](const render::CameraPacket& packet) {
+      tracer_.Trace(packet.rays(), packet.samplers(), samples);
+      for (size_t i = 0; i < packet.size(); ++i) {
+        ++probe_.samples;
+        if (!render::IsFinite(samples[i])) continue;
+        luminance.Add(LuminanceOf(samples[i].combined));
+        block->Add(samples[i]);
+      }
+    };
+    render::ForEachCameraPacket(camera_, seed_, /*frame=*/0, probe_.width, x, y, {0, kProbeSamples}, trace);
+    pixels_.push_back(luminance);
+    probe_.rays_of_pixel.push_back(static_cast<float>(embree_.rays() - rays_before) / kProbeSamples);
+    TraceFeatures(x, y);
+  }
+
+  void TraceFeatures(int x, int y) {
+    const render::Ray ray =
+        camera_.RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
+    render::GeometrySample sample;
+    tracer_.TraceGeometry({&ray, 1}, {&sample, 1});
+    if (!sample.hit) return;
+    normal_[0].Add(static_cast<double>(sample.normal.x));
+    normal_[1].Add(static_cast<double>(sample.normal.y));
+    normal_[2].Add(static_cast<double>(sample.normal.z));
+    distance_.Add(static_cast<double>(sample.distance));
+  }
+
+  void AddShares(const std::vector<BlockLight>& blocks) {
+    for (const BlockLight& block : blocks) {
+      if (block.all <= 0) continue;
+      double deeper = 0;
+      for (size_t depth = layers::kMaxDepth; depth > 0; --depth) {
+        deeper += block.at_depth[depth];
+        probe_.level_share[depth] = std::max(probe_.level_share[depth], deeper / block.all);
+      }
+    }
+  }
+
+  void Finish() {
+    probe_.rays = embree_.rays();
+    for (const Moments& component : normal_) probe_.normal_variance += component.Variance();
+    if (distance_.mean > 0) probe_.depth_spread = std::sqrt(distance_.Variance()) / distance_.mean;
+    // Dark pixels count by their share of the frame's light, as in relMSE.
+    constexpr double kFloor = 0.01;
+    double mean = 0;
+    for (const Moments& pixel : pixels_) mean += pixel.mean;
+    mean /= static_cast<double>(pixels_.size());
+    if (!(mean > 0)) return;
+    for (const Moments& pixel : pixels_)
+      probe_.noise += pixel.Variance() / (pixel.mean * pixel.mean + kFloor * mean * mean);
+    probe_.noise /= static_cast<double>(pixels_.size());
+  }
+
+  const render::PictureCamera& camera_;
+  uint64_t seed_;
+  CountingScene embree_;
+  render::PathTracer tracer_;
+  Probe probe_;
+  std::vector<Moments> pixels_;
+  std::array<Moments, 3> normal_;
+  Moments distance_;
+};
+
+}  // namespace
+
+double Probe::RaysPerSample(const Rect& rect, int frame_width, int frame_height) const {
+  // The first and one past the last pixel of the probe that [from, to) covers; at least one.
+  const auto covered = [](int from, int to, int frame, int edge) {
+    const auto first = static_cast<int>(int64_t{from} * edge / frame);
+    const auto last = static_cast<int>((int64_t{to} * edge + frame - 1) / frame);
+    return std::pair{first, std::max(last, first + 1)};
+  };
+  const auto [x0, x1] = covered(rect.x0, rect.x1, frame_width, width);
+  const auto [y0, y1] = covered(rect.y0, rect.y1, frame_height, height);
+  double sum = 0;
+  for (int y = y0; y < y1; ++y) {
+    for (int x = x0; x < x1; ++x)
+      sum += static_cast<double>(
+          rays_of_pixel[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)]);
+  }
+  return sum / (static_cast<double>(x1 - x0) * (y1 - y0));
+}
+
+absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings) {
+  render::RenderSettings small = settings;
+  std::tie(small.width, small.height) = ProbeSize(settings.width, settings.height);
+  const absl::StatusOr<render::PictureCamera> camera = render::MakeCamera(scene, small);
+  if (!camera.ok()) return camera.status();
+  absl::StatusOr<std::unique_ptr<render::EmbreeScene>> embree = render::EmbreeScene::Create(scene);
+  if (!embree.ok()) return embree.status();
+  return ProbeRun(scene, small, *camera, *std::move(embree), small.width, small.height).Run();
+}
+
+}  // namespace lumifold::plan

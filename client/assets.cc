@@ -208,6 +208,16 @@ absl::StatusOr<rpc::FileHandle> OpenAsset(const LocalAsset& asset) {
   return asset.folder == nullptr ? OpenRegularFile(asset.path) : asset.folder->OpenFile(asset.ref.uri());
 }
 
+absl::StatusOr<std::string> ReadAsset(const LocalAsset& asset) {
+  const absl::StatusOr<rpc::FileHandle> file = OpenAsset(asset);
+  if (!file.ok()) return file.status();
+  absl::StatusOr<std::string> content = ReadPiece(*file, 0, asset.ref.size());
+  if (!content.ok()) return Prefixed(absl::StrCat(asset.path, ": "), content.status());
+  if (rpc::Sha256Hex(*content) != asset.ref.sha256())
+    return absl::DataLossError(absl::StrCat(asset.path, ": changed while it was read"));
+  return content;
+}
+
 absl::Status HashAsset(LocalAsset* asset) {
   const absl::StatusOr<rpc::FileHandle> file = OpenAsset(*asset);
   if (!file.ok()) return file.status();

@@ -27,6 +27,10 @@ struct LocalAsset {
 /// Errors: those of OpenRegularFile and SceneFolder::OpenFile.
 absl::StatusOr<rpc::FileHandle> OpenAsset(const LocalAsset& asset);
 
+/// The content of a hashed asset's file. Errors: those of OpenAsset; kDataLoss, naming the file, if its size or content
+/// differs from its reference.
+absl::StatusOr<std::string> ReadAsset(const LocalAsset& asset);
+
 /// The scene file (with an empty uri), then every external file it names, each once, in the order of first
 /// use. Their uri is percent-decoded: the worker looks files up by this form.
 using SceneAssets = std::vector<LocalAsset>;

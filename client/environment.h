@@ -10,6 +10,7 @@
 #include "client/exit_code.h"
 #include "client/film_filter.h"
 #include "client/local_farm.h"
+#include "client/scene_planner.h"
 #include "proto/rpc/retry.h"
 
 namespace lumifold::client {
@@ -38,6 +39,8 @@ struct Environment {
   int default_threads = 1;
   /// Null in a build without coordinator and worker; `render` then fails.
   LocalFarmFactory local_farm = nullptr;
+  /// Null in a build without a worker; `plan` then fails.
+  ScenePlanner scene_planner = nullptr;
   /// Null in a build without the filter; `filter` then fails.
   FilmFilter film_filter = nullptr;
   /// Empty in a build without the filter.

@@ -10,6 +10,7 @@
 #include "client/interrupt.h"
 #include "client/local/film_filter.h"
 #include "client/local/in_process_farm.h"
+#include "client/local/scene_planner.h"
 #include "proto/identity/profile.h"
 
 namespace {
@@ -42,6 +43,7 @@ int main(int argc, char** argv) {
   environment.default_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   environment.interrupted = client::Interrupted;
   environment.local_farm = lumifold::local::StartLocalFarm;
+  environment.scene_planner = lumifold::local::PlanScene;
   environment.film_filter = lumifold::local::FilterFilm;
   environment.methods = lumifold::local::DescribeMethods();
   return client::RunClient(argc, argv, environment);

@@ -9,6 +9,7 @@ namespace lumifold::client {
 const std::vector<Command>& Commands() {
   static const auto* const commands = new std::vector<Command>{
       {"render", "Render a scene on this machine and write the picture", RunRender},
+      {"plan", "Print what a scene needs modelled, and why", RunPlan},
       {"submit", "Submit a scene to a coordinator and print the job's id", RunSubmit},
       {"status", "Print the status of a job", RunStatus},
       {"wait", "Wait until a job has ended, without showing progress", RunWait},

@@ -22,6 +22,7 @@ const std::string& SummaryOf(const std::string& name);
 
 // One file each: render.cc, submit.cc, ...
 ExitCode RunRender(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunPlan(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunSubmit(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunStatus(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& environment);

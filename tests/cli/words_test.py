@@ -14,7 +14,7 @@ class Help(harness.CliTest):
         self.check_golden("version", "--version", replace=[(r"\d+\.\d+\.\d+", "VERSION")])
 
     def test_each_command(self):
-        for command in ("render", "submit", "status", "wait", "watch", "list", "explain", "logs", "pause", "resume",
+        for command in ("render", "plan", "submit", "status", "wait", "watch", "list", "explain", "logs", "pause", "resume",
                         "set-priority", "add-samples", "retry", "cancel", "delete", "download", "workers", "drain", "block",
                         "readmit", "server-status", "login", "logout", "whoami", "invite", "identities", "revoke", "filter",
                         "convert", "compare"):

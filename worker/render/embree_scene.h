@@ -52,8 +52,8 @@ const char* TracingInstructionSet();
 /// everywhere.
 class EmbreeScene {
  public:
-  /// Keeps a pointer to the scene, which must outlive it. `opacity` is used by this call only. Errors: kResourceExhausted if memory runs out;
-  /// kInternal if Embree fails.
+  /// Keeps a pointer to the scene, which must outlive it. `opacity` is used by this call only.
+  /// Errors: kResourceExhausted if memory runs out; kInternal if Embree fails.
   static absl::StatusOr<std::unique_ptr<EmbreeScene>> Create(const scene::Scene& scene,
                                                              const OpacitySource& opacity = OpacityClassOf);
   virtual ~EmbreeScene() = default;

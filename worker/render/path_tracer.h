@@ -42,7 +42,8 @@ class PathTracer {
  public:
   /// max_bounces: maximum number of scattering events after the first surface. Every surface still gathers
   /// direct light by both techniques.
-  /// `environment` may be null.
+  /// `environment` may be null. The layers that `plan` leaves out are traced all the same: they cost next to
+  /// nothing.
   PathTracer(const scene::Scene& scene, const EmbreeScene& embree,
              std::shared_ptr<const Environment> environment, int max_bounces, const MipSource& mips = {},
              const TracingPlan& plan = {});

@@ -69,8 +69,8 @@ class Renderer {
 
   /// Traces the samples of `range` in every pixel of `rect` (within the frame) and returns their sums.
   /// Shapes: rect's size; channels, as far as the plan's layers go: for each of layers::kHalved its halves *_a
-  ///         and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples); and layers::LevelPassChannels of
-  ///         each level that any sample has reached.
+  ///         and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples); and
+  ///         layers::LevelPassChannels of each level that any sample has reached.
   /// Once counts->stop is true it returns within a packet of rays; the result is then incomplete.
   LayeredImage RenderPass(const Rect& rect, int frame, SampleRange range, RenderCounts* counts) const;
 

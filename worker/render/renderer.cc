@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "worker/render/approximations.h"
 #include "worker/render/floating_point.h"
 #include "worker/render/geometry_unit.h"
 #include "worker/render/pass_sums.h"
@@ -43,7 +44,8 @@ absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const Render
 }
 
 std::string NumericClass() {
-  return absl::StrCat("lumifold-", LUMIFOLD_VERSION, "/", TracingInstructionSet());
+  return absl::StrCat("lumifold-", LUMIFOLD_VERSION, "/", TracingInstructionSet(), "-",
+                      absl::Hex(ApproximationsOfProcessor(), absl::kZeroPad4));
 }
 
 absl::StatusOr<std::unique_ptr<Renderer>> Renderer::Create(std::shared_ptr<const scene::Scene> scene,

@@ -52,7 +52,7 @@ absl::Status RemoteOptions::Resolve() {
   if (chosen->has_value()) {
     identity::ProtectMemory();
     // One that fails may succeed with the next command: until its end the certificate is good.
-    const absl::Status renewed = identity::RenewIfDue(profiles, **chosen, identity::ValidityClock());
+    absl::Status renewed = identity::RenewIfDue(profiles, **chosen, identity::ValidityClock());
     if (absl::IsUnauthenticated(renewed)) return renewed;
     const absl::StatusOr<identity::Profile> read = profiles.Read(**chosen);
     absl::StatusOr<rpc::Security> found = profiles.SecurityOf(**chosen);

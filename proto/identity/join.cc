@@ -1,5 +1,6 @@
 #include "proto/identity/join.h"
 
+#include <grpcpp/channel.h>
 #include <grpcpp/client_context.h>
 
 #include <memory>

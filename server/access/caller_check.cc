@@ -1,5 +1,6 @@
 #include "server/access/caller_check.h"
 
+#include <grpc/grpc_security_constants.h>
 #include <grpcpp/security/auth_context.h>
 #include <grpcpp/security/auth_metadata_processor.h>
 #include <grpcpp/server_context.h>
@@ -22,7 +23,7 @@ constexpr char kPathKey[] = ":path";
 constexpr char kTokenKey[] = "authorization";
 constexpr absl::string_view kTokenScheme = "Bearer ";
 
-absl::string_view View(grpc::string_ref text) { return {text.data(), text.size()}; }
+absl::string_view View(const grpc::string_ref& text) { return {text.data(), text.size()}; }
 
 /// The serial number in a certificate that the handshake has verified; empty where there is none.
 std::string SerialOf(const grpc::AuthContext& context) {

@@ -80,10 +80,11 @@ LayeredImage MakeEdges(int width, int height) {
   for (const std::string& name : layers::EdgeChannels()) {
     const FloatView view = edges.Add(name);
     for (int row = 0; row < edges.height(); ++row) {
-      const int pixel = row * kPixelsPerEdge;
+      const int x = row * kPixelsPerEdge % width;
+      const int y = row * kPixelsPerEdge / width;
       for (int i = 0; i < kSubSamples; ++i) {
-        view.At(i, row) = name == layers::kPixelX   ? static_cast<float>(pixel % width)
-                          : name == layers::kPixelY ? static_cast<float>(pixel / width)
+        view.At(i, row) = name == layers::kPixelX   ? static_cast<float>(x)
+                          : name == layers::kPixelY ? static_cast<float>(y)
                                                     : 0.01f * static_cast<float>(i + row);
       }
     }

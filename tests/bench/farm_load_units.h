@@ -58,7 +58,8 @@ class ReadyUnits {
     uint32_t samples_a;
     uint32_t samples_b;
     int32_t variant;
-    friend auto operator<=>(const Shape&, const Shape&) = default;
+    // clang-tidy 14 takes the result's comparison with 0 for one of pointers.
+    friend auto operator<=>(const Shape&, const Shape&) = default;  // NOLINT(modernize-use-nullptr)
   };
 
   const Unit& UnitOf(v1::UnitKind kind, int32_t variant, const Rect& rect, SampleRange samples);

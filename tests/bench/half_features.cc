@@ -31,13 +31,12 @@ struct Group {
 };
 
 const std::vector<Group>& Groups() {
-  using namespace layers;
   static const auto& groups = *new std::vector<Group>{
-      {"normals", {kNormalX, kNormalY, kNormalZ}, true, false},
-      {"distances", {kDistance, kPlanarDepth}, true, false},
-      {"roughness", {kRoughness}, true, false},
-      {"normals of sub-samples", {kNormalX, kNormalY, kNormalZ}, false, true},
-      {"distances of sub-samples", {kDistance}, false, true},
+      {"normals", {layers::kNormalX, layers::kNormalY, layers::kNormalZ}, true, false},
+      {"distances", {layers::kDistance, layers::kPlanarDepth}, true, false},
+      {"roughness", {layers::kRoughness}, true, false},
+      {"normals of sub-samples", {layers::kNormalX, layers::kNormalY, layers::kNormalZ}, false, true},
+      {"distances of sub-samples", {layers::kDistance}, false, true},
       {"albedo and emission of sub-samples",
        {"albedo.R", "albedo.G", "albedo.B", "emission.R", "emission.G", "emission.B"},
        false,

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "absl/strings/str_cat.h"
 #include "google/protobuf/stubs/logging.h"
 #include "proto/rpc/checksum.h"
 #include "server/film/unit_assembler.h"
@@ -133,7 +134,7 @@ std::vector<std::string> Seeds() {
     seeds.push_back("g" + Joined(ChunksOf(v1::UNIT_KIND_GEOMETRY, tile)));
     const std::string record = RecordOf(tile == 0 ? v1::UNIT_KIND_PASS : v1::UNIT_KIND_GEOMETRY, tile);
     seeds.push_back("l" + record);
-    seeds.push_back("l" + record + record);
+    seeds.push_back(absl::StrCat("l", record, record));
     seeds.push_back("r" + record);
   }
   return seeds;
@@ -142,7 +143,8 @@ std::vector<std::string> Seeds() {
 }  // namespace lumifold::fuzz
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  using namespace lumifold;
+  namespace fuzz = lumifold::fuzz;
+  namespace v1 = lumifold::v1;
   if (size == 0) return 0;
   const std::string_view rest(reinterpret_cast<const char*>(data) + 1, size - 1);
   switch (data[0]) {

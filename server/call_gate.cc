@@ -16,6 +16,9 @@ constexpr absl::string_view kWorkerService = "/lumifold.v1.WorkerService/";
 /// Refusals of one caller that the audit log takes: a flood must not push out what was there before.
 constexpr double kAuditedRefusalsPerSecond = 10;
 constexpr double kAuditedRefusalBurst = 100;
+/// Refusals by the gate itself before the caller's address is shut out. Clients wait between attempts.
+constexpr double kRefusalsPerSecond = 10;
+constexpr double kRefusalBurst = 100;
 
 /// "ipv4:192.0.2.1" of "ipv4:192.0.2.1:50000".
 absl::string_view WithoutPort(absl::string_view peer) {
@@ -72,7 +75,15 @@ CallGate::CallGate(const Options& options)
     : options_(options),
       requests_(options.limits.requests_per_second, options.limits.request_burst),
       worker_requests_(options.limits.worker_requests_per_second, options.limits.worker_request_burst),
-      audited_refusals_(kAuditedRefusalsPerSecond, kAuditedRefusalBurst) {}
+      audited_refusals_(kAuditedRefusalsPerSecond, kAuditedRefusalBurst),
+      refusals_(kRefusalsPerSecond, kRefusalBurst) {}
+
+absl::Status CallGate::Refuse(Call* call, absl::Status why) {
+  call->End(why);
+  if (options_.shut_out != nullptr && !refusals_.Take(call->limit_key(), options_.now()))
+    options_.shut_out(call->event_.address);
+  return why;
+}
 
 absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::Admit(const grpc::CallbackServerContext& context,
                                                                 absl::string_view rpc_path,
@@ -89,8 +100,7 @@ absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::Admit(const grpc::Call
   auto call = std::make_unique<Call>(this, std::move(event), rule != nullptr && rule->changes);
   absl::Status status = caller.ok() ? Check(*call, rpc_path) : caller.status();
   if (status.ok()) return call;
-  call->End(status);
-  return status;
+  return Refuse(call.get(), std::move(status));
 }
 
 void CallGate::NoteRefusal(const access::Identity& caller, absl::string_view rpc_path,
@@ -108,8 +118,7 @@ absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::AdmitStream(grpc::Call
   if (!call.ok()) return call;
   absl::Status status = OpenStream(context, call->get());
   if (status.ok()) return call;
-  (*call)->End(status);
-  return status;
+  return Refuse(call->get(), std::move(status));
 }
 
 size_t CallGate::EndStalledStreams() {

@@ -36,6 +36,9 @@ class CallGate {
     /// Monotonic, and that of the wall.
     std::function<absl::Time()> now;
     std::function<absl::Time()> wall_now;
+    /// For callers whose calls are refused again and again: a refused call costs nearly as much as one that is answered.
+    /// `peer` as in grpc::ServerContext. Null: nothing.
+    std::function<void(absl::string_view peer)> shut_out = nullptr;
   };
 
   /// A call that was admitted, until its destruction.
@@ -96,6 +99,8 @@ class CallGate {
   void NoteRefusal(const access::Identity& caller, absl::string_view rpc_path, const absl::Status& why);
 
  private:
+  /// Ends a call that is not admitted; returns `why`.
+  absl::Status Refuse(Call* call, absl::Status why);
   absl::Status Check(const Call& call, absl::string_view rpc_path);
   absl::Status CheckRate(const Call& call);
   absl::Status OpenStream(grpc::CallbackServerContext* context, Call* call);
@@ -104,6 +109,7 @@ class CallGate {
   access::TokenBuckets requests_;
   access::TokenBuckets worker_requests_;
   access::TokenBuckets audited_refusals_;
+  access::TokenBuckets refusals_;
   access::CallerCounts streams_;
 };
 

@@ -78,6 +78,7 @@ absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, const ac
   const std::string name = caller.kind == access::IdentityKind::kLocal ? process : WorkerName(caller.name);
   scheduler_.AddWorker(worker, {.name = name,
                                 .numeric_class = hello.numeric_class(),
+                                .instance = hello.instance(),
                                 .slots = hello.slots(),
                                 .tags = {hello.tags().begin(), hello.tags().end()}});
   workers_.emplace(worker, ConnectedWorker{.name = name,

@@ -19,9 +19,11 @@
 #include <utility>
 #include <vector>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
+#include "absl/synchronization/mutex.h"
 #include "server/connection_table.h"
 
 namespace lumifold::server {
@@ -101,15 +103,27 @@ class ListenerImpl final : public Listener {
   }
   void Stop() override {
     if (!thread_.joinable()) return;
-    eventfd_write(stop_.get(), 1);
+    {
+      absl::MutexLock lock(&mutex_);
+      stopping_ = true;
+    }
+    eventfd_write(wake_.get(), 1);
     thread_.join();
+  }
+  void ShutOut(absl::string_view name) override {
+    const std::optional<Peer> peer = PeerOf(name);
+    if (!peer.has_value()) return;
+    absl::MutexLock lock(&mutex_);
+    if (stopping_) return;
+    to_shut_out_.push_back(*peer);
+    eventfd_write(wake_.get(), 1);
   }
 
  private:
   /// A connection without bytes.
   struct Silent {
     int socket;
-    std::string network;
+    Peer peer;
     absl::Time deadline;
   };
   using Silents = std::list<Silent>;  // in the order of their deadlines
@@ -119,6 +133,10 @@ class ListenerImpl final : public Listener {
     epoll_ctl(poll_.get(), EPOLL_CTL_ADD, descriptor, &event);
   }
   void Run();
+  /// Does what other threads asked for. False: to stop.
+  bool TakeOrders();
+  void CloseAndShut(const Peer& peer);
+  bool IsShutOut(const std::string& network);
   void Accept(int listening);
   void OnBytes(Silents::iterator silent);
   /// Stops watching the connection; the caller decides what becomes of its socket.
@@ -130,15 +148,19 @@ class ListenerImpl final : public Listener {
   int port_ = 0;
   std::vector<Descriptor> listening_;
   Descriptor poll_;
-  Descriptor stop_;
+  Descriptor wake_;
   std::function<void(int)> take_;
   // Used by the thread only.
   ConnectionTable table_;
   Silents silents_;
   std::map<int, Silents::iterator> silent_by_socket_;
+  std::map<std::string, absl::Time> shut_out_;  // networks, and until when
   absl::Time second_ = absl::InfinitePast();
   int lines_ = 0;
   int without_line_ = 0;
+  absl::Mutex mutex_;
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+  std::vector<Peer> to_shut_out_ ABSL_GUARDED_BY(mutex_);
   std::thread thread_;
 };
 
@@ -154,9 +176,9 @@ absl::Status ListenerImpl::Listen() {
     return ListenError(options_.address);
   const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> addresses(found, freeaddrinfo);
   poll_ = Descriptor(epoll_create1(EPOLL_CLOEXEC));
-  stop_ = Descriptor(eventfd(0, EFD_CLOEXEC));
-  if (poll_.get() < 0 || stop_.get() < 0) return absl::UnavailableError("no descriptor is left");
-  Watch(stop_.get());
+  wake_ = Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  if (poll_.get() < 0 || wake_.get() < 0) return absl::UnavailableError("no descriptor is left");
+  Watch(wake_.get());
   for (const addrinfo* address = found; address != nullptr; address = address->ai_next) {
     if (address->ai_family != AF_INET && address->ai_family != AF_INET6) continue;
     absl::StatusOr<Descriptor> socket = ListenAt(*address, &port_);
@@ -174,7 +196,8 @@ void ListenerImpl::Run() {
     const int ready = epoll_wait(poll_.get(), events.data(), static_cast<int>(events.size()), kTickMs);
     for (int i = 0; i < ready; ++i) {
       const int descriptor = events[static_cast<size_t>(i)].data.fd;
-      if (descriptor == stop_.get()) {
+      if (descriptor == wake_.get()) {
+        if (TakeOrders()) continue;
         listening_.clear();
         while (!silents_.empty()) close(Take(silents_.begin()).socket);
         return;
@@ -190,6 +213,36 @@ void ListenerImpl::Run() {
   }
 }
 
+bool ListenerImpl::TakeOrders() {
+  eventfd_t ignored = 0;
+  eventfd_read(wake_.get(), &ignored);
+  std::vector<Peer> peers;
+  {
+    absl::MutexLock lock(&mutex_);
+    if (stopping_) return false;
+    peers.swap(to_shut_out_);
+  }
+  for (const Peer& peer : peers) CloseAndShut(peer);
+  return true;
+}
+
+void ListenerImpl::CloseAndShut(const Peer& peer) {
+  const absl::Time now = options_.now();
+  std::erase_if(shut_out_, [now](const auto& entry) { return entry.second <= now; });
+  const bool is_new = shut_out_.insert_or_assign(peer.network, now + options_.shut_out).second;
+  // Its owner may close it in this moment, and the number may be another connection's: that one would be opened again.
+  if (const std::optional<int> socket = table_.Find(peer)) shutdown(*socket, SHUT_RDWR);
+  if (!is_new) return;
+  options_.log->warn(
+      "event=address_shut_out address={} seconds={} reason=\"its calls were refused too often\"",
+      peer.network, absl::ToInt64Seconds(options_.shut_out));
+}
+
+bool ListenerImpl::IsShutOut(const std::string& network) {
+  const auto found = shut_out_.find(network);
+  return found != shut_out_.end() && options_.now() < found->second;
+}
+
 void ListenerImpl::Accept(int listening) {
   sockaddr_storage address = {};
   socklen_t size = sizeof address;
@@ -200,15 +253,16 @@ void ListenerImpl::Accept(int listening) {
     if (errno == EMFILE || errno == ENFILE) usleep(kNoDescriptorPauseMs * 1000);
     return;
   }
-  const std::string network = NetworkOf(address);
-  if (!table_.Add(socket, network)) {
-    return Refuse(socket, network,
+  const Peer peer = PeerOf(address);
+  if (IsShutOut(peer.network)) return Refuse(socket, peer.network, "the address is shut out");
+  if (!table_.Add(socket, peer)) {
+    return Refuse(socket, peer.network,
                   absl::StrCat("too many connections: the limits are ", options_.connections_per_address,
                                " of an address and ", options_.connections, " of all"));
   }
   const int on = 1;
   setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  silents_.push_back({socket, network, options_.now() + options_.first_bytes});
+  silents_.push_back({socket, peer, options_.now() + options_.first_bytes});
   silent_by_socket_[socket] = std::prev(silents_.end());
   Watch(socket);
 }
@@ -239,7 +293,7 @@ void ListenerImpl::OnBytes(Silents::iterator silent) {
   } else if (absl::StartsWith(begin, kTls)) {
     reason = "TLS, but this port is in plain text";
   }
-  Refuse(taken.socket, taken.network, reason);
+  Refuse(taken.socket, taken.peer.network, reason);
 }
 
 void ListenerImpl::Refuse(int socket, const std::string& network, absl::string_view reason) {
@@ -264,7 +318,7 @@ void ListenerImpl::CloseSilent() {
   const absl::Time now = options_.now();
   while (!silents_.empty() && silents_.front().deadline <= now) {
     const Silent taken = Take(silents_.begin());
-    Refuse(taken.socket, taken.network,
+    Refuse(taken.socket, taken.peer.network,
            absl::StrCat("silent for ", absl::FormatDuration(options_.first_bytes)));
   }
 }

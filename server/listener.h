@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 
 namespace spdlog {
@@ -24,6 +25,8 @@ struct ListenerOptions {
   int connections = 16'384;
   /// Time from the connection to its first bytes.
   absl::Duration first_bytes = absl::Seconds(10);
+  /// How long an address that was shut out opens no new connection.
+  absl::Duration shut_out = absl::Seconds(10);
   /// Monotonic.
   std::function<absl::Time()> now = nullptr;
   std::shared_ptr<spdlog::logger> log = nullptr;
@@ -43,6 +46,10 @@ class Listener {
   virtual int port() const = 0;
   /// `take` becomes the owner of a connected socket, which does not block; it is called on the listener's thread.
   virtual void Start(std::function<void(int socket)> take) = 0;
+  /// Closes the connection of this name, as in grpc::ServerContext::peer, and for ListenerOptions::shut_out all new ones
+  /// of its address, unread. The address's other connections stay: they may be those of workers. No effect on names that
+  /// are not of IP. Returns at once.
+  virtual void ShutOut(absl::string_view peer) = 0;
   /// Closes the door; connections that were handed on stay. After it returns `take` is not called again.
   virtual void Stop() = 0;
 };

@@ -281,7 +281,10 @@ absl::Status ServerImpl::StartServices() {
                         .limits = options_.limits,
                         .lease = options_.lease,
                         .now = options_.now,
-                        .wall_now = options_.wall_now});
+                        .wall_now = options_.wall_now,
+                        .shut_out = [this](absl::string_view peer) {
+                          if (listener_ != nullptr) listener_->ShutOut(peer);
+                        }});
   services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get());
   services_.push_back(MakeAccessService(access_.get(), gate_.get()));
   grpc::EnableDefaultHealthCheckService(true);

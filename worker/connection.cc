@@ -154,14 +154,15 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   std::deque<v1::WorkerMessage> outgoing_ ABSL_GUARDED_BY(mutex_);  // the front is being written
 };
 
-v1::WorkerMessage MakeHello(const WorkerOptions& options, int slots) {
+v1::WorkerMessage MakeHello(const WorkerOptions& options, const WorkerImpl& worker) {
   v1::WorkerMessage message;
   v1::Hello* hello = message.mutable_hello();
   hello->set_name(options.name);
   hello->set_numeric_class(render::NumericClass());
-  hello->set_slots(slots);
+  hello->set_slots(worker.slots());
   hello->set_wire_version(rpc::kWireVersion);
   for (const std::string& tag : options.tags) hello->add_tags(tag);
+  hello->set_instance(worker.instance());
   return message;
 }
 
@@ -195,7 +196,7 @@ class Connection {
   /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left.
   absl::Status Run(const LeaveTrigger& trigger, const rpc::MonotonicEvent& stop) {
     worker_.OnConnected(stream_);
-    stream_->Start(MakeHello(options_, worker_.slots()));
+    stream_->Start(MakeHello(options_, worker_));
     while (!stream_->WaitUntilDone(kPollInterval)) {
       if (!stream_->is_welcome()) {
         Await(trigger);

@@ -1,7 +1,9 @@
 #include "worker/worker_impl.h"
 
 #include <algorithm>
+#include <limits>
 #include <optional>
+#include <random>
 #include <set>
 #include <utility>
 
@@ -65,11 +67,20 @@ void SendFailure(const v1::Lease& lease, const absl::Status& failure, Outbox* ou
   outbox->Send(std::move(message));
 }
 
+uint64_t RandomInstance() {
+  std::random_device source;
+  return std::uniform_int_distribution<uint64_t>(1, std::numeric_limits<uint64_t>::max())(source);
+}
+
 }  // namespace
 
 WorkerImpl::WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer,
                        std::shared_ptr<spdlog::logger> log)
-    : specs_(specs), renderer_(renderer), log_(std::move(log)), idle_since_(rpc::MonotonicNow()) {
+    : specs_(specs),
+      renderer_(renderer),
+      log_(std::move(log)),
+      instance_(RandomInstance()),
+      idle_since_(rpc::MonotonicNow()) {
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { RunThread(); });
 }
 

@@ -49,6 +49,9 @@ class WorkerImpl {
   /// thread is idle during a round trip.
   int slots() const { return 2 * static_cast<int>(threads_.size()); }
 
+  /// See v1::Hello.
+  uint64_t instance() const { return instance_; }
+
   /// A connection is open; messages go to `outbox` until OnDisconnected().
   void OnConnected(std::shared_ptr<Outbox> outbox);
   void OnDisconnected();
@@ -100,6 +103,7 @@ class WorkerImpl {
   SpecCache* const specs_;
   UnitRenderer* const renderer_;
   const std::shared_ptr<spdlog::logger> log_;
+  const uint64_t instance_;
   std::vector<std::thread> threads_;
 
   mutable absl::Mutex mutex_;

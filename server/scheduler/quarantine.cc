@@ -23,12 +23,13 @@ constexpr size_t kMaxNames = 4;
 std::string Scheduler::CountLoss(const Lease& lease) {
   if (lease.audit) return "";  // a worker has rendered the unit
   History& history = jobs_.at(lease.unit.job).history[lease.unit.place];
-  ++history.losses;
   history.lost_workers.insert(workers_.Find(lease.worker)->traits.name);
   if (!lease.alone) return "";
-  std::vector<std::string> names(history.lost_workers.begin(), history.lost_workers.end());
+  const std::set<std::string> distinct(history.lost_workers.begin(), history.lost_workers.end());
+  std::vector<std::string> names(distinct.begin(), distinct.end());
   if (names.size() > kMaxNames) names.resize(kMaxNames);
-  return absl::StrCat(Describe(RefOf(lease.unit)), ": workers were lost with it ", history.losses,
+  return absl::StrCat(Describe(RefOf(lease.unit)), ": workers were lost with it ",
+                      history.lost_workers.size(),
                       " times, the last one while it rendered nothing else: ", absl::StrJoin(names, ", "));
 }
 
@@ -36,8 +37,33 @@ bool Scheduler::IsSuspect(const UnitIndex& index) const {
   const Job& job = jobs_.at(index.job);
   const auto history = job.history.find(index.place);
   if (history == job.history.end()) return false;
-  const auto lost_workers = static_cast<int>(history->second.lost_workers.size());
-  return lost_workers >= options_.max_lost_workers || history->second.losses >= 2 * options_.max_lost_workers;
+  const std::multiset<std::string>& lost = history->second.lost_workers;
+  if (static_cast<int>(lost.size()) >= 2 * options_.max_lost_workers) return true;
+  return static_cast<int>(std::set<std::string>(lost.begin(), lost.end()).size()) >=
+         options_.max_lost_workers;
+}
+
+void Scheduler::NoteAbsence(const Lease& lease) {
+  const uint64_t instance = workers_.Find(lease.worker)->traits.instance;
+  if (instance != 0 && !lease.audit) lost_with_[instance].push_back(lease.unit);
+}
+
+void Scheduler::TakeBackLosses(WorkerId worker) {
+  const WorkerTraits& traits = workers_.Find(worker)->traits;
+  const auto lost_with = lost_with_.extract(traits.instance);
+  if (lost_with.empty()) return;
+  for (const UnitIndex& index : lost_with.mapped()) {
+    const auto job = jobs_.find(index.job);
+    if (job == jobs_.end()) continue;
+    const auto history = job->second.history.find(index.place);
+    if (history == job->second.history.end()) continue;  // it was accepted since
+    std::multiset<std::string>& lost = history->second.lost_workers;
+    if (const auto loss = lost.find(traits.name); loss != lost.end()) lost.erase(loss);
+    if (quarantine_.contains(index) && !IsSuspect(index)) {
+      quarantine_.erase(index);
+      Return(index);
+    }
+  }
 }
 
 void Scheduler::GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted) {
@@ -70,7 +96,7 @@ std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index) const {
 }
 
 std::optional<WorkerId> Scheduler::FindWorkerFor(const UnitIndex& index, int kind) const {
-  const std::set<std::string>& lost = jobs_.at(index.job).history.at(index.place).lost_workers;
+  const std::multiset<std::string>& lost = jobs_.at(index.job).history.at(index.place).lost_workers;
   std::optional<WorkerId> best;
   int best_score = -1;
   std::optional<WorkerId> worker = workers_.NextFree(kind, WorkerId(-1));

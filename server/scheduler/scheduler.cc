@@ -128,6 +128,9 @@ void Scheduler::EndJob(const JobId& id) {
   CountFrames(job, -static_cast<int>(job.frames.size()));
   LeaveDemand(number, job);
   share_.RemoveJob(number);
+  for (auto& [instance, units] : lost_with_)
+    std::erase_if(units, [number](const UnitIndex& unit) { return unit.job == number; });
+  std::erase_if(lost_with_, [](const auto& entry) { return entry.second.empty(); });
   jobs_.erase(number);
   jobs_by_id_.erase(found);
 }

@@ -195,9 +195,8 @@ class Scheduler {
     int failures = 0;
     std::string last_failed;  // name of the last worker that failed or dropped it; it may reconnect
     std::set<job::WorkerId> failed_workers;
-    std::set<std::string> permanent_by;  // names of workers that called the failure permanent
-    int losses = 0;
-    std::set<std::string> lost_workers;  // by name
+    std::set<std::string> permanent_by;       // names of workers that called the failure permanent
+    std::multiset<std::string> lost_workers;  // by name, once for each loss
   };
   struct Vote {
     std::string worker;  // name
@@ -382,6 +381,10 @@ class Scheduler {
   /// Counts the loss of a worker with a unit. Returns the job's error if the unit was in quarantine.
   std::string CountLoss(const Lease& lease);
   bool IsSuspect(const UnitIndex& index) const;
+  /// The worker's process is here again: what it was lost with did not end it, and is no suspect because of it.
+  void TakeBackLosses(job::WorkerId worker);
+  /// The worker of the lease, which counted as lost with its unit, may come back.
+  void NoteAbsence(const Lease& lease);
   /// Reserves workers for units in quarantine, and leases the units to those that have become idle.
   void GrantQuarantined(absl::Time now, std::vector<GrantedLease>* granted);
   std::optional<job::WorkerId> FindWorkerFor(const UnitIndex& index) const;
@@ -415,6 +418,8 @@ class Scheduler {
   std::vector<FaultyWorker> newly_faulty_;
   std::vector<std::pair<job::JobId, int32_t>> newly_settled_;
   std::set<UnitIndex> quarantine_;  // units that wait for a reservation
+  /// Units that processes were lost with which have not come back, by WorkerTraits::instance.
+  std::map<uint64_t, std::vector<UnitIndex>> lost_with_;
   std::map<job::WorkerId, Reservation> reservations_;
 };
 

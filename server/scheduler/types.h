@@ -74,9 +74,11 @@ JobOptions OptionsOf(const v1::Scheduling& scheduling);
 
 /// What a worker says of itself when it connects.
 struct WorkerTraits {
-  /// Tells one process from another, over all its connections. Empty: the worker's id does.
+  /// Whom losses and failures count against, over all its connections. Empty: the worker's id.
   std::string name{};
   std::string numeric_class{};
+  /// The same while the process lives, over all its connections, and of no other process; 0: not known.
+  uint64_t instance = 0;
   /// Maximum number of its units that are leased or accepted at a time, at least 1.
   int slots = 1;
   std::vector<std::string> tags{};  // in any order

@@ -30,6 +30,7 @@ void Scheduler::AddWorker(WorkerId worker, const WorkerTraits& traits) {
   WorkerTraits named = traits;
   if (named.name.empty()) named.name = job::TextOf(worker);
   workers_.Add(worker, named);
+  TakeBackLosses(worker);
   if (!blocked_.contains(named.name)) return;
   workers_.Change(worker, [](Worker& state) { state.blocked = true; });
 }
@@ -40,6 +41,7 @@ std::vector<FailedJob> Scheduler::RemoveWorker(WorkerId worker) {
   for (const Attempt attempt : leases_.OfWorker(worker)) {
     const Lease lease = *leases_.Find(attempt);
     std::string error = CountLoss(lease);
+    NoteAbsence(lease);
     if (!error.empty()) failed.push_back({jobs_.at(lease.unit.job).id, std::move(error)});
     VoidLease(attempt);
   }
@@ -87,8 +89,10 @@ bool Scheduler::HandBack(WorkerId worker, const UnitRef& unit, Attempt attempt) 
 std::vector<LateLease> Scheduler::Heartbeat(WorkerId worker, absl::Span<const HeldLease> held, Attempt newest,
                                             absl::Time now) {
   latest_ = std::max(latest_, now);
-  if (const Worker* state = workers_.Find(worker); state != nullptr && state->unresponsive)
+  if (const Worker* state = workers_.Find(worker); state != nullptr && state->unresponsive) {
     workers_.Change(worker, [](Worker& changed) { changed.unresponsive = false; });
+    TakeBackLosses(worker);
+  }
   std::map<Attempt, int64_t> progress;
   for (const HeldLease& lease : held) progress.emplace(lease.attempt, lease.progress);
   std::vector<LateLease> dropped;
@@ -153,6 +157,7 @@ std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
       workers_.TakeSlot(lease.worker);
       stalled_.emplace(lease.worker, attempt);
     } else {
+      NoteAbsence(lease);
       CancelReservation(lease.worker);
       workers_.Change(lease.worker, [](Worker& worker) { worker.unresponsive = true; });
     }

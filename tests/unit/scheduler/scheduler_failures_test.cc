@@ -12,6 +12,7 @@ namespace {
 using job::JobId;
 using job::UnitRef;
 using job::WorkerId;
+using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
@@ -198,6 +199,51 @@ TEST_F(SchedulerFailuresTest, AWorkerThatIsLostWithItsUnitAgainAndAgainCountsAsS
   }
   scheduler_.AddWorker(WorkerId(7), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
   EXPECT_TRUE(scheduler_.GrantLeases(kStart).at(0).alone);
+}
+
+TEST_F(SchedulerFailuresTest, AWorkerThatComesBackWasNotEndedByItsUnit) {
+  scheduler_.AddJob(kJob, Spec());
+  for (int64_t i = 1; i <= 20; ++i) {
+    scheduler_.AddWorker(WorkerId(i), {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 1});
+    EXPECT_FALSE(scheduler_.GrantLeases(kStart).at(0).alone);
+    scheduler_.RemoveWorker(WorkerId(i));
+  }
+}
+
+TEST_F(SchedulerFailuresTest, NorWasOneThatWasSilentForAWhile) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 1});
+  absl::Time now = kStart;
+  for (int i = 0; i < 20; ++i) {
+    const std::vector<GrantedLease> leases = scheduler_.GrantLeases(now);
+    ASSERT_EQ(leases.size(), 1u);
+    EXPECT_FALSE(leases[0].alone);
+    now += absl::Minutes(1);
+    EXPECT_EQ(scheduler_.ExpireLeases(now).size(), 1u);
+    EXPECT_THAT(scheduler_.Heartbeat(kAnn, {}, leases[0].attempt, now), IsEmpty());
+  }
+}
+
+TEST_F(SchedulerFailuresTest, AUnitLeavesTheQuarantineWhenWhatWasLostWithItComesBack) {
+  scheduler_.AddJob(kJob, Spec());
+  const auto traits = [](uint64_t instance) {
+    return WorkerTraits{
+        .name = absl::StrCat("host:", instance), .numeric_class = "avx2", .instance = instance, .slots = 1};
+  };
+  for (uint64_t i = 1; i <= 3; ++i) {
+    scheduler_.AddWorker(WorkerId(static_cast<int64_t>(i)), traits(i));
+    scheduler_.GrantLeases(kStart);
+    scheduler_.RemoveWorker(WorkerId(static_cast<int64_t>(i)));
+  }
+  scheduler_.PauseJob(kJob);
+  scheduler_.AddWorker(WorkerId(4), traits(9));
+  scheduler_.ResumeJob(kJob);
+  EXPECT_THAT(scheduler_.Explain(kJob, kStart), Contains(testing::Field(&Reason::code, "quarantine")));
+  scheduler_.AddWorker(WorkerId(5), traits(2));
+  const std::vector<GrantedLease> leases = scheduler_.GrantLeases(kStart);
+  ASSERT_EQ(leases.size(), 2u);
+  EXPECT_FALSE(leases[0].alone);
+  EXPECT_FALSE(leases[1].alone);
 }
 
 }  // namespace

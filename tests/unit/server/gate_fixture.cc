@@ -43,7 +43,8 @@ void GateFixture::StartGate(const Limits& limits) {
                         .audit = audit_.get(),
                         .limits = limits,
                         .now = [this] { return absl::UnixEpoch() + absl::Seconds(seconds_.load()); },
-                        .wall_now = [] { return absl::UnixEpoch(); }});
+                        .wall_now = [] { return absl::UnixEpoch(); },
+                        .shut_out = [this](absl::string_view) { ++shut_out_; }});
   services_ = MakeServices(coordinator_.get(), checks_.get(), gate_.get());
   grpc::ServerBuilder builder;
   for (const auto& service : services_) builder.RegisterService(service.get());

@@ -61,6 +61,7 @@ class GateFixture : public CoordinatorFixture {
   size_t EndStalledStreams() { return gate_->EndStalledStreams(); }
 
   access::OpenCalls open_calls_;
+  std::atomic<int> shut_out_ = 0;  // calls of CallGate::Options::shut_out
 
  private:
   std::atomic<double> seconds_ = 0;

@@ -86,6 +86,19 @@ TEST_F(LimitsTest, RequestsASecondOfAWorker) {
   EXPECT_EQ(fetch().error_code(), grpc::StatusCode::NOT_FOUND);
 }
 
+TEST_F(LimitsTest, WhoeverIsRefusedAgainAndAgainIsShutOut) {
+  StartGate({.requests_per_second = 1, .request_burst = 1});
+  EXPECT_TRUE(Status(kAnn).ok());
+  for (int i = 0; i < 100; ++i) EXPECT_FALSE(Status(kAnn).ok());
+  EXPECT_EQ(shut_out_, 0);
+  EXPECT_FALSE(Status(kAnn).ok());
+  EXPECT_EQ(shut_out_, 1);
+  Advance(absl::Seconds(1));
+  EXPECT_TRUE(Status(kAnn).ok());
+  for (int i = 0; i < 10; ++i) EXPECT_FALSE(Status(kAnn).ok());
+  EXPECT_EQ(shut_out_, 1) << "ten a second are borne";
+}
+
 TEST_F(LimitsTest, OpenStreams) {
   StartGate({.streams_per_person = 2});
   StoreScene();

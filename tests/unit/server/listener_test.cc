@@ -10,6 +10,8 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cerrno>
+#include <functional>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -25,9 +27,9 @@ using ::testing::HasSubstr;
 
 class ListenerTest : public ::testing::Test {
  protected:
-  void Open(ListenerOptions options) {
+  void Open(ListenerOptions options, std::function<absl::Time()> now = rpc::MonotonicNow) {
     options.address = "127.0.0.1:0";
-    options.now = rpc::MonotonicNow;
+    options.now = std::move(now);
     options.log =
         std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(log_));
     listener_ = *Listener::Open(options);
@@ -55,6 +57,13 @@ class ListenerTest : public ::testing::Test {
     EXPECT_EQ(send(connected, bytes.data(), bytes.size(), MSG_NOSIGNAL), static_cast<ssize_t>(bytes.size()));
     connected_.push_back(connected);
     return connected;
+  }
+  /// gRPC's name of our end of a connection.
+  static std::string NameOf(int connected) {
+    sockaddr_in address = {};
+    socklen_t size = sizeof address;
+    getsockname(connected, reinterpret_cast<sockaddr*>(&address), &size);
+    return absl::StrCat("ipv4:127.0.0.1:", ntohs(address.sin_port));
   }
   /// Waits for the other side to close the connection.
   static bool IsClosed(int connected) {
@@ -112,6 +121,28 @@ TEST_F(ListenerTest, ClosesWhatIsSilent) {
   Open({.first_bytes = absl::Milliseconds(20)});
   EXPECT_TRUE(IsClosed(Connect("")));
   EXPECT_THAT(Log(), HasSubstr("reason=\"silent for 20ms\""));
+}
+
+TEST_F(ListenerTest, AnAddressThatIsShutOutOpensNothingForAWhile) {
+  std::atomic<int> seconds = 0;
+  Open({}, [&seconds] { return absl::UnixEpoch() + absl::Seconds(seconds.load()); });
+  const int kept = Connect(kPreface);
+  const int offender = Connect(kPreface);
+  AwaitTaken(2);
+  listener_->ShutOut(NameOf(offender));
+  EXPECT_TRUE(IsClosed(offender));
+  EXPECT_TRUE(IsClosed(Connect(kPreface)));
+  Connect(kPreface, 2);
+  AwaitTaken(3);
+  seconds = 10;
+  Connect(kPreface);
+  AwaitTaken(4);
+  char byte = 0;
+  EXPECT_EQ(recv(kept, &byte, 1, MSG_DONTWAIT), -1) << "the other connections of the address stay";
+  EXPECT_EQ(errno, EAGAIN);
+  const std::string log = Log();
+  EXPECT_THAT(log, HasSubstr("event=address_shut_out address=127.0.0.1 seconds=10"));
+  EXPECT_THAT(log, HasSubstr("reason=\"the address is shut out\""));
 }
 
 TEST_F(ListenerTest, TheConnectionsOfAnAddressAreBounded) {

@@ -15,6 +15,7 @@
 #include <cstring>
 #include <list>
 #include <map>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -24,6 +25,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
 #include "absl/synchronization/mutex.h"
+#include "server/access/rate_limit.h"
+#include "server/address_filter.h"
 #include "server/connection_table.h"
 
 namespace lumifold::server {
@@ -92,7 +95,9 @@ absl::StatusOr<Descriptor> ListenAt(const addrinfo& address, int* port) {
 class ListenerImpl final : public Listener {
  public:
   explicit ListenerImpl(const ListenerOptions& options)
-      : options_(options), table_(options.connections_per_address, options.connections) {}
+      : options_(options),
+        table_(options.connections_per_address, options.connections),
+        refusals_(options.refusals_per_second, options.refusal_burst) {}
   ~ListenerImpl() override { Stop(); }
 
   absl::Status Listen();
@@ -135,7 +140,10 @@ class ListenerImpl final : public Listener {
   void Run();
   /// Does what other threads asked for. False: to stop.
   bool TakeOrders();
-  void CloseAndShut(const Peer& peer);
+  void CloseAndShutOut(const Peer& peer);
+  void ShutOutNetwork(const std::string& network);
+  void Readmit();
+  void UpdateFilter();
   bool IsShutOut(const std::string& network);
   void Accept(int listening);
   void OnBytes(Silents::iterator silent);
@@ -152,6 +160,7 @@ class ListenerImpl final : public Listener {
   std::function<void(int)> take_;
   // Used by the thread only.
   ConnectionTable table_;
+  access::TokenBuckets refusals_;
   Silents silents_;
   std::map<int, Silents::iterator> silent_by_socket_;
   std::map<std::string, absl::Time> shut_out_;  // networks, and until when
@@ -210,6 +219,7 @@ void ListenerImpl::Run() {
       }
     }
     CloseSilent();
+    Readmit();
   }
 }
 
@@ -222,22 +232,33 @@ bool ListenerImpl::TakeOrders() {
     if (stopping_) return false;
     peers.swap(to_shut_out_);
   }
-  for (const Peer& peer : peers) CloseAndShut(peer);
+  for (const Peer& peer : peers) CloseAndShutOut(peer);
   return true;
 }
 
-void ListenerImpl::CloseAndShut(const Peer& peer) {
-  const absl::Time now = options_.now();
-  std::erase_if(shut_out_, [now](const auto& entry) { return entry.second <= now; });
-  const bool is_new = shut_out_.insert_or_assign(peer.network, now + options_.shut_out).second;
+void ListenerImpl::CloseAndShutOut(const Peer& peer) {
+  ShutOutNetwork(peer.network);
   // Its owner may close it in this moment, and the number may be another connection's: that one would be opened again.
   if (const std::optional<int> socket = table_.Find(peer)) shutdown(*socket, SHUT_RDWR);
-  if (!is_new) return;
-  options_.log->warn(
-      "event=address_shut_out address={} seconds={} reason=\"its calls were refused too often\"",
-      peer.network, absl::ToInt64Seconds(options_.shut_out));
 }
 
+void ListenerImpl::ShutOutNetwork(const std::string& network) {
+  if (!shut_out_.insert_or_assign(network, options_.now() + options_.shut_out).second) return;
+  options_.log->warn("event=address_shut_out address={} seconds={} reason=\"it was refused too often\"",
+                     network, absl::ToInt64Seconds(options_.shut_out));
+  UpdateFilter();
+}
+
+void ListenerImpl::Readmit() {
+  const absl::Time now = options_.now();
+  if (std::erase_if(shut_out_, [now](const auto& entry) { return entry.second <= now; }) > 0) UpdateFilter();
+}
+
+void ListenerImpl::UpdateFilter() {
+  std::vector<std::string> networks;
+  for (const auto& [network, until] : shut_out_) networks.push_back(network);
+  for (const Descriptor& listening : listening_) FilterAddresses(listening.get(), networks);
+}
 bool ListenerImpl::IsShutOut(const std::string& network) {
   const auto found = shut_out_.find(network);
   return found != shut_out_.end() && options_.now() < found->second;
@@ -260,6 +281,7 @@ void ListenerImpl::Accept(int listening) {
                   absl::StrCat("too many connections: the limits are ", options_.connections_per_address,
                                " of an address and ", options_.connections, " of all"));
   }
+  RemoveAddressFilter(socket);
   const int on = 1;
   setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
   silents_.push_back({socket, peer, options_.now() + options_.first_bytes});
@@ -297,9 +319,10 @@ void ListenerImpl::OnBytes(Silents::iterator silent) {
 }
 
 void ListenerImpl::Refuse(int socket, const std::string& network, absl::string_view reason) {
+  const absl::Time now = options_.now();
+  if (!refusals_.Take(network, now)) ShutOutNetwork(network);
   table_.Remove(socket);
   close(socket);
-  const absl::Time now = options_.now();
   if (now - second_ >= absl::Seconds(1)) {
     if (without_line_ > 0) options_.log->warn("event=connections_refused connections={}", without_line_);
     second_ = now;

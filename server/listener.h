@@ -25,6 +25,9 @@ struct ListenerOptions {
   int connections = 16'384;
   /// Time from the connection to its first bytes.
   absl::Duration first_bytes = absl::Seconds(10);
+  /// Connections of an address that are closed by the listener: so many a second, and at once. Then it is shut out.
+  double refusals_per_second = 10;
+  double refusal_burst = 100;
   /// How long an address that was shut out opens no new connection.
   absl::Duration shut_out = absl::Seconds(10);
   /// Monotonic.
@@ -33,7 +36,8 @@ struct ListenerOptions {
 };
 
 /// Accepts connections, and hands on those that begin as they should and are not too many of one address. gRPC's own
-/// listener does not count by address. The others are closed and logged, at most ten lines a second.
+/// listener does not count by address. The others are closed and logged, at most ten lines a second; an address of which
+/// too many were closed is shut out for a while: the kernel drops its packets, where it can.
 /// Threads: has one of its own; safe.
 class Listener {
  public:

@@ -23,9 +23,9 @@ CONNECTIONS = 3000
 ALLOWED_CONNECTIONS = 200
 
 
-def connect(world):
+def connect(world, seconds=60):
     host, port = world.farm.address.rsplit(":", 1)
-    return socket.create_connection((host, int(port)), timeout=60, source_address=(ATTACKER, 0))
+    return socket.create_connection((host, int(port)), timeout=seconds, source_address=(ATTACKER, 0))
 
 
 def is_closed(connection):
@@ -206,9 +206,11 @@ def open_connections(world):
     closed = 0
     for _ in range(CONNECTIONS):
         try:
-            connection = connect(world)
+            connection = connect(world, seconds=0.5)
             connection.sendall(raw_http2.PREFACE + raw_http2.frame(raw_http2.SETTINGS, 0, 0))
             connections.append(connection)
+        except TimeoutError:
+            break  # we are shut out
         except OSError:
             closed += 1
     return connections, closed
@@ -234,7 +236,7 @@ def connections_were_bounded(world, kept):
     if kept > ALLOWED_CONNECTIONS:
         raise AssertionError(f"{kept} connections of one address were kept, allowed are {ALLOWED_CONNECTIONS}")
     lines = world.count(REFUSED + '"too many connections') + world.count("event=connections_refused")
-    return f"{kept} of {CONNECTIONS} connections kept, {expect_count(lines, 'lines')}"
+    return f"{kept} connections kept, {expect_count(lines, 'lines')}"
 
 
 def huge_frames(world):

@@ -64,10 +64,16 @@ void CallGate::Call::SetEnd(access::OpenCalls::End end) {
 }
 
 void CallGate::Call::AwaitPeer() {
-  gate_->options_.open_calls->SetDeadline(*open_call_, gate_->options_.now() + stall_limit_);
+  gate_->options_.open_calls->SetDeadline(*open_call_, stall_->Await(gate_->options_.now()));
 }
 
 void CallGate::Call::PeerMoved() {
+  stall_->Restart();
+  gate_->options_.open_calls->SetDeadline(*open_call_, absl::InfiniteFuture());
+}
+
+void CallGate::Call::PeerMoved(uint64_t bytes) {
+  stall_->Move(gate_->options_.now(), bytes);
   gate_->options_.open_calls->SetDeadline(*open_call_, absl::InfiniteFuture());
 }
 
@@ -125,7 +131,8 @@ size_t CallGate::EndStalledStreams() {
   return options_.open_calls->EndOverdue(
       options_.now(), absl::DeadlineExceededError(absl::StrCat(
                           "the stream has stalled: its other end neither sent nor took a message for ",
-                          absl::FormatDuration(options_.limits.stalled_stream))));
+                          absl::FormatDuration(options_.limits.stalled_stream), ", or fewer than ",
+                          options_.limits.stalled_file_bytes, " bytes of a file")));
 }
 
 absl::Status CallGate::Check(const Call& call, absl::string_view rpc_path) {
@@ -160,8 +167,9 @@ absl::Status CallGate::OpenStream(grpc::CallbackServerContext* context, Call* ca
     call->stream_key_ = std::move(key);
   }
   // A heartbeat may come as late as its lease lets it.
-  call->stall_limit_ = is_of_worker ? std::max(options_.limits.stalled_stream, 2 * options_.lease)
-                                    : options_.limits.stalled_stream;
+  call->stall_.emplace(is_of_worker ? std::max(options_.limits.stalled_stream, 2 * options_.lease)
+                                    : options_.limits.stalled_stream,
+                       options_.limits.stalled_file_bytes);
   call->open_call_ =
       options_.open_calls->Add(call->caller(), [context](const absl::Status&) { context->TryCancel(); });
   // The caller's token may have been revoked since it was looked at, before the call could be ended.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -14,6 +15,7 @@
 #include "server/access/open_calls.h"
 #include "server/access/rate_limit.h"
 #include "server/limits.h"
+#include "server/stall_clock.h"
 
 namespace grpc {
 class CallbackServerContext;
@@ -63,10 +65,12 @@ class CallGate {
     /// has stalled. `end` is called at most once, from another thread, before the call's destruction.
     void SetEnd(access::OpenCalls::End end);
     /// It is the turn of the other end: to send a message, or to take one. If nothing comes for Limits::stalled_stream, the
-    /// stream has stalled.
+    /// stream has stalled. One thread at a time calls these three.
     void AwaitPeer();
-    /// It is no longer.
+    /// It is no longer: a message has come or gone, which is progress whatever its size.
     void PeerMoved();
+    /// The same for `bytes` of a file, of which Limits::stalled_file_bytes are progress.
+    void PeerMoved(uint64_t bytes);
 
    private:
     friend class CallGate;
@@ -76,7 +80,7 @@ class CallGate {
     std::string limit_key_;
     std::optional<std::string> stream_key_;
     std::optional<uint64_t> open_call_;
-    absl::Duration stall_limit_;
+    std::optional<StallClock> stall_;  // of a stream
     bool ended_ = false;
   };
 

@@ -49,7 +49,7 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
   }
 
   void OnWriteDone(bool ok) override {
-    call_->PeerMoved();
+    call_->PeerMoved(chunk_.data().size());
     if (ok) {
       WriteNext();
     } else {
@@ -89,7 +89,7 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
   }
 
   void OnReadDone(bool ok) override {
-    call_->PeerMoved();
+    call_->PeerMoved(ok ? request_.chunk().data().size() : 0);
     if (HasEnded()) {
       upload_.reset();
       return;

@@ -37,14 +37,14 @@ void GateFixture::StartGate(const Limits& limits) {
   }
   audit_ = *access::AuditLog::Open({.path = folder_.PathOf("audit.log")});
   checks_ = std::make_unique<AssetChecks>(assets_.get());
-  gate_ = std::make_unique<CallGate>(
-      CallGate::Options{.callers = &callers_,
-                        .open_calls = &open_calls_,
-                        .audit = audit_.get(),
-                        .limits = limits,
-                        .now = [this] { return absl::UnixEpoch() + absl::Seconds(seconds_.load()); },
-                        .wall_now = [] { return absl::UnixEpoch(); },
-                        .shut_out = [this](absl::string_view) { ++shut_out_; }});
+  gate_ =
+      std::make_unique<CallGate>(CallGate::Options{.callers = &callers_,
+                                                   .open_calls = &open_calls_,
+                                                   .audit = audit_.get(),
+                                                   .limits = limits,
+                                                   .now = [this] { return Now(); },
+                                                   .wall_now = [] { return absl::UnixEpoch(); },
+                                                   .shut_out = [this](absl::string_view) { ++shut_out_; }});
   services_ = MakeServices(coordinator_.get(), checks_.get(), gate_.get());
   grpc::ServerBuilder builder;
   for (const auto& service : services_) builder.RegisterService(service.get());
@@ -52,6 +52,11 @@ void GateFixture::StartGate(const Limits& limits) {
   channel_ = server_->InProcessChannel({});
   farm_ = v1::FarmService::NewStub(channel_);
   workers_ = v1::WorkerService::NewStub(channel_);
+}
+
+absl::Time GateFixture::Now() {
+  ++clock_reads_;
+  return absl::UnixEpoch() + absl::Seconds(seconds_.load());
 }
 
 void GateFixture::StopGate() {

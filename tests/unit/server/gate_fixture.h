@@ -59,12 +59,17 @@ class GateFixture : public CoordinatorFixture {
   /// Moves the gate's clock, which streams read at the same time.
   void Advance(absl::Duration duration) { seconds_ = seconds_ + absl::ToDoubleSeconds(duration); }
   size_t EndStalledStreams() { return gate_->EndStalledStreams(); }
+  /// How often the gate's clock was read: streams do so when they begin to wait for their other end, and when it moves.
+  int clock_reads() const { return clock_reads_; }
 
   access::OpenCalls open_calls_;
   std::atomic<int> shut_out_ = 0;  // calls of CallGate::Options::shut_out
 
  private:
+  absl::Time Now();
+
   std::atomic<double> seconds_ = 0;
+  std::atomic<int> clock_reads_ = 0;
   EventLog events_;
   BelievedCallers callers_;
   std::unique_ptr<access::AuditLog> audit_;

@@ -3,7 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <functional>
 #include <list>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
@@ -21,6 +26,7 @@ using Stub = v1::FarmService::Stub;
 
 constexpr char kAnn[] = "person/ann/submit";
 constexpr char kBob[] = "person/bob/submit";
+constexpr uint64_t kAssetBytes = 1'000'000;
 
 class LimitsTest : public GateFixture {
  protected:
@@ -48,11 +54,70 @@ class LimitsTest : public GateFixture {
   }
   /// How an upload ends that the coordinator refuses.
   static grpc::Status EndOf(HalfUpload* upload) { return upload->writer->Finish(); }
+  /// Sends the next `bytes` of the asset 1.
+  static void Send(HalfUpload* upload, uint64_t* sent, uint64_t bytes) {
+    v1::UploadAssetRequest request;
+    v1::ByteChunk* chunk = request.mutable_chunk();
+    chunk->set_offset(std::exchange(*sent, *sent + bytes));
+    chunk->set_data(std::string(bytes, 'x'));
+    chunk->set_checksum(rpc::Checksum(chunk->data()));
+    chunk->set_total_size(kAssetBytes);
+    upload->writer->Write(request);
+  }
+
+  /// A job of kAnn's with a result of `chunks` chunks.
+  void FinishJob(int chunks) {
+    StoreScene();
+    ASSERT_TRUE(SubmitAs(kAnn, "downloaded", "", &job_).ok());
+    PumpedWorker worker(coordinator_.get(), 1);
+    ASSERT_EQ(Finish(job::JobId(job_), &worker).state(), v1::JOB_STATE_DONE);
+    std::filesystem::resize_file(data_.ResultPath(job::JobId(job_), 0),
+                                 static_cast<uint64_t>(chunks) * rpc::kMaxChunkBytes);
+  }
+  /// Starts to download that.
+  std::unique_ptr<grpc::ClientReader<v1::ByteChunk>> Download() {
+    v1::DownloadResultRequest request;
+    request.set_job_id(job_);
+    context_ = As(kAnn);
+    return farm().DownloadResult(context_.get(), request);
+  }
+  /// The same, until the coordinator waits for the reader: looks at the clock are for the rate of calls and for that.
+  std::unique_ptr<grpc::ClientReader<v1::ByteChunk>> AwaitDownload() {
+    const int before = clock_reads();
+    auto reader = Download();
+    Await([&] { return clock_reads() == before + 2; });
+    return reader;
+  }
+  /// Announces the asset 1, until the coordinator waits for its first bytes: as above, and then the announcement has moved.
+  HalfUpload* AwaitUpload() {
+    const int before = clock_reads();
+    HalfUpload* upload = Announce(kAnn, 1, kAssetBytes);
+    Await([&] { return clock_reads() == before + 4; });
+    return upload;
+  }
+
+  /// Of the only stream: moves a message with `move`, then the clock by `pause`, until the stream is ended; at most `most`
+  /// times. Returns how often.
+  int Drip(int most, absl::Duration pause, const std::function<void()>& move) {
+    int moved = 0;
+    for (size_t ended = 0; moved < most && ended == 0; ++moved) {
+      const int before = clock_reads();
+      move();
+      // One look at the clock when the message has moved, one when the coordinator waits for the next.
+      Await([&] { return clock_reads() == before + 2; });
+      Advance(pause);
+      ended = EndStalledStreams();
+    }
+    return moved;
+  }
+
   ~LimitsTest() override {
     for (HalfUpload& upload : uploads_) upload.context->TryCancel();
   }
 
   std::list<HalfUpload> uploads_;
+  std::string job_;
+  std::unique_ptr<grpc::ClientContext> context_;
 };
 
 TEST_F(LimitsTest, RequestsASecond) {
@@ -232,13 +297,71 @@ TEST_F(LimitsTest, AnUploadThatStallsLosesItsPlace) {
     const grpc::Status end = EndOf(upload);
     EXPECT_EQ(end.error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
     EXPECT_EQ(end.error_message(),
-              "the stream has stalled: its other end neither sent nor took a message for 10s");
+              "the stream has stalled: its other end neither sent nor took a message for 10s, or fewer than "
+              "1048576 bytes of a file");
   }
   Await([&] {  // the places are free again
     HalfUpload* upload = Announce(kAnn, 100, 1000);
     upload->writer->WritesDone();
     return EndOf(upload).error_code() == grpc::StatusCode::DATA_LOSS;
   });
+}
+
+TEST_F(LimitsTest, AnUploadOfAFewBytesNowAndThenLosesItsPlace) {
+  StartGate({.stalled_stream = absl::Seconds(10), .stalled_file_bytes = 1000});
+  HalfUpload* upload = AwaitUpload();
+  uint64_t sent = 0;
+  EXPECT_EQ(Drip(100, absl::Seconds(3), [&] { Send(upload, &sent, 10); }), 4) << "a message every 3 s";
+  EXPECT_EQ(EndOf(upload).error_code(), grpc::StatusCode::DEADLINE_EXCEEDED);
+}
+
+TEST_F(LimitsTest, AnUploadThatKeepsItsPaceKeepsItsPlace) {
+  StartGate({.stalled_stream = absl::Seconds(10), .stalled_file_bytes = 1000});
+  HalfUpload* upload = AwaitUpload();
+  uint64_t sent = 0;
+  EXPECT_EQ(Drip(100, absl::Seconds(3), [&] { Send(upload, &sent, 400); }), 100);
+}
+
+TEST_F(LimitsTest, ADownloadThatDoesNotReadLosesItsPlace) {
+  StartGate({.streams_per_person = 1, .stalled_stream = absl::Seconds(10)});
+  FinishJob(1);
+  const auto reader = Download();
+  Await([&] {
+    Advance(absl::Seconds(10));
+    return EndStalledStreams() == 1;
+  });
+  v1::ByteChunk chunk;
+  while (reader->Read(&chunk)) {
+  }
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
+  Await([&] {  // the place is free again
+    const auto again = Download();
+    while (again->Read(&chunk)) {
+    }
+    return again->Finish().ok();
+  });
+}
+
+TEST_F(LimitsTest, ADownloadThatReadsTooSlowlyLosesItsPlace) {
+  StartGate({.stalled_stream = absl::Seconds(10), .stalled_file_bytes = 3 * rpc::kMaxChunkBytes});
+  FinishJob(20);
+  const auto reader = AwaitDownload();
+  v1::ByteChunk chunk;
+  EXPECT_EQ(Drip(19, absl::Seconds(5), [&] { reader->Read(&chunk); }), 2) << "a chunk every 5 s";
+  while (reader->Read(&chunk)) {
+  }
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::CANCELLED);
+}
+
+TEST_F(LimitsTest, ADownloadThatKeepsItsPaceKeepsItsPlace) {
+  StartGate({.stalled_stream = absl::Seconds(10), .stalled_file_bytes = 3 * rpc::kMaxChunkBytes});
+  FinishJob(20);
+  const auto reader = AwaitDownload();
+  v1::ByteChunk chunk;
+  EXPECT_EQ(Drip(19, absl::Seconds(3), [&] { reader->Read(&chunk); }), 19) << "a chunk every 3 s";
+  EXPECT_TRUE(reader->Read(&chunk));
+  EXPECT_FALSE(reader->Read(&chunk));
+  EXPECT_TRUE(reader->Finish().ok());
 }
 
 TEST_F(LimitsTest, AWatcherThatDoesNotReadLosesItsPlace) {

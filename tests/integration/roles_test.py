@@ -81,6 +81,19 @@ class RolesTest(unittest.TestCase):
         self.assertEqual(cells, (len(roles) + 3) * len(rows))
         print(f"{cells} cells")
 
+    def test_what_is_open_to_everyone(self):
+        _, rows = table()
+        self.assertEqual([path.rpartition(".")[2] for path, row in rows.items() if row["nobody"] != "-"],
+                         ["Health/Check", "Health/Watch", "AccessService/Enroll", "AccessService/Login"])
+
+    def test_a_call_without_a_row_is_nobodys(self):
+        paths = ("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo", "/grpc.channelz.v1.Channelz/GetServers",
+                 "/lumifold.v1.FarmService/NoSuchCall", "/no.Such/Service")
+        for role, expected in (("nobody", "UNAUTHENTICATED"), ("read", "PERMISSION_DENIED"), ("admin", "PERMISSION_DENIED"),
+                               ("worker", "PERMISSION_DENIED")):
+            farm, credentials = self.credentials(role)
+            self.assertEqual(self.call(paths, farm, *credentials), dict.fromkeys(paths, expected), role)
+
     def submit(self, profile, *arguments, check=True):
         return self.farm.client("submit", self.scene, "--size", "32x24", "--spp", 1, "--profile", profile, *arguments, check=check)
 

@@ -1,21 +1,28 @@
 """A farm whose ledger is in PostgreSQL writes the same bytes as one process, over a SIGKILL of its coordinator."""
 
+import json
 import os
 import pathlib
+import re
+import shutil
 import subprocess
 import sys
 import tempfile
 import unittest
 
+from access_test import SecureFarm
 from farm import Farm, make_scene, run, wait_until
 
 SETTINGS = ["--size", "160x120", "--spp", "64", "--seed", "5", "--save-film"]
 SCRIPT = pathlib.Path(__file__).parents[1] / "support" / "private_postgres.sh"
 NOT_INSTALLED = 77
 PASSWORD = "secret"
+SECURITY_PAGE = pathlib.Path(__file__).parents[2] / "docs" / "security.md"
 
 
-class PostgresTest(unittest.TestCase):
+class WithPostgres(unittest.TestCase):
+    """With a PostgreSQL server of its own, in which LUMIFOLD_STORE names a database."""
+
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
@@ -33,6 +40,8 @@ class PostgresTest(unittest.TestCase):
         cls.postgres.communicate()  # it ends with its input
         cls.folder.cleanup()
 
+
+class PostgresTest(WithPostgres):
     def test_the_picture_is_the_same_over_a_killed_coordinator(self):
         scene = make_scene("cornell-box", self.root)
         expected = self.root / "one-process.exr"
@@ -64,6 +73,62 @@ class PostgresTest(unittest.TestCase):
                 self.assertIn(expected, done.stderr)
                 self.assertEqual(done.stderr.count("\n"), 1)
                 self.assertNotIn(PASSWORD, done.stderr)
+
+
+class SecondCoordinatorTest(WithPostgres):
+    """The steps of docs/security.md, as they stand there."""
+
+    NAME = "127.0.0.2"  # no certificate has it by itself
+
+    def follow_the_steps(self, first, second):
+        """Runs the lines before the start of the coordinator; `first` and `second` are data folders."""
+        block = re.search(r"<!-- second coordinator: begin -->\n```sh\n(.*?)```", SECURITY_PAGE.read_text(), re.DOTALL).group(1)
+        for words, own in (("scp -p", "cp -p"), ("FIRST:DIR", str(first)), ("DIR", str(second)), ("second.example.org", self.NAME)):
+            self.assertIn(words, block)
+            block = block.replace(words, own)
+        *steps, start = block.strip().splitlines()
+        self.assertEqual(start, f"lumifold-server --data {second} --listen {self.NAME}:7700")
+        subprocess.run(["sh", "-euc", "\n".join(steps)], check=True, timeout=60)
+
+    def profile_for(self, profile, farm, profiles):
+        """A copy of a profile, for another coordinator; returns its name."""
+        copy = f"{profile}-second"
+        shutil.copytree(profiles / profile, profiles / copy)
+        path = profiles / copy / "profile"
+        path.write_text(re.sub(r"(?m)^server=.*$", f"server={farm.address}", path.read_text()))
+        return copy
+
+    def test_people_workers_and_revocations_are_known_to_both(self):
+        scene = make_scene("cornell-box", self.root)
+        with SecureFarm(self.root / "first") as first:
+            for name in ("ann", "bob"):
+                first.join("login", first.invite(name, "--scope", "submit"), profile=name)
+            first.enroll("node-1", "node-1")
+            left = first.client("submit", scene, *SETTINGS, "--profile", "ann").stdout.strip()
+            second_data = self.root / "second"
+            self.follow_the_steps(first.data, second_data)
+            for path in (second_data, *second_data.rglob("*")):
+                self.assertEqual(path.stat().st_mode & 0o077, 0, path)
+            with Farm(second_data, listen=f"{self.NAME}:0") as second:
+                ann, bob, node = (self.profile_for(name, second, first.profiles) for name in ("ann", "bob", "node-1"))
+                for profile in (ann, bob):
+                    self.assertEqual(json.loads(second.client("whoami", "--json", "--profile", profile).stdout)["scopes"], ["submit"])
+                first.client("revoke", "bob")  # at the first
+                wait_until(lambda: "was revoked" in second.client("list", "--profile", bob, check=False).stderr,
+                           "the revocation at the second", seconds=30)
+                first.server.stop()
+                # The job is the second one's now, and waits for its scene.
+                worker = second.start_worker("--profile", node)
+                wait_until(lambda: "submit the scene again" in second.client("explain", left, "--profile", ann).stdout,
+                           "a job that says what it waits for")
+                job = second.client("submit", scene, *SETTINGS, "--profile", ann).stdout.strip()
+                for each in (job, left):
+                    second.client("wait", each, "--profile", ann)
+                self.assertTrue(worker.is_running())
+                pictures = [self.root / "left.exr", self.root / "job.exr"]
+                for each, path in zip((left, job), pictures):
+                    second.client("download", each, "-o", path, "--profile", ann)
+                self.assertEqual(pictures[0].read_bytes(), pictures[1].read_bytes())
 
 
 if __name__ == "__main__":

@@ -96,6 +96,14 @@ class LimitsTest : public GateFixture {
     return upload;
   }
 
+  /// Lets the only stream stall, where the limit is 10 s.
+  void AwaitStall() {
+    Await([&] {
+      Advance(absl::Seconds(10));
+      return EndStalledStreams() == 1;
+    });
+  }
+
   /// Of the only stream: moves a message with `move`, then the clock by `pause`, until the stream is ended; at most `most`
   /// times. Returns how often.
   int Drip(int most, absl::Duration pause, const std::function<void()>& move) {
@@ -326,10 +334,7 @@ TEST_F(LimitsTest, ADownloadThatDoesNotReadLosesItsPlace) {
   StartGate({.streams_per_person = 1, .stalled_stream = absl::Seconds(10)});
   FinishJob(1);
   const auto reader = Download();
-  Await([&] {
-    Advance(absl::Seconds(10));
-    return EndStalledStreams() == 1;
-  });
+  AwaitStall();
   v1::ByteChunk chunk;
   while (reader->Read(&chunk)) {
   }
@@ -373,10 +378,7 @@ TEST_F(LimitsTest, AWatcherThatDoesNotReadLosesItsPlace) {
   request.set_job_id(job);
   const auto context = As(kAnn);
   const auto reader = farm().WatchJob(context.get(), request);
-  Await([&] {
-    Advance(absl::Seconds(10));
-    return EndStalledStreams() == 1;
-  });
+  AwaitStall();
   v1::JobStatus status;
   while (reader->Read(&status)) {
   }
@@ -414,10 +416,7 @@ TEST_F(LimitsTest, AWorkerThatSaysNothingIsDisconnected) {
   stream->Write(message);
   v1::CoordinatorMessage answer;
   ASSERT_TRUE(stream->Read(&answer));
-  Await([&] {
-    Advance(absl::Seconds(10));
-    return EndStalledStreams() == 1;
-  });
+  AwaitStall();
   EXPECT_FALSE(stream->Read(&answer));
   // Cancelled where the coordinator has not yet learnt that Welcome was read.
   EXPECT_THAT(stream->Finish().error_code(),

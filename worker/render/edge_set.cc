@@ -9,8 +9,6 @@
 namespace lumifold::render {
 namespace {
 
-using scene::Vec3;
-
 constexpr float kMinCosine = 0.9f;         // between normals of one surface
 constexpr float kDistanceRatio = 1.0513f;  // e^0.05
 

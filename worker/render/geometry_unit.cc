@@ -168,8 +168,10 @@ class GeometryUnit {
   using Row = std::vector<Pixel>;
 
   Ray RayOf(int x, int y, int sub_sample) const {
-    const float dx = (static_cast<float>(sub_sample % kGrid) + 0.5f) / kGrid;
-    const float dy = (static_cast<float>(sub_sample / kGrid) + 0.5f) / kGrid;
+    const int column = sub_sample % kGrid;
+    const int row = sub_sample / kGrid;
+    const float dx = (static_cast<float>(column) + 0.5f) / kGrid;
+    const float dy = (static_cast<float>(row) + 0.5f) / kGrid;
     Ray ray = camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy,
                                  LensPointOf(sub_sample), 1.0f / kGrid);
     // The same key in all frames, so that half-transparent surfaces do not flicker.

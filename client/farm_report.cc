@@ -7,6 +7,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
 #include "client/job_report.h"
+#include "client/plan_report.h"
 
 namespace lumifold::client {
 namespace {
@@ -81,6 +82,7 @@ std::string ExplanationText(const v1::ExplainJobResponse& explanation) {
   for (const v1::Reason& reason : explanation.reasons())
     absl::StrAppend(&text, reason.code(), ": ", reason.text(), "\n");
   if (explanation.reasons().empty()) absl::StrAppend(&text, "nothing holds it up\n");
+  if (explanation.has_plan()) absl::StrAppend(&text, "\n", PlanTable(explanation.plan()));
   return text;
 }
 
@@ -91,6 +93,7 @@ std::string ExplanationJson(const v1::ExplainJobResponse& explanation) {
   json["reasons"] = nlohmann::ordered_json::array();
   for (const v1::Reason& reason : explanation.reasons())
     json["reasons"].push_back({{"code", reason.code()}, {"text", reason.text()}});
+  if (explanation.has_plan()) json["plan"] = nlohmann::ordered_json::parse(PlanJson(explanation.plan()));
   return Line(json);
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "filter/image/decisions.h"
 
 namespace lumifold::client {
 namespace {
@@ -53,6 +54,11 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
                               "Limit of all files of the job in MiB (default 65536)");
   command_line.AddFlag("--save-film", &options->save_film,
                        "Write every layer that the filter reads into the result");
+  command_line.AddText(
+      "--plan", "WHICH", &options->plan,
+      "'auto': leave out what the scene does not need; 'full': model everything (default auto)");
+  command_line.AddTexts("--force", "NAME=VALUE", &options->forced,
+                        "Override a decision of the plan; repeatable");
 }
 
 std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
@@ -63,6 +69,12 @@ std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::st
   if (options.environment.empty() &&
       (options.environment_rotate_degrees != 0 || options.environment_scale != 1))
     return report("--env-rotate and --env-scale require --env");
+  if (options.plan != "auto" && options.plan != "full") {
+    return ReportUsage(environment, command,
+                       absl::StrCat("--plan: expected 'auto' or 'full'; got '", options.plan, "'"));
+  }
+  if (const absl::Status forced = decisions::ParseForced(options.forced).status(); !forced.ok())
+    return ReportUsage(environment, command, absl::StrCat("--force: ", std::string(forced.message())));
   return std::nullopt;
 }
 
@@ -102,6 +114,8 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
   spec.set_max_bounces(options.max_bounces);
   spec.mutable_filter()->set_method(options.method);
   spec.set_save_film(options.save_film);
+  spec.mutable_planning()->set_mode(options.plan == "full" ? v1::PLAN_MODE_FULL : v1::PLAN_MODE_AUTO);
+  for (const std::string& forced : options.forced) spec.mutable_planning()->add_forced(forced);
   if (!options.environment.empty()) {
     spec.mutable_environment()->set_uri(EnvironmentUri(options.environment));
     spec.mutable_environment()->set_rotate_degrees(options.environment_rotate_degrees);

@@ -19,7 +19,7 @@ namespace lumifold::client {
 /// Maximum number of samples per pixel.
 inline constexpr int kMaxSamples = 1 << 20;
 
-/// Options of `render` and `submit`: all parameters that determine the picture.
+/// Options of `render`, `submit` and `plan`: all parameters that determine the picture.
 struct JobOptions {
   std::string scene;
   PictureSize size;
@@ -39,6 +39,8 @@ struct JobOptions {
   float environment_scale = 1;
   float f_stop = 0;  // 0: pinhole camera
   float focus_metres = 0;
+  std::string plan = "auto";        // or "full"
+  std::vector<std::string> forced;  // "NAME=VALUE": decisions of the plan to override
 };
 
 /// Adds SCENE and the options above to a command.

@@ -1,8 +1,6 @@
 #pragma once
 
 #include <functional>
-#include <string>
-#include <vector>
 
 #include "absl/status/statusor.h"
 #include "client/assets.h"
@@ -10,21 +8,10 @@
 
 namespace lumifold::client {
 
-struct PlanOptions {
-  bool full = false;                // model everything
-  std::vector<std::string> forced;  // "NAME=VALUE": decisions to override
-};
-
-/// What `plan` prints.
-struct PlanTexts {
-  std::string table;  // for people
-  std::string json;   // one line
-};
-
-/// Plans the first frame of a job: `spec` names the scene, `assets` are its files. The program passes this
+/// Plans a job by its first frame: `spec` names the scene, `assets` are its files. The program passes this
 /// function in, so that the client library does not link the renderer.
-/// Errors: those of worker::LoadJobScene, plan::RunProbe and plan::MakePlan.
-using ScenePlanner = std::function<absl::StatusOr<PlanTexts>(
-    const v1::JobSpec& spec, const SceneAssets& assets, const PlanOptions& options)>;
+/// Errors: those of worker::LoadJobScene and worker::PlanJob.
+using ScenePlanner =
+    std::function<absl::StatusOr<v1::Plan>(const v1::JobSpec& spec, const SceneAssets& assets)>;
 
 }  // namespace lumifold::client

@@ -147,6 +147,8 @@ absl::StatusOr<v1::SubmitJobResponse> Coordinator::SubmitJob(const v1::SubmitJob
     return absl::InvalidArgumentError(absl::StrCat("request_id has ", request.request_id().size(),
                                                    " bytes, not 1 to ", job::kMaxRequestIdBytes));
   }
+  if (request.spec().has_plan())
+    return absl::InvalidArgumentError("plan is set by the coordinator; planning says how");
   absl::StatusOr<v1::JobSpec> spec = job::NormaliseJobSpec(request.spec());
   if (!spec.ok()) return spec.status();
   absl::StatusOr<v1::Scheduling> scheduling = job::NormaliseScheduling(request.scheduling());

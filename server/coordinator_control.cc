@@ -168,6 +168,9 @@ absl::StatusOr<v1::ExplainJobResponse> Coordinator::ExplainJob(const std::string
   if (!status.ok()) return status.status();
   v1::ExplainJobResponse response;
   *response.mutable_status() = *status;
+  const absl::StatusOr<v1::Plan> plan = PlanOf(JobId(job_id));
+  if (!plan.ok()) return plan.status();
+  if (plan->decisions_size() > 0) *response.mutable_plan() = *plan;
   if (status->state() == v1::JOB_STATE_FAILED) AddReason("failed", status->error(), &response);
   if (status->state() == v1::JOB_STATE_CANCELLED) AddReason("cancelled", "the job was cancelled", &response);
   if (HasEnded(status->state())) return response;

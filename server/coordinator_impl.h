@@ -85,6 +85,7 @@ struct CoordinatorOptions {
 struct LeasedUnit {
   Rect rect;
   SampleRange samples;
+  film::UnitModel model;
 };
 
 /// Queue of messages to a worker. Send never blocks and never calls back.
@@ -187,6 +188,11 @@ class Coordinator final : private Committer::Listener {
   std::optional<LeasedUnit> FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
   /// Accepts a complete unit whose layout and values are valid.
   void Deliver(job::WorkerId worker, film::EncodedUnit unit);
+  /// Accepts the result of a plan unit that the worker holds, and commits it: only then is the job divided into the units
+  /// of its frames. In coordinator_plans.cc.
+  /// Errors: those of job::PlannedSpec.
+  absl::Status DeliverPlan(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                           const v1::Plan& plan);
   /// Acknowledges a unit that is not wanted, so that the worker drops it.
   void Dismiss(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
   /// Fails a delivered unit that is not valid, and tells the worker the reason.
@@ -289,6 +295,15 @@ class Coordinator final : private Committer::Listener {
   /// Adds the jobs of a page that the request asks for.
   absl::Status AddListed(const ledger::JobPage& page, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response);
+
+  // Plans, see coordinator_plans.cc.
+  /// The job's plan; without decisions if it has none. Errors: those of the ledger.
+  absl::StatusOr<v1::Plan> PlanOf(const job::JobId& job);
+  /// Writes the plan of a job to the disk and the ledger. On the committer's thread.
+  absl::Status RecordPlan(const job::JobId& job, const v1::JobSpec& planned);
+  /// The plan of an accepted unit is recorded, or cannot be.
+  void OnPlanRecorded(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
+                      const v1::JobSpec& planned, const absl::Status& status);
 
   // Dependencies, see coordinator_dependencies.cc.
   /// As ReadPrerequisites. Errors: also kInvalidArgument naming a job that is not known, or for too many.

@@ -150,6 +150,9 @@ void Coordinator::EnterJob(LoadedJob loaded) {
   active_jobs_[id] = loaded.record;
   if (!loaded.error.empty()) return EndJob(id, v1::JOB_STATE_FAILED, loaded.error);
   scheduler::JobOptions options = scheduler::OptionsOf(loaded.record.scheduling);
+  // The plan binds the job to its class before any unit does.
+  const std::string& planned_class = loaded.record.spec.plan().numeric_class();
+  if (!planned_class.empty()) options.numeric_class = planned_class;
   if (!loaded.record.numeric_class.empty()) options.numeric_class = loaded.record.numeric_class;
   scheduler_.AddJob(id, loaded.record.spec, options);
   LimitFramesFor(id);

@@ -123,7 +123,8 @@ std::optional<LeasedUnit> Coordinator::FindLease(WorkerId worker, const UnitRef&
   absl::MutexLock lock(&mutex_);
   if (!scheduler_.HoldsLease(worker, unit, attempt)) return std::nullopt;
   const job::FrameUnits& units = scheduler_.UnitsOf(unit.job);
-  return LeasedUnit{units.tiles().RectOf(unit.key.tile), units.SamplesOf(unit.key)};
+  return LeasedUnit{units.tiles().RectOf(unit.key.tile), units.SamplesOf(unit.key),
+                    film::ModelOf(scheduler_.SpecOf(unit.job))};
 }
 
 void Coordinator::Deliver(WorkerId worker, film::EncodedUnit unit) {

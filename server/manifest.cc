@@ -62,6 +62,13 @@ absl::Status RewriteManifest(const DataFolder& folder, const job::JobId& job,
   return WriteTo(folder, folder.ManifestPath(job), *manifest);
 }
 
+absl::Status RewriteManifest(const DataFolder& folder, const job::JobId& job, const v1::JobSpec& spec) {
+  absl::StatusOr<v1::JobManifest> manifest = ReadManifest(folder.ManifestPath(job));
+  if (!manifest.ok()) return manifest.status();
+  *manifest->mutable_spec() = spec;
+  return WriteTo(folder, folder.ManifestPath(job), *manifest);
+}
+
 absl::Status RetireJob(const DataFolder& folder, const job::JobId& job, v1::JobState end_state,
                        const std::string& error) {
   absl::StatusOr<v1::JobManifest> manifest = ReadManifest(folder.ManifestPath(job));

@@ -20,10 +20,11 @@ ledger::NewJob JobOf(const v1::JobManifest& manifest, const ledger::Owner& owner
 /// Errors: kUnavailable naming the file. Durable once it returns OK.
 absl::Status WriteManifest(const DataFolder& folder, const v1::JobManifest& manifest);
 
-/// Replaces the scheduling in the manifest of a job that has not ended.
+/// Replaces the scheduling, or the spec, in the manifest of a job that has not ended.
 /// Errors: as ReadManifest and WriteManifest.
 absl::Status RewriteManifest(const DataFolder& folder, const job::JobId& job,
                              const v1::Scheduling& scheduling);
+absl::Status RewriteManifest(const DataFolder& folder, const job::JobId& job, const v1::JobSpec& spec);
 
 /// Moves the manifest of a job that has ended beside its results, with its end. Can be repeated; no effect on a job
 /// whose manifest is there.

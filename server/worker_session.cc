@@ -22,6 +22,25 @@ v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
   return stats;
 }
 
+/// The plan that is stored: its texts are bounded, and fields that are not known are dropped.
+v1::Plan StoredPlan(const v1::Plan& delivered) {
+  v1::Plan plan;
+  for (const v1::PlanDecision& decision : delivered.decisions()) {
+    v1::PlanDecision* stored = plan.add_decisions();
+    stored->set_name(decision.name());
+    stored->set_value(decision.value());
+    stored->set_source(decision.source());
+    stored->set_reason(rpc::BoundedLine(decision.reason(), rpc::kMaxReasonBytes));
+    stored->set_saving(rpc::BoundedLine(decision.saving(), rpc::kMaxReasonBytes));
+  }
+  plan.set_probe_rays(delivered.probe_rays());
+  plan.set_probe_seconds(delivered.probe_seconds());
+  plan.set_seconds_per_sample(delivered.seconds_per_sample());
+  plan.set_noise(delivered.noise());
+  *plan.mutable_tile_order() = delivered.tile_order();
+  return plan;
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* coordinator,
@@ -42,6 +61,9 @@ absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
       return absl::OkStatus();
     case v1::WorkerMessage::kChunk:
       OnChunk(message->mutable_chunk());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kPlan:
+      OnPlan(message->mutable_plan());
       return absl::OkStatus();
     case v1::WorkerMessage::kFailure:
       OnFailure(message->failure());
@@ -90,8 +112,21 @@ void WorkerSession::OnChunk(v1::UnitChunk* chunk) {
   if (chunk->pixels().last()) coordinator_->Dismiss(worker_, lease.first, lease.second);
 }
 
+void WorkerSession::OnPlan(v1::DeliveredPlan* delivered) {
+  const job::UnitRef unit = job::UnitFromProto(delivered->unit());
+  const job::Attempt attempt(delivered->attempt());
+  const absl::Status status =
+      unit.key.kind == v1::UNIT_KIND_PLAN
+          ? coordinator_->DeliverPlan(worker_, unit, attempt, StoredPlan(delivered->plan()))
+          : absl::InvalidArgumentError("unit: a plan was delivered for it");
+  if (!status.ok()) coordinator_->RefuseUnit(worker_, unit, attempt, std::string(status.message()));
+}
+
 absl::Status WorkerSession::Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased) {
-  const auto entry = arriving_.try_emplace(lease, lease.first.key.kind, leased.rect, leased.samples).first;
+  if (lease.first.key.kind == v1::UNIT_KIND_PLAN)
+    return absl::InvalidArgumentError("unit: a plan unit has no pixels");
+  const auto entry =
+      arriving_.try_emplace(lease, lease.first.key.kind, leased.rect, leased.samples, leased.model).first;
   const v1::UnitStats stats = StoredStats(chunk->stats());
   if (absl::Status status = entry->second.Add(std::move(*chunk)); !status.ok()) return status;
   if (!entry->second.IsComplete()) return absl::OkStatus();

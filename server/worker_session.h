@@ -40,6 +40,7 @@ class WorkerSession {
   void OnHeartbeat(const v1::Heartbeat& heartbeat);
   void OnFailure(const v1::UnitFailure& failure);
   void OnChunk(v1::UnitChunk* chunk);
+  void OnPlan(v1::DeliveredPlan* delivered);
   absl::Status Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased);
 
   Coordinator* const coordinator_;

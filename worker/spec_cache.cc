@@ -3,14 +3,23 @@
 #include <utility>
 
 namespace lumifold::worker {
+namespace {
 
-absl::StatusOr<std::shared_ptr<const v1::JobSpec>> SpecCache::Get(const std::string& job_id) {
+/// Whether the spec is of the time of the unit: before or after the job was planned.
+bool Fits(const v1::JobSpec& spec, v1::UnitKind kind) {
+  return kind == v1::UNIT_KIND_PLAN || spec.planning().mode() == v1::PLAN_MODE_FULL || spec.has_plan();
+}
+
+}  // namespace
+
+absl::StatusOr<std::shared_ptr<const v1::JobSpec>> SpecCache::Get(const std::string& job_id,
+                                                                 v1::UnitKind kind) {
   {
     absl::MutexLock lock(&mutex_);
     const auto is_settled = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS { return !fetching_.contains(job_id); };
     mutex_.Await(absl::Condition(&is_settled));
     const auto found = specs_.find(job_id);
-    if (found != specs_.end()) return found->second;
+    if (found != specs_.end() && Fits(*found->second, kind)) return found->second;
     fetching_.insert(job_id);
   }
   absl::StatusOr<v1::JobSpec> fetched = source_->Fetch(job_id);

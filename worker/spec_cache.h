@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "lumifold/v1/job.pb.h"
+#include "lumifold/v1/worker.pb.h"
 
 namespace lumifold::worker {
 
@@ -24,15 +25,17 @@ class SpecSource {
   virtual absl::StatusOr<v1::JobSpec> Fetch(const std::string& job_id) = 0;
 };
 
-/// Fetches the spec of each job once. Threads that want a spec that is being fetched wait for it.
+/// Fetches the spec of each job once, and again when it is planned. Threads that want a spec that is being fetched wait
+/// for it.
 /// Threads: safe concurrently.
 class SpecCache {
  public:
   /// `source` must outlive it.
   explicit SpecCache(SpecSource* source) : source_(source) {}
 
+  /// The spec for a unit of this kind: all kinds but plan units are of jobs that are planned.
   /// Errors: those of the source; they are not kept.
-  absl::StatusOr<std::shared_ptr<const v1::JobSpec>> Get(const std::string& job_id);
+  absl::StatusOr<std::shared_ptr<const v1::JobSpec>> Get(const std::string& job_id, v1::UnitKind kind);
   /// The job has ended. A spec that is being fetched is not kept.
   void Forget(const std::string& job_id);
   void Clear();

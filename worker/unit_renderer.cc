@@ -11,7 +11,7 @@
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
-#include "worker/plan/plan.h"
+#include "worker/job_plan.h"
 
 namespace lumifold::worker {
 namespace {
@@ -32,7 +32,7 @@ absl::Status CheckLease(const v1::JobSpec& spec, const v1::Lease& lease) {
   const Rect rect = RectOf(lease.rect());
   const bool is_inside = rect.x0 >= 0 && rect.x0 < rect.x1 && rect.x1 <= spec.width() && rect.y0 >= 0 &&
                          rect.y0 < rect.y1 && rect.y1 <= spec.height();
-  const bool has_samples = lease.unit().kind() == v1::UNIT_KIND_GEOMETRY ||
+  const bool has_samples = lease.unit().kind() != v1::UNIT_KIND_PASS ||
                            (lease.first_sample() >= 0 && lease.first_sample() < lease.last_sample());
   if (is_inside && has_samples) return absl::OkStatus();
   return absl::InvalidArgumentError("the lease is not for a part of the job's picture");
@@ -62,8 +62,13 @@ std::optional<v1::AssetRef> MissingAsset(const absl::Status& failure) {
   return asset;
 }
 
-absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, const v1::UnitId& unit,
-                                                             std::atomic<int64_t>* progress) {
+absl::StatusOr<JobScene> UnitRenderer::LoadScene(const v1::JobSpec& spec, const v1::UnitId& unit,
+                                                 std::atomic<int64_t>* progress) {
+  {
+    absl::MutexLock lock(&mutex_);
+    if (planned_.has_value() && planned_->job_id == unit.job_id() && planned_->frame == unit.frame())
+      return std::move(std::exchange(planned_, std::nullopt)->scene);
+  }
   // A file that cannot be fetched fails the load, whatever the loader makes of its absence.
   absl::Status failure;
   const auto fetch = [&](const v1::AssetRef& asset) -> absl::StatusOr<std::string> {
@@ -75,22 +80,35 @@ absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& 
       failure.SetPayload(kMissingAssetPayload, absl::Cord(asset.SerializeAsString()));
     return bytes;
   };
-  absl::StatusOr<LoadedScene> loaded = LoadWith(spec, unit.frame(), fetch, progress);
+  absl::StatusOr<JobScene> scene = LoadJobScene(spec, unit.frame(), fetch, &decoded_, progress);
   if (!failure.ok()) return failure;
-  return loaded;
+  return scene;
 }
 
-absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::LoadWith(const v1::JobSpec& spec, int frame,
-                                                                 const FetchAsset& fetch,
-                                                                 std::atomic<int64_t>* progress) {
-  absl::StatusOr<JobScene> job = LoadJobScene(spec, frame, fetch, &decoded_, progress);
+absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& spec, const v1::UnitId& unit,
+                                                             std::atomic<int64_t>* progress) {
+  absl::StatusOr<JobScene> job = LoadScene(spec, unit, progress);
   if (!job.ok()) return job.status();
   const bool animated = job->scene->animated;
-  job->settings.plan = plan::ExactTracing(*job->scene, job->settings.environment != nullptr);
+  ObeyPlan(spec, &job->settings);
   absl::StatusOr<std::unique_ptr<render::Renderer>> renderer =
       render::Renderer::Create(std::move(job->scene), job->settings);
   if (!renderer.ok()) return NamingScene(renderer.status(), spec);
   return LoadedScene{*std::move(renderer), animated};
+}
+
+absl::StatusOr<RenderedUnit> UnitRenderer::Plan(const v1::JobSpec& spec, const v1::UnitId& unit,
+                                                UnitControl* control) {
+  absl::StatusOr<JobScene> scene = LoadScene(spec, unit, &control->progress);
+  if (!scene.ok()) return scene.status();
+  absl::StatusOr<v1::Plan> plan = PlanJob(spec, *scene);
+  if (!plan.ok()) return plan.status();
+  if (control->stop) return absl::CancelledError("the unit is no longer wanted");
+  RenderedUnit planned;
+  planned.plan = *std::move(plan);
+  absl::MutexLock lock(&mutex_);
+  planned_ = PlannedScene{unit.job_id(), unit.frame(), *std::move(scene)};
+  return planned;
 }
 
 std::shared_ptr<UnitRenderer::Entry> UnitRenderer::FindEntry(const v1::UnitId& unit) {
@@ -146,6 +164,7 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
 absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const v1::Lease& lease,
                                                   UnitControl* control) {
   if (absl::Status status = CheckLease(spec, lease); !status.ok()) return status;
+  if (lease.unit().kind() == v1::UNIT_KIND_PLAN) return Plan(spec, lease.unit(), control);
   absl::StatusOr<std::shared_ptr<const render::Renderer>> renderer =
       RendererOf(spec, lease.unit(), &control->progress);
   if (!renderer.ok()) return renderer.status();
@@ -179,6 +198,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
 
 void UnitRenderer::ForgetJob(const std::string& job_id) {
   absl::MutexLock lock(&mutex_);
+  if (planned_.has_value() && planned_->job_id == job_id) planned_.reset();
   std::erase_if(entries_,
                 [&](const std::shared_ptr<Entry>& entry) { return entry->ready && entry->job_id == job_id; });
 }

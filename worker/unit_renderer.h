@@ -20,10 +20,11 @@
 
 namespace lumifold::worker {
 
-/// The pixels of a unit, its edge set if it is a geometry unit, and its statistics.
+/// The pixels of a unit, its edge set if it is a geometry unit, and its statistics; or a plan.
 struct RenderedUnit {
   EdgedImage image;
   v1::UnitStats stats;
+  std::optional<v1::Plan> plan;  // of a plan unit, which has nothing else
 };
 
 /// What other threads see of a unit that is being rendered, and what they ask of it.
@@ -35,7 +36,8 @@ struct UnitControl {
 };
 
 /// Renders leased units. Loads the scene of a job for its first unit and keeps it for the next ones; an
-/// animated scene is loaded for each frame, but its pictures are decoded once.
+/// animated scene is loaded for each frame, but its pictures are decoded once. The scene of a plan unit is kept for the
+/// first unit after it.
 /// Threads: safe concurrently; threads that need a scene that is being loaded wait for it.
 class UnitRenderer {
  public:
@@ -78,14 +80,24 @@ class UnitRenderer {
   std::shared_ptr<Entry> AddEntry(const v1::UnitId& unit) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<LoadedScene> Load(const v1::JobSpec& spec, const v1::UnitId& unit,
                                    std::atomic<int64_t>* progress);
-  absl::StatusOr<LoadedScene> LoadWith(const v1::JobSpec& spec, int frame, const FetchAsset& fetch,
-                                       std::atomic<int64_t>* progress);
+  /// Reads the scene of a unit: that of the last plan unit, or from its files.
+  absl::StatusOr<JobScene> LoadScene(const v1::JobSpec& spec, const v1::UnitId& unit,
+                                     std::atomic<int64_t>* progress);
+  absl::StatusOr<RenderedUnit> Plan(const v1::JobSpec& spec, const v1::UnitId& unit, UnitControl* control);
+
+  /// The scene that a plan unit has read.
+  struct PlannedScene {
+    std::string job_id;
+    int frame = 0;
+    JobScene scene;
+  };
 
   AssetSource* assets_;
   DecodedCache decoded_;
   std::atomic<bool> stopped_ = false;
   absl::Mutex mutex_;
   std::deque<std::shared_ptr<Entry>> entries_ ABSL_GUARDED_BY(mutex_);  // least recently used first
+  std::optional<PlannedScene> planned_ ABSL_GUARDED_BY(mutex_);
 };
 
 /// Whether the cause of a failure is in the job, so that it would fail on every worker.

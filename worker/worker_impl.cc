@@ -24,6 +24,7 @@ bool IsLease(const v1::Lease& lease, const v1::UnitId& unit, int64_t attempt) {
 }
 
 std::string Describe(const v1::UnitId& unit) {
+  if (unit.kind() == v1::UNIT_KIND_PLAN) return absl::StrCat("job=", unit.job_id(), " kind=plan");
   return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " tile=", unit.tile(),
                       " pass=", unit.pass(),
                       " kind=", unit.kind() == v1::UNIT_KIND_GEOMETRY ? "geometry" : "pass");
@@ -36,7 +37,16 @@ v1::WorkerMessage MakeChunk(const v1::Lease& lease) {
   return message;
 }
 
+void SendPlan(const v1::Lease& lease, const v1::Plan& plan, Outbox* outbox) {
+  v1::WorkerMessage message;
+  *message.mutable_plan()->mutable_unit() = lease.unit();
+  message.mutable_plan()->set_attempt(lease.attempt());
+  *message.mutable_plan()->mutable_plan() = plan;
+  outbox->Send(std::move(message));
+}
+
 void SendUnit(const v1::Lease& lease, const RenderedUnit& unit, Outbox* outbox) {
+  if (unit.plan.has_value()) return SendPlan(lease, *unit.plan, outbox);
   v1::PixelChunk piece;
   if (unit.image.edges.height() > 0) {
     rpc::PixelChunker edges(unit.image.edges);
@@ -264,7 +274,7 @@ void WorkerImpl::RunThread() {
 
 absl::StatusOr<RenderedUnit> WorkerImpl::Render(const v1::Lease& lease, UnitControl* control) {
   const std::string& job_id = lease.unit().job_id();
-  const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = specs_->Get(job_id);
+  const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = specs_->Get(job_id, lease.unit().kind());
   if (spec.ok()) return renderer_->Render(**spec, lease, control);
   if (absl::IsNotFound(spec.status())) {
     // The job has ended, and JobEnded is on its way.

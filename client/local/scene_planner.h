@@ -5,8 +5,7 @@
 
 namespace lumifold::local {
 
-/// Implements client::ScenePlanner with the worker's loader and the plan library.
-absl::StatusOr<client::PlanTexts> PlanScene(const v1::JobSpec& spec, const client::SceneAssets& assets,
-                                            const client::PlanOptions& options);
+/// Implements client::ScenePlanner as a worker does.
+absl::StatusOr<v1::Plan> PlanScene(const v1::JobSpec& spec, const client::SceneAssets& assets);
 
 }  // namespace lumifold::local

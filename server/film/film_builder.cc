@@ -137,12 +137,21 @@ const std::vector<double>& TileSums::Of(std::string_view channel) const {
 
 FilmBuilder::FilmBuilder(int width, int height) : FilmBuilder({0, 0, width, height}, {}) {}
 
-FilmBuilder::FilmBuilder(const Rect& part, const LevelSet& levels)
+FilmBuilder::FilmBuilder(const Rect& part, const LevelSet& levels, const UnitModel& model)
     : part_(part),
+      model_(model),
       film_(part.width(), part.height()),
       levels_(part.width(), part.height(), LevelFilmChannels) {
-  for (const std::string_view layer : layers::kHalved) AddHalved(layer, &film_);
-  for (const std::string_view layer : layers::kWhole) film_.AddColor(layer);
+  // What filters and results need is there in any case.
+  const auto has = [&model](std::string_view layer) {
+    return model.Has(layer) || (layer != layers::kGlossy && layer != layers::kGlossyAlbedo);
+  };
+  for (const std::string_view layer : layers::kHalved) {
+    if (has(layer)) AddHalved(layer, &film_);
+  }
+  for (const std::string_view layer : layers::kWhole) {
+    if (has(layer)) film_.AddColor(layer);
+  }
   film_.Add(layers::kSamplesA);
   film_.Add(layers::kSamplesB);
   for (const std::string& name : GeometryChannels()) film_.Add(name);
@@ -160,8 +169,12 @@ void FilmBuilder::SetMeans(const Rect& rect, const TileSums& sums) {
   const TilePlacement placement = {rect, part_};
   const Counts counts = CountsOf(sums);
   WriteCounts(placement, counts, layers::kSamplesA, layers::kSamplesB, &film_);
-  for (const std::string_view layer : layers::kHalved) WriteHalved(placement, sums, layer, counts, &film_);
-  for (const std::string_view layer : layers::kWhole) WriteWhole(placement, sums, layer, counts, &film_);
+  for (const std::string_view layer : layers::kHalved) {
+    if (model_.Has(layer)) WriteHalved(placement, sums, layer, counts, &film_);
+  }
+  for (const std::string_view layer : layers::kWhole) {
+    if (model_.Has(layer)) WriteWhole(placement, sums, layer, counts, &film_);
+  }
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
     if (sums.Has(OfLevel(Level::Of(i), layers::kSamplesA))) SetLevelMeans(rect, sums, Level::Of(i));
   }

@@ -33,7 +33,8 @@ class TileSums {
 /// not depend on the order of the tiles, nor on the parts a frame is assembled in.
 /// Threads: safe concurrently for different tiles; call Take() after all tiles.
 ///
-/// Channels: for each layer of layers::kHalved the mean of all samples and of each half; layers::kWhole; the
+/// Channels: for each layer of layers::kHalved the mean of all samples and of each half; layers::kWhole; of layers that
+///         the units do not have D, I, T and E are 0, G and S are absent. The
 ///         sample counts; the channels of geometry units. The same for each level, where D and I are means
 ///         over the samples that reached the level, T and E are means over all samples of the pixel, and a
 ///         tile without the level has zeros. edges: those of all geometry units, in the order of the frame's
@@ -44,7 +45,7 @@ class FilmBuilder {
   /// A whole frame with the levels that its tiles have.
   FilmBuilder(int width, int height);
   /// The part of a frame inside `part`, with at least `levels`.
-  FilmBuilder(const Rect& part, const LevelSet& levels);
+  FilmBuilder(const Rect& part, const LevelSet& levels, const UnitModel& model = {});
 
   // Tiles are in frame coordinates. Pixels outside the part are ignored.
 
@@ -64,6 +65,7 @@ class FilmBuilder {
   void SetLevelMeans(const Rect& rect, const TileSums& sums, layers::Level level);
 
   const Rect part_;
+  const UnitModel model_;
   LayeredImage film_;
   absl::Mutex mutex_;
   LevelImages levels_ ABSL_GUARDED_BY(mutex_);

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/layers.h"
+#include "proto/rpc/plan_text.h"
 #include "proto/rpc/version.h"
 
 namespace lumifold::film {
@@ -55,6 +56,7 @@ void Describe(const ResultInfo& info, LayeredImage* result) {
   metadata["lumifold.seed"] = absl::StrCat(spec.seed());
   metadata["lumifold.max_bounces"] = absl::StrCat(spec.max_bounces());
   metadata["lumifold.method"] = spec.filter().method();
+  if (spec.has_plan()) metadata["lumifold.plan"] = rpc::PlanLine(spec.plan());
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "filter/image/sample_range.h"
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/image_codec.h"
+#include "server/film/unit_layout.h"
 
 namespace lumifold::film {
 
@@ -20,8 +21,8 @@ struct DeliveredPixels {
 /// Threads: one at a time.
 class UnitAssembler {
  public:
-  /// `rect` and `samples` are those of the unit's lease.
-  UnitAssembler(v1::UnitKind kind, const Rect& rect, SampleRange samples);
+  /// `rect` and `samples` are those of the unit's lease, `model` is that of its job.
+  UnitAssembler(v1::UnitKind kind, const Rect& rect, SampleRange samples, const UnitModel& model = {});
 
   /// Adds the next piece; one that is moved in is not copied.
   /// Errors: those of rpc::PixelAssembler, CheckUnitLayout, CheckUnitValues and CheckEdges;
@@ -40,6 +41,7 @@ class UnitAssembler {
   v1::UnitKind kind_;
   Rect rect_;
   SampleRange samples_;
+  UnitModel model_;
   rpc::PixelAssembler pixels_;
   rpc::PixelAssembler edges_;
   DeliveredPixels complete_;

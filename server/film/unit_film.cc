@@ -36,10 +36,12 @@ absl::Status ForEachTile(TaskPool* pool, const std::vector<int32_t>& tiles,
   return errors.empty() ? absl::OkStatus() : errors.begin()->second;
 }
 
-absl::StatusOr<EdgedImage> ReadChecked(const UnitSource& units, const UnitKey& key, const Rect& rect) {
+absl::StatusOr<EdgedImage> ReadChecked(const UnitSource& units, const UnitKey& key, const Rect& rect,
+                                       const UnitModel& model) {
   absl::StatusOr<EdgedImage> unit = units.Read(key);
   if (!unit.ok()) return unit.status();
-  if (absl::Status status = CheckUnitLayout(key.kind, rect, rpc::LayoutOf(unit->pixels)); !status.ok())
+  if (absl::Status status = CheckUnitLayout(key.kind, rect, rpc::LayoutOf(unit->pixels), model);
+      !status.ok())
     return status;
   if (absl::Status status = CheckEdges(rect, unit->edges); !status.ok()) return status;
   return unit;
@@ -56,10 +58,10 @@ std::vector<UnitKey> UnitsOf(const FrameUnits& tiles, int32_t frame, int32_t til
 }
 
 absl::Status AssembleTile(const UnitSource& units, const std::vector<UnitKey>& keys, const Rect& rect,
-                          FilmBuilder* film) {
+                          const UnitModel& model, FilmBuilder* film) {
   TileSums sums;
   for (const UnitKey& key : keys) {
-    const absl::StatusOr<EdgedImage> unit = ReadChecked(units, key, rect);
+    const absl::StatusOr<EdgedImage> unit = ReadChecked(units, key, rect, model);
     if (!unit.ok()) return unit.status();
     if (key.kind == v1::UNIT_KIND_PASS) {
       sums.Add(unit->pixels);
@@ -81,7 +83,8 @@ UnitFilm::UnitFilm(const v1::JobSpec& spec, int32_t frame, const UnitSource* uni
       frame_(frame),
       tiles_(spec),
       units_(*units),
-      pool_(pool) {}
+      pool_(pool),
+      model_(ModelOf(spec)) {}
 
 absl::StatusOr<UnitFilm> UnitFilm::Open(const v1::JobSpec& spec, int32_t frame, const UnitSource* units,
                                         TaskPool* pool) {
@@ -106,7 +109,7 @@ absl::Status UnitFilm::FindOutline() {
   });
 }
 
-LayeredImage UnitFilm::Outline() const { return FilmBuilder(Rect{}, levels_).Take().pixels; }
+LayeredImage UnitFilm::Outline() const { return FilmBuilder(Rect{}, levels_, model_).Take().pixels; }
 
 int UnitFilm::BandEnd(int y) const {
   const int64_t row_bytes =
@@ -116,9 +119,9 @@ int UnitFilm::BandEnd(int y) const {
 }
 
 absl::StatusOr<EdgedImage> UnitFilm::Read(const Rect& rect) {
-  FilmBuilder film(rect, levels_);
+  FilmBuilder film(rect, levels_, model_);
   const absl::Status status = ForEachTile(pool_, tiles_.tiles().TilesIn(rect), [&](int32_t tile) {
-    return AssembleTile(units_, UnitsOf(tiles_, frame_, tile), tiles_.tiles().RectOf(tile), &film);
+    return AssembleTile(units_, UnitsOf(tiles_, frame_, tile), tiles_.tiles().RectOf(tile), model_, &film);
   });
   if (!status.ok()) return status;
   return film.Take();

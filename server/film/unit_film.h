@@ -48,6 +48,7 @@ class UnitFilm final : public FilmSource {
   const job::FrameUnits tiles_;
   const UnitSource& units_;
   TaskPool* const pool_;
+  const UnitModel model_;
   LevelSet levels_;
   int64_t edge_rows_ = 0;
 };

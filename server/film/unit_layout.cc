@@ -11,28 +11,15 @@
 
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "filter/image/decisions.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
+#include "server/job/plan.h"
 
 namespace lumifold::film {
 namespace {
 
 using layers::Level;
-
-std::vector<std::string> MakePassChannels() {
-  std::vector<std::string> names;
-  const auto add_color = [&names](std::string_view layer) {
-    for (const std::string& name : layers::ColorChannels(layer)) names.push_back(name);
-  };
-  for (const std::string_view layer : layers::kHalved) {
-    add_color(layers::HalfA(layer));
-    add_color(layers::HalfB(layer));
-  }
-  for (const std::string_view layer : layers::kWhole) add_color(layer);
-  names.emplace_back(layers::kSamplesA);
-  names.emplace_back(layers::kSamplesB);
-  return names;
-}
 
 std::array<std::vector<std::string>, layers::kLevelCount> MakeLevelChannels(v1::UnitKind kind) {
   std::array<std::vector<std::string>, layers::kLevelCount> names;
@@ -210,8 +197,40 @@ bool IsOnePixelWithin(const Coordinate& coordinate, int begin, int end) {
 
 }  // namespace
 
-const std::vector<std::string>& PassChannels() {
-  static const auto& names = *new std::vector<std::string>(MakePassChannels());
+bool UnitModel::Has(std::string_view layer) const {
+  if (layer == layers::kDirect) return direct;
+  if (layer == layers::kIndirect) return indirect;
+  if (layer == layers::kAlbedo) return albedo;
+  if (layer == layers::kEmission) return emission;
+  if (layer == layers::kGlossy || layer == layers::kGlossyAlbedo) return glossy;
+  return true;
+}
+
+UnitModel ModelOf(const v1::JobSpec& spec) {
+  const auto is_on = [&spec](std::string_view decision) { return job::ValueOf(spec, decision) != 0; };
+  return {.direct = is_on(decisions::kDirect),
+          .indirect = is_on(decisions::kIndirect),
+          .albedo = is_on(decisions::kAlbedo),
+          .emission = is_on(decisions::kEmission),
+          .glossy = is_on(decisions::kGlossy),
+          .levels = job::ValueOf(spec, decisions::kLevels)};
+}
+
+std::vector<std::string> PassChannels(const UnitModel& model) {
+  std::vector<std::string> names;
+  const auto add_color = [&names](std::string_view layer) {
+    for (const std::string& name : layers::ColorChannels(layer)) names.push_back(name);
+  };
+  for (const std::string_view layer : layers::kHalved) {
+    if (!model.Has(layer)) continue;
+    add_color(layers::HalfA(layer));
+    add_color(layers::HalfB(layer));
+  }
+  for (const std::string_view layer : layers::kWhole) {
+    if (model.Has(layer)) add_color(layer);
+  }
+  names.emplace_back(layers::kSamplesA);
+  names.emplace_back(layers::kSamplesB);
   return names;
 }
 
@@ -244,19 +263,24 @@ rpc::PixelLimits EdgeLimits(const Rect& rect) {
   return limits;
 }
 
-absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::PixelLayout& layout) {
+absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::PixelLayout& layout,
+                             const UnitModel& model) {
   if (layout.width() != rect.width() || layout.height() != rect.height()) {
     return absl::InvalidArgumentError(absl::StrCat("unit: size ", layout.width(), "x", layout.height(),
                                                    ", but the tile is ", rect.width(), "x", rect.height()));
   }
   const NameSet names(layout.channels());
-  const std::vector<std::string>& wanted =
-      kind == v1::UNIT_KIND_GEOMETRY ? GeometryChannels() : PassChannels();
+  const std::vector<std::string> wanted =
+      kind == v1::UNIT_KIND_GEOMETRY ? GeometryChannels() : PassChannels(model);
   if (absl::Status status = names.CheckEachOnce(wanted); !status.ok()) return status;
   size_t expected = wanted.size();
   const LevelSet levels = LevelsIn(kind, names);
   for (size_t i = 0; i < levels.size(); ++i) {
     if (!levels[i]) continue;
+    if (Level::Of(i).depth > model.levels) {
+      return absl::InvalidArgumentError(absl::StrCat("unit: has the level ", NameOf(Level::Of(i)),
+                                                     ", but its job plans ", model.levels, " levels"));
+    }
     const std::vector<std::string>& of_level = LevelChannels(kind, i);
     if (absl::Status status = names.CheckEachOnce(of_level); !status.ok()) return status;
     expected += of_level.size();

@@ -2,6 +2,7 @@
 
 #include <bitset>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -9,16 +10,33 @@
 #include "filter/image/rect.h"
 #include "filter/image/sample_range.h"
 #include "lumifold/v1/image.pb.h"
+#include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/image_codec.h"
 #include "server/film/plane_rows.h"
 
 namespace lumifold::film {
 
+/// The layers besides C, and the levels, that the units of a job may have: those of its plan. Without glossy neither G
+/// nor S.
+struct UnitModel {
+  bool direct = true;
+  bool indirect = true;
+  bool albedo = true;
+  bool emission = true;
+  bool glossy = true;
+  int levels = layers::kMaxDepth;  // greatest depth
+
+  /// Whether units have this layer of layers::kHalved or layers::kWhole.
+  bool Has(std::string_view layer) const;
+};
+
+UnitModel ModelOf(const v1::JobSpec& spec);
+
 /// Channels of every pass unit, all of them sums: the layers with halves as "direct_a.R" ... "direct_b.B";
 /// the layers without halves; and the counts of finite samples, samples_a.Y and samples_b.Y. A unit may also
 /// have levels (layers::LevelPassChannels), each with all of its channels.
-const std::vector<std::string>& PassChannels();
+std::vector<std::string> PassChannels(const UnitModel& model = {});
 
 /// Channels of every geometry unit, all of them means. A unit may also have levels
 /// (layers::LevelFeatureChannels).
@@ -34,9 +52,11 @@ LevelSet LevelsOf(v1::UnitKind kind, const v1::PixelLayout& layout);
 rpc::PixelLimits UnitLimits(const Rect& rect);
 rpc::PixelLimits EdgeLimits(const Rect& rect);
 
-/// Checks that a unit has the size of its tile and exactly the channels of its kind, in any order.
-/// Errors: kInvalidArgument naming the channel or size.
-absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::PixelLayout& layout);
+/// Checks that a unit has the size of its tile and exactly the channels of its kind, in any order, and no deeper levels
+/// than the model.
+/// Errors: kInvalidArgument naming the channel, level or size.
+absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::PixelLayout& layout,
+                             const UnitModel& model = {});
 
 /// Checks the values of a unit whose layout is valid: all are finite; each sample count of a pass is a whole
 /// number from 0 to the number of samples that its half has in `samples`; the counts and the bad samples of

@@ -2,15 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "filter/image/decisions.h"
 #include "server/job/frame_list.h"
 #include "server/job/limits.h"
+#include "server/job/plan.h"
 #include "server/job/tile_grid.h"
 
 namespace lumifold::job {
@@ -47,9 +52,10 @@ absl::Status CheckTexts(const v1::JobSpec& spec) {
       return CheckLength(absl::StrCat("scene.dependencies[", i, "].uri"), dependencies[i].uri(),
                          kMaxUriBytes);
   }
-  if (spec.ByteSizeLong() <= kMaxSpecBytes) return absl::OkStatus();
+  const size_t most = NeedsPlan(spec) ? kMaxSpecBytes - kMaxPlanBytes : kMaxSpecBytes;
+  if (spec.ByteSizeLong() <= most) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      absl::StrCat("the spec has ", spec.ByteSizeLong(), " bytes, more than ", kMaxSpecBytes));
+      absl::StrCat("the spec has ", spec.ByteSizeLong(), " bytes, more than ", most));
 }
 
 absl::Status CheckSize(const std::string& field, const v1::AssetRef& asset) {
@@ -97,6 +103,21 @@ absl::Status CheckLens(const v1::JobSpec& spec) {
   return CheckPositive("lens.focus_metres", spec.lens().focus_metres());
 }
 
+/// Of a job without a plan both may be 0.
+absl::Status CheckUnits(const v1::JobSpec& spec) {
+  const bool may_be_planned = NeedsPlan(spec);
+  if (!may_be_planned || spec.tile_size() != 0) {
+    absl::Status status = CheckRange("tile_size", spec.tile_size(), kMinTileSize, kMaxTileSize);
+    if (!status.ok()) return status;
+  }
+  if (!may_be_planned || spec.pass_samples() != 0) {
+    absl::Status status = CheckRange("pass_samples", spec.pass_samples(), 2, kMaxSamples);
+    if (!status.ok()) return status;
+  }
+  if (spec.pass_samples() % 2 == 0) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("pass_samples is ", spec.pass_samples(), ", not even"));
+}
+
 absl::Status CheckNumbers(const v1::JobSpec& spec) {
   for (const absl::Status& status : {
            CheckRange("width", spec.width(), 1, kMaxEdge),
@@ -104,14 +125,10 @@ absl::Status CheckNumbers(const v1::JobSpec& spec) {
            FrameList::Check(spec),
            CheckRange("samples_per_pixel", spec.samples_per_pixel(), 1, kMaxSamples),
            CheckRange("max_bounces", spec.max_bounces(), 0, kMaxBounces),
-           CheckRange("tile_size", spec.tile_size(), kMinTileSize, kMaxTileSize),
-           CheckRange("pass_samples", spec.pass_samples(), 2, kMaxSamples),
+           CheckUnits(spec),
            CheckPositive("frames_per_second", spec.frames_per_second()),
        }) {
     if (!status.ok()) return status;
-  }
-  if (spec.pass_samples() % 2 != 0) {
-    return absl::InvalidArgumentError(absl::StrCat("pass_samples is ", spec.pass_samples(), ", not even"));
   }
   return absl::OkStatus();
 }
@@ -122,11 +139,56 @@ int DefaultPassSamples(int samples_per_pixel) {
   return std::max(kMinDefaultPassSamples, share + share % 2);
 }
 
+/// A forced decision that is also a field of the spec: the field gets its value.
+absl::Status TakeForced(const char* field, const decisions::Values& forced, std::string_view decision,
+                        int32_t current, const std::function<void(int)>& set) {
+  const auto found = forced.find(decision);
+  if (found == forced.end() || found->second == 0 || found->second == current) return absl::OkStatus();
+  if (current != 0) {
+    return absl::InvalidArgumentError(absl::StrCat(field, " is ", current, ", but planning.forced has ",
+                                                   std::string(decision), "=", found->second));
+  }
+  set(found->second);
+  return absl::OkStatus();
+}
+
+/// Checks the forced decisions, and takes over those that are fields of the spec.
+absl::Status ApplyForced(v1::JobSpec* spec) {
+  const auto& forced = spec->planning().forced();
+  if (!v1::PlanMode_IsValid(spec->planning().mode()))
+    return absl::InvalidArgumentError(
+        absl::StrCat("planning.mode is ", static_cast<int>(spec->planning().mode()), ", not 0 or 1"));
+  if (absl::Status status = CheckRange("the number of planning.forced", forced.size(), 0, kMaxForced);
+      !status.ok())
+    return status;
+  for (const std::string& text : forced) {
+    if (absl::Status status = CheckLength("planning.forced", text, kMaxForcedBytes); !status.ok())
+      return status;
+  }
+  const absl::StatusOr<decisions::Values> values =
+      decisions::ParseForced(std::vector<std::string>(forced.begin(), forced.end()));
+  if (!values.ok())
+    return absl::InvalidArgumentError(
+        absl::StrCat("planning.forced: ", std::string(values.status().message())));
+  if (absl::Status status = TakeForced("tile_size", *values, decisions::kTileSize, spec->tile_size(),
+                                       [spec](int value) { spec->set_tile_size(value); });
+      !status.ok())
+    return status;
+  const auto passes = values->find(decisions::kPassSamples);
+  if (passes != values->end() && passes->second == 0 && spec->pass_samples() == 0)
+    spec->set_pass_samples(DefaultPassSamples(spec->samples_per_pixel()));
+  return TakeForced("pass_samples", *values, decisions::kPassSamples, spec->pass_samples(),
+                    [spec](int value) { spec->set_pass_samples(value); });
+}
+
 }  // namespace
 
 absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
-  if (spec.tile_size() == 0) spec.set_tile_size(kDefaultTileSize);
-  if (spec.pass_samples() == 0) spec.set_pass_samples(DefaultPassSamples(spec.samples_per_pixel()));
+  if (absl::Status status = ApplyForced(&spec); !status.ok()) return status;
+  if (!NeedsPlan(spec)) {
+    if (spec.tile_size() == 0) spec.set_tile_size(kDefaultTileSize);
+    if (spec.pass_samples() == 0) spec.set_pass_samples(DefaultPassSamples(spec.samples_per_pixel()));
+  }
   if (spec.frames_per_second() == 0) spec.set_frames_per_second(kDefaultFramesPerSecond);
   if (spec.filter().method().empty()) spec.mutable_filter()->set_method("default");
   if (absl::Status status = CheckNumbers(spec); !status.ok()) return status;
@@ -146,6 +208,11 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
     return absl::InvalidArgumentError(absl::StrCat("tile_size ", spec.tile_size(), " with pass_samples ",
                                                    spec.pass_samples(), " cuts a frame into ", units,
                                                    " units, more than ", kMaxUnitsPerFrame));
+  }
+  if (spec.planning().mode() == v1::PLAN_MODE_FULL) {
+    absl::StatusOr<v1::Plan> plan = FullPlan(spec);
+    if (!plan.ok()) return plan.status();
+    *spec.mutable_plan() = *std::move(plan);
   }
   return spec;
 }

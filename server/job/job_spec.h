@@ -15,8 +15,9 @@ inline constexpr int kDefaultMaxPasses = 16;
 /// Default frame rate: that of cinema film and of most animation programs.
 inline constexpr double kDefaultFramesPerSecond = 24;
 
-/// Checks a spec and fills in tile_size, pass_samples, frames_per_second and the filter's method where they
-/// are 0 or empty. The result determines every bit of the picture; the scheduler takes normalised specs only.
+/// Checks a spec and fills in frames_per_second and the filter's method where they are 0 or empty, and, unless the job
+/// needs a plan (server/job/plan.h), tile_size and pass_samples. A job that models everything gets its plan. The result
+/// determines every bit of the picture; the scheduler takes normalised specs only.
 /// The name of the method and the checksums of the assets are not checked here.
 /// Errors: kInvalidArgument naming the field, its value and the allowed range (server/job/limits.h).
 absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec);

@@ -38,6 +38,13 @@ inline constexpr size_t kMaxRequestIdBytes = 128;
 /// other fields.
 inline constexpr size_t kMaxSpecBytes = (size_t{4} << 20) - (size_t{128} << 10);
 
+/// Decisions that a submission may force, and bytes of one. Bytes of a plan, of which most are the order of tiles, and of
+/// a text in it.
+inline constexpr int kMaxForced = 32;
+inline constexpr size_t kMaxForcedBytes = 64;
+inline constexpr size_t kMaxPlanBytes = size_t{64} << 10;
+inline constexpr size_t kMaxPlanTextBytes = 512;
+
 /// Maximum number of warnings that are stored for a job; further ones are counted. Each has at most
 /// rpc::kMaxWarningBytes, so a job's status has at most 51 KiB of them.
 inline constexpr int kMaxJobWarnings = 100;

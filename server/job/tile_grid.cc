@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "filter/image/check.h"
+#include "server/job/plan.h"
 
 namespace lumifold::job {
 namespace {
@@ -99,14 +100,16 @@ std::vector<int32_t> TileGrid::TilesIn(const Rect& rect) const {
 }
 
 FrameUnits::FrameUnits(const v1::JobSpec& spec)
-    : tiles_(spec.width(), spec.height(), spec.tile_size()),
+    : first_kind_(NeedsPlan(spec) ? v1::UNIT_KIND_PLAN : v1::UNIT_KIND_GEOMETRY),
+      tiles_(spec.width(), spec.height(),
+             NeedsPlan(spec) ? std::max(spec.width(), spec.height()) : spec.tile_size()),
       samples_per_pixel_(spec.samples_per_pixel()),
       pass_samples_(spec.pass_samples()),
-      pass_count_(CeilDivide(spec.samples_per_pixel(), spec.pass_samples())) {}
+      pass_count_(NeedsPlan(spec) ? 0 : CeilDivide(spec.samples_per_pixel(), spec.pass_samples())) {}
 
 std::optional<int64_t> FrameUnits::NumberOf(const UnitKey& key) const {
   if (key.tile < 0 || key.tile >= tiles_.count()) return std::nullopt;
-  if (key.kind == v1::UNIT_KIND_GEOMETRY) {
+  if (key.kind == first_kind_) {
     return key.pass == 0 ? std::optional<int64_t>(tiles_.RankOf(key.tile)) : std::nullopt;
   }
   if (key.kind != v1::UNIT_KIND_PASS || key.pass < 0 || key.pass >= pass_count_) return std::nullopt;
@@ -117,12 +120,12 @@ UnitKey FrameUnits::KeyOf(int32_t frame, int64_t number) const {
   LUMIFOLD_CHECK(number >= 0 && number < count());
   const int32_t tile = tiles_.TileOfRank(static_cast<int>(number % tiles_.count()));
   const auto layer = static_cast<int32_t>(number / tiles_.count());
-  if (layer == 0) return {frame, tile, 0, v1::UNIT_KIND_GEOMETRY};
+  if (layer == 0) return {frame, tile, 0, first_kind_};
   return {frame, tile, layer - 1, v1::UNIT_KIND_PASS};
 }
 
 SampleRange FrameUnits::SamplesOf(const UnitKey& key) const {
-  if (key.kind == v1::UNIT_KIND_GEOMETRY) return {};
+  if (key.kind != v1::UNIT_KIND_PASS) return {};
   const int first = key.pass * pass_samples_;
   return {static_cast<uint32_t>(first),
           static_cast<uint32_t>(std::min(first + pass_samples_, samples_per_pixel_))};

@@ -56,7 +56,8 @@ class TileGrid {
 
 /// The units of one frame, numbered in the order in which they are leased: the geometry of every tile, then
 /// pass 0 of every tile, then pass 1 and so on, so that an unfinished frame has about the same number of
-/// samples everywhere; the tiles in the order of TileGrid::RankOf.
+/// samples everywhere; the tiles in the order of TileGrid::RankOf. A job that needs a plan has one unit, its plan unit,
+/// whose tile is the whole frame.
 class FrameUnits {
  public:
   /// `spec` is normalised (server/job/job_spec.h).
@@ -74,15 +75,16 @@ class FrameUnits {
 
   /// The kind of the unit with a number in [0, count()).
   v1::UnitKind KindOf(int64_t number) const {
-    return number < tiles_.count() ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS;
+    return number < tiles_.count() ? first_kind_ : v1::UNIT_KIND_PASS;
   }
 
-  /// Sample indices of a unit; empty for geometry.
+  /// Sample indices of a pass; empty for other units.
   SampleRange SamplesOf(const UnitKey& key) const;
-  /// Camera samples of a unit, over all its pixels; 0 for geometry.
+  /// Camera samples of a pass, over all its pixels; 0 for other units.
   int64_t CameraSamplesOf(const UnitKey& key) const;
 
  private:
+  v1::UnitKind first_kind_;  // of the units before the passes
   TileGrid tiles_;
   int samples_per_pixel_;
   int pass_samples_;

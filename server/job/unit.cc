@@ -19,6 +19,7 @@ UnitRef UnitFromProto(const v1::UnitId& id) {
 }
 
 std::string Describe(const UnitRef& unit) {
+  if (unit.key.kind == v1::UNIT_KIND_PLAN) return absl::StrCat(unit.job.value(), " plan");
   const std::string place =
       absl::StrCat(unit.job.value(), " frame ", unit.key.frame, " tile ", unit.key.tile);
   if (unit.key.kind == v1::UNIT_KIND_GEOMETRY) return absl::StrCat(place, " geometry");

@@ -39,8 +39,7 @@ absl::StatusOr<std::set<int32_t>> TilesNamed(const v1::JobSpec& spec, const Rect
                                                    ",", region.y1, " has no pixel of the ", spec.width(), "x",
                                                    spec.height(), " picture"));
   }
-  const std::vector<int32_t> tiles =
-      job::TileGrid(spec.width(), spec.height(), spec.tile_size()).TilesIn(within);
+  const std::vector<int32_t> tiles = job::FrameUnits(spec).tiles().TilesIn(within);
   return std::set<int32_t>(tiles.begin(), tiles.end());
 }
 

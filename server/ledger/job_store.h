@@ -191,6 +191,8 @@ class JobStore {
   virtual absl::Status ReopenFrames(const job::JobId& job, const Owner& owner, const v1::JobSpec& spec,
                                     absl::Span<const int32_t> frames) = 0;
   virtual absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) = 0;
+  /// Gives a job its plan: `planned` replaces its spec. A request with the spec that was submitted still finds the job.
+  virtual absl::Status SetPlan(const OwnedJob& job, const v1::JobSpec& planned) = 0;
   /// Deletes a job that has ended. Its id and its request id are free again.
   virtual absl::Status DeleteJob(const job::JobId& job) = 0;
   /// Deletes at most `max_rows` rows of units that are no longer visited, and returns how many are left.

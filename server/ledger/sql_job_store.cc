@@ -37,6 +37,7 @@ class SqlJobStore final : public JobStore {
   absl::Status ReopenFrames(const JobId& job, const Owner& owner, const v1::JobSpec& spec,
                             absl::Span<const int32_t> frames) override;
   absl::Status SetScheduling(const OwnedJob& job, const v1::Scheduling& scheduling) override;
+  absl::Status SetPlan(const OwnedJob& job, const v1::JobSpec& planned) override;
   absl::Status DeleteJob(const JobId& job) override;
   absl::StatusOr<int64_t> PurgeUnits(int64_t max_rows) override;
   absl::Status BlockWorker(const std::string& name, const std::string& reason) override;
@@ -182,6 +183,13 @@ absl::Status SqlJobStore::SetScheduling(const OwnedJob& job, const v1::Schedulin
   return ChangeOwnedJob(job, [&](SqlConnection& db, int64_t number) {
     return db.Run("UPDATE jobs SET scheduling = $1, user_name = $2 WHERE number = $3",
                   {SqlBytes{scheduling.SerializeAsString()}, scheduling.user(), number});
+  });
+}
+
+absl::Status SqlJobStore::SetPlan(const OwnedJob& job, const v1::JobSpec& planned) {
+  return ChangeOwnedJob(job, [&](SqlConnection& db, int64_t number) {
+    return db.Run("UPDATE jobs SET spec = $1 WHERE number = $2",
+                  {SqlBytes{BytesOfSpec(planned).spec}, number});  // its files do not change
   });
 }
 

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "server/job/limits.h"
+#include "server/job/plan.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -79,7 +80,7 @@ SpecBytes BytesOfSpec(const v1::JobSpec& spec) {
 std::string RequestDigest(const v1::JobSpec& spec, const v1::Scheduling& scheduling) {
   XXH3_state_t* const state = XXH3_createState();
   XXH3_128bits_reset(state);
-  AppendHashed(state, spec.SerializeAsString());
+  AppendHashed(state, job::UnplannedSpec(spec).SerializeAsString());
   AppendHashed(state, scheduling.SerializeAsString());
   XXH128_canonical_t canonical;
   XXH128_canonicalFromHash(&canonical, XXH3_128bits_digest(state));

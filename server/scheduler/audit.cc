@@ -34,6 +34,7 @@ uint64_t HashOf(const UnitRef& unit) {
 
 bool IsAudited(const UnitRef& unit, double share) {
   constexpr double kRange = 18446744073709551616.0;  // 2^64
+  if (unit.key.kind == v1::UNIT_KIND_PLAN) return false;
   return share > 0 && static_cast<double>(HashOf(unit)) < share * kRange;
 }
 

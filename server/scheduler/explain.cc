@@ -34,10 +34,11 @@ std::string Seconds(absl::Duration duration) {
 
 JobProgress Scheduler::Progress(const JobId& id) const {
   const Job& job = GetJob(id);
-  const int frames = job.frame_list.count();
+  const bool needs_plan = job::NeedsPlan(job.spec);
+  const int frames = needs_plan ? job::FrameList(job.spec).count() : job.frame_list.count();
   JobProgress progress;
   progress.units_done = job.committed_units;
-  progress.units_total = job.units.count() * frames;
+  progress.units_total = job.units.count() * job.frame_list.count();
   progress.samples_done = job.committed_samples;
   progress.samples_total =
       int64_t{job.spec.width()} * job.spec.height() * job.spec.samples_per_pixel() * frames;
@@ -54,7 +55,8 @@ JobProgress Scheduler::Progress(const JobId& id) const {
   } else if (!job.committed_frames.empty()) {
     progress.state = v1::JOB_STATE_FILTERING;
   } else {
-    progress.state = started ? v1::JOB_STATE_RUNNING : v1::JOB_STATE_PLANNED;
+    const v1::JobState waiting = needs_plan ? v1::JOB_STATE_SUBMITTED : v1::JOB_STATE_PLANNED;
+    progress.state = started ? v1::JOB_STATE_RUNNING : waiting;
   }
   return progress;
 }

@@ -288,10 +288,7 @@ int64_t Scheduler::frames_in_flight() const {
 bool Scheduler::UnitCommitted(const UnitRef& unit) {
   const std::optional<UnitIndex> index = IndexOf(unit);
   if (!index.has_value()) return false;  // the job ended while the unit was being committed
-  const auto accepted = accepted_.find(*index);
-  LUMIFOLD_CHECK(accepted != accepted_.end());
-  ReleaseSlot(accepted->second);  // the worker may have disconnected since
-  accepted_.erase(accepted);
+  EndAccepted(*index);
   Job& job = jobs_.at(index->job);
   CountCommitted(job, index->place);
   const Frame& frame = job.frames.at(index->place.frame);
@@ -300,6 +297,30 @@ bool Scheduler::UnitCommitted(const UnitRef& unit) {
     newly_faulty_.push_back({name, "", {unit}});
   }
   return job.committed_frames.contains(index->place.frame);
+}
+
+void Scheduler::EndAccepted(const UnitIndex& index) {
+  const auto accepted = accepted_.find(index);
+  LUMIFOLD_CHECK(accepted != accepted_.end());
+  ReleaseSlot(accepted->second);  // the worker may have disconnected since
+  accepted_.erase(accepted);
+}
+
+void Scheduler::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
+  const std::optional<UnitIndex> index = IndexOf(unit);
+  if (!index.has_value()) return;
+  EndAccepted(*index);
+  Job& job = jobs_.at(index->job);
+  for (const auto& [frame, state] : job.frames) ReleaseDeliverers(state);
+  CountFrames(job, -static_cast<int>(job.frames.size()));
+  job.frames.clear();
+  job.times = {};
+  job.spec = planned;
+  job.units = FrameUnits(planned);
+  job.frame_list = job::FrameList(planned);
+  job.finished.assign(static_cast<size_t>(job.frame_list.count()), false);
+  job.next_unleased = {};
+  UpdateReady(index->job, job);
 }
 
 bool Scheduler::RevokeUnit(const UnitRef& unit) {

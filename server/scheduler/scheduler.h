@@ -15,6 +15,7 @@
 #include "absl/types/span.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/job/frame_list.h"
+#include "server/job/plan.h"
 #include "server/job/tile_grid.h"
 #include "server/job/unit.h"
 #include "server/scheduler/fair_share.h"
@@ -32,6 +33,9 @@ namespace lumifold::scheduler {
 /// unit is leased, only a leased unit is accepted, only an accepted unit is committed; accepted and committed
 /// units never become free again unless RevokeUnit says so. This is the exactly-once promise. A late or overdue
 /// unit has up to two leases, of different workers; the other one becomes void when the unit is accepted.
+///
+/// Plan: a job that needs one (server/job/plan.h) has one unit, its plan unit, until SetPlan divides it into the units of
+/// its frames. Loss, failure and quarantine hold for it as for any unit; it is not audited.
 ///
 /// Numeric class: all units of a job are of one class, that of its first accepted unit unless its options name
 /// one. Until then workers of all classes may lease its units; then the leases of the other classes become
@@ -121,6 +125,9 @@ class Scheduler {
                           absl::Time now, absl::string_view digest = "");
   /// Records that an accepted unit is committed. True when its frame is committed now.
   bool UnitCommitted(const job::UnitRef& unit);
+  /// Records that the accepted plan unit of a job is committed: the job now has this spec, and the units of its frames.
+  /// No effect if the job has ended.
+  void SetPlan(const job::UnitRef& unit, const v1::JobSpec& planned);
   /// Makes a committed unit free again, because its record was lost. False for a unit that is not committed, and
   /// for one of a finished frame.
   bool RevokeUnit(const job::UnitRef& unit);
@@ -237,13 +244,13 @@ class Scheduler {
         : id(job_id),
           spec(job_spec),
           units(job_spec),
-          frame_list(job_spec),
+          frame_list(job::NeedsPlan(job_spec) ? job::FirstFrameOf(job_spec) : job_spec),
           finished(static_cast<size_t>(frame_list.count())) {}
 
     job::JobId id;
     v1::JobSpec spec;
     job::FrameUnits units;
-    job::FrameList frame_list;
+    job::FrameList frame_list;  // the first one only until it is planned
     Demands::iterator demand;
     Readiness readiness = Readiness::kNone;
     int max_leases = 0;  // 0: no limit
@@ -338,6 +345,8 @@ class Scheduler {
   /// The same for a lease that the worker does not know to be void.
   void RevokeLease(job::Attempt attempt);
   void ReleaseSlot(job::WorkerId worker);
+  /// The unit, which is accepted, is committed: its worker has a free slot.
+  void EndAccepted(const UnitIndex& index);
 
   // Workers, in workers.cc.
   WorkerInfo InfoOf(job::WorkerId id, const Worker& worker) const;

@@ -66,7 +66,8 @@ struct JobOptions {
   double audit_share = 0;
 };
 
-/// Whether a unit is among the `share` of the units of its job that are audited: a hash of job and unit decides.
+/// Whether a unit is among the `share` of the units of its job that are audited: a hash of job and unit decides. A plan
+/// unit never is.
 bool IsAudited(const job::UnitRef& unit, double share);
 
 /// The fields of `scheduling` that concern the scheduler.

@@ -106,6 +106,7 @@ double OwnCpuSeconds() {
 
 v1::JobSpec SpecOf(const Flags& flags, const v1::SceneRef& scene) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   *spec.mutable_scene() = scene;
   spec.set_width(flags.size);
   spec.set_height(flags.size);

@@ -127,6 +127,7 @@ class Farm {
 
   v1::JobSpec Spec() const {
     v1::JobSpec spec;
+    spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
     const double tiles = static_cast<double>(settings_.units) / settings_.unit_scale / settings_.jobs /
                          settings_.frames_per_job / kLayers;
     const int columns = std::max(1, static_cast<int>(std::lround(std::sqrt(tiles))));

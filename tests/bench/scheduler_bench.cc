@@ -25,6 +25,7 @@ constexpr absl::Duration kLease = absl::Seconds(30);
 /// 2040 tiles, 5 units each, in 4 frames.
 v1::JobSpec Spec() {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(1920);
   spec.set_height(1080);
   spec.set_tile_size(32);

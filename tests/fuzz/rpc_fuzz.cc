@@ -24,6 +24,7 @@
 #include "server/access/access_control.h"
 #include "server/server.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/support/made_up_plan.h"
 #include "tests/support/temp_folder.h"
 
 namespace lumifold::fuzz {
@@ -144,9 +145,8 @@ class Farm {
     spec->mutable_scene()->set_display_name("made-up.glb");
     spec->set_width(20);
     spec->set_height(12);
-    spec->set_tile_size(8);
     spec->set_samples_per_pixel(10);
-    spec->set_pass_samples(4);
+    spec->mutable_planning()->add_forced("glossy=off");
     spec->set_frame_count(2);
     spec->set_max_bounces(8);
     spec->mutable_filter()->set_method("none");
@@ -210,9 +210,9 @@ class Farm {
   std::string job_id_;
 };
 
-/// The messages of a worker that joins, delivers, fails, hands back and leaves.
+/// The messages of a worker that joins, delivers, fails, hands back, plans and leaves.
 std::vector<std::string> WorkerMessages(const std::string& job_id) {
-  std::vector<v1::WorkerMessage> messages(6);
+  std::vector<v1::WorkerMessage> messages(7);
   v1::Hello* hello = messages[0].mutable_hello();
   hello->set_name("fuzz");
   hello->set_numeric_class("lumifold/any");
@@ -239,7 +239,11 @@ std::vector<std::string> WorkerMessages(const std::string& job_id) {
   messages[3].mutable_failure()->set_error("made up");
   messages[3].mutable_failure()->mutable_missing_asset()->ParseFromString(Farm::Asset());
   *messages[4].mutable_hand_back()->add_leases() = messages[1].heartbeat().held(0);
-  messages[5].mutable_leaving()->set_reason("signal");
+  unit.set_kind(v1::UNIT_KIND_PLAN);
+  *messages[5].mutable_plan()->mutable_unit() = unit;
+  messages[5].mutable_plan()->set_attempt(1);
+  *messages[5].mutable_plan()->mutable_plan() = MadeUpPlan();
+  messages[6].mutable_leaving()->set_reason("signal");
   std::vector<std::string> bytes;
   for (const v1::WorkerMessage& message : messages) bytes.push_back(message.SerializeAsString());
   return bytes;

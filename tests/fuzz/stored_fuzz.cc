@@ -17,6 +17,7 @@
 #include "server/manifest.h"
 #include "server/recover.h"
 #include "tests/fuzz/fuzz_target.h"
+#include "tests/support/made_up_plan.h"
 #include "tests/support/temp_folder.h"
 
 namespace lumifold::fuzz {
@@ -36,6 +37,8 @@ std::string Read(const std::string& path) {
 
 ledger::NewJob SomeJob() {
   v1::JobSpec spec;
+  *spec.mutable_plan() = MadeUpPlan();
+  spec.mutable_plan()->set_numeric_class("avx2");
   spec.set_width(20);
   spec.set_height(12);
   spec.set_tile_size(8);

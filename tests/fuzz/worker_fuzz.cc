@@ -38,6 +38,7 @@ class Deaf final : public worker::Outbox {
 
 v1::JobSpec Spec() {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(16);
   spec.set_height(16);
   spec.set_tile_size(8);
@@ -82,6 +83,7 @@ std::vector<std::string> Seeds() {
   messages[0].mutable_welcome()->set_heartbeat_ms(100);
   *messages[1].mutable_grant()->add_leases() = Lease(v1::UNIT_KIND_PASS);
   *messages[1].mutable_grant()->add_leases() = Lease(v1::UNIT_KIND_GEOMETRY);
+  *messages[1].mutable_grant()->add_leases() = Lease(v1::UNIT_KIND_PLAN);
   *messages[2].mutable_ack()->mutable_unit() = Lease(v1::UNIT_KIND_PASS).unit();
   messages[2].mutable_ack()->set_attempt(1);
   messages[3].mutable_job_ended()->set_job_id("j-1");

@@ -106,6 +106,14 @@ class Session {
     }
   }
 
+  void SendPlan(const v1::Lease& lease, const v1::Plan& plan) {
+    v1::WorkerMessage message;
+    *message.mutable_plan()->mutable_unit() = lease.unit();
+    message.mutable_plan()->set_attempt(lease.attempt());
+    *message.mutable_plan()->mutable_plan() = plan;
+    Send(message);
+  }
+
   void SendUnit(const v1::Lease& lease, const RenderedUnit& rendered) {
     SendUnit(lease.unit(), lease.attempt(), rendered, [](v1::UnitChunk&) {});
   }
@@ -157,7 +165,8 @@ class Session {
   }
 
   absl::StatusOr<RenderedUnit> Render(const v1::Lease& lease) {
-    const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = specs_->Get(lease.unit().job_id());
+    const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = 
+        specs_->Get(lease.unit().job_id(), lease.unit().kind());
     if (!spec.ok()) return spec.status();
     worker::UnitControl control;
     return renderer_->Render(**spec, lease, &control);
@@ -368,6 +377,17 @@ void SendForeignFailures(Session& session, const v1::Lease& lease, RenderedUnit&
   session.SendUnit(lease, unit);
 }
 
+void SendWrongPlan(Session& session, const v1::Lease& lease, RenderedUnit& unit) {
+  if (!unit.plan.has_value()) return session.SendUnit(lease, unit);
+  unit.plan->mutable_decisions()->rbegin()->set_value(-1);
+  session.SendPlan(lease, *unit.plan);
+}
+
+void DeliverHonestly(Session& session, const v1::Lease& lease, RenderedUnit& unit) {
+  if (unit.plan.has_value()) return session.SendPlan(lease, *unit.plan);
+  session.SendUnit(lease, unit);
+}
+
 void KeepLease(Session&, const v1::Lease&, RenderedUnit&) {}
 
 void SendHelloAgain(Session& session, const v1::Lease&, RenderedUnit&) {
@@ -378,6 +398,7 @@ struct Behaviour {
   const char* name;
   const char* what;
   void (*deliver)(Session& session, const v1::Lease& lease, RenderedUnit& unit);
+  bool spoils_plans = false;  // it does that to plans, too
 };
 
 constexpr std::array kBehaviours = {
@@ -400,6 +421,7 @@ constexpr std::array kBehaviours = {
     Behaviour{"permanent", "calls each unit impossible to render", SendPermanentFailure},
     Behaviour{"long-error", "as permanent, with an error text of 3 MB", SendLongFailure},
     Behaviour{"foreign-failures", "reports failures of units that others have leased", SendForeignFailures},
+    Behaviour{"wrong-plan", "a value of each plan is out of range", SendWrongPlan, /*spoils_plans=*/true},
     Behaviour{"hoard", "reports progress for ever and delivers nothing", KeepLease},
     Behaviour{"second-hello", "introduces itself again", SendHelloAgain},
 };
@@ -434,7 +456,8 @@ grpc::Status RunSession(v1::WorkerService::Stub* stub, worker::SpecCache* specs,
       session.Forget(*lease);
       continue;
     }
-    behaviour->deliver(session, *lease, *unit);
+    const bool is_plan = unit->plan.has_value();
+    (is_plan && !behaviour->spoils_plans ? &DeliverHonestly : behaviour->deliver)(session, *lease, *unit);
     Report(absl::StrCat("behaviour=", options.behaviour, " ", Describe(lease->unit())));
   }
   stop = true;

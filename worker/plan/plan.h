@@ -32,16 +32,14 @@ struct PlanSettings {
 
 /// Who decided.
 enum class Source { kScene, kProbe, kFull, kForced };
-std::string_view NameOf(Source source);
 
 /// One decision, as people and programs read it.
 struct Decision {
-  std::string name;   // stable
-  std::string value;  // "on", "off" or a number
+  std::string name;  // one of decisions::kAll
+  int value = 1;
   Source source = Source::kScene;
   std::string reason;   // one line, with the facts
   std::string saving;   // what it saves; empty: nothing
-  std::string governs;  // what obeys it
 };
 
 /// Dimensions of the filter's guide that vary at all.
@@ -54,6 +52,7 @@ struct GuidePlan {
 struct UnitPlan {
   int tile_size = 32;
   int pass_samples = 0;         // even; 0: the coordinator's default
+  bool costliest_first = false;
   std::vector<int> tile_order;  // tile numbers, row-major, the costliest first; empty: in order of number
 };
 
@@ -69,14 +68,12 @@ struct Plan {
   double seconds_per_sample = 0;  // estimate of tracing one sample of every pixel on one thread
 };
 
-/// Makes the plan: a pure function. `scene` is frame 0, or any one frame, of the job.
+/// Makes the plan, a pure function, with the decisions of decisions::kAll in their order. `scene` is frame 0, or any one frame, of the job.
 /// Errors: kInvalidArgument for a forced decision that does not exist or cannot have that value, naming those that can.
 absl::StatusOr<Plan> MakePlan(const scene::Scene& scene, const PlanSettings& settings, const Probe& probe);
 
-/// The decisions on which neither the bits nor the channels of a unit depend: what a worker leaves out of every job.
-render::TracingPlan ExactTracing(const scene::Scene& scene, bool has_environment);
-
-/// The names of all decisions, in order.
-std::vector<std::string> DecisionNames();
+/// Sets what one decision governs. No effect for a name that does not exist, or for the order of tiles, which needs the
+/// probe.
+void Apply(std::string_view decision, int value, Plan* plan);
 
 }  // namespace lumifold::plan

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "filter/image/decisions.h"
 
 namespace lumifold::plan {
 namespace {
@@ -158,6 +160,8 @@ constexpr int kTile = 32;
 constexpr int kMaxPlannedTile = 128;
 /// A frame has at least this many tiles, so that many workers can share it.
 constexpr int64_t kMinTiles = 64;
+/// The probe has no more pixels, and the order is part of the plan.
+constexpr int64_t kMaxOrderedTiles = kProbePixels;
 /// Tiles whose costs differ by less than this factor are rendered in order of number.
 constexpr double kMinCostRatio = 1.25;
 
@@ -171,14 +175,22 @@ double SecondsPerSample(const RuleInput& input, int tile_size) {
   return double{1} * tile_size * tile_size * input.probe.RaysPerSample() / input.settings.rays_per_second;
 }
 
+/// Samples of a pass unless the plan makes it longer: the coordinator's default. Each pass costs the bytes of its channels.
+int DefaultPass(const PlanSettings& settings) {
+  constexpr int kLeast = 64;
+  constexpr int kMostPasses = 16;
+  const int share = settings.samples / kMostPasses;
+  return std::max(kLeast, share + share % 2);
+}
+
 Verdict DecideTileSize(const RuleInput& input, const Plan&) {
-  const double samples = std::max(1, input.settings.samples / 2);
+  const int samples = std::min(input.settings.samples, DefaultPass(input.settings));
   int size = kTile;
   while (size < kMaxPlannedTile && samples * SecondsPerSample(input, size) < kMinUnitSeconds &&
          TilesOf(input.settings, 2 * size) >= kMinTiles)
     size *= 2;
   return {size, Source::kProbe,
-          absl::StrFormat("half of the samples take %.2g s in a tile of this size, %.2g s in one of %d",
+          absl::StrFormat("a pass takes %.2g s in a tile of this size, %.2g s in one of %d",
                           samples * SecondsPerSample(input, size), samples * SecondsPerSample(input, kTile),
                           kTile),
           size > kTile ? absl::StrFormat("%d of %d units in each pass",
@@ -189,14 +201,17 @@ Verdict DecideTileSize(const RuleInput& input, const Plan&) {
 
 Verdict DecidePassSamples(const RuleInput& input, const Plan& so_far) {
   const double seconds = SecondsPerSample(input, so_far.units.tile_size);
-  const int half = std::max(2, input.settings.samples / 2);
-  const double wanted = std::ceil(kMinUnitSeconds / std::max(seconds, 1e-9));
-  int samples = static_cast<int>(std::min(wanted, static_cast<double>(half)));
-  samples = std::max(2, samples + samples % 2);  // even, so that both halves get as many
+  const int least = DefaultPass(input.settings);
+  int samples = least;
+  while (samples < input.settings.samples && samples * seconds < kMinUnitSeconds)
+    samples = std::min(2 * samples, input.settings.samples + input.settings.samples % 2);
+  const auto passes = [&](int of) { return (input.settings.samples + of - 1) / of; };
   return {samples, Source::kProbe,
-          absl::StrFormat("a unit takes %.2g s; %d samples are asked for", samples * seconds,
-                          input.settings.samples),
-          ""};
+          absl::StrFormat("a unit takes %.2g s; %d samples are asked for",
+                          std::min(samples, input.settings.samples) * seconds, input.settings.samples),
+          passes(samples) < passes(least)
+              ? absl::StrFormat("%d of %d passes", passes(least) - passes(samples), passes(least))
+              : ""};
 }
 
 /// Rays per sample of each tile.
@@ -215,6 +230,10 @@ std::vector<double> TileCosts(const RuleInput& input, int size) {
 }
 
 Verdict DecideCostliestFirst(const RuleInput& input, const Plan& so_far) {
+  if (TilesOf(input.settings, so_far.units.tile_size) > kMaxOrderedTiles) {
+    return {0, Source::kProbe, absl::StrFormat("the probe does not tell more than %d tiles apart", kMaxOrderedTiles),
+            ""};
+  }
   const std::vector<double> costs = TileCosts(input, so_far.units.tile_size);
   const auto [least, most] = std::minmax_element(costs.begin(), costs.end());
   const std::string reason =
@@ -224,7 +243,50 @@ Verdict DecideCostliestFirst(const RuleInput& input, const Plan& so_far) {
   return {1, Source::kProbe, reason, "waiting for the last unit"};
 }
 
-std::vector<int> CostliestFirst(const std::vector<double>& costs) {
+// --- The table --------------------------------------------------------------------------------------------
+
+/// Applies a switch to one field of a plan's part.
+template <auto Part, auto Field>
+void Switch(int value, Plan* plan) {
+  (plan->*Part).*Field = value != 0;
+}
+
+template <bool render::TracingPlan::Layers::*Field>
+void SwitchLayer(int value, Plan* plan) {
+  plan->tracing.layers.*Field = value != 0;
+}
+
+using Layers = render::TracingPlan::Layers;
+
+const Rule kRules[] = {
+    {decisions::kBounces, DecideBounces, [](int value, Plan* plan) { plan->max_bounces = value; }},
+    {decisions::kLevels, DecideLevels, [](int value, Plan* plan) { plan->tracing.levels = value; }},
+    {decisions::kDirect, DecideDirect, SwitchLayer<&Layers::direct>},
+    {decisions::kIndirect, DecideIndirect, SwitchLayer<&Layers::indirect>},
+    {decisions::kAlbedo, DecideAlbedo, SwitchLayer<&Layers::albedo>},
+    {decisions::kEmission, DecideEmission, SwitchLayer<&Layers::emission>},
+    {decisions::kGlossy, DecideGlossy, SwitchLayer<&Layers::glossy>},
+    {"general-code", DecideGeneralCode,
+     [](int value, Plan* plan) { plan->tracing.diffuse_code = value == 0; }},
+    {"emission-on-hits", DecideEmissionOnHits,
+     Switch<&Plan::tracing, &render::TracingPlan::emission_on_hits>},
+    {"alpha-by-mode", DecideAlphaTests,
+     [](int value, Plan* plan) { plan->tracing.opacity_scan = value == 0; }},
+    {"guide-normal", DecideGuideNormal, Switch<&Plan::guide, &GuidePlan::normal>},
+    {"guide-depth", DecideGuideDepth, Switch<&Plan::guide, &GuidePlan::depth>},
+    {decisions::kTileSize, DecideTileSize, [](int value, Plan* plan) { plan->units.tile_size = value; }},
+    {decisions::kPassSamples, DecidePassSamples,
+     [](int value, Plan* plan) { plan->units.pass_samples = value; }},
+    {"costliest-first", DecideCostliestFirst, Switch<&Plan::units, &UnitPlan::costliest_first>},
+};
+static_assert(std::size(kRules) == decisions::kAll.size());
+
+}  // namespace
+
+std::span<const Rule> Rules() { return kRules; }
+
+std::vector<int> CostliestFirst(const RuleInput& input, const Plan& plan) {
+  const std::vector<double> costs = TileCosts(input, plan.units.tile_size);
   std::vector<int> order(costs.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
@@ -232,61 +294,5 @@ std::vector<int> CostliestFirst(const std::vector<double>& costs) {
   });
   return order;
 }
-
-// --- The table --------------------------------------------------------------------------------------------
-
-int On(const RuleInput&) { return 1; }
-
-/// Applies a switch to one field of a plan's part.
-template <auto Part, auto Field>
-void Switch(const RuleInput&, int value, Plan* plan) {
-  (plan->*Part).*Field = value != 0;
-}
-
-template <bool render::TracingPlan::Layers::*Field>
-void SwitchLayer(const RuleInput&, int value, Plan* plan) {
-  plan->tracing.layers.*Field = value != 0;
-}
-
-constexpr int kMaxBounces = 1024;
-constexpr int kMaxPassSamples = 1 << 20;
-
-using Layers = render::TracingPlan::Layers;
-
-const Rule kRules[] = {
-    {"bounces", "paths", 0, kMaxBounces,
-     [](const RuleInput& input) { return input.settings.render.max_bounces; }, DecideBounces,
-     [](const RuleInput&, int value, Plan* plan) { plan->max_bounces = value; }},
-    {"levels", "paths, layers, filter", 0, layers::kMaxDepth,
-     [](const RuleInput&) { return layers::kMaxDepth; }, DecideLevels,
-     [](const RuleInput&, int value, Plan* plan) { plan->tracing.levels = value; }},
-    {"direct", "layer D", 0, 1, On, DecideDirect, SwitchLayer<&Layers::direct>},
-    {"indirect", "layer I", 0, 1, On, DecideIndirect, SwitchLayer<&Layers::indirect>},
-    {"albedo", "layer T", 0, 1, On, DecideAlbedo, SwitchLayer<&Layers::albedo>},
-    {"emission", "layer E", 0, 1, On, DecideEmission, SwitchLayer<&Layers::emission>},
-    {"glossy", "layers G and S", 0, 1, On, DecideGlossy, SwitchLayer<&Layers::glossy>},
-    {"general-code", "paths", 0, 1, On, DecideGeneralCode,
-     [](const RuleInput&, int value, Plan* plan) { plan->tracing.diffuse_code = value == 0; },
-     /*exact=*/true},
-    {"emission-on-hits", "paths", 0, 1, On, DecideEmissionOnHits,
-     Switch<&Plan::tracing, &render::TracingPlan::emission_on_hits>, /*exact=*/true},
-    {"alpha-by-mode", "rays", 0, 1, On, DecideAlphaTests,
-     [](const RuleInput&, int value, Plan* plan) { plan->tracing.opacity_scan = value == 0; },
-     /*exact=*/true},
-    {"guide-normal", "filter", 0, 1, On, DecideGuideNormal, Switch<&Plan::guide, &GuidePlan::normal>},
-    {"guide-depth", "filter", 0, 1, On, DecideGuideDepth, Switch<&Plan::guide, &GuidePlan::depth>},
-    {"tile-size", "units", 8, 512, [](const RuleInput&) { return kTile; }, DecideTileSize,
-     [](const RuleInput&, int value, Plan* plan) { plan->units.tile_size = value; }},
-    {"pass-samples", "units", 0, kMaxPassSamples, [](const RuleInput&) { return 0; }, DecidePassSamples,
-     [](const RuleInput&, int value, Plan* plan) { plan->units.pass_samples = value; }},
-    {"costliest-first", "units", 0, 1, [](const RuleInput&) { return 0; }, DecideCostliestFirst,
-     [](const RuleInput& input, int value, Plan* plan) {
-       if (value != 0) plan->units.tile_order = CostliestFirst(TileCosts(input, plan->units.tile_size));
-     }},
-};
-
-}  // namespace
-
-std::span<const Rule> Rules() { return kRules; }
 
 }  // namespace lumifold::plan

@@ -4,6 +4,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "worker/plan/plan.h"
 #include "worker/plan/scene_facts.h"
@@ -25,25 +26,18 @@ struct Verdict {
   std::string saving;
 };
 
-/// The description of one decision: all that computes, forces, applies and prints it.
+/// What computes and applies one decision of decisions::kAll.
 struct Rule {
   std::string_view name;
-  std::string_view governs;
-  /// Values it may be forced to; 0 to 1 is a switch, "off" and "on".
-  int least;
-  int most;
-  /// The value that models everything.
-  int (*full)(const RuleInput& input);
   /// `so_far` holds the decisions of the rules before it.
   Verdict (*decide)(const RuleInput& input, const Plan& so_far);
-  void (*apply)(const RuleInput& input, int value, Plan* plan);
-  /// Neither the bits nor the channels of a unit depend on the decision, which needs no probe.
-  bool exact = false;
-
-  bool IsSwitch() const { return least == 0 && most == 1; }
+  void (*apply)(int value, Plan* plan);
 };
 
-/// All decisions in the order in which they are made.
+/// Of all decisions, in the order of decisions::kAll.
 std::span<const Rule> Rules();
+
+/// The tiles of the frame by their cost.
+std::vector<int> CostliestFirst(const RuleInput& input, const Plan& plan);
 
 }  // namespace lumifold::plan

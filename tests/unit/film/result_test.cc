@@ -16,6 +16,7 @@ using ::testing::Not;
 
 v1::JobSpec Spec() {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.mutable_scene()->set_display_name("room.glb");
   spec.set_width(9);
   spec.set_height(4);

@@ -15,6 +15,7 @@ constexpr int kHeight = 22;
 
 v1::JobSpec Spec(bool save_film) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(kWidth);
   spec.set_height(kHeight);
   spec.set_tile_size(8);

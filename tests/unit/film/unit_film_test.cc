@@ -20,6 +20,7 @@ using ::testing::HasSubstr;
 
 v1::JobSpec Spec(int samples) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(21);
   spec.set_height(10);
   spec.set_tile_size(8);
@@ -290,6 +291,33 @@ TEST_F(UnitFilmTest, IsTheSameForAnyTiles) {
     EXPECT_EQ(film->edges.height(), 2);
     if (expected.empty()) expected = Bytes(film);
     EXPECT_EQ(Bytes(film), expected) << tile_size;
+  }
+}
+
+TEST_F(UnitFilmTest, OfLayersThatThePlanLeavesOutTheFilterNeedsZeros) {
+  v1::JobSpec planned = spec_;
+  for (const char* name : {"indirect", "glossy"}) {
+    v1::PlanDecision* decision = planned.mutable_plan()->add_decisions();
+    decision->set_name(name);
+    decision->set_value(0);
+  }
+  const UnitsOfFunction units([this](const UnitKey& key) {
+    absl::StatusOr<EdgedImage> unit = Read(key);
+    std::erase_if(unit->pixels.channels(), [](const LayeredImage::Channel& channel) {
+      return channel.name.starts_with("indirect_") || channel.name.starts_with("glossy");
+    });
+    return unit;
+  });
+  EXPECT_FALSE(WholeFilm(spec_, 0, units, nullptr).ok());
+  const absl::StatusOr<EdgedImage> film = WholeFilm(planned, 0, units, nullptr);
+  ASSERT_TRUE(film.ok()) << film.status();
+  const absl::StatusOr<EdgedImage> full = Assemble(nullptr);
+  for (const char* name : {"glossy.R", "glossy_a.G", "glossy_albedo.B"})
+    EXPECT_FALSE(film->pixels.Has(name)) << name;
+  for (int x = 0; x < spec_.width(); ++x) {
+    for (const char* name : {"indirect.R", "indirect_a.G", "indirect_b.B"})
+      EXPECT_EQ(film->pixels.Get(name).At(x, 3), 0) << name;
+    EXPECT_EQ(film->pixels.Get("direct_a.R").At(x, 3), full->pixels.Get("direct_a.R").At(x, 3));
   }
 }
 

@@ -151,5 +151,22 @@ TEST(UnitLayout, NamesWhatIsWrong) {
   EXPECT_FALSE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, Layout(v1::UNIT_KIND_GEOMETRY)).ok());
 }
 
+TEST(UnitLayout, APlanLeavesOutLayersAndLevels) {
+  const UnitModel diffuse = {.glossy = false, .levels = 0};
+  EXPECT_THAT(PassChannels(diffuse), SizeIs(3 * 2 * 3 + 2 * 3 + 2));
+  v1::PixelLayout layout = Layout(v1::UNIT_KIND_PASS);
+  EXPECT_FALSE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, diffuse).ok()) << "it has G and S";
+  layout.clear_channels();
+  for (const std::string& name : PassChannels(diffuse)) layout.add_channels(name);
+  EXPECT_TRUE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, diffuse).ok());
+  EXPECT_FALSE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout).ok()) << "it has neither";
+  for (const std::string& name : layers::LevelPassChannels({layers::Branch::kReflection, 2}))
+    layout.add_channels(name);
+  EXPECT_EQ(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.glossy = false, .levels = 1}).message(),
+            "unit: has the level reflection2, but its job plans 1 levels");
+  EXPECT_TRUE(
+      CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.glossy = false, .levels = 2}).ok());
+}
+
 }  // namespace
 }  // namespace lumifold::film

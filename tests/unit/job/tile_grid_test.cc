@@ -12,6 +12,7 @@ namespace {
 
 v1::JobSpec Spec(int width, int height, int tile_size, int samples, int pass_samples) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(width);
   spec.set_height(height);
   spec.set_tile_size(tile_size);

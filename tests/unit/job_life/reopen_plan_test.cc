@@ -16,6 +16,7 @@ using ::testing::IsEmpty;
 /// 3 x 2 tiles, 3 passes of 4, 4 and 2 samples, frames 1, 2, 3 and 7.
 ReopenedJob Job(v1::JobState state, std::vector<int32_t> finished) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(20);
   spec.set_height(12);
   spec.set_tile_size(8);

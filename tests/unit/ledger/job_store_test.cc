@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "server/job/limits.h"
+#include "tests/support/made_up_plan.h"
 #include "tests/unit/ledger/job_store_fixture.h"
 
 namespace lumifold::ledger {
@@ -409,6 +410,31 @@ TEST_P(JobStoreTest, SchedulingCanBeChanged) {
   EXPECT_EQ(Get("j-a").scheduling.SerializeAsString(), scheduling.SerializeAsString());
   EXPECT_THAT(Listed({.user = "ben"}), ElementsAre("j-a"));
   EXPECT_EQ(store_->SetScheduling(Owned("j-x"), scheduling).code(), StatusCode::kNotFound);
+}
+
+TEST_P(JobStoreTest, AJobGetsItsPlan) {
+  NewJob job = Job("j-a", "r-1");
+  job.spec.clear_tile_size();
+  job.spec.clear_pass_samples();
+  ASSERT_TRUE(store_->CreateJob(job).ok());
+  v1::JobSpec planned = Get("j-a").spec;
+  *planned.mutable_plan() = MadeUpPlan(16, 6);
+  planned.mutable_plan()->set_numeric_class("avx2");
+  planned.set_tile_size(16);
+  planned.set_pass_samples(6);
+  EXPECT_EQ(store_->SetPlan(Owned("j-a", 2), planned).code(), StatusCode::kAborted);
+  EXPECT_FALSE(Get("j-a").spec.has_plan());
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(store_->SetPlan(Owned("j-a"), planned).ok());  // it can be repeated
+  Reopen();
+  EXPECT_EQ(Get("j-a").spec.SerializeAsString(), planned.SerializeAsString());
+  job.id = JobId("j-b");
+  EXPECT_EQ(*store_->CreateJob(job), JobId("j-a")) << "a repeated request finds the job";
+  EXPECT_EQ(store_->SetPlan(Owned("j-x"), planned).code(), StatusCode::kNotFound);
+  ASSERT_TRUE(store_->EndJob(Owned("j-a"), v1::JOB_STATE_CANCELLED, "").ok());
+  EXPECT_EQ(store_->SetPlan(Owned("j-a"), planned).code(), StatusCode::kFailedPrecondition);
+  EXPECT_TRUE(Get("j-a").spec.has_plan()) << "explain shows it";
+  ASSERT_TRUE(store_->DeleteJob(JobId("j-a")).ok());
+  EXPECT_EQ(store_->GetJob(JobId("j-a")).status().code(), StatusCode::kNotFound);
 }
 
 TEST_P(JobStoreTest, AnEndedJobIsReopenedForAnotherOwner) {

@@ -226,6 +226,13 @@ class MemoryJobStore final : public JobStore {
     return absl::OkStatus();
   }
 
+  absl::Status SetPlan(const OwnedJob& owned, const v1::JobSpec& planned) override {
+    StoredJob* job = Find(owned.job);
+    if (absl::Status status = CheckOwned(owned, job); !status.ok()) return status;
+    job->record.spec = planned;
+    return absl::OkStatus();
+  }
+
   absl::Status DeleteJob(const JobId& id) override {
     const StoredJob* job = Find(id);
     if (job == nullptr) return Unknown(id);

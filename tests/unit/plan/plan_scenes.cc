@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "filter/image/check.h"
+#include "filter/image/decisions.h"
 #include "tests/support/analytic_scenes.h"
 
 namespace lumifold::plan {
@@ -111,6 +114,20 @@ const Decision& Find(const Plan& plan, const std::string& name) {
                                   [&](const Decision& decision) { return decision.name == name; });
   LUMIFOLD_CHECK(found != plan.decisions.end());
   return *found;
+}
+
+std::string ValueOf(const Plan& plan, const std::string& name) {
+  return decisions::ValueText(*decisions::Find(name), Find(plan, name).value);
+}
+
+std::string TextOf(const Plan& plan) {
+  std::string text = absl::StrCat(plan.probe_rays, " ", plan.noise, " ", plan.seconds_per_sample, " ",
+                                  absl::StrJoin(plan.units.tile_order, ","));
+  for (const Decision& decision : plan.decisions) {
+    absl::StrAppend(&text, "\n", decision.name, "=", ValueOf(plan, decision.name), " ",
+                    static_cast<int>(decision.source), " ", decision.reason, " ", decision.saving);
+  }
+  return text;
 }
 
 }  // namespace lumifold::plan

@@ -37,6 +37,9 @@ Plan PlanOf(const scene::Scene& scene, const PlanSettings& settings = SettingsFo
 
 /// Of the decision of this name.
 const Decision& Find(const Plan& plan, const std::string& name);
-inline std::string ValueOf(const Plan& plan, const std::string& name) { return Find(plan, name).value; }
+/// Its value, as text.
+std::string ValueOf(const Plan& plan, const std::string& name);
+/// All that is in the plan, as text.
+std::string TextOf(const Plan& plan);
 
 }  // namespace lumifold::plan

@@ -25,10 +25,10 @@ Probe ProbeOf(const Scene& scene, const render::RenderSettings& settings) {
 TEST(Probe, IsTheSameInEveryRunAndThread) {
   const Scene room = lumifold::testing::SmallRoom();
   const PlanSettings settings = SettingsFor();
-  const std::string alone = PlanJson(PlanOf(room, settings));
+  const std::string alone = TextOf(PlanOf(room, settings));
   std::vector<std::string> together(3);
   std::vector<std::thread> threads;
-  for (std::string& json : together) threads.emplace_back([&] { json = PlanJson(PlanOf(room, settings)); });
+  for (std::string& json : together) threads.emplace_back([&] { json = TextOf(PlanOf(room, settings)); });
   for (std::thread& thread : threads) thread.join();
   for (const std::string& json : together) EXPECT_EQ(json, alone);
 }

@@ -99,12 +99,16 @@ TEST(SameBits, ThePlannedPictureIsTheFullOne) {
   }
 }
 
-TEST(SameBits, WhatWorkersLeaveOutChangesNothing) {
+TEST(SameBits, CodeThatIsLeftOutChangesNothing) {
   for (const NamedScene& named : Scenes()) {
     SCOPED_TRACE(named.name);
     render::RenderSettings settings = SettingsFor(named.sky ? WhiteSky() : nullptr).render;
     const LayeredImage full = render::RenderAll(*render::MakeRenderer(named.scene, settings), 64, 48, 10);
-    settings.plan = ExactTracing(named.scene, settings.environment != nullptr);
+    const Plan plan = PlanOf(named.scene, SettingsFor(named.sky ? WhiteSky() : nullptr));
+    Plan code;
+    for (const char* name : {"general-code", "emission-on-hits", "alpha-by-mode"})
+      Apply(name, Find(plan, name).value, &code);
+    settings.plan = code.tracing;
     const LayeredImage exact = render::RenderAll(*render::MakeRenderer(named.scene, settings), 64, 48, 10);
     render::ExpectSameBits(full, exact);
     EXPECT_EQ(exact.channels().size(), full.channels().size());

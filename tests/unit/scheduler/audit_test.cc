@@ -27,6 +27,7 @@ const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
 
 v1::JobSpec Spec(int tiles, int frames = 1) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(8 * tiles);
   spec.set_height(8);
   spec.set_tile_size(8);

@@ -16,6 +16,7 @@ inline const absl::Time kStart = absl::FromUnixSeconds(1'000'000);
 /// A job of 4 tiles x (1 + 2) units a frame.
 inline v1::JobSpec Spec(int frames = 1) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(16);
   spec.set_height(16);
   spec.set_tile_size(8);

@@ -48,6 +48,7 @@ class RandomHistory {
       : random_(seed), max_lost_workers_(seed % 2 == 0 ? 2 : 1'000'000), has_liars_(seed % 3 == 0) {
     for (int i = 0; i < 2; ++i) {
       v1::JobSpec& spec = specs_[JobId("j-" + std::to_string(i))];
+      spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
       spec.set_width(20);
       spec.set_height(9);
       spec.set_tile_size(8);

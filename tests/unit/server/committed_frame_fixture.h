@@ -30,6 +30,7 @@ class CommittedFrameFixture : public ::testing::Test {
 
   static v1::JobSpec Spec(int width, int height) {
     v1::JobSpec spec;
+    spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
     spec.set_width(width);
     spec.set_height(height);
     spec.set_tile_size(8);

@@ -17,6 +17,7 @@
 #include "server/job_status.h"
 #include "server/ledger/sqlite_job_store.h"
 #include "server/recover.h"
+#include "tests/support/made_up_plan.h"
 #include "tests/support/random_unit.h"
 
 namespace lumifold::server {
@@ -80,7 +81,30 @@ std::set<job::UnitRef> PumpedWorker::leased() const {
   return leased_;
 }
 
+v1::Lease PumpedWorker::TakeLease() {
+  absl::MutexLock lock(&mutex_);
+  v1::Lease lease = leases_.front();
+  leases_.pop_front();
+  return lease;
+}
+
+void PumpedWorker::DeliverPlan(const v1::Plan& plan) { DeliverPlan(TakeLease(), plan); }
+
+void PumpedWorker::DeliverPixels() { DeliverPixels(TakeLease()); }
+
+void PumpedWorker::DeliverPlan(const v1::Lease& lease, const v1::Plan& plan) {
+  v1::WorkerMessage message;
+  *message.mutable_plan()->mutable_unit() = lease.unit();
+  message.mutable_plan()->set_attempt(lease.attempt());
+  *message.mutable_plan()->mutable_plan() = plan;
+  EXPECT_TRUE(session_->Handle(&message).ok());
+}
+
 void PumpedWorker::DeliverUnit(const v1::Lease& lease) {
+  lease.unit().kind() == v1::UNIT_KIND_PLAN ? DeliverPlan(lease, MadeUpPlan()) : DeliverPixels(lease);
+}
+
+void PumpedWorker::DeliverPixels(const v1::Lease& lease) {
   const Rect rect = {lease.rect().x0(), lease.rect().y0(), lease.rect().x1(), lease.rect().y1()};
   const SampleRange samples = {static_cast<uint32_t>(lease.first_sample()),
                                static_cast<uint32_t>(lease.last_sample())};
@@ -138,6 +162,7 @@ void CoordinatorFixture::Stop() {
 v1::JobSpec CoordinatorFixture::Spec(int tiles) const {
   const std::string content = kScene;
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.mutable_scene()->mutable_file()->set_sha256(rpc::Sha256Hex(content));
   spec.mutable_scene()->mutable_file()->set_size(content.size());
   spec.set_width(8 * tiles);
@@ -147,6 +172,14 @@ v1::JobSpec CoordinatorFixture::Spec(int tiles) const {
   spec.set_pass_samples(4);
   spec.set_frame_count(1);
   spec.mutable_filter()->set_method("none");
+  return spec;
+}
+
+v1::JobSpec CoordinatorFixture::UnplannedSpec(int tiles) const {
+  v1::JobSpec spec = Spec(tiles);
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_AUTO);
+  spec.clear_tile_size();
+  spec.clear_pass_samples();
   return spec;
 }
 

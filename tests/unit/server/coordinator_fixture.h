@@ -21,7 +21,7 @@
 
 namespace lumifold::server {
 
-/// A worker without a connection: it delivers RandomUnit for its leases when it is told to.
+/// A worker without a connection: it delivers RandomUnit, or MadeUpPlan, for its leases when it is told to.
 class PumpedWorker final : public WorkerSink {
  public:
   /// The coordinator must outlive it. Workers with equal seeds deliver equal pixels. `caller`: whose connection it is.
@@ -34,11 +34,18 @@ class PumpedWorker final : public WorkerSink {
   int leases() const;
   /// Units that were acknowledged.
   std::set<job::UnitRef> acknowledged() const;
+  /// Delivers this for the first lease that it has got, which is of a plan unit.
+  void DeliverPlan(const v1::Plan& plan);
+  /// Delivers pixels for the first lease that it has got.
+  void DeliverPixels();
   /// All units that were ever leased to it.
   std::set<job::UnitRef> leased() const;
 
  private:
+  v1::Lease TakeLease();
   void DeliverUnit(const v1::Lease& lease);
+  void DeliverPixels(const v1::Lease& lease);
+  void DeliverPlan(const v1::Lease& lease, const v1::Plan& plan);
 
   const uint32_t seed_;
   mutable absl::Mutex mutex_;
@@ -69,6 +76,8 @@ class CoordinatorFixture : public ::testing::Test {
 
   /// A job of `tiles` tiles of 8 pixels in a row, each with one geometry unit and one pass.
   v1::JobSpec Spec(int tiles = 1) const;
+  /// The same, but with a plan unit first: PumpedWorker plans these units.
+  v1::JobSpec UnplannedSpec(int tiles = 1) const;
   std::string Result(const job::JobId& job, int32_t frame = 0) const;
 
   /// In memory where the machine has such a folder: what these tests sync they sync thousands of times.

@@ -53,6 +53,7 @@ std::unique_ptr<FakeWorker> FarmFixture::Worker(FakeWorkerOptions options) const
 v1::JobSpec FarmFixture::Spec() {
   const std::string content = "a scene nobody reads";
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   v1::AssetRef* file = spec.mutable_scene()->mutable_file();
   file->set_sha256(rpc::Sha256Hex(content));
   file->set_size(content.size());

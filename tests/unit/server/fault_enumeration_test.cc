@@ -19,7 +19,7 @@ class FaultEnumerationTest : public CoordinatorFixture {
       Stop();
       if (files_.has_stopped()) return;
     }
-    job_ = Submit(Spec(2));
+    job_ = Submit(UnplannedSpec(2));
     if (files_.has_stopped()) return Stop();
     {
       PumpedWorker worker(coordinator_.get(), 2);

@@ -20,6 +20,7 @@ class FetchTest : public FarmFixture {
     request.set_job_id(job_id);
     grpc::ClientContext context;
     v1::JobSpec spec;
+    spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
     return v1::WorkerService::NewStub(Channel())->FetchSpec(&context, request, &spec);
   }
 

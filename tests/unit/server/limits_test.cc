@@ -149,6 +149,7 @@ TEST_F(LimitsTest, RequestsASecondOfAWorker) {
   const auto fetch = [this] {
     const auto context = As("worker/node-7");
     v1::JobSpec spec;
+    spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
     return workers().FetchSpec(context.get(), v1::FetchSpecRequest(), &spec);
   };
   for (int i = 0; i < 3; ++i) EXPECT_EQ(fetch().error_code(), grpc::StatusCode::NOT_FOUND);

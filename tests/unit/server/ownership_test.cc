@@ -274,6 +274,7 @@ TEST_F(OwnershipTest, AWorkersIdIsOfNoUseToAnother) {
   ASSERT_TRUE(stream->Read(&answer));
   ASSERT_TRUE(answer.has_grant());
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   EXPECT_TRUE(workers().FetchSpec(As("worker/node-7").get(), request, &spec).ok());
   const grpc::Status refused = workers().FetchSpec(As("worker/node-8").get(), request, &spec);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::PERMISSION_DENIED);

@@ -29,6 +29,7 @@ class ReviseFilmTest : public ::testing::Test {
  protected:
   ReviseFilmTest() {
     v1::JobSpec spec;
+    spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
     spec.set_width(16);
     spec.set_height(8);
     spec.set_tile_size(8);

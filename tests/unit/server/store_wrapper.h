@@ -59,6 +59,9 @@ class StoreWrapper : public ledger::JobStore {
   absl::Status SetScheduling(const ledger::OwnedJob& job, const v1::Scheduling& scheduling) override {
     return Call("SetScheduling", [&] { return store_->SetScheduling(job, scheduling); });
   }
+  absl::Status SetPlan(const ledger::OwnedJob& job, const v1::JobSpec& planned) override {
+    return Call("SetPlan", [&] { return store_->SetPlan(job, planned); });
+  }
   absl::Status DeleteJob(const job::JobId& job) override {
     return Call("DeleteJob", [&] { return store_->DeleteJob(job); });
   }

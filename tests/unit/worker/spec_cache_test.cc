@@ -15,6 +15,7 @@ namespace {
 
 v1::JobSpec SpecOf(int width) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(width);
   return spec;
 }
@@ -36,20 +37,36 @@ class SlowSpecs final : public SpecSource {
 TEST(SpecCache, FetchesTheSpecOfAJobOnceUntilItIsForgotten) {
   FakeSpecs source{SpecOf(7)};
   SpecCache specs(&source);
-  for (const char* job : {"j", "k", "j", "k"}) EXPECT_EQ((*specs.Get(job))->width(), 7);
+  for (const char* job : {"j", "k", "j", "k"}) EXPECT_EQ((*specs.Get(job, v1::UNIT_KIND_PASS))->width(), 7);
   EXPECT_EQ(source.fetches, 2);
   specs.Forget("j");
-  for (const char* job : {"j", "k"}) EXPECT_TRUE(specs.Get(job).ok());
+  for (const char* job : {"j", "k"}) EXPECT_TRUE(specs.Get(job, v1::UNIT_KIND_PASS).ok());
   EXPECT_EQ(source.fetches, 3);
   specs.Clear();
-  EXPECT_TRUE(specs.Get("k").ok());
+  EXPECT_TRUE(specs.Get("k", v1::UNIT_KIND_PASS).ok());
   EXPECT_EQ(source.fetches, 4);
+}
+
+TEST(SpecCache, FetchesTheSpecAgainOnceTheJobIsPlanned) {
+  FakeSpecs unplanned{v1::JobSpec()};
+  SpecCache specs(&unplanned);
+  for (int i = 0; i < 2; ++i) EXPECT_TRUE(specs.Get("j", v1::UNIT_KIND_PLAN).ok());
+  EXPECT_EQ(unplanned.fetches, 1);
+  EXPECT_TRUE(specs.Get("j", v1::UNIT_KIND_GEOMETRY).ok());
+  EXPECT_EQ(unplanned.fetches, 2) << "what it has is of the time before the plan";
+  v1::JobSpec spec;
+  spec.mutable_plan();
+  FakeSpecs source{spec};
+  SpecCache planned(&source);
+  for (const v1::UnitKind kind : {v1::UNIT_KIND_GEOMETRY, v1::UNIT_KIND_PASS, v1::UNIT_KIND_PLAN})
+    EXPECT_TRUE(planned.Get("j", kind).ok());
+  EXPECT_EQ(source.fetches, 1);
 }
 
 TEST(SpecCache, DoesNotKeepErrors) {
   FakeSpecs source{absl::UnavailableError("gone")};
   SpecCache specs(&source);
-  for (int i = 0; i < 2; ++i) EXPECT_EQ(specs.Get("j").status(), absl::UnavailableError("gone"));
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(specs.Get("j", v1::UNIT_KIND_PASS).status(), absl::UnavailableError("gone"));
   EXPECT_EQ(source.fetches, 2);
 }
 
@@ -57,7 +74,7 @@ TEST(SpecCache, ThreadsShareWhatIsBeingFetched) {
   SlowSpecs source;
   SpecCache specs(&source);
   std::vector<std::thread> threads;
-  for (int i = 0; i < 8; ++i) threads.emplace_back([&] { EXPECT_EQ((*specs.Get("j"))->width(), 1); });
+  for (int i = 0; i < 8; ++i) threads.emplace_back([&] { EXPECT_EQ((*specs.Get("j", v1::UNIT_KIND_PASS))->width(), 1); });
   source.released.Notify();
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(source.fetches, 1);
@@ -66,12 +83,12 @@ TEST(SpecCache, ThreadsShareWhatIsBeingFetched) {
 TEST(SpecCache, DoesNotKeepTheSpecOfAJobThatEndedMeanwhile) {
   SlowSpecs source;
   SpecCache specs(&source);
-  std::thread thread([&] { EXPECT_EQ((*specs.Get("j"))->width(), 1); });
+  std::thread thread([&] { EXPECT_EQ((*specs.Get("j", v1::UNIT_KIND_PASS))->width(), 1); });
   source.started.WaitForNotification();
   specs.Forget("j");
   source.released.Notify();
   thread.join();
-  EXPECT_EQ((*specs.Get("j"))->width(), 2) << "fetched again";
+  EXPECT_EQ((*specs.Get("j", v1::UNIT_KIND_PASS))->width(), 2) << "fetched again";
 }
 
 }  // namespace

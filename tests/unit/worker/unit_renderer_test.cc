@@ -45,6 +45,7 @@ std::string ShiningSquare(bool animated, int unknown_extensions = 0) {
 
 v1::JobSpec Spec(double frames_per_second) {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(kSize);
   spec.set_height(kSize);
   spec.set_frames_per_second(frames_per_second);
@@ -102,6 +103,43 @@ TEST(UnitRenderer, FramesOfAnAnimationShareTheEnvironment) {
   }();
   for (const int frame : {0, 1, 2}) EXPECT_GE(Coverage(renderer, spec, frame), 0);
   EXPECT_EQ(assets.fetches(), 3 + 1);
+}
+
+TEST(UnitRenderer, APlanUnitLeavesItsSceneToTheNextUnit) {
+  FakeAssets assets{ShiningSquare(false)};
+  UnitRenderer renderer(&assets);
+  v1::JobSpec spec = Spec(0);
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_AUTO);
+  spec.set_samples_per_pixel(2);
+  v1::Lease lease = LeaseOf(0);
+  lease.mutable_unit()->set_kind(v1::UNIT_KIND_PLAN);
+  lease.set_last_sample(0);
+  UnitControl control;
+  const absl::StatusOr<RenderedUnit> planned = renderer.Render(spec, lease, &control);
+  ASSERT_TRUE(planned.ok()) << planned.status();
+  ASSERT_TRUE(planned->plan.has_value());
+  EXPECT_EQ(planned->plan->decisions_size(), 15);
+  EXPECT_GT(planned->plan->probe_rays(), 0);
+  EXPECT_EQ(assets.fetches(), 1);
+  *spec.mutable_plan() = *planned->plan;
+  EXPECT_EQ(Coverage(renderer, spec, 0), 1);
+  EXPECT_EQ(assets.fetches(), 1);
+  const absl::StatusOr<RenderedUnit> again = renderer.Render(spec, lease, &control);
+  EXPECT_EQ(again->plan->SerializeAsString(), planned->plan->SerializeAsString());
+}
+
+TEST(UnitRenderer, ObeysThePlanOfTheJob) {
+  FakeAssets assets{ShiningSquare(false)};
+  UnitRenderer renderer(&assets);
+  v1::JobSpec spec = Spec(0);
+  v1::PlanDecision* direct = spec.mutable_plan()->add_decisions();
+  direct->set_name("direct");
+  direct->set_value(0);
+  UnitControl control;
+  const absl::StatusOr<RenderedUnit> unit = renderer.Render(spec, LeaseOf(0), &control);
+  ASSERT_TRUE(unit.ok()) << unit.status();
+  EXPECT_FALSE(unit->image.pixels.Has("direct_a.R"));
+  EXPECT_TRUE(unit->image.pixels.Has("indirect_a.R"));
 }
 
 TEST(UnitRenderer, AJobWithoutASpeedStandsStill) {

@@ -59,6 +59,7 @@ std::shared_ptr<spdlog::logger> Silent() { return std::make_shared<spdlog::logge
 
 v1::JobSpec Spec() {
   v1::JobSpec spec;
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
   spec.set_width(16);
   spec.set_height(16);
   spec.set_max_bounces(2);

@@ -1,0 +1,159 @@
+// The plan unit: the only unit of a job until it is planned.
+#include "tests/support/made_up_plan.h"
+#include "tests/unit/scheduler/scheduler_fixture.h"
+
+namespace lumifold::scheduler {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+v1::JobSpec Unplanned(int frames = 2) {
+  v1::JobSpec spec = Spec(frames);
+  spec.mutable_planning()->set_mode(v1::PLAN_MODE_AUTO);
+  return spec;
+}
+
+/// 4 tiles x (1 + 2) units a frame, as Spec.
+v1::JobSpec Planned(int frames = 2) {
+  v1::JobSpec spec = Unplanned(frames);
+  *spec.mutable_plan() = MadeUpPlan();
+  return spec;
+}
+
+class PlanUnitTest : public SchedulerFixture {
+ protected:
+  void SetUp() override {
+    scheduler_.AddJob(kJob, Unplanned());
+    scheduler_.AddWorker(kAnn, {.name = "ann", .numeric_class = "avx2", .slots = 4});
+  }
+
+  std::vector<GrantedLease> Grant(absl::Time now = kStart) { return scheduler_.GrantLeases(now); }
+
+  /// Leases the plan unit and delivers it.
+  job::UnitRef AcceptPlan() {
+    const std::vector<GrantedLease> leases = Grant();
+    EXPECT_THAT(leases, SizeIs(1));
+    EXPECT_EQ(scheduler_.CompleteUnit(leases[0].worker, leases[0].unit, leases[0].attempt, kStart),
+              Completion::kAccepted);
+    return leases[0].unit;
+  }
+};
+
+TEST_F(PlanUnitTest, IsTheOnlyUnitOfAJobWithoutAPlan) {
+  EXPECT_EQ(scheduler_.Progress(kJob).state, v1::JOB_STATE_SUBMITTED);
+  const std::vector<GrantedLease> leases = Grant();
+  ASSERT_THAT(leases, SizeIs(1));
+  EXPECT_EQ(leases[0].unit.key, (job::UnitKey{10, 0, 0, v1::UNIT_KIND_PLAN}));
+  EXPECT_EQ(leases[0].rect, (Rect{0, 0, 16, 16}));
+  EXPECT_EQ(leases[0].samples.count(), 0);
+  const JobProgress progress = scheduler_.Progress(kJob);
+  EXPECT_EQ(progress.state, v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(progress.units_total, 1);
+  EXPECT_EQ(progress.frames_total, 2);
+  EXPECT_EQ(progress.samples_total, 2 * 16 * 16 * 8);
+  scheduler_.AddWorker(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 4});
+  EXPECT_THAT(Grant(), IsEmpty());
+}
+
+TEST_F(PlanUnitTest, ThePlanDividesTheJobIntoTheUnitsOfItsFrames) {
+  const job::UnitRef unit = AcceptPlan();
+  EXPECT_THAT(Grant(), IsEmpty()) << "not before the plan is committed";
+  scheduler_.SetPlan(unit, Planned());
+  EXPECT_EQ(scheduler_.Progress(kJob).units_total, 2 * 12);
+  EXPECT_EQ(scheduler_.Progress(kJob).units_done, 0);
+  EXPECT_EQ(scheduler_.frames_in_flight(), 0);
+  int finished = 0;
+  for (int round = 0; round < 100 && finished < 2; ++round) {
+    for (const GrantedLease& lease : Grant()) {
+      if (Commit(lease.worker, lease)) finished += scheduler_.FrameFinished(kJob, lease.unit.key.frame) ? 2 : 0;
+    }
+  }
+  EXPECT_EQ(finished, 2) << "the last frame ends the job";
+}
+
+TEST_F(PlanUnitTest, BindsTheJobToTheClassOfItsWorker) {
+  const job::UnitRef unit = AcceptPlan();
+  scheduler_.SetPlan(unit, Planned());
+  EXPECT_EQ(scheduler_.NumericClassOf(kJob), "avx2");
+  scheduler_.RemoveWorker(kAnn);
+  scheduler_.AddWorker(kBen, {.name = "ben", .numeric_class = "neon", .slots = 4});
+  EXPECT_THAT(Grant(), IsEmpty());
+}
+
+TEST_F(PlanUnitTest, IsLeasedAgainWhenItsWorkerIsLost) {
+  ASSERT_THAT(Grant(), SizeIs(1));
+  EXPECT_THAT(scheduler_.RemoveWorker(kAnn), IsEmpty());
+  scheduler_.AddWorker(kBen, {.name = "ben", .numeric_class = "neon", .slots = 4});
+  const job::UnitRef unit = AcceptPlan();
+  scheduler_.SetPlan(unit, Planned());
+  EXPECT_EQ(scheduler_.NumericClassOf(kJob), "neon");
+  EXPECT_THAT(Grant(), SizeIs(4)) << "the slots of ben";
+}
+
+TEST_F(PlanUnitTest, IsLeasedAgainWhenItsLeaseExpires) {
+  const std::vector<GrantedLease> first = Grant();
+  const absl::Time late = kStart + absl::Seconds(31);
+  ASSERT_THAT(scheduler_.ExpireLeases(late), SizeIs(1));
+  scheduler_.AddWorker(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 1});
+  const std::vector<GrantedLease> second = Grant(late);
+  ASSERT_THAT(second, SizeIs(1));
+  EXPECT_EQ(second[0].unit, first[0].unit);
+  EXPECT_EQ(scheduler_.CompleteUnit(kAnn, first[0].unit, first[0].attempt, late), Completion::kStale);
+  EXPECT_EQ(scheduler_.CompleteUnit(kBen, second[0].unit, second[0].attempt, late), Completion::kAccepted);
+}
+
+TEST_F(PlanUnitTest, AFailureIsThatOfAnyUnit) {
+  std::vector<GrantedLease> leases = Grant();
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, leases[0].unit, leases[0].attempt, false, kStart),
+            FailureOutcome::kRetried);
+  const absl::Time later = kStart + absl::Seconds(2);
+  scheduler_.ExpireLeases(later);
+  leases = Grant(later);
+  ASSERT_THAT(leases, SizeIs(1));
+  EXPECT_EQ(scheduler_.FailUnit(kAnn, leases[0].unit, leases[0].attempt, /*permanent=*/true, later),
+            FailureOutcome::kJobFails)
+      << "no other worker can be asked";
+}
+
+TEST_F(PlanUnitTest, IsNotAudited) {
+  scheduler_.AddJob(kOther, Unplanned(), {.audit_share = 1});
+  scheduler_.EndJob(kJob);
+  const job::UnitRef unit = AcceptPlan();
+  scheduler_.AddWorker(kBen, {.name = "ben", .numeric_class = "avx2", .slots = 4});
+  EXPECT_THAT(Grant(), IsEmpty());
+  scheduler_.SetPlan(unit, Planned());
+  EXPECT_EQ(scheduler_.Progress(kOther).audits_waived, 0);
+  EXPECT_THAT(Grant(), SizeIs(8));
+}
+
+TEST_F(PlanUnitTest, APausedJobIsPlannedButNotDivided) {
+  const job::UnitRef unit = AcceptPlan();
+  scheduler_.PauseJob(kJob);
+  scheduler_.SetPlan(unit, Planned());
+  EXPECT_THAT(Grant(), IsEmpty());
+  EXPECT_EQ(scheduler_.active_frames(), 0);
+  scheduler_.ResumeJob(kJob);
+  EXPECT_THAT(Grant(), SizeIs(4));
+}
+
+TEST_F(PlanUnitTest, APlanOfAJobThatHasEndedChangesNothing) {
+  const job::UnitRef unit = AcceptPlan();
+  scheduler_.EndJob(kJob);
+  scheduler_.SetPlan(unit, Planned());
+  EXPECT_FALSE(scheduler_.HasJob(kJob));
+}
+
+TEST_F(PlanUnitTest, ARestartAfterThePlanGoesOnWithIt) {
+  scheduler_.EndJob(kJob);
+  scheduler_.AddJob(kOther, Planned(1), {.numeric_class = "avx2"});
+  EXPECT_EQ(scheduler_.Progress(kOther).state, v1::JOB_STATE_PLANNED);
+  EXPECT_FALSE(
+      scheduler_.RestoreCommittedUnit(kOther, {.key = {10, 0, 0, v1::UNIT_KIND_PLAN}}, kStart));
+  EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kOther, {.key = {10, 3, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
+  EXPECT_EQ(scheduler_.Progress(kOther).units_done, 1);
+}
+
+}  // namespace
+}  // namespace lumifold::scheduler

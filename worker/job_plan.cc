@@ -48,8 +48,10 @@ v1::Plan ProtoFromPlan(const plan::Plan& plan) {
 std::vector<std::string> ForcedOf(const v1::JobSpec& spec) {
   const auto& forced = spec.planning().forced();
   std::vector<std::string> all(forced.begin(), forced.end());
-  if (spec.tile_size() > 0) all.push_back(absl::StrCat(std::string(decisions::kTileSize), "=", spec.tile_size()));
-  if (spec.pass_samples() > 0) all.push_back(absl::StrCat(std::string(decisions::kPassSamples), "=", spec.pass_samples()));
+  if (spec.tile_size() > 0)
+    all.push_back(absl::StrCat(std::string(decisions::kTileSize), "=", spec.tile_size()));
+  if (spec.pass_samples() > 0)
+    all.push_back(absl::StrCat(std::string(decisions::kPassSamples), "=", spec.pass_samples()));
   return all;
 }
 

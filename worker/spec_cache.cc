@@ -13,7 +13,7 @@ bool Fits(const v1::JobSpec& spec, v1::UnitKind kind) {
 }  // namespace
 
 absl::StatusOr<std::shared_ptr<const v1::JobSpec>> SpecCache::Get(const std::string& job_id,
-                                                                 v1::UnitKind kind) {
+                                                                  v1::UnitKind kind) {
   {
     absl::MutexLock lock(&mutex_);
     const auto is_settled = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS { return !fetching_.contains(job_id); };

@@ -5,7 +5,12 @@
 namespace lumifold::film {
 
 UnitAssembler::UnitAssembler(v1::UnitKind kind, const Rect& rect, SampleRange samples, const UnitModel& model)
-    : kind_(kind), rect_(rect), samples_(samples), model_(model), pixels_(UnitLimits(rect)), edges_(EdgeLimits(rect)) {}
+    : kind_(kind),
+      rect_(rect),
+      samples_(samples),
+      model_(model),
+      pixels_(UnitLimits(rect)),
+      edges_(EdgeLimits(rect)) {}
 
 absl::Status UnitAssembler::Add(v1::UnitChunk chunk) {
   if (chunk.has_edges() && chunk.has_pixels())
@@ -32,7 +37,8 @@ absl::Status UnitAssembler::AddPixels(v1::PixelChunk piece, const v1::UnitStats&
     return absl::InvalidArgumentError("unit: pixels before the end of the edge set");
   if (absl::Status status = pixels_.Add(std::move(piece)); !status.ok()) return status;
   if (is_first) {
-    if (absl::Status status = CheckUnitLayout(kind_, rect_, *pixels_.layout(), model_); !status.ok()) return status;
+    if (absl::Status status = CheckUnitLayout(kind_, rect_, *pixels_.layout(), model_); !status.ok())
+      return status;
   }
   if (!pixels_.IsComplete()) return absl::OkStatus();
   complete_.pixels = pixels_.Take();

@@ -40,8 +40,7 @@ absl::StatusOr<EdgedImage> ReadChecked(const UnitSource& units, const UnitKey& k
                                        const UnitModel& model) {
   absl::StatusOr<EdgedImage> unit = units.Read(key);
   if (!unit.ok()) return unit.status();
-  if (absl::Status status = CheckUnitLayout(key.kind, rect, rpc::LayoutOf(unit->pixels), model);
-      !status.ok())
+  if (absl::Status status = CheckUnitLayout(key.kind, rect, rpc::LayoutOf(unit->pixels), model); !status.ok())
     return status;
   if (absl::Status status = CheckEdges(rect, unit->edges); !status.ok()) return status;
   return unit;

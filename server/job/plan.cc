@@ -17,7 +17,9 @@ namespace {
 
 using decisions::Decision;
 
-absl::Status Invalid(const auto&... text) { return absl::InvalidArgumentError(absl::StrCat("plan: ", text...)); }
+absl::Status Invalid(const auto&... text) {
+  return absl::InvalidArgumentError(absl::StrCat("plan: ", text...));
+}
 
 const v1::PlanDecision* FindDecision(const v1::Plan& plan, std::string_view name) {
   const auto found = std::find_if(plan.decisions().begin(), plan.decisions().end(),
@@ -134,8 +136,7 @@ absl::StatusOr<v1::JobSpec> PlannedSpec(const v1::JobSpec& spec, const v1::Plan&
   if (absl::Status status = CheckNumbers(plan); !status.ok()) return status;
   v1::JobSpec planned = spec;
   *planned.mutable_plan() = plan;
-  if (planned.tile_size() == 0)
-    planned.set_tile_size(FindDecision(plan, decisions::kTileSize)->value());
+  if (planned.tile_size() == 0) planned.set_tile_size(FindDecision(plan, decisions::kTileSize)->value());
   if (planned.pass_samples() == 0)
     planned.set_pass_samples(FindDecision(plan, decisions::kPassSamples)->value());
   absl::StatusOr<v1::JobSpec> normalised = NormaliseJobSpec(std::move(planned));

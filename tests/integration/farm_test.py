@@ -9,30 +9,34 @@ import unittest
 from farm import Farm, make_scene, run, wait_until
 from gltf import animate
 
-SETTINGS = ["--size", "160x120", "--spp", "96", "--seed", "5", "--save-film"]
 
+class SceneTest(unittest.TestCase):
+    """One scene, rendered in one process with the SETTINGS of the class."""
 
-class FarmTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.root = pathlib.Path(cls.folder.name)
         cls.scene = make_scene("cornell-box", cls.root)
         cls.expected = cls.root / "one-process.exr"
-        run("lumifold", "render", cls.scene, *SETTINGS, "--threads", "2", "-o", cls.expected)
+        run("lumifold", "render", cls.scene, *cls.SETTINGS, "--threads", "2", "-o", cls.expected)
 
     @classmethod
     def tearDownClass(cls):
         cls.folder.cleanup()
 
     def submit(self, farm):
-        return farm.client("submit", self.scene, *SETTINGS).stdout.strip()
+        return farm.client("submit", self.scene, *self.SETTINGS).stdout.strip()
 
     def expect_same_picture(self, farm, job):
         result = self.root / f"{job}.exr"
         farm.client("wait", job)
         farm.client("download", job, "-o", result)
         self.assertEqual(result.read_bytes(), self.expected.read_bytes())
+
+
+class FarmTest(SceneTest):
+    SETTINGS = ["--size", "160x120", "--spp", "96", "--seed", "5", "--save-film"]
 
     def submit_and_wait_for_units(self, farm):
         """Submits a job and waits until a fifth of its units is committed; nearly all must not be committed yet.
@@ -87,6 +91,81 @@ class FarmTest(unittest.TestCase):
             result = self.root / "staircase.exr"
             farm.client("download", job, "-o", result)
             self.assertGreater(result.stat().st_size, 10_000)
+
+
+class PlanTest(SceneTest):
+    """Jobs obey their plans: the planned picture is the full one, and whoever is killed, a job has one plan."""
+
+    SETTINGS = ["--size", "96x72", "--spp", "16", "--seed", "3", "--save-film"]
+    # The units of a full plan: with them the bits are those of a full plan.
+    UNITS = ["--force", "tile-size=32", "--force", "pass-samples=64"]
+
+    def explain(self, farm, job):
+        return json.loads(farm.client("explain", job, "--json").stdout)
+
+    def plan(self, farm, job):
+        """The values of the plan's decisions by name; None while the job has none."""
+        plan = self.explain(farm, job).get("plan")
+        return {d["name"]: d["value"] for d in plan["decisions"]} if plan else None
+
+    def test_the_planned_picture_is_the_full_one(self):
+        planned, full = self.root / "auto.exr", self.root / "full.exr"
+        run("lumifold", "render", self.scene, *self.SETTINGS, *self.UNITS, "-o", planned)
+        run("lumifold", "render", self.scene, *self.SETTINGS, "--plan", "full", "-o", full)
+        difference = json.loads(run("lumifold", "compare", planned, full, "--json").stdout)
+        self.assertEqual(difference["mse255"], 0)
+        self.assertEqual(difference["rel_mse"], 0)
+        self.assertIn(b"glossy=off:scene", planned.read_bytes())
+        self.assertIn(b"tile-size=32:forced", planned.read_bytes())
+        self.assertIn(b"glossy=on:full", full.read_bytes())
+        self.assertIn(b"glossy_albedo.R", full.read_bytes())
+        self.assertNotIn(b"glossy_albedo.R", planned.read_bytes())
+
+    def test_explain_shows_the_plan(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            job = self.submit(farm)
+            self.assertIsNone(self.plan(farm, job))
+            self.assertEqual(farm.status(job)["state"], "submitted")
+            farm.start_worker(threads=2)
+            self.expect_same_picture(farm, job)
+            printed = json.loads(run("lumifold", "plan", self.scene, *self.SETTINGS, "--json").stdout)
+            shown = self.explain(farm, job)["plan"]
+            self.assertEqual(shown, printed)
+            self.assertIn("glossy ", farm.client("explain", job).stdout)
+            farm.client("delete", job)
+            self.assertNotEqual(farm.client("explain", job, check=False).returncode, 0)
+
+    def test_a_worker_killed_while_it_plans_changes_nothing(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            worker = farm.start_worker()
+            wait_until(lambda: "worker_connected" in farm.server.log_text(), "a connected worker")
+            worker.pause()
+            job = self.submit(farm)
+            wait_until(lambda: farm.status(job)["workers"] == 1, "a lease of the plan unit")
+            self.assertEqual(farm.status(job)["units_total"], 1)
+            worker.kill()
+            farm.start_worker()
+            self.expect_same_picture(farm, job)
+
+    def test_a_coordinator_killed_before_and_after_the_plan_has_one(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            job = self.submit(farm)
+            farm.server.kill()
+            farm.start_server(listen=farm.address)
+            self.assertIsNone(self.plan(farm, job))
+            farm.start_worker()
+            plan = wait_until(lambda: self.plan(farm, job), "a plan")
+            farm.server.kill()
+            farm.start_server(listen=farm.address)
+            self.assertEqual(self.plan(farm, job), plan)
+            self.expect_same_picture(farm, job)
+            self.assertEqual(self.plan(farm, job), plan)
+
+    def test_what_cannot_be_forced_is_refused(self):
+        bad = run("lumifold", "render", self.scene, *self.SETTINGS, "--force", "levels=9", "-o", self.root / "no.exr",
+                  check=False)
+        self.assertEqual(bad.returncode, 2)
+        self.assertIn("levels is a whole number from 0 to 3", bad.stderr)
 
 
 class FramesTest(unittest.TestCase):

@@ -165,7 +165,7 @@ class Session {
   }
 
   absl::StatusOr<RenderedUnit> Render(const v1::Lease& lease) {
-    const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = 
+    const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec =
         specs_->Get(lease.unit().job_id(), lease.unit().kind());
     if (!spec.ok()) return spec.status();
     worker::UnitControl control;

@@ -22,7 +22,8 @@ Verdict Decide(const Rule& rule, const decisions::Decision& decision, const Rule
   const auto found = forced.find(decision.name);
   if (found == forced.end()) return verdict;
   return {found->second, Source::kForced,
-          absl::StrCat("asked for; otherwise ", decisions::ValueText(decision, verdict.value), ": ", verdict.reason),
+          absl::StrCat("asked for; otherwise ", decisions::ValueText(decision, verdict.value), ": ",
+                       verdict.reason),
           /*saving=*/""};
 }
 

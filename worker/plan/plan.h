@@ -38,8 +38,8 @@ struct Decision {
   std::string name;  // one of decisions::kAll
   int value = 1;
   Source source = Source::kScene;
-  std::string reason;   // one line, with the facts
-  std::string saving;   // what it saves; empty: nothing
+  std::string reason;  // one line, with the facts
+  std::string saving;  // what it saves; empty: nothing
 };
 
 /// Dimensions of the filter's guide that vary at all.
@@ -51,7 +51,7 @@ struct GuidePlan {
 /// How a frame is divided into units.
 struct UnitPlan {
   int tile_size = 32;
-  int pass_samples = 0;         // even; 0: the coordinator's default
+  int pass_samples = 0;  // even; 0: the coordinator's default
   bool costliest_first = false;
   std::vector<int> tile_order;  // tile numbers, row-major, the costliest first; empty: in order of number
 };

@@ -231,8 +231,8 @@ std::vector<double> TileCosts(const RuleInput& input, int size) {
 
 Verdict DecideCostliestFirst(const RuleInput& input, const Plan& so_far) {
   if (TilesOf(input.settings, so_far.units.tile_size) > kMaxOrderedTiles) {
-    return {0, Source::kProbe, absl::StrFormat("the probe does not tell more than %d tiles apart", kMaxOrderedTiles),
-            ""};
+    return {0, Source::kProbe,
+            absl::StrFormat("the probe does not tell more than %d tiles apart", kMaxOrderedTiles), ""};
   }
   const std::vector<double> costs = TileCosts(input, so_far.units.tile_size);
   const auto [least, most] = std::minmax_element(costs.begin(), costs.end());

@@ -164,8 +164,7 @@ TEST(UnitLayout, APlanLeavesOutLayersAndLevels) {
     layout.add_channels(name);
   EXPECT_EQ(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.glossy = false, .levels = 1}).message(),
             "unit: has the level reflection2, but its job plans 1 levels");
-  EXPECT_TRUE(
-      CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.glossy = false, .levels = 2}).ok());
+  EXPECT_TRUE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.glossy = false, .levels = 2}).ok());
 }
 
 }  // namespace

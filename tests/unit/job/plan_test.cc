@@ -95,8 +95,7 @@ TEST(JobPlan, WhatTheJobAsksForWins) {
   EXPECT_EQ(planned->tile_size(), 24);
   EXPECT_EQ(planned->pass_samples(), 6);
   EXPECT_EQ(UnplannedSpec(*planned).SerializeAsString(), spec.SerializeAsString());
-  EXPECT_EQ(ErrorOf(MadeUpPlan(), Forcing("glossy=off")),
-            "plan: glossy is 1, but the job asks for 0");
+  EXPECT_EQ(ErrorOf(MadeUpPlan(), Forcing("glossy=off")), "plan: glossy is 1, but the job asks for 0");
 }
 
 TEST(JobPlan, APlanThatIsNotValidIsRefused) {

@@ -67,7 +67,8 @@ TEST_F(PlanUnitTest, ThePlanDividesTheJobIntoTheUnitsOfItsFrames) {
   int finished = 0;
   for (int round = 0; round < 100 && finished < 2; ++round) {
     for (const GrantedLease& lease : Grant()) {
-      if (Commit(lease.worker, lease)) finished += scheduler_.FrameFinished(kJob, lease.unit.key.frame) ? 2 : 0;
+      if (Commit(lease.worker, lease))
+        finished += scheduler_.FrameFinished(kJob, lease.unit.key.frame) ? 2 : 0;
     }
   }
   EXPECT_EQ(finished, 2) << "the last frame ends the job";
@@ -149,8 +150,7 @@ TEST_F(PlanUnitTest, ARestartAfterThePlanGoesOnWithIt) {
   scheduler_.EndJob(kJob);
   scheduler_.AddJob(kOther, Planned(1), {.numeric_class = "avx2"});
   EXPECT_EQ(scheduler_.Progress(kOther).state, v1::JOB_STATE_PLANNED);
-  EXPECT_FALSE(
-      scheduler_.RestoreCommittedUnit(kOther, {.key = {10, 0, 0, v1::UNIT_KIND_PLAN}}, kStart));
+  EXPECT_FALSE(scheduler_.RestoreCommittedUnit(kOther, {.key = {10, 0, 0, v1::UNIT_KIND_PLAN}}, kStart));
   EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kOther, {.key = {10, 3, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
   EXPECT_EQ(scheduler_.Progress(kOther).units_done, 1);
 }

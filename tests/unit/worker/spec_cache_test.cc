@@ -66,7 +66,8 @@ TEST(SpecCache, FetchesTheSpecAgainOnceTheJobIsPlanned) {
 TEST(SpecCache, DoesNotKeepErrors) {
   FakeSpecs source{absl::UnavailableError("gone")};
   SpecCache specs(&source);
-  for (int i = 0; i < 2; ++i) EXPECT_EQ(specs.Get("j", v1::UNIT_KIND_PASS).status(), absl::UnavailableError("gone"));
+  for (int i = 0; i < 2; ++i)
+    EXPECT_EQ(specs.Get("j", v1::UNIT_KIND_PASS).status(), absl::UnavailableError("gone"));
   EXPECT_EQ(source.fetches, 2);
 }
 
@@ -74,7 +75,8 @@ TEST(SpecCache, ThreadsShareWhatIsBeingFetched) {
   SlowSpecs source;
   SpecCache specs(&source);
   std::vector<std::thread> threads;
-  for (int i = 0; i < 8; ++i) threads.emplace_back([&] { EXPECT_EQ((*specs.Get("j", v1::UNIT_KIND_PASS))->width(), 1); });
+  for (int i = 0; i < 8; ++i)
+    threads.emplace_back([&] { EXPECT_EQ((*specs.Get("j", v1::UNIT_KIND_PASS))->width(), 1); });
   source.released.Notify();
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(source.fetches, 1);

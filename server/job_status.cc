@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "server/job/frame_list.h"
 #include "server/job/limits.h"
+#include "server/job/plan.h"
 #include "server/job/tile_grid.h"
 
 namespace lumifold::server {
@@ -20,7 +21,11 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_units_done(record.units_done);
   const bool is_divisible = spec.tile_size() > 0 && spec.pass_samples() > 0;  // a damaged spec may not be
   const int frames = job::FrameList(spec).count();
-  status.set_units_total(is_divisible ? job::FrameUnits(spec).count() * frames : 0);
+  if (job::NeedsPlan(spec)) {
+    status.set_units_total(1);
+  } else {
+    status.set_units_total(is_divisible ? job::FrameUnits(spec).count() * frames : 0);
+  }
   status.set_frames_done(record.frames_done);
   status.set_frames_total(frames);
   status.set_samples_done(record.samples_done);
@@ -47,8 +52,11 @@ v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler
   v1::JobStatus status = StatusOfEndedJob(record);
   status.set_state(progress.state);
   // The scheduler also pauses jobs that wait for an asset.
-  if (progress.state == v1::JOB_STATE_PAUSED && !record.scheduling.paused())
-    status.set_state(progress.units_done > 0 ? v1::JOB_STATE_RUNNING : v1::JOB_STATE_PLANNED);
+  if (progress.state == v1::JOB_STATE_PAUSED && !record.scheduling.paused()) {
+    const v1::JobState waiting =
+        job::NeedsPlan(record.spec) ? v1::JOB_STATE_SUBMITTED : v1::JOB_STATE_PLANNED;
+    status.set_state(progress.units_done > 0 ? v1::JOB_STATE_RUNNING : waiting);
+  }
   status.set_units_done(progress.units_done);
   status.set_frames_done(progress.frames_done);
   status.set_samples_done(progress.samples_done);

@@ -123,7 +123,7 @@ class Jobs(FarmTest):
 
     def test_cancel(self):
         job = self.submit(*NO_END)  # no worker yet
-        self.assertEqual(self.succeed_json("status", job)["state"], "planned")
+        self.assertEqual(self.succeed_json("status", job)["state"], "submitted")
         self.assertEqual(self.run_lumifold("cancel", job), (0, "", f"lumifold: job {job} cancelled\n"))
         self.assertEqual(self.run_lumifold("wait", job)[:2], (5, "cancelled\n"))
         self.assertEqual(self.run_lumifold("watch", job)[0], 5)
@@ -139,9 +139,11 @@ class Jobs(FarmTest):
         self.start_worker()
         self.assertEqual(self.succeed_json("resume", job)["priority"], -5)
         self.succeed("wait", job)
-        self.assertEqual(self.succeed("explain", job), f"job: {job}\nstate: done\nnothing holds it up\n")
+        explained = self.succeed("explain", job)
+        self.assertTrue(explained.startswith(f"job: {job}\nstate: done\nnothing holds it up\n\nDECISION "), explained)
+        self.assertEqual(len(self.succeed_json("explain", job)["plan"]["decisions"]), 15)
         log = self.succeed("logs", job)
-        for event in ("job_submitted", "job_resumed", "job_priority", "frame_finished", "job_ended"):
+        for event in ("job_submitted", "job_planned", "job_resumed", "job_priority", "frame_finished", "job_ended"):
             self.assertIn(f"event={event} job={job}", log)
         worker = self.succeed_json("workers")
         self.assertEqual((worker["worker_id"], worker["state"]), ("w-1", "idle"))
@@ -160,7 +162,7 @@ class Jobs(FarmTest):
         watch.stdout.readline()  # it is watching
         code, _, err = self.interrupt(watch)
         self.assertEqual((code, err.splitlines()[-1]), (130, "lumifold: interrupted"))
-        self.assertEqual(self.succeed_json("status", job)["state"], "planned")
+        self.assertEqual(self.succeed_json("status", job)["state"], "submitted")
 
 
 class FileNames(FarmTest):

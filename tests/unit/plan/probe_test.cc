@@ -9,7 +9,6 @@
 
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/plan/plan_scenes.h"
-#include "worker/plan/plan_text.h"
 
 namespace lumifold::plan {
 namespace {

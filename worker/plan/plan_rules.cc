@@ -183,14 +183,20 @@ int DefaultPass(const PlanSettings& settings) {
   return std::max(kLeast, share + share % 2);
 }
 
+/// A pass may be this many times the coordinator's default. Samples that are added to a job render its last pass again.
+constexpr int kMaxPassGrowth = 4;
+
+// Neither tile size nor pass samples depend on the number of samples below 1024: a job to which samples are added has the
+// units, and the bits, of one that was submitted with as many.
+
 Verdict DecideTileSize(const RuleInput& input, const Plan&) {
-  const int samples = std::min(input.settings.samples, DefaultPass(input.settings));
+  const int samples = DefaultPass(input.settings);
   int size = kTile;
   while (size < kMaxPlannedTile && samples * SecondsPerSample(input, size) < kMinUnitSeconds &&
          TilesOf(input.settings, 2 * size) >= kMinTiles)
     size *= 2;
   return {size, Source::kProbe,
-          absl::StrFormat("a pass takes %.2g s in a tile of this size, %.2g s in one of %d",
+          absl::StrFormat("%d samples take %.2g s in a tile of this size, %.2g s in one of %d", samples,
                           samples * SecondsPerSample(input, size), samples * SecondsPerSample(input, kTile),
                           kTile),
           size > kTile ? absl::StrFormat("%d of %d units in each pass",
@@ -203,12 +209,9 @@ Verdict DecidePassSamples(const RuleInput& input, const Plan& so_far) {
   const double seconds = SecondsPerSample(input, so_far.units.tile_size);
   const int least = DefaultPass(input.settings);
   int samples = least;
-  while (samples < input.settings.samples && samples * seconds < kMinUnitSeconds)
-    samples = std::min(2 * samples, input.settings.samples + input.settings.samples % 2);
+  while (samples < kMaxPassGrowth * least && samples * seconds < kMinUnitSeconds) samples *= 2;
   const auto passes = [&](int of) { return (input.settings.samples + of - 1) / of; };
-  return {samples, Source::kProbe,
-          absl::StrFormat("a unit takes %.2g s; %d samples are asked for",
-                          std::min(samples, input.settings.samples) * seconds, input.settings.samples),
+  return {samples, Source::kProbe, absl::StrFormat("a unit of as many takes %.2g s", samples * seconds),
           passes(samples) < passes(least)
               ? absl::StrFormat("%d of %d passes", passes(least) - passes(samples), passes(least))
               : ""};

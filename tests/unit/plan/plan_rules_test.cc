@@ -249,14 +249,17 @@ TEST(PlanRules, UnitsTakeLongEnough) {
     return PlanOf(LitBox(Gray()), settings).units;
   };
   const double rays_per_sample = RunProbe(LitBox(Gray()), settings.render)->RaysPerSample();
-  const UnitPlan many = with(1024, 1e8);
-  EXPECT_EQ(many.tile_size, 128) << "short passes get large tiles";
-  EXPECT_GE(many.tile_size * many.tile_size * many.pass_samples * rays_per_sample / 1e8, kMinUnitSeconds);
-  EXPECT_LT(many.pass_samples, 1024);
-  EXPECT_EQ(many.pass_samples % 2, 0);
-  EXPECT_EQ(with(1024, 1e12).pass_samples, 1024) << "one pass, however short";
-  EXPECT_EQ(with(1023, 1e12).pass_samples, 1024) << "even";
-  EXPECT_EQ(with(8, 1e6).pass_samples, 64) << "the default is the least: each pass costs its bytes";
+  const UnitPlan fast = with(64, 1e12);
+  EXPECT_EQ(fast.tile_size, 128) << "short passes get large tiles";
+  EXPECT_EQ(fast.pass_samples, 256) << "and more samples";
+  EXPECT_EQ(with(64, 1e3).pass_samples, 64) << "the default is the least: each pass costs its bytes";
+  for (const int samples : {1, 63, 1024}) {
+    EXPECT_EQ(with(samples, 1e12).pass_samples, 256) << "samples that are added keep the units";
+    EXPECT_EQ(with(samples, 1e12).tile_size, 128);
+  }
+  const double unit = 64 * 32 * 32 * rays_per_sample;
+  EXPECT_EQ(with(64, unit / (0.9 * kMinUnitSeconds)).tile_size, 64);
+  EXPECT_EQ(with(64, unit / (1.1 * kMinUnitSeconds)).tile_size, 32);
   EXPECT_EQ(with(4096, 1e3).pass_samples, 256) << "at most 16 passes";
   EXPECT_EQ(with(1024, 1e3).tile_size, 32) << "on a slow machine a small tile takes long enough";
 }

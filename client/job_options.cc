@@ -10,6 +10,9 @@ namespace lumifold::client {
 namespace {
 
 constexpr int kMaxBounces = 1024;
+/// Values of --target-metric.
+constexpr char kMse255[] = "mse255";
+constexpr char kRelMse[] = "relmse";
 constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
 
 /// URI of the environment map in the job; no file of a scene can have this scheme.
@@ -23,7 +26,13 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
   command_line.AddSize("--size", &options->size, "Picture size in pixels (default 1024x768)");
   command_line.AddWholeNumber("--spp", &options->samples_per_pixel, 1, kMaxSamples,
-                              "Samples per pixel (default 64)");
+                              "Samples per pixel (default 64); with --adaptive their mean, at most");
+  command_line.AddFlag("--adaptive", &options->adaptive,
+                       "Put the samples where the filtered picture still errs");
+  command_line.AddPositiveNumber("--target-error", &options->target_error,
+                                 "Implies --adaptive; ends when the estimated error is at most this");
+  command_line.AddText("--target-metric", "METRIC", &options->target_metric,
+                       "Of --target-error: mse255 (default) or relmse");
   command_line.AddSeed("--seed", &options->seed, "Seed of the random numbers (default 0)");
   command_line.AddWholeNumber("--max-bounces", &options->max_bounces, 0, kMaxBounces,
                               "Scattering events after the first surface, at most (default 8)");
@@ -64,6 +73,10 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
 std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
                                         const Environment& environment) {
   const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
+  if (options.target_metric != kMse255 && options.target_metric != kRelMse)
+    return report("--target-metric must be mse255 or relmse");
+  if (options.target_metric != kMse255 && options.target_error == 0)
+    return report("--target-metric requires --target-error");
   if ((options.f_stop > 0) != (options.focus_metres > 0))
     return report("--f-stop and --focus must be given together");
   if (options.environment.empty() &&
@@ -110,6 +123,11 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
   }
   spec.set_frames_per_second(options.frames_per_second);
   spec.set_samples_per_pixel(options.samples_per_pixel);
+  if (options.adaptive || options.target_error > 0) {
+    spec.mutable_adaptive()->set_target_error(options.target_error);
+    spec.mutable_adaptive()->set_metric(options.target_metric == kRelMse ? v1::ERROR_METRIC_REL_MSE
+                                                                         : v1::ERROR_METRIC_MSE255);
+  }
   spec.set_seed(options.seed);
   spec.set_max_bounces(options.max_bounces);
   spec.mutable_filter()->set_method(options.method);

@@ -24,6 +24,9 @@ struct JobOptions {
   std::string scene;
   PictureSize size;
   int samples_per_pixel = 64;
+  bool adaptive = false;
+  float target_error = 0;  // 0: none
+  std::string target_metric = "mse255";
   uint64_t seed = 0;
   int max_bounces = 8;
   std::string method = "default";

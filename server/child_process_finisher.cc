@@ -27,6 +27,7 @@
 #include "filter/image/memory.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/monotonic.h"
+#include "server/estimate_round.h"
 #include "server/finish_frame.h"
 #include "server/frame_finisher.h"
 #include "server/ledger/open_job_store.h"
@@ -39,6 +40,8 @@ namespace lumifold::server {
 namespace {
 
 constexpr int kFailed = 1;
+/// In place of a round: the frame's result.
+constexpr int kResult = -1;
 
 using SteadyTime = std::chrono::steady_clock::time_point;
 
@@ -150,11 +153,18 @@ class ChildProcessFinisher final : public FrameFinisher {
   ChildProcessFinisher(const DataFolder& folder, const ChildProcessOptions& options)
       : folder_(folder), options_(options) {}
 
-  absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) override;
+  absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) override {
+    return Run(job, frame, kResult);
+  }
+  absl::StatusOr<v1::StageTimes> Estimate(const job::JobId& job, int32_t frame, int round) override {
+    return Run(job, frame, round);
+  }
   void CancelJob(const job::JobId& job) override;
   void Cancel() override;
 
  private:
+  /// Starts a child for the estimate of a round, or for the result.
+  absl::StatusOr<v1::StageTimes> Run(const job::JobId& job, int32_t frame, int round);
   /// Reaps the child that runs and returns its wait status.
   int Reap(pid_t pid) ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -168,14 +178,15 @@ class ChildProcessFinisher final : public FrameFinisher {
       -1;  // reset before the child is reaped, so that no other process is killed
 };
 
-absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Finish(const job::JobId& job, int32_t frame) {
+absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Run(const job::JobId& job, int32_t frame, int round) {
   absl::StatusOr<Child> child;
   {
     absl::MutexLock lock(&mutex_);
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-    child = Spawn({options_.program, kFinishFrameCommand, folder_.root(), job.value(), absl::StrCat(frame),
-                   absl::StrCat(options_.threads), absl::StrCat(options_.memory_limit_bytes)},
-                  options_.store);
+    child = Spawn(
+        {options_.program, kFinishFrameCommand, folder_.root(), job.value(), absl::StrCat(frame),
+         absl::StrCat(options_.threads), absl::StrCat(options_.memory_limit_bytes), absl::StrCat(round)},
+        options_.store);
     if (!child.ok()) return child.status();
     running_ = child->pid;
     job_ = job;
@@ -256,8 +267,9 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   int32_t frame = 0;
   int threads = 0;
   uint64_t memory_limit_bytes = 0;
-  if (arguments.size() != 5 || !absl::SimpleAtoi(arguments[2], &frame) ||
-      !absl::SimpleAtoi(arguments[3], &threads) || threads < 1 ||
+  int round = kResult;
+  if (arguments.size() != 6 || !absl::SimpleAtoi(arguments[5], &round) ||
+      !absl::SimpleAtoi(arguments[2], &frame) || !absl::SimpleAtoi(arguments[3], &threads) || threads < 1 ||
       !absl::SimpleAtoi(arguments[4], &memory_limit_bytes)) {
     return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");
   }
@@ -277,7 +289,10 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   SetExrThreads(threads);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   try {
-    return FinishFrame(folder, **store, job::JobId(arguments[1]), frame, pool.get(), rpc::MonotonicNow);
+    const job::JobId job(arguments[1]);
+    return round == kResult
+               ? FinishFrame(folder, **store, job, frame, pool.get(), rpc::MonotonicNow)
+               : EstimateRound(folder, **store, job, frame, round, pool.get(), rpc::MonotonicNow);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(absl::StrCat("filtering frame ", frame, ": out of memory (limit ",
                                                      memory_limit_bytes >> 20, " MiB, 0 for none)"));

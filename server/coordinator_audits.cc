@@ -16,7 +16,7 @@ void Coordinator::FollowAudits() {
   for (const auto& [job, frame] : scheduler_.TakeSettledFrames()) {
     if (!scheduler_.IsFrameCommitted(job, frame)) continue;
     options_.log->info("event=frame_committed job={} frame={}", job.value(), frame);
-    QueueFrame({job, frame});
+    QueueDue({job, frame});
   }
 }
 
@@ -44,6 +44,12 @@ void Coordinator::OnUnitsDiscarded(const FrameKey& frame, const std::vector<job:
   const auto active = active_jobs_.find(job);
   if (active == active_jobs_.end()) return;
   if (!lost.ok()) return EndJob(job, v1::JOB_STATE_FAILED, std::string(lost.status().message()));
+  if (const auto rounds = scheduler_.RoundsOf(job, number); rounds != nullptr && rounds->estimated() > 1) {
+    // Where its later samples went was decided by wrong pixels.
+    return EndJob(job, v1::JOB_STATE_FAILED,
+                  absl::StrCat("frame ", number,
+                               ": a worker delivered wrong pixels, and samples went by them; retry it"));
+  }
   for (const job::UnitKey& unit : units) scheduler_.RevokeUnit({job, unit});
   for (const ledger::UnitRecord& record : *lost) {
     scheduler_.RevokeUnit(record.unit);
@@ -54,18 +60,6 @@ void Coordinator::OnUnitsDiscarded(const FrameKey& frame, const std::vector<job:
   changed_jobs_.insert(job);
   housekeeping_.Wake();
   GrantLeases();
-}
-
-void Coordinator::QueueFrame(const FrameKey& frame) {
-  const bool is_queued =
-      std::any_of(committed_frames_.begin(), committed_frames_.end(),
-                  [&frame](const CommittedFrame& queued) { return queued.key() == frame; });
-  if (!is_queued) committed_frames_.push_back({.job = frame.first, .number = frame.second});
-  finishing_.Wake();
-}
-
-bool Coordinator::IsResultWanted(const FrameKey& frame) {
-  return !finished_in_vain_ && scheduler_.IsFrameCommitted(frame.first, frame.second);
 }
 
 }  // namespace lumifold::server

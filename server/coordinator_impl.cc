@@ -200,8 +200,8 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
                       NameOf(unit.worker), unit.stored.stats.seconds());
   if (scheduler_.UnitCommitted(ref)) {
     options_.log->info("event=frame_committed job={} frame={}", ref.job.value(), ref.key.frame);
-    QueueFrame({ref.job, ref.key.frame});
   }
+  QueueDue({ref.job, ref.key.frame});
   changed_jobs_.insert(ref.job);
   housekeeping_.Wake();
 }

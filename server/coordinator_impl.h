@@ -84,7 +84,7 @@ struct CoordinatorOptions {
 /// What a worker has to deliver for a lease.
 struct LeasedUnit {
   Rect rect;
-  SampleRange samples;
+  TileSamples samples;
   film::UnitModel model;
 };
 
@@ -224,6 +224,9 @@ class Coordinator final : private Committer::Listener {
   struct CommittedFrame {
     job::JobId job;
     int32_t number = 0;
+    /// The round whose estimate is due; kResult: the frame is committed.
+    int round = kResult;
+    static constexpr int kResult = -1;
     FrameKey key() const { return {job, number}; }
     /// Number of times that finishing it has failed, and when it may be tried again.
     int failures = 0;
@@ -238,6 +241,8 @@ class Coordinator final : private Committer::Listener {
     /// Committed units of the other frames, and the ends of their logs.
     std::vector<scheduler::RestoredUnit> units;
     std::map<int32_t, uint64_t> committed_bytes;
+    /// Rounds of the frames with committed units, with adaptive sampling.
+    std::map<int32_t, std::shared_ptr<const job::FrameRounds>> rounds;
     std::vector<job_life::Prerequisite> after;
     /// Why the job cannot continue; empty if it can.
     std::string error;
@@ -273,6 +278,7 @@ class Coordinator final : private Committer::Listener {
   /// Reads what the ledger and the data folder have of an unfinished job. Errors: those of the storage.
   absl::StatusOr<LoadedJob> LoadJob(const ledger::JobRecord& record);
   absl::Status LoadProgress(LoadedJob* loaded);
+  absl::Status LoadRounds(LoadedJob* loaded) const;
   absl::Status RestoreFiles(const ledger::JobRecord& record, const std::vector<int32_t>& finished);
   /// Makes a loaded job active.
   void EnterJob(LoadedJob loaded) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -352,10 +358,6 @@ class Coordinator final : private Committer::Listener {
   void FollowAudits() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Takes back the units of a faulty worker, and records that it is blocked.
   void ConvictWorker(const scheduler::FaultyWorker& faulty) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Lets a committed frame be finished.
-  void QueueFrame(const FrameKey& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Whether all units of a frame are committed, and none was taken back since it was last begun to be finished.
-  bool IsResultWanted(const FrameKey& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   /// Grants leases to all workers that have free slots.
   void GrantLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -410,6 +412,12 @@ class Coordinator final : private Committer::Listener {
   /// Lets a frame whose result could not be written wait for the storage.
   void AwaitStorage(CommittedFrame frame, const absl::Status& error) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times);
+  /// Queues what is due for a frame: its result, or the estimate of a round.
+  void QueueDue(const FrameKey& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Whether what the frame was queued for is still due.
+  bool IsDue(const CommittedFrame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Opens the rounds that the frame's record has.
+  void OnRoundEstimated(const CommittedFrame& frame, const v1::StageTimes& times) ABSL_LOCKS_EXCLUDED(mutex_);
   void OnFrameRecorded(const CommittedFrame& frame, const v1::StageTimes& times, const absl::Status& status);
   /// Deletes a file or folder, at low priority.
   void DeleteFiles(const std::string& path);

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "server/coordinator_impl.h"
+#include "server/estimate_round.h"
 #include "server/film/unit_log.h"
 #include "server/job/job_spec.h"
 #include "server/log_text.h"
@@ -133,6 +134,7 @@ absl::Status Coordinator::LoadProgress(LoadedJob* loaded) {
       });
   if (!units.ok()) return units.status();
   loaded->committed_bytes = std::move(units->committed_bytes);
+  if (absl::Status status = LoadRounds(loaded); !status.ok()) return status;
   if (units->recovered > 0) {  // they have changed the job's class and counts
     options_.log->info("event=units_recovered job={} units={}", id.value(), units->recovered);
     absl::StatusOr<ledger::JobRecord> counted = store_->GetJob(id);
@@ -143,6 +145,26 @@ absl::Status Coordinator::LoadProgress(LoadedJob* loaded) {
   if (!after.ok()) return after.status();
   loaded->after = *std::move(after);
   return RestoreFiles(loaded->record, loaded->finished);
+}
+
+absl::Status Coordinator::LoadRounds(LoadedJob* loaded) const {
+  const ledger::JobRecord& record = loaded->record;
+  if (!record.spec.has_adaptive()) return absl::OkStatus();
+  for (const auto& [frame, bytes] : loaded->committed_bytes) {
+    if (std::binary_search(loaded->finished.begin(), loaded->finished.end(), frame)) continue;
+    absl::StatusOr<job::FrameRounds> rounds = ReadRounds(folder_, record.id, record.spec, frame);
+    if (absl::IsDataLoss(rounds.status())) {  // the same is estimated again, from the same units
+      options_.log->error("event=rounds_damaged job={} frame={} error={}", record.id.value(), frame,
+                          Quoted(std::string(rounds.status().message())));
+      if (absl::Status status = RemoveAll(folder_.RoundsPath(record.id, frame), folder_.files());
+          !status.ok())
+        return status;
+      rounds = job::FrameRounds(record.spec);
+    }
+    if (!rounds.ok()) return rounds.status();
+    loaded->rounds[frame] = std::make_shared<const job::FrameRounds>(*std::move(rounds));
+  }
+  return absl::OkStatus();
 }
 
 void Coordinator::EnterJob(LoadedJob loaded) {
@@ -157,11 +179,11 @@ void Coordinator::EnterJob(LoadedJob loaded) {
   scheduler_.AddJob(id, loaded.record.spec, options);
   LimitFramesFor(id);
   for (const int32_t frame : loaded.finished) scheduler_.RestoreFinishedFrame(id, frame);
+  for (auto& [frame, rounds] : loaded.rounds) scheduler_.SetRounds(id, frame, std::move(rounds));
   for (const scheduler::RestoredUnit& unit : loaded.units)
     scheduler_.RestoreCommittedUnit(id, unit, options_.now());
-  for (const int32_t frame : scheduler_.CommittedFrames(id)) {
-    QueueFrame({id, frame});
-  }
+  for (const int32_t frame : scheduler_.CommittedFrames(id)) QueueDue({id, frame});
+  for (const auto& [frame, rounds] : loaded.rounds) QueueDue({id, frame});
   const scheduler::JobProgress progress = scheduler_.Progress(id);
   options_.log->info("event=job_restored job={} units={}/{} frames={}/{}", id.value(), progress.units_done,
                      progress.units_total, progress.frames_done, progress.frames_total);

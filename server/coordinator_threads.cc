@@ -48,7 +48,10 @@ constexpr int kMaxGrowths = 20;
 
 void Coordinator::RunFinisher() {
   while (const std::optional<CommittedFrame> frame = NextCommittedFrame()) {
-    const absl::StatusOr<v1::StageTimes> times = finisher_->Finish(frame->job, frame->number);
+    const bool is_result = frame->round == CommittedFrame::kResult;
+    const absl::StatusOr<v1::StageTimes> times =
+        is_result ? finisher_->Finish(frame->job, frame->number)
+                  : finisher_->Estimate(frame->job, frame->number, frame->round);
     if (!absl::IsCancelled(times.status())) RecordFinished(*frame, times);
     absl::MutexLock lock(&mutex_);
     finished_frame_.reset();
@@ -64,8 +67,7 @@ std::optional<Coordinator::CommittedFrame> Coordinator::NextCommittedFrame() {
       if (const auto due = FindDueFrame(); due != committed_frames_.end()) {
         CommittedFrame frame = std::move(*due);
         committed_frames_.erase(due);
-        if (!active_jobs_.contains(frame.job) || !scheduler_.IsFrameCommitted(frame.job, frame.number))
-          continue;
+        if (!active_jobs_.contains(frame.job) || !IsDue(frame)) continue;
         finished_frame_ = frame.key();
         finished_in_vain_ = false;
         return frame;
@@ -115,11 +117,12 @@ void Coordinator::AwaitStorage(CommittedFrame frame, const absl::Status& error) 
 
 void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times) {
   if (absl::IsUnavailable(times.status())) storage_.Fail(times.status());
+  if (times.ok() && frame.round != CommittedFrame::kResult) return OnRoundEstimated(frame, *times);
   absl::MutexLock lock(&mutex_);
   const auto active = active_jobs_.find(frame.job);
   if (active == active_jobs_.end()) return;
   const FrameKey key = frame.key();
-  if (!IsResultWanted(key)) return;  // it is queued again when its units are committed again
+  if (finished_in_vain_ || !IsDue(frame)) return;  // it is queued again when its units are committed again
   if (absl::IsDataLoss(times.status()) || absl::IsNotFound(times.status()))
     return committer_->Check(key, times.status());
   if (absl::IsUnavailable(times.status())) return AwaitStorage(frame, times.status());

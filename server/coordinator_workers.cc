@@ -30,8 +30,15 @@ v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
   proto.mutable_rect()->set_y0(lease.rect.y0);
   proto.mutable_rect()->set_x1(lease.rect.x1);
   proto.mutable_rect()->set_y1(lease.rect.y1);
-  proto.set_first_sample(lease.samples.first);
-  proto.set_last_sample(lease.samples.last);
+  if (lease.samples.IsUniform()) {
+    proto.set_first_sample(static_cast<int32_t>(lease.samples.blocks()[0].first));
+    proto.set_last_sample(static_cast<int32_t>(lease.samples.blocks()[0].last));
+    return proto;
+  }
+  for (const SampleRange& block : lease.samples.blocks()) {
+    proto.add_block_samples(block.first);
+    proto.add_block_samples(block.last);
+  }
   return proto;
 }
 
@@ -122,8 +129,7 @@ void Coordinator::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
 std::optional<LeasedUnit> Coordinator::FindLease(WorkerId worker, const UnitRef& unit, Attempt attempt) {
   absl::MutexLock lock(&mutex_);
   if (!scheduler_.HoldsLease(worker, unit, attempt)) return std::nullopt;
-  const job::FrameUnits& units = scheduler_.UnitsOf(unit.job);
-  return LeasedUnit{units.tiles().RectOf(unit.key.tile), units.SamplesOf(unit.key),
+  return LeasedUnit{scheduler_.UnitsOf(unit.job).tiles().RectOf(unit.key.tile), scheduler_.SamplesOf(unit),
                     film::ModelOf(scheduler_.SpecOf(unit.job))};
 }
 
@@ -143,7 +149,8 @@ void Coordinator::Deliver(WorkerId worker, film::EncodedUnit unit) {
     return;
   }
   const JobId job = unit.unit.job;
-  const int64_t samples = scheduler_.UnitsOf(job).CameraSamplesOf(unit.unit.key);
+  const Rect rect = scheduler_.UnitsOf(job).tiles().RectOf(unit.unit.key.tile);
+  const int64_t samples = scheduler_.SamplesOf(unit.unit).CountIn(rect.width(), rect.height());
   committer_->Enqueue({.stored = std::move(unit),
                        .worker = worker,
                        .worker_name = workers_.at(worker).name,

@@ -156,6 +156,10 @@ std::string DataFolder::UnitLogName(const job::JobId& job, int32_t frame) {
   return absl::StrFormat("film/%s/%s%04d%s", job.value(), kFramePrefix, frame, kLogSuffix);
 }
 
+std::string DataFolder::RoundsPath(const job::JobId& job, int32_t frame) const {
+  return absl::StrFormat("%s/%s%04d.rounds", FilmPath(job), kFramePrefix, frame);
+}
+
 std::string DataFolder::ResultPath(const job::JobId& job, int32_t frame) const {
   return absl::StrFormat("%s/%s%04d%s", ResultsPath(job), kFramePrefix, frame, kResultSuffix);
 }

@@ -80,6 +80,8 @@ class DataFolder {
   static std::string UnitLogName(const job::JobId& job, int32_t frame);
   std::string PathOf(const std::string& name) const { return root_ + "/" + name; }
   std::string ResultPath(const job::JobId& job, int32_t frame) const;
+  /// Record of the rounds of a frame with adaptive sampling.
+  std::string RoundsPath(const job::JobId& job, int32_t frame) const;
 
  private:
   static std::vector<job::JobId> NamesIn(const std::string& path);

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "filter/image/layers.h"
 #include "filter/methods.h"
 #include "server/committed_units.h"
+#include "server/estimate_round.h"
 #include "server/film/result_digest.h"
 #include "server/film/result_writer.h"
 #include "server/film/unit_film.h"
@@ -135,7 +137,15 @@ absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::Job
   StageClock clock(now);
   const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *job, frame);
   if (!units.ok()) return units.status();
-  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(job->spec, frame, &*units, pool);
+  std::optional<job::FrameRounds> rounds;
+  if (job->spec.has_adaptive()) {
+    absl::StatusOr<job::FrameRounds> read = ReadRounds(folder, job_id, job->spec, frame);
+    if (!read.ok()) return read.status();
+    rounds = *std::move(read);
+  }
+  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(
+      job->spec, frame, &*units, pool,
+      rounds.has_value() ? film::FilmRounds{&*rounds, rounds->count()} : film::FilmRounds());
   if (!film.ok()) return film.status();
   clock.Charge(StageClock::kAssemble);
   if (absl::Status status = MakeFolder(folder.ResultsPath(job_id), folder.files()); !status.ok())

@@ -14,8 +14,8 @@
 
 namespace lumifold::server {
 
-/// Runs FinishFrame.
-/// Threads: Finish from one thread at a time, so that at most one child process runs; the others from any.
+/// Runs FinishFrame and EstimateRound.
+/// Threads: Finish and Estimate from one thread at a time, so that at most one child process runs; the others from any.
 class FrameFinisher {
  public:
   virtual ~FrameFinisher() = default;
@@ -24,10 +24,14 @@ class FrameFinisher {
   /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
   virtual absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) = 0;
 
-  /// Makes a running Finish of this job return as soon as possible. No effect on later calls.
+  /// Adds the estimate of a round to the frame's record; blocks.
+  /// Errors: as EstimateRound; otherwise as Finish.
+  virtual absl::StatusOr<v1::StageTimes> Estimate(const job::JobId& job, int32_t frame, int round) = 0;
+
+  /// Makes a running Finish or Estimate of this job return as soon as possible. No effect on later calls.
   virtual void CancelJob(const job::JobId& job) = 0;
 
-  /// Makes a running Finish return as soon as possible, and every later call at once.
+  /// Makes a running Finish or Estimate return as soon as possible, and every later call at once.
   virtual void Cancel() = 0;
 };
 

@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "server/job/job_spec.h"
+
 namespace lumifold::server {
 namespace {
 
@@ -20,10 +22,12 @@ constexpr uint64_t kAssumedFloats = 120;
 }  // namespace
 
 FrameDemand DemandOf(const v1::JobSpec& spec, const job::FrameUnits& units, const UnitBytes& known) {
-  const auto count = static_cast<uint64_t>(units.count());
+  // With adaptive sampling about as many passes as without: their number grows with the logarithm of the samples.
+  const auto passes =
+      static_cast<uint64_t>(1 + (units.is_adaptive() ? job::kDefaultMaxPasses / 2 : units.pass_count()));
+  const auto count = static_cast<uint64_t>(units.tiles().count()) * passes;
   if (known.units > 0) return {count * (known.bytes / static_cast<uint64_t>(known.units)), units.count()};
   const auto pixels = static_cast<uint64_t>(spec.width()) * static_cast<uint64_t>(spec.height());
-  const auto passes = static_cast<uint64_t>(1 + units.pass_count());
   return {pixels * passes * kAssumedFloats * sizeof(float), units.count()};
 }
 

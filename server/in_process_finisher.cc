@@ -2,6 +2,7 @@
 #include <utility>
 
 #include "filter/image/parallel.h"
+#include "server/estimate_round.h"
 #include "server/finish_frame.h"
 #include "server/frame_finisher.h"
 
@@ -17,6 +18,11 @@ class InProcessFinisher final : public FrameFinisher {
   absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
     return FinishFrame(folder_, *store_, job, frame, pool_.get(), now_);
+  }
+
+  absl::StatusOr<v1::StageTimes> Estimate(const job::JobId& job, int32_t frame, int round) override {
+    if (cancelled_) return absl::CancelledError("the coordinator is stopping");
+    return EstimateRound(folder_, *store_, job, frame, round, pool_.get(), now_);
   }
 
   void CancelJob(const job::JobId&) override {}

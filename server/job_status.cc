@@ -30,7 +30,10 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_frames_total(frames);
   status.set_samples_done(record.samples_done);
   status.set_samples_total(int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() * frames);
-  if (record.state == v1::JOB_STATE_DONE) {  // a ledger that was rebuilt has not counted them
+  if (spec.has_adaptive()) {  // how many it needs is known at its end
+    status.set_units_total(record.units_done);
+    if (record.state == v1::JOB_STATE_DONE) status.set_samples_total(record.samples_done);
+  } else if (record.state == v1::JOB_STATE_DONE) {  // a ledger that was rebuilt has not counted them
     status.set_units_done(status.units_total());
     status.set_samples_done(status.samples_total());
   }
@@ -58,6 +61,7 @@ v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler
     status.set_state(progress.units_done > 0 ? v1::JOB_STATE_RUNNING : waiting);
   }
   status.set_units_done(progress.units_done);
+  status.set_units_total(progress.units_total);
   status.set_frames_done(progress.frames_done);
   status.set_samples_done(progress.samples_done);
   status.set_workers(progress.workers);

@@ -1,30 +1,19 @@
 #include "server/manifest.h"
 
-#include <cstdint>
-#include <cstring>
-#include <string_view>
-
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_io.h"
-#include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
+#include "server/checked_file.h"
 
 namespace lumifold::server {
 namespace {
 
-/// A manifest file: these 4 bytes, the XXH3-64 of the rest as a little-endian number, a serialised v1::JobManifest.
-constexpr std::string_view kMagic = "LFM1";
-constexpr size_t kHeadBytes = kMagic.size() + sizeof(uint64_t);
-/// A spec fits a message, and so does the rest of a manifest.
-constexpr int64_t kMaxManifestBytes = 2 * int64_t{rpc::kMaxMessageBytes};
+/// A serialised v1::JobManifest. A spec fits a message, and so does the rest of a manifest.
+constexpr CheckedFileType kManifestFile = {"LFM1", "the manifest", 2 * int64_t{rpc::kMaxMessageBytes}};
 constexpr int64_t kMaxClassBytes = rpc::kMaxWorkerNameBytes;
 
 absl::Status WriteTo(const DataFolder& folder, const std::string& path, const v1::JobManifest& manifest) {
-  const std::string message = manifest.SerializeAsString();
-  const uint64_t checksum = rpc::Checksum(message);
-  std::string bytes(kMagic);
-  bytes.append(reinterpret_cast<const char*>(&checksum), sizeof(checksum)).append(message);
-  return WriteFileAtomically(path, bytes, folder.files());
+  return WriteCheckedFile(path, kManifestFile, manifest.SerializeAsString(), folder.files());
 }
 
 }  // namespace
@@ -105,18 +94,11 @@ absl::Status UnretireJob(const DataFolder& folder, const ledger::JobRecord& reco
 }
 
 absl::StatusOr<v1::JobManifest> ReadManifest(const std::string& path) {
-  const absl::StatusOr<std::string> bytes = ReadFile(path, kMaxManifestBytes);
+  const absl::StatusOr<std::string> bytes = ReadCheckedFile(path, kManifestFile);
   if (!bytes.ok()) return bytes.status();
-  const absl::Status damaged = absl::DataLossError(absl::StrCat(path, ": the manifest is damaged"));
-  if (bytes->size() < kHeadBytes || std::string_view(*bytes).substr(0, kMagic.size()) != kMagic)
-    return damaged;
-  uint64_t checksum = 0;
-  std::memcpy(&checksum, bytes->data() + kMagic.size(), sizeof(checksum));
-  const std::string_view message = std::string_view(*bytes).substr(kHeadBytes);
   v1::JobManifest manifest;
-  if (rpc::Checksum(message) != checksum ||
-      !manifest.ParseFromArray(message.data(), static_cast<int>(message.size())))
-    return damaged;
+  if (!manifest.ParseFromString(*bytes))
+    return absl::DataLossError(absl::StrCat(path, ": the manifest is damaged"));
   return manifest;
 }
 

@@ -68,7 +68,7 @@ class LogTail {
     record.file = name_;
     record.offset = place.offset;
     record.length = place.length;
-    record.samples = units_.CameraSamplesOf(key);
+    record.samples = units_.is_adaptive() ? unit.stats.samples() : units_.CameraSamplesOf(key);
     record.bad_samples = unit.stats.bad_samples();
     commit_.warnings.insert(commit_.warnings.end(), unit.stats.warnings().begin(),
                             unit.stats.warnings().end());

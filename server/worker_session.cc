@@ -15,6 +15,7 @@ v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
   v1::UnitStats stats;
   stats.set_samples(delivered.samples());
   stats.set_bad_samples(delivered.bad_samples());
+  stats.set_rays(delivered.rays());
   stats.set_seconds(delivered.seconds());
   for (std::string& line :
        rpc::BoundedLines(delivered.warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))

@@ -27,14 +27,36 @@ constexpr double kMaxBadShare = 0.01;
 
 Rect RectOf(const v1::Rect& r) { return {r.x0(), r.y0(), r.x1(), r.y1()}; }
 
+bool HasSamples(const v1::Lease& lease, const Rect& rect) {
+  if (lease.unit().kind() != v1::UNIT_KIND_PASS) return true;
+  if (lease.block_samples().empty())
+    return lease.first_sample() >= 0 && lease.first_sample() < lease.last_sample();
+  const int64_t blocks = int64_t{BlocksIn(rect.width())} * BlocksIn(rect.height());
+  if (lease.block_samples_size() != 2 * blocks) return false;
+  for (int i = 0; i < lease.block_samples_size(); i += 2) {
+    if (lease.block_samples(i) > lease.block_samples(i + 1)) return false;
+  }
+  return true;
+}
+
+/// Of a lease that HasSamples.
+TileSamples SamplesOf(const v1::Lease& lease, const Rect& rect) {
+  if (lease.block_samples().empty()) {
+    return SampleRange{static_cast<uint32_t>(lease.first_sample()),
+                       static_cast<uint32_t>(lease.last_sample())};
+  }
+  std::vector<SampleRange> blocks;
+  for (int i = 0; i < lease.block_samples_size(); i += 2)
+    blocks.push_back({lease.block_samples(i), lease.block_samples(i + 1)});
+  return {rect.width(), rect.height(), std::move(blocks)};
+}
+
 /// The renderer relies on it: a rectangle within the picture, and samples.
 absl::Status CheckLease(const v1::JobSpec& spec, const v1::Lease& lease) {
   const Rect rect = RectOf(lease.rect());
   const bool is_inside = rect.x0 >= 0 && rect.x0 < rect.x1 && rect.x1 <= spec.width() && rect.y0 >= 0 &&
                          rect.y0 < rect.y1 && rect.y1 <= spec.height();
-  const bool has_samples = lease.unit().kind() != v1::UNIT_KIND_PASS ||
-                           (lease.first_sample() >= 0 && lease.first_sample() < lease.last_sample());
-  if (is_inside && has_samples) return absl::OkStatus();
+  if (is_inside && HasSamples(lease, rect)) return absl::OkStatus();
   return absl::InvalidArgumentError("the lease is not for a part of the job's picture");
 }
 
@@ -180,9 +202,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
          rpc::BoundedLines((*renderer)->warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
       unit.stats.add_warnings(std::move(warning));
   } else {
-    const SampleRange range = {static_cast<uint32_t>(lease.first_sample()),
-                               static_cast<uint32_t>(lease.last_sample())};
-    unit.image.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), range, &counts);
+    unit.image.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), SamplesOf(lease, rect), &counts);
   }
   if (control->stop) return absl::CancelledError("the unit is no longer wanted");
   if (static_cast<double>(counts.bad_samples) > kMaxBadShare * static_cast<double>(counts.samples)) {
@@ -192,6 +212,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
   }
   unit.stats.set_samples(counts.samples);
   unit.stats.set_bad_samples(counts.bad_samples);
+  unit.stats.set_rays(counts.rays);
   unit.stats.set_seconds(absl::ToDoubleSeconds(rpc::MonotonicNow() - start));
   return unit;
 }

@@ -4,10 +4,10 @@
 
 namespace lumifold::film {
 
-UnitAssembler::UnitAssembler(v1::UnitKind kind, const Rect& rect, SampleRange samples, const UnitModel& model)
+UnitAssembler::UnitAssembler(v1::UnitKind kind, const Rect& rect, TileSamples samples, const UnitModel& model)
     : kind_(kind),
       rect_(rect),
-      samples_(samples),
+      samples_(std::move(samples)),
       model_(model),
       pixels_(UnitLimits(rect)),
       edges_(EdgeLimits(rect)) {}

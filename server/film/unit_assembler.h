@@ -2,7 +2,7 @@
 
 #include "absl/status/status.h"
 #include "filter/image/rect.h"
-#include "filter/image/sample_range.h"
+#include "filter/image/tile_samples.h"
 #include "lumifold/v1/worker.pb.h"
 #include "proto/rpc/image_codec.h"
 #include "server/film/unit_layout.h"
@@ -22,7 +22,7 @@ struct DeliveredPixels {
 class UnitAssembler {
  public:
   /// `rect` and `samples` are those of the unit's lease, `model` is that of its job.
-  UnitAssembler(v1::UnitKind kind, const Rect& rect, SampleRange samples, const UnitModel& model = {});
+  UnitAssembler(v1::UnitKind kind, const Rect& rect, TileSamples samples, const UnitModel& model = {});
 
   /// Adds the next piece; one that is moved in is not copied.
   /// Errors: those of rpc::PixelAssembler, CheckUnitLayout, CheckUnitValues and CheckEdges;
@@ -40,7 +40,7 @@ class UnitAssembler {
 
   v1::UnitKind kind_;
   Rect rect_;
-  SampleRange samples_;
+  TileSamples samples_;
   UnitModel model_;
   rpc::PixelAssembler pixels_;
   rpc::PixelAssembler edges_;

@@ -14,7 +14,6 @@
 namespace lumifold::film {
 namespace {
 
-using job::FrameUnits;
 using job::UnitKey;
 
 /// Maximum memory of a band of rows; a row of tiles that needs more is read in several bands.
@@ -46,16 +45,6 @@ absl::StatusOr<EdgedImage> ReadChecked(const UnitSource& units, const UnitKey& k
   return unit;
 }
 
-/// The units of a tile: the passes in order, then the geometry.
-std::vector<UnitKey> UnitsOf(const FrameUnits& tiles, int32_t frame, int32_t tile) {
-  std::vector<UnitKey> keys;
-  keys.reserve(static_cast<size_t>(tiles.pass_count()) + 1);
-  for (int32_t pass = 0; pass < tiles.pass_count(); ++pass)
-    keys.push_back({frame, tile, pass, v1::UNIT_KIND_PASS});
-  keys.push_back({frame, tile, 0, v1::UNIT_KIND_GEOMETRY});
-  return keys;
-}
-
 absl::Status AssembleTile(const UnitSource& units, const std::vector<UnitKey>& keys, const Rect& rect,
                           const UnitModel& model, FilmBuilder* film) {
   TileSums sums;
@@ -75,7 +64,8 @@ absl::Status AssembleTile(const UnitSource& units, const std::vector<UnitKey>& k
 
 }  // namespace
 
-UnitFilm::UnitFilm(const v1::JobSpec& spec, int32_t frame, const UnitSource* units, TaskPool* pool)
+UnitFilm::UnitFilm(const v1::JobSpec& spec, int32_t frame, const UnitSource* units, TaskPool* pool,
+                   const FilmRounds& rounds)
     : width_(spec.width()),
       height_(spec.height()),
       tile_size_(spec.tile_size()),
@@ -83,11 +73,25 @@ UnitFilm::UnitFilm(const v1::JobSpec& spec, int32_t frame, const UnitSource* uni
       tiles_(spec),
       units_(*units),
       pool_(pool),
+      rounds_(rounds),
       model_(ModelOf(spec)) {}
 
+/// The passes in order, then the geometry.
+std::vector<UnitKey> UnitFilm::UnitsOf(int32_t tile) const {
+  std::vector<UnitKey> keys;
+  const int32_t passes = rounds_.rounds == nullptr ? tiles_.pass_count() : rounds_.count;
+  keys.reserve(static_cast<size_t>(passes) + 1);
+  for (int32_t pass = 0; pass < passes; ++pass) {
+    const UnitKey key = {frame_, tile, pass, v1::UNIT_KIND_PASS};
+    if (rounds_.rounds == nullptr || rounds_.rounds->Has(key)) keys.push_back(key);
+  }
+  keys.push_back({frame_, tile, 0, v1::UNIT_KIND_GEOMETRY});
+  return keys;
+}
+
 absl::StatusOr<UnitFilm> UnitFilm::Open(const v1::JobSpec& spec, int32_t frame, const UnitSource* units,
-                                        TaskPool* pool) {
-  UnitFilm film(spec, frame, units, pool);
+                                        TaskPool* pool, const FilmRounds& rounds) {
+  UnitFilm film(spec, frame, units, pool, rounds);
   if (absl::Status status = film.FindOutline(); !status.ok()) return status;
   return film;
 }
@@ -96,7 +100,7 @@ absl::Status UnitFilm::FindOutline() {
   absl::Mutex mutex;
   const std::vector<int32_t> all = tiles_.tiles().TilesIn({0, 0, width_, height_});
   return ForEachTile(pool_, all, [&](int32_t tile) -> absl::Status {
-    for (const UnitKey& key : UnitsOf(tiles_, frame_, tile)) {
+    for (const UnitKey& key : UnitsOf(tile)) {
       const absl::StatusOr<UnitOutline> outline = units_.Outline(key);
       if (!outline.ok()) return outline.status();
       const LevelSet levels = LevelsOf(key.kind, outline->pixels);
@@ -120,7 +124,7 @@ int UnitFilm::BandEnd(int y) const {
 absl::StatusOr<EdgedImage> UnitFilm::Read(const Rect& rect) {
   FilmBuilder film(rect, levels_, model_);
   const absl::Status status = ForEachTile(pool_, tiles_.tiles().TilesIn(rect), [&](int32_t tile) {
-    return AssembleTile(units_, UnitsOf(tiles_, frame_, tile), tiles_.tiles().RectOf(tile), model_, &film);
+    return AssembleTile(units_, UnitsOf(tile), tiles_.tiles().RectOf(tile), model_, &film);
   });
   if (!status.ok()) return status;
   return film.Take();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "filter/image/film_source.h"
@@ -8,9 +9,16 @@
 #include "lumifold/v1/job.pb.h"
 #include "server/film/unit_layout.h"
 #include "server/film/unit_source.h"
+#include "server/job/frame_rounds.h"
 #include "server/job/tile_grid.h"
 
 namespace lumifold::film {
+
+/// The rounds of a frame that its film is made of; only for a job with adaptive sampling.
+struct FilmRounds {
+  const job::FrameRounds* rounds = nullptr;  // must outlive the film
+  int count = 0;                             // the first so many
+};
 
 /// The film of a frame, assembled from its units: the passes of each tile are summed in pass order and in
 /// double, then divided by the sample counts. Nothing is cached: each Read assembles the tiles that it needs.
@@ -22,7 +30,7 @@ class UnitFilm final : public FilmSource {
   /// must outlive the film.
   /// Errors: those of `units`.
   static absl::StatusOr<UnitFilm> Open(const v1::JobSpec& spec, int32_t frame, const UnitSource* units,
-                                       TaskPool* pool);
+                                       TaskPool* pool, const FilmRounds& rounds = {});
 
   int width() const override { return width_; }
   int height() const override { return height_; }
@@ -38,7 +46,9 @@ class UnitFilm final : public FilmSource {
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override;
 
  private:
-  UnitFilm(const v1::JobSpec& spec, int32_t frame, const UnitSource* units, TaskPool* pool);
+  UnitFilm(const v1::JobSpec& spec, int32_t frame, const UnitSource* units, TaskPool* pool,
+           const FilmRounds& rounds);
+  std::vector<job::UnitKey> UnitsOf(int32_t tile) const;
   absl::Status FindOutline();
 
   const int width_;
@@ -48,6 +58,7 @@ class UnitFilm final : public FilmSource {
   const job::FrameUnits tiles_;
   const UnitSource& units_;
   TaskPool* const pool_;
+  const FilmRounds rounds_;
   const UnitModel model_;
   LevelSet levels_;
   int64_t edge_rows_ = 0;

@@ -122,58 +122,83 @@ int32_t WholeNumber(float count, float most) {
   return static_cast<int32_t>(std::min(std::max(0.0f, count), most));
 }
 
-/// Checks the sample counts of one channel and returns their sum.
-absl::StatusOr<int64_t> SumOfCounts(PlaneRows& planes, size_t plane, const Rect& rect, uint32_t most) {
+/// Most samples of one half in each pixel of a tile.
+struct CountLimits {
+  const TileSamples& samples;
+  size_t half;
+  uint32_t At(int x, int y) const { return SamplesOfHalf(samples.At(x, y), half); }
+};
+
+/// Checks the sample counts of pixels [begin, end) of a row, which have one limit. Returns their sum; nullopt if one is not
+/// valid.
+std::optional<int64_t> SumOfRun(std::string_view row, int begin, int end, uint32_t most) {
   const auto limit = static_cast<float>(most);
   int64_t sum = 0;
-  const int rows = planes.DistinctRows(plane);
+  bool valid = true;
+  for (int x = begin; x < end; ++x) {
+    const int32_t count = WholeNumber(ValueAt(row, x), limit);
+    valid &= static_cast<float>(count) == ValueAt(row, x);
+    sum += count;
+  }
+  return valid ? std::optional(sum) : std::nullopt;
+}
+
+/// Checks the sample counts of one channel and returns their sum.
+absl::StatusOr<int64_t> SumOfCounts(PlaneRows& planes, size_t plane, const Rect& rect,
+                                    const CountLimits& limits) {
+  const bool is_uniform = limits.samples.IsUniform();
+  const int rows = is_uniform ? planes.DistinctRows(plane) : planes.height();
+  const int run = is_uniform ? planes.width() : kSampleBlock;
+  int64_t sum = 0;
   for (int y = 0; y < rows; ++y) {
     const std::string_view row = planes.Row(plane, y);
-    bool valid = true;
-    for (int x = 0; x < planes.width(); ++x) {
-      const int32_t count = WholeNumber(ValueAt(row, x), limit);
-      valid &= static_cast<float>(count) == ValueAt(row, x);
-      sum += count;
+    for (int begin = 0; begin < planes.width(); begin += run) {
+      const uint32_t most = limits.At(begin, y);
+      const std::optional<int64_t> part = SumOfRun(row, begin, std::min(begin + run, planes.width()), most);
+      if (part.has_value()) {
+        sum += *part;
+        continue;
+      }
+      int x = begin;
+      while (SumOfRun(row, x, x + 1, most).has_value()) ++x;
+      return absl::InvalidArgumentError(absl::StrCat("unit: ", std::string(planes.names()[plane]), " is ",
+                                                     ValueAt(row, x), " at ", rect.x0 + x, ",", rect.y0 + y,
+                                                     ", not a whole number from 0 to ", most));
     }
-    if (valid) continue;
-    int x = 0;
-    while (static_cast<float>(WholeNumber(ValueAt(row, x), limit)) == ValueAt(row, x)) ++x;
-    return absl::InvalidArgumentError(absl::StrCat("unit: ", std::string(planes.names()[plane]), " is ",
-                                                   ValueAt(row, x), " at ", rect.x0 + x, ",", rect.y0 + y,
-                                                   ", not a whole number from 0 to ", most));
   }
   return sum * (planes.height() / rows);
 }
 
 /// Checks the sample counts of a pass, and those of its levels.
-absl::Status CheckCounts(const Rect& rect, SampleRange samples, PlaneRows& pixels, int64_t bad_samples) {
+absl::Status CheckCounts(const Rect& rect, const TileSamples& samples, PlaneRows& pixels,
+                         int64_t bad_samples) {
   int64_t added = 0;
   for (size_t half = 0; half < 2; ++half) {
     const std::string_view base = half == 0 ? layers::kSamplesA : layers::kSamplesB;
-    const uint32_t most = SamplesOfHalf(samples, half);
-    const absl::StatusOr<int64_t> sum = SumOfCounts(pixels, *pixels.Find(base), rect, most);
+    const CountLimits limits{samples, half};
+    const absl::StatusOr<int64_t> sum = SumOfCounts(pixels, *pixels.Find(base), rect, limits);
     if (!sum.ok()) return sum.status();
     added += *sum;
     for (size_t i = 0; i < layers::kLevelCount; ++i) {
       const std::optional<size_t> plane = pixels.Find(layers::OfLevel(Level::Of(i), base));
       if (!plane.has_value()) continue;
-      const absl::StatusOr<int64_t> of_level = SumOfCounts(pixels, *plane, rect, most);
+      const absl::StatusOr<int64_t> of_level = SumOfCounts(pixels, *plane, rect, limits);
       if (!of_level.ok()) return of_level.status();
     }
   }
-  const int64_t all = int64_t{rect.width()} * rect.height() * samples.count();
+  const int64_t all = samples.CountIn(rect.width(), rect.height());
   if (added == all - bad_samples) return absl::OkStatus();
   return absl::InvalidArgumentError(
       absl::StrCat("unit: has ", added, " samples and ", bad_samples, " bad ones, but its pass has ", all));
 }
 
 absl::Status CheckStats(const v1::UnitStats& stats) {
-  if (stats.samples() >= 0 && stats.bad_samples() >= 0 && std::isfinite(stats.seconds()) &&
-      stats.seconds() >= 0)
+  if (stats.samples() >= 0 && stats.bad_samples() >= 0 && stats.rays() >= 0 &&
+      std::isfinite(stats.seconds()) && stats.seconds() >= 0)
     return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("unit: its statistics are ", stats.samples(), " samples, ",
-                                                 stats.bad_samples(), " bad samples and ", stats.seconds(),
-                                                 " seconds: one is negative or not finite"));
+  return absl::InvalidArgumentError(absl::StrCat(
+      "unit: its statistics are ", stats.samples(), " samples, ", stats.bad_samples(), " bad samples, ",
+      stats.rays(), " rays and ", stats.seconds(), " seconds: one is negative or not finite"));
 }
 
 /// A coordinate of the pixel of a row of an edge set.
@@ -292,8 +317,8 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
   return absl::OkStatus();
 }
 
-absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, SampleRange samples, PlaneRows pixels,
-                             const v1::UnitStats& stats) {
+absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, const TileSamples& samples,
+                             PlaneRows pixels, const v1::UnitStats& stats) {
   if (absl::Status status = CheckStats(stats); !status.ok()) return status;
   if (const std::optional<NotFinite> bad = FindNotFinite(pixels); bad.has_value()) {
     return absl::InvalidArgumentError(absl::StrCat("unit: ", bad->channel, " is ", bad->value, " at ",

@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "filter/image/layers.h"
 #include "filter/image/rect.h"
-#include "filter/image/sample_range.h"
+#include "filter/image/tile_samples.h"
 #include "lumifold/v1/image.pb.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
@@ -59,12 +59,12 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
                              const UnitModel& model = {});
 
 /// Checks the values of a unit whose layout is valid: all are finite; each sample count of a pass is a whole
-/// number from 0 to the number of samples that its half has in `samples`; the counts and the bad samples of
+/// number from 0 to the number of samples that its half has there in `samples`; the counts and the bad samples of
 /// `stats` add up to the samples of the pass; the numbers of `stats` are not negative. `rect` and `samples` are
 /// those of the lease. Reads every value once, in place.
 /// Errors: kInvalidArgument naming the channel, the pixel in the frame, and the value.
-absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, SampleRange samples, PlaneRows pixels,
-                             const v1::UnitStats& stats);
+absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, const TileSamples& samples,
+                             PlaneRows pixels, const v1::UnitStats& stats);
 
 /// Checks the edge set of a tile. It is empty, or it has the required channels and width, all values are
 /// finite, and its pixels are inside the tile, in row-major order, each once.

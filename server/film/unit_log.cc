@@ -195,9 +195,9 @@ absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) c
   if (!preamble.ok()) return preamble.status();
   absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
   if (!header.ok()) return header.status();
-  return UnitHeader{
-      job::UnitFromProto(header->unit()),
-      {std::move(*header->mutable_pixels()->mutable_layout()), header->edges().layout().height()}};
+  return UnitHeader{job::UnitFromProto(header->unit()),
+                    {std::move(*header->mutable_pixels()->mutable_layout()),
+                     header->edges().layout().height(), header->stats().rays()}};
 }
 
 absl::StatusOr<std::string> UnitLogReader::ReadDigest(const RecordPlace& place) const {

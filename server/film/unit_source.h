@@ -11,6 +11,7 @@ namespace lumifold::film {
 struct UnitOutline {
   v1::PixelLayout pixels;
   int edge_rows = 0;
+  int64_t rays = 0;  // v1::UnitStats::rays
 };
 
 /// The committed units of a frame.

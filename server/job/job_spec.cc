@@ -13,6 +13,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "filter/image/decisions.h"
+#include "filter/image/tile_samples.h"
 #include "server/job/frame_list.h"
 #include "server/job/limits.h"
 #include "server/job/plan.h"
@@ -133,6 +134,27 @@ absl::Status CheckNumbers(const v1::JobSpec& spec) {
   return absl::OkStatus();
 }
 
+absl::Status CheckAdaptive(const v1::JobSpec& spec) {
+  if (!spec.has_adaptive()) return absl::OkStatus();
+  const double target = spec.adaptive().target_error();
+  if (!std::isfinite(target) || target < 0)
+    return absl::InvalidArgumentError(
+        absl::StrCat("adaptive.target_error is ", target, ", not a finite number from 0 on"));
+  if (!v1::ErrorMetric_IsValid(spec.adaptive().metric()))
+    return absl::InvalidArgumentError(
+        absl::StrCat("adaptive.metric is ", spec.adaptive().metric(), ", which is none"));
+  if (spec.tile_size() % kSampleBlock != 0) {
+    return absl::InvalidArgumentError(absl::StrCat("tile_size is ", spec.tile_size(),
+                                                   ", with adaptive sampling it must be a multiple of ",
+                                                   kSampleBlock));
+  }
+  if (int64_t{spec.width()} * spec.height() <= kMaxAdaptivePixels) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "a picture of ", spec.width(), "x", spec.height(),
+      " pixels is too large for adaptive sampling, which filters it as a whole: ", kMaxAdaptivePixels,
+      " pixels at most"));
+}
+
 /// Even, because samples alternate between the halves.
 int DefaultPassSamples(int samples_per_pixel) {
   const int share = samples_per_pixel / kDefaultMaxPasses;
@@ -192,6 +214,7 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   if (spec.frames_per_second() == 0) spec.set_frames_per_second(kDefaultFramesPerSecond);
   if (spec.filter().method().empty()) spec.mutable_filter()->set_method("default");
   if (absl::Status status = CheckNumbers(spec); !status.ok()) return status;
+  if (absl::Status status = CheckAdaptive(spec); !status.ok()) return status;
   if (absl::Status status = CheckTexts(spec); !status.ok()) return status;
   if (absl::Status status = CheckScene(spec.scene()); !status.ok()) return status;
   if (absl::Status status = CheckEnvironment(spec); !status.ok()) return status;

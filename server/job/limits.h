@@ -13,6 +13,9 @@ inline constexpr int kMaxSamples = 1 << 20;
 inline constexpr int64_t kMaxJobSamples = int64_t{1} << 60;
 inline constexpr int kMaxBounces = 1024;
 
+/// Pixels of a picture with adaptive sampling: each estimate filters the whole of it in memory.
+inline constexpr int64_t kMaxAdaptivePixels = int64_t{1} << 22;
+
 /// Units: edge length of a tile, units of a frame, frames of a job. The scheduler's tables are sized for them.
 inline constexpr int kMinTileSize = 8;
 inline constexpr int kMaxTileSize = 512;

@@ -99,13 +99,23 @@ std::vector<int32_t> TileGrid::TilesIn(const Rect& rect) const {
   return tiles;
 }
 
+namespace {
+
+int PassCountOf(const v1::JobSpec& spec) {
+  if (NeedsPlan(spec)) return 0;
+  return spec.has_adaptive() ? kMaxRounds : CeilDivide(spec.samples_per_pixel(), spec.pass_samples());
+}
+
+}  // namespace
+
 FrameUnits::FrameUnits(const v1::JobSpec& spec)
     : first_kind_(NeedsPlan(spec) ? v1::UNIT_KIND_PLAN : v1::UNIT_KIND_GEOMETRY),
       tiles_(spec.width(), spec.height(),
              NeedsPlan(spec) ? std::max(spec.width(), spec.height()) : spec.tile_size()),
       samples_per_pixel_(spec.samples_per_pixel()),
       pass_samples_(spec.pass_samples()),
-      pass_count_(NeedsPlan(spec) ? 0 : CeilDivide(spec.samples_per_pixel(), spec.pass_samples())) {}
+      pass_count_(PassCountOf(spec)),
+      is_adaptive_(spec.has_adaptive()) {}
 
 std::optional<int64_t> FrameUnits::NumberOf(const UnitKey& key) const {
   if (key.tile < 0 || key.tile >= tiles_.count()) return std::nullopt;
@@ -125,7 +135,7 @@ UnitKey FrameUnits::KeyOf(int32_t frame, int64_t number) const {
 }
 
 SampleRange FrameUnits::SamplesOf(const UnitKey& key) const {
-  if (key.kind != v1::UNIT_KIND_PASS) return {};
+  if (key.kind != v1::UNIT_KIND_PASS || is_adaptive_) return {};
   const int first = key.pass * pass_samples_;
   return {static_cast<uint32_t>(first),
           static_cast<uint32_t>(std::min(first + pass_samples_, samples_per_pixel_))};

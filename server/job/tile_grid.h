@@ -54,9 +54,14 @@ class TileGrid {
   int rows_;
 };
 
-/// The units of one frame, numbered in the order in which they are leased: the geometry of every tile, then
+/// Rounds that a frame with adaptive sampling has at most: they double its samples from the fourth on.
+inline constexpr int kMaxRounds = 24;
+
+/// The units that a frame may have, numbered in the order in which they are leased: the geometry of every tile, then
 /// pass 0 of every tile, then pass 1 and so on, so that an unfinished frame has about the same number of
-/// samples everywhere; the tiles in the order of TileGrid::RankOf. A job that needs a plan has one unit, its plan unit,
+/// samples everywhere; the tiles in the order of TileGrid::RankOf. With adaptive sampling a frame has some of these units
+/// only, and FrameRounds knows which and their samples.
+/// A job that needs a plan has one unit, its plan unit,
 /// whose tile is the whole frame.
 class FrameUnits {
  public:
@@ -65,7 +70,8 @@ class FrameUnits {
 
   const TileGrid& tiles() const { return tiles_; }
   int pass_count() const { return pass_count_; }
-  /// Number of units of the frame.
+  bool is_adaptive() const { return is_adaptive_; }
+  /// Number of units of the frame, or that it may have.
   int64_t count() const { return int64_t{tiles_.count()} * (1 + pass_count_); }
 
   /// Number of a unit; nullopt where the frame has no such unit. The key's frame is ignored.
@@ -78,7 +84,7 @@ class FrameUnits {
     return number < tiles_.count() ? first_kind_ : v1::UNIT_KIND_PASS;
   }
 
-  /// Sample indices of a pass; empty for other units.
+  /// Sample indices of a pass; empty for other units, and with adaptive sampling.
   SampleRange SamplesOf(const UnitKey& key) const;
   /// Camera samples of a pass, over all its pixels; 0 for other units.
   int64_t CameraSamplesOf(const UnitKey& key) const;
@@ -89,6 +95,7 @@ class FrameUnits {
   int samples_per_pixel_;
   int pass_samples_;
   int pass_count_;
+  bool is_adaptive_;
 };
 
 }  // namespace lumifold::job

@@ -18,6 +18,9 @@ absl::StatusOr<v1::JobSpec> SpecWith(const v1::JobSpec& spec, std::optional<int>
                                                    ", but the job has ", spec.samples_per_pixel(),
                                                    " already"));
   }
+  if (spec.has_adaptive() && *samples_per_pixel != spec.samples_per_pixel())
+    return absl::InvalidArgumentError(
+        "a job with adaptive sampling cannot get other samples: submit it again");
   v1::JobSpec more = spec;
   more.set_samples_per_pixel(*samples_per_pixel);
   return job::NormaliseJobSpec(std::move(more));

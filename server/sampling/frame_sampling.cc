@@ -6,6 +6,7 @@
 
 #include "filter/image/check.h"
 #include "filter/image/portable_math.h"
+#include "filter/image/tile_samples.h"
 
 namespace lumifold::sampling {
 namespace {
@@ -29,9 +30,7 @@ float Power(double value, float exponent) { return Pow(static_cast<float>(value)
 }  // namespace
 
 FrameSampling::FrameSampling(const SamplingSettings& settings)
-    : settings_(settings),
-      columns_((settings.width + kBlockSize - 1) / kBlockSize),
-      rows_((settings.height + kBlockSize - 1) / kBlockSize) {
+    : settings_(settings), columns_(BlocksIn(settings.width)), rows_(BlocksIn(settings.height)) {
   LUMIFOLD_CHECK(settings.width >= 1 && settings.height >= 1 && settings.budget >= 1);
   const auto blocks = static_cast<size_t>(columns_) * static_cast<size_t>(rows_);
   amplitudes_.resize(blocks);
@@ -52,8 +51,8 @@ FrameSampling::FrameSampling(const SamplingSettings& settings)
 double FrameSampling::PixelsOf(size_t block) const {
   const int column = static_cast<int>(block) % columns_;
   const int row = static_cast<int>(block) / columns_;
-  const int width = std::min(kBlockSize, settings_.width - column * kBlockSize);
-  const int height = std::min(kBlockSize, settings_.height - row * kBlockSize);
+  const int width = std::min(kSampleBlock, settings_.width - column * kSampleBlock);
+  const int height = std::min(kSampleBlock, settings_.height - row * kSampleBlock);
   return static_cast<double>(width) * height;
 }
 

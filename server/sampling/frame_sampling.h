@@ -9,11 +9,7 @@
 /// state and policy: no clock, no threads, no files.
 namespace lumifold::sampling {
 
-/// Edge length of a block in pixels: all of its pixels get equally many samples. In the chart's scenes blocks of 8 need
-/// 0.85 to 0.9 of the time that blocks of 16 need for equal error; the estimate of smaller ones is too noisy.
-inline constexpr int kBlockSize = 8;
-
-/// Samples per pixel of each block of a frame, row by row. Multiples of kSampleStep.
+/// Samples per pixel of each block of a frame (filter/image/tile_samples.h), row by row. Multiples of kSampleStep.
 using Allocation = std::vector<uint32_t>;
 
 /// Two samples for each half.
@@ -51,9 +47,6 @@ class FrameSampling {
   const std::vector<Allocation>& rounds() const { return rounds_; }
   /// No round follows those decided so far.
   bool is_final() const { return is_final_; }
-  /// Whether a frame whose round `round` is complete is to be filtered: for the estimate of this round or of the next.
-  bool NeedsPicture(int round) const { return !is_final_ && round >= 0; }
-
   /// What is known once round `round` is complete; call it once for each round from 1 on, in order, until is_final.
   /// `errors`: by block, as metrics::EstimateError gives them for rounds round - 1 and round; negative: unknown.
   /// `costs`: of one sample of each pixel of a block, by block, above 0, in any unit.

@@ -192,7 +192,7 @@ void Scheduler::ReleaseDeliverers(const Frame& frame) {
 
 bool Scheduler::UpdateCommitted(Job& job, int frame) {
   const Frame& state = job.frames.at(frame);
-  if (state.committed == job.units.count() && state.audits == 0 && state.revoking.empty()) {
+  if (IsFrameComplete(job, state) && state.audits == 0 && state.revoking.empty()) {
     job.committed_frames.insert(frame);
     return true;
   }

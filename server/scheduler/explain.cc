@@ -38,7 +38,7 @@ JobProgress Scheduler::Progress(const JobId& id) const {
   const int frames = needs_plan ? job::FrameList(job.spec).count() : job.frame_list.count();
   JobProgress progress;
   progress.units_done = job.committed_units;
-  progress.units_total = job.units.count() * job.frame_list.count();
+  progress.units_total = UnitsTotal(job);
   progress.samples_done = job.committed_samples;
   progress.samples_total =
       int64_t{job.spec.width()} * job.spec.height() * job.spec.samples_per_pixel() * frames;
@@ -66,7 +66,7 @@ std::vector<Reason> Scheduler::Explain(const JobId& id, absl::Time now) const {
   const auto found = jobs_by_id_.find(id);
   if (found == jobs_by_id_.end()) return reasons;
   const Job& job = jobs_.at(found->second);
-  const int64_t units = job.units.count() * job.frame_list.count();
+  const int64_t units = UnitsTotal(job);
   if (job.paused) reasons.push_back({"paused", "the job is paused"});
   if (job.committed_units < units) {
     ExplainWorkers(found->second, &reasons);

@@ -167,9 +167,9 @@ void Scheduler::Advance(Job& job) {
     if (job.finished[static_cast<size_t>(next.frame)]) continue;
     const auto frame = job.frames.find(next.frame);
     if (frame == job.frames.end()) return;
-    while (next.number < job.units.count() && frame->second.taken[static_cast<size_t>(next.number)])
+    while (next.number < job.ordered_units() && frame->second.taken[static_cast<size_t>(next.number)])
       ++next.number;
-    if (next.number < job.units.count()) return;
+    if (next.number < job.ordered_units()) return;
   }
 }
 
@@ -209,7 +209,7 @@ GrantedLease Scheduler::Grant(const UnitIndex& index, WorkerId worker, absl::Tim
           .unit = unit,
           .attempt = attempt,
           .rect = job.units.tiles().RectOf(unit.key.tile),
-          .samples = job.units.SamplesOf(unit.key),
+          .samples = SamplesOf(job, index.place),
           .alone = kind == LeaseKind::kAlone,
           .audit = kind == LeaseKind::kAudit};
 }

@@ -22,6 +22,11 @@ constexpr int kMinTimedUnits = 8;
 /// A second lease is for a worker that hangs or is slow; a third would only cost.
 constexpr size_t kMaxLeasesOfUnit = 2;
 
+/// Place in Frame::left.
+size_t RoundIndexOf(const job::UnitKey& key) {
+  return key.kind == v1::UNIT_KIND_GEOMETRY ? 0 : static_cast<size_t>(1 + key.pass);
+}
+
 }  // namespace
 
 Scheduler::Scheduler(const SchedulerOptions& options)
@@ -80,8 +85,10 @@ bool Scheduler::RestoreCommittedUnit(const JobId& id, const RestoredUnit& unit, 
   if (job.finished[static_cast<size_t>(index->place.frame)]) return true;  // counted with its frame
   Frame& frame = ActiveFrame(job, index->place.frame);
   const auto number = static_cast<size_t>(index->place.number);
+  if (frame.rounds != nullptr && !frame.rounds->Has(unit.key)) return false;
   if (frame.taken[number]) return true;
   frame.taken[number] = true;
+  job.returned.erase(index->place);
   if (!unit.worker.empty()) frame.deliverers[number] = deliverers_.Acquire(unit.worker);
   CountCommitted(job, index->place);
   if (IsAudited(ref, job.audit_share)) StartAudit(*index, unit.worker, unit.digest, now);
@@ -98,7 +105,7 @@ bool Scheduler::RestoreFinishedFrame(const JobId& id, int32_t frame_number) {
   if (job->finished[static_cast<size_t>(*frame)]) return true;
   job->finished[static_cast<size_t>(*frame)] = true;
   ++job->finished_count;
-  job->committed_units += job->units.count();
+  job->committed_units += job->ordered_units();
   job->committed_samples += int64_t{job->spec.width()} * job->spec.height() * job->spec.samples_per_pixel();
   UpdateReady(jobs_by_id_.at(id), *job);
   return true;
@@ -317,6 +324,7 @@ void Scheduler::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
   job.times = {};
   job.spec = planned;
   job.units = FrameUnits(planned);
+  if (planned.has_adaptive()) job.first_rounds = std::make_shared<const job::FrameRounds>(planned);
   job.frame_list = job::FrameList(planned);
   job.finished.assign(static_cast<size_t>(job.frame_list.count()), false);
   job.next_unleased = {};
@@ -338,8 +346,10 @@ bool Scheduler::RevokeUnit(const UnitRef& unit) {
   for (const Attempt audit : leases_.OfUnit(*index)) RevokeLease(audit);
   UpdateCommitted(job, place.frame);
   --job.committed_units;
-  job.committed_samples -= job.units.CameraSamplesOf(unit.key);
-  if (place < job.next_unleased) job.returned.insert(place);  // otherwise it is leased in its turn
+  job.committed_samples -= CameraSamplesOf(job, place);
+  if (!frame->second.left.empty()) ++frame->second.left[RoundIndexOf(unit.key)];
+  if (place < job.next_unleased || place.number >= job.ordered_units())
+    job.returned.insert(place);  // otherwise it is leased in its turn
   UpdateReady(index->job, job);
   return true;
 }
@@ -363,8 +373,7 @@ bool Scheduler::FrameFinished(const JobId& id, int32_t frame_number) {
   if (job == nullptr) return false;
   const int frame = job->frame_list.IndexOf(frame_number).value();
   const auto active = job->frames.find(frame);
-  if (active == job->frames.end() || active->second.committed < job->units.count() ||
-      active->second.audits > 0)
+  if (active == job->frames.end() || !IsFrameComplete(*job, active->second) || active->second.audits > 0)
     return false;
   job->committed_frames.erase(frame);
   ReleaseDeliverers(active->second);
@@ -408,6 +417,9 @@ Scheduler::Frame& Scheduler::ActiveFrame(Job& job, int frame) {
   if (is_new) {
     it->second.taken.resize(static_cast<size_t>(job.units.count()));
     it->second.deliverers.resize(static_cast<size_t>(job.units.count()));
+    it->second.rounds = job.first_rounds;
+    if (job.first_rounds != nullptr)
+      it->second.left.assign(static_cast<size_t>(1 + job.first_rounds->count()), job.units.tiles().count());
     CountFrames(job, 1);
   }
   return it->second;
@@ -470,9 +482,11 @@ void Scheduler::Return(const UnitIndex& index) {
 }
 
 void Scheduler::CountCommitted(Job& job, const Place& place) {
-  ++job.frames.at(place.frame).committed;
+  Frame& frame = job.frames.at(place.frame);
+  ++frame.committed;
+  if (!frame.left.empty()) --frame.left[RoundIndexOf(job.units.KeyOf(0, place.number))];
   ++job.committed_units;
-  job.committed_samples += job.units.CameraSamplesOf(job.units.KeyOf(0, place.number));
+  job.committed_samples += CameraSamplesOf(job, place);
   UpdateCommitted(job, place.frame);
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -15,6 +16,7 @@
 #include "absl/types/span.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/job/frame_list.h"
+#include "server/job/frame_rounds.h"
 #include "server/job/plan.h"
 #include "server/job/tile_grid.h"
 #include "server/job/unit.h"
@@ -83,6 +85,17 @@ class Scheduler {
   /// Units of a further frame are leased only while fewer frames than this are active; >= 1. No limit before
   /// the first call.
   void SetMaxActiveFrames(int frames);
+  /// Sets the rounds of a frame with adaptive sampling that are decided now; those before stay as they were. Before the first
+  /// call for a frame it has those of FrameRounds(spec). After a restart call it before RestoreCommittedUnit for units of
+  /// the frame. No effect on an unknown job or a finished frame. True when the frame is committed by this, see
+  /// IsFrameCommitted.
+  bool SetRounds(const job::JobId& job, int32_t frame, std::shared_ptr<const job::FrameRounds> rounds);
+  /// The rounds of a frame that is active; null for others, and without adaptive sampling.
+  std::shared_ptr<const job::FrameRounds> RoundsOf(const job::JobId& job, int32_t frame) const;
+  /// How many rounds from the first on are committed, with the geometry; 0 where RoundsOf is null.
+  int CommittedRounds(const job::JobId& job, int32_t frame) const;
+  /// Sample indices of a unit that is leased or accepted.
+  TileSamples SamplesOf(const job::UnitRef& unit) const;
   /// Removes the job; its leases become void.
   void EndJob(const job::JobId& job);
   bool HasJob(const job::JobId& job) const { return jobs_by_id_.contains(job); }
@@ -186,7 +199,10 @@ class Scheduler {
 
  private:
   struct Frame {
-    std::vector<bool> taken;           // accepted or committed, by unit number
+    std::vector<bool> taken;                         // accepted or committed, by unit number
+    std::shared_ptr<const job::FrameRounds> rounds;  // null without adaptive sampling
+    std::vector<int64_t>
+        left;  // with rounds: units that are not committed, of the geometry and of each round
     std::vector<uint32_t> deliverers;  // numbers of the workers' names, 0 for none; by unit number
     int64_t committed = 0;
     int64_t audits = 0;          // not settled
@@ -245,12 +261,23 @@ class Scheduler {
           spec(job_spec),
           units(job_spec),
           frame_list(job::NeedsPlan(job_spec) ? job::FirstFrameOf(job_spec) : job_spec),
-          finished(static_cast<size_t>(frame_list.count())) {}
+          finished(static_cast<size_t>(frame_list.count())) {
+      if (spec.has_adaptive() && !job::NeedsPlan(spec))
+        first_rounds = std::make_shared<const job::FrameRounds>(spec);
+    }
+
+    /// Units of a frame that are leased in the order of their numbers. Those of later rounds become free one by one.
+    int64_t ordered_units() const {
+      return first_rounds == nullptr ? units.count()
+                                     : int64_t{units.tiles().count()} * (1 + first_rounds->count());
+    }
 
     job::JobId id;
     v1::JobSpec spec;
     job::FrameUnits units;
-    job::FrameList frame_list;  // the first one only until it is planned
+    job::FrameList frame_list;                             // the first one only until it is planned
+    std::shared_ptr<const job::FrameRounds> first_rounds;  // of every frame; null without adaptive sampling
+    int64_t later_units = 0;                               // of rounds that were decided later, in all frames
     Demands::iterator demand;
     Readiness readiness = Readiness::kNone;
     int max_leases = 0;  // 0: no limit
@@ -283,6 +310,10 @@ class Scheduler {
   std::optional<UnitIndex> IndexOf(const job::UnitRef& unit) const;
   job::UnitRef RefOf(const UnitIndex& index) const;
   Frame& ActiveFrame(Job& job, int frame);
+  static bool IsFrameComplete(const Job& job, const Frame& frame);
+  static int64_t UnitsTotal(const Job& job);
+  static TileSamples SamplesOf(const Job& job, const Place& place);
+  static int64_t CameraSamplesOf(const Job& job, const Place& place);
   const Lease* FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   void Bind(int64_t job_number, const std::string& numeric_class);
   void VoidOtherLeases(const UnitIndex& index);

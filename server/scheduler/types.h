@@ -6,7 +6,7 @@
 
 #include "absl/time/time.h"
 #include "filter/image/rect.h"
-#include "filter/image/sample_range.h"
+#include "filter/image/tile_samples.h"
 #include "lumifold/v1/farm.pb.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/job/ids.h"
@@ -91,7 +91,7 @@ struct GrantedLease {
   job::UnitRef unit;
   job::Attempt attempt;
   Rect rect;
-  SampleRange samples;
+  TileSamples samples;
   /// The unit is in quarantine.
   bool alone = false;
   /// The unit is already accepted: the result is only compared.

@@ -102,6 +102,8 @@ Hit HitOf(const HitContext& hit_context, const RTCHit& embree, float distance) {
   return hit;
 }
 
+thread_local int64_t rays_of_thread = 0;
+
 /// What the filter functions of one query need. They receive the address of its first member.
 struct QueryContext {
   RTCIntersectContext embree;
@@ -112,6 +114,7 @@ struct QueryContext {
 
   QueryContext(const HitContext* h, std::span<const Ray> r) : hit_context(h), rays(r) {
     rtcInitIntersectContext(&embree);
+    rays_of_thread += static_cast<int64_t>(rays.size());
     if (rays.size() > 1) embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   }
 };
@@ -350,6 +353,8 @@ class EmbreeSceneImpl final : public EmbreeScene {
 }  // namespace
 
 const char* TracingInstructionSet() { return __builtin_cpu_supports("avx2") ? "avx2" : "sse4.2"; }
+
+int64_t RaysOfThread() { return rays_of_thread; }
 
 absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Create(const scene::Scene& scene,
                                                                  const OpacitySource& opacity) {

@@ -75,15 +75,16 @@ Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<Em
   }
 }
 
-LayeredImage Renderer::RenderPass(const Rect& rect, int frame, SampleRange range,
+LayeredImage Renderer::RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
                                   RenderCounts* counts) const {
   const ScopedFloatEnvironment environment;
   PassPicture picture(rect.width(), rect.height(), settings_.plan.layers);
   std::array<LayerSample, PathTracer::kPacket> samples;
+  const int64_t rays_before = RaysOfThread();
   for (int y = rect.y0; y < rect.y1; ++y) {
     for (int x = rect.x0; x < rect.x1 && !counts->IsStopped(); ++x) {
       PixelSums sums;
-      ForEachPacket(x, y, frame, range, [&](const CameraPacket& packet) {
+      ForEachPacket(x, y, frame, tile_samples.At(x - rect.x0, y - rect.y0), [&](const CameraPacket& packet) {
         if (counts->IsStopped()) return false;
         tracer_.Trace(packet.rays(), packet.samplers(), samples);
         for (size_t i = 0; i < packet.size(); ++i) {
@@ -95,6 +96,7 @@ LayeredImage Renderer::RenderPass(const Rect& rect, int frame, SampleRange range
     }
     if (counts->rows != nullptr) counts->rows->fetch_add(1, std::memory_order_relaxed);
   }
+  counts->rays += RaysOfThread() - rays_before;
   return picture.Take();
 }
 

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/layered_image.h"
+#include "filter/image/tile_samples.h"
 #include "worker/render/camera.h"
 #include "worker/render/camera_packet.h"
 #include "worker/render/embree_scene.h"
@@ -36,6 +37,7 @@ struct RenderSettings {
 struct RenderCounts {
   int64_t samples = 0;
   int64_t bad_samples = 0;  // NaN or infinite: left out of the sums and of the pixel's count
+  int64_t rays = 0;         // of paths and to lights
   std::atomic<int64_t>* rows =
       nullptr;  // counts rows of pixels that are done, for other threads; may be null
   const std::atomic<bool>* stop = nullptr;  // true: the rest of the unit is not wanted; may be null
@@ -68,12 +70,13 @@ class Renderer {
   Renderer(const Renderer&) = delete;
   Renderer& operator=(const Renderer&) = delete;
 
-  /// Traces the samples of `range` in every pixel of `rect` (within the frame) and returns their sums.
+  /// Traces `tile_samples` in the pixels of `rect` (within the frame) and returns their sums.
   /// Shapes: rect's size; channels, as far as the plan's layers go: for each of layers::kHalved its halves *_a
   ///         and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples); and
   ///         layers::LevelPassChannels of each level that any sample has reached.
   /// Once counts->stop is true it returns within a packet of rays; the result is then incomplete.
-  LayeredImage RenderPass(const Rect& rect, int frame, SampleRange range, RenderCounts* counts) const;
+  LayeredImage RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
+                          RenderCounts* counts) const;
 
   /// Traces fixed sub-pixel rays in every pixel of `rect`: see RenderGeometryUnit. Once `stop`, which may be null,
   /// is true it returns within a row of pixels; the result is then incomplete.

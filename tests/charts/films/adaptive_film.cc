@@ -14,17 +14,16 @@ namespace {
 
 using sampling::Allocation;
 using sampling::FrameSampling;
-using sampling::kBlockSize;
 
 /// The samples of a frame so far, block by block.
 class Blocks {
  public:
   Blocks(const render::Renderer& renderer, const sampling::SamplingSettings& settings, TaskPool* pool)
       : renderer_(renderer), width_(settings.width), height_(settings.height), pool_(pool) {
-    for (int y = 0; y < height_; y += kBlockSize) {
-      for (int x = 0; x < width_; x += kBlockSize)
+    for (int y = 0; y < height_; y += kSampleBlock) {
+      for (int x = 0; x < width_; x += kSampleBlock)
         blocks_.push_back(
-            {{x, y, std::min(x + kBlockSize, width_), std::min(y + kBlockSize, height_)}, {}, {}});
+            {{x, y, std::min(x + kSampleBlock, width_), std::min(y + kSampleBlock, height_)}, {}, {}});
     }
     ParallelFor(pool_, static_cast<int64_t>(blocks_.size()), [&](int64_t i) {
       Block& block = blocks_[static_cast<size_t>(i)];
@@ -105,7 +104,7 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
     filtered.picture = filter::Denoise(filtered.film.pixels, &filtered.film.edges, pool);
     if (!sampling.is_final() && earlier.has_value()) {
       const metrics::ErrorEstimate estimate =
-          metrics::EstimateError(earlier->View(), filtered.View(), kBlockSize, metric, pool);
+          metrics::EstimateError(earlier->View(), filtered.View(), kSampleBlock, metric, pool);
       const std::vector<double> costs(done.size(), 1.0);
       sampling.AddEstimate(static_cast<int>(round), estimate.blocks, costs);
       ++result.estimates;

@@ -146,14 +146,14 @@ TEST(UnitAssembler, RefusesEdgesThatAreOutOfPlace) {
   ASSERT_EQ(pieces.size(), 2u);
   UnitAssembler of_a_pass(v1::UNIT_KIND_PASS, kRect, kSamples);
   EXPECT_THAT(std::string(of_a_pass.Add(pieces[0]).message()), HasSubstr("only geometry units"));
-  UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kRect, {});
+  UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
   ASSERT_TRUE(twice.Add(pieces[0]).ok());
   EXPECT_THAT(std::string(twice.Add(pieces[0]).message()), HasSubstr("after the edge set"));
-  UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kRect, {});
+  UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
   ASSERT_TRUE(after_pixels.Add(pieces[1]).ok());
   EXPECT_THAT(std::string(after_pixels.Add(pieces[0]).message()), HasSubstr("or the pixels"));
   EXPECT_THAT(std::string(after_pixels.Add(pieces[1]).message()), HasSubstr("after the last piece"));
-  UnitAssembler both_at_once(v1::UNIT_KIND_GEOMETRY, kRect, {});
+  UnitAssembler both_at_once(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
   v1::UnitChunk both = pieces[0];
   *both.mutable_pixels() = pieces[1].pixels();
   EXPECT_FALSE(both_at_once.Add(both).ok());
@@ -168,10 +168,11 @@ TEST(UnitAssembler, RefusesValuesThatAreNotValid) {
 }
 
 TEST(UnitAssembler, RefusesAnEdgeSetOfAnotherTileOrOfTooManyRows) {
-  UnitAssembler elsewhere(v1::UNIT_KIND_GEOMETRY, {0, 0, 8, 4}, {});
+  UnitAssembler elsewhere(v1::UNIT_KIND_GEOMETRY, {0, 0, 8, 4}, SampleRange{});
   EXPECT_THAT(std::string(elsewhere.Add(PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY))[0]).message()),
               HasSubstr("edge set: the pixel"));
-  UnitAssembler small(v1::UNIT_KIND_GEOMETRY, {8, 0, 9, 1}, {});  // two rows where there is one pixel
+  UnitAssembler small(v1::UNIT_KIND_GEOMETRY, {8, 0, 9, 1},
+                      SampleRange{});  // two rows where there is one pixel
   EXPECT_THAT(std::string(small.Add(PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY))[0]).message()),
               HasSubstr("size 16x2"));
 }

@@ -47,7 +47,7 @@ TEST_F(PlanUnitTest, IsTheOnlyUnitOfAJobWithoutAPlan) {
   ASSERT_THAT(leases, SizeIs(1));
   EXPECT_EQ(leases[0].unit.key, (job::UnitKey{10, 0, 0, v1::UNIT_KIND_PLAN}));
   EXPECT_EQ(leases[0].rect, (Rect{0, 0, 16, 16}));
-  EXPECT_EQ(leases[0].samples.count(), 0);
+  EXPECT_EQ(leases[0].samples.blocks()[0].count(), 0);
   const JobProgress progress = scheduler_.Progress(kJob);
   EXPECT_EQ(progress.state, v1::JOB_STATE_RUNNING);
   EXPECT_EQ(progress.units_total, 1);

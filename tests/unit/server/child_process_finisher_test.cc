@@ -82,7 +82,7 @@ TEST_F(ChildProcessFinisherTest, TheChildYieldsToOtherProcessesButIsNotStarved) 
   const int expected = std::max(getpriority(PRIO_PROCESS, 0), kChildNiceness);
   EXPECT_EXIT(
       {
-        RunFinishFrameProcess({folder_.root(), "j-none", "0", "1", "0"});
+        RunFinishFrameProcess({folder_.root(), "j-none", "0", "1", "0", "-1"});
         _exit(getpriority(PRIO_PROCESS, 0));
       },
       testing::ExitedWithCode(expected), "");

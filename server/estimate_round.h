@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "filter/image/parallel.h"
+#include "lumifold/v1/job.pb.h"
+#include "lumifold/v1/rounds.pb.h"
+#include "server/data_folder.h"
+#include "server/job/frame_rounds.h"
+#include "server/ledger/job_store.h"
+
+namespace lumifold::server {
+
+/// The rounds of a frame of a job with adaptive sampling, as its record has them; those before the first estimate if there is
+/// no record. `spec` is normalised.
+/// Errors: kDataLoss where the record is damaged; kUnavailable. Both name the file.
+absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job::JobId& job,
+                                            const v1::JobSpec& spec, int32_t frame);
+
+/// Estimates the error of a frame's filtered picture once a round is committed, from the units of this round and those
+/// before it alone, and adds the estimate to the frame's record. A repeated call writes the same bytes, and nothing where the
+/// record has the estimate. Durable once it returns OK. Returns the time of each stage, measured with `now`.
+/// Memory: the film and three pictures.
+/// Errors: as FinishFrame; kFailedPrecondition for a round whose turn it is not.
+/// Threads: safe for different frames; the estimate does not depend on `pool`, which may be null.
+absl::StatusOr<v1::StageTimes> EstimateRound(const DataFolder& folder, ledger::JobStore& store,
+                                             const job::JobId& job, int32_t frame, int round, TaskPool* pool,
+                                             const std::function<absl::Time()>& now);
+
+}  // namespace lumifold::server

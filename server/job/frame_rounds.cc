@@ -1,0 +1,71 @@
+#include "server/job/frame_rounds.h"
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+
+namespace lumifold::job {
+namespace {
+
+sampling::SamplingSettings SettingsOf(const v1::JobSpec& spec) {
+  return {.width = spec.width(),
+          .height = spec.height(),
+          .budget = static_cast<double>(spec.samples_per_pixel()),
+          .target_error = spec.adaptive().target_error()};
+}
+
+}  // namespace
+
+FrameRounds::FrameRounds(const v1::JobSpec& spec)
+    : tiles_(spec.width(), spec.height(), spec.tile_size()), sampling_(SettingsOf(spec)) {}
+
+absl::StatusOr<FrameRounds> FrameRounds::Replay(const v1::JobSpec& spec,
+                                                const v1::RoundEstimates& estimates) {
+  FrameRounds rounds(spec);
+  const int blocks = rounds.sampling_.columns() * rounds.sampling_.rows();
+  for (const v1::RoundEstimate& estimate : estimates.estimates()) {
+    const int round = rounds.estimated_;
+    bool fits = !rounds.is_final() && round < rounds.count() && estimate.errors_size() == blocks &&
+                estimate.costs_size() == blocks;
+    for (const double error : estimate.errors()) fits = fits && std::isfinite(error);
+    for (const double cost : estimate.costs()) fits = fits && std::isfinite(cost) && cost > 0;
+    if (!fits)
+      return absl::DataLossError(absl::StrCat("the estimate of round ", round, " does not fit its frame"));
+    rounds.sampling_.AddEstimate(round,
+                                 std::vector<double>(estimate.errors().begin(), estimate.errors().end()),
+                                 std::vector<double>(estimate.costs().begin(), estimate.costs().end()));
+    ++rounds.estimated_;
+  }
+  return rounds;
+}
+
+bool FrameRounds::Has(const UnitKey& unit) const {
+  if (unit.kind == v1::UNIT_KIND_GEOMETRY) return true;
+  if (unit.pass < 0 || unit.pass >= count()) return false;
+  return CameraSamplesOf(unit) > 0;
+}
+
+TileSamples FrameRounds::SamplesOf(const UnitKey& unit) const {
+  if (unit.kind == v1::UNIT_KIND_GEOMETRY) return SampleRange{};
+  const Rect tile = tiles_.RectOf(unit.tile);
+  const auto pass = static_cast<size_t>(unit.pass);
+  std::vector<SampleRange> blocks;
+  for (int y = tile.y0; y < tile.y1; y += kSampleBlock) {
+    for (int x = tile.x0; x < tile.x1; x += kSampleBlock) {
+      const auto block = static_cast<size_t>(y / kSampleBlock) * static_cast<size_t>(sampling_.columns()) +
+                         static_cast<size_t>(x / kSampleBlock);
+      const uint32_t first = pass == 0 ? 0 : sampling_.rounds()[pass - 1][block];
+      blocks.push_back({first, sampling_.rounds()[pass][block]});
+    }
+  }
+  return {tile.width(), tile.height(), std::move(blocks)};
+}
+
+int64_t FrameRounds::CameraSamplesOf(const UnitKey& unit) const {
+  const Rect tile = tiles_.RectOf(unit.tile);
+  return SamplesOf(unit).CountIn(tile.width(), tile.height());
+}
+
+}  // namespace lumifold::job

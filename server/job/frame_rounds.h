@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "absl/status/statusor.h"
+#include "filter/image/tile_samples.h"
+#include "lumifold/v1/job.pb.h"
+#include "lumifold/v1/rounds.pb.h"
+#include "server/job/tile_grid.h"
+#include "server/job/unit.h"
+#include "server/sampling/frame_sampling.h"
+
+namespace lumifold::job {
+
+/// The rounds of a frame of a job with adaptive sampling, as far as they are decided: round r is pass r of every tile that
+/// gets samples in it. A function of the spec and of the estimates, so that whoever reads the record of the estimates knows
+/// every unit of the frame.
+/// Threads: safe concurrently; it does not change.
+class FrameRounds {
+ public:
+  /// Before the first estimate. `spec` is normalised and has adaptive sampling.
+  explicit FrameRounds(const v1::JobSpec& spec);
+  /// With the estimates of a record.
+  /// Errors: kDataLoss where an estimate does not fit the frame or the rounds before it.
+  static absl::StatusOr<FrameRounds> Replay(const v1::JobSpec& spec, const v1::RoundEstimates& estimates);
+
+  /// Rounds decided.
+  int count() const { return static_cast<int>(sampling_.rounds().size()); }
+  /// No round follows those decided.
+  bool is_final() const { return sampling_.is_final(); }
+  /// Rounds whose estimates have been added, round 0 included, which needs none.
+  int estimated() const { return estimated_; }
+  /// See sampling::FrameSampling::PredictedError.
+  double predicted_error() const { return sampling_.PredictedError(); }
+
+  /// False for a pass that is not decided, and for one in which the tile gets no samples. True for geometry.
+  bool Has(const UnitKey& unit) const;
+  /// Sample indices of a unit that the frame Has; empty for geometry.
+  TileSamples SamplesOf(const UnitKey& unit) const;
+  /// Camera samples of such a unit, over all its pixels.
+  int64_t CameraSamplesOf(const UnitKey& unit) const;
+
+ private:
+  TileGrid tiles_;
+  sampling::FrameSampling sampling_;
+  int estimated_ = 1;
+};
+
+}  // namespace lumifold::job

@@ -1,0 +1,90 @@
+"""Adaptive sampling in a farm of processes: the same file for any workers, and whoever is killed in mid-decision."""
+
+import pathlib
+import tempfile
+import unittest
+
+from farm import Farm, run, wait_until
+from farm_test import SceneTest
+
+WIDTH, HEIGHT, SAMPLES = 96, 72, 160
+
+
+class AdaptiveTest(SceneTest):
+    SETTINGS = ["--size", f"{WIDTH}x{HEIGHT}", "--spp", str(SAMPLES), "--adaptive", "--seed", "3", "--save-film"]
+
+    def rounds(self, farm):
+        return farm.server.log_text().count("event=round_estimated")
+
+    def submit_and_wait_for_a_decision(self, farm):
+        job = self.submit(farm)
+        wait_until(lambda: self.rounds(farm) > 0, "the first estimate")
+        return job
+
+    def test_workers_do_not_matter(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            for _ in range(3):
+                farm.start_worker()
+            job = self.submit(farm)
+            self.expect_same_picture(farm, job)
+            status = farm.status(job)
+            self.assertEqual(status["units_done"], status["units_total"])
+            self.assertLessEqual(status["samples_done"], SAMPLES * WIDTH * HEIGHT * 1.02)
+            self.assertGreater(status["samples_done"], 0.5 * SAMPLES * WIDTH * HEIGHT)
+
+    def test_a_killed_worker_changes_nothing(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            workers = [farm.start_worker() for _ in range(2)]
+            job = self.submit_and_wait_for_a_decision(farm)
+            workers[0].kill()
+            self.expect_same_picture(farm, job)
+
+    def test_a_coordinator_killed_between_decisions_makes_the_same_ones(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            farm.start_worker()
+            job = self.submit_and_wait_for_a_decision(farm)
+            farm.server.kill()
+            farm.start_server(listen=farm.address)
+            self.expect_same_picture(farm, job)
+
+    def test_a_damaged_record_is_made_again(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            worker = farm.start_worker()
+            job = self.submit_and_wait_for_a_decision(farm)
+            worker.kill()
+            farm.server.kill()
+            record = next(pathlib.Path(data).glob("**/frame-0000.rounds"))
+            content = bytearray(record.read_bytes())
+            content[len(content) // 2] ^= 1
+            record.write_bytes(content)
+            farm.start_server(listen=farm.address)
+            self.assertIn("event=rounds_damaged", farm.server.log_text())
+            farm.start_worker()
+            self.expect_same_picture(farm, job)
+
+    def test_a_target_that_is_reached_ends_it(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            farm.start_worker(threads=2)
+            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "4096", "--target-error",
+                              "20").stdout.strip()
+            farm.client("wait", job)
+            status = farm.status(job)
+            self.assertLess(status["samples_done"], 1024 * WIDTH * HEIGHT)
+            self.assertEqual(status["samples_done"], status["samples_total"])
+            self.assertIn("final=true", farm.server.log_text())
+
+    def test_what_does_not_fit_is_refused(self):
+        for options, code, text in (
+            (("--target-metric", "psnr", "--target-error", "1"), 2, "--target-metric must be mse255 or relmse"),
+            (("--target-metric", "relmse"), 2, "--target-metric requires --target-error"),
+            (("--adaptive", "--size", "4096x4096"), None, "too large for adaptive sampling"),
+        ):
+            refused = run("lumifold", "render", self.scene, *options, "-o", self.root / "no.exr", check=False)
+            self.assertNotEqual(refused.returncode, 0)
+            if code is not None:
+                self.assertEqual(refused.returncode, code)
+            self.assertIn(text, refused.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "filter/image/color.h"
-#include "worker/plan/counting_scene.h"
 #include "worker/render/camera_packet.h"
+#include "worker/render/embree_scene.h"
 #include "worker/render/floating_point.h"
 #include "worker/render/path_tracer.h"
 
@@ -68,7 +68,7 @@ class ProbeRun {
       : camera_(camera),
         seed_(settings.seed),
         embree_(std::move(embree)),
-        tracer_(scene, embree_, settings.environment, settings.max_bounces, settings.mips) {
+        tracer_(scene, *embree_, settings.environment, settings.max_bounces, settings.mips) {
     probe_.width = width;
     probe_.height = height;
     probe_.rays_of_pixel.reserve(static_cast<size_t>(width) * static_cast<size_t>(height));
@@ -89,7 +89,7 @@ class ProbeRun {
 
  private:
   void TracePixel(int x, int y, BlockLight* block) {
-    const int64_t rays_before = embree_.rays();
+    const int64_t rays_before = render::RaysOfThread();
     Moments luminance;
     std::array<render::LayerSample, render::PathTracer::kPacket> samples;
     const auto trace = [&](const render::CameraPacket& packet) {
@@ -103,7 +103,7 @@ class ProbeRun {
     };
     render::ForEachCameraPacket(camera_, seed_, /*frame=*/0, probe_.width, x, y, {0, kProbeSamples}, trace);
     pixels_.push_back(luminance);
-    probe_.rays_of_pixel.push_back(static_cast<float>(embree_.rays() - rays_before) / kProbeSamples);
+    probe_.rays_of_pixel.push_back(static_cast<float>(render::RaysOfThread() - rays_before) / kProbeSamples);
     TraceFeatures(x, y);
   }
 
@@ -131,7 +131,7 @@ class ProbeRun {
   }
 
   void Finish() {
-    probe_.rays = embree_.rays();
+    probe_.rays = render::RaysOfThread() - rays_before_;
     for (const Moments& component : normal_) probe_.normal_variance += component.Variance();
     if (distance_.mean > 0) probe_.depth_spread = std::sqrt(distance_.Variance()) / distance_.mean;
     // Dark pixels count by their share of the frame's light, as in relMSE.
@@ -147,7 +147,8 @@ class ProbeRun {
 
   const render::PictureCamera& camera_;
   uint64_t seed_;
-  CountingScene embree_;
+  std::unique_ptr<render::EmbreeScene> embree_;
+  const int64_t rays_before_ = render::RaysOfThread();
   render::PathTracer tracer_;
   Probe probe_;
   std::vector<Moments> pixels_;

@@ -105,8 +105,9 @@ absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::Admit(const grpc::Call
   const access::Rule* rule = access::FindRule(rpc_path);
   auto call = std::make_unique<Call>(this, std::move(event), rule != nullptr && rule->changes);
   absl::Status status = caller.ok() ? Check(*call, rpc_path) : caller.status();
-  if (status.ok()) return call;
-  return Refuse(call.get(), std::move(status));
+  if (!status.ok()) return Refuse(call.get(), std::move(status));
+  if (options_.admitted != nullptr) options_.admitted(call->event_.address);
+  return call;
 }
 
 void CallGate::NoteRefusal(const access::Identity& caller, absl::string_view rpc_path,

@@ -41,6 +41,8 @@ class CallGate {
     /// For callers whose calls are refused again and again: a refused call costs nearly as much as one that is answered.
     /// `peer` as in grpc::ServerContext. Null: nothing.
     std::function<void(absl::string_view peer)> shut_out = nullptr;
+    /// Of each call that is admitted. Null: nothing.
+    std::function<void(absl::string_view peer)> admitted = nullptr;
   };
 
   /// A call that was admitted, until its destruction.

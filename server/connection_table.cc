@@ -15,18 +15,17 @@
 namespace lumifold::server {
 namespace {
 
-/// 0 for a descriptor that is closed.
-ino_t InodeOf(int socket) {
-  struct stat info = {};
-  return fstat(socket, &info) == 0 ? info.st_ino : 0;
-}
-
 std::string TextOf(int family, const void* address) {
   std::array<char, INET6_ADDRSTRLEN> text = {};
   return inet_ntop(family, address, text.data(), text.size()) == nullptr ? "" : text.data();
 }
 
 }  // namespace
+
+ino_t InodeOf(int socket) {
+  struct stat info = {};
+  return fstat(socket, &info) == 0 ? info.st_ino : 0;
+}
 
 std::string NetworkOf(const sockaddr_storage& address) {
   if (address.ss_family == AF_INET)

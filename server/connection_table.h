@@ -3,6 +3,7 @@
 #include <sys/socket.h>
 #include <sys/types.h>
 
+#include <compare>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -20,10 +21,15 @@ std::string NetworkOf(const sockaddr_storage& address);
 struct Peer {
   std::string network;
   uint16_t port = 0;
+
+  auto operator<=>(const Peer&) const = default;
 };
 Peer PeerOf(const sockaddr_storage& address);
 /// Of the name that gRPC has for it, such as "ipv4:192.0.2.1:50000"; nullopt for others than those of IP.
 std::optional<Peer> PeerOf(absl::string_view name);
+
+/// Tells a socket from an earlier one with the same number; 0 for a descriptor that is closed.
+ino_t InodeOf(int socket);
 
 /// The open connections of each network. Who owns a socket does not tell when it closes it, so that those of a network
 /// that has reached its limit are looked at: a socket is still the same while its descriptor has the same inode.

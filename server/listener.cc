@@ -28,6 +28,7 @@
 #include "server/access/rate_limit.h"
 #include "server/address_filter.h"
 #include "server/connection_table.h"
+#include "server/unserved_connections.h"
 
 namespace lumifold::server {
 namespace {
@@ -124,6 +125,10 @@ class ListenerImpl final : public Listener {
     eventfd_write(wake_.get(), 1);
   }
 
+  void NoteCall(absl::string_view name) override {
+    if (const std::optional<Peer> peer = PeerOf(name)) unserved_.NoteCall(*peer);
+  }
+
  private:
   /// A connection without bytes.
   struct Silent {
@@ -150,7 +155,9 @@ class ListenerImpl final : public Listener {
   /// Stops watching the connection; the caller decides what becomes of its socket.
   Silent Take(Silents::iterator silent);
   void Refuse(int socket, const std::string& network, absl::string_view reason);
+  void CountRefusal(const std::string& network);
   void CloseSilent();
+  void CountEnded();
 
   const ListenerOptions options_;
   int port_ = 0;
@@ -161,12 +168,14 @@ class ListenerImpl final : public Listener {
   // Used by the thread only.
   ConnectionTable table_;
   access::TokenBuckets refusals_;
+  absl::Time next_count_ = absl::InfinitePast();
   Silents silents_;
   std::map<int, Silents::iterator> silent_by_socket_;
   std::map<std::string, absl::Time> shut_out_;  // networks, and until when
   absl::Time second_ = absl::InfinitePast();
   int lines_ = 0;
   int without_line_ = 0;
+  UnservedConnections unserved_;
   absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   std::vector<Peer> to_shut_out_ ABSL_GUARDED_BY(mutex_);
@@ -219,6 +228,7 @@ void ListenerImpl::Run() {
       }
     }
     CloseSilent();
+    CountEnded();
     Readmit();
   }
 }
@@ -305,8 +315,10 @@ void ListenerImpl::OnBytes(Silents::iterator silent) {
   const absl::string_view begin(bytes.data(), count > 0 ? static_cast<size_t>(count) : 0);
   const bool fits = count > 0 && expected.substr(0, begin.size()) == begin;
   const Silent taken = Take(silent);
-  if (fits)
+  if (fits) {
+    unserved_.Add(taken.socket, taken.peer);
     return take_(taken.socket);  // fewer bytes than expected: the handshake has a time limit of its own
+  }
   absl::string_view reason = "not HTTP/2";
   if (count <= 0) {
     reason = "closed by the other side before its first byte";
@@ -320,7 +332,7 @@ void ListenerImpl::OnBytes(Silents::iterator silent) {
 
 void ListenerImpl::Refuse(int socket, const std::string& network, absl::string_view reason) {
   const absl::Time now = options_.now();
-  if (!refusals_.Take(network, now)) ShutOutNetwork(network);
+  CountRefusal(network);
   table_.Remove(socket);
   close(socket);
   if (now - second_ >= absl::Seconds(1)) {
@@ -337,6 +349,10 @@ void ListenerImpl::Refuse(int socket, const std::string& network, absl::string_v
   options_.log->warn("event=connection_refused address={} reason=\"{}\"", network, std::string(reason));
 }
 
+void ListenerImpl::CountRefusal(const std::string& network) {
+  if (!refusals_.Take(network, options_.now())) ShutOutNetwork(network);
+}
+
 void ListenerImpl::CloseSilent() {
   const absl::Time now = options_.now();
   while (!silents_.empty() && silents_.front().deadline <= now) {
@@ -344,6 +360,13 @@ void ListenerImpl::CloseSilent() {
     Refuse(taken.socket, taken.peer.network,
            absl::StrCat("silent for ", absl::FormatDuration(options_.first_bytes)));
   }
+}
+
+void ListenerImpl::CountEnded() {
+  const absl::Time now = options_.now();
+  if (now < next_count_) return;
+  next_count_ = now + absl::Milliseconds(kTickMs);
+  for (const std::string& network : unserved_.TakeEnded()) CountRefusal(network);
 }
 
 }  // namespace

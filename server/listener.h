@@ -25,7 +25,8 @@ struct ListenerOptions {
   int connections = 16'384;
   /// Time from the connection to its first bytes.
   absl::Duration first_bytes = absl::Seconds(10);
-  /// Connections of an address that are closed by the listener: so many a second, and at once. Then it is shut out.
+  /// Connections of an address that are of no use, because the listener closes them or they end before a call: so many a
+  /// second, and at once. Then the address is shut out.
   double refusals_per_second = 10;
   double refusal_burst = 100;
   /// How long an address that was shut out opens no new connection.
@@ -36,8 +37,8 @@ struct ListenerOptions {
 };
 
 /// Accepts connections, and hands on those that begin as they should and are not too many of one address. gRPC's own
-/// listener does not count by address. The others are closed and logged, at most ten lines a second; an address of which
-/// too many were closed is shut out for a while: the kernel drops its packets, where it can.
+/// listener does not count by address. The others are closed and logged, at most ten lines a second; an address with too
+/// many connections of no use is shut out for a while: the kernel drops its packets, where it can.
 /// Threads: has one of its own; safe.
 class Listener {
  public:
@@ -54,6 +55,8 @@ class Listener {
   /// of its address, unread. The address's other connections stay: they may be those of workers. No effect on names that
   /// are not of IP. Returns at once.
   virtual void ShutOut(absl::string_view peer) = 0;
+  /// A call was admitted on the connection of this name, as above. Those that end before one are refused connections, too.
+  virtual void NoteCall(absl::string_view peer) = 0;
   /// Closes the door; connections that were handed on stay. After it returns `take` is not called again.
   virtual void Stop() = 0;
 };

@@ -282,9 +282,14 @@ absl::Status ServerImpl::StartServices() {
                         .lease = options_.lease,
                         .now = options_.now,
                         .wall_now = options_.wall_now,
-                        .shut_out = [this](absl::string_view peer) {
-                          if (listener_ != nullptr) listener_->ShutOut(peer);
-                        }});
+                        .shut_out =
+                            [this](absl::string_view peer) {
+                              if (listener_ != nullptr) listener_->ShutOut(peer);
+                            },
+                        .admitted =
+                            [this](absl::string_view peer) {
+                              if (listener_ != nullptr) listener_->NoteCall(peer);
+                            }});
   services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get());
   services_.push_back(MakeAccessService(access_.get(), gate_.get()));
   grpc::EnableDefaultHealthCheckService(true);

@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "proto/rpc/monotonic.h"
@@ -25,6 +26,9 @@ namespace lumifold::server {
 namespace {
 
 using ::testing::HasSubstr;
+
+constexpr char kPreface[] = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+constexpr char kClientHello[] = "\x16\x03\x01\x02";
 
 class ListenerTest : public ::testing::Test {
  protected:
@@ -59,8 +63,8 @@ class ListenerTest : public ::testing::Test {
     connected_.push_back(connected);
     return connected;
   }
-  /// Whether a connection from 127.0.0.`host` comes about at once, which in loopback is when the port answers. It sends
-  /// nothing and is closed.
+  /// Whether a connection from 127.0.0.`host` comes about at once, which in loopback is when the port answers. It begins
+  /// as it should and is closed on this side only, so that it counts as no refusal.
   bool IsAnswered(uint32_t host) {
     const int asking = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK, 0);
     sockaddr_in address = {};
@@ -73,8 +77,10 @@ class ListenerTest : public ::testing::Test {
     tcp_info info = {};
     socklen_t size = sizeof info;
     getsockopt(asking, IPPROTO_TCP, TCP_INFO, &info, &size);
+    const bool is_answered = info.tcpi_state == TCP_ESTABLISHED;
+    if (is_answered) send(asking, kPreface, sizeof kPreface - 1, MSG_NOSIGNAL);
     close(asking);
-    return info.tcpi_state == TCP_ESTABLISHED;
+    return is_answered;
   }
   /// gRPC's name of our end of a connection.
   static std::string NameOf(int connected) {
@@ -93,6 +99,12 @@ class ListenerTest : public ::testing::Test {
     const auto reached = [&]() ABSL_NO_THREAD_SAFETY_ANALYSIS { return taken_.size() >= count; };
     mutex_.Await(absl::Condition(&reached));
   }
+  /// Closes what was taken, as gRPC does with connections that it ends.
+  void EndTaken() {
+    absl::MutexLock lock(&mutex_);
+    for (const int socket : taken_) close(socket);
+    taken_.clear();
+  }
   std::string Log() {
     listener_->Stop();
     return log_.str();
@@ -104,9 +116,6 @@ class ListenerTest : public ::testing::Test {
   std::vector<int> taken_ ABSL_GUARDED_BY(mutex_);
   std::vector<int> connected_;
 };
-
-constexpr char kPreface[] = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
-constexpr char kClientHello[] = "\x16\x03\x01\x02";
 
 TEST_F(ListenerTest, HandsOnWhatBeginsAsItShould) {
   Open({});
@@ -170,6 +179,21 @@ TEST_F(ListenerTest, AnAddressThatIsRefusedAgainAndAgainIsShutOut) {
   EXPECT_FALSE(IsAnswered(1));
   EXPECT_TRUE(IsAnswered(2));
   EXPECT_THAT(Log(), HasSubstr("event=address_shut_out address=127.0.0.1 seconds=10"));
+}
+
+TEST_F(ListenerTest, AnAddressWhoseConnectionsEndWithoutACallIsShutOut) {
+  Open({.refusals_per_second = 1, .refusal_burst = 3});
+  for (int i = 0; i < 8; ++i) listener_->NoteCall(NameOf(Connect(kPreface)));
+  AwaitTaken(8);
+  EndTaken();
+  EXPECT_TRUE(IsAnswered(1)) << "calls were admitted on these";
+  for (int i = 0; i < 8; ++i) Connect(kPreface, 3);
+  AwaitTaken(8);
+  EndTaken();
+  while (IsAnswered(3)) {
+  }
+  EXPECT_TRUE(IsAnswered(2));
+  EXPECT_FALSE(absl::StrContains(Log(), "address_shut_out address=127.0.0.1 "));
 }
 
 TEST_F(ListenerTest, TheConnectionsOfAnAddressAreBounded) {

@@ -56,7 +56,7 @@ def seconds_of(folder, attack, references, disturbed):
         begin = time.monotonic()
         if disturbed:
             attacker.start()
-        world.wait_for("event=job_ended")
+        world.wait_for(f"event=job_ended job={next(iter(world.jobs))}")
         seconds = time.monotonic() - begin
         done.set()
         if disturbed:

@@ -34,6 +34,7 @@ inline constexpr std::string_view kEmission = "emission";
 inline constexpr std::string_view kGlossy = "glossy";
 inline constexpr std::string_view kTileSize = "tile-size";
 inline constexpr std::string_view kPassSamples = "pass-samples";
+inline constexpr std::string_view kCostliestFirst = "costliest-first";
 
 /// All decisions, in the order in which they are made.
 inline constexpr std::array<Decision, 15> kAll = {{
@@ -51,7 +52,7 @@ inline constexpr std::array<Decision, 15> kAll = {{
     {"guide-depth", "filter"},
     {kTileSize, "units", 8, 512, 32},
     {kPassSamples, "units", 0, 1 << 20, 0},  // 0: the coordinator's default
-    {"costliest-first", "units", 0, 1, 0},
+    {kCostliestFirst, "units", 0, 1, 0},
 }};
 
 /// Null for a name that does not exist.

@@ -226,6 +226,7 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
                                                    " camera samples each is more than ", kMaxJobSamples,
                                                    " camera samples"));
   }
+  if (absl::Status status = CheckTileOrder(spec); !status.ok()) return status;
   const int64_t units = FrameUnits(spec).count();
   if (units > kMaxUnitsPerFrame) {
     return absl::InvalidArgumentError(absl::StrCat("tile_size ", spec.tile_size(), " with pass_samples ",

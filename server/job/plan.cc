@@ -81,17 +81,6 @@ absl::Status CheckNumbers(const v1::Plan& plan) {
   return Invalid("a number is negative or not finite");
 }
 
-/// `spec` is planned.
-absl::Status CheckTileOrder(const v1::JobSpec& spec) {
-  std::vector<int32_t> order(spec.plan().tile_order().begin(), spec.plan().tile_order().end());
-  if (order.empty()) return absl::OkStatus();
-  const int tiles = TileGrid(spec.width(), spec.height(), spec.tile_size()).count();
-  std::sort(order.begin(), order.end());
-  bool is_order = order.size() == static_cast<size_t>(tiles);
-  for (int i = 0; is_order && i < tiles; ++i) is_order = order[static_cast<size_t>(i)] == i;
-  return is_order ? absl::OkStatus() : Invalid("tile_order does not have each of the ", tiles, " tiles once");
-}
-
 }  // namespace
 
 bool NeedsPlan(const v1::JobSpec& spec) {
@@ -121,7 +110,9 @@ absl::StatusOr<v1::Plan> FullPlan(const v1::JobSpec& spec) {
     if (found != values->end()) {
       decision->set_value(found->second);
       decision->set_source(v1::DECISION_SOURCE_FORCED);
-      decision->set_reason("asked for");
+      decision->set_reason(rule.name == decisions::kCostliestFirst && found->second != 0
+                               ? "asked for, but without a probe no costs are known: no effect"
+                               : "asked for");
     }
     if (rule.name == decisions::kTileSize) decision->set_value(spec.tile_size());
     if (rule.name == decisions::kPassSamples) decision->set_value(spec.pass_samples());
@@ -141,8 +132,22 @@ absl::StatusOr<v1::JobSpec> PlannedSpec(const v1::JobSpec& spec, const v1::Plan&
     planned.set_pass_samples(FindDecision(plan, decisions::kPassSamples)->value());
   absl::StatusOr<v1::JobSpec> normalised = NormaliseJobSpec(std::move(planned));
   if (!normalised.ok()) return Invalid(std::string(normalised.status().message()));
-  if (absl::Status status = CheckTileOrder(*normalised); !status.ok()) return status;
   return normalised;
+}
+
+absl::Status CheckTileOrder(const v1::JobSpec& spec) {
+  const auto& order = spec.plan().tile_order();
+  if (order.empty()) return absl::OkStatus();
+  if (ValueOf(spec, decisions::kCostliestFirst) == 0)
+    return absl::InvalidArgumentError("tile_order is set, but costliest-first is off");
+  const int tiles = TileGrid(spec.width(), spec.height(), spec.tile_size()).count();
+  std::vector<int32_t> sorted(order.begin(), order.end());
+  std::sort(sorted.begin(), sorted.end());
+  bool is_order = order.size() == tiles;
+  for (int i = 0; is_order && i < tiles; ++i) is_order = sorted[static_cast<size_t>(i)] == i;
+  if (is_order) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("tile_order does not have each of the ", tiles, " tiles once"));
 }
 
 v1::JobSpec UnplannedSpec(v1::JobSpec spec) {

@@ -25,7 +25,11 @@ absl::StatusOr<v1::Plan> FullPlan(const v1::JobSpec& spec);
 /// tile_order is not an order of the tiles.
 absl::StatusOr<v1::JobSpec> PlannedSpec(const v1::JobSpec& spec, const v1::Plan& plan);
 
-/// The inverse: what was submitted.
+/// Checks that the order of tiles of a spec, whose plan, sizes and samples are valid, has each tile of a frame once, or none.
+/// Errors: kInvalidArgument.
+absl::Status CheckTileOrder(const v1::JobSpec& spec);
+
+/// The inverse of PlannedSpec: what was submitted.
 v1::JobSpec UnplannedSpec(v1::JobSpec spec);
 
 /// The value of a decision; that which models everything where the job has no plan.

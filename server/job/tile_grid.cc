@@ -112,23 +112,40 @@ FrameUnits::FrameUnits(const v1::JobSpec& spec)
     : first_kind_(NeedsPlan(spec) ? v1::UNIT_KIND_PLAN : v1::UNIT_KIND_GEOMETRY),
       tiles_(spec.width(), spec.height(),
              NeedsPlan(spec) ? std::max(spec.width(), spec.height()) : spec.tile_size()),
+      tile_of_rank_(spec.plan().tile_order().begin(), spec.plan().tile_order().end()),
+      rank_of_tile_(tile_of_rank_.size()),
       samples_per_pixel_(spec.samples_per_pixel()),
       pass_samples_(spec.pass_samples()),
       pass_count_(PassCountOf(spec)),
-      is_adaptive_(spec.has_adaptive()) {}
+      is_adaptive_(spec.has_adaptive()) {
+  LUMIFOLD_CHECK(tile_of_rank_.empty() || tile_of_rank_.size() == static_cast<size_t>(tiles_.count()));
+  for (size_t rank = 0; rank < tile_of_rank_.size(); ++rank) {
+    const int32_t tile = tile_of_rank_[rank];
+    LUMIFOLD_CHECK(tile >= 0 && tile < tiles_.count());
+    rank_of_tile_[static_cast<size_t>(tile)] = static_cast<int32_t>(rank);
+  }
+}
+
+int FrameUnits::RankOf(int tile) const {
+  return rank_of_tile_.empty() ? tiles_.RankOf(tile) : rank_of_tile_[static_cast<size_t>(tile)];
+}
+
+int FrameUnits::TileOfRank(int rank) const {
+  return tile_of_rank_.empty() ? tiles_.TileOfRank(rank) : tile_of_rank_[static_cast<size_t>(rank)];
+}
 
 std::optional<int64_t> FrameUnits::NumberOf(const UnitKey& key) const {
   if (key.tile < 0 || key.tile >= tiles_.count()) return std::nullopt;
   if (key.kind == first_kind_) {
-    return key.pass == 0 ? std::optional<int64_t>(tiles_.RankOf(key.tile)) : std::nullopt;
+    return key.pass == 0 ? std::optional<int64_t>(RankOf(key.tile)) : std::nullopt;
   }
   if (key.kind != v1::UNIT_KIND_PASS || key.pass < 0 || key.pass >= pass_count_) return std::nullopt;
-  return int64_t{tiles_.count()} * (1 + key.pass) + tiles_.RankOf(key.tile);
+  return int64_t{tiles_.count()} * (1 + key.pass) + RankOf(key.tile);
 }
 
 UnitKey FrameUnits::KeyOf(int32_t frame, int64_t number) const {
   LUMIFOLD_CHECK(number >= 0 && number < count());
-  const int32_t tile = tiles_.TileOfRank(static_cast<int>(number % tiles_.count()));
+  const int32_t tile = TileOfRank(static_cast<int>(number % tiles_.count()));
   const auto layer = static_cast<int32_t>(number / tiles_.count());
   if (layer == 0) return {frame, tile, 0, first_kind_};
   return {frame, tile, layer - 1, v1::UNIT_KIND_PASS};

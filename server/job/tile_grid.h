@@ -22,8 +22,8 @@ class TileGrid {
   int count() const { return columns_ * rows_; }
   /// The pixels of a tile in [0, count()).
   Rect RectOf(int tile) const;
-  /// Order in which the tiles are rendered: a spiral of squares around the centre, so that a preview shows the middle
-  /// of the picture first. Both are O(log tiles) and inverses of each other over [0, count()).
+  /// The tiles in a spiral of squares around the centre. Both are O(log tiles) and inverses of each other over
+  /// [0, count()).
   int RankOf(int tile) const;
   int TileOfRank(int rank) const;
   /// The tiles that have pixels inside `rect`, in ascending order. `rect` lies within the frame and is not
@@ -59,10 +59,10 @@ inline constexpr int kMaxRounds = 24;
 
 /// The units that a frame may have, numbered in the order in which they are leased: the geometry of every tile, then
 /// pass 0 of every tile, then pass 1 and so on, so that an unfinished frame has about the same number of
-/// samples everywhere; the tiles in the order of TileGrid::RankOf. With adaptive sampling a frame has some of these units
-/// only, and FrameRounds knows which and their samples.
-/// A job that needs a plan has one unit, its plan unit,
-/// whose tile is the whole frame.
+/// samples everywhere. The tiles are in the plan's order, the costliest first, so that no worker waits for a costly tile
+/// at the end; without one they are in the order of TileGrid::RankOf, so that a preview shows the middle of the picture
+/// first. With adaptive sampling a frame has some of these units only, and FrameRounds knows which and their samples.
+/// A job that needs a plan has one unit, its plan unit, whose tile is the whole frame.
 class FrameUnits {
  public:
   /// `spec` is normalised (server/job/job_spec.h).
@@ -90,8 +90,13 @@ class FrameUnits {
   int64_t CameraSamplesOf(const UnitKey& key) const;
 
  private:
+  int RankOf(int tile) const;
+  int TileOfRank(int rank) const;
+
   v1::UnitKind first_kind_;  // of the units before the passes
   TileGrid tiles_;
+  std::vector<int32_t> tile_of_rank_;  // the plan's order; empty: that of tiles_
+  std::vector<int32_t> rank_of_tile_;  // its inverse
   int samples_per_pixel_;
   int pass_samples_;
   int pass_count_;

@@ -3,6 +3,7 @@
 import json
 import os
 import pathlib
+import re
 import tempfile
 import unittest
 
@@ -120,6 +121,27 @@ class PlanTest(SceneTest):
         self.assertIn(b"glossy=on:full", full.read_bytes())
         self.assertIn(b"glossy_albedo.R", full.read_bytes())
         self.assertNotIn(b"glossy_albedo.R", planned.read_bytes())
+
+    def test_tiles_are_leased_costliest_first_and_the_picture_has_the_same_bits(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            pictures = []
+            for order in ["on", "off"]:
+                job = farm.client("submit", self.scene, *self.SETTINGS, *self.UNITS,
+                                  "--force", f"costliest-first={order}").stdout.strip()
+                if order == "on":
+                    worker = farm.start_worker("--log-level", "debug")
+                farm.client("wait", job)
+                pictures.append(self.root / f"{order}.exr")
+                farm.client("download", job, "-o", pictures[-1])
+                planned = self.explain(farm, job)["plan"]["tile_order"]
+                rendered = re.findall(rf"event=unit_rendered job={job} .*tile=(\d+) .*kind=pass", worker.log_text())
+                if order == "on":
+                    self.assertEqual([int(tile) for tile in rendered], planned)
+                else:
+                    self.assertEqual(planned, [])
+            difference = json.loads(run("lumifold", "compare", *pictures, "--json").stdout)
+            self.assertEqual(difference["mse255"], 0)
+            self.assertEqual(difference["rel_mse"], 0)
 
     def test_explain_shows_the_plan(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:

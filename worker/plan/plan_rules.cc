@@ -280,7 +280,7 @@ const Rule kRules[] = {
     {decisions::kTileSize, DecideTileSize, [](int value, Plan* plan) { plan->units.tile_size = value; }},
     {decisions::kPassSamples, DecidePassSamples,
      [](int value, Plan* plan) { plan->units.pass_samples = value; }},
-    {"costliest-first", DecideCostliestFirst, Switch<&Plan::units, &UnitPlan::costliest_first>},
+    {decisions::kCostliestFirst, DecideCostliestFirst, Switch<&Plan::units, &UnitPlan::costliest_first>},
 };
 static_assert(std::size(kRules) == decisions::kAll.size());
 
@@ -289,6 +289,7 @@ static_assert(std::size(kRules) == decisions::kAll.size());
 std::span<const Rule> Rules() { return kRules; }
 
 std::vector<int> CostliestFirst(const RuleInput& input, const Plan& plan) {
+  if (input.settings.full || TilesOf(input.settings, plan.units.tile_size) > kMaxOrderedTiles) return {};
   const std::vector<double> costs = TileCosts(input, plan.units.tile_size);
   std::vector<int> order(costs.size());
   std::iota(order.begin(), order.end(), 0);

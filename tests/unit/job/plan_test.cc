@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <numeric>
 #include <string>
+#include <vector>
 
 #include "server/job/job_spec.h"
 #include "server/job/limits.h"
@@ -129,13 +131,36 @@ TEST(JobPlan, APlanThatIsNotValidIsRefused) {
 }
 
 TEST(JobPlan, AnOrderOfTilesHasEachOnce) {
-  v1::Plan plan = MadeUpPlan(32, 4);
-  for (const int tile : {1, 0}) plan.add_tile_order(tile);
-  EXPECT_TRUE(PlannedSpec(*NormaliseJobSpec(Submitted()), plan).ok());
-  plan.set_tile_order(1, 1);
-  EXPECT_THAT(ErrorOf(plan), HasSubstr("each of the 2 tiles once"));
-  plan.mutable_tile_order()->RemoveLast();
-  EXPECT_THAT(ErrorOf(plan), HasSubstr("each of the 2 tiles once"));
+  const v1::JobSpec submitted = *NormaliseJobSpec(Submitted());
+  absl::StatusOr<v1::JobSpec> planned = PlannedSpec(submitted, MadeUpPlan(32, 4, {1, 0}));
+  ASSERT_TRUE(planned.ok()) << planned.status();
+  for (const std::vector<int32_t>& order :
+       {std::vector{1, 1}, std::vector{1}, std::vector{0, 1, 2}, std::vector{-1, 0}, std::vector{1, 2}}) {
+    EXPECT_EQ(ErrorOf(MadeUpPlan(32, 4, order)), "plan: tile_order does not have each of the 2 tiles once");
+  }
+  v1::Plan plan = MadeUpPlan(32, 4, {1, 0});
+  Find(plan, "costliest-first")->set_value(0);
+  EXPECT_EQ(ErrorOf(plan), "plan: tile_order is set, but costliest-first is off");
+  planned->mutable_plan()->set_tile_order(0, 7);
+  EXPECT_EQ(NormaliseJobSpec(*planned).status().code(), absl::StatusCode::kInvalidArgument)
+      << "a stored spec is checked too";
+}
+
+TEST(JobPlan, UnitsAreNumberedInTheOrderOfItsTiles) {
+  // 5 x 4 tiles of 8 pixels, the last one first.
+  std::vector<int32_t> order(20);
+  std::iota(order.rbegin(), order.rend(), 0);
+  const absl::StatusOr<v1::JobSpec> planned =
+      PlannedSpec(*NormaliseJobSpec(Submitted()), MadeUpPlan(8, 4, order));
+  ASSERT_TRUE(planned.ok()) << planned.status();
+  const FrameUnits units(*planned);
+  ASSERT_EQ(units.count(), 20 * (1 + 3));
+  for (int64_t number = 0; number < units.count(); ++number) {
+    const UnitKey key = units.KeyOf(0, number);
+    EXPECT_EQ(key.tile, order[static_cast<size_t>(number % 20)]);
+    EXPECT_EQ(key.pass, number < 20 ? 0 : number / 20 - 1);
+    EXPECT_EQ(units.NumberOf(key), number);
+  }
 }
 
 TEST(JobPlan, AFullPlanNeedsNoUnit) {
@@ -153,6 +178,8 @@ TEST(JobPlan, AFullPlanNeedsNoUnit) {
   EXPECT_EQ(ValueOf(*spec, "bounces"), 4);
   EXPECT_EQ(ValueOf(*spec, "tile-size"), kDefaultTileSize);
   EXPECT_EQ(NormaliseJobSpec(*spec)->SerializeAsString(), spec->SerializeAsString());
+  submitted.mutable_planning()->add_forced("costliest-first=on");
+  EXPECT_THAT(NormaliseJobSpec(submitted)->plan().decisions().rbegin()->reason(), HasSubstr("no effect"));
 }
 
 TEST(JobPlan, ForcedUnitsAreFieldsOfTheSpec) {

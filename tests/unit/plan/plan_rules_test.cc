@@ -284,6 +284,8 @@ TEST(PlanRules, CostlyTilesComeFirst) {
   settings.render.width = settings.render.height = 8192;
   settings.forced = {"tile-size=32"};
   EXPECT_TRUE(PlanOf(scene, settings).units.tile_order.empty()) << "more tiles than the probe has pixels";
+  settings.forced.emplace_back("costliest-first=on");
+  EXPECT_TRUE(PlanOf(scene, settings).units.tile_order.empty()) << "also where it is asked for";
 }
 
 TEST(PlanRules, FullModelsEverything) {

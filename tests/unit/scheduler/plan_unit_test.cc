@@ -16,9 +16,9 @@ v1::JobSpec Unplanned(int frames = 2) {
 }
 
 /// 4 tiles x (1 + 2) units a frame, as Spec.
-v1::JobSpec Planned(int frames = 2) {
+v1::JobSpec Planned(int frames = 2, const std::vector<int32_t>& tile_order = {}) {
   v1::JobSpec spec = Unplanned(frames);
-  *spec.mutable_plan() = MadeUpPlan();
+  *spec.mutable_plan() = MadeUpPlan(8, 4, tile_order);
   return spec;
 }
 
@@ -127,6 +127,32 @@ TEST_F(PlanUnitTest, IsNotAudited) {
   scheduler_.SetPlan(unit, Planned());
   EXPECT_EQ(scheduler_.Progress(kOther).audits_waived, 0);
   EXPECT_THAT(Grant(), SizeIs(8));
+}
+
+/// Tiles of the leases, in their order.
+std::vector<int32_t> TilesOf(const std::vector<GrantedLease>& leases) {
+  std::vector<int32_t> tiles;
+  for (const GrantedLease& lease : leases) tiles.push_back(lease.unit.key.tile);
+  return tiles;
+}
+
+TEST_F(PlanUnitTest, TilesAreLeasedInThePlansOrder) {
+  const job::UnitRef unit = AcceptPlan();
+  scheduler_.SetPlan(unit, Planned(2, {2, 0, 3, 1}));
+  for (int layer = 0; layer < 6; ++layer) {  // geometry and passes of both frames
+    const std::vector<GrantedLease> leases = Grant();
+    EXPECT_THAT(TilesOf(leases), ElementsAre(2, 0, 3, 1)) << layer;
+    for (const GrantedLease& lease : leases) Commit(lease.worker, lease);
+  }
+}
+
+TEST_F(PlanUnitTest, ARestartGoesOnInThePlansOrder) {
+  scheduler_.EndJob(kJob);
+  scheduler_.AddJob(kOther, Planned(1, {2, 0, 3, 1}), {.numeric_class = "avx2"});
+  for (const int32_t tile : {0, 2})
+    ASSERT_TRUE(
+        scheduler_.RestoreCommittedUnit(kOther, {.key = {10, tile, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
+  EXPECT_THAT(TilesOf(Grant()), ElementsAre(3, 1, 2, 0));
 }
 
 TEST_F(PlanUnitTest, APausedJobIsPlannedButNotDivided) {

@@ -153,6 +153,7 @@ Json MaterialJson(const Material& material) {
   if (material.texture) pbr["baseColorTexture"] = {{"index", static_cast<int>(*material.texture)}};
   Json json = {{"name", material.name}, {"pbrMetallicRoughness", pbr}};
   if (material.double_sided) json["doubleSided"] = true;
+  if (material.unlit) json["extensions"]["KHR_materials_unlit"] = Json::object();
   if (material.specular != 1) {
     json["extensions"]["KHR_materials_specular"]["specularFactor"] = RoundTo(kUnitGrid, material.specular);
   }

@@ -32,6 +32,11 @@ inline Material Emitter(std::string name, Vec3 radiance) {
   return {.name = std::move(name), .base_color = {0, 0, 0}, .specular = 0, .emission = radiance};
 }
 
+/// A surface that looks the same in any light.
+inline Material Unlit(std::string name, Vec3 color) {
+  return {.name = std::move(name), .base_color = color, .unlit = true};
+}
+
 /// `material`, its colour multiplied by a texture of which one repeat covers `size_m`.
 inline Material Textured(Material material, TextureId texture, Vec2 size_m) {
   material.texture = texture;

@@ -7,13 +7,21 @@
 
 namespace lumifold::scenes {
 
-/// The four scenes of the paper's tables. Each is built from code alone and is the same on every call.
-/// Lit by emissive triangles only, exposed for a picture at exposure 1; 4:3, metres, +Y up.
-/// Threads: safe concurrently.
+// Each scene is built from code alone and is the same on every call. Exposed for a picture at exposure 1; 4:3, metres, +Y
+// up. Threads: safe concurrently.
+
+/// The four scenes of the paper's tables, lit by emissive triangles only.
 SceneDescription BuildCornellBox();
 SceneDescription BuildMeetingRoom();
 SceneDescription BuildBedroom();
 SceneDescription BuildAtrium();
+
+/// Tiny scenes that need one part of the model each: see docs/plan.md.
+SceneDescription BuildTinyDiffuse();
+SceneDescription BuildTinyMirror();
+SceneDescription BuildTinyUnlit();
+SceneDescription BuildTinyEmitter();
+SceneDescription BuildTinyTextured();
 
 struct SceneEntry {
   std::string_view name;  ///< also the file's name, without ".glb"
@@ -21,7 +29,7 @@ struct SceneEntry {
   SceneDescription (*build)();
 };
 
-/// The table behind `lumifold-scenes --list`, in the paper's order.
+/// The table behind `lumifold-scenes --list`: first those of the paper, in its order.
 std::span<const SceneEntry> AllScenes();
 
 /// Null if there is no scene of that name.

@@ -9,10 +9,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/bounded_text.h"
-#include "proto/rpc/image_codec.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "spdlog/spdlog.h"
+#include "worker/unit_messages.h"
 
 namespace lumifold::worker {
 namespace {
@@ -28,41 +28,6 @@ std::string Describe(const v1::UnitId& unit) {
   return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " tile=", unit.tile(),
                       " pass=", unit.pass(),
                       " kind=", unit.kind() == v1::UNIT_KIND_GEOMETRY ? "geometry" : "pass");
-}
-
-v1::WorkerMessage MakeChunk(const v1::Lease& lease) {
-  v1::WorkerMessage message;
-  *message.mutable_chunk()->mutable_unit() = lease.unit();
-  message.mutable_chunk()->set_attempt(lease.attempt());
-  return message;
-}
-
-void SendPlan(const v1::Lease& lease, const v1::Plan& plan, Outbox* outbox) {
-  v1::WorkerMessage message;
-  *message.mutable_plan()->mutable_unit() = lease.unit();
-  message.mutable_plan()->set_attempt(lease.attempt());
-  *message.mutable_plan()->mutable_plan() = plan;
-  outbox->Send(std::move(message));
-}
-
-void SendUnit(const v1::Lease& lease, const RenderedUnit& unit, Outbox* outbox) {
-  if (unit.plan.has_value()) return SendPlan(lease, *unit.plan, outbox);
-  v1::PixelChunk piece;
-  if (unit.image.edges.height() > 0) {
-    rpc::PixelChunker edges(unit.image.edges);
-    while (edges.Next(&piece)) {
-      v1::WorkerMessage message = MakeChunk(lease);
-      message.mutable_chunk()->mutable_edges()->Swap(&piece);
-      outbox->Send(std::move(message));
-    }
-  }
-  rpc::PixelChunker pixels(unit.image.pixels);
-  while (pixels.Next(&piece)) {
-    v1::WorkerMessage message = MakeChunk(lease);
-    if (piece.last()) *message.mutable_chunk()->mutable_stats() = unit.stats;
-    message.mutable_chunk()->mutable_pixels()->Swap(&piece);
-    outbox->Send(std::move(message));
-  }
 }
 
 void SendFailure(const v1::Lease& lease, const absl::Status& failure, Outbox* outbox) {
@@ -298,7 +263,7 @@ void WorkerImpl::RenderAndSend(const v1::Lease& lease, Taken* taken) {
     return;
   }
   log_->debug("event=unit_rendered {} seconds={:.3f}", Describe(lease.unit()), unit->stats.seconds());
-  SendUnit(lease, *unit, outbox.get());
+  SendUnit(lease, *unit, [&outbox](v1::WorkerMessage message) { outbox->Send(std::move(message)); });
 }
 
 std::shared_ptr<Outbox> WorkerImpl::BeginDelivery(const v1::Lease& lease, Taken* taken) {

@@ -16,7 +16,8 @@ struct UnitKey {
   int32_t pass = 0;
   v1::UnitKind kind = v1::UNIT_KIND_PASS;
 
-  friend auto operator<=>(const UnitKey&, const UnitKey&) = default;
+  // clang-tidy 14 takes the result's comparison with 0 for one of pointers.
+  friend auto operator<=>(const UnitKey&, const UnitKey&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
 /// Identifies a unit among all jobs.

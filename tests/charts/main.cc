@@ -2,7 +2,7 @@
 //
 //   lumifold-chart --quick                                  a few minutes: two scenes, small, sanity checks
 //   lumifold-chart --scenes cornell-box,atrium --spp 4,16   error charts of selected scenes
-//   lumifold-chart --chart tables,stages,knee,adaptive --scenes ...  the other charts
+//   lumifold-chart --chart tables,stages,knee,adaptive,plan,flicker --scenes ...  the other charts
 //   lumifold-chart --film a.exr --reference b.exr           a saved film against a file's noisy layer
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -26,9 +26,10 @@ constexpr int kUsageError = 2;
 
 void AddOptions(CLI::App* app, Options* options) {
   app->add_flag("--quick", options->quick, "Two scenes at 128x96, 4 and 16 spp, with sanity checks");
-  app->add_option("--chart", options->charts, "errors, tables, stages, knee, adaptive (default errors)")
+  app->add_option("--chart", options->charts,
+                  "errors, tables, stages, knee, adaptive, plan, flicker (default errors)")
       ->delimiter(',')
-      ->check(CLI::IsMember({"errors", "tables", "stages", "knee", "adaptive"}));
+      ->check(CLI::IsMember({"errors", "tables", "stages", "knee", "adaptive", "plan", "flicker"}));
   app->add_option(
          "--scenes", options->scenes,
          "Generated scenes, such as cornell-box,atrium, or files of LUMIFOLD_SCENES_DIR, such as staircase")
@@ -51,6 +52,10 @@ void AddOptions(CLI::App* app, Options* options) {
                   "Limit in processor seconds for one method's grid on one film (default 120)");
   app->add_option("--run-seconds", options->most_run_seconds,
                   "Limit of one run; runs expected to exceed it are skipped (default 600)");
+  app->add_option("--seeds", options->seeds, "Pairs of jobs of the chart of plans (default 8)")
+      ->check(CLI::Range(1, 1000));
+  app->add_option("--frames", options->frames, "Frames of the chart of flicker (default 16)")
+      ->check(CLI::Range(2, 1000));
   app->add_option("--width", options->width, "Pixels (default 256)")->check(CLI::Range(1, 16384));
   app->add_option("--height", options->height, "Pixels (default 192)")->check(CLI::Range(1, 16384));
   app->add_option("--film", options->films, "A film of --save-film; needs a --reference each")

@@ -14,9 +14,11 @@
 #include "tests/charts/adaptive.h"
 #include "tests/charts/error_charts.h"
 #include "tests/charts/films/film_source.h"
+#include "tests/charts/flicker.h"
 #include "tests/charts/knee.h"
 #include "tests/charts/measure.h"
 #include "tests/charts/paper_tables.h"
+#include "tests/charts/plan.h"
 #include "tests/charts/report.h"
 #include "tests/charts/row_store.h"
 #include "tests/charts/stages.h"
@@ -65,6 +67,8 @@ class Session {
                             : chart == "tables"   ? Tables()
                             : chart == "stages"   ? Stages()
                             : chart == "adaptive" ? Adaptive()
+                            : chart == "plan"     ? Plan()
+                            : chart == "flicker"  ? Flicker()
                                                   : Knee();
       if (!status.ok()) return status;
       std::fprintf(stderr, "wrote %s/%s.md\n", options_.output.c_str(), chart.c_str());
@@ -235,6 +239,40 @@ class Session {
         ChartAdaptive(options_.output, points, {options_.command, options_.threads}, Format());
     is_drawn_ &= drawn.value_or(false);
     return drawn.status();
+  }
+
+  absl::Status Plan() {
+    const FilmSettings settings = SettingsOf(options_.samples.back(), kFilmSeed);
+    std::vector<PlanPair> pairs;
+    for (size_t i = 0; i < options_.scenes.size(); ++i) {
+      const absl::StatusOr<FilmSource> source = FilmSource::Create(options_.scenes[i], options_.cache);
+      if (!source.ok()) return source.status();
+      const absl::StatusOr<Reference> reference = RenderReference(*source, i);
+      if (!reference.ok()) return reference.status();
+      const absl::StatusOr<std::vector<PlanPair>> more = MeasurePlan(
+          options_.scenes[i], *source, settings, options_.seeds, *reference, options_.cache, pool_);
+      if (!more.ok()) return more.status();
+      pairs.insert(pairs.end(), more->begin(), more->end());
+      std::fprintf(stderr, "%s: %d pairs\n", options_.scenes[i].c_str(), options_.seeds);
+    }
+    const absl::StatusOr<bool> drawn =
+        ChartPlan(options_.output, pairs, settings, {options_.command, options_.threads}, Format());
+    is_drawn_ &= drawn.value_or(false);
+    return drawn.status();
+  }
+
+  absl::Status Flicker() {
+    const FlickerSettings settings = {options_.width, options_.height, options_.samples.back(),
+                                      options_.reference_samples.front(), options_.frames};
+    std::vector<FrameChange> changes;
+    for (const std::string& scene : options_.scenes) {
+      const absl::StatusOr<std::vector<FrameChange>> more =
+          MeasureFrames(scene, settings, options_.cache, pool_);
+      if (!more.ok()) return more.status();
+      changes.insert(changes.end(), more->begin(), more->end());
+      std::fprintf(stderr, "%s: %d frames\n", scene.c_str(), options_.frames);
+    }
+    return ChartFlicker(options_.output, changes, settings, {options_.command, options_.threads});
   }
 
   const Options& options_;

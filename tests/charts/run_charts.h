@@ -21,6 +21,8 @@ struct Options {
   double most_grid_seconds = 120;
   double most_run_seconds = 600;
   int timed_runs = 3;
+  int seeds = 8;    // pairs of the chart of plans
+  int frames = 16;  // of the chart of flicker
   int width = 256;
   int height = 192;
   std::vector<std::string> films;

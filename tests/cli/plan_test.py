@@ -1,5 +1,6 @@
 """lumifold plan: what it decides about a scene, and how to say otherwise."""
 
+import json
 import re
 import unittest
 
@@ -45,6 +46,33 @@ class Plan(harness.CliTest):
         self.check_golden("plan_no_camera", "plan", "room.gltf", "--camera", "none")
         (self.folder / "mesh.bin").unlink()
         self.check_golden("plan_missing_buffer", "plan", "room.gltf")
+
+    def write_radiance_sky(self):
+        """A Radiance picture whose pixels are all (0.5, 0.25, 0.125)."""
+        pixel = bytes((128, 64, 32, 128))
+        (self.folder / "sky.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + 8 * pixel)
+
+    def change_scene(self, name, **members):
+        scene = json.loads(self.scene.read_text())
+        scene.update(members)
+        (self.folder / name).write_text(json.dumps(scene))
+
+    def test_a_frame_of_darkness_or_of_sky_alone(self):
+        """Planned and adaptive it has the pixels that it has when everything is modelled, and every metric is a number."""
+        self.write_radiance_sky()
+        self.change_scene("dark.gltf", materials=[{}, {}])
+        self.change_scene("sky.gltf", nodes=[{"mesh": 0}, {"mesh": 1}, {"camera": 0, "translation": [0, 1, 5],
+                                                                         "rotation": [0, 1, 0, 0]}])
+        for scene, options, method in (("dark", (), "default"), ("sky", ("--env", "sky.hdr"), "default"),
+                                       ("sky", ("--env", "sky.hdr"), "paper")):
+            with self.subTest(scene=scene, method=method):
+                common = (f"{scene}.gltf", "--size", "64x48", "--method", method, *options)
+                self.succeed("render", *common, "--spp", "256", "--adaptive", "--target-error", "0.5", "-o", "auto.exr")
+                self.succeed("render", *common, "--spp", "4", "--plan", "full", "-o", "full.exr")
+                found = self.succeed_json("compare", "auto.exr", "full.exr", "--metric", "mse255,ssim,flip")
+                self.assertLess(found["mse255"], 1e-6)
+                self.assertGreater(found["ssim"], 0.999)
+                self.assertLess(found["flip"], 1e-3)
 
     def test_the_page_explains_every_decision(self):
         page = (ROOT / "docs" / "plan.md").read_text()

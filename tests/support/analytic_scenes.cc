@@ -93,6 +93,15 @@ void PlaceBoxInside(Scene* scene, float h, const std::array<int, 6>& materials) 
   Place(scene, QuadMesh({h, -h, -h}, {0, 0, d}, {0, d, 0}, materials[5]));   // right
 }
 
+Scene Scaled(Scene scene, float factor) {
+  for (Mesh& mesh : scene.meshes) {
+    for (Vec3& position : mesh.positions) position *= factor;
+  }
+  for (scene::Instance& instance : scene.instances) instance.world_from_object.origin *= factor;
+  for (scene::Camera& camera : scene.cameras) camera.world_from_camera.origin *= factor;
+  return scene;
+}
+
 Scene Furnace(const Material& material) {
   Scene scene;
   scene.materials = {material, Emitter({1, 1, 1})};

@@ -29,6 +29,9 @@ void PlaceBoxInside(scene::Scene* scene, float h, const std::array<int, 6>& mate
 /// A camera at `from` that looks at `to`; up is +Y, or +Z if +Y is the line of sight.
 scene::Camera LookAt(scene::Vec3 from, scene::Vec3 to, float yfov);
 
+/// All positions and distances times `factor`.
+scene::Scene Scaled(scene::Scene scene, float factor);
+
 /// A white furnace: a sphere of `material` seen from outside, within a large box whose inner faces emit
 /// radiance 1. A material that conserves energy is as bright as the background.
 scene::Scene Furnace(const scene::Material& material);

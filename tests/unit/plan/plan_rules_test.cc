@@ -4,9 +4,11 @@
 #include <set>
 #include <utility>
 
+#include "tests/scenes/glb_writer.h"
+#include "tests/scenes/scenes.h"
 #include "tests/support/analytic_scenes.h"
-#include "tests/support/gltf_fixture.h"
 #include "tests/unit/plan/plan_scenes.h"
+#include "worker/scene/gltf_loader.h"
 
 namespace lumifold::plan {
 namespace {
@@ -34,8 +36,15 @@ scene::PunctualLight Bulb() {
 /// The values of these decisions.
 std::vector<std::string> Values(const Plan& plan, const std::vector<std::string>& names) {
   std::vector<std::string> values;
+  values.reserve(names.size());
   for (const std::string& name : names) values.push_back(ValueOf(plan, name));
   return values;
+}
+
+Scene Generated(const std::string& name) {
+  const auto glb = scenes::EncodeGlb(scenes::FindScene(name)->build());
+  EXPECT_TRUE(glb.ok()) << glb.status();
+  return scene::LoadGltf(*glb, name, nullptr).value();
 }
 
 const std::vector<std::string> kLayers = {"direct", "indirect", "albedo", "emission", "glossy"};
@@ -122,11 +131,11 @@ TEST(PlanRules, SurfacesInOnePlaneHaveNoIndirectLight) {
 }
 
 TEST(PlanRules, TheScaleOfASceneChangesNothing) {
-  for (const Scene& scene : {LitBox(Gray()), Sheet(Gray()), LitBox(Mirror())}) {
+  for (const Scene& scene : {LitBox(Gray()), Sheet(Gray()), LitBox(Mirror()), Generated("meeting-room")}) {
     const PlanSettings settings = SettingsFor(WhiteSky());
     const Plan plan = PlanOf(scene, settings);
     for (const float factor : {1e-3f, 1e5f}) {
-      const Plan scaled = PlanOf(Scaled(scene, factor), settings);
+      const Plan scaled = PlanOf(lumifold::testing::Scaled(scene, factor), settings);
       for (const Decision& decision : plan.decisions) {
         EXPECT_EQ(Find(scaled, decision.name).value, decision.value) << decision.name << " at " << factor;
       }
@@ -184,31 +193,6 @@ TEST(PlanRules, AlphaModesAreIgnoredWhereEveryTexelIsOpaque) {
     room.materials[0].base_color_texture.texture = AddTexture({9, 9, 9, 255, 99, 99, 99, 100}, &room);
     EXPECT_EQ(Find(PlanOf(room), "alpha-by-mode").saving, "");
   }
-}
-
-/// A lit room in which a mirror appears: its node has scale 0 until frame 30.
-scene::GltfFixture RoomWithLateMirror() {
-  scene::GltfFixture fixture;
-  const int gray =
-      fixture.Add("materials", {{"extensions", {{"KHR_materials_specular", {{"specularFactor", 0}}}}},
-                                {"pbrMetallicRoughness", {{"metallicFactor", 0}}}});
-  const int lamp =
-      fixture.Add("materials", {{"emissiveFactor", {1, 1, 1}},
-                                {"pbrMetallicRoughness", {{"metallicFactor", 0}}},
-                                {"extensions", {{"KHR_materials_specular", {{"specularFactor", 0}}}}}});
-  const int mirror =
-      fixture.Add("materials", {{"name", "late"}, {"pbrMetallicRoughness", {{"roughnessFactor", 0}}}});
-  fixture.json["extensionsUsed"] = {"KHR_materials_specular"};
-  fixture.AddTriangles({-2, -1, -2, 2, -1, -2, 0, -1, 2}, {{"material", gray}});
-  fixture.AddTriangles({-2, 2, -2, 0, 2, 2, 2, 2, -2}, {{"material", lamp}});
-  fixture.AddTriangles(scene::kTriangle, {{"material", mirror}});
-  const int node = static_cast<int>(fixture.json["nodes"].size()) - 1;
-  const int times = fixture.AddFloats({0, 1.25f}, "SCALAR");
-  const int scales = fixture.AddFloats({0, 0, 0, 1, 1, 1}, "VEC3");
-  fixture.json["animations"] = {
-      {{"channels", {{{"sampler", 0}, {"target", {{"node", node}, {"path", "scale"}}}}}},
-       {"samplers", {{{"input", times}, {"output", scales}, {"interpolation", "STEP"}}}}}};
-  return fixture;
 }
 
 TEST(PlanRules, AMirrorThatAppearsAtFrame30IsPlannedForFromTheStart) {

@@ -56,6 +56,30 @@ Scene Sheet(const Material& material) {
   return scene;
 }
 
+scene::GltfFixture RoomWithLateMirror() {
+  scene::GltfFixture fixture;
+  const int gray =
+      fixture.Add("materials", {{"extensions", {{"KHR_materials_specular", {{"specularFactor", 0}}}}},
+                                {"pbrMetallicRoughness", {{"metallicFactor", 0}}}});
+  const int lamp =
+      fixture.Add("materials", {{"emissiveFactor", {1, 1, 1}},
+                                {"pbrMetallicRoughness", {{"metallicFactor", 0}}},
+                                {"extensions", {{"KHR_materials_specular", {{"specularFactor", 0}}}}}});
+  const int mirror =
+      fixture.Add("materials", {{"name", "late"}, {"pbrMetallicRoughness", {{"roughnessFactor", 0}}}});
+  fixture.json["extensionsUsed"] = {"KHR_materials_specular"};
+  fixture.AddTriangles({-2, -1, -2, 2, -1, -2, 0, -1, 2}, {{"material", gray}});
+  fixture.AddTriangles({-2, 2, -2, 0, 2, 2, 2, 2, -2}, {{"material", lamp}});
+  fixture.AddTriangles(scene::kTriangle, {{"material", mirror}});
+  const int node = static_cast<int>(fixture.json["nodes"].size()) - 1;
+  const int times = fixture.AddFloats({0, 1.25f}, "SCALAR");
+  const int scales = fixture.AddFloats({0, 0, 0, 1, 1, 1}, "VEC3");
+  fixture.json["animations"] = {
+      {{"channels", {{{"sampler", 0}, {"target", {{"node", node}, {"path", "scale"}}}}}},
+       {"samplers", {{{"input", times}, {"output", scales}, {"interpolation", "STEP"}}}}}};
+  return fixture;
+}
+
 std::shared_ptr<const render::Environment> WhiteSky() {
   LayeredImage picture(4, 2);
   const ColorView color = picture.AddColor(layers::kBeauty);
@@ -82,15 +106,6 @@ int AddTexture(const std::vector<uint8_t>& rgba, Scene* scene) {
       mesh.uvs[0].push_back({static_cast<float>(i % 2), static_cast<float>(i / 2 % 2)});
   }
   return static_cast<int>(scene->textures.size()) - 1;
-}
-
-Scene Scaled(Scene scene, float factor) {
-  for (scene::Mesh& mesh : scene.meshes) {
-    for (scene::Vec3& position : mesh.positions) position *= factor;
-  }
-  for (scene::Instance& instance : scene.instances) instance.world_from_object.origin *= factor;
-  for (scene::Camera& camera : scene.cameras) camera.world_from_camera.origin *= factor;
-  return scene;
 }
 
 PlanSettings SettingsFor(std::shared_ptr<const render::Environment> sky) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/gltf_fixture.h"
 #include "worker/plan/plan.h"
 #include "worker/render/environment.h"
 #include "worker/scene/scene.h"
@@ -21,14 +22,14 @@ scene::Scene LitBox(const scene::Material& walls);
 /// One quad that faces the camera, in the plane z = 0.
 scene::Scene Sheet(const scene::Material& material);
 
+/// A lit room in which a mirror appears: its node has scale 0 until frame 30, 1.25 s.
+scene::GltfFixture RoomWithLateMirror();
+
 /// A white environment.
 std::shared_ptr<const render::Environment> WhiteSky();
 
 /// Adds a picture of the given texels (RGBA, one row) and a texture of it; returns the texture's number.
 int AddTexture(const std::vector<uint8_t>& rgba, scene::Scene* scene);
-
-/// All positions and distances times `factor`.
-scene::Scene Scaled(scene::Scene scene, float factor);
 
 PlanSettings SettingsFor(std::shared_ptr<const render::Environment> sky = nullptr);
 

@@ -34,6 +34,30 @@ Scene TexturedRoom(scene::AlphaMode mode, uint8_t alpha) {
   return room;
 }
 
+/// A sheet of the box whose material has this texel, alone, as its metallic-roughness picture: a mirror if it is black in
+/// its roughness and white in its metallic channel.
+Scene RoomWithOneTexel(const std::vector<uint8_t>& texel) {
+  Scene room = LitBox(Gray());
+  Material metal = Mirror();
+  metal.roughness = 1;
+  room.materials.push_back(metal);
+  lumifold::testing::Place(&room, lumifold::testing::QuadMesh({-1, -1, -0.5f}, {2, 0, 0}, {0, 2, 0}, 2));
+  const int texture = AddTexture(texel, &room);
+  room.materials[2].metallic_roughness_texture.texture = texture;
+  return room;
+}
+
+/// A lamp that the camera sees through a pane alone.
+Scene EmitterBehindGlass() {
+  Scene room = LitBox(Gray());
+  room.materials.push_back(ClearPane());
+  lumifold::testing::Place(&room,
+                           lumifold::testing::QuadMesh({-0.6f, -0.6f, -1.5f}, {1.2f, 0, 0}, {0, 1.2f, 0}, 1));
+  lumifold::testing::Place(&room,
+                           lumifold::testing::QuadMesh({-1.8f, -1.8f, -1}, {3.6f, 0, 0}, {0, 3.6f, 0}, 2));
+  return room;
+}
+
 /// Scenes in which the plan leaves out nothing that contributes.
 std::vector<NamedScene> Scenes() {
   Material unlit = Gray();
@@ -69,8 +93,11 @@ std::vector<NamedScene> Scenes() {
       {"mask with holes", TexturedRoom(scene::AlphaMode::kMask, 0)},
       {"blend of 255", TexturedRoom(scene::AlphaMode::kBlend, 255)},
       {"blend", TexturedRoom(scene::AlphaMode::kBlend, 100)},
-      {"tiny", Scaled(LitBox(Gray()), 1e-3f)},
-      {"huge", Scaled(LitBox(Gray()), 1e5f)},
+      {"one texel makes a mirror", RoomWithOneTexel({0, 0, 255, 255})},
+      {"one texel makes rough metal", RoomWithOneTexel({0, 128, 255, 255})},
+      {"an emitter behind glass", EmitterBehindGlass()},
+      {"tiny", lumifold::testing::Scaled(LitBox(Gray()), 1e-3f)},
+      {"huge", lumifold::testing::Scaled(LitBox(Gray()), 1e5f)},
       {"empty", Scene(), true},
   };
 }
@@ -97,6 +124,38 @@ TEST(SameBits, ThePlannedPictureIsTheFullOne) {
     render::ExpectSameBits(full_geometry.pixels, geometry.pixels);
     render::ExpectSameBits(full_geometry.edges, geometry.edges);
   }
+}
+
+TEST(SameBits, AMirrorThatAppearsAtFrame30IsInThePictureOfThatFrame) {
+  const scene::GltfFixture fixture = RoomWithLateMirror();
+  const auto first = fixture.Load();
+  scene::LoadOptions at_frame_30;
+  at_frame_30.time_seconds = 1.25;
+  const auto late = fixture.Load(at_frame_30);
+  ASSERT_TRUE(first.ok() && late.ok());
+  ASSERT_GT(late->instances.size(), first->instances.size());
+  const Plan plan = PlanOf(*first, SettingsFor(WhiteSky()));
+  render::RenderSettings settings = SettingsFor(WhiteSky()).render;
+  const LayeredImage full = render::RenderAll(*render::MakeRenderer(*late, settings), 64, 48, 10);
+  settings.plan = plan.tracing;
+  settings.max_bounces = plan.max_bounces;
+  const LayeredImage pass = render::RenderAll(*render::MakeRenderer(*late, settings), 64, 48, 10);
+  render::ExpectSameBits(full, pass);
+  EXPECT_TRUE(pass.Has("reflection1_emission.R")) << "the mirror shows the sky";
+}
+
+TEST(SameBits, AnEmitterBehindGlassIsInALevel) {
+  const Plan plan = PlanOf(EmitterBehindGlass());
+  render::RenderSettings settings = SettingsFor().render;
+  settings.plan = plan.tracing;
+  const LayeredImage pass =
+      render::RenderAll(*render::MakeRenderer(EmitterBehindGlass(), settings), 64, 48, 10);
+  ASSERT_TRUE(pass.Has("transmission1_emission.G"));
+  double sum = 0;
+  for (int y = 14; y < 22; ++y) {
+    for (int x = 28; x < 36; ++x) sum += static_cast<double>(pass.Get("transmission1_emission.G").At(x, y));
+  }
+  EXPECT_GT(sum / 64, 10 * 0.85 * 11) << "of 10 samples of radiance 11";
 }
 
 TEST(SameBits, CodeThatIsLeftOutChangesNothing) {

@@ -1,5 +1,6 @@
 #include "tests/charts/flicker.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -27,6 +28,7 @@ struct Frame {
   Picture adaptive;
 };
 
+/// The scene once the camera has turned for `frame` frames.
 scenes::SceneDescription FrameOf(const scenes::SceneEntry& entry, const FlickerSettings& settings,
                                  int frame) {
   scenes::SceneDescription scene = entry.build();
@@ -61,13 +63,34 @@ metrics::Flicker ChangeOf(const Picture& picture, const Picture& next) {
   return metrics::MeasureFlicker(ViewOf(picture), ViewOf(next));
 }
 
+absl::StatusOr<std::vector<FrameChange>> MeasureCamera(const scenes::SceneEntry& entry, bool turns,
+                                                       const FlickerSettings& settings,
+                                                       const std::string& cache_folder, TaskPool* pool) {
+  std::vector<FrameChange> changes;
+  std::optional<Frame> last;
+  for (int number = 0; number < settings.frames; ++number) {
+    absl::StatusOr<Frame> frame = RenderFrame(FrameOf(entry, settings, turns ? number : 0), settings,
+                                              static_cast<uint64_t>(number) + 1, cache_folder, pool);
+    if (!frame.ok()) return frame.status();
+    if (last.has_value()) {
+      changes.push_back({std::string(entry.name), turns, number - 1,
+                         ChangeOf(last->reference, frame->reference), ChangeOf(last->uniform, frame->uniform),
+                         ChangeOf(last->adaptive, frame->adaptive)});
+    }
+    last = *std::move(frame);
+  }
+  return changes;
+}
+
 std::string Csv(const std::vector<FrameChange>& changes) {
   std::string text =
-      "scene,frame,reference_mean,reference_p99,uniform_mean,uniform_p99,adaptive_mean,adaptive_p99\n";
+      "scene,camera_turns,frame,reference_mean,reference_p99,uniform_mean,uniform_p99,adaptive_mean,adaptive_"
+      "p99\n";
   for (const FrameChange& change : changes) {
-    absl::StrAppendFormat(&text, "%s,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", change.scene, change.frame,
-                          change.reference.mean, change.reference.percentile99, change.uniform.mean,
-                          change.uniform.percentile99, change.adaptive.mean, change.adaptive.percentile99);
+    absl::StrAppendFormat(&text, "%s,%d,%d,%.6g,%.6g,%.6g,%.6g,%.6g,%.6g\n", change.scene,
+                          change.camera_turns ? 1 : 0, change.frame, change.reference.mean,
+                          change.reference.percentile99, change.uniform.mean, change.uniform.percentile99,
+                          change.adaptive.mean, change.adaptive.percentile99);
   }
   return text;
 }
@@ -89,18 +112,29 @@ std::optional<MeanRatio> RatioOf(SceneChanges changes, Part part) {
   return MeanRatioOf(pairs);
 }
 
+/// The rows of one scene and camera.
+void AppendRows(SceneChanges changes, std::string* text) {
+  if (changes.empty()) return;
+  for (const auto& [name, part] :
+       {std::pair{"mean", &metrics::Flicker::mean}, {"99th percentile", &metrics::Flicker::percentile99}}) {
+    std::vector<std::string> cells = {changes[0].scene, changes[0].camera_turns ? "turns" : "stands still",
+                                      name};
+    for (const auto of : {&FrameChange::reference, &FrameChange::uniform, &FrameChange::adaptive})
+      cells.push_back(absl::StrFormat("%.3f", MeanOf(changes, of, part)));
+    cells.push_back(RatioCell(RatioOf(changes, part)));
+    absl::StrAppend(text, TableLine(cells));
+  }
+}
+
 std::string Table(const std::vector<FrameChange>& changes) {
   std::string text =
-      TableHead({"scene", "change", "reference", "uniform", "adaptive", "adaptive over uniform"});
+      TableHead({"scene", "camera", "change", "reference", "uniform", "adaptive", "adaptive over uniform"});
   for (const SceneChanges& scene : ByScene(changes)) {
-    for (const auto& [name, part] :
-         {std::pair{"mean", &metrics::Flicker::mean}, {"99th percentile", &metrics::Flicker::percentile99}}) {
-      std::vector<std::string> cells = {scene[0].scene, name};
-      for (const auto of : {&FrameChange::reference, &FrameChange::uniform, &FrameChange::adaptive})
-        cells.push_back(absl::StrFormat("%.3f", MeanOf(scene, of, part)));
-      cells.push_back(RatioCell(RatioOf(scene, part)));
-      absl::StrAppend(&text, TableLine(cells));
-    }
+    const auto turning =
+        std::find_if(scene.begin(), scene.end(), [](const FrameChange& c) { return c.camera_turns; });
+    const auto still = static_cast<size_t>(turning - scene.begin());
+    AppendRows(scene.first(still), &text);
+    AppendRows(scene.subspan(still), &text);
   }
   return text;
 }
@@ -113,16 +147,11 @@ absl::StatusOr<std::vector<FrameChange>> MeasureFrames(const std::string& scene,
   const scenes::SceneEntry* entry = scenes::FindScene(scene);
   if (entry == nullptr) return absl::NotFoundError(absl::StrCat("no generated scene is named '", scene, "'"));
   std::vector<FrameChange> changes;
-  std::optional<Frame> last;
-  for (int number = 0; number < settings.frames; ++number) {
-    absl::StatusOr<Frame> frame = RenderFrame(FrameOf(*entry, settings, number), settings,
-                                              static_cast<uint64_t>(number) + 1, cache_folder, pool);
-    if (!frame.ok()) return frame.status();
-    if (last.has_value()) {
-      changes.push_back({scene, number - 1, ChangeOf(last->reference, frame->reference),
-                         ChangeOf(last->uniform, frame->uniform), ChangeOf(last->adaptive, frame->adaptive)});
-    }
-    last = *std::move(frame);
+  for (const bool turns : {false, true}) {
+    const absl::StatusOr<std::vector<FrameChange>> more =
+        MeasureCamera(*entry, turns, settings, cache_folder, pool);
+    if (!more.ok()) return more.status();
+    changes.insert(changes.end(), more->begin(), more->end());
   }
   return changes;
 }
@@ -131,16 +160,17 @@ absl::Status ChartFlicker(const std::string& folder, const std::vector<FrameChan
                           const FlickerSettings& settings, const Provenance& provenance) {
   if (absl::Status status = WriteFileAtomically(folder + "/flicker.csv", Csv(changes)); !status.ok())
     return status;
-  return WritePage(folder + "/flicker.md", "Flicker of adaptive sampling", provenance,
-                   absl::StrFormat("Change of the filtered picture from frame to frame, in 8-bit steps over "
-                                   "pixels and channels, mean of the "
-                                   "steps between %d frames of %dx%d pixels. The camera turns by %.1f pixels "
-                                   "a frame, and every frame has its own "
-                                   "seed. Adaptive frames have at most %d samples per pixel in the mean, "
-                                   "uniform ones as many as these, the "
-                                   "reference %d.\n\n%s",
-                                   settings.frames, settings.width, settings.height, kPixelsPerFrame,
-                                   settings.budget, settings.reference_samples, Table(changes)));
+  return WritePage(
+      folder + "/flicker.md", "Flicker of adaptive sampling", provenance,
+      absl::StrFormat("Change of the filtered picture from frame to frame, in 8-bit steps over pixels and "
+                      "channels: mean of the "
+                      "steps between %d frames of %dx%d pixels, and of their ratios, ± the standard error. "
+                      "The camera stands "
+                      "still, or it turns by %.1f pixels a frame; every frame has its own seed. Adaptive "
+                      "frames have at most %d "
+                      "samples per pixel in the mean, uniform ones as many as these, the reference %d.\n\n%s",
+                      settings.frames, settings.width, settings.height, kPixelsPerFrame, settings.budget,
+                      settings.reference_samples, Table(changes)));
 }
 
 }  // namespace lumifold::charts

@@ -10,8 +10,8 @@
 
 namespace lumifold::charts {
 
-/// How an animation is rendered: the camera turns about the vertical by a part of a pixel from frame to frame, and every
-/// frame has its own seed.
+/// How an animation is rendered: once with a camera that stands still, once with one that turns about the vertical by a part
+/// of a pixel from frame to frame. Every frame has its own seed.
 struct FlickerSettings {
   int width = 0;
   int height = 0;
@@ -23,13 +23,14 @@ struct FlickerSettings {
 /// Change of the filtered picture from a frame to the next, in 8-bit steps.
 struct FrameChange {
   std::string scene;
+  bool camera_turns = false;
   int frame = 0;  // the earlier one
   metrics::Flicker reference;
   metrics::Flicker uniform;  // at the mean samples of the adaptive frames
   metrics::Flicker adaptive;
 };
 
-/// Renders the frames of a generated scene three times: for reference, uniformly and adaptively. References are kept in
+/// Renders the frames of a generated scene with both cameras, each three times: for reference, uniformly and adaptively. References are kept in
 /// the cache folder. Errors: kNotFound for a scene that is not generated; those of FilmSource.
 absl::StatusOr<std::vector<FrameChange>> MeasureFrames(const std::string& scene,
                                                        const FlickerSettings& settings,

@@ -16,6 +16,7 @@
 #include "server/job/plan.h"
 #include "server/job/tile_grid.h"
 #include "tests/support/cpu_seconds.h"
+#include "worker/decoded_cache.h"
 #include "worker/job_plan.h"
 #include "worker/unit_messages.h"
 
@@ -204,7 +205,12 @@ class JobRun {
 
 absl::StatusOr<JobResult> RunJob(const worker::JobScene& scene, v1::JobSpec spec, const std::string& scratch,
                                  TaskPool* pool) {
-  return JobRun(std::move(spec), scratch + "/job.units", pool).Run(scene);
+  worker::DecodedCache decoded;  // mip levels are made once for plan and picture
+  worker::JobScene cached = scene;
+  cached.settings.mips = [&decoded](const scene::SharedImage& image, bool srgb) {
+    return decoded.Mips(image, srgb);
+  };
+  return JobRun(std::move(spec), scratch + "/job.units", pool).Run(cached);
 }
 
 }  // namespace lumifold::charts

@@ -8,7 +8,7 @@ packages=(
   g++ cmake ninja-build ccache pkg-config ca-certificates
   libembree-dev libdraco-dev libopenexr-dev libpng-dev libjpeg-dev libtinygltf-dev nlohmann-json3-dev
   libgrpc++-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
-  libspdlog-dev libfmt-dev libcli11-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev
+  libspdlog-dev libfmt-dev libcli11-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev libzstd-dev
   libtbb-dev libeigen3-dev libhwy-dev
 )
 test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format clang-tidy

@@ -7,14 +7,19 @@
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/plane_codec.h"
+#include "proto/rpc/plane_compression.h"
 
 namespace lumifold::rpc {
 namespace {
 
+/// Pixels of a plane.
+uint64_t AreaOf(const v1::PixelLayout& layout) {
+  return static_cast<uint64_t>(layout.width()) * static_cast<uint64_t>(layout.height());
+}
+
 /// Bytes of the planes as float32.
 uint64_t FloatBytesOf(const v1::PixelLayout& layout) {
-  return static_cast<uint64_t>(layout.width()) * static_cast<uint64_t>(layout.height()) * sizeof(float) *
-         static_cast<uint64_t>(layout.channels_size());
+  return AreaOf(layout) * sizeof(float) * static_cast<uint64_t>(layout.channels_size());
 }
 
 bool IsPrintable(std::string_view name) {
@@ -50,6 +55,39 @@ absl::Status CheckEncodings(const v1::PixelLayout& layout) {
   return absl::InvalidArgumentError(absl::StrCat("pixel layout: unknown encoding ", *unknown));
 }
 
+absl::Status CheckCompressedBytes(const v1::PixelLayout& layout) {
+  const auto compressed =
+      std::count(layout.encodings().begin(), layout.encodings().end(), v1::PLANE_ENCODING_ZSTD);
+  if (layout.compressed_bytes_size() != compressed) {
+    return absl::InvalidArgumentError(absl::StrCat("pixel layout: ", layout.compressed_bytes_size(),
+                                                   " sizes of ", compressed, " compressed planes"));
+  }
+  const uint64_t most = AreaOf(layout) * sizeof(float) - 1;
+  for (const uint32_t bytes : layout.compressed_bytes()) {
+    if (bytes >= 1 && bytes <= most) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("pixel layout: a compressed plane of ", bytes, " bytes, not 1 to ", most));
+  }
+  return absl::OkStatus();
+}
+
+/// "a.R cannot be decompressed: ...".
+absl::Status CannotDecompress(const std::string& channel, const absl::Status& cause) {
+  return absl::InvalidArgumentError(
+      absl::StrCat("pixels: ", channel, " cannot be decompressed: ", std::string(cause.message())));
+}
+
+absl::Status DecodePlane(v1::PlaneEncoding encoding, std::string_view bytes, PlaneDecompressor* decompressor,
+                         FloatView plane) {
+  if (encoding == v1::PLANE_ENCODING_ZSTD) return decompressor->Decode(bytes, plane);
+  const auto width = static_cast<size_t>(plane.width());
+  for (int y = 0; y < plane.height(); ++y) {
+    DecodeValues(encoding, bytes, plane.Row(y), width);
+    if (encoding != v1::PLANE_ENCODING_CONSTANT) bytes.remove_prefix(EncodedBytes(encoding, width));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 v1::PixelLayout LayoutOf(const LayeredImage& image) {
@@ -60,11 +98,23 @@ v1::PixelLayout LayoutOf(const LayeredImage& image) {
   return layout;
 }
 
-v1::PixelLayout EncodedLayoutOf(const LayeredImage& image) {
-  v1::PixelLayout layout = LayoutOf(image);
-  for (const LayeredImage::Channel& channel : image.channels())
-    layout.add_encodings(EncodingOf(channel.plane.view()));
-  return layout;
+EncodedPicture EncodePicture(const LayeredImage& image) {
+  EncodedPicture picture{.layout = LayoutOf(image), .bytes = {}};
+  PlaneCompressor compressor;
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    const ConstFloatView plane = channel.plane.view();
+    const v1::PlaneEncoding encoding = EncodingOf(plane);
+    const uint32_t compressed =
+        encoding == v1::PLANE_ENCODING_FLOAT ? compressor.Append(plane, &picture.bytes) : 0;
+    if (compressed > 0) {
+      picture.layout.add_encodings(v1::PLANE_ENCODING_ZSTD);
+      picture.layout.add_compressed_bytes(compressed);
+    } else {
+      picture.layout.add_encodings(encoding);
+      AppendPlane(plane, encoding, &picture.bytes);
+    }
+  }
+  return picture;
 }
 
 absl::Status CheckLayout(const v1::PixelLayout& layout, const PixelLimits& limits) {
@@ -83,16 +133,13 @@ absl::Status CheckLayout(const v1::PixelLayout& layout, const PixelLimits& limit
         "pixel layout: ", FloatBytesOf(layout), " bytes are more than the ", limits.max_bytes, " allowed"));
   }
   if (absl::Status status = CheckEncodings(layout); !status.ok()) return status;
+  if (absl::Status status = CheckCompressedBytes(layout); !status.ok()) return status;
   return CheckNames(layout, limits);
 }
 
 uint64_t EncodedBytesOf(const v1::PixelLayout& layout) {
-  if (layout.encodings_size() == 0) return FloatBytesOf(layout);
-  const uint64_t area = static_cast<uint64_t>(layout.width()) * static_cast<uint64_t>(layout.height());
-  uint64_t bytes = 0;
-  for (const int encoding : layout.encodings())
-    bytes += EncodedBytes(static_cast<v1::PlaneEncoding>(encoding), area);
-  return bytes;
+  const std::vector<EncodedPlane> planes = PlanesOf(layout);
+  return planes.empty() ? 0 : planes.back().first_byte + planes.back().size_bytes;
 }
 
 std::string BytesFromImage(const LayeredImage& image) {
@@ -112,36 +159,29 @@ absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::
   }
   const std::vector<EncodedPlane> planes = PlanesOf(layout);
   LayeredImage image(layout.width(), layout.height());
+  PlaneDecompressor decompressor;
   for (size_t i = 0; i < planes.size(); ++i) {
-    const FloatView view = image.Add(layout.channels(static_cast<int>(i)));
-    const auto width = static_cast<size_t>(view.width());
-    const uint64_t row_bytes = EncodedBytes(planes[i].encoding, width);
-    for (int y = 0; y < view.height(); ++y) {
-      const uint64_t first = planes[i].RowByte(y, view.width());
-      DecodeValues(planes[i].encoding, bytes.substr(first, row_bytes), view.Row(y), width);
-    }
+    const std::string& channel = layout.channels(static_cast<int>(i));
+    const FloatView view = image.Add(channel);
+    const std::string_view encoded = bytes.substr(planes[i].first_byte, planes[i].size_bytes);
+    if (absl::Status status = DecodePlane(planes[i].encoding, encoded, &decompressor, view); !status.ok())
+      return CannotDecompress(channel, status);
   }
   return image;
 }
-
-PixelChunker::PixelChunker(const LayeredImage& image) : image_(image), layout_(EncodedLayoutOf(image)) {}
 
 bool PixelChunker::Next(v1::PixelChunk* chunk) {
   if (done_) return false;
   chunk->Clear();
   chunk->set_index(index_);
-  if (index_ == 0) *chunk->mutable_layout() = layout_;
-  const std::vector<LayeredImage::Channel>& channels = image_.channels();
-  // One byte more than the piece tells whether it is the last.
-  for (; encoded_.size() <= kMaxChunkBytes && next_plane_ < channels.size(); ++next_plane_)
-    AppendPlane(channels[next_plane_].plane.view(), layout_.encodings(static_cast<int>(next_plane_)),
-                &encoded_);
-  if (encoded_.size() > kMaxChunkBytes) {
-    chunk->set_data(encoded_.data(), kMaxChunkBytes);
-    encoded_.erase(0, kMaxChunkBytes);
+  if (index_ == 0) *chunk->mutable_layout() = std::move(picture_.layout);
+  const size_t left = picture_.bytes.size() - sent_;
+  done_ = left <= kMaxChunkBytes;
+  if (done_ && sent_ == 0) {
+    *chunk->mutable_data() = std::move(picture_.bytes);
   } else {
-    *chunk->mutable_data() = std::move(encoded_);
-    done_ = true;
+    chunk->set_data(picture_.bytes.data() + sent_, std::min(left, kMaxChunkBytes));
+    sent_ += chunk->data().size();
   }
   chunk->set_checksum(Checksum(chunk->data()));
   chunk->set_last(done_);

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -27,11 +28,18 @@ struct PixelLimits {
 /// Layout of `image` with all planes as float32, without its metadata.
 v1::PixelLayout LayoutOf(const LayeredImage& image);
 
-/// LayoutOf with the encodings in which a PixelChunker sends the planes.
-v1::PixelLayout EncodedLayoutOf(const LayeredImage& image);
+/// A picture as it is sent and stored.
+struct EncodedPicture {
+  v1::PixelLayout layout;
+  std::string bytes;  // the encoded planes one after another
+};
+
+/// The picture with each plane as constant, half, zstd or float32, the first that can hold it. The bytes depend on the
+/// version of zstd.
+EncodedPicture EncodePicture(const LayeredImage& image);
 
 /// Checks that a layout is valid and within `limits`: positive size, at least one channel, unique and
-/// printable channel names, known encodings.
+/// printable channel names, known encodings, sizes of compressed planes below those as float32.
 /// Errors: kInvalidArgument naming the cause.
 absl::Status CheckLayout(const v1::PixelLayout& layout, const PixelLimits& limits);
 
@@ -41,24 +49,23 @@ uint64_t EncodedBytesOf(const v1::PixelLayout& layout);
 /// The planes as float32, in the order of LayoutOf.
 std::string BytesFromImage(const LayeredImage& image);
 
-/// The picture with this layout and these encoded planes.
-/// Errors: kInvalidArgument for an invalid layout or a size that does not fit it.
+/// The picture with this layout and these encoded planes. Decodes plane by plane: besides the picture, memory holds one.
+/// Errors: kInvalidArgument for an invalid layout, a size that does not fit it, or a plane that cannot be decompressed.
 absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                             const PixelLimits& limits);
 
-/// Encodes a picture as PixelChunks. The picture must outlive it and must not change.
+/// Cuts an encoded picture into PixelChunks.
 class PixelChunker {
  public:
-  explicit PixelChunker(const LayeredImage& image);
+  explicit PixelChunker(const LayeredImage& image) : PixelChunker(EncodePicture(image)) {}
+  explicit PixelChunker(EncodedPicture picture) : picture_(std::move(picture)) {}
 
   /// Fills `chunk` with the next piece; false after the last one.
   bool Next(v1::PixelChunk* chunk);
 
  private:
-  const LayeredImage& image_;
-  v1::PixelLayout layout_;
-  size_t next_plane_ = 0;
-  std::string encoded_;  // bytes of the planes before next_plane_ that are not sent
+  EncodedPicture picture_;
+  size_t sent_ = 0;  // bytes
   uint32_t index_ = 0;
   bool done_ = false;
 };

@@ -124,10 +124,17 @@ std::vector<EncodedPlane> PlanesOf(const v1::PixelLayout& layout) {
   const uint64_t area = static_cast<uint64_t>(layout.width()) * static_cast<uint64_t>(layout.height());
   std::vector<EncodedPlane> planes(static_cast<size_t>(layout.channels_size()));
   uint64_t first_byte = 0;
+  int compressed = 0;
   for (size_t i = 0; i < planes.size(); ++i) {
-    if (layout.encodings_size() > 0) planes[i].encoding = layout.encodings(static_cast<int>(i));
-    planes[i].first_byte = first_byte;
-    first_byte += EncodedBytes(planes[i].encoding, area);
+    EncodedPlane& plane = planes[i];
+    if (static_cast<int>(i) < layout.encodings_size()) plane.encoding = layout.encodings(static_cast<int>(i));
+    plane.first_byte = first_byte;
+    if (plane.encoding != v1::PLANE_ENCODING_ZSTD) {
+      plane.size_bytes = EncodedBytes(plane.encoding, area);
+    } else if (compressed < layout.compressed_bytes_size()) {
+      plane.size_bytes = layout.compressed_bytes(compressed++);
+    }
+    first_byte += plane.size_bytes;
   }
   return planes;
 }

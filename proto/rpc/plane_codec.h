@@ -10,13 +10,15 @@
 
 namespace lumifold::rpc {
 
-/// The smallest encoding that keeps every bit of the plane: constant, half, float. It depends on the values alone.
+// Constant, half and float, in which each row can be read by itself. plane_compression.h has the fourth encoding.
+
+/// The first of constant, half and float that keeps every bit of the plane. It depends on the values alone.
 v1::PlaneEncoding EncodingOf(ConstFloatView plane);
 
-/// Bytes of `count` values of a plane; of a constant plane those of its one value.
+/// Bytes of `count` values of a plane that is not compressed; of a constant plane those of its one value.
 uint64_t EncodedBytes(v1::PlaneEncoding encoding, uint64_t count);
 
-/// Appends the plane, whose EncodingOf is `encoding`, to `bytes`.
+/// Appends the plane in an encoding that keeps its bits to `bytes`.
 void AppendPlane(ConstFloatView plane, v1::PlaneEncoding encoding, std::string* bytes);
 
 /// Decodes `count` values from their EncodedBytes.
@@ -26,8 +28,9 @@ void DecodeValues(v1::PlaneEncoding encoding, std::string_view bytes, float* val
 struct EncodedPlane {
   v1::PlaneEncoding encoding = v1::PLANE_ENCODING_FLOAT;
   uint64_t first_byte = 0;  // in the bytes of the picture
+  uint64_t size_bytes = 0;
 
-  /// First byte of row `y`, whose `width` values take EncodedBytes.
+  /// First byte of row `y`, whose `width` values take EncodedBytes; of a plane that is not compressed.
   uint64_t RowByte(int y, int width) const {
     const bool is_constant = encoding == v1::PLANE_ENCODING_CONSTANT;
     return first_byte +
@@ -36,7 +39,7 @@ struct EncodedPlane {
   }
 };
 
-/// The planes of a checked layout.
+/// The planes of a layout. Where it has too few sizes of compressed planes, those planes have no bytes.
 std::vector<EncodedPlane> PlanesOf(const v1::PixelLayout& layout);
 
 }  // namespace lumifold::rpc

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "absl/strings/str_cat.h"
 #include "proto/rpc/limits.h"
 
 namespace lumifold::film {
@@ -35,12 +36,30 @@ std::string_view PlaneRows::Row(size_t plane, int y) {
   if (image_ != nullptr)
     return {reinterpret_cast<const char*>(image_->channels()[plane].plane.Row(y)), row_bytes};
   const rpc::EncodedPlane& encoded = planes_[plane];
+  if (encoded.encoding == v1::PLANE_ENCODING_ZSTD) return DecompressedRow(plane, y);
   const auto width = static_cast<size_t>(width_);
   const std::string_view bytes =
       BytesAt(encoded.RowByte(y, width_), rpc::EncodedBytes(encoded.encoding, width));
   if (encoded.encoding == v1::PLANE_ENCODING_FLOAT) return bytes;
   rpc::DecodeValues(encoded.encoding, bytes, decoded_.data(), width);
   return {reinterpret_cast<const char*>(decoded_.data()), row_bytes};
+}
+
+std::string_view PlaneRows::DecompressedRow(size_t plane, int y) {
+  if (decompressed_ != plane) {
+    decompressed_ = plane;
+    if (decompressed_plane_.height() == 0) decompressed_plane_ = Plane::Uninitialized(width_, height_);
+    const rpc::EncodedPlane& encoded = planes_[plane];
+    const absl::Status decoded =
+        decompressor_.Decode(BytesAt(encoded.first_byte, encoded.size_bytes), decompressed_plane_.view());
+    if (!decoded.ok()) {
+      decompressed_plane_.Fill(0);
+      status_.Update(absl::InvalidArgumentError(absl::StrCat(
+          std::string(names_[plane]), " cannot be decompressed: ", std::string(decoded.message()))));
+    }
+  }
+  return {reinterpret_cast<const char*>(decompressed_plane_.Row(y)),
+          static_cast<size_t>(width_) * sizeof(float)};
 }
 
 std::string_view PlaneRows::BytesAt(uint64_t first, size_t size) {

@@ -6,15 +6,19 @@
 #include <string_view>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "filter/image/layered_image.h"
+#include "filter/image/plane.h"
 #include "proto/rpc/image_codec.h"
 #include "proto/rpc/plane_codec.h"
+#include "proto/rpc/plane_compression.h"
 
 namespace lumifold::film {
 
 /// The rows of a picture's planes, as bytes of float32: of a picture in memory, or of one in the pieces in which it
-/// arrived. Copies no pixels, except a row that is not float32 or is cut by the end of a piece. The picture must
-/// outlive it.
+/// arrived. Copies no pixels, except a row that is not float32 or is cut by the end of a piece, and a plane that is
+/// compressed: the last such plane is kept decoded, so rows of one plane are read one after another. The picture must outlive
+/// it.
 /// Threads: one at a time.
 class PlaneRows {
  public:
@@ -32,10 +36,15 @@ class PlaneRows {
   /// encoded as constant, so that its cost does not grow with its size.
   int DistinctRows(size_t plane) const;
 
-  /// The values of a row; valid until the next call.
+  /// The values of a row; valid until the next call. 0 in a plane that cannot be decompressed, see status().
   std::string_view Row(size_t plane, int y);
 
+  /// kInvalidArgument naming the first plane that Row found not to be decompressible.
+  const absl::Status& status() const { return status_; }
+
  private:
+  /// A row of a compressed plane.
+  std::string_view DecompressedRow(size_t plane, int y);
   /// Bytes [first, first + size) of the picture's pieces; valid until the next call.
   std::string_view BytesAt(uint64_t first, size_t size);
 
@@ -47,6 +56,10 @@ class PlaneRows {
   std::vector<rpc::EncodedPlane> planes_;  // of a picture that arrived
   std::string joined_;                     // a row that is cut
   std::vector<float> decoded_;             // a row that is not float32
+  rpc::PlaneDecompressor decompressor_;
+  std::optional<size_t> decompressed_;  // the plane in decompressed_plane_
+  Plane decompressed_plane_;
+  absl::Status status_;
 };
 
 /// Value number `x` of a row. The bytes of a picture that arrived are no float objects, so they are copied.

@@ -27,7 +27,7 @@ absl::Status UnitAssembler::AddEdges(v1::PixelChunk piece) {
   if (absl::Status status = edges_.Add(std::move(piece)); !status.ok()) return status;
   if (!edges_.IsComplete()) return absl::OkStatus();
   complete_.edges = edges_.Take();
-  return CheckEdges(rect_, complete_.edges);
+  return CheckEdges(rect_, complete_.edges, &values_);
 }
 
 absl::Status UnitAssembler::AddPixels(v1::PixelChunk piece, const v1::UnitStats& stats) {
@@ -42,7 +42,9 @@ absl::Status UnitAssembler::AddPixels(v1::PixelChunk piece, const v1::UnitStats&
   }
   if (!pixels_.IsComplete()) return absl::OkStatus();
   complete_.pixels = pixels_.Take();
-  return CheckUnitValues(kind_, rect_, samples_, complete_.pixels, stats);
+  absl::Status status = CheckUnitValues(kind_, rect_, samples_, complete_.pixels, stats, &values_);
+  complete_.values_checksum = values_.Value();
+  return status;
 }
 
 DeliveredPixels UnitAssembler::Take() { return std::exchange(complete_, {}); }

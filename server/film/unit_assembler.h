@@ -1,9 +1,12 @@
 #pragma once
 
+#include <cstdint>
+
 #include "absl/status/status.h"
 #include "filter/image/rect.h"
 #include "filter/image/tile_samples.h"
 #include "lumifold/v1/worker.pb.h"
+#include "proto/rpc/checksum.h"
 #include "proto/rpc/image_codec.h"
 #include "server/film/unit_layout.h"
 
@@ -14,6 +17,8 @@ namespace lumifold::film {
 struct DeliveredPixels {
   rpc::ReceivedPicture pixels;
   rpc::ReceivedPicture edges;
+  /// XXH3-64 of all values as float32: those of the edge set, then those of the pixels, plane by plane.
+  uint64_t values_checksum = 0;
 };
 
 /// Collects the pieces of a delivered unit and checks its layout and values in place, so that only a unit that
@@ -44,6 +49,7 @@ class UnitAssembler {
   UnitModel model_;
   rpc::PixelAssembler pixels_;
   rpc::PixelAssembler edges_;
+  rpc::RunningChecksum values_;
   DeliveredPixels complete_;
 };
 

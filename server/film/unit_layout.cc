@@ -97,15 +97,21 @@ struct NotFinite {
   float value = 0;
 };
 
-/// The first such value of a picture; nullopt if all are finite.
-std::optional<NotFinite> FindNotFinite(PlaneRows& planes) {
+/// The first such value of a picture; nullopt if all are finite. Adds the values before it to `checksum`, which may be null.
+/// Errors: that of PlaneRows::status.
+absl::StatusOr<std::optional<NotFinite>> FindNotFinite(PlaneRows& planes, rpc::RunningChecksum* checksum) {
   for (size_t plane = 0; plane < planes.names().size(); ++plane) {
-    for (int y = 0; y < planes.DistinctRows(plane); ++y) {
+    const int distinct = planes.DistinctRows(plane);
+    for (int y = 0; y < distinct; ++y) {
       const std::string_view row = planes.Row(plane, y);
-      if (IsFiniteRow(row)) continue;
-      int x = 0;
-      while (std::isfinite(ValueAt(row, x))) ++x;
-      return NotFinite{std::string(planes.names()[plane]), x, y, ValueAt(row, x)};
+      if (!planes.status().ok()) return planes.status();
+      if (!IsFiniteRow(row)) {
+        int x = 0;
+        while (std::isfinite(ValueAt(row, x))) ++x;
+        return NotFinite{std::string(planes.names()[plane]), x, y, ValueAt(row, x)};
+      }
+      const int repeats = y + 1 < distinct ? 1 : planes.height() - y;
+      for (int i = 0; checksum != nullptr && i < repeats; ++i) checksum->Add(row);
     }
   }
   return std::nullopt;
@@ -207,17 +213,45 @@ struct Coordinate {
   bool is_common = true;  // all sub-samples have it
 };
 
-Coordinate CoordinateOf(PlaneRows& edges, std::string_view channel, int row) {
-  const std::string_view values = edges.Row(*edges.Find(channel), row);
-  Coordinate coordinate{.value = ValueAt(values, 0)};
-  for (int i = 1; i < kSubSamples; ++i) coordinate.is_common &= ValueAt(values, i) == coordinate.value;
-  return coordinate;
+/// The coordinates of all rows: plane by plane, because a plane may be compressed.
+std::vector<Coordinate> CoordinatesOf(PlaneRows& edges, std::string_view channel) {
+  const size_t plane = *edges.Find(channel);
+  std::vector<Coordinate> coordinates(static_cast<size_t>(edges.height()));
+  for (int row = 0; row < edges.height(); ++row) {
+    const std::string_view values = edges.Row(plane, row);
+    Coordinate& coordinate = coordinates[static_cast<size_t>(row)];
+    coordinate.value = ValueAt(values, 0);
+    for (int i = 1; i < kSubSamples; ++i) coordinate.is_common &= ValueAt(values, i) == coordinate.value;
+  }
+  return coordinates;
 }
 
 /// Whether a coordinate is that of one pixel in [begin, end).
 bool IsOnePixelWithin(const Coordinate& coordinate, int begin, int end) {
   return coordinate.is_common && coordinate.value >= static_cast<float>(begin) &&
          coordinate.value < static_cast<float>(end) && coordinate.value == std::floor(coordinate.value);
+}
+
+/// Checks the pixels of an edge set, by row.
+absl::Status CheckPlaces(const Rect& rect, const std::vector<Coordinate>& xs,
+                         const std::vector<Coordinate>& ys) {
+  std::pair<float, float> last = {-1.0f, -1.0f};
+  for (size_t row = 0; row < xs.size(); ++row) {
+    const Coordinate& x = xs[row];
+    const Coordinate& y = ys[row];
+    const std::pair pixel(y.value, x.value);
+    if (!IsOnePixelWithin(x, rect.x0, rect.x1) || !IsOnePixelWithin(y, rect.y0, rect.y1) || pixel <= last) {
+      return absl::InvalidArgumentError(absl::StrCat("edge set: the pixel ", x.value, ",", y.value,
+                                                     " of row ", row,
+                                                     " is outside the tile, out of order or ambiguous"));
+    }
+    last = pixel;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CannotRead(const char* part, const absl::Status& cause) {
+  return absl::InvalidArgumentError(absl::StrCat(part, ": ", std::string(cause.message())));
 }
 
 }  // namespace
@@ -318,9 +352,11 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
 }
 
 absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, const TileSamples& samples,
-                             PlaneRows pixels, const v1::UnitStats& stats) {
+                             PlaneRows pixels, const v1::UnitStats& stats, rpc::RunningChecksum* checksum) {
   if (absl::Status status = CheckStats(stats); !status.ok()) return status;
-  if (const std::optional<NotFinite> bad = FindNotFinite(pixels); bad.has_value()) {
+  const absl::StatusOr<std::optional<NotFinite>> found = FindNotFinite(pixels, checksum);
+  if (!found.ok()) return CannotRead("unit", found.status());
+  if (const std::optional<NotFinite>& bad = *found; bad.has_value()) {
     return absl::InvalidArgumentError(absl::StrCat("unit: ", bad->channel, " is ", bad->value, " at ",
                                                    rect.x0 + bad->x, ",", rect.y0 + bad->y, ", not finite"));
   }
@@ -328,7 +364,7 @@ absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, const TileSamp
   return CheckCounts(rect, samples, pixels, stats.bad_samples());
 }
 
-absl::Status CheckEdges(const Rect& rect, PlaneRows edges) {
+absl::Status CheckEdges(const Rect& rect, PlaneRows edges, rpc::RunningChecksum* checksum) {
   if (edges.names().empty()) return absl::OkStatus();
   static const auto& wanted = *new std::vector<std::string>(layers::EdgeChannels());
   if (absl::Status status = NameSet(edges.names()).CheckEachOnce(wanted); !status.ok()) return status;
@@ -337,23 +373,13 @@ absl::Status CheckEdges(const Rect& rect, PlaneRows edges) {
                                                    edges.names().size(), " channels, expected ", kSubSamples,
                                                    " of ", wanted.size()));
   }
-  if (const std::optional<NotFinite> bad = FindNotFinite(edges); bad.has_value()) {
+  const absl::StatusOr<std::optional<NotFinite>> found = FindNotFinite(edges, checksum);
+  if (!found.ok()) return CannotRead("edge set", found.status());
+  if (const std::optional<NotFinite>& bad = *found; bad.has_value()) {
     return absl::InvalidArgumentError(
         absl::StrCat("edge set: ", bad->channel, " of row ", bad->y, " is ", bad->value, ", not finite"));
   }
-  std::pair<float, float> last = {-1.0f, -1.0f};
-  for (int row = 0; row < edges.height(); ++row) {
-    const Coordinate x = CoordinateOf(edges, layers::kPixelX, row);
-    const Coordinate y = CoordinateOf(edges, layers::kPixelY, row);
-    const std::pair pixel(y.value, x.value);
-    if (!IsOnePixelWithin(x, rect.x0, rect.x1) || !IsOnePixelWithin(y, rect.y0, rect.y1) || pixel <= last) {
-      return absl::InvalidArgumentError(absl::StrCat("edge set: the pixel ", x.value, ",", y.value,
-                                                     " of row ", row,
-                                                     " is outside the tile, out of order or ambiguous"));
-    }
-    last = pixel;
-  }
-  return absl::OkStatus();
+  return CheckPlaces(rect, CoordinatesOf(edges, layers::kPixelX), CoordinatesOf(edges, layers::kPixelY));
 }
 
 }  // namespace lumifold::film

@@ -12,6 +12,7 @@
 #include "lumifold/v1/image.pb.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
+#include "proto/rpc/checksum.h"
 #include "proto/rpc/image_codec.h"
 #include "server/film/plane_rows.h"
 
@@ -61,14 +62,17 @@ absl::Status CheckUnitLayout(v1::UnitKind kind, const Rect& rect, const v1::Pixe
 /// Checks the values of a unit whose layout is valid: all are finite; each sample count of a pass is a whole
 /// number from 0 to the number of samples that its half has there in `samples`; the counts and the bad samples of
 /// `stats` add up to the samples of the pass; the numbers of `stats` are not negative. `rect` and `samples` are
-/// those of the lease. Reads every value once, in place.
-/// Errors: kInvalidArgument naming the channel, the pixel in the frame, and the value.
+/// those of the lease. Reads every value once, in place. Adds all values, as float32, to `checksum`,
+/// which may be null.
+/// Errors: kInvalidArgument naming the channel, the pixel in the frame, and the value; that of PlaneRows::status.
 absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, const TileSamples& samples,
-                             PlaneRows pixels, const v1::UnitStats& stats);
+                             PlaneRows pixels, const v1::UnitStats& stats,
+                             rpc::RunningChecksum* checksum = nullptr);
 
 /// Checks the edge set of a tile. It is empty, or it has the required channels and width, all values are
-/// finite, and its pixels are inside the tile, in row-major order, each once.
-/// Errors: kInvalidArgument naming the channel, size or row.
-absl::Status CheckEdges(const Rect& rect, PlaneRows edges);
+/// finite, and its pixels are inside the tile, in row-major order, each once. Adds all values, as float32, to `checksum`,
+/// which may be null.
+/// Errors: kInvalidArgument naming the channel, size or row; that of PlaneRows::status.
+absl::Status CheckEdges(const Rect& rect, PlaneRows edges, rpc::RunningChecksum* checksum = nullptr);
 
 }  // namespace lumifold::film

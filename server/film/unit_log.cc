@@ -29,7 +29,7 @@ absl::Status SystemError(const std::string& path) {
   return error == ENOENT ? absl::NotFoundError(text) : absl::UnavailableError(text);
 }
 
-absl::Status DamagedRecord(const std::string& path, uint64_t offset, const char* cause) {
+absl::Status DamagedRecord(const std::string& path, uint64_t offset, absl::string_view cause) {
   return absl::DataLossError(absl::StrCat(path, ": record at ", offset, ": ", cause));
 }
 
@@ -69,7 +69,7 @@ absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::st
   image.pixels = *std::move(pixels);
   const std::string_view rest = payload.substr(pixel_bytes);
   if (!header.has_edges()) {
-    if (!rest.empty()) return absl::InvalidArgumentError("bytes past the pixels");
+    if (!rest.empty()) return absl::InvalidArgumentError("pixels: bytes past the last plane");
     return image;
   }
   absl::StatusOr<LayeredImage> edges =
@@ -206,7 +206,7 @@ absl::StatusOr<std::string> UnitLogReader::ReadDigest(const RecordPlace& place) 
   if (!preamble.ok()) return preamble.status();
   const absl::StatusOr<v1::UnitChunk> header = ReadHeaderOf(file_, path_, place, *preamble);
   if (!header.ok()) return header.status();
-  return DigestOf(*header, preamble->payload_checksum);
+  return DigestOf(*header, preamble->values_checksum);
 }
 
 absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
@@ -221,7 +221,7 @@ absl::StatusOr<StoredUnit> UnitLogReader::Read(const RecordPlace& place) const {
   if (rpc::Checksum(*payload) != preamble->payload_checksum)
     return DamagedRecord(path_, place.offset, "the checksum of the pixels does not match");
   absl::StatusOr<EdgedImage> image = ImageFromPayload(*header, *payload);
-  if (!image.ok()) return DamagedRecord(path_, place.offset, "the pixels do not fit the layout");
+  if (!image.ok()) return DamagedRecord(path_, place.offset, image.status().message());
   return StoredUnit{job::UnitFromProto(header->unit()), job::Attempt(header->attempt()), header->stats(),
                     *std::move(image)};
 }

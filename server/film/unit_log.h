@@ -39,11 +39,12 @@ struct RecordPlace {
 /// The append-only file of a frame's delivered units. Each record describes itself and has checksums, so that
 /// a lost ledger can be rebuilt from the logs:
 ///
-///   "LFU3"
+///   "LFU4"
 ///   u32  size of the header
 ///   u64  size of the payload
 ///   u64  XXH3-64 of the payload
-///   u64  XXH3-64 of the 24 bytes before and the header
+///   u64  XXH3-64 of all values, see DeliveredPixels::values_checksum
+///   u64  XXH3-64 of the 32 bytes before and the header
 ///   header: a v1::UnitChunk without data (unit_record.h encodes it)
 ///   payload: the encoded planes of the pixels in the order of their v1::PixelLayout, then those of the edge set,
 ///            if there is one, in the order of its own layout

@@ -24,13 +24,12 @@ void AppendNumber(uint64_t number, std::string* bytes) {
   bytes->append(reinterpret_cast<const char*>(&number), sizeof(number));
 }
 
-/// Appends all fields, and none that are unknown.
+/// Appends the fields that say what the values are, and none that are unknown.
 void AppendLayout(const v1::PixelLayout& layout, std::string* bytes) {
   AppendNumber(static_cast<uint64_t>(layout.width()), bytes);
   AppendNumber(static_cast<uint64_t>(layout.height()), bytes);
   AppendNumber(static_cast<uint64_t>(layout.channels_size()), bytes);
   for (const std::string& name : layout.channels()) bytes->append(name).push_back('\0');
-  for (const int encoding : layout.encodings()) bytes->push_back(static_cast<char>(encoding));
 }
 
 }  // namespace
@@ -43,11 +42,11 @@ uint64_t HeaderChecksum(const RecordPreamble& preamble, std::string_view header)
 
 uint64_t EncodedUnit::size_bytes() const { return head.size() + BytesOf(payload); }
 
-std::string DigestOf(const v1::UnitChunk& header, uint64_t payload_checksum) {
+std::string DigestOf(const v1::UnitChunk& header, uint64_t values_checksum) {
   std::string bytes;
   AppendLayout(header.pixels().layout(), &bytes);
   AppendLayout(header.edges().layout(), &bytes);
-  AppendNumber(payload_checksum, &bytes);
+  AppendNumber(values_checksum, &bytes);
   return absl::StrCat(absl::Hex(rpc::Checksum(bytes), absl::kZeroPad16));
 }
 
@@ -68,11 +67,12 @@ EncodedUnit EncodeUnit(const job::UnitRef& unit, job::Attempt attempt, const v1:
   preamble.header_bytes = static_cast<uint32_t>(header.size());
   preamble.payload_bytes = BytesOf(payload);
   preamble.payload_checksum = rpc::ChecksumOf(payload);
+  preamble.values_checksum = delivered.values_checksum;
   preamble.header_checksum = HeaderChecksum(preamble, header);
   std::string head(reinterpret_cast<const char*>(&preamble), sizeof(preamble));
   head.append(header);
   return {
-      unit, attempt, stats, std::move(head), std::move(payload), DigestOf(chunk, preamble.payload_checksum)};
+      unit, attempt, stats, std::move(head), std::move(payload), DigestOf(chunk, preamble.values_checksum)};
 }
 
 }  // namespace lumifold::film

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "filter/image/check.h"
+#include "proto/rpc/checksum.h"
 #include "server/film/unit_log.h"
 
 namespace lumifold {
@@ -19,8 +20,11 @@ inline rpc::ReceivedPicture Received(const LayeredImage& picture) {
 
 /// A unit as it arrives from a worker.
 inline film::EncodedUnit Encoded(const film::StoredUnit& unit) {
-  return film::EncodeUnit(unit.unit, unit.attempt, unit.stats,
-                          {Received(unit.image.pixels), Received(unit.image.edges)});
+  const EdgedImage& image = unit.image;
+  return film::EncodeUnit(
+      unit.unit, unit.attempt, unit.stats,
+      {Received(image.pixels), Received(image.edges),
+       rpc::Checksum(rpc::BytesFromImage(image.edges) + rpc::BytesFromImage(image.pixels))});
 }
 
 /// The bytes of a picture that was received.

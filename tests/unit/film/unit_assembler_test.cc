@@ -13,6 +13,7 @@
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/plane_codec.h"
+#include "proto/rpc/plane_compression.h"
 #include "tests/support/encoded_unit.h"
 #include "tests/support/random_unit.h"
 
@@ -65,32 +66,74 @@ TEST(UnitAssembler, GivesBackWhatWasSent) {
     const DeliveredPixels delivered = assembler.Take();
     EXPECT_FALSE(assembler.IsComplete());
     EXPECT_EQ(delivered.pixels.layout.SerializeAsString(),
-              rpc::EncodedLayoutOf(unit.pixels).SerializeAsString());
+              rpc::EncodePicture(unit.pixels).layout.SerializeAsString());
     EXPECT_EQ(Decoded(delivered.pixels) + Decoded(delivered.edges), Bytes(unit));
   }
 }
 
-/// Sends planes in encodings that a PixelChunker does not choose.
+/// The picture with all planes that can have it in one encoding, and the others as float32.
+rpc::EncodedPicture EncodedAs(v1::PlaneEncoding wanted, const LayeredImage& image) {
+  rpc::EncodedPicture picture{rpc::LayoutOf(image), ""};
+  for (const LayeredImage::Channel& channel : image.channels()) {
+    const ConstFloatView plane = channel.plane.view();
+    if (wanted == v1::PLANE_ENCODING_ZSTD) {
+      const uint32_t size = rpc::PlaneCompressor().Append(plane, &picture.bytes);
+      picture.layout.add_encodings(size > 0 ? wanted : v1::PLANE_ENCODING_FLOAT);
+      if (size > 0) picture.layout.add_compressed_bytes(size);
+      if (size > 0) continue;
+    } else {
+      const bool is_constant = rpc::EncodingOf(plane) == v1::PLANE_ENCODING_CONSTANT;
+      picture.layout.add_encodings(is_constant ? wanted : v1::PLANE_ENCODING_FLOAT);
+    }
+    rpc::AppendPlane(plane, picture.layout.encodings(picture.layout.encodings_size() - 1), &picture.bytes);
+  }
+  return picture;
+}
+
+/// Sends planes in encodings that a worker does not choose.
 TEST(UnitAssembler, TakesAnyEncodingOfAnyPlane) {
   EdgedImage unit = Unit(v1::UNIT_KIND_PASS);
   FillPlane(unit.pixels.Get("noisy_a.R"), 0.5f);
-  for (const v1::PlaneEncoding encoding :
-       {v1::PLANE_ENCODING_FLOAT, v1::PLANE_ENCODING_HALF, v1::PLANE_ENCODING_CONSTANT}) {
-    v1::PixelChunk piece;
-    *piece.mutable_layout() = rpc::EncodedLayoutOf(unit.pixels);
-    for (int i = 0; i < piece.layout().channels_size(); ++i) {
-      if (piece.layout().encodings(i) == v1::PLANE_ENCODING_CONSTANT)
-        piece.mutable_layout()->set_encodings(i, encoding);
-      rpc::AppendPlane(unit.pixels.channels()[static_cast<size_t>(i)].plane.view(),
-                       piece.layout().encodings(i), piece.mutable_data());
-    }
-    piece.set_checksum(rpc::Checksum(piece.data()));
-    piece.set_last(true);
+  const uint64_t checksum = rpc::Checksum(rpc::BytesFromImage(unit.pixels));
+  for (const v1::PlaneEncoding encoding : {v1::PLANE_ENCODING_FLOAT, v1::PLANE_ENCODING_HALF,
+                                           v1::PLANE_ENCODING_CONSTANT, v1::PLANE_ENCODING_ZSTD}) {
     v1::UnitChunk chunk;
-    *chunk.mutable_pixels() = piece;
+    rpc::PixelChunker(EncodedAs(encoding, unit.pixels)).Next(chunk.mutable_pixels());
+    ASSERT_THAT(chunk.pixels().layout().encodings(), ::testing::Contains(encoding));
     UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
     ASSERT_TRUE(assembler.Add(chunk).ok());
-    EXPECT_EQ(Decoded(assembler.Take().pixels), rpc::BytesFromImage(unit.pixels));
+    const DeliveredPixels delivered = assembler.Take();
+    EXPECT_EQ(Decoded(delivered.pixels), rpc::BytesFromImage(unit.pixels));
+    EXPECT_EQ(delivered.values_checksum, checksum) << "the digest must not depend on the encoding";
+  }
+}
+
+TEST(UnitAssembler, TheChecksumIsThatOfAllValues) {
+  const EdgedImage unit = Unit(v1::UNIT_KIND_GEOMETRY);
+  UnitAssembler assembler(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
+  for (const v1::UnitChunk& piece : PiecesOf(unit)) ASSERT_TRUE(assembler.Add(piece).ok());
+  EXPECT_EQ(assembler.Take().values_checksum,
+            rpc::Checksum(rpc::BytesFromImage(unit.edges) + rpc::BytesFromImage(unit.pixels)));
+}
+
+/// A plane whose bytes arrived as they were sent, but are no compressed plane.
+TEST(UnitAssembler, RefusesAPlaneThatCannotBeDecompressed) {
+  for (const bool of_edges : {false, true}) {
+    const v1::UnitKind kind = of_edges ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS;
+    const EdgedImage unit = Unit(kind);
+    const LayeredImage& image = of_edges ? unit.edges : unit.pixels;
+    rpc::EncodedPicture picture = EncodedAs(v1::PLANE_ENCODING_ZSTD, image);
+    ASSERT_GT(picture.layout.compressed_bytes_size(), 0);
+    const auto& encodings = picture.layout.encodings();
+    const auto at =
+        std::find(encodings.begin(), encodings.end(), v1::PLANE_ENCODING_ZSTD) - encodings.begin();
+    const std::string& channel = image.channels()[static_cast<size_t>(at)].name;
+    ++picture.bytes[rpc::PlanesOf(picture.layout)[static_cast<size_t>(at)].first_byte];
+    v1::UnitChunk chunk;
+    rpc::PixelChunker(std::move(picture)).Next(of_edges ? chunk.mutable_edges() : chunk.mutable_pixels());
+    UnitAssembler assembler(kind, kRect, kSamples);
+    EXPECT_EQ(assembler.Add(chunk).message(), absl::StrCat(of_edges ? "edge set: " : "unit: ", channel,
+                                                           " cannot be decompressed: not one zstd frame"));
   }
 }
 
@@ -133,11 +176,14 @@ TEST(UnitAssembler, ChecksRowsThatAreCutByTheEndOfAPiece) {
     EdgedImage unit = {good.pixels.Crop(good.pixels.bounds()), {}};
     LayeredImage::Channel& channel = unit.pixels.channels()[static_cast<size_t>(at / (257 * 129))];
     channel.plane.At(at % 257, at / 257 % 129) = NAN;
-    UnitAssembler assembler(v1::UNIT_KIND_PASS, kLarge, kSamples);
-    absl::Status status;
-    for (const v1::UnitChunk& piece : PiecesOf(unit)) status = assembler.Add(piece);
-    EXPECT_THAT(std::string(status.message()),
-                HasSubstr(absl::StrCat(channel.name, " is nan at ", at % 257, ",", at / 257 % 129)));
+    for (const v1::PlaneEncoding encoding : {v1::PLANE_ENCODING_FLOAT, v1::PLANE_ENCODING_ZSTD}) {
+      UnitAssembler assembler(v1::UNIT_KIND_PASS, kLarge, kSamples);
+      rpc::PixelChunker chunker(EncodedAs(encoding, unit.pixels));
+      absl::Status status;
+      for (v1::UnitChunk piece; chunker.Next(piece.mutable_pixels());) status = assembler.Add(piece);
+      EXPECT_THAT(std::string(status.message()),
+                  HasSubstr(absl::StrCat(channel.name, " is nan at ", at % 257, ",", at / 257 % 129)));
+    }
   }
 }
 

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/plane_codec.h"
 #include "tests/support/encoded_unit.h"
@@ -33,14 +34,6 @@ std::string Bytes(const EdgedImage& image) {
   return rpc::BytesFromImage(image.pixels) + rpc::BytesFromImage(image.edges);
 }
 
-/// The encoded planes of a picture.
-std::string EncodedBytes(const LayeredImage& image) {
-  std::string bytes;
-  for (const LayeredImage::Channel& channel : image.channels())
-    rpc::AppendPlane(channel.plane.view(), rpc::EncodingOf(channel.plane.view()), &bytes);
-  return bytes;
-}
-
 /// The record of a unit as the format describes it, encoded from its planes.
 std::string RecordOf(const StoredUnit& unit) {
   const auto put = [](uint64_t value, int bytes, std::string* out) {
@@ -49,16 +42,19 @@ std::string RecordOf(const StoredUnit& unit) {
   v1::UnitChunk chunk;
   *chunk.mutable_unit() = ProtoFromUnit(unit.unit);
   chunk.set_attempt(unit.attempt.value());
-  *chunk.mutable_pixels()->mutable_layout() = rpc::EncodedLayoutOf(unit.image.pixels);
+  *chunk.mutable_pixels()->mutable_layout() = rpc::EncodePicture(unit.image.pixels).layout;
   *chunk.mutable_stats() = unit.stats;
   if (unit.image.edges.height() > 0)
-    *chunk.mutable_edges()->mutable_layout() = rpc::EncodedLayoutOf(unit.image.edges);
+    *chunk.mutable_edges()->mutable_layout() = rpc::EncodePicture(unit.image.edges).layout;
   const std::string header = chunk.SerializeAsString();
-  const std::string payload = EncodedBytes(unit.image.pixels) + EncodedBytes(unit.image.edges);
-  std::string record = "LFU3";
+  const std::string payload =
+      rpc::EncodePicture(unit.image.pixels).bytes + rpc::EncodePicture(unit.image.edges).bytes;
+  std::string record = "LFU4";
   put(header.size(), 4, &record);
   put(payload.size(), 8, &record);
   put(rpc::Checksum(payload), 8, &record);
+  put(rpc::Checksum(rpc::BytesFromImage(unit.image.edges) + rpc::BytesFromImage(unit.image.pixels)), 8,
+      &record);
   put(rpc::Checksum(record + header), 8, &record);
   return record + header + payload;
 }
@@ -160,7 +156,7 @@ TEST_F(UnitLogTest, AHeaderIsReadWithoutThePixels) {
     ASSERT_TRUE(header.ok()) << header.status();
     EXPECT_EQ(header->unit, Unit(tile).unit);
     EXPECT_EQ(header->outline.pixels.SerializeAsString(),
-              rpc::EncodedLayoutOf(Unit(tile).image.pixels).SerializeAsString());
+              rpc::EncodePicture(Unit(tile).image.pixels).layout.SerializeAsString());
     EXPECT_EQ(header->outline.edge_rows, tile == 2 ? 2 : 0);
     EXPECT_EQ(reader->Read(place).status().code(), absl::StatusCode::kDataLoss);
   }
@@ -169,7 +165,7 @@ TEST_F(UnitLogTest, AHeaderIsReadWithoutThePixels) {
 TEST_F(UnitLogTest, EveryFlippedBitOfAHeaderIsFound) {
   const RecordPlace place = WriteUnits(1).front();
   const std::string good = File();
-  const size_t payload_bytes = EncodedBytes(Unit(0).image.pixels).size();
+  const size_t payload_bytes = rpc::EncodePicture(Unit(0).image.pixels).bytes.size();
   for (size_t at = 0; at < good.size() - payload_bytes; ++at) {
     std::string bad = good;
     bad[at] ^= static_cast<char>(1 << at % 8);
@@ -185,7 +181,7 @@ TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
   const std::string good = File();
   for (size_t at = 0; at < good.size(); ++at) {
     std::string bad = good;
-    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU3" becomes "LFU;", which is not a version
+    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU4" becomes "LFU;", which is not a version
     SetFile(bad);
     const absl::Status status = Read(place).status();
     ASSERT_EQ(status.code(), absl::StatusCode::kDataLoss) << at;
@@ -198,7 +194,7 @@ TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
 TEST_F(UnitLogTest, ATornTailIsIgnoredAndOverwritten) {
   const std::vector<RecordPlace> places = WriteUnits(3);
   const std::string whole = File();
-  for (const uint64_t cut : {places[2].offset + 1, places[2].offset + 31, places[2].offset + 32,
+  for (const uint64_t cut : {places[2].offset + 1, places[2].offset + 39, places[2].offset + 40,
                              places[2].offset + 100, uint64_t{whole.size() - 1}}) {
     SetFile(whole.substr(0, cut));
     std::vector<int> tiles;
@@ -281,6 +277,26 @@ TEST_F(UnitLogTest, ADigestIsThatOfChannelsAndPixels) {
   absl::StatusOr<UnitLog> log = UnitLog::Open(path_, 0);
   const absl::StatusOr<RecordPlace> place = log->Append(encoded);
   EXPECT_EQ(*UnitLogReader::Open(path_)->ReadDigest(*place), digest);
+}
+
+TEST_F(UnitLogTest, ACompressedPlaneOfARecordThatIsDamagedIsNamed) {
+  StoredUnit unit = Unit(0);
+  Plane& plane = unit.image.pixels.channels()[1].plane;
+  plane.Fill(0.1f);
+  plane.At(0, 0) = 0.2f;
+  DeliveredPixels delivered = {Received(unit.image.pixels), {}};
+  ASSERT_EQ(delivered.pixels.layout.encodings(1), v1::PLANE_ENCODING_ZSTD);
+  std::string& bytes = delivered.pixels.pieces[0].bytes;
+  ++bytes[rpc::PlanesOf(delivered.pixels.layout)[1].first_byte];
+  delivered.pixels.pieces[0].checksum = rpc::Checksum(bytes);
+  absl::StatusOr<UnitLog> log = UnitLog::Open(path_, 0);
+  const absl::StatusOr<RecordPlace> place =
+      log->Append(EncodeUnit(unit.unit, unit.attempt, unit.stats, std::move(delivered)));
+  const absl::Status read = Read(*place).status();
+  EXPECT_EQ(read.code(), absl::StatusCode::kDataLoss);
+  EXPECT_THAT(std::string(read.message()),
+              HasSubstr(absl::StrCat("record at 0: pixels: ", unit.image.pixels.channels()[1].name,
+                                     " cannot be decompressed: not one zstd frame")));
 }
 
 TEST_F(UnitLogTest, ARecordThatClaimsMoreThanATileIsRefused) {

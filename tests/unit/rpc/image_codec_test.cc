@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -20,17 +21,24 @@ namespace {
 
 using ::testing::HasSubstr;
 
+/// Values with random bits, which no compression shrinks.
 LayeredImage RandomImage(int width, int height, int channels, uint32_t seed) {
   std::mt19937 random(seed);
-  std::normal_distribution<float> value;
   LayeredImage image(width, height);
   for (int c = 0; c < channels; ++c) {
     const FloatView view = image.Add("layer" + std::to_string(c) + ".R");
     for (int y = 0; y < height; ++y) {
-      for (int x = 0; x < width; ++x) view.At(x, y) = value(random);
+      for (int x = 0; x < width; ++x) view.At(x, y) = std::bit_cast<float>(static_cast<uint32_t>(random()));
     }
   }
   return image;
+}
+
+/// Gives a plane values that compress.
+void FillSmooth(Plane* plane) {
+  for (int y = 0; y < plane->height(); ++y) {
+    for (int x = 0; x < plane->width(); ++x) plane->At(x, y) = std::sqrt(1.0f + static_cast<float>(x + y));
+  }
 }
 
 std::vector<v1::PixelChunk> ChunksOf(const LayeredImage& image) {
@@ -68,7 +76,7 @@ TEST(ImageCodec, RoundTripsPicturesOfOddSizes) {
       ASSERT_TRUE(AddAll(ChunksOf(image), &assembler).ok());
       ASSERT_TRUE(assembler.IsComplete());
       const ReceivedPicture picture = assembler.Take();
-      EXPECT_EQ(picture.layout.SerializeAsString(), EncodedLayoutOf(image).SerializeAsString());
+      EXPECT_EQ(picture.layout.SerializeAsString(), EncodePicture(image).layout.SerializeAsString());
       EXPECT_EQ(ChecksumOf(picture.pieces), Checksum(BytesOf(picture)));
       ExpectSame(*ImageFromBytes(picture.layout, BytesOf(picture), {}), image);
     }
@@ -131,15 +139,13 @@ v1::PlaneEncoding EncodingOfValues(const std::vector<float>& values) {
   LayeredImage image(static_cast<int>(values.size()), 1);
   const FloatView view = image.Add("A");
   std::copy(values.begin(), values.end(), view.Row(0));
-  const v1::PixelLayout layout = EncodedLayoutOf(image);
-  v1::PixelChunk chunk;
-  EXPECT_TRUE(PixelChunker(image).Next(&chunk));
-  EXPECT_EQ(chunk.data().size(), EncodedBytesOf(layout));
-  EXPECT_EQ(BytesFromImage(*ImageFromBytes(layout, chunk.data(), {})), BytesFromImage(image));
-  return layout.encodings(0);
+  const EncodedPicture picture = EncodePicture(image);
+  EXPECT_EQ(picture.bytes.size(), EncodedBytesOf(picture.layout));
+  EXPECT_EQ(BytesFromImage(*ImageFromBytes(picture.layout, picture.bytes, {})), BytesFromImage(image));
+  return picture.layout.encodings(0);
 }
 
-TEST(ImageCodec, APlaneHasTheSmallestEncodingThatKeepsItsBits) {
+TEST(ImageCodec, APlaneHasTheFirstEncodingThatCanHoldIt) {
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   for (const float value : {0.0f, -0.0f, 0.1f, kNan, kInfinity})
@@ -149,6 +155,9 @@ TEST(ImageCodec, APlaneHasTheSmallestEncodingThatKeepsItsBits) {
   for (const float value :
        {0.1f, 2049.0f, 65520.0f, 65536.0f, 0x1p-25f, 0x1.8p-24f, 0x1p-149f, kNan, kInfinity})
     EXPECT_EQ(EncodingOfValues({0.0f, value}), v1::PLANE_ENCODING_FLOAT) << value;
+  std::vector<float> alike(100, 0.1f);
+  alike.back() = 0.2f;
+  EXPECT_EQ(EncodingOfValues(alike), v1::PLANE_ENCODING_ZSTD);
 }
 
 /// Halves by their definition: sign, exponent with bias 15, mantissa of 10 bits.
@@ -169,7 +178,7 @@ TEST(ImageCodec, EveryHalfIsExactAndNothingElseIsOne) {
 }
 
 TEST(ImageCodec, AMixOfEncodingsRoundTripsAcrossPieces) {
-  LayeredImage image = RandomImage(257, 300, 9, 9);  // an odd width: halves end anywhere
+  LayeredImage image = RandomImage(257, 300, 11, 9);  // an odd width: halves end anywhere
   for (const size_t plane : {size_t{0}, size_t{4}, size_t{8}}) image.channels()[plane].plane.Fill(0.1f);
   for (const size_t plane : {size_t{1}, size_t{5}}) {
     for (int y = 0; y < image.height(); ++y) {
@@ -177,13 +186,28 @@ TEST(ImageCodec, AMixOfEncodingsRoundTripsAcrossPieces) {
         image.channels()[plane].plane.At(x, y) = static_cast<float>((x + y) % 7) / 16;
     }
   }
+  FillSmooth(&image.channels()[2].plane);
+  FillSmooth(&image.channels()[6].plane);
   PixelAssembler assembler;
   const std::vector<v1::PixelChunk> chunks = ChunksOf(image);
   ASSERT_EQ(chunks.size(), 2u);
   ASSERT_TRUE(AddAll(chunks, &assembler).ok());
   const ReceivedPicture picture = assembler.Take();
-  EXPECT_EQ(BytesOf(picture).size(), 3u * 4 + 2 * 2 * 257 * 300 + 4 * 4 * 257 * 300);
+  ASSERT_EQ(picture.layout.compressed_bytes_size(), 2);
+  EXPECT_EQ(BytesOf(picture).size(), 3u * 4 + 2 * 2 * 257 * 300 + 4 * 4 * 257 * 300 +
+                                         picture.layout.compressed_bytes(0) +
+                                         picture.layout.compressed_bytes(1));
   ExpectSame(*ImageFromBytes(picture.layout, BytesOf(picture), {}), image);
+}
+
+TEST(ImageCodec, ACompressedPlaneThatIsDamagedIsNamed) {
+  LayeredImage image = RandomImage(16, 16, 2, 1);
+  FillSmooth(&image.channels()[1].plane);
+  EncodedPicture picture = EncodePicture(image);
+  ASSERT_EQ(picture.layout.compressed_bytes_size(), 1);
+  picture.bytes[picture.bytes.size() - picture.layout.compressed_bytes(0)] ^= 1;
+  const absl::Status status = ImageFromBytes(picture.layout, picture.bytes, {}).status();
+  EXPECT_EQ(status.message(), "pixels: layer1.R cannot be decompressed: not one zstd frame");
 }
 
 TEST(ImageCodec, RefusesAPictureThatIsTooLargeHoweverFewItsBytes) {
@@ -197,6 +221,12 @@ TEST(ImageCodec, RefusesAPictureThatIsTooLargeHoweverFewItsBytes) {
   EXPECT_EQ(assembler.HeldBytes(), 0u);
   EXPECT_FALSE(
       ImageFromBytes(chunks[0].layout(), chunks[0].data(), {.max_bytes = 100u * 512 * 512 * 4 - 1}).ok());
+}
+
+/// Makes the first plane one that is compressed to `bytes`.
+void Compress(uint32_t bytes, v1::PixelLayout* layout) {
+  layout->set_encodings(0, v1::PLANE_ENCODING_ZSTD);
+  layout->add_compressed_bytes(bytes);
 }
 
 struct Misuse {
@@ -234,6 +264,16 @@ TEST(ImageCodec, MisuseIsNamed) {
       {"unknown encoding",
        [](auto& c) { c[0].mutable_layout()->set_encodings(1, static_cast<v1::PlaneEncoding>(9)); },
        "unknown encoding 9"},
+      {"no size of a compressed plane",
+       [](auto& c) { c[0].mutable_layout()->set_encodings(0, v1::PLANE_ENCODING_ZSTD); },
+       "0 sizes of 1 compressed planes"},
+      {"a size without a compressed plane", [](auto& c) { c[0].mutable_layout()->add_compressed_bytes(1); },
+       "1 sizes of 0 compressed planes"},
+      {"a compressed plane of no bytes", [](auto& c) { Compress(0, c[0].mutable_layout()); },
+       "a compressed plane of 0 bytes, not 1 to 839999"},
+      {"a compressed plane that is not smaller", [](auto& c) { Compress(840000, c[0].mutable_layout()); },
+       "a compressed plane of 840000 bytes"},
+      {"fewer compressed bytes", [](auto& c) { Compress(5, c[0].mutable_layout()); }, "chunk 1: "},
       {"smaller encoding",
        [](auto& c) { c[0].mutable_layout()->set_encodings(0, v1::PLANE_ENCODING_CONSTANT); }, "chunk 1: "},
       {"bytes",

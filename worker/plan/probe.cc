@@ -59,6 +59,9 @@ std::pair<int, int> ProbeSize(int width, int height) {
   return {scaled(width, height), scaled(height, width)};
 }
 
+/// Everything is modelled; where all surfaces are diffuse, code for them traces the same bits sooner.
+constexpr render::TracingPlan kProbePlan = {.diffuse_code = true, .layers = {}};
+
 /// One probe.
 class ProbeRun {
  public:
@@ -68,7 +71,7 @@ class ProbeRun {
       : camera_(camera),
         seed_(settings.seed),
         embree_(std::move(embree)),
-        tracer_(scene, *embree_, settings.environment, settings.max_bounces, settings.mips) {
+        tracer_(scene, *embree_, settings.environment, settings.max_bounces, settings.mips, kProbePlan) {
     probe_.width = width;
     probe_.height = height;
     probe_.rays_of_pixel.reserve(static_cast<size_t>(width) * static_cast<size_t>(height));

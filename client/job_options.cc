@@ -3,7 +3,10 @@
 #include <filesystem>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/time/time.h"
 #include "filter/image/decisions.h"
 
 namespace lumifold::client {
@@ -20,19 +23,54 @@ std::string EnvironmentUri(const std::string& path) {
   return kEnvironmentScheme + std::filesystem::path(path).filename().string();
 }
 
+constexpr int kDefaultSamples = 64;
+
+/// What --target-error, --time and --schedule ask for; nothing without them.
+absl::StatusOr<v1::AdaptiveSampling> AdaptiveOf(const JobOptions& options) {
+  v1::AdaptiveSampling adaptive;
+  adaptive.set_target_error(options.target_error);
+  adaptive.set_metric(options.target_metric == kRelMse ? v1::ERROR_METRIC_REL_MSE : v1::ERROR_METRIC_MSE255);
+  if (!options.time.empty()) {
+    absl::Duration time;
+    if (!absl::ParseDuration(options.time, &time) || time <= absl::ZeroDuration() ||
+        time == absl::InfiniteDuration())
+      return absl::InvalidArgumentError(
+          absl::StrCat("--time: expected a duration such as 90s, 10m or 1h30m; got '", options.time, "'"));
+    adaptive.set_time_seconds(absl::ToDoubleSeconds(time));
+  }
+  for (const absl::string_view text : absl::StrSplit(options.schedule, ',', absl::SkipEmpty())) {
+    double budget = 0;
+    if (!absl::SimpleAtod(text, &budget) || !(budget >= 1 && budget <= kMaxSamples))
+      return absl::InvalidArgumentError(
+          absl::StrCat("--schedule: expected samples per pixel of 1 to ", kMaxSamples, "; got '", text, "'"));
+    adaptive.add_schedule(budget);
+  }
+  if (!options.time.empty() && !options.schedule.empty())
+    return absl::InvalidArgumentError("--time and --schedule take each other's place");
+  if (!(options.time.empty() && options.schedule.empty()) && !options.frames.IsOne())
+    return absl::InvalidArgumentError(
+        "--time and --schedule are of one frame: submit each frame as a job of its own");
+  return adaptive;
+}
+
 }  // namespace
 
 void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
   command_line.AddSize("--size", &options->size, "Picture size in pixels (default 1024x768)");
   command_line.AddWholeNumber("--spp", &options->samples_per_pixel, 1, kMaxSamples,
-                              "Samples per pixel (default 64); with --adaptive their mean, at most");
+                              "Samples per pixel (default 64); with --adaptive their mean, at most "
+                              "(default 4096 with --target-error or --time)");
   command_line.AddFlag("--adaptive", &options->adaptive,
                        "Put the samples where the filtered picture still errs");
   command_line.AddPositiveNumber("--target-error", &options->target_error,
                                  "Implies --adaptive; ends when the estimated error is at most this");
   command_line.AddText("--target-metric", "METRIC", &options->target_metric,
                        "Of --target-error: mse255 (default) or relmse");
+  command_line.AddText("--time", "DURATION", &options->time,
+                       "Implies --adaptive; render time to aim at, such as 90s, 10m or 1h30m; for one frame");
+  command_line.AddText("--schedule", "N,N,...", &options->schedule,
+                       "In place of --time: lumifold.schedule of its picture gives the same picture");
   command_line.AddSeed("--seed", &options->seed, "Seed of the random numbers (default 0)");
   command_line.AddWholeNumber("--max-bounces", &options->max_bounces, 0, kMaxBounces,
                               "Scattering events after the first surface, at most (default 8)");
@@ -77,6 +115,8 @@ std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::st
     return report("--target-metric must be mse255 or relmse");
   if (options.target_metric != kMse255 && options.target_error == 0)
     return report("--target-metric requires --target-error");
+  if (const absl::Status limits = AdaptiveOf(options).status(); !limits.ok())
+    return ReportUsage(environment, command, std::string(limits.message()));
   if ((options.f_stop > 0) != (options.focus_metres > 0))
     return report("--f-stop and --focus must be given together");
   if (options.environment.empty() &&
@@ -122,12 +162,13 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
     range->set_count(options.frames.ranges[i].count());
   }
   spec.set_frames_per_second(options.frames_per_second);
-  spec.set_samples_per_pixel(options.samples_per_pixel);
-  if (options.adaptive || options.target_error > 0) {
-    spec.mutable_adaptive()->set_target_error(options.target_error);
-    spec.mutable_adaptive()->set_metric(options.target_metric == kRelMse ? v1::ERROR_METRIC_REL_MSE
-                                                                         : v1::ERROR_METRIC_MSE255);
-  }
+  const v1::AdaptiveSampling adaptive = AdaptiveOf(options).value();
+  const bool has_limit =
+      adaptive.target_error() > 0 || adaptive.time_seconds() > 0 || !adaptive.schedule().empty();
+  if (options.adaptive || has_limit) *spec.mutable_adaptive() = adaptive;
+  spec.set_samples_per_pixel(options.samples_per_pixel > 0 ? options.samples_per_pixel
+                             : has_limit                   ? kMostSamplesByDefault
+                                                           : kDefaultSamples);
   spec.set_seed(options.seed);
   spec.set_max_bounces(options.max_bounces);
   spec.mutable_filter()->set_method(options.method);

@@ -19,14 +19,19 @@ namespace lumifold::client {
 /// Maximum number of samples per pixel.
 inline constexpr int kMaxSamples = 1 << 20;
 
+/// With --target-error or --time, but without --spp.
+inline constexpr int kMostSamplesByDefault = 4096;
+
 /// Options of `render`, `submit` and `plan`: all parameters that determine the picture.
 struct JobOptions {
   std::string scene;
   PictureSize size;
-  int samples_per_pixel = 64;
+  int samples_per_pixel = 0;  // 0: 64, or with an error or a time kMostSamplesByDefault
   bool adaptive = false;
   float target_error = 0;  // 0: none
   std::string target_metric = "mse255";
+  std::string time;      // "10m"; empty: none
+  std::string schedule;  // "32,64.5"; empty: none
   uint64_t seed = 0;
   int max_bounces = 8;
   std::string method = "default";

@@ -72,6 +72,17 @@ std::string StageTimesText(const v1::StageTimes& times) {
                          times.write_seconds());
 }
 
+std::string ErrorText(const v1::JobStatus& status) {
+  const v1::AdaptiveSampling& adaptive = status.adaptive();
+  const bool is_relative = adaptive.metric() == v1::ERROR_METRIC_REL_MSE;
+  std::string text = absl::StrFormat("%.3g %s", status.estimated_error(), is_relative ? "relMSE" : "MSE255");
+  if (adaptive.target_error() > 0) absl::StrAppendFormat(&text, ", target %.3g", adaptive.target_error());
+  const bool is_reached = status.estimated_error() <= adaptive.target_error();
+  if (adaptive.target_error() > 0 && status.state() == v1::JOB_STATE_DONE && !is_reached)
+    absl::StrAppend(&text, " not reached: another limit ended sampling");
+  return text;
+}
+
 std::string JobJson(const v1::JobStatus& status,
                     const std::vector<std::pair<std::string, std::string>>& more) {
   nlohmann::ordered_json json;
@@ -95,6 +106,7 @@ std::string JobJson(const v1::JobStatus& status,
   json["filter_seconds"] = status.times().filter_seconds();
   json["write_seconds"] = status.times().write_seconds();
   const v1::Scheduling& scheduling = status.scheduling();
+  if (status.has_estimated_error()) json["estimated_error"] = status.estimated_error();
   json["user"] = scheduling.user();
   json["priority"] = scheduling.priority();
   json["tags"] = scheduling.tags();
@@ -128,6 +140,7 @@ std::string JobText(const v1::JobStatus& status) {
   line("frames", status.frames_done(), " of ", status.frames_total());
   line("samples", status.samples_done(), " of ", status.samples_total());
   if (status.bad_samples() > 0) line("bad samples", status.bad_samples());
+  if (status.has_estimated_error()) line("estimated error", ErrorText(status));
   line("stages", StageTimesText(status.times()));
   return text;
 }

@@ -33,7 +33,7 @@
 #include "server/ledger/open_job_store.h"
 #include "worker/fence/fence.h"
 
-// The child writes its answer to standard output: on success a serialised StageTimes; otherwise the number of
+// The child writes its answer to standard output: on success a serialised FrameReport; otherwise the number of
 // the status code, a space and the message, with exit code 1.
 
 namespace lumifold::server {
@@ -132,13 +132,13 @@ std::optional<std::string> ReadAll(const rpc::FileHandle& file, SteadyTime deadl
   }
 }
 
-absl::StatusOr<v1::StageTimes> ReadAnswer(const std::string& answer, int wait_status) {
+absl::StatusOr<v1::FrameReport> ReadAnswer(const std::string& answer, int wait_status) {
   if (WIFSIGNALED(wait_status)) {
     return absl::InternalError(absl::StrCat("the filter process was ended by signal ", WTERMSIG(wait_status),
                                             " (", strsignal(WTERMSIG(wait_status)), ")"));
   }
-  v1::StageTimes times;
-  if (WEXITSTATUS(wait_status) == 0 && times.ParseFromString(answer)) return times;
+  v1::FrameReport report;
+  if (WEXITSTATUS(wait_status) == 0 && report.ParseFromString(answer)) return report;
   const size_t space = answer.find(' ');
   int code = 0;
   if (space == std::string::npos || !absl::SimpleAtoi(answer.substr(0, space), &code) || code == 0) {
@@ -153,18 +153,16 @@ class ChildProcessFinisher final : public FrameFinisher {
   ChildProcessFinisher(const DataFolder& folder, const ChildProcessOptions& options)
       : folder_(folder), options_(options) {}
 
-  absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) override {
-    return Run(job, frame, kResult);
+  absl::StatusOr<v1::FrameReport> Finish(const job::JobId& job, int32_t frame) override {
+    return Run({.job = job, .frame = frame, .round = kResult});
   }
-  absl::StatusOr<v1::StageTimes> Estimate(const job::JobId& job, int32_t frame, int round) override {
-    return Run(job, frame, round);
-  }
+  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override { return Run(round); }
   void CancelJob(const job::JobId& job) override;
   void Cancel() override;
 
  private:
   /// Starts a child for the estimate of a round, or for the result.
-  absl::StatusOr<v1::StageTimes> Run(const job::JobId& job, int32_t frame, int round);
+  absl::StatusOr<v1::FrameReport> Run(const RoundToEstimate& what);
   /// Reaps the child that runs and returns its wait status.
   int Reap(pid_t pid) ABSL_LOCKS_EXCLUDED(mutex_);
 
@@ -178,18 +176,19 @@ class ChildProcessFinisher final : public FrameFinisher {
       -1;  // reset before the child is reaped, so that no other process is killed
 };
 
-absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Run(const job::JobId& job, int32_t frame, int round) {
+absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate& what) {
   absl::StatusOr<Child> child;
   {
     absl::MutexLock lock(&mutex_);
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
     child = Spawn(
-        {options_.program, kFinishFrameCommand, folder_.root(), job.value(), absl::StrCat(frame),
-         absl::StrCat(options_.threads), absl::StrCat(options_.memory_limit_bytes), absl::StrCat(round)},
+        {options_.program, kFinishFrameCommand, folder_.root(), what.job.value(), absl::StrCat(what.frame),
+         absl::StrCat(options_.threads), absl::StrCat(options_.memory_limit_bytes), absl::StrCat(what.round),
+         absl::StrCat(absl::ToInt64Milliseconds(what.rendered))},
         options_.store);
     if (!child.ok()) return child.status();
     running_ = child->pid;
-    job_ = job;
+    job_ = what.job;
     job_cancelled_ = false;
   }
   const std::optional<std::string> answer = ReadAll(child->output, DeadlineAfter(options_.time_limit));
@@ -199,7 +198,7 @@ absl::StatusOr<v1::StageTimes> ChildProcessFinisher::Run(const job::JobId& job, 
   if (cancelled_) return absl::CancelledError("the coordinator is stopping");
   if (job_cancelled_) return absl::CancelledError("the job has ended");
   if (!answer.has_value()) {
-    return absl::DeadlineExceededError(absl::StrCat("the filter process of frame ", frame,
+    return absl::DeadlineExceededError(absl::StrCat("the filter process of frame ", what.frame,
                                                     " ran longer than ",
                                                     absl::FormatDuration(options_.time_limit)));
   }
@@ -263,13 +262,14 @@ absl::Status FenceThisProcess(const DataFolder& folder, const std::string& store
   return fence::EnterFence(options).status();
 }
 
-absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arguments) {
-  int32_t frame = 0;
+absl::StatusOr<v1::FrameReport> FinishAsChild(const std::vector<std::string>& arguments) {
+  RoundToEstimate what = {.job = job::JobId(arguments.size() > 1 ? arguments[1] : "")};
   int threads = 0;
   uint64_t memory_limit_bytes = 0;
-  int round = kResult;
-  if (arguments.size() != 6 || !absl::SimpleAtoi(arguments[5], &round) ||
-      !absl::SimpleAtoi(arguments[2], &frame) || !absl::SimpleAtoi(arguments[3], &threads) || threads < 1 ||
+  int64_t rendered_ms = 0;
+  if (arguments.size() != 7 || !absl::SimpleAtoi(arguments[5], &what.round) ||
+      !absl::SimpleAtoi(arguments[6], &rendered_ms) || !absl::SimpleAtoi(arguments[2], &what.frame) ||
+      !absl::SimpleAtoi(arguments[3], &threads) || threads < 1 ||
       !absl::SimpleAtoi(arguments[4], &memory_limit_bytes)) {
     return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");
   }
@@ -289,13 +289,14 @@ absl::StatusOr<v1::StageTimes> FinishAsChild(const std::vector<std::string>& arg
   SetExrThreads(threads);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   try {
-    const job::JobId job(arguments[1]);
-    return round == kResult
-               ? FinishFrame(folder, **store, job, frame, pool.get(), rpc::MonotonicNow)
-               : EstimateRound(folder, **store, job, frame, round, pool.get(), rpc::MonotonicNow);
+    what.rendered = absl::Milliseconds(rendered_ms);
+    return what.round == kResult
+               ? FinishFrame(folder, **store, what.job, what.frame, pool.get(), rpc::MonotonicNow)
+               : EstimateRound(folder, **store, what, pool.get(), rpc::MonotonicNow);
   } catch (const std::bad_alloc&) {
-    return absl::ResourceExhaustedError(absl::StrCat("filtering frame ", frame, ": out of memory (limit ",
-                                                     memory_limit_bytes >> 20, " MiB, 0 for none)"));
+    return absl::ResourceExhaustedError(absl::StrCat("filtering frame ", what.frame,
+                                                     ": out of memory (limit ", memory_limit_bytes >> 20,
+                                                     " MiB, 0 for none)"));
   }
 }
 
@@ -311,12 +312,12 @@ std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder
 }
 
 int RunFinishFrameProcess(const std::vector<std::string>& arguments) {
-  const absl::StatusOr<v1::StageTimes> times = FinishAsChild(arguments);
-  if (times.ok()) {
-    std::cout << times->SerializeAsString() << std::flush;
+  const absl::StatusOr<v1::FrameReport> report = FinishAsChild(arguments);
+  if (report.ok()) {
+    std::cout << report->SerializeAsString() << std::flush;
     return 0;
   }
-  std::cout << static_cast<int>(times.status().code()) << ' ' << std::string(times.status().message())
+  std::cout << static_cast<int>(report.status().code()) << ' ' << std::string(report.status().message())
             << std::flush;
   return kFailed;
 }

@@ -254,6 +254,9 @@ std::optional<v1::JobStatus> Coordinator::StatusInMemory(const JobId& job) {
   if (active != active_jobs_.end()) {
     v1::JobStatus status = StatusOfActiveJob(active->second, scheduler_.Progress(job));
     if (dependencies_.IsWaiting(job)) status.set_state(v1::JOB_STATE_SUBMITTED);
+    if (const auto error = predicted_errors_.find(job);
+        error != predicted_errors_.end() && !status.has_estimated_error())
+      status.set_estimated_error(error->second);
     return status;
   }
   const auto suspended = suspended_jobs_.find(job);

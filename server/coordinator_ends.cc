@@ -55,6 +55,7 @@ void Coordinator::StopRendering(const JobId& job) {
   wanted_assets_.erase(job);
   render_starts_.erase(job);
   unit_bytes_.erase(job);
+  predicted_errors_.erase(job);
   scene_files_.erase(job);
   std::erase_if(committed_frames_, [&job](const CommittedFrame& frame) { return frame.job == job; });
   finisher_->CancelJob(job);

@@ -227,6 +227,8 @@ class Coordinator final : private Committer::Listener {
     /// The round whose estimate is due; kResult: the frame is committed.
     int round = kResult;
     static constexpr int kResult = -1;
+    /// Render time of the job when that round was committed.
+    absl::Duration rendered = {};
     FrameKey key() const { return {job, number}; }
     /// Number of times that finishing it has failed, and when it may be tried again.
     int failures = 0;
@@ -411,14 +413,16 @@ class Coordinator final : private Committer::Listener {
   void RetryFrame(CommittedFrame frame, const absl::Status& error) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Lets a frame whose result could not be written wait for the storage.
   void AwaitStorage(CommittedFrame frame, const absl::Status& error) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times);
+  void RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::FrameReport>& report);
   /// Queues what is due for a frame: its result, or the estimate of a round.
   void QueueDue(const FrameKey& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Whether what the frame was queued for is still due.
   bool IsDue(const CommittedFrame& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Opens the rounds that the frame's record has.
-  void OnRoundEstimated(const CommittedFrame& frame, const v1::StageTimes& times) ABSL_LOCKS_EXCLUDED(mutex_);
-  void OnFrameRecorded(const CommittedFrame& frame, const v1::StageTimes& times, const absl::Status& status);
+  void OnRoundEstimated(const CommittedFrame& frame, const v1::FrameReport& report)
+      ABSL_LOCKS_EXCLUDED(mutex_);
+  void OnFrameRecorded(const CommittedFrame& frame, const v1::FrameReport& report,
+                       const absl::Status& status);
   /// Deletes a file or folder, at low priority.
   void DeleteFiles(const std::string& path);
   void RunHousekeeping();
@@ -466,6 +470,8 @@ class Coordinator final : private Committer::Listener {
   /// SHA-256 of the files of a job's scene, of jobs that workers have fetched files of.
   std::map<job::JobId, std::set<std::string>> scene_files_ ABSL_GUARDED_BY(mutex_);
   std::map<job::JobId, UnitBytes> unit_bytes_ ABSL_GUARDED_BY(mutex_);
+  /// With adaptive sampling: error of a frame as its last estimate predicts it.
+  std::map<job::JobId, double> predicted_errors_ ABSL_GUARDED_BY(mutex_);
   /// What the frames in flight are bounded by.
   FrameResources frame_resources_ ABSL_GUARDED_BY(mutex_);
   FrameDemand largest_frame_ ABSL_GUARDED_BY(mutex_);

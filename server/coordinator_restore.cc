@@ -179,7 +179,11 @@ void Coordinator::EnterJob(LoadedJob loaded) {
   scheduler_.AddJob(id, loaded.record.spec, options);
   LimitFramesFor(id);
   for (const int32_t frame : loaded.finished) scheduler_.RestoreFinishedFrame(id, frame);
-  for (auto& [frame, rounds] : loaded.rounds) scheduler_.SetRounds(id, frame, std::move(rounds));
+  for (auto& [frame, rounds] : loaded.rounds) {
+    v1::StageTimes& times = active_jobs_.at(id).times;  // the ledger has those of finished frames
+    times.set_render_seconds(std::max(times.render_seconds(), rounds->rendered_seconds()));
+    scheduler_.SetRounds(id, frame, std::move(rounds));
+  }
   for (const scheduler::RestoredUnit& unit : loaded.units)
     scheduler_.RestoreCommittedUnit(id, unit, options_.now());
   for (const int32_t frame : scheduler_.CommittedFrames(id)) QueueDue({id, frame});

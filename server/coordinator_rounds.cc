@@ -29,11 +29,14 @@ void Coordinator::QueueDue(const FrameKey& key) {
   const bool is_queued = std::any_of(
       committed_frames_.begin(), committed_frames_.end(),
       [&](const CommittedFrame& queued) { return queued.key() == key && queued.round == frame.round; });
-  if (!is_queued) committed_frames_.push_back(std::move(frame));
+  if (is_queued) return finishing_.Wake();
+  if (const auto active = active_jobs_.find(frame.job); active != active_jobs_.end())
+    frame.rendered = absl::Seconds(active->second.times.render_seconds());
+  committed_frames_.push_back(std::move(frame));
   finishing_.Wake();
 }
 
-void Coordinator::OnRoundEstimated(const CommittedFrame& frame, const v1::StageTimes& times) {
+void Coordinator::OnRoundEstimated(const CommittedFrame& frame, const v1::FrameReport& report) {
   v1::JobSpec spec;
   {
     absl::MutexLock lock(&mutex_);
@@ -48,7 +51,8 @@ void Coordinator::OnRoundEstimated(const CommittedFrame& frame, const v1::StageT
   options_.log->info(
       "event=round_estimated job={} frame={} round={} rounds={} final={} error={:.4g} seconds={:.3f}",
       frame.job.value(), frame.number, frame.round, rounds->count(), rounds->is_final(),
-      rounds->predicted_error(), times.filter_seconds());
+      rounds->predicted_error(), report.times().filter_seconds());
+  predicted_errors_[frame.job] = rounds->predicted_error();
   scheduler_.SetRounds(frame.job, frame.number, std::make_shared<const job::FrameRounds>(*std::move(rounds)));
   QueueDue(frame.key());
   changed_jobs_.insert(frame.job);

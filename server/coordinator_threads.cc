@@ -49,10 +49,10 @@ constexpr int kMaxGrowths = 20;
 void Coordinator::RunFinisher() {
   while (const std::optional<CommittedFrame> frame = NextCommittedFrame()) {
     const bool is_result = frame->round == CommittedFrame::kResult;
-    const absl::StatusOr<v1::StageTimes> times =
+    const absl::StatusOr<v1::FrameReport> report =
         is_result ? finisher_->Finish(frame->job, frame->number)
-                  : finisher_->Estimate(frame->job, frame->number, frame->round);
-    if (!absl::IsCancelled(times.status())) RecordFinished(*frame, times);
+                  : finisher_->Estimate({frame->job, frame->number, frame->round, frame->rendered});
+    if (!absl::IsCancelled(report.status())) RecordFinished(*frame, report);
     absl::MutexLock lock(&mutex_);
     finished_frame_.reset();
   }
@@ -115,30 +115,30 @@ void Coordinator::AwaitStorage(CommittedFrame frame, const absl::Status& error) 
   committed_frames_.push_back(std::move(frame));
 }
 
-void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::StageTimes>& times) {
-  if (absl::IsUnavailable(times.status())) storage_.Fail(times.status());
-  if (times.ok() && frame.round != CommittedFrame::kResult) return OnRoundEstimated(frame, *times);
+void Coordinator::RecordFinished(const CommittedFrame& frame, const absl::StatusOr<v1::FrameReport>& report) {
+  if (absl::IsUnavailable(report.status())) storage_.Fail(report.status());
+  if (report.ok() && frame.round != CommittedFrame::kResult) return OnRoundEstimated(frame, *report);
   absl::MutexLock lock(&mutex_);
   const auto active = active_jobs_.find(frame.job);
   if (active == active_jobs_.end()) return;
   const FrameKey key = frame.key();
   if (finished_in_vain_ || !IsDue(frame)) return;  // it is queued again when its units are committed again
-  if (absl::IsDataLoss(times.status()) || absl::IsNotFound(times.status()))
-    return committer_->Check(key, times.status());
-  if (absl::IsUnavailable(times.status())) return AwaitStorage(frame, times.status());
-  if (IsWorthRetrying(times.status())) return RetryFrame(frame, times.status());
-  if (!times.ok()) {
-    EndJob(frame.job, v1::JOB_STATE_FAILED, std::string(times.status().message()));
+  if (absl::IsDataLoss(report.status()) || absl::IsNotFound(report.status()))
+    return committer_->Check(key, report.status());
+  if (absl::IsUnavailable(report.status())) return AwaitStorage(frame, report.status());
+  if (IsWorthRetrying(report.status())) return RetryFrame(frame, report.status());
+  if (!report.ok()) {
+    EndJob(frame.job, v1::JOB_STATE_FAILED, std::string(report.status().message()));
     return;
   }
-  v1::StageTimes recorded = *times;
-  recorded.set_render_seconds(active->second.times.render_seconds());
+  v1::FrameReport recorded = *report;
+  recorded.mutable_times()->set_render_seconds(active->second.times.render_seconds());
   committer_->Write(
       [this, key, recorded] { return store_->RecordFrame(Owned(key.first), key.second, recorded); },
       [this, frame, recorded](const absl::Status& status) { OnFrameRecorded(frame, recorded, status); });
 }
 
-void Coordinator::OnFrameRecorded(const CommittedFrame& frame, const v1::StageTimes& times,
+void Coordinator::OnFrameRecorded(const CommittedFrame& frame, const v1::FrameReport& report,
                                   const absl::Status& status) {
   const JobId& job = frame.job;
   if (status.ok()) {
@@ -150,12 +150,18 @@ void Coordinator::OnFrameRecorded(const CommittedFrame& frame, const v1::StageTi
   const auto active = active_jobs_.find(job);
   if (active == active_jobs_.end()) return;
   if (!status.ok()) return EndJob(job, v1::JOB_STATE_FAILED, std::string(status.message()));
+  const v1::StageTimes& times = report.times();
   v1::StageTimes& sum = active->second.times;
   sum.set_assemble_seconds(sum.assemble_seconds() + times.assemble_seconds());
   sum.set_filter_seconds(sum.filter_seconds() + times.filter_seconds());
   sum.set_write_seconds(sum.write_seconds() + times.write_seconds());
-  options_.log->info("event=frame_finished job={} frame={} filter_seconds={:.3f}", job.value(), frame.number,
-                     times.filter_seconds());
+  std::string error;
+  if (report.has_estimated_error()) {
+    active->second.NoteError(report.estimated_error());
+    error = absl::StrFormat(" estimated_error=%.4g", report.estimated_error());
+  }
+  options_.log->info("event=frame_finished job={} frame={} filter_seconds={:.3f}{}", job.value(),
+                     frame.number, times.filter_seconds(), error);
   changed_jobs_.insert(job);
   housekeeping_.Wake();
   if (scheduler_.FrameFinished(job, frame.number)) {

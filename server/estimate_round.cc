@@ -1,17 +1,15 @@
 #include "server/estimate_round.h"
 
 #include <algorithm>
-#include <array>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "filter/methods.h"
-#include "filter/metrics/error_estimate.h"
 #include "server/checked_file.h"
 #include "server/committed_units.h"
 #include "server/film/unit_film.h"
+#include "server/filtered_rounds.h"
 
 namespace lumifold::server {
 namespace {
@@ -27,90 +25,50 @@ absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path) {
   return estimates;
 }
 
-/// A frame as it is after one of its rounds, filtered.
-struct FilteredRound {
-  EdgedImage film;
-  std::array<Plane, 3> picture;
-
-  metrics::FilteredFilm View() const {
-    return {film.pixels, {picture[0].view(), picture[1].view(), picture[2].view()}};
+/// Rays of one sample of a tile's pixels up to a round; at least 1, for its cost is more than its rays.
+absl::StatusOr<double> CostOf(const job::FrameRounds& rounds, const CommittedUnits& units, int32_t frame,
+                              int32_t tile, int round) {
+  double rays = 0;
+  double samples = 0;
+  for (int32_t pass = 0; pass <= round; ++pass) {
+    const job::UnitKey key = {frame, tile, pass, v1::UNIT_KIND_PASS};
+    if (!rounds.Has(key)) continue;
+    const absl::StatusOr<film::UnitOutline> outline = units.Outline(key);
+    if (!outline.ok()) return outline.status();
+    rays += static_cast<double>(outline->rays);
+    samples += static_cast<double>(rounds.CameraSamplesOf(key));
   }
-};
+  return std::max(1.0, rays / samples);
+}
 
-/// Estimates one round of a frame.
-class Estimator {
- public:
-  Estimator(const v1::JobSpec& spec, int32_t frame, const job::FrameRounds& rounds,
-            const CommittedUnits& units, TaskPool* pool)
-      : spec_(spec), frame_(frame), rounds_(rounds), units_(units), tiles_(spec), pool_(pool) {}
-
-  absl::StatusOr<v1::RoundEstimate> Estimate(int round) const {
-    absl::StatusOr<FilteredRound> earlier = Filter(round - 1);
-    if (!earlier.ok()) return earlier.status();
-    absl::StatusOr<FilteredRound> later = Filter(round);
-    if (!later.ok()) return later.status();
-    const auto metric = spec_.adaptive().metric() == v1::ERROR_METRIC_REL_MSE ? metrics::ErrorMetric::kRelMse
-                                                                              : metrics::ErrorMetric::kMse255;
-    const metrics::ErrorEstimate errors =
-        metrics::EstimateError(earlier->View(), later->View(), kSampleBlock, metric, pool_);
-    absl::StatusOr<std::vector<double>> costs = Costs(round, errors);
-    if (!costs.ok()) return costs.status();
-    v1::RoundEstimate estimate;
-    estimate.mutable_errors()->Add(errors.blocks.begin(), errors.blocks.end());
-    estimate.mutable_costs()->Add(costs->begin(), costs->end());
-    return estimate;
-  }
-
- private:
-  absl::StatusOr<FilteredRound> Filter(int round) const {
-    absl::StatusOr<film::UnitFilm> film =
-        film::UnitFilm::Open(spec_, frame_, &units_, pool_, {&rounds_, round + 1});
-    if (!film.ok()) return film.status();
-    absl::StatusOr<EdgedImage> read = film->Read({0, 0, film->width(), film->height()});
-    if (!read.ok()) return read.status();
-    absl::StatusOr<std::array<Plane, 3>> picture =
-        filter::FilterFilm(read->pixels, spec_.filter().method(), pool_, &read->edges);
-    if (!picture.ok()) return picture.status();
-    return FilteredRound{*std::move(read), *std::move(picture)};
-  }
-
-  /// Rays of one sample of a tile's pixels so far; at least 1, for its cost is more than its rays.
-  absl::StatusOr<double> CostOf(int32_t tile, int round) const {
-    double rays = 0;
-    double samples = 0;
-    for (int32_t pass = 0; pass <= round; ++pass) {
-      const job::UnitKey key = {frame_, tile, pass, v1::UNIT_KIND_PASS};
-      if (!rounds_.Has(key)) continue;
-      const absl::StatusOr<film::UnitOutline> outline = units_.Outline(key);
-      if (!outline.ok()) return outline.status();
-      rays += static_cast<double>(outline->rays);
-      samples += static_cast<double>(rounds_.CameraSamplesOf(key));
+/// By block of the frame, row by row.
+absl::StatusOr<std::vector<double>> Costs(const v1::JobSpec& spec, const job::FrameRounds& rounds,
+                                          const CommittedUnits& units, int32_t frame, int round) {
+  const job::FrameUnits tiles(spec);
+  const auto columns = static_cast<size_t>(BlocksIn(spec.width()));
+  std::vector<double> costs(columns * static_cast<size_t>(BlocksIn(spec.height())));
+  for (int32_t tile = 0; tile < tiles.tiles().count(); ++tile) {
+    const absl::StatusOr<double> cost = CostOf(rounds, units, frame, tile, round);
+    if (!cost.ok()) return cost.status();
+    const Rect rect = tiles.tiles().RectOf(tile);
+    for (int y = rect.y0; y < rect.y1; y += kSampleBlock) {
+      for (int x = rect.x0; x < rect.x1; x += kSampleBlock)
+        costs[static_cast<size_t>(y / kSampleBlock) * columns + static_cast<size_t>(x / kSampleBlock)] =
+            *cost;
     }
-    return std::max(1.0, rays / samples);
   }
+  return costs;
+}
 
-  absl::StatusOr<std::vector<double>> Costs(int round, const metrics::ErrorEstimate& blocks) const {
-    std::vector<double> costs(blocks.blocks.size());
-    for (int32_t tile = 0; tile < tiles_.tiles().count(); ++tile) {
-      const absl::StatusOr<double> cost = CostOf(tile, round);
-      if (!cost.ok()) return cost.status();
-      const Rect rect = tiles_.tiles().RectOf(tile);
-      for (int y = rect.y0; y < rect.y1; y += kSampleBlock) {
-        for (int x = rect.x0; x < rect.x1; x += kSampleBlock)
-          costs[static_cast<size_t>(y / kSampleBlock) * static_cast<size_t>(blocks.columns) +
-                static_cast<size_t>(x / kSampleBlock)] = *cost;
-      }
-    }
-    return costs;
-  }
-
-  const v1::JobSpec& spec_;
-  const int32_t frame_;
-  const job::FrameRounds& rounds_;
-  const CommittedUnits& units_;
-  const job::FrameUnits tiles_;
-  TaskPool* const pool_;
-};
+/// Mean samples per pixel that fit the job's time, if samples go on being made as fast as those of the round were, and the
+/// result is filtered as fast as the round was; 0 without a time.
+double BudgetOf(const v1::JobSpec& spec, double round_cost, absl::Duration rendered,
+                absl::Duration filtered) {
+  if (spec.adaptive().time_seconds() == 0) return 0;
+  const double left = spec.adaptive().time_seconds() - absl::ToDoubleSeconds(filtered);
+  const double budget = round_cost * left / std::max(absl::ToDoubleSeconds(rendered), 1e-3);
+  return std::clamp(budget, 1.0, static_cast<double>(spec.samples_per_pixel()));
+}
 
 }  // namespace
 
@@ -125,34 +83,50 @@ absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job:
                       absl::StrCat(path, ": ", std::string(rounds.status().message())));
 }
 
-absl::StatusOr<v1::StageTimes> EstimateRound(const DataFolder& folder, ledger::JobStore& store,
-                                             const job::JobId& job_id, int32_t frame, int round,
-                                             TaskPool* pool, const std::function<absl::Time()>& now) {
+absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::JobStore& store,
+                                              const RoundToEstimate& what, TaskPool* pool,
+                                              const std::function<absl::Time()>& now) {
   const absl::Time start = now();
-  const absl::StatusOr<ledger::JobRecord> job = store.GetJob(job_id);
+  const absl::StatusOr<ledger::JobRecord> job = store.GetJob(what.job);
   if (!job.ok()) return job.status();
-  const std::string path = folder.RoundsPath(job_id, frame);
+  const std::string path = folder.RoundsPath(what.job, what.frame);
   absl::StatusOr<v1::RoundEstimates> estimates = ReadEstimates(path);
   if (!estimates.ok()) return estimates.status();
   const absl::StatusOr<job::FrameRounds> rounds = job::FrameRounds::Replay(job->spec, *estimates);
   if (!rounds.ok()) return rounds.status();
-  if (round < rounds->estimated()) return v1::StageTimes();
+  const int round = what.round;
+  if (round < rounds->estimated()) return v1::FrameReport();
   if (round > rounds->estimated() || round >= rounds->count() || rounds->is_final())
     return absl::FailedPreconditionError(
-        absl::StrCat("round ", round, " of frame ", frame, " is not to be estimated"));
-  const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *job, frame);
+        absl::StrCat("round ", round, " of frame ", what.frame, " is not to be estimated"));
+  const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *job, what.frame);
   if (!units.ok()) return units.status();
-  absl::StatusOr<v1::RoundEstimate> estimate =
-      Estimator(job->spec, frame, *rounds, *units, pool).Estimate(round);
-  if (!estimate.ok()) return estimate.status();
-  *estimates->add_estimates() = *std::move(estimate);
+  const absl::StatusOr<std::vector<double>> costs = Costs(job->spec, *rounds, *units, what.frame, round);
+  if (!costs.ok()) return costs.status();
+
+  const FilteredRounds filtered(folder, *job, what.frame, *rounds, *units, pool);
+  const absl::StatusOr<FilteredRound> earlier = filtered.Get(round - 1);
+  if (!earlier.ok()) return earlier.status();
+  const absl::Time filtering = now();
+  const absl::StatusOr<FilteredRound> later = filtered.Get(round);
+  if (!later.ok()) return later.status();
+  const absl::Duration seconds = now() - filtering;
+  const metrics::ErrorEstimate errors = filtered.Compare(*earlier, *later);
+  if (absl::Status status = filtered.Keep(round, *later); !status.ok()) return status;
+
+  v1::RoundEstimate* estimate = estimates->add_estimates();
+  estimate->mutable_errors()->Add(errors.blocks.begin(), errors.blocks.end());
+  estimate->mutable_costs()->Add(costs->begin(), costs->end());
+  estimate->set_budget(BudgetOf(job->spec, rounds->MeanCostOf(round, *costs), what.rendered, seconds));
+  if (job->spec.adaptive().time_seconds() > 0)
+    estimate->set_rendered_seconds(absl::ToDoubleSeconds(what.rendered));
   if (absl::Status status =
           WriteCheckedFile(path, kRoundsFile, estimates->SerializeAsString(), folder.files());
       !status.ok())
     return status;
-  v1::StageTimes times;
-  times.set_filter_seconds(absl::ToDoubleSeconds(now() - start));
-  return times;
+  v1::FrameReport report;
+  report.mutable_times()->set_filter_seconds(absl::ToDoubleSeconds(now() - start));
+  return report;
 }
 
 }  // namespace lumifold::server

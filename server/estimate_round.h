@@ -20,14 +20,23 @@ namespace lumifold::server {
 absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job::JobId& job,
                                             const v1::JobSpec& spec, int32_t frame);
 
+struct RoundToEstimate {
+  job::JobId job;
+  int32_t frame = 0;
+  int round = 0;
+  /// Render time of the job when the round was committed.
+  absl::Duration rendered = {};
+};
+
 /// Estimates the error of a frame's filtered picture once a round is committed, from the units of this round and those
-/// before it alone, and adds the estimate to the frame's record. A repeated call writes the same bytes, and nothing where the
-/// record has the estimate. Durable once it returns OK. Returns the time of each stage, measured with `now`.
-/// Memory: the film and three pictures.
+/// before it alone, and adds the estimate to the frame's record; for a job with a time also the budget that follows from
+/// `rendered` and the time of filtering. A repeated call writes the same estimate, and nothing where the record has it.
+/// Durable once it returns OK. Returns the time of each stage, measured with `now`.
+/// Memory: two films and pictures.
 /// Errors: as FinishFrame; kFailedPrecondition for a round whose turn it is not.
 /// Threads: safe for different frames; the estimate does not depend on `pool`, which may be null.
-absl::StatusOr<v1::StageTimes> EstimateRound(const DataFolder& folder, ledger::JobStore& store,
-                                             const job::JobId& job, int32_t frame, int round, TaskPool* pool,
-                                             const std::function<absl::Time()>& now);
+absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::JobStore& store,
+                                              const RoundToEstimate& what, TaskPool* pool,
+                                              const std::function<absl::Time()>& now);
 
 }  // namespace lumifold::server

@@ -13,6 +13,7 @@
 #include "server/film/result_digest.h"
 #include "server/film/result_writer.h"
 #include "server/film/unit_film.h"
+#include "server/filtered_rounds.h"
 
 namespace lumifold::server {
 namespace {
@@ -90,6 +91,11 @@ class Finish {
     return Write(*std::move(film), *std::move(filtered));
   }
 
+  /// For a frame that was filtered before.
+  absl::Status Filtered(FilteredRound frame) {
+    return Write(std::move(frame.film), std::move(frame.picture));
+  }
+
   /// For a frame of several blocks: the other layers of the result are read again when the rows of the
   /// picture are filtered. Keeping them would need the memory of a row of blocks with all channels.
   absl::Status InRows(const filter::BlockParams& blocks) {
@@ -126,12 +132,29 @@ class Finish {
   int y_ = 0;  // first row that is not written
 };
 
+/// A frame with adaptive sampling that has estimates.
+struct EstimatedFrame {
+  FilteredRound last;
+  double error = 0;
+};
+
+/// The last round of a frame, with the error of its picture: measured by comparison with the last round that was estimated.
+absl::StatusOr<EstimatedFrame> Estimated(const FilteredRounds& filtered, const job::FrameRounds& rounds) {
+  absl::StatusOr<FilteredRound> last = filtered.Get(rounds.count() - 1);
+  if (!last.ok()) return last.status();
+  if (rounds.measured_error().has_value()) return EstimatedFrame{*std::move(last), *rounds.measured_error()};
+  const absl::StatusOr<FilteredRound> earlier = filtered.Get(rounds.estimated() - 1);
+  if (!earlier.ok()) return earlier.status();
+  const double error = rounds.MeasuredError(filtered.Compare(*earlier, *last).blocks);
+  return EstimatedFrame{*std::move(last), error};
+}
+
 }  // namespace
 
-absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
-                                           const job::JobId& job_id, int32_t frame, TaskPool* pool,
-                                           const std::function<absl::Time()>& now,
-                                           const filter::BlockParams& blocks) {
+absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
+                                            const job::JobId& job_id, int32_t frame, TaskPool* pool,
+                                            const std::function<absl::Time()>& now,
+                                            const filter::BlockParams& blocks) {
   const absl::StatusOr<JobRecord> job = store.GetJob(job_id);
   if (!job.ok()) return job.status();
   StageClock clock(now);
@@ -148,23 +171,40 @@ absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::Job
       rounds.has_value() ? film::FilmRounds{&*rounds, rounds->count()} : film::FilmRounds());
   if (!film.ok()) return film.status();
   clock.Charge(StageClock::kAssemble);
+  film::ResultInfo info = {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class};
+  std::optional<EstimatedFrame> estimated;
+  if (rounds.has_value() && rounds->estimated() > 1) {
+    const FilteredRounds filtered(folder, *job, frame, *rounds, *units, pool);
+    absl::StatusOr<EstimatedFrame> made = Estimated(filtered, *rounds);
+    if (!made.ok()) return made.status();
+    estimated = *std::move(made);
+    info.estimated_error = estimated->error;
+    info.schedule = rounds->schedule();
+    clock.Charge(StageClock::kFilter);
+  }
   if (absl::Status status = MakeFolder(folder.ResultsPath(job_id), folder.files()); !status.ok())
     return status;
-  absl::StatusOr<film::ResultWriter> result = film::ResultWriter::Create(
-      folder.ResultPath(job_id, frame), *film,
-      {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class}, folder.files());
+  absl::StatusOr<film::ResultWriter> result =
+      film::ResultWriter::Create(folder.ResultPath(job_id, frame), *film, info, folder.files());
   if (!result.ok()) return result.status();
   clock.Charge(StageClock::kWrite);
   Finish finish(&*film, &*result, job->spec.filter().method(), pool, &clock);
   const bool is_one_block = filter::BlockGrid(film->width(), film->height(), blocks).IsOneBlock();
-  const absl::Status written = is_one_block ? finish.Whole() : finish.InRows(blocks);
+  const absl::Status written = estimated.has_value() ? finish.Filtered(std::move(estimated->last))
+                               : is_one_block        ? finish.Whole()
+                                                     : finish.InRows(blocks);
   if (!written.ok()) return written;
   if (absl::Status status = result->Finish(); !status.ok()) return status;
   const absl::StatusOr<std::string> digest =
       film::MakeResultDigest(folder.ResultPath(job_id, frame), folder.files());
   if (!digest.ok()) return digest.status();
+  if (rounds.has_value())
+    RemoveAll(folder.RoundPicturePath(job_id, frame), folder.files()).IgnoreError();  // it goes with the job
   clock.Charge(StageClock::kWrite);
-  return clock.Times();
+  v1::FrameReport report;
+  *report.mutable_times() = clock.Times();
+  if (info.estimated_error.has_value()) report.set_estimated_error(*info.estimated_error);
+  return report;
 }
 
 }  // namespace lumifold::server

@@ -19,9 +19,9 @@ namespace lumifold::server {
 /// Errors: kNotFound for an unknown job; kDataLoss naming the damaged or missing record; those of the filter;
 /// kUnavailable for a disk error.
 /// Threads: safe for different frames; the file does not depend on `pool`, which may be null.
-absl::StatusOr<v1::StageTimes> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
-                                           const job::JobId& job, int32_t frame, TaskPool* pool,
-                                           const std::function<absl::Time()>& now,
-                                           const filter::BlockParams& blocks = {});
+absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
+                                            const job::JobId& job, int32_t frame, TaskPool* pool,
+                                            const std::function<absl::Time()>& now,
+                                            const filter::BlockParams& blocks = {});
 
 }  // namespace lumifold::server

@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/data_folder.h"
+#include "server/estimate_round.h"
 #include "server/ledger/job_store.h"
 
 namespace lumifold::server {
@@ -22,11 +23,11 @@ class FrameFinisher {
 
   /// Writes the frame's result; blocks.
   /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
-  virtual absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) = 0;
+  virtual absl::StatusOr<v1::FrameReport> Finish(const job::JobId& job, int32_t frame) = 0;
 
   /// Adds the estimate of a round to the frame's record; blocks.
   /// Errors: as EstimateRound; otherwise as Finish.
-  virtual absl::StatusOr<v1::StageTimes> Estimate(const job::JobId& job, int32_t frame, int round) = 0;
+  virtual absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) = 0;
 
   /// Makes a running Finish or Estimate of this job return as soon as possible. No effect on later calls.
   virtual void CancelJob(const job::JobId& job) = 0;

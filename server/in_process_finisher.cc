@@ -15,14 +15,14 @@ class InProcessFinisher final : public FrameFinisher {
                     std::function<absl::Time()> now)
       : folder_(folder), store_(store), pool_(MakeTaskPool(threads)), now_(std::move(now)) {}
 
-  absl::StatusOr<v1::StageTimes> Finish(const job::JobId& job, int32_t frame) override {
+  absl::StatusOr<v1::FrameReport> Finish(const job::JobId& job, int32_t frame) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
     return FinishFrame(folder_, *store_, job, frame, pool_.get(), now_);
   }
 
-  absl::StatusOr<v1::StageTimes> Estimate(const job::JobId& job, int32_t frame, int round) override {
+  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
-    return EstimateRound(folder_, *store_, job, frame, round, pool_.get(), now_);
+    return EstimateRound(folder_, *store_, round, pool_.get(), now_);
   }
 
   void CancelJob(const job::JobId&) override {}

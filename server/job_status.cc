@@ -47,6 +47,8 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   status.set_submitted_unix_ms(absl::ToUnixMillis(record.submitted));
   *status.mutable_times() = record.times;
   *status.mutable_scheduling() = record.scheduling;
+  if (record.estimated_error.has_value()) status.set_estimated_error(*record.estimated_error);
+  if (spec.has_adaptive()) *status.mutable_adaptive() = spec.adaptive();
   status.set_display_name(spec.scene().display_name());
   return status;
 }

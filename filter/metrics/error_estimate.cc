@@ -65,11 +65,12 @@ class Comparison {
     const double n = a1 + b1;
     if (m < 1 || n <= m) return;
     ++sums->with_news;
+    const double fall = Pow(static_cast<float>(n / m), kErrorDecline);  // of the error, from m to n
     const bool has_halves = a1 > a0 && b1 > b0;
     for (size_t c = 0; c < 3; ++c) {
       const double weight = WeightAt(later_[c].At(x, y), metric_);
       const double step = double{later_[c].At(x, y)} - double{earlier_[c].At(x, y)};
-      sums->variance += weight * step * step * m / (n - m);
+      sums->variance += weight * step * step / (fall - 1);
       if (!has_halves) continue;
       const double half_a = MeanOfNew(after_.half_a[c].At(x, y), a1, before_.half_a[c].At(x, y), a0);
       const double half_b = MeanOfNew(after_.half_b[c].At(x, y), b1, before_.half_b[c].At(x, y), b0);
@@ -78,7 +79,7 @@ class Comparison {
       const double off = double{earlier_[c].At(x, y)} - mean;
       const double noise = share * (1 - share) * (half_a - half_b) * (half_a - half_b);
       sums->error += weight * (off * off - noise);
-      sums->earlier += weight * step * step * n / (n - m);
+      sums->earlier += weight * step * step * fall / (fall - 1);
     }
   }
 

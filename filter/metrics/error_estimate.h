@@ -9,6 +9,10 @@
 
 namespace lumifold::metrics {
 
+/// The squared error of a filtered picture falls as samples^-kErrorDecline: between noise, which falls as 1 / samples, and
+/// bias. 0.65 to 0.83 in the chart's scenes (docs/results/adaptive.md).
+inline constexpr float kErrorDecline = 0.75f;
+
 /// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
 /// filtered value.
 enum class ErrorMetric { kMse255, kRelMse };
@@ -33,7 +37,8 @@ struct ErrorEstimate {
 /// Compares what the filter makes of a film with what it made of the same film when it had fewer samples.
 ///
 /// Variance, block by block: the filtered picture is nearly a mean of the samples, so that of n samples, m of which the
-/// earlier film had, the two pictures differ by V(m) - V(n), and V falls as 1 / n: V(n) = m / (n - m) * difference^2.
+/// earlier film had, the mean square of the two pictures' difference is V(m) - V(n). V falls as n^-kErrorDecline, so
+/// V(n) = difference^2 / ((n / m)^kErrorDecline - 1).
 /// Bias, over the whole picture: the earlier picture has seen none of the new samples, so the mean square of its
 /// difference from their mean, less the variance of that mean, is its whole error. That is without bias but far noisier
 /// than V; so it gives one factor on all blocks, which is as far above 1 as its standard error allows.

@@ -1,9 +1,13 @@
 #include "server/film/result.h"
 
 #include <algorithm>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "filter/image/layers.h"
 #include "proto/rpc/plan_text.h"
 #include "proto/rpc/version.h"
@@ -41,6 +45,12 @@ void AddReflection(LayeredImage* result) {
   }
 }
 
+/// With all digits: whoever reads it gets the same budgets.
+std::string ScheduleText(const std::vector<double>& schedule) {
+  return absl::StrJoin(
+      schedule, ",", [](std::string* text, double budget) { absl::StrAppendFormat(text, "%.17g", budget); });
+}
+
 void Describe(const ResultInfo& info, LayeredImage* result) {
   auto& metadata = result->metadata();
   const v1::JobSpec& spec = info.spec;
@@ -56,6 +66,9 @@ void Describe(const ResultInfo& info, LayeredImage* result) {
   metadata["lumifold.seed"] = absl::StrCat(spec.seed());
   metadata["lumifold.max_bounces"] = absl::StrCat(spec.max_bounces());
   metadata["lumifold.method"] = spec.filter().method();
+  if (info.estimated_error.has_value())
+    metadata["lumifold.estimated_error"] = absl::StrFormat("%.4g", *info.estimated_error);
+  if (!info.schedule.empty()) metadata["lumifold.schedule"] = ScheduleText(info.schedule);
   if (spec.has_plan()) metadata["lumifold.plan"] = rpc::PlanLine(spec.plan());
 }
 

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "filter/image/edged_image.h"
 #include "lumifold/v1/job.pb.h"
@@ -14,6 +16,10 @@ struct ResultInfo {
   v1::JobSpec spec;
   int32_t frame = 0;
   std::string numeric_class;
+  /// With adaptive sampling, where the error was estimated.
+  std::optional<double> estimated_error = {};
+  /// The budgets of a job with a time or a schedule: such a job with this schedule has the same picture.
+  std::vector<double> schedule = {};
 };
 
 /// Makes the result of a frame, or some rows of it: `filtered` as R G B, coverage A, the layers noisy,

@@ -1,5 +1,6 @@
 #include "server/job/frame_rounds.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -13,7 +14,14 @@ sampling::SamplingSettings SettingsOf(const v1::JobSpec& spec) {
   return {.width = spec.width(),
           .height = spec.height(),
           .budget = static_cast<double>(spec.samples_per_pixel()),
-          .target_error = spec.adaptive().target_error()};
+          .target_error = spec.adaptive().target_error(),
+          .budget_changes = spec.adaptive().time_seconds() > 0 || !spec.adaptive().schedule().empty()};
+}
+
+/// What the frame may have from its estimate number `index` on; 0 where that does not change.
+double BudgetOf(const v1::AdaptiveSampling& adaptive, size_t index, const v1::RoundEstimate& estimate) {
+  if (adaptive.schedule().empty()) return estimate.budget();
+  return adaptive.schedule(std::min(static_cast<int>(index), adaptive.schedule_size() - 1));
 }
 
 }  // namespace
@@ -31,11 +39,20 @@ absl::StatusOr<FrameRounds> FrameRounds::Replay(const v1::JobSpec& spec,
                 estimate.costs_size() == blocks;
     for (const double error : estimate.errors()) fits = fits && std::isfinite(error);
     for (const double cost : estimate.costs()) fits = fits && std::isfinite(cost) && cost > 0;
+    const double budget = BudgetOf(spec.adaptive(), rounds.schedule_.size(), estimate);
+    fits = fits && std::isfinite(estimate.rendered_seconds()) &&
+           (budget == 0 || (budget >= 1 && budget <= spec.samples_per_pixel()));
     if (!fits)
       return absl::DataLossError(absl::StrCat("the estimate of round ", round, " does not fit its frame"));
-    rounds.sampling_.AddEstimate(round,
-                                 std::vector<double>(estimate.errors().begin(), estimate.errors().end()),
+    if (budget > 0) {
+      rounds.sampling_.SetBudget(budget);
+      rounds.schedule_.push_back(budget);
+    }
+    const std::vector<double> errors(estimate.errors().begin(), estimate.errors().end());
+    rounds.sampling_.AddEstimate(round, errors,
                                  std::vector<double>(estimate.costs().begin(), estimate.costs().end()));
+    if (round + 1 == rounds.count()) rounds.measured_error_ = rounds.sampling_.MeasuredError(errors);
+    rounds.rendered_seconds_ = estimate.rendered_seconds();
     ++rounds.estimated_;
   }
   return rounds;

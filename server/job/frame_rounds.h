@@ -2,8 +2,11 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "filter/image/tile_samples.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/rounds.pb.h"
@@ -33,6 +36,18 @@ class FrameRounds {
   int estimated() const { return estimated_; }
   /// See sampling::FrameSampling::PredictedError.
   double predicted_error() const { return sampling_.PredictedError(); }
+  /// See sampling::FrameSampling::MeasuredError.
+  double MeasuredError(absl::Span<const double> errors) const { return sampling_.MeasuredError(errors); }
+  /// See sampling::FrameSampling::MeanCostOf.
+  double MeanCostOf(int round, absl::Span<const double> costs) const {
+    return sampling_.MeanCostOf(round, costs);
+  }
+  /// The error of the frame once all rounds are complete, where the last one has an estimate.
+  std::optional<double> measured_error() const { return measured_error_; }
+  /// Of a job with a time: its render time when the last estimated round was committed.
+  double rendered_seconds() const { return rendered_seconds_; }
+  /// The budgets of a job with a time or a schedule, in the order of the estimates.
+  const std::vector<double>& schedule() const { return schedule_; }
 
   /// False for a pass that is not decided, and for one in which the tile gets no samples. True for geometry.
   bool Has(const UnitKey& unit) const;
@@ -45,6 +60,9 @@ class FrameRounds {
   TileGrid tiles_;
   sampling::FrameSampling sampling_;
   int estimated_ = 1;
+  std::optional<double> measured_error_;
+  double rendered_seconds_ = 0;
+  std::vector<double> schedule_;
 };
 
 }  // namespace lumifold::job

@@ -134,12 +134,37 @@ absl::Status CheckNumbers(const v1::JobSpec& spec) {
   return absl::OkStatus();
 }
 
+/// The limit of time of a job with adaptive sampling, or the schedule in place of it.
+absl::Status CheckTime(const v1::JobSpec& spec) {
+  const v1::AdaptiveSampling& adaptive = spec.adaptive();
+  const double time = adaptive.time_seconds();
+  if (!std::isfinite(time) || time < 0)
+    return absl::InvalidArgumentError(
+        absl::StrCat("adaptive.time_seconds is ", time, ", not a finite number from 0 on"));
+  if (adaptive.schedule_size() > kMaxRounds)
+    return absl::InvalidArgumentError(absl::StrCat("adaptive.schedule has ", adaptive.schedule_size(),
+                                                   " budgets, a frame at most ", kMaxRounds, " rounds"));
+  for (const double budget : adaptive.schedule()) {
+    if (budget >= 1 && budget <= spec.samples_per_pixel()) continue;
+    return absl::InvalidArgumentError(absl::StrCat("adaptive.schedule has ", budget,
+                                                   ", not samples per pixel from 1 to samples_per_pixel, ",
+                                                   spec.samples_per_pixel()));
+  }
+  if (time == 0 && adaptive.schedule().empty()) return absl::OkStatus();
+  if (time > 0 && !adaptive.schedule().empty())
+    return absl::InvalidArgumentError("adaptive has a time and a schedule, which take each other's place");
+  if (FrameList(spec).count() == 1) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "a time limit and a schedule are of one frame: submit each frame as a job of its own");
+}
+
 absl::Status CheckAdaptive(const v1::JobSpec& spec) {
   if (!spec.has_adaptive()) return absl::OkStatus();
   const double target = spec.adaptive().target_error();
   if (!std::isfinite(target) || target < 0)
     return absl::InvalidArgumentError(
         absl::StrCat("adaptive.target_error is ", target, ", not a finite number from 0 on"));
+  if (absl::Status status = CheckTime(spec); !status.ok()) return status;
   if (!v1::ErrorMetric_IsValid(spec.adaptive().metric()))
     return absl::InvalidArgumentError(
         absl::StrCat("adaptive.metric is ", spec.adaptive().metric(), ", which is none"));

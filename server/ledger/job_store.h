@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -48,6 +49,11 @@ struct JobRecord {
   int64_t bad_samples = 0;
   int32_t frames_done = 0;
   v1::StageTimes times;
+  /// The largest of those frames that were estimated.
+  std::optional<double> estimated_error = {};
+  void NoteError(double of_frame) {
+    estimated_error = std::max(estimated_error.value_or(of_frame), of_frame);
+  }
   /// Each line once, in the order of first occurrence, at most job::kMaxJobWarnings. Empty in a JobPage.
   std::vector<std::string> warnings;
   /// Further warnings of units that are not among `warnings`; a line of several units counts once for each.
@@ -178,7 +184,7 @@ class JobStore {
 
   /// Records that a frame's result is written, and adds `times` to those of the job. The frame's units are no longer
   /// visited; PurgeUnits deletes their rows. No effect for a frame that is already recorded.
-  virtual absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::StageTimes& times) = 0;
+  virtual absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) = 0;
   /// Recorded frames of a job, in ascending order.
   virtual absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) = 0;
   /// Ends a job. Its units are no longer visited, and PurgeUnits deletes their rows; its counts stay. No effect on a

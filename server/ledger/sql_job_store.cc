@@ -31,7 +31,7 @@ class SqlJobStore final : public JobStore {
   absl::Status RevokeUnits(const OwnedJob& job, absl::Span<const job::UnitKey> units) override;
   absl::Status ForEachUnit(const JobId& job, std::optional<int32_t> frame,
                            absl::FunctionRef<void(const UnitRecord&)> visit) override;
-  absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::StageTimes& times) override;
+  absl::Status RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) override;
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const JobId& job) override;
   absl::Status EndJob(const OwnedJob& job, v1::JobState state, const std::string& error) override;
   absl::Status ReopenFrames(const JobId& job, const Owner& owner, const v1::JobSpec& spec,
@@ -149,9 +149,9 @@ absl::Status SqlJobStore::ForEachUnit(const JobId& job, std::optional<int32_t> f
   return VisitUnits(*reader_, job, frame, visit);
 }
 
-absl::Status SqlJobStore::RecordFrame(const OwnedJob& job, int32_t frame, const v1::StageTimes& times) {
+absl::Status SqlJobStore::RecordFrame(const OwnedJob& job, int32_t frame, const v1::FrameReport& report) {
   return ChangeOwnedJob(
-      job, [&](SqlConnection& db, int64_t number) { return FinishFilm(db, number, frame, times); });
+      job, [&](SqlConnection& db, int64_t number) { return FinishFilm(db, number, frame, report); });
 }
 
 absl::StatusOr<std::vector<int32_t>> SqlJobStore::FinishedFrames(const JobId& job) {

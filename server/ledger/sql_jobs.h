@@ -34,6 +34,9 @@ struct JobRow {
 absl::StatusOr<std::vector<JobRow>> QueryJobs(SqlConnection& db, bool with_files,
                                               const std::string& condition, const SqlParams& params);
 
+/// jobs.estimated_error of a job without one.
+inline constexpr double kNoError = -1;
+
 /// Reads the warnings of each job that is not damaged, in order.
 absl::Status AddWarnings(SqlConnection& db, std::vector<JobRow>* jobs);
 

@@ -212,7 +212,7 @@ absl::Status DeleteUnits(SqlConnection& db, int64_t job, absl::Span<const job::U
   return status.ok() ? Uncount(db, job, revoked) : status;
 }
 
-absl::Status FinishFilm(SqlConnection& db, int64_t job, int32_t frame, const v1::StageTimes& times) {
+absl::Status FinishFilm(SqlConnection& db, int64_t job, int32_t frame, const v1::FrameReport& report) {
   // A frame may have no units here: those of one that was filtered again are not in the ledger.
   if (absl::Status status = db.Run(
           "INSERT INTO films(job, frame) VALUES($1, $2) ON CONFLICT(job, frame) DO NOTHING", {job, frame});
@@ -233,12 +233,16 @@ absl::Status FinishFilm(SqlConnection& db, int64_t job, int32_t frame, const v1:
   }
   if (!film.has_value()) return absl::OkStatus();
   if (absl::Status status = AddGarbage(db, *film, units); !status.ok()) return status;
+  const v1::StageTimes& times = report.times();
+  const double error = report.has_estimated_error() ? report.estimated_error() : kNoError;
   return db.Run(
       "UPDATE jobs SET frames_done = frames_done + 1,"
       " render_seconds = CASE WHEN render_seconds > $1 THEN render_seconds ELSE $1 END,"
       " assemble_seconds = assemble_seconds + $2, filter_seconds = filter_seconds + $3,"
-      " write_seconds = write_seconds + $4 WHERE number = $5",
-      {times.render_seconds(), times.assemble_seconds(), times.filter_seconds(), times.write_seconds(), job});
+      " write_seconds = write_seconds + $4,"
+      " estimated_error = CASE WHEN estimated_error > $5 THEN estimated_error ELSE $5 END WHERE number = $6",
+      {times.render_seconds(), times.assemble_seconds(), times.filter_seconds(), times.write_seconds(), error,
+       job});
 }
 
 absl::Status DiscardFilms(SqlConnection& db, int64_t job, const std::string& condition,

@@ -37,7 +37,7 @@ absl::Status VisitUnits(SqlConnection& db, const job::JobId& job, std::optional<
 /// JobStore::RevokeUnits.
 absl::Status DeleteUnits(SqlConnection& db, int64_t job, absl::Span<const job::UnitKey> units);
 /// JobStore::RecordFrame.
-absl::Status FinishFilm(SqlConnection& db, int64_t job, int32_t frame, const v1::StageTimes& times);
+absl::Status FinishFilm(SqlConnection& db, int64_t job, int32_t frame, const v1::FrameReport& report);
 /// Removes the films of the job that meet a condition, in which $1 is the job; their units become garbage.
 absl::Status DiscardFilms(SqlConnection& db, int64_t job, const std::string& condition,
                           const SqlParams& params);

@@ -11,7 +11,7 @@
 namespace lumifold::ledger {
 namespace {
 
-constexpr int64_t kSchemaVersion = 3;
+constexpr int64_t kSchemaVersion = 4;
 
 // Times are milliseconds since 1970; 0 means "not yet". A film is what is rendered of a frame: a frame that is rendered
 // again has a new film, and the units of the old one are garbage. The key of units has the order in which a film is
@@ -41,6 +41,7 @@ CREATE TABLE jobs(
   filter_seconds DOUBLE PRECISION NOT NULL DEFAULT 0,
   write_seconds DOUBLE PRECISION NOT NULL DEFAULT 0,
   warnings_left_out BIGINT NOT NULL DEFAULT 0,
+  estimated_error DOUBLE PRECISION NOT NULL DEFAULT {no_error},
   scheduling {blob} NOT NULL,
   spec {blob} NOT NULL,
   files {blob} NOT NULL);
@@ -135,7 +136,8 @@ DROP TABLE old_jobs;
 absl::Status CreateTables(SqlConnection& db) {
   return db.RunScript(absl::StrReplaceAll(kSchema, {{"{serial}", db.dialect().serial},
                                                     {"{blob}", db.dialect().blob},
-                                                    {"{clustered}", db.dialect().clustered}}));
+                                                    {"{clustered}", db.dialect().clustered},
+                                                    {"{no_error}", absl::StrCat(kNoError)}}));
 }
 
 /// Divides the spec of an old job as CreateJob does. One that cannot be read stays as it is.
@@ -182,6 +184,9 @@ absl::Status Upgrade(SqlConnection& db) {
     status = CreateTables(db);
   } else if (*version == 1 || *version == 2) {
     status = TakeOver(db, *version);
+  } else if (*version == 3) {
+    status = db.RunScript(absl::StrCat(
+        "ALTER TABLE jobs ADD COLUMN estimated_error DOUBLE PRECISION NOT NULL DEFAULT ", kNoError));
   } else {
     return absl::FailedPreconditionError(
         absl::StrCat("ledger: written by another version of Lumifold (schema ", *version, ", expected ",

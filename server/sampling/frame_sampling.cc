@@ -7,12 +7,12 @@
 #include "filter/image/check.h"
 #include "filter/image/portable_math.h"
 #include "filter/image/tile_samples.h"
+#include "filter/metrics/error_estimate.h"
 
 namespace lumifold::sampling {
 namespace {
 
-/// Slope of the filtered error over samples in the chart's scenes: 0.65 to 0.83 (docs/results/plan.md).
-constexpr float kDecline = 0.75f;
+constexpr float kDecline = metrics::kErrorDecline;
 
 constexpr uint32_t kFirstSamples = 8;  // of each of the uniform rounds
 constexpr int kUniformRounds = 3;
@@ -64,18 +64,22 @@ void FrameSampling::Learn(const Allocation& samples, absl::Span<const double> er
   }
 }
 
-double FrameSampling::ErrorOf(const Allocation& samples) const {
+double FrameSampling::BlockError(size_t block, uint32_t samples) const {
+  return estimates_[block] > 0 ? amplitudes_[block] / estimates_[block] / Power(samples, kDecline) : 0;
+}
+
+double FrameSampling::MeasuredError(absl::Span<const double> errors) const {
+  LUMIFOLD_CHECK(errors.size() == amplitudes_.size());
   double sum = 0;
-  for (size_t i = 0; i < samples.size(); ++i) {
-    if (estimates_[i] > 0) sum += PixelsOf(i) * amplitudes_[i] / estimates_[i] / Power(samples[i], kDecline);
-  }
+  for (size_t i = 0; i < errors.size(); ++i)
+    sum += PixelsOf(i) * (errors[i] >= 0 ? errors[i] : BlockError(i, rounds_.back()[i]));
   return sum / (static_cast<double>(settings_.width) * settings_.height);
 }
 
 double FrameSampling::PredictedError() const {
   const bool is_known =
       std::any_of(estimates_.begin(), estimates_.end(), [](int count) { return count > 0; });
-  return is_known ? ErrorOf(rounds_.back()) : -1;
+  return is_known ? MeasuredError(std::vector<double>(amplitudes_.size(), -1)) : -1;
 }
 
 double FrameSampling::MeanCost(const Allocation& samples, absl::Span<const double> costs) const {
@@ -120,6 +124,11 @@ Allocation FrameSampling::Distribute(double mean_cost, absl::Span<const double> 
   return scaled_by(low);
 }
 
+void FrameSampling::SetBudget(double budget) {
+  LUMIFOLD_CHECK(budget >= 1);
+  settings_.budget = budget;
+}
+
 void FrameSampling::AddEstimate(int round, absl::Span<const double> errors, absl::Span<const double> costs) {
   LUMIFOLD_CHECK(!is_final_ && round >= 1 && round < static_cast<int>(rounds_.size()));
   LUMIFOLD_CHECK(errors.size() == amplitudes_.size() && costs.size() == amplitudes_.size());
@@ -132,10 +141,13 @@ void FrameSampling::AddEstimate(int round, absl::Span<const double> errors, absl
   const double spent = MeanCost(rounds_.back(), costs);
   const double step = std::max(spent, kSamplesPerEstimate * settings_.filter_cost);
   Allocation next = Distribute(std::min(settings_.budget, spent + step), costs);
-  const bool grows = next != rounds_.back();
+  // A budget that changes is never met exactly: no round for less than filtering it costs.
+  const bool pays = !settings_.budget_changes || settings_.budget - spent >= settings_.filter_cost;
+  const bool grows = pays && next != rounds_.back();
   if (grows) rounds_.push_back(std::move(next));
   const bool is_spent = MeanCost(rounds_.back(), costs) + kSampleStep >= settings_.budget;
-  is_final_ = (is_spent && !(settings_.target_error > 0)) || (!grows && is_last);
+  const bool may_go_on = settings_.target_error > 0 || settings_.budget_changes;
+  is_final_ = (is_spent && !may_go_on) || (!grows && is_last);
 }
 
 }  // namespace lumifold::sampling

@@ -24,6 +24,8 @@ struct SamplingSettings {
   double target_error = 0;
   /// Cost of filtering the frame once, in samples per pixel: every estimate costs as much.
   double filter_cost = 5;
+  /// SetBudget may be called: a frame whose budget looks spent waits for the estimate of its last round.
+  bool budget_changes = false;
 };
 
 /// The samples of one frame as a sequence of rounds. Round r brings every block to its count in rounds()[r]; the first
@@ -47,6 +49,13 @@ class FrameSampling {
   const std::vector<Allocation>& rounds() const { return rounds_; }
   /// No round follows those decided so far.
   bool is_final() const { return is_final_; }
+  /// Cost of a round's samples, those of the rounds before it included, over that of one sample of each pixel. `costs` as
+  /// for AddEstimate.
+  double MeanCostOf(int round, absl::Span<const double> costs) const {
+    return MeanCost(rounds_[static_cast<size_t>(round)], costs);
+  }
+  /// Changes the budget for all further estimates. >= 1. Samples that were granted stay granted.
+  void SetBudget(double budget);
   /// What is known once round `round` is complete; call it once for each round from 1 on, in order, until is_final.
   /// `errors`: by block, as metrics::EstimateError gives them for rounds round - 1 and round; negative: unknown.
   /// `costs`: of one sample of each pixel of a block, by block, above 0, in any unit.
@@ -55,11 +64,15 @@ class FrameSampling {
   /// Error of the frame once all rounds decided so far are complete, as the estimates predict it; negative before the
   /// first.
   double PredictedError() const;
+  /// The same, measured once they are complete: `errors` by block, as metrics::EstimateError gives them for the last round
+  /// and an earlier one; blocks with a negative one have no new samples, and count as predicted.
+  double MeasuredError(absl::Span<const double> errors) const;
 
  private:
   double PixelsOf(size_t block) const;
   void Learn(const Allocation& samples, absl::Span<const double> errors);
-  double ErrorOf(const Allocation& samples) const;
+  /// Predicted error of a block with these samples; 0 before its first estimate.
+  double BlockError(size_t block, uint32_t samples) const;
   /// Cost of an allocation over that of one sample of each pixel.
   double MeanCost(const Allocation& samples, absl::Span<const double> costs) const;
   /// The best allocation of at most this mean cost that no block loses samples by.

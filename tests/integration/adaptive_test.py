@@ -1,13 +1,21 @@
 """Adaptive sampling in a farm of processes: the same file for any workers, and whoever is killed in mid-decision."""
 
+import json
 import pathlib
 import tempfile
 import unittest
 
+from exr_header import metadata_of
 from farm import Farm, run, wait_until
 from farm_test import SceneTest
 
 WIDTH, HEIGHT, SAMPLES = 96, 72, 160
+
+
+def damage(file):
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
 
 
 class AdaptiveTest(SceneTest):
@@ -53,10 +61,8 @@ class AdaptiveTest(SceneTest):
             job = self.submit_and_wait_for_a_decision(farm)
             worker.kill()
             farm.server.kill()
-            record = next(pathlib.Path(data).glob("**/frame-0000.rounds"))
-            content = bytearray(record.read_bytes())
-            content[len(content) // 2] ^= 1
-            record.write_bytes(content)
+            for name in ("rounds", "picture"):
+                damage(next(pathlib.Path(data).glob(f"**/frame-0000.{name}")))
             farm.start_server(listen=farm.address)
             self.assertIn("event=rounds_damaged", farm.server.log_text())
             farm.start_worker()
@@ -73,13 +79,48 @@ class AdaptiveTest(SceneTest):
             self.assertEqual(status["samples_done"], status["samples_total"])
             self.assertIn("final=true", farm.server.log_text())
 
+    def test_a_target_out_of_reach_says_what_was_reached(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            farm.start_worker(threads=2)
+            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "128", "--target-error",
+                              "0.001").stdout.strip()
+            farm.client("wait", job)
+            reached = farm.status(job)["estimated_error"]
+            self.assertGreater(reached, 0.001)
+            self.assertIn("target 0.001 not reached", farm.client("status", job).stdout)
+            result = self.root / "reached.exr"
+            farm.client("download", job, "-o", result)
+            self.assertAlmostEqual(float(metadata_of(result)["lumifold.estimated_error"]), reached, delta=1e-3 * reached)
+            farm.server.kill()
+            farm.start_server(listen=farm.address)
+            self.assertEqual(farm.status(job)["estimated_error"], reached)
+
+    def test_the_schedule_of_a_time_gives_the_same_picture(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            farm.start_worker(threads=2)
+            size = ("--size", f"{WIDTH}x{HEIGHT}", "--seed", "3")
+            timed, again = self.root / "timed.exr", self.root / "again.exr"
+            job = farm.client("submit", self.scene, *size, "--time", "4s").stdout.strip()
+            farm.client("wait", job)
+            farm.client("download", job, "-o", timed)
+            schedule = metadata_of(timed)["lumifold.schedule"]
+            self.assertGreater(float(schedule.split(",")[-1]), 24)
+            run("lumifold", "render", self.scene, *size, "--schedule", schedule, "-o", again)
+            same = json.loads(run("lumifold", "compare", again, timed, "--json").stdout)
+            self.assertEqual(same["mse255"], 0)
+            self.assertEqual(metadata_of(again)["lumifold.schedule"], schedule)
+
     def test_what_does_not_fit_is_refused(self):
         for options, code, text in (
             (("--target-metric", "psnr", "--target-error", "1"), 2, "--target-metric must be mse255 or relmse"),
             (("--target-metric", "relmse"), 2, "--target-metric requires --target-error"),
             (("--adaptive", "--size", "4096x4096"), None, "too large for adaptive sampling"),
+            (("--time", "soon"), 2, "--time: expected a duration"),
+            (("--time", "10s", "--schedule", "20"), 2, "take each other's place"),
+            (("--schedule", "20,x"), 2, "--schedule: expected samples per pixel"),
+            (("--time", "10s", "--frames", "0-1"), 2, "--time and --schedule are of one frame"),
         ):
-            refused = run("lumifold", "render", self.scene, *options, "-o", self.root / "no.exr", check=False)
+            refused = run("lumifold", "render", self.scene, *options, "-o", self.root / "no-####.exr", check=False)
             self.assertNotEqual(refused.returncode, 0)
             if code is not None:
                 self.assertEqual(refused.returncode, code)

@@ -102,12 +102,15 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
     if (sampling.is_final() && !is_last) continue;
     Filtered filtered = {blocks.Film(), {}};
     filtered.picture = filter::Denoise(filtered.film.pixels, &filtered.film.edges, pool);
-    if (!sampling.is_final() && earlier.has_value()) {
+    if (earlier.has_value()) {
       const metrics::ErrorEstimate estimate =
           metrics::EstimateError(earlier->View(), filtered.View(), kSampleBlock, metric, pool);
-      const std::vector<double> costs(done.size(), 1.0);
-      sampling.AddEstimate(static_cast<int>(round), estimate.blocks, costs);
-      ++result.estimates;
+      if (!is_last) {
+        sampling.AddEstimate(static_cast<int>(round), estimate.blocks, std::vector<double>(done.size(), 1.0));
+        ++result.estimates;
+      }
+      if (sampling.is_final() && round + 1 == sampling.rounds().size())
+        result.estimated_error = sampling.MeasuredError(estimate.blocks);
     }
     earlier = std::move(filtered);
     charge(&result.filter_seconds);
@@ -115,7 +118,6 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
   result.film = std::move(earlier->film);
   result.picture = std::move(earlier->picture);
   result.mean_samples = MeanOf(done);
-  result.estimated_error = sampling.PredictedError();
   return result;
 }
 

@@ -69,6 +69,35 @@ TEST(FrameRounds, GoesOnWhereThePictureErrs) {
   EXPECT_FALSE(rounds->Has(Pass(5, 3))) << "a tile without errors gets no samples in this round";
 }
 
+TEST(FrameRounds, AScheduleTakesThePlaceOfTheBudgetsThatATimeRecorded) {
+  v1::JobSpec timed = Spec();
+  timed.mutable_adaptive()->set_time_seconds(60);
+  v1::RoundEstimates estimates = Estimates(100);
+  estimates.mutable_estimates(0)->set_budget(24.25);
+  const absl::StatusOr<FrameRounds> recorded = FrameRounds::Replay(timed, estimates);
+  ASSERT_TRUE(recorded.ok());
+  EXPECT_EQ(recorded->schedule(), std::vector<double>({24.25}));
+  v1::JobSpec scheduled = Spec();
+  scheduled.mutable_adaptive()->add_schedule(24.25);
+  const absl::StatusOr<FrameRounds> replayed = FrameRounds::Replay(scheduled, Estimates(100));
+  ASSERT_TRUE(replayed.ok());
+  EXPECT_EQ(recorded->count(), 3);
+  EXPECT_EQ(replayed->count(), 3);
+  EXPECT_EQ(FrameRounds::Replay(Spec(), Estimates(100))->count(), 4) << "there is more to spend without them";
+}
+
+TEST(FrameRounds, MeasuresTheErrorOfALastRoundThatIsEstimated) {
+  v1::JobSpec spec = Spec();
+  spec.mutable_adaptive()->set_target_error(1000);
+  v1::RoundEstimates estimates = Estimates(100);
+  EXPECT_EQ(FrameRounds::Replay(spec, estimates)->measured_error(), std::nullopt);
+  *estimates.add_estimates() = Estimates(200).estimates(0);
+  const absl::StatusOr<FrameRounds> rounds = FrameRounds::Replay(spec, estimates);
+  ASSERT_TRUE(rounds.ok());
+  EXPECT_TRUE(rounds->is_final());
+  EXPECT_EQ(rounds->measured_error(), 200.0 * 64 / (40 * 32));
+}
+
 TEST(FrameRounds, RefusesEstimatesThatDoNotFit) {
   EXPECT_EQ(FrameRounds::Replay(Spec(30), Estimates(1)).status().code(), absl::StatusCode::kDataLoss)
       << "its rounds are final";
@@ -80,6 +109,11 @@ TEST(FrameRounds, RefusesEstimatesThatDoNotFit) {
   estimates = Estimates(1);
   estimates.mutable_estimates(0)->set_costs(3, 0);
   EXPECT_FALSE(FrameRounds::Replay(Spec(), estimates).ok());
+  for (const double budget : {-1.0, 0.5, 401.0, static_cast<double>(NAN)}) {
+    estimates = Estimates(1);
+    estimates.mutable_estimates(0)->set_budget(budget);
+    EXPECT_FALSE(FrameRounds::Replay(Spec(), estimates).ok()) << budget;
+  }
 }
 
 }  // namespace

@@ -117,10 +117,11 @@ class Generator {
             }};
   }
   Step FrameStep() {
-    v1::StageTimes times;
-    times.set_filter_seconds(Below(5));
-    return {"frame", [job = Owned(AnyJob(), AnyEpoch()), frame = Below(3), times](JobStore& store) {
-              return Outcome(store.RecordFrame(job, frame, times));
+    v1::FrameReport report;
+    report.mutable_times()->set_filter_seconds(Below(5));
+    if (Below(2) == 0) report.set_estimated_error(Below(100));
+    return {"frame", [job = Owned(AnyJob(), AnyEpoch()), frame = Below(3), report](JobStore& store) {
+              return Outcome(store.RecordFrame(job, frame, report));
             }};
   }
   Step RevokeStep() {

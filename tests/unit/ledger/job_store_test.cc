@@ -343,10 +343,15 @@ TEST_P(JobStoreTest, RevokedUnitsCanBeCommittedAgain) {
 TEST_P(JobStoreTest, FramesAreRecordedOnceAndTheirUnitsGo) {
   ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
   ASSERT_TRUE(CommitOne(Commit("j-a", {Unit("j-a", 1, 0, 0), Unit("j-a", 2, 0, 0)})).ok());
-  v1::StageTimes times;
-  times.set_render_seconds(5.0);
-  times.set_filter_seconds(2.0);
-  for (const int32_t frame : {3, 1, 3}) ASSERT_TRUE(store_->RecordFrame(Owned("j-a"), frame, times).ok());
+  v1::FrameReport report;
+  report.mutable_times()->set_render_seconds(5.0);
+  report.mutable_times()->set_filter_seconds(2.0);
+  EXPECT_EQ(Get("j-a").estimated_error, std::nullopt);
+  for (const int32_t frame : {3, 1, 3}) {
+    report.set_estimated_error(frame);
+    ASSERT_TRUE(store_->RecordFrame(Owned("j-a"), frame, report).ok());
+  }
+  EXPECT_EQ(Get("j-a").estimated_error, 3.0);
   EXPECT_THAT(*store_->FinishedFrames(JobId("j-a")), ElementsAre(1, 3));
   EXPECT_THAT(Units("j-a", 1), IsEmpty());
   EXPECT_THAT(Units("j-a"), SizeIs(1));

@@ -155,18 +155,20 @@ class MemoryJobStore final : public JobStore {
     return absl::OkStatus();
   }
 
-  absl::Status RecordFrame(const OwnedJob& owned, int32_t number, const v1::StageTimes& times) override {
+  absl::Status RecordFrame(const OwnedJob& owned, int32_t number, const v1::FrameReport& report) override {
     StoredJob* job = Find(owned.job);
     if (absl::Status status = CheckOwned(owned, job); !status.ok()) return status;
     Frame& frame = job->frames[number];
     if (frame.is_finished) return absl::OkStatus();
     frame.is_finished = true;
     garbage_ += static_cast<int64_t>(frame.units.size());
+    const v1::StageTimes& times = report.times();
     v1::StageTimes& sum = job->record.times;
     sum.set_render_seconds(std::max(sum.render_seconds(), times.render_seconds()));
     sum.set_assemble_seconds(sum.assemble_seconds() + times.assemble_seconds());
     sum.set_filter_seconds(sum.filter_seconds() + times.filter_seconds());
     sum.set_write_seconds(sum.write_seconds() + times.write_seconds());
+    if (report.has_estimated_error()) job->record.NoteError(report.estimated_error());
     Count(job);
     return absl::OkStatus();
   }

@@ -179,6 +179,18 @@ TEST_F(SqliteJobStoreTest, PurgedRowsAndDeletedJobsLeaveNothing) {
   EXPECT_EQ(rows, 0);
 }
 
+TEST_F(SqliteJobStoreTest, ALedgerOfSchema3GetsTheColumnOfErrors) {
+  ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql("ALTER TABLE jobs DROP COLUMN estimated_error; PRAGMA user_version=3");
+  const std::unique_ptr<JobStore> store = Open();
+  ASSERT_NE(store, nullptr);
+  EXPECT_EQ(store->GetJob(JobId("j-a"))->estimated_error, std::nullopt);
+  v1::FrameReport report;
+  report.set_estimated_error(0.5);
+  ASSERT_TRUE(store->RecordFrame(Owned("j-a"), 0, report).ok());
+  EXPECT_EQ(store->GetJob(JobId("j-a"))->estimated_error, 0.5);
+}
+
 TEST_F(SqliteJobStoreTest, ALedgerOfALaterVersionIsRefusedByName) {
   RunSql("PRAGMA user_version=99");
   const absl::Status status = OpenSqliteJobStore(path_).status();

@@ -154,6 +154,37 @@ TEST(FrameSampling, KeepsWhatItKnowsOfBlocksWithoutNewSamples) {
   EXPECT_GT(last[37], 2 * last[0]);
 }
 
+TEST(FrameSampling, FollowsABudgetThatChanges) {
+  SamplingSettings settings = Settings();
+  settings.budget_changes = true;
+  FrameSampling sampling(settings);
+  sampling.SetBudget(100);
+  for (size_t round = 1; !sampling.is_final(); ++round) {
+    ASSERT_LT(round, sampling.rounds().size());
+    sampling.AddEstimate(static_cast<int>(round), ErrorsAt(sampling.rounds()[round], Ones()), Ones());
+  }
+  const int last = static_cast<int>(sampling.rounds().size()) - 1;
+  EXPECT_NEAR(sampling.MeanCostOf(last, Ones()), 100, kSampleStep);
+  FrameSampling spent(settings);
+  spent.SetBudget(1);
+  for (const int round : {1, 2}) {
+    EXPECT_FALSE(spent.is_final());
+    spent.AddEstimate(round, ErrorsAt(spent.rounds()[static_cast<size_t>(round)], Ones()), Ones());
+  }
+  EXPECT_TRUE(spent.is_final());
+  EXPECT_EQ(spent.rounds().size(), 3u) << "samples that were granted stay granted";
+}
+
+TEST(FrameSampling, MeasuresTheLastRoundWhereItHasNewSamples) {
+  const FrameSampling sampling = RunFrame(Settings(), Ones(), Ones());
+  std::vector<double> errors(kBlocks, 5.0);
+  EXPECT_EQ(sampling.MeasuredError(errors), 5);
+  errors.assign(kBlocks, -1.0);
+  EXPECT_EQ(sampling.MeasuredError(errors), sampling.PredictedError());
+  std::fill(errors.begin(), errors.begin() + kBlocks / 2, 5.0);
+  EXPECT_NEAR(sampling.MeasuredError(errors), 0.5 * (5 + sampling.PredictedError()), 1e-6);
+}
+
 TEST(FrameSampling, CountsSmallerBlocksAtTheBorder) {
   const SamplingSettings settings = {.width = 9, .height = 17, .budget = kBudget};
   const FrameSampling sampling(settings);

@@ -36,9 +36,9 @@ TEST_F(ChildProcessFinisherTest, WritesTheSameFileAsTheFinisherWithin) {
   const std::string expected = Result(kJob);
   ASSERT_FALSE(expected.empty());
   ASSERT_TRUE(RemoveAll(folder_.ResultsPath(kJob)).ok());
-  const absl::StatusOr<v1::StageTimes> times = Child({.threads = 1})->Finish(kJob, 0);
-  ASSERT_TRUE(times.ok()) << times.status();
-  EXPECT_GT(times->filter_seconds(), 0.0);
+  const absl::StatusOr<v1::FrameReport> report = Child({.threads = 1})->Finish(kJob, 0);
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_GT(report->times().filter_seconds(), 0.0);
   EXPECT_EQ(Result(kJob), expected);
 }
 
@@ -82,7 +82,7 @@ TEST_F(ChildProcessFinisherTest, TheChildYieldsToOtherProcessesButIsNotStarved) 
   const int expected = std::max(getpriority(PRIO_PROCESS, 0), kChildNiceness);
   EXPECT_EXIT(
       {
-        RunFinishFrameProcess({folder_.root(), "j-none", "0", "1", "0", "-1"});
+        RunFinishFrameProcess({folder_.root(), "j-none", "0", "1", "0", "-1", "0"});
         _exit(getpriority(PRIO_PROCESS, 0));
       },
       testing::ExitedWithCode(expected), "");

@@ -45,10 +45,10 @@ EdgedImage ExpectedResult(const v1::JobSpec& spec, const filter::BlockParams& bl
 class FinishFrameTest : public CommittedFrameFixture {
  protected:
   v1::StageTimes Finish(const JobId& job, TaskPool* pool, const filter::BlockParams& blocks) {
-    const absl::StatusOr<v1::StageTimes> times = FinishFrame(
+    const absl::StatusOr<v1::FrameReport> report = FinishFrame(
         folder_, *store_, job, 0, pool, [] { return absl::Now(); }, blocks);
-    EXPECT_TRUE(times.ok()) << times.status();
-    return *times;
+    EXPECT_TRUE(report.ok()) << report.status();
+    return report->times();
   }
 };
 
@@ -97,14 +97,14 @@ TEST_F(FinishFrameTest, StagesMakeUpTheWholeTime) {
   spec.mutable_filter()->set_method("none");
   Commit(kJob, spec);
   absl::Time time = absl::FromUnixSeconds(1000);
-  const absl::StatusOr<v1::StageTimes> times = FinishFrame(
+  const absl::StatusOr<v1::FrameReport> report = FinishFrame(
       folder_, *store_, kJob, 0, nullptr, [&] { return time += absl::Seconds(1); }, kSmallBlocks);
-  ASSERT_TRUE(times.ok()) << times.status();
+  ASSERT_TRUE(report.ok()) << report.status();
   const int blocks = 2 * 2;
   const int bands = 10;  // tiles of 8 rows
-  EXPECT_EQ(times->assemble_seconds(), 1 + blocks + bands);
-  EXPECT_EQ(times->filter_seconds(), blocks + bands);
-  EXPECT_EQ(times->write_seconds(), 1 + bands + 1);
+  EXPECT_EQ(report->times().assemble_seconds(), 1 + blocks + bands);
+  EXPECT_EQ(report->times().filter_seconds(), blocks + bands);
+  EXPECT_EQ(report->times().write_seconds(), 1 + bands + 1);
 }
 
 TEST_F(FinishFrameTest, AUnitThatIsNotCommittedIsNamedAndNothingIsWritten) {

@@ -28,7 +28,7 @@ const JobId kOther("j-2");
 /// Fails as often as told, job by job.
 class FailingFinisher final : public FrameFinisher {
  public:
-  absl::StatusOr<v1::StageTimes> Finish(const JobId& job, int32_t) override {
+  absl::StatusOr<v1::FrameReport> Finish(const JobId& job, int32_t) override {
     absl::MutexLock lock(&mutex_);
     tried_.push_back(job);
     if (hangs_) {
@@ -36,13 +36,13 @@ class FailingFinisher final : public FrameFinisher {
       return absl::CancelledError("the job has ended");
     }
     std::vector<absl::Status>& errors = errors_[job];
-    if (errors.empty()) return v1::StageTimes();
+    if (errors.empty()) return v1::FrameReport();
     const absl::Status error = errors.back();
     errors.pop_back();
     return error;
   }
-  absl::StatusOr<v1::StageTimes> Estimate(const job::JobId& job, int32_t frame, int) override {
-    return Finish(job, frame);
+  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override {
+    return Finish(round.job, round.frame);
   }
   void CancelJob(const JobId&) override {
     absl::MutexLock lock(&mutex_);

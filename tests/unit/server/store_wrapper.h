@@ -43,8 +43,9 @@ class StoreWrapper : public ledger::JobStore {
                            absl::FunctionRef<void(const ledger::UnitRecord&)> visit) override {
     return Call("ForEachUnit", [&] { return store_->ForEachUnit(job, frame, visit); });
   }
-  absl::Status RecordFrame(const ledger::OwnedJob& job, int32_t frame, const v1::StageTimes& times) override {
-    return Call("RecordFrame", [&] { return store_->RecordFrame(job, frame, times); });
+  absl::Status RecordFrame(const ledger::OwnedJob& job, int32_t frame,
+                           const v1::FrameReport& report) override {
+    return Call("RecordFrame", [&] { return store_->RecordFrame(job, frame, report); });
   }
   absl::StatusOr<std::vector<int32_t>> FinishedFrames(const job::JobId& job) override {
     return Call("FinishedFrames", [&] { return store_->FinishedFrames(job); });

@@ -42,12 +42,6 @@ struct Decision {
   std::string saving;  // what it saves; empty: nothing
 };
 
-/// Dimensions of the filter's guide that vary at all.
-struct GuidePlan {
-  bool normal = true;
-  bool depth = true;
-};
-
 /// How a frame is divided into units.
 struct UnitPlan {
   int tile_size = 32;
@@ -59,7 +53,6 @@ struct UnitPlan {
 struct Plan {
   render::TracingPlan tracing;  // for RenderSettings::plan
   int max_bounces = 8;          // for RenderSettings::max_bounces
-  GuidePlan guide;
   UnitPlan units;
   std::vector<Decision> decisions;
   int64_t probe_rays = 0;         // the plan's cost

@@ -133,27 +133,6 @@ Verdict DecideAlphaTests(const RuleInput& input, const Plan&) {
           absl::StrFormat("alpha tests on %d surfaces", facts.opaque_surfaces)};
 }
 
-// --- The filter's guide -----------------------------------------------------------------------------------
-
-/// Below these, all differences are rounding.
-constexpr double kMinNormalVariance = 1e-9;
-constexpr double kMinDepthSpread = 1e-5;
-
-Verdict DecideGuideNormal(const RuleInput& input, const Plan&) {
-  if (input.facts.animated) return {1, Source::kScene, "the scene is animated", ""};
-  const double variance = input.probe.normal_variance;
-  if (variance < kMinNormalVariance)
-    return {0, Source::kProbe, "all visible normals are equal", "3 dimensions"};
-  return {1, Source::kProbe, absl::StrFormat("variance %.2g", variance), ""};
-}
-
-Verdict DecideGuideDepth(const RuleInput& input, const Plan&) {
-  if (input.facts.animated) return {1, Source::kScene, "the scene is animated", ""};
-  const double spread = input.probe.depth_spread;
-  if (spread < kMinDepthSpread) return {0, Source::kProbe, "all visible distances are equal", "1 dimension"};
-  return {1, Source::kProbe, absl::StrFormat("standard deviation %.2g of the mean", spread), ""};
-}
-
 // --- Units ------------------------------------------------------------------------------------------------
 
 constexpr int kTile = 32;
@@ -275,8 +254,6 @@ const Rule kRules[] = {
      Switch<&Plan::tracing, &render::TracingPlan::emission_on_hits>},
     {"alpha-by-mode", DecideAlphaTests,
      [](int value, Plan* plan) { plan->tracing.opacity_scan = value == 0; }},
-    {"guide-normal", DecideGuideNormal, Switch<&Plan::guide, &GuidePlan::normal>},
-    {"guide-depth", DecideGuideDepth, Switch<&Plan::guide, &GuidePlan::depth>},
     {decisions::kTileSize, DecideTileSize, [](int value, Plan* plan) { plan->units.tile_size = value; }},
     {decisions::kPassSamples, DecidePassSamples,
      [](int value, Plan* plan) { plan->units.pass_samples = value; }},

@@ -107,19 +107,6 @@ class ProbeRun {
     render::ForEachCameraPacket(camera_, seed_, /*frame=*/0, probe_.width, x, y, {0, kProbeSamples}, trace);
     pixels_.push_back(luminance);
     probe_.rays_of_pixel.push_back(static_cast<float>(render::RaysOfThread() - rays_before) / kProbeSamples);
-    TraceFeatures(x, y);
-  }
-
-  void TraceFeatures(int x, int y) {
-    const render::Ray ray =
-        camera_.RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
-    render::GeometrySample sample;
-    tracer_.TraceGeometry({&ray, 1}, {&sample, 1});
-    if (!sample.hit) return;
-    normal_[0].Add(static_cast<double>(sample.normal.x));
-    normal_[1].Add(static_cast<double>(sample.normal.y));
-    normal_[2].Add(static_cast<double>(sample.normal.z));
-    distance_.Add(static_cast<double>(sample.distance));
   }
 
   void AddShares(const std::vector<BlockLight>& blocks) {
@@ -135,8 +122,6 @@ class ProbeRun {
 
   void Finish() {
     probe_.rays = render::RaysOfThread() - rays_before_;
-    for (const Moments& component : normal_) probe_.normal_variance += component.Variance();
-    if (distance_.mean > 0) probe_.depth_spread = std::sqrt(distance_.Variance()) / distance_.mean;
     // Dark pixels count by their share of the frame's light, as in relMSE.
     constexpr double kFloor = 0.01;
     double mean = 0;
@@ -155,8 +140,6 @@ class ProbeRun {
   render::PathTracer tracer_;
   Probe probe_;
   std::vector<Moments> pixels_;
-  std::array<Moments, 3> normal_;
-  Moments distance_;
 };
 
 }  // namespace

@@ -24,9 +24,7 @@ struct Probe {
   /// more; the greatest over all blocks. [0] is not used.
   std::array<double, layers::kMaxDepth + 1> level_share = {};
 
-  double normal_variance = 0;  // of the unit normals of all pixels that hit something: 0 where all are equal
-  double depth_spread = 0;     // standard deviation of their distances over the mean
-  double noise = 0;            // mean over the pixels of the relative variance of one sample's luminance
+  double noise = 0;  // mean over the pixels of the relative variance of one sample's luminance
 
   /// Mean of rays_of_pixel over the pixels that part `rect` of a frame of this size covers.
   double RaysPerSample(const Rect& rect, int frame_width, int frame_height) const;

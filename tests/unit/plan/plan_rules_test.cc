@@ -204,7 +204,6 @@ TEST(PlanRules, AMirrorThatAppearsAtFrame30IsPlannedForFromTheStart) {
   EXPECT_EQ(ValueOf(plan, "levels"), "3");
   EXPECT_THAT(Find(plan, "levels").reason, HasSubstr("'late'"));
   EXPECT_EQ(ValueOf(plan, "general-code"), "on");
-  EXPECT_EQ(Values(plan, {"guide-normal", "guide-depth"}), (Strings{"on", "on"}));
 }
 
 TEST(PlanRules, AnEmptySceneAndASkyNeedNothingButEmission) {
@@ -213,15 +212,7 @@ TEST(PlanRules, AnEmptySceneAndASkyNeedNothingButEmission) {
   Scene away = Sheet(Gray());
   away.cameras = {lumifold::testing::LookAt({0, 0, 4}, {0, 0, 8}, 0.6f)};
   const Plan sky = PlanOf(away, SettingsFor(WhiteSky()));
-  EXPECT_EQ(Values(sky, {"emission", "bounces", "guide-normal", "guide-depth"}),
-            (Strings{"on", "0", "off", "off"}));
-}
-
-TEST(PlanRules, TheGuideOmitsFeaturesThatDoNotVary) {
-  const Plan sheet = PlanOf(Sheet(Gray()), SettingsFor(WhiteSky()));
-  EXPECT_EQ(Values(sheet, {"guide-normal", "guide-depth"}), (Strings{"off", "on"}));
-  const Plan room = PlanOf(LitBox(Gray()));
-  EXPECT_EQ(Values(room, {"guide-normal", "guide-depth"}), (Strings{"on", "on"}));
+  EXPECT_EQ(Values(sky, {"emission", "bounces"}), (Strings{"on", "0"}));
 }
 
 TEST(PlanRules, UnitsTakeLongEnough) {
@@ -279,7 +270,6 @@ TEST(PlanRules, FullModelsEverything) {
   const Plan plan = PlanOf(Sheet(lumifold::testing::Emitter({1, 1, 1})), settings);
   EXPECT_EQ(plan.tracing, render::TracingPlan{});
   EXPECT_EQ(plan.max_bounces, 5);
-  EXPECT_TRUE(plan.guide.normal && plan.guide.depth);
   EXPECT_EQ(plan.units.tile_size, UnitPlan{}.tile_size);
   EXPECT_EQ(plan.units.pass_samples, UnitPlan{}.pass_samples);
   EXPECT_TRUE(plan.units.tile_order.empty());

@@ -47,9 +47,9 @@ TEST(Probe, HasTheFramesAspectRatioAndAboutAFixedNumberOfPixels) {
 }
 
 TEST(Probe, CountsTheRaysOfAScene) {
-  // Every camera ray hits; nothing emits or scatters: one ray for each sample, and one for each pixel's features.
+  // Every camera ray hits; nothing emits or scatters: one ray for each sample.
   const Probe probe = ProbeOf(Box(lumifold::testing::Lambert({0, 0, 0})), SettingsFor().render);
-  EXPECT_EQ(probe.rays, probe.samples + probe.samples / kProbeSamples);
+  EXPECT_EQ(probe.rays, probe.samples);
   EXPECT_EQ(probe.RaysPerSample(), 1);
   // A camera ray, a scattered ray, and a shadow ray to the light sample.
   const Probe sheet = ProbeOf(Sheet(lumifold::testing::Lambert({1, 1, 1})), SettingsFor(WhiteSky()).render);

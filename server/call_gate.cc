@@ -49,10 +49,13 @@ CallGate::Call::~Call() {
 }
 
 void CallGate::Call::End(const absl::Status& outcome) {
-  if (std::exchange(ended_, true) || gate_->options_.audit == nullptr) return;
   // A stream that the other side broke did what it did; other errors of calls that change nothing are of no interest.
-  const bool refused = absl::IsPermissionDenied(outcome) || absl::IsUnauthenticated(outcome) ||
-                       absl::IsResourceExhausted(outcome) || absl::IsNotFound(outcome);
+  Audit(outcome, absl::IsPermissionDenied(outcome) || absl::IsUnauthenticated(outcome) ||
+                     absl::IsResourceExhausted(outcome) || absl::IsNotFound(outcome));
+}
+
+void CallGate::Call::Audit(const absl::Status& outcome, bool refused) {
+  if (std::exchange(ended_, true) || gate_->options_.audit == nullptr) return;
   if (!changes_ && !refused) return;
   if (refused && !gate_->audited_refusals_.Take(limit_key_, gate_->options_.now())) return;
   event_.outcome = outcome;
@@ -85,7 +88,7 @@ CallGate::CallGate(const Options& options)
       refusals_(kRefusalsPerSecond, kRefusalBurst) {}
 
 absl::Status CallGate::Refuse(Call* call, absl::Status why) {
-  call->End(why);
+  call->Audit(why, /*refused=*/true);
   if (options_.shut_out != nullptr && !refusals_.Take(call->limit_key(), options_.now()))
     options_.shut_out(call->event_.address);
   return why;
@@ -150,7 +153,8 @@ absl::Status CallGate::CheckRate(const Call& call) {
   const bool is_worker = call.caller().kind == access::IdentityKind::kWorker;
   access::TokenBuckets& buckets = is_worker ? worker_requests_ : requests_;
   if (buckets.Take(call.limit_key(), options_.now())) return absl::OkStatus();
-  return absl::ResourceExhaustedError(
+  // It passes by itself, so that clients wait and try again.
+  return absl::UnavailableError(
       absl::StrCat("too many requests: a caller may make ", buckets.per_second(), " a second"));
 }
 

@@ -76,6 +76,8 @@ class CallGate {
 
    private:
     friend class CallGate;
+    void Audit(const absl::Status& outcome, bool refused);
+
     CallGate* const gate_;
     access::AuditEvent event_;
     const bool changes_;
@@ -90,7 +92,8 @@ class CallGate {
   explicit CallGate(const Options& options);
 
   /// A call that is open to everyone needs no identity: the caller then has no name and no scopes.
-  /// Errors: kUnauthenticated; kPermissionDenied; kResourceExhausted naming the limit and its value.
+  /// Errors: kUnauthenticated; kPermissionDenied; kUnavailable for too many requests, and of streams kResourceExhausted,
+  /// both naming the limit and its value.
   absl::StatusOr<std::unique_ptr<Call>> Admit(const grpc::CallbackServerContext& context,
                                               absl::string_view rpc_path, const std::string& subject);
   /// The same for a stream, which counts as open until its destruction, and whose `context` is cancelled when the

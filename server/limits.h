@@ -26,8 +26,8 @@ struct Limits {
   uint64_t stalled_file_bytes = rpc::kMaxChunkBytes;
   /// Calls a second of one caller, and calls at once after a pause. A worker that loads a scene fetches up to 16,384 files
   /// in a row.
-  double requests_per_second = 1000;
-  double request_burst = 5000;
+  double requests_per_second = 250;
+  double request_burst = 1250;
   double worker_requests_per_second = 4000;
   double worker_request_burst = 40'000;
   /// Connections of one address. A farm behind a translated address has one for each worker.

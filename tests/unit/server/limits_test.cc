@@ -132,7 +132,7 @@ TEST_F(LimitsTest, RequestsASecond) {
   StartGate({.requests_per_second = 10, .request_burst = 3});
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(Status(kAnn).ok());
   const grpc::Status refused = Status(kAnn);
-  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::UNAVAILABLE);
   EXPECT_EQ(refused.error_message(), "too many requests: a caller may make 10 a second");
   EXPECT_TRUE(Status(kBob).ok()) << "each caller has its own limit";
   EXPECT_FALSE(Status("person/ann/read").ok()) << "another token of the same person";
@@ -154,7 +154,7 @@ TEST_F(LimitsTest, RequestsASecondOfAWorker) {
   };
   for (int i = 0; i < 3; ++i) EXPECT_EQ(fetch().error_code(), grpc::StatusCode::NOT_FOUND);
   const grpc::Status refused = fetch();
-  EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::UNAVAILABLE);
   EXPECT_EQ(refused.error_message(), "too many requests: a caller may make 10 a second");
   Advance(absl::Milliseconds(100));
   EXPECT_EQ(fetch().error_code(), grpc::StatusCode::NOT_FOUND);

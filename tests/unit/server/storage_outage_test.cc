@@ -156,9 +156,10 @@ TEST_F(StorageOutageTest, TheReserveIsGivenUpForTheLedgerAndTakenAgain) {
 }
 
 TEST_F(StorageOutageTest, ALogThatAloneCannotBeWrittenIsSetAsideAndItsUnitsAreRenderedAgain) {
-  const std::string expected = UndisturbedResult(4);
-  const job::JobId job = Submit(Spec(4));
-  const job::JobId other = Submit(Spec(4), "other");
+  constexpr int kUnits = 60;  // some are left when the log breaks
+  const std::string expected = UndisturbedResult(kUnits);
+  const job::JobId job = Submit(Spec(kUnits));
+  const job::JobId other = Submit(Spec(kUnits), "other");
   auto worker = std::make_unique<PumpedWorker>(coordinator_.get(), 2);
   const std::string log = data_.PathOf(DataFolder::UnitLogName(job, 0));
   Await([&] {

@@ -1,9 +1,11 @@
 #include "client/follow_job.h"
 
+#include <algorithm>
 #include <optional>
 #include <set>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/time.h"
 #include "client/job_report.h"
 
 namespace lumifold::client {
@@ -12,7 +14,13 @@ ProgressState ProgressOf(const v1::JobStatus& job) {
   ProgressState state;
   state.stage = std::string(StateName(job.state()));
   state.workers = job.workers();
-  if (job.state() == v1::JOB_STATE_RUNNING) {
+  if (job.state() != v1::JOB_STATE_RUNNING) return state;
+  if (const double time = job.adaptive().time_seconds(); time > 0) {
+    state.unit = ProgressUnit::kTime;
+    const double rendered = std::min(job.times().render_seconds(), time);
+    state.done = absl::ToInt64Milliseconds(absl::Seconds(rendered));
+    state.total = absl::ToInt64Milliseconds(absl::Seconds(time));
+  } else {
     state.done = job.samples_done();
     state.total = job.samples_total();
   }

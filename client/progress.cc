@@ -33,7 +33,7 @@ std::string Details(const ProgressState& state, std::optional<double> per_second
     absl::StrAppend(&text, text.empty() ? "" : ", ", part);
   };
   if (per_second.has_value()) {
-    append(RateText(*per_second, state.unit));
+    if (state.unit != ProgressUnit::kTime) append(RateText(*per_second, state.unit));
     const double left = static_cast<double>(state.total - state.done) / *per_second;
     if (state.total > state.done) append(absl::StrCat(DurationText(absl::Seconds(left)), " left"));
   }

@@ -13,7 +13,8 @@
 namespace lumifold::client {
 
 /// Unit of a stage's progress.
-enum class ProgressUnit { kSamples, kBytes };
+/// kTime, milliseconds, has no rate.
+enum class ProgressUnit { kSamples, kBytes, kTime };
 
 /// Progress of one stage of the work.
 struct ProgressState {

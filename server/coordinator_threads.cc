@@ -10,6 +10,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "server/coordinator_impl.h"
 #include "server/frame_limit.h"
 #include "server/log_text.h"

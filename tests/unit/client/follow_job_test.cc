@@ -106,6 +106,17 @@ TEST_F(FollowJobTest, StopsWhenTheUserInterruptsThoughTheCoordinatorIsSilent) {
   EXPECT_EQ(Follow(farm_.address()).status(), absl::CancelledError("interrupted"));
 }
 
+TEST(ProgressOf, ShowsTheShareOfATime) {
+  v1::JobStatus job = Job(v1::JOB_STATE_RUNNING, 30);
+  job.mutable_adaptive()->set_time_seconds(60);
+  job.mutable_times()->set_render_seconds(15);
+  EXPECT_EQ(ProgressOf(job).done, 15'000);
+  EXPECT_EQ(ProgressOf(job).total, 60'000);
+  EXPECT_EQ(ProgressOf(job).unit, ProgressUnit::kTime);
+  job.mutable_times()->set_render_seconds(61);
+  EXPECT_EQ(ProgressOf(job).done, 60'000);
+}
+
 TEST(ProgressOf, CountsSamplesWhileRenderingAlone) {
   EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RUNNING, 30)).done, 30);
   EXPECT_EQ(ProgressOf(Job(v1::JOB_STATE_RUNNING, 30)).total, 100);

@@ -65,6 +65,7 @@ struct Child {
 /// Pointers to the words, and a null pointer. execve takes char*, but does not write to it.
 std::vector<char*> PointersTo(const std::vector<std::string>& words) {
   std::vector<char*> pointers;
+  pointers.reserve(words.size() + 1);
   for (const std::string& word : words) pointers.push_back(const_cast<char*>(word.c_str()));
   pointers.push_back(nullptr);
   return pointers;

@@ -3,12 +3,12 @@
 #include <sys/socket.h>
 #include <sys/types.h>
 
-#include <compare>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <set>
 #include <string>
+#include <tuple>
 
 #include "absl/strings/string_view.h"
 
@@ -22,7 +22,9 @@ struct Peer {
   std::string network;
   uint16_t port = 0;
 
-  auto operator<=>(const Peer&) const = default;
+  friend bool operator<(const Peer& a, const Peer& b) {
+    return std::tie(a.network, a.port) < std::tie(b.network, b.port);
+  }
 };
 Peer PeerOf(const sockaddr_storage& address);
 /// Of the name that gRPC has for it, such as "ipv4:192.0.2.1:50000"; nullopt for others than those of IP.

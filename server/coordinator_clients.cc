@@ -194,7 +194,7 @@ absl::StatusOr<JobId> Coordinator::RecordJob(ledger::NewJob job,
     DeleteFiles(folder_.FilmPath(job.id));
     return status;
   }
-  const absl::StatusOr<JobId> id = store_->CreateJob(job);
+  absl::StatusOr<JobId> id = store_->CreateJob(job);
   if (IsStorageError(id.status())) {
     // It may be recorded: the manifest stays, and the job is started when the client, or the next start, finds it.
     absl::MutexLock lock(&mutex_);

@@ -223,8 +223,8 @@ absl::Status SqlJobStore::BlockWorker(const std::string& name, const std::string
 absl::Status SqlJobStore::ReadmitWorker(const std::string& name) {
   absl::MutexLock lock(&writer_mutex_);
   bool was_blocked = false;
-  const absl::Status status = writer_->Query("DELETE FROM blocked_workers WHERE name = $1 RETURNING name",
-                                             {name}, [&was_blocked](SqlRow&) { was_blocked = true; });
+  absl::Status status = writer_->Query("DELETE FROM blocked_workers WHERE name = $1 RETURNING name", {name},
+                                       [&was_blocked](SqlRow&) { was_blocked = true; });
   if (!status.ok() || was_blocked) return status;
   return absl::NotFoundError(absl::StrCat("worker '", name, "' is not blocked"));
 }

@@ -182,12 +182,12 @@ absl::StatusOr<JobId> Coordinator::SubmitNewJob(ledger::NewJob job) {
   if (absl::Status status = BeginSubmission(user); !status.ok()) return status;
   job.submitted = options_.wall_now();
   job.id = job::MakeJobId(job.submitted, options_.random());
-  absl::StatusOr<JobId> id = RecordJob(std::move(job), *after);
+  absl::StatusOr<JobId> id = RecordJob(job, *after);
   EndSubmission(user);
   return id;
 }
 
-absl::StatusOr<JobId> Coordinator::RecordJob(ledger::NewJob job,
+absl::StatusOr<JobId> Coordinator::RecordJob(const ledger::NewJob& job,
                                              const std::vector<job_life::Prerequisite>& after) {
   // First the manifest: a job that is in the ledger can be rebuilt from the folder.
   if (absl::Status status = WriteManifest(folder_, ManifestOf(job)); !status.ok()) {

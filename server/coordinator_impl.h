@@ -296,7 +296,8 @@ class Coordinator final : private Committer::Listener {
   absl::StatusOr<job::JobId> SubmitNewJob(ledger::NewJob job);
   /// A request that is recorded: starts its job if an error of the storage has left open whether it is. Returns `id`.
   absl::StatusOr<job::JobId> StartIfUncertain(const job::JobId& id);
-  absl::StatusOr<job::JobId> RecordJob(ledger::NewJob job, const std::vector<job_life::Prerequisite>& after);
+  absl::StatusOr<job::JobId> RecordJob(const ledger::NewJob& job,
+                                       const std::vector<job_life::Prerequisite>& after);
   /// Starts a recorded job. `was_uncertain`: it is one of uncertain_jobs_, unless another call was first.
   void StartJob(ledger::JobRecord record, const std::vector<job_life::Prerequisite>& after,
                 bool was_uncertain);

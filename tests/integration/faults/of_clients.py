@@ -7,6 +7,7 @@ import subprocess
 from farm import command_of
 from fault import Fault
 from slow_proxy import SlowProxy
+from world import Setup
 
 SUBMISSIONS = 1000
 UPLOADS = 20
@@ -111,7 +112,8 @@ def readers_cost_little(world, outcome):
 
 FAULTS = [
     Fault("1000 submissions", f"{SUBMISSIONS} jobs submitted at once, and cancelled at once", submit_many, all_are_listed,
-          cancel_many),
+          # More calls than one person may make: it is about the jobs.
+          cancel_many, setup=Setup(server=("--max-requests-per-second", SUBMISSIONS))),
     Fault("half-open uploads", f"{UPLOADS} uploads that stop in the middle", open_uploads, uploads_were_open, close_uploads),
     Fault("slow readers", f"{READERS} clients read a download or a watch at {SLOW_BYTES_PER_SECOND} bytes/s", read_slowly,
           readers_cost_little, end_readers),

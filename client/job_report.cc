@@ -37,6 +37,18 @@ int PercentDone(const v1::JobStatus& status) {
   return static_cast<int>(100 * status.units_done() / status.units_total());
 }
 
+/// "0.83 MSE255, target 0.5 not reached: ..."; of a status with an estimated error.
+std::string ErrorText(const v1::JobStatus& status) {
+  const v1::AdaptiveSampling& adaptive = status.adaptive();
+  const bool is_relative = adaptive.metric() == v1::ERROR_METRIC_REL_MSE;
+  std::string text = absl::StrFormat("%.3g %s", status.estimated_error(), is_relative ? "relMSE" : "MSE255");
+  if (adaptive.target_error() > 0) absl::StrAppendFormat(&text, ", target %.3g", adaptive.target_error());
+  const bool is_reached = status.estimated_error() <= adaptive.target_error();
+  if (adaptive.target_error() > 0 && status.state() == v1::JOB_STATE_DONE && !is_reached)
+    absl::StrAppend(&text, " not reached: another limit ended sampling");
+  return text;
+}
+
 }  // namespace
 
 absl::string_view StateName(v1::JobState state) {
@@ -70,17 +82,6 @@ std::string StageTimesText(const v1::StageTimes& times) {
   return absl::StrFormat("render %.2f s, assemble %.2f s, filter %.2f s, write %.2f s",
                          times.render_seconds(), times.assemble_seconds(), times.filter_seconds(),
                          times.write_seconds());
-}
-
-std::string ErrorText(const v1::JobStatus& status) {
-  const v1::AdaptiveSampling& adaptive = status.adaptive();
-  const bool is_relative = adaptive.metric() == v1::ERROR_METRIC_REL_MSE;
-  std::string text = absl::StrFormat("%.3g %s", status.estimated_error(), is_relative ? "relMSE" : "MSE255");
-  if (adaptive.target_error() > 0) absl::StrAppendFormat(&text, ", target %.3g", adaptive.target_error());
-  const bool is_reached = status.estimated_error() <= adaptive.target_error();
-  if (adaptive.target_error() > 0 && status.state() == v1::JOB_STATE_DONE && !is_reached)
-    absl::StrAppend(&text, " not reached: another limit ended sampling");
-  return text;
 }
 
 std::string JobJson(const v1::JobStatus& status,

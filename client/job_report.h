@@ -31,9 +31,6 @@ std::string JobJson(const v1::JobStatus& status,
                     const std::vector<std::pair<std::string, std::string>>& more = {});
 
 /// "render 3.21 s, assemble 0.02 s, filter 0.50 s, write 0.11 s".
-/// "0.83 MSE255, target 0.5 not reached: ..."; of a status with an estimated error.
-std::string ErrorText(const v1::JobStatus& status);
-
 std::string StageTimesText(const v1::StageTimes& times);
 
 /// The job as lines of "name: value".

@@ -52,7 +52,7 @@ void Coordinator::OnRoundEstimated(const CommittedFrame& frame, const v1::FrameR
       "event=round_estimated job={} frame={} round={} rounds={} final={} error={:.4g} seconds={:.3f}",
       frame.job.value(), frame.number, frame.round, rounds->count(), rounds->is_final(),
       rounds->predicted_error(), report.times().filter_seconds());
-  predicted_errors_[frame.job] = rounds->predicted_error();
+  if (rounds->predicted_error() >= 0) predicted_errors_[frame.job] = rounds->predicted_error();
   scheduler_.SetRounds(frame.job, frame.number, std::make_shared<const job::FrameRounds>(*std::move(rounds)));
   QueueDue(frame.key());
   changed_jobs_.insert(frame.job);

@@ -12,7 +12,8 @@ packages=(
   libtbb-dev libeigen3-dev libhwy-dev
 )
 test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format clang-tidy
-               postgresql iproute2 nftables e2fsprogs openssl)
+               postgresql iproute2 nftables e2fsprogs openssl
+               munge slurm-wlm slurmdbd mariadb-server)
 [ "${1:-}" = --tests ] && packages+=("${test_packages[@]}")
 
 missing=()

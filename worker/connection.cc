@@ -166,6 +166,9 @@ v1::WorkerMessage MakeHello(const WorkerOptions& options, const WorkerImpl& work
   return message;
 }
 
+/// Reason of a worker that leaves because of WorkerOptions::exit_when_idle.
+constexpr char kIdle[] = "idle";
+
 /// Whether and why the worker shall leave.
 class LeaveTrigger {
  public:
@@ -174,7 +177,7 @@ class LeaveTrigger {
   /// Of v1::Leaving; empty while the worker shall stay.
   std::string Reason() const {
     if (options_.leave != nullptr && options_.leave->HasBeenNotified()) return "signal";
-    return rpc::MonotonicNow() - worker_.IdleSince() >= options_.exit_when_idle ? "idle" : "";
+    return rpc::MonotonicNow() - worker_.IdleSince() >= options_.exit_when_idle ? kIdle : "";
   }
 
  private:
@@ -212,6 +215,9 @@ class Connection {
     return absl::UnavailableError(
         absl::StrCat("no answer from the coordinator within ", absl::FormatDuration(kWelcomeTimeout)));
   }
+
+  /// The coordinator has welcomed the worker.
+  bool was_admitted() const { return stream_->is_welcome(); }
 
  private:
   void Await(const LeaveTrigger& trigger) {
@@ -254,7 +260,7 @@ bool IsRefusedIdentity(const absl::Status& status) {
 
 }  // namespace
 
-absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
+absl::Status RunWorker(const std::shared_ptr<grpc::Channel>& channel, const WorkerOptions& options,
                        const rpc::MonotonicEvent& stop) {
   const std::shared_ptr<spdlog::logger> log =
       options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
@@ -271,12 +277,15 @@ absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions opt
   };
   rpc::ReconnectSchedule schedule(rpc::RetryEnvironment::Real().jitter);
   int identity_refusals = 0;
+  bool was_admitted = false;
   while (!is_over()) {
     if (options.check_identity != nullptr) {
       if (absl::Status status = options.check_identity(); !status.ok()) return status;
     }
     const absl::Time start = rpc::MonotonicNow();
-    const absl::Status status = Connection(*channel, options, worker, id, *log).Run(trigger, stop);
+    Connection connection(*channel, options, worker, id, *log);
+    absl::Status status = connection.Run(trigger, stop);
+    was_admitted = was_admitted || connection.was_admitted();
     if (is_over()) break;
     if (absl::IsFailedPrecondition(status) || absl::IsInvalidArgument(status)) return status;
     identity_refusals = IsRefusedIdentity(status) ? identity_refusals + 1 : 0;
@@ -288,7 +297,9 @@ absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions opt
     const absl::Time end = rpc::MonotonicNow() + pause;
     while (!is_over() && rpc::MonotonicNow() < end) stop.WaitFor(kPollInterval);
   }
-  return absl::OkStatus();
+  if (was_admitted || stop.HasBeenNotified() || trigger.Reason() != kIdle) return absl::OkStatus();
+  return absl::DeadlineExceededError(
+      absl::StrCat("reached no coordinator within ", absl::FormatDuration(options.exit_when_idle)));
 }
 
 }  // namespace lumifold::worker

@@ -45,8 +45,8 @@ struct WorkerOptions {
 /// rpc::ReconnectSchedule, without limit, unless it was leaving.
 /// Errors: kFailedPrecondition or kInvalidArgument when the coordinator refuses this worker; kUnauthenticated or
 /// kPermissionDenied when it does not admit the worker's identity: the certificate was revoked, is not known, has expired
-/// or is not a worker's.
-absl::Status RunWorker(std::shared_ptr<grpc::Channel> channel, WorkerOptions options,
+/// or is not a worker's; kDeadlineExceeded when it leaves because of `exit_when_idle` and no coordinator has admitted it.
+absl::Status RunWorker(const std::shared_ptr<grpc::Channel>& channel, const WorkerOptions& options,
                        const rpc::MonotonicEvent& stop);
 
 }  // namespace lumifold::worker

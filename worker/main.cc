@@ -41,8 +41,9 @@ namespace fence = lumifold::fence;
 constexpr int kExitFailure = 1;
 constexpr int kExitUsage = 2;
 constexpr int kExitNotAdmitted = 3;
+constexpr int kExitNotReached = 4;
+constexpr int kExitInterrupted = 128 + SIGINT;  // as shells say it
 constexpr char kDefaultServer[] = "127.0.0.1:7700";
-constexpr int kExitSignal = 128;  // plus the number of the signal, as shells say it
 
 std::string DefaultName() {
   char host[256] = "worker";
@@ -50,8 +51,9 @@ std::string DefaultName() {
   return absl::StrCat(host, ":", getpid());
 }
 
-/// Notifies `leave` on the first SIGINT or SIGTERM and ends the process on the second. The signals are blocked in all
-/// threads and received by sigwait, so that no code runs in a signal handler.
+/// Notifies `leave` on the first SIGINT or SIGTERM. A SIGINT after that, of somebody who does not want to wait, ends the
+/// process; further SIGTERMs do not, because cluster engines send several. The signals are blocked in all threads and
+/// received by sigwait, so that no code runs in a signal handler.
 std::thread WatchSignals(lumifold::rpc::MonotonicEvent* leave) {
   sigset_t set;
   sigemptyset(&set);
@@ -63,8 +65,10 @@ std::thread WatchSignals(lumifold::rpc::MonotonicEvent* leave) {
     int received = 0;
     sigwait(&set, &received);
     leave->Notify();
-    sigwait(&set, &received);
-    _exit(kExitSignal + received);
+    do {
+      sigwait(&set, &received);
+    } while (received != SIGINT);
+    _exit(kExitInterrupted);
   });
 }
 
@@ -125,7 +129,8 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->capture_default_str();
   app->footer(
       "Exit codes: 0 it has left, 1 failed, 2 wrong command line, 3 the coordinator does not admit it:\n"
-      "its certificate was revoked, has expired or is not known; 128 and the number of a second signal.");
+      "its certificate was revoked, has expired or is not known, 4 it reached no coordinator within\n"
+      "--exit-when-idle, 130 it was told to leave and then got SIGINT.");
   app->set_version_flag("--version", absl::StrCat("lumifold-worker ", std::string(lumifold::rpc::kVersion),
                                                   " (numeric class ", lumifold::render::NumericClass(), ")"));
 }
@@ -259,7 +264,7 @@ int RunWorkerProcess(const Flags& flags) {
                                                       .profile = target->profile,
                                                       .wall_now = lumifold::identity::ValidityClock,
                                                       .log = log});
-  lumifold::worker::WorkerOptions options{
+  const lumifold::worker::WorkerOptions options{
       .name = flags.name,
       .threads = flags.threads,
       .tags = flags.tags,
@@ -270,12 +275,17 @@ int RunWorkerProcess(const Flags& flags) {
       .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
   };
   const absl::Status status = lumifold::worker::RunWorker(
-      lumifold::rpc::MakeChannel(target->server, target->security), std::move(options), never);
+      lumifold::rpc::MakeChannel(target->server, target->security), options, never);
   if (absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status)) {
     log->error("event=not_admitted error=\"{}\"", std::string(status.message()));
     std::fprintf(stderr, "lumifold-worker: %s. The worker needs a new code: 'lumifold-worker enroll'\n",
                  std::string(status.message()).c_str());
     return kExitNotAdmitted;
+  }
+  if (absl::IsDeadlineExceeded(status)) {
+    log->error("event=not_reached error=\"{}\"", std::string(status.message()));
+    Fail(status);
+    return kExitNotReached;
   }
   if (!status.ok()) return Fail(status);
   log->info("event=stop name={}", flags.name);
@@ -288,7 +298,7 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Renders units for a Lumifold coordinator. SIGINT or SIGTERM lets it finish or hand back its units and "
       "leave; "
-      "a second one ends it at once.",
+      "a SIGINT after that ends it at once.",
       "lumifold-worker");
   Flags flags;
   AddFlags(&app, &flags);

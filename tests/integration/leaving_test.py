@@ -64,19 +64,21 @@ class LeavingTest(unittest.TestCase):
             self.assertEqual(farm.status(job)["units_done"], rendered, log)
             self.assertLess(rendered, 17, log)
 
-    def test_a_second_signal_ends_a_worker_at_once(self):
+    def test_an_interrupt_ends_a_worker_that_leaves_at_once_and_further_terms_do_not(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             job = self.submit(farm, *NO_END)
             worker = farm.start_worker("--drain-seconds", str(PATIENCE_SECONDS))
             wait_until(lambda: farm.status(job)["units_done"] > 0, "the first unit")  # others are being rendered
             worker.popen.send_signal(signal.SIGTERM)
             wait_until(lambda: "event=leaving" in worker.log_text(), "the worker heard it")
+            worker.popen.send_signal(signal.SIGTERM)
+            time.sleep(0.5)
             self.assertIsNone(worker.popen.poll())
             worker.popen.send_signal(signal.SIGINT)
             self.assertEqual(worker.popen.wait(timeout=PATIENCE_SECONDS), 128 + signal.SIGINT)
             worker.popen.stdout.close()
 
-    def test_an_idle_worker_leaves_connected_or_not(self):
+    def test_an_idle_worker_leaves_and_says_whether_it_reached_a_coordinator(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             job = self.submit(farm, *SETTINGS)
             worker = farm.start_worker("--exit-when-idle", "1", threads=2)
@@ -85,7 +87,8 @@ class LeavingTest(unittest.TestCase):
             worker.popen.stdout.close()
             address = farm.address
         alone = Process("lumifold-worker", "--server", address, "--exit-when-idle", "1")
-        self.assertEqual(alone.popen.wait(timeout=PATIENCE_SECONDS), 0, alone.log_text())
+        self.assertEqual(alone.popen.wait(timeout=PATIENCE_SECONDS), 4, alone.log_text())
+        self.assertIn("reached no coordinator within 1s", alone.log_text())
         alone.popen.stdout.close()
 
     def listed(self, farm):

@@ -224,12 +224,16 @@ class Slurm(contextlib.AbstractContextManager):
     def wait_for_state(self, job, *states):
         self.wait_for(lambda: self.state(job) in states, f"job {job} is {' or '.join(states)}")
 
+    def cancel_all(self):
+        """Ends all jobs at once, and waits until nothing of them is left."""
+        self.run("scancel", "--quiet", "--user=root", "--signal=KILL", "--full", check=False)
+        self.run("scancel", "--quiet", "--user=root", check=False)
+        wait_until(lambda: not self.run("squeue", "--noheader", check=False).stdout, "no job runs", START_SECONDS)
+
     def __exit__(self, *_):
-        if len(self.daemons) > 1 and self.daemons[-1].args[0].endswith("slurmd"):
+        if self.daemons and self.daemons[-1].args[0].endswith("slurmd"):
             with contextlib.suppress(subprocess.TimeoutExpired, AssertionError):
-                self.run("scancel", "--quiet", "--user=root", check=False)
-                self.run("scancel", "--quiet", "--user=root", "--signal=KILL", "--full", check=False)
-                wait_until(lambda: not self.run("squeue", "--noheader", check=False).stdout, "no job runs", START_SECONDS)
+                self.cancel_all()
         for daemon in reversed(self.daemons):
             daemon.send_signal(signal.SIGTERM)
             try:

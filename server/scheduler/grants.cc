@@ -107,6 +107,7 @@ Scheduler::Readiness Scheduler::ReadinessOf(const Job& job) {
 
 void Scheduler::UpdateReady(int64_t number, Job& job) {
   Advance(job);
+  job.ahead.erase(job.ahead.begin(), job.ahead.lower_bound(job.next_unleased));
   SetReadiness(number, job, ReadinessOf(job));
 }
 
@@ -167,7 +168,8 @@ void Scheduler::Advance(Job& job) {
     if (job.finished[static_cast<size_t>(next.frame)]) continue;
     const auto frame = job.frames.find(next.frame);
     if (frame == job.frames.end()) return;
-    while (next.number < job.ordered_units() && frame->second.taken[static_cast<size_t>(next.number)])
+    while (next.number < job.ordered_units() &&
+           (frame->second.taken[static_cast<size_t>(next.number)] || job.ahead.contains(next)))
       ++next.number;
     if (next.number < job.ordered_units()) return;
   }
@@ -181,6 +183,45 @@ std::optional<Place> Scheduler::TakeUnleasedUnit(int64_t job_number) {
   ActiveFrame(job, place.frame);
   ++job.next_unleased.number;
   return place;
+}
+
+std::vector<GrantedLease> Scheduler::Regrant(WorkerId worker, absl::Span<const UnitRef> units,
+                                             absl::Time now) {
+  latest_ = std::max(latest_, now);
+  if (counted_kinds_ != workers_.version()) RecountLiveFrames();
+  std::vector<GrantedLease> granted;
+  for (const UnitRef& unit : units) {
+    const std::optional<UnitIndex> index = IndexOf(unit);
+    if (index.has_value() && workers_.IsFree(worker) && TakeInHand(*index, worker))
+      granted.push_back(Grant(*index, worker, now, LeaseKind::kOrdinary));
+  }
+  return granted;
+}
+
+bool Scheduler::TakeInHand(const UnitIndex& index, WorkerId worker) {
+  Job& job = jobs_.at(index.job);
+  const Place& place = index.place;
+  const bool has_leases_left = job.max_leases == 0 || job.lease_count < job.max_leases;
+  if (job.paused || !has_leases_left || HasResult(RefOf(index)) || IsSuspect(index) ||
+      job.delayed.contains(place) || !RequirementOf(job).Admits(workers_.KindOf(workers_.Find(worker)->kind)))
+    return false;
+  const std::vector<Attempt> attempts = leases_.OfUnit(index);
+  const auto is_second = [&](Attempt attempt) {
+    const Lease& lease = *leases_.Find(attempt);
+    return lease.worker != worker && !lease.alone;
+  };
+  if (!attempts.empty()) {
+    if (attempts.size() >= kMaxLeasesOfUnit || !std::all_of(attempts.begin(), attempts.end(), is_second))
+      return false;
+    job.returned.erase(place);  // it is overdue
+    return true;
+  }
+  if (job.returned.erase(place) > 0) return true;
+  if (place < job.next_unleased || place.number >= job.ordered_units()) return false;
+  if (!job.frames.contains(place.frame) && !MayOpenFrame()) return false;
+  ActiveFrame(job, place.frame);
+  job.ahead.insert(place);
+  return true;
 }
 
 GrantedLease Scheduler::Grant(const UnitIndex& index, WorkerId worker, absl::Time now, LeaseKind kind) {

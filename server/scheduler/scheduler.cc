@@ -19,9 +19,6 @@ namespace {
 /// Accepted units of a job and kind from which their mean time is used: the first ones load the scene.
 constexpr int kMinTimedUnits = 8;
 
-/// A second lease is for a worker that hangs or is slow; a third would only cost.
-constexpr size_t kMaxLeasesOfUnit = 2;
-
 /// Place in Frame::left.
 size_t RoundIndexOf(const job::UnitKey& key) {
   return key.kind == v1::UNIT_KIND_GEOMETRY ? 0 : static_cast<size_t>(1 + key.pass);
@@ -147,6 +144,15 @@ const Lease* Scheduler::FindLease(WorkerId worker, const UnitRef& unit, Attempt 
   return lease != nullptr && lease->worker == worker && lease->unit == IndexOf(unit) ? lease : nullptr;
 }
 
+bool Scheduler::HasResult(const UnitRef& unit) const {
+  const std::optional<UnitIndex> index = IndexOf(unit);
+  if (!index.has_value()) return false;
+  const Job& job = jobs_.at(index->job);
+  if (job.finished[static_cast<size_t>(index->place.frame)]) return true;
+  const auto frame = job.frames.find(index->place.frame);
+  return frame != job.frames.end() && frame->second.taken[static_cast<size_t>(index->place.number)];
+}
+
 bool Scheduler::HoldsLease(WorkerId worker, const UnitRef& unit, Attempt attempt) const {
   return FindLease(worker, unit, attempt) != nullptr;
 }
@@ -158,9 +164,7 @@ Completion Scheduler::CompleteUnit(WorkerId worker, const UnitRef& unit, Attempt
   if (!index.has_value()) return Completion::kUnknown;
   Job& job = jobs_.at(index->job);
   const auto frame = job.frames.find(index->place.frame);
-  const bool finished = job.finished[static_cast<size_t>(index->place.frame)];
-  if (finished ||
-      (frame != job.frames.end() && frame->second.taken[static_cast<size_t>(index->place.number)])) {
+  if (HasResult(unit)) {
     const Lease* audit = FindLease(worker, unit, attempt);
     if (audit == nullptr) return Completion::kDuplicate;
     CompleteAudit(attempt, digest, now);
@@ -328,6 +332,7 @@ void Scheduler::SetPlan(const UnitRef& unit, const v1::JobSpec& planned) {
   job.frame_list = job::FrameList(planned);
   job.finished.assign(static_cast<size_t>(job.frame_list.count()), false);
   job.next_unleased = {};
+  job.ahead.clear();
   UpdateReady(index->job, job);
 }
 
@@ -348,7 +353,7 @@ bool Scheduler::RevokeUnit(const UnitRef& unit) {
   --job.committed_units;
   job.committed_samples -= CameraSamplesOf(job, place);
   if (!frame->second.left.empty()) ++frame->second.left[RoundIndexOf(unit.key)];
-  if (place < job.next_unleased || place.number >= job.ordered_units())
+  if (place < job.next_unleased || place.number >= job.ordered_units() || job.ahead.contains(place))
     job.returned.insert(place);  // otherwise it is leased in its turn
   UpdateReady(index->job, job);
   return true;

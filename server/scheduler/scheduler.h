@@ -32,9 +32,9 @@ namespace lumifold::scheduler {
 /// the calls so far, so that a test can replay any history. Holds active jobs only.
 ///
 /// A unit is free, leased, accepted (delivered, not yet committed) or committed. Only a free, late or overdue
-/// unit is leased, only a leased unit is accepted, only an accepted unit is committed; accepted and committed
-/// units never become free again unless RevokeUnit says so. This is the exactly-once promise. A late or overdue
-/// unit has up to two leases, of different workers; the other one becomes void when the unit is accepted.
+/// unit is leased, or one that the worker has in hand (see Regrant); only a leased unit is accepted, only an accepted unit
+/// is committed; accepted and committed units never become free again unless RevokeUnit says so. This is the exactly-once
+/// promise. A unit has up to two leases, of different workers; the other one becomes void when the unit is accepted.
 ///
 /// Plan: a job that needs one (server/job/plan.h) has one unit, its plan unit, until SetPlan divides it into the units of
 /// its frames. Loss, failure and quarantine hold for it as for any unit; it is not audited.
@@ -100,7 +100,8 @@ class Scheduler {
   void EndJob(const job::JobId& job);
   bool HasJob(const job::JobId& job) const { return jobs_by_id_.contains(job); }
 
-  /// Adds a worker with a new id.
+  /// Adds a worker with a new id. Leases of an earlier connection of the same process become void, which counts as no
+  /// loss: its end has not been noticed yet, and it gets no more.
   void AddWorker(job::WorkerId worker, const WorkerTraits& traits);
   /// Removes a worker; its leases become void at once, and each counts as a loss of the worker with the unit.
   std::vector<FailedJob> RemoveWorker(job::WorkerId worker);
@@ -131,6 +132,13 @@ class Scheduler {
   std::vector<GrantedLease> GrantLeases(absl::Time now);
   /// Grants leases to one worker; none of units in quarantine.
   std::vector<GrantedLease> GrantLeases(job::WorkerId worker, absl::Time now);
+  /// Grants the worker leases of units that it has rendered or is rendering for leases of an earlier connection: of those
+  /// that it may still lease, in this order, while it has free slots. A unit that one other worker has leased meanwhile
+  /// gets a second lease, since it costs no rendering; the first result counts.
+  std::vector<GrantedLease> Regrant(job::WorkerId worker, absl::Span<const job::UnitRef> units,
+                                    absl::Time now);
+  /// Whether the unit is accepted or committed.
+  bool HasResult(const job::UnitRef& unit) const;
   bool HoldsLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   /// Records that a worker delivered a complete unit. `digest` is equal for equal pixels, and empty only where no job
   /// is audited.
@@ -292,7 +300,9 @@ class Scheduler {
     std::map<Place, absl::Time> delayed;   // failed units, and the end of their backoff
     int64_t committed_units = 0;
     int64_t committed_samples = 0;
-    Place next_unleased;             // units from here on were never leased; it is not taken, see Advance
+    Place
+        next_unleased;  // units from here on, but for `ahead`, were never leased; it is not taken, see Advance
+    std::set<Place> ahead;           // units after next_unleased that were leased by Regrant
     std::set<Place> returned;        // leased once, and free again or overdue
     std::array<UnitTimes, 2> times;  // of geometry units and of passes
     std::map<Place, History> history;
@@ -302,6 +312,8 @@ class Scheduler {
     int64_t audits_settled = 0;
     int64_t audits_waived = 0;
   };
+  // A second lease is for a worker that hangs or is slow, or for a unit in hand; a third would only cost.
+  static constexpr size_t kMaxLeasesOfUnit = 2;
   // What one call of GrantLeases may still look at in vain, see kMaxSkipped.
   using SkipBudget = int;
 
@@ -335,7 +347,7 @@ class Scheduler {
 
   /// Removes a lease, without returning its unit.
   Lease RemoveLease(job::Attempt attempt);
-  /// Moves job.next_unleased on to the first unit that is not taken or the first frame that is not active.
+  /// Moves job.next_unleased on to the first unit that is neither taken nor ahead, or the first frame that is not active.
   static void Advance(Job& job);
   const Requirement& RequirementOf(const Job& job) const { return job.demand->first; }
   /// Enters the job, which is not ready and has no active frames that count, among those of a requirement.
@@ -369,6 +381,8 @@ class Scheduler {
   std::optional<Taken> TakeUnit(int64_t job_number, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeReturnedUnit(int64_t job_number, job::WorkerId worker, SkipBudget* budget);
   std::optional<Place> TakeUnleasedUnit(int64_t job_number);
+  /// Whether the worker may lease a unit that it has in hand; it is not free any more then.
+  bool TakeInHand(const UnitIndex& index, job::WorkerId worker);
   bool IsExcluded(const Job& job, const UnitIndex& index, job::WorkerId worker) const;
   enum class LeaseKind { kOrdinary, kAlone, kAudit };
   GrantedLease Grant(const UnitIndex& index, job::WorkerId worker, absl::Time now, LeaseKind kind);
@@ -381,6 +395,8 @@ class Scheduler {
 
   // Workers, in workers.cc.
   WorkerInfo InfoOf(job::WorkerId id, const Worker& worker) const;
+  /// Voids the leases of an earlier connection of the worker's process.
+  void EndEarlierConnection(job::WorkerId worker, const WorkerTraits& traits);
 
   // Reasons, in explain.cc.
   void ExplainWorkers(int64_t number, std::vector<Reason>* reasons) const;
@@ -460,6 +476,7 @@ class Scheduler {
   std::set<UnitIndex> quarantine_;  // units that wait for a reservation
   /// Units that processes were lost with which have not come back, by WorkerTraits::instance.
   std::map<uint64_t, std::vector<UnitIndex>> lost_with_;
+  std::map<uint64_t, job::WorkerId> connections_;  // the last one of each process, by WorkerTraits::instance
   std::map<job::WorkerId, Reservation> reservations_;
 };
 

@@ -29,14 +29,29 @@ v1::WorkerState StateOf(const Worker& worker) {
 void Scheduler::AddWorker(WorkerId worker, const WorkerTraits& traits) {
   WorkerTraits named = traits;
   if (named.name.empty()) named.name = job::TextOf(worker);
+  EndEarlierConnection(worker, named);
   workers_.Add(worker, named);
   TakeBackLosses(worker);
   if (!blocked_.contains(named.name)) return;
   workers_.Change(worker, [](Worker& state) { state.blocked = true; });
 }
 
+void Scheduler::EndEarlierConnection(WorkerId worker, const WorkerTraits& traits) {
+  if (traits.instance == 0) return;
+  const auto [connection, is_first] = connections_.try_emplace(traits.instance, worker);
+  if (is_first) return;
+  const WorkerId earlier = std::exchange(connection->second, worker);
+  if (workers_.Find(earlier)->traits.name != traits.name) return;  // not the same process, whatever it says
+  DrainWorker(earlier);
+  for (const Attempt attempt : leases_.OfWorker(earlier)) VoidLease(attempt);
+}
+
 std::vector<FailedJob> Scheduler::RemoveWorker(WorkerId worker) {
   std::vector<FailedJob> failed;
+  if (const Worker* state = workers_.Find(worker); state != nullptr) {
+    const auto connection = connections_.find(state->traits.instance);
+    if (connection != connections_.end() && connection->second == worker) connections_.erase(connection);
+  }
   CancelReservation(worker);
   for (const Attempt attempt : leases_.OfWorker(worker)) {
     const Lease lease = *leases_.Find(attempt);

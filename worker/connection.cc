@@ -4,6 +4,9 @@
 
 #include <algorithm>
 #include <deque>
+#include <map>
+#include <set>
+#include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -19,6 +22,7 @@
 #include "worker/asset_cache.h"
 #include "worker/remote_sources.h"
 #include "worker/render/renderer.h"
+#include "worker/route.h"
 #include "worker/spec_cache.h"
 #include "worker/unit_renderer.h"
 #include "worker/worker_impl.h"
@@ -38,24 +42,29 @@ constexpr absl::Duration kLeaveTimeout = absl::Seconds(20);
 constexpr absl::Duration kPollInterval = absl::Milliseconds(50);
 /// A stream that lasted this long was no refusal: the next pause is short.
 constexpr absl::Duration kSteadyStream = absl::Seconds(5);
-/// Refusals of the identity in a row after which the worker gives up. A new certificate is known to another coordinator over
+/// Refusals of the identity without a Welcome, for each coordinator of the list, after which the worker gives up. A new
+/// certificate is known to another coordinator over
 /// the same database two seconds later at most; the pauses before the sixth refusal are 3 to 6 s together.
-constexpr int kIdentityRefusals = 6;
+constexpr size_t kIdentityRefusals = 6;
+/// Limit of the leases in Hello, whose samples of blocks may be many. Units that are left out are rendered again.
+constexpr size_t kMaxInHandBytes = size_t{2} << 20;
 
 /// The stream of gRPC callbacks. Writes are started from any thread, so a hold keeps the call open until a
 /// read fails.
 class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
                      public Outbox {
  public:
-  Stream(grpc::Channel& channel, WorkerImpl* worker, AssignedId* id, spdlog::logger* log)
+  Stream(std::shared_ptr<grpc::Channel> channel, WorkerImpl* worker, CurrentCoordinator* current,
+         spdlog::logger* log)
       : worker_(worker),
-        id_(id),
+        current_(current),
         log_(log),
-        stub_(v1::WorkerService::NewStub(std::shared_ptr<grpc::ChannelInterface>(&channel, [](auto*) {}))) {}
+        channel_(std::move(channel)),
+        stub_(v1::WorkerService::NewStub(channel_)) {}
 
-  void Start(v1::WorkerMessage hello) {
-    // The stream begins as soon as gRPC has connected; otherwise our pauses and gRPC's would add up.
-    context_.set_wait_for_ready(true);
+  /// `waits`: until there is a connection; otherwise the stream ends where the first attempt to connect fails.
+  void Start(v1::WorkerMessage hello, bool waits) {
+    context_.set_wait_for_ready(waits);
     stub_->async()->Work(&context_, this);
     AddHold();
     StartRead(&incoming_);
@@ -104,7 +113,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
       absl::MutexLock lock(&mutex_);
       welcome_ = true;
       heartbeat_ = absl::Milliseconds(std::max<int64_t>(1, incoming_.welcome().heartbeat_ms()));
-      id_->Set(incoming_.welcome().worker_id());
+      current_->Set(channel_, incoming_.welcome().worker_id());
       log_->info("event=joined worker={}", incoming_.welcome().worker_id());
     }
     worker_->OnMessage(incoming_);
@@ -138,8 +147,9 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   }
 
   WorkerImpl* worker_;
-  AssignedId* id_;
+  CurrentCoordinator* current_;
   spdlog::logger* log_;
+  const std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::WorkerService::Stub> stub_;
   grpc::ClientContext context_;
   v1::CoordinatorMessage incoming_;
@@ -163,6 +173,11 @@ v1::WorkerMessage MakeHello(const WorkerOptions& options, const WorkerImpl& work
   hello->set_wire_version(rpc::kWireVersion);
   for (const std::string& tag : options.tags) hello->add_tags(tag);
   hello->set_instance(worker.instance());
+  size_t bytes = 0;
+  for (const v1::Lease& lease : worker.InHand()) {
+    bytes += lease.ByteSizeLong();
+    if (bytes <= kMaxInHandBytes) *hello->add_in_hand() = lease;
+  }
   return message;
 }
 
@@ -188,28 +203,31 @@ class LeaveTrigger {
 /// One stream, from Hello to its end.
 class Connection {
  public:
-  Connection(grpc::Channel& channel, const WorkerOptions& options, WorkerImpl& worker, AssignedId& id,
-             spdlog::logger& log)
+  Connection(std::shared_ptr<grpc::Channel> channel, const WorkerOptions& options, WorkerImpl& worker,
+             CurrentCoordinator& current, spdlog::logger& log)
       : options_(options),
         worker_(worker),
-        id_(id),
+        current_(current),
         // Shared with render threads, which may send after the stream has ended.
-        stream_(std::make_shared<Stream>(channel, &worker, &id, &log)) {}
+        stream_(std::make_shared<Stream>(std::move(channel), &worker, &current, &log)) {}
 
-  /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left.
-  absl::Status Run(const LeaveTrigger& trigger, const rpc::MonotonicEvent& stop) {
+  /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left or moves. `is_only`: there is
+  /// no other coordinator to go to.
+  absl::Status Run(const LeaveTrigger& trigger, bool is_only, const rpc::MonotonicEvent& stop) {
     worker_.OnConnected(stream_);
-    stream_->Start(MakeHello(options_, worker_));
+    // Where there is no other, the stream begins as soon as gRPC has connected: our pauses and gRPC's do not add up.
+    stream_->Start(MakeHello(options_, worker_), is_only);
     while (!stream_->WaitUntilDone(kPollInterval)) {
       if (!stream_->is_welcome()) {
         Await(trigger);
       } else {
         Leave(trigger);
         SendHeartbeat();
+        DropInHand();
       }
       if (stop.HasBeenNotified()) stream_->Cancel();
     }
-    id_.Set("");
+    current_.Clear();
     worker_.OnDisconnected();
     if (!timed_out_) return stream_->result();
     return absl::UnavailableError(
@@ -236,7 +254,7 @@ class Connection {
 
   void Leave(const LeaveTrigger& trigger) {
     if (const std::string reason = trigger.Reason(); !reason.empty()) worker_.Leave(reason);
-    if (!worker_.IsLeaving()) return;
+    if (!worker_.IsLeaving() && !worker_.IsMoving()) return;
     const absl::Time now = rpc::MonotonicNow();
     leaving_since_ = std::min(leaving_since_, now);
     if (now - leaving_since_ >= options_.drain) worker_.HandBackUnfinished();
@@ -244,62 +262,155 @@ class Connection {
     if (now - leaving_since_ >= options_.drain + kLeaveTimeout) stream_->Cancel();
   }
 
+  /// Once, after the time for which the coordinator may want them.
+  void DropInHand() {
+    welcomed_ = std::min(welcomed_, rpc::MonotonicNow());
+    if (has_dropped_ || rpc::MonotonicNow() - welcomed_ < options_.keep_in_hand) return;
+    has_dropped_ = true;
+    worker_.DropInHand();
+  }
+
   const WorkerOptions& options_;
   WorkerImpl& worker_;
-  AssignedId& id_;
+  CurrentCoordinator& current_;
   const std::shared_ptr<Stream> stream_;
   const absl::Time start_ = rpc::MonotonicNow();
   absl::Time next_heartbeat_ = start_ + kFirstHeartbeat;
   absl::Time leaving_since_ = absl::InfiniteFuture();
+  absl::Time welcomed_ = absl::InfiniteFuture();
+  bool has_dropped_ = false;
   bool timed_out_ = false;
 };
 
-bool IsRefusedIdentity(const absl::Status& status) {
-  return absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status);
-}
+/// The channels to the coordinators of the list.
+class Channels {
+ public:
+  explicit Channels(const Coordinators* coordinators) : coordinators_(*coordinators) {}
+
+  /// Errors: those of Coordinators::connect, as kUnavailable.
+  absl::StatusOr<std::shared_ptr<grpc::Channel>> To(const std::string& address) {
+    if (const auto found = channels_.find(address); found != channels_.end()) {
+      // Otherwise gRPC's pauses would be added to those of the route.
+      grpc::experimental::ChannelResetConnectionBackoff(found->second.get());
+      return found->second;
+    }
+    absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = coordinators_.connect(address);
+    if (!channel.ok()) return absl::UnavailableError(channel.status().message());
+    const std::vector<std::string>& listed = coordinators_.addresses;
+    if (std::find(listed.begin(), listed.end(), address) != listed.end()) channels_[address] = *channel;
+    return channel;
+  }
+
+ private:
+  const Coordinators& coordinators_;
+  std::map<std::string, std::shared_ptr<grpc::Channel>> channels_;
+};
+
+/// Refusals since the last Welcome: one coordinator that refuses is no reason to give up where another may not.
+class Refusals {
+ public:
+  explicit Refusals(size_t coordinators) : coordinators_(coordinators) {}
+
+  void Clear() {
+    refused_by_.clear();
+    of_identity_ = 0;
+  }
+  /// Notes the end of a connection; whether it is the last.
+  bool IsLast(const std::string& address, const absl::Status& status) {
+    if (absl::IsFailedPrecondition(status) || absl::IsInvalidArgument(status)) refused_by_.insert(address);
+    if (absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status)) ++of_identity_;
+    return refused_by_.size() >= coordinators_ || of_identity_ >= kIdentityRefusals * coordinators_;
+  }
+
+ private:
+  const size_t coordinators_;
+  std::set<std::string> refused_by_;
+  size_t of_identity_ = 0;
+};
+
+/// Connects a worker to one coordinator after the other.
+class Journey {
+ public:
+  Journey(const Coordinators* coordinators, const WorkerOptions& options, WorkerImpl& worker,
+          CurrentCoordinator& current, spdlog::logger& log, const rpc::MonotonicEvent& stop)
+      : options_(options),
+        worker_(worker),
+        current_(current),
+        log_(log),
+        stop_(stop),
+        trigger_(options, worker),
+        channels_(coordinators),
+        route_(coordinators->addresses, rpc::RetryEnvironment::Real().jitter),
+        refusals_(coordinators->addresses.size()) {}
+
+  absl::Status Run() {
+    while (!IsOver()) {
+      if (options_.check_identity != nullptr) {
+        if (absl::Status status = options_.check_identity(); !status.ok()) return status;
+      }
+      const absl::Time start = rpc::MonotonicNow();
+      const absl::Status status = ConnectOnce();
+      if (IsOver()) break;
+      if (std::optional<std::string> address = worker_.TakeMove()) {
+        route_.MoveTo(*std::move(address));
+        continue;
+      }
+      if (refusals_.IsLast(route_.current(), status)) return status;
+      Pause(status, route_.Leave(rpc::MonotonicNow() - start > kSteadyStream));
+    }
+    if (was_admitted_ || stop_.HasBeenNotified() || trigger_.Reason() != kIdle) return absl::OkStatus();
+    return absl::DeadlineExceededError(
+        absl::StrCat("reached no coordinator within ", absl::FormatDuration(options_.exit_when_idle)));
+  }
+
+ private:
+  bool IsOver() const { return stop_.HasBeenNotified() || worker_.IsLeaving() || !trigger_.Reason().empty(); }
+
+  absl::Status ConnectOnce() {
+    absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = channels_.To(route_.current());
+    if (!channel.ok()) return channel.status();
+    Connection connection(*std::move(channel), options_, worker_, current_, log_);
+    absl::Status status = connection.Run(trigger_, route_.IsOnly(), stop_);
+    if (connection.was_admitted()) {
+      was_admitted_ = true;
+      refusals_.Clear();
+    }
+    return status;
+  }
+
+  void Pause(const absl::Status& status, absl::Duration pause) {
+    log_.warn("event=disconnected error=\"{}\" retry_in={:.1f}s server={}", std::string(status.message()),
+              absl::ToDoubleSeconds(pause), route_.current());
+    const absl::Time end = rpc::MonotonicNow() + pause;
+    while (!IsOver() && rpc::MonotonicNow() < end) stop_.WaitFor(kPollInterval);
+  }
+
+  const WorkerOptions& options_;
+  WorkerImpl& worker_;
+  CurrentCoordinator& current_;
+  spdlog::logger& log_;
+  const rpc::MonotonicEvent& stop_;
+  const LeaveTrigger trigger_;
+  Channels channels_;
+  Route route_;
+  Refusals refusals_;
+  bool was_admitted_ = false;
+};
 
 }  // namespace
 
-absl::Status RunWorker(const std::shared_ptr<grpc::Channel>& channel, const WorkerOptions& options,
+absl::Status RunWorker(const Coordinators& coordinators, const WorkerOptions& options,
                        const rpc::MonotonicEvent& stop) {
   const std::shared_ptr<spdlog::logger> log =
       options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
-  AssignedId id;
-  const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(channel, &id);
+  CurrentCoordinator current;
+  const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(&current);
   AssetCache cache(assets.get(), kAssetCacheBytes);
   UnitRenderer renderer(&cache);
-  const std::unique_ptr<SpecSource> spec_source = MakeRemoteSpecSource(channel, &id);
+  const std::unique_ptr<SpecSource> spec_source = MakeRemoteSpecSource(&current);
   SpecCache specs(spec_source.get());
   WorkerImpl worker(options.threads, &specs, &renderer, log);
-  const LeaveTrigger trigger(options, worker);
-  const auto is_over = [&] {
-    return stop.HasBeenNotified() || worker.IsLeaving() || !trigger.Reason().empty();
-  };
-  rpc::ReconnectSchedule schedule(rpc::RetryEnvironment::Real().jitter);
-  int identity_refusals = 0;
-  bool was_admitted = false;
-  while (!is_over()) {
-    if (options.check_identity != nullptr) {
-      if (absl::Status status = options.check_identity(); !status.ok()) return status;
-    }
-    const absl::Time start = rpc::MonotonicNow();
-    Connection connection(*channel, options, worker, id, *log);
-    absl::Status status = connection.Run(trigger, stop);
-    was_admitted = was_admitted || connection.was_admitted();
-    if (is_over()) break;
-    if (absl::IsFailedPrecondition(status) || absl::IsInvalidArgument(status)) return status;
-    identity_refusals = IsRefusedIdentity(status) ? identity_refusals + 1 : 0;
-    if (identity_refusals == kIdentityRefusals) return status;
-    if (rpc::MonotonicNow() - start > kSteadyStream) schedule.Reset();
-    const absl::Duration pause = schedule.NextPause();
-    log->warn("event=disconnected error=\"{}\" retry_in={:.1f}s", std::string(status.message()),
-              absl::ToDoubleSeconds(pause));
-    const absl::Time end = rpc::MonotonicNow() + pause;
-    while (!is_over() && rpc::MonotonicNow() < end) stop.WaitFor(kPollInterval);
-  }
-  if (was_admitted || stop.HasBeenNotified() || trigger.Reason() != kIdle) return absl::OkStatus();
-  return absl::DeadlineExceededError(
-      absl::StrCat("reached no coordinator within ", absl::FormatDuration(options.exit_when_idle)));
+  return Journey(&coordinators, options, worker, current, *log, stop).Run();
 }
 
 }  // namespace lumifold::worker

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "proto/rpc/monotonic.h"
 
@@ -36,17 +37,28 @@ struct WorkerOptions {
   /// Why the worker can no longer be admitted, as its certificate has expired; asked before each connection. Null: it
   /// has none.
   std::function<absl::Status()> check_identity = nullptr;
-  /// A worker that has held no lease for this long leaves, connected or not.
+  /// After the coordinator's Welcome: time for it to grant leases of the units in hand. It may be taking over the jobs of
+  /// another one that was lost.
+  absl::Duration keep_in_hand = absl::Seconds(30);
+  /// A worker that has held no lease for this long leaves, connected or not; units in hand do not count.
   absl::Duration exit_when_idle = absl::InfiniteDuration();
 };
 
-/// Renders units for the coordinator at the other end of `channel` until the worker has left or `stop` is notified;
-/// `stop` breaks the connection at once. Blocks. After a broken connection it reconnects with the pauses of
-/// rpc::ReconnectSchedule, without limit, unless it was leaving.
-/// Errors: kFailedPrecondition or kInvalidArgument when the coordinator refuses this worker; kUnauthenticated or
-/// kPermissionDenied when it does not admit the worker's identity: the certificate was revoked, is not known, has expired
+/// The coordinators of a farm, see rpc::ParseEndpoints.
+struct Coordinators {
+  /// Not empty, in the order in which they are tried.
+  std::vector<std::string> addresses;
+  /// A new channel to one of them, or to one that a coordinator has sent the worker to. Errors: it must not be connected to.
+  std::function<absl::StatusOr<std::shared_ptr<grpc::Channel>>(const std::string& address)> connect;
+};
+
+/// Renders units for one of the coordinators at a time until the worker has left or `stop` is notified; `stop` breaks the
+/// connection at once. Blocks. After a broken connection it goes on as Route says, without limit, unless it was leaving;
+/// what it has rendered and is rendering it keeps, see WorkerImpl.
+/// Errors: kFailedPrecondition or kInvalidArgument when each coordinator refuses this worker; kUnauthenticated or
+/// kPermissionDenied when they do not admit the worker's identity: the certificate was revoked, is not known, has expired
 /// or is not a worker's; kDeadlineExceeded when it leaves because of `exit_when_idle` and no coordinator has admitted it.
-absl::Status RunWorker(const std::shared_ptr<grpc::Channel>& channel, const WorkerOptions& options,
+absl::Status RunWorker(const Coordinators& coordinators, const WorkerOptions& options,
                        const rpc::MonotonicEvent& stop);
 
 }  // namespace lumifold::worker

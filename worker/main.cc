@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <iostream>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <thread>
@@ -16,7 +17,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "proto/identity/certificate.h"
@@ -24,6 +24,7 @@
 #include "proto/identity/profile.h"
 #include "proto/identity/secrets.h"
 #include "proto/rpc/credentials.h"
+#include "proto/rpc/endpoints.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/nonblocking_log.h"
@@ -100,8 +101,10 @@ struct Flags {
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
-  app->add_option("--server", flags->server,
-                  "Coordinator, HOST:PORT (default: that of the profile, else 127.0.0.1:7700)");
+  app->add_option(
+      "--server", flags->server,
+      "Coordinator, HOST:PORT, or those of one farm: A:7700,B:7700 (default: that of the profile, "
+      "else 127.0.0.1:7700)");
   app->add_option("--profile", flags->profile, "A profile of 'enroll' (default: the coordinator's)");
   app->add_flag("--insecure", flags->insecure, "Allow a coordinator of another machine without encryption");
   app->add_option("--threads", flags->threads, "Number of units rendered at the same time")
@@ -141,18 +144,19 @@ constexpr uint64_t kMaxOpenFiles = 1024;
 constexpr uint64_t kMaxFileBytes = uint64_t{16} << 30;
 constexpr uint16_t kDnsPort = 53;
 
-/// The ports of the coordinator and of name servers; none, for all, where gRPC goes through a proxy or the address has
-/// no port.
-std::vector<uint16_t> PortsOf(const std::string& server) {
+/// The ports of the coordinators and of name servers; none, for all, where gRPC goes through a proxy or an address has no
+/// port.
+std::vector<uint16_t> PortsOf(const std::vector<std::string>& servers) {
   for (const char* proxy : {"grpc_proxy", "https_proxy", "http_proxy"}) {
     if (std::getenv(proxy) != nullptr) return {};
   }
-  uint32_t port = 0;
-  const size_t colon = server.rfind(':');
-  const bool has_port = colon != std::string::npos && absl::SimpleAtoi(server.substr(colon + 1), &port) &&
-                        port > 0 && port <= std::numeric_limits<uint16_t>::max();
-  if (!has_port) return {};
-  return {static_cast<uint16_t>(port), kDnsPort};
+  std::vector<uint16_t> ports = {kDnsPort};
+  for (const std::string& server : servers) {
+    lumifold::rpc::HostAndPort parsed;
+    if (!lumifold::rpc::ParseHostAndPort(server, &parsed).ok()) return {};
+    ports.push_back(static_cast<uint16_t>(parsed.port));
+  }
+  return ports;
 }
 
 void LogFence(const Flags& flags, const fence::FenceReport& report, spdlog::logger& log) {
@@ -189,7 +193,7 @@ int RunEnroll(const Flags& flags) {
 
 /// Where the worker connects to, and as whom.
 struct Target {
-  std::string server;
+  std::vector<std::string> servers;
   std::string profile;  // empty: none
   std::string folder;   // of the profile
   lumifold::rpc::Security security;
@@ -198,10 +202,8 @@ absl::StatusOr<Target> FindTarget(const Flags& flags, const lumifold::identity::
   const absl::StatusOr<std::optional<std::string>> chosen =
       profiles.Choose(flags.profile, flags.server, lumifold::identity::Profile::Kind::kWorker);
   if (!chosen.ok()) return chosen.status();
-  Target target{.server = flags.server.empty() ? kDefaultServer : flags.server,
-                .profile = "",
-                .folder = "",
-                .security = {}};
+  std::string list = flags.server.empty() ? kDefaultServer : flags.server;
+  Target target;
   target.security.insecure = flags.insecure;
   if (chosen->has_value()) {
     lumifold::identity::ProtectMemory();
@@ -209,13 +211,18 @@ absl::StatusOr<Target> FindTarget(const Flags& flags, const lumifold::identity::
     if (!profile.ok()) return profile.status();
     absl::StatusOr<lumifold::rpc::Security> security = profiles.SecurityOf(**chosen);
     if (!security.ok()) return security.status();
-    target = {.server = profile->server,
-              .profile = **chosen,
-              .folder = profiles.FolderOf(**chosen),
-              .security = *std::move(security)};
+    if (flags.server.empty()) list = profile->server;
+    target.profile = **chosen;
+    target.folder = profiles.FolderOf(**chosen);
+    target.security = *std::move(security);
   }
-  if (absl::Status status = lumifold::rpc::CheckServerAddress(target.server, target.security); !status.ok())
-    return status;
+  absl::StatusOr<std::vector<std::string>> servers = lumifold::rpc::ParseEndpoints(list);
+  if (!servers.ok()) return servers.status();
+  target.servers = *std::move(servers);
+  for (const std::string& server : target.servers) {
+    if (absl::Status status = lumifold::rpc::CheckServerAddress(server, target.security); !status.ok())
+      return status;
+  }
   return target;
 }
 
@@ -242,8 +249,14 @@ absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& 
   options.file_bytes = kMaxFileBytes;
   if (!target.folder.empty()) options.writable = {target.folder};  // its certificate is renewed there
   options.network = true;
-  options.connect_ports = PortsOf(target.server);
+  options.connect_ports = PortsOf(target.servers);
   return fence::EnterFence(options);
+}
+
+absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& address,
+                                                       const lumifold::rpc::Security& security) {
+  if (absl::Status status = lumifold::rpc::CheckServerAddress(address, security); !status.ok()) return status;
+  return lumifold::rpc::MakeChannel(address, security);
 }
 
 int RunWorkerProcess(const Flags& flags) {
@@ -258,8 +271,8 @@ int RunWorkerProcess(const Flags& flags) {
   const std::shared_ptr<spdlog::logger> log =
       lumifold::rpc::MakeNonblockingLogger({.name = "worker", .level = flags.log_level});
   LogFence(flags, *fenced, *log);
-  log->info("event=start name={} server={} threads={} class={}", flags.name, target->server, flags.threads,
-            lumifold::render::NumericClass());
+  log->info("event=start name={} server={} threads={} class={}", flags.name,
+            absl::StrJoin(target->servers, ","), flags.threads, lumifold::render::NumericClass());
   const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
                                                       .profile = target->profile,
                                                       .wall_now = lumifold::identity::ValidityClock,
@@ -275,7 +288,9 @@ int RunWorkerProcess(const Flags& flags) {
       .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
   };
   const absl::Status status = lumifold::worker::RunWorker(
-      lumifold::rpc::MakeChannel(target->server, target->security), options, never);
+      {.addresses = target->servers,
+       .connect = [&target](const std::string& address) { return Connect(address, target->security); }},
+      options, never);
   if (absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status)) {
     log->error("event=not_admitted error=\"{}\"", std::string(status.message()));
     std::fprintf(stderr, "lumifold-worker: %s. The worker needs a new code: 'lumifold-worker enroll'\n",

@@ -21,21 +21,23 @@ constexpr absl::Duration kAssetTimeout = absl::Minutes(10);
 /// A spec has at most 4 MiB. Its leases expire meanwhile if the coordinator does not answer.
 const rpc::RetryPolicy kSpecPolicy = {.try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60)};
 
-/// Makes a call with the worker's id. While the worker is not connected, or if it was not the one that it is now, a
-/// refusal says nothing of its lease: the call is tried again.
-absl::Status CallAs(const AssignedId& id, absl::FunctionRef<absl::Status(const std::string&)> call) {
-  const std::string worker_id = id.Get();
-  if (worker_id.empty()) return absl::UnavailableError("not connected to the coordinator");
-  absl::Status status = call(worker_id);
-  if (absl::IsPermissionDenied(status) && id.Get() != worker_id)
+/// Makes a call on the current connection. While there is none, or if it was lost during the call, a refusal says nothing
+/// of the worker's lease: the call is tried again.
+absl::Status CallCurrent(
+    const CurrentCoordinator& coordinator,
+    absl::FunctionRef<absl::Status(v1::WorkerService::Stub&, const std::string& worker_id)> call) {
+  const CurrentCoordinator::Link link = coordinator.Get();
+  if (link.channel == nullptr) return absl::UnavailableError("not connected to the coordinator");
+  absl::Status status = call(*v1::WorkerService::NewStub(link.channel), link.worker_id);
+  const bool is_refused = absl::IsPermissionDenied(status) || absl::IsNotFound(status);
+  if (is_refused && coordinator.Get().number != link.number)
     return absl::UnavailableError("the connection to the coordinator was lost");
   return status;
 }
 
 class RemoteAssetSource final : public AssetSource {
  public:
-  RemoteAssetSource(std::shared_ptr<grpc::Channel> channel, const AssignedId* id)
-      : stub_(v1::WorkerService::NewStub(std::move(channel))), id_(id) {}
+  explicit RemoteAssetSource(const CurrentCoordinator* coordinator) : coordinator_(coordinator) {}
 
   absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
     std::string bytes;
@@ -48,9 +50,9 @@ class RemoteAssetSource final : public AssetSource {
     const absl::Status status =
         rpc::CallWithRetry(policy, rpc::Idempotency::kIdempotent, rpc::RetryEnvironment::Real(),
                            [&](grpc::ClientContext& context) {
-                             return CallAs(*id_, [&](const std::string& worker_id) {
+                             return CallCurrent(*coordinator_, [&](auto& stub, const std::string& worker_id) {
                                request.set_worker_id(worker_id);
-                               return Continue(asset, request, context, &bytes);
+                               return Continue(asset, request, stub, context, &bytes);
                              });
                            });
     if (!status.ok()) return status;
@@ -62,10 +64,11 @@ class RemoteAssetSource final : public AssetSource {
 
  private:
   /// Appends the missing bytes of the asset to *bytes.
-  absl::Status Continue(const v1::AssetRef& asset, v1::FetchAssetRequest request,
-                        grpc::ClientContext& context, std::string* bytes) const {
+  static absl::Status Continue(const v1::AssetRef& asset, v1::FetchAssetRequest request,
+                               v1::WorkerService::Stub& stub, grpc::ClientContext& context,
+                               std::string* bytes) {
     request.set_offset(bytes->size());
-    const std::unique_ptr<grpc::ClientReader<v1::ByteChunk>> reader = stub_->FetchAsset(&context, request);
+    const std::unique_ptr<grpc::ClientReader<v1::ByteChunk>> reader = stub.FetchAsset(&context, request);
     v1::ByteChunk chunk;
     while (reader->Read(&chunk)) {
       if (chunk.offset() != bytes->size() || chunk.checksum() != rpc::Checksum(chunk.data()) ||
@@ -81,14 +84,12 @@ class RemoteAssetSource final : public AssetSource {
     return status;
   }
 
-  std::unique_ptr<v1::WorkerService::Stub> stub_;
-  const AssignedId* const id_;
+  const CurrentCoordinator* const coordinator_;
 };
 
 class RemoteSpecSource final : public SpecSource {
  public:
-  RemoteSpecSource(std::shared_ptr<grpc::Channel> channel, const AssignedId* id)
-      : stub_(v1::WorkerService::NewStub(std::move(channel))), id_(id) {}
+  explicit RemoteSpecSource(const CurrentCoordinator* coordinator) : coordinator_(coordinator) {}
 
   absl::StatusOr<v1::JobSpec> Fetch(const std::string& job_id) override {
     v1::FetchSpecRequest request;
@@ -97,9 +98,9 @@ class RemoteSpecSource final : public SpecSource {
     const absl::Status status =
         rpc::CallWithRetry(kSpecPolicy, rpc::Idempotency::kIdempotent, rpc::RetryEnvironment::Real(),
                            [&](grpc::ClientContext& context) {
-                             return CallAs(*id_, [&](const std::string& worker_id) {
+                             return CallCurrent(*coordinator_, [&](auto& stub, const std::string& worker_id) {
                                request.set_worker_id(worker_id);
-                               return rpc::StatusFromGrpc(stub_->FetchSpec(&context, request, &spec));
+                               return rpc::StatusFromGrpc(stub.FetchSpec(&context, request, &spec));
                              });
                            });
     if (!status.ok())
@@ -108,20 +109,17 @@ class RemoteSpecSource final : public SpecSource {
   }
 
  private:
-  std::unique_ptr<v1::WorkerService::Stub> stub_;
-  const AssignedId* const id_;
+  const CurrentCoordinator* const coordinator_;
 };
 
 }  // namespace
 
-std::unique_ptr<AssetSource> MakeRemoteAssetSource(std::shared_ptr<grpc::Channel> channel,
-                                                   const AssignedId* id) {
-  return std::make_unique<RemoteAssetSource>(std::move(channel), id);
+std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coordinator) {
+  return std::make_unique<RemoteAssetSource>(coordinator);
 }
 
-std::unique_ptr<SpecSource> MakeRemoteSpecSource(std::shared_ptr<grpc::Channel> channel,
-                                                 const AssignedId* id) {
-  return std::make_unique<RemoteSpecSource>(std::move(channel), id);
+std::unique_ptr<SpecSource> MakeRemoteSpecSource(const CurrentCoordinator* coordinator) {
+  return std::make_unique<RemoteSpecSource>(coordinator);
 }
 
 }  // namespace lumifold::worker

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -15,31 +16,36 @@ class Channel;
 
 namespace lumifold::worker {
 
-/// The id that the coordinator has given this worker: it serves specs and assets to connected workers only.
+/// The coordinator that the worker is connected to, and as whom: it serves specs and assets to connected workers only.
 /// Threads: safe.
-class AssignedId {
+class CurrentCoordinator {
  public:
-  /// Empty: not connected.
-  void Set(std::string worker_id) {
+  struct Link {
+    std::shared_ptr<grpc::Channel> channel;  // null: not connected
+    std::string worker_id;
+    int64_t number = 0;  // of the connection; two coordinators may give the same id
+  };
+
+  void Set(std::shared_ptr<grpc::Channel> channel, std::string worker_id) {
     absl::MutexLock lock(&mutex_);
-    worker_id_ = std::move(worker_id);
+    link_ = {std::move(channel), std::move(worker_id), link_.number + 1};
   }
-  std::string Get() const {
+  void Clear() { Set(nullptr, ""); }
+  Link Get() const {
     absl::MutexLock lock(&mutex_);
-    return worker_id_;
+    return link_;
   }
 
  private:
   mutable absl::Mutex mutex_;
-  std::string worker_id_ ABSL_GUARDED_BY(mutex_);
+  Link link_ ABSL_GUARDED_BY(mutex_);
 };
 
-/// Fetches assets from the coordinator and resumes broken transfers, also after a reconnection. `id` must outlive it.
-std::unique_ptr<AssetSource> MakeRemoteAssetSource(std::shared_ptr<grpc::Channel> channel,
-                                                   const AssignedId* id);
+/// Fetches assets from the current coordinator and resumes broken transfers, also from another one: the content is known
+/// by its SHA-256. `coordinator` must outlive it.
+std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coordinator);
 
-/// Fetches specs from the coordinator. `id` must outlive it.
-std::unique_ptr<SpecSource> MakeRemoteSpecSource(std::shared_ptr<grpc::Channel> channel,
-                                                 const AssignedId* id);
+/// Fetches specs from the current coordinator, which must outlive it.
+std::unique_ptr<SpecSource> MakeRemoteSpecSource(const CurrentCoordinator* coordinator);
 
 }  // namespace lumifold::worker

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <set>
@@ -38,6 +39,7 @@ class SpecCache {
   absl::StatusOr<std::shared_ptr<const v1::JobSpec>> Get(const std::string& job_id, v1::UnitKind kind);
   /// The job has ended. A spec that is being fetched is not kept.
   void Forget(const std::string& job_id);
+  /// The same for all jobs.
   void Clear();
 
  private:
@@ -45,6 +47,7 @@ class SpecCache {
   absl::Mutex mutex_;
   std::map<std::string, std::shared_ptr<const v1::JobSpec>> specs_ ABSL_GUARDED_BY(mutex_);
   std::set<std::string> fetching_ ABSL_GUARDED_BY(mutex_);
+  int64_t clears_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 }  // namespace lumifold::worker

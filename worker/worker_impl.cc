@@ -17,10 +17,13 @@
 namespace lumifold::worker {
 namespace {
 
+bool IsSameUnit(const v1::UnitId& a, const v1::UnitId& b) {
+  return a.job_id() == b.job_id() && a.frame() == b.frame() && a.tile() == b.tile() && a.pass() == b.pass() &&
+         a.kind() == b.kind();
+}
+
 bool IsLease(const v1::Lease& lease, const v1::UnitId& unit, int64_t attempt) {
-  const v1::UnitId& own = lease.unit();
-  return lease.attempt() == attempt && own.job_id() == unit.job_id() && own.frame() == unit.frame() &&
-         own.tile() == unit.tile() && own.pass() == unit.pass() && own.kind() == unit.kind();
+  return lease.attempt() == attempt && IsSameUnit(lease.unit(), unit);
 }
 
 std::string Describe(const v1::UnitId& unit) {
@@ -28,6 +31,15 @@ std::string Describe(const v1::UnitId& unit) {
   return absl::StrCat("job=", unit.job_id(), " frame=", unit.frame(), " tile=", unit.tile(),
                       " pass=", unit.pass(),
                       " kind=", unit.kind() == v1::UNIT_KIND_GEOMETRY ? "geometry" : "pass");
+}
+
+/// Whether the leases are for the same samples of the same pixels, whatever their attempts.
+bool IsSameWork(v1::Lease a, v1::Lease b) {
+  for (v1::Lease* lease : {&a, &b}) {
+    lease->clear_attempt();
+    lease->clear_progress();
+  }
+  return a.SerializeAsString() == b.SerializeAsString();
 }
 
 void SendFailure(const v1::Lease& lease, const absl::Status& failure, Outbox* outbox) {
@@ -64,6 +76,7 @@ WorkerImpl::~WorkerImpl() {
     absl::MutexLock lock(&mutex_);
     stopping_ = true;
     RemoveHeld([](const v1::Lease&) { return true; });
+    RemoveInHand([](const v1::Lease&) { return true; });
   }
   renderer_->StopLoading();
   for (std::thread& thread : threads_) thread.join();
@@ -78,9 +91,33 @@ void WorkerImpl::OnDisconnected() {
   absl::MutexLock lock(&mutex_);
   outbox_ = nullptr;
   newest_attempt_ = 0;
-  waiting_.clear();
+  std::erase_if(taken_, [&](const auto& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    const TakenPtr& taken = entry.second;
+    if (taken->spec == nullptr || leaving_) return false;  // nothing is rendered, or nobody will ask for it
+    taken->is_delivered = false;
+    taken->was_in_hand = true;
+    in_hand_.push_back(taken);
+    return true;
+  });
   RemoveHeld([](const v1::Lease&) { return true; });
+  while (in_hand_.size() > static_cast<size_t>(slots())) {
+    Stop(in_hand_.front());
+    in_hand_.erase(in_hand_.begin());
+  }
   specs_->Clear();
+}
+
+std::vector<v1::Lease> WorkerImpl::InHand() const {
+  absl::MutexLock lock(&mutex_);
+  std::vector<v1::Lease> leases;
+  for (const TakenPtr& taken : in_hand_) leases.push_back(taken->lease);
+  return leases;
+}
+
+void WorkerImpl::DropInHand() {
+  absl::MutexLock lock(&mutex_);
+  if (!in_hand_.empty()) log_->info("event=units_dropped units={}", in_hand_.size());
+  RemoveInHand([](const v1::Lease&) { return true; });
 }
 
 void WorkerImpl::OnMessage(const v1::CoordinatorMessage& message) {
@@ -99,6 +136,8 @@ void WorkerImpl::OnMessage(const v1::CoordinatorMessage& message) {
     case v1::CoordinatorMessage::kReleased:
       released_ = true;
       return;
+    case v1::CoordinatorMessage::kMove:
+      return OnMove(message.move().address());
     default:
       return;  // Welcome is handled by the connection
   }
@@ -108,10 +147,43 @@ void WorkerImpl::OnGrant(const v1::Grant& grant) {
   for (const v1::Lease& lease : grant.leases()) {
     newest_attempt_ = std::max(newest_attempt_, lease.attempt());
     held_.push_back(lease);
-    waiting_.push_back(lease);
+    const TakenPtr in_hand = TakeInHand(lease);
+    if (in_hand == nullptr) {
+      waiting_.push_back(std::make_shared<Taken>(lease));
+      continue;
+    }
+    in_hand->lease = lease;
+    taken_[lease.attempt()] = in_hand;
+    if (!in_hand->has_thread) waiting_.push_front(in_hand);  // it is rendered
   }
   // The coordinator has not heard yet that this worker leaves.
-  if (leaving_) HandBackWaiting();
+  if (leaving_ || move_to_.has_value()) HandBackWaiting();
+}
+
+WorkerImpl::TakenPtr WorkerImpl::TakeInHand(const v1::Lease& lease) {
+  const auto found = std::find_if(in_hand_.begin(), in_hand_.end(), [&](const TakenPtr& taken) {
+    return IsSameUnit(taken->lease.unit(), lease.unit());
+  });
+  if (found == in_hand_.end()) return nullptr;
+  const TakenPtr taken = *found;
+  in_hand_.erase(found);
+  if (IsSameWork(taken->lease, lease)) return taken;
+  Stop(taken);
+  return nullptr;
+}
+
+void WorkerImpl::Stop(const TakenPtr& taken) {
+  past_progress_ += taken->control.progress;
+  taken->control.stop = true;
+}
+
+template <typename Condition>
+void WorkerImpl::RemoveInHand(Condition condition) {
+  std::erase_if(in_hand_, [&](const TakenPtr& taken) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    if (!condition(taken->lease)) return false;
+    Stop(taken);
+    return true;
+  });
 }
 
 template <typename Condition>
@@ -120,13 +192,12 @@ void WorkerImpl::RemoveHeld(Condition condition) {
     if (!condition(lease)) return false;
     const auto taken = taken_.find(lease.attempt());
     if (taken != taken_.end()) {
-      past_progress_ += taken->second->control.progress;
-      taken->second->control.stop = true;
+      Stop(taken->second);
       taken_.erase(taken);
     }
     return true;
   };
-  std::erase_if(waiting_, [&](const v1::Lease& lease) { return condition(lease); });
+  std::erase_if(waiting_, [&](const TakenPtr& taken) { return condition(taken->lease); });
   if (std::erase_if(held_, is_removed) > 0 && held_.empty()) idle_since_ = rpc::MonotonicNow();
 }
 
@@ -158,12 +229,16 @@ void WorkerImpl::OnAck(const v1::UnitAck& ack) {
 void WorkerImpl::OnVoidLeases(const v1::VoidLeases& message) {
   for (const v1::Lease& lease : message.leases()) {
     log_->info("event=lease_void {}", Describe(lease.unit()));
-    RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
+    const auto is_void = [&](const v1::Lease& own) { return IsLease(own, lease.unit(), lease.attempt()); };
+    RemoveHeld(is_void);
+    RemoveInHand(is_void);
   }
 }
 
 void WorkerImpl::OnJobEnded(const std::string& job_id) {
-  RemoveHeld([&](const v1::Lease& lease) { return lease.unit().job_id() == job_id; });
+  const auto has_ended = [&](const v1::Lease& lease) { return lease.unit().job_id() == job_id; };
+  RemoveHeld(has_ended);
+  RemoveInHand(has_ended);
   specs_->Forget(job_id);
   renderer_->ForgetJob(job_id);
 }
@@ -173,6 +248,7 @@ v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
   v1::Heartbeat heartbeat;
   int64_t all = past_progress_;
   for (const auto& [attempt, taken] : taken_) all += taken->control.progress;
+  for (const TakenPtr& taken : in_hand_) all += taken->control.progress;
   for (const v1::Lease& lease : held_) {
     const auto own = taken_.find(lease.attempt());
     *heartbeat.add_held() = lease;
@@ -203,6 +279,23 @@ bool WorkerImpl::IsLeaving() const {
   return leaving_;
 }
 
+void WorkerImpl::OnMove(const std::string& address) {
+  if (leaving_ || move_to_.has_value()) return;
+  log_->info("event=moving address=\"{}\" leases={}", address, held_.size());
+  move_to_ = address;
+  HandBackWaiting();
+}
+
+bool WorkerImpl::IsMoving() const {
+  absl::MutexLock lock(&mutex_);
+  return move_to_.has_value();
+}
+
+std::optional<std::string> WorkerImpl::TakeMove() {
+  absl::MutexLock lock(&mutex_);
+  return std::exchange(move_to_, std::nullopt);
+}
+
 void WorkerImpl::HandBackUnfinished() {
   absl::MutexLock lock(&mutex_);
   HandBack([this](const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
@@ -213,7 +306,7 @@ void WorkerImpl::HandBackUnfinished() {
 
 bool WorkerImpl::HasLeft() const {
   absl::MutexLock lock(&mutex_);
-  return leaving_ && released_ && held_.empty();
+  return (leaving_ ? released_ : move_to_.has_value()) && held_.empty();
 }
 
 absl::Time WorkerImpl::IdleSince() const {
@@ -223,55 +316,104 @@ absl::Time WorkerImpl::IdleSince() const {
 
 void WorkerImpl::RunThread() {
   while (true) {
-    v1::Lease lease;
-    const auto taken = std::make_shared<Taken>();
+    TakenPtr taken;
     {
       absl::MutexLock lock(&mutex_);
       mutex_.Await(absl::Condition(this, &WorkerImpl::HasWorkOrStops));
       if (stopping_) return;
-      lease = std::move(waiting_.front());
+      taken = std::move(waiting_.front());
       waiting_.pop_front();
-      taken_[lease.attempt()] = taken;
+      taken->has_thread = true;
+      taken_[taken->lease.attempt()] = taken;
     }
-    RenderAndSend(lease, taken.get());
+    Work(taken);
   }
 }
 
-absl::StatusOr<RenderedUnit> WorkerImpl::Render(const v1::Lease& lease, UnitControl* control) {
-  const std::string& job_id = lease.unit().job_id();
-  const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec = specs_->Get(job_id, lease.unit().kind());
-  if (spec.ok()) return renderer_->Render(**spec, lease, control);
-  if (absl::IsNotFound(spec.status())) {
-    // The job has ended, and JobEnded is on its way.
-    absl::MutexLock lock(&mutex_);
-    OnJobEnded(job_id);
+void WorkerImpl::Work(const TakenPtr& taken) {
+  // One turn, unless the connection is lost and the unit gets another lease meanwhile.
+  while (const std::optional<v1::Lease> lease = BeginTurn(taken)) {
+    const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec =
+        specs_->Get(lease->unit().job_id(), lease->unit().kind());
+    if (!spec.ok()) {
+      absl::IsNotFound(spec.status()) ? EndJobOf(*lease, taken) : Fail(*lease, taken, spec.status());
+      continue;
+    }
+    if (MustRender(*lease, taken, *spec)) {
+      absl::StatusOr<RenderedUnit> unit = renderer_->Render(**spec, *lease, &taken->control);
+      if (!unit.ok()) {
+        Fail(*lease, taken, unit.status());
+        continue;
+      }
+      Keep(taken, *std::move(unit));
+    }
+    Deliver(*lease, taken);
   }
-  return spec.status();
 }
 
-void WorkerImpl::RenderAndSend(const v1::Lease& lease, Taken* taken) {
-  const absl::StatusOr<RenderedUnit> unit = Render(lease, &taken->control);
-  const std::shared_ptr<Outbox> outbox = BeginDelivery(lease, taken);
-  if (outbox == nullptr) return;
-  if (!unit.ok()) {
-    log_->error("event=unit_failed {} error=\"{}\"", Describe(lease.unit()),
-                std::string(unit.status().message()));
-    // In this order: a heartbeat in between must not make the coordinator think that the lease was dropped.
-    SendFailure(lease, unit.status(), outbox.get());
-    absl::MutexLock lock(&mutex_);
-    RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
+std::optional<v1::Lease> WorkerImpl::BeginTurn(const TakenPtr& taken) {
+  absl::MutexLock lock(&mutex_);
+  if (IsCurrent(taken->lease, taken) && !taken->is_delivered) return taken->lease;
+  taken->has_thread = false;
+  return std::nullopt;
+}
+
+bool WorkerImpl::IsCurrent(const v1::Lease& lease, const TakenPtr& taken) const {
+  const auto found = taken_.find(lease.attempt());
+  return found != taken_.end() && found->second == taken;
+}
+
+bool WorkerImpl::MustRender(const v1::Lease& lease, const TakenPtr& taken,
+                            const std::shared_ptr<const v1::JobSpec>& spec) {
+  absl::MutexLock lock(&mutex_);
+  if (!IsCurrent(lease, taken)) return false;
+  if (taken->spec != nullptr && taken->spec->SerializeAsString() != spec->SerializeAsString()) {
+    log_->info("event=unit_outdated {}", Describe(lease.unit()));
+    taken->unit = nullptr;
+    taken->was_in_hand = false;
+  }
+  taken->spec = spec;
+  return taken->unit == nullptr;
+}
+
+void WorkerImpl::Keep(const TakenPtr& taken, RenderedUnit unit) {
+  absl::MutexLock lock(&mutex_);
+  log_->debug("event=unit_rendered {} seconds={:.3f}", Describe(taken->lease.unit()), unit.stats.seconds());
+  taken->unit = std::make_shared<const RenderedUnit>(std::move(unit));
+}
+
+void WorkerImpl::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl::Status& failure) {
+  absl::MutexLock lock(&mutex_);
+  if (!IsCurrent(lease, taken)) {
+    if (taken->unit != nullptr) return;  // in hand all the same
+    std::erase(in_hand_, taken);
+    taken->spec = nullptr;  // a lease that it has got since begins afresh
+    taken->was_in_hand = false;
     return;
   }
-  log_->debug("event=unit_rendered {} seconds={:.3f}", Describe(lease.unit()), unit->stats.seconds());
-  SendUnit(lease, *unit, [&outbox](v1::WorkerMessage message) { outbox->Send(std::move(message)); });
+  log_->error("event=unit_failed {} error=\"{}\"", Describe(lease.unit()), std::string(failure.message()));
+  // In this order: a heartbeat in between must not make the coordinator think that the lease was dropped.
+  SendFailure(lease, failure, outbox_.get());
+  RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
 }
 
-std::shared_ptr<Outbox> WorkerImpl::BeginDelivery(const v1::Lease& lease, Taken* taken) {
+void WorkerImpl::EndJobOf(const v1::Lease& lease, const TakenPtr& taken) {
   absl::MutexLock lock(&mutex_);
-  const auto found = taken_.find(lease.attempt());
-  if (found == taken_.end() || found->second.get() != taken) return nullptr;
-  taken->is_delivered = true;
-  return outbox_;
+  if (IsCurrent(lease, taken)) OnJobEnded(lease.unit().job_id());
+}
+
+void WorkerImpl::Deliver(const v1::Lease& lease, const TakenPtr& taken) {
+  std::shared_ptr<Outbox> outbox;
+  std::shared_ptr<const RenderedUnit> unit;
+  {
+    absl::MutexLock lock(&mutex_);
+    if (!IsCurrent(lease, taken) || taken->unit == nullptr) return;
+    taken->is_delivered = true;
+    outbox = outbox_;
+    unit = taken->unit;
+    if (taken->was_in_hand) log_->info("event=unit_kept {}", Describe(lease.unit()));
+  }
+  SendUnit(lease, *unit, [&outbox](v1::WorkerMessage message) { outbox->Send(std::move(message)); });
 }
 
 }  // namespace lumifold::worker

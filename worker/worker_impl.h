@@ -4,8 +4,10 @@
 #include <deque>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
@@ -31,12 +33,18 @@ class Outbox {
 
 /// The worker's side of the protocol, independent of the network: handles the coordinator's messages, renders
 /// units on its threads and sends the results. Leases belong to a connection: when it is lost they are void.
-/// A unit whose lease is void is no longer rendered.
+/// A unit whose lease is void is no longer rendered, except where the connection was lost: then the worker has it in hand.
+///
+/// Units in hand are those that a thread had taken when the connection was lost, whether they are rendered or being
+/// rendered; at most slots(). One for which a new lease is granted, of the same pixels, samples and spec, is delivered for
+/// that lease without being rendered again. They are stopped when the coordinator voids them, when their job ends, and by
+/// DropInHand().
 ///
 /// A worker leaves in these steps: Leave() tells the coordinator and hands back the leases that wait for a thread;
 /// units that are being rendered are delivered, or handed back by HandBackUnfinished(); HasLeft() is true once the
 /// coordinator has answered that no grant is under way, and every lease is acknowledged or handed back. No unit is
-/// lost by it.
+/// lost by it. It moves to another coordinator in the same steps, but the coordinator grants nothing after v1::Move, and
+/// units in hand stay.
 /// Threads: all calls are safe concurrently.
 class WorkerImpl {
  public:
@@ -52,6 +60,11 @@ class WorkerImpl {
   /// See v1::Hello.
   uint64_t instance() const { return instance_; }
 
+  /// Leases of the units in hand, of the connections that were lost.
+  std::vector<v1::Lease> InHand() const;
+  /// Stops and drops the units in hand: no coordinator wants them.
+  void DropInHand();
+
   /// A connection is open; messages go to `outbox` until OnDisconnected().
   void OnConnected(std::shared_ptr<Outbox> outbox);
   void OnDisconnected();
@@ -65,19 +78,33 @@ class WorkerImpl {
   /// Begins to leave, for this reason (see v1::Leaving). Later calls have no effect.
   void Leave(const std::string& reason);
   bool IsLeaving() const;
+  bool IsMoving() const;
+  /// The address to move to, if the coordinator has sent one; it is forgotten here.
+  std::optional<std::string> TakeMove();
   /// Hands back the leases whose units are not delivered.
   void HandBackUnfinished();
+  /// Whether nothing remains to be done on this connection by a worker that leaves or moves.
   bool HasLeft() const;
 
   /// Since when it holds no lease, by rpc::MonotonicNow(); InfiniteFuture while it holds one.
   absl::Time IdleSince() const;
 
  private:
-  /// A held lease that a thread has taken.
+  /// A unit that is held, or in hand. All but `control` is guarded by mutex_.
   struct Taken {
+    explicit Taken(v1::Lease own) : lease(std::move(own)) {}
+
     UnitControl control;
-    bool is_delivered = false;  // guarded by mutex_
+    v1::Lease lease;  // the last one that it had
+    /// What it is rendered with; null until that is known.
+    std::shared_ptr<const v1::JobSpec> spec;
+    /// Once it is rendered.
+    std::shared_ptr<const RenderedUnit> unit;
+    bool has_thread = false;
+    bool is_delivered = false;
+    bool was_in_hand = false;
   };
+  using TakenPtr = std::shared_ptr<Taken>;
 
   void RunThread();
   bool HasWorkOrStops() const ABSL_SHARED_LOCKS_REQUIRED(mutex_) { return stopping_ || !waiting_.empty(); }
@@ -85,19 +112,39 @@ class WorkerImpl {
   void OnAck(const v1::UnitAck& ack) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnVoidLeases(const v1::VoidLeases& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnJobEnded(const std::string& job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void OnMove(const std::string& address) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void BeginToLeave(const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  absl::StatusOr<RenderedUnit> Render(const v1::Lease& lease, UnitControl* control);
-  /// Renders the unit of a lease and sends it, if the lease is still valid.
-  void RenderAndSend(const v1::Lease& lease, Taken* taken);
-  /// The outbox for the result of a lease, which counts as delivered from now on; null if the lease is void.
-  std::shared_ptr<Outbox> BeginDelivery(const v1::Lease& lease, Taken* taken);
+
+  /// Renders a unit and delivers it, for the lease that it has by then.
+  void Work(const TakenPtr& taken);
+  /// The lease for which the unit is to be delivered; nullopt, and the thread is done with it, if there is none.
+  std::optional<v1::Lease> BeginTurn(const TakenPtr& taken);
+  /// Whether the lease is valid and the unit's.
+  bool IsCurrent(const v1::Lease& lease, const TakenPtr& taken) const ABSL_SHARED_LOCKS_REQUIRED(mutex_);
+  /// Whether the unit must be rendered: it is not yet, or not with this spec, which it has from now on.
+  bool MustRender(const v1::Lease& lease, const TakenPtr& taken,
+                  const std::shared_ptr<const v1::JobSpec>& spec);
+  void Keep(const TakenPtr& taken, RenderedUnit unit);
+  /// Rendering for this lease has failed. Reports it, unless the lease is void: then the failure may come of that.
+  void Fail(const v1::Lease& lease, const TakenPtr& taken, const absl::Status& failure);
+  /// The job of the lease has ended, and the message that says so is on its way.
+  void EndJobOf(const v1::Lease& lease, const TakenPtr& taken);
+  void Deliver(const v1::Lease& lease, const TakenPtr& taken);
+
+  /// Stops a unit that is not wanted any more.
+  void Stop(const TakenPtr& taken) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// The unit in hand that is the one of the lease, which is not in hand any more; null if there is none.
+  TakenPtr TakeInHand(const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Stops units in hand that meet the condition.
+  template <typename Condition>
+  void RemoveInHand(Condition condition) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Removes held leases that meet the condition, and stops rendering their units.
   template <typename Condition>
   void RemoveHeld(Condition condition) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Removes held leases that meet the condition, and hands them back.
   template <typename Condition>
   void HandBack(Condition condition) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  /// Hands back the leases that no thread has taken.
+  /// Hands back the leases that no thread has taken and that are not in hand.
   void HandBackWaiting() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   SpecCache* const specs_;
@@ -111,11 +158,14 @@ class WorkerImpl {
   bool leaving_ ABSL_GUARDED_BY(mutex_) = false;
   bool released_ ABSL_GUARDED_BY(mutex_) = false;
   std::shared_ptr<Outbox> outbox_ ABSL_GUARDED_BY(mutex_);
-  std::deque<v1::Lease> waiting_ ABSL_GUARDED_BY(mutex_);
+  std::optional<std::string> move_to_ ABSL_GUARDED_BY(mutex_);
+  std::deque<TakenPtr> waiting_ ABSL_GUARDED_BY(mutex_);
   std::vector<v1::Lease> held_ ABSL_GUARDED_BY(mutex_);
   absl::Time idle_since_ ABSL_GUARDED_BY(mutex_);  // while held_ is empty
-  /// By attempt.
-  std::map<int64_t, std::shared_ptr<Taken>> taken_ ABSL_GUARDED_BY(mutex_);
+  /// Held units that a thread has taken or that were in hand, by attempt.
+  std::map<int64_t, TakenPtr> taken_ ABSL_GUARDED_BY(mutex_);
+  /// Units of lost connections, the oldest first. Their attempts may be those of other coordinators.
+  std::vector<TakenPtr> in_hand_ ABSL_GUARDED_BY(mutex_);
   int64_t past_progress_ ABSL_GUARDED_BY(mutex_) = 0;  // sum of those that were removed
   int64_t newest_attempt_ ABSL_GUARDED_BY(mutex_) = 0;
 };

@@ -47,7 +47,10 @@ class InProcessFarm final : public client::LocalFarm {
       : folder_(std::move(folder)), server_(std::move(server)), channel_(server_->InProcessChannel()) {
     worker_ = std::thread([channel = channel_, threads, this] {
       // Its own coordinator never refuses it, and errors of units fail the job.
-      worker::RunWorker(channel, {.name = "local", .threads = threads, .log = nullptr}, stop_).IgnoreError();
+      worker::RunWorker(
+          {.addresses = {"in-process"}, .connect = [channel](const std::string&) { return channel; }},
+          {.name = "local", .threads = threads, .log = nullptr}, stop_)
+          .IgnoreError();
     });
   }
 

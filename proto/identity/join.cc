@@ -5,7 +5,9 @@
 
 #include <memory>
 #include <utility>
+#include <vector>
 
+#include "absl/functional/function_ref.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "lumifold/v1/access.grpc.pb.h"
@@ -13,6 +15,7 @@
 #include "proto/identity/pinned_ca.h"
 #include "proto/identity/secrets.h"
 #include "proto/rpc/credentials.h"
+#include "proto/rpc/endpoints.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/status_codec.h"
 
@@ -46,21 +49,41 @@ absl::StatusOr<Response> Call(const std::string& address, const rpc::Security& s
   return response;
 }
 
+/// Asks the coordinators of the list in turn until one can be reached. Errors: those of the last.
+template <typename Answer>
+absl::StatusOr<Answer> AskFirst(const std::string& list,
+                                absl::FunctionRef<absl::StatusOr<Answer>(const std::string&)> ask) {
+  const absl::StatusOr<std::vector<std::string>> addresses = rpc::ParseEndpoints(list);
+  if (!addresses.ok()) return addresses.status();
+  absl::StatusOr<Answer> answer;
+  for (const std::string& address : *addresses) {
+    answer = ask(address);
+    if (!absl::IsUnavailable(answer.status())) break;
+  }
+  return answer;
+}
+
 /// What is left of a code once the authority is known: a connection, and the secret to send over it.
 struct Opened {
+  std::string address;
   std::string secret;
   std::string ca_pem;
   rpc::Security security;
 };
-absl::StatusOr<Opened> Open(const Profiles& profiles, const std::string& profile, const std::string& address,
+absl::StatusOr<Opened> Open(const Profiles& profiles, const std::string& profile, const std::string& list,
                             std::string_view text) {
   const absl::StatusOr<Code> code = ParseCode(text);
   if (!code.ok()) return code.status();
-  absl::StatusOr<std::string> ca_pem = FetchPinnedCa(address, code->ca_sha256, kHandshakeTimeout);
+  std::string reached;
+  absl::StatusOr<std::string> ca_pem = AskFirst<std::string>(list, [&](const std::string& address) {
+    reached = address;
+    return FetchPinnedCa(address, code->ca_sha256, kHandshakeTimeout);
+  });
   if (!ca_pem.ok()) return ca_pem.status();
   absl::StatusOr<std::string> ca_path = profiles.WritePendingCa(profile, *ca_pem);
   if (!ca_path.ok()) return OfFiles(ca_path.status());
   return Opened{
+      .address = std::move(reached),
       .secret = SecretText(code->secret),
       .ca_pem = *std::move(ca_pem),
       .security = {.insecure = false, .ca_path = *std::move(ca_path), .certificate_path = "", .token = ""}};
@@ -106,7 +129,7 @@ absl::StatusOr<v1::LoginResponse> Login(const Profiles& profiles, const std::str
     request.set_certificate_request_pem(key.request_pem);
   }
   absl::StatusOr<v1::LoginResponse> response =
-      Call(address, opened->security, request, &v1::AccessService::Stub::Login);
+      Call(opened->address, opened->security, request, &v1::AccessService::Stub::Login);
   if (!response.ok()) return response.status();
   const bool has_certificate = form == LoginForm::kCertificate;
   if (has_certificate && response->certificate_pem().empty())
@@ -134,7 +157,7 @@ absl::StatusOr<v1::CertificateResponse> Enroll(const Profiles& profiles, const s
   request.set_code(opened->secret);
   request.set_certificate_request_pem(key->request_pem);
   absl::StatusOr<v1::CertificateResponse> response =
-      Call(address, opened->security, request, &v1::AccessService::Stub::Enroll);
+      Call(opened->address, opened->security, request, &v1::AccessService::Stub::Enroll);
   if (!response.ok()) return response.status();
   const absl::Status written = profiles.Write(
       profile,
@@ -155,7 +178,9 @@ absl::StatusOr<v1::CertificateResponse> RenewCertificate(const Profiles& profile
   v1::RenewCertificateRequest request;
   request.set_certificate_request_pem(key->request_pem);
   absl::StatusOr<v1::CertificateResponse> response =
-      Call(read->server, *security, request, &v1::AccessService::Stub::RenewCertificate);
+      AskFirst<v1::CertificateResponse>(read->server, [&](const std::string& address) {
+        return Call(address, *security, request, &v1::AccessService::Stub::RenewCertificate);
+      });
   if (!response.ok()) return response.status();
   const absl::Status written = profiles.WriteCertificate(
       profile, absl::StrCat(key->pem, response->certificate_pem(), response->ca_pem()));

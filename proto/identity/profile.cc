@@ -17,12 +17,15 @@
 #include "proto/identity/certificate.h"
 #include "proto/identity/private_file.h"
 #include "proto/identity/secrets.h"
+#include "proto/rpc/endpoints.h"
 
 namespace lumifold::identity {
 namespace {
 
-constexpr int64_t kMaxProfileBytes = 4096;
+constexpr int64_t kMaxProfileBytes = 8192;
 constexpr size_t kMaxValueBytes = 300;
+/// 16 names of hosts, which have at most 253 bytes, and their ports.
+constexpr size_t kMaxServerBytes = 4200;
 constexpr size_t kMaxNameBytes = 64;
 constexpr char kServerKey[] = "server";
 constexpr char kKindKey[] = "kind";
@@ -53,7 +56,8 @@ absl::StatusOr<std::map<std::string, std::string>> ParseLines(const std::string&
     const absl::string_view key = line.substr(0, equals);
     const absl::string_view value = line.substr(equals + 1);
     if (key != kServerKey && key != kKindKey && key != kNameKey) return BadLine(path, number, "unknown key");
-    if (value.empty() || value.size() > kMaxValueBytes || !IsPrintable(value))
+    if (value.empty() || value.size() > (key == kServerKey ? kMaxServerBytes : kMaxValueBytes) ||
+        !IsPrintable(value))
       return BadLine(path, number, "the value is empty, too long or not printable");
     if (!values.emplace(key, value).second) return BadLine(path, number, "a key is there twice");
   }
@@ -72,10 +76,17 @@ absl::StatusOr<Profile> ParseProfile(const std::string& path, absl::string_view 
   if (kind != kPerson && kind != kWorker)
     return absl::InvalidArgumentError(absl::StrCat(path, ": kind is neither person nor worker"));
   if (kind == kWorker) profile.kind = Profile::Kind::kWorker;
-  rpc::HostAndPort ignored;
-  if (absl::Status status = rpc::ParseHostAndPort(profile.server, &ignored); !status.ok())
+  if (absl::Status status = rpc::ParseEndpoints(profile.server).status(); !status.ok())
     return absl::InvalidArgumentError(absl::StrCat(path, ": ", status.message()));
   return profile;
+}
+
+/// Whether the lists of coordinators have one in common. A list that is not valid has none.
+bool HaveOneInCommon(const std::string& list, const std::string& other) {
+  const absl::StatusOr<std::vector<std::string>> first = rpc::ParseEndpoints(list);
+  const absl::StatusOr<std::vector<std::string>> second = rpc::ParseEndpoints(other);
+  return first.ok() && second.ok() &&
+         std::find_first_of(first->begin(), first->end(), second->begin(), second->end()) != first->end();
 }
 
 absl::Status RemoveFile(const std::string& path) {
@@ -172,7 +183,7 @@ absl::StatusOr<std::optional<std::string>> Profiles::Choose(const std::string& n
   if (!named.empty()) {
     const absl::StatusOr<Profile> profile = Read(named);
     if (!profile.ok()) return profile.status();
-    if (!server.empty() && profile->server != server) {
+    if (!server.empty() && !HaveOneInCommon(profile->server, server)) {
       return absl::InvalidArgumentError(
           absl::StrCat("the profile '", named, "' is of ", profile->server, ", not of ", server));
     }
@@ -186,7 +197,7 @@ absl::StatusOr<std::optional<std::string>> Profiles::Choose(const std::string& n
     if (server.empty() && name != kDefaultProfile) continue;
     const absl::StatusOr<Profile> profile = Read(name);
     if (!profile.ok()) return profile.status();
-    if (profile->kind == kind && (server.empty() || profile->server == server)) return name;
+    if (profile->kind == kind && (server.empty() || HaveOneInCommon(profile->server, server))) return name;
   }
   return std::nullopt;
 }

@@ -16,7 +16,7 @@ namespace lumifold::identity {
 /// Name of the profile that is used where none is named.
 inline constexpr char kDefaultProfile[] = "default";
 
-/// How one user or worker of this machine gets into one coordinator. A folder of files that only the user can read:
+/// How one user or worker of this machine gets into one coordinator, or into those of one farm: they have one authority. A folder of files that only the user can read:
 ///
 ///   profile      server, kind and name, one "KEY=VALUE" a line
 ///   ca.pem       the authority that signs the server's certificate
@@ -26,7 +26,7 @@ inline constexpr char kDefaultProfile[] = "default";
 struct Profile {
   enum class Kind { kPerson, kWorker };
 
-  std::string server;  // HOST:PORT
+  std::string server;  // HOST:PORT, or those of one farm, see rpc::ParseEndpoints
   Kind kind = Kind::kPerson;
   std::string name;  // as the coordinator knows it
   /// Instead of a token. Workers always have one.
@@ -59,7 +59,8 @@ class Profiles {
   absl::StatusOr<CertificateFacts> CertificateOf(const std::string& name) const;
 
   /// The profile to use for a command: `named` if it is not empty; otherwise the default one, if it has the `server`
-  /// or none is given; otherwise the first by name that has it. nullopt where there is none and none was named.
+  /// or none is given; otherwise the first by name that has it. nullopt where there is none and none was named. A profile
+  /// has a list of servers if one of them is one of its own.
   /// Errors: kInvalidArgument where the named profile is of another server.
   absl::StatusOr<std::optional<std::string>> Choose(const std::string& named, const std::string& server,
                                                     Profile::Kind kind) const;

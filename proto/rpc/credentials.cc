@@ -19,8 +19,6 @@
 namespace lumifold::rpc {
 namespace {
 
-constexpr int kKeepAliveMs = 20'000;
-constexpr int kKeepAliveTimeoutMs = 10'000;
 // Time for one attempt to connect, handshake included. gRPC's default of 20 s delays the next attempt where
 // packets vanish.
 constexpr absl::Duration kConnectTimeout = absl::Seconds(5);
@@ -115,12 +113,15 @@ std::shared_ptr<grpc::ChannelCredentials> MakeChannelCredentials(const Security&
   return grpc::CompositeChannelCredentials(credentials, grpc::AccessTokenCredentials(security.token));
 }
 
-std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security) {
+std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security,
+                                           const KeepAlive& keep_alive) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   arguments.SetMaxSendMessageSize(kMaxMessageBytes);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepAliveMs);
-  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepAliveTimeoutMs);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, Milliseconds(keep_alive.time));
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, Milliseconds(keep_alive.timeout));
+  // By default gRPC sends two pings, and no more before it has data to send.
+  arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
   // gRPC's default lets the pauses between attempts grow to two minutes. It adds jitter of 20 %.
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, Milliseconds(kFirstReconnectPause));
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, Milliseconds(kConnectTimeout));

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "absl/status/status.h"
+#include "absl/time/time.h"
 
 namespace grpc {
 class AuthMetadataProcessor;
@@ -60,8 +61,18 @@ std::shared_ptr<grpc::ServerCredentials> MakeServerCredentials(
 /// that the client connects to.
 std::shared_ptr<grpc::ChannelCredentials> MakeChannelCredentials(const Security& security);
 
-/// A channel to HOST:PORT with our limit of message size and keep-alive pings that detect a dead peer within
-/// 30 s. It connects on first use, and reconnects by itself with the pauses of ReconnectSchedule.
-std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security);
+/// How soon a peer that is silent is taken for dead: after `time` without a byte from it a ping is sent, which it must
+/// answer within `timeout`. Servers allow a `time` of 1 s and more.
+struct KeepAlive {
+  absl::Duration time = absl::Seconds(20);
+  absl::Duration timeout = absl::Seconds(10);
+};
+/// For callers that have another peer to go to: 5 s together. Half of it would take a busy or distant coordinator for dead.
+inline constexpr KeepAlive kQuickKeepAlive = {.time = absl::Seconds(2), .timeout = absl::Seconds(3)};
+
+/// A channel to HOST:PORT with our limit of message size. It connects on first use, and reconnects by itself with the pauses
+/// of ReconnectSchedule.
+std::shared_ptr<grpc::Channel> MakeChannel(const std::string& address, const Security& security,
+                                           const KeepAlive& keep_alive = {});
 
 }  // namespace lumifold::rpc

@@ -225,6 +225,7 @@ std::vector<std::string> WorkerMessages(const std::string& job_id) {
   messages[1].mutable_heartbeat()->add_held()->set_attempt(1);
   *messages[1].mutable_heartbeat()->mutable_held(0)->mutable_unit() = unit;
   messages[1].mutable_heartbeat()->set_newest_attempt(1);
+  *hello->add_in_hand() = messages[1].heartbeat().held(0);
   v1::UnitChunk* chunk = messages[2].mutable_chunk();
   *chunk->mutable_unit() = unit;
   chunk->set_attempt(1);

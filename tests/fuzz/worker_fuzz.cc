@@ -1,6 +1,7 @@
 // What a worker gets from a coordinator: messages of its stream, specs and leases, as bytes of protobuf.
 
 #include <memory>
+#include <utility>
 
 #include "google/protobuf/stubs/logging.h"
 #include "spdlog/spdlog.h"
@@ -24,11 +25,17 @@ constexpr char kScene[] = R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}]
 /// A unit that is larger is stopped at once: only whether it is accepted is of interest.
 constexpr int64_t kMaxSamples = 4096;
 
-class NoSpecs final : public worker::SpecSource {
+/// Knows one job only, so that some units have a spec and some have none.
+class OneSpec final : public worker::SpecSource {
  public:
-  absl::StatusOr<v1::JobSpec> Fetch(const std::string&) override {
+  explicit OneSpec(v1::JobSpec spec) : spec_(std::move(spec)) {}
+  absl::StatusOr<v1::JobSpec> Fetch(const std::string& job_id) override {
+    if (job_id == "j-1") return spec_;
     return absl::NotFoundError("no such job");
   }
+
+ private:
+  const v1::JobSpec spec_;
 };
 
 class Deaf final : public worker::Outbox {
@@ -78,7 +85,7 @@ void Render(const v1::JobSpec& spec, const v1::Lease& lease) {
 std::vector<std::string> Seeds() {
   google::protobuf::SetLogHandler(nullptr);  // it would print a line for each malformed message
   const std::string spec = Spec().SerializeAsString();
-  std::vector<v1::CoordinatorMessage> messages(7);
+  std::vector<v1::CoordinatorMessage> messages(8);
   messages[0].mutable_welcome()->set_worker_id("w-1");
   messages[0].mutable_welcome()->set_heartbeat_ms(100);
   *messages[1].mutable_grant()->add_leases() = Lease(v1::UNIT_KIND_PASS);
@@ -90,6 +97,7 @@ std::vector<std::string> Seeds() {
   *messages[4].mutable_void_leases()->add_leases() = Lease(v1::UNIT_KIND_PASS);
   messages[5].mutable_drain();
   messages[6].mutable_released();
+  messages[7].mutable_move()->set_address("127.0.0.1:1");
   std::vector<std::string> seeds;
   std::vector<std::string> all = {spec};
   for (const v1::CoordinatorMessage& message : messages) {
@@ -107,19 +115,24 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::vector<std::string> pieces = fuzz::Pieces({reinterpret_cast<const char*>(data), size});
   v1::JobSpec spec;
   if (pieces.empty() || !spec.ParseFromString(pieces.front())) return 0;
-  fuzz::NoSpecs no_specs;
-  worker::SpecCache specs(&no_specs);
+  fuzz::OneSpec one_spec(spec);
+  worker::SpecCache specs(&one_spec);
   worker::FakeAssets assets{absl::NotFoundError("no such asset")};
   worker::UnitRenderer renderer(&assets);
   worker::WorkerImpl worker(1, &specs, &renderer, std::make_shared<spdlog::logger>("silent"));
-  worker.OnConnected(std::make_shared<fuzz::Deaf>());
-  for (size_t i = 1; i < pieces.size(); ++i) {
-    v1::CoordinatorMessage message;
-    if (!message.ParseFromString(pieces[i])) continue;
-    worker.OnMessage(message);
-    (void)worker.MakeHeartbeat();
-    for (const v1::Lease& lease : message.grant().leases()) fuzz::Render(spec, lease);
+  for (const bool is_first : {true, false}) {  // the second connection finds what the first has left
+    worker.OnConnected(std::make_shared<fuzz::Deaf>());
+    for (size_t i = 1; i < pieces.size(); ++i) {
+      v1::CoordinatorMessage message;
+      if (!message.ParseFromString(pieces[i])) continue;
+      worker.OnMessage(message);
+      (void)worker.MakeHeartbeat();
+      if (!is_first) continue;
+      for (const v1::Lease& lease : message.grant().leases()) fuzz::Render(spec, lease);
+    }
+    worker.OnDisconnected();
+    (void)worker.InHand();
+    (void)worker.TakeMove();
   }
-  worker.OnDisconnected();
   return 0;
 }

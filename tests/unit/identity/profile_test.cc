@@ -88,6 +88,17 @@ TEST_F(ProfileTest, IsChosenByNameByServerOrByDefault) {
   EXPECT_THAT(profiles_.List(), ElementsAre("a", "default", "other", "worker"));
 }
 
+TEST_F(ProfileTest, AProfileOfAFarmIsFoundByEachOfItsCoordinators) {
+  Write("default", "a:7700,b:7700");
+  for (const char* server : {"a:7700", "b:7700", "b:7700,a:7700", "c:7700,b:7700"}) {
+    EXPECT_EQ(*profiles_.Choose("", server, Kind::kPerson), "default") << server;
+    EXPECT_EQ(*profiles_.Choose("default", server, Kind::kPerson), "default") << server;
+  }
+  for (const char* server : {"c:7700", "a:7701", "a:7700,a:7700"})
+    EXPECT_EQ(*profiles_.Choose("", server, Kind::kPerson), std::nullopt) << server;
+  EXPECT_EQ(profiles_.Read("default")->server, "a:7700,b:7700");
+}
+
 TEST_F(ProfileTest, IsParsedStrictly) {
   Write("default", "farm:7700");
   const std::string good = "server=farm:7700\nkind=person\nname=ann\n";
@@ -100,6 +111,7 @@ TEST_F(ProfileTest, IsParsedStrictly) {
        {std::string(), std::string("\n"), good + "\n", good + "name=bob\n", good + "more=1\n", good + "x",
         std::string("server=farm:7700\nkind=person\n"), std::string("server=farm\nkind=person\nname=ann\n"),
         std::string("server=farm:7700\nkind=king\nname=ann\n"),
+        std::string("server=a:7700,a:7700\nkind=person\nname=ann\n"),
         std::string("server=farm:7700\nkind=person\nname=\n"),
         std::string("server=farm:7700\nkind=person\nname=a b\n"),
         std::string("server=farm:7700\r\nkind=person\nname=a\n"),

@@ -4,7 +4,9 @@
 #include <string>
 #include <utility>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
 #include "worker/spec_cache.h"
 
 namespace lumifold::worker {
@@ -16,13 +18,19 @@ class FakeSpecs final : public SpecSource {
 
   absl::StatusOr<v1::JobSpec> Fetch(const std::string&) override {
     ++fetches;
+    absl::MutexLock lock(&mutex_);
     return spec_;
+  }
+  void Set(absl::StatusOr<v1::JobSpec> spec) {
+    absl::MutexLock lock(&mutex_);
+    spec_ = std::move(spec);
   }
 
   std::atomic<int> fetches = 0;
 
  private:
-  const absl::StatusOr<v1::JobSpec> spec_;
+  absl::Mutex mutex_;
+  absl::StatusOr<v1::JobSpec> spec_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace lumifold::worker

@@ -3,108 +3,20 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
-#include "absl/synchronization/mutex.h"
 #include "proto/rpc/image_codec.h"
 #include "proto/rpc/monotonic.h"
-#include "spdlog/spdlog.h"
-#include "tests/unit/worker/fake_assets.h"
-#include "tests/unit/worker/fake_specs.h"
+#include "tests/unit/worker/worker_rig.h"
 
 namespace lumifold::worker {
 namespace {
 
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
-
-/// One triangle, no camera, no light.
-constexpr char kScene[] = R"({"asset":{"version":"2.0"},"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
-  "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
-  "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
-  "bufferViews":[{"buffer":0,"byteLength":36}],
-  "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
-
-class FakeOutbox final : public Outbox {
- public:
-  void Send(v1::WorkerMessage message) override {
-    absl::MutexLock lock(&mutex_);
-    messages_.push_back(std::move(message));
-  }
-
-  /// Waits until `count` messages were sent, and returns them.
-  std::vector<v1::WorkerMessage> Await(size_t count) {
-    absl::MutexLock lock(&mutex_);
-    const auto reached = [&] { return messages_.size() >= count; };
-    mutex_.Await(absl::Condition(&reached));
-    return messages_;
-  }
-  size_t size() {
-    absl::MutexLock lock(&mutex_);
-    return messages_.size();
-  }
-
- private:
-  absl::Mutex mutex_;
-  std::vector<v1::WorkerMessage> messages_;
-};
-
-std::shared_ptr<spdlog::logger> Silent() { return std::make_shared<spdlog::logger>("silent"); }
-
-v1::JobSpec Spec() {
-  v1::JobSpec spec;
-  spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
-  spec.set_width(16);
-  spec.set_height(16);
-  spec.set_max_bounces(2);
-  spec.mutable_scene()->set_display_name("triangle.gltf");
-  return spec;
-}
-
-v1::CoordinatorMessage Grant(int count, const std::string& job = "j") {
-  v1::CoordinatorMessage message;
-  for (int i = 0; i < count; ++i) {
-    v1::Lease* lease = message.mutable_grant()->add_leases();
-    lease->mutable_unit()->set_job_id(job);
-    lease->mutable_unit()->set_tile(i);
-    lease->mutable_unit()->set_kind(v1::UNIT_KIND_PASS);
-    lease->set_attempt(i + 1);
-    lease->mutable_rect()->set_x1(16);
-    lease->mutable_rect()->set_y1(16);
-    lease->set_last_sample(2);
-  }
-  return message;
-}
-
-v1::CoordinatorMessage Ack(const v1::Lease& lease) {
-  v1::CoordinatorMessage message;
-  *message.mutable_ack()->mutable_unit() = lease.unit();
-  message.mutable_ack()->set_attempt(lease.attempt());
-  return message;
-}
-
-/// A connected worker, and what it is connected to.
-struct Rig {
-  explicit Rig(const absl::StatusOr<std::string>& scene = std::string(kScene),
-               const absl::StatusOr<v1::JobSpec>& spec = Spec(), int threads = 1)
-      : assets(scene), source(spec) {
-    worker = std::make_unique<WorkerImpl>(threads, &specs, &renderer, Silent());
-    worker->OnConnected(outbox);
-  }
-
-  FakeAssets assets;
-  UnitRenderer renderer{&assets};
-  FakeSpecs source;
-  SpecCache specs{&source};
-  const std::shared_ptr<FakeOutbox> outbox = std::make_shared<FakeOutbox>();
-  std::unique_ptr<WorkerImpl> worker;
-};
 
 TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
   Rig rig(std::string(kScene), Spec(), 2);

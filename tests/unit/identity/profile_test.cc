@@ -91,11 +91,11 @@ TEST_F(ProfileTest, IsChosenByNameByServerOrByDefault) {
 TEST_F(ProfileTest, AProfileOfAFarmIsFoundByEachOfItsCoordinators) {
   Write("default", "a:7700,b:7700");
   for (const char* server : {"a:7700", "b:7700", "b:7700,a:7700", "c:7700,b:7700"}) {
-    EXPECT_EQ(*profiles_.Choose("", server, Kind::kPerson), "default") << server;
-    EXPECT_EQ(*profiles_.Choose("default", server, Kind::kPerson), "default") << server;
+    EXPECT_EQ(*profiles_.Choose("", server, Profile::Kind::kPerson), "default") << server;
+    EXPECT_EQ(*profiles_.Choose("default", server, Profile::Kind::kPerson), "default") << server;
   }
   for (const char* server : {"c:7700", "a:7701", "a:7700,a:7700"})
-    EXPECT_EQ(*profiles_.Choose("", server, Kind::kPerson), std::nullopt) << server;
+    EXPECT_EQ(*profiles_.Choose("", server, Profile::Kind::kPerson), std::nullopt) << server;
   EXPECT_EQ(profiles_.Read("default")->server, "a:7700,b:7700");
 }
 

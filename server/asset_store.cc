@@ -68,12 +68,13 @@ void RemoveOldUploadsIn(const std::string& folder) {
 }
 
 // Gives the uploads that were running when a coordinator ended the name of kept ones, the longest of each
-// asset.
-void KeepUploads(const std::string& folder) {
+// asset. Those that were written less than `min_age` ago may be running at another coordinator.
+void KeepUploads(const std::string& folder, absl::Duration min_age) {
   std::error_code error;
   std::vector<fs::path> files;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
-    if (entry->path().extension() != kKeptSuffix) files.push_back(entry->path());
+    const bool is_over = min_age == absl::ZeroDuration() || IsOlder(entry->path(), min_age);
+    if (entry->path().extension() != kKeptSuffix && is_over) files.push_back(entry->path());
   }
   for (const fs::path& file : files) {
     fs::path name = file;
@@ -190,7 +191,7 @@ AssetStore::AssetStore(std::string folder, std::string incoming_folder, std::sha
       files_(files),
       limits_(limits),
       budget_(limits.uploads) {
-  KeepUploads(incoming_folder_);
+  KeepUploads(incoming_folder_, limits_.uploader.empty() ? absl::ZeroDuration() : kRunningUploadAge);
 }
 
 std::string AssetStore::KeptPathOf(const std::string& sha256) const {
@@ -302,7 +303,8 @@ absl::StatusOr<std::unique_ptr<AssetUpload>> AssetStore::Receive(const v1::Asset
   }
   // Two clients may send the same asset at the same time, so each upload has its own file until it is
   // complete.
-  std::string incoming = absl::StrCat(incoming_folder_, "/", asset.sha256(), ".", uploads_.fetch_add(1));
+  std::string incoming =
+      absl::StrCat(incoming_folder_, "/", asset.sha256(), ".", limits_.uploader, uploads_.fetch_add(1));
   return std::unique_ptr<AssetUpload>(
       new AssetUpload(asset, caller, std::move(incoming), KeptPathOf(asset.sha256()), expected, this));
 }

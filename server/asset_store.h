@@ -35,6 +35,10 @@ namespace lumifold::server {
 inline constexpr absl::Duration kKeptUploadAge = absl::Hours(24);
 inline constexpr size_t kMaxKeptUploads = 64;
 
+/// An upload at another coordinator may be running while its file was written less than this ago; it ends when nothing comes
+/// for a shorter time.
+inline constexpr absl::Duration kRunningUploadAge = absl::Minutes(10);
+
 /// An asset that no job refers to is removed when it was not used for this long.
 inline constexpr absl::Duration kUnusedAssetAge = absl::Hours(7 * 24);
 
@@ -42,6 +46,8 @@ struct AssetLimits {
   /// Of one asset; at most job::kMaxAssetBytes.
   uint64_t asset_bytes = job::kMaxAssetBytes;
   job_life::UploadLimits uploads = {};
+  /// Where other coordinators use the same folders: a name that none of them has. Empty: the only one.
+  std::string uploader = {};
 };
 
 class AssetStore;

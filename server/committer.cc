@@ -23,11 +23,12 @@ constexpr int kMaxGrowths = 60;  // further ones would overflow
 /// Maximum time between two looks at the clock: options_.now may not be the clock that waits use.
 constexpr absl::Duration kIdleInterval = absl::Seconds(1);
 
-ledger::UnitRecord RecordOf(const AcceptedUnit& unit, const film::RecordPlace& place) {
+ledger::UnitRecord RecordOf(const AcceptedUnit& unit, const std::string& log,
+                            const film::RecordPlace& place) {
   return {.unit = unit.stored.unit,
           .attempt = unit.stored.attempt,
           .worker = unit.worker_name,
-          .file = DataFolder::UnitLogName(unit.stored.unit.job, unit.stored.unit.key.frame),
+          .file = log,
           .offset = place.offset,
           .length = place.length,
           .samples = unit.samples,
@@ -125,15 +126,18 @@ void Committer::Discard(const FrameKey& frame, const std::vector<job::UnitKey>& 
 
 absl::Status Committer::VoidRecordsOf(const FrameKey& frame, const std::vector<job::UnitKey>& units) {
   const std::set<job::UnitKey> discarded(units.begin(), units.end());
-  std::vector<film::RecordPlace> places;
+  std::map<std::string, std::vector<film::RecordPlace>> places;  // by log
   const absl::Status listed =
       store_->ForEachUnit(frame.first, frame.second, [&](const ledger::UnitRecord& record) {
-        if (discarded.contains(record.unit.key)) places.push_back({record.offset, record.length});
+        if (discarded.contains(record.unit.key))
+          places[record.file].push_back({record.offset, record.length});
       });
   if (!listed.ok()) return listed;
-  const absl::Status status = film::VoidRecords(
-      folder_.PathOf(DataFolder::UnitLogName(frame.first, frame.second)), places, folder_.files());
-  return absl::IsNotFound(status) ? absl::OkStatus() : status;
+  for (const auto& [log, of_log] : places) {
+    const absl::Status status = film::VoidRecords(folder_.PathOf(log), of_log, folder_.files());
+    if (!status.ok() && !absl::IsNotFound(status)) return status;
+  }
+  return absl::OkStatus();
 }
 
 void Committer::ForgetLog(const FrameKey& frame) {
@@ -331,7 +335,7 @@ absl::Status Committer::SetAsideBrokenLog(const FrameKey& frame, const absl::Sta
   const absl::Status again = absl::UnavailableError(cause.message());
   if (++write_errors_[frame] < kMaxWriteErrors) return again;
   logs_.Close(frame);
-  const std::string path = folder_.PathOf(DataFolder::UnitLogName(frame.first, frame.second));
+  const std::string path = folder_.PathOf(folder_.UnitLogName(frame.first, frame.second));
   if (folder_.files()->Rename(path, path + kBrokenSuffix) != 0) return again;
   write_errors_.erase(frame);
   return again;  // the next try makes a new log, and finds that the units of the old one are lost
@@ -345,7 +349,7 @@ absl::Status Committer::AppendAndSync(const FrameKey& frame, const std::vector<A
     const absl::StatusOr<film::RecordPlace> place = (*log)->Append(unit->stored);
     if (!place.ok()) return place.status();
     unit->record_bytes = place->length;
-    records->push_back(RecordOf(*unit, *place));
+    records->push_back(RecordOf(*unit, folder_.UnitLogName(frame.first, frame.second), *place));
   }
   return (*log)->Sync();
 }
@@ -374,28 +378,31 @@ absl::StatusOr<film::UnitLog*> Committer::LogOf(const FrameKey& frame) {
 
 absl::StatusOr<film::UnitLog> Committer::OpenLog(const FrameKey& frame) {
   const auto committed = committed_bytes_.find(frame);
-  return film::UnitLog::Open(folder_.PathOf(DataFolder::UnitLogName(frame.first, frame.second)),
+  return film::UnitLog::Open(folder_.PathOf(folder_.UnitLogName(frame.first, frame.second)),
                              committed == committed_bytes_.end() ? 0 : committed->second, folder_.files());
 }
 
 absl::StatusOr<std::vector<ledger::UnitRecord>> Committer::TakeBackLostUnits(const FrameKey& frame) {
   const auto& [job, number] = frame;
   logs_.Close(frame);  // its file may have been deleted: the next unit opens or creates it
-  const absl::StatusOr<film::UnitLogReader> log =
-      film::UnitLogReader::Open(folder_.PathOf(DataFolder::UnitLogName(job, number)));
-  if (!log.ok() && !absl::IsNotFound(log.status())) return log.status();
-  // The ledger is free for others while the log is read.
+  // The ledger is free for others while the logs are read.
   std::vector<ledger::UnitRecord> units;
   const absl::Status listed = store_->ForEachUnit(
       job, number, [&units](const ledger::UnitRecord& record) { units.push_back(record); });
   if (!listed.ok()) return listed;
   std::map<job::UnitKey, ledger::UnitRecord>& lost = being_revoked_[frame];
+  const std::string own_log = folder_.UnitLogName(job, number);
+  std::map<std::string, absl::StatusOr<film::UnitLogReader>> logs;
   uint64_t committed_bytes = 0;
   for (ledger::UnitRecord& record : units) {
-    if (log.ok() && CanBeRead(*log, record)) {
-      committed_bytes = std::max(committed_bytes, record.offset + record.length);
-    } else {
+    auto log = logs.find(record.file);
+    if (log == logs.end())
+      log = logs.emplace(record.file, film::UnitLogReader::Open(folder_.PathOf(record.file))).first;
+    if (!log->second.ok() && !absl::IsNotFound(log->second.status())) return log->second.status();
+    if (!log->second.ok() || !CanBeRead(*log->second, record)) {
       lost[record.unit.key] = std::move(record);
+    } else if (record.file == own_log) {
+      committed_bytes = std::max(committed_bytes, record.offset + record.length);
     }
   }
   std::vector<job::UnitKey> keys;

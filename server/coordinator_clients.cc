@@ -254,6 +254,7 @@ std::optional<v1::JobStatus> Coordinator::StatusInMemory(const JobId& job) {
   if (active != active_jobs_.end()) {
     v1::JobStatus status = StatusOfActiveJob(active->second, scheduler_.Progress(job));
     if (dependencies_.IsWaiting(job)) status.set_state(v1::JOB_STATE_SUBMITTED);
+    status.set_coordinator(address_);
     if (const auto error = predicted_errors_.find(job);
         error != predicted_errors_.end() && !status.has_estimated_error())
       status.set_estimated_error(error->second);
@@ -274,7 +275,7 @@ absl::StatusOr<v1::JobStatus> Coordinator::StatusOf(const JobId& job) {
   // A job that leaves memory is in the ledger before.
   const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
   if (!record.ok()) return record.status();
-  return StatusOfEndedJob(*record);
+  return StatusOfRecord(*record);
 }
 
 absl::StatusOr<v1::JobStatus> Coordinator::GetJob(const std::string& job_id) {

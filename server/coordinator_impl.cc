@@ -50,10 +50,13 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::Create(const Coordinat
                                                                  FrameFinisher* finisher) {
   const absl::StatusOr<ledger::Epoch> epoch = store->NewEpoch();
   if (!epoch.ok()) return epoch.status();
-  std::unique_ptr<Coordinator> coordinator(
-      new Coordinator(options, folder, store, assets, finisher, {OwnerName(options.random()), *epoch}));
+  std::unique_ptr<Coordinator> coordinator(new Coordinator(
+      options, options.is_member ? folder.WithLogsOf(absl::StrCat("e", epoch->value())) : folder, store,
+      assets, finisher, {OwnerName(options.random()), *epoch}));
   if (absl::Status status = coordinator->RestoreBlockedWorkers(); !status.ok()) return status;
-  if (absl::Status status = coordinator->Restore(); !status.ok()) return status;
+  if (!options.is_member) {
+    if (absl::Status status = coordinator->Restore(); !status.ok()) return status;
+  }
   Coordinator* self = coordinator.get();
   assets->SetRoom([self] { return self->janitor_.Room(); });
   self->committer_->Start();
@@ -115,11 +118,13 @@ void Coordinator::Shutdown() {
   housekeeping_.Wake();
   finishing_.Wake();
   changing_.Wake();
+  adopting_.Wake();
   finisher_->Cancel();
   if (finisher_thread_.joinable()) finisher_thread_.join();
   committer_->Stop();
   if (housekeeping_thread_.joinable()) housekeeping_thread_.join();
   changer_.Stop();
+  farm_thread_.Stop();
   deleter_.Stop();
   purger_.Stop();
 }

@@ -22,6 +22,7 @@
 #include "lumifold/v1/farm.pb.h"
 #include "lumifold/v1/worker.pb.h"
 #include "server/asset_store.h"
+#include "server/cluster/membership.h"
 #include "server/committer.h"
 #include "server/data_folder.h"
 #include "server/frame_finisher.h"
@@ -79,6 +80,11 @@ struct CoordinatorOptions {
   AssetChecks* asset_checks = nullptr;
   /// Whether connections are in plain text, for display.
   bool insecure = false;
+  /// Whether others may have the same ledger and data folder: then the unfinished jobs are not claimed, but adopted as
+  /// cluster::Membership says.
+  bool is_member = false;
+  /// Called once, from any thread, when its jobs belong to others: nothing that it does counts any more.
+  std::function<void()> on_expelled = [] {};
 };
 
 /// What a worker has to deliver for a lease.
@@ -107,8 +113,8 @@ class JobWatcher {
 /// with the same data folder it continues all unfinished jobs.
 /// Its lock is never held during a call of the ledger or of a file, so that slow storage does not delay leases: the
 /// committer writes, and what clients ask of ended jobs is read without the lock.
-/// Threads: safe; it has five of its own (committer, finisher, housekeeping, and those for tasks).
-class Coordinator final : private Committer::Listener {
+/// Threads: safe; it has several of its own (committer, finisher, housekeeping, and those for tasks).
+class Coordinator final : private Committer::Listener, public cluster::MemberHost {
  public:
   using StatusAnswer = std::function<void(absl::StatusOr<v1::JobStatus>)>;
 
@@ -124,6 +130,18 @@ class Coordinator final : private Committer::Listener {
   /// Commits the accepted units and stops the threads. Later calls are safe, but no lease is granted any
   /// more.
   void Shutdown();
+
+  // As one of several, see coordinator_farm.cc.
+  const ledger::Owner& owner() const { return owner_; }
+  /// Where others reach it, for display.
+  void SetAddress(const std::string& address);
+  void SetFigures(ledger::Member* member) override;
+  void Adopt(const std::vector<ledger::AdoptedJob>& jobs) override;
+  void MoveWorkers(const cluster::WorkerMove& move) override;
+  void OnExpelled() override;
+  void LookAtOthers() override;
+  /// The epoch that a job belongs to. Errors: those of JobStore::GetJob.
+  absl::StatusOr<ledger::Epoch> OwnerOf(const job::JobId& job);
 
   // Calls of clients; farm.proto documents them and their errors.
   absl::StatusOr<v1::FindMissingAssetsResponse> FindMissingAssets(
@@ -240,8 +258,9 @@ class Coordinator final : private Committer::Listener {
   struct LoadedJob {
     ledger::JobRecord record;
     std::vector<int32_t> finished;
-    /// Committed units of the other frames, and the ends of their logs.
+    /// Committed units of the other frames, these frames, and the ends of the logs that this coordinator writes.
     std::vector<scheduler::RestoredUnit> units;
+    std::set<int32_t> frames;
     std::map<int32_t, uint64_t> committed_bytes;
     /// Rounds of the frames with committed units, with adaptive sampling.
     std::map<int32_t, std::shared_ptr<const job::FrameRounds>> rounds;
@@ -304,6 +323,22 @@ class Coordinator final : private Committer::Listener {
   /// Adds the jobs of a page that the request asks for.
   absl::Status AddListed(const ledger::JobPage& page, const v1::ListJobsRequest& request,
                          v1::ListJobsResponse* response);
+
+  // As one of several, see coordinator_farm.cc. All but the first run on farm_thread_.
+  /// Leases that the job has or could have.
+  int64_t LeasesWanted(const job::JobId& job, const ledger::JobRecord& record)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Makes a job that is this coordinator's in the ledger one in memory. Waits for the storage.
+  void AdoptJob(const job::JobId& job);
+  absl::Status TryToAdopt(const job::JobId& job);
+  /// Jobs whose client may have got the answer elsewhere.
+  void StartUncertainJobs();
+  /// Assets that jobs wait for and others have stored.
+  void FindStoredAssets();
+  /// Jobs of others that jobs wait for.
+  void LookAtPrerequisites();
+  /// What others have recorded of blocked workers.
+  void FollowBlockedWorkers();
 
   // Plans, see coordinator_plans.cc.
   /// The job's plan; without decisions if it has none. Errors: those of the ledger.
@@ -486,15 +521,19 @@ class Coordinator final : private Committer::Listener {
   std::map<JobWatcher*, job::JobId> watchers_ ABSL_GUARDED_BY(mutex_);
   std::set<job::JobId> changed_jobs_ ABSL_GUARDED_BY(mutex_);
   absl::Time watchers_notified_ ABSL_GUARDED_BY(mutex_) = absl::InfinitePast();
+  std::string address_ ABSL_GUARDED_BY(mutex_);
   std::atomic<bool> purging_{false};
+  std::atomic<bool> looking_{false};
   WakeUp housekeeping_;
   WakeUp finishing_;
   WakeUp changing_;
+  WakeUp adopting_;
 
   TaskThread deleter_{TaskThread::Priority::kLowest};  // of files
   TaskThread purger_{TaskThread::Priority::kNormal};   // of rows
   Janitor janitor_;
   TaskThread changer_{TaskThread::Priority::kNormal};
+  TaskThread farm_thread_{TaskThread::Priority::kNormal};
   std::unique_ptr<Committer> committer_;
   std::thread finisher_thread_;
   std::thread housekeeping_thread_;

@@ -134,6 +134,7 @@ absl::Status Coordinator::LoadProgress(LoadedJob* loaded) {
       });
   if (!units.ok()) return units.status();
   loaded->committed_bytes = std::move(units->committed_bytes);
+  loaded->frames = std::move(units->frames);
   if (absl::Status status = LoadRounds(loaded); !status.ok()) return status;
   if (units->recovered > 0) {  // they have changed the job's class and counts
     options_.log->info("event=units_recovered job={} units={}", id.value(), units->recovered);
@@ -150,7 +151,7 @@ absl::Status Coordinator::LoadProgress(LoadedJob* loaded) {
 absl::Status Coordinator::LoadRounds(LoadedJob* loaded) const {
   const ledger::JobRecord& record = loaded->record;
   if (!record.spec.has_adaptive()) return absl::OkStatus();
-  for (const auto& [frame, bytes] : loaded->committed_bytes) {
+  for (const int32_t frame : loaded->frames) {
     if (std::binary_search(loaded->finished.begin(), loaded->finished.end(), frame)) continue;
     absl::StatusOr<job::FrameRounds> rounds = ReadRounds(folder_, record.id, record.spec, frame);
     if (absl::IsDataLoss(rounds.status())) {  // the same is estimated again, from the same units

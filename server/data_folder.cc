@@ -47,20 +47,25 @@ absl::StatusOr<std::vector<std::string>> ContentsFirst(const std::string& path) 
   return all;
 }
 
-/// The files of frames in a folder, frame-NNNN and the suffix, with their sizes.
-std::map<int32_t, uint64_t> FrameFilesIn(const std::string& folder, const char* suffix) {
-  std::map<int32_t, uint64_t> files;
+struct FrameFile {
+  int32_t frame = 0;
+  fs::path path;
+};
+
+/// The files of frames in a folder, frame-NNNN, perhaps a writer, and the suffix; by name.
+std::vector<FrameFile> FrameFilesIn(const std::string& folder, const char* suffix) {
+  std::vector<FrameFile> files;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
     const std::string name = entry->path().stem().string();
+    if (entry->path().extension() != suffix || !name.starts_with(kFramePrefix)) continue;
+    const size_t first = std::strlen(kFramePrefix);
     int32_t frame = 0;
-    if (entry->path().extension() != suffix || !name.starts_with(kFramePrefix) ||
-        !absl::SimpleAtoi(name.substr(std::strlen(kFramePrefix)), &frame)) {
-      continue;
-    }
-    std::error_code gone;
-    files[frame] = fs::file_size(entry->path(), gone);
+    if (absl::SimpleAtoi(name.substr(first, name.find('.', first) - first), &frame))
+      files.push_back({frame, entry->path()});
   }
+  std::sort(files.begin(), files.end(),
+            [](const FrameFile& a, const FrameFile& b) { return a.path < b.path; });
   return files;
 }
 
@@ -88,13 +93,24 @@ absl::Status RemoveAll(const std::string& path, FileSystem* files) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
+DataFolder DataFolder::WithLogsOf(const std::string& writer) const {
+  DataFolder folder = *this;
+  folder.writer_ = writer;
+  return folder;
+}
+
+absl::Status DataFolder::MakeFolders() const {
   for (const char* folder : {"", "/assets", "/incoming", "/film", "/results", "/deleted"}) {
     if (absl::Status status = MakeFolder(root_ + folder, files_); !status.ok()) return status;
   }
   // A folder that someone made before may be open to others. Where it belongs to another user it stays so: the files in
   // it are private anyway.
   (void)chmod(root_.c_str(), 0700);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
+  if (absl::Status status = MakeFolders(); !status.ok()) return status;
   const std::string path = root_ + "/lock";
   rpc::FileHandle lock(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (lock.get() < 0) return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(errno)));
@@ -106,15 +122,24 @@ absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
 }
 
 absl::Status DataFolder::RemoveLeftovers() const {
+  return RemovePartialFiles({root_ + "/results", root_ + "/film"});
+}
+
+absl::Status DataFolder::RemoveLeftoversOf(const job::JobId& job) const {
+  return RemovePartialFiles({ResultsPath(job), FilmPath(job)});
+}
+
+absl::Status DataFolder::RemovePartialFiles(const std::vector<std::string>& folders) const {
   // Results and manifests that still have their temporary name are incomplete.
   std::vector<std::string> partial;
-  for (const char* name : {"/results", "/film"}) {
+  for (const std::string& folder : folders) {
     std::error_code error;
-    for (fs::recursive_directory_iterator entry(root_ + name, error), end; !error && entry != end;
+    for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
          entry.increment(error)) {
       if (entry->path().extension() == kPartialSuffix) partial.push_back(entry->path().string());
     }
-    if (error) return absl::UnavailableError(absl::StrCat(root_, name, ": ", error.message()));
+    if (error && error != std::errc::no_such_file_or_directory)
+      return absl::UnavailableError(absl::StrCat(folder, ": ", error.message()));
   }
   for (const std::string& path : partial) {
     if (absl::Status status = RemoveAll(path, files_); !status.ok()) return status;
@@ -142,18 +167,34 @@ std::vector<job::JobId> DataFolder::NamesIn(const std::string& path) {
   return names;
 }
 
-std::map<int32_t, uint64_t> DataFolder::UnitLogsOf(const job::JobId& job) const {
-  return FrameFilesIn(FilmPath(job), kLogSuffix);
+std::vector<DataFolder::UnitLogFile> DataFolder::UnitLogsOf(const job::JobId& job) const {
+  std::vector<UnitLogFile> logs;
+  for (const FrameFile& file : FrameFilesIn(FilmPath(job), kLogSuffix)) {
+    std::error_code gone;
+    const auto bytes = fs::file_size(file.path, gone);
+    if (!gone)
+      logs.push_back(
+          {file.frame, absl::StrCat("film/", job.value(), "/", file.path.filename().string()), bytes});
+  }
+  return logs;
+}
+
+std::vector<DataFolder::UnitLogFile> DataFolder::UnitLogsOf(const job::JobId& job, int32_t frame) const {
+  std::vector<UnitLogFile> logs = UnitLogsOf(job);
+  std::erase_if(logs, [frame](const UnitLogFile& log) { return log.frame != frame; });
+  return logs;
 }
 
 std::vector<int32_t> DataFolder::ResultsOf(const job::JobId& job) const {
   std::vector<int32_t> frames;
-  for (const auto& [frame, size] : FrameFilesIn(ResultsPath(job), kResultSuffix)) frames.push_back(frame);
+  for (const FrameFile& file : FrameFilesIn(ResultsPath(job), kResultSuffix)) frames.push_back(file.frame);
+  std::sort(frames.begin(), frames.end());
   return frames;
 }
 
-std::string DataFolder::UnitLogName(const job::JobId& job, int32_t frame) {
-  return absl::StrFormat("film/%s/%s%04d%s", job.value(), kFramePrefix, frame, kLogSuffix);
+std::string DataFolder::UnitLogName(const job::JobId& job, int32_t frame) const {
+  return absl::StrFormat("film/%s/%s%04d%s%s%s", job.value(), kFramePrefix, frame, writer_.empty() ? "" : ".",
+                         writer_, kLogSuffix);
 }
 
 std::string DataFolder::RoundsPath(const job::JobId& job, int32_t frame) const {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <map>
 #include <string>
 #include <utility>
 #include <vector>
@@ -19,7 +18,8 @@ namespace lumifold::server {
 ///   assets/SHA256    scenes and the files they refer to (SHA256.damaged: the disk has changed its content)
 ///   incoming/        uploads in progress, and what has arrived of those that broke (see AssetStore)
 ///   film/JOB/        the unit logs of a job, frame-NNNN.units, and its numeric class (class); until the job has ended,
-///                    its manifest
+///                    its manifest. Where several coordinators share the folder each has logs of its own,
+///                    frame-NNNN.e12.units for epoch 12: one that was taken for dead and goes on writing harms nobody
 ///   results/JOB/     results, frame-NNNN.exr, each with its SHA-256, frame-NNNN.exr.sha256; the manifest of a job
 ///                    that has ended
 ///   deleted/JOB      empty: the job was deleted, its files go next (see Janitor)
@@ -36,14 +36,22 @@ class DataFolder {
   explicit DataFolder(std::string root, FileSystem* files = PrivateFileSystem())
       : root_(std::move(root)), files_(files) {}
 
-  /// Creates missing folders, closes them to other users and takes the lock, which is held until the returned handle is closed.
+  /// The same folder, whose unit logs are those of a coordinator that shares it with others; empty: of the only one.
+  DataFolder WithLogsOf(const std::string& writer) const;
+
+  /// Creates missing folders and closes them to other users.
+  /// Errors: kUnavailable with the system's message. It names the folder.
+  absl::Status MakeFolders() const;
+  /// MakeFolders, and takes the lock, which is held until the returned handle is closed.
   /// Errors: kFailedPrecondition where another coordinator holds it; kUnavailable with the system's message.
   /// Both name the folder.
   absl::StatusOr<rpc::FileHandle> Claim() const;
 
-  /// Removes incomplete results of a coordinator that was killed.
+  /// Removes incomplete files of a coordinator that was killed, in the films and results of all jobs or of one. If it was
+  /// not, its writing of them fails.
   /// Errors: kUnavailable naming the file.
   absl::Status RemoveLeftovers() const;
+  absl::Status RemoveLeftoversOf(const job::JobId& job) const;
 
   const std::string& root() const { return root_; }
   FileSystem* files() const { return files_; }
@@ -71,13 +79,20 @@ class DataFolder {
   /// Jobs that have a film, and jobs that have results, by id.
   std::vector<job::JobId> JobsWithFilm() const { return NamesIn(root_ + "/film"); }
   std::vector<job::JobId> JobsWithResults() const { return NamesIn(root_ + "/results"); }
-  /// Frames of a job that have a unit log, with the size of the log in bytes.
-  std::map<int32_t, uint64_t> UnitLogsOf(const job::JobId& job) const;
+  struct UnitLogFile {
+    int32_t frame = 0;
+    /// Relative to the data folder, as recorded in the ledger.
+    std::string name;
+    uint64_t bytes = 0;
+  };
+  /// The unit logs of a job, or of one of its frames, of all coordinators, by name.
+  std::vector<UnitLogFile> UnitLogsOf(const job::JobId& job) const;
+  std::vector<UnitLogFile> UnitLogsOf(const job::JobId& job, int32_t frame) const;
   /// Frames of a job that have a result, in ascending order.
   std::vector<int32_t> ResultsOf(const job::JobId& job) const;
 
-  /// Path of a frame's unit log relative to the data folder, as recorded in the ledger.
-  static std::string UnitLogName(const job::JobId& job, int32_t frame);
+  /// The frame's unit log that is written here, relative to the data folder.
+  std::string UnitLogName(const job::JobId& job, int32_t frame) const;
   std::string PathOf(const std::string& name) const { return root_ + "/" + name; }
   std::string ResultPath(const job::JobId& job, int32_t frame) const;
   /// Record of the rounds of a frame with adaptive sampling.
@@ -87,8 +102,11 @@ class DataFolder {
  private:
   static std::vector<job::JobId> NamesIn(const std::string& path);
 
+  absl::Status RemovePartialFiles(const std::vector<std::string>& folders) const;
+
   std::string root_;
   FileSystem* files_;
+  std::string writer_;
 };
 
 /// Creates a folder and its missing parents. Durable once it returns OK.

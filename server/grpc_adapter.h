@@ -12,10 +12,11 @@ namespace lumifold::server {
 class AssetChecks;
 class CallGate;
 class Coordinator;
+class FarmPeers;
 
 /// FarmService and WorkerService of a coordinator. Handlers pass the gate, call the coordinator, those that use assets
-/// after `checks`, and convert the result. All three must outlive the services.
+/// after `checks`, and convert the result. All must outlive the services.
 std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks,
-                                                         CallGate* gate);
+                                                         CallGate* gate, FarmPeers* peers);
 
 }  // namespace lumifold::server

@@ -249,11 +249,14 @@ Janitor::Files Janitor::Do(const EndedJob& ended) {
 }
 
 Janitor::Files Janitor::Do(const FinishedFrame& finished) {
-  const std::string log = folder_.PathOf(DataFolder::UnitLogName(finished.job, finished.frame));
-  std::error_code error;
-  const auto bytes = fs::file_size(log, error);
-  if (error) return std::vector<std::string>();
-  const absl::Time written = WrittenAt(log);
+  const std::vector<DataFolder::UnitLogFile> logs = folder_.UnitLogsOf(finished.job, finished.frame);
+  if (logs.empty()) return std::vector<std::string>();
+  absl::Time written = absl::InfinitePast();
+  uint64_t bytes = 0;
+  for (const DataFolder::UnitLogFile& log : logs) {
+    written = std::max(written, WrittenAt(folder_.PathOf(log.name)));
+    bytes += log.bytes;
+  }
   absl::MutexLock lock(&mutex_);
   retention_.FrameFinished(finished.job, finished.frame, written, bytes);
   return std::vector<std::string>();
@@ -266,7 +269,8 @@ Janitor::Files Janitor::Do(const Removal& removal) {
       files.push_back(folder_.FilmPath(removal.job));
       break;
     case Removal::What::kFrame:
-      files.push_back(folder_.PathOf(DataFolder::UnitLogName(removal.job, removal.frame)));
+      for (const DataFolder::UnitLogFile& log : folder_.UnitLogsOf(removal.job, removal.frame))
+        files.push_back(folder_.PathOf(log.name));
       break;
     case Removal::What::kJob:
       const absl::Status deleted = BeginDeletion(removal.job);

@@ -53,6 +53,19 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   return status;
 }
 
+v1::JobStatus StatusOfRecord(const ledger::JobRecord& record) {
+  v1::JobStatus status = StatusOfEndedJob(record);
+  if (HasEnded(record.state)) return status;
+  if (record.scheduling.paused()) {
+    status.set_state(v1::JOB_STATE_PAUSED);
+  } else if (record.units_done > 0) {
+    status.set_state(v1::JOB_STATE_RUNNING);
+  } else if (!job::NeedsPlan(record.spec)) {
+    status.set_state(v1::JOB_STATE_PLANNED);
+  }
+  return status;
+}
+
 v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress) {
   v1::JobStatus status = StatusOfEndedJob(record);
   status.set_state(progress.state);

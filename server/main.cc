@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -11,8 +12,11 @@
 #include <iostream>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/secrets.h"
 #include "proto/rpc/nonblocking_log.h"
@@ -31,11 +35,17 @@ namespace {
 constexpr int kExitFailure = 1;
 constexpr int kExitUsage = 2;
 constexpr double kBytesPerGb = 1e9;
+/// The process sends it to itself when its jobs belong to another coordinator.
+constexpr int kExpelled = SIGUSR1;
+/// Before a start that failed because of the ledger is tried again, after an expulsion.
+constexpr timespec kStartPause = {.tv_sec = 1, .tv_nsec = 0};
 
 struct Flags {
   std::string data_dir;
   std::string store = "sqlite";
   std::string listen = "127.0.0.1:7700";
+  std::string advertise;
+  double failover_seconds = 3.0;
   bool insecure = false;
   double certificate_hours = absl::ToDoubleHours(lumifold::access::kCredentialLifetime);
   int filter_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
@@ -65,6 +75,14 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->envname(lumifold::ledger::kStoreVariable)
       ->capture_default_str();
   app->add_option("--listen", flags->listen, "HOST:PORT to listen on; port 0: a free port")
+      ->capture_default_str();
+  app->add_option(
+      "--advertise", flags->advertise,
+      "HOST:PORT where others reach this coordinator, of several over one PostgreSQL database (default: by "
+      "--listen)");
+  app->add_option("--failover-seconds", flags->failover_seconds,
+                  "Time without a sign of life after which another coordinator takes the jobs of this one")
+      ->check(CLI::Range(0.5, 3600.0))
       ->capture_default_str();
   app->add_flag("--insecure", flags->insecure,
                 "Allow listening off loopback without encryption, where 'init' has not been run");
@@ -152,6 +170,7 @@ sigset_t BlockEndSignals() {
   sigemptyset(&signals);
   sigaddset(&signals, SIGTERM);
   sigaddset(&signals, SIGINT);
+  sigaddset(&signals, kExpelled);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   signal(SIGPIPE, SIG_IGN);
   return signals;
@@ -163,6 +182,36 @@ void RaiseFileLimit() {
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
   limit.rlim_cur = limit.rlim_max;
   setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+/// Runs a coordinator until a signal ends it. One whose jobs others have taken, as it gave no sign of life for a while, starts
+/// anew with nothing of what it knew.
+int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals) {
+  const std::string host = options.listen.substr(0, options.listen.rfind(':'));
+  bool is_first = true;
+  while (true) {
+    absl::StatusOr<std::unique_ptr<lumifold::server::Server>> server =
+        lumifold::server::Server::Start(options);
+    if (!is_first && absl::IsUnavailable(server.status())) {  // it was cut off, and may still be
+      options.log->warn("event=not_started error=\"{}\"", absl::Utf8SafeCEscape(server.status().message()));
+      const int received = sigtimedwait(&end_signals, nullptr, &kStartPause);
+      if (received == SIGTERM || received == SIGINT) return 0;
+      continue;
+    }
+    if (!server.ok()) {
+      std::cerr << "lumifold-server: " << std::string(server.status().message()) << '\n';
+      return kExitFailure;
+    }
+    options.listen = absl::StrCat(host, ":", (*server)->port());
+    if (std::exchange(is_first, false)) std::cout << "listening on " << options.listen << std::endl;
+    int received = 0;
+    sigwait(&end_signals, &received);
+    options.log->info("event=stopping signal={}", received);
+    (*server)->Shutdown();
+    server->reset();
+    options.log->info("event=stopped");
+    if (received != kExpelled) return 0;
+  }
 }
 
 int RunServer(const Flags& flags) {
@@ -191,20 +240,10 @@ int RunServer(const Flags& flags) {
   if (flags.quota_gb > 0) options.retention.quota_bytes = static_cast<uint64_t>(flags.quota_gb * kBytesPerGb);
   options.limits = LimitsOf(flags);
   options.log = log;
-  const absl::StatusOr<std::unique_ptr<lumifold::server::Server>> server =
-      lumifold::server::Server::Start(std::move(options));
-  if (!server.ok()) {
-    std::cerr << "lumifold-server: " << std::string(server.status().message()) << '\n';
-    return kExitFailure;
-  }
-  const std::string host = flags.listen.substr(0, flags.listen.rfind(':'));
-  std::cout << "listening on " << host << ':' << (*server)->port() << std::endl;
-  int received = 0;
-  sigwait(&end_signals, &received);
-  log->info("event=stopping signal={}", received);
-  (*server)->Shutdown();
-  log->info("event=stopped");
-  return 0;
+  options.advertise = flags.advertise;
+  options.failover = absl::Seconds(flags.failover_seconds);
+  options.on_expelled = [] { kill(getpid(), kExpelled); };
+  return Serve(std::move(options), end_signals);
 }
 
 /// Prints what a subcommand has done, or its error.

@@ -1,6 +1,7 @@
 #include "server/restore_units.h"
 
 #include <algorithm>
+#include <map>
 #include <set>
 #include <string>
 #include <utility>
@@ -15,15 +16,15 @@ namespace {
 /// Units that are committed in one transaction. Limits its memory.
 constexpr size_t kMaxCommit = 1000;
 
-/// Commits the records that the log of one frame has beyond the ledger.
+/// Commits the records that a log of a frame has beyond the ledger.
 class LogTail {
  public:
   LogTail(const DataFolder& folder, ledger::JobStore& store, const ledger::OwnedJob& job,
-          const ledger::JobRecord& record, int32_t frame)
+          const ledger::JobRecord& record, int32_t frame, std::string name)
       : store_(store),
         units_(record.spec),
         frame_(frame),
-        name_(DataFolder::UnitLogName(job.job, frame)),
+        name_(std::move(name)),
         path_(folder.PathOf(name_)) {
     commit_.job = job;
     commit_.started = record.started;
@@ -104,20 +105,24 @@ absl::StatusOr<RestoredUnits> RestoreUnits(const DataFolder& folder, ledger::Job
                                            const std::vector<int32_t>& finished,
                                            absl::FunctionRef<void(const ledger::UnitRecord&)> visit) {
   RestoredUnits restored;
+  std::map<std::string, uint64_t> ends;  // of the committed records, by log
   const absl::Status read = store.ForEachUnit(job.job, std::nullopt, [&](const ledger::UnitRecord& unit) {
     visit(unit);
-    uint64_t& end = restored.committed_bytes[unit.unit.key.frame];
+    restored.frames.insert(unit.unit.key.frame);
+    uint64_t& end = ends[unit.file];
     end = std::max(end, unit.offset + unit.length);
+    if (unit.file == folder.UnitLogName(job.job, unit.unit.key.frame))
+      restored.committed_bytes[unit.unit.key.frame] = end;
   });
   if (!read.ok()) return read;
-  for (const auto& [frame, size] : folder.UnitLogsOf(job.job)) {
-    const auto known = restored.committed_bytes.find(frame);
-    const uint64_t first = known == restored.committed_bytes.end() ? 0 : known->second;
-    if (size <= first || std::binary_search(finished.begin(), finished.end(), frame)) continue;
-    LogTail tail(folder, store, job, record, frame);
+  for (const auto& [frame, name, bytes] : folder.UnitLogsOf(job.job)) {
+    const uint64_t first = ends[name];
+    if (bytes <= first || std::binary_search(finished.begin(), finished.end(), frame)) continue;
+    LogTail tail(folder, store, job, record, frame, name);
     const absl::StatusOr<uint64_t> end = tail.Commit(first, visit);
     if (!end.ok()) return end.status();
-    restored.committed_bytes[frame] = *end;
+    restored.frames.insert(frame);
+    if (name == folder.UnitLogName(job.job, frame)) restored.committed_bytes[frame] = *end;
     restored.recovered += tail.recovered();
   }
   return restored;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <vector>
 
 #include "absl/functional/function_ref.h"
@@ -13,7 +14,9 @@ namespace lumifold::server {
 
 /// What a data folder has of the unfinished frames of a job.
 struct RestoredUnits {
-  /// End of the committed records in the log of each frame that has a log or committed units.
+  /// Frames that have a log or committed units.
+  std::set<int32_t> frames;
+  /// End of the committed records in each of the logs that `folder` writes.
   std::map<int32_t, uint64_t> committed_bytes;
   /// Units whose records were in the logs but not in the ledger. They are committed now.
   int64_t recovered = 0;

@@ -1,9 +1,8 @@
 #include "server/revise_film.h"
 
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstring>
+#include <map>
 #include <string>
 
 #include "absl/strings/str_cat.h"
@@ -36,35 +35,37 @@ absl::Status VoidUnkept(const std::string& path, const JobId& job, const ReopenP
   return film::VoidRecords(path, places, files);
 }
 
+absl::Status ReviseLog(const std::string& path, const JobId& job, int32_t frame, const ReopenPlan& plan,
+                       FileSystem* files) {
+  switch (plan.KeptOf(frame)) {
+    case ReopenPlan::Kept::kNone:
+      return RemoveLog(path, files);
+    case ReopenPlan::Kept::kSome:
+      return VoidUnkept(path, job, plan, files);
+    case ReopenPlan::Kept::kAll:
+      break;
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<int32_t>> ReviseFilm(const DataFolder& folder, const JobId& job,
                                                 const ReopenPlan& plan, FileSystem* files) {
-  const auto path_of = [&](int32_t frame) { return folder.PathOf(DataFolder::UnitLogName(job, frame)); };
-  const auto has_log = [&](int32_t frame) { return access(path_of(frame).c_str(), F_OK) == 0; };
+  std::map<int32_t, std::vector<std::string>> logs;
+  for (const DataFolder::UnitLogFile& log : folder.UnitLogsOf(job))
+    logs[log.frame].push_back(folder.PathOf(log.name));
   for (const int32_t frame : plan.frames_that_need_film()) {
-    if (has_log(frame)) continue;
+    if (logs.contains(frame)) continue;
     return absl::FailedPreconditionError(absl::StrCat("job ", job.value(), ": the units of frame ", frame,
                                                       " are no longer kept; retry the whole frame"));
   }
   std::vector<int32_t> without_log;
   for (const int32_t frame : plan.frames()) {
-    if (!has_log(frame)) {
-      without_log.push_back(frame);
-      continue;
+    if (!logs.contains(frame)) without_log.push_back(frame);
+    for (const std::string& path : logs[frame]) {
+      if (absl::Status revised = ReviseLog(path, job, frame, plan, files); !revised.ok()) return revised;
     }
-    absl::Status revised;
-    switch (plan.KeptOf(frame)) {
-      case ReopenPlan::Kept::kNone:
-        revised = RemoveLog(path_of(frame), files);
-        break;
-      case ReopenPlan::Kept::kSome:
-        revised = VoidUnkept(path_of(frame), job, plan, files);
-        break;
-      case ReopenPlan::Kept::kAll:
-        break;
-    }
-    if (!revised.ok()) return revised;
   }
   return without_log;
 }

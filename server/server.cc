@@ -8,8 +8,10 @@
 #include <grpcpp/support/byte_buffer.h>
 #include <spdlog/sinks/null_sink.h>
 #include <spdlog/spdlog.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <random>
 #include <thread>
 #include <utility>
@@ -18,6 +20,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/synchronization/mutex.h"
 #include "lumifold/v1/access.grpc.pb.h"
 #include "lumifold/v1/farm.grpc.pb.h"
@@ -33,11 +36,14 @@
 #include "server/access_adapter.h"
 #include "server/asset_checks.h"
 #include "server/call_gate.h"
+#include "server/cluster/membership.h"
 #include "server/coordinator_impl.h"
 #include "server/event_log.h"
+#include "server/farm_peers.h"
 #include "server/frame_limit.h"
 #include "server/grpc_adapter.h"
 #include "server/ledger/open_job_store.h"
+#include "server/ledger/roster.h"
 #include "server/listener.h"
 #include "server/recover.h"
 #include "server/reserve_file.h"
@@ -101,10 +107,25 @@ class ServerImpl final : public Server {
   absl::Status OpenAccess();
   std::shared_ptr<grpc::ServerCredentials> Credentials() const;
   absl::Status Listen();
+  /// Whether other coordinators may use the ledger and the data folder.
+  bool IsMember() const { return !options_.listen.empty() && !IsStoreInFolder(); }
+  bool IsStoreInFolder() const { return options_.store.empty() || options_.store == ledger::kSqliteStore; }
+  /// Takes the data folder, alone or as one of several.
+  absl::Status OpenFolder();
+  absl::Status OpenStore();
+  absl::Status OpenCoordinator();
+  absl::Status JoinFarm();
+  std::string Address() const;
   /// Builds the gRPC server; calls inside the process can be made, and the listener is open but does not accept.
   absl::Status StartServices();
   absl::Status OpenListener(grpc::ServerBuilder* builder);
   absl::Status OpenAudit();
+  /// Several coordinators must not write one file.
+  std::string AuditName() const {
+    return IsMember()
+               ? absl::StrCat("audit.", absl::StrReplaceAll(Address(), {{":", "-"}, {"/", "-"}}), ".log")
+               : "audit.log";
+  }
   /// Changes what the health service says of all services.
   void ChangeHealth(absl::FunctionRef<void(Health*)> change);
 
@@ -124,6 +145,9 @@ class ServerImpl final : public Server {
   std::unique_ptr<AssetChecks> asset_checks_;
   std::unique_ptr<FrameFinisher> finisher_;
   std::unique_ptr<Coordinator> coordinator_;
+  std::unique_ptr<ledger::Roster> roster_;           // of a member
+  std::unique_ptr<cluster::Membership> membership_;  // of a member
+  FarmPeers peers_;
   access::OpenCalls local_calls_;
   std::unique_ptr<access::AuditLog> audit_;
   std::unique_ptr<CallGate> gate_;
@@ -132,6 +156,7 @@ class ServerImpl final : public Server {
   std::unique_ptr<grpc::Server> grpc_server_;
   std::unique_ptr<Listener> listener_;
   int port_ = 0;
+  bool has_left_ = false;
   rpc::MonotonicEvent stop_;
   std::thread stall_thread_;  // ends streams that have stalled
 };
@@ -156,25 +181,45 @@ absl::Status ServerImpl::Open() {
     if (absl::Status status = rpc::CheckListenAddress(options_.listen, security_); !status.ok())
       return status;
   }
+  for (const auto& open : {&ServerImpl::OpenFolder, &ServerImpl::OpenStore, &ServerImpl::OpenCoordinator}) {
+    if (absl::Status status = (this->*open)(); !status.ok()) return status;
+  }
+  return Listen();
+}
+
+absl::Status ServerImpl::OpenFolder() {
+  if (IsMember()) {
+    if (absl::Status status = folder_.MakeFolders(); !status.ok()) return status;
+    return OpenAccess();
+  }
   absl::StatusOr<rpc::FileHandle> lock = folder_.Claim();
   if (!lock.ok()) return lock.status();
   lock_ = *std::move(lock);
   if (absl::Status status = OpenAccess(); !status.ok()) return status;
-  if (absl::Status status = folder_.RemoveLeftovers(); !status.ok()) return status;
+  return folder_.RemoveLeftovers();
+}
+
+absl::Status ServerImpl::OpenStore() {
   // A start writes to the ledger; on a full disk in the space that is kept for it.
-  if (folder_.FreeBytes().value_or(0) < options_.reserve_bytes)
+  if (!IsMember() && folder_.FreeBytes().value_or(0) < options_.reserve_bytes)
     ReserveFile(folder_.ReservePath(), options_.reserve_bytes, options_.files).GiveUp();
-  const bool is_in_folder = options_.store.empty() || options_.store == ledger::kSqliteStore;
-  if (is_in_folder) {
+  if (IsStoreInFolder()) {
     if (absl::Status status = CheckHasLedger(folder_); !status.ok()) return status;
   }
   absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =
       ledger::OpenJobStore(options_.store, folder_.LedgerPath());
-  if (!store.ok()) return is_in_folder ? AdviseRecovery(folder_, store.status()) : store.status();
+  if (!store.ok()) return IsStoreInFolder() ? AdviseRecovery(folder_, store.status()) : store.status();
   store_ = *std::move(store);
-  assets_ = std::make_unique<AssetStore>(
-      folder_.AssetsPath(), folder_.IncomingPath(), options_.log, options_.files,
-      AssetLimits{.asset_bytes = options_.limits.asset_bytes, .uploads = options_.limits.uploads});
+  return absl::OkStatus();
+}
+
+absl::Status ServerImpl::OpenCoordinator() {
+  const std::string uploader = IsMember() ? absl::StrCat(absl::Hex(options_.random()), "-") : "";
+  assets_ =
+      std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log, options_.files,
+                                   AssetLimits{.asset_bytes = options_.limits.asset_bytes,
+                                               .uploads = options_.limits.uploads,
+                                               .uploader = uploader});
   asset_checks_ = std::make_unique<AssetChecks>(assets_.get());
   finisher_ =
       options_.filter_in_child_process
@@ -190,7 +235,8 @@ absl::Status ServerImpl::Open() {
        .wall_now = options_.wall_now,
        .random = options_.random,
        .log = options_.log,
-       .reserve_bytes = options_.reserve_bytes,
+       // The ledger of several coordinators is not on the disk of their folder.
+       .reserve_bytes = IsMember() ? 0 : options_.reserve_bytes,
        .max_open_logs = MaxOpenLogs(),
        .first_storage_pause = options_.first_storage_pause,
        .longest_storage_pause = options_.longest_storage_pause,
@@ -200,12 +246,48 @@ absl::Status ServerImpl::Open() {
            [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
        .events = &events_,
        .asset_checks = asset_checks_.get(),
-       .insecure = !security_.uses_tls()},
+       .insecure = !security_.uses_tls(),
+       .is_member = IsMember(),
+       .on_expelled = options_.on_expelled},
       folder_, store_.get(), assets_.get(), finisher_.get());
   if (!coordinator.ok())
-    return is_in_folder ? AdviseRecovery(folder_, coordinator.status()) : coordinator.status();
+    return IsStoreInFolder() ? AdviseRecovery(folder_, coordinator.status()) : coordinator.status();
   coordinator_ = *std::move(coordinator);
-  return Listen();
+  return absl::OkStatus();
+}
+
+std::string ServerImpl::Address() const {
+  if (!options_.advertise.empty()) return options_.advertise;
+  rpc::HostAndPort listen;
+  if (!rpc::ParseHostAndPort(options_.listen, &listen).ok()) return options_.listen;
+  const bool is_any = listen.host == "0.0.0.0" || listen.host == "::";
+  std::array<char, 256> machine = {};
+  if (is_any && gethostname(machine.data(), machine.size() - 1) == 0)
+    return absl::StrCat(machine.data(), ":", port_);
+  return absl::StrCat(options_.listen.substr(0, options_.listen.rfind(':')), ":", port_);
+}
+
+absl::Status ServerImpl::JoinFarm() {
+  absl::StatusOr<std::unique_ptr<ledger::Roster>> roster = ledger::OpenPostgresRoster(options_.store);
+  if (!roster.ok()) return roster.status();
+  roster_ = *std::move(roster);
+  const std::string address = Address();
+  coordinator_->SetAddress(address);
+  membership_ =
+      std::make_unique<cluster::Membership>(cluster::MembershipOptions{.owner = coordinator_->owner(),
+                                                                       .address = address,
+                                                                       .lease = options_.failover,
+                                                                       .log = options_.log},
+                                            roster_.get(), coordinator_.get());
+  if (absl::Status status = membership_->Start(); !status.ok()) return status;
+  FarmPeers::Options options{.security = {}, .seal = nullptr, .wall_now = options_.wall_now};
+  options.security.insecure = true;
+  if (access_ != nullptr) {
+    options.security.ca_path = security_.ca_path;
+    options.seal = &access_->known().seal();
+  }
+  peers_.Join(std::move(options), membership_.get());
+  return absl::OkStatus();
 }
 
 absl::Status ServerImpl::OpenAccess() {
@@ -246,7 +328,7 @@ absl::Status ServerImpl::OpenAudit() {
   // Beside the identities where there are some.
   const std::string folder = access_ != nullptr ? folder_.AccessPath() : folder_.root();
   absl::StatusOr<std::unique_ptr<access::AuditLog>> audit =
-      access::AuditLog::Open({.path = folder + "/audit.log"});
+      access::AuditLog::Open({.path = folder + "/" + AuditName()});
   if (!audit.ok()) return audit.status();
   audit_ = *std::move(audit);
   return absl::OkStatus();
@@ -290,7 +372,7 @@ absl::Status ServerImpl::StartServices() {
                             [this](absl::string_view peer) {
                               if (listener_ != nullptr) listener_->NoteCall(peer);
                             }});
-  services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get());
+  services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get(), &peers_);
   services_.push_back(MakeAccessService(access_.get(), gate_.get()));
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -319,6 +401,9 @@ absl::Status ServerImpl::Listen() {
     if (absl::Status status = OpenAudit(); !status.ok()) return status;
   }
   if (absl::Status status = StartServices(); !status.ok()) return status;
+  if (IsMember()) {  // before anyone can submit a job: it would have an owner that is no member
+    if (absl::Status status = JoinFarm(); !status.ok()) return status;
+  }
   ChangeHealth([this](Health* health) { health->service = grpc_server_->GetHealthCheckService(); });
   if (!options_.listen.empty()) {
     stall_thread_ = std::thread([this] {
@@ -357,6 +442,7 @@ void ServerImpl::ChangeHealth(absl::FunctionRef<void(Health*)> change) {
 
 void ServerImpl::Shutdown() {
   ChangeHealth([](Health* health) { health->stops = true; });
+  if (membership_ != nullptr) membership_->Stop();
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
   stop_.Notify();
   if (stall_thread_.joinable()) stall_thread_.join();
@@ -365,6 +451,7 @@ void ServerImpl::Shutdown() {
   if (listener_ != nullptr) listener_->Stop();
   if (grpc_server_ != nullptr) grpc_server_->Shutdown(rpc::MonotonicDeadline(kGrace));
   if (coordinator_ != nullptr) coordinator_->Shutdown();
+  if (membership_ != nullptr && !std::exchange(has_left_, true)) membership_->Leave();
 }
 
 }  // namespace

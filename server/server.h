@@ -29,6 +29,14 @@ struct ServerOptions {
   std::string listen;
   /// Plain text off loopback is allowed. Without effect where the data folder has access control, see DataFolder.
   bool insecure = false;
+  /// HOST:PORT where clients, workers and other coordinators of the farm reach this one, with a store that coordinators share;
+  /// empty: made from `listen` and the name of this machine.
+  std::string advertise;
+  /// Time without a sign of life after which another coordinator takes the jobs of this one.
+  absl::Duration failover = absl::Seconds(3);
+  /// Called once, from any thread, when another coordinator has taken the jobs: this server is of no use any more; start
+  /// another one.
+  std::function<void()> on_expelled = [] {};
   /// Lifetime of the certificates that access control signs.
   absl::Duration certificate_lifetime = access::kCredentialLifetime;
 
@@ -67,7 +75,8 @@ struct ServerOptions {
   std::shared_ptr<spdlog::logger> log;
 };
 
-/// A coordinator with its gRPC server: locks the data folder, restores unfinished jobs, listens.
+/// A coordinator with its gRPC server: locks the data folder, restores unfinished jobs, listens. With a store that
+/// coordinators share it locks nothing: it joins those that use the store, and adopts the jobs of those that are gone.
 /// Threads: safe.
 class Server {
  public:

@@ -65,9 +65,9 @@ class ServiceGate {
     return gate_->AdmitStream(context, PathOf(method), subject);
   }
 
- private:
   std::string PathOf(const char* method) const { return absl::StrCat("/", service_, "/", method); }
 
+ private:
   CallGate* const gate_;
   const std::string service_;
 };

@@ -87,7 +87,10 @@ class AccessControl {
  private:
   AccessControl(AccessOptions options, std::unique_ptr<CertificateAuthority> authority,
                 std::unique_ptr<AccessStore> store)
-      : options_(std::move(options)), authority_(std::move(authority)), store_(std::move(store)) {}
+      : options_(std::move(options)),
+        authority_(std::move(authority)),
+        store_(std::move(store)),
+        known_(authority_->SecretFor("calls that coordinators forward")) {}
   absl::Status RenewServerCertificate();
   absl::Status ReadChanges();
   /// Signs the key of a request for `holder`, whose kind, name, scopes and token_lifetime count. Returns what the store

@@ -13,6 +13,7 @@
 #include "proto/rpc/status_codec.h"
 #include "server/access/authorisation.h"
 #include "server/access/certificate_authority.h"
+#include "server/access/forward_seal.h"
 
 namespace lumifold::access {
 namespace {
@@ -39,8 +40,15 @@ absl::StatusOr<Identity> IdentityOf(const KnownCredentials& known, const grpc::A
   const bool has_certificate = !context.FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME).empty();
   const size_t tokens = metadata.count(kTokenKey);
   // Two would leave open in whose name the call is made.
-  if (tokens + (has_certificate ? 1 : 0) > 1)
+  const size_t seals = metadata.count(kForwardedKey);
+  if (tokens + seals + (has_certificate ? 1 : 0) > 1)
     return absl::UnauthenticatedError("a call has one token or one certificate");
+  if (seals == 1) {
+    const absl::string_view seal = View(metadata.find(kForwardedKey)->second);
+    const absl::StatusOr<Credential> found = known.OfSeal({seal.data(), seal.size()}, now);
+    if (!found.ok()) return found.status();
+    return found->identity();
+  }
   if (has_certificate) {
     const absl::StatusOr<Credential> found = known.OfCertificate(SerialOf(context), now);
     if (!found.ok()) return found.status();

@@ -2,6 +2,7 @@
 
 #include <arpa/inet.h>
 #include <openssl/err.h>
+#include <openssl/hmac.h>
 #include <openssl/pem.h>
 #include <openssl/x509v3.h>
 
@@ -14,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "filter/image/check.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/openssl.h"
 #include "proto/identity/private_file.h"
@@ -118,6 +120,18 @@ class OpensslAuthority final : public CertificateAuthority {
 
   const std::string& pem() const override { return pem_; }
   const std::string& sha256() const override { return sha256_; }
+
+  std::string SecretFor(std::string_view purpose) const override {
+    unsigned char* der = nullptr;
+    const int size = i2d_PrivateKey(key_.get(), &der);
+    LUMIFOLD_CHECK(size > 0);  // a key that was read can be written
+    std::array<unsigned char, EVP_MAX_MD_SIZE> secret = {};
+    unsigned int secret_size = 0;
+    HMAC(EVP_sha256(), der, size, reinterpret_cast<const unsigned char*>(purpose.data()), purpose.size(),
+         secret.data(), &secret_size);
+    OPENSSL_clear_free(der, static_cast<size_t>(size));
+    return {reinterpret_cast<const char*>(secret.data()), secret_size};
+  }
 
   absl::StatusOr<std::string> SignServer(const std::vector<std::string>& hosts, absl::Time now,
                                          absl::Duration lifetime) const override {

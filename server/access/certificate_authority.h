@@ -34,6 +34,9 @@ class CertificateAuthority {
   virtual const std::string& pem() const = 0;
   virtual const std::string& sha256() const = 0;
 
+  /// Secret bytes that only those know who have the key of the authority; another text for each `purpose`.
+  virtual std::string SecretFor(std::string_view purpose) const = 0;
+
   /// A certificate for servers of these names (DNS names and IP addresses) with a new key. Returns the key, the
   /// certificate and the authority's, as one PEM text.
   /// Errors: kInvalidArgument naming the host.

@@ -62,6 +62,15 @@ absl::StatusOr<Credential> KnownCredentials::OfCertificate(std::string_view seri
   return found->second;
 }
 
+absl::StatusOr<Credential> KnownCredentials::OfSeal(std::string_view seal, absl::Time now) const {
+  const absl::StatusOr<std::string> id = seal_.Open({seal.data(), seal.size()}, now);
+  if (!id.ok()) return id.status();
+  absl::StatusOr<Credential> found = OfId(*id);
+  if (!found.ok()) return absl::UnauthenticatedError("the caller of a forwarded call is not known here");
+  if (absl::Status status = CheckIsValid(*found, now); !status.ok()) return status;
+  return found;
+}
+
 absl::StatusOr<Credential> KnownCredentials::OfId(std::string_view id) const {
   absl::MutexLock lock(&mutex_);
   const auto found = by_id_.find(id);

@@ -117,7 +117,7 @@ struct JobCommit {
   /// Warnings of all the units, one after the other; lines may repeat.
   std::vector<std::string> warnings;
   std::vector<UnitRecord> units;
-  /// The units were read back from unit logs: their attempts may be of earlier epochs as well.
+  /// The units were read back from unit logs: their attempts may be of other epochs as well.
   bool recovered = false;
 };
 

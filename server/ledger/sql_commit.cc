@@ -41,7 +41,7 @@ using WorkerKey = std::pair<int64_t, std::string>;  // number of the job, name
 absl::Status CheckAttempts(const JobCommit& commit) {
   for (const UnitRecord& unit : commit.units) {
     const Epoch epoch = EpochOf(unit.attempt);
-    if (epoch == commit.job.epoch || (commit.recovered && epoch < commit.job.epoch)) continue;
+    if (epoch == commit.job.epoch || commit.recovered) continue;
     return absl::AbortedError(absl::StrCat(Describe(unit.unit), " was leased in epoch ", epoch.value(),
                                            ", and its job belongs to epoch ", commit.job.epoch.value()));
   }

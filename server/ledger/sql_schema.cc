@@ -11,7 +11,7 @@
 namespace lumifold::ledger {
 namespace {
 
-constexpr int64_t kSchemaVersion = 4;
+constexpr int64_t kSchemaVersion = 5;
 
 // Times are milliseconds since 1970; 0 means "not yet". A film is what is rendered of a frame: a frame that is rendered
 // again has a new film, and the units of the old one are garbage. The key of units has the order in which a film is
@@ -89,6 +89,20 @@ CREATE TABLE blocked_workers(
   reason TEXT NOT NULL);
 )";
 
+// The members of a Roster.
+constexpr char kRosterSchema[] = R"(
+CREATE TABLE coordinators(
+  epoch BIGINT NOT NULL PRIMARY KEY,
+  name TEXT NOT NULL,
+  address TEXT NOT NULL,
+  renewals BIGINT NOT NULL DEFAULT 0,
+  active_jobs BIGINT NOT NULL DEFAULT 0,
+  workers BIGINT NOT NULL DEFAULT 0,
+  slots BIGINT NOT NULL DEFAULT 0,
+  demand BIGINT NOT NULL DEFAULT 0);
+CREATE INDEX jobs_by_epoch ON jobs(epoch);
+)";
+
 /// Maximum number of characters of a warning that is taken over: schema 1 had no limits.
 constexpr int kMaxTakenLine = 512;
 
@@ -134,10 +148,11 @@ DROP TABLE old_jobs;
 )";
 
 absl::Status CreateTables(SqlConnection& db) {
-  return db.RunScript(absl::StrReplaceAll(kSchema, {{"{serial}", db.dialect().serial},
-                                                    {"{blob}", db.dialect().blob},
-                                                    {"{clustered}", db.dialect().clustered},
-                                                    {"{no_error}", absl::StrCat(kNoError)}}));
+  return db.RunScript(
+      absl::StrReplaceAll(absl::StrCat(kSchema, kRosterSchema), {{"{serial}", db.dialect().serial},
+                                                                 {"{blob}", db.dialect().blob},
+                                                                 {"{clustered}", db.dialect().clustered},
+                                                                 {"{no_error}", absl::StrCat(kNoError)}}));
 }
 
 /// Divides the spec of an old job as CreateJob does. One that cannot be read stays as it is.
@@ -184,9 +199,12 @@ absl::Status Upgrade(SqlConnection& db) {
     status = CreateTables(db);
   } else if (*version == 1 || *version == 2) {
     status = TakeOver(db, *version);
-  } else if (*version == 3) {
-    status = db.RunScript(absl::StrCat(
-        "ALTER TABLE jobs ADD COLUMN estimated_error DOUBLE PRECISION NOT NULL DEFAULT ", kNoError));
+  } else if (*version == 3 || *version == 4) {
+    if (*version == 3) {
+      status = db.RunScript(absl::StrCat(
+          "ALTER TABLE jobs ADD COLUMN estimated_error DOUBLE PRECISION NOT NULL DEFAULT ", kNoError));
+    }
+    if (status.ok()) status = db.RunScript(kRosterSchema);
   } else {
     return absl::FailedPreconditionError(
         absl::StrCat("ledger: written by another version of Lumifold (schema ", *version, ", expected ",

@@ -315,7 +315,7 @@ class MemoryJobStore final : public JobStore {
     if (absl::Status status = CheckOwned(commit.job, job); !status.ok()) return status;
     for (const UnitRecord& unit : commit.units) {
       const Epoch epoch = EpochOf(unit.attempt);
-      if (epoch == commit.job.epoch || (commit.recovered && epoch < commit.job.epoch)) continue;
+      if (epoch == commit.job.epoch || commit.recovered) continue;
       return absl::AbortedError(absl::StrCat(Describe(unit.unit), ": epoch ", epoch.value(), ", not epoch ",
                                              commit.job.epoch.value()));
     }

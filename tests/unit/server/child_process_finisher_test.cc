@@ -48,7 +48,7 @@ TEST_F(ChildProcessFinisherTest, TellsWhatTheChildTells) {
 }
 
 TEST_F(ChildProcessFinisherTest, ADamagedRecordIsNamed) {
-  const std::string path = folder_.PathOf(DataFolder::UnitLogName(kJob, 0));
+  const std::string path = folder_.PathOf(folder_.UnitLogName(kJob, 0));
   std::fstream file(path, std::ios::binary | std::ios::in | std::ios::out);
   const int byte = file.seekg(5000).peek();
   file.seekp(5000).put(static_cast<char>(byte ^ 1));

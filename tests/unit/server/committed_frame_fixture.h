@@ -46,7 +46,7 @@ class CommittedFrameFixture : public ::testing::Test {
     ledger::NewJob job{.id = id, .request_id = id.value(), .spec = spec, .submitted = absl::Now()};
     EXPECT_TRUE(store_->CreateJob(job).ok());
     EXPECT_TRUE(MakeFolder(folder_.FilmPath(id)).ok());
-    const std::string name = DataFolder::UnitLogName(id, 0);
+    const std::string name = folder_.UnitLogName(id, 0);
     absl::StatusOr<film::UnitLog> log = film::UnitLog::Open(folder_.PathOf(name), 0);
     const job::FrameUnits units(spec);
     ledger::JobCommit commit;

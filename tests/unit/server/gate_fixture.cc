@@ -45,7 +45,7 @@ void GateFixture::StartGate(const Limits& limits) {
                                                    .now = [this] { return Now(); },
                                                    .wall_now = [] { return absl::UnixEpoch(); },
                                                    .shut_out = [this](absl::string_view) { ++shut_out_; }});
-  services_ = MakeServices(coordinator_.get(), checks_.get(), gate_.get());
+  services_ = MakeServices(coordinator_.get(), checks_.get(), gate_.get(), &peers_);
   grpc::ServerBuilder builder;
   for (const auto& service : services_) builder.RegisterService(service.get());
   server_ = builder.BuildAndStart();

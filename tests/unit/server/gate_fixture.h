@@ -13,6 +13,7 @@
 #include "server/asset_checks.h"
 #include "server/call_gate.h"
 #include "server/event_log.h"
+#include "server/farm_peers.h"
 #include "tests/unit/server/coordinator_fixture.h"
 
 namespace lumifold::server {
@@ -75,6 +76,7 @@ class GateFixture : public CoordinatorFixture {
   std::unique_ptr<access::AuditLog> audit_;
   std::unique_ptr<AssetChecks> checks_;
   std::unique_ptr<CallGate> gate_;
+  FarmPeers peers_;  // none
   std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<grpc::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;

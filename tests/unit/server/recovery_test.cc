@@ -55,7 +55,7 @@ class RecoveryTest : public CoordinatorFixture {
     for (const char* suffix : {"", "-wal", "-shm"}) fs::remove(data_.LedgerPath() + suffix);
   }
 
-  std::string LogOf(const job::JobId& job) const { return data_.PathOf(DataFolder::UnitLogName(job, 0)); }
+  std::string LogOf(const job::JobId& job) const { return data_.PathOf(data_.UnitLogName(job, 0)); }
 
   FailingStore::Fault fault_;
   std::string expected_;

@@ -69,7 +69,7 @@ class ReviseFilmTest : public ::testing::Test {
 
   TempFolder folder_;
   const DataFolder data_{folder_.path()};
-  const std::string log_ = data_.PathOf(DataFolder::UnitLogName(kJob, 0));
+  const std::string log_ = data_.PathOf(data_.UnitLogName(kJob, 0));
   job_life::ReopenedJob job_;
 };
 

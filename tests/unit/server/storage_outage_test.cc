@@ -161,7 +161,7 @@ TEST_F(StorageOutageTest, ALogThatAloneCannotBeWrittenIsSetAsideAndItsUnitsAreRe
   const job::JobId job = Submit(Spec(kUnits));
   const job::JobId other = Submit(Spec(kUnits), "other");
   auto worker = std::make_unique<PumpedWorker>(coordinator_.get(), 2);
-  const std::string log = data_.PathOf(DataFolder::UnitLogName(job, 0));
+  const std::string log = data_.PathOf(data_.UnitLogName(job, 0));
   Await([&] {
     worker->Deliver();
     return std::filesystem::exists(log) && coordinator_->GetJob(job.value())->units_done() > 0;

@@ -1,0 +1,74 @@
+#include "server/farm_peers.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "absl/strings/str_cat.h"
+#include "server/coordinator_impl.h"
+
+namespace lumifold::server {
+namespace {
+
+/// Of a forwarded call whose caller has set no deadline.
+constexpr std::chrono::seconds kLongestCall(30);
+
+}  // namespace
+
+void FarmPeers::Join(Options options, const cluster::Membership* membership) {
+  absl::MutexLock lock(&mutex_);
+  options_ = std::move(options);
+  membership_ = membership;
+}
+
+std::vector<ledger::Member> FarmPeers::Members() const {
+  const cluster::Membership* const farm = membership();
+  return farm == nullptr ? std::vector<ledger::Member>() : farm->members();
+}
+
+bool FarmPeers::MayForward(const grpc::CallbackServerContext& context) const {
+  return membership() != nullptr && context.client_metadata().count(access::kForwardedKey) == 0;
+}
+
+absl::StatusOr<FarmPeers::Peer> FarmPeers::OwnerOf(Coordinator* coordinator,
+                                                   const grpc::CallbackServerContext& context,
+                                                   const std::string& job_id) {
+  if (!MayForward(context)) return Peer();
+  const absl::StatusOr<ledger::Epoch> owner = coordinator->OwnerOf(job::JobId(job_id));
+  if (absl::IsNotFound(owner.status())) return Peer();  // the answer says so
+  if (!owner.ok()) return owner.status();
+  if (*owner == coordinator->owner().epoch) return Peer();
+  absl::StatusOr<Peer> peer = PeerOf(*owner);
+  if (!absl::IsNotFound(peer.status())) return peer;
+  return absl::UnavailableError(
+      absl::StrCat("the coordinator of job ", job_id, " is gone; another one takes the job over"));
+}
+
+absl::StatusOr<FarmPeers::Peer> FarmPeers::PeerOf(ledger::Epoch epoch) {
+  const std::vector<ledger::Member> members = Members();
+  const auto found = std::find_if(members.begin(), members.end(), [epoch](const ledger::Member& member) {
+    return member.owner.epoch == epoch;
+  });
+  if (found == members.end()) return absl::NotFoundError("no such coordinator");
+  return ConnectTo(found->address);
+}
+
+FarmPeers::Peer FarmPeers::ConnectTo(const std::string& address) {
+  absl::MutexLock lock(&mutex_);
+  std::shared_ptr<grpc::Channel>& channel = channels_[address];
+  if (channel == nullptr) channel = rpc::MakeChannel(address, options_.security);
+  return {address, channel};
+}
+
+void FarmPeers::Prepare(const grpc::CallbackServerContext& from, const access::Identity& caller,
+                        grpc::ClientContext* to) const {
+  to->set_deadline(std::min(from.deadline(), std::chrono::system_clock::now() + kLongestCall));
+  PrepareStream(caller, to);
+}
+
+void FarmPeers::PrepareStream(const access::Identity& caller, grpc::ClientContext* to) const {
+  absl::MutexLock lock(&mutex_);
+  to->AddMetadata(access::kForwardedKey,
+                  options_.seal == nullptr ? "plain" : options_.seal->Make(caller.id, options_.wall_now()));
+}
+
+}  // namespace lumifold::server

@@ -229,6 +229,10 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   /// The worker wants no more leases; answers with Released.
   void OnLeaving(job::WorkerId worker, const std::string& reason);
 
+  /// Asks up to `count` connected workers to go to the coordinator at `address`, those with the fewest leases first. They
+  /// get no more leases here, and finish those that they have. In coordinator_in_hand.cc.
+  void MoveWorkers(int count, const std::string& address);
+
  private:
   struct ConnectedWorker {
     std::string name;     // see AddWorker
@@ -253,6 +257,13 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
     /// Number of times that the storage could not be written meanwhile, which is no failure of the frame.
     int waits = 0;
     absl::Time not_before = absl::InfinitePast();
+  };
+  /// A unit that a worker has in hand, see v1::Hello. `attempt`: of the connection that broke.
+  struct UnitInHand {
+    job::WorkerId worker;
+    job::UnitRef unit;
+    job::Attempt attempt;
+    absl::Time until;  // when it is forgotten here
   };
   /// What a job that is to be entered into the scheduler has on the disk.
   struct LoadedJob {
@@ -399,6 +410,16 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
 
   /// Grants leases to all workers that have free slots.
   void GrantLeases() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Tells the workers of new leases, which are in the order of workers.
+  void SendGrants(const std::vector<scheduler::GrantedLease>& leases) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // Units in hand, see coordinator_in_hand.cc.
+  void NoteInHand(job::WorkerId worker, const v1::Hello& hello) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void ForgetInHand(absl::FunctionRef<bool(const UnitInHand&)> condition)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Grants leases of the units in hand of jobs that are active, and lets the workers drop the others of these jobs.
+  void GrantInHand() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void RegrantTo(job::WorkerId worker, const std::vector<UnitInHand>& units)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Tells the workers which of their leases have become void.
   void SendVoided() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Acknowledge(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt,
@@ -513,6 +534,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   FrameDemand largest_frame_ ABSL_GUARDED_BY(mutex_);
   int64_t next_worker_ ABSL_GUARDED_BY(mutex_) = 1;
   std::map<job::WorkerId, ConnectedWorker> workers_ ABSL_GUARDED_BY(mutex_);
+  /// Units that connected workers have in hand, of jobs that are not active here.
+  std::map<job::JobId, std::vector<UnitInHand>> in_hand_ ABSL_GUARDED_BY(mutex_);
   std::deque<CommittedFrame> committed_frames_ ABSL_GUARDED_BY(mutex_);
   /// Number of times that units of an unfinished frame were lost.
   std::map<std::pair<job::JobId, int32_t>, int> losses_ ABSL_GUARDED_BY(mutex_);

@@ -196,6 +196,7 @@ void Coordinator::EnterJob(LoadedJob loaded) {
   // A job that has begun waited long enough, even if a job that it waited for runs again.
   const bool has_begun = progress.units_done > 0 || loaded.record.started != absl::InfinitePast();
   if (!has_begun) AwaitPrerequisites(id, loaded.after);
+  GrantInHand();
 }
 
 absl::Status Coordinator::RestoreFiles(const ledger::JobRecord& record,

@@ -21,6 +21,8 @@ namespace {
 
 constexpr int kMaxSlots = 1024;
 constexpr int kMaxLeasesPerGrant = 256;
+/// Ids of jobs are shorter, see job::MakeJobId; those in a worker's Hello are kept.
+constexpr size_t kMaxJobIdBytes = 64;
 
 v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
   v1::Lease proto;
@@ -65,6 +67,15 @@ absl::Status CheckHello(const v1::Hello& hello) {
                                                    " tags, or one that has not 1 to ", rpc::kMaxTagBytes,
                                                    " bytes"));
   }
+  const auto is_unit = [](const v1::Lease& lease) {
+    return !lease.unit().job_id().empty() && lease.unit().job_id().size() <= kMaxJobIdBytes;
+  };
+  if (hello.in_hand_size() > hello.slots() ||
+      !std::all_of(hello.in_hand().begin(), hello.in_hand().end(), is_unit)) {
+    return absl::InvalidArgumentError(absl::StrCat("worker '", hello.name(),
+                                                   "': more units in hand than its ", hello.slots(),
+                                                   " slots, or one without the id of a job"));
+  }
   return absl::OkStatus();
 }
 
@@ -101,6 +112,8 @@ absl::StatusOr<WorkerId> Coordinator::AddWorker(const v1::Hello& hello, const ac
   sink->Send(welcome);
   options_.log->info("event=worker_connected worker={} process={} class={} slots={}", NameOf(worker), process,
                      Quoted(hello.numeric_class()), hello.slots());
+  NoteInHand(worker, hello);
+  GrantInHand();
   GrantLeases();
   return worker;
 }
@@ -109,6 +122,7 @@ void Coordinator::RemoveWorker(WorkerId worker) {
   absl::MutexLock lock(&mutex_);
   options_.log->info("event=worker_gone worker={}", NameOf(worker));
   workers_.erase(worker);
+  ForgetInHand([&](const UnitInHand& unit) { return unit.worker == worker; });
   const std::vector<scheduler::FailedJob> failed = scheduler_.RemoveWorker(worker);
   if (!leasing_) return;
   for (const scheduler::FailedJob& job : failed) EndJob(job.job, v1::JOB_STATE_FAILED, job.error);
@@ -216,7 +230,10 @@ void Coordinator::GrantLeases() {
                        absl::ToDoubleSeconds(aside.until - options_.now()), Quoted(aside.reason));
   }
   SendVoided();
-  if (!storage_.ok()) return;
+  if (storage_.ok()) SendGrants(scheduler_.GrantLeases(options_.now()));
+}
+
+void Coordinator::SendGrants(const std::vector<scheduler::GrantedLease>& leases) {
   v1::CoordinatorMessage message;
   WorkerId to;
   JobId granting;
@@ -224,7 +241,7 @@ void Coordinator::GrantLeases() {
     if (message.grant().leases_size() > 0) workers_.at(to).sink->Send(message);
     message.Clear();
   };
-  for (const scheduler::GrantedLease& lease : scheduler_.GrantLeases(options_.now())) {
+  for (const scheduler::GrantedLease& lease : leases) {
     const JobId& job = lease.unit.job;
     if (lease.worker != to || job != granting || message.grant().leases_size() >= kMaxLeasesPerGrant) send();
     to = lease.worker;

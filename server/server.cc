@@ -54,8 +54,8 @@ namespace {
 /// Time for running calls to end at shutdown. Streams of workers never end by themselves, so shutdown always
 /// takes this long.
 constexpr absl::Duration kGrace = absl::Milliseconds(100);
-/// Workers and clients ping every 20 s; connections that ping faster than this are closed.
-constexpr int kMinPingIntervalMs = 10'000;
+/// Workers ping every rpc::kQuickKeepAlive, clients seldom; connections that ping faster than this are closed.
+constexpr int kMinPingIntervalMs = 1'000;
 constexpr int kKeepAliveMs = 20'000;
 constexpr int kKeepAliveTimeoutMs = 10'000;
 /// A connection has the certificate that it was opened with. After this part of a certificate's life, and after an hour at

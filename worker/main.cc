@@ -256,7 +256,7 @@ absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& address,
                                                        const lumifold::rpc::Security& security) {
   if (absl::Status status = lumifold::rpc::CheckServerAddress(address, security); !status.ok()) return status;
-  return lumifold::rpc::MakeChannel(address, security);
+  return lumifold::rpc::MakeChannel(address, security, lumifold::rpc::kQuickKeepAlive);
 }
 
 int RunWorkerProcess(const Flags& flags) {

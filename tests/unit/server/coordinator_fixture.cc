@@ -32,8 +32,23 @@ PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, const std::strin
     : seed_(seed) {
   v1::Hello hello;
   hello.set_name(name);
-  hello.set_numeric_class("test");
   hello.set_slots(slots);
+  Open(coordinator, std::move(hello), caller);
+}
+
+PumpedWorker::PumpedWorker(Coordinator* coordinator, int slots, uint64_t instance,
+                           const std::vector<v1::Lease>& in_hand)
+    : seed_(1) {
+  v1::Hello hello;
+  hello.set_name("pumped");
+  hello.set_slots(slots);
+  hello.set_instance(instance);
+  hello.mutable_in_hand()->Add(in_hand.begin(), in_hand.end());
+  Open(coordinator, std::move(hello), access::LocalIdentity());
+}
+
+void PumpedWorker::Open(Coordinator* coordinator, v1::Hello hello, const access::Identity& caller) {
+  hello.set_numeric_class("test");
   hello.set_wire_version(rpc::kWireVersion);
   absl::StatusOr<std::unique_ptr<WorkerSession>> session =
       WorkerSession::Open(coordinator, hello, caller, this);
@@ -47,6 +62,9 @@ void PumpedWorker::Send(const v1::CoordinatorMessage& message) {
     leases_.push_back(lease);
     leased_.insert(job::UnitFromProto(lease.unit()));
   }
+  for (const v1::Lease& lease : message.void_leases().leases())
+    voided_.insert(job::UnitFromProto(lease.unit()));
+  if (message.has_move()) move_address_ = message.move().address();
   if (message.has_ack() && message.ack().refused().empty())
     acknowledged_.insert(job::UnitFromProto(message.ack().unit()));
 }
@@ -69,6 +87,21 @@ int PumpedWorker::Deliver(int count) {
 int PumpedWorker::leases() const {
   absl::MutexLock lock(&mutex_);
   return static_cast<int>(leases_.size());
+}
+
+std::vector<v1::Lease> PumpedWorker::held() const {
+  absl::MutexLock lock(&mutex_);
+  return {leases_.begin(), leases_.end()};
+}
+
+std::set<job::UnitRef> PumpedWorker::voided() const {
+  absl::MutexLock lock(&mutex_);
+  return voided_;
+}
+
+std::string PumpedWorker::move_address() const {
+  absl::MutexLock lock(&mutex_);
+  return move_address_;
 }
 
 std::set<job::UnitRef> PumpedWorker::acknowledged() const {

@@ -1,0 +1,107 @@
+"""Workers whose coordinator is lost keep what they have rendered, and go to another coordinator of their list."""
+
+import collections
+import pathlib
+import re
+import tempfile
+import time
+import unittest
+
+from farm import Farm, Process, make_scene, run, wait_until
+
+# Units of some seconds.
+SETTINGS = ["--size", "64x64", "--spp", "4096", "--seed", "3"]
+SMALL = ["--size", "32x32", "--spp", "16", "--seed", "3"]
+# Units that take minutes.
+NO_END = ["--size", "64x64", "--spp", "1048576", "--plan", "full"]
+# A silent coordinator is noticed within 5 s; half a minute would be that of a channel without quick pings.
+NOTICED_SECONDS = 20
+
+
+def units_of(log, event):
+    """The units that a worker's log names in lines of this event."""
+    return re.findall(rf"event={event} (job=\S+ (?:frame=\d+ tile=\d+ pass=\d+ )?kind=\w+)", log)
+
+
+class ReconnectTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.root = pathlib.Path(cls.folder.name)
+        cls.scene = make_scene("cornell-box", cls.root)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def submit(self, farm, settings):
+        return farm.client("submit", self.scene, *settings).stdout.strip()
+
+    def expect_same_picture(self, farm, job, settings):
+        expected, result = self.root / f"{job}-alone.exr", self.root / f"{job}.exr"
+        farm.client("wait", job)
+        farm.client("download", job, "-o", result)
+        run("lumifold", "render", self.scene, *settings, "-o", expected)
+        self.assertEqual(result.read_bytes(), expected.read_bytes())
+
+    def start_worker(self, *farms):
+        """A worker of one thread that knows the coordinators of these farms."""
+        worker = Process("lumifold-worker", "--threads", 1, "--log-level", "debug", "--server",
+                         ",".join(farm if isinstance(farm, str) else farm.address for farm in farms))
+        self.addCleanup(worker.kill)
+        return worker
+
+    def test_units_in_hand_are_delivered_to_a_coordinator_that_was_killed_and_started_again(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            workers = [self.start_worker(farm) for _ in range(2)]
+            job = self.submit(farm, SETTINGS)
+            for worker in workers:
+                wait_until(lambda w=worker: "kind=pass" in w.log_text(), "each worker has rendered a pass")
+            farm.server.kill()
+            for worker in workers:
+                wait_until(lambda w=worker: "event=disconnected" in w.log_text(), "the workers notice")
+            farm.restart_server()
+            self.expect_same_picture(farm, job, SETTINGS)
+            kept = [units_of(worker.log_text(), "unit_kept") for worker in workers]
+            rendered = collections.Counter(
+                unit for worker in workers for unit in units_of(worker.log_text(), "unit_rendered"))
+            for units in kept:  # a thread always has one
+                self.assertGreaterEqual(len(units), 1, [worker.log_text() for worker in workers])
+                self.assertEqual({unit: rendered[unit] for unit in units}, {unit: 1 for unit in units})
+            log = farm.server.log_text()
+            self.assertEqual(len(re.findall("event=units_in_hand", log)), 2, log)
+            for event in ("unit_in_quarantine", "unit_failed", "worker_set_aside"):
+                self.assertNotIn(f"event={event}", log)
+
+    def test_a_worker_leaves_a_silent_coordinator_for_the_next_of_its_list(self):
+        with (tempfile.TemporaryDirectory() as data, tempfile.TemporaryDirectory() as other_data,
+              Farm(data) as farm, Farm(other_data) as other):
+            elsewhere = self.submit(farm, NO_END)
+            worker = self.start_worker(farm, other)
+            wait_until(lambda: farm.status(elsewhere)["units_done"] > 0, "the worker renders for the first one")
+            job = self.submit(other, SMALL)
+            farm.server.pause()
+            start = time.monotonic()
+            wait_until(lambda: "event=worker_connected" in other.server.log_text(), "it goes to the second",
+                       seconds=NOTICED_SECONDS)
+            print(f"the worker was at the second coordinator after {time.monotonic() - start:.1f} s")
+            # Its only thread is busy with a unit of the first until that is dropped.
+            self.expect_same_picture(other, job, SMALL)
+            self.assertIn("event=units_dropped units=1", worker.log_text())
+
+    def test_a_worker_passes_over_a_coordinator_that_is_not_there(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            worker = self.start_worker("127.0.0.1:1", farm)
+            job = self.submit(farm, SMALL)
+            self.expect_same_picture(farm, job, SMALL)
+            self.assertIn("retry_in=0.0s", worker.log_text())
+
+    def test_a_list_that_is_not_valid_is_named(self):
+        for wrong, why in (("a:7700,,b:7700", "HOST:PORT"), ("a:7700,a:7700", "twice")):
+            done = run("lumifold-worker", "--insecure", "--server", wrong, check=False)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            self.assertIn(why, done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

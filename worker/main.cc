@@ -260,6 +260,7 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& addres
 }
 
 int RunWorkerProcess(const Flags& flags) {
+  const absl::Time start = lumifold::rpc::MonotonicNow();
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
   if (!target.ok()) return Fail(target.status());
@@ -303,7 +304,8 @@ int RunWorkerProcess(const Flags& flags) {
     return kExitNotReached;
   }
   if (!status.ok()) return Fail(status);
-  log->info("event=stop name={}", flags.name);
+  log->info("event=stop name={} threads={} seconds={:.3f}", flags.name, flags.threads,
+            absl::ToDoubleSeconds(lumifold::rpc::MonotonicNow() - start));
   return 0;
 }
 

@@ -80,6 +80,12 @@ WorkerImpl::~WorkerImpl() {
   }
   renderer_->StopLoading();
   for (std::thread& thread : threads_) thread.join();
+  for (const auto& [job_id, spent] : account_.CloseAll()) LogAccount(job_id, spent);
+}
+
+void WorkerImpl::LogAccount(const std::string& job_id, absl::Duration spent) const {
+  if (spent == absl::ZeroDuration()) return;
+  log_->info("event=job_account job={} core_seconds={:.3f}", job_id, absl::ToDoubleSeconds(spent));
 }
 
 void WorkerImpl::OnConnected(std::shared_ptr<Outbox> outbox) {
@@ -241,6 +247,7 @@ void WorkerImpl::OnJobEnded(const std::string& job_id) {
   RemoveInHand(has_ended);
   specs_->Forget(job_id);
   renderer_->ForgetJob(job_id);
+  LogAccount(job_id, account_.Close(job_id));
 }
 
 v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
@@ -317,6 +324,7 @@ absl::Time WorkerImpl::IdleSince() const {
 void WorkerImpl::RunThread() {
   while (true) {
     TakenPtr taken;
+    std::string job_id;
     {
       absl::MutexLock lock(&mutex_);
       mutex_.Await(absl::Condition(this, &WorkerImpl::HasWorkOrStops));
@@ -325,8 +333,11 @@ void WorkerImpl::RunThread() {
       waiting_.pop_front();
       taken->has_thread = true;
       taken_[taken->lease.attempt()] = taken;
+      job_id = taken->lease.unit().job_id();
     }
+    const absl::Time start = rpc::MonotonicNow();
     Work(taken);
+    account_.Add(job_id, rpc::MonotonicNow() - start);
   }
 }
 

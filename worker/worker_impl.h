@@ -15,6 +15,7 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
 #include "worker/spec_cache.h"
+#include "worker/thread_account.h"
 #include "worker/unit_renderer.h"
 
 namespace spdlog {
@@ -107,6 +108,7 @@ class WorkerImpl {
   using TakenPtr = std::shared_ptr<Taken>;
 
   void RunThread();
+  void LogAccount(const std::string& job_id, absl::Duration spent) const;
   bool HasWorkOrStops() const ABSL_SHARED_LOCKS_REQUIRED(mutex_) { return stopping_ || !waiting_.empty(); }
   void OnGrant(const v1::Grant& grant) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnAck(const v1::UnitAck& ack) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -152,6 +154,7 @@ class WorkerImpl {
   const std::shared_ptr<spdlog::logger> log_;
   const uint64_t instance_;
   std::vector<std::thread> threads_;
+  ThreadAccount account_;
 
   mutable absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;

@@ -41,8 +41,7 @@ MailProg=/bin/true
 JobAcctGatherType=jobacct_gather/linux
 JobAcctGatherFrequency=task=5
 SchedulerType=sched/backfill
-# A batch step gets SIGTERM when its grace time begins (without preempt_send_user_signal only when it is over).
-SchedulerParameters=preempt_send_user_signal,batch_sched_delay=1,sched_interval=1,bf_interval=1
+SchedulerParameters=batch_sched_delay=1,sched_interval=1,bf_interval=1
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core
 # The node has as many processors as it says, not as many as this machine has.
@@ -56,7 +55,7 @@ JobRequeue=1
 RequeueExit={requeue_exit}
 {accounting}
 NodeName={node} NodeHostname={host} NodeAddr=127.0.0.1 CPUs={cpus} RealMemory=2000 State=UNKNOWN
-PartitionName=farm Nodes={node} Default=YES MaxTime=INFINITE State=UP PriorityTier=1 GraceTime={grace}
+PartitionName=farm Nodes={node} Default=YES MaxTime=INFINITE State=UP PriorityTier=1
 PartitionName=urgent Nodes={node} MaxTime=INFINITE State=UP PriorityTier=2 PreemptMode=OFF
 """
 ACCOUNTING = """
@@ -105,11 +104,10 @@ class Slurm(contextlib.AbstractContextManager):
 
     cpus          of the node, which may be more than those of this machine
     accounting    with slurmdbd and MariaDB, so that sacct knows every job
-    kill_wait     seconds from SIGTERM to SIGKILL where a job is cancelled or over its time limit
-    grace         seconds from the first SIGTERM, where a job is preempted, to a second one and the beginning of kill_wait
+    kill_wait     seconds from SIGTERM to SIGKILL where a job is cancelled, requeued, preempted or over its time limit
     requeue_exit  exit codes with which a job is requeued"""
 
-    def __init__(self, folder, cpus=8, accounting=False, kill_wait=20, grace=20, requeue_exit=(4,), cred_expire=5):
+    def __init__(self, folder, cpus=8, accounting=False, kill_wait=20, requeue_exit=(4,), cred_expire=5):
         self.folder = pathlib.Path(folder)
         self.environment = {**os.environ, "SLURM_CONF": str(self.folder / "slurm.conf")}
         self.daemons = []
@@ -121,7 +119,7 @@ class Slurm(contextlib.AbstractContextManager):
             database = self.start_accounting() if accounting else "AccountingStorageType=accounting_storage/none"
             (self.folder / "slurm.conf").write_text(SLURM_CONF.format(
                 host=self.host, node=self.host, folder=self.folder, cpus=cpus, ctld_port=free_port(), d_port=free_port(),
-                kill_wait=kill_wait, grace=grace, cred_expire=cred_expire, accounting=database,
+                kill_wait=kill_wait, cred_expire=cred_expire, accounting=database,
                 requeue_exit=",".join(map(str, requeue_exit))))
             self.start("slurmctld", "-D")
             self.start("slurmd", "-D")

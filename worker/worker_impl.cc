@@ -171,7 +171,7 @@ WorkerImpl::TakenPtr WorkerImpl::TakeInHand(const v1::Lease& lease) {
     return IsSameUnit(taken->lease.unit(), lease.unit());
   });
   if (found == in_hand_.end()) return nullptr;
-  const TakenPtr taken = *found;
+  TakenPtr taken = *found;
   in_hand_.erase(found);
   if (IsSameWork(taken->lease, lease)) return taken;
   Stop(taken);

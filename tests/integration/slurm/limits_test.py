@@ -59,7 +59,8 @@ class CoreHoursTest(SlurmTest):
 
     def test_core_hours_agree_within_two_percent(self):
         jobs = [self.submit_job(*NO_END) for _ in range(2)]
-        array = self.submit_workers("--array=1-2", "--cpus-per-task=2")
+        # One thread each: with several the first ones to finish wait for the last one when the worker leaves.
+        array = self.submit_workers("--array=1-2", "--cpus-per-task=1")
         farm.wait_until(lambda: "RUNNING" in self.slurm.jobs().values(), "the workers run")
         time.sleep(BUSY_SECONDS)
         self.slurm.run("scancel", "--batch", "--signal=TERM", array)
@@ -69,10 +70,11 @@ class CoreHoursTest(SlurmTest):
         theirs_line, ours_line = re.search(r"<!-- core-hours: begin -->\n```sh\n(.*?)```", page, re.DOTALL)[1].splitlines()
         theirs = float(self.run_line(theirs_line.replace("--name=lumifold-worker", f"--jobs={array}")))
         ours = {name: float(hours) for name, hours in map(str.split, self.run_line(ours_line).splitlines())}
+        logs = "".join(self.log_of(f"{array}_{task}") for task in (1, 2))
         print(f"core-hours of {array}_[1-2]: Slurm {theirs:.5f}, ours {ours}", flush=True)
         self.assertEqual(set(ours), set(jobs))
-        self.assertGreater(theirs, 4 * BUSY_SECONDS / 3600 * 0.98)
-        self.assertAlmostEqual(sum(ours.values()) / theirs, 1, delta=0.02)
+        self.assertGreater(theirs, 2 * BUSY_SECONDS / 3600 * 0.98)
+        self.assertAlmostEqual(sum(ours.values()) / theirs, 1, delta=0.02, msg=logs)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ using testing::Pair;
 TEST(ThreadAccount, AddsTheTimeOfAllThreadsByJob) {
   ThreadAccount account;
   std::vector<std::thread> threads;
+  threads.reserve(4);
   for (int i = 0; i < 4; ++i) {
     threads.emplace_back([&account] {
       for (int n = 0; n < 1000; ++n) account.Add(n % 2 == 0 ? "even" : "odd", absl::Milliseconds(1 + n % 2));

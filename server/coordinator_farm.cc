@@ -2,6 +2,7 @@
 #include <spdlog/logger.h>
 
 #include <algorithm>
+#include <limits>
 #include <set>
 #include <utility>
 
@@ -29,8 +30,12 @@ void Coordinator::SetAddress(const std::string& address) {
 void Coordinator::SetFigures(ledger::Member* member) {
   absl::MutexLock lock(&mutex_);
   member->active_jobs = static_cast<int64_t>(active_jobs_.size());
-  member->workers = static_cast<int64_t>(workers_.size());
-  for (const auto& [id, worker] : workers_) member->slots += worker.slots;
+  for (const auto& [id, worker] : workers_) {
+    const v1::WorkerState state = scheduler_.DescribeWorker(id)->state;
+    if (state != v1::WORKER_STATE_IDLE && state != v1::WORKER_STATE_BUSY) continue;  // it leaves, or gets no leases
+    ++member->workers;
+    member->slots += worker.slots;
+  }
   for (const auto& [job, record] : active_jobs_) member->demand += LeasesWanted(job, record);
 }
 
@@ -98,21 +103,24 @@ absl::Status Coordinator::TryToAdopt(const JobId& job) {
   return absl::OkStatus();
 }
 
-void Coordinator::MoveWorkers(const cluster::WorkerMove&) {}
+void Coordinator::MoveWorkers(const cluster::WorkerMove& move) {
+  MoveWorkers(static_cast<int>(std::min<int64_t>(move.workers, std::numeric_limits<int>::max())), move.address);
+}
 
 void Coordinator::OnExpelled() {
   StopLeasing();
   options_.on_expelled();
 }
 
-void Coordinator::LookAtOthers() {
+void Coordinator::LookAtOthers(const std::vector<ledger::Member>& members) {
   if (looking_.exchange(true)) return;
-  farm_thread_.Run([this] {
+  farm_thread_.Run([this, members] {
     looking_ = false;
     StartUncertainJobs();
     FindStoredAssets();
     LookAtPrerequisites();
     FollowBlockedWorkers();
+    RouteInHand(members);
   });
 }
 
@@ -151,6 +159,21 @@ void Coordinator::LookAtPrerequisites() {
     }
   }
   CheckPrerequisites(after);
+}
+
+void Coordinator::RouteInHand(const std::vector<ledger::Member>& members) {
+  std::vector<JobId> jobs;
+  {
+    absl::MutexLock lock(&mutex_);
+    for (const auto& [job, units] : in_hand_) jobs.push_back(job);
+  }
+  for (const JobId& job : jobs) {
+    const absl::StatusOr<ledger::Epoch> owner = OwnerOf(job);
+    if (!owner.ok() || *owner == owner_.epoch) continue;
+    for (const ledger::Member& member : members) {
+      if (member.owner.epoch == *owner) MoveWorkersWith(job, member.address);
+    }
+  }
 }
 
 void Coordinator::FollowBlockedWorkers() {

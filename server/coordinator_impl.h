@@ -139,7 +139,7 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   void Adopt(const std::vector<ledger::AdoptedJob>& jobs) override;
   void MoveWorkers(const cluster::WorkerMove& move) override;
   void OnExpelled() override;
-  void LookAtOthers() override;
+  void LookAtOthers(const std::vector<ledger::Member>& members) override;
   /// The epoch that a job belongs to. Errors: those of JobStore::GetJob.
   absl::StatusOr<ledger::Epoch> OwnerOf(const job::JobId& job);
 
@@ -350,6 +350,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   void LookAtPrerequisites();
   /// What others have recorded of blocked workers.
   void FollowBlockedWorkers();
+  /// Sends workers with units in hand to the owners of their jobs.
+  void RouteInHand(const std::vector<ledger::Member>& members);
 
   // Plans, see coordinator_plans.cc.
   /// The job's plan; without decisions if it has none. Errors: those of the ledger.
@@ -413,6 +415,9 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   /// Tells the workers of new leases, which are in the order of workers.
   void SendGrants(const std::vector<scheduler::GrantedLease>& leases) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Units in hand, see coordinator_in_hand.cc.
+  void MoveWorker(job::WorkerId worker, const std::string& address) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Moves the workers that have units of the job in hand.
+  void MoveWorkersWith(const job::JobId& job, const std::string& address);
   void NoteInHand(job::WorkerId worker, const v1::Hello& hello) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ForgetInHand(absl::FunctionRef<bool(const UnitInHand&)> condition)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -84,14 +84,25 @@ void Coordinator::MoveWorkers(int count, const std::string& address) {
   std::stable_sort(movable.begin(), movable.end(),
                    [](const auto& a, const auto& b) { return a.leases < b.leases; });
   movable.resize(std::min(movable.size(), static_cast<size_t>(std::max(count, 0))));
+  for (const scheduler::WorkerInfo& worker : movable) MoveWorker(worker.worker, address);
+}
+
+void Coordinator::MoveWorker(WorkerId worker, const std::string& address) {
+  options_.log->info("event=worker_moved worker={} address={}", NameOf(worker), Quoted(address));
+  scheduler_.DrainWorker(worker);
   v1::CoordinatorMessage message;
   message.mutable_move()->set_address(address);
-  for (const scheduler::WorkerInfo& worker : movable) {
-    options_.log->info("event=worker_moved worker={} address={} leases={}", NameOf(worker.worker),
-                       Quoted(address), worker.leases);
-    scheduler_.DrainWorker(worker.worker);
-    workers_.at(worker.worker).sink->Send(message);
-  }
+  workers_.at(worker).sink->Send(message);
+}
+
+void Coordinator::MoveWorkersWith(const job::JobId& job, const std::string& address) {
+  absl::MutexLock lock(&mutex_);
+  const auto units = in_hand_.find(job);
+  if (units == in_hand_.end()) return;
+  std::set<WorkerId> workers;
+  for (const UnitInHand& unit : units->second) workers.insert(unit.worker);
+  for (const WorkerId& worker : workers) MoveWorker(worker, address);
+  ForgetInHand([&workers](const UnitInHand& unit) { return workers.contains(unit.worker); });
 }
 
 }  // namespace lumifold::server

@@ -126,7 +126,7 @@ absl::Status Membership::Tick() {
     if (absl::Status status = AdoptOrphans(); !status.ok()) return status;
     next_adoption_ = now + kAdoptionInterval;
   }
-  host_->LookAtOthers();
+  host_->LookAtOthers(this->members());
   Balance(now);
   return absl::OkStatus();
 }

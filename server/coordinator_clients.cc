@@ -11,6 +11,7 @@
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/version.h"
 #include "server/coordinator_impl.h"
+#include "server/demand.h"
 #include "server/film/result_digest.h"
 #include "server/job/frame_list.h"
 #include "server/job/ids.h"
@@ -398,6 +399,9 @@ absl::StatusOr<v1::ServerStatus> Coordinator::GetServerStatus() {
   status.set_leases(static_cast<int32_t>(scheduler_.lease_count()));
   status.set_frames_in_flight(scheduler_.frames_in_flight());
   status.set_active_jobs(static_cast<int64_t>(active_jobs_.size()));
+  DemandSum demand;
+  for (const auto& [id, record] : active_jobs_) demand.Add(record.scheduling, scheduler_.Progress(id));
+  demand.AddTo(&status);
   return status;
 }
 

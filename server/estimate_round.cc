@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "server/checked_file.h"
+#include "proto/rpc/checked_file.h"
 #include "server/committed_units.h"
 #include "server/film/unit_film.h"
 #include "server/filtered_rounds.h"
@@ -14,10 +14,10 @@
 namespace lumifold::server {
 namespace {
 
-constexpr CheckedFileType kRoundsFile = {"LFR1", "the record of rounds", int64_t{1} << 30};
+constexpr rpc::CheckedFileType kRoundsFile = {"LFR1", "the record of rounds", int64_t{1} << 30};
 
 absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path) {
-  absl::StatusOr<std::string> bytes = ReadCheckedFile(path, kRoundsFile);
+  absl::StatusOr<std::string> bytes = rpc::ReadCheckedFile(path, kRoundsFile);
   v1::RoundEstimates estimates;
   if (absl::IsNotFound(bytes.status())) return estimates;
   if (!bytes.ok()) return bytes.status();
@@ -121,7 +121,7 @@ absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::
   if (job->spec.adaptive().time_seconds() > 0)
     estimate->set_rendered_seconds(absl::ToDoubleSeconds(what.rendered));
   if (absl::Status status =
-          WriteCheckedFile(path, kRoundsFile, estimates->SerializeAsString(), folder.files());
+          rpc::WriteCheckedFile(path, kRoundsFile, estimates->SerializeAsString(), folder.files());
       !status.ok())
     return status;
   v1::FrameReport report;

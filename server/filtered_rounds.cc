@@ -8,13 +8,13 @@
 #include "filter/image/planes.h"
 #include "filter/methods.h"
 #include "lumifold/v1/rounds.pb.h"
-#include "server/checked_file.h"
+#include "proto/rpc/checked_file.h"
 #include "server/film/unit_film.h"
 
 namespace lumifold::server {
 namespace {
 
-constexpr CheckedFileType kPictureFile = {"LFP1", "the picture of a round", int64_t{1} << 30};
+constexpr rpc::CheckedFileType kPictureFile = {"LFP1", "the picture of a round", int64_t{1} << 30};
 
 metrics::FilteredFilm ViewOf(const FilteredRound& round) {
   return {round.film.pixels, {round.picture[0].view(), round.picture[1].view(), round.picture[2].view()}};
@@ -37,7 +37,7 @@ absl::StatusOr<FilteredRound> FilteredRounds::Get(int round) const {
 
 absl::StatusOr<std::array<Plane, 3>> FilteredRounds::ReadKept(int round) const {
   const absl::StatusOr<std::string> bytes =
-      ReadCheckedFile(folder_.RoundPicturePath(job_.id, frame_), kPictureFile);
+      rpc::ReadCheckedFile(folder_.RoundPicturePath(job_.id, frame_), kPictureFile);
   if (!bytes.ok()) return bytes.status();
   v1::RoundPicture kept;
   const int width = job_.spec.width();
@@ -62,8 +62,8 @@ absl::Status FilteredRounds::Keep(int round, const FilteredRound& filtered) cons
     for (int y = 0; y < plane.height(); ++y)
       kept.mutable_values()->Add(plane.view().Row(y), plane.view().Row(y) + plane.width());
   }
-  return WriteCheckedFile(folder_.RoundPicturePath(job_.id, frame_), kPictureFile, kept.SerializeAsString(),
-                          folder_.files());
+  return rpc::WriteCheckedFile(folder_.RoundPicturePath(job_.id, frame_), kPictureFile,
+                               kept.SerializeAsString(), folder_.files());
 }
 
 metrics::ErrorEstimate FilteredRounds::Compare(const FilteredRound& earlier,

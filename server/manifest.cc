@@ -2,18 +2,18 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/file_io.h"
+#include "proto/rpc/checked_file.h"
 #include "proto/rpc/limits.h"
-#include "server/checked_file.h"
 
 namespace lumifold::server {
 namespace {
 
 /// A serialised v1::JobManifest. A spec fits a message, and so does the rest of a manifest.
-constexpr CheckedFileType kManifestFile = {"LFM1", "the manifest", 2 * int64_t{rpc::kMaxMessageBytes}};
+constexpr rpc::CheckedFileType kManifestFile = {"LFM1", "the manifest", 2 * int64_t{rpc::kMaxMessageBytes}};
 constexpr int64_t kMaxClassBytes = rpc::kMaxWorkerNameBytes;
 
 absl::Status WriteTo(const DataFolder& folder, const std::string& path, const v1::JobManifest& manifest) {
-  return WriteCheckedFile(path, kManifestFile, manifest.SerializeAsString(), folder.files());
+  return rpc::WriteCheckedFile(path, kManifestFile, manifest.SerializeAsString(), folder.files());
 }
 
 }  // namespace
@@ -94,7 +94,7 @@ absl::Status UnretireJob(const DataFolder& folder, const ledger::JobRecord& reco
 }
 
 absl::StatusOr<v1::JobManifest> ReadManifest(const std::string& path) {
-  const absl::StatusOr<std::string> bytes = ReadCheckedFile(path, kManifestFile);
+  const absl::StatusOr<std::string> bytes = rpc::ReadCheckedFile(path, kManifestFile);
   if (!bytes.ok()) return bytes.status();
   v1::JobManifest manifest;
   if (!manifest.ParseFromString(*bytes))

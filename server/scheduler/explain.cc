@@ -45,6 +45,7 @@ JobProgress Scheduler::Progress(const JobId& id) const {
   progress.frames_done = job.finished_count;
   progress.frames_total = frames;
   progress.workers = static_cast<int>(job.holders.size());
+  progress.leases = job.lease_count;
   progress.audits_settled = job.audits_settled;
   progress.audits_waived = job.audits_waived;
   const bool started = job.is_bound || job.committed_units > 0 || job.lease_count > 0;

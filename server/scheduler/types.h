@@ -209,6 +209,7 @@ struct JobProgress {
   int frames_done = 0;
   int frames_total = 0;
   int workers = 0;
+  int64_t leases = 0;
   int64_t audits_settled = 0;  // audited units of which two workers delivered the same pixels
   int64_t audits_waived = 0;   // audited units for which not enough workers were available
 };

@@ -7,9 +7,9 @@
 #include "absl/status/statusor.h"
 #include "filter/image/file_system.h"
 
-namespace lumifold::server {
+namespace lumifold::rpc {
 
-/// A file of the data folder: 4 bytes that name its type and version, the XXH3-64 of the rest as a little-endian number, and
+/// A file that a program keeps for itself: 4 bytes that name its type and version, the XXH3-64 of the rest as a little-endian number, and
 /// the content.
 struct CheckedFileType {
   const char* magic;
@@ -26,4 +26,4 @@ absl::Status WriteCheckedFile(const std::string& path, const CheckedFileType& ty
 /// All name the file.
 absl::StatusOr<std::string> ReadCheckedFile(const std::string& path, const CheckedFileType& type);
 
-}  // namespace lumifold::server
+}  // namespace lumifold::rpc

@@ -1,4 +1,4 @@
-#include "server/checked_file.h"
+#include "proto/rpc/checked_file.h"
 
 #include <cstring>
 #include <string_view>
@@ -7,11 +7,11 @@
 #include "filter/image/file_io.h"
 #include "proto/rpc/checksum.h"
 
-namespace lumifold::server {
+namespace lumifold::rpc {
 
 absl::Status WriteCheckedFile(const std::string& path, const CheckedFileType& type,
                               const std::string& content, FileSystem* files) {
-  const uint64_t checksum = rpc::Checksum(content);
+  const uint64_t checksum = Checksum(content);
   std::string bytes(type.magic);
   bytes.append(reinterpret_cast<const char*>(&checksum), sizeof(checksum)).append(content);
   return WriteFileAtomically(path, bytes, files);
@@ -27,8 +27,8 @@ absl::StatusOr<std::string> ReadCheckedFile(const std::string& path, const Check
   if (bytes->size() < head || !std::string_view(*bytes).starts_with(magic)) return damaged;
   std::memcpy(&checksum, bytes->data() + magic.size(), sizeof(checksum));
   bytes->erase(0, head);
-  if (rpc::Checksum(*bytes) != checksum) return damaged;
+  if (Checksum(*bytes) != checksum) return damaged;
   return bytes;
 }
 
-}  // namespace lumifold::server
+}  // namespace lumifold::rpc

@@ -23,6 +23,9 @@ struct RemoteOptions {
 
   /// After command_line.Parse, `server` and `security` are those of the profile, if there is one.
   void AddTo(CommandLine& command_line);
+  /// Sets `server` and `security` by the profile, whose certificate it renews where that is due. Parse does it for
+  /// commands; a program that runs for long repeats it.
+  absl::Status Resolve();
   std::unique_ptr<FarmClient> Connect(const Environment& environment) const;
   std::unique_ptr<AccessClient> ConnectToAccess(const Environment& environment) const;
 
@@ -33,7 +36,6 @@ struct RemoteOptions {
   identity::Profiles profiles;
 
  private:
-  absl::Status Resolve();
   FarmClientOptions ClientOptions(const Environment& environment) const;
 };
 

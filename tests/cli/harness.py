@@ -22,6 +22,7 @@ class CliTest(unittest.TestCase):
     """A test with an empty folder in which the program runs."""
 
     maxDiff = None
+    program = "lumifold"
 
     def setUp(self):
         folder = tempfile.TemporaryDirectory(prefix="lumifold-cli-")
@@ -31,7 +32,7 @@ class CliTest(unittest.TestCase):
 
     def start(self, *arguments):
         return subprocess.Popen(
-            [BIN_DIR / "lumifold", *map(str, arguments)],
+            [BIN_DIR / self.program, *map(str, arguments)],
             cwd=self.folder,
             env=self.environment,
             stdin=subprocess.DEVNULL,

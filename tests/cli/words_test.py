@@ -22,6 +22,21 @@ class Help(harness.CliTest):
                 self.check_golden(f"help_{command.replace('-', '_')}", command, "--help")
 
 
+class Autoscale(harness.CliTest):
+    program = "lumifold-autoscale"
+
+    def test_help(self):
+        self.check_golden("autoscale_help", "--help")
+
+    def test_what_is_missing_or_wrong_is_named(self):
+        needed = ("--state", "state")
+        self.check_golden("autoscale_no_engine", *needed)
+        self.check_golden("autoscale_no_script", *needed, "--engine", "slurm")
+        self.check_golden("autoscale_bad_farm", *needed, "--engine", "slurm", "--script", "x", "--farm", "a b")
+        self.check_golden("autoscale_no_deployment", *needed, "--engine", "kubernetes")
+        self.check_golden("autoscale_bad_limits", *needed, "--engine", "slurm", "--script", "x", "--min", "9")
+
+
 class WrongCommandLine(harness.CliTest):
     def test_unknown_words_get_a_suggestion(self):
         self.check_golden("unknown_command", "rendr", "room.gltf")

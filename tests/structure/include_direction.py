@@ -37,6 +37,8 @@ RULES = [
     Rule("worker/scene/", PROTO, "scenes know no wire formats"),
     Rule("server/scheduler/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono)>|absl/synchronization/"
          r"|absl/time/clock\.h", "the scheduler is pure state: no threads, no clock; time is an argument"),
+    Rule("client/autoscale/policy/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
+         r"|absl/synchronization/|absl/time/clock\.h", "the autoscaler's policy is pure: no threads, no clock, no files"),
     Rule("server/job_life/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
          r"|absl/synchronization/|absl/time/clock\.h", "job life is pure state: no threads, no clock, no files"),
     Rule("server/access/", r"server/(?!access/|ledger/)", "access control knows no jobs"),

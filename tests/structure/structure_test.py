@@ -11,6 +11,7 @@ import clang_checks
 import include_direction
 
 CLEAN = {
+    "client/autoscale/policy/CMakeLists.txt": "",
     "filter/image/CMakeLists.txt": "",
     "filter/image/plane.h": "",
     "filter/image/plane.cc": '#include "filter/image/plane.h"\n',
@@ -76,6 +77,7 @@ class IncludeDirectionTest(unittest.TestCase):
                 ("filter/manifold/tree.cc", '"filter/layers/halves.h"', "stands on kernels and image alone"),
                 ("filter/image/plane.cc", '"tests/support/temp_folder.h"', "depend on their tests"),
                 ("server/job_life/retention.cc", "<filesystem>", "no files"),
+                ("client/autoscale/policy/policy.cc", '"absl/time/clock.h"', "no clock"),
                 ("server/access/identity.h", '"server/job/ids.h"', "knows no jobs"),
                 ("proto/identity/profile.h", '"server/access/identity.h"', "below all programs"),
                 ("server/scheduler/scheduler.cc", "<thread>", "no threads"),

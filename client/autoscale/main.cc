@@ -1,0 +1,322 @@
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
+#include "client/autoscale/autoscaler.h"
+#include "client/autoscale/kubernetes_engine.h"
+#include "client/autoscale/read_farm.h"
+#include "client/autoscale/slurm_engine.h"
+#include "client/autoscale/state_file.h"
+#include "client/commands/shared_options.h"
+#include "client/interrupt.h"
+#include "proto/identity/certificate.h"
+#include "proto/identity/profile.h"
+#include "proto/rpc/monotonic.h"
+#include "proto/rpc/nonblocking_log.h"
+#include "proto/rpc/version.h"
+#include "spdlog/spdlog.h"
+
+namespace {
+
+namespace autoscale = lumifold::autoscale;
+namespace client = lumifold::client;
+
+constexpr char kServiceAccount[] = "/var/run/secrets/kubernetes.io/serviceaccount";
+constexpr absl::Duration kTick = absl::Milliseconds(100);
+constexpr size_t kMaxFarmNameBytes = 64;
+
+struct Flags {
+  std::string engine;
+  std::string server;
+  std::string profile;
+  bool insecure = false;
+  std::string state;
+  bool once = false;
+  bool dry_run = false;
+  bool json = false;
+  std::string log_level = "info";
+  double interval_seconds = 15;
+  autoscale::Limits limits;
+  double budget_days = 0;
+  autoscale::Tuning tuning;
+  double finish_seconds = absl::ToDoubleSeconds(tuning.finish_within);
+  double idle_seconds = absl::ToDoubleSeconds(tuning.idle);
+  double first_pause_seconds = absl::ToDoubleSeconds(tuning.first_pause);
+  double longest_pause_seconds = absl::ToDoubleSeconds(tuning.longest_pause);
+  double start_seconds = absl::ToDoubleSeconds(tuning.start_time);
+  double join_seconds = absl::ToDoubleSeconds(tuning.join_within);
+  double call_seconds = 30;
+  std::vector<std::string> tags;
+  std::string farm = "farm";
+  std::string script;
+  std::vector<std::string> sbatch_arguments;
+  std::vector<std::string> worker_arguments;
+  autoscale::KubernetesOptions kubernetes;
+};
+
+void AddFarmFlags(CLI::App* app, Flags* flags) {
+  app->add_option(
+      "--server", flags->server,
+      "Coordinator, HOST:PORT (default: $LUMIFOLD_SERVER, else that of the profile, else 127.0.0.1:7700)");
+  app->add_option("--profile", flags->profile, "A profile of 'lumifold login'; scope read is enough");
+  app->add_flag("--insecure", flags->insecure, "Allow a coordinator of another machine without encryption");
+  app->add_option("--tags", flags->tags,
+                  "Tags of the workers that are started; jobs that need others are not counted")
+      ->delimiter(',');
+}
+
+void AddLimitFlags(CLI::App* app, Flags* flags) {
+  autoscale::Limits& limits = flags->limits;
+  const CLI::Range workers(0, 100'000);
+  app->add_option("--min", limits.minimum, "Workers that are always there")
+      ->check(workers)
+      ->capture_default_str();
+  app->add_option("--max", limits.maximum, "Workers at most")->check(workers)->capture_default_str();
+  app->add_option("--max-per-user", limits.per_user, "Workers for the jobs of one user; 0: no limit")
+      ->check(workers)
+      ->capture_default_str();
+  app->add_option("--budget-core-hours", limits.budget_core_hours, "Core-hours of all workers; 0: no limit")
+      ->check(CLI::Range(0.0, 1e12))
+      ->capture_default_str();
+  app->add_option("--budget-days", flags->budget_days, "Days after which the budget begins again; 0: never")
+      ->check(CLI::Range(0.0, 36500.0))
+      ->capture_default_str();
+}
+
+void AddTuningFlags(CLI::App* app, Flags* flags) {
+  const auto seconds = [app](const char* name, double* value, const char* help) {
+    app->add_option(name, *value, help)->check(CLI::Range(0.1, 1e9))->capture_default_str();
+  };
+  seconds("--interval-seconds", &flags->interval_seconds, "Time between two looks");
+  seconds("--finish-seconds", &flags->finish_seconds,
+          "Ask for as many workers as finish all units in this time");
+  seconds("--idle-seconds", &flags->idle_seconds, "Release a worker that was idle for this time");
+  seconds("--first-pause-seconds", &flags->first_pause_seconds,
+          "Pause after a refusal, or after workers that died at their start; doubled with each");
+  seconds("--longest-pause-seconds", &flags->longest_pause_seconds, "The longest of these pauses");
+  seconds("--start-seconds", &flags->start_seconds,
+          "A worker that ends within this time has died at its start");
+  seconds("--join-seconds", &flags->join_seconds,
+          "Release a worker that has not joined the farm after this time");
+  seconds("--call-seconds", &flags->call_seconds,
+          "Limit of each command of Slurm and each call of Kubernetes");
+  app->add_option("--slots", flags->tuning.slots_per_worker,
+                  "Units a worker takes at a time, until one has joined")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app->add_option("--cores", flags->tuning.cores_per_worker, "Processors of a worker, for the budget")
+      ->check(CLI::Range(0.01, 1e5))
+      ->capture_default_str();
+}
+
+void AddEngineFlags(CLI::App* app, Flags* flags) {
+  app->add_option("--engine", flags->engine, "slurm or kubernetes")
+      ->required()
+      ->check(CLI::IsMember({"slurm", "kubernetes"}));
+  app->add_option("--farm", flags->farm, "Slurm: name of the farm, part of the names of its jobs")
+      ->capture_default_str();
+  app->add_option("--script", flags->script, "Slurm: the batch script, deploy/slurm/worker.sbatch");
+  app->add_option("--sbatch", flags->sbatch_arguments, "Slurm: an argument of sbatch; may be repeated")
+      ->allow_extra_args(false);
+  app->add_option("--worker", flags->worker_arguments,
+                  "Slurm: an argument of lumifold-worker; may be repeated")
+      ->allow_extra_args(false);
+  autoscale::KubernetesOptions& kubernetes = flags->kubernetes;
+  app->add_option("--deployment", kubernetes.deployment, "Kubernetes: the Deployment of workers");
+  app->add_option("--namespace", kubernetes.name_space,
+                  "Kubernetes: its namespace (default: that of this pod)");
+  app->add_option("--api", kubernetes.api,
+                  "Kubernetes: URL of the API (default: that of the cluster this runs in)");
+  app->add_option("--token-file", kubernetes.token_file,
+                  "Kubernetes: token (default: that of the service account)");
+  app->add_option("--ca-file", kubernetes.ca_file,
+                  "Kubernetes: authority of the API (default: that of the cluster)");
+}
+
+void AddFlags(CLI::App* app, Flags* flags) {
+  app->get_formatter()->column_width(34);
+  AddEngineFlags(app, flags);
+  AddFarmFlags(app, flags);
+  AddLimitFlags(app, flags);
+  AddTuningFlags(app, flags);
+  app->add_option("--state", flags->state, "File that keeps core-hours and failures over restarts")
+      ->required();
+  app->add_flag("--once", flags->once, "Look, decide and act once, and print the decision");
+  app->add_flag("--dry-run", flags->dry_run, "Start and release nothing: print what would be done");
+  app->add_flag("--json", flags->json, "Print each decision as JSON, one object a line");
+  app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
+      ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
+      ->capture_default_str();
+  app->footer(
+      "Exit codes: 0 ok (SIGINT and SIGTERM end it; workers stay), 1 failed, 2 wrong command line,\n"
+      "3 coordinator not reachable (with --once; else it goes on trying).");
+  app->set_version_flag("--version",
+                        absl::StrCat("lumifold-autoscale ", std::string(lumifold::rpc::kVersion)));
+}
+
+bool IsName(const std::string& text) {
+  return !text.empty() && text.size() <= kMaxFarmNameBytes &&
+         std::all_of(text.begin(), text.end(), [](unsigned char c) {
+           return absl::ascii_isalnum(c) || c == '-' || c == '_' || c == '.';
+         });
+}
+
+/// Where it is not given, what every pod of a cluster has.
+void FillInCluster(autoscale::KubernetesOptions* options) {
+  const auto fill = [](std::string* value, const char* name) {
+    const std::string path = absl::StrCat(kServiceAccount, "/", name);
+    if (value->empty() && access(path.c_str(), R_OK) == 0) *value = path;
+  };
+  const char* const host = std::getenv("KUBERNETES_SERVICE_HOST");
+  const char* const port = std::getenv("KUBERNETES_SERVICE_PORT");
+  if (options->api.empty() && host != nullptr && port != nullptr) {
+    const std::string name = host;
+    options->api = absl::StrCat(
+        "https://", name.find(':') == std::string::npos ? name : absl::StrCat("[", name, "]"), ":", port);
+    fill(&options->token_file, "token");
+    fill(&options->ca_file, "ca.crt");
+  }
+}
+
+/// The error of what the parser does not check; empty if there is none.
+std::string Problem(Flags* flags) {
+  if (flags->limits.minimum > flags->limits.maximum) return "--min is larger than --max";
+  if (flags->engine == "slurm") {
+    if (!IsName(flags->farm)) return "--farm: 1 to 64 letters, digits, '-', '_' and '.'";
+    return flags->script.empty() ? "--script is required for --engine slurm" : "";
+  }
+  FillInCluster(&flags->kubernetes);
+  if (!IsName(flags->kubernetes.deployment)) return "--deployment is required for --engine kubernetes";
+  if (!IsName(flags->kubernetes.name_space)) return "--namespace is required for --engine kubernetes";
+  return flags->kubernetes.api.empty() ? "--api is required outside a cluster" : "";
+}
+
+std::unique_ptr<autoscale::Engine> MakeEngine(const Flags& flags) {
+  const absl::Duration timeout = absl::Seconds(flags.call_seconds);
+  if (flags.engine == "slurm") {
+    autoscale::SlurmOptions options{.farm = flags.farm,
+                                    .script = flags.script,
+                                    .sbatch_arguments = flags.sbatch_arguments,
+                                    .script_arguments = flags.worker_arguments,
+                                    .timeout = timeout};
+    if (!flags.tags.empty()) {
+      options.script_arguments.push_back("--tags");
+      options.script_arguments.push_back(absl::StrJoin(flags.tags, ","));
+    }
+    return autoscale::MakeSlurmEngine(std::move(options));
+  }
+  autoscale::KubernetesOptions options = flags.kubernetes;
+  options.cores_per_worker = flags.tuning.cores_per_worker;
+  options.timeout = timeout;
+  return autoscale::MakeKubernetesEngine(std::move(options));
+}
+
+autoscale::AutoscalerOptions OptionsOf(const Flags& flags) {
+  autoscale::AutoscalerOptions options{
+      .limits = flags.limits, .tuning = flags.tuning, .dry_run = flags.dry_run};
+  if (flags.budget_days > 0) options.limits.budget_period = absl::Hours(24 * flags.budget_days);
+  options.tuning.finish_within = absl::Seconds(flags.finish_seconds);
+  options.tuning.idle = absl::Seconds(flags.idle_seconds);
+  options.tuning.first_pause = absl::Seconds(flags.first_pause_seconds);
+  options.tuning.longest_pause = absl::Seconds(flags.longest_pause_seconds);
+  options.tuning.start_time = absl::Seconds(flags.start_seconds);
+  options.tuning.join_within = absl::Seconds(flags.join_seconds);
+  options.now = lumifold::identity::ValidityClock;
+  return options;
+}
+
+int Fail(const absl::Status& status) {
+  std::fprintf(stderr, "lumifold-autoscale: %s\n", std::string(status.message()).c_str());
+  return static_cast<int>(client::ExitCodeFor(status));
+}
+
+void Pause(double seconds) {
+  const absl::Time end = lumifold::rpc::MonotonicNow() + absl::Seconds(seconds);
+  while (!client::Interrupted() && lumifold::rpc::MonotonicNow() < end) absl::SleepFor(kTick);
+}
+
+/// Steps until the program is told to end.
+int RunSteps(const Flags& flags, autoscale::Autoscaler* autoscaler, spdlog::logger* log) {
+  do {
+    const absl::StatusOr<autoscale::Decision> decision = autoscaler->Step();
+    if (!decision.ok() && flags.once) return Fail(decision.status());
+    if (!decision.ok()) {
+      log->warn("event=step_failed error=\"{}\"", std::string(decision.status().message()));
+    } else if (flags.json) {
+      std::cout << DecisionJson(*decision) << '\n' << std::flush;
+    } else if (flags.once || flags.dry_run) {
+      std::cout << DecisionText(*decision) << std::flush;
+    }
+    if (flags.once) return 0;
+    Pause(flags.interval_seconds);
+  } while (!client::Interrupted());
+  log->info("event=stop");
+  return 0;
+}
+
+int Run(const Flags& flags) {
+  client::CatchInterrupts();
+  client::Environment environment{.out = std::cout, .err = std::cerr};
+  environment.profiles_folder = lumifold::identity::ProfilesFolder();
+  if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.default_server = server;
+  environment.interrupted = client::Interrupted;
+  client::RemoteOptions remote(environment);
+  if (!flags.server.empty()) remote.server = flags.server;
+  remote.profile = flags.profile;
+  remote.security.insecure = flags.insecure;
+  if (absl::Status status = remote.Resolve(); !status.ok()) return Fail(status);
+  absl::StatusOr<autoscale::StateFile> state = autoscale::StateFile::Open(flags.state);
+  if (!state.ok()) return Fail(client::OfThisMachine(state.status()));
+  absl::StatusOr<autoscale::History> history = state->Read();
+  if (!history.ok()) return Fail(client::OfThisMachine(history.status()));
+  const std::shared_ptr<spdlog::logger> log =
+      lumifold::rpc::MakeNonblockingLogger({.name = "autoscale", .level = flags.log_level});
+  log->info("event=start engine={} server={} min={} max={}", flags.engine, remote.server,
+            flags.limits.minimum, flags.limits.maximum);
+  autoscale::AutoscalerOptions options = OptionsOf(flags);
+  options.read_farm = [&]() -> absl::StatusOr<autoscale::FarmState> {
+    if (absl::Status status = remote.Resolve(); !status.ok()) return status;
+    return autoscale::ReadFarm(*remote.Connect(environment), flags.tags);
+  };
+  options.keep = [&](const autoscale::History& now) { return state->Write(now); };
+  options.log = log;
+  const std::unique_ptr<autoscale::Engine> engine = MakeEngine(flags);
+  autoscale::Autoscaler autoscaler(std::move(options), *std::move(history), engine.get());
+  return RunSteps(flags, &autoscaler, log.get());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Asks Slurm or Kubernetes for as many workers as a coordinator's queue needs, within limits, and lets "
+      "idle ones go.",
+      "lumifold-autoscale");
+  Flags flags;
+  AddFlags(&app, &flags);
+  std::string problem;
+  try {
+    app.parse(argc, argv);
+    problem = Problem(&flags);
+  } catch (const CLI::Success& success) {
+    return app.exit(success);
+  } catch (const CLI::ParseError& error) {
+    problem = error.what();
+  }
+  if (problem.empty()) return Run(flags);
+  std::fprintf(stderr, "lumifold-autoscale: %s\n", problem.c_str());
+  return static_cast<int>(client::ExitCode::kUsage);
+}

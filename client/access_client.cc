@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "lumifold/v1/access.grpc.pb.h"
-#include "proto/rpc/status_codec.h"
 
 namespace lumifold::client {
 namespace {
@@ -15,44 +14,44 @@ using Stub = v1::AccessService::Stub;
 
 class GrpcAccessClient final : public AccessClient {
  public:
-  explicit GrpcAccessClient(FarmClientOptions options)
-      : stub_(v1::AccessService::NewStub(rpc::MakeChannel(options.coordinator, options.security))),
-        options_(std::move(options)) {}
+  explicit GrpcAccessClient(FarmClientOptions options) : coordinators_(std::move(options)) {}
 
-  absl::StatusOr<v1::WhoAmIResponse> WhoAmI() override {
-    return Call(rpc::Idempotency::kIdempotent, &Stub::WhoAmI, v1::WhoAmIRequest());
-  }
+  absl::StatusOr<v1::WhoAmIResponse> WhoAmI() override { return Call(&Stub::WhoAmI, v1::WhoAmIRequest()); }
   absl::StatusOr<v1::CreateInviteResponse> CreateInvite(const v1::CreateInviteRequest& request) override {
-    return Call(rpc::Idempotency::kNotIdempotent, &Stub::CreateInvite, request);
+    if (coordinators_.size() > 1) {  // finds one that answers
+      if (const auto caller = WhoAmI(); !caller.ok()) return caller.status();
+    }
+    v1::CreateInviteResponse invite;
+    const absl::Status status = coordinators_.CallOnce(
+        kShortCall.retry.try_timeout,
+        [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
+          return v1::AccessService::NewStub(channel)->CreateInvite(&context, request, &invite);
+        });
+    if (!status.ok()) return status;
+    return invite;
   }
   absl::StatusOr<v1::ListIdentitiesResponse> ListIdentities(
       const v1::ListIdentitiesRequest& request) override {
-    return Call(rpc::Idempotency::kIdempotent, &Stub::ListIdentities, request);
+    return Call(&Stub::ListIdentities, request);
   }
   absl::StatusOr<v1::RevokeResponse> Revoke(const v1::RevokeRequest& request) override {
-    return Call(rpc::Idempotency::kIdempotent, &Stub::Revoke, request);
+    return Call(&Stub::Revoke, request);
   }
 
  private:
   template <typename Request, typename Response>
-  absl::StatusOr<Response> Call(rpc::Idempotency idempotency,
-                                grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
+  absl::StatusOr<Response> Call(grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*),
                                 const Request& request) {
-    const rpc::RetryPolicy policy = {
-        .try_timeout = absl::Seconds(10), .total_timeout = absl::Seconds(20), .max_tries = 3};
     Response response;
-    const absl::Status status =
-        rpc::CallWithRetry(policy, idempotency, options_.time, [&](grpc::ClientContext& context) {
-          return rpc::StatusFromGrpc((stub_.get()->*method)(&context, request, &response));
+    const absl::Status status = coordinators_.Call(
+        kShortCall, [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
+          return (v1::AccessService::NewStub(channel).get()->*method)(&context, request, &response);
         });
-    if (status.ok()) return response;
-    if (options_.interrupted()) return absl::CancelledError("interrupted");
-    if (!rpc::IsTransient(status)) return status;
-    return CannotReach(options_.coordinator, status.message());
+    if (!status.ok()) return status;
+    return response;
   }
 
-  const std::unique_ptr<Stub> stub_;
-  const FarmClientOptions options_;
+  Coordinators coordinators_;
 };
 
 }  // namespace

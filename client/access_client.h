@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "absl/status/statusor.h"
-#include "client/farm_client.h"
+#include "client/coordinators.h"
 #include "lumifold/v1/access.pb.h"
 
 namespace lumifold::client {
@@ -22,7 +22,7 @@ class AccessClient {
   virtual absl::StatusOr<v1::RevokeResponse> Revoke(const v1::RevokeRequest& request) = 0;
 };
 
-/// A client of the coordinator at HOST:PORT. Connects on first use.
+/// A client of the farm. Connects on first use.
 std::unique_ptr<AccessClient> ConnectToAccess(FarmClientOptions options);
 
 }  // namespace lumifold::client

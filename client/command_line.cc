@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "client/suggestion.h"
+#include "proto/rpc/endpoints.h"
 
 namespace lumifold::client {
 namespace {
@@ -228,18 +229,14 @@ void CommandLine::AddFrames(const std::string& names, Frames* value, const std::
   parser_->Add(names, "N[-LAST],...", read, help);
 }
 
-void CommandLine::AddAddress(const std::string& names, std::string* value, const std::string& help) {
+void CommandLine::AddAddresses(const std::string& names, std::string* value, const std::string& help) {
   const ReadValue read = [value](const std::string& text) -> std::string {
-    const size_t colon = text.rfind(':');
-    int port = 0;
-    if (colon == std::string::npos || colon == 0 || !IsDigits(text.substr(colon + 1)) ||
-        !absl::SimpleAtoi(text.substr(colon + 1), &port) || port < 1 || port > 65535) {
-      return absl::StrCat("expected HOST:PORT; got '", text, "'");
-    }
+    if (const auto addresses = rpc::ParseEndpoints(text); !addresses.ok())
+      return std::string(addresses.status().message());
     *value = text;
     return "";
   };
-  parser_->Add(names, "HOST:PORT", read, help);
+  parser_->Add(names, "HOST:PORT,...", read, help);
 }
 
 void CommandLine::AddCheck(std::function<absl::Status()> check) { checks_.push_back(std::move(check)); }

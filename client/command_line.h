@@ -55,8 +55,8 @@ class CommandLine {
   /// A range of frames.
   void AddFrames(const std::string& names, Frames* value, const std::string& help);
 
-  /// HOST:PORT of a coordinator.
-  void AddAddress(const std::string& names, std::string* value, const std::string& help);
+  /// HOST:PORT of a coordinator, or a list of those of a farm: see rpc::ParseEndpoints.
+  void AddAddresses(const std::string& names, std::string* value, const std::string& help);
 
   /// `check` is called when all arguments are valid. Its error ends the command.
   void AddCheck(std::function<absl::Status()> check);

@@ -27,7 +27,7 @@ struct Environment {
   /// Whether `err` is a terminal whose last line can be rewritten, and its width.
   bool err_is_terminal = false;
   int terminal_columns = 80;
-  /// HOST:PORT if --server is not given; empty: that of the default profile, else kDefaultServer.
+  /// HOST:PORT, or a list of them, if --server is not given; empty: that of the default profile, else kDefaultServer.
   std::string default_server = {};
   /// Folder of the user's profiles (identity::ProfilesFolder); empty: there are none.
   std::string profiles_folder = {};

@@ -5,24 +5,20 @@
 #include <algorithm>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "client/exit_code.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/monotonic.h"
-#include "proto/rpc/status_codec.h"
 
 namespace lumifold::client {
 namespace {
 
-// Short calls: few tries with short pauses, so that the user soon sees the error of a wrong address.
-const rpc::RetryPolicy kCallPolicy = {
-    .try_timeout = absl::Seconds(10), .total_timeout = absl::Seconds(20), .max_tries = 3};
-const rpc::RetryPolicy kSlowCallPolicy = {
-    .try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60), .max_tries = 3};
+// A silent coordinator is found by the channel's keep-alive.
+const CallPolicy kSlowCallPolicy = {
+    .retry = {.try_timeout = absl::Seconds(30), .total_timeout = absl::Seconds(60), .max_tries = 3}};
 // For calls that must not be repeated when it is unknown whether they took effect.
-const rpc::RetryPolicy kOncePolicy = {.try_timeout = absl::Seconds(30), .max_tries = 1};
+constexpr absl::Duration kOnceTimeout = absl::Seconds(30);
 // Streams have longer deadlines than calls. The callers reopen a stream that broke or exceeded its deadline.
 constexpr absl::Duration kStreamTimeout = absl::Minutes(10);
 // Uploads over slower connections exceed their deadline and go on with a new call.
@@ -32,12 +28,12 @@ constexpr double kSlowestCheckBytesPerSecond = 150e6;
 constexpr absl::Duration kTick = absl::Milliseconds(100);
 
 /// Policy of a call for which the coordinator may have to read all files of a scene.
-rpc::RetryPolicy PolicyFor(const v1::SceneRef& scene) {
+CallPolicy PolicyFor(const v1::SceneRef& scene) {
   double bytes = static_cast<double>(scene.file().size());
   for (const v1::AssetRef& asset : scene.dependencies()) bytes += static_cast<double>(asset.size());
-  rpc::RetryPolicy policy = kSlowCallPolicy;
-  policy.try_timeout += absl::Seconds(bytes / kSlowestCheckBytesPerSecond);
-  policy.total_timeout += absl::Seconds(bytes / kSlowestCheckBytesPerSecond);
+  CallPolicy policy = kSlowCallPolicy;
+  policy.retry.try_timeout += absl::Seconds(bytes / kSlowestCheckBytesPerSecond);
+  policy.retry.total_timeout += absl::Seconds(bytes / kSlowestCheckBytesPerSecond);
   return policy;
 }
 
@@ -45,8 +41,7 @@ class GrpcFarmClient : public FarmClient {
   using Stub = v1::FarmService::Stub;
 
  public:
-  GrpcFarmClient(std::shared_ptr<grpc::Channel> channel, FarmClientOptions options)
-      : stub_(v1::FarmService::NewStub(std::move(channel))), options_(std::move(options)) {}
+  explicit GrpcFarmClient(Coordinators coordinators) : coordinators_(std::move(coordinators)) {}
 
   absl::StatusOr<std::vector<std::string>> FindMissingAssets(const v1::SceneRef& scene) override {
     v1::FindMissingAssetsRequest request;
@@ -69,10 +64,17 @@ class GrpcFarmClient : public FarmClient {
 
   absl::Status UploadAsset(const LocalAsset& asset, uint64_t offset,
                            absl::FunctionRef<void(uint64_t)> on_sent) override {
-    grpc::ClientContext context;
     const double slowest = static_cast<double>(asset.ref.size() - offset) / kSlowestUploadBytesPerSecond;
-    context.set_deadline(rpc::MonotonicDeadline(kSlowCallPolicy.try_timeout + absl::Seconds(slowest)));
-    return UploadOnce(context, asset, offset, on_sent);
+    absl::Status local;
+    // At another coordinator it may have to begin elsewhere, so the caller repeats it.
+    const absl::Status status = coordinators_.CallOnce(
+        kSlowCallPolicy.retry.try_timeout + absl::Seconds(slowest),
+        [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
+          return UploadOnce(context, channel, asset, offset, on_sent, &local);
+        });
+    if (!local.ok()) return local;
+    if (status.ok()) on_sent(asset.ref.size());
+    return status;
   }
 
   absl::StatusOr<std::string> SubmitJob(const v1::SubmitJobRequest& request) override {
@@ -83,31 +85,40 @@ class GrpcFarmClient : public FarmClient {
   }
 
   absl::StatusOr<v1::JobStatus> GetJob(const std::string& job_id) override {
-    return Unary<v1::JobStatus>(kCallPolicy, &Stub::GetJob, OfJob<v1::GetJobRequest>(job_id));
+    return Unary<v1::JobStatus>(kShortCall, &Stub::GetJob, OfJob<v1::GetJobRequest>(job_id));
   }
   absl::StatusOr<v1::ListJobsResponse> ListJobs(const v1::ListJobsRequest& request) override {
-    return Unary<v1::ListJobsResponse>(kCallPolicy, &Stub::ListJobs, request);
+    return Unary<v1::ListJobsResponse>(kShortCall, &Stub::ListJobs, request);
   }
   absl::StatusOr<v1::JobStatus> CancelJob(const std::string& job_id) override {
-    return Unary<v1::JobStatus>(kCallPolicy, &Stub::CancelJob, OfJob<v1::CancelJobRequest>(job_id));
+    return Unary<v1::JobStatus>(kShortCall, &Stub::CancelJob, OfJob<v1::CancelJobRequest>(job_id));
   }
   absl::StatusOr<v1::JobStatus> PauseJob(const std::string& job_id) override {
-    return Unary<v1::JobStatus>(kCallPolicy, &Stub::PauseJob, OfJob<v1::PauseJobRequest>(job_id));
+    return Unary<v1::JobStatus>(kShortCall, &Stub::PauseJob, OfJob<v1::PauseJobRequest>(job_id));
   }
   absl::StatusOr<v1::JobStatus> ResumeJob(const std::string& job_id) override {
-    return Unary<v1::JobStatus>(kCallPolicy, &Stub::ResumeJob, OfJob<v1::ResumeJobRequest>(job_id));
+    return Unary<v1::JobStatus>(kShortCall, &Stub::ResumeJob, OfJob<v1::ResumeJobRequest>(job_id));
   }
   absl::StatusOr<v1::JobStatus> SetJobPriority(const std::string& job_id, int priority) override {
     auto request = OfJob<v1::SetJobPriorityRequest>(job_id);
     request.set_priority(priority);
-    return Unary<v1::JobStatus>(kCallPolicy, &Stub::SetJobPriority, request);
+    return Unary<v1::JobStatus>(kShortCall, &Stub::SetJobPriority, request);
   }
   absl::Status DeleteJob(const std::string& job_id) override {
-    return Unary<v1::DeleteJobResponse>(kCallPolicy, &Stub::DeleteJob, OfJob<v1::DeleteJobRequest>(job_id))
+    return Unary<v1::DeleteJobResponse>(kShortCall, &Stub::DeleteJob, OfJob<v1::DeleteJobRequest>(job_id))
         .status();
   }
   absl::StatusOr<v1::JobStatus> RetryJob(const v1::RetryJobRequest& request) override {
-    return Unary<v1::JobStatus>(kOncePolicy, &Stub::RetryJob, request);
+    if (coordinators_.size() > 1) {  // finds one that answers
+      if (const auto found = GetJob(request.job_id()); !found.ok()) return found.status();
+    }
+    v1::JobStatus job;
+    const absl::Status status = coordinators_.CallOnce(
+        kOnceTimeout, [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
+          return v1::FarmService::NewStub(channel)->RetryJob(&context, request, &job);
+        });
+    if (!status.ok()) return status;
+    return job;
   }
   absl::StatusOr<v1::JobStatus> AddSamples(const std::string& job_id, int samples_per_pixel) override {
     auto request = OfJob<v1::AddSamplesRequest>(job_id);
@@ -115,48 +126,38 @@ class GrpcFarmClient : public FarmClient {
     return Unary<v1::JobStatus>(kSlowCallPolicy, &Stub::AddSamples, request);
   }
   absl::StatusOr<v1::ExplainJobResponse> ExplainJob(const std::string& job_id) override {
-    return Unary<v1::ExplainJobResponse>(kCallPolicy, &Stub::ExplainJob,
-                                         OfJob<v1::ExplainJobRequest>(job_id));
+    return Unary<v1::ExplainJobResponse>(kShortCall, &Stub::ExplainJob, OfJob<v1::ExplainJobRequest>(job_id));
   }
 
   absl::StatusOr<v1::ListWorkersResponse> ListWorkers(const v1::ListWorkersRequest& request) override {
-    return Unary<v1::ListWorkersResponse>(kCallPolicy, &Stub::ListWorkers, request);
+    return Unary<v1::ListWorkersResponse>(kShortCall, &Stub::ListWorkers, request);
   }
   absl::StatusOr<v1::WorkerStatus> DrainWorker(const v1::WorkerRequest& request) override {
-    return Unary<v1::WorkerStatus>(kCallPolicy, &Stub::DrainWorker, request);
+    return Unary<v1::WorkerStatus>(kShortCall, &Stub::DrainWorker, request);
   }
   absl::StatusOr<v1::WorkerStatus> BlockWorker(const v1::WorkerRequest& request) override {
-    return Unary<v1::WorkerStatus>(kCallPolicy, &Stub::BlockWorker, request);
+    return Unary<v1::WorkerStatus>(kShortCall, &Stub::BlockWorker, request);
   }
   absl::StatusOr<v1::WorkerStatus> ReadmitWorker(const v1::WorkerRequest& request) override {
-    return Unary<v1::WorkerStatus>(kCallPolicy, &Stub::ReadmitWorker, request);
+    return Unary<v1::WorkerStatus>(kShortCall, &Stub::ReadmitWorker, request);
   }
   absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) override {
-    return Unary<v1::GetLogResponse>(kCallPolicy, &Stub::GetLog, request);
+    return Unary<v1::GetLogResponse>(kShortCall, &Stub::GetLog, request);
   }
   absl::StatusOr<v1::ServerStatus> GetServerStatus() override {
-    return Unary<v1::ServerStatus>(kCallPolicy, &Stub::GetServerStatus, v1::GetServerStatusRequest());
+    return Unary<v1::ServerStatus>(kShortCall, &Stub::GetServerStatus, v1::GetServerStatusRequest());
   }
 
   absl::Status WatchJob(const std::string& job_id, absl::FunctionRef<void(const v1::JobStatus&)> on_status,
                         absl::FunctionRef<void()> on_tick) override {
     v1::WatchJobRequest request;
     request.set_job_id(job_id);
-    grpc::ClientContext context;
-    context.set_deadline(rpc::MonotonicDeadline(kStreamTimeout));
-    grpc::CompletionQueue queue;
-    const auto reader = stub_->AsyncWatchJob(&context, request, &queue, nullptr);
-    v1::JobStatus job;
-    bool more = Wait(queue, context, on_tick);
-    while (more) {
-      reader->Read(&job, nullptr);
-      more = Wait(queue, context, on_tick);
-      if (more) on_status(job);
-    }
-    grpc::Status status;
-    reader->Finish(&status, nullptr);
-    Wait(queue, context, on_tick);
-    return StatusOfCall(status);
+    bool answered = false;
+    return coordinators_.Stream(
+        kStreamTimeout, &answered,
+        [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
+          return WatchOnce(context, channel, request, &answered, on_status, on_tick);
+        });
   }
 
   absl::Status DownloadResult(const std::string& job_id, int frame, uint64_t offset,
@@ -165,14 +166,21 @@ class GrpcFarmClient : public FarmClient {
     request.set_job_id(job_id);
     request.set_frame(frame);
     request.set_offset(offset);
-    grpc::ClientContext context;
-    context.set_deadline(rpc::MonotonicDeadline(kStreamTimeout));
-    const auto reader = stub_->DownloadResult(&context, request);
     absl::Status taken;
-    v1::ByteChunk chunk;
-    while (taken.ok() && !options_.interrupted() && reader->Read(&chunk)) taken = on_chunk(chunk);
-    if (!taken.ok() || options_.interrupted()) context.TryCancel();
-    const absl::Status status = StatusOfCall(reader->Finish());
+    bool answered = false;
+    const absl::Status status = coordinators_.Stream(
+        kStreamTimeout, &answered,
+        [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
+          const auto reader = v1::FarmService::NewStub(channel)->DownloadResult(&context, request);
+          v1::ByteChunk chunk;
+          while (taken.ok() && !coordinators_.interrupted() && reader->Read(&chunk)) {
+            answered = true;
+            taken = on_chunk(chunk);
+          }
+          if (!taken.ok() || coordinators_.interrupted()) context.TryCancel();
+          const grpc::Status finished = reader->Finish();
+          return taken.ok() ? finished : grpc::Status::OK;  // the coordinator is not the cause
+        });
     return taken.ok() ? status : taken;
   }
 
@@ -184,10 +192,31 @@ class GrpcFarmClient : public FarmClient {
     void* tag = nullptr;
     bool ok = false;
     while (queue.AsyncNext(&tag, &ok, rpc::MonotonicDeadline(kTick)) == grpc::CompletionQueue::TIMEOUT) {
-      if (options_.interrupted()) context.TryCancel();
+      if (coordinators_.interrupted()) context.TryCancel();
       on_tick();
     }
     return ok;
+  }
+
+  grpc::Status WatchOnce(grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel,
+                         const v1::WatchJobRequest& request, bool* answered,
+                         absl::FunctionRef<void(const v1::JobStatus&)> on_status,
+                         absl::FunctionRef<void()> on_tick) const {
+    grpc::CompletionQueue queue;
+    const auto reader = v1::FarmService::NewStub(channel)->AsyncWatchJob(&context, request, &queue, nullptr);
+    v1::JobStatus job;
+    bool more = Wait(queue, context, on_tick);
+    while (more) {
+      reader->Read(&job, nullptr);
+      more = Wait(queue, context, on_tick);
+      if (!more) break;
+      *answered = true;
+      on_status(job);
+    }
+    grpc::Status status;
+    reader->Finish(&status, nullptr);
+    Wait(queue, context, on_tick);
+    return status;
   }
 
   template <typename Request>
@@ -199,76 +228,64 @@ class GrpcFarmClient : public FarmClient {
 
   // A call with one request and one response, repeated as the policy says.
   template <typename Response, typename Request>
-  absl::StatusOr<Response> Unary(const rpc::RetryPolicy& policy,
+  absl::StatusOr<Response> Unary(const CallPolicy& policy,
                                  grpc::Status (Stub::*call)(grpc::ClientContext*, const Request&, Response*),
-                                 const Request& request) const {
+                                 const Request& request) {
     Response response;
-    absl::Status status = rpc::CallWithRetry(
-        policy, rpc::Idempotency::kIdempotent, options_.time, [&](grpc::ClientContext& context) {
-          return StatusOfCall((stub_.get()->*call)(&context, request, &response));
+    const absl::Status status = coordinators_.Call(
+        policy, [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
+          return (v1::FarmService::NewStub(channel).get()->*call)(&context, request, &response);
         });
     if (!status.ok()) return status;
     return response;
   }
 
-  absl::Status UploadOnce(grpc::ClientContext& context, const LocalAsset& asset, uint64_t offset,
-                          absl::FunctionRef<void(uint64_t)> on_sent) const {
+  // Sets *local to an error of this machine; the coordinator's status is then of no interest.
+  grpc::Status UploadOnce(grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel,
+                          const LocalAsset& asset, uint64_t offset, absl::FunctionRef<void(uint64_t)> on_sent,
+                          absl::Status* local) const {
     absl::StatusOr<rpc::FileHandle> file = OpenAsset(asset);
-    if (!file.ok()) return OfThisMachine(file.status());
+    if (!file.ok()) {
+      *local = OfThisMachine(file.status());
+      return grpc::Status::OK;
+    }
     absl::StatusOr<rpc::ByteSender> sender = rpc::ByteSender::OfFile(*std::move(file), asset.path, offset);
-    if (!sender.ok()) return OfThisMachine(sender.status());
+    if (!sender.ok()) {
+      *local = OfThisMachine(sender.status());
+      return grpc::Status::OK;
+    }
     v1::UploadAssetResponse response;
-    const auto writer = stub_->UploadAsset(&context, &response);
+    const auto writer = v1::FarmService::NewStub(channel)->UploadAsset(&context, &response);
     v1::UploadAssetRequest request;
     *request.mutable_announce() = asset.ref;
     bool open = writer->Write(request);
     absl::StatusOr<bool> more = true;
-    while (open && !options_.interrupted()) {
+    while (open && !coordinators_.interrupted()) {
       more = sender->Next(request.mutable_chunk());
       if (!more.ok() || !*more) break;
       on_sent(request.chunk().offset());
       open = writer->Write(request);
     }
-    if (!more.ok() || options_.interrupted()) context.TryCancel();
+    if (!more.ok() || coordinators_.interrupted()) context.TryCancel();
     writer->WritesDone();
-    absl::Status status = StatusOfCall(writer->Finish());
-    if (!more.ok()) return OfThisMachine(more.status());
-    if (status.ok()) on_sent(asset.ref.size());
-    return status;
+    const grpc::Status status = writer->Finish();
+    *local = OfThisMachine(more.status());
+    return local->ok() ? status : grpc::Status::OK;
   }
 
-  // The status of a call, with a message for the user.
-  absl::Status StatusOfCall(const grpc::Status& outcome) const {
-    absl::Status status = rpc::StatusFromGrpc(outcome);
-    if (!status.ok() && options_.interrupted()) return absl::CancelledError("interrupted");
-    // Without an interruption, kCancelled means that the other side closed the connection.
-    if (!rpc::IsTransient(status) && !absl::IsCancelled(status)) return status;
-    return CannotReach(options_.coordinator, status.message());
-  }
-
-  const std::unique_ptr<v1::FarmService::Stub> stub_;
-  const FarmClientOptions options_;
+  Coordinators coordinators_;
 };
 
 }  // namespace
 
-absl::Status CannotReach(const std::string& coordinator, absl::string_view message) {
-  // gRPC lists all addresses it tried; the last error is enough for the user.
-  constexpr absl::string_view kLead = "Failed to connect to remote host: ";
-  const size_t at = message.rfind(kLead);
-  const absl::string_view reason =
-      at == absl::string_view::npos ? message : message.substr(at + kLead.size());
-  return absl::UnavailableError(absl::StrCat("cannot reach the coordinator at ", coordinator, ": ", reason));
-}
-
 std::unique_ptr<FarmClient> MakeFarmClient(std::shared_ptr<grpc::Channel> channel,
                                            FarmClientOptions options) {
-  return std::make_unique<GrpcFarmClient>(std::move(channel), std::move(options));
+  return std::make_unique<GrpcFarmClient>(Coordinators(
+      std::move(options), [channel = std::move(channel)](const std::string&) { return channel; }));
 }
 
 std::unique_ptr<FarmClient> ConnectTo(FarmClientOptions options) {
-  auto channel = rpc::MakeChannel(options.coordinator, options.security);
-  return MakeFarmClient(std::move(channel), std::move(options));
+  return std::make_unique<GrpcFarmClient>(Coordinators(std::move(options)));
 }
 
 }  // namespace lumifold::client

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -11,9 +10,8 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "client/assets.h"
+#include "client/coordinators.h"
 #include "lumifold/v1/farm.pb.h"
-#include "proto/rpc/credentials.h"
-#include "proto/rpc/retry.h"
 
 namespace grpc {
 class Channel;
@@ -21,13 +19,9 @@ class Channel;
 
 namespace lumifold::client {
 
-/// kUnavailable "cannot reach the coordinator at ADDRESS: ...", with what a user needs of gRPC's `message`.
-absl::Status CannotReach(const std::string& coordinator, absl::string_view message);
-
-/// The client's interface to the coordinator; hides gRPC.
-/// Errors of every call: kUnavailable "cannot reach the coordinator at ..." when it does not answer in time;
-/// kCancelled when the user interrupted; kInternal for errors of local files; otherwise the coordinator's
-/// error (proto/lumifold/v1/farm.proto).
+/// The client's interface to the coordinators of a farm; hides gRPC, and which of them answers: see Coordinators.
+/// Errors of every call: those of Coordinators, with the coordinator's as in proto/lumifold/v1/farm.proto; kInternal for
+/// errors of local files.
 /// Threads: one call at a time.
 class FarmClient {
  public:
@@ -68,29 +62,21 @@ class FarmClient {
   virtual absl::StatusOr<v1::ServerStatus> GetServerStatus() = 0;
 
   /// Calls `on_status` with each status until the stream ends, and `on_tick` several times a second. Not
-  /// retried when the connection breaks: the caller decides how long to retry.
+  /// retried when the connection breaks: the caller decides how long to retry, which goes to the next coordinator.
   virtual absl::Status WatchJob(const std::string& job_id,
                                 absl::FunctionRef<void(const v1::JobStatus&)> on_status,
                                 absl::FunctionRef<void()> on_tick) = 0;
 
   /// Calls `on_chunk` with each piece of a frame's file from `offset` on. An error of `on_chunk` ends the
-  /// call and is returned. Not retried.
+  /// call and is returned. Not retried after the first piece: the caller resumes, at the next coordinator.
   virtual absl::Status DownloadResult(const std::string& job_id, int frame, uint64_t offset,
                                       absl::FunctionRef<absl::Status(const v1::ByteChunk&)> on_chunk) = 0;
 };
 
-struct FarmClientOptions {
-  /// HOST:PORT, also for errors.
-  std::string coordinator;
-  rpc::Security security = {};
-  rpc::RetryEnvironment time;
-  /// True after the user interrupted the program.
-  std::function<bool()> interrupted;
-};
-
+/// A client of one coordinator, over `channel`.
 std::unique_ptr<FarmClient> MakeFarmClient(std::shared_ptr<grpc::Channel> channel, FarmClientOptions options);
 
-/// A client of the coordinator at HOST:PORT. Connects on first use.
+/// A client of the farm. Connects on first use.
 std::unique_ptr<FarmClient> ConnectTo(FarmClientOptions options);
 
 }  // namespace lumifold::client

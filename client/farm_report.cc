@@ -20,6 +20,8 @@ std::string TimeText(int64_t unix_ms) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(unix_ms), absl::UTCTimeZone());
 }
 
+std::string CoordinatorColumn(absl::string_view text) { return absl::StrFormat("%-16s ", text); }
+
 }  // namespace
 
 absl::string_view WorkerStateName(v1::WorkerState state) {
@@ -43,18 +45,21 @@ absl::string_view WorkerStateName(v1::WorkerState state) {
   }
 }
 
-std::string WorkerTableHead() {
-  return absl::StrFormat("%-8s %-24s %-9s %6s %6s %8s %6s %7s  %s\n", "WORKER", "NAME", "STATE", "LEASES",
-                         "SLOTS", "DONE", "FAILED", "S/UNIT", "REASON");
+std::string WorkerTableHead(bool of_several) {
+  return absl::StrFormat("%-8s %-24s %-9s %6s %6s %8s %6s %7s  %s%s\n", "WORKER", "NAME", "STATE", "LEASES",
+                         "SLOTS", "DONE", "FAILED", "S/UNIT",
+                         of_several ? CoordinatorColumn("COORDINATOR") : "", "REASON");
 }
 
-std::string WorkerTableLine(const v1::WorkerStatus& worker) {
+std::string WorkerTableLine(const v1::WorkerStatus& worker, bool of_several) {
   const bool has_two_names = !worker.process().empty() && worker.process() != worker.name();
   return absl::StrFormat(
-      "%-8s %-24s %-9s %6d %6d %8d %6d %7.2f  %s\n", worker.worker_id().empty() ? "-" : worker.worker_id(),
+      "%-8s %-24s %-9s %6d %6d %8d %6d %7.2f  %s%s\n", worker.worker_id().empty() ? "-" : worker.worker_id(),
       has_two_names ? absl::StrCat(worker.name(), "/", worker.process()) : worker.name(),
       WorkerStateName(worker.state()), worker.leases(), worker.slots(), worker.units_done(),
-      worker.units_failed(), worker.seconds_per_unit(), worker.reason());
+      worker.units_failed(), worker.seconds_per_unit(),
+      of_several ? CoordinatorColumn(worker.coordinator().empty() ? "-" : worker.coordinator()) : "",
+      worker.reason());
 }
 
 std::string WorkerJson(const v1::WorkerStatus& worker) {
@@ -73,6 +78,7 @@ std::string WorkerJson(const v1::WorkerStatus& worker) {
   json["seconds_per_unit"] = worker.seconds_per_unit();
   json["connected_unix_ms"] = worker.connected_unix_ms();
   json["job_ids"] = worker.job_ids();
+  if (!worker.coordinator().empty()) json["coordinator"] = worker.coordinator();
   return Line(json);
 }
 
@@ -120,6 +126,10 @@ std::string ServerStatusText(const v1::ServerStatus& status) {
   line("active jobs", status.active_jobs());
   line("frames in flight", status.frames_in_flight());
   line("encrypted", status.insecure() ? "no" : "yes");
+  for (const v1::CoordinatorStatus& one : status.coordinators()) {
+    line("coordinator", one.name(), " at ", one.address(), ", epoch ", one.epoch(), ": active jobs ",
+         one.active_jobs(), ", workers ", one.workers(), ", slots ", one.slots(), ", demand ", one.demand());
+  }
   return text;
 }
 
@@ -135,6 +145,15 @@ std::string ServerStatusJson(const v1::ServerStatus& status) {
   json["active_jobs"] = status.active_jobs();
   json["frames_in_flight"] = status.frames_in_flight();
   json["insecure"] = status.insecure();
+  for (const v1::CoordinatorStatus& one : status.coordinators()) {
+    json["coordinators"].push_back({{"name", one.name()},
+                                    {"address", one.address()},
+                                    {"epoch", one.epoch()},
+                                    {"active_jobs", one.active_jobs()},
+                                    {"workers", one.workers()},
+                                    {"slots", one.slots()},
+                                    {"demand", one.demand()}});
+  }
   return Line(json);
 }
 

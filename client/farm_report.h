@@ -12,9 +12,10 @@ namespace lumifold::client {
 /// "idle", "busy", "draining", "silent", "set aside", "blocked" or "gone"; "unknown" for a state of a later version.
 absl::string_view WorkerStateName(v1::WorkerState state);
 
-/// A line of `lumifold workers`, and its header line.
-std::string WorkerTableHead();
-std::string WorkerTableLine(const v1::WorkerStatus& worker);
+/// A line of `lumifold workers`, and its header line. `of_several`: with the name of the coordinator that the worker is
+/// connected to, on a farm of several.
+std::string WorkerTableHead(bool of_several);
+std::string WorkerTableLine(const v1::WorkerStatus& worker, bool of_several);
 std::string WorkerJson(const v1::WorkerStatus& worker);
 
 /// The state of a job and the reasons why it does not run or runs slowly, one in each line.

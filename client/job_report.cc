@@ -115,6 +115,7 @@ std::string JobJson(const v1::JobStatus& status,
   json["after"] = scheduling.after();
   json["class"] = scheduling.numeric_class();
   json["audit_share"] = scheduling.audit_share();
+  if (!status.coordinator().empty()) json["coordinator"] = status.coordinator();
   for (const auto& [name, text] : more) json[name] = text;
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
@@ -136,6 +137,7 @@ std::string JobText(const v1::JobStatus& status) {
   if (scheduling.tags_size() > 0) line("tags", absl::StrJoin(scheduling.tags(), ", "));
   if (scheduling.max_leases() > 0) line("max leases", scheduling.max_leases());
   if (scheduling.after_size() > 0) line("after", absl::StrJoin(scheduling.after(), ", "));
+  if (!status.coordinator().empty()) line("coordinator", status.coordinator());
   line("workers", status.workers());
   line("units", status.units_done(), " of ", status.units_total());
   line("frames", status.frames_done(), " of ", status.frames_total());

@@ -120,7 +120,7 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
   if (!local.ok()) return ReportError(environment, OfThisMachine(local.status()));
   const std::unique_ptr<FarmClient> farm = MakeFarmClient(
       (*local)->channel(),
-      {.coordinator = "this process", .time = environment.time, .interrupted = environment.interrupted});
+      {.coordinators = {"this process"}, .time = environment.time, .interrupted = environment.interrupted});
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
   const absl::StatusOr<v1::JobStatus> job = RunJob(*farm, options, *assets, *progress, environment);
   if (!job.ok()) return ReportError(environment, job.status());

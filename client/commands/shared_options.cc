@@ -9,6 +9,7 @@
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
 #include "proto/identity/secrets.h"
+#include "proto/rpc/endpoints.h"
 
 namespace lumifold::client {
 namespace {
@@ -19,9 +20,10 @@ constexpr absl::Duration kMaxOutage = absl::Minutes(5);
 }  // namespace
 
 void RemoteOptions::AddTo(CommandLine& command_line) {
-  command_line.AddAddress(
+  command_line.AddAddresses(
       "--server", &server,
-      "The coordinator (default: $LUMIFOLD_SERVER, else that of the profile, else 127.0.0.1:7700)");
+      "The coordinator, or those of one farm (default: $LUMIFOLD_SERVER, else those of the profile, else "
+      "127.0.0.1:7700)");
   command_line.AddText("--profile", "NAME", &profile,
                        "A profile of 'lumifold login' (default: the coordinator's)");
   command_line.AddFlag("--insecure", &security.insecure,
@@ -31,7 +33,7 @@ void RemoteOptions::AddTo(CommandLine& command_line) {
 }
 
 FarmClientOptions RemoteOptions::ClientOptions(const Environment& environment) const {
-  return {.coordinator = server,
+  return {.coordinators = coordinators_,
           .security = security,
           .time = environment.time,
           .interrupted = environment.interrupted};
@@ -59,11 +61,17 @@ absl::Status RemoteOptions::Resolve() {
     if (!read.ok()) return OfThisMachine(read.status());
     if (!found.ok()) return OfThisMachine(found.status());
     profile = **chosen;
-    server = read->server;
+    if (server.empty()) server = read->server;
     security = *std::move(found);
   }
   if (server.empty()) server = kDefaultServer;
-  return rpc::CheckServerAddress(server, security);
+  absl::StatusOr<std::vector<std::string>> addresses = rpc::ParseEndpoints(server);
+  if (!addresses.ok()) return addresses.status();
+  coordinators_ = *std::move(addresses);
+  for (const std::string& address : coordinators_) {
+    if (absl::Status status = rpc::CheckServerAddress(address, security); !status.ok()) return status;
+  }
+  return absl::OkStatus();
 }
 
 void AddJson(CommandLine& command_line, bool* json) {

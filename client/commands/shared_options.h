@@ -29,7 +29,7 @@ struct RemoteOptions {
   std::unique_ptr<FarmClient> Connect(const Environment& environment) const;
   std::unique_ptr<AccessClient> ConnectToAccess(const Environment& environment) const;
 
-  std::string server;
+  std::string server;   // a list, see rpc::ParseEndpoints
   std::string profile;  // named with --profile
   rpc::Security security;
   bool json = false;
@@ -37,6 +37,8 @@ struct RemoteOptions {
 
  private:
   FarmClientOptions ClientOptions(const Environment& environment) const;
+
+  std::vector<std::string> coordinators_;  // those of `server`
 };
 
 /// Adds --json.

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
 #include "client/farm_report.h"
@@ -6,6 +8,11 @@ namespace lumifold::client {
 namespace {
 
 constexpr int kPageWorkers = 1000;  // the coordinator's limit
+
+bool NameCoordinators(const v1::ListWorkersResponse& page) {
+  return std::any_of(page.workers().begin(), page.workers().end(),
+                     [](const v1::WorkerStatus& worker) { return !worker.coordinator().empty(); });
+}
 
 }  // namespace
 
@@ -19,13 +26,15 @@ ExitCode RunWorkers(const std::vector<std::string>& arguments, const Environment
   v1::ListWorkersRequest request;
   request.set_limit(kPageWorkers);
   bool is_first = true;
+  bool of_several = false;
   do {
     const absl::StatusOr<v1::ListWorkersResponse> page = farm->ListWorkers(request);
     if (!page.ok()) return ReportError(environment, page.status());
-    if (is_first && !remote.json) environment.out << WorkerTableHead();
+    if (is_first) of_several = NameCoordinators(*page);
+    if (is_first && !remote.json) environment.out << WorkerTableHead(of_several);
     is_first = false;
     for (const v1::WorkerStatus& worker : page->workers())
-      environment.out << (remote.json ? WorkerJson(worker) + "\n" : WorkerTableLine(worker));
+      environment.out << (remote.json ? WorkerJson(worker) + "\n" : WorkerTableLine(worker, of_several));
     request.set_page_token(page->next_page_token());
   } while (!request.page_token().empty());
   environment.out << std::flush;

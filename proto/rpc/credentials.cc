@@ -8,8 +8,10 @@
 #include <grpcpp/security/tls_certificate_verifier.h>
 #include <grpcpp/security/tls_credentials_options.h>
 
+#include <algorithm>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -60,8 +62,10 @@ absl::Status ParseHostAndPort(const std::string& address, HostAndPort* result) {
   } else if (absl::StrContains(host, ":")) {
     return malformed;
   }
+  const std::string digits = address.substr(colon + 1);
+  const bool is_number = std::all_of(digits.begin(), digits.end(), absl::ascii_isdigit);
   int port = -1;
-  if (!absl::SimpleAtoi(address.substr(colon + 1), &port) || port < 0 || port > 65535) return malformed;
+  if (!is_number || !absl::SimpleAtoi(digits, &port) || port > 65535) return malformed;
   *result = {.host = std::move(host), .port = port};
   return absl::OkStatus();
 }

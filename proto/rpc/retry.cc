@@ -22,23 +22,31 @@ bool IsTransient(const absl::Status& status) {
   return absl::IsUnavailable(status) || absl::IsAborted(status) || absl::IsDeadlineExceeded(status);
 }
 
-absl::Status CallWithRetry(const RetryPolicy& policy, Idempotency idempotency,
-                           const RetryEnvironment& environment,
-                           absl::FunctionRef<absl::Status(grpc::ClientContext&)> call) {
-  const int max_tries = idempotency == Idempotency::kIdempotent ? policy.max_tries : 1;
+absl::Status Retry(const RetryPolicy& policy, const RetryEnvironment& environment,
+                   absl::FunctionRef<absl::Status()> call) {
   const absl::Time last_start = environment.now() + policy.total_timeout;
   absl::Duration pause = policy.first_pause;
   for (int tries = 1;; ++tries) {
-    grpc::ClientContext context;
-    // gRPC has a clock of its own, not environment.now.
-    context.set_deadline(MonotonicDeadline(policy.try_timeout));
-    absl::Status status = call(context);
-    if (status.ok() || !IsTransient(status) || tries >= max_tries) return status;
+    absl::Status status = call();
+    if (status.ok() || !IsTransient(status) || tries >= policy.max_tries) return status;
     const absl::Duration shortened = pause * (1.0 - 0.5 * environment.jitter());
     if (environment.now() + shortened > last_start) return status;
     environment.sleep(shortened);
     pause = std::min(pause * 2, policy.max_pause);
   }
+}
+
+absl::Status CallWithRetry(const RetryPolicy& policy, Idempotency idempotency,
+                           const RetryEnvironment& environment,
+                           absl::FunctionRef<absl::Status(grpc::ClientContext&)> call) {
+  RetryPolicy allowed = policy;
+  if (idempotency == Idempotency::kNotIdempotent) allowed.max_tries = 1;
+  return Retry(allowed, environment, [&] {
+    grpc::ClientContext context;
+    // gRPC has a clock of its own, not environment.now.
+    context.set_deadline(MonotonicDeadline(policy.try_timeout));
+    return call(context);
+  });
 }
 
 }  // namespace lumifold::rpc

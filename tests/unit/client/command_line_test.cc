@@ -19,7 +19,7 @@ class CommandLineTest : public testing::Test {
     command_line_.AddSeed("--seed", &seed_, "Key");
     command_line_.AddPositiveNumber("--scale", &scale_, "Factor");
     command_line_.AddText("--name", "NAME", &name_, "Name");
-    command_line_.AddAddress("--server", &server_, "Server");
+    command_line_.AddAddresses("--server", &server_, "Server");
     command_line_.AddFlag("--json", &json_, "JSON");
   }
 
@@ -55,9 +55,11 @@ TEST_F(CommandLineTest, NamesTheOptionAndWhatItTakes) {
     EXPECT_EQ(Complaint({"cup", "--scale=" + scale}),
               "lumifold draw: --scale: expected a number above 0; got '" + scale + "'");
   }
-  for (const std::string server : {"host", ":7700", "host:", "host:0", "host:65536", "host:+1"}) {
-    EXPECT_EQ(Complaint({"cup", "--server", server}),
-              "lumifold draw: --server: expected HOST:PORT; got '" + server + "'");
+  for (const std::string server : {"host", ":7700", "host:", "host:65536", "host:+1"}) {
+    for (const std::string& list : {server, "a:7700," + server}) {
+      EXPECT_EQ(Complaint({"cup", "--server", list}),
+                "lumifold draw: --server: '" + server + "' is not HOST:PORT");
+    }
   }
 }
 
@@ -82,15 +84,15 @@ TEST_F(CommandLineTest, KeepsTheDefaultsOfWhatIsNotGiven) {
 }
 
 TEST_F(CommandLineTest, ReadsOptionsBeforeAndAfterArgumentsAndTakesTheLast) {
-  const std::vector<std::string> arguments = {"-n3",      "--json",     "--seed",  "18446744073709551615",
-                                              "cup",      "--number=4", "--scale", "0.5",
-                                              "--server", "[::1]:80"};
+  const std::vector<std::string> arguments = {"-n3",      "--json",         "--seed",  "18446744073709551615",
+                                              "cup",      "--number=4",     "--scale", "0.5",
+                                              "--server", "[::1]:80,b:7700"};
   EXPECT_EQ(command_line_.Parse(arguments, test_.environment), std::nullopt);
   EXPECT_EQ(thing_, "cup");
   EXPECT_EQ(number_, 4);
   EXPECT_EQ(seed_, 18446744073709551615u);
   EXPECT_EQ(scale_, 0.5f);
-  EXPECT_EQ(server_, "[::1]:80");
+  EXPECT_EQ(server_, "[::1]:80,b:7700");
   EXPECT_TRUE(json_);
 }
 

@@ -18,7 +18,7 @@ class DownloadTest : public testing::Test {
   }
 
   absl::Status Download() {
-    const auto client = MakeFarmClient(farm_.channel(), {.coordinator = farm_.address(),
+    const auto client = MakeFarmClient(farm_.channel(), {.coordinators = {farm_.address()},
                                                          .time = time_.Environment(),
                                                          .interrupted = test_.environment.interrupted});
     QuietProgress progress(test_.err);

@@ -24,8 +24,9 @@ v1::JobStatus Job(v1::JobState state, int64_t samples_done = 0) {
 class FollowJobTest : public testing::Test {
  protected:
   absl::StatusOr<v1::JobStatus> Follow(const std::string& address) {
-    const auto client = ConnectTo(
-        {.coordinator = address, .time = time_.Environment(), .interrupted = test_.environment.interrupted});
+    const auto client = ConnectTo({.coordinators = {address},
+                                   .time = time_.Environment(),
+                                   .interrupted = test_.environment.interrupted});
     QuietProgress progress(test_.err);
     return FollowJob(*client, "job-1", progress,
                      Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted),
@@ -80,7 +81,7 @@ TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
   farm_.watched = {Job(v1::JOB_STATE_RUNNING, 10), Job(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
   const absl::Time begin = time_.now;
-  const auto client = ConnectTo({.coordinator = farm_.address(),
+  const auto client = ConnectTo({.coordinators = {farm_.address()},
                                  .time = time_.Environment(),
                                  .interrupted = test_.environment.interrupted});
   QuietProgress progress(test_.err);

@@ -49,6 +49,13 @@ TEST(JobText, NamesEachThingOnALine) {
       "stages: render 1.50 s, assemble 0.00 s, filter 0.00 s, write 0.00 s\n");
 }
 
+TEST(JobReport, NamesTheCoordinatorOfAFarmOfSeveral) {
+  v1::JobStatus job = SampleJob();
+  job.set_coordinator("rack-2");
+  EXPECT_NE(JobText(job).find("\ncoordinator: rack-2\n"), std::string::npos);
+  EXPECT_NE(JobJson(job, {}).find(R"("audit_share":0.0,"coordinator":"rack-2"})"), std::string::npos);
+}
+
 TEST(JobTable, LinesUpUnderItsHead) {
   EXPECT_EQ(JobTableHead(),
             "JOB                  STATE       DONE  SUBMITTED            USER         SCENE\n");

@@ -417,6 +417,23 @@ TEST_F(RunClientTest, ListsAllWorkers) {
   EXPECT_EQ(farm_.calls().size(), 6u);
 }
 
+TEST_F(RunClientTest, SaysWhichCoordinatorWorkersAreConnectedTo) {
+  for (const char* coordinator : {"rack-1", ""}) {
+    v1::WorkerStatus& worker = farm_.workers.emplace_back();
+    worker.set_name("node");
+    worker.set_reason("why");
+    worker.set_coordinator(coordinator);
+  }
+  EXPECT_EQ(Run({"workers"}), 0);
+  EXPECT_THAT(Out(), HasSubstr(" S/UNIT  COORDINATOR      REASON\n"));
+  EXPECT_THAT(Out(), HasSubstr("   0.00  rack-1           why\n"));
+  EXPECT_THAT(Out(), HasSubstr("   0.00  -                why\n"));
+  test_.out.str("");
+  EXPECT_EQ(Run({"workers", "--json"}), 0);
+  EXPECT_THAT(Out(), HasSubstr(R"("job_ids":[],"coordinator":"rack-1"})"));
+  EXPECT_THAT(Out(), testing::EndsWith("\"job_ids\":[]}\n"));
+}
+
 TEST_F(RunClientTest, ChangesAWorker) {
   EXPECT_EQ(Run({"drain", "w-1"}), 0);
   EXPECT_EQ(Run({"block", "node:1", "--reason", "wrong pixels"}), 0);
@@ -457,6 +474,49 @@ TEST_F(RunClientTest, PrintsTheStateOfTheCoordinator) {
   EXPECT_THAT(Out(), HasSubstr("storage: no space left on device\n"));
   EXPECT_EQ(Run({"server-status", "--json"}), 0);
   EXPECT_THAT(Out(), HasSubstr(R"({"version":"1.2.3","storage_error":"no space left on device",)"));
+}
+
+TEST_F(RunClientTest, PrintsTheCoordinatorsOfAFarmOfSeveral) {
+  EXPECT_EQ(Run({"server-status"}), 0);
+  EXPECT_EQ(Run({"server-status", "--json"}), 0);
+  EXPECT_THAT(Out(), testing::Not(HasSubstr("coordinator")));
+  v1::CoordinatorStatus& one = *farm_.server_status.add_coordinators();
+  one.set_name("rack-1");
+  one.set_address("a:7700");
+  one.set_epoch(3);
+  one.set_active_jobs(2);
+  one.set_workers(4);
+  one.set_slots(32);
+  one.set_demand(100);
+  test_.out.str("");
+  EXPECT_EQ(Run({"server-status"}), 0);
+  EXPECT_THAT(Out(), testing::EndsWith(
+                         "\ncoordinator: rack-1 at a:7700, epoch 3: active jobs 2, workers 4, slots 32, "
+                         "demand 100\n"));
+  EXPECT_EQ(Run({"server-status", "--json"}), 0);
+  EXPECT_THAT(Out(),
+              HasSubstr(R"("coordinators":[{"name":"rack-1","address":"a:7700","epoch":3,"active_jobs":2,)"
+                        R"("workers":4,"slots":32,"demand":100}]})"));
+}
+
+TEST_F(RunClientTest, GoesOnToTheNextCoordinatorAndNamesAllWhereNoneAnswers) {
+  std::string gone;
+  {
+    const FakeFarm ended;
+    gone = ended.address();
+  }
+  EXPECT_EQ(Run({"server-status", "--server", gone + "," + farm_.address()}), 0);
+  EXPECT_EQ(Run({"server-status", "--server", gone + ",127.0.0.1:1"}), 3);
+  EXPECT_EQ(Err(),
+            "lumifold: cannot reach any of the coordinators " + gone + ", 127.0.0.1:1: Connection refused\n");
+}
+
+TEST_F(RunClientTest, ChecksEachCoordinatorOfTheList) {
+  EXPECT_EQ(Run({"server-status", "--server", farm_.address() + ",farm.example:7700"}), 1);
+  EXPECT_THAT(Err(), HasSubstr("there is no profile for the coordinator at farm.example:7700"));
+  test_.environment.default_server = "a:7700,a:7700";
+  EXPECT_EQ(Run({"server-status"}), 2);
+  EXPECT_THAT(Err(), HasSubstr("'a:7700' is twice in the list"));
 }
 
 TEST_F(RunClientTest, ComparesLayers) {

@@ -23,7 +23,7 @@ class UploadTest : public testing::Test {
   }
 
   absl::Status Upload() {
-    const auto client = MakeFarmClient(farm_.channel(), {.coordinator = farm_.address(),
+    const auto client = MakeFarmClient(farm_.channel(), {.coordinators = {farm_.address()},
                                                          .time = time_.Environment(),
                                                          .interrupted = test_.environment.interrupted});
     QuietProgress progress(test_.err);

@@ -9,12 +9,13 @@ packages=(
   libembree-dev libdraco-dev libopenexr-dev libpng-dev libjpeg-dev libtinygltf-dev nlohmann-json3-dev
   libgrpc++-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
   libspdlog-dev libfmt-dev libcli11-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev libzstd-dev
-  libcurl4-openssl-dev
+  libcurl4-openssl-dev prometheus-cpp-dev
   libtbb-dev libeigen3-dev libhwy-dev
 )
 test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format clang-tidy
                postgresql iproute2 nftables e2fsprogs openssl
-               munge slurm-wlm slurmdbd mariadb-server)
+               munge slurm-wlm slurmdbd mariadb-server
+               prometheus crun mmdebstrap golang-github-containers-common)
 [ "${1:-}" = --tests ] && packages+=("${test_packages[@]}")
 
 missing=()

@@ -185,6 +185,7 @@ void Coordinator::OnUnitsLost(const JobId& job, int32_t frame, const absl::Statu
 }
 
 void Coordinator::CountCommitted(const AcceptedUnit& unit) {
+  ++units_committed_;
   const UnitRef& ref = unit.stored.unit;
   const auto active = active_jobs_.find(ref.job);
   if (active == active_jobs_.end()) {  // the job ended while the unit was being committed

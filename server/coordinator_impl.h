@@ -32,6 +32,7 @@
 #include "server/job_life/reopen_plan.h"
 #include "server/ledger/job_store.h"
 #include "server/limits.h"
+#include "server/metrics/farm_figures.h"
 #include "server/scheduler/scheduler.h"
 #include "server/storage_state.h"
 #include "server/task_thread.h"
@@ -166,6 +167,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   /// The answer is the status that the job had last.
   void DeleteJob(const v1::DeleteJobRequest& request, StatusAnswer done);
   absl::StatusOr<v1::ServerStatus> GetServerStatus();
+  /// What the metrics endpoint shows. Linear in active jobs and workers.
+  monitoring::FarmFigures Figures();
   /// Whether the storage can be written.
   const StorageState& storage() const { return storage_; }
   /// Notes an error of the storage that occurred outside the coordinator, and returns what the caller is told.
@@ -538,6 +541,7 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   FrameResources frame_resources_ ABSL_GUARDED_BY(mutex_);
   FrameDemand largest_frame_ ABSL_GUARDED_BY(mutex_);
   int64_t next_worker_ ABSL_GUARDED_BY(mutex_) = 1;
+  int64_t units_committed_ ABSL_GUARDED_BY(mutex_) = 0;
   std::map<job::WorkerId, ConnectedWorker> workers_ ABSL_GUARDED_BY(mutex_);
   /// Units that connected workers have in hand, of jobs that are not active here.
   std::map<job::JobId, std::vector<UnitInHand>> in_hand_ ABSL_GUARDED_BY(mutex_);

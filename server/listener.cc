@@ -1,7 +1,5 @@
 #include "server/listener.h"
 
-#include <fcntl.h>
-#include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <spdlog/logger.h>
@@ -12,7 +10,6 @@
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <list>
 #include <map>
 #include <optional>
@@ -25,9 +22,11 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
 #include "absl/synchronization/mutex.h"
+#include "proto/rpc/byte_stream.h"
 #include "server/access/rate_limit.h"
 #include "server/address_filter.h"
 #include "server/connection_table.h"
+#include "server/sockets/listening_sockets.h"
 #include "server/unserved_connections.h"
 
 namespace lumifold::server {
@@ -40,58 +39,6 @@ constexpr int kNoDescriptorPauseMs = 100;
 constexpr int kTickMs = 500;
 constexpr absl::string_view kHttp2 = "PRI";
 constexpr absl::string_view kTls = "\x16\x03";
-
-/// A descriptor that is closed at the end.
-class Descriptor {
- public:
-  explicit Descriptor(int number = -1) : number_(number) {}
-  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(number_, other.number_);
-    return *this;
-  }
-  ~Descriptor() {
-    if (number_ >= 0) close(number_);
-  }
-  int get() const { return number_; }
-
- private:
-  int number_;
-};
-
-absl::Status ListenError(const std::string& address) {
-  return absl::UnavailableError(
-      absl::StrCat("cannot listen on ", address, ": the port is taken, or the host is not this machine"));
-}
-
-/// Not listening where the machine does not have the address; port 0 of `address` takes that of `port`.
-absl::StatusOr<Descriptor> ListenAt(const addrinfo& address, int* port) {
-  sockaddr_storage bound = {};
-  std::memcpy(&bound, address.ai_addr, address.ai_addrlen);
-  in_port_t* const bound_port = address.ai_family == AF_INET
-                                    ? &reinterpret_cast<sockaddr_in&>(bound).sin_port
-                                    : &reinterpret_cast<sockaddr_in6&>(bound).sin6_port;
-  if (*bound_port == 0) *bound_port = htons(static_cast<uint16_t>(*port));
-  Descriptor socket(::socket(address.ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  if (socket.get() < 0) return absl::NotFoundError("no such family");
-  const int on = 1;
-  const int off = 0;
-  setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  if (address.ai_family == AF_INET6) {
-    // "[::]" takes IPv4 as well.
-    const bool is_any = IN6_IS_ADDR_UNSPECIFIED(&reinterpret_cast<sockaddr_in6&>(bound).sin6_addr);
-    setsockopt(socket.get(), IPPROTO_IPV6, IPV6_V6ONLY, is_any ? &off : &on, sizeof on);
-  }
-  if (bind(socket.get(), reinterpret_cast<sockaddr*>(&bound), address.ai_addrlen) != 0) {
-    if (errno == EADDRNOTAVAIL) return absl::NotFoundError("not an address of this machine");
-    return absl::UnavailableError("the port is taken");
-  }
-  if (listen(socket.get(), SOMAXCONN) != 0) return absl::UnavailableError("the port is taken");
-  socklen_t size = sizeof bound;
-  getsockname(socket.get(), reinterpret_cast<sockaddr*>(&bound), &size);
-  *port = ntohs(*bound_port);
-  return socket;
-}
 
 class ListenerImpl final : public Listener {
  public:
@@ -161,9 +108,9 @@ class ListenerImpl final : public Listener {
 
   const ListenerOptions options_;
   int port_ = 0;
-  std::vector<Descriptor> listening_;
-  Descriptor poll_;
-  Descriptor wake_;
+  std::vector<rpc::FileHandle> listening_;
+  rpc::FileHandle poll_;
+  rpc::FileHandle wake_;
   std::function<void(int)> take_;
   // Used by the thread only.
   ConnectionTable table_;
@@ -183,29 +130,16 @@ class ListenerImpl final : public Listener {
 };
 
 absl::Status ListenerImpl::Listen() {
-  const size_t colon = options_.address.rfind(':');
-  std::string host = options_.address.substr(0, colon);
-  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
-  addrinfo hints = {};
-  hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
-  hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  if (getaddrinfo(host.c_str(), options_.address.substr(colon + 1).c_str(), &hints, &found) != 0)
-    return ListenError(options_.address);
-  const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> addresses(found, freeaddrinfo);
-  poll_ = Descriptor(epoll_create1(EPOLL_CLOEXEC));
-  wake_ = Descriptor(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
+  poll_ = rpc::FileHandle(epoll_create1(EPOLL_CLOEXEC));
+  wake_ = rpc::FileHandle(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
   if (poll_.get() < 0 || wake_.get() < 0) return absl::UnavailableError("no descriptor is left");
   Watch(wake_.get());
-  for (const addrinfo* address = found; address != nullptr; address = address->ai_next) {
-    if (address->ai_family != AF_INET && address->ai_family != AF_INET6) continue;
-    absl::StatusOr<Descriptor> socket = ListenAt(*address, &port_);
-    if (absl::IsNotFound(socket.status())) continue;
-    if (!socket.ok()) return ListenError(options_.address);
-    Watch(socket->get());
-    listening_.push_back(*std::move(socket));
-  }
-  return listening_.empty() ? ListenError(options_.address) : absl::OkStatus();
+  absl::StatusOr<sockets::ListeningSockets> listening = sockets::ListenAt(options_.address);
+  if (!listening.ok()) return listening.status();
+  port_ = listening->port;
+  listening_ = std::move(listening->sockets);
+  for (const rpc::FileHandle& socket : listening_) Watch(socket.get());
+  return absl::OkStatus();
 }
 
 void ListenerImpl::Run() {
@@ -267,7 +201,7 @@ void ListenerImpl::Readmit() {
 void ListenerImpl::UpdateFilter() {
   std::vector<std::string> networks;
   for (const auto& [network, until] : shut_out_) networks.push_back(network);
-  for (const Descriptor& listening : listening_) FilterAddresses(listening.get(), networks);
+  for (const rpc::FileHandle& listening : listening_) FilterAddresses(listening.get(), networks);
 }
 bool ListenerImpl::IsShutOut(const std::string& network) {
   const auto found = shut_out_.find(network);

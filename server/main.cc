@@ -25,6 +25,7 @@
 #include "server/access/setup.h"
 #include "server/data_folder.h"
 #include "server/frame_finisher.h"
+#include "server/health_check.h"
 #include "server/ledger/open_job_store.h"
 #include "server/limits.h"
 #include "server/recover.h"
@@ -46,6 +47,7 @@ struct Flags {
   std::string listen = "127.0.0.1:7700";
   std::string advertise;
   double failover_seconds = 3.0;
+  std::string metrics_address;
   bool insecure = false;
   double certificate_hours = absl::ToDoubleHours(lumifold::access::kCredentialLifetime);
   int filter_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
@@ -62,9 +64,12 @@ struct Flags {
   double max_asset_gb = static_cast<double>(limits.asset_bytes) / kBytesPerGb;
   double max_job_gb = static_cast<double>(limits.job_asset_bytes) / kBytesPerGb;
   double max_upload_gb = static_cast<double>(limits.uploads.bytes_of_caller) / kBytesPerGb;
-  std::vector<std::string> names;  // of init
-  std::string admin = "admin";     // of invite-admin
-  std::string store_of_command;    // of both; empty: `store`, which has the variable's value
+  std::vector<std::string> names;                // of init
+  std::string admin = "admin";                   // of invite-admin
+  std::string health_server = "localhost:7700";  // of health, as the next two
+  bool answers = false;
+  double health_seconds = 5;
+  std::string store_of_command;  // of init and invite-admin; empty: `store`, which has the variable's value
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
@@ -84,6 +89,10 @@ void AddFlags(CLI::App* app, Flags* flags) {
                   "Time without a sign of life after which another coordinator takes the jobs of this one")
       ->check(CLI::Range(0.5, 3600.0))
       ->capture_default_str();
+  app->add_option(
+      "--metrics-address", flags->metrics_address,
+      "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
+      "on loopback (default: off)");
   app->add_flag("--insecure", flags->insecure,
                 "Allow listening off loopback without encryption, where 'init' has not been run");
   app->add_option("--certificate-hours", flags->certificate_hours,
@@ -226,6 +235,7 @@ int RunServer(const Flags& flags) {
   options.data_dir = flags.data_dir;
   options.store = flags.store;
   options.listen = flags.listen;
+  options.metrics_address = flags.metrics_address;
   options.insecure = flags.insecure;
   options.certificate_lifetime = absl::Hours(flags.certificate_hours);
   options.lease = absl::Seconds(flags.lease_seconds);
@@ -273,6 +283,17 @@ int RunInit(const Flags& flags) {
   return Report(lumifold::access::SetUp(AccessOptionsOf(flags), flags.data_dir, flags.names));
 }
 
+int RunHealth(const Flags& flags) {
+  const std::string access = lumifold::server::DataFolder(flags.data_dir).AccessPath();
+  lumifold::server::HealthCheckOptions options{.address = flags.health_server, .answers_only = flags.answers};
+  if (!flags.data_dir.empty() && lumifold::access::HasAccessFolder(access))
+    options.security.ca_path = access + "/ca.pem";
+  options.timeout = absl::Seconds(flags.health_seconds);
+  const absl::Status health = lumifold::server::CheckHealth(options);
+  if (health.ok()) return Report("ok\n");
+  return Report(health);
+}
+
 int RunInviteAdmin(const Flags& flags) {
   absl::StatusOr<std::string> code = lumifold::access::InviteAdmin(AccessOptionsOf(flags), flags.admin);
   if (code.ok()) code->push_back('\n');
@@ -309,6 +330,15 @@ int main(int argc, char** argv) {
   CLI::App* invite_admin =
       app.add_subcommand("invite-admin", "Prints a code for 'lumifold login' as an administrator, then ends");
   invite_admin->add_option("--name", flags.admin, "The administrator's name")->capture_default_str();
+  CLI::App* health = app.add_subcommand(
+      "health", "Asks a coordinator's health service, as probes of containers do; exit code 0 if it serves");
+  health->add_option("--data", flags.data_dir, "Its data folder, for the certificate of its authority");
+  health->add_option("--server", flags.health_server, "The coordinator, HOST:PORT")->capture_default_str();
+  health->add_flag("--answers", flags.answers,
+                   "Exit code 0 also if it answers but does not serve, as while its disk is full");
+  health->add_option("--seconds", flags.health_seconds, "Time to wait for the answer")
+      ->check(CLI::Range(0.1, 3600.0))
+      ->capture_default_str();
   for (CLI::App* command : {init, invite_admin}) {
     command->add_option("--data", flags.data_dir, "The data folder")->required();
     command->add_option("--store", flags.store_of_command, "As without a command");
@@ -324,6 +354,7 @@ int main(int argc, char** argv) {
   if (recover->parsed()) return RunRecover(flags.data_dir);
   if (init->parsed()) return RunInit(flags);
   if (invite_admin->parsed()) return RunInviteAdmin(flags);
+  if (health->parsed()) return RunHealth(flags);
   if (flags.data_dir.empty()) {
     std::cerr << "lumifold-server: --data is required\n";
     return kExitUsage;

@@ -45,6 +45,8 @@
 #include "server/ledger/open_job_store.h"
 #include "server/ledger/roster.h"
 #include "server/listener.h"
+#include "server/metrics/endpoint.h"
+#include "server/metrics/farm_figures.h"
 #include "server/recover.h"
 #include "server/reserve_file.h"
 
@@ -116,6 +118,7 @@ class ServerImpl final : public Server {
   absl::Status OpenCoordinator();
   absl::Status JoinFarm();
   std::string Address() const;
+  absl::Status ShowMetrics();
   /// Builds the gRPC server; calls inside the process can be made, and the listener is open but does not accept.
   absl::Status StartServices();
   absl::Status OpenListener(grpc::ServerBuilder* builder);
@@ -157,6 +160,7 @@ class ServerImpl final : public Server {
   std::unique_ptr<Listener> listener_;
   int port_ = 0;
   bool has_left_ = false;
+  std::unique_ptr<monitoring::Endpoint> metrics_;
   rpc::MonotonicEvent stop_;
   std::thread stall_thread_;  // ends streams that have stalled
 };
@@ -184,7 +188,8 @@ absl::Status ServerImpl::Open() {
   for (const auto& open : {&ServerImpl::OpenFolder, &ServerImpl::OpenStore, &ServerImpl::OpenCoordinator}) {
     if (absl::Status status = (this->*open)(); !status.ok()) return status;
   }
-  return Listen();
+  if (absl::Status status = Listen(); !status.ok()) return status;
+  return ShowMetrics();
 }
 
 absl::Status ServerImpl::OpenFolder() {
@@ -287,6 +292,18 @@ absl::Status ServerImpl::JoinFarm() {
     options.seal = &access_->known().seal();
   }
   peers_.Join(std::move(options), membership_.get());
+  return absl::OkStatus();
+}
+
+absl::Status ServerImpl::ShowMetrics() {
+  if (options_.metrics_address.empty()) return absl::OkStatus();
+  absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> metrics = monitoring::Endpoint::Start(
+      {.address = options_.metrics_address,
+       .sources = {monitoring::MakeFarmMetrics([this] { return coordinator_->Figures(); })},
+       .now = rpc::MonotonicNow});
+  if (!metrics.ok()) return metrics.status();
+  metrics_ = *std::move(metrics);
+  options_.log->info("event=metrics address={}", metrics_->address());
   return absl::OkStatus();
 }
 
@@ -444,6 +461,7 @@ void ServerImpl::Shutdown() {
   ChangeHealth([](Health* health) { health->stops = true; });
   if (membership_ != nullptr) membership_->Stop();
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
+  metrics_.reset();
   stop_.Notify();
   if (stall_thread_.joinable()) stall_thread_.join();
   if (access_ != nullptr) access_->Stop();

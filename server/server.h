@@ -27,6 +27,8 @@ struct ServerOptions {
   std::string store;
   /// HOST:PORT to listen on; port 0 for a free port. Empty: do not listen (InProcessChannel still works).
   std::string listen;
+  /// HOST:PORT at which metrics are shown, see monitoring::EndpointOptions; empty: nowhere.
+  std::string metrics_address;
   /// Plain text off loopback is allowed. Without effect where the data folder has access control, see DataFolder.
   bool insecure = false;
   /// HOST:PORT where clients, workers and other coordinators of the farm reach this one, with a store that coordinators share;

@@ -1,6 +1,7 @@
 // The state of a job in numbers, and the reasons why it does not run.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "absl/strings/str_cat.h"
@@ -62,6 +63,21 @@ JobProgress Scheduler::Progress(const JobId& id) const {
   return progress;
 }
 
+Figures Scheduler::CountAll() const {
+  Figures figures;
+  for (const auto& [number, job] : jobs_) {
+    figures.units_leased += job.leased_units;
+    if (!job.paused) figures.units_queued += UnitsTotal(job) - job.committed_units - job.leased_units;
+  }
+  for (const auto& [index, worker] : accepted_) figures.units_queued -= jobs_.at(index.job).paused ? 0 : 1;
+  for (const WorkerId id : workers_.After(WorkerId(0), std::numeric_limits<int>::max())) {
+    const Worker& worker = *workers_.Find(id);
+    figures.slots += worker.traits.slots;
+    ++figures.workers[StateOf(worker)];
+  }
+  return figures;
+}
+
 std::vector<Reason> Scheduler::Explain(const JobId& id, absl::Time now) const {
   std::vector<Reason> reasons;
   const auto found = jobs_by_id_.find(id);
@@ -92,6 +108,7 @@ std::string Scheduler::BusiestUsers() const {
   std::map<std::string, int64_t> leases;
   for (const auto& [number, job] : jobs_) leases[share_.UserOf(number)] += job.lease_count;
   std::vector<std::pair<int64_t, std::string>> users;
+  users.reserve(leases.size());
   for (const auto& [user, count] : leases) users.emplace_back(-count, user);
   std::sort(users.begin(), users.end());
   if (users.size() > kMaxNames) users.resize(kMaxNames);

@@ -243,6 +243,7 @@ GrantedLease Scheduler::Grant(const UnitIndex& index, WorkerId worker, absl::Tim
   });
   Job& job = jobs_.at(index.job);
   ++job.lease_count;
+  if (kind != LeaseKind::kAudit && leases_.OfUnit(index).size() == 1) ++job.leased_units;
   ++job.holders[worker];
   UpdateReady(index.job, job);
   const UnitRef unit = RefOf(index);

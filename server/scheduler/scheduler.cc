@@ -434,6 +434,7 @@ Lease Scheduler::RemoveLease(Attempt attempt) {
   const Lease lease = leases_.Remove(attempt);
   Job& job = jobs_.at(lease.unit.job);
   --job.lease_count;
+  if (!lease.audit && leases_.OfUnit(lease.unit).empty()) --job.leased_units;
   share_.Ended(lease.unit.job, latest_ - lease.granted);
   if (lease.is_late) job.demand->second.late.erase({lease.expected_end, attempt});
   const auto holder = job.holders.find(lease.worker);

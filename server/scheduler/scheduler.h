@@ -192,6 +192,8 @@ class Scheduler {
   std::vector<job::WorkerId> WorkersNamed(const std::string& name) const { return workers_.Named(name); }
   /// By name.
   std::vector<BlockedWorker> Blocked() const;
+  /// Counts of units and workers. Linear in jobs, workers and accepted units.
+  Figures CountAll() const;
   /// Frames that count against SetMaxActiveFrames.
   int active_frames() const;
   /// Frames from their first lease until FrameFinished, of all jobs.
@@ -296,6 +298,7 @@ class Scheduler {
     int finished_count = 0;
     bool is_bound = false;  // a unit was accepted
     int64_t lease_count = 0;
+    int64_t leased_units = 0;              // with one lease or two, not counting audits
     std::map<job::WorkerId, int> holders;  // number of leases; never 0
     std::map<Place, absl::Time> delayed;   // failed units, and the end of their backoff
     int64_t committed_units = 0;

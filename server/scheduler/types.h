@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -83,6 +84,14 @@ struct WorkerTraits {
   /// Maximum number of its units that are leased or accepted at a time, at least 1.
   int slots = 1;
   std::vector<std::string> tags{};  // in any order
+};
+
+/// Counts of units and workers.
+struct Figures {
+  int64_t units_queued = 0;  // neither leased, accepted nor committed, of jobs that are not paused
+  int64_t units_leased = 0;  // once or twice; audits do not count
+  int64_t slots = 0;         // of all workers
+  std::map<v1::WorkerState, int64_t> workers;
 };
 
 /// A new lease.

@@ -9,6 +9,14 @@ namespace lumifold::scheduler {
 
 using job::WorkerId;
 
+v1::WorkerState StateOf(const Worker& worker) {
+  if (worker.blocked) return v1::WORKER_STATE_BLOCKED;
+  if (worker.draining) return v1::WORKER_STATE_DRAINING;
+  if (worker.set_aside_until != absl::InfinitePast()) return v1::WORKER_STATE_SET_ASIDE;
+  if (worker.unresponsive) return v1::WORKER_STATE_SILENT;
+  return worker.busy > 0 ? v1::WORKER_STATE_BUSY : v1::WORKER_STATE_IDLE;
+}
+
 Requirement Requirement::Of(const std::string& numeric_class, std::vector<std::string> tags) {
   std::sort(tags.begin(), tags.end());
   tags.erase(std::unique(tags.begin(), tags.end()), tags.end());

@@ -52,6 +52,9 @@ struct Worker {
   bool IsFree() const { return IsAvailable() && !reserved && busy < traits.slots; }
 };
 
+/// How a list shows the worker.
+v1::WorkerState StateOf(const Worker& worker);
+
 /// Numbers of workers of one class and tags.
 struct KindCounts {
   int connected = 0;

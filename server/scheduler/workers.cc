@@ -16,14 +16,6 @@ namespace {
 
 const Attempt kFirstAttempt(std::numeric_limits<int64_t>::min());
 
-v1::WorkerState StateOf(const Worker& worker) {
-  if (worker.blocked) return v1::WORKER_STATE_BLOCKED;
-  if (worker.draining) return v1::WORKER_STATE_DRAINING;
-  if (worker.set_aside_until != absl::InfinitePast()) return v1::WORKER_STATE_SET_ASIDE;
-  if (worker.unresponsive) return v1::WORKER_STATE_SILENT;
-  return worker.busy > 0 ? v1::WORKER_STATE_BUSY : v1::WORKER_STATE_IDLE;
-}
-
 }  // namespace
 
 void Scheduler::AddWorker(WorkerId worker, const WorkerTraits& traits) {

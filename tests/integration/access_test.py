@@ -115,6 +115,17 @@ class AccessTest(unittest.TestCase):
             self.assertNotIn(secret, log)
         self.assertIn("event=person_logged_in name=admin", log)
 
+    def test_a_probe_needs_no_identity_but_the_authority(self):
+        data = self.farm.root / "data"
+        port = self.farm.address.rsplit(":", 1)[1]
+        for server in (self.farm.address, f"localhost:{port}"):
+            self.assertEqual(run("lumifold-server", "health", "--data", data, "--server", server).stdout, "ok\n")
+        with tempfile.TemporaryDirectory() as other:
+            run("lumifold-server", "init", "--data", other)
+            for options in (("--data", other), ()):  # another authority, and none
+                done = run("lumifold-server", "health", *options, "--server", self.farm.address, check=False)
+                self.expect_failure(done, "does not answer")
+
     def test_a_coordinator_with_identities_does_not_give_them_up(self):
         self.expect_failure(run("lumifold-server", "--data", self.farm.data, "--insecure", check=False),
                             "--insecure does not go with " + str(self.farm.data / "access"))

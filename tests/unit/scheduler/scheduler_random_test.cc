@@ -1,7 +1,7 @@
 // Random histories checked against a model of the rules: for any events in any order each unit is committed
 // exactly once, no unit is lost, a void lease delivers nothing, all units of a job are of one numeric class,
-// paused jobs and drained or blocked workers get no leases, units of faulty workers are rendered again, and a
-// restart at any time preserves this.
+// paused jobs and drained or blocked workers get no leases, units of faulty workers are rendered again, the figures
+// count every unit once, and a restart at any time preserves this.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -97,6 +97,26 @@ class RandomHistory {
       if (held == held_.end()) continue;
       for (const ModelLease& lease : held->second) EXPECT_NE(lease.attempt, voided.attempt);
     }
+    CheckFigures();
+  }
+
+  void CheckFigures() {
+    std::set<UnitRef> leased;
+    for (const auto& [worker, leases] : held_) {
+      for (const ModelLease& lease : leases) {
+        if (!lease.audit) leased.insert(lease.unit);
+      }
+    }
+    int64_t queued = 0;
+    for (const auto& [job, spec] : specs_) {
+      if (!paused_.contains(job)) queued += FrameUnits(spec).count() * spec.frame_count();
+    }
+    for (const auto& [unit, count] : commits_) queued -= paused_.contains(unit.job) ? 0 : 1;
+    for (const UnitRef& unit : leased) queued -= paused_.contains(unit.job) ? 0 : 1;
+    const Figures figures = scheduler_->CountAll();
+    EXPECT_EQ(figures.units_queued, queued);
+    EXPECT_EQ(figures.units_leased, static_cast<int64_t>(leased.size()));
+    EXPECT_EQ(figures.slots, kWorkers * kSlots);
   }
 
   void Act() {

@@ -6,6 +6,8 @@
 #include <memory>
 #include <string>
 
+#include "absl/strings/str_cat.h"
+#include "server/health_check.h"
 #include "tests/unit/server/farm_fixture.h"
 #include "tests/unit/server/faulty_files.h"
 
@@ -103,6 +105,28 @@ TEST_F(HealthTest, IsNotServingWhileTheStorageCannotBeWritten) {
   EXPECT_EQ(farm.Next(), kServing);
   EXPECT_TRUE(Submit(spec).ok());
   StopServer();
+}
+
+TEST_F(HealthTest, TheCommandTellsServingFromAnsweringFromNothing) {
+  StopServer();
+  FaultyFiles files;
+  ServerOptions options = Options();
+  options.files = &files;
+  options.longest_storage_pause = absl::Milliseconds(10);
+  StartServer(options);
+  HealthCheckOptions check{.address = absl::StrCat("127.0.0.1:", server_->port())};
+  HealthCheckOptions answers = check;
+  answers.answers_only = true;
+  EXPECT_TRUE(CheckHealth(check).ok());
+  const v1::JobSpec spec = Spec();
+  files.Fail(ENOSPC);
+  EXPECT_FALSE(Submit(spec).ok());
+  EXPECT_THAT(std::string(CheckHealth(check).message()), HasSubstr("does not serve"));
+  EXPECT_TRUE(CheckHealth(answers).ok());
+  files.Heal();
+  StopServer();
+  EXPECT_THAT(std::string(CheckHealth(check).message()), HasSubstr("does not answer"));
+  EXPECT_FALSE(CheckHealth(answers).ok());
 }
 
 TEST_F(HealthTest, ReflectionNamesTheServicesAndDescribesThem) {

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+
+#include "lumifold/v1/farm.pb.h"
+#include "lumifold/v1/job.pb.h"
+
+namespace prometheus {
+class Collectable;
+}  // namespace prometheus
+
+namespace lumifold::monitoring {
+
+/// The state of a coordinator's farm in numbers.
+struct FarmFigures {
+  int64_t units_queued = 0;  // of jobs that are not paused; no worker has them, and none has delivered them
+  int64_t units_leased = 0;  // rendered now, once or twice
+  int64_t units_committed = 0;  // since the coordinator's start
+  int64_t worker_slots = 0;     // units that the connected workers take at a time
+  std::map<v1::WorkerState, int64_t> workers;
+  std::map<v1::JobState, int64_t> jobs;  // active ones
+};
+
+/// A source of metrics that calls `figures`, from the endpoint's thread, whenever it is asked. Each state has a sample,
+/// zero or not, so that a sum over them never has a gap.
+std::shared_ptr<prometheus::Collectable> MakeFarmMetrics(std::function<FarmFigures()> figures);
+
+}  // namespace lumifold::monitoring

@@ -1,0 +1,218 @@
+"""The metrics endpoint of a real coordinator: Prometheus' own check of the format, figures that add up with those of the
+status, and callers that send garbage, much or nothing."""
+
+import concurrent.futures
+import contextlib
+import pathlib
+import random
+import re
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+import unittest
+
+from farm import Farm, make_scene, run, wait_until
+
+SETTINGS = ["--size", "64x64", "--spp", "64", "--seed", "5", "--plan", "full"]
+MAX_CONNECTIONS = 32  # server/metrics/endpoint.h
+MAX_REQUEST_BYTES = 8192  # server/metrics/http_request.h
+CONNECTION_SECONDS = 5
+GET = b"GET /metrics HTTP/1.1\r\nHost: farm\r\n\r\n"
+
+
+def address_of(farm):
+    """Where the coordinator shows its metrics, by its log."""
+    found = wait_until(lambda: re.search(r"event=metrics address=(\S+):(\d+)", farm.server.log_text()), "the endpoint")
+    return found[1], int(found[2])
+
+
+def ask(address, request, finish=True):
+    """Sends bytes, and returns all that comes back until the other end closes."""
+    with socket.create_connection(address, timeout=60) as connection:
+        connection.sendall(request)
+        if finish:
+            connection.shutdown(socket.SHUT_WR)
+        answer = b""
+        with contextlib.suppress(ConnectionError):
+            while data := connection.recv(65536):
+                answer += data
+        return answer
+
+
+def scrape(address):
+    """The text of the metrics."""
+    head, _, body = ask(address, GET, finish=False).partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 200 OK\r\n"), head
+    assert int(re.search(rb"Content-Length: (\d+)", head)[1]) == len(body)
+    return body.decode()
+
+
+def samples(text):
+    """Values by name with labels."""
+    return {line.rsplit(" ", 1)[0]: float(line.rsplit(" ", 1)[1])
+            for line in text.splitlines() if not line.startswith("#")}
+
+
+class MetricsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.farm = Farm(pathlib.Path(cls.folder.name) / "data", "--metrics-address", "0")
+        cls.address = address_of(cls.farm)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.farm.__exit__()
+        cls.folder.cleanup()
+
+    def figures(self, **wanted):
+        """The samples, once these have these values; the endpoint may repeat figures of a second ago."""
+        names = {name: value for name, value in wanted.items()}
+        return wait_until(
+            lambda: (found := samples(scrape(self.address)))
+            and all(found[name] == value for name, value in names.items()) and found,
+            f"{names}; last: {scrape(self.address)}", seconds=60)
+
+    def test_prometheus_finds_nothing_to_object_to(self):
+        if shutil.which("promtool") is None:
+            self.skipTest("promtool is not installed (deploy/setup.sh --tests)")
+        text = scrape(self.address)
+        self.assertIn("# TYPE lumifold_units_committed_total counter", text)
+        check = ["promtool", "check", "metrics"]
+        done = subprocess.run(check, input=text, text=True, capture_output=True)
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
+        wrong = text.replace("lumifold_units_committed_total", "lumifold_units_committed")
+        self.assertNotEqual(subprocess.run(check, input=wrong, text=True, capture_output=True).returncode, 0)
+
+    def test_the_manual_names_each_metric(self):
+        page = (pathlib.Path(__file__).parents[2] / "docs/operations.md").read_text()
+        table = page.split("<!-- metrics: begin -->")[1].split("<!-- metrics: end -->")[0]
+        named = re.findall(r"^\| `(\w+)(?:\{state\})?` \| (gauge|counter) \|(?:[^|]*: ([\w, ]+) \|)?", table, re.M)
+        text = scrape(self.address)
+        self.assertEqual([row[:2] for row in named], re.findall(r"^# TYPE (\w+) (\w+)$", text, re.M))
+        for name, _, states in named:
+            self.assertEqual(re.findall(rf'^{name}{{state="(\w+)"}}', text, re.M), states.split(", ") if states else [])
+
+    def test_figures_are_those_of_the_farm(self):
+        farm = self.farm
+        scene = make_scene("cornell-box", self.folder.name)
+        self.figures(lumifold_units_queued=0, lumifold_units_leased=0)
+        job = farm.client("submit", scene, *SETTINGS).stdout.strip()
+        total = farm.status(job)["units_total"]
+        self.assertGreater(total, 4)
+        waiting = self.figures(lumifold_units_queued=total)
+        self.assertEqual(waiting['lumifold_jobs{state="planned"}'], 1)
+        self.assertEqual(waiting["lumifold_worker_slots"], 0)
+        farm.client("pause", job)
+        self.assertEqual(self.figures(lumifold_units_queued=0)['lumifold_jobs{state="paused"}'], 1)
+        farm.client("resume", job)
+        self.figures(lumifold_units_queued=total)
+        worker = farm.start_worker()
+        farm.client("wait", job)
+        done = self.figures(lumifold_units_committed_total=total, lumifold_units_queued=0, lumifold_units_leased=0)
+        self.assertEqual(done['lumifold_workers{state="idle"}'], 1)
+        self.assertGreater(done["lumifold_worker_slots"], 0)
+        self.assertEqual(sum(value for name, value in done.items() if name.startswith("lumifold_jobs{")), 0)
+        worker.stop()
+        self.figures(lumifold_worker_slots=0)
+
+    def test_requests_that_are_not_for_metrics(self):
+        for request, status in ((b"GET / HTTP/1.1\r\n\r\n", 404), (b"GET /metrics/../etc/passwd HTTP/1.1\r\n\r\n", 404),
+                                (b"POST /metrics HTTP/1.1\r\nContent-Length: 9\r\n\r\n", 405),
+                                (b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n", 400), (b"\x16\x03\x01\x02\r\n\r\n", 400),
+                                (b"GET  /metrics HTTP/1.1\r\n\r\n", 400), (b"get /metrics HTTP/1.1\r\n\r\n", 400),
+                                (b"GET /metrics\r\n\r\n", 400), (b"\r\n\r\n", 400),
+                                (b"GET /metrics HTTP/1.1\r\nX: " + b"a" * 2 * MAX_REQUEST_BYTES, 431)):
+            with self.subTest(request=request[:40]):
+                self.assertRegex(ask(self.address, request), rb"^HTTP/1\.1 %d " % status)
+        head = ask(self.address, b"HEAD /metrics?x=1 HTTP/1.0\r\n\r\n")
+        self.assertRegex(head, rb"(?s)^HTTP/1\.1 200 OK\r\n.*Content-Length: [1-9]\d*\r\n.*\r\n\r\n$")
+        self.assertEqual(ask(self.address, b""), b"")
+        self.assertEqual(ask(self.address, b"GET /metrics"), b"")
+
+    def test_garbage_ends_nothing(self):
+        seed = random.SystemRandom().randrange(1 << 32)
+        chance = random.Random(seed)
+        memory = self.memory_kib()
+
+        def mutated(_):
+            data = bytearray(GET + b"x" * chance.randrange(4))
+            for _ in range(chance.randrange(12)):
+                at = chance.randrange(len(data))
+                piece = chance.randbytes(chance.choice((1, 1, 3, 40, 3 * MAX_REQUEST_BYTES)))
+                data[at:at + chance.randrange(8)] = piece
+            answer = ask(self.address, bytes(data), finish=chance.random() < 0.8)
+            return answer == b"" or re.match(rb"HTTP/1\.1 (200|400|404|405|431) ", answer)
+
+        with concurrent.futures.ThreadPoolExecutor(8) as pool:
+            # The time of a connection bounds those that stay open without an end of the request.
+            answers = list(pool.map(mutated, range(200)))
+        self.assertTrue(all(answers), f"seed {seed}")
+        self.assertTrue(self.farm.server.is_running(), f"seed {seed}")
+        self.assertIn("lumifold_units_queued", scrape(self.address))
+        self.assertLess(self.memory_kib() - memory, 50 * 1024, f"seed {seed}")
+
+    def test_slow_callers_hold_it_for_a_bounded_time(self):
+        starts = [b"", b"GET /met", GET[:-2] + b"Content-Length: 1000000\r\n\r\n",
+                  b"GET /metrics HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n"]
+        with contextlib.ExitStack() as stack:
+            slow = [stack.enter_context(socket.create_connection(self.address)) for _ in range(2 * MAX_CONNECTIONS)]
+            for number, connection in enumerate(slow):
+                connection.sendall(starts[number % len(starts)])
+            self.assertGreater(len(self.open_connections()), 0)
+            self.assertLessEqual(len(self.open_connections()), MAX_CONNECTIONS)
+            # Each keeps sending a byte at a time: that must not make it stay.
+            deadline = time.monotonic() + 20 * CONNECTION_SECONDS
+            while slow and time.monotonic() < deadline:
+                for connection in list(slow):
+                    try:
+                        connection.sendall(b"a")
+                    except OSError:
+                        slow.remove(connection)
+                time.sleep(0.1)
+            self.assertEqual(slow, [])
+            self.assertIn("lumifold_units_queued", scrape(self.address))
+
+    def open_connections(self):
+        """Connections that the coordinator has taken."""
+        table = pathlib.Path(f"/proc/{self.farm.server.popen.pid}/net/tcp").read_text().splitlines()[1:]
+        port = f":{self.address[1]:04X}"
+        inodes = {row.split()[9] for row in table if row.split()[1].endswith(port) and row.split()[3] != "0A"}
+        found = []
+        for link in pathlib.Path(f"/proc/{self.farm.server.popen.pid}/fd").iterdir():
+            with contextlib.suppress(OSError):
+                target = str(link.readlink())
+                if target.removeprefix("socket:[").rstrip("]") in inodes:
+                    found.append(target)
+        return found
+
+    def memory_kib(self):
+        status = pathlib.Path(f"/proc/{self.farm.server.popen.pid}/status").read_text()
+        return int(re.search(r"VmRSS:\s+(\d+)", status)[1])
+
+
+class AddressTest(unittest.TestCase):
+    def test_it_is_off_unless_asked_for(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            self.assertNotIn("event=metrics", farm.server.log_text())
+
+    def test_a_port_alone_is_on_loopback(self):
+        for value, host in (("0", "127.0.0.1"), (":0", "127.0.0.1"), ("0.0.0.0:0", "0.0.0.0"), ("[::1]:0", "[::1]")):
+            with tempfile.TemporaryDirectory() as data, Farm(data, "--metrics-address", value) as farm:
+                self.assertEqual(address_of(farm)[0], host)
+
+    def test_an_address_that_is_taken_or_malformed_is_named(self):
+        with tempfile.TemporaryDirectory() as data, socket.socket() as taken:
+            taken.bind(("127.0.0.1", 0))
+            taken.listen()
+            for value in (str(taken.getsockname()[1]), "host", "127.0.0.1:99999", "::1:80"):
+                done = run("lumifold-server", "--data", data, "--listen", "127.0.0.1:0", "--metrics-address", value,
+                           check=False)
+                self.assertEqual(done.returncode, 1)
+                self.assertIn(value, done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()

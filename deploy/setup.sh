@@ -16,6 +16,8 @@ test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-d
                postgresql iproute2 nftables e2fsprogs openssl
                munge slurm-wlm slurmdbd mariadb-server
                prometheus crun mmdebstrap golang-github-containers-common)
+# Node comes with or without npm, and not always from Debian.
+command -v npm >/dev/null || test_packages+=(nodejs npm)
 [ "${1:-}" = --tests ] && packages+=("${test_packages[@]}")
 
 missing=()

@@ -1,0 +1,175 @@
+"""The manifests of deploy/kubernetes pass the schemas of the Kubernetes API and fit the programs; broken ones do not."""
+
+import copy
+import json
+import re
+import shutil
+import subprocess
+import unittest
+
+import kubernetes_rules as rules
+import node_tools
+import programs
+
+FOLDER = programs.ROOT / "deploy/kubernetes"
+OVERLAYS = ("small", "production")
+
+
+def find(manifests, kind, name="lumifold"):
+    return next(m for m in manifests if m["kind"] == kind and m["metadata"]["name"] == name)
+
+
+def main_container(manifests, kind, name="lumifold"):
+    return rules.pod_of(find(manifests, kind, name))["containers"][0]
+
+
+def replace_argument(container, before, after):
+    assert before in container["args"], container["args"]
+    container["args"] = [after if word == before else word for word in container["args"] if word != before or after]
+
+
+def coordinator(change):
+    return lambda manifests, adapter: change(main_container(manifests, "StatefulSet"))
+
+
+def worker(change):
+    return lambda manifests, adapter: change(main_container(manifests, "Deployment", "lumifold-worker"))
+
+
+def pod(change):
+    return lambda manifests, adapter: change(rules.pod_of(find(manifests, "StatefulSet")))
+
+
+def manifest(kind, name, change):
+    return lambda manifests, adapter: change(find(manifests, kind, name)["spec"])
+
+
+def scaler_metric(number, change):
+    return lambda manifests, adapter: change(
+        find(manifests, "HorizontalPodAutoscaler", "lumifold-worker")["spec"]["metrics"][number]["external"])
+
+
+# What is broken, and what must be said about it.
+BROKEN = [
+    ("an unknown option", coordinator(lambda c: c["args"].append("--no-such=1")), "has no --no-such"),
+    ("an option without its value", worker(lambda c: replace_argument(c, "--threads=4", "--threads")), "needs a value"),
+    ("a value that the program refuses", worker(lambda c: replace_argument(c, "--drain-seconds=120", "--drain-seconds=-1")),
+     "lumifold-worker: lumifold-worker: --drain-seconds"),
+    ("another port to listen on", coordinator(lambda c: replace_argument(c, "--listen=0.0.0.0:7700", "--listen=0.0.0.0:7701")),
+     "is not the port grpc 7700"),
+    ("listening on loopback", coordinator(lambda c: replace_argument(c, "--listen=0.0.0.0:7700", "--listen=127.0.0.1:7700")),
+     "is not the port grpc 7700"),
+    ("no metrics", coordinator(lambda c: replace_argument(c, "--metrics-address=0.0.0.0:9464", "")),
+     "is not the port metrics 9464"),
+    ("a probe of another port", coordinator(lambda c: c["livenessProbe"]["exec"]["command"].__setitem__(3, "--server=localhost:1")),
+     "livenessProbe asks localhost:1"),
+    ("a native probe", coordinator(lambda c: c.update(readinessProbe={"grpc": {"port": 7700}})),
+     "readinessProbe does not ask the health service"),
+    ("a liveness probe that a full disk fails", coordinator(lambda c: c["livenessProbe"]["exec"]["command"].pop()),
+     "livenessProbe: --answers"),
+    ("a service on another port", manifest("Service", "lumifold", lambda s: s["ports"][0].update(port=7701)),
+     "port 7701 is not the pods' grpc"),
+    ("a service of nothing", manifest("Service", "lumifold", lambda s: s.update(selector={"a": "b"})), "selects no pods"),
+    ("workers for another service", lambda manifests, adapter: rules.pod_of(
+        find(manifests, "Deployment", "lumifold-worker"))["initContainers"][0]["env"][1].update(value="farm:7700"),
+     "no service farm:7700"),
+    ("another image", worker(lambda c: c.update(image="registry.example.org/lumifold-wrker:0.1.0")), "none of the Dockerfile's"),
+    ("another version", worker(lambda c: c.update(image=c["image"].replace(":0.1.0", ":0.0.9"))), "none of the Dockerfile's"),
+    ("no limit of memory", worker(lambda c: c["resources"]["limits"].pop("memory")), "no limits of memory"),
+    ("no request of a processor", coordinator(lambda c: c["resources"]["requests"].pop("cpu")), "no requests of cpu"),
+    ("more threads than processors", worker(lambda c: replace_argument(c, "--threads=4", "--threads=5")),
+     "5 threads are not within"),
+    ("a filter that may take all memory", coordinator(
+        lambda c: replace_argument(c, "--filter-memory-mb=5120", "--filter-memory-mb=8192")), "over the limit of memory"),
+    ("a writable root", worker(lambda c: c["securityContext"].pop("readOnlyRootFilesystem")), "writable root"),
+    ("capabilities", worker(lambda c: c["securityContext"]["capabilities"].update(add=["SYS_ADMIN"])), "has capabilities"),
+    ("privileges", worker(lambda c: c["securityContext"].update(privileged=True)), "beyond the three"),
+    ("root", pod(lambda p: p["securityContext"].update(runAsUser=0)), "user is not that of the images"),
+    ("no seccomp", pod(lambda p: p["securityContext"].pop("seccompProfile")), "no seccomp profile"),
+    ("a token", pod(lambda p: p.pop("automountServiceAccountToken")), "token of its service account"),
+    ("a folder of the node", pod(lambda p: p["volumes"].append({"name": "x", "hostPath": {"path": "/"}})), "volume x is"),
+    ("a claim that is missing", pod(lambda p: p["volumes"][1]["persistentVolumeClaim"].update(claimName="x")), "no claim x"),
+    ("a mount without volume", worker(lambda c: c["volumeMounts"][0].update(name="x")), "mounts x"),
+    ("too short a time to drain", lambda manifests, adapter: rules.pod_of(
+        find(manifests, "Deployment", "lumifold-worker")).update(terminationGracePeriodSeconds=60), "is killed before"),
+    ("an open network", lambda manifests, adapter: manifests.remove(find(manifests, "NetworkPolicy", "lumifold-nothing")),
+     "no NetworkPolicy refuses"),
+    ("a policy for an unknown port", manifest("NetworkPolicy", "lumifold-worker",
+                                              lambda s: s["egress"][0]["ports"][0].update(port="gprc")), "no container has a port gprc"),
+    ("a metric that there is not", scaler_metric(0, lambda m: m["metric"].update(name="lumifold_queue")),
+     "no rule and metric lumifold_queue"),
+    ("a rule for a metric that there is not",
+     lambda manifests, adapter: adapter["externalRules"][0].update(seriesQuery="lumifold_queue"), "has no metric lumifold_queue"),
+    ("half the units of a worker", scaler_metric(1, lambda m: m["target"].update(averageValue="4")), "has 8 units, not 4"),
+    ("a number of workers of its own", lambda manifests, adapter: find(
+        manifests, "Deployment", "lumifold-worker")["spec"].update(replicas=3), "has a number of its own"),
+    ("a budget for nothing", manifest("PodDisruptionBudget", "lumifold-worker",
+                                      lambda s: s["selector"]["matchLabels"].update(a="b")), "selects no pods"),
+]
+BROKEN_SCHEMA = [
+    ("a field with a typing error", manifest("Deployment", "lumifold-worker", lambda s: s.update(replicaz=3)), "replicaz"),
+    ("such a field far inside", worker(lambda c: c["securityContext"].update(readOnlyRootFileSystem=True)),
+     "readOnlyRootFileSystem"),
+    ("text for a number", manifest("HorizontalPodAutoscaler", "lumifold-worker", lambda s: s.update(maxReplicas="50")),
+     "must be integer"),
+    ("a kind that there is not", lambda manifests, adapter: find(manifests, "Deployment", "lumifold-worker").update(kind="Deploy"),
+     "no such kind"),
+]
+
+
+@unittest.skipUnless(node_tools.is_available(), "npm is not installed (deploy/setup.sh --tests)")
+class KubernetesTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        node_tools.install()
+        cls.overlays = {name: node_tools.render(FOLDER / "overlays" / name) for name in OVERLAYS}
+        cls.adapter = json.loads(node_tools.run("read_yaml.mjs", stdin=(FOLDER / "prometheus-adapter.yaml").read_text()))[0]
+
+    def broken(self, change):
+        manifests, adapter = copy.deepcopy((self.overlays["production"], self.adapter))
+        change(manifests, adapter)
+        return manifests, adapter
+
+    def test_each_overlay_fits_the_schemas_and_the_programs(self):
+        self.assertEqual(node_tools.schema_faults(sum(self.overlays.values(), [])), [])
+        for name, manifests in self.overlays.items():
+            self.assertEqual(rules.faults(manifests, self.adapter), [], name)
+
+    def test_what_is_broken_is_found(self):
+        for what, change, fault in BROKEN:
+            with self.subTest(what):
+                self.assertIn(fault, "\n".join(rules.faults(*self.broken(change))))
+
+    def test_what_the_schemas_refuse_is_found(self):
+        changed = [next(m for m in self.broken(change)[0] if m not in self.overlays["production"])
+                   for _, change, _ in BROKEN_SCHEMA]
+        found = node_tools.schema_faults(changed)  # all at once: TypeScript takes seconds to start
+        for what, _, fault in BROKEN_SCHEMA:
+            self.assertEqual(sum(fault in line for line in found), 1, f"{what}: {found}")
+
+    def test_kustomize_renders_the_same(self):
+        """The tests' own rendering is of a part of the language; kubectl, where there is one of today, knows all."""
+        kubectl = shutil.which("kubectl")
+        version = kubectl and subprocess.run([kubectl, "version", "--client"], capture_output=True, text=True).stdout
+        if not re.search(r"Kustomize Version: v5", version or ""):
+            self.skipTest("there is no kubectl with kustomize 5")
+        for name, manifests in self.overlays.items():
+            rendered = subprocess.run([kubectl, "kustomize", FOLDER / "overlays" / name], capture_output=True, text=True, check=True)
+            theirs = json.loads(node_tools.run("read_yaml.mjs", stdin=rendered.stdout))
+            self.assertEqual(sorted(theirs, key=rules.name_of), sorted(manifests, key=rules.name_of))
+
+    def test_images_are_those_of_this_version(self):
+        for name, image in programs.images().items():
+            self.assertEqual(image["tag"], programs.version(), name)
+
+    def test_overlays_scale_from_one_coordinator_to_several(self):
+        """Several coordinators share their data folder, over one PostgreSQL."""
+        for name, manifests in self.overlays.items():
+            modes = find(manifests, "PersistentVolumeClaim", "lumifold-data")["spec"]["accessModes"]
+            stores = [v["name"] for v in main_container(manifests, "StatefulSet").get("env", []) if v["name"] == "LUMIFOLD_STORE"]
+            self.assertEqual((modes, stores), {"small": (["ReadWriteOnce"], []),
+                                               "production": (["ReadWriteMany"], ["LUMIFOLD_STORE"])}[name])
+
+
+if __name__ == "__main__":
+    unittest.main()

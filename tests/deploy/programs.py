@@ -1,0 +1,128 @@
+"""What manifests are compared with: the programs as they are, and the Dockerfile."""
+
+import functools
+import pathlib
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+import urllib.request
+
+ROOT = pathlib.Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "tests/support"))
+from farm import BIN, Farm, run, wait_until  # noqa: E402
+
+DOCKERFILE = ROOT / "deploy/container/Dockerfile"
+
+
+@functools.cache
+def flags_of(program, *subcommand):
+    """The options of a program as `--help` tells them: whether each takes a value."""
+    text = run(program, *subcommand, "--help").stdout
+    options = text.split("Subcommands:")[0]
+    return {name: bool(value) for name, value in re.findall(r"^  (?:-\w,)?(--[\w-]+)(?: (TEXT|INT|UINT|FLOAT))?", options, re.M)}
+
+
+def flag_faults(program, words):
+    """What is wrong with a command line: unknown options, missing or superfluous values, values out of range."""
+    return faults_of_command(program, tuple(words))
+
+
+@functools.cache
+def faults_of_command(program, arguments):
+    words = [*arguments]
+    subcommand = [words.pop(0)] if words and not words[0].startswith("-") else []
+    flags = flags_of(program, *subcommand)
+    faults = []
+    for word in words:
+        name, equals, _ = word.partition("=")
+        if name not in flags:
+            faults.append(f"{program} has no {name}")
+        elif flags[name] != bool(equals):
+            faults.append(f"{program}: {word}: the option {'needs a' if flags[name] else 'takes no'} value")
+    # The parser checks the values too. It gets as far as the last argument, which is no program's.
+    done = run(program, *subcommand, *words, "--no-such-option", check=False)
+    if not faults and "--no-such-option" not in done.stderr:
+        faults.append(f"{program}: {done.stderr.strip()}")
+    return faults
+
+
+def value_of(words, name):
+    """The value of `--name=value`; None where it is missing."""
+    return next((word.partition("=")[2] for word in words if word.startswith(name + "=")), None)
+
+
+@functools.cache
+def metrics():
+    """The names of the metrics of a real coordinator, and the slots that a thread of a worker adds."""
+    with tempfile.TemporaryDirectory() as data, Farm(data, "--metrics-address", "0") as farm:
+        farm.start_worker(threads=2)
+        address = wait_until(lambda: re.search(r"event=metrics address=(\S+)", farm.server.log_text()), "the endpoint")[1]
+
+        def scrape():
+            with urllib.request.urlopen(f"http://{address}/metrics") as answer:
+                text = answer.read().decode()
+            slots = int(re.search(r"^lumifold_worker_slots (\d+)$", text, re.M)[1])
+            return slots and (frozenset(re.findall(r"^# TYPE (\w+)", text, re.M)), slots // 2)
+
+        return wait_until(scrape, "the worker")
+
+
+@functools.cache
+def version():
+    return re.search(r"project\(Lumifold VERSION (\S+)", (ROOT / "CMakeLists.txt").read_text())[1]
+
+
+class Stage:
+    """A stage of the Dockerfile."""
+
+    def __init__(self, base, name):
+        self.base, self.name, self.instructions = base, name, []
+
+    def of(self, instruction):
+        return [rest for word, rest in self.instructions if word == instruction]
+
+    def packages(self):
+        """What it installs for its program."""
+        for command in self.of("RUN"):
+            if found := re.search(r"apt-get install -y --no-install-recommends (.*?) && ", command):
+                return found[1].split()
+        return []
+
+
+def stages():
+    """The stages of the Dockerfile, by name."""
+    text = re.sub(r"^#.*\n", "", DOCKERFILE.read_text(), flags=re.M).replace("\\\n", " ")
+    found = {}
+    for line in filter(None, map(str.strip, text.splitlines())):
+        word, rest = re.sub(r"\s+", " ", line).split(" ", 1)
+        if word == "FROM":
+            base, _, name = rest.split(" ")
+            stage = found[name] = Stage(base, name)
+        elif found:
+            stage.instructions.append((word, rest))
+    return found
+
+
+@functools.cache
+def images():
+    """Program, user and ports of each image that the Dockerfile's head says how to build, by the image's name."""
+    found = {}
+    for target, name, tag in re.findall(r"^#   docker build .* --target (\w+) -t ([\w-]+):(\S+) \.$", DOCKERFILE.read_text(), re.M):
+        stage = stages()[target]
+        found[name] = {"program": shlex.split(stage.of("ENTRYPOINT")[0].strip("[]"))[0], "user": stage.of("USER")[0],
+                       "ports": {int(port) for ports in stage.of("EXPOSE") for port in ports.split()}, "tag": tag}
+    return found
+
+
+def packages_needed(program):
+    """Debian packages of the libraries that a program is linked with, but for those of every Debian."""
+    needed = re.findall(r"\(NEEDED\).*\[(.*)\]", subprocess.run(["readelf", "-d", BIN / program], text=True,
+                                                                capture_output=True, check=True).stdout)
+    paths = dict(re.findall(r"^\s*(\S+) => (/\S+)", subprocess.run(["ldd", BIN / program], text=True, capture_output=True,
+                                                                   check=True).stdout, re.M))
+    files = [str(pathlib.Path(paths[library]).resolve()) for library in needed if library in paths]
+    owners = subprocess.run(["dpkg-query", "-S", *files, *(file.removeprefix("/usr") for file in files)], text=True,
+                            capture_output=True).stdout
+    return {line.split(":")[0] for line in owners.splitlines()} - {"libc6", "libgcc-s1"}

@@ -1,16 +1,16 @@
 #include "server/farm_peers.h"
 
 #include <algorithm>
-#include <chrono>
 
 #include "absl/strings/str_cat.h"
+#include "proto/rpc/monotonic.h"
 #include "server/coordinator_impl.h"
 
 namespace lumifold::server {
 namespace {
 
 /// Of a forwarded call whose caller has set no deadline.
-constexpr std::chrono::seconds kLongestCall(30);
+constexpr absl::Duration kLongestCall = absl::Seconds(30);
 
 }  // namespace
 
@@ -61,7 +61,7 @@ FarmPeers::Peer FarmPeers::ConnectTo(const std::string& address) {
 
 void FarmPeers::Prepare(const grpc::CallbackServerContext& from, const access::Identity& caller,
                         grpc::ClientContext* to) const {
-  to->set_deadline(std::min(from.deadline(), std::chrono::system_clock::now() + kLongestCall));
+  to->set_deadline(rpc::MonotonicDeadline(std::min(rpc::TimeUntil(from.raw_deadline()), kLongestCall)));
   PrepareStream(caller, to);
 }
 

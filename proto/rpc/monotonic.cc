@@ -22,6 +22,12 @@ gpr_timespec MonotonicDeadline(absl::Duration timeout) {
                       gpr_time_from_nanos(absl::ToInt64Nanoseconds(timeout), GPR_TIMESPAN));
 }
 
+absl::Duration TimeUntil(gpr_timespec deadline) {
+  if (gpr_time_cmp(deadline, gpr_inf_future(deadline.clock_type)) == 0) return absl::InfiniteDuration();
+  const gpr_timespec left = gpr_time_sub(deadline, gpr_now(deadline.clock_type));
+  return absl::Seconds(left.tv_sec) + absl::Nanoseconds(left.tv_nsec);
+}
+
 void MonotonicEvent::Notify() {
   const std::lock_guard lock(mutex_);
   notified_ = true;

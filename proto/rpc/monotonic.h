@@ -17,6 +17,9 @@ absl::Time MonotonicNow();
 /// The deadline of a gRPC call or wait, `timeout` from now, by the monotonic clock.
 gpr_timespec MonotonicDeadline(absl::Duration timeout);
 
+/// What is left until a deadline of gRPC's, whichever clock it is of: infinite without one, negative past it.
+absl::Duration TimeUntil(gpr_timespec deadline);
+
 /// An event that happens once and that threads wait for. Like absl::Notification, but it waits by the
 /// monotonic clock.
 /// Threads: safe.

@@ -65,12 +65,22 @@ std::string Describe(const v1::UnitId& unit) {
 /// Changes a piece of a unit before it is sent.
 using Spoil = void (*)(v1::UnitChunk& chunk);
 
+/// The coordinator, and who it takes this worker for.
+struct Farm {
+  std::shared_ptr<grpc::Channel> channel;
+  std::unique_ptr<v1::WorkerService::Stub> stub;
+  worker::CurrentCoordinator current;
+};
+
 /// One stream to the coordinator. Threads: safe concurrently.
 class Session {
  public:
-  Session(v1::WorkerService::Stub* stub, worker::SpecCache* specs, worker::UnitRenderer* renderer,
-          worker::AssignedId* id, const Options& options)
-      : options_(options), specs_(specs), renderer_(renderer), id_(id), stream_(stub->Work(&context_)) {}
+  Session(Farm* farm, worker::SpecCache* specs, worker::UnitRenderer* renderer, const Options& options)
+      : options_(options),
+        specs_(specs),
+        renderer_(renderer),
+        farm_(farm),
+        stream_(farm->stub->Work(&context_)) {}
 
   bool Send(const v1::WorkerMessage& message) {
     absl::MutexLock lock(&write_mutex_);
@@ -178,7 +188,7 @@ class Session {
     while (stream_->Read(&message)) {
       absl::MutexLock lock(&mutex_);
       if (message.has_welcome()) {
-        id_->Set(message.welcome().worker_id());
+        farm_->current.Set(farm_->channel, message.welcome().worker_id());
         welcome_ = true;
       }
       if (message.has_ack()) held_.erase(message.ack().attempt());
@@ -220,7 +230,7 @@ class Session {
   const Options& options_;
   worker::SpecCache* const specs_;
   worker::UnitRenderer* const renderer_;
-  worker::AssignedId* const id_;
+  Farm* const farm_;
   grpc::ClientContext context_;
   absl::Mutex write_mutex_;
   const std::unique_ptr<grpc::ClientReaderWriter<v1::WorkerMessage, v1::CoordinatorMessage>> stream_;
@@ -437,10 +447,10 @@ const Behaviour* FindBehaviour(const std::string& name) {
 }
 
 /// One connection; returns how the coordinator ended it.
-grpc::Status RunSession(v1::WorkerService::Stub* stub, worker::SpecCache* specs,
-                        worker::UnitRenderer* renderer, worker::AssignedId* id, const Options& options) {
+grpc::Status RunSession(Farm* farm, worker::SpecCache* specs, worker::UnitRenderer* renderer,
+                        const Options& options) {
   const Behaviour* behaviour = FindBehaviour(options.behaviour);
-  Session session(stub, specs, renderer, id, options);
+  Session session(farm, specs, renderer, options);
   session.SendHello(options.behaviour == kOtherVersion ? rpc::kWireVersion + 1 : rpc::kWireVersion);
   std::thread reader([&session] { session.ReadAll(); });
   std::atomic<bool> stop = false;
@@ -490,18 +500,18 @@ grpc::Status SendGarbageMessage(const std::shared_ptr<grpc::Channel>& channel) {
 }
 
 void Run(const Options& options) {
-  const std::shared_ptr<grpc::Channel> channel = rpc::MakeChannel(options.server, rpc::Security{});
-  const std::unique_ptr<v1::WorkerService::Stub> stub = v1::WorkerService::NewStub(channel);
-  worker::AssignedId id;
-  const std::unique_ptr<worker::AssetSource> assets = worker::MakeRemoteAssetSource(channel, &id);
+  Farm farm;
+  farm.channel = rpc::MakeChannel(options.server, rpc::Security{});
+  farm.stub = v1::WorkerService::NewStub(farm.channel);
+  const std::unique_ptr<worker::AssetSource> assets = worker::MakeRemoteAssetSource(&farm.current);
   worker::AssetCache cache(assets.get(), worker::kAssetCacheBytes);
   worker::UnitRenderer renderer(&cache);
-  const std::unique_ptr<worker::SpecSource> spec_source = worker::MakeRemoteSpecSource(channel, &id);
+  const std::unique_ptr<worker::SpecSource> spec_source = worker::MakeRemoteSpecSource(&farm.current);
   worker::SpecCache specs(spec_source.get());
   while (true) {
     const grpc::Status status = options.behaviour == kGarbageMessage
-                                    ? SendGarbageMessage(channel)
-                                    : RunSession(stub.get(), &specs, &renderer, &id, options);
+                                    ? SendGarbageMessage(farm.channel)
+                                    : RunSession(&farm, &specs, &renderer, options);
     Report(absl::StrCat("behaviour=", options.behaviour, " ended code=",
                         static_cast<int>(status.error_code()), " error=\"", status.error_message(), "\""));
     absl::SleepFor(kReconnectPause);

@@ -21,6 +21,16 @@ TEST(Monotonic, DeadlinesAreOfTheMonotonicClock) {
   EXPECT_LE(seconds, 100);
 }
 
+TEST(Monotonic, TimeUntilADeadlineOfEitherClock) {
+  EXPECT_GT(TimeUntil(MonotonicDeadline(absl::Seconds(100))), absl::Seconds(90));
+  const gpr_timespec wall =
+      gpr_time_add(gpr_now(GPR_CLOCK_REALTIME), gpr_time_from_seconds(100, GPR_TIMESPAN));
+  EXPECT_GT(TimeUntil(wall), absl::Seconds(90));
+  EXPECT_LE(TimeUntil(wall), absl::Seconds(100));
+  EXPECT_EQ(TimeUntil(gpr_inf_future(GPR_CLOCK_REALTIME)), absl::InfiniteDuration());
+  EXPECT_LT(TimeUntil(gpr_time_0(GPR_CLOCK_MONOTONIC)), absl::ZeroDuration());
+}
+
 TEST(MonotonicEvent, EndsAWait) {
   MonotonicEvent event;
   EXPECT_FALSE(event.HasBeenNotified());

@@ -154,8 +154,8 @@ class ChildProcessFinisher final : public FrameFinisher {
   ChildProcessFinisher(const DataFolder& folder, const ChildProcessOptions& options)
       : folder_(folder), options_(options) {}
 
-  absl::StatusOr<v1::FrameReport> Finish(const job::JobId& job, int32_t frame) override {
-    return Run({.job = job, .frame = frame, .round = kResult});
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) override {
+    return Run({.job = job.job, .epoch = job.epoch, .frame = frame, .round = kResult, .rendered = {}});
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override { return Run(round); }
   void CancelJob(const job::JobId& job) override;
@@ -185,7 +185,7 @@ absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate&
     child = Spawn(
         {options_.program, kFinishFrameCommand, folder_.root(), what.job.value(), absl::StrCat(what.frame),
          absl::StrCat(options_.threads), absl::StrCat(options_.memory_limit_bytes), absl::StrCat(what.round),
-         absl::StrCat(absl::ToInt64Milliseconds(what.rendered))},
+         absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.epoch.value())},
         options_.store);
     if (!child.ok()) return child.status();
     running_ = child->pid;
@@ -264,14 +264,16 @@ absl::Status FenceThisProcess(const DataFolder& folder, const std::string& store
 }
 
 absl::StatusOr<v1::FrameReport> FinishAsChild(const std::vector<std::string>& arguments) {
-  RoundToEstimate what = {.job = job::JobId(arguments.size() > 1 ? arguments[1] : "")};
+  RoundToEstimate what;
+  what.job = job::JobId(arguments.size() > 1 ? arguments[1] : "");
   int threads = 0;
   uint64_t memory_limit_bytes = 0;
   int64_t rendered_ms = 0;
-  if (arguments.size() != 7 || !absl::SimpleAtoi(arguments[5], &what.round) ||
-      !absl::SimpleAtoi(arguments[6], &rendered_ms) || !absl::SimpleAtoi(arguments[2], &what.frame) ||
-      !absl::SimpleAtoi(arguments[3], &threads) || threads < 1 ||
-      !absl::SimpleAtoi(arguments[4], &memory_limit_bytes)) {
+  int64_t epoch = 0;
+  if (arguments.size() != 8 || !absl::SimpleAtoi(arguments[5], &what.round) ||
+      !absl::SimpleAtoi(arguments[6], &rendered_ms) || !absl::SimpleAtoi(arguments[7], &epoch) ||
+      !absl::SimpleAtoi(arguments[2], &what.frame) || !absl::SimpleAtoi(arguments[3], &threads) ||
+      threads < 1 || !absl::SimpleAtoi(arguments[4], &memory_limit_bytes)) {
     return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");
   }
   if (absl::Status status = YieldToOthers(); !status.ok()) return status;
@@ -291,9 +293,10 @@ absl::StatusOr<v1::FrameReport> FinishAsChild(const std::vector<std::string>& ar
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(threads);
   try {
     what.rendered = absl::Milliseconds(rendered_ms);
-    return what.round == kResult
-               ? FinishFrame(folder, **store, what.job, what.frame, pool.get(), rpc::MonotonicNow)
-               : EstimateRound(folder, **store, what, pool.get(), rpc::MonotonicNow);
+    what.epoch = ledger::Epoch(epoch);
+    return what.round == kResult ? FinishFrame(folder, **store, {what.job, what.epoch}, what.frame,
+                                               pool.get(), rpc::MonotonicNow)
+                                 : EstimateRound(folder, **store, what, pool.get(), rpc::MonotonicNow);
   } catch (const std::bad_alloc&) {
     return absl::ResourceExhaustedError(absl::StrCat("filtering frame ", what.frame,
                                                      ": out of memory (limit ", memory_limit_bytes >> 20,

@@ -51,9 +51,12 @@ void Coordinator::RunFinisher() {
   while (const std::optional<CommittedFrame> frame = NextCommittedFrame()) {
     const bool is_result = frame->round == CommittedFrame::kResult;
     const absl::StatusOr<v1::FrameReport> report =
-        is_result ? finisher_->Finish(frame->job, frame->number)
-                  : finisher_->Estimate({frame->job, frame->number, frame->round, frame->rendered});
-    if (!absl::IsCancelled(report.status())) RecordFinished(*frame, report);
+        is_result
+            ? finisher_->Finish(Owned(frame->job), frame->number)
+            : finisher_->Estimate({frame->job, owner_.epoch, frame->number, frame->round, frame->rendered});
+    // Aborted: another coordinator has taken the job over, and finishes the frame.
+    const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
+    if (!is_dropped) RecordFinished(*frame, report);
     absl::MutexLock lock(&mutex_);
     finished_frame_.reset();
   }

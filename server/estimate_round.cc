@@ -112,6 +112,7 @@ absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::
   if (!later.ok()) return later.status();
   const absl::Duration seconds = now() - filtering;
   const metrics::ErrorEstimate errors = filtered.Compare(*earlier, *later);
+  if (absl::Status status = CheckOwner(store, {what.job, what.epoch}); !status.ok()) return status;
   if (absl::Status status = filtered.Keep(round, *later); !status.ok()) return status;
 
   v1::RoundEstimate* estimate = estimates->add_estimates();

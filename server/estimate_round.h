@@ -22,6 +22,8 @@ absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job:
 
 struct RoundToEstimate {
   job::JobId job;
+  /// In which the caller owns the job.
+  ledger::Epoch epoch;
   int32_t frame = 0;
   int round = 0;
   /// Render time of the job when the round was committed.
@@ -33,7 +35,7 @@ struct RoundToEstimate {
 /// `rendered` and the time of filtering. A repeated call writes the same estimate, and nothing where the record has it.
 /// Durable once it returns OK. Returns the time of each stage, measured with `now`.
 /// Memory: two films and pictures.
-/// Errors: as FinishFrame; kFailedPrecondition for a round whose turn it is not.
+/// Errors: as FinishFrame; then nothing has been written; kFailedPrecondition for a round whose turn it is not.
 /// Threads: safe for different frames; the estimate does not depend on `pool`, which may be null.
 absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::JobStore& store,
                                               const RoundToEstimate& what, TaskPool* pool,

@@ -9,8 +9,8 @@
 namespace lumifold::server {
 namespace {
 
-/// Of a forwarded call whose caller has set no deadline.
-constexpr absl::Duration kLongestCall = absl::Seconds(30);
+/// Of a forwarded call: less than clients wait for a try, so that they get an answer if the peer gives none.
+constexpr absl::Duration kLongestCall = absl::Seconds(8);
 
 }  // namespace
 
@@ -55,8 +55,14 @@ absl::StatusOr<FarmPeers::Peer> FarmPeers::PeerOf(ledger::Epoch epoch) {
 FarmPeers::Peer FarmPeers::ConnectTo(const std::string& address) {
   absl::MutexLock lock(&mutex_);
   std::shared_ptr<grpc::Channel>& channel = channels_[address];
-  if (channel == nullptr) channel = rpc::MakeChannel(address, options_.security);
+  if (channel == nullptr) channel = rpc::MakeChannel(address, options_.security, rpc::kQuickKeepAlive);
   return {address, channel};
+}
+
+absl::Status FarmPeers::ErrorOf(const std::string& address, const absl::Status& status) {
+  if (!absl::IsUnavailable(status) && !absl::IsDeadlineExceeded(status)) return status;
+  return absl::UnavailableError(
+      absl::StrCat("the coordinator at ", address, " does not answer: ", status.message()));
 }
 
 void FarmPeers::Prepare(const grpc::CallbackServerContext& from, const access::Identity& caller,

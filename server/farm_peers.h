@@ -63,13 +63,15 @@ class FarmPeers {
   void PrepareStream(const access::Identity& caller, grpc::ClientContext* to) const;
   void Prepare(const grpc::CallbackServerContext& from, const access::Identity& caller,
                grpc::ClientContext* to) const;
-  /// Makes a unary call at a peer. `path`: "/lumifold.v1.FarmService/GetJob". `request` need not outlive the call.
+  /// Makes a unary call at a peer, which has some seconds to answer, less than clients wait. `path`: "/lumifold.v1.FarmService/GetJob". `request` need not outlive the call.
   template <typename Response, typename Request>
   void Forward(const Peer& peer, const std::string& path, const grpc::CallbackServerContext& from,
                const access::Identity& caller, const Request& request,
                std::function<void(absl::StatusOr<Response>)> done) const;
 
  private:
+  /// The error of a forwarded call: kUnavailable naming the peer where that does not answer.
+  static absl::Status ErrorOf(const std::string& address, const absl::Status& status);
   const cluster::Membership* membership() const {
     absl::MutexLock lock(&mutex_);
     return membership_;
@@ -87,18 +89,19 @@ void FarmPeers::Forward(const Peer& peer, const std::string& path, const grpc::C
                         const access::Identity& caller, const Request& request,
                         std::function<void(absl::StatusOr<Response>)> done) const {
   struct Call {
-    Call(const Request& sent, const std::shared_ptr<grpc::Channel>& channel) : request(sent), stub(channel) {}
+    Call(const Request& sent, const Peer& peer) : address(peer.address), request(sent), stub(peer.channel) {}
 
+    const std::string address;
     grpc::ClientContext context;
     const Request request;
     Response response;
     grpc::TemplatedGenericStub<Request, Response> stub;
   };
-  const auto call = std::make_shared<Call>(request, peer.channel);
+  const auto call = std::make_shared<Call>(request, peer);
   Prepare(from, caller, &call->context);
   call->stub.UnaryCall(&call->context, path, {}, &call->request, &call->response,
                        [call, done = std::move(done)](const grpc::Status& status) {
-                         if (!status.ok()) return done(rpc::StatusFromGrpc(status));
+                         if (!status.ok()) return done(ErrorOf(call->address, rpc::StatusFromGrpc(status)));
                          done(std::move(call->response));
                        });
 }

@@ -101,8 +101,18 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   }
   grpc::ServerUnaryReactor* GetJob(grpc::CallbackServerContext* context, const v1::GetJobRequest* request,
                                    v1::JobStatus* response) override {
-    return AnswerOfJob(context, "GetJob", *request, response,
-                       [&] { return coordinator_->GetJob(request->job_id()); });
+    return AnswerLater(
+        context, gate_.Admit(context, "GetJob", request->job_id()), response,
+        [&](const CallGate::Call& call, const Done<v1::JobStatus>& done) {
+          const absl::Status own = jobs_.Check(call.caller(), request->job_id());
+          if (!own.ok()) return done(own);
+          const auto recorded = [this, job = request->job_id(), done] { done(coordinator_->GetJob(job)); };
+          const Done<v1::JobStatus> of_owner = [done, recorded](absl::StatusOr<v1::JobStatus> status) {
+            if (absl::IsUnavailable(status.status())) return recorded();
+            done(std::move(status));
+          };
+          AtOwner<v1::JobStatus>(*context, "GetJob", call.caller(), *request, of_owner, recorded);
+        });
   }
   grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context, const v1::ListJobsRequest* request,
                                      v1::ListJobsResponse* response) override {
@@ -118,12 +128,11 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     absl::StatusOr<AdmittedCall> call = AdmitStreamOfJob(context, "WatchJob", request->job_id());
     if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::JobStatus>>(call.status());
     const absl::StatusOr<FarmPeers::Peer> owner = peers_->OwnerOf(coordinator_, *context, request->job_id());
-    if (!owner.ok()) return new Refused<grpc::ServerWriteReactor<v1::JobStatus>>(owner.status());
     auto* writer = new StatusWriter(*std::move(call), coordinator_);
-    if (owner->channel == nullptr) {
+    if (owner.ok() && owner->channel == nullptr) {
       writer->Watch(request->job_id());
     } else {
-      writer->WatchAt(*owner, *peers_, *request);
+      writer->WatchAt(owner, *peers_, *request);
     }
     return writer;
   }

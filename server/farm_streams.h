@@ -113,11 +113,17 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
     const absl::Status status = coordinator_->Watch(job_id, this);
     if (!status.ok()) End(rpc::GrpcFromStatus(status));
   }
-  void WatchAt(const FarmPeers::Peer& peer, const FarmPeers& peers, const v1::WatchJobRequest& request) {
+  /// The caller gets what is recorded of the job first, so that it knows the job and watches again where its owner is gone;
+  /// then it finds who owns the job.
+  void WatchAt(const absl::StatusOr<FarmPeers::Peer>& owner, const FarmPeers& peers,
+               const v1::WatchJobRequest& request) {
+    const absl::StatusOr<v1::JobStatus> recorded = coordinator_->GetJob(request.job_id());
+    if (recorded.ok()) OnStatus(*recorded);
+    if (!recorded.ok() || !owner.ok())
+      return End(rpc::GrpcFromStatus(recorded.ok() ? owner.status() : recorded.status()));
     remote_ = RemoteWatch::Start(
-        peer, peers, call_->caller(), request,
+        *owner, peers, call_->caller(), request,
         {.on_status = [this](const v1::JobStatus& status) { OnStatus(status); },
-         // The caller watches again, and finds who owns the job then.
          .on_end = [this](const absl::Status& status) { End(rpc::GrpcFromStatus(status)); }});
   }
 
@@ -130,12 +136,9 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
     absl::MutexLock lock(&mutex_);
     call_->PeerMoved();
     writing_ = false;
-    if (!ok) {
-      end_ = grpc::Status::CANCELLED;
-      next_.reset();
-    } else if (HasEnded(current_.state())) {
-      end_ = grpc::Status::OK;
-    }
+    if (ok && HasEnded(current_.state())) end_ = grpc::Status::OK;
+    if (!ok) end_ = grpc::Status::CANCELLED;
+    if (end_.has_value() && (!ok || end_->ok())) next_.reset();
     Continue();
   }
   void OnCancel() override { End(grpc::Status::CANCELLED); }
@@ -149,18 +152,18 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
   void End(const grpc::Status& status) {
     absl::MutexLock lock(&mutex_);
     end_ = status;
-    next_.reset();
+    if (status.error_code() == grpc::StatusCode::CANCELLED) next_.reset();
     Continue();
   }
 
   // Starts the next operation unless a write is in progress: a write, or the end of the call.
   void Continue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (writing_ || finished_) return;
-    if (end_.has_value()) {
+    if (!next_.has_value()) {
+      if (!end_.has_value()) return;
       finished_ = true;
       return Finish(*end_);
     }
-    if (!next_.has_value()) return;
     current_ = *std::exchange(next_, std::nullopt);
     writing_ = true;
     call_->AwaitPeer();

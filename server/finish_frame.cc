@@ -152,9 +152,10 @@ absl::StatusOr<EstimatedFrame> Estimated(const FilteredRounds& filtered, const j
 }  // namespace
 
 absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::JobStore& store,
-                                            const job::JobId& job_id, int32_t frame, TaskPool* pool,
+                                            const ledger::OwnedJob& owned, int32_t frame, TaskPool* pool,
                                             const std::function<absl::Time()>& now,
                                             const filter::BlockParams& blocks) {
+  const job::JobId& job_id = owned.job;
   const absl::StatusOr<JobRecord> job = store.GetJob(job_id);
   if (!job.ok()) return job.status();
   StageClock clock(now);
@@ -194,6 +195,7 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
                                : is_one_block        ? finish.Whole()
                                                      : finish.InRows(blocks);
   if (!written.ok()) return written;
+  if (absl::Status status = CheckOwner(store, owned); !status.ok()) return status;
   if (absl::Status status = result->Finish(); !status.ok()) return status;
   const absl::StatusOr<std::string> digest =
       film::MakeResultDigest(folder.ResultPath(job_id, frame), folder.files());

@@ -23,7 +23,7 @@ class FrameFinisher {
 
   /// Writes the frame's result; blocks.
   /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
-  virtual absl::StatusOr<v1::FrameReport> Finish(const job::JobId& job, int32_t frame) = 0;
+  virtual absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) = 0;
 
   /// Adds the estimate of a round to the frame's record; blocks.
   /// Errors: as EstimateRound; otherwise as Finish.

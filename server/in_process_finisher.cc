@@ -15,7 +15,7 @@ class InProcessFinisher final : public FrameFinisher {
                     std::function<absl::Time()> now)
       : folder_(folder), store_(store), pool_(MakeTaskPool(threads)), now_(std::move(now)) {}
 
-  absl::StatusOr<v1::FrameReport> Finish(const job::JobId& job, int32_t frame) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) override {
     if (cancelled_) return absl::CancelledError("the coordinator is stopping");
     return FinishFrame(folder_, *store_, job, frame, pool_.get(), now_);
   }

@@ -10,6 +10,7 @@
 #include "absl/functional/function_ref.h"
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "lumifold/v1/access.grpc.pb.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/pinned_ca.h"
@@ -24,6 +25,8 @@ namespace {
 
 constexpr absl::Duration kHandshakeTimeout = absl::Seconds(10);
 constexpr absl::Duration kCallTimeout = absl::Seconds(10);
+/// Coordinators read each second what others of their farm have changed.
+constexpr absl::Duration kUntilAllKnow = absl::Milliseconds(1500);
 
 absl::Status OfFiles(const absl::Status& status) {
   return status.ok() ? status : absl::InternalError(status.message());
@@ -61,6 +64,12 @@ absl::StatusOr<Answer> AskFirst(const std::string& list,
     if (!absl::IsUnavailable(answer.status())) break;
   }
   return answer;
+}
+
+/// Waits until every coordinator of the list knows a new identity, so that its first call may go to any of them.
+void AwaitOthers(const std::string& list) {
+  const absl::StatusOr<std::vector<std::string>> addresses = rpc::ParseEndpoints(list);
+  if (addresses.ok() && addresses->size() > 1) absl::SleepFor(kUntilAllKnow);
 }
 
 /// What is left of a code once the authority is known: a connection, and the secret to send over it.
@@ -144,6 +153,7 @@ absl::StatusOr<v1::LoginResponse> Login(const Profiles& profiles, const std::str
                      has_certificate ? absl::StrCat(key.pem, response->certificate_pem(), opened->ca_pem)
                                      : absl::StrCat(response->token(), "\n"));
   if (!written.ok()) return OfFiles(written);
+  AwaitOthers(address);
   return response;
 }
 
@@ -164,6 +174,7 @@ absl::StatusOr<v1::CertificateResponse> Enroll(const Profiles& profiles, const s
       {.server = address, .kind = Profile::Kind::kWorker, .name = response->name(), .has_certificate = true},
       opened->ca_pem, absl::StrCat(key->pem, response->certificate_pem(), opened->ca_pem));
   if (!written.ok()) return OfFiles(written);
+  AwaitOthers(address);
   return response;
 }
 
@@ -182,6 +193,7 @@ absl::StatusOr<v1::CertificateResponse> RenewCertificate(const Profiles& profile
         return Call(address, *security, request, &v1::AccessService::Stub::RenewCertificate);
       });
   if (!response.ok()) return response.status();
+  AwaitOthers(read->server);
   const absl::Status written = profiles.WriteCertificate(
       profile, absl::StrCat(key->pem, response->certificate_pem(), response->ca_pem()));
   if (!written.ok()) return OfFiles(written);

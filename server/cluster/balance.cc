@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 #include <vector>
 
 namespace lumifold::cluster {
@@ -37,6 +38,9 @@ double SlotsPerJob(absl::Span<const Member> members) {
   return std::numeric_limits<double>::infinity();  // with more slots than demand the rest stays where it is
 }
 
+/// It has units to render and nobody who could.
+bool Starves(const Member& member) { return member.demand > 0 && member.slots == 0; }
+
 }  // namespace
 
 std::optional<WorkerMove> FindMove(absl::Span<const Member> members, ledger::Epoch self) {
@@ -45,14 +49,18 @@ std::optional<WorkerMove> FindMove(absl::Span<const Member> members, ledger::Epo
     return static_cast<double>(member.slots) -
            std::min(static_cast<double>(member.demand), per_job * JobsOf(member));
   };
+  const auto is_poorer = [&surplus](const Member& a, const Member& b) {
+    return std::pair(!Starves(a), surplus(a)) < std::pair(!Starves(b), surplus(b));
+  };
   const Member* giver = nullptr;
   const Member* poorest = nullptr;
+  const Member* richest = nullptr;  // of those that can do without a worker
   for (const Member& member : members) {
-    if (member.owner.epoch == self) {
-      giver = &member;
-    } else if (poorest == nullptr || surplus(member) < surplus(*poorest)) {
-      poorest = &member;
-    }
+    const bool is_self = member.owner.epoch == self;
+    if (is_self) giver = &member;
+    if (!is_self && (poorest == nullptr || is_poorer(member, *poorest))) poorest = &member;
+    const bool can_spare = member.workers > (member.demand > 0 ? 1 : 0);
+    if (can_spare && (richest == nullptr || surplus(member) > surplus(*richest))) richest = &member;
   }
   if (giver == nullptr || poorest == nullptr || giver->workers == 0 || surplus(*poorest) >= 0)
     return std::nullopt;
@@ -61,7 +69,9 @@ std::optional<WorkerMove> FindMove(absl::Span<const Member> members, ledger::Epo
   // A lack of less than half a worker would become a surplus elsewhere, and workers would wander.
   const double spare = surplus(*giver) / slots_of_worker;
   const double lack = -surplus(*poorest) / slots_of_worker + 0.5;
-  const auto workers = static_cast<int64_t>(std::min(spare, lack));
+  auto workers = static_cast<int64_t>(std::min(spare, lack));
+  // A share of less than a worker would be none: one comes from the coordinator that it costs least.
+  if (Starves(*poorest) && giver == richest) workers = std::max<int64_t>(workers, 1);
   if (workers < 1) return std::nullopt;
   return WorkerMove{std::min(workers, giver->workers), poorest->address};
 }

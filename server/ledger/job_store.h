@@ -212,4 +212,12 @@ class JobStore {
   virtual absl::StatusOr<std::vector<BlockedWorker>> BlockedWorkers() = 0;
 };
 
+/// The error of a caller that has lost a job to another owner: kAborted naming both epochs.
+absl::Status OtherOwner(const job::JobId& job, Epoch owner, Epoch caller);
+
+/// Looks whether the caller still owns the job, before it writes what the store does not hold: a file of a folder that
+/// several coordinators share. The file can still be late by the time between the look and the write.
+/// Errors: kAborted; kNotFound.
+absl::Status CheckOwner(JobStore& store, const OwnedJob& job);
+
 }  // namespace lumifold::ledger

@@ -179,9 +179,4 @@ absl::Status CheckOwned(const OwnedJob& job, const LockedJob& row) {
   return absl::OkStatus();
 }
 
-absl::Status OtherOwner(const JobId& job, Epoch owner, Epoch caller) {
-  return absl::AbortedError(absl::StrCat("job ", job.value(), " belongs to the coordinator of epoch ",
-                                         owner.value(), ", not to that of epoch ", caller.value()));
-}
-
 }  // namespace lumifold::ledger

@@ -56,6 +56,4 @@ absl::StatusOr<std::vector<LockedJob>> LockJobs(SqlConnection& db, const std::ve
 /// Why the caller may not write to the job: kNotFound, kInternal, kAborted, kFailedPrecondition.
 absl::Status CheckOwned(const OwnedJob& job, const LockedJob& row);
 
-absl::Status OtherOwner(const job::JobId& job, Epoch owner, Epoch caller);
-
 }  // namespace lumifold::ledger

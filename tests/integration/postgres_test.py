@@ -1,7 +1,6 @@
 """A farm whose ledger is in PostgreSQL writes the same bytes as one process, over a SIGKILL of its coordinator."""
 
 import json
-import os
 import pathlib
 import re
 import shutil
@@ -12,33 +11,11 @@ import unittest
 
 from access_test import SecureFarm
 from farm import Farm, make_scene, run, wait_until
+from with_postgres import WithPostgres
 
 SETTINGS = ["--size", "160x120", "--spp", "64", "--seed", "5", "--save-film"]
-SCRIPT = pathlib.Path(__file__).parents[1] / "support" / "private_postgres.sh"
-NOT_INSTALLED = 77
 PASSWORD = "secret"
 SECURITY_PAGE = pathlib.Path(__file__).parents[2] / "docs" / "security.md"
-
-
-class WithPostgres(unittest.TestCase):
-    """With a PostgreSQL server of its own, in which LUMIFOLD_STORE names a database."""
-
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.root = pathlib.Path(cls.folder.name)
-        cls.postgres = subprocess.Popen([SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        cls.uri = cls.postgres.stdout.readline().strip()
-        if not cls.uri:
-            if cls.postgres.wait() == NOT_INSTALLED:
-                raise unittest.SkipTest("PostgreSQL is not installed (deploy/setup.sh --tests)")
-            raise AssertionError("PostgreSQL does not start")
-        os.environ["LUMIFOLD_STORE"] = cls.uri
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.postgres.communicate()  # it ends with its input
-        cls.folder.cleanup()
 
 
 class PostgresTest(WithPostgres):

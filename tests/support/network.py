@@ -53,6 +53,10 @@ class Host:
         """Packets get lost; neither side is told."""
         self.fault("counter drop")
 
+    def drop_of(self, address):
+        """Packets from and to one other host get lost."""
+        self.fault(f"ip saddr {address} counter drop\n  ip daddr {address} counter drop")
+
     def lose(self, percent):
         """A random share of the packets gets lost."""
         self.fault(f"numgen random mod 100 < {percent} counter drop")

@@ -67,6 +67,12 @@ TEST(BalanceTest, JobsGetEqualSlotsAsFarAsTheyDemandThem) {
   EXPECT_EQ(Settle(members), (std::vector<int64_t>{2, 6}));
 }
 
+TEST(BalanceTest, AShareOfLessThanAWorkerIsAWorker) {
+  EXPECT_EQ(Settle({Of(1, 4, 100), Of(2, 0, 1)}), (std::vector<int64_t>{3, 1}));
+  EXPECT_EQ(Settle({Of(1, 3, 100), Of(2, 0, 1), Of(3, 0, 1)}), (std::vector<int64_t>{1, 1, 1}));
+  EXPECT_EQ(Settle({Of(1, 1, 100), Of(2, 0, 1)}), (std::vector<int64_t>{1, 0}));  // it would only wander
+}
+
 TEST(BalanceTest, MovesEndForAnyFarm) {
   uint64_t state = 1;
   const auto below = [&state](uint64_t n) {

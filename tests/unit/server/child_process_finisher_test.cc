@@ -19,6 +19,7 @@ using job::JobId;
 using ::testing::HasSubstr;
 
 const JobId kJob("j-1");
+const ledger::OwnedJob kOwned = {kJob, {}};
 
 class ChildProcessFinisherTest : public CommittedFrameFixture {
  protected:
@@ -32,18 +33,18 @@ class ChildProcessFinisherTest : public CommittedFrameFixture {
 
 TEST_F(ChildProcessFinisherTest, WritesTheSameFileAsTheFinisherWithin) {
   ASSERT_TRUE(
-      MakeInProcessFinisher(folder_, store_.get(), 2, [] { return absl::Now(); })->Finish(kJob, 0).ok());
+      MakeInProcessFinisher(folder_, store_.get(), 2, [] { return absl::Now(); })->Finish(kOwned, 0).ok());
   const std::string expected = Result(kJob);
   ASSERT_FALSE(expected.empty());
   ASSERT_TRUE(RemoveAll(folder_.ResultsPath(kJob)).ok());
-  const absl::StatusOr<v1::FrameReport> report = Child({.threads = 1})->Finish(kJob, 0);
+  const absl::StatusOr<v1::FrameReport> report = Child({.threads = 1})->Finish(kOwned, 0);
   ASSERT_TRUE(report.ok()) << report.status();
   EXPECT_GT(report->times().filter_seconds(), 0.0);
   EXPECT_EQ(Result(kJob), expected);
 }
 
 TEST_F(ChildProcessFinisherTest, TellsWhatTheChildTells) {
-  const absl::Status status = Child()->Finish(JobId("j-none"), 0).status();
+  const absl::Status status = Child()->Finish({JobId("j-none"), {}}, 0).status();
   EXPECT_EQ(status, absl::NotFoundError("no job j-none"));
 }
 
@@ -53,15 +54,15 @@ TEST_F(ChildProcessFinisherTest, ADamagedRecordIsNamed) {
   const int byte = file.seekg(5000).peek();
   file.seekp(5000).put(static_cast<char>(byte ^ 1));
   file.close();
-  const absl::Status status = Child()->Finish(kJob, 0).status();
+  const absl::Status status = Child()->Finish(kOwned, 0).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDataLoss);
   EXPECT_THAT(std::string(status.message()), HasSubstr(path));
   EXPECT_EQ(Result(kJob), "");
 }
 
 TEST_F(ChildProcessFinisherTest, AChildWithoutMemoryOrProgramIsAnErrorAndNoCrash) {
-  EXPECT_FALSE(Child({.memory_limit_bytes = 1 << 20})->Finish(kJob, 0).ok());
-  EXPECT_THAT(std::string(Child({.program = "/none/such"})->Finish(kJob, 0).status().message()),
+  EXPECT_FALSE(Child({.memory_limit_bytes = 1 << 20})->Finish(kOwned, 0).ok());
+  EXPECT_THAT(std::string(Child({.program = "/none/such"})->Finish(kOwned, 0).status().message()),
               HasSubstr("/none/such"));
 }
 
@@ -71,7 +72,7 @@ TEST_F(ChildProcessFinisherTest, TheNameOfTheStoreIsInTheEnvironmentOfTheChildAn
       << "#!/bin/sh\nprintf '13 arguments %s, store %s' \"$*\" \"$LUMIFOLD_STORE\"; exit 1\n";
   std::filesystem::permissions(program, std::filesystem::perms::owner_all);
   const absl::Status status =
-      Child({.program = program, .store = "postgresql://u:secret@h/db"})->Finish(kJob, 0).status();
+      Child({.program = program, .store = "postgresql://u:secret@h/db"})->Finish(kOwned, 0).status();
   const std::string message(status.message());
   EXPECT_THAT(message, HasSubstr(", store postgresql://u:secret@h/db"));
   EXPECT_EQ(message.substr(0, message.find(", store")).find("secret"), std::string::npos);
@@ -82,7 +83,7 @@ TEST_F(ChildProcessFinisherTest, TheChildYieldsToOtherProcessesButIsNotStarved) 
   const int expected = std::max(getpriority(PRIO_PROCESS, 0), kChildNiceness);
   EXPECT_EXIT(
       {
-        RunFinishFrameProcess({folder_.root(), "j-none", "0", "1", "0", "-1", "0"});
+        RunFinishFrameProcess({folder_.root(), "j-none", "0", "1", "0", "-1", "0", "1"});
         _exit(getpriority(PRIO_PROCESS, 0));
       },
       testing::ExitedWithCode(expected), "");
@@ -91,7 +92,7 @@ TEST_F(ChildProcessFinisherTest, TheChildYieldsToOtherProcessesButIsNotStarved) 
 TEST_F(ChildProcessFinisherTest, TheFinisherWithinKeepsThePriorityOfItsProcess) {
   const int before = getpriority(PRIO_PROCESS, 0);
   ASSERT_TRUE(
-      MakeInProcessFinisher(folder_, store_.get(), 2, [] { return absl::Now(); })->Finish(kJob, 0).ok());
+      MakeInProcessFinisher(folder_, store_.get(), 2, [] { return absl::Now(); })->Finish(kOwned, 0).ok());
   EXPECT_EQ(getpriority(PRIO_PROCESS, 0), before);
 }
 
@@ -106,7 +107,7 @@ std::string Sleeper(const TempFolder& folder) {
 TEST_F(ChildProcessFinisherTest, AChildThatRunsTooLongIsKilled) {
   const absl::Time start = absl::Now();
   const absl::Status status =
-      Child({.program = Sleeper(temp_), .time_limit = absl::Milliseconds(100)})->Finish(kJob, 0).status();
+      Child({.program = Sleeper(temp_), .time_limit = absl::Milliseconds(100)})->Finish(kOwned, 0).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kDeadlineExceeded);
   EXPECT_THAT(std::string(status.message()), HasSubstr("frame 0 ran longer than 100ms"));
   EXPECT_FALSE(IsWorthRetrying(status));
@@ -123,18 +124,18 @@ TEST_F(ChildProcessFinisherTest, TheEndOfItsJobKillsAChildAndOfNoOther) {
       absl::SleepFor(absl::Milliseconds(10));
     }
   });
-  EXPECT_EQ(finisher->Finish(kJob, 0).status(), absl::CancelledError("the job has ended"));
+  EXPECT_EQ(finisher->Finish(kOwned, 0).status(), absl::CancelledError("the job has ended"));
   has_ended = true;
   canceller.join();
   finisher->CancelJob(kJob);  // no effect on later calls
-  EXPECT_TRUE(Child()->Finish(kJob, 0).ok());
+  EXPECT_TRUE(Child()->Finish(kOwned, 0).ok());
 }
 
 TEST_F(ChildProcessFinisherTest, AKilledChildIsWorthRetrying) {
   const std::string path = temp_.PathOf("suicide");
   std::ofstream(path) << "#!/bin/sh\nkill -9 $$\n";
   std::filesystem::permissions(path, std::filesystem::perms::owner_all);
-  const absl::Status status = Child({.program = path})->Finish(kJob, 0).status();
+  const absl::Status status = Child({.program = path})->Finish(kOwned, 0).status();
   EXPECT_THAT(std::string(status.message()), HasSubstr("ended by signal 9"));
   EXPECT_TRUE(IsWorthRetrying(status));
 }
@@ -142,7 +143,7 @@ TEST_F(ChildProcessFinisherTest, AKilledChildIsWorthRetrying) {
 TEST_F(ChildProcessFinisherTest, AfterCancelNothingStarts) {
   const std::unique_ptr<FrameFinisher> finisher = Child();
   finisher->Cancel();
-  EXPECT_EQ(finisher->Finish(kJob, 0).status().code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(finisher->Finish(kOwned, 0).status().code(), absl::StatusCode::kCancelled);
   EXPECT_EQ(Result(kJob), "");
 }
 

@@ -16,6 +16,7 @@ namespace {
 using job::JobId;
 
 const JobId kJob("j-1");
+const ledger::OwnedJob kOwned = {kJob, {}};
 /// Divides the frames of these tests into several blocks.
 constexpr filter::BlockParams kSmallBlocks = {.core = 64, .margin = 32, .fade = 16, .whole = 4096};
 
@@ -46,7 +47,7 @@ class FinishFrameTest : public CommittedFrameFixture {
  protected:
   v1::StageTimes Finish(const JobId& job, TaskPool* pool, const filter::BlockParams& blocks) {
     const absl::StatusOr<v1::FrameReport> report = FinishFrame(
-        folder_, *store_, job, 0, pool, [] { return absl::Now(); }, blocks);
+        folder_, *store_, {job, {}}, 0, pool, [] { return absl::Now(); }, blocks);
     EXPECT_TRUE(report.ok()) << report.status();
     return report->times();
   }
@@ -98,7 +99,7 @@ TEST_F(FinishFrameTest, StagesMakeUpTheWholeTime) {
   Commit(kJob, spec);
   absl::Time time = absl::FromUnixSeconds(1000);
   const absl::StatusOr<v1::FrameReport> report = FinishFrame(
-      folder_, *store_, kJob, 0, nullptr, [&] { return time += absl::Seconds(1); }, kSmallBlocks);
+      folder_, *store_, kOwned, 0, nullptr, [&] { return time += absl::Seconds(1); }, kSmallBlocks);
   ASSERT_TRUE(report.ok()) << report.status();
   const int blocks = 2 * 2;
   const int bands = 10;  // tiles of 8 rows
@@ -115,9 +116,22 @@ TEST_F(FinishFrameTest, AUnitThatIsNotCommittedIsNamedAndNothingIsWritten) {
   ASSERT_TRUE(
       store_->CreateJob({.id = other, .request_id = "r", .spec = spec, .submitted = absl::Now()}).ok());
   const absl::Status status =
-      FinishFrame(folder_, *store_, other, 0, nullptr, [] { return absl::Now(); }).status();
+      FinishFrame(folder_, *store_, {other, {}}, 0, nullptr, [] { return absl::Now(); }).status();
   EXPECT_EQ(status, absl::DataLossError("ledger: tile 0 has units that are not committed"));
   EXPECT_EQ(Result(other), "");
+}
+
+TEST_F(FinishFrameTest, AJobThatAnotherCoordinatorHasTakenKeepsItsResult) {
+  Commit(kJob, Spec(20, 12));
+  ASSERT_TRUE(store_->ClaimUnfinishedJobs({"another", ledger::Epoch(7)}).ok());
+  ASSERT_TRUE(MakeFolder(folder_.ResultsPath(kJob)).ok());
+  std::ofstream(folder_.ResultPath(kJob, 0)) << "of the other one";
+  const absl::Status status =
+      FinishFrame(folder_, *store_, kOwned, 0, nullptr, [] { return absl::Now(); }).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kAborted) << status;
+  EXPECT_EQ(Result(kJob), "of the other one");
+  EXPECT_TRUE(
+      FinishFrame(folder_, *store_, {kJob, ledger::Epoch(7)}, 0, nullptr, [] { return absl::Now(); }).ok());
 }
 
 }  // namespace

@@ -28,8 +28,9 @@ const JobId kOther("j-2");
 /// Fails as often as told, job by job.
 class FailingFinisher final : public FrameFinisher {
  public:
-  absl::StatusOr<v1::FrameReport> Finish(const JobId& job, int32_t) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& owned, int32_t) override {
     absl::MutexLock lock(&mutex_);
+    const JobId& job = owned.job;
     tried_.push_back(job);
     if (hangs_) {
       mutex_.Await(absl::Condition(&cancelled_));
@@ -42,7 +43,7 @@ class FailingFinisher final : public FrameFinisher {
     return error;
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override {
-    return Finish(round.job, round.frame);
+    return Finish({round.job, round.epoch}, round.frame);
   }
   void CancelJob(const JobId&) override {
     absl::MutexLock lock(&mutex_);

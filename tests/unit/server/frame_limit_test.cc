@@ -60,14 +60,14 @@ TEST(OpenLogs, ClosesTheOneThatWasUsedLeastRecently) {
 /// Finishes frames without a result, and only when no unit is being rendered any more: so frames pile up before it.
 class SlowFinisher final : public FrameFinisher {
  public:
-  absl::StatusOr<v1::FrameReport> Finish(const job::JobId&, int32_t) override {
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob&, int32_t) override {
     absl::MutexLock lock(&mutex_);
     mutex_.Await(absl::Condition(this, &SlowFinisher::MayFinish));
     --allowed_;
     return v1::FrameReport();
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override {
-    return Finish(round.job, round.frame);
+    return Finish({round.job, round.epoch}, round.frame);
   }
   void CancelJob(const job::JobId&) override {}
   void Cancel() override { Allow(1'000'000); }

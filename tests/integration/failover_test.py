@@ -75,11 +75,13 @@ class FailoverTest(unittest.TestCase):
         take_over(first.data, second)
         first.restart_server()
         watches = [subprocess.Popen([BIN / "lumifold", "watch", self.job, "--json", "--server", self.servers],
-                                    stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) for _ in range(CALLS)]
+                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(CALLS)]
         for watch in watches:
             self.addCleanup(watch.stdout.close)
+            self.addCleanup(watch.stderr.close)
             self.addCleanup(watch.kill)
-            self.assertIn('"submitted"', watch.stdout.readline())
+            line = watch.stdout.readline()
+            self.assertIn('"submitted"', line, "" if line else watch.stderr.read())
         first.server.pause()
         second.start_worker()
         for watch in watches:

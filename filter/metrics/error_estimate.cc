@@ -37,6 +37,8 @@ struct Noisy {
 /// Sums over the pixels of a block.
 struct Sums {
   double variance = 0;    // of the later picture
+  double noise = 0;       // variance of the later film, by its halves
+  double samples = 0;     // of the later film
   double earlier = 0;     // of the earlier one, where the error was measured too
   double error = 0;       // of the earlier one, by the new samples
   int64_t with_news = 0;  // pixels that have new samples
@@ -65,12 +67,16 @@ class Comparison {
     const double n = a1 + b1;
     if (m < 1 || n <= m) return;
     ++sums->with_news;
+    sums->samples += n;
+    const double share_now = a1 / n;
     const double fall = Pow(static_cast<float>(n / m), kErrorDecline);  // of the error, from m to n
     const bool has_halves = a1 > a0 && b1 > b0;
     for (size_t c = 0; c < 3; ++c) {
       const double weight = WeightAt(later_[c].At(x, y), metric_);
       const double step = double{later_[c].At(x, y)} - double{earlier_[c].At(x, y)};
       sums->variance += weight * step * step / (fall - 1);
+      const double halves = double{after_.half_a[c].At(x, y)} - double{after_.half_b[c].At(x, y)};
+      sums->noise += weight * share_now * (1 - share_now) * halves * halves;
       if (!has_halves) continue;
       const double half_a = MeanOfNew(after_.half_a[c].At(x, y), a1, before_.half_a[c].At(x, y), a0);
       const double half_b = MeanOfNew(after_.half_b[c].At(x, y), b1, before_.half_b[c].At(x, y), b0);
@@ -113,6 +119,73 @@ double BiasFactor(const std::vector<Sums>& blocks) {
   return 1 + (ratio - 1) * std::max(0.0, share);
 }
 
+/// Logarithms of what one sample would leave of a block's variance and of its noise.
+struct Point {
+  Sums* block = nullptr;
+  double noise = 0;
+  double variance = 0;
+};
+
+std::vector<Point> PointsOf(std::vector<Sums>* blocks) {
+  std::vector<Point> points;
+  for (Sums& block : *blocks) {
+    const auto noise = static_cast<float>(block.noise);
+    const auto variance = static_cast<float>(block.variance);
+    if (!(noise > 0) || !(variance > 0)) continue;
+    const float samples = Log(static_cast<float>(block.samples / static_cast<double>(block.with_news)));
+    points.push_back({&block, double{Log(noise) + samples}, double{Log(variance) + kErrorDecline * samples}});
+  }
+  return points;
+}
+
+/// A line through points by least squares, and the variance around it.
+struct Line {
+  explicit Line(const std::vector<Point>& points) {
+    const auto count = static_cast<double>(points.size());
+    for (const Point& point : points) {
+      noise += point.noise / count;
+      variance += point.variance / count;
+    }
+    double squares = 0;
+    double products = 0;
+    for (const Point& point : points) {
+      squares += (point.noise - noise) * (point.noise - noise);
+      products += (point.noise - noise) * (point.variance - variance);
+    }
+    slope = squares > 0 ? products / squares : 0;
+    for (const Point& point : points) {
+      const double off = point.variance - At(point.noise);
+      around += off * off / count;
+    }
+  }
+
+  double At(double x) const { return variance + slope * (x - noise); }
+
+  double noise = 0;  // means
+  double variance = 0;
+  double slope = 0;
+  double around = 0;
+};
+
+/// Draws the variance of each block towards that of others of its noise; their sum stays.
+void DrawTogether(std::vector<Sums>* blocks) {
+  constexpr size_t kLeastPoints = 16;  // for a slope that is worth something
+  const std::vector<Point> points = PointsOf(blocks);
+  if (points.size() < kLeastPoints) return;
+  const Line line(points);
+  if (!(line.around > 0)) return;
+  const double share = std::min(1.0, kLogVarianceOfBlock / line.around);
+  double before = 0;
+  double after = 0;
+  for (const Point& point : points) {
+    before += point.block->variance;
+    const double change = share * (line.At(point.noise) - point.variance);
+    point.block->variance *= double{Exp(static_cast<float>(change))};
+    after += point.block->variance;
+  }
+  for (const Point& point : points) point.block->variance *= before / after;
+}
+
 }  // namespace
 
 ErrorEstimate EstimateError(const FilteredFilm& earlier, const FilteredFilm& later, int block,
@@ -134,6 +207,7 @@ ErrorEstimate EstimateError(const FilteredFilm& earlier, const FilteredFilm& lat
     }
   });
   estimate.bias_factor = BiasFactor(sums);
+  DrawTogether(&sums);
   for (const Sums& of_block : sums) {
     const double channels = 3.0 * static_cast<double>(of_block.with_news);
     estimate.blocks.push_back(of_block.with_news == 0 ? -1.0

@@ -128,6 +128,39 @@ TEST(EstimateError, TakesNoNoiseForBias) {
   EXPECT_NEAR(EstimateOf(MakeCase(16, 32), 0.3f, 0).bias_factor, 1, 0.15);
 }
 
+TEST(EstimateError, DoesNotTrustABlockThatHadLuck) {
+  const Case films = MakeCase(16, 32);
+  Picture earlier = Filter(films.earlier, 0.3f, 0);
+  const Picture later = Filter(films.later, 0.3f, 0);
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixel(kBlock, kBlock, [&](int x, int y) {
+      const float value = later[c].At(x, y);
+      earlier[c].At(x, y) = value + 0.1f * (earlier[c].At(x, y) - value);
+    });
+  }
+  const ErrorEstimate estimate = EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)},
+                                               kBlock, ErrorMetric::kRelMse, nullptr);
+  EXPECT_GT(estimate.blocks[0], 0.5 * MeanOf(estimate)) << "of itself it would have a hundredth";
+  EXPECT_NEAR(MeanOf(estimate) / TrueError(32, 0.3f, 0), Allowance(2), 0.1) << "the mean stays";
+}
+
+TEST(EstimateError, LeavesBlocksApartThatTheFilterTreatsUnlike) {
+  const Case films = MakeCase(16, 32);
+  Picture earlier = Filter(films.earlier, 0.3f, 0);
+  Picture later = Filter(films.later, 0.3f, 0);
+  const Picture clean_earlier = Filter(films.earlier, 0.03f, 0);
+  const Picture clean_later = Filter(films.later, 0.03f, 0);
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixel(kWidth / 2, kHeight, [&](int x, int y) {
+      earlier[c].At(x, y) = clean_earlier[c].At(x, y);
+      later[c].At(x, y) = clean_later[c].At(x, y);
+    });
+  }
+  const ErrorEstimate estimate = EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)},
+                                               kBlock, ErrorMetric::kRelMse, nullptr);
+  EXPECT_GT(estimate.blocks[12] / estimate.blocks[0], 50) << "100, of which little is lost";
+}
+
 TEST(EstimateError, MarksBlocksWithoutNewSamples) {
   const Case films = MakeCase(16, 32);
   const ErrorEstimate estimate = EstimateError({films.later, films.later.GetColor(layers::kNoisy)},

@@ -70,6 +70,22 @@ double BudgetOf(const v1::JobSpec& spec, double round_cost, absl::Duration rende
   return std::clamp(budget, 1.0, static_cast<double>(spec.samples_per_pixel()));
 }
 
+/// Compares the pictures of a round and of the one before it, and keeps that of the round. Returns the time of filtering it.
+absl::StatusOr<absl::Duration> AddErrors(const FilteredRounds& filtered, int round,
+                                         const std::function<absl::Time()>& now,
+                                         v1::RoundEstimate* estimate) {
+  const absl::StatusOr<FilteredRound> earlier = filtered.Get(round - 1);
+  if (!earlier.ok()) return earlier.status();
+  const absl::Time start = now();
+  const absl::StatusOr<FilteredRound> later = filtered.Get(round);
+  if (!later.ok()) return later.status();
+  const absl::Duration seconds = now() - start;
+  const metrics::ErrorEstimate errors = filtered.Compare(*earlier, *later);
+  estimate->mutable_errors()->Add(errors.blocks.begin(), errors.blocks.end());
+  if (absl::Status status = filtered.Keep(round, *later); !status.ok()) return status;
+  return seconds;
+}
+
 }  // namespace
 
 absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job::JobId& job,
@@ -104,23 +120,19 @@ absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::
   const absl::StatusOr<std::vector<double>> costs = Costs(job->spec, *rounds, *units, what.frame, round);
   if (!costs.ok()) return costs.status();
 
-  const FilteredRounds filtered(folder, *job, what.frame, *rounds, *units, pool);
-  const absl::StatusOr<FilteredRound> earlier = filtered.Get(round - 1);
-  if (!earlier.ok()) return earlier.status();
-  const absl::Time filtering = now();
-  const absl::StatusOr<FilteredRound> later = filtered.Get(round);
-  if (!later.ok()) return later.status();
-  const absl::Duration seconds = now() - filtering;
-  const metrics::ErrorEstimate errors = filtered.Compare(*earlier, *later);
-  if (absl::Status status = CheckOwner(store, {what.job, what.epoch}); !status.ok()) return status;
-  if (absl::Status status = filtered.Keep(round, *later); !status.ok()) return status;
-
   v1::RoundEstimate* estimate = estimates->add_estimates();
-  estimate->mutable_errors()->Add(errors.blocks.begin(), errors.blocks.end());
   estimate->mutable_costs()->Add(costs->begin(), costs->end());
-  estimate->set_budget(BudgetOf(job->spec, rounds->MeanCostOf(round, *costs), what.rendered, seconds));
+  if (rounds->NeedsPictures(*costs)) {
+    const FilteredRounds filtered(folder, *job, what.frame, *rounds, *units, pool);
+    const absl::StatusOr<absl::Duration> seconds = AddErrors(filtered, round, now, estimate);
+    if (!seconds.ok()) return seconds.status();
+    estimate->set_budget(BudgetOf(job->spec, rounds->MeanCostOf(round, *costs), what.rendered, *seconds));
+  } else {
+    estimate->mutable_errors()->Resize(estimate->costs_size(), -1);
+  }
   if (job->spec.adaptive().time_seconds() > 0)
     estimate->set_rendered_seconds(absl::ToDoubleSeconds(what.rendered));
+  if (absl::Status status = CheckOwner(store, {what.job, what.epoch}); !status.ok()) return status;
   if (absl::Status status =
           rpc::WriteCheckedFile(path, kRoundsFile, estimates->SerializeAsString(), folder.files());
       !status.ok())

@@ -132,7 +132,7 @@ class Finish {
   int y_ = 0;  // first row that is not written
 };
 
-/// A frame with adaptive sampling that has estimates.
+/// A frame with adaptive sampling whose error has been estimated.
 struct EstimatedFrame {
   FilteredRound last;
   double error = 0;
@@ -174,7 +174,7 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
   clock.Charge(StageClock::kAssemble);
   film::ResultInfo info = {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class};
   std::optional<EstimatedFrame> estimated;
-  if (rounds.has_value() && rounds->estimated() > 1) {
+  if (rounds.has_value() && rounds->predicted_error() >= 0) {
     const FilteredRounds filtered(folder, *job, frame, *rounds, *units, pool);
     absl::StatusOr<EstimatedFrame> made = Estimated(filtered, *rounds);
     if (!made.ok()) return made.status();

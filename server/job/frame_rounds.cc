@@ -51,7 +51,8 @@ absl::StatusOr<FrameRounds> FrameRounds::Replay(const v1::JobSpec& spec,
     const std::vector<double> errors(estimate.errors().begin(), estimate.errors().end());
     rounds.sampling_.AddEstimate(round, errors,
                                  std::vector<double>(estimate.costs().begin(), estimate.costs().end()));
-    if (round + 1 == rounds.count()) rounds.measured_error_ = rounds.sampling_.MeasuredError(errors);
+    if (round + 1 == rounds.count() && rounds.predicted_error() >= 0)
+      rounds.measured_error_ = rounds.sampling_.MeasuredError(errors);
     rounds.rendered_seconds_ = estimate.rendered_seconds();
     ++rounds.estimated_;
   }
@@ -66,18 +67,7 @@ bool FrameRounds::Has(const UnitKey& unit) const {
 
 TileSamples FrameRounds::SamplesOf(const UnitKey& unit) const {
   if (unit.kind == v1::UNIT_KIND_GEOMETRY) return SampleRange{};
-  const Rect tile = tiles_.RectOf(unit.tile);
-  const auto pass = static_cast<size_t>(unit.pass);
-  std::vector<SampleRange> blocks;
-  for (int y = tile.y0; y < tile.y1; y += kSampleBlock) {
-    for (int x = tile.x0; x < tile.x1; x += kSampleBlock) {
-      const auto block = static_cast<size_t>(y / kSampleBlock) * static_cast<size_t>(sampling_.columns()) +
-                         static_cast<size_t>(x / kSampleBlock);
-      const uint32_t first = pass == 0 ? 0 : sampling_.rounds()[pass - 1][block];
-      blocks.push_back({first, sampling_.rounds()[pass][block]});
-    }
-  }
-  return {tile.width(), tile.height(), std::move(blocks)};
+  return sampling_.SamplesOf(tiles_.RectOf(unit.tile), static_cast<size_t>(unit.pass));
 }
 
 int64_t FrameRounds::CameraSamplesOf(const UnitKey& unit) const {

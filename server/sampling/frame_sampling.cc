@@ -14,14 +14,21 @@ namespace {
 
 constexpr float kDecline = metrics::kErrorDecline;
 
-constexpr uint32_t kFirstSamples = 8;  // of each of the uniform rounds
+/// Of each of the uniform rounds: part of the budget, one in; at least so many. Pictures of fewer samples are antialiased by
+/// other stages (filter::Settings::max_antialiased_samples), so that they err otherwise than later ones and cost more.
+constexpr double kFirstPart = 32;
+constexpr double kLeastFirstSamples = 16;
 constexpr int kUniformRounds = 3;
+/// Below this nothing is left to decide after the uniform rounds.
+constexpr double kLeastBudget = 64;
 /// Share of the mean samples that every block has.
 constexpr double kUniformShare = 0.1;
-constexpr double kMostGrowth = 4;
+/// Of a block in a round, over that of the mean.
+constexpr double kMostGrowth = 8;
 constexpr double kMostOverBudget = 16;
-/// Estimates may take this part of the cost of samples, one in.
-constexpr double kSamplesPerEstimate = 12;
+/// The first estimate compares two pictures, whose filtering may take this part of the budget, one in.
+constexpr double kBudgetPerEstimate = 12;
+constexpr int kFirstPictures = 2;
 
 uint32_t RoundDown(double samples) { return static_cast<uint32_t>(samples) / kSampleStep * kSampleStep; }
 
@@ -35,17 +42,27 @@ FrameSampling::FrameSampling(const SamplingSettings& settings)
   const auto blocks = static_cast<size_t>(columns_) * static_cast<size_t>(rows_);
   amplitudes_.resize(blocks);
   estimates_.resize(blocks);
-  const auto budget = static_cast<uint32_t>(settings.budget);
-  // The first estimate needs two pictures. Where they would cost too much there is nothing to decide.
-  const bool pays = settings.budget >= 2 * kSamplesPerEstimate * settings.filter_cost ||
-                    (settings.target_error > 0 && budget > kUniformRounds * kFirstSamples);
-  if (!pays) {
-    rounds_.emplace_back(blocks, budget);
+  if (settings.budget < kLeastBudget) {
+    rounds_.emplace_back(blocks, static_cast<uint32_t>(settings.budget));
     is_final_ = true;
     return;
   }
-  for (uint32_t round = 1; round <= kUniformRounds; ++round)
-    rounds_.emplace_back(blocks, round * kFirstSamples);
+  // What a target or a time needs is not known yet.
+  const double part = EndsByEstimates() ? 0 : settings.budget / kFirstPart;
+  const uint32_t first = RoundDown(std::max(kLeastFirstSamples, part));
+  for (uint32_t round = 1; round <= kUniformRounds; ++round) rounds_.emplace_back(blocks, round * first);
+}
+
+TileSamples FrameSampling::SamplesOf(const Rect& tile, size_t round) const {
+  std::vector<SampleRange> blocks;
+  for (int y = tile.y0; y < tile.y1; y += kSampleBlock) {
+    for (int x = tile.x0; x < tile.x1; x += kSampleBlock) {
+      const auto block = static_cast<size_t>(y / kSampleBlock) * static_cast<size_t>(columns_) +
+                         static_cast<size_t>(x / kSampleBlock);
+      blocks.push_back({round == 0 ? 0 : rounds_[round - 1][block], rounds_[round][block]});
+    }
+  }
+  return {tile.width(), tile.height(), std::move(blocks)};
 }
 
 double FrameSampling::PixelsOf(size_t block) const {
@@ -56,7 +73,26 @@ double FrameSampling::PixelsOf(size_t block) const {
   return static_cast<double>(width) * height;
 }
 
+double FrameSampling::CostOfOne(absl::Span<const double> costs) const {
+  double sum = 0;
+  for (size_t i = 0; i < costs.size(); ++i) sum += PixelsOf(i) * costs[i];
+  return sum / (static_cast<double>(settings_.width) * settings_.height);
+}
+
+double FrameSampling::SavedByEstimate(double samples) const {
+  // Samples that are off by the factor exp(d) err like 1 - (1 + decline) / 2 d^2 of them; d is 1 / (1 + decline) times what
+  // the logarithm of the amplitude is off by, whose variance falls with the number of estimates.
+  const double lost = metrics::kLogVarianceOfBlock / (2 * (1 + kDecline));
+  return samples * lost / (learned_ * (learned_ + 1.0));
+}
+
+bool FrameSampling::NeedsPictures(absl::Span<const double> costs) const {
+  return EndsByEstimates() || IsKnown() ||
+         kFirstPictures * kBudgetPerEstimate * FilterSamples(costs) <= settings_.budget;
+}
+
 void FrameSampling::Learn(const Allocation& samples, absl::Span<const double> errors) {
+  if (std::any_of(errors.begin(), errors.end(), [](double error) { return error >= 0; })) ++learned_;
   for (size_t i = 0; i < errors.size(); ++i) {
     if (!(errors[i] >= 0)) continue;
     amplitudes_[i] += errors[i] * Power(samples[i], kDecline);
@@ -77,33 +113,28 @@ double FrameSampling::MeasuredError(absl::Span<const double> errors) const {
 }
 
 double FrameSampling::PredictedError() const {
-  const bool is_known =
-      std::any_of(estimates_.begin(), estimates_.end(), [](int count) { return count > 0; });
-  return is_known ? MeasuredError(std::vector<double>(amplitudes_.size(), -1)) : -1;
+  return IsKnown() ? MeasuredError(std::vector<double>(amplitudes_.size(), -1)) : -1;
 }
 
 double FrameSampling::MeanCost(const Allocation& samples, absl::Span<const double> costs) const {
-  double sum = 0;
-  double of_one = 0;
-  for (size_t i = 0; i < samples.size(); ++i) {
-    sum += PixelsOf(i) * costs[i] * samples[i];
-    of_one += PixelsOf(i) * costs[i];
-  }
-  return sum / of_one;
+  std::vector<double> all(samples.size());
+  for (size_t i = 0; i < samples.size(); ++i) all[i] = samples[i] * costs[i];
+  return CostOfOne(all) / CostOfOne(costs);
 }
 
 Allocation FrameSampling::Distribute(double mean_cost, absl::Span<const double> costs) const {
   const Allocation& granted = rounds_.back();
   const double floor = kUniformShare * mean_cost;
+  const double most_growth = kMostGrowth * mean_cost / MeanCost(granted, costs);
   std::vector<double> wanted(granted.size());
   for (size_t i = 0; i < granted.size(); ++i) {
     const double amplitude = estimates_[i] > 0 ? amplitudes_[i] / estimates_[i] : 0;
-    wanted[i] = Power(amplitude / costs[i], 1 / (1 + kDecline));
+    wanted[i] = IsKnown() ? Power(amplitude / costs[i], 1 / (1 + kDecline)) : 1;
   }
   const auto scaled_by = [&](double factor) {
     Allocation next(granted.size());
     for (size_t i = 0; i < next.size(); ++i) {
-      const double most = std::min(kMostGrowth * granted[i], kMostOverBudget * settings_.budget);
+      const double most = std::min(most_growth * granted[i], kMostOverBudget * settings_.budget);
       next[i] = std::max(granted[i], RoundDown(std::min(std::max(factor * wanted[i], floor), most)));
     }
     return next;
@@ -134,20 +165,21 @@ void FrameSampling::AddEstimate(int round, absl::Span<const double> errors, absl
   LUMIFOLD_CHECK(errors.size() == amplitudes_.size() && costs.size() == amplitudes_.size());
   Learn(rounds_[static_cast<size_t>(round)], errors);
   const bool is_last = round + 1 == static_cast<int>(rounds_.size());
-  if (settings_.target_error > 0 && PredictedError() <= settings_.target_error) {
+  if (IsKnown() && PredictedError() <= settings_.target_error) {
     is_final_ = is_last;  // otherwise the rounds under way are to confirm it
     return;
   }
   const double spent = MeanCost(rounds_.back(), costs);
-  const double step = std::max(spent, kSamplesPerEstimate * settings_.filter_cost);
-  Allocation next = Distribute(std::min(settings_.budget, spent + step), costs);
+  const double filtering = FilterSamples(costs);
+  const double left = settings_.budget - 2 * spent;  // after a round that doubles the samples
+  const bool goes_on = EndsByEstimates() || (IsKnown() && SavedByEstimate(left) > filtering);
+  const double step = std::max(spent, kBudgetPerEstimate * filtering);
+  Allocation next = Distribute(goes_on ? std::min(settings_.budget, spent + step) : settings_.budget, costs);
   // A budget that changes is never met exactly: no round for less than filtering it costs.
-  const bool pays = !settings_.budget_changes || settings_.budget - spent >= settings_.filter_cost;
+  const bool pays = !settings_.budget_changes || settings_.budget - spent >= filtering;
   const bool grows = pays && next != rounds_.back();
   if (grows) rounds_.push_back(std::move(next));
-  const bool is_spent = MeanCost(rounds_.back(), costs) + kSampleStep >= settings_.budget;
-  const bool may_go_on = settings_.target_error > 0 || settings_.budget_changes;
-  is_final_ = (is_spent && !may_go_on) || (!grows && is_last);
+  is_final_ = !goes_on || (!grows && is_last);
 }
 
 }  // namespace lumifold::sampling

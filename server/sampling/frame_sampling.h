@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "filter/image/rect.h"
+#include "filter/image/tile_samples.h"
 
 /// Adaptive sampling: where the samples of a frame go, decided at barriers from estimated errors and costs alone. Pure
 /// state and policy: no clock, no threads, no files.
@@ -20,10 +22,13 @@ struct SamplingSettings {
   int height = 0;
   /// Mean samples per pixel that the frame may have at most, in units of the mean cost of a sample. >= 1.
   double budget = 0;
-  /// Sampling ends when the filtered picture's estimated error is at most this; 0: only the budget ends it.
+  /// Sampling ends when the filtered picture's estimated error is at most this; 0: only the budget and a picture without
+  /// error end it.
   double target_error = 0;
-  /// Cost of filtering the frame once, in samples per pixel: every estimate costs as much.
-  double filter_cost = 5;
+  /// Cost of filtering the frame once, in rays per pixel; every estimate costs as much. 24 to 53 in the chart's scenes
+  /// (decision 21). Half as much: twice as many estimates in small budgets, which lose up to 10 % where they find
+  /// nothing; twice as much: uniform sampling up to twice the budget.
+  double filter_rays = 40;
   /// SetBudget may be called: a frame whose budget looks spent waits for the estimate of its last round.
   bool budget_changes = false;
 };
@@ -36,7 +41,12 @@ struct SamplingSettings {
 /// where the sum of errors falls most per cost, which makes the samples of a block proportional to
 /// (amplitude / cost)^(1 / 1.75). Bounds on that, because an estimate may be wrong:
 ///   - no block gets fewer than a tenth of the mean samples: one that looks clean may not have met its light yet;
-///   - no block grows more than fourfold in a round, nor beyond 16 times the budget: a firefly may not draw everything.
+///   - no block grows more than eight times as much as the mean in a round, nor beyond 16 times the budget: a firefly may
+///     not draw everything.
+///
+/// An estimate costs a filtering. The first one is made where the two pictures that it needs cost at most one part in
+/// twelve of the budget. A further one makes the amplitudes more precise, and is made where that saves more samples than
+/// it costs, or where a target or a time needs it. Otherwise the next round spends the rest of the budget.
 /// Threads: one at a time.
 class FrameSampling {
  public:
@@ -47,6 +57,8 @@ class FrameSampling {
 
   /// The rounds decided so far; each block's count never falls from one to the next.
   const std::vector<Allocation>& rounds() const { return rounds_; }
+  /// Sample indices that a round adds in a tile, whose corner is that of a block.
+  TileSamples SamplesOf(const Rect& tile, size_t round) const;
   /// No round follows those decided so far.
   bool is_final() const { return is_final_; }
   /// Cost of a round's samples, those of the rounds before it included, over that of one sample of each pixel. `costs` as
@@ -54,11 +66,14 @@ class FrameSampling {
   double MeanCostOf(int round, absl::Span<const double> costs) const {
     return MeanCost(rounds_[static_cast<size_t>(round)], costs);
   }
+  /// Whether the estimate of a round is to compare pictures; `costs` as for AddEstimate. Otherwise AddEstimate takes errors that
+  /// are all unknown, and the rest of the budget is spent uniformly.
+  bool NeedsPictures(absl::Span<const double> costs) const;
   /// Changes the budget for all further estimates. >= 1. Samples that were granted stay granted.
   void SetBudget(double budget);
   /// What is known once round `round` is complete; call it once for each round from 1 on, in order, until is_final.
   /// `errors`: by block, as metrics::EstimateError gives them for rounds round - 1 and round; negative: unknown.
-  /// `costs`: of one sample of each pixel of a block, by block, above 0, in any unit.
+  /// `costs`: rays of one sample of each pixel of a block, by block, above 0.
   void AddEstimate(int round, absl::Span<const double> errors, absl::Span<const double> costs);
 
   /// Error of the frame once all rounds decided so far are complete, as the estimates predict it; negative before the
@@ -70,6 +85,17 @@ class FrameSampling {
 
  private:
   double PixelsOf(size_t block) const;
+  /// Cost of one sample of each pixel, per pixel.
+  double CostOfOne(absl::Span<const double> costs) const;
+  /// Cost of one filtering, in samples per pixel.
+  double FilterSamples(absl::Span<const double> costs) const {
+    return settings_.filter_rays / CostOfOne(costs);
+  }
+  /// Samples per pixel that one more estimate saves of the last `samples` of the budget.
+  double SavedByEstimate(double samples) const;
+  /// An error or a time, known only by estimates, ends sampling.
+  bool EndsByEstimates() const { return settings_.target_error > 0 || settings_.budget_changes; }
+  bool IsKnown() const { return learned_ > 0; }
   void Learn(const Allocation& samples, absl::Span<const double> errors);
   /// Predicted error of a block with these samples; 0 before its first estimate.
   double BlockError(size_t block, uint32_t samples) const;
@@ -85,6 +111,7 @@ class FrameSampling {
   bool is_final_ = false;
   std::vector<double> amplitudes_;  // sums over the estimates so far, by block
   std::vector<int> estimates_;      // their number
+  int learned_ = 0;                 // estimates that knew an error
 };
 
 }  // namespace lumifold::sampling

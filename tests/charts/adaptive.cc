@@ -1,35 +1,50 @@
 #include "tests/charts/adaptive.h"
 
+#include <cstdio>
 #include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "filter/denoise/denoise.h"
 #include "filter/image/file_io.h"
 #include "filter/image/planes.h"
 #include "tests/charts/films/adaptive_film.h"
 #include "tests/charts/series.h"
+#include "tests/support/cpu_seconds.h"
 
 namespace lumifold::charts {
 namespace {
 
-/// No estimate pays where filtering costs more than all samples: sampling is uniform.
-constexpr double kNeverPays = 1e9;
+AdaptivePoint AdaptivelyTo(int budget, const render::Renderer& renderer, const FilmSettings& settings,
+                           const Reference& reference, TaskPool* pool) {
+  const AdaptiveFilm film = RenderAdaptively(
+      renderer, {.width = settings.width, .height = settings.height, .budget = static_cast<double>(budget)},
+      metrics::ErrorMetric::kMse255, pool);
+  AdaptivePoint point;
+  point.is_adaptive = true;
+  point.mse255 = Judge(ViewOf(film.picture), reference, false).mse255.whole;
+  point.estimated = film.estimated_error;
+  point.render_seconds = film.render_seconds;
+  point.filter_seconds = film.filter_seconds;
+  point.estimates = film.estimates;
+  return point;
+}
 
-AdaptivePoint PointOf(const std::string& scene, const render::Renderer& renderer,
-                      const sampling::SamplingSettings& settings, const Reference& reference,
-                      TaskPool* pool) {
-  const AdaptiveFilm film = RenderAdaptively(renderer, settings, metrics::ErrorMetric::kMse255, pool);
-  return {.scene = scene,
-          .width = settings.width,
-          .height = settings.height,
-          .budget = static_cast<int>(settings.budget),
-          .is_adaptive = settings.filter_cost < kNeverPays,
-          .mse255 = Judge(ViewOf(film.picture), reference, false).mse255.whole,
-          .estimated = film.estimated_error,
-          .render_seconds = film.render_seconds,
-          .filter_seconds = film.filter_seconds,
-          .estimates = film.estimates};
+AdaptivePoint UniformlyTo(int budget, const render::Renderer& renderer, const FilmSettings& settings,
+                          const Reference& reference, TaskPool* pool) {
+  FilmSettings film_settings = settings;
+  film_settings.samples = static_cast<uint32_t>(budget);
+  const double start = CpuSeconds();
+  const EdgedImage film = RenderFilm(renderer, film_settings, {}, pool);
+  const double rendered = CpuSeconds();
+  const Picture picture = filter::Denoise(film.pixels, &film.edges, pool);
+  const double filtered = CpuSeconds();
+  AdaptivePoint point;
+  point.mse255 = Judge(ViewOf(picture), reference, false).mse255.whole;
+  point.render_seconds = rendered - start;
+  point.filter_seconds = filtered - rendered;
+  return point;
 }
 
 std::string NameOf(const AdaptivePoint& point) {
@@ -90,10 +105,15 @@ absl::StatusOr<std::vector<AdaptivePoint>> MeasureAdaptive(const std::string& sc
   std::vector<AdaptivePoint> points;
   for (const bool is_adaptive : {false, true}) {
     for (const int budget : budgets) {
-      sampling::SamplingSettings sampling = {
-          .width = settings.width, .height = settings.height, .budget = static_cast<double>(budget)};
-      if (!is_adaptive) sampling.filter_cost = kNeverPays;
-      points.push_back(PointOf(scene, **renderer, sampling, reference, pool));
+      AdaptivePoint point =
+          (is_adaptive ? AdaptivelyTo : UniformlyTo)(budget, **renderer, settings, reference, pool);
+      point.scene = scene;
+      point.width = settings.width;
+      point.height = settings.height;
+      point.budget = budget;
+      points.push_back(std::move(point));
+      std::fprintf(stderr, "%s, %d spp, %s: MSE255 %.3f, %.2f s\n", scene.c_str(), budget,
+                   is_adaptive ? "adaptive" : "uniform", points.back().mse255, points.back().TotalSeconds());
     }
   }
   return points;

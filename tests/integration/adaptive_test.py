@@ -9,7 +9,7 @@ from exr_header import metadata_of
 from farm import Farm, run, wait_until
 from farm_test import SceneTest
 
-WIDTH, HEIGHT, SAMPLES = 96, 72, 160
+WIDTH, HEIGHT, SAMPLES = 96, 72, 320
 
 
 def damage(file):
@@ -67,6 +67,17 @@ class AdaptiveTest(SceneTest):
             self.assertIn("event=rounds_damaged", farm.server.log_text())
             farm.start_worker()
             self.expect_same_picture(farm, job)
+
+    def test_a_budget_that_pays_for_no_estimate_is_spent_uniformly(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            farm.start_worker(threads=2)
+            job = farm.client("submit", self.scene, "--size", f"{WIDTH}x{HEIGHT}", "--spp", "100", "--adaptive").stdout.strip()
+            farm.client("wait", job)
+            status = farm.status(job)
+            self.assertEqual(status["samples_done"], 100 * WIDTH * HEIGHT)
+            self.assertEqual(status.get("estimated_error", -1), -1)
+            self.assertEqual(self.rounds(farm), 1, "which says that none is worth its cost")
+            self.assertFalse(list(pathlib.Path(data).glob("**/frame-0000.picture")), "no picture was compared")
 
     def test_a_target_that_is_reached_ends_it(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:

@@ -7,72 +7,93 @@
 #include "filter/denoise/denoise.h"
 #include "filter/image/rect.h"
 #include "server/film/film_builder.h"
+#include "server/job/tile_grid.h"
 #include "tests/support/cpu_seconds.h"
 
 namespace lumifold::charts {
 namespace {
 
-using sampling::Allocation;
+constexpr int kTileSize = 32;
+
 using sampling::FrameSampling;
 
-/// The samples of a frame so far, block by block.
-class Blocks {
+/// The samples of a frame so far, in tiles as a farm has them.
+class Tiles {
  public:
-  Blocks(const render::Renderer& renderer, const sampling::SamplingSettings& settings, TaskPool* pool)
+  Tiles(const render::Renderer& renderer, const sampling::SamplingSettings& settings, TaskPool* pool)
       : renderer_(renderer), width_(settings.width), height_(settings.height), pool_(pool) {
-    for (int y = 0; y < height_; y += kSampleBlock) {
-      for (int x = 0; x < width_; x += kSampleBlock)
-        blocks_.push_back(
-            {{x, y, std::min(x + kSampleBlock, width_), std::min(y + kSampleBlock, height_)}, {}, {}});
-    }
-    ParallelFor(pool_, static_cast<int64_t>(blocks_.size()), [&](int64_t i) {
-      Block& block = blocks_[static_cast<size_t>(i)];
-      block.geometry = renderer_.RenderGeometry(block.rect, 0);
+    const job::TileGrid grid(width_, height_, kTileSize);
+    for (int i = 0; i < grid.count(); ++i) tiles_.push_back({grid.RectOf(i)});
+    ParallelFor(pool_, static_cast<int64_t>(tiles_.size()), [&](int64_t i) {
+      Tile& tile = tiles_[static_cast<size_t>(i)];
+      tile.geometry = renderer_.RenderGeometry(tile.rect, 0);
     });
   }
 
-  /// Renders what `to` has over `from`.
-  void Render(const Allocation& from, const Allocation& to) {
-    ParallelFor(pool_, static_cast<int64_t>(blocks_.size()), [&](int64_t number) {
-      const auto i = static_cast<size_t>(number);
-      if (to[i] == from[i]) return;
+  void Render(const FrameSampling& sampling, size_t round) {
+    ParallelFor(pool_, static_cast<int64_t>(tiles_.size()), [&](int64_t i) {
+      Tile& tile = tiles_[static_cast<size_t>(i)];
+      const TileSamples samples = sampling.SamplesOf(tile.rect, round);
+      if (samples.CountIn(tile.rect.width(), tile.rect.height()) == 0) return;
       render::RenderCounts counts;
-      blocks_[i].sums.Add(renderer_.RenderPass(blocks_[i].rect, 0, {from[i], to[i]}, &counts));
+      tile.sums.Add(renderer_.RenderPass(tile.rect, 0, samples, &counts));
+      tile.rays += static_cast<double>(counts.rays);
+      tile.samples += static_cast<double>(counts.samples);
     });
+  }
+
+  /// Rays of a sample, by block of the frame; the same in all blocks of a tile, as a unit reports them.
+  std::vector<double> Costs() const {
+    const auto columns = static_cast<size_t>(BlocksIn(width_));
+    std::vector<double> costs(columns * static_cast<size_t>(BlocksIn(height_)));
+    for (const Tile& tile : tiles_) {
+      for (int y = tile.rect.y0; y < tile.rect.y1; y += kSampleBlock) {
+        for (int x = tile.rect.x0; x < tile.rect.x1; x += kSampleBlock)
+          costs[static_cast<size_t>(y / kSampleBlock) * columns + static_cast<size_t>(x / kSampleBlock)] =
+              std::max(1.0, tile.rays / tile.samples);
+      }
+    }
+    return costs;
   }
 
   EdgedImage Film() const {
     film::FilmBuilder film(width_, height_);
-    for (const Block& block : blocks_) {
-      film.SetMeans(block.rect, block.sums);
-      film.SetGeometry(block.rect, block.geometry.pixels);
-      film.AddEdges(block.geometry.edges);
+    for (const Tile& tile : tiles_) {
+      film.SetMeans(tile.rect, tile.sums);
+      film.SetGeometry(tile.rect, tile.geometry.pixels);
+      film.AddEdges(tile.geometry.edges);
     }
     return film.Take();
   }
 
  private:
-  struct Block {
+  struct Tile {
     Rect rect;
-    film::TileSums sums;
-    EdgedImage geometry;
+    film::TileSums sums = {};
+    EdgedImage geometry = {};
+    double rays = 0;
+    double samples = 0;
   };
 
   const render::Renderer& renderer_;
   const int width_;
   const int height_;
   TaskPool* const pool_;
-  std::vector<Block> blocks_;
+  std::vector<Tile> tiles_;
 };
 
+/// A film after a round, which is filtered when it is first needed.
 struct Filtered {
   EdgedImage film;
-  Picture picture;
+  std::optional<Picture> picture = {};
 
-  metrics::FilteredFilm View() const { return {film.pixels, ViewOf(picture)}; }
+  void Filter(TaskPool* pool) {
+    if (!picture.has_value()) picture = filter::Denoise(film.pixels, &film.edges, pool);
+  }
+  metrics::FilteredFilm View() const { return {film.pixels, ViewOf(*picture)}; }
 };
 
-double MeanOf(const Allocation& samples) {
+double MeanOf(const sampling::Allocation& samples) {
   double sum = 0;
   for (const uint32_t count : samples) sum += count;
   return sum / static_cast<double>(samples.size());
@@ -90,34 +111,35 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
     last = now;
   };
   FrameSampling sampling(settings);
-  Blocks blocks(renderer, settings, pool);
-  Allocation done(sampling.rounds().front().size());
+  Tiles tiles(renderer, settings, pool);
   std::optional<Filtered> earlier;
   for (size_t round = 0; round < sampling.rounds().size(); ++round) {
-    const Allocation& next = sampling.rounds()[round];
-    blocks.Render(done, next);
-    done = next;
+    tiles.Render(sampling, round);
     charge(&result.render_seconds);
-    const bool is_last = sampling.is_final() && round + 1 == sampling.rounds().size();
-    if (sampling.is_final() && !is_last) continue;
-    Filtered filtered = {blocks.Film(), {}};
-    filtered.picture = filter::Denoise(filtered.film.pixels, &filtered.film.edges, pool);
-    if (earlier.has_value()) {
-      const metrics::ErrorEstimate estimate =
-          metrics::EstimateError(earlier->View(), filtered.View(), kSampleBlock, metric, pool);
-      if (!is_last) {
-        sampling.AddEstimate(static_cast<int>(round), estimate.blocks, std::vector<double>(done.size(), 1.0));
-        ++result.estimates;
-      }
-      if (sampling.is_final() && round + 1 == sampling.rounds().size())
-        result.estimated_error = sampling.MeasuredError(estimate.blocks);
+    const auto is_last = [&] { return sampling.is_final() && round + 1 == sampling.rounds().size(); };
+    const std::vector<double> costs = tiles.Costs();
+    std::vector<double> errors(costs.size(), -1);
+    const bool compares =
+        is_last() ? result.estimates > 0 : !sampling.is_final() && sampling.NeedsPictures(costs);
+    std::optional<Filtered> now;
+    if (compares || is_last()) now = Filtered{tiles.Film()};
+    if (compares && earlier.has_value()) {
+      earlier->Filter(pool);
+      now->Filter(pool);
+      errors = metrics::EstimateError(earlier->View(), now->View(), kSampleBlock, metric, pool).blocks;
+      ++result.estimates;
     }
-    earlier = std::move(filtered);
+    if (round > 0 && !sampling.is_final()) sampling.AddEstimate(static_cast<int>(round), errors, costs);
+    if (is_last() && result.estimates > 0) result.estimated_error = sampling.MeasuredError(errors);
+    if (now.has_value() || is_last()) earlier = std::move(now);
     charge(&result.filter_seconds);
   }
+  if (!earlier.has_value()) earlier = Filtered{tiles.Film()};
+  earlier->Filter(pool);
+  charge(&result.filter_seconds);
   result.film = std::move(earlier->film);
-  result.picture = std::move(earlier->picture);
-  result.mean_samples = MeanOf(done);
+  result.picture = *std::move(earlier->picture);
+  result.mean_samples = MeanOf(sampling.rounds().back());
   return result;
 }
 

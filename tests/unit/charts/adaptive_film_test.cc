@@ -29,7 +29,7 @@ using scene::Scene;
 constexpr int kWidth = 64;
 constexpr int kHeight = 48;
 constexpr int kColumns = kWidth / kSampleBlock;
-constexpr int kUniformSamples = 24;  // of the first three rounds
+constexpr int kUniformSamples = 48;  // of the first three rounds
 
 using Sky = std::shared_ptr<const render::Environment>;
 
@@ -114,7 +114,8 @@ TEST(AdaptiveFilm, ASmallCausticDrawsSamplesAndStarvesNoBlock) {
   const std::vector<double> samples = SamplesByBlock(film);
   EXPECT_GE(LeastOf(samples), kFloor);
   EXPECT_NEAR(film.mean_samples, kBudget, 4);
-  EXPECT_GT(MeanIn(samples, {3, 4, 7, 6}), 2 * MeanIn(samples, {0, 0, 8, 3})) << "the floor before the ball";
+  EXPECT_GT(MeanIn(samples, {3, 4, 7, 6}), 1.4 * MeanIn(samples, {0, 0, 8, 3}))
+      << "the floor before the ball";
 }
 
 TEST(AdaptiveFilm, ALampSeenThroughAKeyholeStarvesNoBlock) {
@@ -150,10 +151,12 @@ TEST(AdaptiveFilm, ABlackFrameEndsEarly) {
 }
 
 TEST(AdaptiveFilm, AFrameOfSkyEndsEarlyWhereItHasNoDetail) {
+  // Samples of the sky cost so few rays that only a large budget pays for estimates.
+  constexpr double kLargeBudget = 2 * kBudget;
   for (const double target : {0.0, 0.5}) {
-    const AdaptiveFilm film = Render(Scene(), kBudget, target, SkyOf(0.5f, 0.5f));
+    const AdaptiveFilm film = Render(Scene(), kLargeBudget, target, SkyOf(0.5f, 0.5f));
     ExpectFinite(film);
-    EXPECT_LE(film.mean_samples, kUniformSamples);
+    EXPECT_LE(film.mean_samples, 2 * kUniformSamples);
     EXPECT_EQ(film.estimated_error, 0);
     EXPECT_NEAR(MostOf(film.picture), 0.5f, 1e-6f);
   }
@@ -175,11 +178,11 @@ TEST(AdaptiveFilm, TheScaleOfASceneMovesNoSamples) {
   ASSERT_TRUE(glb.ok());
   const auto scene = scene::LoadGltf(*glb, "cornell-box", nullptr);
   ASSERT_TRUE(scene.ok());
-  const AdaptiveFilm film = Render(*scene, 160);
+  const AdaptiveFilm film = Render(*scene, 320);
   const std::vector<double> samples = SamplesByBlock(film);
   ASSERT_GT(*std::max_element(samples.begin(), samples.end()), 2 * LeastOf(samples));
   for (const float factor : {1e-3f, 1e5f}) {
-    const AdaptiveFilm scaled = Render(lumifold::testing::Scaled(*scene, factor), 160);
+    const AdaptiveFilm scaled = Render(lumifold::testing::Scaled(*scene, factor), 320);
     const std::vector<double> scaled_samples = SamplesByBlock(scaled);
     // Positions are rounded otherwise; that may move a block over the border of a step.
     for (size_t i = 0; i < samples.size(); ++i)

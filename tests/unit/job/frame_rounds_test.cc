@@ -43,8 +43,8 @@ TEST(FrameRounds, BeginsUniformly) {
   for (uint32_t pass = 0; pass < 3; ++pass) {
     const TileSamples samples = rounds.SamplesOf(Pass(2, static_cast<int32_t>(pass)));
     EXPECT_EQ(samples.blocks().size(), 2u);
-    EXPECT_EQ(samples.At(7, 15), (SampleRange{8 * pass, 8 * pass + 8}));
-    EXPECT_EQ(rounds.CameraSamplesOf(Pass(2, static_cast<int32_t>(pass))), 8 * 16 * 8);
+    EXPECT_EQ(samples.At(7, 15), (SampleRange{16 * pass, 16 * pass + 16}));
+    EXPECT_EQ(rounds.CameraSamplesOf(Pass(2, static_cast<int32_t>(pass))), 8 * 16 * 16);
   }
   EXPECT_TRUE(rounds.Has({0, 2, 0, v1::UNIT_KIND_GEOMETRY}));
   EXPECT_FALSE(rounds.Has(Pass(2, 3)));
@@ -64,7 +64,7 @@ TEST(FrameRounds, GoesOnWhereThePictureErrs) {
   EXPECT_EQ(rounds->estimated(), 2);
   ASSERT_TRUE(rounds->Has(Pass(0, 3)));
   const TileSamples samples = rounds->SamplesOf(Pass(0, 3));
-  EXPECT_EQ(samples.At(0, 0).first, 24u) << "each round begins where the one before it ended";
+  EXPECT_EQ(samples.At(0, 0).first, 48u) << "each round begins where the one before it ended";
   EXPECT_GT(samples.At(0, 0).count(), samples.At(8, 8).count());
   EXPECT_FALSE(rounds->Has(Pass(5, 3))) << "a tile without errors gets no samples in this round";
 }
@@ -73,12 +73,12 @@ TEST(FrameRounds, AScheduleTakesThePlaceOfTheBudgetsThatATimeRecorded) {
   v1::JobSpec timed = Spec();
   timed.mutable_adaptive()->set_time_seconds(60);
   v1::RoundEstimates estimates = Estimates(100);
-  estimates.mutable_estimates(0)->set_budget(24.25);
+  estimates.mutable_estimates(0)->set_budget(48.25);
   const absl::StatusOr<FrameRounds> recorded = FrameRounds::Replay(timed, estimates);
   ASSERT_TRUE(recorded.ok());
-  EXPECT_EQ(recorded->schedule(), std::vector<double>({24.25}));
+  EXPECT_EQ(recorded->schedule(), std::vector<double>({48.25}));
   v1::JobSpec scheduled = Spec();
-  scheduled.mutable_adaptive()->add_schedule(24.25);
+  scheduled.mutable_adaptive()->add_schedule(48.25);
   const absl::StatusOr<FrameRounds> replayed = FrameRounds::Replay(scheduled, Estimates(100));
   ASSERT_TRUE(replayed.ok());
   EXPECT_EQ(recorded->count(), 3);

@@ -18,6 +18,9 @@ SamplingSettings Settings() { return {.width = kEdge, .height = kEdge, .budget =
 
 std::vector<double> Ones() { return std::vector<double>(kBlocks, 1.0); }
 
+/// Rays of a sample of a scene in which filtering costs as much as 5 samples.
+std::vector<double> UsualCosts() { return std::vector<double>(kBlocks, 8.0); }
+
 /// The error of each block at its samples, if its amplitude is `amplitudes`.
 std::vector<double> ErrorsAt(const Allocation& samples, const std::vector<double>& amplitudes) {
   std::vector<double> errors;
@@ -36,12 +39,18 @@ double MeanCost(const Allocation& samples, const std::vector<double>& costs) {
   return sum / (MeanOf(costs) * static_cast<double>(samples.size()));
 }
 
-/// Runs all rounds of a frame whose errors decline as the policy assumes.
+/// Runs all rounds of a frame whose errors decline as the policy assumes, and counts the estimates that compare pictures.
 FrameSampling RunFrame(const SamplingSettings& settings, const std::vector<double>& amplitudes,
-                       const std::vector<double>& costs) {
+                       const std::vector<double>& costs, int* comparisons = nullptr) {
   FrameSampling sampling(settings);
-  for (size_t round = 1; !sampling.is_final() && round < sampling.rounds().size(); ++round)
-    sampling.AddEstimate(static_cast<int>(round), ErrorsAt(sampling.rounds()[round], amplitudes), costs);
+  for (size_t round = 1; !sampling.is_final() && round < sampling.rounds().size(); ++round) {
+    const bool compares = sampling.NeedsPictures(costs);
+    if (compares && comparisons != nullptr) ++*comparisons;
+    sampling.AddEstimate(
+        static_cast<int>(round),
+        compares ? ErrorsAt(sampling.rounds()[round], amplitudes) : std::vector<double>(kBlocks, -1.0),
+        costs);
+  }
   return sampling;
 }
 
@@ -51,19 +60,58 @@ std::vector<double> OneLoudBlock(double amplitude) {
   return amplitudes;
 }
 
-TEST(FrameSampling, IsUniformWhereAnEstimateWouldCostTooMuch) {
+TEST(FrameSampling, SpendsASmallBudgetUniformly) {
   SamplingSettings settings = Settings();
-  settings.budget = 64;
+  settings.budget = 63;
   const FrameSampling sampling(settings);
   EXPECT_TRUE(sampling.is_final());
-  EXPECT_EQ(sampling.rounds(), std::vector<Allocation>({Allocation(kBlocks, 64)}));
+  EXPECT_EQ(sampling.rounds(), std::vector<Allocation>({Allocation(kBlocks, 63)}));
 }
 
 TEST(FrameSampling, BeginsWithUniformRounds) {
   const FrameSampling sampling(Settings());
   EXPECT_FALSE(sampling.is_final());
-  EXPECT_EQ(sampling.rounds(), std::vector<Allocation>({Allocation(kBlocks, 8), Allocation(kBlocks, 16),
-                                                        Allocation(kBlocks, 24)}));
+  EXPECT_EQ(sampling.rounds(), std::vector<Allocation>({Allocation(kBlocks, 16), Allocation(kBlocks, 32),
+                                                        Allocation(kBlocks, 48)}));
+}
+
+TEST(FrameSampling, BeginsWithMoreSamplesWhereTheBudgetIsLarge) {
+  SamplingSettings settings = Settings();
+  settings.budget = 2048;
+  EXPECT_EQ(FrameSampling(settings).rounds().front(), Allocation(kBlocks, 64));
+  settings.target_error = 1;
+  EXPECT_EQ(FrameSampling(settings).rounds().front(), Allocation(kBlocks, 16)) << "may need little of it";
+}
+
+TEST(FrameSampling, ComparesNoPicturesWhereTheyCostTooMuch) {
+  SamplingSettings settings = Settings();
+  settings.budget = 128;
+  const FrameSampling dear(settings);  // two filterings of 5 samples are a thirteenth of it
+  EXPECT_TRUE(dear.NeedsPictures(UsualCosts()));
+  EXPECT_FALSE(dear.NeedsPictures(std::vector<double>(kBlocks, 7.0)));
+  int comparisons = 0;
+  const FrameSampling sampling =
+      RunFrame(settings, OneLoudBlock(100), std::vector<double>(kBlocks, 7.0), &comparisons);
+  EXPECT_EQ(comparisons, 0);
+  EXPECT_TRUE(sampling.is_final());
+  EXPECT_EQ(sampling.rounds().back(), Allocation(kBlocks, 128));
+  EXPECT_LT(sampling.PredictedError(), 0);
+  settings.target_error = 1;
+  EXPECT_TRUE(FrameSampling(settings).NeedsPictures(std::vector<double>(kBlocks, 7.0)))
+      << "nothing else tells when it is reached";
+}
+
+TEST(FrameSampling, EstimatesAgainWhereThatSavesMoreThanItCosts) {
+  SamplingSettings settings = Settings();
+  std::vector<int> comparisons;
+  for (const double budget : {128, 512, 2048, 8192}) {
+    settings.budget = budget;
+    const FrameSampling sampling =
+        RunFrame(settings, OneLoudBlock(100), UsualCosts(), &comparisons.emplace_back());
+    EXPECT_NEAR(sampling.MeanCostOf(static_cast<int>(sampling.rounds().size()) - 1, UsualCosts()), budget,
+                kSampleStep);
+  }
+  EXPECT_EQ(comparisons, std::vector<int>({1, 2, 3, 4}));
 }
 
 TEST(FrameSampling, KeepsTheBudgetAndNeverTakesSamplesBack) {
@@ -88,9 +136,9 @@ TEST(FrameSampling, KeepsTheBudgetAndNeverTakesSamplesBack) {
 
 TEST(FrameSampling, GivesSamplesByErrorOverCost) {
   std::vector<double> amplitudes = Ones();
-  std::vector<double> costs = Ones();
+  std::vector<double> costs = UsualCosts();
   for (size_t i = 0; i < kBlocks / 2; ++i) amplitudes[i] = 4;
-  for (size_t i = kBlocks / 2; i < kBlocks; i += 2) costs[i] = 2;
+  for (size_t i = kBlocks / 2; i < kBlocks; i += 2) costs[i] *= 2;
   const Allocation last = RunFrame(Settings(), amplitudes, costs).rounds().back();
   const double cheap = last[kBlocks - 1];
   EXPECT_NEAR(last[0] / cheap, std::pow(4, 1 / 1.75), 0.05);
@@ -100,7 +148,7 @@ TEST(FrameSampling, GivesSamplesByErrorOverCost) {
 TEST(FrameSampling, LowersTheErrorBelowThatOfUniformSampling) {
   std::vector<double> amplitudes;
   for (size_t i = 0; i < kBlocks; ++i) amplitudes.push_back(std::pow(1.05, static_cast<double>(i)));
-  const Allocation last = RunFrame(Settings(), amplitudes, Ones()).rounds().back();
+  const Allocation last = RunFrame(Settings(), amplitudes, UsualCosts()).rounds().back();
   const Allocation uniform(kBlocks, static_cast<uint32_t>(kBudget));
   EXPECT_LT(MeanOf(ErrorsAt(last, amplitudes)), 0.9 * MeanOf(ErrorsAt(uniform, amplitudes)));
 }
@@ -108,29 +156,32 @@ TEST(FrameSampling, LowersTheErrorBelowThatOfUniformSampling) {
 TEST(FrameSampling, GivesABlockThatLooksCleanItsShare) {
   std::vector<double> amplitudes = Ones();
   amplitudes[5] = 0;
-  const Allocation last = RunFrame(Settings(), amplitudes, Ones()).rounds().back();
+  const Allocation last = RunFrame(Settings(), amplitudes, UsualCosts()).rounds().back();
   EXPECT_GE(last[5], 48u);  // a tenth of 512, rounded down
 }
 
 TEST(FrameSampling, LetsNoBlockDrawAllSamples) {
-  const FrameSampling sampling = RunFrame(Settings(), OneLoudBlock(1e9), Ones());
+  const FrameSampling sampling = RunFrame(Settings(), OneLoudBlock(1e9), UsualCosts());
   const std::vector<Allocation>& rounds = sampling.rounds();
-  for (size_t r = 1; r < rounds.size(); ++r) EXPECT_LE(rounds[r][37], 4 * rounds[r - 1][37]);
+  for (size_t r = 1; r < rounds.size(); ++r) {
+    const double growth = MeanCost(rounds[r], UsualCosts()) / MeanCost(rounds[r - 1], UsualCosts());
+    EXPECT_LE(rounds[r][37], 8.1 * growth * rounds[r - 1][37]);
+  }
   EXPECT_LE(rounds.back()[37], 16 * kBudget);
   EXPECT_GE(*std::min_element(rounds.back().begin(), rounds.back().end()), 48u);
 }
 
 TEST(FrameSampling, EndsABlackFrameEarly) {
-  const FrameSampling sampling = RunFrame(Settings(), std::vector<double>(kBlocks, 0.0), Ones());
+  const FrameSampling sampling = RunFrame(Settings(), std::vector<double>(kBlocks, 0.0), UsualCosts());
   EXPECT_TRUE(sampling.is_final());
-  EXPECT_LE(sampling.rounds().back()[0], 24u);
+  EXPECT_LE(sampling.rounds().back()[0], 48u);
   EXPECT_EQ(sampling.PredictedError(), 0);
 }
 
 TEST(FrameSampling, EndsAtTheTarget) {
   SamplingSettings settings = Settings();
   settings.target_error = 1 / std::pow(100.0, 0.75);  // of 100 samples, uniformly
-  const FrameSampling sampling = RunFrame(settings, Ones(), Ones());
+  const FrameSampling sampling = RunFrame(settings, Ones(), UsualCosts());
   EXPECT_TRUE(sampling.is_final());
   EXPECT_LE(sampling.PredictedError(), settings.target_error);
   EXPECT_LT(sampling.rounds().back()[0], 200u);
@@ -139,7 +190,7 @@ TEST(FrameSampling, EndsAtTheTarget) {
 TEST(FrameSampling, SpendsTheBudgetOnATargetOutOfReach) {
   SamplingSettings settings = Settings();
   settings.target_error = 1e-9;
-  const FrameSampling sampling = RunFrame(settings, Ones(), Ones());
+  const FrameSampling sampling = RunFrame(settings, Ones(), UsualCosts());
   EXPECT_TRUE(sampling.is_final());
   EXPECT_NEAR(MeanCost(sampling.rounds().back(), Ones()), kBudget, kSampleStep);
   EXPECT_GT(sampling.PredictedError(), settings.target_error);
@@ -148,8 +199,8 @@ TEST(FrameSampling, SpendsTheBudgetOnATargetOutOfReach) {
 TEST(FrameSampling, KeepsWhatItKnowsOfBlocksWithoutNewSamples) {
   FrameSampling sampling(Settings());
   const std::vector<double> amplitudes = OneLoudBlock(20);
-  sampling.AddEstimate(1, ErrorsAt(sampling.rounds()[1], amplitudes), Ones());
-  sampling.AddEstimate(2, std::vector<double>(kBlocks, -1.0), Ones());
+  sampling.AddEstimate(1, ErrorsAt(sampling.rounds()[1], amplitudes), UsualCosts());
+  sampling.AddEstimate(2, std::vector<double>(kBlocks, -1.0), UsualCosts());
   const Allocation& last = sampling.rounds().back();
   EXPECT_GT(last[37], 2 * last[0]);
 }
@@ -161,7 +212,7 @@ TEST(FrameSampling, FollowsABudgetThatChanges) {
   sampling.SetBudget(100);
   for (size_t round = 1; !sampling.is_final(); ++round) {
     ASSERT_LT(round, sampling.rounds().size());
-    sampling.AddEstimate(static_cast<int>(round), ErrorsAt(sampling.rounds()[round], Ones()), Ones());
+    sampling.AddEstimate(static_cast<int>(round), ErrorsAt(sampling.rounds()[round], Ones()), UsualCosts());
   }
   const int last = static_cast<int>(sampling.rounds().size()) - 1;
   EXPECT_NEAR(sampling.MeanCostOf(last, Ones()), 100, kSampleStep);
@@ -169,14 +220,14 @@ TEST(FrameSampling, FollowsABudgetThatChanges) {
   spent.SetBudget(1);
   for (const int round : {1, 2}) {
     EXPECT_FALSE(spent.is_final());
-    spent.AddEstimate(round, ErrorsAt(spent.rounds()[static_cast<size_t>(round)], Ones()), Ones());
+    spent.AddEstimate(round, ErrorsAt(spent.rounds()[static_cast<size_t>(round)], Ones()), UsualCosts());
   }
   EXPECT_TRUE(spent.is_final());
   EXPECT_EQ(spent.rounds().size(), 3u) << "samples that were granted stay granted";
 }
 
 TEST(FrameSampling, MeasuresTheLastRoundWhereItHasNewSamples) {
-  const FrameSampling sampling = RunFrame(Settings(), Ones(), Ones());
+  const FrameSampling sampling = RunFrame(Settings(), Ones(), UsualCosts());
   std::vector<double> errors(kBlocks, 5.0);
   EXPECT_EQ(sampling.MeasuredError(errors), 5);
   errors.assign(kBlocks, -1.0);

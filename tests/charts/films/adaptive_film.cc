@@ -131,10 +131,9 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
     }
     if (round > 0 && !sampling.is_final()) sampling.AddEstimate(static_cast<int>(round), errors, costs);
     if (is_last() && result.estimates > 0) result.estimated_error = sampling.MeasuredError(errors);
-    if (now.has_value() || is_last()) earlier = std::move(now);
+    if (now.has_value()) earlier = std::move(now);
     charge(&result.filter_seconds);
   }
-  if (!earlier.has_value()) earlier = Filtered{tiles.Film()};
   earlier->Filter(pool);
   charge(&result.filter_seconds);
   result.film = std::move(earlier->film);

@@ -177,17 +177,48 @@ def service_faults(manifests, service):
             yield f"port {port['port']} is not the pods' {port['targetPort']}"
 
 
+def hosts_of(manifests):
+    """The ports of each service, by its name, and of each pod of a StatefulSet, by its name within its service."""
+    hosts = {s["metadata"]["name"]: [p["port"] for p in s["spec"]["ports"]] for s in of_kind(manifests, "Service")}
+    for workload in of_kind(manifests, "StatefulSet"):
+        service = workload["spec"].get("serviceName")
+        for i in range(workload["spec"]["replicas"]):
+            hosts[f"{workload['metadata']['name']}-{i}.{service}"] = hosts.get(service, [])
+    return hosts
+
+
+def member_faults(manifests, workload):
+    """That several coordinators can share their jobs, and find each other."""
+    replicas = workload["spec"].get("replicas", 1)
+    if workload["kind"] != "StatefulSet" or replicas == 1:
+        return
+    for container in pod_of(workload)["containers"]:
+        if "LUMIFOLD_STORE" not in [variable["name"] for variable in container.get("env", [])]:
+            yield f"{name_of(workload)}: {replicas} coordinators have no PostgreSQL"
+        ports = set(ports_of(container).values())
+        addresses = [a.removeprefix("--advertise=") for a in container["args"] if a.startswith("--advertise=")]
+        if addresses not in [[f"$(POD).{workload['spec'].get('serviceName')}:{port}"] for port in ports]:
+            yield f"{name_of(workload)}: others do not reach each of {replicas} coordinators at {addresses}"
+
+
 def address_faults(manifests):
-    """That workers get the address of the service, and certificates its name."""
+    """That workers get addresses of the services or of all coordinators, and certificates their names."""
     services = {s["metadata"]["name"]: s for s in of_kind(manifests, "Service")}
+    hosts = hosts_of(manifests)
     for workload in workloads(manifests):
+        yield from member_faults(manifests, workload)
         for container in containers_of(workload):
             for variable in container.get("env", []):
                 if variable["name"] != "COORDINATOR":
                     continue
-                host, port = variable["value"].split(":")
-                if int(port) not in [p["port"] for p in services.get(host, {"spec": {"ports": []}})["spec"]["ports"]]:
-                    yield f"{name_of(workload)}: there is no service {variable['value']}"
+                addresses = variable["value"].split(",")
+                for address in addresses:
+                    host, port = address.split(":")
+                    if int(port) not in hosts.get(host, []):
+                        yield f"{name_of(workload)}: there is no service {address}"
+                pods = {host for host in hosts if "." in host}
+                if len(addresses) > 1 and {address.split(":")[0] for address in addresses} != pods:
+                    yield f"{name_of(workload)}: the coordinators are {sorted(pods)}"
         service = workload["spec"].get("serviceName")
         if workload["kind"] == "StatefulSet" and services.get(service, {"spec": {}})["spec"].get("clusterIP") != "None":
             yield f"{name_of(workload)}: there is no headless service {service}"

@@ -73,6 +73,11 @@ BROKEN = [
     ("workers for another service", lambda manifests, adapter: rules.pod_of(
         find(manifests, "Deployment", "lumifold-worker"))["initContainers"][0]["env"][1].update(value="farm:7700"),
      "no service farm:7700"),
+    ("workers that do not know all coordinators", lambda manifests, adapter: find(
+        manifests, "StatefulSet", "lumifold")["spec"].update(replicas=4), "the coordinators are"),
+    ("several coordinators with SQLite", coordinator(lambda c: c["env"].pop()), "have no PostgreSQL"),
+    ("coordinators that the others do not find", coordinator(lambda c: replace_argument(
+        c, "--advertise=$(POD).lumifold-coordinators:7700", "--advertise=lumifold:7700")), "others do not reach"),
     ("another image", worker(lambda c: c.update(image="registry.example.org/lumifold-wrker:0.1.0")), "none of the Dockerfile's"),
     ("another version", worker(lambda c: c.update(image=c["image"].replace(":0.1.0", ":0.0.9"))), "none of the Dockerfile's"),
     ("no limit of memory", worker(lambda c: c["resources"]["limits"].pop("memory")), "no limits of memory"),

@@ -29,11 +29,12 @@ class ManualTest(unittest.TestCase):
     def test_commands_of_our_programs(self):
         ours = [words for words in commands("kubernetes") if words[0].startswith("lumifold")]
         ours += [words[words.index("--") + 1:] for words in commands("kubernetes") if "--" in words]
+        ours += [words for words in commands("several") if words[0].startswith("lumifold")]
         for words in commands("compose"):
             for service, program in (("coordinator", "lumifold-server"), ("worker", "lumifold-worker")):
                 if "run" in words and service in words:
                     ours.append([program, *words[words.index(service) + 1:]])
-        self.assertGreaterEqual(len(ours), 7)
+        self.assertGreaterEqual(len(ours), 13)
         self.assertEqual([fault for words in ours for fault in program_faults(words)], [])
         self.assertEqual(len(program_faults(["lumifold-server", "init", "--nmae", "x"])), 1)
 

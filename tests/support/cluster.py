@@ -59,7 +59,7 @@ class Cluster(contextlib.AbstractContextManager):
     def owner(self, job, at):
         """The process that owns the job, as `at` says; None while nobody does."""
         answer = self.client("status", job, "--json", at=at, check=False)
-        address = json.loads(answer.stdout)["coordinator"] if answer.returncode == 0 else ""
+        address = json.loads(answer.stdout).get("coordinator", "") if answer.returncode == 0 else ""
         return next((each for each in self.coordinators if each.address == address), None)
 
     def living(self):

@@ -1,4 +1,4 @@
-// Load on a real coordinator: its own process, N workers over real sockets that answer each lease with a unit
+// Load on a real coordinator, or on several over one PostgreSQL (LUMIFOLD_STORE): processes of their own, N workers over real sockets that answer each lease with a unit
 // that is ready. Prints one "name value" pair a line. Exits with 1 where the coordinator refused a unit, ended
 // a stream or committed nothing.
 #include <fcntl.h>
@@ -44,6 +44,7 @@ struct Flags {
   int workers = 8;
   int slots = 2;
   int jobs = 1;
+  int coordinators = 1;
   double seconds = 10;
   int size = 1024;
   int tile = 32;
@@ -69,6 +70,11 @@ void AddFlags(CLI::App* app, Flags* flags) {
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app->add_option("--jobs", flags->jobs)->check(CLI::Range(1, 1'000'000))->capture_default_str();
+  app->add_option(
+         "--coordinators", flags->coordinators,
+         "That share the workers, with --jobs jobs each; more than one take LUMIFOLD_STORE=postgresql://...")
+      ->check(CLI::Range(1, 16))
+      ->capture_default_str();
   app->add_option("--seconds", flags->seconds, "Time of measurement")->capture_default_str();
   app->add_option("--size", flags->size, "Width and height of a frame, in pixels")->capture_default_str();
   app->add_option("--tile", flags->tile, "Tile size in pixels")->capture_default_str();
@@ -159,14 +165,15 @@ double DiskBytesPerSecond(const std::string& path, int64_t bytes, size_t piece) 
   return static_cast<double>(bytes) / seconds;
 }
 
-/// Workers that load a coordinator until they are destroyed.
+/// Workers that load coordinators, each one of them, until they are destroyed.
 class Load {
  public:
   /// `units` must outlive it.
-  Load(const std::string& address, const rpc::Security& security, int workers, int slots, ReadyUnits* units) {
-    for (int i = 0; i < workers; ++i)
-      workers_.push_back(
-          std::make_unique<LoadWorker>(address, security, absl::StrCat("load-", i), slots, units, &counters));
+  Load(const std::vector<std::string>& addresses, const rpc::Security& security, int workers, int slots,
+       ReadyUnits* units) {
+    for (size_t i = 0; i < static_cast<size_t>(workers); ++i)
+      workers_.push_back(std::make_unique<LoadWorker>(addresses[i % addresses.size()], security,
+                                                      absl::StrCat("load-", i), slots, units, &counters));
     pulse_ = std::thread([this] {
       while (!stop_.WaitFor(kHeartbeat)) {
         for (const std::unique_ptr<LoadWorker>& worker : workers_) worker->SendHeartbeat();
@@ -224,12 +231,45 @@ absl::StatusOr<std::unique_ptr<ReadyUnits>> MakeUnits(const Flags& flags) {
                                            .float32 = flags.float32});
 }
 
-/// Uploads the scene and submits --jobs jobs.
-absl::Status SubmitJobs(const Flags& flags, Client& client) {
+/// Coordinators over one data folder.
+class Servers {
+ public:
+  absl::Status Start(const Flags& flags, const ScratchFolder& folder) {
+    for (int i = 0; i < flags.coordinators; ++i) {
+      absl::StatusOr<std::unique_ptr<ServerProcess>> server =
+          ServerProcess::Start(flags.server, folder.Path("data"), folder.Path(absl::StrCat("log-", i)));
+      if (!server.ok()) return server.status();
+      processes_.push_back(*std::move(server));
+    }
+    return absl::OkStatus();
+  }
+  std::vector<std::string> addresses() const {
+    std::vector<std::string> addresses;
+    for (const std::unique_ptr<ServerProcess>& server : processes_) addresses.push_back(server->address());
+    return addresses;
+  }
+  double cpu_seconds() const {
+    double seconds = 0;
+    for (const std::unique_ptr<ServerProcess>& server : processes_) seconds += server->cpu_seconds();
+    return seconds;
+  }
+  int64_t rss_bytes() const {
+    int64_t bytes = 0;
+    for (const std::unique_ptr<ServerProcess>& server : processes_) bytes += server->rss_bytes();
+    return bytes;
+  }
+  void Stop() { processes_.clear(); }
+
+ private:
+  std::vector<std::unique_ptr<ServerProcess>> processes_;
+};
+
+/// Uploads the scene and submits --jobs jobs to one coordinator.
+absl::Status SubmitJobs(const Flags& flags, Client& client, const std::string& prefix = "load-") {
   const absl::StatusOr<v1::SceneRef> scene = client.UploadScene();
   if (!scene.ok()) return scene.status();
   for (int i = 0; i < flags.jobs; ++i) {
-    if (absl::Status status = client.Submit(SpecOf(flags, *scene), absl::StrCat("load-", i)).status();
+    if (absl::Status status = client.Submit(SpecOf(flags, *scene), absl::StrCat(prefix, i)).status();
         !status.ok())
       return status;
   }
@@ -244,7 +284,7 @@ bool IsClean(const Load& load) {
 
 /// A state of the load, to be subtracted from a later one.
 struct Snapshot {
-  Snapshot(const Load& load, const ServerProcess& server)
+  Snapshot(const Load& load, const Servers& server)
       : at(rpc::MonotonicNow()),
         units(static_cast<double>(load.counters.committed)),
         bytes(static_cast<double>(load.counters.committed_bytes)),
@@ -263,8 +303,8 @@ void PrintTimes(const char* what, const std::vector<double>& sorted) {
   Print(absl::StrCat(what, "_max_ms"), Quantile(sorted, 1), 3);
 }
 
-/// Prints the server's memory at ten moments of the load, and returns after `seconds`.
-void WatchMemory(const ServerProcess& server, double seconds) {
+/// Prints the servers' memory at ten moments of the load, and returns after `seconds`.
+void WatchMemory(const Servers& server, double seconds) {
   constexpr int kMoments = 10;
   for (int i = 0; i < kMoments; ++i) {
     absl::SleepFor(absl::Seconds(seconds / kMoments));
@@ -279,16 +319,19 @@ int MeasureUnits(const Flags& flags) {
   const ScratchFolder folder(flags.folder);
   absl::StatusOr<LoadAccess> access = SetUpAccess(flags, folder);
   if (!access.ok()) return Fail(access.status());
-  absl::StatusOr<std::unique_ptr<ServerProcess>> server =
-      ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
-  if (!server.ok()) return Fail(server.status());
-  if (absl::Status status = access->Join((*server)->address()); !status.ok()) return Fail(status);
-  Client client((*server)->address(), access->client());
-  if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
+  Servers servers;
+  if (absl::Status status = servers.Start(flags, folder); !status.ok()) return Fail(status);
+  const std::vector<std::string> addresses = servers.addresses();
+  if (absl::Status status = access->Join(addresses.front()); !status.ok()) return Fail(status);
+  for (const std::string& address : addresses) {
+    Client client(address, access->client());
+    if (absl::Status status = SubmitJobs(flags, client, absl::StrCat("load-", address, "-")); !status.ok())
+      return Fail(status);
+  }
   double unit_bytes = 0;
   bool clean = false;
   {
-    Load load((*server)->address(), access->worker(), flags.workers, flags.slots, units_to_send->get());
+    Load load(addresses, access->worker(), flags.workers, flags.slots, units_to_send->get());
     // The first units of a job are those of the geometry; the passes are measured.
     const int64_t first_units = int64_t{flags.size / flags.tile} * (flags.size / flags.tile) * flags.jobs;
     if (!load.WaitForWorkers() || !load.WaitForUnits(std::min(first_units, int64_t{5000}))) {
@@ -296,15 +339,16 @@ int MeasureUnits(const Flags& flags) {
       return Fail(absl::UnavailableError("the workers get no leases"));
     }
     load.counters.StartTiming();
-    const Snapshot first(load, **server);
-    WatchMemory(**server, flags.seconds);
-    const Snapshot last(load, **server);
+    const Snapshot first(load, servers);
+    WatchMemory(servers, flags.seconds);
+    const Snapshot last(load, servers);
     load.counters.StopTiming();
     clean = IsClean(load) && last.units > first.units;
     const double seconds = absl::ToDoubleSeconds(last.at - first.at);
     const double units = last.units - first.units;
     unit_bytes = (last.bytes - first.bytes) / std::max(1.0, units);
     Print("units_per_second", units / seconds);
+    Print("committed_units", last.units, 0);  // since the start
     Print("mb_per_second", (last.bytes - first.bytes) / seconds / kMega);
     Print("bytes_per_unit", unit_bytes, 0);
     Print("server_cpu_seconds_per_1000_units", (last.server_cpu - first.server_cpu) / units * 1000, 4);
@@ -313,7 +357,7 @@ int MeasureUnits(const Flags& flags) {
     PrintTimes("lease", load.counters.lease_ms());
     PrintTimes("commit", load.counters.commit_ms());
   }
-  *server = nullptr;
+  servers.Stop();
   std::filesystem::remove_all(folder.Path("data"));
   const auto piece = static_cast<size_t>(unit_bytes);
   const int64_t bytes = std::min(int64_t{2} << 30, static_cast<int64_t>(unit_bytes * 500 * flags.seconds));
@@ -334,7 +378,7 @@ int MeasureRestart(const Flags& flags) {
   {
     Client client((*server)->address(), access->client());
     if (absl::Status status = SubmitJobs(flags, client); !status.ok()) return Fail(status);
-    Load load((*server)->address(), access->worker(), flags.workers, flags.slots, units->get());
+    Load load({(*server)->address()}, access->worker(), flags.workers, flags.slots, units->get());
     if (!load.WaitForUnits(flags.units) || !IsClean(load))
       return Fail(absl::UnavailableError("the units are not committed"));
     Print("committed_units", static_cast<double>(load.counters.committed), 0);
@@ -344,7 +388,7 @@ int MeasureRestart(const Flags& flags) {
   server = ServerProcess::Start(flags.server, folder.Path("data"), folder.Path("log"));
   if (!server.ok()) return Fail(server.status());
   Print("restart_seconds", absl::ToDoubleSeconds(rpc::MonotonicNow() - start), 3);
-  Load load((*server)->address(), access->worker(), flags.workers, flags.slots, units->get());
+  Load load({(*server)->address()}, access->worker(), flags.workers, flags.slots, units->get());
   if (!load.WaitForUnits(1) || !IsClean(load)) return Fail(absl::UnavailableError("the job does not go on"));
   Print("first_commit_seconds", absl::ToDoubleSeconds(rpc::MonotonicNow() - start), 3);
   return 0;

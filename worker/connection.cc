@@ -20,6 +20,7 @@
 #include "proto/rpc/version.h"
 #include "spdlog/spdlog.h"
 #include "worker/asset_cache.h"
+#include "worker/asset_folder.h"
 #include "worker/remote_sources.h"
 #include "worker/render/renderer.h"
 #include "worker/route.h"
@@ -405,7 +406,10 @@ absl::Status RunWorker(const Coordinators& coordinators, const WorkerOptions& op
       options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
   CurrentCoordinator current;
   const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(&current);
-  AssetCache cache(assets.get(), kAssetCacheBytes);
+  AssetFolder folder(assets.get(),
+                     {.path = options.asset_folder, .max_bytes = options.asset_folder_bytes, .log = log});
+  AssetSource* const source = options.asset_folder.empty() ? assets.get() : &folder;
+  AssetCache cache(source, kAssetCacheBytes);
   UnitRenderer renderer(&cache);
   const std::unique_ptr<SpecSource> spec_source = MakeRemoteSpecSource(&current);
   SpecCache specs(spec_source.get());

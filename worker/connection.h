@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -28,6 +29,9 @@ struct WorkerOptions {
   std::vector<std::string> tags = {};
   /// Log of events; null for none.
   std::shared_ptr<spdlog::logger> log = nullptr;
+  /// Where assets are kept for other workers of this machine and later ones, see AssetFolder; empty: in memory alone.
+  std::string asset_folder = {};
+  uint64_t asset_folder_bytes = uint64_t{20} << 30;
 
   /// Once it is notified the worker leaves: it takes no more leases, hands back those that wait, finishes the units
   /// being rendered within `drain`, hands back the others, and ends. So it does when an operator drains it. Null:

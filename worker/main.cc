@@ -30,6 +30,7 @@
 #include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
 #include "spdlog/spdlog.h"
+#include "worker/asset_folder.h"
 #include "worker/certificate_renewal.h"
 #include "worker/connection.h"
 #include "worker/fence/fence.h"
@@ -98,6 +99,8 @@ struct Flags {
   std::string user = fence::DefaultUser();
   std::optional<uint64_t> memory_mb;  // default: by the machine
   bool no_fence = false;
+  std::string asset_cache;
+  uint64_t asset_cache_gb = 20;
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
@@ -120,6 +123,12 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--exit-when-idle", flags->exit_when_idle_seconds,
                   "Seconds without a unit after which the worker ends (default: never)")
       ->check(CLI::Range(0.0, 1e9));
+  app->add_option("--asset-cache", flags->asset_cache,
+                  "Folder of this machine where files of scenes are kept for other workers and later ones");
+  app->add_option("--asset-cache-gb", flags->asset_cache_gb,
+                  "Size at which the least recently used of them go")
+      ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str();
   app->add_option("--memory-mb", flags->memory_mb,
                   "Limit of the address space in MiB; 0: none (default: the machine's memory and a reserve)");
   app->add_option("--user", flags->user,
@@ -140,7 +149,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
 
 /// Files and sockets of gRPC and the log; a coordinator and its names need a few dozen.
 constexpr uint64_t kMaxOpenFiles = 1024;
-/// A worker writes no files but its log and its certificate.
+/// A worker writes no files but its log, its certificate and the assets of --asset-cache; larger ones are not kept there.
 constexpr uint64_t kMaxFileBytes = uint64_t{16} << 30;
 constexpr uint16_t kDnsPort = 53;
 
@@ -236,6 +245,16 @@ absl::StatusOr<std::string> UserFor(const Flags& flags, const Target& target) {
   return owner->pw_name;
 }
 
+/// Makes the folder of --asset-cache, before the fence, which opens what is there.
+absl::Status PrepareAssetCache(const Flags& flags, const Target& target) {
+  if (flags.asset_cache.empty()) return absl::OkStatus();
+  const absl::StatusOr<std::string> user = UserFor(flags, target);
+  if (!user.ok()) return user.status();
+  const passwd* const becomes = geteuid() == 0 && !flags.no_fence ? getpwnam(user->c_str()) : nullptr;
+  return lumifold::worker::MakeAssetFolder(flags.asset_cache,
+                                           becomes == nullptr ? geteuid() : becomes->pw_uid);
+}
+
 /// Enters the fence, before any thread starts: it holds only for threads that start later.
 absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& target) {
   if (flags.no_fence) return fence::FenceReport();
@@ -248,6 +267,7 @@ absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& 
   options.open_files = kMaxOpenFiles;
   options.file_bytes = kMaxFileBytes;
   if (!target.folder.empty()) options.writable = {target.folder};  // its certificate is renewed there
+  if (!flags.asset_cache.empty()) options.writable.push_back(flags.asset_cache);
   options.network = true;
   options.connect_ports = PortsOf(target.servers);
   return fence::EnterFence(options);
@@ -264,6 +284,7 @@ int RunWorkerProcess(const Flags& flags) {
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
   if (!target.ok()) return Fail(target.status());
+  if (absl::Status status = PrepareAssetCache(flags, *target); !status.ok()) return Fail(status);
   const absl::StatusOr<fence::FenceReport> fenced = EnterFence(flags, *target);
   if (!fenced.ok()) return Fail(fenced.status());
   lumifold::rpc::MonotonicEvent leave;
@@ -283,6 +304,8 @@ int RunWorkerProcess(const Flags& flags) {
       .threads = flags.threads,
       .tags = flags.tags,
       .log = log,
+      .asset_folder = flags.asset_cache,
+      .asset_folder_bytes = flags.asset_cache_gb << 30,
       .leave = &leave,
       .drain = absl::Seconds(flags.drain_seconds),
       .check_identity = [&renewal] { return renewal.CheckNotExpired(); },

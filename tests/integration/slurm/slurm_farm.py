@@ -50,6 +50,7 @@ class SlurmTest(unittest.TestCase):
         """Submits workers for this test's coordinator: `options` are those of sbatch, `arguments` those of the worker. Returns
         the id of the Slurm job."""
         environment = {"LUMIFOLD_SERVER": self.farm.address, "LUMIFOLD_IDLE_SECONDS": "900",
+                       "LUMIFOLD_ASSET_CACHE": str(self.folder / "assets"),
                        "LUMIFOLD_WORKER": str(farm.BIN / "lumifold-worker"), **environment}
         return self.slurm.submit(f"--chdir={self.folder}", *options, SCRIPT, *arguments, environment=environment)
 

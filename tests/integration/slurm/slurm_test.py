@@ -29,6 +29,16 @@ class WorkersTest(SlurmTest):
         self.assertEqual([run for task in range(1, 4) for run in self.accounting(f"{array}_{task}", "State", "ExitCode", "AllocCPUS")],
                          [["COMPLETED", "0:0", "1"]] * 3)
 
+    def test_workers_of_a_node_share_the_files_of_scenes(self):
+        logs = []
+        for _ in range(2):
+            worker = self.submit_workers(arguments=["--log-level", "debug"], LUMIFOLD_IDLE_SECONDS="1")
+            self.check_picture(self.submit_job())
+            self.slurm.wait_for_state(worker, "COMPLETED")
+            logs.append(self.log_of(worker))
+        self.assertEqual([log.count("event=asset_found") for log in logs], [0, 1], logs)
+        self.assertEqual([asset.stat().st_size for asset in (self.folder / "assets").iterdir()], [self.scene.stat().st_size])
+
     def test_a_worker_has_the_processors_that_slurm_gives_it(self):
         slurm_job = self.submit_workers("--cpus-per-task=3")
         line = farm.wait_until(lambda: self.farm.client("workers", "--json").stdout, "a worker")

@@ -32,7 +32,8 @@ void Coordinator::SetFigures(ledger::Member* member) {
   member->active_jobs = static_cast<int64_t>(active_jobs_.size());
   for (const auto& [id, worker] : workers_) {
     const v1::WorkerState state = scheduler_.DescribeWorker(id)->state;
-    if (state != v1::WORKER_STATE_IDLE && state != v1::WORKER_STATE_BUSY) continue;  // it leaves, or gets no leases
+    if (state != v1::WORKER_STATE_IDLE && state != v1::WORKER_STATE_BUSY)
+      continue;  // it leaves, or gets no leases
     ++member->workers;
     member->slots += worker.slots;
   }
@@ -104,7 +105,8 @@ absl::Status Coordinator::TryToAdopt(const JobId& job) {
 }
 
 void Coordinator::MoveWorkers(const cluster::WorkerMove& move) {
-  MoveWorkers(static_cast<int>(std::min<int64_t>(move.workers, std::numeric_limits<int>::max())), move.address);
+  MoveWorkers(static_cast<int>(std::min<int64_t>(move.workers, std::numeric_limits<int>::max())),
+              move.address);
 }
 
 void Coordinator::OnExpelled() {

@@ -112,8 +112,8 @@ void AssetFolder::MakeRoom(uint64_t bytes) {
     const StoredAsset asset = {entry->path(), entry->file_size(gone), entry->last_write_time(gone)};
     if (gone) continue;
     const std::string name = asset.path.filename();
-    const bool is_left = absl::EndsWith(name, kPartial) &&
-                         fs::file_time_type::clock::now() - asset.used > kLongestWrite;
+    const bool is_left =
+        absl::EndsWith(name, kPartial) && fs::file_time_type::clock::now() - asset.used > kLongestWrite;
     if (is_left) options_.files->Remove(asset.path);
     if (!rpc::IsSha256Hex(name)) continue;  // not ours, or being written
     assets.push_back(asset);

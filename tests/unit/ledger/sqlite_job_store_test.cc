@@ -181,8 +181,9 @@ TEST_F(SqliteJobStoreTest, PurgedRowsAndDeletedJobsLeaveNothing) {
 
 TEST_F(SqliteJobStoreTest, ALedgerOfSchema3GetsTheColumnOfErrors) {
   ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
-  RunSql("ALTER TABLE jobs DROP COLUMN estimated_error; DROP TABLE coordinators; DROP INDEX jobs_by_epoch; "
-         "PRAGMA user_version=3");
+  RunSql(
+      "ALTER TABLE jobs DROP COLUMN estimated_error; DROP TABLE coordinators; DROP INDEX jobs_by_epoch; "
+      "PRAGMA user_version=3");
   const std::unique_ptr<JobStore> store = Open();
   ASSERT_NE(store, nullptr);
   EXPECT_EQ(store->GetJob(JobId("j-a"))->estimated_error, std::nullopt);

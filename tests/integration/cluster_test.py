@@ -22,6 +22,10 @@ class ClusterTest(ClusterCase):
         wait_until(lambda: cluster.status(job, at=second)["units_done"] > 0, "progress, at the other one")
         self.assertEqual(cluster.status(job, at=second)["coordinator"], first.address)
         self.assertIn(job, cluster.client("list", at=second).stdout)
+        # What the autoscaler asks for, wherever it asks.
+        members = json.loads(cluster.client("server-status", "--json", at=second).stdout)["coordinators"]
+        self.assertEqual([(each["address"], each["demand"] > 0) for each in members],
+                         [(first.address, True), (second.address, False)])
         cluster.client("pause", job, at=second)
         self.assertEqual(cluster.status(job, at=first)["state"].upper(), "PAUSED")
         cluster.client("resume", job, at=second)

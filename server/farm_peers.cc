@@ -1,6 +1,9 @@
 #include "server/farm_peers.h"
 
+#include <grpcpp/alarm.h>
+
 #include <algorithm>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/monotonic.h"
@@ -11,6 +14,10 @@ namespace {
 
 /// Of a forwarded call: less than clients wait for a try, so that they get an answer if the peer gives none.
 constexpr absl::Duration kLongestCall = absl::Seconds(8);
+
+/// Of the time that a client has, so that it gets an answer before it gives up.
+constexpr double kShareOfDeadline = 0.8;
+constexpr absl::Duration kOwnerPause = absl::Milliseconds(200);
 
 }  // namespace
 
@@ -57,6 +64,19 @@ FarmPeers::Peer FarmPeers::ConnectTo(const std::string& address) {
   std::shared_ptr<grpc::Channel>& channel = channels_[address];
   if (channel == nullptr) channel = rpc::MakeChannel(address, options_.security, rpc::kQuickKeepAlive);
   return {address, channel};
+}
+
+absl::Time FarmPeers::Patience(const grpc::CallbackServerContext& context) {
+  return rpc::MonotonicNow() +
+         std::min(rpc::TimeUntil(context.raw_deadline()) * kShareOfDeadline, kLongestCall);
+}
+
+void FarmPeers::AfterPause(std::function<void()> next) {
+  auto* const alarm = new grpc::Alarm();
+  alarm->Set(rpc::MonotonicDeadline(kOwnerPause), [alarm, next = std::move(next)](bool) {
+    next();
+    delete alarm;
+  });
 }
 
 absl::Status FarmPeers::ErrorOf(const std::string& address, const absl::Status& status) {

@@ -59,6 +59,11 @@ class FarmPeers {
   /// Errors: kNotFound for no member.
   absl::StatusOr<Peer> PeerOf(ledger::Epoch epoch);
 
+  /// Until when a call waits for an owner: less than its client does.
+  static absl::Time Patience(const grpc::CallbackServerContext& context);
+  /// Calls `next` on another thread, after a part of the time in which a lost coordinator's jobs are taken over.
+  static void AfterPause(std::function<void()> next);
+
   /// Adds to the context of a forwarded call whose it is, and of a unary one when it ends.
   void PrepareStream(const access::Identity& caller, grpc::ClientContext* to) const;
   void Prepare(const grpc::CallbackServerContext& from, const access::Identity& caller,

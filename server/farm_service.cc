@@ -9,6 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "lumifold/v1/farm.grpc.pb.h"
+#include "proto/rpc/monotonic.h"
 #include "server/access/identity.h"
 #include "server/asset_checks.h"
 #include "server/call_gate.h"
@@ -111,7 +112,9 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
             if (absl::IsUnavailable(status.status())) return recorded();
             done(std::move(status));
           };
-          AtOwner<v1::JobStatus>(*context, "GetJob", call.caller(), *request, of_owner, recorded);
+          // It does not wait: what is recorded is an answer.
+          AtOwner<v1::GetJobRequest, v1::JobStatus>({context, gate_.PathOf("GetJob"), call.caller(), request,
+                                                     of_owner, recorded, absl::InfinitePast()});
         });
   }
   grpc::ServerUnaryReactor* ListJobs(grpc::CallbackServerContext* context, const v1::ListJobsRequest* request,
@@ -138,28 +141,29 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   }
   grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
                                       const v1::CancelJobRequest* request, v1::JobStatus* response) override {
-    return AnswerOfJobLater(
-        context, "CancelJob", *request, response,
-        [&](const Coordinator::StatusAnswer& done) { coordinator_->CancelJob(request->job_id(), done); });
+    return AnswerOfJobLater(context, "CancelJob", *request, response,
+                            [this, request](const Coordinator::StatusAnswer& done) {
+                              coordinator_->CancelJob(request->job_id(), done);
+                            });
   }
   grpc::ServerUnaryReactor* RetryJob(grpc::CallbackServerContext* context, const v1::RetryJobRequest* request,
                                      v1::JobStatus* response) override {
     return AnswerOfJobLater(
         context, "RetryJob", *request, response,
-        [&](const Coordinator::StatusAnswer& done) { coordinator_->RetryJob(*request, done); });
+        [this, request](const Coordinator::StatusAnswer& done) { coordinator_->RetryJob(*request, done); });
   }
   grpc::ServerUnaryReactor* AddSamples(grpc::CallbackServerContext* context,
                                        const v1::AddSamplesRequest* request,
                                        v1::JobStatus* response) override {
     return AnswerOfJobLater(
         context, "AddSamples", *request, response,
-        [&](const Coordinator::StatusAnswer& done) { coordinator_->AddSamples(*request, done); });
+        [this, request](const Coordinator::StatusAnswer& done) { coordinator_->AddSamples(*request, done); });
   }
   grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* context,
                                       const v1::DeleteJobRequest* request,
                                       v1::DeleteJobResponse* response) override {
     return AnswerOfJobLater(
-        context, "DeleteJob", *request, response, [&](const Done<v1::DeleteJobResponse>& done) {
+        context, "DeleteJob", *request, response, [this, request](const Done<v1::DeleteJobResponse>& done) {
           coordinator_->DeleteJob(*request, [done](const absl::StatusOr<v1::JobStatus>& last) {
             if (!last.ok()) return done(last.status());
             done(v1::DeleteJobResponse());
@@ -179,24 +183,24 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   grpc::ServerUnaryReactor* PauseJob(grpc::CallbackServerContext* context, const v1::PauseJobRequest* request,
                                      v1::JobStatus* response) override {
     return AnswerOfJob(context, "PauseJob", *request, response,
-                       [&] { return coordinator_->PauseJob(request->job_id()); });
+                       [this, request] { return coordinator_->PauseJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* ResumeJob(grpc::CallbackServerContext* context,
                                       const v1::ResumeJobRequest* request, v1::JobStatus* response) override {
     return AnswerOfJob(context, "ResumeJob", *request, response,
-                       [&] { return coordinator_->ResumeJob(request->job_id()); });
+                       [this, request] { return coordinator_->ResumeJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* SetJobPriority(grpc::CallbackServerContext* context,
                                            const v1::SetJobPriorityRequest* request,
                                            v1::JobStatus* response) override {
     return AnswerOfJob(context, "SetJobPriority", *request, response,
-                       [&] { return coordinator_->SetJobPriority(*request); });
+                       [this, request] { return coordinator_->SetJobPriority(*request); });
   }
   grpc::ServerUnaryReactor* ExplainJob(grpc::CallbackServerContext* context,
                                        const v1::ExplainJobRequest* request,
                                        v1::ExplainJobResponse* response) override {
     return AnswerOfJob(context, "ExplainJob", *request, response,
-                       [&] { return coordinator_->ExplainJob(request->job_id()); });
+                       [this, request] { return coordinator_->ExplainJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* ListWorkers(grpc::CallbackServerContext* context,
                                         const v1::ListWorkersRequest* request,
@@ -226,14 +230,15 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   }
   grpc::ServerUnaryReactor* GetLog(grpc::CallbackServerContext* context, const v1::GetLogRequest* request,
                                    v1::GetLogResponse* response) override {
-    return AnswerLater(context,
-                       gate_.Admit(context, "GetLog", absl::StrCat(request->job_id(), request->worker())),
-                       response, [&](const CallGate::Call& call, const Done<v1::GetLogResponse>& done) {
-                         const absl::Status own = jobs_.CheckLog(call.caller(), *request);
-                         if (!own.ok()) return done(own);
-                         AtOwner<v1::GetLogResponse>(*context, "GetLog", call.caller(), *request, done,
-                                                     [&] { done(coordinator_->GetLog(*request)); });
-                       });
+    return AnswerLater(
+        context, gate_.Admit(context, "GetLog", absl::StrCat(request->job_id(), request->worker())), response,
+        [&](const CallGate::Call& call, const Done<v1::GetLogResponse>& done) {
+          const absl::Status own = jobs_.CheckLog(call.caller(), *request);
+          if (!own.ok()) return done(own);
+          AtOwner<v1::GetLogRequest, v1::GetLogResponse>(
+              {context, gate_.PathOf("GetLog"), call.caller(), request, done,
+               [this, request, done] { done(coordinator_->GetLog(*request)); }, peers_->Patience(*context)});
+        });
   }
   grpc::ServerWriteReactor<v1::ByteChunk>* DownloadResult(grpc::CallbackServerContext* context,
                                                           const v1::DownloadResultRequest* request) override {
@@ -250,30 +255,48 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   grpc::ServerUnaryReactor* AnswerOfJob(grpc::CallbackServerContext* context, const char* method,
                                         const Request& request, Response* response, Make make) {
     return AnswerOfJobLater(context, method, request, response,
-                            [&](const Done<Response>& done) { done(absl::StatusOr<Response>(make())); });
+                            [make](const Done<Response>& done) { done(absl::StatusOr<Response>(make())); });
   }
 
   /// The same for a call whose result comes later.
   template <typename Request, typename Response, typename Start>
   grpc::ServerUnaryReactor* AnswerOfJobLater(grpc::CallbackServerContext* context, const char* method,
                                              const Request& request, Response* response, Start start) {
-    return AnswerLater(context, gate_.Admit(context, method, request.job_id()), response,
-                       [&](const CallGate::Call& call, const Done<Response>& done) {
-                         const absl::Status own = jobs_.Check(call.caller(), request.job_id());
-                         if (!own.ok()) return done(own);
-                         AtOwner<Response>(*context, method, call.caller(), request, done,
-                                           [&] { start(done); });
-                       });
+    return AnswerLater(
+        context, gate_.Admit(context, method, request.job_id()), response,
+        [&](const CallGate::Call& call, const Done<Response>& done) {
+          const absl::Status own = jobs_.Check(call.caller(), request.job_id());
+          if (!own.ok()) return done(own);
+          AtOwner<Request, Response>({context, gate_.PathOf(method), call.caller(), &request, done,
+                                      [start, done] { start(done); }, peers_->Patience(*context)});
+        });
   }
 
-  /// Forwards a call about a job to another coordinator that owns it, or calls `here`.
-  template <typename Response, typename Request, typename Here>
-  void AtOwner(const grpc::CallbackServerContext& context, const char* method, const access::Identity& caller,
-               const Request& request, const Done<Response>& done, Here here) {
-    const absl::StatusOr<FarmPeers::Peer> owner = peers_->OwnerOf(coordinator_, context, request.job_id());
-    if (!owner.ok()) return done(owner.status());
-    if (owner->channel == nullptr) return here();
-    peers_->Forward<Response>(*owner, gate_.PathOf(method), context, caller, request, done);
+  /// A call about a job.
+  template <typename Request, typename Response>
+  struct JobCall {
+    const grpc::CallbackServerContext* context;
+    std::string path;
+    access::Identity caller;
+    const Request* request;
+    Done<Response> done;
+    std::function<void()> here;
+    absl::Time end;
+  };
+  /// Forwards a call to another coordinator that owns the job, or calls `here`. If the owner is lost, another one takes the
+  /// job over: the call is tried again until `end`.
+  template <typename Request, typename Response>
+  void AtOwner(const JobCall<Request, Response>& call) {
+    const absl::StatusOr<FarmPeers::Peer> owner =
+        peers_->OwnerOf(coordinator_, *call.context, call.request->job_id());
+    if (owner.ok() && owner->channel == nullptr) return call.here();
+    const auto answer = [this, call](absl::StatusOr<Response> response) {
+      const bool waits = absl::IsUnavailable(response.status()) && rpc::MonotonicNow() < call.end;
+      if (!waits) return call.done(std::move(response));
+      FarmPeers::AfterPause([this, call] { AtOwner(call); });
+    };
+    if (!owner.ok()) return answer(owner.status());
+    peers_->Forward<Response>(*owner, call.path, *call.context, call.caller, *call.request, answer);
   }
 
   /// A call about a worker, whichever coordinator it is connected to: one after the other is asked until one knows it.

@@ -284,7 +284,7 @@ int RunWorkerProcess(const Flags& flags) {
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
   if (!target.ok()) return Fail(target.status());
-  if (absl::Status status = PrepareAssetCache(flags, *target); !status.ok()) return Fail(status);
+  const absl::Status has_cache = PrepareAssetCache(flags, *target);
   const absl::StatusOr<fence::FenceReport> fenced = EnterFence(flags, *target);
   if (!fenced.ok()) return Fail(fenced.status());
   lumifold::rpc::MonotonicEvent leave;
@@ -295,6 +295,8 @@ int RunWorkerProcess(const Flags& flags) {
   LogFence(flags, *fenced, *log);
   log->info("event=start name={} server={} threads={} class={}", flags.name,
             absl::StrJoin(target->servers, ","), flags.threads, lumifold::render::NumericClass());
+  if (!has_cache.ok())  // what is cached is a convenience: it works without
+    log->warn("event=no_asset_cache error=\"{}\"", std::string(has_cache.message()));
   const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
                                                       .profile = target->profile,
                                                       .wall_now = lumifold::identity::ValidityClock,
@@ -304,7 +306,7 @@ int RunWorkerProcess(const Flags& flags) {
       .threads = flags.threads,
       .tags = flags.tags,
       .log = log,
-      .asset_folder = flags.asset_cache,
+      .asset_folder = has_cache.ok() ? flags.asset_cache : "",
       .asset_folder_bytes = flags.asset_cache_gb << 30,
       .leave = &leave,
       .drain = absl::Seconds(flags.drain_seconds),

@@ -177,6 +177,7 @@ class SlurmTest(FarmCase):
         cls.addClassCleanup(cls.slurm.__exit__)
         os.environ["SLURM_CONF"] = cls.slurm.environment["SLURM_CONF"]
         os.environ["LUMIFOLD_WORKER"] = str(BIN / "lumifold-worker")
+        os.environ["LUMIFOLD_ASSET_CACHE"] = ""
 
     def setUp(self):
         super().setUp()

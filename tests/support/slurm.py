@@ -108,7 +108,8 @@ class Slurm(contextlib.AbstractContextManager):
 
     def __init__(self, folder, cpus=8, accounting=False, kill_wait=20, requeue_exit=(4,), cred_expire=5):
         self.folder = pathlib.Path(folder)
-        self.environment = {**os.environ, "SLURM_CONF": str(self.folder / "slurm.conf")}
+        self.environment = {**os.environ, "SLURM_CONF": str(self.folder / "slurm.conf"),
+                            "LUMIFOLD_ASSET_CACHE": ""}  # no files that outlive the test
         self.daemons = []
         for name in ("munge", "state", "spool", "log"):
             (self.folder / name).mkdir(mode=0o755, parents=True)

@@ -37,6 +37,8 @@ class WorkersTest(SlurmTest):
             self.slurm.wait_for_state(worker, "COMPLETED")
             logs.append(self.log_of(worker))
         self.assertEqual([log.count("event=asset_found") for log in logs], [0, 1], logs)
+        self.submit_workers(LUMIFOLD_IDLE_SECONDS="1", LUMIFOLD_ASSET_CACHE="/")  # of somebody else: it works without
+        self.check_picture(self.submit_job())
         self.assertEqual([asset.stat().st_size for asset in (self.folder / "assets").iterdir()], [self.scene.stat().st_size])
 
     def test_a_worker_has_the_processors_that_slurm_gives_it(self):

@@ -132,7 +132,7 @@ FAULTS = [
     Fault("coordinator killed", "SIGKILL of the coordinator; it starts at once", kill_coordinator, logged("job_restored"),
           soak=True),
     Fault("coordinator killed 20 times", "SIGKILL at 20 random moments of one job: in commits, filter processes, starts, and any "
-          "time", kill_at_random_moments, hits_of_kills, setup=Setup(picture=Picture(samples=128, frames=8))),
+          "time", kill_at_random_moments, hits_of_kills, setup=Setup(picture=Picture(samples=128, frames=16))),
     Fault("filter process killed", "SIGKILL of a frame's filter process", kill_filter, logged("frame_retried"),
           after_units=0),
     Fault("worker stopped", f"SIGSTOP of a worker for {STOP_SECONDS:.0f} s, twice its lease", stop_worker,

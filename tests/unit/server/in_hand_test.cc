@@ -1,6 +1,7 @@
 // Units that workers have in hand from connections that broke, and workers that are sent elsewhere.
 #include <gmock/gmock.h>
 
+#include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
 #include "tests/unit/server/coordinator_fixture.h"
 
@@ -96,8 +97,12 @@ TEST_F(InHandTest, ThoseOfAJobThatBecomesActiveLaterAreLeasedThen) {
   EXPECT_THAT(worker->voided(), IsEmpty());
   v1::RetryJobRequest retry;
   retry.set_job_id(job.value());
-  coordinator_->RetryJob(retry,
-                         [](const absl::StatusOr<v1::JobStatus>& status) { EXPECT_TRUE(status.ok()); });
+  rpc::MonotonicEvent answered;
+  coordinator_->RetryJob(retry, [&answered](const absl::StatusOr<v1::JobStatus>& status) {
+    EXPECT_TRUE(status.ok()) << status.status();
+    answered.Notify();
+  });
+  ASSERT_TRUE(answered.WaitFor(absl::Minutes(1)));
   Await([&] { return worker->leases() == 2; });
   EXPECT_EQ(worker->leased(), UnitsOf(in_hand));
 }

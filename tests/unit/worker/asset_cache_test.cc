@@ -8,22 +8,12 @@
 #include <vector>
 
 #include "tests/unit/worker/fake_assets.h"
+#include "tests/unit/worker/named_assets.h"
 
 namespace lumifold::worker {
 namespace {
 
 using testing::ElementsAre;
-
-/// The content of an asset is its uri.
-class NamedAssets final : public AssetSource {
- public:
-  absl::StatusOr<std::string> Fetch(const std::string&, const v1::AssetRef& asset) override {
-    fetched.push_back(asset.uri());
-    if (asset.uri() == "missing") return absl::NotFoundError("missing");
-    return asset.uri();
-  }
-  std::vector<std::string> fetched;
-};
 
 v1::AssetRef Asset(const std::string& content) {
   v1::AssetRef asset;

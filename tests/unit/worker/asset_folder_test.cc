@@ -9,10 +9,10 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
-#include <vector>
 
 #include "proto/rpc/sha256.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/worker/named_assets.h"
 
 namespace lumifold::worker {
 namespace {
@@ -20,17 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 using testing::ElementsAre;
 using testing::HasSubstr;
-
-/// The content of an asset is its uri.
-class NamedAssets final : public AssetSource {
- public:
-  absl::StatusOr<std::string> Fetch(const std::string&, const v1::AssetRef& asset) override {
-    fetched.push_back(asset.uri());
-    if (asset.uri() == "missing") return absl::NotFoundError("missing");
-    return asset.uri();
-  }
-  std::vector<std::string> fetched;
-};
 
 v1::AssetRef Asset(const std::string& content) {
   v1::AssetRef asset;

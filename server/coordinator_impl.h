@@ -139,6 +139,7 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   void SetFigures(ledger::Member* member) override;
   void Adopt(const std::vector<ledger::AdoptedJob>& jobs) override;
   void MoveWorkers(const cluster::WorkerMove& move) override;
+  void SendWorkersAway(const std::string& address) override;
   void OnExpelled() override;
   void LookAtOthers(const std::vector<ledger::Member>& members) override;
   /// The epoch that a job belongs to. Errors: those of JobStore::GetJob.
@@ -418,7 +419,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   /// Tells the workers of new leases, which are in the order of workers.
   void SendGrants(const std::vector<scheduler::GrantedLease>& leases) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   // Units in hand, see coordinator_in_hand.cc.
-  void MoveWorker(job::WorkerId worker, const std::string& address) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void MoveWorker(job::WorkerId worker, const std::string& address, bool at_once = false)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Moves the workers that have units of the job in hand.
   void MoveWorkersWith(const job::JobId& job, const std::string& address);
   void NoteInHand(job::WorkerId worker, const v1::Hello& hello) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

@@ -87,11 +87,18 @@ void Coordinator::MoveWorkers(int count, const std::string& address) {
   for (const scheduler::WorkerInfo& worker : movable) MoveWorker(worker.worker, address);
 }
 
-void Coordinator::MoveWorker(WorkerId worker, const std::string& address) {
-  options_.log->info("event=worker_moved worker={} address={}", NameOf(worker), Quoted(address));
+void Coordinator::SendWorkersAway(const std::string& address) {
+  absl::MutexLock lock(&mutex_);
+  for (const auto& [worker, connected] : workers_) MoveWorker(worker, address, /*at_once=*/true);
+}
+
+void Coordinator::MoveWorker(WorkerId worker, const std::string& address, bool at_once) {
+  options_.log->info("event=worker_moved worker={} address={} at_once={}", NameOf(worker), Quoted(address),
+                     at_once);
   scheduler_.DrainWorker(worker);
   v1::CoordinatorMessage message;
   message.mutable_move()->set_address(address);
+  message.mutable_move()->set_at_once(at_once);
   workers_.at(worker).sink->Send(message);
 }
 

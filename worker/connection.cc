@@ -352,7 +352,8 @@ class Journey {
       const absl::Time start = rpc::MonotonicNow();
       const absl::Status status = ConnectOnce();
       if (IsOver()) break;
-      if (std::optional<std::string> address = worker_.TakeMove()) {
+      std::optional<std::string> address = worker_.TakeMove();
+      if (address.has_value() && !address->empty()) {
         route_.MoveTo(*std::move(address));
         continue;
       }

@@ -143,7 +143,7 @@ void WorkerImpl::OnMessage(const v1::CoordinatorMessage& message) {
       released_ = true;
       return;
     case v1::CoordinatorMessage::kMove:
-      return OnMove(message.move().address());
+      return OnMove(message.move());
     default:
       return;  // Welcome is handled by the connection
   }
@@ -163,7 +163,7 @@ void WorkerImpl::OnGrant(const v1::Grant& grant) {
     if (!in_hand->has_thread) waiting_.push_front(in_hand);  // it is rendered
   }
   // The coordinator has not heard yet that this worker leaves.
-  if (leaving_ || move_to_.has_value()) HandBackWaiting();
+  if (leaving_ || move_.has_value()) HandBackWaiting();
 }
 
 WorkerImpl::TakenPtr WorkerImpl::TakeInHand(const v1::Lease& lease) {
@@ -286,21 +286,24 @@ bool WorkerImpl::IsLeaving() const {
   return leaving_;
 }
 
-void WorkerImpl::OnMove(const std::string& address) {
-  if (leaving_ || move_to_.has_value()) return;
-  log_->info("event=moving address=\"{}\" leases={}", address, held_.size());
-  move_to_ = address;
+void WorkerImpl::OnMove(const v1::Move& move) {
+  const bool is_new = !move_.has_value() || (move.at_once() && !move_->at_once());
+  if (leaving_ || !is_new) return;
+  log_->info("event=moving address=\"{}\" at_once={} leases={}", move.address(), move.at_once(),
+             held_.size());
+  move_ = move;
   HandBackWaiting();
 }
 
 bool WorkerImpl::IsMoving() const {
   absl::MutexLock lock(&mutex_);
-  return move_to_.has_value();
+  return move_.has_value();
 }
 
 std::optional<std::string> WorkerImpl::TakeMove() {
   absl::MutexLock lock(&mutex_);
-  return std::exchange(move_to_, std::nullopt);
+  if (!move_.has_value()) return std::nullopt;
+  return std::exchange(move_, std::nullopt)->address();
 }
 
 void WorkerImpl::HandBackUnfinished() {
@@ -313,7 +316,8 @@ void WorkerImpl::HandBackUnfinished() {
 
 bool WorkerImpl::HasLeft() const {
   absl::MutexLock lock(&mutex_);
-  return (leaving_ ? released_ : move_to_.has_value()) && held_.empty();
+  if (leaving_) return released_ && held_.empty();
+  return move_.has_value() && (move_->at_once() || held_.empty());
 }
 
 absl::Time WorkerImpl::IdleSince() const {

@@ -45,7 +45,7 @@ class Outbox {
 /// units that are being rendered are delivered, or handed back by HandBackUnfinished(); HasLeft() is true once the
 /// coordinator has answered that no grant is under way, and every lease is acknowledged or handed back. No unit is
 /// lost by it. It moves to another coordinator in the same steps, but the coordinator grants nothing after v1::Move, and
-/// units in hand stay.
+/// units in hand stay. One that moves at once does not wait: what its threads have taken becomes units in hand.
 /// Threads: all calls are safe concurrently.
 class WorkerImpl {
  public:
@@ -80,7 +80,7 @@ class WorkerImpl {
   void Leave(const std::string& reason);
   bool IsLeaving() const;
   bool IsMoving() const;
-  /// The address to move to, if the coordinator has sent one; it is forgotten here.
+  /// The address to move to, if the coordinator has sent one, or an empty text for any other; it is forgotten here.
   std::optional<std::string> TakeMove();
   /// Hands back the leases whose units are not delivered.
   void HandBackUnfinished();
@@ -114,7 +114,7 @@ class WorkerImpl {
   void OnAck(const v1::UnitAck& ack) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnVoidLeases(const v1::VoidLeases& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnJobEnded(const std::string& job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  void OnMove(const std::string& address) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void OnMove(const v1::Move& move) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void BeginToLeave(const std::string& reason) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   /// Renders a unit and delivers it, for the lease that it has by then.
@@ -161,7 +161,7 @@ class WorkerImpl {
   bool leaving_ ABSL_GUARDED_BY(mutex_) = false;
   bool released_ ABSL_GUARDED_BY(mutex_) = false;
   std::shared_ptr<Outbox> outbox_ ABSL_GUARDED_BY(mutex_);
-  std::optional<std::string> move_to_ ABSL_GUARDED_BY(mutex_);
+  std::optional<v1::Move> move_ ABSL_GUARDED_BY(mutex_);
   std::deque<TakenPtr> waiting_ ABSL_GUARDED_BY(mutex_);
   std::vector<v1::Lease> held_ ABSL_GUARDED_BY(mutex_);
   absl::Time idle_since_ ABSL_GUARDED_BY(mutex_);  // while held_ is empty

@@ -18,6 +18,8 @@ constexpr int kRenewalsPerLease = 6;
 constexpr absl::Duration kAdoptionInterval = absl::Seconds(10);
 /// Between two moves of workers, in leases: by then those that moved are in the figures of the roster.
 constexpr double kLeasesPerMove = 0.7;
+/// Between two attempts to send away workers that have come back, as they reached no other coordinator.
+constexpr double kLeasesPerSendingAway = 10;
 
 std::vector<ledger::Epoch> EpochsOf(const std::vector<ledger::Member>& members) {
   std::vector<ledger::Epoch> epochs;
@@ -35,8 +37,8 @@ Membership::Membership(MembershipOptions options, ledger::Roster* roster, Member
       roster_(roster),
       host_(host),
       watch_(options_.lease),
-      renewed_(rpc::MonotonicNow()),
-      next_move_(renewed_) {}
+      next_move_(rpc::MonotonicNow()),
+      renewed_(next_move_) {}
 
 absl::Status Membership::Start() {
   if (absl::Status status = roster_->Join({.owner = options_.owner, .address = options_.address});
@@ -47,6 +49,7 @@ absl::Status Membership::Start() {
   if (absl::Status status = ExpelPredecessors(); !status.ok()) return status;
   if (absl::Status status = Tick(); !status.ok()) return status;
   thread_ = std::thread([this] { Run(); });
+  database_watch_ = std::thread([this] { WatchDatabase(); });
   return absl::OkStatus();
 }
 
@@ -68,6 +71,7 @@ absl::Status Membership::ExpelPredecessors() {
 void Membership::Stop() {
   stop_.Notify();
   if (thread_.joinable()) thread_.join();
+  if (database_watch_.joinable()) database_watch_.join();
 }
 
 void Membership::Leave() {
@@ -93,7 +97,25 @@ void Membership::Run() {
     }
     if (status.ok()) continue;
     options_.log->warn("event=farm_not_renewed error=\"{}\"", absl::Utf8SafeCEscape(status.message()));
-    OnCutOff(rpc::MonotonicNow());
+  }
+}
+
+void Membership::WatchDatabase() {
+  absl::Time next = absl::InfinitePast();
+  while (!stop_.WaitFor(options_.lease / kRenewalsPerLease)) {
+    const absl::Time now = rpc::MonotonicNow();
+    std::string address;
+    {
+      absl::MutexLock lock(&mutex_);
+      if (now - renewed_ < options_.lease || now < next) continue;
+      for (const ledger::Member& member : members_) {
+        if (member.owner.epoch != options_.owner.epoch) address = member.address;
+      }
+    }
+    next = now + options_.lease * kLeasesPerSendingAway;
+    options_.log->warn("event=database_silent seconds={:.1f} workers_sent_to=\"{}\"",
+                       absl::ToDoubleSeconds(options_.lease), address.empty() ? "any" : address);
+    host_->SendWorkersAway(address);
   }
 }
 
@@ -103,7 +125,10 @@ absl::Status Membership::Tick() {
   host_->SetFigures(&self);
   absl::StatusOr<std::vector<ledger::Member>> members = roster_->Renew(self);
   if (!members.ok()) return members.status();
-  renewed_ = now;
+  {
+    absl::MutexLock lock(&mutex_);
+    renewed_ = now;
+  }
   bool has_gone = false;
   for (const ledger::Member& member : watch_.Expired(*members, rpc::MonotonicNow())) {
     if (member.owner.epoch == options_.owner.epoch) continue;
@@ -145,18 +170,6 @@ void Membership::Balance(absl::Time now) {
   next_move_ = now + options_.lease * kLeasesPerMove;
   options_.log->info("event=workers_moved workers={} to={}", move->workers, move->address);
   host_->MoveWorkers(*move);
-}
-
-void Membership::OnCutOff(absl::Time now) {
-  if (now - renewed_ < options_.lease || now < next_move_) return;
-  for (const ledger::Member& member : members()) {
-    if (member.owner.epoch == options_.owner.epoch) continue;
-    next_move_ = now + options_.lease * kLeasesPerMove;
-    ledger::Member self;
-    host_->SetFigures(&self);
-    if (self.workers > 0) host_->MoveWorkers({self.workers, member.address});
-    return;
-  }
 }
 
 }  // namespace lumifold::cluster

@@ -20,7 +20,7 @@ class logger;
 
 namespace lumifold::cluster {
 
-/// What membership asks of a coordinator, all on the thread of Membership, which must not be held up: its lease would
+/// What membership asks of a coordinator, all on threads of Membership, which must not be held up: its lease would
 /// expire.
 class MemberHost {
  public:
@@ -31,6 +31,9 @@ class MemberHost {
   /// These jobs are this coordinator's from now on.
   virtual void Adopt(const std::vector<ledger::AdoptedJob>& jobs) = 0;
   virtual void MoveWorkers(const WorkerMove& move) = 0;
+  /// The database has not answered for longer than the lease, so that what workers deliver here cannot be committed: all
+  /// are to go at once to the coordinator at `address`, or to any other that they know if it is empty.
+  virtual void SendWorkersAway(const std::string& address) = 0;
   /// This coordinator was expelled: all its jobs belong to others. It is called once, and last.
   virtual void OnExpelled() = 0;
   /// For what depends on others and has no signal: jobs that others end, files that others store.
@@ -48,16 +51,16 @@ struct MembershipOptions {
 
 /// Keeps a coordinator a member of its farm: renews its lease, expels members whose leases have expired, adopts the jobs
 /// of those that are gone, and sends workers where they are needed.
-/// Threads: safe; it has one of its own.
+/// Threads: safe; it has two of its own.
 class Membership {
  public:
   /// Arguments must outlive it.
   Membership(MembershipOptions options, ledger::Roster* roster, MemberHost* host);
   ~Membership() { Stop(); }
 
-  /// Joins, adopts what nobody owns, and starts the thread. Errors: those of the roster.
+  /// Joins, adopts what nobody owns, and starts the threads. Errors: those of the roster.
   absl::Status Start();
-  /// Ends the thread. The coordinator stays a member.
+  /// Ends the threads. The coordinator stays a member.
   void Stop();
   /// Leaves: others adopt the jobs at once. Call it after Stop, when nothing more is written.
   void Leave();
@@ -68,11 +71,11 @@ class Membership {
 
  private:
   void Run();
+  /// Sends workers away while the database cannot be reached. The other thread may wait for it then.
+  void WatchDatabase();
   absl::Status Tick();
   /// Those that had this address on this machine before cannot be running: their jobs need not wait for their leases.
   absl::Status ExpelPredecessors();
-  /// Sends workers away that could deliver nothing here, as the database cannot be reached.
-  void OnCutOff(absl::Time now);
   absl::Status AdoptOrphans();
   void Balance(absl::Time now);
 
@@ -80,17 +83,18 @@ class Membership {
   ledger::Roster* const roster_;
   MemberHost* const host_;
 
-  // Of the thread.
+  // Of the thread of Run().
   LeaseWatch watch_;
-  absl::Time renewed_;
   absl::Time next_adoption_ = absl::InfinitePast();
   absl::Time next_move_;
   std::vector<ledger::Epoch> known_;
 
   mutable absl::Mutex mutex_;
+  absl::Time renewed_ ABSL_GUARDED_BY(mutex_);
   std::vector<ledger::Member> members_ ABSL_GUARDED_BY(mutex_);
   rpc::MonotonicEvent stop_;
   std::thread thread_;
+  std::thread database_watch_;
 };
 
 }  // namespace lumifold::cluster

@@ -37,12 +37,13 @@ constexpr SqlDialect kDialect = {
     .clustered = "",
 };
 
-/// For each connection. A server that stops answering is given up, and so is a coordinator that is stopped within a
-/// transaction, whose locks would keep its successor out. An acknowledged commit is on the server's disk.
+/// For each connection. A server that stops answering is given up, and so is a coordinator that is stopped or cut off
+/// within a transaction: its locks, which would keep its successor out, are gone before it is taken for dead. An
+/// acknowledged commit is on the server's disk.
 constexpr char kSettings[] = R"(
 SET statement_timeout = '60s';
 SET lock_timeout = '20s';
-SET idle_in_transaction_session_timeout = '30s';
+SET idle_in_transaction_session_timeout = '2s';
 SET default_transaction_isolation = 'read committed';
 SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off';
 )";

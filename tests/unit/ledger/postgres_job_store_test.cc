@@ -69,6 +69,14 @@ class PostgresJobStoreTest : public ::testing::Test {
   std::unique_ptr<JobStore> store_;
 };
 
+TEST_F(PostgresJobStoreTest, ACoordinatorThatIsCutOffWithinATransactionKeepsNobodyOut) {
+  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
+  const std::unique_ptr<PostgresConnection> cut_off = *PostgresConnection::Open(database_->uri());
+  ASSERT_TRUE(cut_off->RunScript("BEGIN; SELECT * FROM jobs FOR UPDATE").ok());
+  // It would wait for the lock no longer than lock_timeout.
+  EXPECT_EQ(store_->CommitUnits({Commit("j-a", {Unit("j-a", 0, 0, 0)})}).status(), absl::OkStatus());
+}
+
 TEST_F(PostgresJobStoreTest, AServerThatGoesAwayIsUnavailableAndThenUsedAgain) {
   ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
   const JobCommit commit = Commit("j-a", {Unit("j-a", 0, 0, 0)});

@@ -232,5 +232,23 @@ TEST_F(InHandTest, AMoveFinishesWhatIsRenderedAndHandsBackTheRest) {
   EXPECT_EQ(rig_->worker->TakeMove(), std::nullopt);
 }
 
+TEST_F(InHandTest, AMoveAtOnceWaitsForNoAcknowledgement) {
+  rig_->assets.SetOpen(false);
+  rig_->worker->OnMessage(Grant(2));
+  rig_->assets.AwaitFetches(1);
+  v1::CoordinatorMessage move;
+  move.mutable_move()->set_address("b:7700");
+  rig_->worker->OnMessage(move);
+  EXPECT_FALSE(rig_->worker->HasLeft());
+  move.mutable_move()->set_at_once(true);
+  move.mutable_move()->clear_address();
+  rig_->worker->OnMessage(move);
+  EXPECT_TRUE(rig_->worker->HasLeft());
+  rig_->worker->OnDisconnected();
+  EXPECT_EQ(rig_->worker->TakeMove(), "") << "the coordinator that it was to go to before may be as bad";
+  EXPECT_THAT(rig_->worker->InHand(), SizeIs(1)) << "the one that a thread has taken";
+  rig_->assets.SetOpen(true);
+}
+
 }  // namespace
 }  // namespace lumifold::worker

@@ -38,12 +38,15 @@ constexpr SqlDialect kDialect = {
 };
 
 /// For each connection. A server that stops answering is given up, and so is a coordinator that is stopped or cut off
-/// within a transaction: its locks, which would keep its successor out, are gone before it is taken for dead. An
-/// acknowledged commit is on the server's disk.
+/// within a transaction: its locks, which would keep its successor out, are gone about when it is taken for dead. The
+/// server finds out by keepalives that the rest of a pipeline will not come. An acknowledged commit is on its disk.
 constexpr char kSettings[] = R"(
 SET statement_timeout = '60s';
 SET lock_timeout = '20s';
 SET idle_in_transaction_session_timeout = '2s';
+SET tcp_keepalives_idle = 1;
+SET tcp_keepalives_interval = 1;
+SET tcp_keepalives_count = 2;
 SET default_transaction_isolation = 'read committed';
 SELECT set_config('synchronous_commit', 'on', false) WHERE current_setting('synchronous_commit') = 'off';
 )";

@@ -30,7 +30,8 @@ class FakeRoster final : public ledger::Roster {
     }
     std::vector<Member> members = {self};
     if (knows_another_)
-      members.push_back({.owner = {.name = "b", .epoch = Epoch(2)}, .address = "b:7700", .renewals = ++renewals_});
+      members.push_back(
+          {.owner = {.name = "b", .epoch = Epoch(2)}, .address = "b:7700", .renewals = ++renewals_});
     return members;
   }
   absl::Status Leave(Epoch) override { return absl::OkStatus(); }

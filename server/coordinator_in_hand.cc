@@ -58,6 +58,7 @@ void Coordinator::GrantInHand() {
 
 void Coordinator::RegrantTo(WorkerId worker, const std::vector<UnitInHand>& units) {
   std::vector<UnitRef> wanted;
+  wanted.reserve(units.size());
   for (const UnitInHand& unit : units) wanted.push_back(unit.unit);
   const std::vector<scheduler::GrantedLease> granted = scheduler_.Regrant(worker, wanted, options_.now());
   options_.log->info("event=leases_regranted worker={} leases={}/{}", NameOf(worker), granted.size(),

@@ -350,7 +350,7 @@ class Journey {
         if (absl::Status status = options_.check_identity(); !status.ok()) return status;
       }
       const absl::Time start = rpc::MonotonicNow();
-      const absl::Status status = ConnectOnce();
+      absl::Status status = ConnectOnce();
       if (IsOver()) break;
       std::optional<std::string> address = worker_.TakeMove();
       if (address.has_value() && !address->empty()) {

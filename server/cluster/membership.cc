@@ -23,6 +23,7 @@ constexpr double kLeasesPerSendingAway = 10;
 
 std::vector<ledger::Epoch> EpochsOf(const std::vector<ledger::Member>& members) {
   std::vector<ledger::Epoch> epochs;
+  epochs.reserve(members.size());
   for (const ledger::Member& member : members) epochs.push_back(member.owner.epoch);
   return epochs;
 }

@@ -147,6 +147,9 @@ class GrpcFarmClient : public FarmClient {
   absl::StatusOr<v1::ServerStatus> GetServerStatus() override {
     return Unary<v1::ServerStatus>(kShortCall, &Stub::GetServerStatus, v1::GetServerStatusRequest());
   }
+  absl::StatusOr<v1::Preview> GetPreview(const v1::GetPreviewRequest& request) override {
+    return Unary<v1::Preview>(kSlowCallPolicy, &Stub::GetPreview, request);
+  }
 
   absl::Status WatchJob(const std::string& job_id, absl::FunctionRef<void(const v1::JobStatus&)> on_status,
                         absl::FunctionRef<void()> on_tick) override {

@@ -1,5 +1,6 @@
 #include "server/committed_units.h"
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 
@@ -45,8 +46,13 @@ absl::StatusOr<size_t> CommittedUnits::LogOf(const DataFolder& folder, const std
   return logs_.size() - 1;
 }
 
+int64_t CommittedUnits::count() const {
+  return std::count_if(entries_.begin(), entries_.end(),
+                       [](const Entry& entry) { return entry.place.length > 0; });
+}
+
 absl::StatusOr<CommittedUnits::Entry> CommittedUnits::Find(const UnitKey& key) const {
-  const Entry& entry = entries_[static_cast<size_t>(*units_.NumberOf(key))];
+  const Entry& entry = entries_[NumberOf(key)];
   if (entry.place.length == 0)
     return absl::DataLossError(absl::StrCat("ledger: tile ", key.tile, " has units that are not committed"));
   return entry;

@@ -22,6 +22,10 @@ class CommittedUnits final : public film::UnitSource {
   static absl::StatusOr<CommittedUnits> Open(const DataFolder& folder, ledger::JobStore& store,
                                              const ledger::JobRecord& job, int32_t frame);
 
+  bool Has(const job::UnitKey& key) const { return entries_[NumberOf(key)].place.length > 0; }
+  /// Of the frame's units.
+  int64_t count() const;
+
   /// Errors of both: kDataLoss for a unit that is not committed, or for a record of another unit; those of
   /// UnitLogReader.
   absl::StatusOr<film::UnitOutline> Outline(const job::UnitKey& key) const override;
@@ -41,6 +45,7 @@ class CommittedUnits final : public film::UnitSource {
   CommittedUnits(job::JobId job, const v1::JobSpec& spec);
   absl::Status Add(const DataFolder& folder, const ledger::UnitRecord& record);
   absl::StatusOr<size_t> LogOf(const DataFolder& folder, const std::string& name);
+  size_t NumberOf(const job::UnitKey& key) const { return static_cast<size_t>(*units_.NumberOf(key)); }
   absl::StatusOr<Entry> Find(const job::UnitKey& key) const;
   absl::Status CheckIsOf(const job::UnitKey& key, const Entry& entry, const job::UnitRef& found) const;
 

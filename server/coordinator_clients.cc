@@ -340,16 +340,34 @@ absl::Status Coordinator::AddListed(const ledger::JobPage& page, const v1::ListJ
   return absl::OkStatus();
 }
 
-absl::StatusOr<rpc::ByteSender> Coordinator::OpenResult(const v1::DownloadResultRequest& request) {
-  const JobId job(request.job_id());
+absl::StatusOr<bool> Coordinator::IsFinished(const JobId& job, int32_t frame) {
   const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
   if (!record.ok()) return record.status();
-  if (!job::FrameList(record->spec).IndexOf(request.frame()).has_value()) {
-    return absl::NotFoundError(absl::StrCat("job ", request.job_id(), " has no frame ", request.frame()));
-  }
+  if (!job::FrameList(record->spec).IndexOf(frame).has_value())
+    return absl::NotFoundError(absl::StrCat("job ", job.value(), " has no frame ", frame));
   const absl::StatusOr<std::vector<int32_t>> finished = store_->FinishedFrames(job);
   if (!finished.ok()) return finished.status();
-  if (!std::binary_search(finished->begin(), finished->end(), request.frame())) {
+  return std::binary_search(finished->begin(), finished->end(), frame);
+}
+
+absl::StatusOr<int64_t> Coordinator::CountUnits(const JobId& job, int32_t frame) {
+  const absl::StatusOr<bool> is_finished = IsFinished(job, frame);
+  if (!is_finished.ok()) return is_finished.status();
+  const absl::StatusOr<v1::JobStatus> status = StatusOf(job);
+  if (!status.ok()) return status.status();
+  if (*is_finished || HasEnded(status->state())) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(*is_finished ? absl::StrCat("frame ", frame, " of job ") : "job ", job.value(),
+                     *is_finished ? " is finished" : " has ended"));
+  }
+  return status->units_done();
+}
+
+absl::StatusOr<rpc::ByteSender> Coordinator::OpenResult(const v1::DownloadResultRequest& request) {
+  const JobId job(request.job_id());
+  const absl::StatusOr<bool> is_finished = IsFinished(job, request.frame());
+  if (!is_finished.ok()) return is_finished.status();
+  if (!*is_finished) {
     return absl::FailedPreconditionError(
         absl::StrCat("frame ", request.frame(), " of job ", request.job_id(), " is not ready"));
   }

@@ -185,6 +185,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   absl::StatusOr<v1::WorkerStatus> BlockWorker(const v1::WorkerRequest& request);
   absl::StatusOr<v1::WorkerStatus> ReadmitWorker(const v1::WorkerRequest& request);
   absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request);
+  /// Committed units of a job, for previews of one of its frames. Errors: those of GetPreview about the job and the frame.
+  absl::StatusOr<int64_t> CountUnits(const job::JobId& job, int32_t frame);
   absl::StatusOr<rpc::ByteSender> OpenResult(const v1::DownloadResultRequest& request);
   /// Calls `watcher` with the job's status at once and after changes, at most ten times a second and once more when
   /// the job ends, until Unwatch.
@@ -238,6 +240,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   void MoveWorkers(int count, const std::string& address);
 
  private:
+  /// Whether the frame's result is written. Errors: kNotFound; those of the ledger.
+  absl::StatusOr<bool> IsFinished(const job::JobId& job, int32_t frame);
   struct ConnectedWorker {
     std::string name;     // see AddWorker
     std::string process;  // what the worker calls itself

@@ -18,6 +18,7 @@
 #include "server/farm_streams.h"
 #include "server/file_writer.h"
 #include "server/job_access.h"
+#include "server/preview_maker.h"
 #include "server/unary_calls.h"
 
 namespace lumifold::server {
@@ -61,10 +62,12 @@ std::string NextToken(const std::vector<ledger::Member>& members, ledger::Epoch 
 
 class FarmServiceAdapter final : public v1::FarmService::CallbackService {
  public:
-  FarmServiceAdapter(Coordinator* coordinator, AssetChecks* checks, CallGate* gate, FarmPeers* peers)
+  FarmServiceAdapter(Coordinator* coordinator, AssetChecks* checks, CallGate* gate, FarmPeers* peers,
+                     PreviewMaker* previews)
       : coordinator_(coordinator),
         checks_(checks),
         peers_(peers),
+        previews_(previews),
         gate_(gate, v1::FarmService::service_full_name()),
         jobs_(coordinator) {}
 
@@ -249,6 +252,13 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     return writer;
   }
 
+  grpc::ServerUnaryReactor* GetPreview(grpc::CallbackServerContext* context,
+                                       const v1::GetPreviewRequest* request, v1::Preview* response) override {
+    return AnswerOfJobLater(
+        context, "GetPreview", *request, response,
+        [this, request](const Done<v1::Preview>& done) { previews_->Get(*request, done); });
+  }
+
  private:
   /// A call about one job, which must be the caller's. Its owner answers it.
   template <typename Request, typename Response, typename Make>
@@ -398,6 +408,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   Coordinator* const coordinator_;
   AssetChecks* const checks_;
   FarmPeers* const peers_;
+  PreviewMaker* const previews_;
   const ServiceGate gate_;
   const JobAccess jobs_;
 };
@@ -405,8 +416,8 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
 }  // namespace
 
 std::unique_ptr<grpc::Service> MakeFarmService(Coordinator* coordinator, AssetChecks* checks, CallGate* gate,
-                                               FarmPeers* peers) {
-  return std::make_unique<FarmServiceAdapter>(coordinator, checks, gate, peers);
+                                               FarmPeers* peers, PreviewMaker* previews) {
+  return std::make_unique<FarmServiceAdapter>(coordinator, checks, gate, peers, previews);
 }
 
 }  // namespace lumifold::server

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/job.pb.h"
+#include "server/child_process.h"
 #include "server/data_folder.h"
 #include "server/estimate_round.h"
 #include "server/ledger/job_store.h"
@@ -41,30 +42,12 @@ class FrameFinisher {
 std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
                                                      int threads, std::function<absl::Time()> now);
 
-struct ChildProcessOptions {
-  /// The program to start; its main passes the arguments to RunFinishFrameProcess.
-  std::string program = "/proc/self/exe";
-  /// Name of the ledger's store, see ledger::OpenJobStore; the child gets it in its environment.
-  std::string store = {};
-  int threads = 1;
-  /// Limit of the child's address space in bytes; 0 for none.
-  uint64_t memory_limit_bytes = 0;
-  /// A child that runs longer is killed.
-  absl::Duration time_limit = absl::InfiniteDuration();
-};
-
-/// Niceness of a child process. It yields to the coordinator and to workers on the same machine, but still gets
-/// about a quarter of a core that it shares with one process of niceness 0. At niceness 10 it would be a tenth.
-inline constexpr int kChildNiceness = 5;
-
 /// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no memory.
 /// kUnavailable, a disk or machine without space, descriptors or processes, is no failure of the frame at all: it is
 /// waited for. Other errors would come again.
 bool IsWorthRetrying(const absl::Status& status);
 
-/// Finishes each frame in a child process of niceness kChildNiceness (or the coordinator's, if that is
-/// higher), so that the coordinator survives a child that runs out of memory or crashes.
-/// Errors of Finish: also kInternal naming the signal that ended the child; kDeadlineExceeded after the time limit.
+/// Finishes each frame in a child process. Errors of Finish: also those of ChildProcess::Run.
 std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder,
                                                         const ChildProcessOptions& options);
 

@@ -173,9 +173,10 @@ class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
 }  // namespace
 
 std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks,
-                                                         CallGate* gate, FarmPeers* peers) {
+                                                         CallGate* gate, FarmPeers* peers,
+                                                         PreviewMaker* previews) {
   std::vector<std::unique_ptr<grpc::Service>> services;
-  services.push_back(MakeFarmService(coordinator, checks, gate, peers));
+  services.push_back(MakeFarmService(coordinator, checks, gate, peers, previews));
   services.push_back(std::make_unique<WorkerServiceAdapter>(coordinator, checks, gate));
   return services;
 }

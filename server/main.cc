@@ -28,6 +28,7 @@
 #include "server/health_check.h"
 #include "server/ledger/open_job_store.h"
 #include "server/limits.h"
+#include "server/make_preview.h"
 #include "server/recover.h"
 #include "server/server.h"
 
@@ -305,6 +306,9 @@ int RunInviteAdmin(const Flags& flags) {
 int main(int argc, char** argv) {
   if (argc > 1 && std::string(argv[1]) == lumifold::server::kFinishFrameCommand) {
     return lumifold::server::RunFinishFrameProcess({argv + 2, argv + argc});
+  }
+  if (argc > 1 && std::string(argv[1]) == lumifold::server::kMakePreviewCommand) {
+    return lumifold::server::RunMakePreviewProcess({argv + 2, argv + argc});
   }
   // gRPC logs to standard error by default; errors reach us as a Status. The user can set the variable.
   setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);

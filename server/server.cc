@@ -45,8 +45,10 @@
 #include "server/ledger/open_job_store.h"
 #include "server/ledger/roster.h"
 #include "server/listener.h"
+#include "server/make_preview.h"
 #include "server/metrics/endpoint.h"
 #include "server/metrics/farm_figures.h"
+#include "server/preview_maker.h"
 #include "server/recover.h"
 #include "server/reserve_file.h"
 
@@ -90,7 +92,9 @@ void SetLimits(const Limits& limits, grpc::ServerBuilder* builder) {
 class ServerImpl final : public Server {
  public:
   explicit ServerImpl(ServerOptions options)
-      : options_(WithEvents(std::move(options), &events_)), folder_(options_.data_dir, options_.files) {}
+      : options_(WithEvents(std::move(options), &events_)),
+        folder_(options_.data_dir, options_.files),
+        preview_process_(ChildOptions()) {}
   ~ServerImpl() override { Shutdown(); }
 
   absl::Status Open();
@@ -105,6 +109,12 @@ class ServerImpl final : public Server {
     bool stops = false;
   };
 
+  ChildProcessOptions ChildOptions() const {
+    return {.store = options_.store,
+            .threads = options_.filter_threads,
+            .memory_limit_bytes = options_.filter_memory_limit_bytes,
+            .time_limit = options_.filter_time_limit};
+  }
   /// Opens access control where the data folder has it.
   absl::Status OpenAccess();
   std::shared_ptr<grpc::ServerCredentials> Credentials() const;
@@ -116,6 +126,7 @@ class ServerImpl final : public Server {
   absl::Status OpenFolder();
   absl::Status OpenStore();
   absl::Status OpenCoordinator();
+  void OpenPreviews();
   absl::Status JoinFarm();
   std::string Address() const;
   absl::Status ShowMetrics();
@@ -148,6 +159,8 @@ class ServerImpl final : public Server {
   std::unique_ptr<AssetChecks> asset_checks_;
   std::unique_ptr<FrameFinisher> finisher_;
   std::unique_ptr<Coordinator> coordinator_;
+  ChildProcess preview_process_;
+  std::unique_ptr<PreviewMaker> previews_;
   std::unique_ptr<ledger::Roster> roster_;           // of a member
   std::unique_ptr<cluster::Membership> membership_;  // of a member
   FarmPeers peers_;
@@ -226,13 +239,9 @@ absl::Status ServerImpl::OpenCoordinator() {
                                                .uploads = options_.limits.uploads,
                                                .uploader = uploader});
   asset_checks_ = std::make_unique<AssetChecks>(assets_.get());
-  finisher_ =
-      options_.filter_in_child_process
-          ? MakeChildProcessFinisher(folder_, {.store = options_.store,
-                                               .threads = options_.filter_threads,
-                                               .memory_limit_bytes = options_.filter_memory_limit_bytes,
-                                               .time_limit = options_.filter_time_limit})
-          : MakeInProcessFinisher(folder_, store_.get(), options_.filter_threads, options_.now);
+  finisher_ = options_.filter_in_child_process
+                  ? MakeChildProcessFinisher(folder_, ChildOptions())
+                  : MakeInProcessFinisher(folder_, store_.get(), options_.filter_threads, options_.now);
   absl::StatusOr<std::unique_ptr<Coordinator>> coordinator = Coordinator::Create(
       {.lease = options_.lease,
        .heartbeat = options_.heartbeat,
@@ -258,7 +267,20 @@ absl::Status ServerImpl::OpenCoordinator() {
   if (!coordinator.ok())
     return IsStoreInFolder() ? AdviseRecovery(folder_, coordinator.status()) : coordinator.status();
   coordinator_ = *std::move(coordinator);
+  OpenPreviews();
   return absl::OkStatus();
+}
+
+void ServerImpl::OpenPreviews() {
+  const auto make = [this](const job::JobId& job, int32_t frame) {
+    return options_.filter_in_child_process ? RunMakePreview(&preview_process_, folder_, job, frame)
+                                            : MakePreview(folder_, *store_, job, frame, /*pool=*/nullptr);
+  };
+  previews_ = std::make_unique<PreviewMaker>(
+      PreviewOptions{.make = make,
+                     .cancel = [this] { preview_process_.Cancel(); },
+                     .count_units = [this](const job::JobId& job,
+                                           int32_t frame) { return coordinator_->CountUnits(job, frame); }});
 }
 
 std::string ServerImpl::Address() const {
@@ -389,7 +411,7 @@ absl::Status ServerImpl::StartServices() {
                             [this](absl::string_view peer) {
                               if (listener_ != nullptr) listener_->NoteCall(peer);
                             }});
-  services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get(), &peers_);
+  services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get(), &peers_, previews_.get());
   services_.push_back(MakeAccessService(access_.get(), gate_.get()));
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -466,6 +488,7 @@ void ServerImpl::Shutdown() {
   if (stall_thread_.joinable()) stall_thread_.join();
   if (access_ != nullptr) access_->Stop();
   if (asset_checks_ != nullptr) asset_checks_->Stop();  // calls that wait for it get an answer
+  if (previews_ != nullptr) previews_->Stop();          // as these
   if (listener_ != nullptr) listener_->Stop();
   if (grpc_server_ != nullptr) grpc_server_->Shutdown(rpc::MonotonicDeadline(kGrace));
   if (coordinator_ != nullptr) coordinator_->Shutdown();

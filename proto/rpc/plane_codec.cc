@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 
 namespace lumifold::rpc {
@@ -18,6 +19,7 @@ constexpr uint32_t kHalfInfinity = 31u << 10;
 constexpr uint32_t kLeastNormal = uint32_t{127 - 14} << 23;  // 2^-14, bits of a float
 constexpr uint32_t kBeyondHalf = uint32_t{127 + 16} << 23;   // 2^16
 constexpr float kLeastHalf = 0x1p-24f;
+constexpr float kGreatestHalf = 65504.0f;
 
 uint32_t BitsOf(float value) { return std::bit_cast<uint32_t>(value); }
 
@@ -53,6 +55,17 @@ float FloatOf(uint16_t half) {
   return std::bit_cast<float>(sign | ((magnitude << kDroppedBits) + exponent));
 }
 
+/// Halves away from zero.
+float NearestHalf(float value) {
+  if (std::isnan(value)) return 0;
+  const float bounded = std::clamp(value, -kGreatestHalf, kGreatestHalf);
+  const uint32_t bits = BitsOf(bounded);
+  if ((bits & ~kSign) < kLeastNormal) return std::round(bounded / kLeastHalf) * kLeastHalf;
+  constexpr uint32_t kDropped = (1u << kDroppedBits) - 1;
+  const float rounded = std::bit_cast<float>((bits + (1u << (kDroppedBits - 1))) & ~kDropped);
+  return std::clamp(rounded, -kGreatestHalf, kGreatestHalf);
+}
+
 template <typename Predicate>
 bool AllOf(ConstFloatView plane, Predicate is) {
   for (int y = 0; y < plane.height(); ++y) {
@@ -70,6 +83,13 @@ v1::PlaneEncoding EncodingOf(ConstFloatView plane) {
   if (AllOf(plane, [first](float value) { return BitsOf(value) == first; }))
     return v1::PLANE_ENCODING_CONSTANT;
   return AllOf(plane, IsHalf) ? v1::PLANE_ENCODING_HALF : v1::PLANE_ENCODING_FLOAT;
+}
+
+void RoundToHalf(FloatView plane) {
+  for (int y = 0; y < plane.height(); ++y) {
+    for (float* value = plane.Row(y); value != plane.Row(y) + plane.width(); ++value)
+      *value = NearestHalf(*value);
+  }
 }
 
 uint64_t EncodedBytes(v1::PlaneEncoding encoding, uint64_t count) {

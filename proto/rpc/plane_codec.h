@@ -24,6 +24,9 @@ void AppendPlane(ConstFloatView plane, v1::PlaneEncoding encoding, std::string* 
 /// Decodes `count` values from their EncodedBytes.
 void DecodeValues(v1::PlaneEncoding encoding, std::string_view bytes, float* values, size_t count);
 
+/// Replaces each value by the nearest that PLANE_ENCODING_HALF can hold; NaN by 0. Values beyond its range become the largest.
+void RoundToHalf(FloatView plane);
+
 /// Where a plane of an encoded picture is.
 struct EncodedPlane {
   v1::PlaneEncoding encoding = v1::PLANE_ENCODING_FLOAT;

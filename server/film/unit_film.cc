@@ -8,6 +8,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/functional/function_ref.h"
 #include "absl/synchronization/mutex.h"
+#include "filter/image/layers.h"
 #include "proto/rpc/image_codec.h"
 #include "server/film/film_builder.h"
 
@@ -58,7 +59,7 @@ absl::Status AssembleTile(const UnitSource& units, const std::vector<UnitKey>& k
       film->AddEdges(unit->edges);
     }
   }
-  film->SetMeans(rect, sums);
+  if (sums.Has(layers::kSamplesA)) film->SetMeans(rect, sums);
   return absl::OkStatus();
 }
 
@@ -86,12 +87,22 @@ std::vector<UnitKey> UnitFilm::UnitsOf(int32_t tile) const {
     if (rounds_.rounds == nullptr || rounds_.rounds->Has(key)) keys.push_back(key);
   }
   keys.push_back({frame_, tile, 0, v1::UNIT_KIND_GEOMETRY});
+  if (has_ != nullptr) std::erase_if(keys, [this](const UnitKey& key) { return !has_(key); });
   return keys;
 }
 
 absl::StatusOr<UnitFilm> UnitFilm::Open(const v1::JobSpec& spec, int32_t frame, const UnitSource* units,
                                         TaskPool* pool, const FilmRounds& rounds) {
   UnitFilm film(spec, frame, units, pool, rounds);
+  if (absl::Status status = film.FindOutline(); !status.ok()) return status;
+  return film;
+}
+
+absl::StatusOr<UnitFilm> UnitFilm::OpenUnfinished(const v1::JobSpec& spec, int32_t frame,
+                                                  const UnitSource* units,
+                                                  std::function<bool(const UnitKey&)> has, TaskPool* pool) {
+  UnitFilm film(spec, frame, units, pool, {});
+  film.has_ = std::move(has);
   if (absl::Status status = film.FindOutline(); !status.ok()) return status;
   return film;
 }

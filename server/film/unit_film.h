@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -32,6 +33,13 @@ class UnitFilm final : public FilmSource {
   static absl::StatusOr<UnitFilm> Open(const v1::JobSpec& spec, int32_t frame, const UnitSource* units,
                                        TaskPool* pool, const FilmRounds& rounds = {});
 
+  /// The film of a frame that is not finished: of the units for which `has` is true. Where a tile has no pass, the sample
+  /// counts and all its layers are 0; where it has no geometry unit, its features are.
+  static absl::StatusOr<UnitFilm> OpenUnfinished(const v1::JobSpec& spec, int32_t frame,
+                                                 const UnitSource* units,
+                                                 std::function<bool(const job::UnitKey&)> has,
+                                                 TaskPool* pool);
+
   int width() const override { return width_; }
   int height() const override { return height_; }
   /// An image without pixels that has the film's channels.
@@ -59,6 +67,7 @@ class UnitFilm final : public FilmSource {
   const UnitSource& units_;
   TaskPool* const pool_;
   const FilmRounds rounds_;
+  std::function<bool(const job::UnitKey&)> has_;  // of an unfinished frame
   const UnitModel model_;
   LevelSet levels_;
   int64_t edge_rows_ = 0;

@@ -258,6 +258,15 @@ grpc::Status FakeFarm::GetServerStatus(grpc::ServerContext*, const v1::GetServer
   return Record("GetServerStatus", *request);
 }
 
+grpc::Status FakeFarm::GetPreview(grpc::ServerContext*, const v1::GetPreviewRequest* request,
+                                  v1::Preview* answer) {
+  Record("GetPreview", *request);
+  if (preview.units() <= request->newer_than_units())
+    return {grpc::StatusCode::FAILED_PRECONDITION, "frame 0 of job job-1 is finished"};
+  *answer = preview;
+  return grpc::Status::OK;
+}
+
 grpc::Status FakeFarm::DownloadResult(grpc::ServerContext*, const v1::DownloadResultRequest* request,
                                       grpc::ServerWriter<v1::ByteChunk>* writer) {
   if (result.empty()) return NoSuchJob(request->job_id());

@@ -38,6 +38,7 @@ class FakeFarm final : public v1::FarmService::Service {
   std::vector<v1::Reason> reasons;
   std::vector<v1::LogEvent> events;
   v1::ServerStatus server_status;
+  v1::Preview preview;  // then the frame is finished
 
   /// What the farm has from an upload that broke.
   void KeepUpload(const std::string& sha256, const std::string& content);
@@ -87,6 +88,7 @@ class FakeFarm final : public v1::FarmService::Service {
   grpc::Status GetLog(grpc::ServerContext*, const v1::GetLogRequest*, v1::GetLogResponse*) override;
   grpc::Status GetServerStatus(grpc::ServerContext*, const v1::GetServerStatusRequest*,
                                v1::ServerStatus*) override;
+  grpc::Status GetPreview(grpc::ServerContext*, const v1::GetPreviewRequest*, v1::Preview*) override;
   grpc::Status DownloadResult(grpc::ServerContext*, const v1::DownloadResultRequest*,
                               grpc::ServerWriter<v1::ByteChunk>*) override;
 

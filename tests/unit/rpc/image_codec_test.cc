@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/limits.h"
+#include "proto/rpc/plane_codec.h"
 
 namespace lumifold::rpc {
 namespace {
@@ -175,6 +176,29 @@ TEST(ImageCodec, EveryHalfIsExactAndNothingElseIsOne) {
       ASSERT_EQ(EncodingOfValues({std::nextafter(value, direction), other}), v1::PLANE_ENCODING_FLOAT)
           << value;
   }
+}
+
+TEST(ImageCodec, RoundingToHalvesTakesTheNearestThatThereIs) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const std::vector<float> values = {0.1f,
+                                     -0.1f,
+                                     2049.0f,
+                                     2051.0f,
+                                     70000.0f,
+                                     -kInfinity,
+                                     0x1p-25f,
+                                     0x1.8p-25f,
+                                     0x1.8p-24f,
+                                     65519.0f,
+                                     std::numeric_limits<float>::quiet_NaN()};
+  const std::vector<float> expected = {
+      0x1.998p-4f, -0x1.998p-4f, 2050.0f,  2052.0f,  65504.0f, -65504.0f,
+      0x1p-24f,    0x1p-24f,     0x1p-23f, 65504.0f, 0.0f};  // ties go away from 0
+  Plane plane(static_cast<int>(values.size()), 1);
+  std::copy(values.begin(), values.end(), plane.Row(0));
+  RoundToHalf(plane.view());
+  for (size_t i = 0; i < values.size(); ++i)
+    EXPECT_EQ(plane.At(static_cast<int>(i), 0), expected[i]) << values[i];
 }
 
 TEST(ImageCodec, AMixOfEncodingsRoundTripsAcrossPieces) {

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <thread>
 
+#include "server/child_task.h"
 #include "server/frame_finisher.h"
 #include "tests/unit/server/committed_frame_fixture.h"
 
@@ -83,7 +84,7 @@ TEST_F(ChildProcessFinisherTest, TheChildYieldsToOtherProcessesButIsNotStarved) 
   const int expected = std::max(getpriority(PRIO_PROCESS, 0), kChildNiceness);
   EXPECT_EXIT(
       {
-        RunFinishFrameProcess({folder_.root(), "j-none", "0", "1", "0", "-1", "0", "1"});
+        RunFinishFrameProcess({folder_.root(), "1", "0", "j-none", "0", "-1", "0", "1"});
         _exit(getpriority(PRIO_PROCESS, 0));
       },
       testing::ExitedWithCode(expected), "");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <memory>
 #include <string>
@@ -41,8 +42,10 @@ class CommittedFrameFixture : public ::testing::Test {
     return spec;
   }
 
-  /// Commits the units of frame 0 of a job, from the last to the first, or in order if `is_forward`.
-  void Commit(const job::JobId& id, const v1::JobSpec& spec, bool is_forward = false) {
+  /// Commits the units of frame 0 of a job for which `has` is true, from the last to the first, or in order if `is_forward`.
+  void Commit(
+      const job::JobId& id, const v1::JobSpec& spec, bool is_forward = false,
+      const std::function<bool(const job::UnitKey&)>& has = [](const job::UnitKey&) { return true; }) {
     ledger::NewJob job{.id = id, .request_id = id.value(), .spec = spec, .submitted = absl::Now()};
     EXPECT_TRUE(store_->CreateJob(job).ok());
     EXPECT_TRUE(MakeFolder(folder_.FilmPath(id)).ok());
@@ -53,6 +56,7 @@ class CommittedFrameFixture : public ::testing::Test {
     commit.job.job = id;
     for (int64_t i = 0; i < units.count(); ++i) {
       const job::UnitKey key = units.KeyOf(0, is_forward ? i : units.count() - 1 - i);
+      if (!has(key)) continue;
       const film::StoredUnit unit{{id, key},
                                   job::Attempt(1),
                                   {},

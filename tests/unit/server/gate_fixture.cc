@@ -45,7 +45,11 @@ void GateFixture::StartGate(const Limits& limits) {
                                                    .now = [this] { return Now(); },
                                                    .wall_now = [] { return absl::UnixEpoch(); },
                                                    .shut_out = [this](absl::string_view) { ++shut_out_; }});
-  services_ = MakeServices(coordinator_.get(), checks_.get(), gate_.get(), &peers_);
+  previews_ = std::make_unique<PreviewMaker>(PreviewOptions{
+      .make = [](const job::JobId&, int32_t) { return absl::OutOfRangeError("no preview here"); },
+      .count_units = [this](const job::JobId& job,
+                            int32_t frame) { return coordinator_->CountUnits(job, frame); }});
+  services_ = MakeServices(coordinator_.get(), checks_.get(), gate_.get(), &peers_, previews_.get());
   grpc::ServerBuilder builder;
   for (const auto& service : services_) builder.RegisterService(service.get());
   server_ = builder.BuildAndStart();
@@ -63,6 +67,7 @@ void GateFixture::StopGate() {
   if (server_ == nullptr) return;
   coordinator_->StopLeasing();
   checks_->Stop();
+  previews_->Stop();
   server_->Shutdown(std::chrono::system_clock::now());
   server_.reset();
   audit_.reset();

@@ -14,6 +14,7 @@
 #include "server/call_gate.h"
 #include "server/event_log.h"
 #include "server/farm_peers.h"
+#include "server/preview_maker.h"
 #include "tests/unit/server/coordinator_fixture.h"
 
 namespace lumifold::server {
@@ -77,6 +78,7 @@ class GateFixture : public CoordinatorFixture {
   std::unique_ptr<AssetChecks> checks_;
   std::unique_ptr<CallGate> gate_;
   FarmPeers peers_;  // none
+  std::unique_ptr<PreviewMaker> previews_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<grpc::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;

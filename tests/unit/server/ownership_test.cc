@@ -92,6 +92,7 @@ class OwnershipTest : public GateFixture {
     answers["GetJob"] = OfJob(caller, job, &Stub::GetJob);
     answers["ExplainJob"] = OfJob(caller, job, &Stub::ExplainJob);
     answers["GetLog"] = OfJob(caller, job, &Stub::GetLog);
+    answers["GetPreview"] = OfJob(caller, job, &Stub::GetPreview);
     answers["WatchJob"] = Watch(caller, job);
     answers["DownloadResult"] = Download(caller, job);
     answers["PauseJob"] = OfJob(caller, job, &Stub::PauseJob);
@@ -144,7 +145,7 @@ TEST_F(OwnershipTest, EachCellOfTheTableHolds) {
       ++cells;
     }
   }
-  EXPECT_EQ(cells, 25 * 6);
+  EXPECT_EQ(cells, 26 * 6);
 }
 
 TEST_F(OwnershipTest, AJobOfSomebodyElseDoesNotExist) {

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "filter/image/parallel.h"
+#include "server/data_folder.h"
+#include "server/ledger/job_store.h"
+
+namespace lumifold::server {
+
+/// Niceness of a child process. It yields to the coordinator and to workers on the same machine, but still gets
+/// about a quarter of a core that it shares with one process of niceness 0. At niceness 10 it would be a tenth.
+inline constexpr int kChildNiceness = 5;
+
+/// What the task of a child process has.
+struct ChildTask {
+  const DataFolder& folder;
+  ledger::JobStore& store;
+  TaskPool* pool;
+  /// Those of ChildProcess::Run.
+  std::vector<std::string> arguments;
+};
+/// Returns the answer to the coordinator.
+using ChildBody = std::function<absl::StatusOr<std::string>(const ChildTask&)>;
+
+/// The main function of a child process that ChildProcess has started; `arguments` are those after the command. Lowers its
+/// priority to kChildNiceness (or the coordinator's, if that is higher), fences it in and runs `body`. Returns the exit code.
+int RunChildTask(const std::vector<std::string>& arguments, const ChildBody& body);
+
+}  // namespace lumifold::server

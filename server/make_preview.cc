@@ -1,0 +1,178 @@
+#include "server/make_preview.h"
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "filter/image/layers.h"
+#include "filter/image/reduce.h"
+#include "filter/methods.h"
+#include "proto/rpc/image_codec.h"
+#include "proto/rpc/plane_codec.h"
+#include "server/child_task.h"
+#include "server/committed_units.h"
+#include "server/film/result.h"
+#include "server/film/unit_film.h"
+
+namespace lumifold::server {
+namespace {
+
+constexpr std::string_view kSamples = "samples.Y";
+
+/// The whole film, reduced band by band.
+absl::StatusOr<LayeredImage> ReadReduced(film::UnitFilm* film, int factor, int tile_size) {
+  std::vector<LayeredImage> bands;
+  const int rows = factor * std::max(1, tile_size / factor);
+  for (int y = 0; y < film->height(); y += rows) {
+    const absl::StatusOr<EdgedImage> band =
+        film->Read({0, y, film->width(), std::min(y + rows, film->height())});
+    if (!band.ok()) return band.status();
+    bands.push_back(ReduceFilm(band->pixels, factor));
+  }
+  return JoinRows(bands);
+}
+
+/// The samples per pixel of the frame.
+Plane SamplesOf(const LayeredImage& reduced, int factor) {
+  const ConstFloatView a = reduced.Get(layers::kSamplesA);
+  const ConstFloatView b = reduced.Get(layers::kSamplesB);
+  Plane samples = Plane::Uninitialized(reduced.width(), reduced.height());
+  for (int y = 0; y < reduced.height(); ++y) {
+    for (int x = 0; x < reduced.width(); ++x)
+      samples.At(x, y) = (a.At(x, y) + b.At(x, y)) / static_cast<float>(factor * factor);
+  }
+  return samples;
+}
+
+double MeanOf(const Plane& plane) {
+  double sum = 0;
+  for (int y = 0; y < plane.height(); ++y)
+    sum = std::accumulate(plane.Row(y), plane.Row(y) + plane.width(), sum);
+  return sum / (static_cast<double>(plane.width()) * plane.height());
+}
+
+/// Nearest binary16 values take half the bytes; but ids and depths must stay what they are.
+void RoundToHalf(LayeredImage* picture) {
+  const std::set<std::string_view> exact = {layers::kObjectId, layers::kPlanarDepth, layers::kDistance};
+  for (LayeredImage::Channel& channel : picture->channels()) {
+    if (!exact.contains(channel.name)) rpc::RoundToHalf(channel.plane.view());
+  }
+}
+
+/// The channels of a layer in the picture; empty if it has no such layer.
+std::vector<std::string> ChannelsOf(const v1::PixelLayout& layout, const std::string& layer) {
+  const std::set<std::string> all(layout.channels().begin(), layout.channels().end());
+  const std::string prefix = layer.empty() ? "" : layer + ".";
+  for (const std::string_view suffixes : {"RGB", "XYZ", "Y", "Z"}) {
+    std::vector<std::string> channels;
+    for (const char suffix : suffixes) channels.push_back(prefix + suffix);
+    const bool has_all = std::all_of(channels.begin(), channels.end(),
+                                     [&all](const std::string& name) { return all.contains(name); });
+    if (has_all && (suffixes == "RGB" || !layer.empty())) return channels;
+  }
+  if (!layer.empty() && all.contains(layer)) return {layer};
+  return {};
+}
+
+/// Of a preview, for errors: "noisy", "N", "Z" ...
+std::string LayersOf(const v1::PixelLayout& layout) {
+  std::set<std::string> layers;
+  for (const std::string& channel : layout.channels()) {
+    const size_t point = channel.rfind('.');
+    if (point != std::string::npos) layers.insert(channel.substr(0, point));
+    if (point == std::string::npos && (channel == "Z" || channel == "A")) layers.insert(channel);
+  }
+  return absl::StrJoin(layers, ", ");
+}
+
+absl::StatusOr<std::string> PreviewAsChild(const ChildTask& task) {
+  int32_t frame = 0;
+  if (task.arguments.size() != 2 || !absl::SimpleAtoi(task.arguments[1], &frame))
+    return absl::InvalidArgumentError("make-preview: only the coordinator starts this command");
+  const absl::StatusOr<v1::Preview> preview =
+      MakePreview(task.folder, task.store, job::JobId(task.arguments[0]), frame, task.pool);
+  if (!preview.ok()) return preview.status();
+  return preview->SerializeAsString();
+}
+
+}  // namespace
+
+absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobStore& store,
+                                        const job::JobId& job, int32_t frame, TaskPool* pool) {
+  const absl::StatusOr<ledger::JobRecord> record = store.GetJob(job);
+  if (!record.ok()) return record.status();
+  const v1::JobSpec& spec = record->spec;
+  const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *record, frame);
+  if (!units.ok()) return units.status();
+  if (units->count() == 0) return absl::OutOfRangeError("no unit of the frame is committed yet");
+  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::OpenUnfinished(
+      spec, frame, &*units, [&units](const job::UnitKey& key) { return units->Has(key); }, pool);
+  if (!film.ok()) return film.status();
+  v1::Preview preview;
+  preview.set_units(units->count());
+  preview.set_width(spec.width());
+  preview.set_height(spec.height());
+  const int factor = (std::max(spec.width(), spec.height()) + kPreviewSide - 1) / kPreviewSide;
+  preview.set_reduction(factor);
+  absl::StatusOr<LayeredImage> reduced = ReadReduced(&*film, factor, spec.tile_size());
+  if (!reduced.ok()) return reduced.status();
+  absl::StatusOr<std::array<Plane, 3>> filtered = filter::FilterFilm(*reduced, spec.filter().method(), pool);
+  if (!filtered.ok()) return filtered.status();
+  Plane samples = SamplesOf(*reduced, factor);
+  preview.set_samples_per_pixel(MeanOf(samples));
+  LayeredImage picture = film::BuildResult({*std::move(reduced), {}}, *std::move(filtered), {}).pixels;
+  picture.Add(kSamples, std::move(samples));
+  RoundToHalf(&picture);
+  rpc::EncodedPicture encoded = rpc::EncodePicture(picture);
+  *preview.mutable_layout() = std::move(encoded.layout);
+  preview.set_planes(std::move(encoded.bytes));
+  return preview;
+}
+
+absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer) {
+  const std::vector<std::string> channels = ChannelsOf(all.layout(), layer);
+  if (channels.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a preview has no layer \"", layer, "\", but ", LayersOf(all.layout())));
+  }
+  v1::Preview part = all;
+  part.clear_planes();
+  part.mutable_layout()->clear_channels();
+  part.mutable_layout()->clear_encodings();
+  part.mutable_layout()->clear_compressed_bytes();
+  const std::vector<rpc::EncodedPlane> planes = rpc::PlanesOf(all.layout());
+  for (int i = 0; i < all.layout().channels_size(); ++i) {
+    if (std::find(channels.begin(), channels.end(), all.layout().channels(i)) == channels.end()) continue;
+    const rpc::EncodedPlane& plane = planes[static_cast<size_t>(i)];
+    part.mutable_layout()->add_channels(all.layout().channels(i));
+    part.mutable_layout()->add_encodings(plane.encoding);
+    if (plane.encoding == v1::PLANE_ENCODING_ZSTD)
+      part.mutable_layout()->add_compressed_bytes(static_cast<uint32_t>(plane.size_bytes));
+    part.mutable_planes()->append(all.planes(), plane.first_byte, plane.size_bytes);
+  }
+  return part;
+}
+
+absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
+                                           const job::JobId& job, int32_t frame) {
+  const std::string task = absl::StrCat("the preview of frame ", frame);
+  const absl::StatusOr<std::string> answer =
+      process->Run(kMakePreviewCommand, folder.root(), {job.value(), absl::StrCat(frame)}, job, task);
+  if (!answer.ok()) return answer.status();
+  v1::Preview preview;
+  if (!preview.ParseFromString(*answer))
+    return absl::InternalError(absl::StrCat("the filter process of ", task, " ended without an answer"));
+  return preview;
+}
+
+int RunMakePreviewProcess(const std::vector<std::string>& arguments) {
+  return RunChildTask(arguments, PreviewAsChild);
+}
+
+}  // namespace lumifold::server

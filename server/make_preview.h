@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "filter/image/parallel.h"
+#include "lumifold/v1/farm.pb.h"
+#include "server/child_process.h"
+#include "server/data_folder.h"
+#include "server/ledger/job_store.h"
+
+namespace lumifold::server {
+
+/// Pixels of a preview, across or down, at most. Filtering that many takes about a second.
+inline constexpr int kPreviewSide = 512;
+
+/// Makes the preview of a frame that is not finished, from the units that are committed: reduces the film to kPreviewSide and
+/// filters that. The picture has all channels of a result, and "samples.Y", the samples per pixel of the frame.
+/// Memory: a band of rows of the film, and twice the preview with all channels of the film.
+/// Errors: those of CommittedUnits and FilterFilm; kOutOfRange while no unit is committed.
+/// Threads: safe concurrently; the preview does not depend on `pool`, which may be null.
+absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobStore& store,
+                                        const job::JobId& job, int32_t frame, TaskPool* pool);
+
+/// The part of a preview that is one layer of GetPreviewRequest.
+/// Errors: kInvalidArgument naming the layers that there are.
+absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer);
+
+/// MakePreview in a child process. Errors: also those of ChildProcess::Run.
+absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
+                                           const job::JobId& job, int32_t frame);
+/// First argument of the child process.
+inline constexpr char kMakePreviewCommand[] = "make-preview";
+/// Its main function: `arguments` are those after the command. Returns the exit code.
+int RunMakePreviewProcess(const std::vector<std::string>& arguments);
+
+}  // namespace lumifold::server

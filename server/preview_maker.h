@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/status/statusor.h"
+#include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
+#include "lumifold/v1/farm.pb.h"
+#include "proto/rpc/monotonic.h"
+#include "server/job/ids.h"
+
+namespace lumifold::server {
+
+struct PreviewOptions {
+  /// Makes the preview of a frame; blocks. kOutOfRange: there is nothing to see yet.
+  std::function<absl::StatusOr<v1::Preview>(const job::JobId& job, int32_t frame)> make;
+  /// Stops a `make` that runs, and all later ones.
+  std::function<void()> cancel = [] {};
+  /// Units of the job that are committed. A preview is made again when there are more.
+  /// Errors: kNotFound for the job or frame; kFailedPrecondition where the frame is finished or the job has ended.
+  std::function<absl::StatusOr<int64_t>(const job::JobId& job, int32_t frame)> count_units;
+  /// Share of time that is spent on the previews of a frame, so that viewers cost the farm little.
+  double duty = 0.25;
+  /// Between the starts of two previews of a frame, at least.
+  absl::Duration interval = absl::Milliseconds(250);
+  /// A caller waits for this long.
+  absl::Duration patience = absl::Seconds(5);
+  /// Callers that wait, and frames whose last preview is kept, at a time.
+  size_t waiting = 256;
+  size_t frames = 16;
+};
+
+/// Makes previews for those who ask, one at a time, and keeps the last one of each frame: however many look at a frame, it is
+/// made once.
+/// Threads: safe; it has one of its own. Answers are called on it or on the caller's thread.
+class PreviewMaker {
+ public:
+  using Answer = std::function<void(absl::StatusOr<v1::Preview>)>;
+
+  explicit PreviewMaker(PreviewOptions options);
+  ~PreviewMaker() { Stop(); }
+
+  /// Errors: as GetPreview of farm.proto; kUnavailable after Stop.
+  void Get(const v1::GetPreviewRequest& request, Answer answer);
+  /// Answers all that wait.
+  void Stop();
+
+ private:
+  struct Waiting {
+    v1::GetPreviewRequest request;
+    Answer answer;
+    absl::Time until;
+  };
+  struct Frame {
+    std::shared_ptr<const v1::Preview> newest;
+    int64_t made_of = -1;  // units of the job
+    absl::Time next = absl::InfinitePast();
+    absl::Time used;
+    std::vector<Waiting> waiting;
+  };
+  using Key = std::pair<job::JobId, int32_t>;
+  using Answers = std::vector<std::pair<Answer, absl::StatusOr<v1::Preview>>>;
+
+  void Run();
+  /// Makes the preview of a frame if that is due.
+  void Renew(const Key& key);
+  /// Removes the callers of a frame that get an answer now.
+  Answers TakeAnswers(const Key& key, const absl::Status& error, absl::Time now)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::vector<Key> Wanted() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Forget() ABSL_LOCKS_EXCLUDED(mutex_);
+  bool HasWorkOrStops() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return stopping_ || waiting_ > 0; }
+
+  const PreviewOptions options_;
+  absl::Mutex mutex_;
+  rpc::MonotonicEvent stop_;  // with stopping_
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+  size_t waiting_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::map<Key, Frame> frames_ ABSL_GUARDED_BY(mutex_);
+  std::thread thread_;  // last: it uses the members above
+};
+
+}  // namespace lumifold::server

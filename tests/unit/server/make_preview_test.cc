@@ -1,0 +1,128 @@
+#include "server/make_preview.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "filter/methods.h"
+#include "proto/rpc/image_codec.h"
+#include "proto/rpc/plane_codec.h"
+#include "server/film/result.h"
+#include "tests/support/film_of_units.h"
+#include "tests/unit/server/committed_frame_fixture.h"
+
+namespace lumifold::server {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+const job::JobId kJob("j-1");
+
+LayeredImage PictureOf(const v1::Preview& preview) {
+  absl::StatusOr<LayeredImage> picture = rpc::ImageFromBytes(preview.layout(), preview.planes(), {});
+  EXPECT_TRUE(picture.ok()) << picture.status();
+  return *std::move(picture);
+}
+
+class MakePreviewTest : public CommittedFrameFixture {
+ protected:
+  absl::StatusOr<v1::Preview> Make() { return MakePreview(folder_, *store_, kJob, 0, /*pool=*/nullptr); }
+};
+
+TEST_F(MakePreviewTest, OfAllUnitsItIsTheFilteredFilm) {
+  const v1::JobSpec spec = Spec(40, 30);
+  Commit(kJob, spec);
+  const absl::StatusOr<v1::Preview> preview = Make();
+  ASSERT_TRUE(preview.ok()) << preview.status();
+  EXPECT_EQ(preview->units(), job::FrameUnits(spec).count());
+  EXPECT_EQ(preview->width(), 40);
+  EXPECT_EQ(preview->height(), 30);
+  EXPECT_EQ(preview->reduction(), 1);
+  EXPECT_EQ(preview->samples_per_pixel(), 10);
+
+  LayeredImage film = std::move(WholeFilm(spec, 0, RandomUnitsOf(spec, 1))->pixels);
+  std::array<Plane, 3> filtered = *filter::FilterFilm(film, "default", nullptr);
+  LayeredImage expected = film::BuildResult({std::move(film), {}}, std::move(filtered), {}).pixels;
+  const LayeredImage picture = PictureOf(*preview);
+  for (LayeredImage::Channel& channel : expected.channels()) {
+    if (channel.name != "id.Y" && channel.name != "Z" && channel.name != "distance.Z")
+      rpc::RoundToHalf(channel.plane.view());
+    for (int y = 0; y < 30; ++y) {
+      for (int x = 0; x < 40; ++x)
+        ASSERT_EQ(picture.Get(channel.name).At(x, y), channel.plane.At(x, y)) << channel.name;
+    }
+  }
+}
+
+TEST_F(MakePreviewTest, TilesWithoutPassesAreBlackAndOthersHaveTheSamplesThatTheyHave) {
+  // Of four tiles, the first has all passes, the second the first pass, the third its geometry, the fourth nothing.
+  Commit(kJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey& key) {
+    const bool is_geometry = key.kind == v1::UNIT_KIND_GEOMETRY;
+    return key.tile == 0 || (key.tile == 1 && key.pass == 0) || (key.tile == 2 && is_geometry);
+  });
+  const absl::StatusOr<v1::Preview> preview = Make();
+  ASSERT_TRUE(preview.ok()) << preview.status();
+  EXPECT_EQ(preview->samples_per_pixel(), (10 + 4) / 4.0);
+  const LayeredImage picture = PictureOf(*preview);
+  const auto at = [&picture](const std::string& channel) {
+    const ConstFloatView view = picture.Get(channel);
+    return std::vector<float>{view.At(2, 2), view.At(10, 2), view.At(2, 10), view.At(10, 10)};
+  };
+  EXPECT_THAT(at("samples.Y"), ElementsAre(10, 4, 0, 0));
+  EXPECT_GT(at("noisy.G")[1], 0);
+  EXPECT_EQ(at("noisy.G")[2], 0);
+  EXPECT_NE(at("N.X")[2], 0);
+  EXPECT_EQ(at("N.X")[3], 0);
+  for (const LayeredImage::Channel& channel : picture.channels()) {
+    for (const float value : at(channel.name)) EXPECT_TRUE(std::isfinite(value)) << channel.name;
+  }
+}
+
+TEST_F(MakePreviewTest, ALargeFrameIsReduced) {
+  Commit(kJob, Spec(1030, 9), /*is_forward=*/true, [](const job::UnitKey& key) { return key.pass == 0; });
+  const absl::StatusOr<v1::Preview> preview = Make();
+  ASSERT_TRUE(preview.ok()) << preview.status();
+  EXPECT_EQ(preview->reduction(), 3);
+  EXPECT_EQ(preview->layout().width(), 344);
+  EXPECT_EQ(preview->layout().height(), 3);
+  const LayeredImage picture = PictureOf(*preview);
+  EXPECT_EQ(picture.Get("samples.Y").At(0, 0), 4) << "a pixel of the frame has these, not a block";
+}
+
+TEST_F(MakePreviewTest, WithoutUnitsThereIsNone) {
+  Commit(kJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey&) { return false; });
+  EXPECT_EQ(Make().status().code(), absl::StatusCode::kOutOfRange);
+}
+
+TEST_F(MakePreviewTest, ALayerIsTakenOutOfIt) {
+  Commit(kJob, Spec(16, 16));
+  const v1::Preview all = *Make();
+  const auto channels = [&all](const std::string& layer) {
+    const absl::StatusOr<v1::Preview> part = LayerOfPreview(all, layer);
+    EXPECT_TRUE(part.ok()) << part.status();
+    const LayeredImage picture = PictureOf(*part);
+    std::vector<std::string> names;
+    for (const LayeredImage::Channel& channel : picture.channels()) {
+      names.push_back(channel.name);
+      EXPECT_EQ(channel.plane.At(3, 5), PictureOf(all).Get(channel.name).At(3, 5));
+    }
+    EXPECT_EQ(part->units(), all.units());
+    return names;
+  };
+  EXPECT_THAT(channels(""), ElementsAre("R", "G", "B"));
+  EXPECT_THAT(channels("noisy"), ElementsAre("noisy.R", "noisy.G", "noisy.B"));
+  EXPECT_THAT(channels("N"), ElementsAre("N.X", "N.Y", "N.Z"));
+  EXPECT_THAT(channels("Z"), ElementsAre("Z"));
+  EXPECT_THAT(channels("id"), ElementsAre("id.Y"));
+  EXPECT_THAT(channels("samples"), ElementsAre("samples.Y"));
+  for (const char* unknown : {"nois", "noisy.", ".", "samples.Y."}) {
+    const absl::Status status = LayerOfPreview(all, unknown).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << unknown;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("id, indirect, noisy, reflection1, samples"));
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::server

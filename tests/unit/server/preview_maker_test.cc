@@ -1,0 +1,146 @@
+#include "server/preview_maker.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <memory>
+
+namespace lumifold::server {
+namespace {
+
+/// A farm whose previews have one pixel, the units of which are told apart by `units`.
+class PreviewMakerTest : public ::testing::Test {
+ protected:
+  using Result = absl::StatusOr<v1::Preview>;
+
+  PreviewMakerTest() {
+    options_.interval = absl::ZeroDuration();
+    options_.duty = 1;
+    options_.patience = absl::InfiniteDuration();
+    options_.count_units = [this](const job::JobId&, int32_t) -> absl::StatusOr<int64_t> {
+      if (is_finished_) return absl::FailedPreconditionError("finished");
+      return units_.load();
+    };
+    options_.make = [this](const job::JobId& job, int32_t frame) -> Result {
+      ++made_;
+      if (units_ == 0) return absl::OutOfRangeError("no units");
+      v1::Preview preview;
+      preview.set_units(units_);
+      preview.set_width(frame);
+      preview.mutable_layout()->set_width(1);
+      preview.mutable_layout()->set_height(1);
+      for (const char* name : {"R", "G", "B"}) preview.mutable_layout()->add_channels(name);
+      preview.set_planes(std::string(12, job.value().back()));
+      return preview;
+    };
+  }
+  void Start() { maker_ = std::make_unique<PreviewMaker>(options_); }
+
+  std::future<Result> Ask(const std::string& job, int32_t frame = 0, int64_t newer_than = 0,
+                          const std::string& layer = "") {
+    v1::GetPreviewRequest request;
+    request.set_job_id(job);
+    request.set_frame(frame);
+    request.set_newer_than_units(newer_than);
+    request.set_layer(layer);
+    auto promise = std::make_shared<std::promise<Result>>();
+    maker_->Get(request, [promise](Result result) { promise->set_value(std::move(result)); });
+    return promise->get_future();
+  }
+  static bool IsWaiting(const std::future<Result>& answer) {
+    return answer.wait_for(std::chrono::milliseconds(300)) == std::future_status::timeout;
+  }
+
+  PreviewOptions options_;
+  std::atomic<int64_t> units_ = 3;
+  std::atomic<bool> is_finished_ = false;
+  std::atomic<int> made_ = 0;
+  std::unique_ptr<PreviewMaker> maker_;
+};
+
+TEST_F(PreviewMakerTest, OnePictureIsForAllWhoLook) {
+  Start();
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(Ask("j-a").get()->units(), 3);
+  EXPECT_EQ(made_, 1);
+  EXPECT_EQ(Ask("j-b").get()->planes(), std::string(12, 'b'));
+  EXPECT_EQ(Ask("j-a", 7).get()->width(), 7);
+  EXPECT_EQ(made_, 3);
+}
+
+TEST_F(PreviewMakerTest, WhoHasTheNewestWaitsForMoreUnits) {
+  Start();
+  std::future<Result> answer = Ask("j-a", 0, 3);
+  EXPECT_TRUE(IsWaiting(answer));
+  units_ = 5;
+  EXPECT_EQ(answer.get()->units(), 5);
+}
+
+TEST_F(PreviewMakerTest, PatienceEnds) {
+  options_.patience = absl::Milliseconds(1);
+  Start();
+  EXPECT_TRUE(absl::IsOutOfRange(Ask("j-a", 0, 3).get().status()));
+  units_ = 0;
+  EXPECT_TRUE(absl::IsOutOfRange(Ask("j-b").get().status())) << "there is nothing to see yet";
+}
+
+TEST_F(PreviewMakerTest, TheEndOfTheFrameIsTold) {
+  Start();
+  std::future<Result> waits = Ask("j-a", 0, 3);
+  EXPECT_TRUE(IsWaiting(waits));
+  is_finished_ = true;
+  EXPECT_TRUE(absl::IsFailedPrecondition(waits.get().status()));
+  EXPECT_TRUE(absl::IsFailedPrecondition(Ask("j-a").get().status()));
+}
+
+TEST_F(PreviewMakerTest, ALayerThatThereIsNotIsRefused) {
+  Start();
+  EXPECT_TRUE(absl::IsInvalidArgument(Ask("j-a", 0, 0, "colour").get().status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(Ask("j-a", 0, 0, "colour").get().status()))
+      << "of one that is made already";
+}
+
+TEST_F(PreviewMakerTest, ErrorsReachThoseWhoWaitAndTheNextOneMayWork) {
+  std::atomic<bool> fails = true;
+  options_.make = [make = options_.make, &fails](const job::JobId& job, int32_t frame) -> Result {
+    if (fails) return absl::InternalError("out of memory");
+    return make(job, frame);
+  };
+  Start();
+  EXPECT_EQ(Ask("j-a").get().status(), absl::InternalError("out of memory"));
+  fails = false;
+  units_ = 4;
+  EXPECT_EQ(Ask("j-a").get()->units(), 4);
+}
+
+TEST_F(PreviewMakerTest, NoMoreWaitThanAreAllowed) {
+  options_.waiting = 2;
+  Start();
+  const std::future<Result> first = Ask("j-a", 0, 3);
+  const std::future<Result> second = Ask("j-a", 0, 3);
+  EXPECT_TRUE(absl::IsResourceExhausted(Ask("j-b", 0, 3).get().status()));
+}
+
+TEST_F(PreviewMakerTest, OnlyTheLastFramesAreKept) {
+  options_.frames = 2;
+  Start();
+  for (const char* job : {"j-a", "j-b", "j-c", "j-d"}) EXPECT_TRUE(Ask(job).get().ok());
+  EXPECT_TRUE(Ask("j-d").get().ok());
+  EXPECT_EQ(made_, 4);
+  EXPECT_TRUE(Ask("j-a").get().ok());
+  EXPECT_EQ(made_, 5) << "the first one was forgotten";
+}
+
+TEST_F(PreviewMakerTest, StoppingAnswersAll) {
+  std::atomic<bool> cancelled = false;
+  options_.cancel = [&cancelled] { cancelled = true; };
+  Start();
+  std::future<Result> answer = Ask("j-a", 0, 3);
+  maker_->Stop();
+  EXPECT_TRUE(absl::IsUnavailable(answer.get().status()));
+  EXPECT_TRUE(cancelled);
+  EXPECT_TRUE(absl::IsUnavailable(Ask("j-a").get().status()));
+}
+
+}  // namespace
+}  // namespace lumifold::server

@@ -17,6 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "proto/logging/fields.h"
 
 namespace lumifold::server {
 namespace {
@@ -265,7 +266,8 @@ absl::Status AssetStore::MoveAside(const std::string& sha256) const {
   const std::string aside = PathOf(sha256) + kDamagedSuffix;
   if (const int error = files_->Rename(PathOf(sha256), aside); error != 0)
     return FileError(PathOf(sha256), error);
-  if (log_ != nullptr) log_->error("event=asset_damaged sha256={} moved_to=\"{}\"", sha256, aside);
+  if (log_ != nullptr)
+    log_->error("event=asset_damaged sha256={} moved_to={}", sha256, logging::Quoted(aside));
   return absl::NotFoundError(absl::StrCat("asset ", sha256,
                                           " was damaged on the disk of the coordinator and is moved aside;"
                                           " submit its scene again to upload it"));

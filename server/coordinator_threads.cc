@@ -101,9 +101,9 @@ void Coordinator::RetryFrame(CommittedFrame frame, const absl::Status& error) {
     return;
   }
   const absl::Duration pause = options_.finish_pause * std::pow(kPauseGrowth, frame.failures - 1);
-  options_.log->warn("event=frame_retried job={} frame={} failures={} pause_seconds={:.1f} error=\"{}\"",
+  options_.log->warn("event=frame_retried job={} frame={} failures={} pause_seconds={:.1f} error={}",
                      frame.job.value(), frame.number, frame.failures, absl::ToDoubleSeconds(pause),
-                     absl::Utf8SafeCEscape(message));
+                     Quoted(message));
   frame.not_before = options_.now() + pause;
   committed_frames_.push_back(std::move(frame));
 }
@@ -221,7 +221,7 @@ void Coordinator::ExpireLeases() {
 
 void Coordinator::ReportLate(const std::vector<scheduler::LateLease>& late) {
   for (const scheduler::LateLease& lease : late) {
-    options_.log->warn("event={} unit=\"{}\" worker={}", EventOf(lease.lateness), Describe(lease.unit),
+    options_.log->warn("event={} unit={} worker={}", EventOf(lease.lateness), Quoted(Describe(lease.unit)),
                        NameOf(lease.worker));
     if (leasing_ && !lease.job_error.empty()) EndJob(lease.unit.job, v1::JOB_STATE_FAILED, lease.job_error);
   }

@@ -1,16 +1,15 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <deque>
 #include <memory>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
 #include "lumifold/v1/farm.pb.h"
+#include "proto/logging/front_logger.h"
 
 namespace spdlog {
 class logger;
@@ -30,9 +29,8 @@ class EventLog {
   explicit EventLog(size_t max_events = kMaxEvents, size_t max_bytes = kMaxEventBytes)
       : max_events_(max_events), max_bytes_(max_bytes) {}
 
-  /// Keeps a line "event=NAME name=value ..." if its fields name a job (`job`, or `unit`, whose first word is the job)
-  /// or a worker (`worker`: ID/NAME). Values may be quoted.
-  void Add(int64_t unix_ms, std::string_view level, std::string_view line);
+  /// Keeps a line if its fields name a job (logging::JobOf) or a worker (`worker`: ID/NAME).
+  void Add(const logging::PassedLine& line);
 
   /// The last `limit` events of a job, oldest first.
   std::vector<v1::LogEvent> OfJob(const std::string& job_id, int limit) const;
@@ -58,7 +56,7 @@ class EventLog {
   size_t bytes_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
-/// A logger that passes lines on to `log`, at its level, and those of level info and above to `events`, which must
+/// A logger that passes lines on to `log` as MakeFrontLogger, and those at info and above also to `events`, which must
 /// outlive it.
 std::shared_ptr<spdlog::logger> MakeEventLogger(const std::shared_ptr<spdlog::logger>& log, EventLog* events);
 

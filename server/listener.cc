@@ -22,6 +22,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
 #include "absl/synchronization/mutex.h"
+#include "proto/logging/fields.h"
 #include "proto/rpc/byte_stream.h"
 #include "server/access/rate_limit.h"
 #include "server/address_filter.h"
@@ -280,7 +281,7 @@ void ListenerImpl::Refuse(int socket, const std::string& network, absl::string_v
     return;
   }
   ++lines_;
-  options_.log->warn("event=connection_refused address={} reason=\"{}\"", network, std::string(reason));
+  options_.log->warn("event=connection_refused address={} reason={}", network, logging::Quoted(reason));
 }
 
 void ListenerImpl::CountRefusal(const std::string& network) {

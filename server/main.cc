@@ -19,7 +19,8 @@
 #include "absl/strings/str_cat.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/secrets.h"
-#include "proto/rpc/nonblocking_log.h"
+#include "proto/logging/fields.h"
+#include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/version.h"
 #include "server/access/access_control.h"
 #include "server/access/setup.h"
@@ -57,6 +58,7 @@ struct Flags {
   double lease_seconds = 30.0;
   double heartbeat_seconds = 5.0;
   std::string log_level = "info";
+  std::string log_format = "text";
   uint64_t reserve_mb = 16;
   double keep_film_gb = 10;
   double keep_results_days = 0;
@@ -135,6 +137,9 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
+  app->add_option("--log-format", flags->log_format, "text, or json: one object a line")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
   app->set_version_flag("--version", "lumifold-server " + std::string(lumifold::rpc::kVersion));
 }
 
@@ -203,7 +208,7 @@ int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals) 
     absl::StatusOr<std::unique_ptr<lumifold::server::Server>> server =
         lumifold::server::Server::Start(options);
     if (!is_first && absl::IsUnavailable(server.status())) {  // it was cut off, and may still be
-      options.log->warn("event=not_started error=\"{}\"", absl::Utf8SafeCEscape(server.status().message()));
+      options.log->warn("event=not_started error={}", lumifold::logging::Quoted(server.status().message()));
       const int received = sigtimedwait(&end_signals, nullptr, &kStartPause);
       if (received == SIGTERM || received == SIGINT) return 0;
       continue;
@@ -230,8 +235,11 @@ int RunServer(const Flags& flags) {
     lumifold::identity::ProtectMemory();
   const sigset_t end_signals = BlockEndSignals();
   RaiseFileLimit();
-  const std::shared_ptr<spdlog::logger> log = lumifold::rpc::MakeNonblockingLogger(
-      {.name = "lumifold-server", .pattern = "%Y-%m-%dT%H:%M:%S.%e %l %v", .level = flags.log_level});
+  const std::shared_ptr<spdlog::logger> log =
+      lumifold::logging::MakeNonblockingLogger({.name = "lumifold-server",
+                                                .format = flags.log_format,
+                                                .pattern = "%Y-%m-%dT%H:%M:%S.%e %l %v",
+                                                .level = flags.log_level});
   lumifold::server::ServerOptions options;
   options.data_dir = flags.data_dir;
   options.store = flags.store;

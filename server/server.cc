@@ -25,6 +25,7 @@
 #include "lumifold/v1/access.grpc.pb.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
+#include "proto/logging/fields.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "server/access/access_control.h"
@@ -457,8 +458,8 @@ absl::Status ServerImpl::Listen() {
     });
   }
   if (!options_.listen.empty()) {
-    options_.log->info("event=listening address={} port={} data=\"{}\" encrypted={}", options_.listen, port_,
-                       options_.data_dir, security_.uses_tls());
+    options_.log->info("event=listening address={} port={} data={} encrypted={}", options_.listen, port_,
+                       logging::Quoted(options_.data_dir), security_.uses_tls());
   }
   return absl::OkStatus();
 }

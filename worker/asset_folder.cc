@@ -19,6 +19,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
+#include "proto/logging/fields.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/sha256.h"
 
@@ -70,8 +71,8 @@ absl::StatusOr<std::string> AssetFolder::Fetch(const std::string& job_id, const 
   MakeRoom(content->size());
   const absl::Status written = Write(asset.sha256(), *content);
   if (!written.ok() && options_.log != nullptr)
-    options_.log->warn("event=asset_not_kept sha256={} error=\"{}\"", asset.sha256(),
-                       std::string(written.message()));
+    options_.log->warn("event=asset_not_kept sha256={} error={}", asset.sha256(),
+                       logging::Quoted(written.message()));
   return content;
 }
 

@@ -7,6 +7,7 @@
 
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
+#include "proto/logging/fields.h"
 
 namespace lumifold::worker {
 namespace {
@@ -42,8 +43,8 @@ absl::Duration CertificateRenewal::Look() const {
   const absl::StatusOr<identity::CertificateFacts> certificate =
       options_.profiles.CertificateOf(options_.profile);
   if (!certificate.ok()) {
-    options_.log->error("event=certificate_unreadable profile={} error=\"{}\"", options_.profile,
-                        std::string(certificate.status().message()));
+    options_.log->error("event=certificate_unreadable profile={} error={}", options_.profile,
+                        logging::Quoted(certificate.status().message()));
     return kLongestPause;
   }
   if (identity::IsDueForRenewal(*certificate, options_.wall_now())) {
@@ -54,9 +55,9 @@ absl::Duration CertificateRenewal::Look() const {
           "event=certificate_renewed expires={}",
           absl::FormatTime(absl::FromUnixMillis(renewed->expires_unix_ms()), absl::UTCTimeZone()));
     } else {
-      options_.log->warn("event=certificate_not_renewed expires={} error=\"{}\"",
+      options_.log->warn("event=certificate_not_renewed expires={} error={}",
                          absl::FormatTime(certificate->not_after, absl::UTCTimeZone()),
-                         std::string(renewed.status().message()));
+                         logging::Quoted(renewed.status().message()));
     }
   }
   return std::clamp((certificate->not_after - certificate->not_before) / kLooks, kShortestPause,

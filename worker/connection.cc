@@ -13,6 +13,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.grpc.pb.h"
+#include "proto/logging/fields.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/reconnect_schedule.h"
 #include "proto/rpc/retry.h"
@@ -381,7 +382,7 @@ class Journey {
   }
 
   void Pause(const absl::Status& status, absl::Duration pause) {
-    log_.warn("event=disconnected error=\"{}\" retry_in={:.1f}s server={}", std::string(status.message()),
+    log_.warn("event=disconnected error={} retry_in={:.1f}s server={}", logging::Quoted(status.message()),
               absl::ToDoubleSeconds(pause), route_.current());
     const absl::Time end = rpc::MonotonicNow() + pause;
     while (!IsOver() && rpc::MonotonicNow() < end) stop_.WaitFor(kPollInterval);

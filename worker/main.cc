@@ -23,11 +23,12 @@
 #include "proto/identity/join.h"
 #include "proto/identity/profile.h"
 #include "proto/identity/secrets.h"
+#include "proto/logging/fields.h"
+#include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/endpoints.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
-#include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
 #include "spdlog/spdlog.h"
 #include "worker/asset_folder.h"
@@ -92,6 +93,7 @@ struct Flags {
   std::string code;  // of enroll
   std::string name = DefaultName();
   std::string log_level = "info";
+  std::string log_format = "text";
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::vector<std::string> tags;
   double drain_seconds = 30;
@@ -139,6 +141,9 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
+  app->add_option("--log-format", flags->log_format, "text, or json: one object a line")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
   app->footer(
       "Exit codes: 0 it has left, 1 failed, 2 wrong command line, 3 the coordinator does not admit it:\n"
       "its certificate was revoked, has expired or is not known, 4 it reached no coordinator within\n"
@@ -171,14 +176,14 @@ std::vector<uint16_t> PortsOf(const std::vector<std::string>& servers) {
 void LogFence(const Flags& flags, const fence::FenceReport& report, spdlog::logger& log) {
   if (flags.no_fence) {
     log.warn(
-        "event=no_fence: --no-fence was given: a malformed scene that takes over this worker can do whatever "
-        "user {} "
-        "can",
+        "event=no_fence meaning=\"--no-fence was given: a malformed scene that takes over this worker can do "
+        "whatever user {} can\"",
         getuid());
     return;
   }
-  log.info("event=fence up=\"{}\"", absl::StrJoin(report.up, ", "));
-  if (!report.lacking.empty()) log.warn("event=fence_lacks what=\"{}\"", absl::StrJoin(report.lacking, ", "));
+  log.info("event=fence up={}", lumifold::logging::Quoted(absl::StrJoin(report.up, ", ")));
+  if (!report.lacking.empty())
+    log.warn("event=fence_lacks what={}", lumifold::logging::Quoted(absl::StrJoin(report.lacking, ", ")));
 }
 
 int Fail(const absl::Status& status) {
@@ -290,13 +295,13 @@ int RunWorkerProcess(const Flags& flags) {
   lumifold::rpc::MonotonicEvent leave;
   const lumifold::rpc::MonotonicEvent never;
   WatchSignals(&leave).detach();  // before any other thread, which would take the signals
-  const std::shared_ptr<spdlog::logger> log =
-      lumifold::rpc::MakeNonblockingLogger({.name = "worker", .level = flags.log_level});
+  const std::shared_ptr<spdlog::logger> log = lumifold::logging::MakeNonblockingLogger(
+      {.name = "worker", .format = flags.log_format, .level = flags.log_level});
   LogFence(flags, *fenced, *log);
   log->info("event=start name={} server={} threads={} class={}", flags.name,
             absl::StrJoin(target->servers, ","), flags.threads, lumifold::render::NumericClass());
   if (!has_cache.ok())  // what is cached is a convenience: it works without
-    log->warn("event=no_asset_cache error=\"{}\"", std::string(has_cache.message()));
+    log->warn("event=no_asset_cache error={}", lumifold::logging::Quoted(has_cache.message()));
   const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
                                                       .profile = target->profile,
                                                       .wall_now = lumifold::identity::ValidityClock,
@@ -318,13 +323,13 @@ int RunWorkerProcess(const Flags& flags) {
        .connect = [&target](const std::string& address) { return Connect(address, target->security); }},
       options, never);
   if (absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status)) {
-    log->error("event=not_admitted error=\"{}\"", std::string(status.message()));
+    log->error("event=not_admitted error={}", lumifold::logging::Quoted(status.message()));
     std::fprintf(stderr, "lumifold-worker: %s. The worker needs a new code: 'lumifold-worker enroll'\n",
                  std::string(status.message()).c_str());
     return kExitNotAdmitted;
   }
   if (absl::IsDeadlineExceeded(status)) {
-    log->error("event=not_reached error=\"{}\"", std::string(status.message()));
+    log->error("event=not_reached error={}", lumifold::logging::Quoted(status.message()));
     Fail(status);
     return kExitNotReached;
   }

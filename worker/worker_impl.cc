@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "proto/logging/fields.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
@@ -228,7 +229,7 @@ void WorkerImpl::HandBackWaiting() {
 
 void WorkerImpl::OnAck(const v1::UnitAck& ack) {
   if (!ack.refused().empty())
-    log_->error("event=unit_refused {} reason=\"{}\"", Describe(ack.unit()), ack.refused());
+    log_->error("event=unit_refused {} reason={}", Describe(ack.unit()), logging::Quoted(ack.refused()));
   RemoveHeld([&](const v1::Lease& held) { return IsLease(held, ack.unit(), ack.attempt()); });
 }
 
@@ -289,7 +290,7 @@ bool WorkerImpl::IsLeaving() const {
 void WorkerImpl::OnMove(const v1::Move& move) {
   const bool is_new = !move_.has_value() || (move.at_once() && !move_->at_once());
   if (leaving_ || !is_new) return;
-  log_->info("event=moving address=\"{}\" at_once={} leases={}", move.address(), move.at_once(),
+  log_->info("event=moving address={} at_once={} leases={}", logging::Quoted(move.address()), move.at_once(),
              held_.size());
   move_ = move;
   HandBackWaiting();
@@ -406,7 +407,7 @@ void WorkerImpl::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl:
     taken->was_in_hand = false;
     return;
   }
-  log_->error("event=unit_failed {} error=\"{}\"", Describe(lease.unit()), std::string(failure.message()));
+  log_->error("event=unit_failed {} error={}", Describe(lease.unit()), logging::Quoted(failure.message()));
   // In this order: a heartbeat in between must not make the coordinator think that the lease was dropped.
   SendFailure(lease, failure, outbox_.get());
   RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });

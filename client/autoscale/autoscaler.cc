@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "proto/logging/fields.h"
 #include "spdlog/spdlog.h"
 
 namespace lumifold::autoscale {
@@ -32,10 +33,11 @@ void Autoscaler::Act(const EngineState& seen, const Decision& decision) {
     std::vector<std::string> ids;
     for (const Release& release : decision.release) {
       ids.push_back(release.id);
-      options_.log->info("event=release request=\"{}\" why=\"{}\"", release.id, release.why);
+      options_.log->info("event=release request={} why={}", logging::Quoted(release.id),
+                         logging::Quoted(release.why));
     }
     if (const absl::Status status = engine_->Release(seen, ids); !status.ok())
-      options_.log->warn("event=release_failed error=\"{}\"", std::string(status.message()));
+      options_.log->warn("event=release_failed error={}", logging::Quoted(status.message()));
   }
   if (decision.start == 0) return;
   const absl::Status status = engine_->Start(seen, decision.start);
@@ -46,8 +48,8 @@ void Autoscaler::Act(const EngineState& seen, const Decision& decision) {
     options_.log->info("event=start_again reason=\"another program changed the engine\"");
   } else {
     OnRefused(options_.now(), std::string(status.message()), &history_);
-    options_.log->warn("event=start_refused failures={} error=\"{}\"", history_.refusals.failures,
-                       std::string(status.message()));
+    options_.log->warn("event=start_refused failures={} error={}", history_.refusals.failures,
+                       logging::Quoted(status.message()));
   }
 }
 
@@ -55,9 +57,9 @@ void Autoscaler::Log(const Decision& decision) {
   const bool acts = decision.start > 0 || !decision.release.empty();
   const auto level = acts || decision.reason != last_logged_ ? spdlog::level::info : spdlog::level::debug;
   options_.log->log(
-      level, "event=step wanted={} running={} pending={} start={} release={} core_hours={:.3f} reason=\"{}\"",
+      level, "event=step wanted={} running={} pending={} start={} release={} core_hours={:.3f} reason={}",
       decision.wanted, decision.running, decision.pending, decision.start, decision.release.size(),
-      history_.UsedCoreSeconds() / absl::ToDoubleSeconds(absl::Hours(1)), decision.reason);
+      history_.UsedCoreSeconds() / absl::ToDoubleSeconds(absl::Hours(1)), logging::Quoted(decision.reason));
   last_logged_ = decision.reason;
 }
 

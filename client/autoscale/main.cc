@@ -24,8 +24,10 @@
 #include "client/interrupt.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/profile.h"
+#include "proto/logging/fields.h"
+#include "proto/logging/front_logger.h"
+#include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/monotonic.h"
-#include "proto/rpc/nonblocking_log.h"
 #include "proto/rpc/version.h"
 #include "spdlog/spdlog.h"
 
@@ -48,6 +50,7 @@ struct Flags {
   bool dry_run = false;
   bool json = false;
   std::string log_level = "info";
+  std::string log_format = "text";
   double interval_seconds = 15;
   autoscale::Limits limits;
   double budget_days = 0;
@@ -160,6 +163,9 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
       ->capture_default_str();
+  app->add_option("--log-format", flags->log_format, "text, or json: one object a line")
+      ->check(CLI::IsMember({"text", "json"}))
+      ->capture_default_str();
   app->footer(
       "Exit codes: 0 ok (SIGINT and SIGTERM end it; workers stay), 1 failed, 2 wrong command line,\n"
       "3 coordinator not reachable (with --once; else it goes on trying).");
@@ -254,7 +260,7 @@ int RunSteps(const Flags& flags, autoscale::Autoscaler* autoscaler, spdlog::logg
     const absl::StatusOr<autoscale::Decision> decision = autoscaler->Step();
     if (!decision.ok() && flags.once) return Fail(decision.status());
     if (!decision.ok()) {
-      log->warn("event=step_failed error=\"{}\"", std::string(decision.status().message()));
+      log->warn("event=step_failed error={}", lumifold::logging::Quoted(decision.status().message()));
     } else if (flags.json) {
       std::cout << DecisionJson(*decision) << '\n' << std::flush;
     } else if (flags.once || flags.dry_run) {
@@ -282,8 +288,9 @@ int Run(const Flags& flags) {
   if (!state.ok()) return Fail(client::OfThisMachine(state.status()));
   absl::StatusOr<autoscale::History> history = state->Read();
   if (!history.ok()) return Fail(client::OfThisMachine(history.status()));
-  const std::shared_ptr<spdlog::logger> log =
-      lumifold::rpc::MakeNonblockingLogger({.name = "autoscale", .level = flags.log_level});
+  const std::shared_ptr<spdlog::logger> log = lumifold::logging::MakeFrontLogger(
+      {.log = lumifold::logging::MakeNonblockingLogger(
+           {.name = "autoscale", .format = flags.log_format, .level = flags.log_level})});
   log->info("event=start engine={} server={} min={} max={}", flags.engine, remote.server,
             flags.limits.minimum, flags.limits.maximum);
   autoscale::AutoscalerOptions options = OptionsOf(flags);

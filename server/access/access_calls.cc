@@ -9,6 +9,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "proto/identity/secrets.h"
+#include "proto/logging/fields.h"
 #include "server/access/access_control.h"
 
 namespace lumifold::access {
@@ -309,8 +310,8 @@ absl::StatusOr<v1::RevokeResponse> AccessControl::Revoke(const Identity& caller,
     revoked = store_->Revoke(request.id(), request.name(), options_.wall_now());
   }
   if (!revoked.ok()) return revoked.status();
-  options_.log->info("event=revoked by={} id=\"{}\" name=\"{}\" count={}", caller.name,
-                     absl::Utf8SafeCEscape(request.id()), request.name(), *revoked);
+  options_.log->info("event=revoked by={} id={} name={} count={}", caller.name, logging::Quoted(request.id()),
+                     logging::Quoted(request.name()), *revoked);
   Refresh();  // at once, not at the next interval
   v1::RevokeResponse response;
   response.set_revoked(*revoked);

@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "proto/identity/private_file.h"
+#include "proto/logging/fields.h"
 
 namespace lumifold::access {
 namespace {
@@ -147,7 +148,7 @@ void AccessControl::Refresh() {
     // What is known stays valid while the store is away: without it nothing is revoked, and nobody gets in either.
     absl::MutexLock lock(&mutex_);
     if (!read.ok() && !is_store_lost_)
-      options_.log->error("event=access_store_lost error=\"{}\"", std::string(read.message()));
+      options_.log->error("event=access_store_lost error={}", logging::Quoted(read.message()));
     if (read.ok() && is_store_lost_) options_.log->info("event=access_store_back");
     is_store_lost_ = !read.ok();
   }
@@ -156,7 +157,7 @@ void AccessControl::Refresh() {
       open_calls_.EndUnless([this, now](const Identity& caller) { return known_.Check(caller, now); });
   if (ended > 0) options_.log->info("event=calls_ended count={}", ended);
   if (const absl::Status renewed = RenewServerCertificate(); !renewed.ok())
-    options_.log->error("event=server_certificate_not_renewed error=\"{}\"", std::string(renewed.message()));
+    options_.log->error("event=server_certificate_not_renewed error={}", logging::Quoted(renewed.message()));
 }
 
 void AccessControl::Start() {

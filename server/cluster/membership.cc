@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/escaping.h"
+#include "proto/logging/fields.h"
 
 namespace lumifold::cluster {
 namespace {
@@ -45,8 +46,8 @@ absl::Status Membership::Start() {
   if (absl::Status status = roster_->Join({.owner = options_.owner, .address = options_.address});
       !status.ok())
     return status;
-  options_.log->info("event=farm_joined coordinator=\"{}\" epoch={} address={}", options_.owner.name,
-                     options_.owner.epoch.value(), options_.address);
+  options_.log->info("event=farm_joined coordinator={} epoch={} address={}",
+                     logging::Quoted(options_.owner.name), options_.owner.epoch.value(), options_.address);
   if (absl::Status status = ExpelPredecessors(); !status.ok()) return status;
   if (absl::Status status = Tick(); !status.ok()) return status;
   thread_ = std::thread([this] { Run(); });
@@ -80,7 +81,7 @@ void Membership::Leave() {
   if (status.ok()) {
     options_.log->info("event=farm_left");
   } else {  // the others find out
-    options_.log->warn("event=farm_not_left error=\"{}\"", absl::Utf8SafeCEscape(status.message()));
+    options_.log->warn("event=farm_not_left error={}", logging::Quoted(status.message()));
   }
 }
 
@@ -93,11 +94,11 @@ void Membership::Run() {
   while (!stop_.WaitFor(options_.lease / kRenewalsPerLease)) {
     const absl::Status status = Tick();
     if (absl::IsAborted(status)) {
-      options_.log->error("event=expelled error=\"{}\"", absl::Utf8SafeCEscape(status.message()));
+      options_.log->error("event=expelled error={}", logging::Quoted(status.message()));
       return host_->OnExpelled();
     }
     if (status.ok()) continue;
-    options_.log->warn("event=farm_not_renewed error=\"{}\"", absl::Utf8SafeCEscape(status.message()));
+    options_.log->warn("event=farm_not_renewed error={}", logging::Quoted(status.message()));
   }
 }
 
@@ -114,8 +115,9 @@ void Membership::WatchDatabase() {
       }
     }
     next = now + options_.lease * kLeasesPerSendingAway;
-    options_.log->warn("event=database_silent seconds={:.1f} workers_sent_to=\"{}\"",
-                       absl::ToDoubleSeconds(options_.lease), address.empty() ? "any" : address);
+    options_.log->warn("event=database_silent seconds={:.1f} workers_sent_to={}",
+                       absl::ToDoubleSeconds(options_.lease),
+                       logging::Quoted(address.empty() ? "any" : address));
     host_->SendWorkersAway(address);
   }
 }
@@ -136,8 +138,8 @@ absl::Status Membership::Tick() {
     const absl::StatusOr<bool> expelled = roster_->Expel(member.owner.epoch, member.renewals);
     if (!expelled.ok()) return expelled.status();
     if (!*expelled) continue;
-    options_.log->warn("event=coordinator_expelled coordinator=\"{}\" epoch={}", member.owner.name,
-                       member.owner.epoch.value());
+    options_.log->warn("event=coordinator_expelled coordinator={} epoch={}",
+                       logging::Quoted(member.owner.name), member.owner.epoch.value());
     std::erase(*members, member);
     has_gone = true;
   }

@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import re
 import shutil
 import tempfile
 import textwrap
@@ -118,6 +119,15 @@ class ProjectTest(unittest.TestCase):
         root = pathlib.Path(__file__).resolve().parents[2]
         graph = pathlib.Path(os.environ["LUMIFOLD_TARGET_GRAPH"]).read_text()
         self.assertEqual(include_direction.check(root, graph), [])
+
+    def test_texts_in_lines_of_the_log_are_escaped(self):
+        """A value that the format puts in quotes could end them, and add fields: logging::Quoted escapes it."""
+        root = pathlib.Path(__file__).resolve().parents[2]
+        unsafe = re.compile(r'"event=[^\n]*=\\"\{')
+        self.assertTrue(unsafe.search(r'log->warn("event=failed error=\"{}\"", text);'))
+        sources = [path for folder in ("proto", "server", "worker", "client") for path in (root / folder).rglob("*.cc")]
+        self.assertGreater(len(sources), 100)
+        self.assertEqual([str(path) for path in sources if unsafe.search(path.read_text())], [])
 
 
 if __name__ == "__main__":

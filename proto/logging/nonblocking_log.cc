@@ -1,4 +1,4 @@
-#include "proto/rpc/nonblocking_log.h"
+#include "proto/logging/nonblocking_log.h"
 
 #include <poll.h>
 #include <spdlog/logger.h>
@@ -16,7 +16,9 @@
 #include <thread>
 #include <utility>
 
-namespace lumifold::rpc {
+#include "proto/logging/json_formatter.h"
+
+namespace lumifold::logging {
 namespace {
 
 constexpr auto kFlushTime = std::chrono::milliseconds(500);
@@ -58,9 +60,13 @@ std::string DroppedLine(const std::string& name, spdlog::formatter& formatter, s
   return {line.data(), line.size()};
 }
 
-void WriteLines(const std::shared_ptr<Queue>& queue, const std::string& name, const std::string& pattern,
-                int file) {
-  spdlog::pattern_formatter formatter(pattern);
+std::unique_ptr<spdlog::formatter> MakeFormatter(const LogOptions& options) {
+  if (options.format == "json") return std::make_unique<JsonFormatter>(kMaxLogLineBytes);
+  return std::make_unique<spdlog::pattern_formatter>(options.pattern);
+}
+
+void WriteLines(const std::shared_ptr<Queue>& queue, const LogOptions& options) {
+  const std::unique_ptr<spdlog::formatter> formatter = MakeFormatter(options);
   bool is_open = true;
   std::unique_lock lock(queue->mutex);
   while (true) {
@@ -72,8 +78,8 @@ void WriteLines(const std::shared_ptr<Queue>& queue, const std::string& name, co
     // Lines are dropped only while others wait, so the dropped ones come after the batch.
     const size_t dropped = std::exchange(queue->dropped, 0);
     lock.unlock();
-    if (dropped > 0) batch += DroppedLine(name, formatter, dropped);
-    is_open = is_open && WriteWhenReady(file, batch);
+    if (dropped > 0) batch += DroppedLine(options.name, *formatter, dropped);
+    is_open = is_open && WriteWhenReady(options.file, batch);
     lock.lock();
   }
 }
@@ -82,9 +88,7 @@ class NonblockingSink final : public spdlog::sinks::base_sink<std::mutex> {
  public:
   explicit NonblockingSink(const LogOptions& options)
       : max_waiting_bytes_(options.max_waiting_bytes), queue_(std::make_shared<Queue>()) {
-    std::thread([queue = queue_, name = options.name, pattern = options.pattern, file = options.file] {
-      WriteLines(queue, name, pattern, file);
-    }).detach();
+    std::thread([queue = queue_, options] { WriteLines(queue, options); }).detach();
   }
 
   ~NonblockingSink() override {
@@ -122,9 +126,9 @@ class NonblockingSink final : public spdlog::sinks::base_sink<std::mutex> {
 
 std::shared_ptr<spdlog::logger> MakeNonblockingLogger(const LogOptions& options) {
   auto log = std::make_shared<spdlog::logger>(options.name, std::make_shared<NonblockingSink>(options));
-  log->set_pattern(options.pattern);
+  log->set_formatter(MakeFormatter(options));
   log->set_level(spdlog::level::from_str(options.level));
   return log;
 }
 
-}  // namespace lumifold::rpc
+}  // namespace lumifold::logging

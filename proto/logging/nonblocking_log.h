@@ -8,7 +8,7 @@ namespace spdlog {
 class logger;
 }  // namespace spdlog
 
-namespace lumifold::rpc {
+namespace lumifold::logging {
 
 /// Bytes of log lines that wait for a reader of standard error; about ten thousand lines. Further lines are
 /// dropped and counted.
@@ -18,7 +18,8 @@ inline constexpr size_t kMaxLogLineBytes = size_t{16} << 10;
 
 struct LogOptions {
   std::string name;
-  /// Of spdlog.
+  /// "text", in the pattern of spdlog, or "json", see JsonLine.
+  std::string format = "text";
   std::string pattern = "%+";
   /// "debug", "info", "warn", "error" or "off".
   std::string level = "info";
@@ -33,4 +34,4 @@ struct LogOptions {
 /// Threads: safe.
 std::shared_ptr<spdlog::logger> MakeNonblockingLogger(const LogOptions& options);
 
-}  // namespace lumifold::rpc
+}  // namespace lumifold::logging

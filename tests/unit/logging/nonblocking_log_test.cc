@@ -1,4 +1,4 @@
-#include "proto/rpc/nonblocking_log.h"
+#include "proto/logging/nonblocking_log.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-namespace lumifold::rpc {
+namespace lumifold::logging {
 namespace {
 
 /// A pipe that nobody reads until the test does. It stays open: a thread of an ended log may still wait for it,
@@ -101,4 +101,4 @@ TEST_F(NonblockingLogTest, WritesTheRestAtItsEnd) {
 }
 
 }  // namespace
-}  // namespace lumifold::rpc
+}  // namespace lumifold::logging

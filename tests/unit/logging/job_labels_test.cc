@@ -1,0 +1,32 @@
+#include "proto/logging/job_labels.h"
+
+#include <gtest/gtest.h>
+
+#include "proto/logging/fields.h"
+
+namespace lumifold::logging {
+namespace {
+
+TEST(JobLabels, ForgetsTheLeastRecentlyUsed) {
+  JobLabels labels(/*max_jobs=*/2);
+  labels.Set("j-1", "a=1");
+  labels.Set("j-2", "a=2");
+  labels.Set("j-1", "a=3");
+  labels.Set("j-3", "a=4");
+  EXPECT_EQ(labels.Of("j-2"), "");
+  EXPECT_EQ(labels.Of("j-1"), "a=3");
+  labels.Set("j-4", "a=5");
+  EXPECT_EQ(labels.Of("j-3"), "");
+  EXPECT_EQ(labels.Of("j-1"), "a=3");
+  EXPECT_EQ(labels.Of("j-4"), "a=5");
+}
+
+TEST(JobOf, IsTheFieldOrTheFirstWordOfTheUnit) {
+  EXPECT_EQ(JobOf(ParseLine("event=e job=j-1 frame=0")), "j-1");
+  EXPECT_EQ(JobOf(ParseLine("event=e unit=\"j-2 frame 0\"")), "j-2");
+  EXPECT_EQ(JobOf(ParseLine("event=e unit=\"j-2 frame 0\" job=j-1")), "j-1");
+  EXPECT_EQ(JobOf(ParseLine("event=e error=\"job=j-1\"")), "");
+}
+
+}  // namespace
+}  // namespace lumifold::logging

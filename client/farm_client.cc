@@ -67,7 +67,7 @@ class GrpcFarmClient : public FarmClient {
     const double slowest = static_cast<double>(asset.ref.size() - offset) / kSlowestUploadBytesPerSecond;
     absl::Status local;
     // At another coordinator it may have to begin elsewhere, so the caller repeats it.
-    const absl::Status status = coordinators_.CallOnce(
+    absl::Status status = coordinators_.CallOnce(
         kSlowCallPolicy.retry.try_timeout + absl::Seconds(slowest),
         [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
           return UploadOnce(context, channel, asset, offset, on_sent, &local);
@@ -146,6 +146,9 @@ class GrpcFarmClient : public FarmClient {
   }
   absl::StatusOr<v1::ServerStatus> GetServerStatus() override {
     return Unary<v1::ServerStatus>(kShortCall, &Stub::GetServerStatus, v1::GetServerStatusRequest());
+  }
+  absl::StatusOr<v1::PageLink> CreatePageLink(const v1::CreatePageLinkRequest& request) override {
+    return Unary<v1::PageLink>(kShortCall, &Stub::CreatePageLink, request);
   }
   absl::StatusOr<v1::Preview> GetPreview(const v1::GetPreviewRequest& request) override {
     return Unary<v1::Preview>(kSlowCallPolicy, &Stub::GetPreview, request);

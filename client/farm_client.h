@@ -60,6 +60,7 @@ class FarmClient {
   virtual absl::StatusOr<v1::WorkerStatus> ReadmitWorker(const v1::WorkerRequest& request) = 0;
   virtual absl::StatusOr<v1::GetLogResponse> GetLog(const v1::GetLogRequest& request) = 0;
   virtual absl::StatusOr<v1::ServerStatus> GetServerStatus() = 0;
+  virtual absl::StatusOr<v1::PageLink> CreatePageLink(const v1::CreatePageLinkRequest& request) = 0;
   virtual absl::StatusOr<v1::Preview> GetPreview(const v1::GetPreviewRequest& request) = 0;
 
   /// Calls `on_status` with each status until the stream ends, and `on_tick` several times a second. Not

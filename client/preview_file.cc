@@ -37,10 +37,12 @@ absl::Status PreviewFile::Run() {
     const absl::StatusOr<v1::Preview> preview = farm_->GetPreview(request);
     if (preview.ok()) {
       if (absl::Status status = Write(*preview); !status.ok()) return status;
+      if (preview->finished()) return absl::OkStatus();
       request.set_newer_than_units(preview->units());
       continue;
     }
-    if (absl::IsFailedPrecondition(preview.status())) return absl::OkStatus();  // the frame is finished
+    if (absl::IsFailedPrecondition(preview.status()))
+      return absl::OkStatus();  // the job has ended without the frame
     const bool may_come = absl::IsOutOfRange(preview.status()) || absl::IsUnavailable(preview.status()) ||
                           absl::IsDeadlineExceeded(preview.status()) ||
                           absl::IsResourceExhausted(preview.status());

@@ -20,6 +20,7 @@
 #include "server/job/scheduling.h"
 #include "server/job_status.h"
 #include "server/log_text.h"
+#include "server/make_preview.h"
 #include "server/manifest.h"
 
 namespace lumifold::server {
@@ -353,12 +354,12 @@ absl::StatusOr<bool> Coordinator::IsFinished(const JobId& job, int32_t frame) {
 absl::StatusOr<int64_t> Coordinator::CountUnits(const JobId& job, int32_t frame) {
   const absl::StatusOr<bool> is_finished = IsFinished(job, frame);
   if (!is_finished.ok()) return is_finished.status();
+  if (*is_finished) return kFinishedUnits;
   const absl::StatusOr<v1::JobStatus> status = StatusOf(job);
   if (!status.ok()) return status.status();
-  if (*is_finished || HasEnded(status->state())) {
+  if (HasEnded(status->state())) {
     return absl::FailedPreconditionError(
-        absl::StrCat(*is_finished ? absl::StrCat("frame ", frame, " of job ") : "job ", job.value(),
-                     *is_finished ? " is finished" : " has ended"));
+        absl::StrCat("job ", job.value(), " has ended without frame ", frame));
   }
   return status->units_done();
 }

@@ -62,20 +62,20 @@ std::string NextToken(const std::vector<ledger::Member>& members, ledger::Epoch 
 
 class FarmServiceAdapter final : public v1::FarmService::CallbackService {
  public:
-  FarmServiceAdapter(Coordinator* coordinator, AssetChecks* checks, CallGate* gate, FarmPeers* peers,
-                     PreviewMaker* previews)
-      : coordinator_(coordinator),
-        checks_(checks),
-        peers_(peers),
-        previews_(previews),
-        gate_(gate, v1::FarmService::service_full_name()),
-        jobs_(coordinator) {}
+  explicit FarmServiceAdapter(const ServiceParts& parts)
+      : coordinator_(parts.coordinator),
+        checks_(parts.checks),
+        peers_(parts.peers),
+        previews_(parts.previews),
+        make_link_(parts.make_link),
+        gate_(parts.gate, v1::FarmService::service_full_name()),
+        jobs_(parts.coordinator) {}
 
   grpc::ServerUnaryReactor* FindMissingAssets(grpc::CallbackServerContext* context,
                                               const v1::FindMissingAssetsRequest* request,
                                               v1::FindMissingAssetsResponse* response) override {
     return AnswerLater(context, gate_.Admit(context, "FindMissingAssets", ""), response,
-                       [&](const CallGate::Call&, Done<v1::FindMissingAssetsResponse> done) {
+                       [&](const CallGate::Call&, const Done<v1::FindMissingAssetsResponse>& done) {
                          std::set<std::string> assets;
                          for (const v1::AssetRef& asset : request->assets()) assets.insert(asset.sha256());
                          checks_->Check(assets, [this, request, done](const absl::Status& checked) {
@@ -259,6 +259,19 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
         [this, request](const Done<v1::Preview>& done) { previews_->Get(*request, done); });
   }
 
+  grpc::ServerUnaryReactor* CreatePageLink(grpc::CallbackServerContext* context,
+                                           const v1::CreatePageLinkRequest* request,
+                                           v1::PageLink* response) override {
+    return Answer(context, gate_.Admit(context, "CreatePageLink", request->job_id()), response,
+                  [&](const CallGate::Call& call) -> absl::StatusOr<v1::PageLink> {
+                    if (!request->job_id().empty()) {
+                      if (absl::Status status = jobs_.Check(call.caller(), request->job_id()); !status.ok())
+                        return status;
+                    }
+                    return make_link_(call.caller().id, *request);
+                  });
+  }
+
  private:
   /// A call about one job, which must be the caller's. Its owner answers it.
   template <typename Request, typename Response, typename Make>
@@ -352,7 +365,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   /// A page of the workers of all coordinators, one coordinator after the other. Its token is the epoch of one, a slash and
   /// that coordinator's token.
   void ListWorkersOfFarm(const grpc::CallbackServerContext& context, const access::Identity& caller,
-                         const v1::ListWorkersRequest& request, Done<v1::ListWorkersResponse> done) {
+                         const v1::ListWorkersRequest& request, const Done<v1::ListWorkersResponse>& done) {
     if (!peers_->MayForward(context)) return done(ListWorkersHere(caller, request));
     const std::vector<ledger::Member> members = peers_->Members();
     v1::ListWorkersRequest page = request;
@@ -409,15 +422,15 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   AssetChecks* const checks_;
   FarmPeers* const peers_;
   PreviewMaker* const previews_;
+  const decltype(ServiceParts::make_link) make_link_;
   const ServiceGate gate_;
   const JobAccess jobs_;
 };
 
 }  // namespace
 
-std::unique_ptr<grpc::Service> MakeFarmService(Coordinator* coordinator, AssetChecks* checks, CallGate* gate,
-                                               FarmPeers* peers, PreviewMaker* previews) {
-  return std::make_unique<FarmServiceAdapter>(coordinator, checks, gate, peers, previews);
+std::unique_ptr<grpc::Service> MakeFarmService(const ServiceParts& parts) {
+  return std::make_unique<FarmServiceAdapter>(parts);
 }
 
 }  // namespace lumifold::server

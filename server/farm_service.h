@@ -1,6 +1,11 @@
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "lumifold/v1/farm.pb.h"
 
 namespace grpc {
 class Service;
@@ -14,9 +19,20 @@ class Coordinator;
 class FarmPeers;
 class PreviewMaker;
 
+/// What the services are made of; all must outlive them.
+struct ServiceParts {
+  Coordinator* coordinator = nullptr;
+  AssetChecks* checks = nullptr;
+  CallGate* gate = nullptr;
+  FarmPeers* peers = nullptr;
+  PreviewMaker* previews = nullptr;
+  /// Makes a link to the status page for the owner of a credential.
+  std::function<absl::StatusOr<v1::PageLink>(const std::string& credential, const v1::CreatePageLinkRequest&)>
+      make_link;
+};
+
 /// FarmService. Handlers pass the gate, call the coordinator, those that use assets after `checks`, and convert the result.
-/// Calls about jobs of other coordinators go to them. All must outlive the service.
-std::unique_ptr<grpc::Service> MakeFarmService(Coordinator* coordinator, AssetChecks* checks, CallGate* gate,
-                                               FarmPeers* peers, PreviewMaker* previews);
+/// Calls about jobs of other coordinators go to them.
+std::unique_ptr<grpc::Service> MakeFarmService(const ServiceParts& parts);
 
 }  // namespace lumifold::server

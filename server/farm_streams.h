@@ -82,8 +82,9 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
     }
     absl::StatusOr<std::unique_ptr<AssetUpload>> upload =
         coordinator_->ReceiveAsset(request_.announce(), call_->limit_key());
+    absl::Status status = upload.status();
     if (upload.ok()) upload_ = *std::move(upload);
-    return upload.status();
+    return status;
   }
 
   absl::Status End() {

@@ -103,9 +103,10 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
     call_->SetSubject(incoming_.hello().name());
     absl::StatusOr<std::unique_ptr<WorkerSession>> session =
         WorkerSession::Open(coordinator_, incoming_.hello(), call_->caller(), this);
-    call_->End(session.status());
+    absl::Status status = session.status();
+    call_->End(status);
     if (session.ok()) session_ = *std::move(session);
-    return session.status();
+    return status;
   }
 
   void Continue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
@@ -172,12 +173,10 @@ class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
 
 }  // namespace
 
-std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks,
-                                                         CallGate* gate, FarmPeers* peers,
-                                                         PreviewMaker* previews) {
+std::vector<std::unique_ptr<grpc::Service>> MakeServices(const ServiceParts& parts) {
   std::vector<std::unique_ptr<grpc::Service>> services;
-  services.push_back(MakeFarmService(coordinator, checks, gate, peers, previews));
-  services.push_back(std::make_unique<WorkerServiceAdapter>(coordinator, checks, gate));
+  services.push_back(MakeFarmService(parts));
+  services.push_back(std::make_unique<WorkerServiceAdapter>(parts.coordinator, parts.checks, parts.gate));
   return services;
 }
 

@@ -9,16 +9,10 @@ class Service;
 
 namespace lumifold::server {
 
-class AssetChecks;
-class CallGate;
-class Coordinator;
-class FarmPeers;
-class PreviewMaker;
+struct ServiceParts;
 
 /// FarmService and WorkerService of a coordinator. Handlers pass the gate, call the coordinator, those that use assets
-/// after `checks`, and convert the result. All must outlive the services.
-std::vector<std::unique_ptr<grpc::Service>> MakeServices(Coordinator* coordinator, AssetChecks* checks,
-                                                         CallGate* gate, FarmPeers* peers,
-                                                         PreviewMaker* previews);
+/// after ServiceParts::checks, and convert the result.
+std::vector<std::unique_ptr<grpc::Service>> MakeServices(const ServiceParts& parts);
 
 }  // namespace lumifold::server

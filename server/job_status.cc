@@ -50,6 +50,12 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   if (record.estimated_error.has_value()) status.set_estimated_error(*record.estimated_error);
   if (spec.has_adaptive()) *status.mutable_adaptive() = spec.adaptive();
   status.set_display_name(spec.scene().display_name());
+  status.set_width(spec.width());
+  status.set_height(spec.height());
+  status.set_samples_per_pixel(spec.samples_per_pixel());
+  status.set_first_frame(spec.first_frame());
+  status.set_frame_count(spec.frame_count());
+  *status.mutable_more_frames() = spec.more_frames();
   return status;
 }
 

@@ -50,6 +50,8 @@ struct Flags {
   std::string advertise;
   double failover_seconds = 3.0;
   std::string metrics_address;
+  std::string page_address = "127.0.0.1:0";
+  std::string page_certificate;
   bool insecure = false;
   double certificate_hours = absl::ToDoubleHours(lumifold::access::kCredentialLifetime);
   int filter_threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
@@ -96,6 +98,13 @@ void AddFlags(CLI::App* app, Flags* flags) {
       "--metrics-address", flags->metrics_address,
       "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
       "on loopback (default: off)");
+  app->add_option("--page-address", flags->page_address,
+                  "Show the status page at HOST:PORT, to those who have a link of 'lumifold page'; port 0: a "
+                  "free port; off: nowhere")
+      ->capture_default_str();
+  app->add_option(
+      "--page-certificate", flags->page_certificate,
+      "PEM file with key and certificates of the status page off loopback (default: the coordinator's own)");
   app->add_flag("--insecure", flags->insecure,
                 "Allow listening off loopback without encryption, where 'init' has not been run");
   app->add_option("--certificate-hours", flags->certificate_hours,
@@ -245,6 +254,8 @@ int RunServer(const Flags& flags) {
   options.store = flags.store;
   options.listen = flags.listen;
   options.metrics_address = flags.metrics_address;
+  if (flags.page_address != "off") options.page_address = flags.page_address;
+  options.page_certificate = flags.page_certificate;
   options.insecure = flags.insecure;
   options.certificate_lifetime = absl::Hours(flags.certificate_hours);
   options.lease = absl::Seconds(flags.lease_seconds);

@@ -2,14 +2,17 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <numeric>
 #include <set>
+#include <string>
 #include <string_view>
 #include <utility>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "filter/image/exr_film.h"
 #include "filter/image/layers.h"
 #include "filter/image/reduce.h"
 #include "filter/methods.h"
@@ -25,10 +28,13 @@ namespace {
 
 constexpr std::string_view kSamples = "samples.Y";
 
+/// Rows that are read at a time: of tiles, so that none is read twice.
+constexpr int kBandRows = 64;
+
 /// The whole film, reduced band by band.
-absl::StatusOr<LayeredImage> ReadReduced(film::UnitFilm* film, int factor, int tile_size) {
+absl::StatusOr<LayeredImage> ReadReduced(FilmSource* film, int factor, int band_rows) {
   std::vector<LayeredImage> bands;
-  const int rows = factor * std::max(1, tile_size / factor);
+  const int rows = factor * std::max(1, band_rows / factor);
   for (int y = 0; y < film->height(); y += rows) {
     const absl::StatusOr<EdgedImage> band =
         film->Read({0, y, film->width(), std::min(y + rows, film->height())});
@@ -80,15 +86,68 @@ std::vector<std::string> ChannelsOf(const v1::PixelLayout& layout, const std::st
   return {};
 }
 
-/// Of a preview, for errors: "noisy", "N", "Z" ...
-std::string LayersOf(const v1::PixelLayout& layout) {
-  std::set<std::string> layers;
+/// The layers that ChannelsOf knows, in the order of their channels.
+std::vector<std::string> LayersOf(const v1::PixelLayout& layout) {
+  std::vector<std::string> layers;
   for (const std::string& channel : layout.channels()) {
-    const size_t point = channel.rfind('.');
-    if (point != std::string::npos) layers.insert(channel.substr(0, point));
-    if (point == std::string::npos && (channel == "Z" || channel == "A")) layers.insert(channel);
+    const std::string layer = channel.substr(0, channel.rfind('.') + 1);
+    const std::string name =
+        layer.empty() ? (channel == "Z" || channel == "A" ? channel : "") : layer.substr(0, layer.size() - 1);
+    if (std::find(layers.begin(), layers.end(), name) == layers.end()) layers.push_back(name);
   }
-  return absl::StrJoin(layers, ", ");
+  return layers;
+}
+
+int FactorOf(int width, int height) { return (std::max(width, height) + kPreviewSide - 1) / kPreviewSide; }
+
+/// A preview with the picture, which it rounds.
+v1::Preview PreviewOf(int width, int height, LayeredImage picture) {
+  v1::Preview preview;
+  preview.set_width(width);
+  preview.set_height(height);
+  preview.set_reduction(FactorOf(width, height));
+  RoundToHalf(&picture);
+  rpc::EncodedPicture encoded = rpc::EncodePicture(picture);
+  *preview.mutable_layout() = std::move(encoded.layout);
+  preview.set_planes(std::move(encoded.bytes));
+  for (const std::string& layer : LayersOf(preview.layout())) preview.add_layers(layer);
+  return preview;
+}
+
+absl::StatusOr<v1::Preview> PreviewOfResult(const DataFolder& folder, const ledger::JobRecord& job,
+                                            int32_t frame) {
+  const absl::StatusOr<std::unique_ptr<ExrFilm>> film =
+      ExrFilm::Open(folder.ResultPath(job.id, frame), folder.FilmPath(job.id));
+  if (!film.ok()) return film.status();
+  const int factor = FactorOf((*film)->width(), (*film)->height());
+  absl::StatusOr<LayeredImage> reduced = ReadReduced(film->get(), factor, kBandRows);
+  if (!reduced.ok()) return reduced.status();
+  v1::Preview preview = PreviewOf((*film)->width(), (*film)->height(), *std::move(reduced));
+  preview.set_units(kFinishedUnits);
+  preview.set_finished(true);
+  preview.set_samples_per_pixel(job.spec.samples_per_pixel());
+  return preview;
+}
+
+absl::StatusOr<v1::Preview> PreviewOfUnits(const ledger::JobRecord& job, int32_t frame,
+                                           const CommittedUnits& units, TaskPool* pool) {
+  const v1::JobSpec& spec = job.spec;
+  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::OpenUnfinished(
+      spec, frame, &units, [&units](const job::UnitKey& key) { return units.Has(key); }, pool);
+  if (!film.ok()) return film.status();
+  const int factor = FactorOf(spec.width(), spec.height());
+  absl::StatusOr<LayeredImage> reduced = ReadReduced(&*film, factor, spec.tile_size());
+  if (!reduced.ok()) return reduced.status();
+  absl::StatusOr<std::array<Plane, 3>> filtered = filter::FilterFilm(*reduced, spec.filter().method(), pool);
+  if (!filtered.ok()) return filtered.status();
+  Plane samples = SamplesOf(*reduced, factor);
+  const double mean = MeanOf(samples);
+  LayeredImage picture = film::BuildResult({*std::move(reduced), {}}, *std::move(filtered), {}).pixels;
+  picture.Add(kSamples, std::move(samples));
+  v1::Preview preview = PreviewOf(spec.width(), spec.height(), std::move(picture));
+  preview.set_units(units.count());
+  preview.set_samples_per_pixel(mean);
+  return preview;
 }
 
 absl::StatusOr<std::string> PreviewAsChild(const ChildTask& task) {
@@ -107,39 +166,21 @@ absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobSto
                                         const job::JobId& job, int32_t frame, TaskPool* pool) {
   const absl::StatusOr<ledger::JobRecord> record = store.GetJob(job);
   if (!record.ok()) return record.status();
-  const v1::JobSpec& spec = record->spec;
+  const absl::StatusOr<std::vector<int32_t>> finished = store.FinishedFrames(job);
+  if (!finished.ok()) return finished.status();
+  if (std::binary_search(finished->begin(), finished->end(), frame))
+    return PreviewOfResult(folder, *record, frame);
   const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *record, frame);
   if (!units.ok()) return units.status();
   if (units->count() == 0) return absl::OutOfRangeError("no unit of the frame is committed yet");
-  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::OpenUnfinished(
-      spec, frame, &*units, [&units](const job::UnitKey& key) { return units->Has(key); }, pool);
-  if (!film.ok()) return film.status();
-  v1::Preview preview;
-  preview.set_units(units->count());
-  preview.set_width(spec.width());
-  preview.set_height(spec.height());
-  const int factor = (std::max(spec.width(), spec.height()) + kPreviewSide - 1) / kPreviewSide;
-  preview.set_reduction(factor);
-  absl::StatusOr<LayeredImage> reduced = ReadReduced(&*film, factor, spec.tile_size());
-  if (!reduced.ok()) return reduced.status();
-  absl::StatusOr<std::array<Plane, 3>> filtered = filter::FilterFilm(*reduced, spec.filter().method(), pool);
-  if (!filtered.ok()) return filtered.status();
-  Plane samples = SamplesOf(*reduced, factor);
-  preview.set_samples_per_pixel(MeanOf(samples));
-  LayeredImage picture = film::BuildResult({*std::move(reduced), {}}, *std::move(filtered), {}).pixels;
-  picture.Add(kSamples, std::move(samples));
-  RoundToHalf(&picture);
-  rpc::EncodedPicture encoded = rpc::EncodePicture(picture);
-  *preview.mutable_layout() = std::move(encoded.layout);
-  preview.set_planes(std::move(encoded.bytes));
-  return preview;
+  return PreviewOfUnits(*record, frame, *units, pool);
 }
 
 absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer) {
   const std::vector<std::string> channels = ChannelsOf(all.layout(), layer);
   if (channels.empty()) {
     return absl::InvalidArgumentError(
-        absl::StrCat("a preview has no layer \"", layer, "\", but ", LayersOf(all.layout())));
+        absl::StrCat("a preview has no layer \"", layer, "\", but ", absl::StrJoin(all.layers(), ", ")));
   }
   v1::Preview part = all;
   part.clear_planes();

@@ -16,10 +16,13 @@ namespace lumifold::server {
 /// Pixels of a preview, across or down, at most. Filtering that many takes about a second.
 inline constexpr int kPreviewSide = 512;
 
-/// Makes the preview of a frame that is not finished, from the units that are committed: reduces the film to kPreviewSide and
-/// filters that. The picture has all channels of a result, and "samples.Y", the samples per pixel of the frame.
+/// Preview.units of a finished frame. A double can hold it, as programs need that read it as JSON.
+inline constexpr int64_t kFinishedUnits = (int64_t{1} << 53) - 1;
+
+/// Makes the preview of a frame, reduced to kPreviewSide: of its result, or of a film of the units that are committed, which is
+/// filtered after it is reduced. The latter has all channels of a result, and "samples.Y", the samples per pixel of the frame.
 /// Memory: a band of rows of the film, and twice the preview with all channels of the film.
-/// Errors: those of CommittedUnits and FilterFilm; kOutOfRange while no unit is committed.
+/// Errors: those of CommittedUnits, ExrFilm and FilterFilm; kOutOfRange while no unit is committed.
 /// Threads: safe concurrently; the preview does not depend on `pool`, which may be null.
 absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobStore& store,
                                         const job::JobId& job, int32_t frame, TaskPool* pool);

@@ -22,10 +22,10 @@ absl::StatusOr<v1::Preview> AnswerFrom(const std::shared_ptr<const v1::Preview>&
 PreviewMaker::PreviewMaker(PreviewOptions options)
     : options_(std::move(options)), thread_([this] { Run(); }) {}
 
-void PreviewMaker::Get(const v1::GetPreviewRequest& request, Answer answer) {
+void PreviewMaker::Get(const v1::GetPreviewRequest& request, const Answer& answer) {
   const Key key(job::JobId(request.job_id()), request.frame());
-  if (const absl::StatusOr<int64_t> units = options_.count_units(key.first, key.second); !units.ok())
-    return answer(units.status());
+  const absl::StatusOr<int64_t> units = options_.count_units(key.first, key.second);
+  if (!units.ok()) return answer(units.status());
   std::shared_ptr<const v1::Preview> newest;
   absl::Status refusal;
   {
@@ -37,6 +37,8 @@ void PreviewMaker::Get(const v1::GetPreviewRequest& request, Answer answer) {
     } else {
       Frame& frame = frames_[key];
       frame.used = rpc::MonotonicNow();
+      const bool runs_again = *units != kFinishedUnits && frame.newest != nullptr && frame.newest->finished();
+      if (runs_again) frame.newest = nullptr;
       if (frame.newest != nullptr && frame.newest->units() > request.newer_than_units()) {
         newest = frame.newest;
       } else {
@@ -92,7 +94,7 @@ void PreviewMaker::Renew(const Key& key) {
   {
     absl::MutexLock lock(&mutex_);
     const Frame& frame = frames_.at(key);
-    is_due = units.ok() && *units > frame.made_of && start >= frame.next;
+    is_due = units.ok() && *units != frame.made_of && start >= frame.next;
   }
   if (is_due) {
     absl::StatusOr<v1::Preview> made = options_.make(key.first, key.second);

@@ -23,8 +23,8 @@ struct PreviewOptions {
   std::function<absl::StatusOr<v1::Preview>(const job::JobId& job, int32_t frame)> make;
   /// Stops a `make` that runs, and all later ones.
   std::function<void()> cancel = [] {};
-  /// Units of the job that are committed. A preview is made again when there are more.
-  /// Errors: kNotFound for the job or frame; kFailedPrecondition where the frame is finished or the job has ended.
+  /// Units of the job that are committed, or kFinishedUnits where the frame is finished. A preview is made again when it
+  /// changes. Errors: kNotFound for the job or frame; kFailedPrecondition where the job has ended without the frame.
   std::function<absl::StatusOr<int64_t>(const job::JobId& job, int32_t frame)> count_units;
   /// Share of time that is spent on the previews of a frame, so that viewers cost the farm little.
   double duty = 0.25;
@@ -48,7 +48,7 @@ class PreviewMaker {
   ~PreviewMaker() { Stop(); }
 
   /// Errors: as GetPreview of farm.proto; kUnavailable after Stop.
-  void Get(const v1::GetPreviewRequest& request, Answer answer);
+  void Get(const v1::GetPreviewRequest& request, const Answer& answer);
   /// Answers all that wait.
   void Stop();
 

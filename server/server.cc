@@ -18,6 +18,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/functional/function_ref.h"
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
@@ -25,6 +26,7 @@
 #include "lumifold/v1/access.grpc.pb.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
+#include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
@@ -41,6 +43,7 @@
 #include "server/coordinator_impl.h"
 #include "server/event_log.h"
 #include "server/farm_peers.h"
+#include "server/farm_service.h"
 #include "server/frame_limit.h"
 #include "server/grpc_adapter.h"
 #include "server/ledger/open_job_store.h"
@@ -49,6 +52,7 @@
 #include "server/make_preview.h"
 #include "server/metrics/endpoint.h"
 #include "server/metrics/farm_figures.h"
+#include "server/page/status_page.h"
 #include "server/preview_maker.h"
 #include "server/recover.h"
 #include "server/reserve_file.h"
@@ -69,10 +73,18 @@ constexpr int kConnectionsPerCertificate = 6;
 constexpr absl::Duration kMaxConnectionAge = absl::Hours(1);
 /// Time between two looks for streams that have stalled.
 constexpr absl::Duration kStallInterval = absl::Seconds(1);
+constexpr size_t kPageKeyBytes = 32;
 
 ServerOptions WithEvents(ServerOptions options, EventLog* events) {
   options.log = MakeEventLogger(options.log, events);
   return options;
+}
+
+/// In lower case, as browsers send it; empty for a malformed address.
+std::string HostOf(const std::string& address) {
+  rpc::HostAndPort where;
+  (void)rpc::ParseHostAndPort(address, &where);
+  return absl::AsciiStrToLower(where.host);
 }
 
 int Milliseconds(absl::Duration duration) { return static_cast<int>(absl::ToInt64Milliseconds(duration)); }
@@ -131,6 +143,9 @@ class ServerImpl final : public Server {
   absl::Status JoinFarm();
   std::string Address() const;
   absl::Status ShowMetrics();
+  absl::Status ShowPage();
+  absl::StatusOr<v1::PageLink> MakePageLink(const std::string& credential,
+                                            const v1::CreatePageLinkRequest& request) const;
   /// Builds the gRPC server; calls inside the process can be made, and the listener is open but does not accept.
   absl::Status StartServices();
   absl::Status OpenListener(grpc::ServerBuilder* builder);
@@ -175,6 +190,7 @@ class ServerImpl final : public Server {
   int port_ = 0;
   bool has_left_ = false;
   std::unique_ptr<monitoring::Endpoint> metrics_;
+  std::unique_ptr<page::StatusPage> page_;
   rpc::MonotonicEvent stop_;
   std::thread stall_thread_;  // ends streams that have stalled
 };
@@ -330,6 +346,47 @@ absl::Status ServerImpl::ShowMetrics() {
   return absl::OkStatus();
 }
 
+absl::Status ServerImpl::ShowPage() {
+  if (options_.page_address.empty()) return absl::OkStatus();
+  const bool is_private = rpc::IsLoopback(options_.page_address);
+  std::string certificate = options_.page_certificate;
+  if (certificate.empty() && !is_private) certificate = security_.certificate_path;
+  if (certificate.empty() && !is_private && !options_.insecure) {
+    return absl::FailedPreconditionError(
+        absl::StrCat("the status page at ", options_.page_address,
+                     " needs encryption: --page-certificate FILE, or access control (lumifold-server init)"));
+  }
+  const absl::StatusOr<std::string> key = access_ != nullptr
+                                              ? absl::StatusOr<std::string>(access_->page_key())
+                                              : identity::RandomBytes(kPageKeyBytes);
+  if (!key.ok()) return key.status();
+  absl::StatusOr<std::unique_ptr<page::StatusPage>> page = page::StatusPage::Start(
+      {.server = {.address = options_.page_address, .certificate_path = certificate},
+       .host = is_private ? "127.0.0.1" : HostOf(Address()),
+       .names = {HostOf(options_.page_address), HostOf(options_.listen), HostOf(Address())},
+       .channel = InProcessChannel(),
+       .session_key = *key,
+       .identity_of = [this](const std::string& credential) -> absl::StatusOr<access::Identity> {
+         if (access_ == nullptr || credential.empty()) return access::LocalIdentity();
+         const absl::StatusOr<access::Credential> found =
+             access_->known().OfValidId(credential, options_.wall_now());
+         if (!found.ok()) return found.status();
+         return found->identity();
+       },
+       .wall_now = options_.wall_now});
+  if (!page.ok()) return page.status();
+  page_ = *std::move(page);
+  options_.log->info("event=page address={} port={}", options_.page_address, page_->port());
+  return absl::OkStatus();
+}
+
+absl::StatusOr<v1::PageLink> ServerImpl::MakePageLink(const std::string& credential,
+                                                      const v1::CreatePageLinkRequest& request) const {
+  if (page_ == nullptr)
+    return absl::FailedPreconditionError("this coordinator shows no status page (--page-address)");
+  return page_->MakeLink(credential, request);
+}
+
 absl::Status ServerImpl::OpenAccess() {
   if (options_.listen.empty()) return absl::OkStatus();  // all calls come from inside the process
   if (access::HasAccessFolder(folder_.AccessPath())) {
@@ -412,7 +469,15 @@ absl::Status ServerImpl::StartServices() {
                             [this](absl::string_view peer) {
                               if (listener_ != nullptr) listener_->NoteCall(peer);
                             }});
-  services_ = MakeServices(coordinator_.get(), asset_checks_.get(), gate_.get(), &peers_, previews_.get());
+  services_ = MakeServices(
+      {.coordinator = coordinator_.get(),
+       .checks = asset_checks_.get(),
+       .gate = gate_.get(),
+       .peers = &peers_,
+       .previews = previews_.get(),
+       .make_link = [this](const std::string& credential, const v1::CreatePageLinkRequest& request) {
+         return MakePageLink(credential, request);
+       }});
   services_.push_back(MakeAccessService(access_.get(), gate_.get()));
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
@@ -450,6 +515,7 @@ absl::Status ServerImpl::Listen() {
       while (!stop_.WaitFor(kStallInterval)) gate_->EndStalledStreams();
     });
   }
+  if (absl::Status status = ShowPage(); !status.ok()) return status;  // before any call asks for a link
   if (listener_ != nullptr) {
     listener_->Start([this](int socket) {
       grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters connection;
@@ -483,6 +549,7 @@ void ServerImpl::ChangeHealth(absl::FunctionRef<void(Health*)> change) {
 void ServerImpl::Shutdown() {
   ChangeHealth([](Health* health) { health->stops = true; });
   if (membership_ != nullptr) membership_->Stop();
+  if (page_ != nullptr) page_->Stop();
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
   metrics_.reset();
   stop_.Notify();

@@ -29,6 +29,10 @@ struct ServerOptions {
   std::string listen;
   /// HOST:PORT at which metrics are shown, see monitoring::EndpointOptions; empty: nowhere.
   std::string metrics_address;
+  /// HOST:PORT of the status page; port 0: a free port; empty: none.
+  std::string page_address;
+  /// PEM file with key and certificates of the page off loopback; empty: those of access control.
+  std::string page_certificate;
   /// Plain text off loopback is allowed. Without effect where the data folder has access control, see DataFolder.
   bool insecure = false;
   /// HOST:PORT where clients, workers and other coordinators of the farm reach this one, with a store that coordinators share;

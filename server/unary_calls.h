@@ -34,9 +34,10 @@ grpc::ServerUnaryReactor* AnswerLater(grpc::CallbackServerContext* context,
   }
   const std::shared_ptr<CallGate::Call> call = *std::move(admitted);
   start(*call, Done<Response>([call, reactor, response](absl::StatusOr<Response> result) {
+    const absl::Status status = result.status();
     if (result.ok()) *response = *std::move(result);
-    call->End(result.status());
-    reactor->Finish(rpc::GrpcFromStatus(result.status()));
+    call->End(status);
+    reactor->Finish(rpc::GrpcFromStatus(status));
   }));
   return reactor;
 }

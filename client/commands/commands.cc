@@ -14,6 +14,7 @@ const std::vector<Command>& Commands() {
       {"status", "Print the status of a job", RunStatus},
       {"wait", "Wait until a job has ended, without showing progress", RunWait},
       {"watch", "Show a job's progress until it has ended", RunWatch},
+      {"page", "Print a link to the coordinator's status page", RunPage},
       {"list", "List the coordinator's jobs, newest first", RunList},
       {"explain", "Say why a job does not run, or runs slowly", RunExplain},
       {"logs", "Print the last events of a job or a worker", RunLogs},

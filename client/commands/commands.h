@@ -26,6 +26,7 @@ ExitCode RunPlan(const std::vector<std::string>& arguments, const Environment& e
 ExitCode RunSubmit(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunStatus(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunPage(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunList(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunCancel(const std::vector<std::string>& arguments, const Environment& environment);

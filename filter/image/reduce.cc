@@ -85,7 +85,9 @@ LayeredImage ReduceFilm(const LayeredImage& film, int factor) {
   for (const LayeredImage::Channel& channel : film.channels()) {
     const Rule rule = RuleOf(channel.name, film);
     std::vector<ConstFloatView> weights;
-    for (const std::string& name : rule.weights) weights.push_back(film.Get(name));
+    for (const std::string& name : rule.weights) {
+      if (film.Has(name)) weights.push_back(film.Get(name));
+    }
     const ConstFloatView values = channel.plane.view();
     const FloatView result = reduced.Add(channel.name);
     for (int y = 0; y < reduced.height(); ++y) {

@@ -66,6 +66,8 @@ class AccessControl {
   /// For the server's credentials.
   rpc::Security security() const;
   const KnownCredentials& known() const { return known_; }
+  /// Secret bytes for the sessions of the status page, which all coordinators of this authority have.
+  std::string page_key() const { return authority_->SecretFor("sessions of the status page"); }
   OpenCalls& open_calls() { return open_calls_; }
 
   // The calls of AccessService. `caller` was let through by the authoriser.

@@ -38,6 +38,7 @@ constexpr std::array kRules = {
     Rule{"/lumifold.v1.FarmService/AddSamples", kOwners, kChanges},
     Rule{"/lumifold.v1.FarmService/BlockWorker", kAdmins, kChanges},
     Rule{"/lumifold.v1.FarmService/CancelJob", kOwners, kChanges},
+    Rule{"/lumifold.v1.FarmService/CreatePageLink", kReadersOfJobs, kChanges},
     Rule{"/lumifold.v1.FarmService/DeleteJob", kOwners, kChanges},
     Rule{"/lumifold.v1.FarmService/DownloadResult", kReadersOfJobs},
     Rule{"/lumifold.v1.FarmService/DrainWorker", kAdmins, kChanges},

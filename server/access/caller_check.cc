@@ -108,11 +108,20 @@ class CheckedCallers final : public Callers {
     const std::shared_ptr<const grpc::AuthContext> peer = context.auth_context();
     // All ports of the server use TLS: a call without it comes from inside the process.
     if (peer == nullptr || peer->FindPropertyValues(GRPC_TRANSPORT_SECURITY_TYPE_PROPERTY_NAME).empty())
-      return LocalIdentity();
+      return OfInside(context);
     return IdentityOf(*known_, *peer, context.client_metadata(), wall_now_());
   }
 
  private:
+  absl::StatusOr<Identity> OfInside(const grpc::CallbackServerContext& context) const {
+    const auto credential = context.client_metadata().find(kInNameOfKey);
+    if (credential == context.client_metadata().end()) return LocalIdentity();
+    const absl::string_view id = View(credential->second);
+    const absl::StatusOr<Credential> found = known_->OfValidId({id.data(), id.size()}, wall_now_());
+    if (!found.ok()) return found.status();
+    return found->identity();
+  }
+
   const KnownCredentials* const known_;
   const std::function<absl::Time()> wall_now_;
 };

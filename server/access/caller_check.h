@@ -16,6 +16,10 @@ class AuthMetadataProcessor;
 
 namespace lumifold::access {
 
+/// Metadata of a call that is made inside the process in the name of a person: its credential, as Identity::id. Calls from outside that
+/// have it are not heard.
+inline constexpr char kInNameOfKey[] = "lumifold-in-name-of";
+
 /// Threads: called on threads that serve connections; must not block.
 using RefusalListener =
     std::function<void(const Identity& caller, absl::string_view rpc_path, const absl::Status& why)>;

@@ -1,15 +1,10 @@
 #include "server/access/forward_seal.h"
 
-#include <openssl/crypto.h>
-#include <openssl/evp.h>
-#include <openssl/hmac.h>
-
-#include <array>
 #include <cstdint>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "server/access/mac.h"
 
 namespace lumifold::access {
 namespace {
@@ -26,27 +21,16 @@ absl::Status NotSealed() {
 // A seal is the time in milliseconds, the credential and the code in hexadecimal, with dots between them. A credential
 // may have any characters.
 
-std::string ForwardSeal::MacOf(absl::string_view text) const {
-  std::array<unsigned char, EVP_MAX_MD_SIZE> mac = {};
-  unsigned int size = 0;
-  HMAC(EVP_sha256(), key_.data(), static_cast<int>(key_.size()),
-       reinterpret_cast<const unsigned char*>(text.data()), text.size(), mac.data(), &size);
-  return absl::BytesToHexString({reinterpret_cast<const char*>(mac.data()), size});
-}
-
 std::string ForwardSeal::Make(absl::string_view credential, absl::Time wall_now) const {
   const std::string text = absl::StrCat(absl::ToUnixMillis(wall_now), ".", credential);
-  return absl::StrCat(text, ".", MacOf(text));
+  return absl::StrCat(text, ".", MacOf(key_, text));
 }
 
 absl::StatusOr<std::string> ForwardSeal::Open(absl::string_view seal, absl::Time wall_now) const {
   const size_t first = seal.find('.');
   const size_t last = seal.rfind('.');
   if (seal.size() > kMaxSealBytes || first == absl::string_view::npos || first == last) return NotSealed();
-  const absl::string_view mac = seal.substr(last + 1);
-  const std::string expected = MacOf(seal.substr(0, last));
-  if (mac.size() != expected.size() || CRYPTO_memcmp(mac.data(), expected.data(), mac.size()) != 0)
-    return NotSealed();
+  if (!IsMacOf(seal.substr(last + 1), key_, seal.substr(0, last))) return NotSealed();
   int64_t made_ms = 0;
   if (!absl::SimpleAtoi(seal.substr(0, first), &made_ms)) return NotSealed();
   if (absl::AbsDuration(wall_now - absl::FromUnixMillis(made_ms)) > kLifetime)

@@ -27,8 +27,6 @@ class ForwardSeal {
   absl::StatusOr<std::string> Open(absl::string_view seal, absl::Time wall_now) const;
 
  private:
-  std::string MacOf(absl::string_view text) const;
-
   const std::string key_;
 };
 

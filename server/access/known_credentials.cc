@@ -65,8 +65,12 @@ absl::StatusOr<Credential> KnownCredentials::OfCertificate(std::string_view seri
 absl::StatusOr<Credential> KnownCredentials::OfSeal(std::string_view seal, absl::Time now) const {
   const absl::StatusOr<std::string> id = seal_.Open({seal.data(), seal.size()}, now);
   if (!id.ok()) return id.status();
-  absl::StatusOr<Credential> found = OfId(*id);
-  if (!found.ok()) return absl::UnauthenticatedError("the caller of a forwarded call is not known here");
+  return OfValidId(*id, now);
+}
+
+absl::StatusOr<Credential> KnownCredentials::OfValidId(std::string_view id, absl::Time now) const {
+  absl::StatusOr<Credential> found = OfId(id);
+  if (!found.ok()) return absl::UnauthenticatedError("the caller's token or certificate is not known here");
   if (absl::Status status = CheckIsValid(*found, now); !status.ok()) return status;
   return found;
 }

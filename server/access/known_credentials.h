@@ -37,6 +37,8 @@ class KnownCredentials {
   absl::StatusOr<Credential> OfCertificate(std::string_view serial, absl::Time now) const;
   /// The credential that a call was forwarded for, see ForwardSeal.
   absl::StatusOr<Credential> OfSeal(std::string_view seal, absl::Time now) const;
+  /// The credential of an Identity::id.
+  absl::StatusOr<Credential> OfValidId(std::string_view id, absl::Time now) const;
   const ForwardSeal& seal() const { return seal_; }
   /// Errors: kNotFound.
   absl::StatusOr<Credential> OfId(std::string_view id) const;

@@ -262,7 +262,7 @@ grpc::Status FakeFarm::GetPreview(grpc::ServerContext*, const v1::GetPreviewRequ
                                   v1::Preview* answer) {
   Record("GetPreview", *request);
   if (preview.units() <= request->newer_than_units())
-    return {grpc::StatusCode::FAILED_PRECONDITION, "frame 0 of job job-1 is finished"};
+    return {grpc::StatusCode::FAILED_PRECONDITION, "job job-1 has ended without frame 0"};
   *answer = preview;
   return grpc::Status::OK;
 }

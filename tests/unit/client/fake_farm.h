@@ -38,7 +38,7 @@ class FakeFarm final : public v1::FarmService::Service {
   std::vector<v1::Reason> reasons;
   std::vector<v1::LogEvent> events;
   v1::ServerStatus server_status;
-  v1::Preview preview;  // then the frame is finished
+  v1::Preview preview;  // then the job ends without the frame
 
   /// What the farm has from an upload that broke.
   void KeepUpload(const std::string& sha256, const std::string& content);

@@ -99,7 +99,7 @@ TEST_F(ChildProcessFinisherTest, TheFinisherWithinKeepsThePriorityOfItsProcess) 
 
 /// A program that runs for a minute instead of filtering.
 std::string Sleeper(const TempFolder& folder) {
-  const std::string path = folder.PathOf("sleeper");
+  std::string path = folder.PathOf("sleeper");
   std::ofstream(path) << "#!/bin/sh\nexec sleep 60\n";
   std::filesystem::permissions(path, std::filesystem::perms::owner_all);
   return path;

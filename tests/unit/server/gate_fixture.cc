@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_split.h"
 #include "filter/image/file_io.h"
+#include "server/farm_service.h"
 #include "server/grpc_adapter.h"
 
 namespace lumifold::server {
@@ -49,7 +50,14 @@ void GateFixture::StartGate(const Limits& limits) {
       .make = [](const job::JobId&, int32_t) { return absl::OutOfRangeError("no preview here"); },
       .count_units = [this](const job::JobId& job,
                             int32_t frame) { return coordinator_->CountUnits(job, frame); }});
-  services_ = MakeServices(coordinator_.get(), checks_.get(), gate_.get(), &peers_, previews_.get());
+  services_ = MakeServices({.coordinator = coordinator_.get(),
+                            .checks = checks_.get(),
+                            .gate = gate_.get(),
+                            .peers = &peers_,
+                            .previews = previews_.get(),
+                            .make_link = [](const std::string&, const v1::CreatePageLinkRequest&) {
+                              return absl::FailedPreconditionError("no page here");
+                            }});
   grpc::ServerBuilder builder;
   for (const auto& service : services_) builder.RegisterService(service.get());
   server_ = builder.BuildAndStart();
@@ -114,7 +122,7 @@ grpc::Status GateFixture::SubmitAs(const std::string& caller, const std::string&
   request.set_request_id(request_id);
   request.mutable_scheduling()->set_user(user);
   v1::SubmitJobResponse response;
-  const grpc::Status status = Call(caller, &v1::FarmService::Stub::SubmitJob, request, &response);
+  grpc::Status status = Call(caller, &v1::FarmService::Stub::SubmitJob, request, &response);
   if (job_id != nullptr) *job_id = response.job_id();
   return status;
 }

@@ -1,0 +1,148 @@
+"""The status page in a real browser, with a real coordinator and workers behind it."""
+
+import os
+import pathlib
+import tempfile
+import unittest
+
+import browser
+from farm import Farm, make_scene, wait_until
+from page_test import HOSTILE, LONG
+
+SCREENSHOTS = os.environ.get("LUMIFOLD_SCREENSHOTS")
+
+# Mean of the pixels that the canvas shows, of 255.
+BRIGHTNESS = """
+  const canvas = document.getElementById("canvas");
+  if (!canvas.width) return 0;
+  const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  let sum = 0;
+  for (let i = 0; i < pixels.length; i += 4) sum += pixels[i] + pixels[i + 1] + pixels[i + 2];
+  return sum / (pixels.length / 4) / 3;
+"""
+
+
+@unittest.skipIf(why := browser.missing(), why)
+class PageBrowserTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.root = pathlib.Path(cls.enterClassContext(tempfile.TemporaryDirectory()))
+        cls.scene = make_scene("cornell-box", cls.root)
+        cls.browser = cls.enterClassContext(browser.Browser())
+
+    def setUp(self):
+        self.farm = self.enterContext(Farm(self.enterContext(tempfile.TemporaryDirectory()), "--page-address", "127.0.0.1:0"))
+        self.browser.log()
+
+    def submit(self, *settings):
+        return self.farm.client("submit", self.scene, *settings).stdout.strip()
+
+    def open(self, *arguments):
+        self.browser.go(self.farm.client("page", *arguments).stdout.strip())
+
+    def shoot(self, name):
+        if SCREENSHOTS:
+            self.browser.screenshot(pathlib.Path(SCREENSHOTS) / f"{name}.png")
+
+    def expect_no_errors(self):
+        self.assertEqual([line for line in self.browser.log() if "favicon" not in line], [])
+
+    def test_a_picture_grows_and_is_finished(self):
+        self.open()
+        self.browser.wait_text("#connection", "connected")
+        self.assertNotIn("session", self.browser.run("return location.href"), "the secret leaves the address bar")
+        job = self.submit("--size", "640x480", "--spp", 256)
+        self.browser.wait_text("#jobs", job)
+        self.browser.click("#jobs button")
+        self.browser.wait_text("#job-state", "submitted")
+        self.shoot("waits")
+        for _ in range(2):
+            self.farm.start_worker()
+        self.browser.wait(BRIGHTNESS + " > 0", "the first tiles")
+        self.shoot("grows")
+        first = self.browser.run(BRIGHTNESS)
+        self.browser.wait_text("#job-state", "done", seconds=300)
+        self.browser.wait("return document.querySelector('#job-progress').getAttribute('aria-valuenow') === '100'", "100 %")
+        wait_until(lambda: self.browser.run(BRIGHTNESS) > first, "a brighter picture: no tile is black any more", seconds=60)
+        self.shoot("done")
+        for layer in ("albedo", "N", "Z", "id", "noisy"):
+            self.browser.run("const s = document.getElementById('layer-a'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));", layer)
+            self.browser.wait("return [...document.querySelectorAll('#layer-a option')].length > 8 && document.getElementById('layer-a').value"
+                              " === arguments[0] && document.getElementById('waiting').hidden", layer, layer)
+        self.expect_no_errors()
+
+    def test_a_job_is_cancelled_with_a_question(self):
+        self.farm.start_worker()
+        job = self.submit(*LONG)
+        self.open(job)
+        self.browser.wait_text("#job-actions", "Cancel")
+        cancel = "return [...document.querySelectorAll('#job-actions button')].find((each) => each.innerText === 'Cancel')?.click() ?? true"
+        self.browser.run(cancel)
+        self.browser.wait("return document.getElementById('ask').open", "the question")
+        self.browser.click("#ask button[value='']")
+        self.assertNotEqual(self.farm.status(job)["state"], "cancelled")
+        self.browser.run(cancel)
+        self.browser.click("#ask-yes")
+        self.browser.wait_text("#job-state", "cancelled")
+        self.assertEqual(self.farm.status(job)["state"], "cancelled")
+
+    def test_a_lost_coordinator_comes_back(self):
+        # A new one has a new secret without access control, so that the page says how to go on.
+        job = self.submit("--size", "64x64", "--spp", 1)
+        self.open(job)
+        self.browser.wait_text("#connection", "connected")
+        address = self.browser.run("return location.host")
+        self.farm.server.stop()
+        self.browser.wait_text("#connection", "connection lost")
+        self.farm.start_server("--page-address", address, listen=self.farm.address)
+        self.browser.wait_text("#problem", "lumifold page", seconds=120)
+        self.open(job)
+        self.browser.wait_text("#connection", "connected")
+        self.browser.wait_text("#job-state", "submitted")
+
+    def test_hostile_names_are_texts(self):
+        self.farm.start_worker("--name", HOSTILE)
+        job = self.submit(*LONG, "--user", HOSTILE)
+        self.open(job)
+        self.browser.wait_text("#jobs", HOSTILE[:20])
+        self.browser.wait_text("#workers", "script")
+        self.assertEqual(self.browser.run("return document.querySelectorAll('script').length"), 1)
+        self.browser.run("document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=\"window.bad = 1\">');")
+        self.browser.wait("return !window.bad", "no script of others runs")
+        self.assertTrue(any("Content Security Policy" in line for line in self.browser.log()))
+        self.farm.client("cancel", job)
+
+    def test_a_shared_link_has_no_buttons(self):
+        job, other = self.submit("--size", "64x64", "--spp", 1), self.submit("--size", "64x64", "--spp", 1)
+        self.open(job, "--share")
+        self.browser.wait_text("#user", "read only")
+        self.browser.wait_text("#job-state", "submitted")
+        self.assertEqual(self.browser.text("#job-actions"), "")
+        self.assertNotIn(other, self.browser.text("#jobs"))
+
+    def test_keys_and_small_screens(self):
+        jobs = [self.submit("--size", "64x64", "--spp", 1, "--user", f"user-{i}") for i in range(2)]
+        self.open()
+        self.browser.wait_text("#jobs", jobs[0])
+        self.browser.type("body", "j")
+        self.browser.wait_text("#job-state", "submitted")
+        first = self.browser.run("return location.hash")
+        self.browser.type("body", "j")
+        self.browser.wait("return location.hash !== arguments[0]", "the next job", first)
+        self.browser.type("body", "?")
+        self.browser.wait("return document.getElementById('help').open", "the keys")
+        self.browser.type("#help", "escape")
+        self.browser.wait("return !document.getElementById('help').open", "closed")
+        self.browser.resize(500, 844)
+        self.browser.wait("return document.documentElement.scrollWidth <= document.documentElement.clientWidth", "nothing is wider than the screen")
+        self.shoot("phone")
+        self.browser.resize(1280, 800)
+        names = self.browser.run("""
+          return [...document.querySelectorAll("button, input, select")].filter((each) => each.offsetParent &&
+            !(each.innerText || each.getAttribute("aria-label") || each.labels?.length)).map((each) => each.outerHTML)""")
+        self.assertEqual(names, [], "without a name for screen readers")
+        self.expect_no_errors()
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -57,11 +57,12 @@ ledger::JobCommit CommitOf(const std::vector<AcceptedUnit>& units, ledger::Epoch
 }  // namespace
 
 Committer::Committer(const CommitterOptions& options, const DataFolder& folder, ledger::JobStore* store,
-                     StorageState* storage, Listener* listener)
+                     StorageState* storage, monitoring::FarmTimings* timings, Listener* listener)
     : options_(options),
       folder_(folder),
       store_(store),
       storage_(storage),
+      timings_(timings),
       listener_(listener),
       logs_(options.max_open_logs),
       reserve_(folder.ReservePath(), options.reserve_bytes, folder.files()) {
@@ -280,7 +281,9 @@ absl::Status Committer::CommitBatch() {
   }
   std::vector<absl::Status> outcomes;
   if (!commits.empty()) {
+    const absl::Time start = options_.now();
     absl::StatusOr<std::vector<absl::Status>> committed = store_->CommitUnits(commits);
+    timings_->ObserveCommit(options_.now() - start);
     if (!committed.ok()) return committed.status();
     outcomes = *std::move(committed);
   }

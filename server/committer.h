@@ -18,6 +18,7 @@
 #include "server/data_folder.h"
 #include "server/film/unit_log.h"
 #include "server/ledger/job_store.h"
+#include "server/metrics/farm_timings.h"
 #include "server/open_logs.h"
 #include "server/reserve_file.h"
 #include "server/storage_state.h"
@@ -91,7 +92,7 @@ class Committer {
 
   /// All arguments must outlive it. Nothing happens before Start.
   Committer(const CommitterOptions& options, const DataFolder& folder, ledger::JobStore* store,
-            StorageState* storage, Listener* listener);
+            StorageState* storage, monitoring::FarmTimings* timings, Listener* listener);
   ~Committer();
 
   /// Sets the size of a frame's unit log according to the ledger. Call it before Start, or from the committer's thread.
@@ -167,6 +168,7 @@ class Committer {
   const DataFolder folder_;
   ledger::JobStore* const store_;
   StorageState* const storage_;
+  monitoring::FarmTimings* const timings_;
   Listener* const listener_;
 
   // Used by the committer's thread only, and before it starts.

@@ -83,7 +83,7 @@ Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& fo
                                                               .longest_pause = options.longest_storage_pause,
                                                               .max_open_logs = options.max_open_logs,
                                                               .reserve_bytes = options.reserve_bytes},
-                                             folder_, store_, &storage_,
+                                             folder_, store_, &storage_, &timings_,
                                              static_cast<Committer::Listener*>(this))) {
   storage_.OnChange(options.on_storage_change);
   absl::MutexLock lock(&mutex_);
@@ -186,6 +186,7 @@ void Coordinator::OnUnitsLost(const JobId& job, int32_t frame, const absl::Statu
 
 void Coordinator::CountCommitted(const AcceptedUnit& unit) {
   ++units_committed_;
+  samples_committed_ += unit.samples;
   const UnitRef& ref = unit.stored.unit;
   const auto active = active_jobs_.find(ref.job);
   if (active == active_jobs_.end()) {  // the job ended while the unit was being committed

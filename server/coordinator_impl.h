@@ -33,9 +33,11 @@
 #include "server/ledger/job_store.h"
 #include "server/limits.h"
 #include "server/metrics/farm_figures.h"
+#include "server/metrics/farm_timings.h"
 #include "server/scheduler/scheduler.h"
 #include "server/storage_state.h"
 #include "server/task_thread.h"
+#include "server/traffic.h"
 #include "server/wake_up.h"
 
 namespace spdlog {
@@ -170,6 +172,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   absl::StatusOr<v1::ServerStatus> GetServerStatus();
   /// What the metrics endpoint shows. Linear in active jobs and workers.
   monitoring::FarmFigures Figures();
+  const monitoring::FarmTimings& timings() const { return timings_; }
+  Traffic& traffic() { return traffic_; }
   /// Whether the storage can be written.
   const StorageState& storage() const { return storage_; }
   /// Notes an error of the storage that occurred outside the coordinator, and returns what the caller is told.
@@ -515,6 +519,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   /// This run of the coordinator, which owns all active jobs.
   const ledger::Owner owner_;
   StorageState storage_;
+  monitoring::FarmTimings timings_;
+  Traffic traffic_;
 
   /// One change of a job's scheduling or of the blocked workers at a time, in the ledger and here. Taken before mutex_.
   absl::Mutex control_mutex_;
@@ -548,6 +554,7 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   FrameDemand largest_frame_ ABSL_GUARDED_BY(mutex_);
   int64_t next_worker_ ABSL_GUARDED_BY(mutex_) = 1;
   int64_t units_committed_ ABSL_GUARDED_BY(mutex_) = 0;
+  int64_t samples_committed_ ABSL_GUARDED_BY(mutex_) = 0;
   std::map<job::WorkerId, ConnectedWorker> workers_ ABSL_GUARDED_BY(mutex_);
   /// Units that connected workers have in hand, of jobs that are not active here.
   std::map<job::JobId, std::vector<UnitInHand>> in_hand_ ABSL_GUARDED_BY(mutex_);

@@ -159,6 +159,7 @@ void Coordinator::OnFrameRecorded(const CommittedFrame& frame, const v1::FrameRe
   sum.set_assemble_seconds(sum.assemble_seconds() + times.assemble_seconds());
   sum.set_filter_seconds(sum.filter_seconds() + times.filter_seconds());
   sum.set_write_seconds(sum.write_seconds() + times.write_seconds());
+  timings_.ObserveFrame(times);
   std::string error;
   if (report.has_estimated_error()) {
     active->second.NoteError(report.estimated_error());

@@ -148,6 +148,7 @@ std::optional<LeasedUnit> Coordinator::FindLease(WorkerId worker, const UnitRef&
 }
 
 void Coordinator::Deliver(WorkerId worker, film::EncodedUnit unit) {
+  traffic_.units_received += static_cast<int64_t>(unit.size_bytes());
   absl::MutexLock lock(&mutex_);
   const scheduler::Completion completion =
       scheduler_.CompleteUnit(worker, unit.unit, unit.attempt, options_.now(), unit.digest);

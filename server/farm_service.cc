@@ -247,7 +247,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                                           const v1::DownloadResultRequest* request) override {
     absl::StatusOr<AdmittedCall> call = AdmitStreamOfJob(context, "DownloadResult", request->job_id());
     if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
-    auto* writer = new FileWriter(*std::move(call));
+    auto* writer = new FileWriter(*std::move(call), &coordinator_->traffic().results_sent);
     writer->Start(coordinator_->OpenResult(*request));
     return writer;
   }

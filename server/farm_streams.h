@@ -74,7 +74,10 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
       return absl::InvalidArgumentError(
           "UploadAsset: the first message, and no other, must announce the asset");
     }
-    if (upload_ != nullptr) return coordinator_->NoteError(upload_->Add(request_.chunk()));
+    if (upload_ != nullptr) {
+      coordinator_->traffic().assets_received += static_cast<int64_t>(request_.chunk().data().size());
+      return coordinator_->NoteError(upload_->Add(request_.chunk()));
+    }
     sha256_ = request_.announce().sha256();
     {
       absl::MutexLock lock(&mutex_);  // the call may be ended meanwhile

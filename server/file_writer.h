@@ -2,6 +2,8 @@
 
 #include <grpcpp/support/server_callback.h>
 
+#include <atomic>
+#include <cstdint>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -26,7 +28,8 @@ class Refused final : public Reactor {
 /// Streams a file to the caller, from Start on.
 class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
  public:
-  explicit FileWriter(AdmittedCall call) : call_(std::move(call)) {}
+  /// Adds the bytes that it has sent to `sent`, which must outlive it.
+  FileWriter(AdmittedCall call, std::atomic<int64_t>* sent) : call_(std::move(call)), sent_(*sent) {}
 
   void Start(absl::StatusOr<rpc::ByteSender> sender) {
     sender_ = std::move(sender);
@@ -36,6 +39,7 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
   void OnWriteDone(bool ok) override {
     call_->PeerMoved(chunk_.data().size());
     if (ok) {
+      sent_ += static_cast<int64_t>(chunk_.data().size());
       WriteNext();
     } else {
       Finish(grpc::Status::CANCELLED);
@@ -56,6 +60,7 @@ class FileWriter final : public grpc::ServerWriteReactor<v1::ByteChunk> {
   }
 
   const AdmittedCall call_;
+  std::atomic<int64_t>& sent_;
   absl::StatusOr<rpc::ByteSender> sender_ = absl::UnknownError("not started");
   v1::ByteChunk chunk_;
 };

@@ -154,7 +154,7 @@ class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
     absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "FetchAsset", request->job_id());
     if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
     absl::Status allowed = coordinator_->CheckFetch(*request, access::KeyOf((*call)->caller()));
-    auto* writer = new FileWriter(*std::move(call));
+    auto* writer = new FileWriter(*std::move(call), &coordinator_->traffic().assets_sent);
     if (!allowed.ok()) {
       writer->Start(std::move(allowed));
       return writer;

@@ -338,7 +338,8 @@ absl::Status ServerImpl::ShowMetrics() {
   if (options_.metrics_address.empty()) return absl::OkStatus();
   absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> metrics = monitoring::Endpoint::Start(
       {.address = options_.metrics_address,
-       .sources = {monitoring::MakeFarmMetrics([this] { return coordinator_->Figures(); })},
+       .sources = {monitoring::MakeFarmMetrics([this] { return coordinator_->Figures(); }),
+                   coordinator_->timings().source()},
        .now = rpc::MonotonicNow});
   if (!metrics.ok()) return metrics.status();
   metrics_ = *std::move(metrics);

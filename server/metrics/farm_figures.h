@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <string>
 
 #include "lumifold/v1/farm.pb.h"
 #include "lumifold/v1/job.pb.h"
@@ -22,6 +23,20 @@ struct FarmFigures {
   int64_t worker_slots = 0;     // units that the connected workers take at a time
   std::map<v1::WorkerState, int64_t> workers;
   std::map<v1::JobState, int64_t> jobs;  // active ones
+  int64_t blocked_names = 0;             // workers that operators or audits have blocked, connected or not
+
+  // Since the coordinator's start.
+  int64_t samples_committed = 0;           // camera samples
+  int64_t leases_expired = 0;              // not renewed, or without progress
+  std::map<std::string, int64_t> retries;  // units that became free again, by reason: all, zero or not
+  int64_t unit_bytes_received = 0;
+  int64_t asset_bytes_received = 0;  // uploads
+  int64_t result_bytes_sent = 0;
+  int64_t asset_bytes_sent = 0;  // to workers
+
+  bool storage_writable = true;
+  uint64_t disk_free_bytes = 0;
+  uint64_t disk_room_bytes = 0;  // of them, those that uploads and films may take
 };
 
 /// A source of metrics that calls `figures`, from the endpoint's thread, whenever it is asked. Each state has a sample,

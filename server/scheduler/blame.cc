@@ -38,6 +38,7 @@ FailureOutcome Scheduler::FailUnit(WorkerId worker, const UnitRef& unit, Attempt
         std::min(options_.first_backoff * (int64_t{1} << std::min(history.failures - 1, 30)),
                  options_.longest_backoff);
     ReturnAfter(index, first_opinion ? absl::ZeroDuration() : backoff, now);
+    ++retries_[RetryReason::kFailed];
   }
   const bool agreed = history.permanent_by.size() >= 2;
   const bool unopposed = permanent && !workers_.HasOther(worker, RequirementOf(job));

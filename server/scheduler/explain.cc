@@ -65,6 +65,8 @@ JobProgress Scheduler::Progress(const JobId& id) const {
 
 Figures Scheduler::CountAll() const {
   Figures figures;
+  figures.leases_expired = leases_expired_;
+  figures.retries = retries_;
   for (const auto& [number, job] : jobs_) {
     figures.units_leased += job.leased_units;
     if (!job.paused) figures.units_queued += UnitsTotal(job) - job.committed_units - job.leased_units;

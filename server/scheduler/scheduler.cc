@@ -257,7 +257,8 @@ void Scheduler::Bind(int64_t number, const std::string& numeric_class) {
   UpdateReady(number, job);
   for (const Attempt attempt : leases_.OfJob(number)) {
     const Worker& worker = *workers_.Find(leases_.Find(attempt)->worker);
-    if (worker.traits.numeric_class != numeric_class) RevokeLease(attempt);
+    if (worker.traits.numeric_class != numeric_class && RevokeLease(attempt))
+      ++retries_[RetryReason::kOtherClass];
   }
 }
 
@@ -356,6 +357,7 @@ bool Scheduler::RevokeUnit(const UnitRef& unit) {
   if (place < job.next_unleased || place.number >= job.ordered_units() || job.ahead.contains(place))
     job.returned.insert(place);  // otherwise it is leased in its turn
   UpdateReady(index->job, job);
+  ++retries_[RetryReason::kTakenBack];
   return true;
 }
 
@@ -443,20 +445,22 @@ Lease Scheduler::RemoveLease(Attempt attempt) {
   return lease;
 }
 
-void Scheduler::VoidLease(Attempt attempt) {
+bool Scheduler::VoidLease(Attempt attempt) {
   const Lease lease = RemoveLease(attempt);
   ReleaseSlot(lease.worker);
   if (lease.audit) {
     ReturnAudit(lease.unit);
-  } else if (MayReturn(lease.unit)) {
-    Return(lease.unit);
+    return false;
   }
+  if (!MayReturn(lease.unit)) return false;
+  Return(lease.unit);
+  return true;
 }
 
-void Scheduler::RevokeLease(Attempt attempt) {
+bool Scheduler::RevokeLease(Attempt attempt) {
   const Lease& lease = *leases_.Find(attempt);
   newly_voided_.push_back({lease.worker, RefOf(lease.unit), attempt});
-  VoidLease(attempt);
+  return VoidLease(attempt);
 }
 
 std::vector<VoidedLease> Scheduler::TakeVoided() { return std::exchange(newly_voided_, {}); }

@@ -389,9 +389,10 @@ class Scheduler {
   bool IsExcluded(const Job& job, const UnitIndex& index, job::WorkerId worker) const;
   enum class LeaseKind { kOrdinary, kAlone, kAudit };
   GrantedLease Grant(const UnitIndex& index, job::WorkerId worker, absl::Time now, LeaseKind kind);
-  void VoidLease(job::Attempt attempt);
+  /// Whether the unit may be leased again because of it.
+  bool VoidLease(job::Attempt attempt);
   /// The same for a lease that the worker does not know to be void.
-  void RevokeLease(job::Attempt attempt);
+  bool RevokeLease(job::Attempt attempt);
   void ReleaseSlot(job::WorkerId worker);
   /// The unit, which is accepted, is committed: its worker has a free slot.
   void EndAccepted(const UnitIndex& index);
@@ -468,6 +469,8 @@ class Scheduler {
   LeaseTable leases_;
   std::map<std::string, std::string> blocked_;  // reasons, by the worker's name
   std::vector<VoidedLease> newly_voided_;
+  int64_t leases_expired_ = 0;
+  std::map<RetryReason, int64_t> retries_;
   std::set<std::pair<job::WorkerId, job::Attempt>> stalled_;  // void, but still in a slot of the worker
   std::map<UnitIndex, job::WorkerId> accepted_;
   std::set<std::pair<absl::Time, UnitIndex>> delayed_;  // units that may return; some are accepted by then

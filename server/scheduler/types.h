@@ -86,11 +86,27 @@ struct WorkerTraits {
   std::vector<std::string> tags{};  // in any order
 };
 
+/// Why a unit that had a lease became free again.
+enum class RetryReason {
+  kWorkerLost,     // its worker has disconnected
+  kWorkerBlocked,  // its worker was blocked
+  kExpired,        // its worker has not renewed the lease
+  kStalled,        // the lease was renewed, but made no progress
+  kDropped,        // its worker no longer names the lease in its heartbeats
+  kOverdue,        // the lease stays valid, but takes much longer than others
+  kHandedBack,     // its worker will not deliver it
+  kFailed,         // its worker could not render it, or delivered what is not valid
+  kOtherClass,     // the job was given another numeric class than that of its worker
+  kTakenBack,      // it was committed, and its pixels are lost or wrong
+};
+
 /// Counts of units and workers.
 struct Figures {
-  int64_t units_queued = 0;  // neither leased, accepted nor committed, of jobs that are not paused
-  int64_t units_leased = 0;  // once or twice; audits do not count
-  int64_t slots = 0;         // of all workers
+  int64_t units_queued = 0;    // neither leased, accepted nor committed, of jobs that are not paused
+  int64_t units_leased = 0;    // once or twice; audits do not count
+  int64_t slots = 0;           // of all workers
+  int64_t leases_expired = 0;  // not renewed, or stalled; since the start, as `retries`
+  std::map<RetryReason, int64_t> retries;
   std::map<v1::WorkerState, int64_t> workers;
 };
 

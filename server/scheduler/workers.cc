@@ -35,7 +35,9 @@ void Scheduler::EndEarlierConnection(WorkerId worker, const WorkerTraits& traits
   const WorkerId earlier = std::exchange(connection->second, worker);
   if (workers_.Find(earlier)->traits.name != traits.name) return;  // not the same process, whatever it says
   DrainWorker(earlier);
-  for (const Attempt attempt : leases_.OfWorker(earlier)) VoidLease(attempt);
+  for (const Attempt attempt : leases_.OfWorker(earlier)) {
+    if (VoidLease(attempt)) ++retries_[RetryReason::kWorkerLost];
+  }
 }
 
 std::vector<FailedJob> Scheduler::RemoveWorker(WorkerId worker) {
@@ -50,7 +52,7 @@ std::vector<FailedJob> Scheduler::RemoveWorker(WorkerId worker) {
     std::string error = CountLoss(lease);
     NoteAbsence(lease);
     if (!error.empty()) failed.push_back({jobs_.at(lease.unit.job).id, std::move(error)});
-    VoidLease(attempt);
+    if (VoidLease(attempt)) ++retries_[RetryReason::kWorkerLost];
   }
   stalled_.erase(stalled_.lower_bound({worker, kFirstAttempt}),
                  stalled_.lower_bound({WorkerId(worker.value() + 1), kFirstAttempt}));
@@ -69,7 +71,9 @@ void Scheduler::BlockWorker(const std::string& name, const std::string& reason) 
   for (const WorkerId worker : workers_.Named(name)) {
     CancelReservation(worker);
     workers_.Change(worker, [](Worker& state) { state.blocked = true; });
-    for (const Attempt attempt : leases_.OfWorker(worker)) RevokeLease(attempt);
+    for (const Attempt attempt : leases_.OfWorker(worker)) {
+      if (RevokeLease(attempt)) ++retries_[RetryReason::kWorkerBlocked];
+    }
   }
 }
 
@@ -89,7 +93,7 @@ bool Scheduler::ReadmitWorker(const std::string& name) {
 
 bool Scheduler::HandBack(WorkerId worker, const UnitRef& unit, Attempt attempt) {
   if (!HoldsLease(worker, unit, attempt)) return false;
-  VoidLease(attempt);
+  if (VoidLease(attempt)) ++retries_[RetryReason::kHandedBack];
   return true;
 }
 
@@ -137,7 +141,7 @@ LateLease Scheduler::Drop(Attempt attempt) {
   History& history = jobs_.at(lease.unit.job).history[lease.unit.place];
   history.last_failed = workers_.Find(lease.worker)->traits.name;
   history.failed_workers.insert(lease.worker);
-  VoidLease(attempt);
+  if (VoidLease(attempt)) ++retries_[RetryReason::kDropped];
   return dropped;
 }
 
@@ -168,7 +172,8 @@ std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
       CancelReservation(lease.worker);
       workers_.Change(lease.worker, [](Worker& worker) { worker.unresponsive = true; });
     }
-    RevokeLease(attempt);
+    ++leases_expired_;
+    if (RevokeLease(attempt)) ++retries_[stalled ? RetryReason::kStalled : RetryReason::kExpired];
   }
   for (const Attempt attempt : leases_.Checks(now)) {
     MarkLate(attempt, *leases_.Find(attempt), now);
@@ -180,6 +185,7 @@ std::vector<LateLease> Scheduler::ExpireLeases(absl::Time now) {
     leases_.Update(attempt, lease);
     if (!lease.is_overdue || !MayReturn(lease.unit)) continue;
     Return(lease.unit);
+    ++retries_[RetryReason::kOverdue];
     late.push_back({RefOf(lease.unit), lease.worker, Lateness::kOverdue, ""});
   }
   return late;

@@ -89,11 +89,20 @@ class MetricsTest(unittest.TestCase):
     def test_the_manual_names_each_metric(self):
         page = (pathlib.Path(__file__).parents[2] / "docs/operations.md").read_text()
         table = page.split("<!-- metrics: begin -->")[1].split("<!-- metrics: end -->")[0]
-        named = re.findall(r"^\| `(\w+)(?:\{state\})?` \| (gauge|counter) \|(?:[^|]*: ([\w, ]+) \|)?", table, re.M)
-        text = scrape(self.address)
-        self.assertEqual([row[:2] for row in named], re.findall(r"^# TYPE (\w+) (\w+)$", text, re.M))
-        for name, _, states in named:
-            self.assertEqual(re.findall(rf'^{name}{{state="(\w+)"}}', text, re.M), states.split(", ") if states else [])
+        self.assert_table_is_complete(table, scrape(self.address))
+        for wrong in (table.replace("worker_lost", "worker_gone"), table.replace("| histogram |", "| counter |"),
+                      table.replace("_slots`", "_slots{size}`"), table.replace("| `lumifold_disk_free", "| `disk_free")):
+            with self.assertRaises(AssertionError):
+                self.assert_table_is_complete(wrong, scrape(self.address))
+
+    def assert_table_is_complete(self, table, text):
+        """The table has each metric of the text, in its order, with its kind, its label and all values of that."""
+        rows = re.findall(r"^\| `(\w+)(?:\{(\w+)\})?` \| (\w+) \|(?:[^|]*: ([\w, ]+) \|)?", table, re.M)
+        self.assertEqual([(name, kind) for name, _, kind, _ in rows], re.findall(r"^# TYPE (\w+) (\w+)$", text, re.M))
+        for name, label, kind, values in rows:
+            suffix = "_count" if kind == "histogram" else ""
+            shown = re.findall(rf'^{name}{suffix}{{(\w+)="(\w+)"}}', text, re.M)
+            self.assertEqual(sorted(shown), sorted((label, value) for value in values.split(", ")) if label else [])
 
     def test_figures_are_those_of_the_farm(self):
         farm = self.farm
@@ -191,6 +200,65 @@ class MetricsTest(unittest.TestCase):
     def memory_kib(self):
         status = pathlib.Path(f"/proc/{self.farm.server.popen.pid}/status").read_text()
         return int(re.search(r"VmRSS:\s+(\d+)", status)[1])
+
+
+class CountersTest(unittest.TestCase):
+    """What is counted as it happens, of a farm whose workers are lost."""
+
+    def setUp(self):
+        self.folder = self.enterContext(tempfile.TemporaryDirectory())
+        self.farm = self.enterContext(Farm(pathlib.Path(self.folder) / "data", "--metrics-address", "0", "--lease-seconds",
+                                           "3", "--heartbeat-seconds", "0.5"))
+        self.address = address_of(self.farm)
+
+    def figures(self, condition):
+        """The samples, once they meet the condition."""
+        return wait_until(lambda: condition(found := samples(scrape(self.address))) and found, "the figures", seconds=120)
+
+    def test_leases_that_end_without_their_unit(self):
+        scene = make_scene("cornell-box", self.folder)
+        self.farm.client("submit", scene, *SETTINGS[:3], "65536", "--plan", "full")
+        before = samples(scrape(self.address))
+        self.assertEqual(before["lumifold_lease_expiries_total"], 0)
+        self.assertEqual([value for name, value in before.items() if "_retries_" in name], [0.0] * 10)
+        silent = self.farm.start_worker()
+        self.figures(lambda found: found["lumifold_units_leased"] > 0)
+        silent.pause()
+        expired = self.figures(lambda found: found["lumifold_lease_expiries_total"] > 0)
+        self.assertEqual(expired['lumifold_unit_retries_total{reason="expired"}'], expired["lumifold_lease_expiries_total"])
+        silent.kill()
+        lost = self.farm.start_worker()
+        self.figures(lambda found: found["lumifold_units_leased"] > 0)
+        lost.kill()
+        self.figures(lambda found: found['lumifold_unit_retries_total{reason="worker_lost"}'] > 0)
+        leaving = self.farm.start_worker("--drain-seconds", "0")
+        self.figures(lambda found: found["lumifold_units_leased"] > 0)
+        self.assertEqual(leaving.stop(), 0)
+        done = self.figures(lambda found: found['lumifold_unit_retries_total{reason="handed_back"}'] > 0)
+        self.assertEqual(done['lumifold_unit_retries_total{reason="failed"}'], 0)
+
+    def test_bytes_samples_and_times_of_a_job(self):
+        farm = self.farm
+        scene = make_scene("cornell-box", self.folder)
+        job = farm.client("submit", scene, *SETTINGS).stdout.strip()
+        farm.start_worker()
+        farm.client("wait", job)
+        result = pathlib.Path(self.folder) / "out.exr"
+        farm.client("download", job, "-o", result)
+        done = self.figures(lambda found: found['lumifold_sent_bytes_total{kind="results"}'] > 0)
+        self.assertEqual(done['lumifold_sent_bytes_total{kind="results"}'], result.stat().st_size)
+        self.assertEqual(done['lumifold_received_bytes_total{kind="assets"}'], scene.stat().st_size)
+        self.assertEqual(done['lumifold_sent_bytes_total{kind="assets"}'], scene.stat().st_size)
+        stored = sum(file.stat().st_size for file in pathlib.Path(self.folder, "data/film").rglob("*") if file.is_file())
+        self.assertGreater(done['lumifold_received_bytes_total{kind="units"}'], 0)
+        self.assertLessEqual(done['lumifold_received_bytes_total{kind="units"}'], stored)
+        self.assertGreaterEqual(done["lumifold_samples_committed_total"], 64 * 64 * 64)
+        self.assertGreater(done["lumifold_ledger_commit_seconds_count"], 0)
+        for stage in ("assemble", "filter", "write"):
+            self.assertEqual(done[f'lumifold_frame_stage_seconds_count{{stage="{stage}"}}'], 1)
+            self.assertGreater(done[f'lumifold_frame_stage_seconds_sum{{stage="{stage}"}}'], 0)
+        self.assertEqual(done["lumifold_storage_writable"], 1)
+        self.assertGreaterEqual(done["lumifold_disk_free_bytes"], done["lumifold_disk_room_bytes"])
 
 
 class AddressTest(unittest.TestCase):

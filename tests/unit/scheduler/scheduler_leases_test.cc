@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <vector>
 
 #include "tests/unit/scheduler/scheduler_fixture.h"
@@ -43,6 +44,24 @@ TEST_F(SchedulerLeasesTest, LeasesOfAWorkerThatIsGoneGoToTheNext) {
   EXPECT_GT(again[0].attempt, lost[1].attempt);
   EXPECT_EQ(scheduler_.CompleteUnit(kAnn, lost[0].unit, lost[0].attempt, kStart), Completion::kStale);
   EXPECT_EQ(scheduler_.CompleteUnit(kBen, again[0].unit, again[0].attempt, kStart), Completion::kAccepted);
+}
+
+TEST_F(SchedulerLeasesTest, RetriesAreCountedByTheirReason) {
+  scheduler_.AddJob(kJob, Spec());
+  scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 1});
+  EXPECT_THAT(scheduler_.CountAll().retries, IsEmpty());
+  GrantedLease lease = scheduler_.GrantLeases(kAnn, kStart).at(0);
+  EXPECT_TRUE(scheduler_.HandBack(kAnn, lease.unit, lease.attempt));
+  EXPECT_FALSE(scheduler_.HandBack(kAnn, lease.unit, lease.attempt));  // it counts once
+  scheduler_.GrantLeases(kAnn, kStart);
+  EXPECT_EQ(scheduler_.ExpireLeases(kStart + absl::Seconds(30)).size(), 1u);
+  EXPECT_EQ(scheduler_.CountAll().leases_expired, 1);
+  scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
+  ASSERT_EQ(scheduler_.GrantLeases(kBen, kStart + absl::Seconds(30)).size(), 1u);
+  scheduler_.RemoveWorker(kBen);
+  const std::map<RetryReason, int64_t> expected = {
+      {RetryReason::kHandedBack, 1}, {RetryReason::kExpired, 1}, {RetryReason::kWorkerLost, 1}};
+  EXPECT_EQ(scheduler_.CountAll().retries, expected);
 }
 
 TEST_F(SchedulerLeasesTest, LeasesRunOutUnlessRenewed) {

@@ -54,8 +54,8 @@ def value_of(words, name):
 
 
 @functools.cache
-def metrics():
-    """The names of the metrics of a real coordinator, and the slots that a thread of a worker adds."""
+def metrics_text():
+    """What a real coordinator shows to Prometheus once a worker with 2 threads is connected."""
     with tempfile.TemporaryDirectory() as data, Farm(data, "--metrics-address", "0") as farm:
         farm.start_worker(threads=2)
         address = wait_until(lambda: re.search(r"event=metrics address=(\S+)", farm.server.log_text()), "the endpoint")[1]
@@ -63,10 +63,19 @@ def metrics():
         def scrape():
             with urllib.request.urlopen(f"http://{address}/metrics") as answer:
                 text = answer.read().decode()
-            slots = int(re.search(r"^lumifold_worker_slots (\d+)$", text, re.M)[1])
-            return slots and (frozenset(re.findall(r"^# TYPE (\w+)", text, re.M)), slots // 2)
+            return text if slots_in(text) else None
 
         return wait_until(scrape, "the worker")
+
+
+def slots_in(text):
+    return int(re.search(r"^lumifold_worker_slots (\d+)$", text, re.M)[1])
+
+
+def metrics():
+    """The names of the metrics of a real coordinator, and the slots that a thread of a worker adds."""
+    text = metrics_text()
+    return frozenset(re.findall(r"^# TYPE (\w+)", text, re.M)), slots_in(text) // 2
 
 
 @functools.cache

@@ -24,10 +24,10 @@
 #include "absl/synchronization/mutex.h"
 #include "proto/logging/fields.h"
 #include "proto/rpc/byte_stream.h"
+#include "proto/sockets/listening_sockets.h"
 #include "server/access/rate_limit.h"
 #include "server/address_filter.h"
 #include "server/connection_table.h"
-#include "server/sockets/listening_sockets.h"
 #include "server/unserved_connections.h"
 
 namespace lumifold::server {

@@ -28,6 +28,8 @@
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
+#include "proto/monitoring/endpoint.h"
+#include "proto/monitoring/process.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "server/access/access_control.h"
@@ -50,7 +52,6 @@
 #include "server/ledger/roster.h"
 #include "server/listener.h"
 #include "server/make_preview.h"
-#include "server/metrics/endpoint.h"
 #include "server/metrics/farm_figures.h"
 #include "server/page/status_page.h"
 #include "server/preview_maker.h"
@@ -189,6 +190,7 @@ class ServerImpl final : public Server {
   std::unique_ptr<Listener> listener_;
   int port_ = 0;
   bool has_left_ = false;
+  monitoring::EndpointSockets metrics_sockets_;
   std::unique_ptr<monitoring::Endpoint> metrics_;
   std::unique_ptr<page::StatusPage> page_;
   rpc::MonotonicEvent stop_;
@@ -336,14 +338,18 @@ absl::Status ServerImpl::JoinFarm() {
 
 absl::Status ServerImpl::ShowMetrics() {
   if (options_.metrics_address.empty()) return absl::OkStatus();
+  absl::StatusOr<monitoring::EndpointSockets> sockets =
+      monitoring::ListenForMetrics(options_.metrics_address);
+  if (!sockets.ok()) return sockets.status();
+  metrics_sockets_ = *std::move(sockets);
   absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> metrics = monitoring::Endpoint::Start(
-      {.address = options_.metrics_address,
+      {.sockets = &metrics_sockets_,
        .sources = {monitoring::MakeFarmMetrics([this] { return coordinator_->Figures(); }),
-                   coordinator_->timings().source()},
+                   coordinator_->timings().source(), monitoring::MakeProcessMetrics()},
        .now = rpc::MonotonicNow});
   if (!metrics.ok()) return metrics.status();
   metrics_ = *std::move(metrics);
-  options_.log->info("event=metrics address={}", metrics_->address());
+  options_.log->info("event=metrics address={}", metrics_sockets_.address);
   return absl::OkStatus();
 }
 
@@ -553,6 +559,7 @@ void ServerImpl::Shutdown() {
   if (page_ != nullptr) page_->Stop();
   if (coordinator_ != nullptr) coordinator_->StopLeasing();
   metrics_.reset();
+  metrics_sockets_ = {};
   stop_.Notify();
   if (stall_thread_.joinable()) stall_thread_.join();
   if (access_ != nullptr) access_->Stop();

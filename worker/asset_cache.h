@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <string>
 
@@ -23,9 +24,14 @@ class AssetCache final : public AssetSource {
   /// Errors: those of the source; they are not kept.
   absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override;
 
+  /// Assets that it had, or another thread was fetching.
+  int64_t hits() const { return hits_; }
+  uint64_t bytes() const { return cache_.bytes(); }
+
  private:
   AssetSource* const source_;
   ContentCache<std::string> cache_;
+  std::atomic<int64_t> hits_ = 0;
 };
 
 }  // namespace lumifold::worker

@@ -64,7 +64,10 @@ absl::Status MakeAssetFolder(const std::string& path, uid_t owner) {
 absl::StatusOr<std::string> AssetFolder::Fetch(const std::string& job_id, const v1::AssetRef& asset) {
   if (!rpc::IsSha256Hex(asset.sha256())) return source_->Fetch(job_id, asset);
   absl::StatusOr<std::string> content = Read(asset);
-  if (content.ok()) return content;
+  if (content.ok()) {
+    ++hits_;
+    return content;
+  }
   content = source_->Fetch(job_id, asset);
   if (!content.ok() || content->size() > options_.max_bytes) return content;
   const absl::MutexLock lock(&mutex_);

@@ -2,6 +2,7 @@
 
 #include <sys/types.h>
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -47,6 +48,9 @@ class AssetFolder final : public AssetSource {
   /// Errors: those of the source.
   absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override;
 
+  /// Assets that were in the folder.
+  int64_t hits() const { return hits_; }
+
  private:
   /// kNotFound where there is no such file, or not the right content.
   absl::StatusOr<std::string> Read(const v1::AssetRef& asset) const;
@@ -56,6 +60,7 @@ class AssetFolder final : public AssetSource {
 
   AssetSource* const source_;
   const AssetFolderOptions options_;
+  std::atomic<int64_t> hits_ = 0;
   absl::Mutex mutex_;  // one thread writes at a time
 };
 

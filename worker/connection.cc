@@ -14,6 +14,8 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/logging/fields.h"
+#include "proto/monitoring/endpoint.h"
+#include "proto/monitoring/process.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/reconnect_schedule.h"
 #include "proto/rpc/retry.h"
@@ -22,6 +24,8 @@
 #include "spdlog/spdlog.h"
 #include "worker/asset_cache.h"
 #include "worker/asset_folder.h"
+#include "worker/counted_assets.h"
+#include "worker/metrics/worker_figures.h"
 #include "worker/remote_sources.h"
 #include "worker/render/renderer.h"
 #include "worker/route.h"
@@ -400,23 +404,66 @@ class Journey {
   bool was_admitted_ = false;
 };
 
+/// The parts of a worker. Later ones use earlier ones.
+class Worker {
+ public:
+  Worker(const WorkerOptions& options, std::shared_ptr<spdlog::logger> log)
+      : options_(options),
+        log_(std::move(log)),
+        folder_(&fetched_,
+                {.path = options.asset_folder, .max_bytes = options.asset_folder_bytes, .log = log_}),
+        impl_(options.threads, &specs_, &renderer_, log_) {}
+
+  absl::Status Run(const Coordinators& coordinators, const rpc::MonotonicEvent& stop) {
+    std::unique_ptr<monitoring::Endpoint> endpoint;
+    if (options_.metrics != nullptr) {
+      absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> started = monitoring::Endpoint::Start(
+          {.sockets = options_.metrics,
+           .sources = {monitoring::MakeWorkerMetrics([this] { return Figures(); }),
+                       monitoring::MakeProcessMetrics()},
+           .now = rpc::MonotonicNow});
+      if (!started.ok()) return started.status();
+      endpoint = *std::move(started);
+    }
+    return Journey(&coordinators, options_, impl_, current_, *log_, stop).Run();
+  }
+
+ private:
+  monitoring::WorkerFigures Figures() const {
+    monitoring::WorkerFigures figures = impl_.Figures();
+    figures.is_connected = current_.Get().channel != nullptr;
+    figures.connections = current_.connections();
+    const UnitRenderer::Loads loads = renderer_.loads();
+    figures.scenes_loaded = loads.scenes;
+    figures.load_time = loads.time;
+    figures.assets = {
+        {"coordinator", fetched_.assets()}, {"folder", folder_.hits()}, {"memory", cache_.hits()}};
+    figures.asset_bytes_received = fetched_.bytes();
+    figures.asset_cache_bytes = cache_.bytes();
+    return figures;
+  }
+
+  const WorkerOptions& options_;
+  const std::shared_ptr<spdlog::logger> log_;
+  CurrentCoordinator current_;
+  const std::unique_ptr<AssetSource> assets_ = MakeRemoteAssetSource(&current_);
+  CountedAssets fetched_{assets_.get()};
+  AssetFolder folder_;
+  AssetCache cache_{options_.asset_folder.empty() ? static_cast<AssetSource*>(&fetched_) : &folder_,
+                    kAssetCacheBytes};
+  UnitRenderer renderer_{&cache_};
+  const std::unique_ptr<SpecSource> spec_source_ = MakeRemoteSpecSource(&current_);
+  SpecCache specs_{spec_source_.get()};
+  WorkerImpl impl_;
+};
+
 }  // namespace
 
 absl::Status RunWorker(const Coordinators& coordinators, const WorkerOptions& options,
                        const rpc::MonotonicEvent& stop) {
   const std::shared_ptr<spdlog::logger> log =
       options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
-  CurrentCoordinator current;
-  const std::unique_ptr<AssetSource> assets = MakeRemoteAssetSource(&current);
-  AssetFolder folder(assets.get(),
-                     {.path = options.asset_folder, .max_bytes = options.asset_folder_bytes, .log = log});
-  AssetSource* const source = options.asset_folder.empty() ? assets.get() : &folder;
-  AssetCache cache(source, kAssetCacheBytes);
-  UnitRenderer renderer(&cache);
-  const std::unique_ptr<SpecSource> spec_source = MakeRemoteSpecSource(&current);
-  SpecCache specs(spec_source.get());
-  WorkerImpl worker(options.threads, &specs, &renderer, log);
-  return Journey(&coordinators, options, worker, current, *log, stop).Run();
+  return Worker(options, log).Run(coordinators, stop);
 }
 
 }  // namespace lumifold::worker

@@ -14,6 +14,9 @@
 namespace grpc {
 class Channel;
 }
+namespace lumifold::monitoring {
+struct EndpointSockets;
+}
 namespace spdlog {
 class logger;
 }
@@ -46,6 +49,8 @@ struct WorkerOptions {
   absl::Duration keep_in_hand = absl::Seconds(30);
   /// A worker that has held no lease for this long leaves, connected or not; units in hand do not count.
   absl::Duration exit_when_idle = absl::InfiniteDuration();
+  /// Where metrics are shown; null: nowhere.
+  const monitoring::EndpointSockets* metrics = nullptr;
 };
 
 /// The coordinators of a farm, see rpc::ParseEndpoints.

@@ -43,6 +43,12 @@ class ContentCache {
     return value;
   }
 
+  /// Of the values that are kept within the limit.
+  uint64_t bytes() const {
+    absl::MutexLock lock(&mutex_);
+    return bytes_;
+  }
+
  private:
   struct Kept {
     std::string key;
@@ -88,7 +94,7 @@ class ContentCache {
   }
 
   const uint64_t max_bytes_;
-  absl::Mutex mutex_;
+  mutable absl::Mutex mutex_;
   Kepts kept_ ABSL_GUARDED_BY(mutex_);  // most recently used first
   std::map<std::string, Entry> entries_ ABSL_GUARDED_BY(mutex_);
   std::set<std::string> making_ ABSL_GUARDED_BY(mutex_);

@@ -25,6 +25,7 @@
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
 #include "proto/logging/nonblocking_log.h"
+#include "proto/monitoring/endpoint.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/endpoints.h"
 #include "proto/rpc/limits.h"
@@ -103,6 +104,7 @@ struct Flags {
   bool no_fence = false;
   std::string asset_cache;
   uint64_t asset_cache_gb = 20;
+  std::string metrics_address;
 };
 
 void AddFlags(CLI::App* app, Flags* flags) {
@@ -131,6 +133,10 @@ void AddFlags(CLI::App* app, Flags* flags) {
                   "Size at which the least recently used of them go")
       ->check(CLI::Range(1, 1 << 20))
       ->capture_default_str();
+  app->add_option(
+      "--metrics-address", flags->metrics_address,
+      "Show metrics for Prometheus at http://HOST:PORT/metrics, to anyone who reaches it; PORT alone: "
+      "on loopback (default: off)");
   app->add_option("--memory-mb", flags->memory_mb,
                   "Limit of the address space in MiB; 0: none (default: the machine's memory and a reserve)");
   app->add_option("--user", flags->user,
@@ -260,6 +266,15 @@ absl::Status PrepareAssetCache(const Flags& flags, const Target& target) {
                                            becomes == nullptr ? geteuid() : becomes->pw_uid);
 }
 
+/// Listens where metrics are to be shown; nullopt: nowhere. Before the fence, in which nothing may listen any more.
+absl::StatusOr<std::optional<lumifold::monitoring::EndpointSockets>> ListenForMetrics(const Flags& flags) {
+  if (flags.metrics_address.empty()) return std::nullopt;
+  absl::StatusOr<lumifold::monitoring::EndpointSockets> sockets =
+      lumifold::monitoring::ListenForMetrics(flags.metrics_address);
+  if (!sockets.ok()) return sockets.status();
+  return *std::move(sockets);
+}
+
 /// Enters the fence, before any thread starts: it holds only for threads that start later.
 absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& target) {
   if (flags.no_fence) return fence::FenceReport();
@@ -274,6 +289,7 @@ absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& 
   if (!target.folder.empty()) options.writable = {target.folder};  // its certificate is renewed there
   if (!flags.asset_cache.empty()) options.writable.push_back(flags.asset_cache);
   options.network = true;
+  options.accepts = !flags.metrics_address.empty();
   options.connect_ports = PortsOf(target.servers);
   return fence::EnterFence(options);
 }
@@ -290,6 +306,8 @@ int RunWorkerProcess(const Flags& flags) {
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
   if (!target.ok()) return Fail(target.status());
   const absl::Status has_cache = PrepareAssetCache(flags, *target);
+  const auto metrics = ListenForMetrics(flags);
+  if (!metrics.ok()) return Fail(metrics.status());
   const absl::StatusOr<fence::FenceReport> fenced = EnterFence(flags, *target);
   if (!fenced.ok()) return Fail(fenced.status());
   lumifold::rpc::MonotonicEvent leave;
@@ -302,6 +320,7 @@ int RunWorkerProcess(const Flags& flags) {
             absl::StrJoin(target->servers, ","), flags.threads, lumifold::render::NumericClass());
   if (!has_cache.ok())  // what is cached is a convenience: it works without
     log->warn("event=no_asset_cache error={}", lumifold::logging::Quoted(has_cache.message()));
+  if (metrics->has_value()) log->info("event=metrics address={}", (*metrics)->address);
   const lumifold::worker::CertificateRenewal renewal({.profiles = profiles,
                                                       .profile = target->profile,
                                                       .wall_now = lumifold::identity::ValidityClock,
@@ -317,6 +336,7 @@ int RunWorkerProcess(const Flags& flags) {
       .drain = absl::Seconds(flags.drain_seconds),
       .check_identity = [&renewal] { return renewal.CheckNotExpired(); },
       .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
+      .metrics = metrics->has_value() ? &**metrics : nullptr,
   };
   const absl::Status status = lumifold::worker::RunWorker(
       {.addresses = target->servers,

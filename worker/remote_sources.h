@@ -28,6 +28,7 @@ class CurrentCoordinator {
 
   void Set(std::shared_ptr<grpc::Channel> channel, std::string worker_id) {
     absl::MutexLock lock(&mutex_);
+    if (channel != nullptr) ++connections_;
     link_ = {std::move(channel), std::move(worker_id), link_.number + 1};
   }
   void Clear() { Set(nullptr, ""); }
@@ -35,10 +36,16 @@ class CurrentCoordinator {
     absl::MutexLock lock(&mutex_);
     return link_;
   }
+  /// How often it was set.
+  int64_t connections() const {
+    absl::MutexLock lock(&mutex_);
+    return connections_;
+  }
 
  private:
   mutable absl::Mutex mutex_;
   Link link_ ABSL_GUARDED_BY(mutex_);
+  int64_t connections_ ABSL_GUARDED_BY(mutex_) = 0;
 };
 
 /// Fetches assets from the current coordinator and resumes broken transfers, also from another one: the content is known

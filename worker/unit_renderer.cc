@@ -121,7 +121,9 @@ absl::StatusOr<UnitRenderer::LoadedScene> UnitRenderer::Load(const v1::JobSpec& 
 
 absl::StatusOr<RenderedUnit> UnitRenderer::Plan(const v1::JobSpec& spec, const v1::UnitId& unit,
                                                 UnitControl* control) {
+  const absl::Time start = rpc::MonotonicNow();
   absl::StatusOr<JobScene> scene = LoadScene(spec, unit, &control->progress);
+  const absl::Duration load_time = rpc::MonotonicNow() - start;
   if (!scene.ok()) return scene.status();
   absl::StatusOr<v1::Plan> plan = PlanJob(spec, *scene);
   if (!plan.ok()) return plan.status();
@@ -129,6 +131,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Plan(const v1::JobSpec& spec, const v
   RenderedUnit planned;
   planned.plan = *std::move(plan);
   absl::MutexLock lock(&mutex_);
+  loads_.time += load_time;
   planned_ = PlannedScene{unit.job_id(), unit.frame(), *std::move(scene)};
   return planned;
 }
@@ -170,9 +173,12 @@ absl::StatusOr<std::shared_ptr<const render::Renderer>> UnitRenderer::RendererOf
     }
     entry = AddEntry(unit);
   }
+  const absl::Time start = rpc::MonotonicNow();
   absl::StatusOr<LoadedScene> loaded = Load(spec, unit, progress);
   absl::MutexLock lock(&mutex_);
+  loads_.time += rpc::MonotonicNow() - start;
   if (loaded.ok()) {
+    ++loads_.scenes;
     entry->loaded = *loaded;
   } else {
     entry->failure = loaded.status();

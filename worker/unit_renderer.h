@@ -10,6 +10,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
+#include "absl/time/time.h"
 #include "filter/image/edged_image.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
@@ -51,6 +52,16 @@ class UnitRenderer {
 
   /// Ends scenes that are being loaded at their next file, with kCancelled; none is loaded any more.
   void StopLoading() { stopped_ = true; }
+
+  /// Scenes loaded for rendering, and the time of the threads that loaded them, for plan units too.
+  struct Loads {
+    int64_t scenes = 0;
+    absl::Duration time;
+  };
+  Loads loads() const {
+    absl::MutexLock lock(&mutex_);
+    return loads_;
+  }
 
   /// Unloads the scene of a job; units in progress keep it until they are done.
   void ForgetJob(const std::string& job_id);
@@ -95,7 +106,8 @@ class UnitRenderer {
   AssetSource* assets_;
   DecodedCache decoded_;
   std::atomic<bool> stopped_ = false;
-  absl::Mutex mutex_;
+  mutable absl::Mutex mutex_;
+  Loads loads_ ABSL_GUARDED_BY(mutex_);
   std::deque<std::shared_ptr<Entry>> entries_ ABSL_GUARDED_BY(mutex_);  // least recently used first
   std::optional<PlannedScene> planned_ ABSL_GUARDED_BY(mutex_);
 };

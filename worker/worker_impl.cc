@@ -55,6 +55,17 @@ void SendFailure(const v1::Lease& lease, const absl::Status& failure, Outbox* ou
   outbox->Send(std::move(message));
 }
 
+// Why a unit failed.
+constexpr char kMissingAsset[] = "missing_asset";
+constexpr char kPermanent[] = "permanent";
+constexpr char kRefused[] = "refused";
+constexpr char kTransient[] = "transient";
+
+const char* ReasonOf(const absl::Status& failure) {
+  if (MissingAsset(failure).has_value()) return kMissingAsset;
+  return IsPermanent(failure) ? kPermanent : kTransient;
+}
+
 uint64_t RandomInstance() {
   std::random_device source;
   return std::uniform_int_distribution<uint64_t>(1, std::numeric_limits<uint64_t>::max())(source);
@@ -68,7 +79,9 @@ WorkerImpl::WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer,
       renderer_(renderer),
       log_(std::move(log)),
       instance_(RandomInstance()),
+      activities_(threads, rpc::MonotonicNow()),
       idle_since_(rpc::MonotonicNow()) {
+  totals_.failures = {{kMissingAsset, 0}, {kPermanent, 0}, {kRefused, 0}, {kTransient, 0}};
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { RunThread(); });
 }
 
@@ -228,8 +241,10 @@ void WorkerImpl::HandBackWaiting() {
 }
 
 void WorkerImpl::OnAck(const v1::UnitAck& ack) {
-  if (!ack.refused().empty())
+  if (!ack.refused().empty()) {
+    ++totals_.failures[kRefused];
     log_->error("event=unit_refused {} reason={}", Describe(ack.unit()), logging::Quoted(ack.refused()));
+  }
   RemoveHeld([&](const v1::Lease& held) { return IsLease(held, ack.unit(), ack.attempt()); });
 }
 
@@ -341,8 +356,11 @@ void WorkerImpl::RunThread() {
       job_id = taken->lease.unit().job_id();
     }
     const absl::Time start = rpc::MonotonicNow();
+    activities_.Change(Activity::kWaiting, Activity::kRendering, start);
     Work(taken);
-    account_.Add(job_id, rpc::MonotonicNow() - start);
+    const absl::Time end = rpc::MonotonicNow();
+    activities_.Change(Activity::kRendering, Activity::kWaiting, end);
+    account_.Add(job_id, end - start);
   }
 }
 
@@ -395,6 +413,9 @@ bool WorkerImpl::MustRender(const v1::Lease& lease, const TakenPtr& taken,
 void WorkerImpl::Keep(const TakenPtr& taken, RenderedUnit unit) {
   absl::MutexLock lock(&mutex_);
   log_->debug("event=unit_rendered {} seconds={:.3f}", Describe(taken->lease.unit()), unit.stats.seconds());
+  ++totals_.units_rendered;
+  totals_.samples += unit.stats.samples();
+  totals_.rays += unit.stats.rays();
   taken->unit = std::make_shared<const RenderedUnit>(std::move(unit));
 }
 
@@ -407,6 +428,7 @@ void WorkerImpl::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl:
     taken->was_in_hand = false;
     return;
   }
+  ++totals_.failures[ReasonOf(failure)];
   log_->error("event=unit_failed {} error={}", Describe(lease.unit()), logging::Quoted(failure.message()));
   // In this order: a heartbeat in between must not make the coordinator think that the lease was dropped.
   SendFailure(lease, failure, outbox_.get());
@@ -429,7 +451,33 @@ void WorkerImpl::Deliver(const v1::Lease& lease, const TakenPtr& taken) {
     unit = taken->unit;
     if (taken->was_in_hand) log_->info("event=unit_kept {}", Describe(lease.unit()));
   }
-  SendUnit(lease, *unit, [&outbox](v1::WorkerMessage message) { outbox->Send(std::move(message)); });
+  int64_t bytes = 0;
+  activities_.Change(Activity::kRendering, Activity::kSending, rpc::MonotonicNow());
+  SendUnit(lease, *unit, [&](v1::WorkerMessage message) {
+    bytes += static_cast<int64_t>(message.ByteSizeLong());
+    outbox->Send(std::move(message));
+  });
+  activities_.Change(Activity::kSending, Activity::kRendering, rpc::MonotonicNow());
+  absl::MutexLock lock(&mutex_);
+  totals_.unit_bytes_sent += bytes;
+}
+
+monitoring::WorkerFigures WorkerImpl::Figures() const {
+  const ThreadActivities::Times spent = activities_.Spent(rpc::MonotonicNow());
+  absl::MutexLock lock(&mutex_);
+  monitoring::WorkerFigures figures = totals_;
+  figures.units_in_hand = static_cast<int64_t>(in_hand_.size());
+  figures.leases = {{"waiting", 0}, {"rendering", 0}, {"delivered", 0}};
+  for (const v1::Lease& lease : held_) {
+    const auto taken = taken_.find(lease.attempt());
+    const bool is_taken = taken != taken_.end();
+    ++figures.leases[!is_taken ? "waiting" : taken->second->is_delivered ? "delivered" : "rendering"];
+  }
+  for (const auto& [activity, name] : {std::pair{Activity::kWaiting, "waiting"},
+                                       {Activity::kRendering, "rendering"},
+                                       {Activity::kSending, "sending"}})
+    figures.seconds[name] = absl::ToDoubleSeconds(spent[static_cast<size_t>(activity)]);
+  return figures;
 }
 
 }  // namespace lumifold::worker

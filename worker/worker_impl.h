@@ -14,8 +14,10 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
+#include "worker/metrics/worker_figures.h"
 #include "worker/spec_cache.h"
 #include "worker/thread_account.h"
+#include "worker/thread_activities.h"
 #include "worker/unit_renderer.h"
 
 namespace spdlog {
@@ -90,6 +92,9 @@ class WorkerImpl {
   /// Since when it holds no lease, by rpc::MonotonicNow(); InfiniteFuture while it holds one.
   absl::Time IdleSince() const;
 
+  /// Its leases, units and threads; what is none of them is zero.
+  monitoring::WorkerFigures Figures() const;
+
  private:
   /// A unit that is held, or in hand. All but `control` is guarded by mutex_.
   struct Taken {
@@ -155,6 +160,7 @@ class WorkerImpl {
   const uint64_t instance_;
   std::vector<std::thread> threads_;
   ThreadAccount account_;
+  mutable ThreadActivities activities_;
 
   mutable absl::Mutex mutex_;
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
@@ -171,6 +177,7 @@ class WorkerImpl {
   std::vector<TakenPtr> in_hand_ ABSL_GUARDED_BY(mutex_);
   int64_t past_progress_ ABSL_GUARDED_BY(mutex_) = 0;  // sum of those that were removed
   int64_t newest_attempt_ ABSL_GUARDED_BY(mutex_) = 0;
+  monitoring::WorkerFigures totals_ ABSL_GUARDED_BY(mutex_);  // what only grows
 };
 
 }  // namespace lumifold::worker

@@ -1,8 +1,9 @@
-"""The metrics endpoint of a real coordinator: Prometheus' own check of the format, figures that add up with those of the
-status, and callers that send garbage, much or nothing."""
+"""The metrics endpoints of a real coordinator and of real workers: Prometheus' own check of the format, figures that add up
+with those of the status and with each other, and callers that send garbage, much or nothing."""
 
 import concurrent.futures
 import contextlib
+import json
 import pathlib
 import random
 import re
@@ -16,15 +17,15 @@ import unittest
 from farm import Farm, make_scene, run, wait_until
 
 SETTINGS = ["--size", "64x64", "--spp", "64", "--seed", "5", "--plan", "full"]
-MAX_CONNECTIONS = 32  # server/metrics/endpoint.h
-MAX_REQUEST_BYTES = 8192  # server/metrics/http_request.h
+MAX_CONNECTIONS = 32  # proto/monitoring/endpoint.h
+MAX_REQUEST_BYTES = 8192  # proto/monitoring/http_request.h
 CONNECTION_SECONDS = 5
 GET = b"GET /metrics HTTP/1.1\r\nHost: farm\r\n\r\n"
 
 
-def address_of(farm):
-    """Where the coordinator shows its metrics, by its log."""
-    found = wait_until(lambda: re.search(r"event=metrics address=(\S+):(\d+)", farm.server.log_text()), "the endpoint")
+def address_of(process):
+    """Where a coordinator or worker shows its metrics, by its log."""
+    found = wait_until(lambda: re.search(r"event=metrics address=(\S+):(\d+)", process.log_text()), "the endpoint")
     return found[1], int(found[2])
 
 
@@ -55,43 +56,33 @@ def samples(text):
             for line in text.splitlines() if not line.startswith("#")}
 
 
-class MetricsTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.farm = Farm(pathlib.Path(cls.folder.name) / "data", "--metrics-address", "0")
-        cls.address = address_of(cls.farm)
+def figures_of(address, condition, what):
+    """The samples, once they meet the condition; the endpoint may repeat figures of a second ago."""
+    return wait_until(lambda: condition(found := samples(scrape(address))) and found, what, seconds=120)
 
-    @classmethod
-    def tearDownClass(cls):
-        cls.farm.__exit__()
-        cls.folder.cleanup()
 
-    def figures(self, **wanted):
-        """The samples, once these have these values; the endpoint may repeat figures of a second ago."""
-        names = {name: value for name, value in wanted.items()}
-        return wait_until(
-            lambda: (found := samples(scrape(self.address)))
-            and all(found[name] == value for name, value in names.items()) and found,
-            f"{names}; last: {scrape(self.address)}", seconds=60)
+class Conventions:
+    """Tests of what a program shows at `address`. `table` is the part of the manual that lists its metrics, `total` one of
+    its counters."""
 
     def test_prometheus_finds_nothing_to_object_to(self):
         if shutil.which("promtool") is None:
             self.skipTest("promtool is not installed (deploy/setup.sh --tests)")
         text = scrape(self.address)
-        self.assertIn("# TYPE lumifold_units_committed_total counter", text)
+        self.assertIn(f"# TYPE {self.total} counter", text)
         check = ["promtool", "check", "metrics"]
         done = subprocess.run(check, input=text, text=True, capture_output=True)
         self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
-        wrong = text.replace("lumifold_units_committed_total", "lumifold_units_committed")
+        wrong = text.replace(self.total, self.total.removesuffix("_total"))
         self.assertNotEqual(subprocess.run(check, input=wrong, text=True, capture_output=True).returncode, 0)
 
     def test_the_manual_names_each_metric(self):
         page = (pathlib.Path(__file__).parents[2] / "docs/operations.md").read_text()
-        table = page.split("<!-- metrics: begin -->")[1].split("<!-- metrics: end -->")[0]
+        table = page.split(f"<!-- {self.table}: begin -->")[1].split(f"<!-- {self.table}: end -->")[0]
         self.assert_table_is_complete(table, scrape(self.address))
-        for wrong in (table.replace("worker_lost", "worker_gone"), table.replace("| histogram |", "| counter |"),
-                      table.replace("_slots`", "_slots{size}`"), table.replace("| `lumifold_disk_free", "| `disk_free")):
+        label = re.search(r"`\w+(\{\w+\})` \| \w+ \|[^|]*: (\w+)", table)
+        for wrong in (table.replace(label[2], "asleep"), table.replace("| gauge |", "| counter |"),
+                      table.replace(label[1], "{size}"), table.replace(self.total, "lumifold_other_total")):
             with self.assertRaises(AssertionError):
                 self.assert_table_is_complete(wrong, scrape(self.address))
 
@@ -103,6 +94,27 @@ class MetricsTest(unittest.TestCase):
             suffix = "_count" if kind == "histogram" else ""
             shown = re.findall(rf'^{name}{suffix}{{(\w+)="(\w+)"}}', text, re.M)
             self.assertEqual(sorted(shown), sorted((label, value) for value in values.split(", ")) if label else [])
+
+
+class MetricsTest(Conventions, unittest.TestCase):
+    table = "metrics"
+    total = "lumifold_units_committed_total"
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.farm = Farm(pathlib.Path(cls.folder.name) / "data", "--metrics-address", "0")
+        cls.address = address_of(cls.farm.server)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.farm.__exit__()
+        cls.folder.cleanup()
+
+    def figures(self, **wanted):
+        """The samples, once these have these values."""
+        return figures_of(self.address, lambda found: all(found[name] == value for name, value in wanted.items()),
+                          str(wanted))
 
     def test_figures_are_those_of_the_farm(self):
         farm = self.farm
@@ -209,11 +221,11 @@ class CountersTest(unittest.TestCase):
         self.folder = self.enterContext(tempfile.TemporaryDirectory())
         self.farm = self.enterContext(Farm(pathlib.Path(self.folder) / "data", "--metrics-address", "0", "--lease-seconds",
                                            "3", "--heartbeat-seconds", "0.5"))
-        self.address = address_of(self.farm)
+        self.address = address_of(self.farm.server)
 
     def figures(self, condition):
         """The samples, once they meet the condition."""
-        return wait_until(lambda: condition(found := samples(scrape(self.address))) and found, "the figures", seconds=120)
+        return figures_of(self.address, condition, "the figures")
 
     def test_leases_that_end_without_their_unit(self):
         scene = make_scene("cornell-box", self.folder)
@@ -261,25 +273,124 @@ class CountersTest(unittest.TestCase):
         self.assertGreaterEqual(done["lumifold_disk_free_bytes"], done["lumifold_disk_room_bytes"])
 
 
+class WorkerMetricsTest(Conventions, unittest.TestCase):
+    """What workers count."""
+    table = "worker metrics"
+    total = "lumifold_worker_units_rendered_total"
+
+    def setUp(self):
+        self.folder = self.enterContext(tempfile.TemporaryDirectory())
+        self.farm = self.enterContext(Farm(pathlib.Path(self.folder) / "data", "--metrics-address", "0"))
+        self.worker = self.start_worker()
+        self.address = address_of(self.worker)
+
+    def start_worker(self, *arguments):
+        return self.farm.start_worker("--metrics-address", "0", *arguments, threads=2)
+
+    def submit(self, scene, *settings):
+        return self.farm.client("submit", scene, *(settings or SETTINGS)).stdout.strip()
+
+    def figures(self, condition, worker=None):
+        return figures_of(address_of(worker or self.worker), condition, "the figures of the worker")
+
+    def test_a_job_is_counted_as_the_coordinator_counts_it(self):
+        scene = make_scene("cornell-box", self.folder)
+        job = self.submit(scene)
+        self.farm.client("wait", job)
+        units = self.farm.status(job)["units_total"]
+        done = self.figures(lambda found: found["lumifold_worker_units_rendered_total"] == units
+                            and found["lumifold_worker_sent_bytes_total"] > 0
+                            and found['lumifold_worker_leases{state="delivered"}'] == 0)
+        farm = figures_of(address_of(self.farm.server),
+                          lambda found: found["lumifold_units_committed_total"] == units, "the figures of the farm")
+        self.assertEqual(done["lumifold_worker_samples_total"], farm["lumifold_samples_committed_total"])
+        self.assertGreaterEqual(done["lumifold_worker_rays_total"], done["lumifold_worker_samples_total"])
+        self.assertGreaterEqual(done["lumifold_worker_sent_bytes_total"],
+                                farm['lumifold_received_bytes_total{kind="units"}'])
+        self.assertEqual(done["lumifold_worker_received_bytes_total"], scene.stat().st_size)
+        self.assertEqual(done["lumifold_worker_asset_cache_bytes"], scene.stat().st_size)
+        self.assertEqual(done['lumifold_worker_assets_total{source="coordinator"}'], 1)
+        self.assertEqual(done['lumifold_worker_assets_total{source="memory"}'], 0)
+        self.assertEqual(done["lumifold_worker_scenes_loaded_total"], 1)
+        self.assertEqual(sum(value for name, value in done.items() if "_failures_" in name), 0)
+        seconds = {activity: done[f'lumifold_worker_thread_seconds_total{{activity="{activity}"}}']
+                   for activity in ("waiting", "rendering", "sending")}
+        self.assertTrue(all(seconds.values()), seconds)
+        self.assertLess(done["lumifold_worker_scene_load_seconds_total"], seconds["rendering"])
+        for process in (done, farm):
+            self.assertGreater(process["process_cpu_seconds_total"], 0)
+            self.assertGreater(process["process_resident_memory_bytes"], 1 << 20)
+        self.farm.client("wait", self.submit(scene, "--size", "32x32", "--spp", "4"))
+        again = self.figures(lambda found: found['lumifold_worker_assets_total{source="memory"}'] == 1)
+        self.assertEqual(again["lumifold_worker_received_bytes_total"], scene.stat().st_size)
+
+    def test_assets_in_the_folder_of_the_machine(self):
+        self.worker.stop()
+        cache = pathlib.Path(self.folder) / "cache"
+        scene = make_scene("cornell-box", self.folder)
+        for source in ("coordinator", "folder"):
+            worker = self.start_worker("--user", "root", "--asset-cache", cache)
+            self.farm.client("wait", self.submit(scene))
+            found = self.figures(lambda found: found["lumifold_worker_scenes_loaded_total"] > 0, worker)
+            self.assertEqual({name for name, value in found.items() if "_assets_total" in name and value},
+                             {f'lumifold_worker_assets_total{{source="{source}"}}'})
+            worker.stop()
+
+    def test_a_scene_that_cannot_be_rendered(self):
+        scene = pathlib.Path(self.folder) / "damaged.gltf"
+        scene.write_text(json.dumps({
+            "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+            "bufferViews": [{"buffer": 0, "byteLength": 36}],
+            "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAA"}]}))  # 3 bytes of 36
+        self.submit(scene)
+        found = self.figures(lambda found: any("_failures_" in name and value for name, value in found.items()))
+        self.assertGreater(found['lumifold_worker_unit_failures_total{reason="permanent"}'], 0)
+        self.assertEqual(found["lumifold_worker_units_rendered_total"], 0)
+
+    def test_a_connection_that_is_lost(self):
+        self.submit(make_scene("cornell-box", self.folder), *SETTINGS[:3], "65536", "--plan", "full")
+        held = self.figures(lambda found: found['lumifold_worker_leases{state="rendering"}'] == 2)
+        self.assertEqual((held["lumifold_worker_connected"], held["lumifold_worker_units_in_hand"]), (1, 0))
+        self.farm.server.kill()
+        lost = self.figures(lambda found: found["lumifold_worker_connected"] == 0
+                            and found["lumifold_worker_units_in_hand"] > 0)
+        # Those being rendered, and those that the coordinator had not committed.
+        self.assertIn(lost["lumifold_worker_units_in_hand"], (2, 3, 4))
+        self.assertEqual(sum(value for name, value in lost.items() if "_leases{" in name), 0)
+        self.farm.restart_server()
+        back = self.figures(lambda found: found["lumifold_worker_connected"] == 1
+                            and found["lumifold_worker_units_in_hand"] == 0)
+        self.assertEqual(back["lumifold_worker_connections_total"], 2)
+
+    def test_the_fence_is_up(self):
+        self.assertRegex(self.worker.log_text(), r'event=fence up="[^"]*system calls')
+        self.assertRegex(ask(self.address, b"GET / HTTP/1.1\r\n\r\n"), rb"^HTTP/1\.1 404 ")
+
+
 class AddressTest(unittest.TestCase):
     def test_it_is_off_unless_asked_for(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
-            self.assertNotIn("event=metrics", farm.server.log_text())
+            worker = farm.start_worker()
+            wait_until(lambda: "event=joined" in worker.log_text(), "the worker")
+            for process in (farm.server, worker):
+                self.assertNotIn("event=metrics", process.log_text())
 
     def test_a_port_alone_is_on_loopback(self):
         for value, host in (("0", "127.0.0.1"), (":0", "127.0.0.1"), ("0.0.0.0:0", "0.0.0.0"), ("[::1]:0", "[::1]")):
             with tempfile.TemporaryDirectory() as data, Farm(data, "--metrics-address", value) as farm:
-                self.assertEqual(address_of(farm)[0], host)
+                self.assertEqual(address_of(farm.server)[0], host)
 
     def test_an_address_that_is_taken_or_malformed_is_named(self):
         with tempfile.TemporaryDirectory() as data, socket.socket() as taken:
             taken.bind(("127.0.0.1", 0))
             taken.listen()
             for value in (str(taken.getsockname()[1]), "host", "127.0.0.1:99999", "::1:80"):
-                done = run("lumifold-server", "--data", data, "--listen", "127.0.0.1:0", "--metrics-address", value,
-                           check=False)
-                self.assertEqual(done.returncode, 1)
-                self.assertIn(value, done.stderr)
+                for command in (("lumifold-server", "--data", data, "--listen", "127.0.0.1:0"), ("lumifold-worker",)):
+                    done = run(*command, "--metrics-address", value, check=False)
+                    self.assertEqual(done.returncode, 1)
+                    self.assertIn(value, done.stderr)
 
 
 if __name__ == "__main__":

@@ -173,9 +173,9 @@ LandlockRules RulesOf(const FenceOptions& options, bool stays_root) {
   return rules;
 }
 
-absl::Status FilterCalls(bool network, FenceReport* report) {
-  absl::Status status = FilterSystemCalls(network);
-  if (status.ok()) report->up.emplace_back(network ? "system calls" : "system calls, no network");
+absl::Status FilterCalls(const FenceOptions& options, FenceReport* report) {
+  absl::Status status = FilterSystemCalls({.network = options.network, .accepts = options.accepts});
+  if (status.ok()) report->up.emplace_back(options.network ? "system calls" : "system calls, no network");
   if (!absl::IsUnimplemented(status)) return status;
   report->lacking.push_back(absl::StrCat("system calls (", std::string(status.message()), ")"));
   return absl::OkStatus();
@@ -219,7 +219,7 @@ absl::StatusOr<FenceReport> EnterFence(const FenceOptions& options) {
   } else {
     report.lacking.emplace_back("landlock (this kernel has none)");
   }
-  if (absl::Status status = FilterCalls(options.network, &report); !status.ok()) return status;
+  if (absl::Status status = FilterCalls(options, &report); !status.ok()) return status;
 #ifdef LUMIFOLD_ADDRESS_SANITIZER
   is_fenced = true;
 #endif

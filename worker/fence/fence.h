@@ -24,6 +24,8 @@ struct FenceOptions {
   std::vector<std::string> writable = {};
   /// False: no sockets at all. True: as a client only, never listening.
   bool network = false;
+  /// It may accept connections to sockets that listen already when it enters the fence.
+  bool accepts = false;
   /// TCP ports to which it may connect; empty: all.
   std::vector<uint16_t> connect_ports = {};
 };

@@ -121,8 +121,6 @@ constexpr uint32_t kRefused[] = {
 #endif
     // Being a server.
     SYS_listen,
-    SYS_accept,
-    SYS_accept4,
 };
 
 constexpr uint32_t kEndProcess = SECCOMP_RET_KILL_PROCESS;
@@ -172,7 +170,7 @@ class Assembler {
   std::vector<sock_filter> program_;
 };
 
-std::vector<sock_filter> MakeFilter(bool network) {
+std::vector<sock_filter> MakeFilter(const SocketRules& sockets) {
   Assembler filter;
   filter.Load(offsetof(seccomp_data, arch));
   filter.ReturnUnless(kArchitecture, kEndProcess);  // calls of another architecture have other numbers
@@ -191,7 +189,10 @@ std::vector<sock_filter> MakeFilter(bool network) {
   filter.ReturnIf(BPF_JEQ, SYS_tkill, Fail(EPERM));
   // Input that seems to come from the terminal.
   filter.DecideByArgument(SYS_ioctl, 1, {TIOCSTI, TIOCLINUX}, Fail(EPERM), kAllow);
-  if (network) {
+  if (!sockets.accepts) {
+    for (const uint32_t number : {SYS_accept, SYS_accept4}) filter.ReturnIf(BPF_JEQ, number, Fail(EPERM));
+  }
+  if (sockets.network) {
     filter.DecideByArgument(SYS_socket, 0, {AF_INET, AF_INET6, AF_UNIX, AF_NETLINK}, kAllow,
                             Fail(EAFNOSUPPORT));
   } else {
@@ -205,9 +206,9 @@ std::vector<sock_filter> MakeFilter(bool network) {
 
 }  // namespace
 
-absl::Status FilterSystemCalls(bool network) {
+absl::Status FilterSystemCalls(const SocketRules& sockets) {
   if (kArchitecture == 0) return absl::UnimplementedError("not written for this processor");
-  const std::vector<sock_filter> filter = MakeFilter(network);
+  const std::vector<sock_filter> filter = MakeFilter(sockets);
   const sock_fprog program = {static_cast<unsigned short>(filter.size()),
                               const_cast<sock_filter*>(filter.data())};
   if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0) return absl::OkStatus();

@@ -74,6 +74,11 @@ int Connect(uint16_t port) {
   return ErrorOf(connect(file, reinterpret_cast<const sockaddr*>(&address), sizeof(address)));
 }
 
+int Listen() {
+  const int file = socket(AF_INET, SOCK_STREAM, 0);
+  return file < 0 ? errno : ErrorOf(listen(file, 1));
+}
+
 /// A port of this machine that accepts connections.
 class Listener {
  public:
@@ -89,6 +94,11 @@ class Listener {
   }
   ~Listener() { close(file_); }
   uint16_t port() const { return port_; }
+  /// Accepts a connection from this process.
+  int Accept() const {
+    const int error = Connect(port_);
+    return error != 0 ? error : ErrorOf(accept4(file_, nullptr, nullptr, SOCK_CLOEXEC));
+  }
 
  private:
   int file_;
@@ -254,17 +264,21 @@ TEST_F(FenceTest, NetworkIsForClients) {
     if (found != nullptr) freeaddrinfo(found);
     return error == 0 ? 0 : 1;
   });
-  ExpectRefused(
-      "listening",
-      [] {
-        const int file = socket(AF_INET, SOCK_STREAM, 0);
-        return file < 0 ? errno : ErrorOf(listen(file, 1));
-      },
-      EPERM);
+  ExpectRefused("listening", Listen, EPERM);
   FenceOptions options = Options();
   options.network = false;
   ExpectRefused(
       "sockets", [&] { return Connect(listener.port()); }, EPERM, options);
+}
+
+TEST_F(FenceTest, AcceptsOnSocketsThatListenAlready) {
+  const Listener listener;
+  const Attempt accepting = [&] { return listener.Accept(); };
+  ExpectRefused("accepting", accepting, EPERM);
+  FenceOptions options = Options();
+  options.accepts = true;
+  EXPECT_EQ(Try(&options, accepting), 0);
+  ExpectRefused("listening", Listen, EPERM, options);
 }
 
 TEST_F(FenceTest, ConnectsToTheGivenPortsOnly) {

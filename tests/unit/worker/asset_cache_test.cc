@@ -28,6 +28,8 @@ TEST(AssetCache, FetchesAnAssetOnce) {
   for (const char* content : {"oak", "elm", "oak", "oak", "elm"})
     EXPECT_EQ(*cache.Fetch("j", Asset(content)), content);
   EXPECT_THAT(source.fetched, ElementsAre("oak", "elm"));
+  EXPECT_EQ(cache.hits(), 3);
+  EXPECT_EQ(cache.bytes(), 6u);
 }
 
 TEST(AssetCache, ForgetsTheLeastRecentlyUsedOverItsLimit) {
@@ -54,6 +56,7 @@ TEST(AssetCache, DoesNotKeepErrors) {
   for (int i = 0; i < 2; ++i)
     EXPECT_EQ(cache.Fetch("j", Asset("missing")).status(), absl::NotFoundError("missing"));
   EXPECT_EQ(source.fetched.size(), 2u);
+  EXPECT_EQ(cache.hits(), 0);
 }
 
 TEST(AssetCache, ThreadsShareWhatIsBeingFetched) {

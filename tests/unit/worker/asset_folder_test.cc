@@ -46,7 +46,9 @@ class AssetFolderTest : public ::testing::Test {
 
 TEST_F(AssetFolderTest, AnotherWorkerFetchesNothing) {
   EXPECT_EQ(*Open().Fetch("j-1", Asset("oak")), "oak");
-  EXPECT_EQ(*Open().Fetch("j-2", Asset("oak")), "oak");
+  AssetFolder other = Open();
+  EXPECT_EQ(*other.Fetch("j-2", Asset("oak")), "oak");
+  EXPECT_EQ(other.hits(), 1);
   EXPECT_THAT(source_.fetched, ElementsAre("oak"));
 }
 

@@ -154,6 +154,8 @@ TEST(UnitRenderer, AMovingSceneIsLoadedOnceAFrame) {
   for (const int frame : {0, 0, 1, 0, 1, 2, 1, 2})
     Coverage(renderer, Spec(4), frame);  // units of two frames alternate at the end of a frame
   EXPECT_EQ(assets.fetches(), 3);
+  EXPECT_EQ(renderer.loads().scenes, 3);
+  EXPECT_GT(renderer.loads().time, absl::ZeroDuration());
   Coverage(renderer, Spec(4), 0);  // the least recently used scene was unloaded
   EXPECT_EQ(assets.fetches(), 4);
 }

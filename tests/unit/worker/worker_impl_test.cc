@@ -15,7 +15,9 @@
 namespace lumifold::worker {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Pair;
 using ::testing::SizeIs;
 
 TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
@@ -60,6 +62,30 @@ TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
   ASSERT_THAT(rig.worker->MakeHeartbeat().held(), SizeIs(1));
   EXPECT_EQ(rig.worker->MakeHeartbeat().held(0).unit().tile(), 1);
   EXPECT_EQ(rig.worker->MakeHeartbeat().newest_attempt(), 2);
+}
+
+TEST(WorkerImpl, CountsLeasesAndUnits) {
+  Rig rig;
+  rig.assets.SetOpen(false);
+  const v1::CoordinatorMessage grant = Grant(3);
+  rig.worker->OnMessage(grant);
+  rig.assets.AwaitFetches(1);
+  monitoring::WorkerFigures figures = rig.worker->Figures();
+  EXPECT_THAT(figures.leases, ElementsAre(Pair("delivered", 0), Pair("rendering", 1), Pair("waiting", 2)));
+  EXPECT_EQ(figures.units_rendered, 0);
+  rig.assets.SetOpen(true);
+  rig.outbox->Await(3);
+  v1::CoordinatorMessage refusal = Ack(grant.grant().leases(0));
+  refusal.mutable_ack()->set_refused("damaged");
+  rig.worker->OnMessage(refusal);
+  figures = rig.worker->Figures();
+  EXPECT_THAT(figures.leases, ElementsAre(Pair("delivered", 2), Pair("rendering", 0), Pair("waiting", 0)));
+  EXPECT_EQ(figures.units_rendered, 3);
+  EXPECT_EQ(figures.samples, 3 * 16 * 16 * 2);
+  EXPECT_GE(figures.rays, figures.samples);
+  EXPECT_EQ(figures.failures.at("refused"), 1);
+  rig.worker->OnDisconnected();
+  EXPECT_EQ(rig.worker->Figures().units_in_hand, 2);
 }
 
 TEST(WorkerImpl, ReportsTheProgressOfItsLeases) {
@@ -245,6 +271,7 @@ TEST(WorkerImpl, NamesTheAssetThatTheCoordinatorLost) {
     const v1::WorkerMessage message = rig.outbox->Await(1).front();
     EXPECT_FALSE(message.failure().permanent());
     EXPECT_EQ(message.failure().missing_asset().sha256(), "5ca1ab1e");
+    EXPECT_EQ(rig.worker->Figures().failures.at("missing_asset"), 1);
   }
 }
 
@@ -255,6 +282,7 @@ TEST(WorkerImpl, SaysThatABrokenSceneIsBrokenForEveryone) {
   ASSERT_TRUE(message.has_failure());
   EXPECT_TRUE(message.failure().permanent());
   EXPECT_FALSE(message.failure().has_missing_asset());
+  EXPECT_EQ(rig.worker->Figures().failures.at("permanent"), 1);
   EXPECT_THAT(message.failure().error(), HasSubstr("triangle.gltf"));
 }
 
@@ -262,6 +290,7 @@ TEST(WorkerImpl, SaysThatALostCoordinatorIsNoFaultOfTheJob) {
   Rig rig(absl::UnavailableError("gone"));
   rig.worker->OnMessage(Grant(1));
   EXPECT_FALSE(rig.outbox->Await(1).front().failure().permanent());
+  EXPECT_EQ(rig.worker->Figures().failures.at("transient"), 1);
 }
 
 TEST(UnitRenderer, NamesAnEnvironmentThatIsNoPicture) {

@@ -1,4 +1,4 @@
-#include "server/sockets/listening_sockets.h"
+#include "proto/sockets/listening_sockets.h"
 
 #include <netdb.h>
 #include <netinet/in.h>

@@ -1,4 +1,4 @@
-#include "server/metrics/http_request.h"
+#include "proto/monitoring/http_request.h"
 
 #include <algorithm>
 #include <vector>

@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "proto/rpc/byte_stream.h"
 
 namespace prometheus {
 class Collectable;
@@ -14,11 +15,22 @@ class Collectable;
 
 namespace lumifold::monitoring {
 
+/// Sockets that listen for an endpoint.
+struct EndpointSockets {
+  std::string address;  // HOST:PORT with the port that it has
+  std::vector<rpc::FileHandle> listening;
+};
+
+/// Listens at HOST:PORT; PORT or :PORT alone means 127.0.0.1. Port 0: a free port. Needs no thread: a worker does it
+/// before it enters its fence, inside which nothing may listen any more.
+/// Errors: kInvalidArgument for a malformed address; kUnavailable if it cannot listen there.
+absl::StatusOr<EndpointSockets> ListenForMetrics(const std::string& address);
+
 struct EndpointOptions {
-  /// HOST:PORT; PORT or :PORT alone means 127.0.0.1. Port 0: a free port.
-  std::string address;
-  /// What is shown, in this order. A prometheus::Registry is one, for parts of the coordinator that count by themselves;
-  /// so is FarmMetrics, which asks when it is asked.
+  /// Must outlive the endpoint. Its connections wait while there is no endpoint.
+  const EndpointSockets* sockets = nullptr;
+  /// What is shown, in this order. A prometheus::Registry is one, for parts of a program that count by themselves; what
+  /// MakeSource returns asks when it is asked.
   std::vector<std::shared_ptr<prometheus::Collectable>> sources;
   /// The sources are asked once in this time at most; in between, answers repeat the last figures.
   absl::Duration freshness = absl::Seconds(1);
@@ -33,16 +45,14 @@ struct EndpointOptions {
 /// address. Whatever callers send, memory and time are bounded, see EndpointOptions and kMaxRequestBytes.
 ///
 /// Of prometheus-cpp only the library of metrics is used. Its HTTP server, civetweb, waits for the bodies of requests
-/// without a limit of time, so that as many slow callers as it has threads shut it; and it can do much that a
-/// coordinator should not, such as CGI.
+/// without a limit of time, so that as many slow callers as it has threads shut it; and it can do much that our
+/// programs should not, such as CGI.
 /// Threads: safe; it has one of its own.
 class Endpoint {
  public:
-  /// Errors: kInvalidArgument for a malformed address; kUnavailable if it cannot listen there.
+  /// Errors: kUnavailable if no descriptor is left.
   static absl::StatusOr<std::unique_ptr<Endpoint>> Start(EndpointOptions options);
   virtual ~Endpoint() = default;
-  /// HOST:PORT with the port that it has.
-  virtual const std::string& address() const = 0;
 };
 
 }  // namespace lumifold::monitoring

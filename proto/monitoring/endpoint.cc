@@ -1,4 +1,4 @@
-#include "server/metrics/endpoint.h"
+#include "proto/monitoring/endpoint.h"
 
 #include <poll.h>
 #include <prometheus/collectable.h>
@@ -16,10 +16,10 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "proto/monitoring/http_request.h"
 #include "proto/rpc/byte_stream.h"
 #include "proto/rpc/credentials.h"
-#include "server/metrics/http_request.h"
-#include "server/sockets/listening_sockets.h"
+#include "proto/sockets/listening_sockets.h"
 
 namespace lumifold::monitoring {
 namespace {
@@ -56,8 +56,7 @@ class EndpointImpl final : public Endpoint {
     eventfd_write(wake_.get(), 1);
     thread_.join();
   }
-  absl::Status Listen();
-  const std::string& address() const override { return address_; }
+  absl::Status Start();
 
  private:
   void Run();
@@ -69,8 +68,6 @@ class EndpointImpl final : public Endpoint {
   const std::string& Text();
 
   const EndpointOptions options_;
-  std::string address_;
-  std::vector<rpc::FileHandle> listening_;
   rpc::FileHandle wake_;
   // Used by the thread only.
   std::list<Connection> connections_;
@@ -80,26 +77,21 @@ class EndpointImpl final : public Endpoint {
   std::thread thread_;
 };
 
-absl::Status EndpointImpl::Listen() {
-  absl::StatusOr<std::string> address = CompleteAddress(options_.address);
-  if (!address.ok()) return address.status();
+absl::Status EndpointImpl::Start() {
   wake_ = rpc::FileHandle(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
   if (wake_.get() < 0) return absl::UnavailableError("no descriptor is left");
-  absl::StatusOr<sockets::ListeningSockets> listening = sockets::ListenAt(*address);
-  if (!listening.ok()) return listening.status();
-  address_ = absl::StrCat(address->substr(0, address->rfind(':')), ":", listening->port);
-  listening_ = std::move(listening->sockets);
   thread_ = std::thread([this] { Run(); });
   return absl::OkStatus();
 }
 
 void EndpointImpl::Run() {
+  const std::vector<rpc::FileHandle>& listening = options_.sockets->listening;
   std::vector<pollfd> polled;
   while (true) {
     polled = {{.fd = wake_.get(), .events = POLLIN, .revents = 0}};
     const absl::Time now = options_.now();
     const bool accepts = connections_.size() < options_.connections && now >= accepts_from_;
-    for (const rpc::FileHandle& socket : listening_)
+    for (const rpc::FileHandle& socket : listening)
       polled.push_back({.fd = accepts ? socket.get() : -1, .events = POLLIN, .revents = 0});
     for (const Connection& connection : connections_) {
       const bool sends = connection.sent < connection.response.size();
@@ -109,12 +101,12 @@ void EndpointImpl::Run() {
     }
     poll(polled.data(), polled.size(), kTickMs);
     if (polled[0].revents != 0) return;
-    size_t i = 1 + listening_.size();
+    size_t i = 1 + listening.size();
     for (auto it = connections_.begin(); it != connections_.end(); ++i) {
       const bool goes_on = options_.now() < it->deadline && Serve(*it, polled[i].revents);
       it = goes_on ? std::next(it) : connections_.erase(it);
     }
-    for (i = 1; i <= listening_.size(); ++i) {
+    for (i = 1; i <= listening.size(); ++i) {
       if (polled[i].revents != 0) Accept(polled[i].fd);
     }
   }
@@ -175,9 +167,18 @@ const std::string& EndpointImpl::Text() {
 
 }  // namespace
 
+absl::StatusOr<EndpointSockets> ListenForMetrics(const std::string& address) {
+  const absl::StatusOr<std::string> complete = CompleteAddress(address);
+  if (!complete.ok()) return complete.status();
+  absl::StatusOr<sockets::ListeningSockets> listening = sockets::ListenAt(*complete);
+  if (!listening.ok()) return listening.status();
+  return EndpointSockets{absl::StrCat(complete->substr(0, complete->rfind(':')), ":", listening->port),
+                         std::move(listening->sockets)};
+}
+
 absl::StatusOr<std::unique_ptr<Endpoint>> Endpoint::Start(EndpointOptions options) {
   auto endpoint = std::make_unique<EndpointImpl>(std::move(options));
-  if (absl::Status status = endpoint->Listen(); !status.ok()) return status;
+  if (absl::Status status = endpoint->Start(); !status.ok()) return status;
   return endpoint;
 }
 

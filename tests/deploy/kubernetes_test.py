@@ -61,6 +61,8 @@ BROKEN = [
      "is not the port grpc 7700"),
     ("no metrics", coordinator(lambda c: replace_argument(c, "--metrics-address=0.0.0.0:9464", "")),
      "is not the port metrics 9464"),
+    ("no metrics of workers", worker(lambda c: replace_argument(c, "--metrics-address=0.0.0.0:9465", "")),
+     "is not the port metrics 9465"),
     ("a probe of another port", coordinator(lambda c: c["livenessProbe"]["exec"]["command"].__setitem__(3, "--server=localhost:1")),
      "livenessProbe asks localhost:1"),
     ("a native probe", coordinator(lambda c: c.update(readinessProbe={"grpc": {"port": 7700}})),

@@ -1,5 +1,5 @@
 """Alert rules, dashboard and example of a configuration in deploy/monitoring: checked by Prometheus' own tool, and each
-expression compared with what a real coordinator shows."""
+expression compared with what a real coordinator and a real worker show."""
 
 import json
 import pathlib
@@ -72,11 +72,11 @@ def promtool(*arguments):
 
 
 class ExpressionsTest(unittest.TestCase):
-    """Against a coordinator that runs."""
+    """Against a coordinator and a worker that run."""
 
     @classmethod
     def setUpClass(cls):
-        cls.shown = exported(programs.metrics_text())
+        cls.shown = exported("".join(programs.metrics_texts()))
 
     def test_of_the_alerts(self):
         for name, expression in alerts().items():
@@ -92,7 +92,8 @@ class ExpressionsTest(unittest.TestCase):
         asked = " ".join(dashboard_expressions())
         bases = {re.sub(r"_(bucket|sum|count)$", "", name) for name in self.shown}
         self.assertEqual([name for name in sorted(bases) if not re.search(rf"\b{name}(_bucket|_sum|_count)?\b", asked)], [])
-        self.assertEqual([row["title"] for row in panels("row")], ["Queue", "Workers", "Throughput", "Storage", "Filter"])
+        self.assertEqual([row["title"] for row in panels("row")], ["Queue", "Workers", "Throughput", "Storage", "Filter",
+                                                                 "Each worker", "Processes"])
 
     def test_what_is_wrong_is_found(self):
         for wrong in ("lumifold_unit_queued > 0", "rate(lumifold_lease_expiry_total[5m])", 'up{colour="red"} == 0',

@@ -54,18 +54,18 @@ def value_of(words, name):
 
 
 @functools.cache
-def metrics_text():
-    """What a real coordinator shows to Prometheus once a worker with 2 threads is connected."""
+def metrics_texts():
+    """What a real coordinator shows to Prometheus once a worker with 2 threads is connected, and what the worker shows."""
     with tempfile.TemporaryDirectory() as data, Farm(data, "--metrics-address", "0") as farm:
-        farm.start_worker(threads=2)
-        address = wait_until(lambda: re.search(r"event=metrics address=(\S+)", farm.server.log_text()), "the endpoint")[1]
+        worker = farm.start_worker("--metrics-address", "0", threads=2)
 
-        def scrape():
+        def scrape(process):
+            address = wait_until(lambda: re.search(r"event=metrics address=(\S+)", process.log_text()), "the endpoint")[1]
             with urllib.request.urlopen(f"http://{address}/metrics") as answer:
-                text = answer.read().decode()
-            return text if slots_in(text) else None
+                return answer.read().decode()
 
-        return wait_until(scrape, "the worker")
+        wait_until(lambda: slots_in(scrape(farm.server)), "the worker")
+        return scrape(farm.server), scrape(worker)
 
 
 def slots_in(text):
@@ -74,7 +74,7 @@ def slots_in(text):
 
 def metrics():
     """The names of the metrics of a real coordinator, and the slots that a thread of a worker adds."""
-    text = metrics_text()
+    text, _ = metrics_texts()
     return frozenset(re.findall(r"^# TYPE (\w+)", text, re.M)), slots_in(text) // 2
 
 

@@ -179,8 +179,8 @@ absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobSto
 absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer) {
   const std::vector<std::string> channels = ChannelsOf(all.layout(), layer);
   if (channels.empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("a preview has no layer \"", layer, "\", but ", absl::StrJoin(all.layers(), ", ")));
+    return absl::InvalidArgumentError(absl::StrCat("a preview has no layer \"", layer, "\", but \"",
+                                                   absl::StrJoin(all.layers(), "\", \""), "\""));
   }
   v1::Preview part = all;
   part.clear_planes();

@@ -344,7 +344,11 @@ absl::Status ServerImpl::ShowMetrics() {
   metrics_sockets_ = *std::move(sockets);
   absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> metrics = monitoring::Endpoint::Start(
       {.sockets = &metrics_sockets_,
-       .sources = {monitoring::MakeFarmMetrics([this] { return coordinator_->Figures(); }),
+       .sources = {monitoring::MakeFarmMetrics([this] {
+                     monitoring::FarmFigures figures = coordinator_->Figures();
+                     figures.page_viewers = page_ == nullptr ? 0 : page_->viewers();
+                     return figures;
+                   }),
                    coordinator_->timings().source(), monitoring::MakeProcessMetrics()},
        .now = rpc::MonotonicNow});
   if (!metrics.ok()) return metrics.status();

@@ -59,6 +59,7 @@ std::vector<MetricFamily> FamiliesOf(const FarmFigures& figures) {
               number(figures.units_committed)),
       Gauge("lumifold_worker_slots", "Units that the connected workers take at a time.",
             number(figures.worker_slots)),
+      Gauge("lumifold_page_viewers", "Browsers that watch the status page.", number(figures.page_viewers)),
       WorkersOf(figures),
       JobsOf(figures),
       Gauge("lumifold_blocked_workers", "Names of workers that are blocked, connected or not.",

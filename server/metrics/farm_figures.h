@@ -21,6 +21,7 @@ struct FarmFigures {
   int64_t units_leased = 0;  // rendered now, once or twice
   int64_t units_committed = 0;  // since the coordinator's start
   int64_t worker_slots = 0;     // units that the connected workers take at a time
+  int64_t page_viewers = 0;     // browsers that watch the status page
   std::map<v1::WorkerState, int64_t> workers;
   std::map<v1::JobState, int64_t> jobs;  // active ones
   int64_t blocked_names = 0;             // workers that operators or audits have blocked, connected or not

@@ -15,6 +15,7 @@ import time
 import unittest
 
 from farm import Farm, make_scene, run, wait_until
+from page_link import PageLink
 
 SETTINGS = ["--size", "64x64", "--spp", "64", "--seed", "5", "--plan", "full"]
 MAX_CONNECTIONS = 32  # proto/monitoring/endpoint.h
@@ -138,6 +139,14 @@ class MetricsTest(Conventions, unittest.TestCase):
         self.assertEqual(sum(value for name, value in done.items() if name.startswith("lumifold_jobs{")), 0)
         worker.stop()
         self.figures(lumifold_worker_slots=0)
+
+    def test_browsers_that_watch_are_counted(self):
+        self.figures(lumifold_page_viewers=0)
+        link = PageLink(self.farm.client("page").stdout.strip())
+        with contextlib.closing(link.events()) as events:
+            next(events)
+            self.figures(lumifold_page_viewers=1)
+        self.figures(lumifold_page_viewers=0)
 
     def test_requests_that_are_not_for_metrics(self):
         for request, status in ((b"GET / HTTP/1.1\r\n\r\n", 404), (b"GET /metrics/../etc/passwd HTTP/1.1\r\n\r\n", 404),

@@ -82,8 +82,8 @@ class Browser(contextlib.AbstractContextManager):
                   **options)
 
     def log(self):
-        """What scripts have written to the console since the last call: errors above all."""
-        return [entry["message"] for entry in self.send("POST", "/se/log", {"type": "browser"})]
+        """The errors on the console since the last call."""
+        return [entry["message"] for entry in self.send("POST", "/se/log", {"type": "browser"}) if entry["level"] == "SEVERE"]
 
     def resize(self, width, height):
         self.send("POST", "/window/rect", {"width": width, "height": height})

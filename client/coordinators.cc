@@ -10,6 +10,7 @@
 #include "absl/strings/str_join.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/status_codec.h"
+#include "proto/rpc/trace_context.h"
 
 namespace lumifold::client {
 namespace {
@@ -68,6 +69,7 @@ absl::Status Coordinators::Stream(absl::Duration timeout, const bool* answered, 
   for (size_t tried = 1;; ++tried) {
     grpc::ClientContext context;
     context.set_deadline(rpc::MonotonicDeadline(timeout));
+    if (!options_.trace_parent.empty()) context.AddMetadata(rpc::kTraceParentKey, options_.trace_parent);
     const absl::Status status = rpc::StatusFromGrpc(call(context, CurrentChannel()));
     if (status.ok()) return status;
     if (interrupted()) return absl::CancelledError("interrupted");

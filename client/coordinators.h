@@ -33,6 +33,8 @@ struct FarmClientOptions {
   rpc::RetryEnvironment time;
   /// True after the user interrupted the program.
   std::function<bool()> interrupted;
+  /// Sent with every call, see rpc::ContinueTrace; empty: none.
+  std::string trace_parent = {};
 };
 
 /// Limits of a call with one request and one response.

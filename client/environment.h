@@ -35,6 +35,8 @@ struct Environment {
   std::istream* in = nullptr;
   /// Whose jobs `submit` submits if --user is not given; empty: anonymous.
   std::string default_user = {};
+  /// Sent with every call of the command, see rpc::ContinueTrace; empty: none.
+  std::string trace_parent = {};
   /// Threads of a local farm if --threads is not given.
   int default_threads = 1;
   /// Null in a build without coordinator and worker; `render` then fails.

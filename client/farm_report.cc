@@ -96,6 +96,8 @@ std::string ExplanationJson(const v1::ExplainJobResponse& explanation) {
   nlohmann::ordered_json json;
   json["job_id"] = explanation.status().job_id();
   json["state"] = std::string(StateName(explanation.status().state()));
+  const std::string& trace_id = explanation.status().scheduling().trace_id();
+  if (!trace_id.empty()) json["trace_id"] = trace_id;
   json["reasons"] = nlohmann::ordered_json::array();
   for (const v1::Reason& reason : explanation.reasons())
     json["reasons"].push_back({{"code", reason.code()}, {"text", reason.text()}});
@@ -104,11 +106,15 @@ std::string ExplanationJson(const v1::ExplainJobResponse& explanation) {
 }
 
 std::string LogEventLine(const v1::LogEvent& event) {
-  return absl::StrFormat("%s %-5s %s\n", TimeText(event.unix_ms()), event.level(), event.text());
+  return absl::StrCat(absl::StrFormat("%s %-5s ", TimeText(event.unix_ms()), event.level()),
+                      event.worker().empty() ? "" : absl::StrCat(event.worker(), ": "), event.text(), "\n");
 }
 
 std::string LogEventJson(const v1::LogEvent& event) {
-  return Line({{"unix_ms", event.unix_ms()}, {"level", event.level()}, {"text", event.text()}});
+  nlohmann::ordered_json json{{"unix_ms", event.unix_ms()}, {"level", event.level()}};
+  if (!event.worker().empty()) json["worker"] = event.worker();
+  json["text"] = event.text();
+  return Line(json);
 }
 
 std::string ServerStatusText(const v1::ServerStatus& status) {

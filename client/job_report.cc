@@ -116,6 +116,7 @@ std::string JobJson(const v1::JobStatus& status,
   json["class"] = scheduling.numeric_class();
   json["audit_share"] = scheduling.audit_share();
   if (!status.coordinator().empty()) json["coordinator"] = status.coordinator();
+  if (!scheduling.trace_id().empty()) json["trace_id"] = scheduling.trace_id();
   for (const auto& [name, text] : more) json[name] = text;
   return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
@@ -138,6 +139,7 @@ std::string JobText(const v1::JobStatus& status) {
   if (scheduling.max_leases() > 0) line("max leases", scheduling.max_leases());
   if (scheduling.after_size() > 0) line("after", absl::StrJoin(scheduling.after(), ", "));
   if (!status.coordinator().empty()) line("coordinator", status.coordinator());
+  if (!scheduling.trace_id().empty()) line("trace", scheduling.trace_id());
   line("workers", status.workers());
   line("units", status.units_done(), " of ", status.units_total());
   line("frames", status.frames_done(), " of ", status.frames_total());

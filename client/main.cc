@@ -12,6 +12,7 @@
 #include "client/local/in_process_farm.h"
 #include "client/local/scene_planner.h"
 #include "proto/identity/profile.h"
+#include "proto/rpc/trace_context.h"
 
 namespace {
 
@@ -41,6 +42,9 @@ int main(int argc, char** argv) {
   if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.default_server = server;
   if (const char* user = std::getenv("USER")) environment.default_user = user;
   environment.default_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const char* const trace_parent = std::getenv("TRACEPARENT");
+  environment.trace_parent =
+      lumifold::rpc::ContinueTrace(trace_parent == nullptr ? "" : trace_parent, lumifold::rpc::SystemRandom);
   environment.interrupted = client::Interrupted;
   environment.local_farm = lumifold::local::StartLocalFarm;
   environment.scene_planner = lumifold::local::PlanScene;

@@ -7,6 +7,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "proto/rpc/trace_context.h"
 #include "server/access/authorisation.h"
 
 namespace lumifold::server {
@@ -101,6 +102,7 @@ absl::StatusOr<std::unique_ptr<CallGate::Call>> CallGate::Admit(const grpc::Call
   event.address = context.peer();
   event.rpc_path = std::string(rpc_path);
   event.subject = subject;
+  event.trace_parent = rpc::SentTraceParent(context);
   absl::StatusOr<access::Identity> caller = options_.callers->Of(context);
   if (!caller.ok() && access::AccessOf(access::Role::kNobody, rpc_path) == access::Access::kYes)
     caller = access::Identity();

@@ -55,6 +55,8 @@ class CallGate {
     ~Call();
 
     const access::Identity& caller() const { return event_.caller; }
+    /// As rpc::SentTraceParent.
+    const std::string& trace_parent() const { return event_.trace_parent; }
     /// What the limits of this caller are counted by.
     const std::string& limit_key() const { return limit_key_; }
     /// The job, worker, asset or person that the call is about, for the audit log.

@@ -6,9 +6,11 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "filter/methods.h"
+#include "proto/logging/job_labels.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/sha256.h"
+#include "proto/rpc/trace_context.h"
 #include "proto/rpc/version.h"
 #include "server/coordinator_impl.h"
 #include "server/demand.h"
@@ -184,6 +186,8 @@ absl::StatusOr<JobId> Coordinator::SubmitNewJob(ledger::NewJob job) {
   if (absl::Status status = BeginSubmission(user); !status.ok()) return status;
   job.submitted = options_.wall_now();
   job.id = job::MakeJobId(job.submitted, options_.random());
+  if (!rpc::IsTraceId(job.scheduling.trace_id()))
+    job.scheduling.set_trace_id(rpc::MakeTraceId(options_.random));
   absl::StatusOr<JobId> id = RecordJob(job, *after);
   EndSubmission(user);
   return id;
@@ -232,9 +236,15 @@ absl::StatusOr<JobId> Coordinator::StartIfUncertain(const JobId& id) {
   return id;
 }
 
+void Coordinator::LabelJob(const JobId& job, const v1::Scheduling& scheduling) const {
+  if (options_.labels == nullptr) return;
+  options_.labels->Set(job.value(), {.trace = scheduling.trace_id(), .user = scheduling.user()});
+}
+
 void Coordinator::StartJob(ledger::JobRecord record, const std::vector<job_life::Prerequisite>& after,
                            bool was_uncertain) {
   const JobId id = record.id;
+  LabelJob(id, record.scheduling);
   {
     absl::MutexLock lock(&mutex_);
     // Another call may have started it, and it may have ended since.
@@ -344,6 +354,7 @@ absl::Status Coordinator::AddListed(const ledger::JobPage& page, const v1::ListJ
 absl::StatusOr<bool> Coordinator::IsFinished(const JobId& job, int32_t frame) {
   const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
   if (!record.ok()) return record.status();
+  LabelJob(job, record->scheduling);  // it may have ended before this coordinator started
   if (!job::FrameList(record->spec).IndexOf(frame).has_value())
     return absl::NotFoundError(absl::StrCat("job ", job.value(), " has no frame ", frame));
   const absl::StatusOr<std::vector<int32_t>> finished = store_->FinishedFrames(job);
@@ -378,6 +389,8 @@ absl::StatusOr<rpc::ByteSender> Coordinator::OpenResult(const v1::DownloadResult
   absl::StatusOr<std::string> digest = film::ResultDigest(path);
   if (!digest.ok()) return digest.status();
   sender->SetSha256(*std::move(digest));
+  options_.log->info("event=result_opened job={} frame={} offset={}", job.value(), request.frame(),
+                     request.offset());
   return sender;
 }
 

@@ -335,6 +335,16 @@ absl::Status Coordinator::RestoreBlockedWorkers() {
   return absl::OkStatus();
 }
 
+void Coordinator::KeepLog(WorkerId worker, const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines) {
+  if (lines.empty() || options_.events == nullptr) return;
+  absl::MutexLock lock(&mutex_);
+  const auto found = workers_.find(worker);
+  if (found == workers_.end()) return;
+  options_.events->AddOfWorker(NameOf(worker), lines, options_.wall_now(), [&](const std::string& job) {
+    return found->second.known_jobs.contains(JobId(job));
+  });
+}
+
 absl::StatusOr<v1::GetLogResponse> Coordinator::GetLog(const v1::GetLogRequest& request) {
   const absl::StatusOr<int> limit = LimitOf(request.limit());
   if (!limit.ok()) return limit.status();

@@ -44,6 +44,10 @@ namespace spdlog {
 class logger;
 }  // namespace spdlog
 
+namespace lumifold::logging {
+class JobLabels;
+}  // namespace lumifold::logging
+
 namespace lumifold::access {
 struct Identity;
 }  // namespace lumifold::access
@@ -77,8 +81,10 @@ struct CoordinatorOptions {
   job_life::RetentionLimits retention;
   /// Called with false when the storage can no longer be written, and with true when it can again; from any thread.
   std::function<void(bool)> on_storage_change = [](bool) {};
+  /// What lines about jobs say of them, for `log`. Null: nothing.
+  std::shared_ptr<logging::JobLabels> labels = nullptr;
   /// What GetLog reads; must outlive the coordinator.
-  const EventLog* events = nullptr;
+  EventLog* events = nullptr;
   /// Reads assets again that workers could not get; must be stopped before the coordinator ends.
   AssetChecks* asset_checks = nullptr;
   /// Whether connections are in plain text, for display.
@@ -212,6 +218,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
                                           WorkerSink* sink);
   void RemoveWorker(job::WorkerId worker);
   void OnHeartbeat(job::WorkerId worker, const v1::Heartbeat& heartbeat);
+  /// Keeps lines that the worker has sent of its log, for GetLog.
+  void KeepLog(job::WorkerId worker, const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines);
   /// The unit of a lease that the worker holds; nullopt if it does not hold it.
   std::optional<LeasedUnit> FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt);
   /// Accepts a complete unit whose layout and values are valid.
@@ -340,6 +348,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   absl::StatusOr<job::JobId> StartIfUncertain(const job::JobId& id);
   absl::StatusOr<job::JobId> RecordJob(const ledger::NewJob& job,
                                        const std::vector<job_life::Prerequisite>& after);
+  /// From now on lines about the job have its trace and its user.
+  void LabelJob(const job::JobId& job, const v1::Scheduling& scheduling) const;
   /// Starts a recorded job. `was_uncertain`: it is one of uncertain_jobs_, unless another call was first.
   void StartJob(ledger::JobRecord record, const std::vector<job_life::Prerequisite>& after,
                 bool was_uncertain);

@@ -150,6 +150,7 @@ absl::Status Coordinator::ChangeFiles(const JobId& job, const ReopenPlan& plan) 
   if (!without_film.ok()) return without_film.status();
   const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
   if (!record.ok()) return record.status();
+  LabelJob(job, record->scheduling);
   if (absl::Status status = UnretireJob(folder_, *record, plan.spec()); !status.ok()) return status;
   if (absl::Status status = store_->ReopenFrames(job, owner_, plan.spec(), plan.frames()); !status.ok())
     return status;
@@ -214,6 +215,7 @@ absl::StatusOr<v1::JobStatus> Coordinator::Delete(const JobId& job) {
   AwaitEnd(job);
   absl::StatusOr<v1::JobStatus> status = StatusOf(job);
   if (!status.ok()) return status;
+  LabelJob(job, status->scheduling());
   {
     absl::MutexLock lock(&mutex_);
     if (active_jobs_.contains(job))

@@ -105,6 +105,7 @@ absl::Status Coordinator::RestoreJob(const ledger::JobRecord& record) {
 }
 
 absl::StatusOr<Coordinator::LoadedJob> Coordinator::LoadJob(const ledger::JobRecord& record) {
+  LabelJob(record.id, record.scheduling);
   LoadedJob loaded;
   loaded.record = record;
   absl::Status status = job::NormaliseJobSpec(record.spec).status();

@@ -254,6 +254,9 @@ void Coordinator::SendGrants(const std::vector<scheduler::GrantedLease>& leases)
     workers_.at(to).known_jobs.insert(job);
     *message.mutable_grant()->add_leases() = ProtoFromLease(lease);
     ledger::JobRecord& record = active_jobs_.at(job);
+    message.mutable_grant()->set_trace_id(record.scheduling.trace_id());
+    options_.log->debug("event=lease_granted unit={} worker={} attempt={}", Quoted(Describe(lease.unit)),
+                        NameOf(lease.worker), lease.attempt.value());
     if (record.started == absl::InfinitePast()) record.started = options_.wall_now();
     render_starts_.try_emplace(job, options_.now() - absl::Seconds(record.times.render_seconds()));
     changed_jobs_.insert(job);

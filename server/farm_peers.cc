@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/rpc/trace_context.h"
 #include "server/coordinator_impl.h"
 
 namespace lumifold::server {
@@ -88,10 +89,12 @@ absl::Status FarmPeers::ErrorOf(const std::string& address, const absl::Status& 
 void FarmPeers::Prepare(const grpc::CallbackServerContext& from, const access::Identity& caller,
                         grpc::ClientContext* to) const {
   to->set_deadline(rpc::MonotonicDeadline(std::min(rpc::TimeUntil(from.raw_deadline()), kLongestCall)));
-  PrepareStream(caller, to);
+  PrepareStream(caller, rpc::SentTraceParent(from), to);
 }
 
-void FarmPeers::PrepareStream(const access::Identity& caller, grpc::ClientContext* to) const {
+void FarmPeers::PrepareStream(const access::Identity& caller, const std::string& trace_parent,
+                              grpc::ClientContext* to) const {
+  if (!trace_parent.empty()) to->AddMetadata(rpc::kTraceParentKey, trace_parent);
   absl::MutexLock lock(&mutex_);
   to->AddMetadata(access::kForwardedKey,
                   options_.seal == nullptr ? "plain" : options_.seal->Make(caller.id, options_.wall_now()));

@@ -64,8 +64,9 @@ class FarmPeers {
   /// Calls `next` on another thread, after a part of the time in which a lost coordinator's jobs are taken over.
   static void AfterPause(std::function<void()> next);
 
-  /// Adds to the context of a forwarded call whose it is, and of a unary one when it ends.
-  void PrepareStream(const access::Identity& caller, grpc::ClientContext* to) const;
+  /// Adds to the context of a forwarded call whose it is and of which trace, and of a unary one when it ends.
+  void PrepareStream(const access::Identity& caller, const std::string& trace_parent,
+                     grpc::ClientContext* to) const;
   void Prepare(const grpc::CallbackServerContext& from, const access::Identity& caller,
                grpc::ClientContext* to) const;
   /// Makes a unary call at a peer, which has some seconds to answer, less than clients wait. `path`: "/lumifold.v1.FarmService/GetJob". `request` need not outlive the call.

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/rpc/trace_context.h"
 #include "server/access/identity.h"
 #include "server/asset_checks.h"
 #include "server/call_gate.h"
@@ -238,6 +239,11 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
         [&](const CallGate::Call& call, const Done<v1::GetLogResponse>& done) {
           const absl::Status own = jobs_.CheckLog(call.caller(), *request);
           if (!own.ok()) return done(own);
+          if (request->job_id().empty()) {
+            return AtWorker<v1::GetLogRequest, v1::GetLogResponse>(*context, gate_.PathOf("GetLog"),
+                                                                   call.caller(), *request,
+                                                                   coordinator_->GetLog(*request), done);
+          }
           AtOwner<v1::GetLogRequest, v1::GetLogResponse>(
               {context, gate_.PathOf("GetLog"), call.caller(), request, done,
                [this, request, done] { done(coordinator_->GetLog(*request)); }, peers_->Patience(*context)});
@@ -322,41 +328,49 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     peers_->Forward<Response>(*owner, call.path, *call.context, call.caller, *call.request, answer);
   }
 
-  /// A call about a worker, whichever coordinator it is connected to: one after the other is asked until one knows it.
   template <typename Make>
   grpc::ServerUnaryReactor* AnswerOfWorker(grpc::CallbackServerContext* context, const char* method,
                                            const v1::WorkerRequest& request, v1::WorkerStatus* response,
                                            Make make) {
     return AnswerLater(context, gate_.Admit(context, method, request.worker()), response,
                        [&](const CallGate::Call& call, const Done<v1::WorkerStatus>& done) {
-                         absl::StatusOr<v1::WorkerStatus> status = make();
-                         const bool asks_others =
-                             absl::IsNotFound(status.status()) && peers_->MayForward(*context);
-                         if (!asks_others) return done(std::move(status));
-                         AskOthers({context, gate_.PathOf(method), call.caller(), request, status.status()},
-                                   ledger::Epoch(), done);
+                         AtWorker<v1::WorkerRequest, v1::WorkerStatus>(*context, gate_.PathOf(method),
+                                                                       call.caller(), request, make(), done);
                        });
   }
 
+  /// A call about a worker, whichever coordinator it is connected to: after this one, whose answer is `here`, the others are
+  /// asked one after the other until one knows it.
+  template <typename Request, typename Response>
+  void AtWorker(const grpc::CallbackServerContext& context, const std::string& path,
+                const access::Identity& caller, const Request& request, absl::StatusOr<Response> here,
+                const Done<Response>& done) {
+    const bool asks_others = absl::IsNotFound(here.status()) && peers_->MayForward(context);
+    if (!asks_others) return done(std::move(here));
+    AskOthers<Request, Response>({&context, path, caller, request, here.status()}, ledger::Epoch(), done);
+  }
+
+  template <typename Request>
   struct WorkerCall {
     const grpc::CallbackServerContext* context;
     std::string path;
     access::Identity caller;
-    v1::WorkerRequest request;
+    Request request;
     /// If nobody knows the worker.
     absl::Status unknown;
   };
   /// Asks the members with epochs above `asked`.
-  void AskOthers(const WorkerCall& call, ledger::Epoch asked, const Done<v1::WorkerStatus>& done) {
+  template <typename Request, typename Response>
+  void AskOthers(const WorkerCall<Request>& call, ledger::Epoch asked, const Done<Response>& done) {
     for (const ledger::Member& member : peers_->Members()) {
       if (member.owner.epoch <= asked || member.owner.epoch == coordinator_->owner().epoch) continue;
       const absl::StatusOr<FarmPeers::Peer> peer = peers_->PeerOf(member.owner.epoch);
       if (!peer.ok()) continue;
-      return peers_->Forward<v1::WorkerStatus>(
+      return peers_->Forward<Response>(
           *peer, call.path, *call.context, call.caller, call.request,
-          [this, call, epoch = member.owner.epoch, done](absl::StatusOr<v1::WorkerStatus> status) {
-            if (!absl::IsNotFound(status.status())) return done(std::move(status));
-            AskOthers(call, epoch, done);
+          [this, call, epoch = member.owner.epoch, done](absl::StatusOr<Response> answer) {
+            if (!absl::IsNotFound(answer.status())) return done(std::move(answer));
+            AskOthers<Request, Response>(call, epoch, done);
           });
     }
     done(call.unknown);
@@ -408,6 +422,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     absl::StatusOr<v1::SubmitJobRequest> claimed = jobs_.Claim(call.caller(), request);
     if (!claimed.ok()) return done(claimed.status());
     const auto own = std::make_shared<v1::SubmitJobRequest>(*std::move(claimed));
+    own->mutable_scheduling()->set_trace_id(rpc::TraceIdOf(call.trace_parent()));
     std::set<std::string> assets = {own->spec().scene().file().sha256()};
     for (const v1::AssetRef& asset : own->spec().scene().dependencies()) assets.insert(asset.sha256());
     checks_->Check(assets, [this, own, &call, done](const absl::Status& checked) {

@@ -126,7 +126,7 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
     if (!recorded.ok() || !owner.ok())
       return End(rpc::GrpcFromStatus(recorded.ok() ? owner.status() : recorded.status()));
     remote_ = RemoteWatch::Start(
-        *owner, peers, call_->caller(), request,
+        *owner, peers, call_->caller(), call_->trace_parent(), request,
         {.on_status = [this](const v1::JobStatus& status) { OnStatus(status); },
          .on_end = [this](const absl::Status& status) { End(rpc::GrpcFromStatus(status)); }});
   }

@@ -19,9 +19,10 @@ class RemoteWatchImpl final : public RemoteWatch, public grpc::ClientReadReactor
         stub_(v1::FarmService::NewStub(peer.channel)),
         listener_(std::move(listener)) {}
 
-  void Begin(const FarmPeers& peers, const access::Identity& caller, std::shared_ptr<RemoteWatchImpl> self) {
+  void Begin(const FarmPeers& peers, const access::Identity& caller, const std::string& trace_parent,
+             std::shared_ptr<RemoteWatchImpl> self) {
     self_ = std::move(self);
-    peers.PrepareStream(caller, &context_);
+    peers.PrepareStream(caller, trace_parent, &context_);
     stub_->async()->WatchJob(&context_, &request_, this);
     StartRead(&status_);
     StartCall();
@@ -67,9 +68,10 @@ class RemoteWatchImpl final : public RemoteWatch, public grpc::ClientReadReactor
 
 std::shared_ptr<RemoteWatch> RemoteWatch::Start(const FarmPeers::Peer& peer, const FarmPeers& peers,
                                                 const access::Identity& caller,
+                                                const std::string& trace_parent,
                                                 const v1::WatchJobRequest& request, Listener listener) {
   auto watch = std::make_shared<RemoteWatchImpl>(peer, request, std::move(listener));
-  watch->Begin(peers, caller, watch);
+  watch->Begin(peers, caller, trace_parent, watch);
   return watch;
 }
 

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <string>
 
 #include "absl/status/status.h"
 #include "lumifold/v1/farm.pb.h"
@@ -20,7 +21,7 @@ class RemoteWatch {
   };
   /// The listener is called from other threads, one at a time, until Stop.
   static std::shared_ptr<RemoteWatch> Start(const FarmPeers::Peer& peer, const FarmPeers& peers,
-                                            const access::Identity& caller,
+                                            const access::Identity& caller, const std::string& trace_parent,
                                             const v1::WatchJobRequest& request, Listener listener);
   virtual ~RemoteWatch() = default;
   /// After it returns the listener is not called again. Must not be called by the listener.

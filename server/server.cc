@@ -28,6 +28,7 @@
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "proto/identity/secrets.h"
 #include "proto/logging/fields.h"
+#include "proto/logging/job_labels.h"
 #include "proto/monitoring/endpoint.h"
 #include "proto/monitoring/process.h"
 #include "proto/rpc/limits.h"
@@ -76,8 +77,9 @@ constexpr absl::Duration kMaxConnectionAge = absl::Hours(1);
 constexpr absl::Duration kStallInterval = absl::Seconds(1);
 constexpr size_t kPageKeyBytes = 32;
 
-ServerOptions WithEvents(ServerOptions options, EventLog* events) {
-  options.log = MakeEventLogger(options.log, events);
+ServerOptions WithEvents(ServerOptions options, const std::shared_ptr<logging::JobLabels>& labels,
+                         EventLog* events) {
+  options.log = MakeEventLogger(options.log, labels, events);
   return options;
 }
 
@@ -106,7 +108,7 @@ void SetLimits(const Limits& limits, grpc::ServerBuilder* builder) {
 class ServerImpl final : public Server {
  public:
   explicit ServerImpl(ServerOptions options)
-      : options_(WithEvents(std::move(options), &events_)),
+      : options_(WithEvents(std::move(options), labels_, &events_)),
         folder_(options_.data_dir, options_.files),
         preview_process_(ChildOptions()) {}
   ~ServerImpl() override { Shutdown(); }
@@ -164,6 +166,7 @@ class ServerImpl final : public Server {
   absl::Mutex health_mutex_;
   Health health_ ABSL_GUARDED_BY(health_mutex_);
   EventLog events_;
+  const std::shared_ptr<logging::JobLabels> labels_ = std::make_shared<logging::JobLabels>();
   const ServerOptions options_;
   const DataFolder folder_;
   rpc::FileHandle lock_;
@@ -277,6 +280,7 @@ absl::Status ServerImpl::OpenCoordinator() {
        .retention = options_.retention,
        .on_storage_change =
            [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
+       .labels = labels_,
        .events = &events_,
        .asset_checks = asset_checks_.get(),
        .insecure = !security_.uses_tls(),

@@ -81,6 +81,7 @@ absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
 }
 
 void WorkerSession::OnHeartbeat(const v1::Heartbeat& heartbeat) {
+  coordinator_->KeepLog(worker_, heartbeat.log());
   coordinator_->OnHeartbeat(worker_, heartbeat);
   std::erase_if(arriving_, [this](const auto& entry) {
     const auto& [unit, attempt] = entry.first;
@@ -92,6 +93,7 @@ void WorkerSession::OnFailure(const v1::UnitFailure& failure) {
   const job::UnitRef unit = job::UnitFromProto(failure.unit());
   const job::Attempt attempt(failure.attempt());
   const std::string error = rpc::BoundedLine(failure.error(), rpc::kMaxErrorBytes);
+  coordinator_->KeepLog(worker_, failure.log());
   if (failure.has_missing_asset()) {
     coordinator_->OnAssetMissing(worker_, unit, attempt, failure.missing_asset().sha256(), error);
   } else {

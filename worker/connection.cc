@@ -61,10 +61,10 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
                      public Outbox {
  public:
   Stream(std::shared_ptr<grpc::Channel> channel, WorkerImpl* worker, CurrentCoordinator* current,
-         spdlog::logger* log)
+         const WorkerOptions* options)
       : worker_(worker),
         current_(current),
-        log_(log),
+        options_(*options),
         channel_(std::move(channel)),
         stub_(v1::WorkerService::NewStub(channel_)) {}
 
@@ -120,7 +120,9 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
       welcome_ = true;
       heartbeat_ = absl::Milliseconds(std::max<int64_t>(1, incoming_.welcome().heartbeat_ms()));
       current_->Set(channel_, incoming_.welcome().worker_id());
-      log_->info("event=joined worker={}", incoming_.welcome().worker_id());
+      options_.log.labels->SetWorker(absl::StrCat(logging::OneWord(incoming_.welcome().worker_id()), "/",
+                                                  logging::OneWord(options_.name)));
+      options_.log.log->info("event=joined");
     }
     worker_->OnMessage(incoming_);
     StartRead(&incoming_);
@@ -154,7 +156,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
 
   WorkerImpl* worker_;
   CurrentCoordinator* current_;
-  spdlog::logger* log_;
+  const WorkerOptions& options_;
   const std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::WorkerService::Stub> stub_;
   grpc::ClientContext context_;
@@ -210,12 +212,12 @@ class LeaveTrigger {
 class Connection {
  public:
   Connection(std::shared_ptr<grpc::Channel> channel, const WorkerOptions& options, WorkerImpl& worker,
-             CurrentCoordinator& current, spdlog::logger& log)
+             CurrentCoordinator& current)
       : options_(options),
         worker_(worker),
         current_(current),
         // Shared with render threads, which may send after the stream has ended.
-        stream_(std::make_shared<Stream>(std::move(channel), &worker, &current, &log)) {}
+        stream_(std::make_shared<Stream>(std::move(channel), &worker, &current, &options)) {}
 
   /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left or moves. `is_only`: there is
   /// no other coordinator to go to.
@@ -338,11 +340,10 @@ class Refusals {
 class Journey {
  public:
   Journey(const Coordinators* coordinators, const WorkerOptions& options, WorkerImpl& worker,
-          CurrentCoordinator& current, spdlog::logger& log, const rpc::MonotonicEvent& stop)
+          CurrentCoordinator& current, const rpc::MonotonicEvent& stop)
       : options_(options),
         worker_(worker),
         current_(current),
-        log_(log),
         stop_(stop),
         trigger_(options, worker),
         channels_(coordinators),
@@ -376,7 +377,7 @@ class Journey {
   absl::Status ConnectOnce() {
     absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = channels_.To(route_.current());
     if (!channel.ok()) return channel.status();
-    Connection connection(*std::move(channel), options_, worker_, current_, log_);
+    Connection connection(*std::move(channel), options_, worker_, current_);
     absl::Status status = connection.Run(trigger_, route_.IsOnly(), stop_);
     if (connection.was_admitted()) {
       was_admitted_ = true;
@@ -386,8 +387,8 @@ class Journey {
   }
 
   void Pause(const absl::Status& status, absl::Duration pause) {
-    log_.warn("event=disconnected error={} retry_in={:.1f}s server={}", logging::Quoted(status.message()),
-              absl::ToDoubleSeconds(pause), route_.current());
+    options_.log.log->warn("event=disconnected error={} retry_in={:.1f}s server={}",
+                           logging::Quoted(status.message()), absl::ToDoubleSeconds(pause), route_.current());
     const absl::Time end = rpc::MonotonicNow() + pause;
     while (!IsOver() && rpc::MonotonicNow() < end) stop_.WaitFor(kPollInterval);
   }
@@ -395,7 +396,6 @@ class Journey {
   const WorkerOptions& options_;
   WorkerImpl& worker_;
   CurrentCoordinator& current_;
-  spdlog::logger& log_;
   const rpc::MonotonicEvent& stop_;
   const LeaveTrigger trigger_;
   Channels channels_;
@@ -407,12 +407,14 @@ class Journey {
 /// The parts of a worker. Later ones use earlier ones.
 class Worker {
  public:
-  Worker(const WorkerOptions& options, std::shared_ptr<spdlog::logger> log)
+  explicit Worker(const WorkerOptions& options)
       : options_(options),
-        log_(std::move(log)),
-        folder_(&fetched_,
-                {.path = options.asset_folder, .max_bytes = options.asset_folder_bytes, .log = log_}),
-        impl_(options.threads, &specs_, &renderer_, log_) {}
+        assets_(MakeRemoteAssetSource(&current_, options.log.labels)),
+        folder_(
+            &fetched_,
+            {.path = options.asset_folder, .max_bytes = options.asset_folder_bytes, .log = options.log.log}),
+        spec_source_(MakeRemoteSpecSource(&current_, options.log.labels)),
+        impl_(options.threads, &specs_, &renderer_, options.log) {}
 
   absl::Status Run(const Coordinators& coordinators, const rpc::MonotonicEvent& stop) {
     std::unique_ptr<monitoring::Endpoint> endpoint;
@@ -425,7 +427,7 @@ class Worker {
       if (!started.ok()) return started.status();
       endpoint = *std::move(started);
     }
-    return Journey(&coordinators, options_, impl_, current_, *log_, stop).Run();
+    return Journey(&coordinators, options_, impl_, current_, stop).Run();
   }
 
  private:
@@ -444,15 +446,14 @@ class Worker {
   }
 
   const WorkerOptions& options_;
-  const std::shared_ptr<spdlog::logger> log_;
   CurrentCoordinator current_;
-  const std::unique_ptr<AssetSource> assets_ = MakeRemoteAssetSource(&current_);
+  const std::unique_ptr<AssetSource> assets_;
   CountedAssets fetched_{assets_.get()};
   AssetFolder folder_;
   AssetCache cache_{options_.asset_folder.empty() ? static_cast<AssetSource*>(&fetched_) : &folder_,
                     kAssetCacheBytes};
   UnitRenderer renderer_{&cache_};
-  const std::unique_ptr<SpecSource> spec_source_ = MakeRemoteSpecSource(&current_);
+  const std::unique_ptr<SpecSource> spec_source_;
   SpecCache specs_{spec_source_.get()};
   WorkerImpl impl_;
 };
@@ -461,9 +462,7 @@ class Worker {
 
 absl::Status RunWorker(const Coordinators& coordinators, const WorkerOptions& options,
                        const rpc::MonotonicEvent& stop) {
-  const std::shared_ptr<spdlog::logger> log =
-      options.log != nullptr ? options.log : std::make_shared<spdlog::logger>("null");  // without sinks
-  return Worker(options, log).Run(coordinators, stop);
+  return Worker(options).Run(coordinators, stop);
 }
 
 }  // namespace lumifold::worker

@@ -10,15 +10,13 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "proto/rpc/monotonic.h"
+#include "worker/worker_log.h"
 
 namespace grpc {
 class Channel;
 }
 namespace lumifold::monitoring {
 struct EndpointSockets;
-}
-namespace spdlog {
-class logger;
 }
 
 namespace lumifold::worker {
@@ -30,8 +28,7 @@ struct WorkerOptions {
   int threads = 1;
   /// What the machine has or may be used for; see v1::Hello.
   std::vector<std::string> tags = {};
-  /// Log of events; null for none.
-  std::shared_ptr<spdlog::logger> log = nullptr;
+  WorkerLog log = SilentLog();
   /// Where assets are kept for other workers of this machine and later ones, see AssetFolder; empty: in memory alone.
   std::string asset_folder = {};
   uint64_t asset_folder_bytes = uint64_t{20} << 30;

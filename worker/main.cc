@@ -37,6 +37,7 @@
 #include "worker/connection.h"
 #include "worker/fence/fence.h"
 #include "worker/render/renderer.h"
+#include "worker/worker_log.h"
 
 namespace {
 
@@ -300,7 +301,15 @@ absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& addres
   return lumifold::rpc::MakeChannel(address, security, lumifold::rpc::kQuickKeepAlive);
 }
 
+lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name) {
+  lumifold::worker::WorkerLog log = lumifold::worker::MakeWorkerLog(lumifold::logging::MakeNonblockingLogger(
+      {.name = "worker", .format = flags.log_format, .level = flags.log_level}));
+  log.labels->SetWorker("-/" + name);  // it has no id yet
+  return log;
+}
+
 int RunWorkerProcess(const Flags& flags) {
+  if (flags.log_format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   const absl::Time start = lumifold::rpc::MonotonicNow();
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
@@ -313,11 +322,12 @@ int RunWorkerProcess(const Flags& flags) {
   lumifold::rpc::MonotonicEvent leave;
   const lumifold::rpc::MonotonicEvent never;
   WatchSignals(&leave).detach();  // before any other thread, which would take the signals
-  const std::shared_ptr<spdlog::logger> log = lumifold::logging::MakeNonblockingLogger(
-      {.name = "worker", .format = flags.log_format, .level = flags.log_level});
+  const std::string name = lumifold::logging::OneWord(flags.name);
+  const lumifold::worker::WorkerLog worker_log = MakeLog(flags, name);
+  const std::shared_ptr<spdlog::logger>& log = worker_log.log;
   LogFence(flags, *fenced, *log);
-  log->info("event=start name={} server={} threads={} class={}", flags.name,
-            absl::StrJoin(target->servers, ","), flags.threads, lumifold::render::NumericClass());
+  log->info("event=start name={} server={} threads={} class={}", name, absl::StrJoin(target->servers, ","),
+            flags.threads, lumifold::render::NumericClass());
   if (!has_cache.ok())  // what is cached is a convenience: it works without
     log->warn("event=no_asset_cache error={}", lumifold::logging::Quoted(has_cache.message()));
   if (metrics->has_value()) log->info("event=metrics address={}", (*metrics)->address);
@@ -329,7 +339,7 @@ int RunWorkerProcess(const Flags& flags) {
       .name = flags.name,
       .threads = flags.threads,
       .tags = flags.tags,
-      .log = log,
+      .log = worker_log,
       .asset_folder = has_cache.ok() ? flags.asset_cache : "",
       .asset_folder_bytes = flags.asset_cache_gb << 30,
       .leave = &leave,
@@ -354,7 +364,7 @@ int RunWorkerProcess(const Flags& flags) {
     return kExitNotReached;
   }
   if (!status.ok()) return Fail(status);
-  log->info("event=stop name={} threads={} seconds={:.3f}", flags.name, flags.threads,
+  log->info("event=stop name={} threads={} seconds={:.3f}", name, flags.threads,
             absl::ToDoubleSeconds(lumifold::rpc::MonotonicNow() - start));
   return 0;
 }

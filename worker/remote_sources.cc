@@ -12,6 +12,7 @@
 #include "proto/rpc/retry.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/status_codec.h"
+#include "proto/rpc/trace_context.h"
 
 namespace lumifold::worker {
 namespace {
@@ -35,9 +36,16 @@ absl::Status CallCurrent(
   return status;
 }
 
+void AddTrace(logging::JobLabels& labels, const std::string& job_id, grpc::ClientContext* context) {
+  const std::string trace_id = labels.Of(job_id).trace;
+  if (!trace_id.empty())
+    context->AddMetadata(rpc::kTraceParentKey, rpc::MakeTraceParent(trace_id, rpc::SystemRandom));
+}
+
 class RemoteAssetSource final : public AssetSource {
  public:
-  explicit RemoteAssetSource(const CurrentCoordinator* coordinator) : coordinator_(coordinator) {}
+  RemoteAssetSource(const CurrentCoordinator* coordinator, std::shared_ptr<logging::JobLabels> labels)
+      : coordinator_(coordinator), labels_(std::move(labels)) {}
 
   absl::StatusOr<std::string> Fetch(const std::string& job_id, const v1::AssetRef& asset) override {
     std::string bytes;
@@ -50,6 +58,7 @@ class RemoteAssetSource final : public AssetSource {
     const absl::Status status =
         rpc::CallWithRetry(policy, rpc::Idempotency::kIdempotent, rpc::RetryEnvironment::Real(),
                            [&](grpc::ClientContext& context) {
+                             AddTrace(*labels_, job_id, &context);
                              return CallCurrent(*coordinator_, [&](auto& stub, const std::string& worker_id) {
                                request.set_worker_id(worker_id);
                                return Continue(asset, request, stub, context, &bytes);
@@ -85,11 +94,13 @@ class RemoteAssetSource final : public AssetSource {
   }
 
   const CurrentCoordinator* const coordinator_;
+  const std::shared_ptr<logging::JobLabels> labels_;
 };
 
 class RemoteSpecSource final : public SpecSource {
  public:
-  explicit RemoteSpecSource(const CurrentCoordinator* coordinator) : coordinator_(coordinator) {}
+  RemoteSpecSource(const CurrentCoordinator* coordinator, std::shared_ptr<logging::JobLabels> labels)
+      : coordinator_(coordinator), labels_(std::move(labels)) {}
 
   absl::StatusOr<v1::JobSpec> Fetch(const std::string& job_id) override {
     v1::FetchSpecRequest request;
@@ -98,6 +109,7 @@ class RemoteSpecSource final : public SpecSource {
     const absl::Status status =
         rpc::CallWithRetry(kSpecPolicy, rpc::Idempotency::kIdempotent, rpc::RetryEnvironment::Real(),
                            [&](grpc::ClientContext& context) {
+                             AddTrace(*labels_, job_id, &context);
                              return CallCurrent(*coordinator_, [&](auto& stub, const std::string& worker_id) {
                                request.set_worker_id(worker_id);
                                return rpc::StatusFromGrpc(stub.FetchSpec(&context, request, &spec));
@@ -110,16 +122,19 @@ class RemoteSpecSource final : public SpecSource {
 
  private:
   const CurrentCoordinator* const coordinator_;
+  const std::shared_ptr<logging::JobLabels> labels_;
 };
 
 }  // namespace
 
-std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coordinator) {
-  return std::make_unique<RemoteAssetSource>(coordinator);
+std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coordinator,
+                                                   std::shared_ptr<logging::JobLabels> labels) {
+  return std::make_unique<RemoteAssetSource>(coordinator, std::move(labels));
 }
 
-std::unique_ptr<SpecSource> MakeRemoteSpecSource(const CurrentCoordinator* coordinator) {
-  return std::make_unique<RemoteSpecSource>(coordinator);
+std::unique_ptr<SpecSource> MakeRemoteSpecSource(const CurrentCoordinator* coordinator,
+                                                 std::shared_ptr<logging::JobLabels> labels) {
+  return std::make_unique<RemoteSpecSource>(coordinator, std::move(labels));
 }
 
 }  // namespace lumifold::worker

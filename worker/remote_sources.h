@@ -7,6 +7,7 @@
 
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
+#include "proto/logging/job_labels.h"
 #include "worker/asset_source.h"
 #include "worker/spec_cache.h"
 
@@ -49,10 +50,12 @@ class CurrentCoordinator {
 };
 
 /// Fetches assets from the current coordinator and resumes broken transfers, also from another one: the content is known
-/// by its SHA-256. `coordinator` must outlive it.
-std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coordinator);
+/// by its SHA-256. Its calls are of the job's trace, where `labels` has it. `coordinator` must outlive it.
+std::unique_ptr<AssetSource> MakeRemoteAssetSource(const CurrentCoordinator* coordinator,
+                                                   std::shared_ptr<logging::JobLabels> labels);
 
-/// Fetches specs from the current coordinator, which must outlive it.
-std::unique_ptr<SpecSource> MakeRemoteSpecSource(const CurrentCoordinator* coordinator);
+/// The same for specs.
+std::unique_ptr<SpecSource> MakeRemoteSpecSource(const CurrentCoordinator* coordinator,
+                                                 std::shared_ptr<logging::JobLabels> labels);
 
 }  // namespace lumifold::worker

@@ -12,6 +12,7 @@
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/rpc/trace_context.h"
 #include "spdlog/spdlog.h"
 #include "worker/unit_messages.h"
 
@@ -43,7 +44,8 @@ bool IsSameWork(v1::Lease a, v1::Lease b) {
   return a.SerializeAsString() == b.SerializeAsString();
 }
 
-void SendFailure(const v1::Lease& lease, const absl::Status& failure, Outbox* outbox) {
+void SendFailure(const v1::Lease& lease, const absl::Status& failure, std::vector<v1::LogEvent> log,
+                 Outbox* outbox) {
   v1::WorkerMessage message;
   v1::UnitFailure* out = message.mutable_failure();
   *out->mutable_unit() = lease.unit();
@@ -52,6 +54,7 @@ void SendFailure(const v1::Lease& lease, const absl::Status& failure, Outbox* ou
   out->set_permanent(IsPermanent(failure));
   if (std::optional<v1::AssetRef> missing = MissingAsset(failure))
     *out->mutable_missing_asset() = *std::move(missing);
+  for (v1::LogEvent& line : log) *out->add_log() = std::move(line);
   outbox->Send(std::move(message));
 }
 
@@ -73,11 +76,12 @@ uint64_t RandomInstance() {
 
 }  // namespace
 
-WorkerImpl::WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer,
-                       std::shared_ptr<spdlog::logger> log)
+WorkerImpl::WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log)
     : specs_(specs),
       renderer_(renderer),
-      log_(std::move(log)),
+      log_(std::move(log.log)),
+      labels_(std::move(log.labels)),
+      tail_(std::move(log.tail)),
       instance_(RandomInstance()),
       activities_(threads, rpc::MonotonicNow()),
       idle_since_(rpc::MonotonicNow()) {
@@ -165,6 +169,7 @@ void WorkerImpl::OnMessage(const v1::CoordinatorMessage& message) {
 
 void WorkerImpl::OnGrant(const v1::Grant& grant) {
   for (const v1::Lease& lease : grant.leases()) {
+    if (rpc::IsTraceId(grant.trace_id())) labels_->Set(lease.unit().job_id(), {.trace = grant.trace_id()});
     newest_attempt_ = std::max(newest_attempt_, lease.attempt());
     held_.push_back(lease);
     const TakenPtr in_hand = TakeInHand(lease);
@@ -279,6 +284,7 @@ v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
         own == taken_.end() ? all : own->second->control.progress.load());
   }
   heartbeat.set_newest_attempt(newest_attempt_);
+  for (v1::LogEvent& line : tail_->Take()) *heartbeat.add_log() = std::move(line);
   return heartbeat;
 }
 
@@ -431,7 +437,7 @@ void WorkerImpl::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl:
   ++totals_.failures[ReasonOf(failure)];
   log_->error("event=unit_failed {} error={}", Describe(lease.unit()), logging::Quoted(failure.message()));
   // In this order: a heartbeat in between must not make the coordinator think that the lease was dropped.
-  SendFailure(lease, failure, outbox_.get());
+  SendFailure(lease, failure, tail_->Take(), outbox_.get());
   RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
 }
 

@@ -19,6 +19,7 @@
 #include "worker/thread_account.h"
 #include "worker/thread_activities.h"
 #include "worker/unit_renderer.h"
+#include "worker/worker_log.h"
 
 namespace spdlog {
 class logger;
@@ -51,8 +52,8 @@ class Outbox {
 /// Threads: all calls are safe concurrently.
 class WorkerImpl {
  public:
-  /// `specs` and `renderer` must outlive it. threads >= 1. `log` must not be null.
-  WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer, std::shared_ptr<spdlog::logger> log);
+  /// `specs` and `renderer` must outlive it. threads >= 1.
+  WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log);
   /// Waits for its threads, which end at the next row of pixels or file of a scene.
   ~WorkerImpl();
 
@@ -157,6 +158,8 @@ class WorkerImpl {
   SpecCache* const specs_;
   UnitRenderer* const renderer_;
   const std::shared_ptr<spdlog::logger> log_;
+  const std::shared_ptr<logging::JobLabels> labels_;
+  const std::shared_ptr<LogTail> tail_;
   const uint64_t instance_;
   std::vector<std::thread> threads_;
   ThreadAccount account_;

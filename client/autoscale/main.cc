@@ -274,6 +274,7 @@ int RunSteps(const Flags& flags, autoscale::Autoscaler* autoscaler, spdlog::logg
 }
 
 int Run(const Flags& flags) {
+  if (flags.log_format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   client::CatchInterrupts();
   client::Environment environment{.out = std::cout, .err = std::cerr};
   environment.profiles_folder = lumifold::identity::ProfilesFolder();

@@ -4,6 +4,7 @@
 #include "client/commands/commands.h"
 #include "client/commands/picture_options.h"
 #include "client/commands/shared_options.h"
+#include "proto/rpc/trace_context.h"
 
 namespace lumifold::client {
 namespace {
@@ -11,7 +12,9 @@ namespace {
 void ReportDownloaded(const std::string& job_id, int frame, const std::string& path, bool as_json,
                       const Environment& environment) {
   if (as_json) {
-    const nlohmann::ordered_json json{{"job_id", job_id}, {"frame", frame}, {"output", path}};
+    nlohmann::ordered_json json{{"job_id", job_id}, {"frame", frame}, {"output", path}};
+    if (const std::string trace_id = rpc::TraceIdOf(environment.trace_parent); !trace_id.empty())
+      json["trace_id"] = trace_id;
     environment.out << json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << "\n"
                     << std::flush;
   }

@@ -18,7 +18,10 @@ ExitCode RunLogs(const std::vector<std::string>& arguments, const Environment& e
   command_line.AddArgument("JOB|WORKER", &subject, "A job's id (j-...), or a worker's id (w-...) or name");
   command_line.AddWholeNumber("--limit", &limit, 1, kMaxEvents, "Maximum number of events (default 100)");
   remote.AddTo(command_line);
-  command_line.SetFooter("The coordinator keeps the last events of all jobs and workers in memory only.");
+  command_line.SetFooter(
+      "The coordinator keeps the last events of all jobs and workers in memory only, and those that workers "
+      "have\n"
+      "sent with failures and heartbeats: lines that begin with the worker are of its own log.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   v1::GetLogRequest request;

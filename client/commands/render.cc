@@ -118,9 +118,11 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
   }
   const absl::StatusOr<std::unique_ptr<LocalFarm>> local = environment.local_farm(options.farm);
   if (!local.ok()) return ReportError(environment, OfThisMachine(local.status()));
-  const std::unique_ptr<FarmClient> farm = MakeFarmClient(
-      (*local)->channel(),
-      {.coordinators = {"this process"}, .time = environment.time, .interrupted = environment.interrupted});
+  const std::unique_ptr<FarmClient> farm =
+      MakeFarmClient((*local)->channel(), {.coordinators = {"this process"},
+                                           .time = environment.time,
+                                           .interrupted = environment.interrupted,
+                                           .trace_parent = environment.trace_parent});
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
   const absl::StatusOr<v1::JobStatus> job = RunJob(*farm, options, *assets, *progress, environment);
   if (!job.ok()) return ReportError(environment, job.status());

@@ -36,7 +36,8 @@ FarmClientOptions RemoteOptions::ClientOptions(const Environment& environment) c
   return {.coordinators = coordinators_,
           .security = security,
           .time = environment.time,
-          .interrupted = environment.interrupted};
+          .interrupted = environment.interrupted,
+          .trace_parent = environment.trace_parent};
 }
 
 std::unique_ptr<FarmClient> RemoteOptions::Connect(const Environment& environment) const {

@@ -8,6 +8,7 @@
 #include "client/commands/shared_options.h"
 #include "client/job_options.h"
 #include "client/scheduling_options.h"
+#include "proto/rpc/trace_context.h"
 
 namespace lumifold::client {
 namespace {
@@ -39,8 +40,10 @@ ExitCode RunSubmit(const std::vector<std::string>& arguments, const Environment&
 
   const absl::StatusOr<std::string> job_id = Submit(job, scheduling, remote, environment);
   if (!job_id.ok()) return ReportError(environment, job_id.status());
-  environment.out << (remote.json ? nlohmann::json{{"job_id", *job_id}}.dump() : *job_id) << "\n"
-                  << std::flush;
+  nlohmann::ordered_json json{{"job_id", *job_id}};
+  if (const std::string trace_id = rpc::TraceIdOf(environment.trace_parent); !trace_id.empty())
+    json["trace_id"] = trace_id;
+  environment.out << (remote.json ? json.dump() : *job_id) << "\n" << std::flush;
   return ExitCode::kOk;
 }
 

@@ -49,7 +49,7 @@ class InProcessFarm final : public client::LocalFarm {
       // Its own coordinator never refuses it, and errors of units fail the job.
       worker::RunWorker(
           {.addresses = {"in-process"}, .connect = [channel](const std::string&) { return channel; }},
-          {.name = "local", .threads = threads, .log = nullptr}, stop_)
+          {.name = "local", .threads = threads}, stop_)
           .IgnoreError();
     });
   }

@@ -5,6 +5,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 
@@ -81,6 +82,10 @@ std::string Escaped(std::string_view text) {
 
 std::string Quoted(absl::string_view text) {
   return Escaped(rpc::BoundedLine({text.data(), text.size()}, rpc::kMaxErrorBytes));
+}
+
+std::string OneWord(absl::string_view text) {
+  return absl::StrReplaceAll(absl::Utf8SafeCEscape(text), {{" ", "\\x20"}});
 }
 
 }  // namespace lumifold::logging

@@ -38,4 +38,7 @@ std::string Escaped(std::string_view text);
 /// says of names, errors and paths must be Quoted, or it could add fields and lines.
 std::string Quoted(absl::string_view text);
 
+/// Text of others as a value without quotes: escaped, and one word.
+std::string OneWord(absl::string_view text);
+
 }  // namespace lumifold::logging

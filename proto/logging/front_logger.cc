@@ -61,10 +61,16 @@ class FrontSink final : public spdlog::sinks::base_sink<std::mutex> {
   /// What is added to a line.
   std::string Label(const Line& line) {
     if (options_.labels == nullptr) return "";
+    std::string added;
+    if (const std::string worker = options_.labels->worker(); !worker.empty() && line.Get("worker").empty())
+      absl::StrAppend(&added, " worker=", worker);
     const std::string job = JobOf(line);
-    const std::string label = job.empty() ? "" : options_.labels->Of(job);
-    if (label.empty()) return "";
-    return line.Get("job").empty() ? absl::StrCat(" job=", job, " ", label) : absl::StrCat(" ", label);
+    const JobLabel label = job.empty() ? JobLabel() : options_.labels->Of(job);
+    if (label == JobLabel()) return added;
+    if (line.Get("job").empty()) absl::StrAppend(&added, " job=", job);
+    if (!label.user.empty()) absl::StrAppend(&added, " user=", Quoted(label.user));
+    if (!label.trace.empty()) absl::StrAppend(&added, " trace=", label.trace);
+    return added;
   }
 
   const FrontOptions options_;

@@ -28,7 +28,7 @@ struct FrontOptions {
   /// Where lines go on to, at its level.
   std::shared_ptr<spdlog::logger> log;
   EventLimits limits = {};
-  /// Added to lines about jobs, together with the field `job` where only `unit` names it. Null: nothing.
+  /// Added to lines about jobs, together with the field `job` where only `unit` names it; and the worker. Null: nothing.
   std::shared_ptr<JobLabels> labels = nullptr;
   /// Called with each line that goes on, and with those at info and above whatever the level of `log`. One at a time; it
   /// must not log. Null: nothing.

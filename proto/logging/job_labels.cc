@@ -4,7 +4,7 @@
 
 namespace lumifold::logging {
 
-void JobLabels::Set(const std::string& job, std::string label) {
+void JobLabels::Set(const std::string& job, JobLabel label) {
   absl::MutexLock lock(&mutex_);
   const auto [entry, is_new] = labels_.try_emplace(job);
   entry->second.label = std::move(label);
@@ -18,12 +18,22 @@ void JobLabels::Set(const std::string& job, std::string label) {
   uses_.pop_front();
 }
 
-std::string JobLabels::Of(const std::string& job) {
+JobLabel JobLabels::Of(const std::string& job) {
   absl::MutexLock lock(&mutex_);
   const auto found = labels_.find(job);
-  if (found == labels_.end()) return "";
+  if (found == labels_.end()) return {};
   uses_.splice(uses_.end(), uses_, found->second.use);
   return found->second.label;
+}
+
+void JobLabels::SetWorker(std::string worker) {
+  absl::MutexLock lock(&mutex_);
+  worker_ = std::move(worker);
+}
+
+std::string JobLabels::worker() {
+  absl::MutexLock lock(&mutex_);
+  return worker_;
 }
 
 std::string JobOf(const Line& line) {

@@ -12,8 +12,14 @@
 
 namespace lumifold::logging {
 
-/// What each line about a job says of it: fields such as its user and its trace. Of too many jobs it forgets the one that
-/// was used least recently.
+/// What each line about a job says of it besides its id; empty: nothing.
+struct JobLabel {
+  std::string trace;
+  std::string user = {};
+  bool operator==(const JobLabel&) const = default;
+};
+
+/// The labels of jobs. Of too many jobs it forgets the one that was used least recently.
 /// Threads: safe.
 class JobLabels {
  public:
@@ -22,14 +28,17 @@ class JobLabels {
 
   explicit JobLabels(size_t max_jobs = kMaxJobs) : max_jobs_(max_jobs) {}
 
-  /// `label`: one or more fields of a line, see ParseLine.
-  void Set(const std::string& job, std::string label);
+  void Set(const std::string& job, JobLabel label);
   /// Empty for a job that is not known.
-  std::string Of(const std::string& job);
+  JobLabel Of(const std::string& job);
+
+  /// Of a worker's log: the worker, ID/NAME, in all lines from now on.
+  void SetWorker(std::string worker);
+  std::string worker();
 
  private:
   struct Entry {
-    std::string label;
+    JobLabel label;
     std::list<std::string>::iterator use;
   };
 
@@ -37,6 +46,7 @@ class JobLabels {
   absl::Mutex mutex_;
   std::unordered_map<std::string, Entry> labels_ ABSL_GUARDED_BY(mutex_);
   std::list<std::string> uses_ ABSL_GUARDED_BY(mutex_);  // least recently used first
+  std::string worker_ ABSL_GUARDED_BY(mutex_);
 };
 
 /// The job that a line is about, by its field `job`, or `unit`, whose first word is the job; empty if there is none.

@@ -18,6 +18,10 @@ inline constexpr size_t kMaxUnitWarnings = 32;
 /// in which a byte may take three.
 inline constexpr size_t kMaxErrorBytes = 2048;
 
+/// Maximum number of lines of a worker's log in one message, and bytes of one.
+inline constexpr size_t kMaxTailLines = 32;
+inline constexpr size_t kMaxTailLineBytes = 1024;
+
 /// Maximum bytes of the name and of the numeric class of a worker.
 inline constexpr size_t kMaxWorkerNameBytes = 256;
 

@@ -16,6 +16,7 @@
 #include "absl/synchronization/mutex.h"
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/rpc/trace_context.h"
 #include "server/access/authorisation.h"
 
 namespace lumifold::access {
@@ -179,6 +180,7 @@ std::string AuditLine(absl::Time time, const AuditEvent& event) {
                                   " address=", event.address.empty() ? "-" : event.address,
                                   " rpc=", rule == nullptr ? "unknown" : rule->rpc_path.substr(1));
   if (!event.subject.empty()) absl::StrAppend(&line, " subject=", Quoted(event.subject, kMaxSubjectBytes));
+  if (!event.trace_parent.empty()) absl::StrAppend(&line, " trace=", rpc::TraceIdOf(event.trace_parent));
   absl::StrAppend(&line, " outcome=", absl::StatusCodeToString(event.outcome.code()));
   if (!event.outcome.ok())
     absl::StrAppend(&line, " error=", Quoted(std::string(event.outcome.message()), kMaxReasonBytes));

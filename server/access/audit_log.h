@@ -21,6 +21,8 @@ struct AuditEvent {
   std::string rpc_path;
   /// The job, worker, asset or person that the call is about; text of the caller.
   std::string subject;
+  /// As rpc::SentTraceParent: the caller's, or empty.
+  std::string trace_parent = {};
   absl::Status outcome;
 };
 

@@ -79,10 +79,12 @@ SpecBytes BytesOfSpec(const v1::JobSpec& spec) {
 }
 
 std::string RequestDigest(const v1::JobSpec& spec, const v1::Scheduling& scheduling) {
+  v1::Scheduling requested = scheduling;
+  requested.clear_trace_id();  // of the call, not of the request
   XXH3_state_t* const state = XXH3_createState();
   XXH3_128bits_reset(state);
   AppendHashed(state, job::UnplannedSpec(spec).SerializeAsString());
-  AppendHashed(state, scheduling.SerializeAsString());
+  AppendHashed(state, requested.SerializeAsString());
   XXH128_canonical_t canonical;
   XXH128_canonicalFromHash(&canonical, XXH3_128bits_digest(state));
   XXH3_freeState(state);

@@ -225,6 +225,10 @@ std::vector<std::string> WorkerMessages(const std::string& job_id) {
   messages[1].mutable_heartbeat()->add_held()->set_attempt(1);
   *messages[1].mutable_heartbeat()->mutable_held(0)->mutable_unit() = unit;
   messages[1].mutable_heartbeat()->set_newest_attempt(1);
+  v1::LogEvent* line = messages[1].mutable_heartbeat()->add_log();
+  line->set_unix_ms(1);
+  line->set_level("warn");
+  line->set_text("event=unit_failed job=" + job_id + " error=\"made up\"");
   *hello->add_in_hand() = messages[1].heartbeat().held(0);
   v1::UnitChunk* chunk = messages[2].mutable_chunk();
   *chunk->mutable_unit() = unit;
@@ -238,6 +242,7 @@ std::vector<std::string> WorkerMessages(const std::string& job_id) {
   *messages[3].mutable_failure()->mutable_unit() = unit;
   messages[3].mutable_failure()->set_attempt(1);
   messages[3].mutable_failure()->set_error("made up");
+  *messages[3].mutable_failure()->add_log() = *line;
   messages[3].mutable_failure()->mutable_missing_asset()->ParseFromString(Farm::Asset());
   *messages[4].mutable_hand_back()->add_leases() = messages[1].heartbeat().held(0);
   unit.set_kind(v1::UNIT_KIND_PLAN);

@@ -119,7 +119,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   worker::SpecCache specs(&one_spec);
   worker::FakeAssets assets{absl::NotFoundError("no such asset")};
   worker::UnitRenderer renderer(&assets);
-  worker::WorkerImpl worker(1, &specs, &renderer, std::make_shared<spdlog::logger>("silent"));
+  worker::WorkerImpl worker(1, &specs, &renderer, worker::SilentLog());
   for (const bool is_first : {true, false}) {  // the second connection finds what the first has left
     worker.OnConnected(std::make_shared<fuzz::Deaf>());
     for (size_t i = 1; i < pieces.size(); ++i) {

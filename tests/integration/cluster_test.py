@@ -2,13 +2,16 @@
 same bytes as those of one process, and nothing that was acknowledged is lost."""
 
 import json
+import os
+import pathlib
+import re
 import statistics
 import sys
 import time
 import unittest
 
-from cluster import ClusterCase
-from farm import wait_until
+from cluster import SETTINGS, ClusterCase
+from farm import Process, wait_until
 
 LONG = "--long" in sys.argv  # as many kills as the documents tell of
 KILLS = 20 if LONG else 3
@@ -37,6 +40,28 @@ class ClusterTest(ClusterCase):
         wait_until(lambda: cluster.status(job, at=first)["state"].upper() == "CANCELLED", "the end, at the first")
         other = cluster.submit(self.scene, "--spp", 64, at=second)
         self.check(cluster, other, first, "--spp", 64)
+
+    def test_a_forwarded_call_keeps_its_trace_and_logs_are_found_anywhere(self):
+        def under(trace):
+            return {**os.environ, "TRACEPARENT": f"00-{trace}-00f067aa0ba902b7-01"}
+
+        cluster = self.cluster(coordinators=2, workers=0)
+        first, second = cluster.coordinators
+        of_job, of_cancel = "4bf92f3577b34da6a3ce929d0e0e4736", "0af7651916cd43dd8448eb211c80319c"
+        job = cluster.client("submit", self.scene, *SETTINGS, "--spp", 4096, at=first, env=under(of_job)).stdout.strip()
+        worker = Process("lumifold-worker", "--server", first.address, "--threads", 1, "--name", "node")
+        cluster.workers.append(worker)
+        wait_until(lambda: cluster.status(job, at=second)["units_done"] > 0, "progress")
+        self.assertEqual(cluster.status(job, at=second)["trace_id"], of_job)
+        cluster.client("cancel", job, at=second, env=under(of_cancel))
+        ended, = re.findall("event=job_ended .*", first.log_text())
+        self.assertIn(f"trace={of_job}", ended)
+        line = f"FarmService/CancelJob .* trace={of_cancel} "
+        wait_until(lambda: any(re.search(line, log.read_text()) for log in pathlib.Path(cluster.data).glob("audit.*.log")),
+                   "the call in an audit log, which is written after it")
+        for at in (first, second):
+            self.assertIn("event=worker_connected", cluster.client("logs", "node", at=at).stdout)
+            self.assertIn("event=job_ended", cluster.client("logs", job, at=at).stdout)
 
     def test_workers_go_where_the_jobs_are(self):
         cluster = self.cluster(coordinators=3, workers=4)

@@ -503,10 +503,11 @@ void Run(const Options& options) {
   Farm farm;
   farm.channel = rpc::MakeChannel(options.server, rpc::Security{});
   farm.stub = v1::WorkerService::NewStub(farm.channel);
-  const std::unique_ptr<worker::AssetSource> assets = worker::MakeRemoteAssetSource(&farm.current);
+  const auto labels = std::make_shared<logging::JobLabels>();
+  const std::unique_ptr<worker::AssetSource> assets = worker::MakeRemoteAssetSource(&farm.current, labels);
   worker::AssetCache cache(assets.get(), worker::kAssetCacheBytes);
   worker::UnitRenderer renderer(&cache);
-  const std::unique_ptr<worker::SpecSource> spec_source = worker::MakeRemoteSpecSource(&farm.current);
+  const std::unique_ptr<worker::SpecSource> spec_source = worker::MakeRemoteSpecSource(&farm.current, labels);
   worker::SpecCache specs(spec_source.get());
   while (true) {
     const grpc::Status status = options.behaviour == kGarbageMessage

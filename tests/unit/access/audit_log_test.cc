@@ -41,6 +41,9 @@ TEST_F(AuditLogTest, SaysWhoDidWhat) {
   EXPECT_EQ(AuditLine(now_, Event()),
             "2023-11-14T22:13:20.123Z info event=call identity=\"ann\" role=submit id=00ab "
             "address=ipv4:192.0.2.1:50000 rpc=lumifold.v1.FarmService/CancelJob subject=\"j-1\" outcome=OK");
+  AuditEvent traced = Event();
+  traced.trace_parent = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01";
+  EXPECT_THAT(AuditLine(now_, traced), HasSubstr(" trace=4bf92f3577b34da6a3ce929d0e0e4736 outcome=OK"));
   AuditEvent refused = Event("");
   refused.caller = {};
   refused.address = "";

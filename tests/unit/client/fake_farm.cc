@@ -10,6 +10,7 @@
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/sha256.h"
+#include "proto/rpc/trace_context.h"
 
 namespace lumifold::client {
 namespace {
@@ -120,11 +121,12 @@ grpc::Status FakeFarm::UploadAsset(grpc::ServerContext*, grpc::ServerReader<v1::
   return grpc::Status::OK;
 }
 
-grpc::Status FakeFarm::SubmitJob(grpc::ServerContext*, const v1::SubmitJobRequest* request,
+grpc::Status FakeFarm::SubmitJob(grpc::ServerContext* context, const v1::SubmitJobRequest* request,
                                  v1::SubmitJobResponse* response) {
   const std::lock_guard lock(mutex_);
   if (!submit_error.empty()) return {grpc::StatusCode::INVALID_ARGUMENT, submit_error};
   submissions_.push_back(*request);
+  submissions_.back().mutable_scheduling()->set_trace_id(rpc::TraceIdOf(rpc::SentTraceParent(*context)));
   response->set_job_id("job-1");
   return grpc::Status::OK;
 }

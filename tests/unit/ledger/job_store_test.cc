@@ -61,6 +61,10 @@ TEST_P(JobStoreTest, OneRequestMakesOneJob) {
   EXPECT_EQ(*store_->CreateJob(Job("j-c", "r-2")), JobId("j-c"));
   EXPECT_EQ(*store_->FindRequest(Job("", "r-1")), JobId("j-a"));
   EXPECT_EQ(*store_->FindRequest(Job("", "r-3")), std::nullopt);
+  NewJob of_another_trace = Job("j-d", "r-1");
+  of_another_trace.scheduling.set_trace_id("4bf92f3577b34da6a3ce929d0e0e4736");
+  EXPECT_EQ(*store_->FindRequest(of_another_trace), JobId("j-a"));
+  EXPECT_EQ(*store_->CreateJob(of_another_trace), JobId("j-a"));
   EXPECT_THAT(Listed({}), SizeIs(2));
 }
 

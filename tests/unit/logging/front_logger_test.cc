@@ -63,7 +63,7 @@ TEST_F(FrontLoggerTest, WritesNothingOfALogThatIsOff) {
 
 TEST_F(FrontLoggerTest, LabelsLinesAboutAJob) {
   options_.labels = std::make_shared<JobLabels>();
-  options_.labels->Set("j-1", "user=\"ann\" trace=abc");
+  options_.labels->Set("j-1", {.trace = "abc", .user = "ann"});
   const auto log = MakeFrontLogger(options_);
   log->error("event=a job=j-1");
   log->error("event=b unit=\"j-1 frame 0\" worker=w-1");
@@ -73,6 +73,17 @@ TEST_F(FrontLoggerTest, LabelsLinesAboutAJob) {
               ElementsAre("error event=a job=j-1 user=\"ann\" trace=abc",
                           "error event=b unit=\"j-1 frame 0\" worker=w-1 job=j-1 user=\"ann\" trace=abc",
                           "error event=c job=j-2", "error event=d"));
+}
+
+TEST_F(FrontLoggerTest, NamesTheWorkerWhoseLogItIs) {
+  options_.labels = std::make_shared<JobLabels>();
+  options_.labels->Set("j-1", {.trace = "abc"});
+  options_.labels->SetWorker("w-7/node");
+  const auto log = MakeFrontLogger(options_);
+  log->error("event=a job=j-1");
+  log->error("event=b worker=w-8");
+  EXPECT_THAT(Written(),
+              ElementsAre("error event=a job=j-1 worker=w-7/node trace=abc", "error event=b worker=w-8"));
 }
 
 TEST_F(FrontLoggerTest, SaysHowManyLinesItHasDropped) {

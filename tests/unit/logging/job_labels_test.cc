@@ -9,16 +9,16 @@ namespace {
 
 TEST(JobLabels, ForgetsTheLeastRecentlyUsed) {
   JobLabels labels(/*max_jobs=*/2);
-  labels.Set("j-1", "a=1");
-  labels.Set("j-2", "a=2");
-  labels.Set("j-1", "a=3");
-  labels.Set("j-3", "a=4");
-  EXPECT_EQ(labels.Of("j-2"), "");
-  EXPECT_EQ(labels.Of("j-1"), "a=3");
-  labels.Set("j-4", "a=5");
-  EXPECT_EQ(labels.Of("j-3"), "");
-  EXPECT_EQ(labels.Of("j-1"), "a=3");
-  EXPECT_EQ(labels.Of("j-4"), "a=5");
+  labels.Set("j-1", {.trace = "1"});
+  labels.Set("j-2", {.trace = "2"});
+  labels.Set("j-1", {.trace = "3"});
+  labels.Set("j-3", {.trace = "4"});
+  EXPECT_EQ(labels.Of("j-2"), JobLabel());
+  EXPECT_EQ(labels.Of("j-1").trace, "3");
+  labels.Set("j-4", {.trace = "5"});
+  EXPECT_EQ(labels.Of("j-3"), JobLabel());
+  EXPECT_EQ(labels.Of("j-1").trace, "3");
+  EXPECT_EQ(labels.Of("j-4").trace, "5");
 }
 
 TEST(JobOf, IsTheFieldOrTheFirstWordOfTheUnit) {

@@ -70,13 +70,85 @@ TEST(EventLog, DropsTheOldestOverItsLimits) {
   EXPECT_THAT(small.OfJob("j", 9), IsEmpty()) << "a line over the limit is not kept either";
 }
 
+/// Lines that a worker sends, one millisecond after the other.
+google::protobuf::RepeatedPtrField<v1::LogEvent> Sent(int64_t unix_ms,
+                                                      const std::vector<std::string>& texts) {
+  google::protobuf::RepeatedPtrField<v1::LogEvent> lines;
+  for (const std::string& text : texts) {
+    v1::LogEvent* line = lines.Add();
+    line->set_unix_ms(unix_ms++);
+    line->set_level("warn");
+    line->set_text(text);
+  }
+  return lines;
+}
+bool IsKnown(const std::string& job) { return job == "j-1"; }
+const absl::Time kLater = absl::FromUnixSeconds(1'000);
+
+TEST(EventLog, LinesOfWorkersAreAmongTheOthersByTime) {
+  EventLog log;
+  Add(&log, 5, "event=before job=j-1");
+  Add(&log, 8, "event=after job=j-1 worker=w-7/node:1");
+  log.AddOfWorker("w-7/node:1", Sent(6, {"event=own job=j-1", "event=other job=j-2"}), kLater, IsKnown);
+  EXPECT_THAT(Texts(log.OfJob("j-1", 9)), ElementsAre("event=before job=j-1", "event=own job=j-1",
+                                                      "event=after job=j-1 worker=w-7/node:1"));
+  EXPECT_EQ(log.OfJob("j-1", 9)[1].worker(), "w-7/node:1");
+  EXPECT_THAT(Texts(log.OfJob("j-1", 2)),
+              ElementsAre("event=own job=j-1", "event=after job=j-1 worker=w-7/node:1"));
+  EXPECT_THAT(log.OfJob("j-2", 9), IsEmpty()) << "it never had that job";
+  for (const char* name : {"w-7", "node:1"}) EXPECT_EQ(log.OfWorker(name, 9).size(), 3u);
+}
+
+TEST(EventLog, WhatAWorkerSaysOfTimeAndLevelIsBounded) {
+  EventLog log;
+  google::protobuf::RepeatedPtrField<v1::LogEvent> lines = Sent(0, {"event=a", "event=b"});
+  lines[0].set_unix_ms(INT64_MAX);
+  lines[0].set_level("shout");
+  lines[1].set_unix_ms(INT64_MIN);
+  log.AddOfWorker("w-7/x", lines, kLater, IsKnown);
+  const std::vector<v1::LogEvent> kept = log.OfWorker("w-7", 9);
+  ASSERT_EQ(kept.size(), 2u);
+  EXPECT_EQ(kept[0].unix_ms(), 0);
+  EXPECT_EQ(kept[1].unix_ms(), 1'000'000);
+  EXPECT_EQ(kept[1].level(), "info");
+}
+
+TEST(EventLog, AWorkerThatWritesMuchPushesOutItsOwnLinesAlone) {
+  EventLog log;
+  log.AddOfWorker("w-1/a", Sent(0, {"event=quiet"}), kLater, IsKnown);
+  for (int i = 0; i < 100; ++i) {
+    log.AddOfWorker("w-2/b", Sent(i, {absl::StrCat("event=short n=", i)}), kLater, IsKnown);
+    log.AddOfWorker("w-3/c", Sent(i, {"event=long " + std::string(100'000, 'x')}), kLater, IsKnown);
+  }
+  EXPECT_EQ(log.OfWorker("w-1", 1000).size(), 1u);
+  EXPECT_EQ(log.OfWorker("w-2", 1000).size(), kMaxWorkerLines);
+  EXPECT_EQ(log.OfWorker("w-2", 1000).back().text(), "event=short n=99");
+  EXPECT_LT(log.OfWorker("w-3", 1000).size(), kMaxWorkerLines);
+  EXPECT_GT(log.OfWorker("w-3", 1000).size(), 5u);
+}
+
+TEST(EventLog, OfTooManyWorkersTheOneThatWasSilentForLongestIsDropped) {
+  EventLog log;
+  const auto say = [&](const std::string& worker) {
+    log.AddOfWorker(worker, Sent(0, {"event=a"}), kLater, IsKnown);
+  };
+  say("first/a");
+  say("second/a");
+  for (size_t i = 3; i <= kMaxLoggedWorkers; ++i) say(absl::StrCat("w-", i, "/a"));
+  say("first/a");
+  say("last/a");
+  EXPECT_EQ(log.OfWorker("first", 9).size(), 2u);
+  EXPECT_THAT(log.OfWorker("second", 9), IsEmpty());
+  EXPECT_EQ(log.OfWorker("last", 9).size(), 1u);
+}
+
 TEST(EventLog, TheLoggerKeepsLinesFromInfoOn) {
   std::ostringstream text;
   const auto other =
       std::make_shared<spdlog::logger>("x", std::make_shared<spdlog::sinks::ostream_sink_mt>(text));
   other->set_level(spdlog::level::debug);
   EventLog events;
-  const std::shared_ptr<spdlog::logger> log = MakeEventLogger(other, &events);
+  const std::shared_ptr<spdlog::logger> log = MakeEventLogger(other, nullptr, &events);
   log->debug("event=one job=j");
   log->info("event=two job=j");
   log->error("event=three job=j");

@@ -21,7 +21,7 @@ class InHandTest : public ::testing::Test {
  protected:
   InHandTest() {
     log_->set_level(spdlog::level::debug);
-    rig_ = std::make_unique<Rig>(std::string(kScene), Spec(), 1, log_);
+    rig_ = std::make_unique<Rig>(std::string(kScene), Spec(), 1, WorkerLog{.log = log_});
   }
 
   /// Loses the connection and opens another one.

@@ -127,7 +127,7 @@ TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
   const auto lost = std::make_shared<FakeOutbox>();
   const auto next = std::make_shared<FakeOutbox>();
   {
-    WorkerImpl worker(1, &specs, &renderer, Silent());
+    WorkerImpl worker(1, &specs, &renderer, SilentLog());
     worker.OnConnected(lost);
     worker.OnMessage(Grant(2));
     assets.AwaitFetches(1);  // the first unit is being rendered
@@ -150,7 +150,7 @@ TEST(WorkerImpl, ForgetsAnEndedJob) {
   SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
   {
-    WorkerImpl worker(1, &specs, &renderer, Silent());
+    WorkerImpl worker(1, &specs, &renderer, SilentLog());
     worker.OnConnected(outbox);
     worker.OnMessage(Grant(4));
     assets.AwaitFetches(1);
@@ -249,7 +249,7 @@ TEST(WorkerImpl, KnowsSinceWhenItIsIdle) {
   FakeSpecs source{Spec()};
   SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, Silent());
+  WorkerImpl worker(1, &specs, &renderer, SilentLog());
   const absl::Time start = worker.IdleSince();
   EXPECT_LE(start, rpc::MonotonicNow());
   worker.OnConnected(outbox);

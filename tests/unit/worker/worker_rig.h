@@ -83,7 +83,7 @@ inline v1::CoordinatorMessage Ack(const v1::Lease& lease) {
 struct Rig {
   explicit Rig(const absl::StatusOr<std::string>& scene = std::string(kScene),
                const absl::StatusOr<v1::JobSpec>& spec = Spec(), int threads = 1,
-               std::shared_ptr<spdlog::logger> log = Silent())
+               WorkerLog log = {.log = Silent()})
       : assets(scene), source(spec) {
     worker = std::make_unique<WorkerImpl>(threads, &specs, &renderer, std::move(log));
     worker->OnConnected(outbox);

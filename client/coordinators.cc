@@ -47,7 +47,8 @@ Coordinators::Coordinators(FarmClientOptions options, Connect connect)
       current_(
           std::min(static_cast<size_t>(options_.time.jitter() * static_cast<double>(size())), size() - 1)) {}
 
-Coordinators::Coordinators(FarmClientOptions options) : Coordinators(options, OverTheNetwork(options)) {}
+Coordinators::Coordinators(const FarmClientOptions& options)
+    : Coordinators(options, OverTheNetwork(options)) {}
 
 absl::Status Coordinators::Call(const CallPolicy& policy, Try call) {
   const bool answered = false;
@@ -70,7 +71,7 @@ absl::Status Coordinators::Stream(absl::Duration timeout, const bool* answered, 
     grpc::ClientContext context;
     context.set_deadline(rpc::MonotonicDeadline(timeout));
     if (!options_.trace_parent.empty()) context.AddMetadata(rpc::kTraceParentKey, options_.trace_parent);
-    const absl::Status status = rpc::StatusFromGrpc(call(context, CurrentChannel()));
+    absl::Status status = rpc::StatusFromGrpc(call(context, CurrentChannel()));
     if (status.ok()) return status;
     if (interrupted()) return absl::CancelledError("interrupted");
     if (!IsLost(status)) return status;

@@ -66,7 +66,7 @@ class Coordinators {
   /// `connect` is called once for each coordinator, when it is first needed.
   Coordinators(FarmClientOptions options, Connect connect);
   /// Channels over the network.
-  explicit Coordinators(FarmClientOptions options);
+  explicit Coordinators(const FarmClientOptions& options);
 
   size_t size() const { return options_.coordinators.size(); }
   bool interrupted() const { return options_.interrupted(); }

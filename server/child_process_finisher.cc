@@ -82,7 +82,7 @@ std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder
 }
 
 int RunFinishFrameProcess(const std::vector<std::string>& arguments) {
-  return RunChildTask(arguments, FinishAsChild);
+  return RunChildTask(arguments, kChildNiceness, FinishAsChild);
 }
 
 }  // namespace lumifold::server

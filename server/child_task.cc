@@ -27,11 +27,11 @@ constexpr int kFailed = 1;
 /// Of ChildProcess::Run, before the arguments of the task.
 constexpr size_t kCommonArguments = 3;
 
-absl::Status YieldToOthers() {
+absl::Status YieldToOthers(int wanted) {
   // If the coordinator is killed, this frame is finished again after its restart.
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   const int niceness = getpriority(PRIO_PROCESS, 0);
-  if (niceness < kChildNiceness && setpriority(PRIO_PROCESS, 0, kChildNiceness) != 0)
+  if (niceness < wanted && setpriority(PRIO_PROCESS, 0, wanted) != 0)
     return absl::InternalError(absl::StrCat("setpriority: ", std::strerror(errno)));
   return absl::OkStatus();
 }
@@ -59,13 +59,14 @@ absl::Status FenceThisProcess(const DataFolder& folder, const std::string& store
   return fence::EnterFence(options).status();
 }
 
-absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments, const ChildBody& body) {
+absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments, int niceness,
+                                       const ChildBody& body) {
   int threads = 0;
   uint64_t memory_limit_bytes = 0;
   if (arguments.size() < kCommonArguments || !absl::SimpleAtoi(arguments[1], &threads) || threads < 1 ||
       !absl::SimpleAtoi(arguments[2], &memory_limit_bytes))
     return absl::InvalidArgumentError("only the coordinator starts this command");
-  if (absl::Status status = YieldToOthers(); !status.ok()) return status;
+  if (absl::Status status = YieldToOthers(niceness); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
   setenv("SQLITE_TMPDIR", (folder.root() + "/film").c_str(),
          /*overwrite=*/1);  // the fence leaves no other folder
@@ -90,8 +91,8 @@ absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments
 
 }  // namespace
 
-int RunChildTask(const std::vector<std::string>& arguments, const ChildBody& body) {
-  const absl::StatusOr<std::string> answer = RunInChild(arguments, body);
+int RunChildTask(const std::vector<std::string>& arguments, int niceness, const ChildBody& body) {
+  const absl::StatusOr<std::string> answer = RunInChild(arguments, niceness, body);
   if (answer.ok()) {
     std::cout << *answer << std::flush;
     return 0;

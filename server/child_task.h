@@ -13,8 +13,10 @@
 namespace lumifold::server {
 
 /// Niceness of a child process. It yields to the coordinator and to workers on the same machine, but still gets
-/// about a quarter of a core that it shares with one process of niceness 0. At niceness 10 it would be a tenth.
+/// about a quarter of a core that it shares with one process of niceness 0.
 inline constexpr int kChildNiceness = 5;
+/// Of one that has time: a tenth of such a core.
+inline constexpr int kIdleNiceness = 10;
 
 /// What the task of a child process has.
 struct ChildTask {
@@ -28,7 +30,7 @@ struct ChildTask {
 using ChildBody = std::function<absl::StatusOr<std::string>(const ChildTask&)>;
 
 /// The main function of a child process that ChildProcess has started; `arguments` are those after the command. Lowers its
-/// priority to kChildNiceness (or the coordinator's, if that is higher), fences it in and runs `body`. Returns the exit code.
-int RunChildTask(const std::vector<std::string>& arguments, const ChildBody& body);
+/// priority to `niceness` (or the coordinator's, if that is higher), fences it in and runs `body`. Returns the exit code.
+int RunChildTask(const std::vector<std::string>& arguments, int niceness, const ChildBody& body);
 
 }  // namespace lumifold::server

@@ -94,7 +94,7 @@ absl::Status Coordinator::TryToAdopt(const JobId& job) {
     absl::MutexLock lock(&mutex_);
     uncertain_jobs_.erase(job);
     if (IsInMemory(job)) return absl::OkStatus();
-    EnterJob(*std::move(loaded));
+    EnterJob(*loaded);
     changed_jobs_.insert(job);
     housekeeping_.Wake();
     finishing_.Wake();

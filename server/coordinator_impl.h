@@ -333,7 +333,7 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   absl::Status LoadRounds(LoadedJob* loaded) const;
   absl::Status RestoreFiles(const ledger::JobRecord& record, const std::vector<int32_t>& finished);
   /// Makes a loaded job active.
-  void EnterJob(LoadedJob loaded) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void EnterJob(const LoadedJob& loaded) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Starts jobs whose manifest lies here but that the ledger does not have, and clears away after jobs that have ended.
   absl::StatusOr<std::vector<ledger::JobRecord>> FindForgottenJobs();
   absl::Status CheckSpec(const v1::JobSpec& spec) const;

@@ -195,7 +195,7 @@ void Coordinator::Resume(const JobId& job) {
                         committer_->RestoreLog({job, frame}, bytes);
                       absl::MutexLock lock(&mutex_);
                       suspended_jobs_.erase(job);
-                      EnterJob(std::move(*shared));
+                      EnterJob(*shared);
                       dependencies_.Reopened(job);
                       changed_jobs_.insert(job);
                       housekeeping_.Wake();

@@ -59,11 +59,11 @@ absl::Status Coordinator::Restore() ABSL_NO_THREAD_SAFETY_ANALYSIS {
   }
   absl::StatusOr<std::vector<ledger::JobRecord>> forgotten = FindForgottenJobs();
   if (!forgotten.ok()) return forgotten.status();
-  for (ledger::JobRecord& record : *forgotten) {
+  for (const ledger::JobRecord& record : *forgotten) {
     options_.log->warn(
         "event=job_adopted job={} reason=\"its manifest is here, but not its row in the ledger\"",
         record.id.value());
-    if (absl::Status status = RestoreJob(std::move(record)); !status.ok()) return status;
+    if (absl::Status status = RestoreJob(record); !status.ok()) return status;
   }
   return absl::OkStatus();
 }
@@ -100,7 +100,7 @@ absl::Status Coordinator::RestoreJob(const ledger::JobRecord& record) {
   for (const auto& [frame, bytes] : loaded->committed_bytes)
     committer_->RestoreLog({record.id, frame}, bytes);
   absl::MutexLock lock(&mutex_);
-  EnterJob(*std::move(loaded));
+  EnterJob(*loaded);
   return absl::OkStatus();
 }
 
@@ -169,7 +169,7 @@ absl::Status Coordinator::LoadRounds(LoadedJob* loaded) const {
   return absl::OkStatus();
 }
 
-void Coordinator::EnterJob(LoadedJob loaded) {
+void Coordinator::EnterJob(const LoadedJob& loaded) {
   const JobId id = loaded.record.id;
   active_jobs_[id] = loaded.record;
   if (!loaded.error.empty()) return EndJob(id, v1::JOB_STATE_FAILED, loaded.error);
@@ -181,10 +181,10 @@ void Coordinator::EnterJob(LoadedJob loaded) {
   scheduler_.AddJob(id, loaded.record.spec, options);
   LimitFramesFor(id);
   for (const int32_t frame : loaded.finished) scheduler_.RestoreFinishedFrame(id, frame);
-  for (auto& [frame, rounds] : loaded.rounds) {
+  for (const auto& [frame, rounds] : loaded.rounds) {
     v1::StageTimes& times = active_jobs_.at(id).times;  // the ledger has those of finished frames
     times.set_render_seconds(std::max(times.render_seconds(), rounds->rendered_seconds()));
-    scheduler_.SetRounds(id, frame, std::move(rounds));
+    scheduler_.SetRounds(id, frame, rounds);
   }
   for (const scheduler::RestoredUnit& unit : loaded.units)
     scheduler_.RestoreCommittedUnit(id, unit, options_.now());

@@ -210,8 +210,8 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                         const v1::ListWorkersRequest* request,
                                         v1::ListWorkersResponse* response) override {
     return AnswerLater(context, gate_.Admit(context, "ListWorkers", ""), response,
-                       [&](const CallGate::Call& call, Done<v1::ListWorkersResponse> done) {
-                         ListWorkersOfFarm(*context, call.caller(), *request, std::move(done));
+                       [&](const CallGate::Call& call, const Done<v1::ListWorkersResponse>& done) {
+                         ListWorkersOfFarm(*context, call.caller(), *request, done);
                        });
   }
   grpc::ServerUnaryReactor* DrainWorker(grpc::CallbackServerContext* context,

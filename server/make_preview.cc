@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <functional>
 #include <memory>
 #include <numeric>
 #include <set>
@@ -15,7 +17,9 @@
 #include "filter/image/exr_film.h"
 #include "filter/image/layers.h"
 #include "filter/image/reduce.h"
+#include "filter/image/tile_samples.h"
 #include "filter/methods.h"
+#include "filter/metrics/error_estimate.h"
 #include "proto/rpc/image_codec.h"
 #include "proto/rpc/plane_codec.h"
 #include "server/child_task.h"
@@ -27,6 +31,9 @@ namespace lumifold::server {
 namespace {
 
 constexpr std::string_view kSamples = "samples.Y";
+constexpr std::string_view kErrorChannel = "error.Y";
+/// Last argument of the child process where somebody waits for the preview.
+constexpr char kUrgent[] = "urgent";
 
 /// Rows that are read at a time: of tiles, so that none is read twice.
 constexpr int kBandRows = 64;
@@ -129,22 +136,88 @@ absl::StatusOr<v1::Preview> PreviewOfResult(const DataFolder& folder, const ledg
   return preview;
 }
 
-absl::StatusOr<v1::Preview> PreviewOfUnits(const ledger::JobRecord& job, int32_t frame,
-                                           const CommittedUnits& units, TaskPool* pool) {
-  const v1::JobSpec& spec = job.spec;
-  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::OpenUnfinished(
-      spec, frame, &units, [&units](const job::UnitKey& key) { return units.Has(key); }, pool);
+/// For each tile its last committed pass; -1 where it has none.
+std::vector<int32_t> LastPasses(const v1::JobSpec& spec, int32_t frame, const CommittedUnits& units) {
+  const job::FrameUnits tiles(spec);
+  std::vector<int32_t> last(static_cast<size_t>(tiles.tiles().count()), -1);
+  for (int32_t tile = 0; tile < tiles.tiles().count(); ++tile) {
+    for (int32_t pass = 0; pass < tiles.pass_count(); ++pass) {
+      if (units.Has({frame, tile, pass, v1::UNIT_KIND_PASS})) last[static_cast<size_t>(tile)] = pass;
+    }
+  }
+  return last;
+}
+
+/// A frame as far as it is committed, reduced, and what the filter makes of it.
+struct FilteredPreview {
+  LayeredImage film;
+  std::array<Plane, 3> picture;
+};
+
+absl::StatusOr<FilteredPreview> FilterUnits(const v1::JobSpec& spec, int32_t frame,
+                                            const CommittedUnits& units,
+                                            const std::function<bool(const job::UnitKey&)>& has,
+                                            TaskPool* pool) {
+  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::OpenUnfinished(spec, frame, &units, has, pool);
   if (!film.ok()) return film.status();
-  const int factor = FactorOf(spec.width(), spec.height());
-  absl::StatusOr<LayeredImage> reduced = ReadReduced(&*film, factor, spec.tile_size());
+  absl::StatusOr<LayeredImage> reduced =
+      ReadReduced(&*film, FactorOf(spec.width(), spec.height()), spec.tile_size());
   if (!reduced.ok()) return reduced.status();
-  absl::StatusOr<std::array<Plane, 3>> filtered = filter::FilterFilm(*reduced, spec.filter().method(), pool);
+  absl::StatusOr<std::array<Plane, 3>> picture = filter::FilterFilm(*reduced, spec.filter().method(), pool);
+  if (!picture.ok()) return picture.status();
+  return FilteredPreview{*std::move(reduced), *std::move(picture)};
+}
+
+metrics::FilteredFilm ViewOf(const FilteredPreview& preview) {
+  return {preview.film, {preview.picture[0].view(), preview.picture[1].view(), preview.picture[2].view()}};
+}
+
+/// The estimated error of each pixel of `now`, in 8-bit steps: constant in blocks, 0 where a tile has one pass only. It is
+/// compared with the frame as it was before the last pass of each tile.
+absl::StatusOr<Plane> ErrorOf(const v1::JobSpec& spec, int32_t frame, const CommittedUnits& units,
+                              const FilteredPreview& now, TaskPool* pool) {
+  Plane error(now.film.width(), now.film.height());
+  const std::vector<int32_t> last = LastPasses(spec, frame, units);
+  if (std::all_of(last.begin(), last.end(), [](int32_t pass) { return pass < 1; })) return error;
+  const absl::StatusOr<FilteredPreview> earlier = FilterUnits(
+      spec, frame, units,
+      [&](const job::UnitKey& key) {
+        const bool is_last =
+            key.kind == v1::UNIT_KIND_PASS && key.pass > 0 && key.pass == last[static_cast<size_t>(key.tile)];
+        return units.Has(key) && !is_last;
+      },
+      pool);
+  if (!earlier.ok()) return earlier.status();
+  const metrics::ErrorEstimate estimate = metrics::EstimateError(ViewOf(*earlier), ViewOf(now), kSampleBlock,
+                                                                 metrics::ErrorMetric::kMse255, pool);
+  for (int y = 0; y < error.height(); ++y) {
+    for (int x = 0; x < error.width(); ++x) {
+      const int block = y / kSampleBlock * estimate.columns + x / kSampleBlock;
+      error.At(x, y) =
+          static_cast<float>(std::sqrt(std::max(0.0, estimate.blocks[static_cast<size_t>(block)])));
+    }
+  }
+  return error;
+}
+
+absl::StatusOr<v1::Preview> PreviewOfUnits(const ledger::JobRecord& job, int32_t frame,
+                                           const CommittedUnits& units, const PreviewWish& wish,
+                                           TaskPool* pool) {
+  const v1::JobSpec& spec = job.spec;
+  absl::StatusOr<FilteredPreview> filtered = FilterUnits(
+      spec, frame, units, [&units](const job::UnitKey& key) { return units.Has(key); }, pool);
   if (!filtered.ok()) return filtered.status();
-  Plane samples = SamplesOf(*reduced, factor);
+  absl::StatusOr<Plane> error = Plane();
+  if (wish.error) error = ErrorOf(spec, frame, units, *filtered, pool);
+  if (!error.ok()) return error.status();
+  Plane samples = SamplesOf(filtered->film, FactorOf(spec.width(), spec.height()));
   const double mean = MeanOf(samples);
-  LayeredImage picture = film::BuildResult({*std::move(reduced), {}}, *std::move(filtered), {}).pixels;
+  LayeredImage picture =
+      film::BuildResult({std::move(filtered->film), {}}, std::move(filtered->picture), {}).pixels;
   picture.Add(kSamples, std::move(samples));
+  if (wish.error) picture.Add(kErrorChannel, *std::move(error));
   v1::Preview preview = PreviewOf(spec.width(), spec.height(), std::move(picture));
+  if (!wish.error) preview.add_layers(kErrorLayer);  // for who wishes for it
   preview.set_units(units.count());
   preview.set_samples_per_pixel(mean);
   return preview;
@@ -152,10 +225,11 @@ absl::StatusOr<v1::Preview> PreviewOfUnits(const ledger::JobRecord& job, int32_t
 
 absl::StatusOr<std::string> PreviewAsChild(const ChildTask& task) {
   int32_t frame = 0;
-  if (task.arguments.size() != 2 || !absl::SimpleAtoi(task.arguments[1], &frame))
+  if (task.arguments.size() != 4 || !absl::SimpleAtoi(task.arguments[1], &frame))
     return absl::InvalidArgumentError("make-preview: only the coordinator starts this command");
   const absl::StatusOr<v1::Preview> preview =
-      MakePreview(task.folder, task.store, job::JobId(task.arguments[0]), frame, task.pool);
+      MakePreview(task.folder, task.store, job::JobId(task.arguments[0]), frame,
+                  {.error = task.arguments[2] == kErrorLayer}, task.pool);
   if (!preview.ok()) return preview.status();
   return preview->SerializeAsString();
 }
@@ -163,7 +237,8 @@ absl::StatusOr<std::string> PreviewAsChild(const ChildTask& task) {
 }  // namespace
 
 absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobStore& store,
-                                        const job::JobId& job, int32_t frame, TaskPool* pool) {
+                                        const job::JobId& job, int32_t frame, const PreviewWish& wish,
+                                        TaskPool* pool) {
   const absl::StatusOr<ledger::JobRecord> record = store.GetJob(job);
   if (!record.ok()) return record.status();
   const absl::StatusOr<std::vector<int32_t>> finished = store.FinishedFrames(job);
@@ -173,7 +248,12 @@ absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobSto
   const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *record, frame);
   if (!units.ok()) return units.status();
   if (units->count() == 0) return absl::OutOfRangeError("no unit of the frame is committed yet");
-  return PreviewOfUnits(*record, frame, *units, pool);
+  return PreviewOfUnits(*record, frame, *units, wish, pool);
+}
+
+bool HasErrorLayer(const v1::Preview& preview) {
+  const auto& channels = preview.layout().channels();
+  return std::find(channels.begin(), channels.end(), kErrorChannel) != channels.end();
 }
 
 absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer) {
@@ -201,10 +281,12 @@ absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::st
 }
 
 absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
-                                           const job::JobId& job, int32_t frame) {
+                                           const job::JobId& job, int32_t frame, const PreviewWish& wish) {
   const std::string task = absl::StrCat("the preview of frame ", frame);
-  const absl::StatusOr<std::string> answer =
-      process->Run(kMakePreviewCommand, folder.root(), {job.value(), absl::StrCat(frame)}, job, task);
+  const absl::StatusOr<std::string> answer = process->Run(
+      kMakePreviewCommand, folder.root(),
+      {job.value(), absl::StrCat(frame), wish.error ? kErrorLayer : "", wish.urgent ? kUrgent : ""}, job,
+      task);
   if (!answer.ok()) return answer.status();
   v1::Preview preview;
   if (!preview.ParseFromString(*answer))
@@ -213,7 +295,8 @@ absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFold
 }
 
 int RunMakePreviewProcess(const std::vector<std::string>& arguments) {
-  return RunChildTask(arguments, PreviewAsChild);
+  const bool is_urgent = !arguments.empty() && arguments.back() == kUrgent;
+  return RunChildTask(arguments, is_urgent ? 0 : kIdleNiceness, PreviewAsChild);
 }
 
 }  // namespace lumifold::server

@@ -19,13 +19,27 @@ inline constexpr int kPreviewSide = 512;
 /// Preview.units of a finished frame. A double can hold it, as programs need that read it as JSON.
 inline constexpr int64_t kFinishedUnits = (int64_t{1} << 53) - 1;
 
+/// What a preview is made for.
+struct PreviewWish {
+  /// As fast as the machine can, because somebody waits for it; otherwise with what others leave.
+  bool urgent = true;
+  /// With kErrorLayer, which takes twice the time.
+  bool error = false;
+};
+/// The estimated error of the filtered picture: the root of the mean square of blocks of kSampleBlock pixels, in 8-bit steps;
+/// 0 where a tile has less than two passes. Only of a frame that is not finished.
+inline constexpr char kErrorLayer[] = "error";
+/// Whether a preview has been made with it.
+bool HasErrorLayer(const v1::Preview& preview);
+
 /// Makes the preview of a frame, reduced to kPreviewSide: of its result, or of a film of the units that are committed, which is
 /// filtered after it is reduced. The latter has all channels of a result, and "samples.Y", the samples per pixel of the frame.
 /// Memory: a band of rows of the film, and twice the preview with all channels of the film.
 /// Errors: those of CommittedUnits, ExrFilm and FilterFilm; kOutOfRange while no unit is committed.
 /// Threads: safe concurrently; the preview does not depend on `pool`, which may be null.
 absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobStore& store,
-                                        const job::JobId& job, int32_t frame, TaskPool* pool);
+                                        const job::JobId& job, int32_t frame, const PreviewWish& wish,
+                                        TaskPool* pool);
 
 /// The part of a preview that is one layer of GetPreviewRequest.
 /// Errors: kInvalidArgument naming the layers that there are.
@@ -33,7 +47,7 @@ absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::st
 
 /// MakePreview in a child process. Errors: also those of ChildProcess::Run.
 absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
-                                           const job::JobId& job, int32_t frame);
+                                           const job::JobId& job, int32_t frame, const PreviewWish& wish);
 /// First argument of the child process.
 inline constexpr char kMakePreviewCommand[] = "make-preview";
 /// Its main function: `arguments` are those after the command. Returns the exit code.

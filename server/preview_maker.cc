@@ -12,15 +12,12 @@ namespace {
 /// Between two looks at whether units were committed, while somebody waits for a preview.
 constexpr absl::Duration kLook = absl::Milliseconds(100);
 
-absl::StatusOr<v1::Preview> AnswerFrom(const std::shared_ptr<const v1::Preview>& newest,
-                                       const v1::GetPreviewRequest& request) {
-  return LayerOfPreview(*newest, request.layer());
-}
-
 }  // namespace
 
 PreviewMaker::PreviewMaker(PreviewOptions options)
-    : options_(std::move(options)), thread_([this] { Run(); }) {}
+    : options_(std::move(options)),
+      thread_([this] { Run(); }),
+      patience_thread_([this] { WatchPatience(); }) {}
 
 void PreviewMaker::Get(const v1::GetPreviewRequest& request, const Answer& answer) {
   const Key key(job::JobId(request.job_id()), request.frame());
@@ -39,16 +36,15 @@ void PreviewMaker::Get(const v1::GetPreviewRequest& request, const Answer& answe
       frame.used = rpc::MonotonicNow();
       const bool runs_again = *units != kFinishedUnits && frame.newest != nullptr && frame.newest->finished();
       if (runs_again) frame.newest = nullptr;
-      if (frame.newest != nullptr && frame.newest->units() > request.newer_than_units()) {
-        newest = frame.newest;
-      } else {
+      newest = NewestFor(frame, request);
+      if (newest == nullptr) {
         frame.waiting.push_back({request, answer, frame.used + options_.patience});
         ++waiting_;
       }
     }
   }
   if (!refusal.ok()) return answer(refusal);
-  if (newest != nullptr) answer(AnswerFrom(newest, request));
+  if (newest != nullptr) answer(LayerOfPreview(*newest, request.layer()));
 }
 
 void PreviewMaker::Stop() {
@@ -59,6 +55,22 @@ void PreviewMaker::Stop() {
   stop_.Notify();
   options_.cancel();
   if (thread_.joinable()) thread_.join();
+  if (patience_thread_.joinable()) patience_thread_.join();
+}
+
+void PreviewMaker::WatchPatience() {
+  do {
+    Answers answers;
+    {
+      absl::MutexLock lock(&mutex_);
+      mutex_.Await(absl::Condition(this, &PreviewMaker::HasWorkOrStops));
+      for (const Key& key : Wanted()) {
+        for (auto& entry : TakeAnswers(key, absl::OkStatus(), rpc::MonotonicNow()))
+          answers.push_back(std::move(entry));
+      }
+    }
+    for (auto& [answer, result] : answers) answer(std::move(result));
+  } while (!stop_.WaitFor(kLook));
 }
 
 void PreviewMaker::Run() {
@@ -91,18 +103,29 @@ void PreviewMaker::Renew(const Key& key) {
   absl::Status error = units.status();
   const absl::Time start = rpc::MonotonicNow();
   bool is_due = false;
+  PreviewWish wish;
   {
     absl::MutexLock lock(&mutex_);
-    const Frame& frame = frames_.at(key);
-    is_due = units.ok() && *units != frame.made_of && start >= frame.next;
+    Frame& frame = frames_.at(key);
+    frame.begun = std::min(frame.begun, start);
+    wish.urgent = IsUrgent(frame, start);
+    wish.error = std::any_of(frame.waiting.begin(), frame.waiting.end(),
+                             [](const Waiting& waiting) { return waiting.request.layer() == kErrorLayer; });
+    const bool has_what_is_wished =
+        !wish.error || frame.newest == nullptr || frame.newest->finished() || HasErrorLayer(*frame.newest);
+    is_due = units.ok() && (*units != frame.made_of || !has_what_is_wished) &&
+             (start >= frame.next || *units == kFinishedUnits);
   }
   if (is_due) {
-    absl::StatusOr<v1::Preview> made = options_.make(key.first, key.second);
+    absl::StatusOr<v1::Preview> made = options_.make(key.first, key.second, wish);
     const absl::Time end = rpc::MonotonicNow();
     absl::MutexLock lock(&mutex_);
     Frame& frame = frames_.at(key);
     frame.made_of = *units;
-    frame.next = std::max(start + options_.interval, end + (end - start) * (1 / options_.duty - 1));
+    if (wish.urgent) frame.urgent += end - start;
+    frame.next = start + options_.interval;
+    if (!IsUrgent(frame, end))
+      frame.next = std::max(frame.next, end + (end - start) * (1 / options_.duty - 1));
     if (made.ok()) {
       frame.newest = std::make_shared<const v1::Preview>(*std::move(made));
     } else if (!absl::IsOutOfRange(made.status())) {
@@ -117,14 +140,22 @@ void PreviewMaker::Renew(const Key& key) {
   for (auto& [answer, result] : answers) answer(std::move(result));
 }
 
+std::shared_ptr<const v1::Preview> PreviewMaker::NewestFor(const Frame& frame,
+                                                           const v1::GetPreviewRequest& request) {
+  if (frame.newest == nullptr || frame.newest->units() <= request.newer_than_units()) return nullptr;
+  // A finished frame has no errors, and who asks for them is told so.
+  const bool lacks_errors =
+      request.layer() == kErrorLayer && !frame.newest->finished() && !HasErrorLayer(*frame.newest);
+  return lacks_errors ? nullptr : frame.newest;
+}
+
 PreviewMaker::Answers PreviewMaker::TakeAnswers(const Key& key, const absl::Status& error, absl::Time now) {
   Answers answers;
   Frame& frame = frames_.at(key);
   std::erase_if(frame.waiting, [&](const Waiting& waiting) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
-    const bool has_newer =
-        frame.newest != nullptr && frame.newest->units() > waiting.request.newer_than_units();
-    if (has_newer) {
-      answers.emplace_back(waiting.answer, AnswerFrom(frame.newest, waiting.request));
+    const std::shared_ptr<const v1::Preview> newest = NewestFor(frame, waiting.request);
+    if (newest != nullptr) {
+      answers.emplace_back(waiting.answer, LayerOfPreview(*newest, waiting.request.layer()));
     } else if (!error.ok()) {
       answers.emplace_back(waiting.answer, error);
     } else if (now >= waiting.until) {

@@ -295,9 +295,10 @@ absl::Status ServerImpl::OpenCoordinator() {
 }
 
 void ServerImpl::OpenPreviews() {
-  const auto make = [this](const job::JobId& job, int32_t frame) {
-    return options_.filter_in_child_process ? RunMakePreview(&preview_process_, folder_, job, frame)
-                                            : MakePreview(folder_, *store_, job, frame, /*pool=*/nullptr);
+  const auto make = [this](const job::JobId& job, int32_t frame, const PreviewWish& wish) {
+    return options_.filter_in_child_process
+               ? RunMakePreview(&preview_process_, folder_, job, frame, wish)
+               : MakePreview(folder_, *store_, job, frame, wish, /*pool=*/nullptr);
   };
   previews_ = std::make_unique<PreviewMaker>(
       PreviewOptions{.make = make,

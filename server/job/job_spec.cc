@@ -115,8 +115,14 @@ absl::Status CheckUnits(const v1::JobSpec& spec) {
     absl::Status status = CheckRange("pass_samples", spec.pass_samples(), 2, kMaxSamples);
     if (!status.ok()) return status;
   }
-  if (spec.pass_samples() % 2 == 0) return absl::OkStatus();
-  return absl::InvalidArgumentError(absl::StrCat("pass_samples is ", spec.pass_samples(), ", not even"));
+  absl::Status status = CheckRange("first_pass_samples", spec.first_pass_samples(), 0, spec.pass_samples());
+  if (!status.ok()) return status;
+  for (const auto& [field, samples] : {std::pair("pass_samples", spec.pass_samples()),
+                                       std::pair("first_pass_samples", spec.first_pass_samples())}) {
+    if (samples % 2 != 0)
+      return absl::InvalidArgumentError(absl::StrCat(field, " is ", samples, ", not even"));
+  }
+  return absl::OkStatus();
 }
 
 absl::Status CheckNumbers(const v1::JobSpec& spec) {
@@ -223,18 +229,24 @@ absl::Status ApplyForced(v1::JobSpec* spec) {
     return status;
   const auto passes = values->find(decisions::kPassSamples);
   if (passes != values->end() && passes->second == 0 && spec->pass_samples() == 0)
-    spec->set_pass_samples(DefaultPassSamples(spec->samples_per_pixel()));
+    SetPassSamples(DefaultPassSamples(spec->samples_per_pixel()), spec);
   return TakeForced("pass_samples", *values, decisions::kPassSamples, spec->pass_samples(),
-                    [spec](int value) { spec->set_pass_samples(value); });
+                    [spec](int value) { SetPassSamples(value, spec); });
 }
 
 }  // namespace
+
+void SetPassSamples(int pass_samples, v1::JobSpec* spec) {
+  spec->set_pass_samples(pass_samples);
+  if (spec->first_pass_samples() == 0 && pass_samples > kFirstPassSamples && !spec->has_adaptive())
+    spec->set_first_pass_samples(kFirstPassSamples);
+}
 
 absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   if (absl::Status status = ApplyForced(&spec); !status.ok()) return status;
   if (!NeedsPlan(spec)) {
     if (spec.tile_size() == 0) spec.set_tile_size(kDefaultTileSize);
-    if (spec.pass_samples() == 0) spec.set_pass_samples(DefaultPassSamples(spec.samples_per_pixel()));
+    if (spec.pass_samples() == 0) SetPassSamples(DefaultPassSamples(spec.samples_per_pixel()), &spec);
   }
   if (spec.frames_per_second() == 0) spec.set_frames_per_second(kDefaultFramesPerSecond);
   if (spec.filter().method().empty()) spec.mutable_filter()->set_method("default");

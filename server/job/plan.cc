@@ -129,7 +129,7 @@ absl::StatusOr<v1::JobSpec> PlannedSpec(const v1::JobSpec& spec, const v1::Plan&
   *planned.mutable_plan() = plan;
   if (planned.tile_size() == 0) planned.set_tile_size(FindDecision(plan, decisions::kTileSize)->value());
   if (planned.pass_samples() == 0)
-    planned.set_pass_samples(FindDecision(plan, decisions::kPassSamples)->value());
+    SetPassSamples(FindDecision(plan, decisions::kPassSamples)->value(), &planned);
   absl::StatusOr<v1::JobSpec> normalised = NormaliseJobSpec(std::move(planned));
   if (!normalised.ok()) return Invalid(std::string(normalised.status().message()));
   return normalised;
@@ -157,7 +157,10 @@ v1::JobSpec UnplannedSpec(v1::JobSpec spec) {
   };
   if (spec.planning().mode() != v1::PLAN_MODE_AUTO || !spec.has_plan()) return spec;
   if (is_planned(decisions::kTileSize)) spec.clear_tile_size();
-  if (is_planned(decisions::kPassSamples)) spec.clear_pass_samples();
+  if (is_planned(decisions::kPassSamples)) {
+    spec.clear_pass_samples();
+    spec.clear_first_pass_samples();
+  }
   spec.clear_plan();
   return spec;
 }

@@ -101,9 +101,16 @@ std::vector<int32_t> TileGrid::TilesIn(const Rect& rect) const {
 
 namespace {
 
+/// Of a pass before those of pass_samples; 0 where there is none.
+int FirstPassSamplesOf(const v1::JobSpec& spec) {
+  const int samples = spec.first_pass_samples();
+  return samples < std::min(spec.pass_samples(), spec.samples_per_pixel()) ? samples : 0;
+}
+
 int PassCountOf(const v1::JobSpec& spec) {
   if (NeedsPlan(spec)) return 0;
-  return spec.has_adaptive() ? kMaxRounds : CeilDivide(spec.samples_per_pixel(), spec.pass_samples());
+  if (spec.has_adaptive()) return kMaxRounds;
+  return CeilDivide(spec.samples_per_pixel(), spec.pass_samples()) + (FirstPassSamplesOf(spec) > 0 ? 1 : 0);
 }
 
 }  // namespace
@@ -116,6 +123,7 @@ FrameUnits::FrameUnits(const v1::JobSpec& spec)
       rank_of_tile_(tile_of_rank_.size()),
       samples_per_pixel_(spec.samples_per_pixel()),
       pass_samples_(spec.pass_samples()),
+      first_pass_samples_(FirstPassSamplesOf(spec)),
       pass_count_(PassCountOf(spec)),
       is_adaptive_(spec.has_adaptive()) {
   LUMIFOLD_CHECK(tile_of_rank_.empty() || tile_of_rank_.size() == static_cast<size_t>(tiles_.count()));
@@ -136,26 +144,33 @@ int FrameUnits::TileOfRank(int rank) const {
 
 std::optional<int64_t> FrameUnits::NumberOf(const UnitKey& key) const {
   if (key.tile < 0 || key.tile >= tiles_.count()) return std::nullopt;
-  if (key.kind == first_kind_) {
-    return key.pass == 0 ? std::optional<int64_t>(RankOf(key.tile)) : std::nullopt;
-  }
-  if (key.kind != v1::UNIT_KIND_PASS || key.pass < 0 || key.pass >= pass_count_) return std::nullopt;
+  const bool is_first_kind = key.kind == first_kind_;
+  if (is_first_kind && pass_count_ == 0) return key.pass == 0 ? std::optional<int64_t>(0) : std::nullopt;
+  const int passes = is_first_kind ? 1 : pass_count_;
+  if ((!is_first_kind && key.kind != v1::UNIT_KIND_PASS) || key.pass < 0 || key.pass >= passes)
+    return std::nullopt;
+  if (key.pass == 0) return 2 * int64_t{tiles_.RankOf(key.tile)} + (is_first_kind ? 0 : 1);
   return int64_t{tiles_.count()} * (1 + key.pass) + RankOf(key.tile);
 }
 
 UnitKey FrameUnits::KeyOf(int32_t frame, int64_t number) const {
   LUMIFOLD_CHECK(number >= 0 && number < count());
+  if (pass_count_ == 0) return {frame, 0, 0, first_kind_};
+  if (number < 2 * int64_t{tiles_.count()})
+    return {frame, tiles_.TileOfRank(static_cast<int>(number / 2)), 0, KindOf(number)};
   const int32_t tile = TileOfRank(static_cast<int>(number % tiles_.count()));
-  const auto layer = static_cast<int32_t>(number / tiles_.count());
-  if (layer == 0) return {frame, tile, 0, first_kind_};
-  return {frame, tile, layer - 1, v1::UNIT_KIND_PASS};
+  return {frame, tile, static_cast<int32_t>(number / tiles_.count()) - 1, v1::UNIT_KIND_PASS};
+}
+
+int FrameUnits::FirstSampleOf(int pass) const {
+  if (first_pass_samples_ == 0) return std::min(pass * pass_samples_, samples_per_pixel_);
+  return pass == 1 ? first_pass_samples_
+                   : std::min(std::max(pass - 1, 0) * pass_samples_, samples_per_pixel_);
 }
 
 SampleRange FrameUnits::SamplesOf(const UnitKey& key) const {
   if (key.kind != v1::UNIT_KIND_PASS || is_adaptive_) return {};
-  const int first = key.pass * pass_samples_;
-  return {static_cast<uint32_t>(first),
-          static_cast<uint32_t>(std::min(first + pass_samples_, samples_per_pixel_))};
+  return {static_cast<uint32_t>(FirstSampleOf(key.pass)), static_cast<uint32_t>(FirstSampleOf(key.pass + 1))};
 }
 
 int64_t FrameUnits::CameraSamplesOf(const UnitKey& key) const {

@@ -57,11 +57,11 @@ class TileGrid {
 /// Rounds that a frame with adaptive sampling has at most: they double its samples from the fourth on.
 inline constexpr int kMaxRounds = 24;
 
-/// The units that a frame may have, numbered in the order in which they are leased: the geometry of every tile, then
-/// pass 0 of every tile, then pass 1 and so on, so that an unfinished frame has about the same number of
-/// samples everywhere. The tiles are in the plan's order, the costliest first, so that no worker waits for a costly tile
-/// at the end; without one they are in the order of TileGrid::RankOf, so that a preview shows the middle of the picture
-/// first. With adaptive sampling a frame has some of these units only, and FrameRounds knows which and their samples.
+/// The units that a frame may have, numbered in the order in which they are leased: the geometry and pass 0 of one tile
+/// after another, in the order of TileGrid::RankOf, so that a preview soon shows the whole picture, its middle first; then
+/// pass 1 of every tile and so on, so that an unfinished frame has about the same number of samples everywhere. From
+/// pass 1 on the tiles are in the plan's order, if it has one: the costliest first, so that no worker waits for a costly tile
+/// at the end. With adaptive sampling a frame has some of these units only, and FrameRounds knows which and their samples.
 /// A job that needs a plan has one unit, its plan unit, whose tile is the whole frame.
 class FrameUnits {
  public:
@@ -81,7 +81,8 @@ class FrameUnits {
 
   /// The kind of the unit with a number in [0, count()).
   v1::UnitKind KindOf(int64_t number) const {
-    return number < tiles_.count() ? first_kind_ : v1::UNIT_KIND_PASS;
+    return pass_count_ == 0 || (number < 2 * int64_t{tiles_.count()} && number % 2 == 0) ? first_kind_
+                                                                                         : v1::UNIT_KIND_PASS;
   }
 
   /// Sample indices of a pass; empty for other units, and with adaptive sampling.
@@ -92,6 +93,8 @@ class FrameUnits {
  private:
   int RankOf(int tile) const;
   int TileOfRank(int rank) const;
+  /// Index of the first sample of a pass; samples_per_pixel after the last.
+  int FirstSampleOf(int pass) const;
 
   v1::UnitKind first_kind_;  // of the units before the passes
   TileGrid tiles_;
@@ -99,6 +102,7 @@ class FrameUnits {
   std::vector<int32_t> rank_of_tile_;  // its inverse
   int samples_per_pixel_;
   int pass_samples_;
+  int first_pass_samples_;
   int pass_count_;
   bool is_adaptive_;
 };

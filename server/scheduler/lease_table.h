@@ -16,14 +16,14 @@ namespace lumifold::scheduler {
 struct Place {
   int frame = 0;
   int64_t number = 0;
-  friend auto operator<=>(const Place&, const Place&) = default;
+  friend auto operator<=>(const Place&, const Place&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
 /// Identifies a unit among the active jobs; `job` is the scheduler's number of the job.
 struct UnitIndex {
   int64_t job = 0;
   Place place;
-  friend auto operator<=>(const UnitIndex&, const UnitIndex&) = default;
+  friend auto operator<=>(const UnitIndex&, const UnitIndex&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
 struct Lease {

@@ -200,12 +200,18 @@ void Scheduler::VoidOtherLeases(const UnitIndex& index) {
   job.history.erase(index.place);
 }
 
+size_t Scheduler::SizeClassOf(const Job& job, const Place& place) {
+  const job::UnitKey key = job.units.KeyOf(0, place.number);
+  if (key.kind == v1::UNIT_KIND_GEOMETRY) return 0;
+  return key.pass == 0 && job.spec.first_pass_samples() > 0 ? 1 : 2;
+}
+
 const Scheduler::UnitTimes& Scheduler::TimesOf(const Job& job, const Place& place) {
-  return job.times[job.units.KindOf(place.number) == v1::UNIT_KIND_GEOMETRY ? 0 : 1];
+  return job.times[SizeClassOf(job, place)];
 }
 
 Scheduler::UnitTimes& Scheduler::TimesOf(Job& job, const Place& place) {
-  return job.times[job.units.KindOf(place.number) == v1::UNIT_KIND_GEOMETRY ? 0 : 1];
+  return job.times[SizeClassOf(job, place)];
 }
 
 void Scheduler::CountTime(const Lease& lease, absl::Time now) {
@@ -426,7 +432,7 @@ Scheduler::Frame& Scheduler::ActiveFrame(Job& job, int frame) {
     it->second.deliverers.resize(static_cast<size_t>(job.units.count()));
     it->second.rounds = job.first_rounds;
     if (job.first_rounds != nullptr)
-      it->second.left.assign(static_cast<size_t>(1 + job.first_rounds->count()), job.units.tiles().count());
+      it->second.left.assign(static_cast<size_t>(job.first_rounds->count()) + 1, job.units.tiles().count());
     CountFrames(job, 1);
   }
   return it->second;

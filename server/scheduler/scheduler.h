@@ -218,7 +218,7 @@ class Scheduler {
     int64_t audits = 0;          // not settled
     std::set<int64_t> revoking;  // units of faulty workers that the caller has not revoked yet
   };
-  // Times of accepted units, from lease to delivery.
+  // Times of accepted units of one size, from lease to delivery.
   struct UnitTimes {
     int64_t count = 0;
     absl::Duration sum;
@@ -307,7 +307,7 @@ class Scheduler {
         next_unleased;  // units from here on, but for `ahead`, were never leased; it is not taken, see Advance
     std::set<Place> ahead;           // units after next_unleased that were leased by Regrant
     std::set<Place> returned;        // leased once, and free again or overdue
-    std::array<UnitTimes, 2> times;  // of geometry units and of passes
+    std::array<UnitTimes, 3> times;  // of geometry units, of a short pass 0 and of other passes
     std::map<Place, History> history;
     double audit_share = 0;
     std::map<Place, Audit> audits;                 // not settled
@@ -332,6 +332,7 @@ class Scheduler {
   const Lease* FindLease(job::WorkerId worker, const job::UnitRef& unit, job::Attempt attempt) const;
   void Bind(int64_t job_number, const std::string& numeric_class);
   void VoidOtherLeases(const UnitIndex& index);
+  static size_t SizeClassOf(const Job& job, const Place& place);
   static UnitTimes& TimesOf(Job& job, const Place& place);
   static const UnitTimes& TimesOf(const Job& job, const Place& place);
   void CountTime(const Lease& lease, absl::Time now);

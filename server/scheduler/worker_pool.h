@@ -24,7 +24,7 @@ struct Requirement {
   static Requirement Of(const std::string& numeric_class, std::vector<std::string> tags);
   /// Whether a worker of `kind` may render a job that requires this.
   bool Admits(const Requirement& kind) const;
-  friend auto operator<=>(const Requirement&, const Requirement&) = default;
+  friend auto operator<=>(const Requirement&, const Requirement&) = default;  // NOLINT(modernize-use-nullptr)
 };
 
 struct Worker {

@@ -36,7 +36,7 @@ void TryTrace(const std::string& text) {
 
 std::vector<std::string> Seeds() {
   return {R"(event=unit_failed unit="j-1 frame 0 tile 3" worker=w-7/node:1 error="a \"b\" \303\244")",
-          "event=e a=1 a=2 free text time=3", "event=\xff\xc3 \xe2\x82\xac=\"\\777\\x\"", "\"=\\ \n\t\0x",
+          "event=e a=1 a=2 free text time=3", "event=\xff\xc3 \xe2\x82\xac=\"\\777\\x\"", "\"=\\ \n\t\x01x",
           "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"};
 }
 

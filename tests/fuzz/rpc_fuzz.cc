@@ -251,6 +251,7 @@ std::vector<std::string> WorkerMessages(const std::string& job_id) {
   *messages[5].mutable_plan()->mutable_plan() = MadeUpPlan();
   messages[6].mutable_leaving()->set_reason("signal");
   std::vector<std::string> bytes;
+  bytes.reserve(messages.size());
   for (const v1::WorkerMessage& message : messages) bytes.push_back(message.SerializeAsString());
   return bytes;
 }
@@ -313,7 +314,8 @@ std::vector<std::string> Seeds() {
 }  // namespace lumifold::fuzz
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  using namespace lumifold::fuzz;
+  using lumifold::fuzz::Farm;
+  using lumifold::fuzz::kCallsOfAFarm;
   static std::unique_ptr<Farm> farm;
   static int calls = 0;
   if (farm == nullptr || ++calls % kCallsOfAFarm == 0) {

@@ -108,31 +108,35 @@ std::vector<std::string> Seeds() {
   return seeds;
 }
 
-}  // namespace lumifold::fuzz
-
-extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
-  using namespace lumifold;
-  const std::vector<std::string> pieces = fuzz::Pieces({reinterpret_cast<const char*>(data), size});
+/// What a worker does with a spec and messages of a coordinator.
+void TryWorker(std::string_view bytes) {
+  const std::vector<std::string> pieces = Pieces(bytes);
   v1::JobSpec spec;
-  if (pieces.empty() || !spec.ParseFromString(pieces.front())) return 0;
-  fuzz::OneSpec one_spec(spec);
+  if (pieces.empty() || !spec.ParseFromString(pieces.front())) return;
+  OneSpec one_spec(spec);
   worker::SpecCache specs(&one_spec);
   worker::FakeAssets assets{absl::NotFoundError("no such asset")};
   worker::UnitRenderer renderer(&assets);
   worker::WorkerImpl worker(1, &specs, &renderer, worker::SilentLog());
   for (const bool is_first : {true, false}) {  // the second connection finds what the first has left
-    worker.OnConnected(std::make_shared<fuzz::Deaf>());
+    worker.OnConnected(std::make_shared<Deaf>());
     for (size_t i = 1; i < pieces.size(); ++i) {
       v1::CoordinatorMessage message;
       if (!message.ParseFromString(pieces[i])) continue;
       worker.OnMessage(message);
       (void)worker.MakeHeartbeat();
       if (!is_first) continue;
-      for (const v1::Lease& lease : message.grant().leases()) fuzz::Render(spec, lease);
+      for (const v1::Lease& lease : message.grant().leases()) Render(spec, lease);
     }
     worker.OnDisconnected();
     (void)worker.InHand();
     (void)worker.TakeMove();
   }
+}
+
+}  // namespace lumifold::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  lumifold::fuzz::TryWorker({reinterpret_cast<const char*>(data), size});
   return 0;
 }

@@ -134,7 +134,7 @@ class PlanTest(SceneTest):
                 pictures.append(self.root / f"{order}.exr")
                 farm.client("download", job, "-o", pictures[-1])
                 planned = self.explain(farm, job)["plan"]["tile_order"]
-                rendered = re.findall(rf"event=unit_rendered job={job} .*tile=(\d+) .*kind=pass", worker.log_text())
+                rendered = re.findall(rf"event=unit_rendered job={job} .*tile=(\d+) pass=1 kind=pass", worker.log_text())
                 if order == "on":
                     self.assertEqual([int(tile) for tile in rendered], planned)
                 else:

@@ -38,6 +38,9 @@ class LeavingTest(unittest.TestCase):
         run("lumifold", "render", self.scene, *SETTINGS, "-o", expected)
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             job = self.submit(farm, *SETTINGS)
+            first = farm.start_worker("--log-level", "debug")
+            wait_until(lambda: " pass=1 " in first.log_text(), "the short units are rendered")
+            self.assertEqual(first.stop(), 0, first.log_text())
             for _ in range(7):  # as many losses of a worker would put a unit into quarantine
                 worker = farm.start_worker("--drain-seconds", "0")
                 self.wait_for_lease(farm, job)
@@ -49,7 +52,7 @@ class LeavingTest(unittest.TestCase):
             farm.client("download", job, "-o", result)
             self.assertEqual(result.read_bytes(), expected.read_bytes())
             log = farm.server.log_text()
-            self.assertEqual(log.count("event=worker_leaving"), 7, log)
+            self.assertEqual(log.count("event=worker_leaving"), 8, log)
             for event in ("unit_in_quarantine", "unit_failed", "lease_expired", "unit_not_wanted"):
                 self.assertNotIn(f"event={event}", log)
 

@@ -314,8 +314,8 @@ class WorkerMetricsTest(Conventions, unittest.TestCase):
                           lambda found: found["lumifold_units_committed_total"] == units, "the figures of the farm")
         self.assertEqual(done["lumifold_worker_samples_total"], farm["lumifold_samples_committed_total"])
         self.assertGreaterEqual(done["lumifold_worker_rays_total"], done["lumifold_worker_samples_total"])
-        self.assertGreaterEqual(done["lumifold_worker_sent_bytes_total"],
-                                farm['lumifold_received_bytes_total{kind="units"}'])
+        received = farm['lumifold_received_bytes_total{kind="units"}']
+        self.assertAlmostEqual(done["lumifold_worker_sent_bytes_total"] / received, 1, delta=0.01)
         self.assertEqual(done["lumifold_worker_received_bytes_total"], scene.stat().st_size)
         self.assertEqual(done["lumifold_worker_asset_cache_bytes"], scene.stat().st_size)
         self.assertEqual(done['lumifold_worker_assets_total{source="coordinator"}'], 1)

@@ -56,7 +56,7 @@ class ReconnectTest(unittest.TestCase):
             workers = [self.start_worker(farm) for _ in range(2)]
             job = self.submit(farm, SETTINGS)
             for worker in workers:
-                wait_until(lambda w=worker: "kind=pass" in w.log_text(), "each worker has rendered a pass")
+                wait_until(lambda w=worker: " pass=1 " in w.log_text(), "each worker has rendered a long pass")
             farm.server.kill()
             for worker in workers:
                 wait_until(lambda w=worker: "event=disconnected" in w.log_text(), "the workers notice")

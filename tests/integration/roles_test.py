@@ -126,9 +126,9 @@ class RolesTest(unittest.TestCase):
         audit = (self.root / "farm" / "data" / "access" / "audit.log")
         text = audit.read_text()
         self.assertEqual(audit.stat().st_mode & 0o777, 0o600)
-        self.assertRegex(text, rf'identity="ann" role=submit id=\w+ address=ipv4:127\.0\.0\.1:\d+ rpc=\S+/SubmitJob subject="{job}" outcome=OK')
-        self.assertRegex(text, rf'identity="bob" role=submit .*CancelJob subject="{job}" outcome=NOT_FOUND')
-        self.assertRegex(text, rf'identity="ann" role=submit .*CancelJob subject="{job}" outcome=OK')
+        self.assertRegex(text, rf'identity="ann" role=submit id=\w+ address=ipv4:127\.0\.0\.1:\d+ rpc=\S+/SubmitJob subject="{job}" trace=\w{{32}} outcome=OK')
+        self.assertRegex(text, rf'identity="bob" role=submit .*CancelJob subject="{job}" trace=\w{{32}} outcome=NOT_FOUND')
+        self.assertRegex(text, rf'identity="ann" role=submit .*CancelJob subject="{job}" trace=\w{{32}} outcome=OK')
         for secret in (self.farm.token("ann"), self.farm.token("bob"), self.farm.admin_code[-22:]):
             self.assertNotIn(secret, text)
 

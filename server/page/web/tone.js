@@ -71,7 +71,8 @@ export function paint(preview, layer, exposure, transform, pixels) {
   if (layer === "samples" || layer === "error") {
     const [least, most] = rangeOf(r);
     for (let i = 0; i < count; ++i) set(i, r[i] > 0 ? heat(most > least ? (r[i] - least) / (most - least) : 0.5) : [0, 0, 0]);
-    return `${layer}: ${least.toPrecision(3)} is dark, ${most.toPrecision(3)} bright; black has none.`;
+    const what = layer === "error" ? "Estimated error of the filtered picture, in steps of 8 bits" : "Samples";
+    return `${what}: ${least.toPrecision(3)} is dark, ${most.toPrecision(3)} bright; black has none.`;
   }
   if (preview.planes.length === 1) {
     const [least, most] = rangeOf(r);

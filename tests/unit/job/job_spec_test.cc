@@ -48,6 +48,7 @@ TEST(JobSpec, FillsInWhatIsLeftOpen) {
   ASSERT_TRUE(spec.ok()) << spec.status();
   EXPECT_EQ(spec->tile_size(), 32);
   EXPECT_EQ(spec->pass_samples(), 64);
+  EXPECT_EQ(spec->first_pass_samples(), 2);
   EXPECT_EQ(spec->frames_per_second(), 24);
   EXPECT_EQ(spec->filter().method(), "default");
 }
@@ -147,6 +148,10 @@ TEST(JobSpec, EachBadFieldIsNamed) {
       {[](auto& s) { s.set_max_bounces(1025); }, "max_bounces is 1025"},
       {[](auto& s) { s.set_tile_size(7); }, "tile_size is 7"},
       {[](auto& s) { s.set_pass_samples(3); }, "pass_samples is 3, not even"},
+      {[](auto& s) { s.set_pass_samples(8), s.set_first_pass_samples(3); },
+       "first_pass_samples is 3, not even"},
+      {[](auto& s) { s.set_pass_samples(8), s.set_first_pass_samples(10); },
+       "first_pass_samples is 10, not 0 to 8"},
       {[](auto& s) { s.set_frames_per_second(-24); }, "frames_per_second is -24"},
       {[](auto& s) { s.set_frames_per_second(HUGE_VAL); }, "frames_per_second is inf"},
       {[](auto& s) {

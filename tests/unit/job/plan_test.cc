@@ -74,7 +74,8 @@ TEST(JobPlan, ThePlanDividesTheJob) {
   EXPECT_FALSE(NeedsPlan(*planned));
   EXPECT_EQ(planned->tile_size(), 16);
   EXPECT_EQ(planned->pass_samples(), 6);
-  EXPECT_EQ(FrameUnits(*planned).count(), 6 * (1 + 2));
+  EXPECT_EQ(planned->first_pass_samples(), 2);
+  EXPECT_EQ(FrameUnits(*planned).count(), 6 * (1 + 3));
   EXPECT_FALSE(FrameUnits(*planned).NumberOf({0, 0, 0, v1::UNIT_KIND_PLAN}).has_value());
   EXPECT_EQ(ValueOf(*planned, "bounces"), 0);
   EXPECT_EQ(ValueOf(spec, "levels"), 3) << "without a plan everything is modelled";
@@ -154,11 +155,13 @@ TEST(JobPlan, UnitsAreNumberedInTheOrderOfItsTiles) {
       PlannedSpec(*NormaliseJobSpec(Submitted()), MadeUpPlan(8, 4, order));
   ASSERT_TRUE(planned.ok()) << planned.status();
   const FrameUnits units(*planned);
-  ASSERT_EQ(units.count(), 20 * (1 + 3));
+  ASSERT_EQ(units.count(), 20 * (1 + 4));
   for (int64_t number = 0; number < units.count(); ++number) {
     const UnitKey key = units.KeyOf(0, number);
-    EXPECT_EQ(key.tile, order[static_cast<size_t>(number % 20)]);
-    EXPECT_EQ(key.pass, number < 20 ? 0 : number / 20 - 1);
+    const bool is_first = number < 2 * 20;  // geometry and first pass: for those who look at the middle
+    EXPECT_EQ(key.tile, is_first ? units.tiles().TileOfRank(static_cast<int>(number / 2))
+                                 : order[static_cast<size_t>(number % 20)]);
+    EXPECT_EQ(key.pass, is_first ? 0 : number / 20 - 1);
     EXPECT_EQ(units.NumberOf(key), number);
   }
 }

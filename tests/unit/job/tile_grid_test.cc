@@ -1,5 +1,6 @@
 #include "server/job/tile_grid.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +10,8 @@
 
 namespace lumifold::job {
 namespace {
+
+using ::testing::ElementsAre;
 
 v1::JobSpec Spec(int width, int height, int tile_size, int samples, int pass_samples) {
   v1::JobSpec spec;
@@ -30,7 +33,8 @@ TEST(TileGrid, CoversEveryPixelOnce) {
         const Rect rect = grid.RectOf(tile);
         ASSERT_FALSE(rect.IsEmpty());
         for (int y = rect.y0; y < rect.y1; ++y) {
-          for (int x = rect.x0; x < rect.x1; ++x) ++covered.at(static_cast<size_t>(y * width + x));
+          for (int x = rect.x0; x < rect.x1; ++x)
+            ++covered.at(static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x));
         }
       }
       for (const int count : covered) EXPECT_EQ(count, 1);
@@ -60,6 +64,7 @@ TEST(TileGrid, NumbersRowByRow) {
 TEST(TileGrid, RanksAreASpiralFromTheCentre) {
   const TileGrid grid(5 * 8, 3 * 8, 8);
   std::vector<int> tiles;
+  tiles.reserve(static_cast<size_t>(grid.count()));
   for (int rank = 0; rank < grid.count(); ++rank) tiles.push_back(grid.TileOfRank(rank));
   EXPECT_EQ(tiles, (std::vector<int>{7, 1, 2, 3, 8, 13, 12, 11, 6, 4, 9, 14, 10, 5, 0}));
 }
@@ -92,23 +97,47 @@ TEST(FrameUnits, PassesCoverEverySampleOnce) {
   EXPECT_EQ(units.SamplesOf({0, 0, 0, v1::UNIT_KIND_GEOMETRY}), (SampleRange{0, 0}));
 }
 
+TEST(FrameUnits, AFirstPassIsTakenOutOfTheNext) {
+  const auto ranges = [](int samples, int pass_samples, int first) {
+    v1::JobSpec spec = Spec(8, 8, 8, samples, pass_samples);
+    spec.set_first_pass_samples(first);
+    const FrameUnits units(spec);
+    std::vector<SampleRange> all;
+    all.reserve(static_cast<size_t>(units.pass_count()));
+    for (int32_t pass = 0; pass < units.pass_count(); ++pass)
+      all.push_back(units.SamplesOf({0, 0, pass, v1::UNIT_KIND_PASS}));
+    return all;
+  };
+  EXPECT_THAT(ranges(100, 64, 2), ElementsAre(SampleRange{0, 2}, SampleRange{2, 64}, SampleRange{64, 100}));
+  EXPECT_THAT(ranges(64, 64, 2), ElementsAre(SampleRange{0, 2}, SampleRange{2, 64}));
+  EXPECT_THAT(ranges(3, 64, 2), ElementsAre(SampleRange{0, 2}, SampleRange{2, 3}));
+  EXPECT_THAT(ranges(2, 64, 2), ElementsAre(SampleRange{0, 2})) << "there is nothing else";
+  EXPECT_THAT(ranges(4, 2, 2), ElementsAre(SampleRange{0, 2}, SampleRange{2, 4}))
+      << "all passes are as short";
+}
+
 TEST(FrameUnits, NumbersAndKeysAreInverse) {
-  const FrameUnits units(Spec(70, 40, 32, 100, 16));
-  ASSERT_EQ(units.count(), 6 * 8);
-  std::set<UnitKey> seen;
-  for (int64_t number = 0; number < units.count(); ++number) {
-    const UnitKey key = units.KeyOf(3, number);
-    EXPECT_EQ(key.frame, 3);
-    EXPECT_EQ(units.NumberOf(key), number);
-    EXPECT_TRUE(seen.insert(key).second);
+  v1::JobSpec spec = Spec(70, 40, 32, 100, 16);
+  for (const int first : {0, 2}) {
+    spec.set_first_pass_samples(first);
+    const FrameUnits units(spec);
+    ASSERT_EQ(units.count(), 6 * (first > 0 ? 9 : 8));
+    std::set<UnitKey> seen;
+    for (int64_t number = 0; number < units.count(); ++number) {
+      const UnitKey key = units.KeyOf(3, number);
+      EXPECT_EQ(key.frame, 3);
+      EXPECT_EQ(key.kind, units.KindOf(number));
+      EXPECT_EQ(units.NumberOf(key), number);
+      EXPECT_TRUE(seen.insert(key).second);
+    }
   }
 }
 
-TEST(FrameUnits, GeometryComesFirstThenPassByPass) {
+TEST(FrameUnits, TilesAreSeenOneAfterAnotherThenComePasses) {
   const FrameUnits units(Spec(64, 32, 32, 64, 32));
   EXPECT_EQ(units.KeyOf(0, 0), (UnitKey{0, 0, 0, v1::UNIT_KIND_GEOMETRY}));
-  EXPECT_EQ(units.KeyOf(0, 1), (UnitKey{0, 1, 0, v1::UNIT_KIND_GEOMETRY}));
-  EXPECT_EQ(units.KeyOf(0, 2), (UnitKey{0, 0, 0, v1::UNIT_KIND_PASS}));
+  EXPECT_EQ(units.KeyOf(0, 1), (UnitKey{0, 0, 0, v1::UNIT_KIND_PASS}));
+  EXPECT_EQ(units.KeyOf(0, 2), (UnitKey{0, 1, 0, v1::UNIT_KIND_GEOMETRY}));
   EXPECT_EQ(units.KeyOf(0, 3), (UnitKey{0, 1, 0, v1::UNIT_KIND_PASS}));
   EXPECT_EQ(units.KeyOf(0, 4), (UnitKey{0, 0, 1, v1::UNIT_KIND_PASS}));
 }

@@ -132,6 +132,7 @@ TEST_F(PlanUnitTest, IsNotAudited) {
 /// Tiles of the leases, in their order.
 std::vector<int32_t> TilesOf(const std::vector<GrantedLease>& leases) {
   std::vector<int32_t> tiles;
+  tiles.reserve(leases.size());
   for (const GrantedLease& lease : leases) tiles.push_back(lease.unit.key.tile);
   return tiles;
 }
@@ -139,9 +140,18 @@ std::vector<int32_t> TilesOf(const std::vector<GrantedLease>& leases) {
 TEST_F(PlanUnitTest, TilesAreLeasedInThePlansOrder) {
   const job::UnitRef unit = AcceptPlan();
   scheduler_.SetPlan(unit, Planned(2, {2, 0, 3, 1}));
-  for (int layer = 0; layer < 6; ++layer) {  // geometry and passes of both frames
+  for (int grant = 0; grant < 6; ++grant) {  // geometry and passes of both frames
     const std::vector<GrantedLease> leases = Grant();
-    EXPECT_THAT(TilesOf(leases), ElementsAre(2, 0, 3, 1)) << layer;
+    switch (grant % 3) {
+      case 0:  // what is seen early goes from the middle outwards
+        EXPECT_THAT(TilesOf(leases), ElementsAre(0, 0, 1, 1));
+        break;
+      case 1:
+        EXPECT_THAT(TilesOf(leases), ElementsAre(3, 3, 2, 2));
+        break;
+      default:
+        EXPECT_THAT(TilesOf(leases), ElementsAre(2, 0, 3, 1));
+    }
     for (const GrantedLease& lease : leases) Commit(lease.worker, lease);
   }
 }
@@ -149,10 +159,15 @@ TEST_F(PlanUnitTest, TilesAreLeasedInThePlansOrder) {
 TEST_F(PlanUnitTest, ARestartGoesOnInThePlansOrder) {
   scheduler_.EndJob(kJob);
   scheduler_.AddJob(kOther, Planned(1, {2, 0, 3, 1}), {.numeric_class = "avx2"});
-  for (const int32_t tile : {0, 2})
-    ASSERT_TRUE(
-        scheduler_.RestoreCommittedUnit(kOther, {.key = {10, tile, 0, v1::UNIT_KIND_GEOMETRY}}, kStart));
-  EXPECT_THAT(TilesOf(Grant()), ElementsAre(3, 1, 2, 0));
+  const auto restore = [this](int32_t tile, int32_t pass, v1::UnitKind kind) {
+    EXPECT_TRUE(scheduler_.RestoreCommittedUnit(kOther, {.key = {10, tile, pass, kind}}, kStart));
+  };
+  for (const int32_t tile : {0, 1, 2, 3}) {
+    restore(tile, 0, v1::UNIT_KIND_GEOMETRY);
+    restore(tile, 0, v1::UNIT_KIND_PASS);
+  }
+  restore(0, 1, v1::UNIT_KIND_PASS);
+  EXPECT_THAT(TilesOf(Grant()), ElementsAre(2, 3, 1));
 }
 
 TEST_F(PlanUnitTest, APausedJobIsPlannedButNotDivided) {

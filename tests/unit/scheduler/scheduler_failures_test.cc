@@ -166,7 +166,7 @@ TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyO
     const auto alone = scheduler_.GrantLeases(kStart);
     ASSERT_EQ(alone.size(), 1u);
     EXPECT_TRUE(alone[0].alone);
-    EXPECT_EQ(alone[0].unit.key.tile, i);
+    EXPECT_EQ(alone[0].unit.key.kind, i == 0 ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS);
     EXPECT_FALSE(Commit(kAnn, alone[0]));
   }
   const auto others = scheduler_.GrantLeases(kStart);

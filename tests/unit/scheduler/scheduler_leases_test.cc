@@ -146,7 +146,7 @@ TEST_F(SchedulerLeasesTest, AnOverdueUnitIsLeasedToASecondWorkerAndTheFirstResul
   scheduler_.AddWorker(kBen, {.numeric_class = "avx2", .slots = 1});
   const GrantedLease slow = scheduler_.GrantLeases(kAnn, kStart).at(0);
   absl::Time now = kStart;
-  for (int i = 0; i < 8; ++i) {
+  for (int i = 0; i < 16; ++i) {  // 8 of them are geometry
     const GrantedLease lease = scheduler_.GrantLeases(kBen, now).at(0);
     EXPECT_NE(lease.unit, slow.unit);
     now += absl::Seconds(3);
@@ -154,7 +154,7 @@ TEST_F(SchedulerLeasesTest, AnOverdueUnitIsLeasedToASecondWorkerAndTheFirstResul
     scheduler_.UnitCommitted(lease.unit);
     scheduler_.Heartbeat(kAnn, {{slow.unit, slow.attempt, i}}, slow.attempt, now);
   }
-  const std::vector<LateLease> late = scheduler_.ExpireLeases(now);  // 24 s are more than 4 x 3 s
+  const std::vector<LateLease> late = scheduler_.ExpireLeases(now);  // 48 s are more than 4 x 3 s
   ASSERT_EQ(late.size(), 1u);
   EXPECT_EQ(late[0].unit, slow.unit);
   EXPECT_EQ(late[0].lateness, Lateness::kOverdue);

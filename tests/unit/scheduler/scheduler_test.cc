@@ -32,7 +32,7 @@ TEST_F(SchedulerTest, GrantsAsManyAsTheWorkerHasSlots) {
   EXPECT_THAT(scheduler_.GrantLeases(kAnn, kStart), IsEmpty());
   EXPECT_EQ(leases[0].unit, (UnitRef{kJob, {10, 0, 0, v1::UNIT_KIND_GEOMETRY}}));
   EXPECT_EQ(leases[0].attempt, Attempt(100));
-  EXPECT_EQ(leases[1].rect, (Rect{8, 0, 16, 8}));
+  EXPECT_EQ(leases[2].rect, (Rect{8, 0, 16, 8}));
   EXPECT_LT(leases[0].attempt, leases[1].attempt);
 }
 
@@ -356,6 +356,7 @@ TEST_F(SchedulerTest, FramesThatNobodyCanFinishDoNotStopTheOthers) {
 
 std::vector<std::string> Codes(const std::vector<Reason>& reasons) {
   std::vector<std::string> codes;
+  codes.reserve(reasons.size());
   for (const Reason& reason : reasons) codes.push_back(reason.code);
   return codes;
 }

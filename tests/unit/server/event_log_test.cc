@@ -22,6 +22,7 @@ using ::testing::IsEmpty;
 
 std::vector<std::string> Texts(const std::vector<v1::LogEvent>& events) {
   std::vector<std::string> texts;
+  texts.reserve(events.size());
   for (const v1::LogEvent& event : events) texts.push_back(event.text());
   return texts;
 }

@@ -46,10 +46,11 @@ void GateFixture::StartGate(const Limits& limits) {
                                                    .now = [this] { return Now(); },
                                                    .wall_now = [] { return absl::UnixEpoch(); },
                                                    .shut_out = [this](absl::string_view) { ++shut_out_; }});
-  previews_ = std::make_unique<PreviewMaker>(PreviewOptions{
-      .make = [](const job::JobId&, int32_t) { return absl::OutOfRangeError("no preview here"); },
-      .count_units = [this](const job::JobId& job,
-                            int32_t frame) { return coordinator_->CountUnits(job, frame); }});
+  previews_ = std::make_unique<PreviewMaker>(
+      PreviewOptions{.make = [](const job::JobId&, int32_t,
+                                const PreviewWish&) { return absl::OutOfRangeError("no preview here"); },
+                     .count_units = [this](const job::JobId& job,
+                                           int32_t frame) { return coordinator_->CountUnits(job, frame); }});
   services_ = MakeServices({.coordinator = coordinator_.get(),
                             .checks = checks_.get(),
                             .gate = gate_.get(),

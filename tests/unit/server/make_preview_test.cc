@@ -15,6 +15,7 @@
 namespace lumifold::server {
 namespace {
 
+using ::testing::_;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
@@ -28,7 +29,9 @@ LayeredImage PictureOf(const v1::Preview& preview) {
 
 class MakePreviewTest : public CommittedFrameFixture {
  protected:
-  absl::StatusOr<v1::Preview> Make() { return MakePreview(folder_, *store_, kJob, 0, /*pool=*/nullptr); }
+  absl::StatusOr<v1::Preview> Make() {
+    return MakePreview(folder_, *store_, kJob, 0, {.error = true}, /*pool=*/nullptr);
+  }
 };
 
 TEST_F(MakePreviewTest, OfAllUnitsItIsTheFilteredFilm) {
@@ -71,6 +74,8 @@ TEST_F(MakePreviewTest, TilesWithoutPassesAreBlackAndOthersHaveTheSamplesThatThe
     return std::vector<float>{view.At(2, 2), view.At(10, 2), view.At(2, 10), view.At(10, 10)};
   };
   EXPECT_THAT(at("samples.Y"), ElementsAre(10, 4, 0, 0));
+  EXPECT_GT(at("error.Y")[0], 0);
+  EXPECT_THAT(at("error.Y"), ElementsAre(_, 0, 0, 0)) << "one pass has nothing to be compared with";
   EXPECT_GT(at("noisy.G")[1], 0);
   EXPECT_EQ(at("noisy.G")[2], 0);
   EXPECT_NE(at("N.X")[2], 0);
@@ -117,6 +122,7 @@ TEST_F(MakePreviewTest, ALayerIsTakenOutOfIt) {
   EXPECT_THAT(channels("Z"), ElementsAre("Z"));
   EXPECT_THAT(channels("id"), ElementsAre("id.Y"));
   EXPECT_THAT(channels("samples"), ElementsAre("samples.Y"));
+  EXPECT_THAT(channels("error"), ElementsAre("error.Y"));
   for (const char* unknown : {"nois", "noisy.", ".", "samples.Y."}) {
     const absl::Status status = LayerOfPreview(all, unknown).status();
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << unknown;

@@ -22,8 +22,9 @@ class PreviewMakerTest : public ::testing::Test {
       if (is_finished_) return absl::FailedPreconditionError("finished");
       return units_.load();
     };
-    options_.make = [this](const job::JobId& job, int32_t frame) -> Result {
+    options_.make = [this](const job::JobId& job, int32_t frame, const PreviewWish& wish) -> Result {
       ++made_;
+      if (wish.urgent) ++urgent_;
       if (units_ == 0) return absl::OutOfRangeError("no units");
       v1::Preview preview;
       preview.set_units(units_);
@@ -31,7 +32,11 @@ class PreviewMakerTest : public ::testing::Test {
       preview.mutable_layout()->set_width(1);
       preview.mutable_layout()->set_height(1);
       for (const char* name : {"R", "G", "B"}) preview.mutable_layout()->add_channels(name);
-      preview.set_planes(std::string(12, job.value().back()));
+      if (wish.error) {
+        preview.mutable_layout()->add_channels("error.Y");
+        ++with_errors_;
+      }
+      preview.set_planes(std::string(wish.error ? 16 : 12, job.value().back()));
       return preview;
     };
   }
@@ -56,6 +61,8 @@ class PreviewMakerTest : public ::testing::Test {
   std::atomic<int64_t> units_ = 3;
   std::atomic<bool> is_finished_ = false;
   std::atomic<int> made_ = 0;
+  std::atomic<int> urgent_ = 0;
+  std::atomic<int> with_errors_ = 0;
   std::unique_ptr<PreviewMaker> maker_;
 };
 
@@ -74,6 +81,38 @@ TEST_F(PreviewMakerTest, WhoHasTheNewestWaitsForMoreUnits) {
   EXPECT_TRUE(IsWaiting(answer));
   units_ = 5;
   EXPECT_EQ(answer.get()->units(), 5);
+}
+
+TEST_F(PreviewMakerTest, TheFirstPicturesAreUrgentAndOthersTakeWhatIsIdle) {
+  options_.urgent_time = absl::Milliseconds(30);
+  options_.urgent_share = 0;
+  options_.make = [make = options_.make](const job::JobId& job, int32_t frame, const PreviewWish& wish) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    return make(job, frame, wish);
+  };
+  Start();
+  for (int64_t units = 3; units < 10; ++units) {
+    units_ = units;
+    EXPECT_EQ(Ask("j-a", 0, units - 1).get()->units(), units);
+  }
+  EXPECT_EQ(made_, 7);
+  EXPECT_GE(urgent_, 1);
+  EXPECT_LE(urgent_, 2);
+  EXPECT_EQ(Ask("j-b").get()->units(), 9);
+  EXPECT_LE(urgent_, 3) << "each frame has its own";
+}
+
+TEST_F(PreviewMakerTest, ErrorsAreEstimatedForThoseWhoLookAtThem) {
+  Start();
+  EXPECT_TRUE(Ask("j-a").get().ok());
+  EXPECT_EQ(with_errors_, 0);
+  EXPECT_EQ(Ask("j-a", 0, 0, "error").get()->layout().channels(0), "error.Y") << "of the same units";
+  EXPECT_EQ(with_errors_, 1);
+  EXPECT_TRUE(Ask("j-a").get().ok());
+  EXPECT_EQ(made_, 2);
+  units_ = 5;
+  EXPECT_TRUE(Ask("j-a", 0, 3).get().ok());
+  EXPECT_EQ(with_errors_, 1);
 }
 
 TEST_F(PreviewMakerTest, PatienceEnds) {
@@ -102,9 +141,10 @@ TEST_F(PreviewMakerTest, ALayerThatThereIsNotIsRefused) {
 
 TEST_F(PreviewMakerTest, ErrorsReachThoseWhoWaitAndTheNextOneMayWork) {
   std::atomic<bool> fails = true;
-  options_.make = [make = options_.make, &fails](const job::JobId& job, int32_t frame) -> Result {
+  options_.make = [make = options_.make, &fails](const job::JobId& job, int32_t frame,
+                                                 const PreviewWish& wish) -> Result {
     if (fails) return absl::InternalError("out of memory");
-    return make(job, frame);
+    return make(job, frame, wish);
   };
   Start();
   EXPECT_EQ(Ask("j-a").get().status(), absl::InternalError("out of memory"));

@@ -27,7 +27,7 @@ class InHandTest : public ::testing::Test {
   /// Loses the connection and opens another one.
   std::shared_ptr<FakeOutbox> Reconnect() {
     rig_->worker->OnDisconnected();
-    const auto next = std::make_shared<FakeOutbox>();
+    auto next = std::make_shared<FakeOutbox>();
     rig_->worker->OnConnected(next);
     return next;
   }

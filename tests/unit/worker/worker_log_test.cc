@@ -24,6 +24,7 @@ constexpr char kTrace[] = "4bf92f3577b34da6a3ce929d0e0e4736";
 template <typename Events>
 std::vector<std::string> Texts(const Events& events) {
   std::vector<std::string> texts;
+  texts.reserve(static_cast<size_t>(events.size()));
   for (const v1::LogEvent& event : events) texts.push_back(absl::StrCat(event.level(), " ", event.text()));
   return texts;
 }

@@ -49,7 +49,9 @@ bool HasNul(const std::string& text) { return text.find('\0') != std::string::np
 absl::Status Nul() { return absl::InvalidArgumentError("r\\000x has a NUL character"); }
 
 std::string RequestOf(const NewJob& job) {
-  return job.spec.SerializeAsString() + "|" + job.scheduling.SerializeAsString();
+  v1::Scheduling scheduling = job.scheduling;
+  scheduling.clear_trace_id();  // of the call, not of the request
+  return job.spec.SerializeAsString() + "|" + scheduling.SerializeAsString();
 }
 
 class MemoryJobStore final : public JobStore {

@@ -46,6 +46,12 @@ std::string Bar(double fraction, int width) {
   return absl::StrCat("[", std::string(filled, '='), std::string(width - filled, ' '), "]");
 }
 
+/// The last column stays free, where the terminal would wrap.
+std::string Cut(std::string line, int columns) {
+  line.resize(std::min<size_t>(line.size(), std::max(1, columns - 1)));
+  return line;
+}
+
 std::string Percent(double fraction) {
   return absl::StrFormat("%3d%%", static_cast<int>(std::floor(fraction * 100)));
 }
@@ -104,7 +110,7 @@ void ProgressPrinter::Update(const ProgressState& state) {
   Rewrite(state);
 }
 
-void ProgressPrinter::Rewrite(const ProgressState& state) {
+std::string ProgressPrinter::FirstLine(const ProgressState& state) const {
   std::string line = state.stage;
   const std::string details = Details(state, rate_.PerSecond());
   if (state.total > 0) {
@@ -118,11 +124,22 @@ void ProgressPrinter::Rewrite(const ProgressState& state) {
     absl::StrAppend(&line, " ", percent);
   }
   if (!details.empty()) absl::StrAppend(&line, "  ", details);
-  line.resize(std::min<size_t>(line.size(), std::max(1, options_.columns - 1)));
-  if (line == shown_) return;
+  return Cut(std::move(line), options_.columns);
+}
+
+void ProgressPrinter::Rewrite(const ProgressState& state) {
+  const std::string line = FirstLine(state);
+  std::vector<std::string> lines;
+  for (const std::string& below : state.lines)
+    lines.push_back(Cut(absl::StrCat("  ", below), options_.columns));
+  if (line == shown_ && lines == lines_) return;
+  if (!lines.empty() || !lines_.empty()) Clear();
   const size_t leftover = shown_.size() > line.size() ? shown_.size() - line.size() : 0;
-  out_ << '\r' << line << std::string(leftover, ' ') << std::string(leftover, '\b') << std::flush;
+  out_ << '\r' << line << std::string(leftover, ' ') << std::string(leftover, '\b');
+  for (const std::string& below : lines) out_ << '\n' << below;
+  out_ << std::flush;
   shown_ = line;
+  lines_ = std::move(lines);
 }
 
 void ProgressPrinter::PrintPlain(const ProgressState& state, absl::Time now) {
@@ -136,7 +153,9 @@ void ProgressPrinter::PrintPlain(const ProgressState& state, absl::Time now) {
   out_ << state.stage;
   if (state.total > 0) out_ << " " << static_cast<int>(std::floor(fraction * 100)) << "%";
   if (!details.empty()) out_ << " (" << details << ")";
-  out_ << "\n" << std::flush;
+  out_ << "\n";
+  for (const std::string& below : state.lines) out_ << "  " << below << "\n";
+  out_ << std::flush;
   printed_at_ = now;
   printed_tenth_ = tenth;
 }
@@ -146,7 +165,15 @@ void ProgressPrinter::Message(absl::string_view line) {
   out_ << line << "\n" << std::flush;
 }
 
+void ProgressPrinter::EraseLines() {
+  if (lines_.empty()) return;
+  out_ << "\r\x1b[J";  // the last line, to the end of the screen
+  for (size_t i = 0; i < lines_.size(); ++i) out_ << "\x1b[A\x1b[K";
+  lines_.clear();
+}
+
 void ProgressPrinter::Clear() {
+  EraseLines();
   if (shown_.empty()) return;
   out_ << '\r' << std::string(shown_.size(), ' ') << '\r' << std::flush;
   shown_.clear();

@@ -6,6 +6,7 @@
 #include <optional>
 #include <ostream>
 #include <string>
+#include <vector>
 
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
@@ -26,6 +27,8 @@ struct ProgressState {
   ProgressUnit unit = ProgressUnit::kSamples;
   /// Shown if above 0.
   int workers = 0;
+  /// Shown below it, a line for each.
+  std::vector<std::string> lines = {};
 };
 
 /// Receives the progress of the work.
@@ -74,13 +77,14 @@ std::string DurationText(absl::Duration duration);
 std::string RateText(double per_second, ProgressUnit unit);
 
 struct ProgressPrinterOptions {
-  /// True: one line that is rewritten. False: plain lines at intervals.
+  /// True: one line that is rewritten, and those below it. False: plain lines at intervals.
   bool terminal = false;
   int columns = 80;
   std::function<absl::Time()> now;
 };
 
-/// Prints progress as text, without colours.
+/// Prints progress as text, without colours. Only where lines are shown below the first one are they rewritten by control
+/// sequences of ECMA-48, which all terminals know.
 class ProgressPrinter final : public Progress {
  public:
   ProgressPrinter(std::ostream& out, ProgressPrinterOptions options);
@@ -93,12 +97,16 @@ class ProgressPrinter final : public Progress {
  private:
   void Rewrite(const ProgressState& state);
   void PrintPlain(const ProgressState& state, absl::Time now);
+  std::string FirstLine(const ProgressState& state) const;
+  void EraseLines();
 
   std::ostream& out_;
   const ProgressPrinterOptions options_;
   RateMeter rate_;
   std::string stage_;
-  std::string shown_;  // current text of the terminal line
+  // Current text of the terminal: of the first line, and of those below it.
+  std::string shown_;
+  std::vector<std::string> lines_;
   absl::Time printed_at_ = absl::InfinitePast();
   int printed_tenth_ = 0;
 };

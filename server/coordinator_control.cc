@@ -231,12 +231,12 @@ absl::StatusOr<v1::ListWorkersResponse> Coordinator::ListWorkers(const v1::ListW
         absl::StrCat("page_token ", Quoted(request.page_token()), " is not one of this call's"));
   }
   absl::MutexLock lock(&mutex_);
-  for (const scheduler::WorkerInfo& info : scheduler_.Workers(after, *limit))
-    *response.add_workers() = StatusOf(info);
+  AddWorkers(after, *limit, request.job_id(), &response);
   if (response.workers_size() == *limit) {
     response.set_next_page_token(response.workers().rbegin()->worker_id());
     return response;
   }
+  if (!request.job_id().empty()) return response;
   for (const scheduler::BlockedWorker& blocked : scheduler_.Blocked()) {
     if (blocked.name <= blocked_after || !scheduler_.WorkersNamed(blocked.name).empty()) continue;
     if (response.workers_size() == *limit) {
@@ -246,6 +246,22 @@ absl::StatusOr<v1::ListWorkersResponse> Coordinator::ListWorkers(const v1::ListW
     *response.add_workers() = GoneWorker(blocked.name, blocked.reason);
   }
   return response;
+}
+
+void Coordinator::AddWorkers(WorkerId after, int limit, const std::string& job,
+                             v1::ListWorkersResponse* response) const {
+  while (true) {
+    const std::vector<scheduler::WorkerInfo> some = scheduler_.Workers(after, limit);
+    for (const scheduler::WorkerInfo& info : some) {
+      v1::WorkerStatus status = StatusOf(info);
+      const auto& jobs = status.job_ids();
+      if (!job.empty() && std::find(jobs.begin(), jobs.end(), job) == jobs.end()) continue;
+      *response->add_workers() = std::move(status);
+      if (response->workers_size() == limit) return;
+    }
+    if (some.empty()) return;
+    after = some.back().worker;
+  }
 }
 
 v1::WorkerStatus Coordinator::StatusOf(const scheduler::WorkerInfo& info) const {

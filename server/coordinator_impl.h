@@ -486,6 +486,9 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   void ExplainAsset(const job::JobId& job, v1::ExplainJobResponse* response)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   absl::StatusOr<NamedWorkers> FindWorkers(const std::string& worker) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  /// Up to `limit` connected workers after this one: those that render `job`, all if it is empty.
+  void AddWorkers(job::WorkerId after, int limit, const std::string& job,
+                  v1::ListWorkersResponse* response) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   v1::WorkerStatus StatusOf(const scheduler::WorkerInfo& info) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   std::string NameOf(job::WorkerId worker) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "proto/rpc/rect_codec.h"
 #include "server/coordinator_impl.h"
 #include "server/job/frame_list.h"
 #include "server/job_status.h"
@@ -31,10 +32,7 @@ constexpr absl::Duration kReadPause = absl::Seconds(1);
 void Coordinator::RetryJob(const v1::RetryJobRequest& request, StatusAnswer done) {
   ReopenRequest wanted{.frames = {request.frames().begin(), request.frames().end()},
                        .filter_only = request.filter_only()};
-  if (request.has_region()) {
-    const v1::Rect& region = request.region();
-    wanted.region = Rect{region.x0(), region.y0(), region.x1(), region.y1()};
-  }
+  if (request.has_region()) wanted.region = rpc::RectOf(request.region());
   Change([this, job = JobId(request.job_id()), wanted] { return Reopen(job, wanted); }, std::move(done));
 }
 

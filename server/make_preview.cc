@@ -22,6 +22,7 @@
 #include "filter/metrics/error_estimate.h"
 #include "proto/rpc/image_codec.h"
 #include "proto/rpc/plane_codec.h"
+#include "proto/rpc/rect_codec.h"
 #include "server/child_task.h"
 #include "server/committed_units.h"
 #include "server/film/result.h"
@@ -37,6 +38,9 @@ constexpr char kUrgent[] = "urgent";
 
 /// Rows that are read at a time: of tiles, so that none is read twice.
 constexpr int kBandRows = 64;
+
+/// Pixels around a region that its filter sees.
+constexpr int kApron = 32;
 
 /// The whole film, reduced band by band.
 absl::StatusOr<LayeredImage> ReadReduced(FilmSource* film, int factor, int band_rows) {
@@ -68,6 +72,23 @@ double MeanOf(const Plane& plane) {
   for (int y = 0; y < plane.height(); ++y)
     sum = std::accumulate(plane.Row(y), plane.Row(y) + plane.width(), sum);
   return sum / (static_cast<double>(plane.width()) * plane.height());
+}
+
+/// By how much a film of few samples is reduced, so that its pixels that have any have kPreviewSamples of them on average.
+int ExtraReduction(const LayeredImage& film) {
+  const Plane samples = SamplesOf(film, 1);
+  double sum = 0;
+  int64_t sampled = 0;
+  for (int y = 0; y < samples.height(); ++y) {
+    for (int x = 0; x < samples.width(); ++x) {
+      sum += samples.At(x, y);
+      sampled += samples.At(x, y) > 0 ? 1 : 0;
+    }
+  }
+  if (sampled == 0) return 1;
+  const double wanted = std::sqrt(kPreviewSamples * static_cast<double>(sampled) / sum);
+  const int most = std::max(film.width(), film.height()) / kLeastPreviewSide;
+  return std::clamp(static_cast<int>(std::lround(wanted)), 1, std::max(1, most));
 }
 
 /// Nearest binary16 values take half the bytes; but ids and depths must stay what they are.
@@ -107,12 +128,27 @@ std::vector<std::string> LayersOf(const v1::PixelLayout& layout) {
 
 int FactorOf(int width, int height) { return (std::max(width, height) + kPreviewSide - 1) / kPreviewSide; }
 
+/// What a picture that is shown stands for.
+struct Part {
+  int frame_width = 0;
+  int frame_height = 0;
+  int reduction = 1;
+  Rect region = {};  // empty: all
+};
+
+absl::Status CheckRegion(const Rect& region, int width, int height) {
+  if (region == Rect{} || Intersect(region, {0, 0, width, height}) == region) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("the region is not within the frame of ", width, "x", height, " pixels"));
+}
+
 /// A preview with the picture, which it rounds.
-v1::Preview PreviewOf(int width, int height, LayeredImage picture) {
+v1::Preview PreviewOf(const Part& part, LayeredImage picture) {
   v1::Preview preview;
-  preview.set_width(width);
-  preview.set_height(height);
-  preview.set_reduction(FactorOf(width, height));
+  preview.set_width(part.frame_width);
+  preview.set_height(part.frame_height);
+  preview.set_reduction(part.reduction);
+  if (!part.region.IsEmpty()) *preview.mutable_region() = rpc::ProtoOf(part.region);
   RoundToHalf(&picture);
   rpc::EncodedPicture encoded = rpc::EncodePicture(picture);
   *preview.mutable_layout() = std::move(encoded.layout);
@@ -121,15 +157,26 @@ v1::Preview PreviewOf(int width, int height, LayeredImage picture) {
   return preview;
 }
 
+/// A region of a film, or all of it, reduced.
+absl::StatusOr<LayeredImage> ReadPart(FilmSource* film, const Part& part, int band_rows) {
+  if (part.region.IsEmpty()) return ReadReduced(film, part.reduction, band_rows);
+  absl::StatusOr<EdgedImage> region = film->Read(part.region);
+  if (!region.ok()) return region.status();
+  return std::move(region->pixels);
+}
+
 absl::StatusOr<v1::Preview> PreviewOfResult(const DataFolder& folder, const ledger::JobRecord& job,
-                                            int32_t frame) {
+                                            int32_t frame, const Rect& region) {
   const absl::StatusOr<std::unique_ptr<ExrFilm>> film =
       ExrFilm::Open(folder.ResultPath(job.id, frame), folder.FilmPath(job.id));
   if (!film.ok()) return film.status();
-  const int factor = FactorOf((*film)->width(), (*film)->height());
-  absl::StatusOr<LayeredImage> reduced = ReadReduced(film->get(), factor, kBandRows);
-  if (!reduced.ok()) return reduced.status();
-  v1::Preview preview = PreviewOf((*film)->width(), (*film)->height(), *std::move(reduced));
+  const int width = (*film)->width();
+  const int height = (*film)->height();
+  if (absl::Status status = CheckRegion(region, width, height); !status.ok()) return status;
+  const Part part = {width, height, region.IsEmpty() ? FactorOf(width, height) : 1, region};
+  absl::StatusOr<LayeredImage> picture = ReadPart(film->get(), part, kBandRows);
+  if (!picture.ok()) return picture.status();
+  v1::Preview preview = PreviewOf(part, *std::move(picture));
   preview.set_units(kFinishedUnits);
   preview.set_finished(true);
   preview.set_samples_per_pixel(job.spec.samples_per_pixel());
@@ -148,24 +195,59 @@ std::vector<int32_t> LastPasses(const v1::JobSpec& spec, int32_t frame, const Co
   return last;
 }
 
-/// A frame as far as it is committed, reduced, and what the filter makes of it.
+/// A frame that is not finished.
+struct Unfinished {
+  const v1::JobSpec& spec;
+  int32_t frame;
+  const CommittedUnits& units;
+  TaskPool* pool;
+};
+
+/// A frame or region as far as it is committed, reduced, and what the filter makes of it.
 struct FilteredPreview {
+  Part part;
   LayeredImage film;
   std::array<Plane, 3> picture;
 };
 
-absl::StatusOr<FilteredPreview> FilterUnits(const v1::JobSpec& spec, int32_t frame,
-                                            const CommittedUnits& units,
-                                            const std::function<bool(const job::UnitKey&)>& has,
-                                            TaskPool* pool) {
-  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::OpenUnfinished(spec, frame, &units, has, pool);
-  if (!film.ok()) return film.status();
-  absl::StatusOr<LayeredImage> reduced =
-      ReadReduced(&*film, FactorOf(spec.width(), spec.height()), spec.tile_size());
-  if (!reduced.ok()) return reduced.status();
-  absl::StatusOr<std::array<Plane, 3>> picture = filter::FilterFilm(*reduced, spec.filter().method(), pool);
+std::array<Plane, 3> Crop(const std::array<Plane, 3>& picture, const Rect& rect) {
+  std::array<Plane, 3> part;
+  for (size_t c = 0; c < part.size(); ++c) {
+    part[c] = Plane::Uninitialized(rect.width(), rect.height());
+    CopyPlane(picture[c].view().Crop(rect), part[c].view());
+  }
+  return part;
+}
+
+/// A region, filtered with what is around it.
+absl::StatusOr<FilteredPreview> FilterRegion(const Unfinished& of, film::UnitFilm* film, const Part& part) {
+  const Rect around = Inflate(part.region, kApron, {0, 0, part.frame_width, part.frame_height});
+  const absl::StatusOr<EdgedImage> read = film->Read(around);
+  if (!read.ok()) return read.status();
+  const absl::StatusOr<std::array<Plane, 3>> picture =
+      filter::FilterFilm(read->pixels, of.spec.filter().method(), of.pool);
   if (!picture.ok()) return picture.status();
-  return FilteredPreview{*std::move(reduced), *std::move(picture)};
+  const Rect inner = SeenFrom(around.x0, around.y0, part.region);
+  return FilteredPreview{part, read->pixels.Crop(inner), Crop(*picture, inner)};
+}
+
+/// Of the units for which `has` is true. A reduction of 0 is what the samples ask for.
+absl::StatusOr<FilteredPreview> FilterUnits(const Unfinished& of,
+                                            const std::function<bool(const job::UnitKey&)>& has, Part part) {
+  absl::StatusOr<film::UnitFilm> film =
+      film::UnitFilm::OpenUnfinished(of.spec, of.frame, &of.units, has, of.pool);
+  if (!film.ok()) return film.status();
+  if (!part.region.IsEmpty()) return FilterRegion(of, &*film, part);
+  const int factor = FactorOf(part.frame_width, part.frame_height);
+  absl::StatusOr<LayeredImage> reduced = ReadReduced(&*film, factor, of.spec.tile_size());
+  if (!reduced.ok()) return reduced.status();
+  const int extra = part.reduction == 0 ? ExtraReduction(*reduced) : part.reduction / factor;
+  if (extra > 1) reduced = ReduceFilm(*reduced, extra);
+  part.reduction = factor * extra;
+  absl::StatusOr<std::array<Plane, 3>> picture =
+      filter::FilterFilm(*reduced, of.spec.filter().method(), of.pool);
+  if (!picture.ok()) return picture.status();
+  return FilteredPreview{part, *std::move(reduced), *std::move(picture)};
 }
 
 metrics::FilteredFilm ViewOf(const FilteredPreview& preview) {
@@ -174,22 +256,21 @@ metrics::FilteredFilm ViewOf(const FilteredPreview& preview) {
 
 /// The estimated error of each pixel of `now`, in 8-bit steps: constant in blocks, 0 where a tile has one pass only. It is
 /// compared with the frame as it was before the last pass of each tile.
-absl::StatusOr<Plane> ErrorOf(const v1::JobSpec& spec, int32_t frame, const CommittedUnits& units,
-                              const FilteredPreview& now, TaskPool* pool) {
+absl::StatusOr<Plane> ErrorOf(const Unfinished& of, const FilteredPreview& now) {
   Plane error(now.film.width(), now.film.height());
-  const std::vector<int32_t> last = LastPasses(spec, frame, units);
+  const std::vector<int32_t> last = LastPasses(of.spec, of.frame, of.units);
   if (std::all_of(last.begin(), last.end(), [](int32_t pass) { return pass < 1; })) return error;
   const absl::StatusOr<FilteredPreview> earlier = FilterUnits(
-      spec, frame, units,
+      of,
       [&](const job::UnitKey& key) {
         const bool is_last =
             key.kind == v1::UNIT_KIND_PASS && key.pass > 0 && key.pass == last[static_cast<size_t>(key.tile)];
-        return units.Has(key) && !is_last;
+        return of.units.Has(key) && !is_last;
       },
-      pool);
+      now.part);
   if (!earlier.ok()) return earlier.status();
   const metrics::ErrorEstimate estimate = metrics::EstimateError(ViewOf(*earlier), ViewOf(now), kSampleBlock,
-                                                                 metrics::ErrorMetric::kMse255, pool);
+                                                                 metrics::ErrorMetric::kMse255, of.pool);
   for (int y = 0; y < error.height(); ++y) {
     for (int x = 0; x < error.width(); ++x) {
       const int block = y / kSampleBlock * estimate.columns + x / kSampleBlock;
@@ -200,36 +281,39 @@ absl::StatusOr<Plane> ErrorOf(const v1::JobSpec& spec, int32_t frame, const Comm
   return error;
 }
 
-absl::StatusOr<v1::Preview> PreviewOfUnits(const ledger::JobRecord& job, int32_t frame,
-                                           const CommittedUnits& units, const PreviewWish& wish,
-                                           TaskPool* pool) {
-  const v1::JobSpec& spec = job.spec;
+absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const PreviewWish& wish) {
+  const Part whole = {of.spec.width(), of.spec.height(), wish.region.IsEmpty() ? 0 : 1, wish.region};
+  if (absl::Status status = CheckRegion(wish.region, whole.frame_width, whole.frame_height); !status.ok())
+    return status;
   absl::StatusOr<FilteredPreview> filtered = FilterUnits(
-      spec, frame, units, [&units](const job::UnitKey& key) { return units.Has(key); }, pool);
+      of, [&of](const job::UnitKey& key) { return of.units.Has(key); }, whole);
   if (!filtered.ok()) return filtered.status();
   absl::StatusOr<Plane> error = Plane();
-  if (wish.error) error = ErrorOf(spec, frame, units, *filtered, pool);
+  if (wish.error) error = ErrorOf(of, *filtered);
   if (!error.ok()) return error.status();
-  Plane samples = SamplesOf(filtered->film, FactorOf(spec.width(), spec.height()));
+  const Part part = filtered->part;
+  Plane samples = SamplesOf(filtered->film, part.reduction);
   const double mean = MeanOf(samples);
   LayeredImage picture =
       film::BuildResult({std::move(filtered->film), {}}, std::move(filtered->picture), {}).pixels;
   picture.Add(kSamples, std::move(samples));
   if (wish.error) picture.Add(kErrorChannel, *std::move(error));
-  v1::Preview preview = PreviewOf(spec.width(), spec.height(), std::move(picture));
+  v1::Preview preview = PreviewOf(part, std::move(picture));
   if (!wish.error) preview.add_layers(kErrorLayer);  // for who wishes for it
-  preview.set_units(units.count());
+  preview.set_units(of.units.count());
   preview.set_samples_per_pixel(mean);
   return preview;
 }
 
 absl::StatusOr<std::string> PreviewAsChild(const ChildTask& task) {
   int32_t frame = 0;
-  if (task.arguments.size() != 4 || !absl::SimpleAtoi(task.arguments[1], &frame))
+  PreviewWish wish;
+  if (task.arguments.size() != 5 || !absl::SimpleAtoi(task.arguments[1], &frame))
     return absl::InvalidArgumentError("make-preview: only the coordinator starts this command");
+  wish.error = task.arguments[2] == kErrorLayer;
+  wish.region = rpc::ParseRect(task.arguments[3]).value_or(Rect{});
   const absl::StatusOr<v1::Preview> preview =
-      MakePreview(task.folder, task.store, job::JobId(task.arguments[0]), frame,
-                  {.error = task.arguments[2] == kErrorLayer}, task.pool);
+      MakePreview(task.folder, task.store, job::JobId(task.arguments[0]), frame, wish, task.pool);
   if (!preview.ok()) return preview.status();
   return preview->SerializeAsString();
 }
@@ -244,11 +328,11 @@ absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobSto
   const absl::StatusOr<std::vector<int32_t>> finished = store.FinishedFrames(job);
   if (!finished.ok()) return finished.status();
   if (std::binary_search(finished->begin(), finished->end(), frame))
-    return PreviewOfResult(folder, *record, frame);
+    return PreviewOfResult(folder, *record, frame, wish.region);
   const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *record, frame);
   if (!units.ok()) return units.status();
   if (units->count() == 0) return absl::OutOfRangeError("no unit of the frame is committed yet");
-  return PreviewOfUnits(*record, frame, *units, wish, pool);
+  return PreviewOfUnits({record->spec, frame, *units, pool}, wish);
 }
 
 bool HasErrorLayer(const v1::Preview& preview) {
@@ -268,10 +352,11 @@ absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::st
   part.mutable_layout()->clear_encodings();
   part.mutable_layout()->clear_compressed_bytes();
   const std::vector<rpc::EncodedPlane> planes = rpc::PlanesOf(all.layout());
-  for (int i = 0; i < all.layout().channels_size(); ++i) {
-    if (std::find(channels.begin(), channels.end(), all.layout().channels(i)) == channels.end()) continue;
+  const auto& all_channels = all.layout().channels();
+  for (const std::string& channel : channels) {
+    const auto i = std::find(all_channels.begin(), all_channels.end(), channel) - all_channels.begin();
     const rpc::EncodedPlane& plane = planes[static_cast<size_t>(i)];
-    part.mutable_layout()->add_channels(all.layout().channels(i));
+    part.mutable_layout()->add_channels(channel);
     part.mutable_layout()->add_encodings(plane.encoding);
     if (plane.encoding == v1::PLANE_ENCODING_ZSTD)
       part.mutable_layout()->add_compressed_bytes(static_cast<uint32_t>(plane.size_bytes));
@@ -283,10 +368,11 @@ absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::st
 absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
                                            const job::JobId& job, int32_t frame, const PreviewWish& wish) {
   const std::string task = absl::StrCat("the preview of frame ", frame);
-  const absl::StatusOr<std::string> answer = process->Run(
-      kMakePreviewCommand, folder.root(),
-      {job.value(), absl::StrCat(frame), wish.error ? kErrorLayer : "", wish.urgent ? kUrgent : ""}, job,
-      task);
+  const absl::StatusOr<std::string> answer =
+      process->Run(kMakePreviewCommand, folder.root(),
+                   {job.value(), absl::StrCat(frame), wish.error ? kErrorLayer : "",
+                    rpc::RectText(wish.region), wish.urgent ? kUrgent : ""},
+                   job, task);
   if (!answer.ok()) return answer.status();
   v1::Preview preview;
   if (!preview.ParseFromString(*answer))

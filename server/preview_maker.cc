@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <string>
 
+#include "absl/strings/str_cat.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/rpc/rect_codec.h"
 #include "server/make_preview.h"
 
 namespace lumifold::server {
@@ -11,6 +13,18 @@ namespace {
 
 /// Between two looks at whether units were committed, while somebody waits for a preview.
 constexpr absl::Duration kLook = absl::Milliseconds(100);
+
+/// Whether the region may be one of a frame.
+absl::Status CheckRegion(const v1::GetPreviewRequest& request) {
+  if (!request.has_region()) return absl::OkStatus();
+  const Rect region = rpc::RectOf(request.region());
+  const auto is_side = [](int32_t from, int32_t to) {
+    return 0 <= from && from < to && to - from <= kPreviewRegionSide;
+  };
+  if (is_side(region.x0, region.x1) && is_side(region.y0, region.y1)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("a region has 1 to ", kPreviewRegionSide, " pixels across and down, from 0 on"));
+}
 
 }  // namespace
 
@@ -20,8 +34,11 @@ PreviewMaker::PreviewMaker(PreviewOptions options)
       patience_thread_([this] { WatchPatience(); }) {}
 
 void PreviewMaker::Get(const v1::GetPreviewRequest& request, const Answer& answer) {
-  const Key key(job::JobId(request.job_id()), request.frame());
-  const absl::StatusOr<int64_t> units = options_.count_units(key.first, key.second);
+  const v1::Rect& region = request.region();
+  const Key key = {
+      job::JobId(request.job_id()), request.frame(), {region.x0(), region.y0(), region.x1(), region.y1()}};
+  if (absl::Status status = CheckRegion(request); !status.ok()) return answer(status);
+  const absl::StatusOr<int64_t> units = options_.count_units(key.job, key.frame);
   if (!units.ok()) return answer(units.status());
   std::shared_ptr<const v1::Preview> newest;
   absl::Status refusal;
@@ -99,16 +116,18 @@ void PreviewMaker::Run() {
 }
 
 void PreviewMaker::Renew(const Key& key) {
-  const absl::StatusOr<int64_t> units = options_.count_units(key.first, key.second);
+  const absl::StatusOr<int64_t> units = options_.count_units(key.job, key.frame);
   absl::Status error = units.status();
   const absl::Time start = rpc::MonotonicNow();
   bool is_due = false;
   PreviewWish wish;
+  wish.region = {key.region[0], key.region[1], key.region[2], key.region[3]};
   {
     absl::MutexLock lock(&mutex_);
-    Frame& frame = frames_.at(key);
-    frame.begun = std::min(frame.begun, start);
-    wish.urgent = IsUrgent(frame, start);
+    const Frame& frame = frames_.at(key);
+    Frame& whole = WholeOf(key);
+    whole.begun = std::min(whole.begun, start);
+    wish.urgent = IsUrgent(whole, start);
     wish.error = std::any_of(frame.waiting.begin(), frame.waiting.end(),
                              [](const Waiting& waiting) { return waiting.request.layer() == kErrorLayer; });
     const bool has_what_is_wished =
@@ -117,14 +136,15 @@ void PreviewMaker::Renew(const Key& key) {
              (start >= frame.next || *units == kFinishedUnits);
   }
   if (is_due) {
-    absl::StatusOr<v1::Preview> made = options_.make(key.first, key.second, wish);
+    absl::StatusOr<v1::Preview> made = options_.make(key.job, key.frame, wish);
     const absl::Time end = rpc::MonotonicNow();
     absl::MutexLock lock(&mutex_);
     Frame& frame = frames_.at(key);
-    frame.made_of = *units;
-    if (wish.urgent) frame.urgent += end - start;
+    if (!absl::IsInvalidArgument(made.status())) frame.made_of = *units;  // so that the next one is told, too
+    Frame& whole = WholeOf(key);
+    if (wish.urgent) whole.urgent += end - start;
     frame.next = start + options_.interval;
-    if (!IsUrgent(frame, end))
+    if (!IsUrgent(whole, end))
       frame.next = std::max(frame.next, end + (end - start) * (1 / options_.duty - 1));
     if (made.ok()) {
       frame.newest = std::make_shared<const v1::Preview>(*std::move(made));

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <compare>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -44,8 +46,8 @@ struct PreviewOptions {
   size_t frames = 16;
 };
 
-/// Makes previews for those who ask, one at a time, and keeps the last one of each frame: however many look at a frame, it is
-/// made once.
+/// Makes previews for those who ask, one at a time, and keeps the last one of each frame and region: however many look at it, it
+/// is made once.
 /// Threads: safe; it has two of its own. Answers are called on them or on the caller's thread.
 class PreviewMaker {
  public:
@@ -74,7 +76,14 @@ class PreviewMaker {
     absl::Time used;
     std::vector<Waiting> waiting;
   };
-  using Key = std::pair<job::JobId, int32_t>;
+  /// A frame, and the corners of a region of it; zeros for the whole frame.
+  struct Key {
+    job::JobId job;
+    int32_t frame = 0;
+    std::array<int32_t, 4> region = {};
+
+    friend auto operator<=>(const Key&, const Key&) = default;  // NOLINT(modernize-use-nullptr)
+  };
   using Answers = std::vector<std::pair<Answer, absl::StatusOr<v1::Preview>>>;
 
   void Run();
@@ -88,6 +97,10 @@ class PreviewMaker {
   /// Whether the next preview of a frame may be urgent.
   bool IsUrgent(const Frame& frame, absl::Time now) const {
     return frame.urgent <= options_.urgent_time + options_.urgent_share * (now - frame.begun);
+  }
+  /// The whole frame, to which the time of its regions is counted.
+  Frame& WholeOf(const Key& key) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return frames_[{key.job, key.frame, {}}];
   }
   /// Removes the callers of a frame that get an answer now.
   Answers TakeAnswers(const Key& key, const absl::Status& error, absl::Time now)

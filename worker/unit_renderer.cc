@@ -11,6 +11,7 @@
 #include "proto/rpc/bounded_text.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/rpc/rect_codec.h"
 #include "worker/job_plan.h"
 
 namespace lumifold::worker {
@@ -24,8 +25,6 @@ constexpr char kMissingAssetPayload[] = "lumifold/missing_asset";
 
 /// A unit with a larger share of NaN or infinite samples fails: the scene is invalid.
 constexpr double kMaxBadShare = 0.01;
-
-Rect RectOf(const v1::Rect& r) { return {r.x0(), r.y0(), r.x1(), r.y1()}; }
 
 bool HasSamples(const v1::Lease& lease, const Rect& rect) {
   if (lease.unit().kind() != v1::UNIT_KIND_PASS) return true;
@@ -53,7 +52,7 @@ TileSamples SamplesOf(const v1::Lease& lease, const Rect& rect) {
 
 /// The renderer relies on it: a rectangle within the picture, and samples.
 absl::Status CheckLease(const v1::JobSpec& spec, const v1::Lease& lease) {
-  const Rect rect = RectOf(lease.rect());
+  const Rect rect = rpc::RectOf(lease.rect());
   const bool is_inside = rect.x0 >= 0 && rect.x0 < rect.x1 && rect.x1 <= spec.width() && rect.y0 >= 0 &&
                          rect.y0 < rect.y1 && rect.y1 <= spec.height();
   if (is_inside && HasSamples(lease, rect)) return absl::OkStatus();
@@ -201,7 +200,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
   render::RenderCounts counts;
   counts.rows = &control->progress;
   counts.stop = &control->stop;
-  const Rect rect = RectOf(lease.rect());
+  const Rect rect = rpc::RectOf(lease.rect());
   if (lease.unit().kind() == v1::UNIT_KIND_GEOMETRY) {
     unit.image = (*renderer)->RenderGeometry(rect, lease.unit().frame(), &control->stop);
     for (std::string& warning :

@@ -1,33 +1,14 @@
-#include <array>
 #include <optional>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "proto/rpc/rect_codec.h"
 
 namespace lumifold::client {
 namespace {
 
 constexpr int kMaxFrames = 100'000;  // of a job
-
-/// Parses "x0,y0,x1,y1": pixels from (x0, y0) to before (x1, y1).
-std::optional<v1::Rect> ParseRegion(const std::string& text) {
-  const std::vector<std::string> words = absl::StrSplit(text, ',');
-  std::array<int, 4> values = {};
-  if (words.size() != values.size()) return std::nullopt;
-  for (size_t i = 0; i < values.size(); ++i) {
-    if (!absl::SimpleAtoi(words[i], &values[i]) || values[i] < 0) return std::nullopt;
-  }
-  if (values[0] >= values[2] || values[1] >= values[3]) return std::nullopt;
-  v1::Rect region;
-  region.set_x0(values[0]);
-  region.set_y0(values[1]);
-  region.set_x1(values[2]);
-  region.set_y1(values[3]);
-  return region;
-}
 
 }  // namespace
 
@@ -48,12 +29,12 @@ ExitCode RunRetry(const std::vector<std::string>& arguments, const Environment& 
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   if (!region.empty()) {
-    const std::optional<v1::Rect> rect = ParseRegion(region);
+    const std::optional<Rect> rect = rpc::ParseRect(region);
     if (!rect.has_value()) {
       return ReportUsage(environment, "lumifold retry",
                          "--region: expected X0,Y0,X1,Y1, X0 below X1 and Y0 below Y1; got '" + region + "'");
     }
-    *request.mutable_region() = *rect;
+    *request.mutable_region() = rpc::ProtoOf(*rect);
   }
   for (const FrameRange& range : frames.ranges) {
     if (range.count() > kMaxFrames - request.frames_size())

@@ -8,6 +8,7 @@
 #include "client/commands/shared_options.h"
 #include "client/follow_job.h"
 #include "client/job_report.h"
+#include "client/job_workers.h"
 #include "client/output_file.h"
 #include "client/preview_file.h"
 
@@ -55,10 +56,12 @@ ExitCode RunWatch(const std::vector<std::string>& arguments, const Environment& 
   const auto print = [&](const v1::JobStatus& job) {
     if (remote.json) environment.out << JobJson(job) << "\n" << std::flush;
   };
+  const JobWorkers workers(remote.Connect(environment), file.job_id);
+  ProgressWithWorkers shown(*progress, workers);
   std::unique_ptr<PreviewFile> preview;
   if (!file.path.empty()) preview = std::make_unique<PreviewFile>(remote.Connect(environment), file);
   const absl::StatusOr<v1::JobStatus> job =
-      FollowJob(*farm, file.job_id, *progress, MakeBackoff(environment), print);
+      FollowJob(*farm, file.job_id, shown, MakeBackoff(environment), print);
   if (!job.ok()) return ReportError(environment, job.status());
   if (preview != nullptr) {
     absl::Status written = preview->Stop();

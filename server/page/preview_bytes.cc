@@ -41,6 +41,8 @@ std::string HeaderOf(const v1::Preview& preview, const LayeredImage& picture) {
       {"width", preview.width()},
       {"height", preview.height()},
       {"reduction", preview.reduction()},
+      {"x0", preview.region().x0()},
+      {"y0", preview.region().y0()},
       {"preview_width", picture.width()},
       {"preview_height", picture.height()},
       {"samples_per_pixel", preview.samples_per_pixel()},

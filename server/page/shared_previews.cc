@@ -17,8 +17,10 @@ constexpr absl::Duration kFresh = absl::Milliseconds(500);
 
 absl::StatusOr<SharedPreviews::Bytes> SharedPreviews::Get(const v1::PageSession& session,
                                                           const v1::GetPreviewRequest& request) {
-  const std::string key = absl::StrCat(session.credential(), "/", session.job_id(), "/", request.job_id(),
-                                       "/", request.frame(), "/", request.layer());
+  const std::string key =
+      absl::StrCat(session.credential(), "/", session.job_id(), "/", request.job_id(), "/", request.frame(),
+                   "/", request.region().x0(), ",", request.region().y0(), ",", request.region().x1(), ",",
+                   request.region().y1(), "/", request.layer());
   std::shared_ptr<Call> call;
   while (true) {
     absl::MutexLock lock(&mutex_);

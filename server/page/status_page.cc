@@ -13,6 +13,7 @@
 #include "absl/strings/strip.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/rpc/rect_codec.h"
 #include "proto/rpc/version.h"
 #include "server/page/farm_calls.h"
 #include "server/page/farm_view.h"
@@ -240,6 +241,11 @@ class StatusPageImpl final : public StatusPage {
         (!request.has_param("frame") || absl::SimpleAtoi(request.get_param_value("frame"), &frame)) &&
         (!request.has_param("newer") || absl::SimpleAtoi(request.get_param_value("newer"), &newer));
     if (!is_right) return absl::InvalidArgumentError("frame and newer are whole numbers");
+    if (request.has_param("region")) {
+      const std::optional<Rect> region = rpc::ParseRect(request.get_param_value("region"));
+      if (!region.has_value()) return absl::InvalidArgumentError("region is x0,y0,x1,y1");
+      *wanted.mutable_region() = rpc::ProtoOf(*region);
+    }
     wanted.set_frame(frame);
     wanted.set_newer_than_units(newer);
     if (!session.job_id().empty() && session.job_id() != wanted.job_id())

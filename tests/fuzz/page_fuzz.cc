@@ -126,6 +126,7 @@ std::vector<std::string> Seeds() {
           get("/api/session"),
           get("/api/events"),
           get("/api/preview?job=j-1&frame=0&layer=noisy&newer=7"),
+          get("/api/preview?job=j-1&region=0,0,16,9"),
           post("CancelJob", R"({"job_id":"j-1"})"),
           post("ListJobs", R"({"page_size":5,"states":["JOB_STATE_RUNNING"]})"),
           "POST /api/call/ListJobs HTTP/1.1\r\n" + head +

@@ -21,6 +21,9 @@ BRIGHTNESS = """(() => {
   return sum / (pixels.length / 4) / 3;
 })()"""
 
+# Of a pixel of the region that is shown closely.
+COLOUR = "return [...document.getElementById('region').getContext('2d').getImageData(arguments[0], arguments[1], 1, 1).data].slice(0, 3)"
+
 
 @unittest.skipIf(why := browser.missing(), why)
 class PageBrowserTest(unittest.TestCase):
@@ -65,7 +68,16 @@ class PageBrowserTest(unittest.TestCase):
         self.browser.wait_text("#job-state", "done", seconds=300)
         self.browser.wait("return document.querySelector('#job-progress').getAttribute('aria-valuenow') === '100'", "100 %")
         wait_until(lambda: self.browser.run(f"return {BRIGHTNESS}") > first, "a brighter picture: no tile is black any more", seconds=60)
+        self.browser.wait("return document.getElementById('region').width === 640", "all pixels, which the screen can show")
+        red, green, blue = wait_until(lambda: any(colour := self.browser.run(COLOUR, 120, 240)) and colour, "its colours", seconds=60)
+        self.assertGreater(red, 2 * max(green, blue), "the wall on the left is red")
         self.shoot("done")
+        self.browser.type("body", "+++")
+        self.browser.wait("return document.getElementById('region').width < 640", "a part of it")
+        self.shoot("close")
+        self.browser.type("body", "0")
+        self.browser.click("#theme")
+        self.shoot("light")
         for layer in ("albedo", "N", "Z", "id", "noisy"):
             self.browser.run("const s = document.getElementById('layer-a'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));", layer)
             self.browser.wait("return [...document.querySelectorAll('#layer-a option')].length > 8 && document.getElementById('layer-a').value"

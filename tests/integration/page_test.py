@@ -70,10 +70,15 @@ class PageTest(PageCase):
             units = about["units"]
             looks.append(about)
         self.assertTrue(looks[-1]["finished"])
+        for look in looks:
+            self.assertEqual(look["channels"], ["R", "G", "B"], "the page takes them in this order")
         self.assertEqual((looks[-1]["width"], looks[-1]["height"], looks[-1]["reduction"]), (640, 480, 2))
         for layer in looks[-1]["layers"]:
             self.assertIsNotNone(link.preview(job, layer=layer), layer)
-        for query, code in (("frame=1", 404), ("layer=colour", 400), ("frame=x", 400), ("newer=1e3", 400), ("frame=-1", 404)):
+        about, _ = link.preview(job, region="600,0,640,9")
+        self.assertEqual([about[name] for name in ("x0", "y0", "preview_width", "preview_height", "reduction")], [600, 0, 40, 9, 1])
+        for query, code in (("frame=1", 404), ("layer=colour", 400), ("frame=x", 400), ("newer=1e3", 400), ("frame=-1", 404),
+                            ("region=0,0,641,9", 400), ("region=0,0,9", 400), ("region=9,0,9,9", 400), ("region=0,0,9,481", 400)):
             self.assertEqual(link.request("GET", f"/api/preview?job={job}&{query}")[0], code, query)
         self.assertEqual(link.request("GET", "/api/preview?job=j-none&frame=0")[0], 404)
 

@@ -40,9 +40,9 @@ class PageLink:
         status, _, body = self.request("POST", f"/api/call/{method}", json.dumps(request))
         return status, json.loads(body)
 
-    def preview(self, job, frame=0, layer="", newer=0):
+    def preview(self, job, frame=0, layer="", newer=0, **more):
         """The description of a preview and its bytes; None if there is nothing newer."""
-        query = urllib.parse.urlencode({"job": job, "frame": frame, "layer": layer, "newer": newer})
+        query = urllib.parse.urlencode({"job": job, "frame": frame, "layer": layer, "newer": newer, **more})
         status, headers, body = self.request("GET", f"/api/preview?{query}")
         if status == 204:
             return None

@@ -46,9 +46,9 @@ export async function call(method, request = {}) {
   return answer.json();
 }
 
-/** A preview that is newer than the units `newer`; null if there is none yet. */
-export async function preview(job, frame, layer, newer, signal) {
-  const query = new URLSearchParams({job, frame, layer, newer});
+/** A preview that is newer than the units `newer`, of all or of the `region` "x0,y0,x1,y1"; null if there is none yet. */
+export async function preview(job, frame, layer, newer, signal, region) {
+  const query = new URLSearchParams({job, frame, layer, newer, ...(region && {region})});
   const answer = await fetchApi(`preview?${query}`, {signal});
   return answer.status === 204 ? null : parsePreview(await answer.arrayBuffer());
 }

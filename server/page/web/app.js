@@ -12,10 +12,11 @@ const state = {user: null, jobs: new Map(), ids: [], more: false, workers: [], s
 const entries = new Map();
 const left = new Map();
 let loops = new AbortController();
+let closeLoops = new AbortController();
 
 const viewer = new Viewer({
-  viewer: $("viewer"), canvas: $("canvas"), split: $("split"), waiting: $("waiting"), values: $("values"), legend: $("legend"),
-});
+  viewer: $("viewer"), canvas: $("canvas"), region: $("region"), split: $("split"), waiting: $("waiting"), values: $("values"), legend: $("legend"),
+}, followRegion);
 const strip = new Strip($("frames"), $("strip"), $("play"), (frame) => choose(state.job, frame));
 strip.current = () => state.frame;
 
@@ -124,7 +125,7 @@ function followPicture() {
   loops = new AbortController();
   if (!state.jobs.has(state.job)) return;
   for (const layer of new Set(viewer.layers)) {
-    followPreview(state.job, state.frame, layer, loops.signal, (picture) => {
+    followPreview({job: state.job, frame: state.frame, layer}, loops.signal, (picture) => {
       fillLayers($("layer-a"), picture.layers, viewer.layers[0]);
       fillLayers($("layer-b"), picture.layers, viewer.layers[1]);
       viewer.show(layer, picture);
@@ -136,11 +137,22 @@ function followPicture() {
   }
 }
 
+/** What is looked at closely is fetched pixel by pixel. */
+function followRegion(region) {
+  closeLoops.abort();
+  closeLoops = new AbortController();
+  if (!region || !state.jobs.has(state.job)) return;
+  for (const layer of new Set(viewer.layers)) {
+    followPreview({job: state.job, frame: state.frame, layer, region}, closeLoops.signal, (picture) => viewer.showRegion(region, layer, picture), () => {});
+  }
+}
+
 function chooseLayer(side, layer) {
   viewer.layers[side] = layer;
   $(side ? "layer-b" : "layer-a").value = layer;
   if (viewer.previews.get(layer)?.finished) viewer.draw();
   else followPicture();
+  viewer.lookCloser();
 }
 
 function expose(value) {

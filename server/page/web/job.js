@@ -12,8 +12,8 @@ const LAYER_NAMES = {
 
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 
-/** Fetches a layer of a frame again and again, until the frame is finished or `signal` ends it. One request at a time. */
-export async function followPreview(job, frame, layer, signal, take, fail) {
+/** Fetches a layer of a frame, or of a region of it, again and again, until the frame is finished or `signal` ends it. One request at a time. */
+export async function followPreview({job, frame, layer, region}, signal, take, fail) {
   let newer = 0;
   while (!signal.aborted) {
     if (document.hidden) {
@@ -21,7 +21,7 @@ export async function followPreview(job, frame, layer, signal, take, fail) {
       continue;
     }
     try {
-      const picture = await preview(job, frame, layer, newer, signal);
+      const picture = await preview(job, frame, layer, newer, signal, region);
       if (picture && !signal.aborted) {
         newer = picture.units;
         take(picture);

@@ -3,11 +3,39 @@
 import {paint} from "/tone.js";
 
 const MOST_ZOOM = 64;
+/** Of a region that is fetched pixel by pixel, across and down: the coordinator's limit. */
+const MOST_REGION = 768;
+/** After the last change of the view, until a region is fetched. */
+const REGION_PAUSE_MS = 300;
+
+/** Draws previews by layer on a canvas: A up to the column `middle`, B from there on. Returns what their colours mean. */
+function drawBeside(canvas, previews, layers, middle, exposure, transform) {
+  const context = canvas.getContext("2d");
+  const {width, height} = canvas;
+  context.imageSmoothingEnabled = false;
+  const sides = [[layers[0], 0, middle], [layers[1], middle, width]];
+  return sides.map(([layer, from, to]) => {
+    const preview = previews.get(layer);
+    if (!preview || from >= to) return "";
+    const image = new ImageData(preview.preview_width, preview.preview_height);
+    const legend = paint(preview, layer, exposure, transform, image.data);
+    const painted = new OffscreenCanvas(image.width, image.height);
+    painted.getContext("2d").putImageData(image, 0, 0);
+    const scale = image.width / width; // below 1 until all layers are of the newest preview
+    context.drawImage(painted, from * scale, 0, (to - from) * scale, image.height, from, 0, to - from, height);
+    return legend;
+  });
+}
 
 export class Viewer {
-  /** `elements`: viewer, canvas, split, waiting, values, legend. */
-  constructor(elements) {
-    Object.assign(this, elements);
+  /**
+   * `elements`: viewer, canvas, region, split, waiting, values, legend. `wantRegion` is called with the part of the frame that is
+   * looked at, "x0,y0,x1,y1", when previews have fewer pixels than the screen shows of it, and with null when that is over.
+   */
+  constructor(elements, wantRegion) {
+    Object.assign(this, elements, {wantRegion});
+    this.closer = null; // the region that is shown, and its previews by layer
+    this.wanted = null; // the last one, with the layers
     this.layers = ["", "noisy"];
     this.previews = new Map(); // by layer
     this.exposure = 0;
@@ -29,6 +57,8 @@ export class Viewer {
   clear() {
     this.previews.clear();
     this.size = null;
+    this.leaveRegion();
+    this.fitted = true;
     this.canvas.width = 0;
     this.waiting.hidden = false;
     this.values.textContent = "\u00a0";
@@ -37,38 +67,90 @@ export class Viewer {
 
   show(layer, preview) {
     this.previews.set(layer, preview);
-    const size = `${preview.preview_width}x${preview.preview_height}`;
     this.waiting.hidden = true;
-    if (this.size !== size) {
-      this.size = size;
-      this.canvas.width = preview.preview_width;
-      this.canvas.height = preview.preview_height;
-      this.fit();
-    }
+    this.resize();
     this.draw();
+  }
+
+  /** The canvas is as large as the largest preview. What is looked at stays where it is. */
+  resize() {
+    const largest = [...this.previews.values()].reduce((a, b) => (b.preview_width > a.preview_width ? b : a));
+    const {preview_width: width, preview_height: height} = largest;
+    if (this.canvas.width === width && this.canvas.height === height) return;
+    this.zoom *= this.canvas.width / width;
+    this.canvas.width = width;
+    this.canvas.height = height;
+    this.size = largest;
+    if (this.fitted) this.fit();
+    else this.place();
   }
 
   /** A on the left of the split, B on the right. */
   draw() {
-    const [a, b] = this.layers.map((layer) => this.previews.get(layer));
-    if (!a && !b) return;
-    const context = this.canvas.getContext("2d");
-    const {width, height} = this.canvas;
-    const middle = Math.round((width * (1000 - this.split.value)) / 1000);
-    const legends = [];
-    for (const [preview, layer, from, to] of [[a, this.layers[0], 0, middle], [b, this.layers[1], middle, width]]) {
-      if (!preview || from === to || preview.preview_width !== width) continue;
-      const image = context.createImageData(width, height);
-      legends.push(paint(preview, layer, this.exposure, this.transform, image.data));
-      context.putImageData(image, 0, 0, from, 0, to - from, height);
+    if (!this.size) return;
+    const middle = Math.round((this.canvas.width * (1000 - this.split.value)) / 1000);
+    const legends = drawBeside(this.canvas, this.previews, this.layers, middle, this.exposure, this.transform);
+    if (this.closer) {
+      const inRegion = Math.min(Math.max(middle * this.size.reduction - this.closer.x0, 0), this.region.width);
+      drawBeside(this.region, this.closer.previews, this.layers, inRegion, this.exposure, this.transform);
     }
     this.legend.textContent = [...new Set(legends)].filter(Boolean).join(" ");
     this.readPixel();
   }
 
+  /** A layer of a region that was wanted. */
+  showRegion(name, layer, preview) {
+    if (this.closer?.name !== name) {
+      this.closer = {name, x0: preview.x0, y0: preview.y0, previews: new Map()};
+      this.region.width = preview.preview_width;
+      this.region.height = preview.preview_height;
+    }
+    this.closer.previews.set(layer, preview);
+    this.place();
+    this.draw();
+  }
+
+  leaveRegion() {
+    this.closer = null;
+    this.wanted = null;
+    this.region.width = 0;
+    this.wantRegion(null);
+  }
+
+  /** The part of the frame that the screen shows, if it shows it larger than the preview is and it may be fetched. */
+  visibleRegion() {
+    if (!this.size || this.size.reduction === 1 || this.zoom < 1) return null;
+    const {width, height, reduction} = this.size;
+    const scale = this.zoom / reduction; // pixels of the screen for each of the frame
+    const side = (offset, shown, most) => [Math.max(0, Math.floor(-offset / scale)), Math.min(most, Math.ceil((shown - offset) / scale))];
+    const [x0, x1] = side(this.x, this.viewer.clientWidth, width);
+    const [y0, y1] = side(this.y, this.viewer.clientHeight, height);
+    if (x0 >= x1 || y0 >= y1 || x1 - x0 > MOST_REGION || y1 - y0 > MOST_REGION) return null;
+    return [x0, y0, x1, y1].join();
+  }
+
+  /** Wants what is looked at, once the view stays as it is. */
+  lookCloser() {
+    clearTimeout(this.looking);
+    this.looking = setTimeout(() => {
+      const region = this.visibleRegion();
+      const wanted = region && [region, ...this.layers].join();
+      if (wanted === this.wanted) return;
+      if (!region) return this.leaveRegion();
+      this.wanted = wanted;
+      this.wantRegion(region);
+    }, REGION_PAUSE_MS);
+  }
+
   place() {
     this.canvas.style.transform = `translate(${this.x}px, ${this.y}px) scale(${this.zoom})`;
     this.canvas.classList.toggle("pixels", this.zoom >= 2);
+    if (this.closer) {
+      const scale = this.zoom / this.size.reduction;
+      this.region.style.transform = `translate(${this.x + this.closer.x0 * scale}px, ${this.y + this.closer.y0 * scale}px) scale(${scale})`;
+      this.region.classList.toggle("pixels", scale >= 2);
+    }
+    this.lookCloser();
   }
 
   fit() {
@@ -126,18 +208,29 @@ export class Viewer {
   readPixel() {
     if (!this.at || !this.size) return;
     const box = this.viewer.getBoundingClientRect();
-    const x = Math.floor((this.at.clientX - box.left - this.x) / this.zoom);
-    const y = Math.floor((this.at.clientY - box.top - this.y) / this.zoom);
-    const {width, height} = this.canvas;
-    if (x < 0 || y < 0 || x >= width || y >= height) return;
+    // Where that is in the frame, whose pixels are the preview's where it is not looked at closely.
+    const scale = this.zoom / this.size.reduction;
+    const [x, y] = [(this.at.clientX - box.left - this.x) / scale, (this.at.clientY - box.top - this.y) / scale].map(Math.floor);
+    if (x < 0 || y < 0 || x >= this.size.width || y >= this.size.height) return;
     const parts = [];
     for (const layer of new Set(this.layers)) {
-      const preview = this.previews.get(layer);
-      if (!preview) continue;
-      const values = preview.planes.map((plane) => plane[y * width + x].toPrecision(4));
-      parts.push(`${layer || "filtered"} ${values.join(" ")}`);
+      const values = this.closerValues(layer, x, y) ?? this.valuesOf(this.previews.get(layer), x, y);
+      if (values) parts.push(`${layer || "filtered"} ${values.map((value) => value.toPrecision(4)).join(" ")}`);
     }
-    const reduction = [...this.previews.values()][0].reduction;
-    this.values.textContent = `x ${x * reduction} y ${y * reduction}   ${parts.join("   ")}`;
+    this.values.textContent = `x ${x} y ${y}   ${parts.join("   ")}`;
+  }
+
+  /** Of a pixel of the frame. */
+  valuesOf(preview, x, y) {
+    if (!preview) return null;
+    const at = Math.floor(y / preview.reduction) * preview.preview_width + Math.floor(x / preview.reduction);
+    return preview.planes.map((plane) => plane[at]);
+  }
+
+  closerValues(layer, x, y) {
+    const preview = this.closer?.previews.get(layer);
+    const [column, row] = [x - this.closer?.x0, y - this.closer?.y0];
+    if (!preview || column < 0 || row < 0 || column >= preview.preview_width || row >= preview.preview_height) return null;
+    return preview.planes.map((plane) => plane[row * preview.preview_width + column]);
   }
 }

@@ -131,6 +131,33 @@ TEST_F(ProgressPrinterTest, PutsWordsOnALineOfTheirOwn) {
   EXPECT_EQ(Printed(), "\r      \rwarning: no light\n");
 }
 
+TEST_F(ProgressPrinterTest, ShowsLinesBelowAndRemovesThem) {
+  ProgressPrinter printer = Printer(true, 20);
+  ProgressState state;
+  state.stage = "running";
+  state.lines = {"a:1  2 of 2 units and more", "b:2"};
+  printer.Update(state);
+  EXPECT_EQ(Printed(), "\rrunning\n  a:1  2 of 2 units\n  b:2");
+  time_.now += absl::Seconds(1);
+  printer.Update(state);
+  EXPECT_EQ(Printed(), "") << "nothing has changed";
+  state.lines = {"b:2"};
+  time_.now += absl::Seconds(1);
+  printer.Update(state);
+  const std::string back_to_the_first = "\r\x1b[J\x1b[A\x1b[K\x1b[A\x1b[K\r       \r";
+  EXPECT_EQ(Printed(), back_to_the_first + "\rrunning\n  b:2");
+  printer.Message("warning: no light");
+  EXPECT_EQ(Printed(), "\r\x1b[J\x1b[A\x1b[K\r       \rwarning: no light\n");
+}
+
+TEST_F(ProgressPrinterTest, PrintsLinesBelowElsewhereToo) {
+  ProgressPrinter printer = Printer(false);
+  ProgressState state = Rendering(0, 1000);
+  state.lines = {"a:1  2 of 2 units"};
+  printer.Update(state);
+  EXPECT_EQ(Printed(), "rendering 0%\n  a:1  2 of 2 units\n");
+}
+
 TEST_F(ProgressPrinterTest, LeavesNothingOnTheTerminal) {
   {
     ProgressPrinter printer = Printer(true);

@@ -96,6 +96,48 @@ TEST_F(MakePreviewTest, ALargeFrameIsReduced) {
   EXPECT_EQ(picture.Get("samples.Y").At(0, 0), 4) << "a pixel of the frame has these, not a block";
 }
 
+TEST_F(MakePreviewTest, AFrameOfFewSamplesIsReduced) {
+  v1::JobSpec large = Spec(260, 9);
+  large.set_first_pass_samples(2);
+  Commit(kJob, large, /*is_forward=*/true,
+         [](const job::UnitKey& key) { return key.pass == 0 && key.tile < 20; });
+  const absl::StatusOr<v1::Preview> preview = Make();
+  ASSERT_TRUE(preview.ok()) << preview.status();
+  EXPECT_EQ(preview->reduction(), 2);
+  EXPECT_EQ(preview->layout().width(), 130);
+  EXPECT_EQ(preview->layout().height(), 5);
+  EXPECT_EQ(PictureOf(*preview).Get("samples.Y").At(0, 0), 2);
+}
+
+TEST_F(MakePreviewTest, ASmallFrameIsNotReduced) {
+  v1::JobSpec small = Spec(250, 9);
+  small.set_first_pass_samples(2);
+  Commit(kJob, small, /*is_forward=*/true, [](const job::UnitKey& key) { return key.pass == 0; });
+  EXPECT_EQ(Make()->reduction(), 1);
+}
+
+TEST_F(MakePreviewTest, ARegionHasItsPixelsAndNoOthers) {
+  const v1::JobSpec spec = Spec(1030, 20);
+  Commit(kJob, spec);
+  const Rect region = {601, 3, 1030, 20};
+  const absl::StatusOr<v1::Preview> preview =
+      MakePreview(folder_, *store_, kJob, 0, {.region = region}, nullptr);
+  ASSERT_TRUE(preview.ok()) << preview.status();
+  EXPECT_EQ(preview->reduction(), 1);
+  EXPECT_EQ(preview->region().x1(), 1030);
+  const LayeredImage film = std::move(WholeFilm(spec, 0, RandomUnitsOf(spec, 1))->pixels);
+  const LayeredImage picture = PictureOf(*preview);
+  ASSERT_EQ(picture.width(), region.width());
+  ASSERT_EQ(picture.height(), region.height());
+  for (int y = 0; y < region.height(); ++y) {
+    for (int x = 0; x < region.width(); ++x)
+      ASSERT_EQ(picture.Get("Z").At(x, y), film.Get("Z").At(region.x0 + x, region.y0 + y));
+  }
+  const Rect outside = {601, 3, 1031, 20};
+  EXPECT_EQ(MakePreview(folder_, *store_, kJob, 0, {.region = outside}, nullptr).status().code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
 TEST_F(MakePreviewTest, WithoutUnitsThereIsNone) {
   Commit(kJob, Spec(16, 16), /*is_forward=*/true, [](const job::UnitKey&) { return false; });
   EXPECT_EQ(Make().status().code(), absl::StatusCode::kOutOfRange);
@@ -128,6 +170,25 @@ TEST_F(MakePreviewTest, ALayerIsTakenOutOfIt) {
     EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << unknown;
     EXPECT_THAT(std::string(status.message()), HasSubstr(R"("direct", "indirect", "albedo")"));
   }
+}
+
+/// Those of an OpenEXR file are sorted by name.
+TEST(LayerOfPreviewTest, TheChannelsOfAColourAreRedGreenAndBlueInAnyFile) {
+  LayeredImage sorted(1, 1);
+  for (const auto& [channel, value] : {std::pair("B", 3.0F), std::pair("G", 2.0F), std::pair("R", 1.0F)}) {
+    Plane plane(1, 1);
+    plane.At(0, 0) = value;
+    sorted.Add(channel, std::move(plane));
+  }
+  rpc::EncodedPicture encoded = rpc::EncodePicture(sorted);
+  v1::Preview all;
+  *all.mutable_layout() = std::move(encoded.layout);
+  all.set_planes(std::move(encoded.bytes));
+  const LayeredImage picture = PictureOf(*LayerOfPreview(all, ""));
+  std::vector<std::pair<std::string, float>> values;
+  for (const LayeredImage::Channel& channel : picture.channels())
+    values.emplace_back(channel.name, channel.plane.At(0, 0));
+  EXPECT_THAT(values, ElementsAre(std::pair("R", 1.0F), std::pair("G", 2.0F), std::pair("B", 3.0F)));
 }
 
 }  // namespace

@@ -5,6 +5,9 @@
 #include <atomic>
 #include <future>
 #include <memory>
+#include <optional>
+
+#include "proto/rpc/rect_codec.h"
 
 namespace lumifold::server {
 namespace {
@@ -40,11 +43,21 @@ class PreviewMakerTest : public ::testing::Test {
       return preview;
     };
   }
+  /// Two previews of a frame are urgent.
+  void LeaveTimeForTwo() {
+    options_.urgent_time = absl::Milliseconds(30);
+    options_.urgent_share = 0;
+    options_.make = [make = options_.make](const job::JobId& job, int32_t frame, const PreviewWish& wish) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      return make(job, frame, wish);
+    };
+  }
   void Start() { maker_ = std::make_unique<PreviewMaker>(options_); }
 
   std::future<Result> Ask(const std::string& job, int32_t frame = 0, int64_t newer_than = 0,
-                          const std::string& layer = "") {
+                          const std::string& layer = "", const std::optional<Rect>& region = std::nullopt) {
     v1::GetPreviewRequest request;
+    if (region.has_value()) *request.mutable_region() = rpc::ProtoOf(*region);
     request.set_job_id(job);
     request.set_frame(frame);
     request.set_newer_than_units(newer_than);
@@ -84,12 +97,7 @@ TEST_F(PreviewMakerTest, WhoHasTheNewestWaitsForMoreUnits) {
 }
 
 TEST_F(PreviewMakerTest, TheFirstPicturesAreUrgentAndOthersTakeWhatIsIdle) {
-  options_.urgent_time = absl::Milliseconds(30);
-  options_.urgent_share = 0;
-  options_.make = [make = options_.make](const job::JobId& job, int32_t frame, const PreviewWish& wish) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    return make(job, frame, wish);
-  };
+  LeaveTimeForTwo();
   Start();
   for (int64_t units = 3; units < 10; ++units) {
     units_ = units;
@@ -100,6 +108,40 @@ TEST_F(PreviewMakerTest, TheFirstPicturesAreUrgentAndOthersTakeWhatIsIdle) {
   EXPECT_LE(urgent_, 2);
   EXPECT_EQ(Ask("j-b").get()->units(), 9);
   EXPECT_LE(urgent_, 3) << "each frame has its own";
+}
+
+TEST_F(PreviewMakerTest, ARegionIsAPictureOfItsOwn) {
+  options_.make = [make = options_.make](const job::JobId& job, int32_t frame,
+                                         const PreviewWish& wish) -> Result {
+    if (wish.region.x1 > 100) return absl::InvalidArgumentError("not within the frame");
+    Result preview = make(job, frame, wish);
+    preview->set_reduction(wish.region.width());
+    return preview;
+  };
+  Start();
+  EXPECT_EQ(Ask("j-a").get()->reduction(), 0);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(Ask("j-a", 0, 0, "", Rect{3, 4, 13, 14}).get()->reduction(), 10);
+    EXPECT_EQ(Ask("j-a", 0, 0, "", Rect{3, 4, 14, 14}).get()->reduction(), 11);
+    EXPECT_EQ(Ask("j-a", 0, 0, "", Rect{3, 4, 101, 14}).get().status().message(), "not within the frame");
+  }
+  EXPECT_EQ(made_, 3);
+}
+
+TEST_F(PreviewMakerTest, ARegionThatIsNoneIsRefused) {
+  Start();
+  for (const Rect& region : {Rect{}, Rect{0, 0, 5, 0}, Rect{5, 5, 5, 9}, Rect{-1, 0, 5, 5},
+                             Rect{0, 0, 769, 5}, Rect{-2147483647, 0, 2147483647, 5}})
+    EXPECT_TRUE(absl::IsInvalidArgument(Ask("j-a", 0, 0, "", region).get().status()))
+        << rpc::RectText(region);
+  EXPECT_EQ(made_, 0);
+}
+
+TEST_F(PreviewMakerTest, TheTimeOfRegionsIsThatOfTheirFrame) {
+  LeaveTimeForTwo();
+  Start();
+  for (int x = 0; x < 5; ++x) EXPECT_TRUE(Ask("j-a", 0, 0, "", Rect{x, 0, x + 1, 1}).get().ok());
+  EXPECT_LE(urgent_, 2);
 }
 
 TEST_F(PreviewMakerTest, ErrorsAreEstimatedForThoseWhoLookAtThem) {

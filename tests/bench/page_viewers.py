@@ -10,6 +10,7 @@ the time of the job has the viewers' own work too.
 
 import argparse
 import contextlib
+import http.client
 import os
 import pathlib
 import statistics
@@ -33,7 +34,7 @@ def cpu_seconds(process):
 def look(link, job, stop):
     newer = 0
     while not stop.is_set():
-        with contextlib.suppress(OSError, AssertionError):
+        with contextlib.suppress(OSError, AssertionError, http.client.HTTPException):
             picture = link.preview(job, newer=newer)
             newer = picture[0]["units"] if picture else newer
         stop.wait(0.3)
@@ -57,8 +58,12 @@ def measure(farm, scene, viewers, spp):
         thread.start()
     farm.client("wait", job)
     seconds = time.monotonic() - start
+    cost = seconds, *(after - earlier for earlier, after in zip(before, cpu_seconds(farm.server))), time.process_time() - mine
     stop.set()
-    return seconds, *(after - earlier for earlier, after in zip(before, cpu_seconds(farm.server))), time.process_time() - mine
+    farm.client("delete", job)  # an event, with which those that listen end
+    for thread in threads:
+        thread.join()
+    return cost
 
 
 def main():

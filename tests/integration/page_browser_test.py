@@ -77,7 +77,8 @@ class PageBrowserTest(unittest.TestCase):
         self.shoot("close")
         self.browser.type("body", "0")
         self.browser.click("#theme")
-        self.shoot("light")
+        self.browser.type("body", "c")
+        self.shoot("compare")
         for layer in ("albedo", "N", "Z", "id", "noisy"):
             self.browser.run("const s = document.getElementById('layer-a'); s.value = arguments[0]; s.dispatchEvent(new Event('change'));", layer)
             self.browser.wait("return [...document.querySelectorAll('#layer-a option')].length > 8 && document.getElementById('layer-a').value"

@@ -70,6 +70,7 @@ export class Viewer {
     this.waiting.hidden = true;
     this.resize();
     this.draw();
+    this.lookCloser();
   }
 
   /** The canvas is as large as the largest preview. What is looked at stays where it is. */
@@ -90,12 +91,20 @@ export class Viewer {
     if (!this.size) return;
     const middle = Math.round((this.canvas.width * (1000 - this.split.value)) / 1000);
     const legends = drawBeside(this.canvas, this.previews, this.layers, middle, this.exposure, this.transform);
+    const {width, height} = this.region;
+    this.region.getContext("2d").clearRect(0, 0, width, height);
     if (this.closer) {
-      const inRegion = Math.min(Math.max(middle * this.size.reduction - this.closer.x0, 0), this.region.width);
-      drawBeside(this.region, this.closer.previews, this.layers, inRegion, this.exposure, this.transform);
+      const inRegion = Math.min(Math.max(middle * this.size.reduction - this.closer.x0, 0), width);
+      drawBeside(this.region, this.newEnough(), this.layers, inRegion, this.exposure, this.transform);
     }
     this.legend.textContent = [...new Set(legends)].filter(Boolean).join(" ");
     this.readPixel();
+  }
+
+  /** Of the region's layers those that have half of the samples of the whole frame's, which are newer sometimes. */
+  newEnough() {
+    const isNew = ([layer, {samples_per_pixel: samples}]) => 2 * samples >= (this.previews.get(layer)?.samples_per_pixel ?? 0);
+    return new Map([...this.closer.previews].filter(isNew));
   }
 
   /** A layer of a region that was wanted. */
@@ -117,9 +126,13 @@ export class Viewer {
     this.wantRegion(null);
   }
 
-  /** The part of the frame that the screen shows, if it shows it larger than the preview is and it may be fetched. */
+  /**
+   * The part of the frame that the screen shows, if it shows it larger than the preview is and it may be fetched. All of a frame
+   * that grows comes sooner, and again and again.
+   */
   visibleRegion() {
     if (!this.size || this.size.reduction === 1 || this.zoom < 1) return null;
+    if (this.fitted && ![...this.previews.values()].some((preview) => preview.finished)) return null;
     const {width, height, reduction} = this.size;
     const scale = this.zoom / reduction; // pixels of the screen for each of the frame
     const side = (offset, shown, most) => [Math.max(0, Math.floor(-offset / scale)), Math.min(most, Math.ceil((shown - offset) / scale))];
@@ -228,7 +241,7 @@ export class Viewer {
   }
 
   closerValues(layer, x, y) {
-    const preview = this.closer?.previews.get(layer);
+    const preview = this.closer && this.newEnough().get(layer);
     const [column, row] = [x - this.closer?.x0, y - this.closer?.y0];
     if (!preview || column < 0 || row < 0 || column >= preview.preview_width || row >= preview.preview_height) return null;
     return preview.planes.map((plane) => plane[row * preview.preview_width + column]);

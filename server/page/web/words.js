@@ -21,11 +21,11 @@ export function duration(seconds) {
   return minutes < 90 ? `${minutes} min` : `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }
 
-/** Part of a job that is done, 0 to 1. */
+/** Part of a job's samples that is there, 0 to 1: units of a first pass are small. */
 export function progressOf(job) {
   if (stateOf(job) === "done") return 1;
-  const total = Number(job.units_total);
-  return total > 0 ? Math.min(1, Number(job.units_done) / total) : 0;
+  const total = Number(job.samples_total);
+  return total > 0 ? Math.min(1, Number(job.samples_done) / total) : 0;
 }
 
 /** Guesses the time that a job needs from how fast its progress was seen to grow. Forgets what is older than `memory` seconds. */

@@ -32,11 +32,11 @@ struct PreviewOptions {
   std::function<absl::StatusOr<int64_t>(const job::JobId& job, int32_t frame)> count_units;
   /// Share of time that is spent on the previews of a frame that are not urgent, so that viewers cost the farm little. That of
   /// a finished frame is made at once.
-  double duty = 0.25;
+  double duty = 0.15;
   /// Previews of a frame are urgent as long as they have taken less time than this, and this share of the time since the first
   /// one began: those who wait for a picture soon see one, and those who look for hours take what is idle.
-  absl::Duration urgent_time = absl::Seconds(3);
-  double urgent_share = 0.01;
+  absl::Duration urgent_time = absl::Seconds(2);
+  double urgent_share = 0.005;
   /// Between the starts of two previews of a frame, at least.
   absl::Duration interval = absl::Milliseconds(250);
   /// A caller waits for this long.

@@ -11,7 +11,6 @@ namespace lumifold::client {
 namespace {
 
 using testing::ElementsAre;
-using testing::IsEmpty;
 
 v1::WorkerStatus Worker(const std::string& process, const std::string& job) {
   v1::WorkerStatus worker;
@@ -38,6 +37,7 @@ TEST(WorkerLines, SayWhatTheWorkersOfTheJobDoByName) {
 
 TEST(WorkerLines, AreNoMoreThanAScreenHolds) {
   std::vector<v1::WorkerStatus> workers;
+  workers.reserve(kMaxWorkerLines + 5);
   for (int i = 0; i < kMaxWorkerLines + 5; ++i)
     workers.push_back(Worker(absl::StrCat("w:", 100 + i), "job-1"));
   const std::vector<std::string> lines = WorkerLines("job-1", workers);

@@ -85,6 +85,21 @@ class PageBrowserTest(unittest.TestCase):
                               " === arguments[0] && document.getElementById('waiting').hidden", layer, layer)
         self.expect_no_errors()
 
+    def test_frames_are_a_strip_that_plays(self):
+        self.farm.start_worker()
+        job = self.submit("--size", "64x48", "--spp", 4, "--frames", "1-3", "--fps", 24)
+        self.open(job)
+        self.browser.wait_text("#job-state", "done", seconds=120)
+        self.browser.wait("return document.querySelectorAll('#strip canvas').length === 3", "three frames")
+        self.browser.wait("return [...document.querySelectorAll('#strip canvas')].every((each) => each.width === 64)", "their pictures, of their shape")
+        for frame in (2, 3):
+            self.browser.type("body", ".")
+            self.browser.wait("return location.hash.endsWith(`frame=${arguments[0]}`)", f"frame {frame}", frame)
+        self.browser.click("#play")
+        self.browser.wait("return !location.hash.endsWith('frame=3')", "another frame")
+        self.browser.click("#play")
+        self.expect_no_errors()
+
     def test_a_job_is_cancelled_with_a_question(self):
         self.farm.start_worker()
         job = self.submit(*LONG)

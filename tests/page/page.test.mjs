@@ -84,9 +84,9 @@ test("numbers in words", () => {
   assert.equal(duration(600), "10 min");
   assert.equal(duration(7500), "2 h 5 min");
   assert.equal(bytes("74625056768"), "74.6 GB");
-  assert.equal(progressOf({state: "JOB_STATE_RUNNING", units_done: "5", units_total: "20"}), 0.25);
-  assert.equal(progressOf({state: "JOB_STATE_DONE", units_done: "0", units_total: "0"}), 1);
-  assert.equal(progressOf({state: "JOB_STATE_RUNNING", units_done: "0", units_total: "0"}), 0);
+  assert.equal(progressOf({state: "JOB_STATE_RUNNING", samples_done: "5", samples_total: "20"}), 0.25);
+  assert.equal(progressOf({state: "JOB_STATE_DONE", samples_done: "0", samples_total: "0"}), 1);
+  assert.equal(progressOf({state: "JOB_STATE_RUNNING", samples_done: "0", samples_total: "0"}), 0);
 });
 
 test("time left", () => {

@@ -35,7 +35,7 @@ absl::StatusOr<double> CostOf(const job::FrameRounds& rounds, const CommittedUni
     if (!rounds.Has(key)) continue;
     const absl::StatusOr<film::UnitOutline> outline = units.Outline(key);
     if (!outline.ok()) return outline.status();
-    rays += static_cast<double>(outline->rays);
+    rays += static_cast<double>(outline->stats.rays());
     samples += static_cast<double>(rounds.CameraSamplesOf(key));
   }
   return std::max(1.0, rays / samples);

@@ -173,6 +173,9 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
   if (!film.ok()) return film.status();
   clock.Charge(StageClock::kAssemble);
   film::ResultInfo info = {.spec = job->spec, .frame = frame, .numeric_class = job->numeric_class};
+  absl::StatusOr<film::UnitOutline> first = units->Outline({frame, 0, 0, v1::UNIT_KIND_GEOMETRY});
+  if (!first.ok()) return first.status();
+  info.facts = std::move(first->stats);
   std::optional<EstimatedFrame> estimated;
   if (rounds.has_value() && rounds->predicted_error() >= 0) {
     const FilteredRounds filtered(folder, *job, frame, *rounds, *units, pool);

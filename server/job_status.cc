@@ -49,7 +49,8 @@ v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
   *status.mutable_scheduling() = record.scheduling;
   if (record.estimated_error.has_value()) status.set_estimated_error(*record.estimated_error);
   if (spec.has_adaptive()) *status.mutable_adaptive() = spec.adaptive();
-  status.set_display_name(spec.scene().display_name());
+  status.set_display_name(record.scheduling.name().empty() ? spec.scene().display_name()
+                                                           : record.scheduling.name());
   status.set_width(spec.width());
   status.set_height(spec.height());
   status.set_samples_per_pixel(spec.samples_per_pixel());

@@ -20,6 +20,14 @@ v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
   for (std::string& line :
        rpc::BoundedLines(delivered.warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
     stats.add_warnings(std::move(line));
+  for (const float value : delivered.camera().world_to_camera())
+    stats.mutable_camera()->add_world_to_camera(value);
+  for (const float value : delivered.camera().world_to_ndc()) stats.mutable_camera()->add_world_to_ndc(value);
+  for (const v1::SceneObject& object : delivered.objects()) {
+    v1::SceneObject* const stored = stats.add_objects();
+    stored->set_name(rpc::BoundedLine(object.name(), rpc::kMaxObjectNameBytes));
+    stored->set_material(rpc::BoundedLine(object.material(), rpc::kMaxObjectNameBytes));
+  }
   return stats;
 }
 

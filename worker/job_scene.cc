@@ -18,6 +18,18 @@ double SecondsOf(const v1::JobSpec& spec, int frame) {
   return spec.frames_per_second() > 0 ? frame / spec.frames_per_second() : 0;
 }
 
+render::PixelFilter PixelFilterOf(const v1::PixelFilter& filter) {
+  using Kind = render::PixelFilter::Kind;
+  switch (filter.kind()) {
+    case v1::PIXEL_FILTER_KIND_GAUSSIAN:
+      return {Kind::kGaussian, filter.width()};
+    case v1::PIXEL_FILTER_KIND_BLACKMAN_HARRIS:
+      return {Kind::kBlackmanHarris, filter.width()};
+    default:
+      return {Kind::kBox, filter.width()};
+  }
+}
+
 /// Without the environment.
 render::RenderSettings SettingsOf(const v1::JobSpec& spec, DecodedCache* decoded) {
   render::RenderSettings settings;
@@ -26,6 +38,10 @@ render::RenderSettings SettingsOf(const v1::JobSpec& spec, DecodedCache* decoded
   settings.seed = spec.seed();
   settings.max_bounces = spec.max_bounces();
   settings.camera = spec.camera();
+  if (spec.has_crop())
+    settings.frame = {spec.crop().frame_width(), spec.crop().frame_height(), spec.crop().x(),
+                      spec.crop().y()};
+  if (spec.has_pixel_filter()) settings.pixel_filter = PixelFilterOf(spec.pixel_filter());
   settings.lens = {spec.lens().f_stop(), spec.lens().focus_metres()};
   settings.mips = [decoded](const scene::SharedImage& image, bool srgb) {
     return decoded->Mips(image, srgb);

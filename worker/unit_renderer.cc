@@ -59,6 +59,39 @@ absl::Status CheckLease(const v1::JobSpec& spec, const v1::Lease& lease) {
   return absl::InvalidArgumentError("the lease is not for a part of the job's picture");
 }
 
+v1::CameraMatrices MatricesOf(const render::PictureCamera& camera) {
+  v1::CameraMatrices matrices;
+  const auto to_camera = camera.WorldToCamera();
+  const auto to_ndc = camera.WorldToNdc();
+  matrices.mutable_world_to_camera()->Add(to_camera.begin(), to_camera.end());
+  matrices.mutable_world_to_ndc()->Add(to_ndc.begin(), to_ndc.end());
+  return matrices;
+}
+
+/// What the object numbers of the geometry unit stand for; or a warning.
+void AddObjects(const scene::Scene& scene, v1::UnitStats* stats) {
+  size_t bytes = 0;
+  const auto name_of = [&bytes](const std::string& text, const char* kind, int number) {
+    std::string line =
+        rpc::BoundedLine(text.empty() ? absl::StrCat(kind, " ", number) : text, rpc::kMaxObjectNameBytes);
+    bytes += line.size();
+    return line;
+  };
+  for (size_t i = 0; i < scene.instances.size() && i < rpc::kMaxObjects; ++i) {
+    const scene::Instance& instance = scene.instances[i];
+    const int material = scene.meshes[static_cast<size_t>(instance.mesh)].material;
+    v1::SceneObject* const object = stats->add_objects();
+    object->set_name(name_of(instance.name, "object", static_cast<int>(i) + 1));
+    const std::string unnamed;
+    const std::string& of_material =
+        material == scene::kNone ? unnamed : scene.materials[static_cast<size_t>(material)].name;
+    object->set_material(name_of(of_material, "material", material + 1));
+  }
+  if (scene.instances.size() <= rpc::kMaxObjects && bytes <= rpc::kMaxObjectBytes) return;
+  stats->clear_objects();
+  stats->add_warnings("too many objects for Cryptomatte, or too long names: the picture has none");
+}
+
 }  // namespace
 
 bool IsPermanent(const absl::Status& failure) {
@@ -206,6 +239,8 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
     for (std::string& warning :
          rpc::BoundedLines((*renderer)->warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
       unit.stats.add_warnings(std::move(warning));
+    *unit.stats.mutable_camera() = MatricesOf((*renderer)->camera());
+    if (spec.cryptomatte() && lease.unit().tile() == 0) AddObjects((*renderer)->scene(), &unit.stats);
   } else {
     unit.image.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), SamplesOf(lease, rect), &counts);
   }

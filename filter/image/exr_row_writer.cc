@@ -1,12 +1,13 @@
 #include "filter/image/exr_row_writer.h"
 
-#include <IexBaseExc.h>
 #include <ImfChannelList.h>
-#include <ImfIO.h>
+#include <ImfChromaticities.h>
+#include <ImfFramesPerSecond.h>
 #include <ImfMultiPartOutputFile.h>
 #include <ImfOutputFile.h>
 #include <ImfOutputPart.h>
 #include <ImfPartType.h>
+#include <ImfStandardAttributes.h>
 #include <ImfStringAttribute.h>
 
 #include <optional>
@@ -15,37 +16,35 @@
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/exr_parts.h"
+#include "filter/image/exr_stream.h"
 #include "filter/image/file_io.h"
 
 namespace lumifold {
 namespace {
 
-/// An AtomicFile as a stream of OpenEXR. It keeps the first error, because OpenEXR's destructors ignore them.
-class FileStream final : public Imf::OStream {
- public:
-  FileStream(const std::string& path, AtomicFile* file) : Imf::OStream(path.c_str()), file_(file) {}
+Imath::M44f MatrixOf(const std::array<float, 16>& m) {
+  return {m[0], m[1], m[2],  m[3],  m[4],  m[5],  m[6],  m[7],
+          m[8], m[9], m[10], m[11], m[12], m[13], m[14], m[15]};
+}
 
-  void write(const char bytes[], int count) override {
-    if (status_.ok()) status_ = file_->Write(position_, {bytes, static_cast<size_t>(count)});
-    if (!status_.ok()) throw Iex::IoExc(std::string(status_.message()));
-    position_ += static_cast<uint64_t>(count);
-  }
-  uint64_t tellp() override { return position_; }
-  void seekp(uint64_t position) override { position_ = position; }
-
-  const absl::Status& status() const { return status_; }
-
- private:
-  AtomicFile* const file_;
-  uint64_t position_ = 0;
-  absl::Status status_;
-};
+void AddStandard(const ExrStandard& standard, Imf::Header* header) {
+  if (standard.world_to_camera.has_value())
+    Imf::addWorldToCamera(*header, MatrixOf(*standard.world_to_camera));
+  if (standard.world_to_ndc.has_value()) Imf::addWorldToNDC(*header, MatrixOf(*standard.world_to_ndc));
+  if (standard.is_rec709) Imf::addChromaticities(*header, Imf::Chromaticities());  // those of Rec. 709
+  if (standard.exposure_seconds.has_value()) Imf::addExpTime(*header, *standard.exposure_seconds);
+  if (standard.frames_per_second > 0)
+    Imf::addFramesPerSecond(*header, Imf::guessExactFps(standard.frames_per_second));
+}
 
 /// A part's header; `display` is the display window of the whole file.
 Imf::Header HeaderOf(const ExrLayout& layout, const Imath::Box2i& display) {
-  Imf::Header header(display, {{0, 0}, {layout.width - 1, layout.height - 1}});
+  const int x = layout.frame.x;
+  const int y = layout.frame.y;
+  Imf::Header header(display, {{x, y}, {x + layout.width - 1, y + layout.height - 1}});
   header.compression() = Imf::ZIP_COMPRESSION;
   for (const auto& [name, value] : layout.metadata) header.insert(name, Imf::StringAttribute(value));
+  AddStandard(layout.standard, &header);
   for (const std::string& channel : layout.channels)
     header.channels().insert(channel, Imf::Channel(Imf::FLOAT));
   return header;
@@ -72,7 +71,10 @@ struct ExrRowWriter::File {
 
   /// May throw.
   void Open() {
-    const Imath::Box2i display({0, 0}, {layouts[0].width - 1, layouts[0].height - 1});
+    const ExrFrame& frame = layouts[0].frame;
+    const bool is_whole = frame.width == 0;
+    const Imath::Box2i display({0, 0}, {(is_whole ? layouts[0].width : frame.width) - 1,
+                                        (is_whole ? layouts[0].height : frame.height) - 1});
     std::vector<Imf::Header> headers;
     for (const ExrLayout& layout : layouts) headers.push_back(HeaderOf(layout, display));
     if (headers.size() == 1) {
@@ -88,7 +90,8 @@ struct ExrRowWriter::File {
 
   /// May throw.
   void Write(size_t part, const LayeredImage& rows) {
-    const Imf::FrameBuffer frame = ExrFrameOf(rows, 0, written[part]);
+    const ExrFrame& place = layouts[part].frame;
+    const Imf::FrameBuffer frame = ExrFrameOf(rows, place.x, place.y + written[part]);
     const auto write = [&](auto&& output) {
       output.setFrameBuffer(frame);
       output.writePixels(rows.height());
@@ -108,7 +111,7 @@ struct ExrRowWriter::File {
   AtomicFile file;
   std::vector<ExrLayout> layouts;
   std::vector<int> written;  // rows of each part
-  FileStream stream{path, &file};
+  ExrFileStream stream{path, &file};
   std::optional<Imf::OutputFile> single;  // a file of one part
   std::optional<Imf::MultiPartOutputFile> multi;
 };

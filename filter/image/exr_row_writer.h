@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,12 +14,34 @@
 
 namespace lumifold {
 
+/// Place of a picture in a larger frame: the file's display window is the frame, its data window the picture.
+struct ExrFrame {
+  int width = 0;  // 0: the frame is the picture
+  int height = 0;
+  int x = 0;  // pixel of the frame at the picture's top left corner
+  int y = 0;
+};
+
+/// Standard attributes of OpenEXR. Those without a value are not written.
+struct ExrStandard {
+  /// Row vectors times matrices of 4x4 numbers, row by row.
+  std::optional<std::array<float, 16>> world_to_camera = {};
+  std::optional<std::array<float, 16>> world_to_ndc = {};
+  /// The colours are linear with the primaries and white of Rec. 709.
+  bool is_rec709 = false;
+  std::optional<float> exposure_seconds = {};
+  /// 0: not known.
+  double frames_per_second = 0;
+};
+
 /// The size, channels and metadata of a picture in an OpenEXR file.
 struct ExrLayout {
   int width = 0;
   int height = 0;
   std::vector<std::string> channels;
   std::map<std::string, std::string> metadata;
+  ExrFrame frame = {};
+  ExrStandard standard = {};
 };
 
 /// The layout of a picture in memory.

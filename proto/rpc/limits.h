@@ -14,6 +14,11 @@ inline constexpr int kMaxMessageBytes = 4 << 20;
 inline constexpr size_t kMaxWarningBytes = 512;
 inline constexpr size_t kMaxUnitWarnings = 32;
 
+/// Maximum number of objects that a unit names, bytes of a name, and of all names.
+inline constexpr size_t kMaxObjects = 16384;
+inline constexpr size_t kMaxObjectNameBytes = 255;
+inline constexpr size_t kMaxObjectBytes = size_t{512} << 10;
+
 /// Maximum bytes of an error text, of a unit, of a job, or of a call. gRPC sends it in trailers of at most 8 KiB,
 /// in which a byte may take three.
 inline constexpr size_t kMaxErrorBytes = 2048;

@@ -11,6 +11,7 @@
 #include "filter/image/layers.h"
 #include "proto/rpc/plan_text.h"
 #include "proto/rpc/version.h"
+#include "server/film/cryptomatte.h"
 
 namespace lumifold::film {
 namespace {
@@ -51,9 +52,18 @@ std::string ScheduleText(const std::vector<double>& schedule) {
       schedule, ",", [](std::string* text, double budget) { absl::StrAppendFormat(text, "%.17g", budget); });
 }
 
+/// "blackman-harris 1.5".
+std::string PixelFilterText(const v1::PixelFilter& filter) {
+  const char* const kind = filter.kind() == v1::PIXEL_FILTER_KIND_GAUSSIAN          ? "gaussian"
+                           : filter.kind() == v1::PIXEL_FILTER_KIND_BLACKMAN_HARRIS ? "blackman-harris"
+                                                                                    : "box";
+  return absl::StrCat(kind, " ", filter.width());
+}
+
 void Describe(const ResultInfo& info, LayeredImage* result) {
   auto& metadata = result->metadata();
   const v1::JobSpec& spec = info.spec;
+  metadata["software"] = absl::StrCat("lumifold ", std::string(rpc::kVersion));
   metadata["lumifold.version"] = std::string(rpc::kVersion);
   metadata["lumifold.numeric_class"] = info.numeric_class;
   metadata["lumifold.scene"] = spec.scene().display_name();
@@ -61,6 +71,7 @@ void Describe(const ResultInfo& info, LayeredImage* result) {
   metadata["lumifold.camera"] = spec.camera();
   metadata["lumifold.frame"] = absl::StrCat(info.frame);
   metadata["lumifold.size"] = absl::StrCat(spec.width(), "x", spec.height());
+  if (spec.has_pixel_filter()) metadata["lumifold.pixel_filter"] = PixelFilterText(spec.pixel_filter());
   metadata["lumifold.samples_per_pixel"] = absl::StrCat(spec.samples_per_pixel());
   metadata["lumifold.pass_samples"] = absl::StrCat(spec.pass_samples());
   metadata["lumifold.seed"] = absl::StrCat(spec.seed());
@@ -88,6 +99,7 @@ EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const Res
                                       layers::kPlanarDepth, layers::kDistance, layers::kObjectId}) {
     MoveChannel(name, &film.pixels, &result);
   }
+  AddCryptomatte(info.facts.objects(), film.edges, &result);
   if (info.spec.save_film()) {
     for (LayeredImage::Channel& channel : film.pixels.channels()) {
       if (!result.Has(channel.name)) result.Add(channel.name, std::move(channel.plane));

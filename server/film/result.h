@@ -7,6 +7,7 @@
 
 #include "filter/image/edged_image.h"
 #include "lumifold/v1/job.pb.h"
+#include "lumifold/v1/worker.pb.h"
 
 namespace lumifold::film {
 
@@ -20,11 +21,13 @@ struct ResultInfo {
   std::optional<double> estimated_error = {};
   /// The budgets of a job with a time or a schedule: such a job with this schedule has the same picture.
   std::vector<double> schedule = {};
+  /// Of the frame's geometry unit of tile 0: camera, and with Cryptomatte the objects.
+  v1::UnitStats facts = {};
 };
 
 /// Makes the result of a frame, or some rows of it: `filtered` as R G B, coverage A, the layers noisy,
 /// direct, indirect, albedo and emission, reflection1 (C - (D + I) T - E, not filtered), N, Z, distance.Z and
-/// id.Y. With save_film also all other channels of the film and its edges, so that it can be filtered again.
+/// id.Y. With Cryptomatte also its layers. With save_film also all other channels of the film and its edges, so that it can be filtered again.
 /// Moves the planes of `film`, which is the output of UnitFilm::Read; `filtered` has the same size.
 EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const ResultInfo& info);
 

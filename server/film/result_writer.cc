@@ -1,10 +1,24 @@
 #include "server/film/result_writer.h"
 
+#include <algorithm>
+#include <array>
+#include <optional>
 #include <utility>
 
 #include "filter/image/layers.h"
 
 namespace lumifold::film {
+
+namespace {
+
+std::optional<std::array<float, 16>> MatrixOf(const google::protobuf::RepeatedField<float>& values) {
+  std::array<float, 16> matrix = {};
+  if (values.size() != static_cast<int>(matrix.size())) return std::nullopt;
+  std::copy(values.begin(), values.end(), matrix.begin());
+  return matrix;
+}
+
+}  // namespace
 
 ResultWriter::ResultWriter(ExrRowWriter file, ResultInfo info)
     : file_(std::move(file)), info_(std::move(info)) {}
@@ -14,6 +28,16 @@ absl::StatusOr<ResultWriter> ResultWriter::Create(const std::string& path, const
   ExrLayout picture = ExrLayoutOf(BuildResult({film.Outline(), {}}, {}, info).pixels);
   picture.width = film.width();
   picture.height = film.height();
+  if (info.spec.has_crop()) {
+    const v1::Crop& crop = info.spec.crop();
+    picture.frame = {crop.frame_width(), crop.frame_height(), crop.x(), crop.y()};
+  }
+  const v1::CameraMatrices& camera = info.facts.camera();
+  picture.standard.world_to_camera = MatrixOf(camera.world_to_camera());
+  picture.standard.world_to_ndc = MatrixOf(camera.world_to_ndc());
+  picture.standard.is_rec709 = true;
+  picture.standard.exposure_seconds = 0;  // a frame shows one moment
+  picture.standard.frames_per_second = info.spec.frames_per_second();
   const ExrLayout edges = {kSubSamples, static_cast<int>(film.edge_rows()), layers::EdgeChannels(), {}};
   const bool has_edges = info.spec.save_film() && film.edge_rows() > 0;
   absl::StatusOr<ExrRowWriter> file =

@@ -14,6 +14,7 @@
 #include "filter/image/decisions.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/layers.h"
+#include "proto/rpc/limits.h"
 #include "server/job/plan.h"
 
 namespace lumifold::film {
@@ -198,7 +199,26 @@ absl::Status CheckCounts(const Rect& rect, const TileSamples& samples, PlaneRows
       absl::StrCat("unit: has ", added, " samples and ", bad_samples, " bad ones, but its pass has ", all));
 }
 
+/// A matrix of a camera, or none.
+bool IsMatrix(const google::protobuf::RepeatedField<float>& values) {
+  return values.empty() || (values.size() == 16 && std::all_of(values.begin(), values.end(),
+                                                               [](float v) { return std::isfinite(v); }));
+}
+
+absl::Status CheckFacts(const v1::UnitStats& stats) {
+  if (!IsMatrix(stats.camera().world_to_camera()) || !IsMatrix(stats.camera().world_to_ndc()))
+    return absl::InvalidArgumentError("unit: its camera has a matrix that is not 16 finite numbers");
+  size_t bytes = 0;
+  for (const v1::SceneObject& object : stats.objects())
+    bytes += object.name().size() + object.material().size();
+  if (stats.objects_size() <= static_cast<int>(rpc::kMaxObjects) && bytes <= rpc::kMaxObjectBytes)
+    return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("unit: names ", stats.objects_size(), " objects with ", bytes, " bytes: too many"));
+}
+
 absl::Status CheckStats(const v1::UnitStats& stats) {
+  if (absl::Status status = CheckFacts(stats); !status.ok()) return status;
   if (stats.samples() >= 0 && stats.bad_samples() >= 0 && stats.rays() >= 0 &&
       std::isfinite(stats.seconds()) && stats.seconds() >= 0)
     return absl::OkStatus();

@@ -197,7 +197,7 @@ absl::StatusOr<UnitHeader> UnitLogReader::ReadHeader(const RecordPlace& place) c
   if (!header.ok()) return header.status();
   return UnitHeader{job::UnitFromProto(header->unit()),
                     {std::move(*header->mutable_pixels()->mutable_layout()),
-                     header->edges().layout().height(), header->stats().rays()}};
+                     header->edges().layout().height(), std::move(*header->mutable_stats())}};
 }
 
 absl::StatusOr<std::string> UnitLogReader::ReadDigest(const RecordPlace& place) const {

@@ -3,6 +3,7 @@
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
 #include "lumifold/v1/image.pb.h"
+#include "lumifold/v1/worker.pb.h"
 #include "server/job/unit.h"
 
 namespace lumifold::film {
@@ -11,7 +12,7 @@ namespace lumifold::film {
 struct UnitOutline {
   v1::PixelLayout pixels;
   int edge_rows = 0;
-  int64_t rays = 0;  // v1::UnitStats::rays
+  v1::UnitStats stats = {};
 };
 
 /// The committed units of a frame.

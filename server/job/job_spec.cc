@@ -104,6 +104,31 @@ absl::Status CheckLens(const v1::JobSpec& spec) {
   return CheckPositive("lens.focus_metres", spec.lens().focus_metres());
 }
 
+absl::Status CheckCrop(const v1::JobSpec& spec) {
+  if (!spec.has_crop()) return absl::OkStatus();
+  const v1::Crop& crop = spec.crop();
+  for (const absl::Status& status : {
+           CheckRange("crop.frame_width", crop.frame_width(), 1, kMaxEdge),
+           CheckRange("crop.frame_height", crop.frame_height(), 1, kMaxEdge),
+           CheckRange("crop.x", crop.x(), 0, crop.frame_width() - spec.width()),
+           CheckRange("crop.y", crop.y(), 0, crop.frame_height() - spec.height()),
+       }) {
+    if (!status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckPixelFilter(const v1::JobSpec& spec) {
+  if (!spec.has_pixel_filter()) return absl::OkStatus();
+  const v1::PixelFilter& filter = spec.pixel_filter();
+  if (!v1::PixelFilterKind_IsValid(filter.kind()))
+    return absl::InvalidArgumentError(
+        absl::StrCat("pixel_filter.kind is ", static_cast<int>(filter.kind()), ", which is none"));
+  if (filter.width() > 0 && filter.width() <= kMaxPixelFilterWidth) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("pixel_filter.width is ", filter.width(),
+                                                 ", not above 0 and at most ", kMaxPixelFilterWidth));
+}
+
 /// Of a job without a plan both may be 0.
 absl::Status CheckUnits(const v1::JobSpec& spec) {
   const bool may_be_planned = NeedsPlan(spec);
@@ -256,6 +281,8 @@ absl::StatusOr<v1::JobSpec> NormaliseJobSpec(v1::JobSpec spec) {
   if (absl::Status status = CheckScene(spec.scene()); !status.ok()) return status;
   if (absl::Status status = CheckEnvironment(spec); !status.ok()) return status;
   if (absl::Status status = CheckLens(spec); !status.ok()) return status;
+  if (absl::Status status = CheckCrop(spec); !status.ok()) return status;
+  if (absl::Status status = CheckPixelFilter(spec); !status.ok()) return status;
   const int64_t samples_per_frame = int64_t{spec.width()} * spec.height() * spec.samples_per_pixel();
   const int frames = FrameList(spec).count();
   if (samples_per_frame > kMaxJobSamples / frames) {

@@ -13,6 +13,9 @@ inline constexpr int kMaxSamples = 1 << 20;
 inline constexpr int64_t kMaxJobSamples = int64_t{1} << 60;
 inline constexpr int kMaxBounces = 1024;
 
+/// Pixels.
+inline constexpr float kMaxPixelFilterWidth = 8;
+
 /// Pixels of a picture with adaptive sampling: each estimate filters the whole of it in memory.
 inline constexpr int64_t kMaxAdaptivePixels = int64_t{1} << 22;
 

@@ -40,6 +40,7 @@ absl::StatusOr<v1::Scheduling> NormaliseScheduling(v1::Scheduling scheduling) {
   if (scheduling.user().empty()) scheduling.set_user(kAnonymous);
   absl::Status status = CheckPriority(scheduling.priority());
   status.Update(CheckText("user", scheduling.user(), 1, kMaxNameBytes));
+  status.Update(CheckText("name", scheduling.name(), 0, kMaxNameBytes));
   status.Update(CheckText("numeric_class", scheduling.numeric_class(), 0, kMaxClassBytes));
   status.Update(CheckCount("tags", scheduling.tags_size(), kMaxTags));
   for (const std::string& tag : scheduling.tags()) status.Update(CheckText("tags", tag, 1, kMaxTagBytes));

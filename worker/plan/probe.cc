@@ -104,7 +104,7 @@ class ProbeRun {
         block->Add(samples[i]);
       }
     };
-    render::ForEachCameraPacket(camera_, seed_, /*frame=*/0, probe_.width, x, y, {0, kProbeSamples}, trace);
+    render::ForEachCameraPacket(camera_, seed_, /*frame=*/0, x, y, {0, kProbeSamples}, trace);
     pixels_.push_back(luminance);
     probe_.rays_of_pixel.push_back(static_cast<float>(render::RaysOfThread() - rays_before) / kProbeSamples);
   }
@@ -165,6 +165,10 @@ double Probe::RaysPerSample(const Rect& rect, int frame_width, int frame_height)
 absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings) {
   render::RenderSettings small = settings;
   std::tie(small.width, small.height) = ProbeSize(settings.width, settings.height);
+  const auto reduced_x = [&](int x) { return static_cast<int>(int64_t{x} * small.width / settings.width); };
+  const auto reduced_y = [&](int y) { return static_cast<int>(int64_t{y} * small.height / settings.height); };
+  small.frame = {reduced_x(settings.frame.frame_width), reduced_y(settings.frame.frame_height),
+                 reduced_x(settings.frame.x), reduced_y(settings.frame.y)};
   const absl::StatusOr<render::PictureCamera> camera = render::MakeCamera(scene, small);
   if (!camera.ok()) return camera.status();
   absl::StatusOr<std::unique_ptr<render::EmbreeScene>> embree = render::EmbreeScene::Create(scene);

@@ -15,13 +15,16 @@ constexpr float kSensorHeight = 0.024f;
 
 }  // namespace
 
-PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, int width, int height)
-    : perspective_(camera.kind == scene::Camera::Kind::kPerspective),
+PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, const FrameWindow& frame,
+                             const PixelFilter& filter)
+    : frame_(frame),
+      filter_(filter),
+      perspective_(camera.kind == scene::Camera::Kind::kPerspective),
       position_(camera.world_from_camera.origin) {
   const Vec3 right = Normalize(camera.world_from_camera.x);
   const Vec3 up = Normalize(camera.world_from_camera.y);
   forward_ = -Normalize(camera.world_from_camera.z);
-  const float aspect = static_cast<float>(width) / static_cast<float>(height);
+  const float aspect = static_cast<float>(frame.frame_width) / static_cast<float>(frame.frame_height);
   float half_height = camera.ymag;
   if (perspective_) {
     float sin_half = 0;
@@ -30,8 +33,12 @@ PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, int 
     half_height = sin_half / cos_half;
   }
   const float half_width = half_height * aspect;
-  step_x_ = right * (2 * half_width / static_cast<float>(width));
-  pixel_ = 2 * half_height / static_cast<float>(height);
+  right_ = right;
+  up_ = up;
+  half_width_ = half_width;
+  half_height_ = half_height;
+  step_x_ = right * (2 * half_width / static_cast<float>(frame.frame_width));
+  pixel_ = 2 * half_height / static_cast<float>(frame.frame_height);
   step_y_ = up * -pixel_;
   corner_ = up * half_height - right * half_width;
   if (!perspective_) return;
@@ -43,6 +50,49 @@ PictureCamera::PictureCamera(const scene::Camera& camera, const Lens& lens, int 
   lens_x_ = right * radius;
   lens_y_ = up * radius;
   has_lens_ = true;
+}
+
+PictureCamera::Matrix PictureCamera::WorldToCamera() const {
+  const Vec3& r = right_;
+  const Vec3& u = up_;
+  const Vec3 b = -forward_;
+  return {r.x,
+          u.x,
+          b.x,
+          0,  //
+          r.y,
+          u.y,
+          b.y,
+          0,  //
+          r.z,
+          u.z,
+          b.z,
+          0,  //
+          -Dot(r, position_),
+          -Dot(u, position_),
+          -Dot(b, position_),
+          1};
+}
+
+PictureCamera::Matrix PictureCamera::WorldToNdc() const {
+  // Depth is -1 in the near plane and goes to 1 with the distance; no ray depends on it.
+  constexpr float kNear = 0.01f;
+  Matrix projection = {};
+  projection[0] = 1 / half_width_;
+  projection[5] = 1 / half_height_;
+  projection[10] = -1;
+  projection[11] = perspective_ ? -1.0f : 0.0f;
+  projection[14] = perspective_ ? -2 * kNear : 0.0f;
+  projection[15] = perspective_ ? 0.0f : 1.0f;
+  const Matrix world = WorldToCamera();
+  Matrix product = {};
+  for (size_t row = 0; row < 4; ++row) {
+    for (size_t column = 0; column < 4; ++column) {
+      for (size_t i = 0; i < 4; ++i)
+        product[4 * row + column] += world[4 * row + i] * projection[4 * i + column];
+    }
+  }
+  return product;
 }
 
 void PictureCamera::SetRay(Vec2 point, Vec2 lens, float pixels, Ray* ray) const {

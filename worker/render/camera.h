@@ -1,6 +1,10 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
+
 #include "worker/render/embree_scene.h"
+#include "worker/render/pixel_filter.h"
 #include "worker/scene/scene.h"
 
 namespace lumifold::render {
@@ -12,14 +16,35 @@ struct Lens {
   float focus_metres = 0;  // distance of the plane of focus along the view axis
 };
 
+/// The part of the frame that is the picture.
+struct FrameWindow {
+  int frame_width = 0;  // pixels of the whole frame; 0: the picture is the whole frame
+  int frame_height = 0;
+  int x = 0;  // pixel of the frame at the picture's top left corner
+  int y = 0;
+};
+
 /// Generates camera rays. The vertical field of view is the camera's; the horizontal one follows from the
-/// picture's aspect ratio.
+/// frame's aspect ratio.
 class PictureCamera {
  public:
-  /// An orthographic camera must have a pinhole.
-  PictureCamera(const scene::Camera& camera, const Lens& lens, int width, int height);
+  /// An orthographic camera must have a pinhole. `frame` has the size of the whole frame.
+  PictureCamera(const scene::Camera& camera, const Lens& lens, const FrameWindow& frame,
+                const PixelFilter& filter = {});
 
-  /// The ray through picture point (x, y) in pixels, origin top left, y down; pixel centres lie at .5. `lens`
+  /// The frame's point for random numbers `u` in [0, 1)^2, in the pixel (x, y) of the picture or near it: see PixelFilter.
+  scene::Vec2 PointIn(int x, int y, scene::Vec2 u) const {
+    return {static_cast<float>(x + frame_.x) + filter_.Warp(u.x),
+            static_cast<float>(y + frame_.y) + filter_.Warp(u.y)};
+  }
+  /// Row-major number in the frame of a pixel of the picture.
+  int64_t NumberOf(int x, int y) const {
+    return static_cast<int64_t>(y + frame_.y) * frame_.frame_width + x + frame_.x;
+  }
+  /// In pixels.
+  float FilterWidth() const { return filter_.width(); }
+
+  /// The ray through the frame's point (x, y) in pixels, origin top left, y down; pixel centres lie at .5. `lens`
   /// in [0, 1)^2 maps uniformly to the lens; a pinhole ignores it. The ray's cone is `pixels` wide.
   Ray RayThrough(float x, float y, scene::Vec2 lens, float pixels = 1) const {
     Ray ray;
@@ -31,14 +56,26 @@ class PictureCamera {
 
   bool HasLens() const { return has_lens_; }
 
+  /// For row vectors, row by row: to a space that looks down its -Z with +Y up, and from it to the whole frame, -1 to 1
+  /// from left to right and from bottom to top.
+  using Matrix = std::array<float, 16>;
+  Matrix WorldToCamera() const;
+  Matrix WorldToNdc() const;
+
   /// Distance of a world point from the camera along the view axis.
   float PlanarDepth(scene::Vec3 p) const { return Dot(p - position_, forward_); }
 
  private:
+  FrameWindow frame_;
+  PixelFilter filter_;
   bool perspective_;
   scene::Vec3 position_;
+  scene::Vec3 right_;
+  scene::Vec3 up_;
   scene::Vec3 forward_;
-  /// The picture's top left corner at distance 1 (perspective) or in the camera's plane, relative to
+  float half_width_ = 1;  // of the frame, at distance 1 or in the camera's plane
+  float half_height_ = 1;
+  /// The frame's top left corner at distance 1 (perspective) or in the camera's plane, relative to
   /// position_.
   scene::Vec3 corner_;
   scene::Vec3 step_x_;  // one pixel to the right

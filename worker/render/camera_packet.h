@@ -22,7 +22,7 @@ class CameraPacket {
       : range_(range), samplers_(packet.samplers().first(range.last - range.first)) {
     for (size_t i = 0; i < size(); ++i) {
       const Vec2 jitter = samplers_[i].Get2D(kCameraPair);
-      points_[i] = {static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y};
+      points_[i] = camera.PointIn(x, y, jitter);
       if (camera.HasLens()) lens_points_[i] = samplers_[i].Get2D(kLensPair);
       camera.SetRay(points_[i], lens_points_[i], 1, &rays_[i]);
       rays_[i].random_key = samplers_[i].Key(kCameraPair);
@@ -34,7 +34,7 @@ class CameraPacket {
   std::span<const Sampler> samplers() const { return samplers_; }
   /// Sample number in the pixel.
   uint32_t Index(size_t i) const { return range_.first + static_cast<uint32_t>(i); }
-  /// Picture position in pixels.
+  /// Position in the frame in pixels.
   Vec2 Point(size_t i) const { return points_[i]; }
   /// Where the ray passes the lens, in [0, 1)^2; 0 for a pinhole.
   Vec2 LensPoint(size_t i) const { return lens_points_[i]; }
@@ -49,12 +49,12 @@ class CameraPacket {
 
 static_assert(PathTracer::kPacket == DrawnPairs::kSamples);
 
-/// Calls visit(CameraPacket) for the samples of pixel (x, y) of a frame `width` pixels wide. The division
-/// into packets depends on the range alone. `visit` may return a bool; false ends it.
+/// Calls visit(CameraPacket) for the samples of pixel (x, y) of the picture. The division into packets depends on the
+/// range alone. `visit` may return a bool; false ends it.
 template <typename Visit>
-void ForEachCameraPacket(const PictureCamera& camera, uint64_t seed, int frame, int width, int x, int y,
+void ForEachCameraPacket(const PictureCamera& camera, uint64_t seed, int frame, int x, int y,
                          SampleRange range, Visit visit) {
-  const int64_t pixel = static_cast<int64_t>(y) * width + x;
+  const int64_t pixel = camera.NumberOf(x, y);
   for (uint32_t first = range.first; first < range.last; first += PathTracer::kPacket) {
     const SamplerPacket samplers(seed, frame, pixel, first);
     const SampleRange together = {first, std::min<uint32_t>(range.last, first + PathTracer::kPacket)};

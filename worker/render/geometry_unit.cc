@@ -172,11 +172,11 @@ class GeometryUnit {
     const int row = sub_sample / kGrid;
     const float dx = (static_cast<float>(column) + 0.5f) / kGrid;
     const float dy = (static_cast<float>(row) + 0.5f) / kGrid;
-    Ray ray = camera_.RayThrough(static_cast<float>(x) + dx, static_cast<float>(y) + dy,
-                                 LensPointOf(sub_sample), 1.0f / kGrid);
+    const Vec2 point = camera_.PointIn(x, y, {dx, dy});
+    Ray ray = camera_.RayThrough(point.x, point.y, LensPointOf(sub_sample), camera_.FilterWidth() / kGrid);
     // The same key in all frames, so that half-transparent surfaces do not flicker.
-    const int64_t pixel = static_cast<int64_t>(y) * frame_.width() + x;
-    ray.random_key = Sampler(0, 0, pixel, static_cast<uint32_t>(sub_sample)).Key(kCameraPair);
+    ray.random_key =
+        Sampler(0, 0, camera_.NumberOf(x, y), static_cast<uint32_t>(sub_sample)).Key(kCameraPair);
     return ray;
   }
 
@@ -198,8 +198,8 @@ class GeometryUnit {
     for (int x = x0_; x < x1_; ++x) {
       Pixel& pixel = row[static_cast<size_t>(x - x0_)];
       Trace(x, y, kFirst, pixel.samples);
-      const Ray centre =
-          camera_.RayThrough(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, {0.5f, 0.5f});
+      const Vec2 point = camera_.PointIn(x, y, {0.5f, 0.5f});
+      const Ray centre = camera_.RayThrough(point.x, point.y, {0.5f, 0.5f});
       pixel.probe = ProbeOf(pixel.samples, centre);
     }
     return row;

@@ -35,12 +35,15 @@ OpacitySource OpacitySourceOf(const scene::Scene& scene, const TracingPlan& plan
 }  // namespace
 
 absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const RenderSettings& settings) {
-  const std::optional<scene::Camera> camera = FindCamera(scene, settings.camera);
+  const bool is_whole = settings.frame.frame_width == 0;
+  const FrameWindow frame = is_whole ? FrameWindow{settings.width, settings.height} : settings.frame;
+  const float aspect = static_cast<float>(frame.frame_width) / static_cast<float>(frame.frame_height);
+  const std::optional<scene::Camera> camera = FindCamera(scene, settings.camera, aspect);
   if (!camera.has_value())
     return absl::NotFoundError(absl::StrCat("the scene has no camera called '", settings.camera, "'"));
   if (const std::string error = LensError(settings.lens, *camera); !error.empty())
     return absl::InvalidArgumentError(error);
-  return PictureCamera(*camera, settings.lens, settings.width, settings.height);
+  return PictureCamera(*camera, settings.lens, frame, settings.pixel_filter);
 }
 
 std::string NumericClass() {

@@ -22,8 +22,10 @@ namespace lumifold::render {
 
 /// What determines the picture besides the scene.
 struct RenderSettings {
-  int width = 0;  // pixels of the whole frame
+  int width = 0;  // pixels of the picture
   int height = 0;
+  FrameWindow frame;  // where it is in the camera's frame
+  PixelFilter pixel_filter;
   uint64_t seed = 0;
   int max_bounces = 8;  // scattering events after the first surface
   std::string camera;   // empty: the scene's first
@@ -82,6 +84,9 @@ class Renderer {
   /// is true it returns within a row of pixels; the result is then incomplete.
   EdgedImage RenderGeometry(const Rect& rect, int frame, const std::atomic<bool>* stop = nullptr) const;
 
+  const PictureCamera& camera() const { return camera_; }
+  const scene::Scene& scene() const { return *scene_; }
+
   /// Messages for the artist: the loader's warnings, a scene without lights, bad pixels of the environment.
   const std::vector<std::string>& warnings() const { return warnings_; }
 
@@ -94,7 +99,7 @@ class Renderer {
   /// Calls visit(CameraPacket) for the samples of a pixel.
   template <typename Visit>
   void ForEachPacket(int x, int y, int frame, SampleRange range, Visit visit) const {
-    ForEachCameraPacket(camera_, settings_.seed, frame, settings_.width, x, y, range, visit);
+    ForEachCameraPacket(camera_, settings_.seed, frame, x, y, range, visit);
   }
 
   std::shared_ptr<const scene::Scene> scene_;

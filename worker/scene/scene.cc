@@ -1,7 +1,9 @@
 #include "worker/scene/scene.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include "filter/image/portable_math.h"
 
@@ -18,24 +20,71 @@ Vec3 Corner(const Bounds& bounds, int i) {
           i & 4 ? bounds.max.z : bounds.min.z};
 }
 
-Camera FittedCamera(const Bounds& bounds) {
+/// What a camera that looks along -z must see, in its axes.
+class Extent {
+ public:
+  /// Tangents of half the angles of view.
+  Extent(float horizontal, float vertical) : tangents_{horizontal, vertical} {}
+
+  void Add(const Vec3& p) {
+    const std::array<float, 2> sides = {p.x, p.y};
+    for (size_t i = 0; i < 2; ++i) {
+      upper_[i] = std::max(upper_[i], sides[i] + tangents_[i] * p.z);
+      lower_[i] = std::max(lower_[i], -sides[i] + tangents_[i] * p.z);
+    }
+    farthest_ = std::min(farthest_, p.z);
+    nearest_ = std::max(nearest_, p.z);
+    is_empty_ = false;
+  }
+  bool is_empty() const { return is_empty_; }
+
+  /// The nearest place from which all of it is seen, with equal margins.
+  Vec3 Place() const {
+    std::array<float, 2> middle = {};
+    float z = nearest_ + 1e-3f * (nearest_ - farthest_) + 1e-6f;
+    for (size_t i = 0; i < 2; ++i) {
+      middle[i] = (upper_[i] - lower_[i]) / 2;
+      z = std::max(z, (upper_[i] + lower_[i]) / (2 * tangents_[i]));
+    }
+    return {middle[0], middle[1], z};
+  }
+
+ private:
+  static constexpr float kNone = -std::numeric_limits<float>::infinity();
+
+  // Of all points, the largest distance to the right (above) of a plane of the view's slope through the origin, and to the
+  // left (below).
+  std::array<float, 2> upper_ = {kNone, kNone};
+  std::array<float, 2> lower_ = {kNone, kNone};
+  std::array<float, 2> tangents_;
+  float nearest_ = kNone;
+  float farthest_ = -kNone;
+  bool is_empty_ = true;
+};
+
+/// Sees the whole scene from the front and a little above, as large as a frame of this aspect ratio allows.
+Camera FittedCamera(const Scene& scene, float aspect) {
   constexpr float kElevation = 0.25f;  // radians above the horizon
-  constexpr float kMargin = 1.1f;
+  constexpr float kMargin = 1.05f;
   Camera camera;
   camera.name = "fitted";
-  Vec3 center = {0, 0, 0};
-  float radius = 1;
-  if (!bounds.IsEmpty()) {
-    center = bounds.min * 0.5f + bounds.max * 0.5f;
-    radius = std::max(Length(bounds.max - center), 1e-6f);
-  }
   float sine = 0, cosine = 1;
   SinCos(kElevation, &sine, &cosine);
+  const Vec3 right = {1, 0, 0};
   const Vec3 backward = {0, sine, cosine};
+  const Vec3 up = Cross(backward, right);
   float sin_half_fov = 0, cos_half_fov = 1;
   SinCos(camera.yfov / 2, &sin_half_fov, &cos_half_fov);
-  const Vec3 position = center + backward * (kMargin * radius / sin_half_fov);
-  camera.world_from_camera = {{1, 0, 0}, Cross(backward, {1, 0, 0}), backward, position};
+  const float vertical = sin_half_fov / cos_half_fov / kMargin;
+  Extent extent(vertical * aspect, vertical);
+  for (const Instance& instance : scene.instances) {
+    for (const Vec3& position : scene.meshes[instance.mesh].positions) {
+      const Vec3 p = instance.world_from_object.Point(position);
+      extent.Add({Dot(p, right), Dot(p, up), Dot(p, backward)});
+    }
+  }
+  const Vec3 place = extent.is_empty() ? Vec3{0, 0, 1 / sin_half_fov} : extent.Place();
+  camera.world_from_camera = {right, up, backward, right * place.x + up * place.y + backward * place.z};
   return camera;
 }
 
@@ -70,8 +119,8 @@ Bounds WorldBounds(const Scene& scene) {
   return world;
 }
 
-std::optional<Camera> FindCamera(const Scene& scene, const std::string& name) {
-  if (name.empty()) return scene.cameras.empty() ? FittedCamera(WorldBounds(scene)) : scene.cameras.front();
+std::optional<Camera> FindCamera(const Scene& scene, const std::string& name, float aspect) {
+  if (name.empty()) return scene.cameras.empty() ? FittedCamera(scene, aspect) : scene.cameras.front();
   const auto found = std::find_if(scene.cameras.begin(), scene.cameras.end(),
                                   [&](const Camera& c) { return c.name == name; });
   if (found == scene.cameras.end()) return std::nullopt;

@@ -165,6 +165,25 @@ TEST(JobSpec, EachBadFieldIsNamed) {
       {[](auto& s) { AddEnvironment(s).set_scale(0); }, "environment.scale is 0"},
       {[](auto& s) { AddEnvironment(s).set_rotate_degrees(std::nanf("")); }, "environment.rotate_degrees"},
       {[](auto& s) { s.mutable_lens()->set_focus_metres(1); }, "lens.f_stop is 0"},
+      {[](auto& s) { s.mutable_crop()->set_frame_width(64); }, "crop.frame_height is 0, not 1 to 16384"},
+      {[](auto& s) { s.mutable_crop()->set_frame_width(16385); }, "crop.frame_width is 16385"},
+      {[](auto& s) {
+         s.mutable_crop()->set_frame_width(s.width() + 4), s.mutable_crop()->set_frame_height(s.height());
+         s.mutable_crop()->set_x(5);
+       },
+       "crop.x is 5, not 0 to 4"},
+      {[](auto& s) {
+         s.mutable_crop()->set_frame_width(s.width()), s.mutable_crop()->set_frame_height(s.height());
+         s.mutable_crop()->set_y(-1);
+       },
+       "crop.y is -1, not 0 to 0"},
+      {[](auto& s) { s.mutable_pixel_filter()->set_width(0); },
+       "pixel_filter.width is 0, not above 0 and at most 8"},
+      {[](auto& s) { s.mutable_pixel_filter()->set_width(HUGE_VALF); }, "pixel_filter.width is inf"},
+      {[](auto& s) {
+         s.mutable_pixel_filter()->set_width(1), s.mutable_pixel_filter()->set_kind(v1::PixelFilterKind(3));
+       },
+       "pixel_filter.kind is 3, which is none"},
       {[](auto& s) { s.mutable_lens()->set_f_stop(2); }, "lens.focus_metres is 0"},
   };
   for (const Case& c : cases) {

@@ -28,6 +28,7 @@ TEST(Scheduling, EachFieldHasALimitAndTheErrorNamesIt) {
       {[](auto& s) { s.set_priority(101); }, "priority is 101, not -100 to 100"},
       {[](auto& s) { s.set_user(std::string(256, 'u')); }, "user has 256 bytes, not 1 to 255"},
       {[](auto& s) { s.set_user(std::string("a\0b", 3)); }, "user has a NUL character"},
+      {[](auto& s) { s.set_name(std::string(256, 'n')); }, "name has 256 bytes, not 0 to 255"},
       {[](auto& s) { s.set_numeric_class(std::string(257, 'c')); },
        "numeric_class has 257 bytes, not 0 to 256"},
       {[](auto& s) { s.add_tags(""); }, "tags has 0 bytes, not 1 to 64"},

@@ -26,7 +26,7 @@ scene::Camera Forward() { return testing::LookAt({0, 0, 0}, {0, 0, -1}, kYfov); 
 double LensRadius(double f_stop) { return 0.012 / std::tan(static_cast<double>(kYfov) / 2) / (2 * f_stop); }
 
 TEST(Camera, PinholeIgnoresTheLensPoint) {
-  const PictureCamera camera(Forward(), {}, 40, 30);
+  const PictureCamera camera(Forward(), {}, {40, 30});
   EXPECT_FALSE(camera.HasLens());
   const Ray a = camera.RayThrough(3.25f, 7, {0.1f, 0.9f});
   const Ray b = camera.RayThrough(3.25f, 7, {0.7f, 0.2f});
@@ -35,14 +35,15 @@ TEST(Camera, PinholeIgnoresTheLensPoint) {
 }
 
 TEST(Camera, RaysOfOnePicturePointMeetInThePlaneOfFocus) {
-  const PictureCamera camera(Forward(), {1.4f, 2.5f}, 40, 30);
-  const PictureCamera pinhole(Forward(), {}, 40, 30);
+  const PictureCamera camera(Forward(), {1.4f, 2.5f}, {40, 30});
+  const PictureCamera pinhole(Forward(), {}, {40, 30});
   const Ray central = pinhole.RayThrough(31, 4, {});
   const Vec3 sharp = central.direction * (2.5f / -central.direction.z);
   double widest = 0;
   for (int i = 0; i < 64; ++i) {
+    const int row = i / 8;
     const Ray ray = camera.RayThrough(
-        31, 4, {(static_cast<float>(i % 8) + 0.5f) / 8, (static_cast<float>(i / 8) + 0.5f) / 8});
+        31, 4, {(static_cast<float>(i % 8) + 0.5f) / 8, (static_cast<float>(row) + 0.5f) / 8});
     EXPECT_EQ(ray.origin.z, 0);
     widest = std::max(widest, static_cast<double>(Length(ray.origin)));
     const Vec3 met = ray.origin + ray.direction * (2.5f / -ray.direction.z);

@@ -29,7 +29,7 @@ TEST(TraceWithoutIndirect, ChangesIndirectLightOnly) {
   int with_indirect = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      ForEachCameraPacket(access.camera(), 0, 0, kWidth, x, y, {0, 11}, [&](const CameraPacket& packet) {
+      ForEachCameraPacket(access.camera(), 0, 0, x, y, {0, 11}, [&](const CameraPacket& packet) {
         access.Trace(packet.rays(), packet.samplers(), whole);
         access.TraceWithoutIndirect(packet.rays(), packet.samplers(), without, diffuse);
         for (size_t i = 0; i < packet.size(); ++i) {
@@ -58,7 +58,7 @@ TEST(TraceIndirect, AveragesToIndirectLightOverCosineDistributedDirections) {
   constexpr uint32_t kSamples = 16384;
   std::array<LayerSample, PathTracer::kPacket> samples;
   Vec3 expected;
-  ForEachCameraPacket(access.camera(), 0, 0, 1, 0, 0, {0, kSamples}, [&](const CameraPacket& packet) {
+  ForEachCameraPacket(access.camera(), 0, 0, 0, 0, {0, kSamples}, [&](const CameraPacket& packet) {
     access.Trace(packet.rays(), packet.samplers(), samples);
     for (size_t i = 0; i < packet.size(); ++i) expected += samples[i].indirect / kSamples;
   });

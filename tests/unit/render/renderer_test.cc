@@ -14,7 +14,6 @@
 namespace lumifold::render {
 namespace {
 
-using scene::Vec3;
 using ::testing::HasSubstr;
 
 std::unique_ptr<Renderer> MakeRenderer(scene::Scene scene, int width, int height, int max_bounces = 8) {
@@ -146,6 +145,21 @@ TEST(Renderer, NamesWhatIsMissing) {
   const auto missing = Renderer::Create(std::make_shared<scene::Scene>(scene), settings);
   EXPECT_EQ(missing.status().code(), absl::StatusCode::kNotFound);
   EXPECT_THAT(missing.status().message(), HasSubstr("nobody"));
+}
+
+TEST(Renderer, APartOfAFrameHasTheBitsOfItsPixels) {
+  for (const PixelFilter& filter : {PixelFilter(), PixelFilter(PixelFilter::Kind::kGaussian, 2)}) {
+    RenderSettings settings = SettingsOf(24, 18);
+    settings.pixel_filter = filter;
+    const LayeredImage whole =
+        RenderAll(*MakeRenderer(testing::Furnace(testing::Lambert({1, 1, 1})), settings), 24, 18, 4);
+    settings.width = 9;
+    settings.height = 7;
+    settings.frame = {24, 18, 11, 5};
+    const LayeredImage part =
+        RenderAll(*MakeRenderer(testing::Furnace(testing::Lambert({1, 1, 1})), settings), 9, 7, 4);
+    ExpectSameBits(part, Cut(whole, {11, 5, 20, 12}));
+  }
 }
 
 }  // namespace

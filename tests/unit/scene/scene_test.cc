@@ -34,30 +34,36 @@ TEST(Scene, FindsCamerasByName) {
   scene.cameras.resize(2);
   scene.cameras[0].name = "front";
   scene.cameras[1].name = "side";
-  EXPECT_EQ(FindCamera(scene, "")->name, "front");
-  EXPECT_EQ(FindCamera(scene, "side")->name, "side");
-  EXPECT_FALSE(FindCamera(scene, "back").has_value());
-  EXPECT_FALSE(FindCamera(Scene{}, "front").has_value());
+  EXPECT_EQ(FindCamera(scene, "", 1)->name, "front");
+  EXPECT_EQ(FindCamera(scene, "side", 1)->name, "side");
+  EXPECT_FALSE(FindCamera(scene, "back", 1).has_value());
+  EXPECT_FALSE(FindCamera(Scene{}, "front", 1).has_value());
 }
 
-TEST(Scene, FittedCameraSeesEverything) {
+TEST(Scene, FittedCameraSeesEverythingAndFillsTheFrame) {
   const Scene scene = TriangleAt({{30, 0, 0}, {0, 20, 0}, {0, 0, 1}, {100, -50, 7}});
-  const Camera camera = *FindCamera(scene, "");
-  const Affine& a = camera.world_from_camera;
-  EXPECT_NEAR(a.Determinant(), 1, 1e-5);
-  EXPECT_GT(a.z.z, 0.9f) << "from the front, which in glTF is +z";
-  EXPECT_GT(a.z.y, 0) << "and a little above";
-  for (const Vec3& p : scene.meshes[0].positions) {
-    const Vec3 d = scene.instances[0].world_from_object.Point(p) - a.origin;
-    const float depth = -Dot(d, a.z);
-    ASSERT_GT(depth, 0);
-    EXPECT_LT(std::fabs(Dot(d, a.y)), depth * std::tan(camera.yfov / 2));
-    EXPECT_LT(std::fabs(Dot(d, a.x)), depth * std::tan(camera.yfov / 2));
+  for (const float aspect : {0.5f, 1.0f, 2.4f}) {
+    const Camera camera = *FindCamera(scene, "", aspect);
+    const Affine& a = camera.world_from_camera;
+    EXPECT_NEAR(a.Determinant(), 1, 1e-5);
+    EXPECT_GT(a.z.z, 0.9f) << "from the front, which in glTF is +z";
+    EXPECT_GT(a.z.y, 0) << "and a little above";
+    float widest = 0;
+    for (const Vec3& p : scene.meshes[0].positions) {
+      const Vec3 d = scene.instances[0].world_from_object.Point(p) - a.origin;
+      const float depth = -Dot(d, a.z);
+      ASSERT_GT(depth, 0);
+      const float half_height = depth * std::tan(camera.yfov / 2);
+      widest = std::max(
+          {widest, std::fabs(Dot(d, a.y)) / half_height, std::fabs(Dot(d, a.x)) / (half_height * aspect)});
+    }
+    EXPECT_LT(widest, 1);
+    EXPECT_GT(widest, 0.9f) << aspect;
   }
 }
 
 TEST(Scene, FittedCameraOfAnEmptySceneIsFinite) {
-  const Camera camera = *FindCamera(Scene{}, "");
+  const Camera camera = *FindCamera(Scene{}, "", 1);
   EXPECT_TRUE(std::isfinite(Length(camera.world_from_camera.origin)));
 }
 

@@ -52,7 +52,7 @@ class CameraFrame {
   /// Calls visit(CameraPacket) for the samples of `range` of a pixel.
   template <typename Visit>
   void ForEachPacket(int x, int y, SampleRange range, Visit visit) const {
-    render::ForEachCameraPacket(camera(), seed(), 0, width(), x, y, range, visit);
+    render::ForEachCameraPacket(camera(), seed(), 0, x, y, range, visit);
   }
 
   /// Calls visit(i) for each i in [0, count) on the pool, in the floating-point environment of the tracer.

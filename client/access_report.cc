@@ -9,6 +9,8 @@
 #include "absl/strings/string_view.h"
 #include "absl/time/time.h"
 
+#include "client/json_line.h"
+
 namespace lumifold::client {
 namespace {
 
@@ -77,10 +79,6 @@ std::string TimeText(int64_t unix_ms) {
   return absl::FormatTime("%Y-%m-%d %H:%M:%S", absl::FromUnixMillis(unix_ms), absl::LocalTimeZone());
 }
 
-std::string Line(const nlohmann::ordered_json& json) {
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
-}
-
 }  // namespace
 
 absl::StatusOr<v1::AccessScope> ParseScope(const std::string& name) {
@@ -107,7 +105,7 @@ std::string WhoAmIJson(const v1::WhoAmIResponse& caller) {
   json["scopes"] = ScopeNames(caller);
   json["id"] = caller.id();
   json["expires_unix_ms"] = caller.expires_unix_ms();
-  return Line(json);
+  return JsonLine(json);
 }
 
 std::string InviteJson(const v1::CreateInviteResponse& invite) {
@@ -115,7 +113,7 @@ std::string InviteJson(const v1::CreateInviteResponse& invite) {
   json["code"] = invite.code();
   json["id"] = invite.id();
   json["expires_unix_ms"] = invite.expires_unix_ms();
-  return Line(json);
+  return JsonLine(json);
 }
 
 std::string IdentityTableHead() {
@@ -141,7 +139,7 @@ std::string IdentityJson(const v1::Credential& credential) {
   json["state"] = StateName(credential.state());
   json["created_unix_ms"] = credential.created_unix_ms();
   json["expires_unix_ms"] = credential.expires_unix_ms();
-  return Line(json);
+  return JsonLine(json);
 }
 
 }  // namespace lumifold::client

@@ -9,7 +9,9 @@
 
 #include "client/environment.h"
 #include "client/frame_range.h"
+#include "client/option_file.h"
 #include "client/picture_size.h"
+#include "filter/image/rect.h"
 
 namespace lumifold::client {
 
@@ -51,7 +53,14 @@ class CommandLine {
   void AddShare(const std::string& names, float* value, const std::string& help);
   /// A finite number above 0.
   void AddPositiveNumber(const std::string& names, float* value, const std::string& help);
+  /// A finite number above 0, or "auto", which is nothing.
+  void AddExposure(const std::string& names, std::optional<float>* value, const std::string& help);
   void AddSize(const std::string& names, PictureSize* value, const std::string& help);
+  /// A rectangle of pixels, X0,Y0,X1,Y1.
+  void AddRect(const std::string& names, std::optional<Rect>* value, const std::string& help);
+  /// One of `words`.
+  void AddChoice(const std::string& names, const std::string& value_name,
+                 const std::vector<std::string>& words, std::string* value, const std::string& help);
   /// A range of frames.
   void AddFrames(const std::string& names, Frames* value, const std::string& help);
 
@@ -64,15 +73,23 @@ class CommandLine {
   /// Additional text of help, between the options and the exit codes.
   void SetFooter(const std::string& text);
 
-  /// Parses the arguments after the command's name. If it returns a value, the program ends with it: help was
+  /// Parses the arguments after the command's name. Options that they do not have are those of the file of `--job`, where
+  /// the command has that option, and of environment.configuration: of the profile, then of all. If it returns a value, the program ends with it: help was
   /// printed to `out`, or an error to `err`.
   std::optional<ExitCode> Parse(const std::vector<std::string>& arguments, const Environment& environment);
 
  private:
+  absl::StatusOr<std::vector<std::string>> Complete(const std::vector<std::string>& arguments,
+                                                    const Environment& environment);
+
   class Parser;
   std::unique_ptr<Parser> parser_;
   std::vector<std::function<absl::Status()>> checks_;
 };
+
+/// Errors: kInvalidArgument with place and suggestion for an option that is none of `known`, unless that is empty.
+absl::Status CheckNames(const std::string& path, const FileOptions& options,
+                        const std::vector<std::string>& known);
 
 /// Prints an error of the command line to `err` and returns kUsage. `command` is "lumifold" or "lumifold
 /// COMMAND".

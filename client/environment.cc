@@ -1,16 +1,25 @@
 #include "client/environment.h"
 
 #include "absl/strings/str_replace.h"
+#include "client/colour.h"
 
 namespace lumifold::client {
 
-void ReportLine(const Environment& environment, absl::string_view text) {
-  environment.err << "lumifold: " << absl::StrReplaceAll(text, {{"\n", " "}, {"\r", " "}}) << "\n"
+namespace {
+
+void Print(const Environment& environment, const std::string& prefix, absl::string_view text) {
+  environment.err << prefix << " " << absl::StrReplaceAll(text, {{"\n", " "}, {"\r", " "}}) << "\n"
                   << std::flush;
 }
 
+}  // namespace
+
+void ReportLine(const Environment& environment, absl::string_view text) {
+  Print(environment, "lumifold:", text);
+}
+
 ExitCode ReportError(const Environment& environment, const absl::Status& status) {
-  ReportLine(environment, status.message());
+  Print(environment, Coloured(environment.err_has_colours, Colour::kRed, "lumifold:"), status.message());
   return ExitCodeFor(status);
 }
 

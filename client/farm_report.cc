@@ -7,14 +7,11 @@
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
 #include "client/job_report.h"
+#include "client/json_line.h"
 #include "client/plan_report.h"
 
 namespace lumifold::client {
 namespace {
-
-std::string Line(const nlohmann::ordered_json& json) {
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
-}
 
 std::string TimeText(int64_t unix_ms) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(unix_ms), absl::UTCTimeZone());
@@ -79,7 +76,7 @@ std::string WorkerJson(const v1::WorkerStatus& worker) {
   json["connected_unix_ms"] = worker.connected_unix_ms();
   json["job_ids"] = worker.job_ids();
   if (!worker.coordinator().empty()) json["coordinator"] = worker.coordinator();
-  return Line(json);
+  return JsonLine(json);
 }
 
 std::string ExplanationText(const v1::ExplainJobResponse& explanation) {
@@ -102,7 +99,7 @@ std::string ExplanationJson(const v1::ExplainJobResponse& explanation) {
   for (const v1::Reason& reason : explanation.reasons())
     json["reasons"].push_back({{"code", reason.code()}, {"text", reason.text()}});
   if (explanation.has_plan()) json["plan"] = nlohmann::ordered_json::parse(PlanJson(explanation.plan()));
-  return Line(json);
+  return JsonLine(json);
 }
 
 std::string LogEventLine(const v1::LogEvent& event) {
@@ -114,7 +111,7 @@ std::string LogEventJson(const v1::LogEvent& event) {
   nlohmann::ordered_json json{{"unix_ms", event.unix_ms()}, {"level", event.level()}};
   if (!event.worker().empty()) json["worker"] = event.worker();
   json["text"] = event.text();
-  return Line(json);
+  return JsonLine(json);
 }
 
 std::string ServerStatusText(const v1::ServerStatus& status) {
@@ -160,7 +157,7 @@ std::string ServerStatusJson(const v1::ServerStatus& status) {
                                     {"slots", one.slots()},
                                     {"demand", one.demand()}});
   }
-  return Line(json);
+  return JsonLine(json);
 }
 
 }  // namespace lumifold::client

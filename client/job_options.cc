@@ -1,5 +1,7 @@
 #include "client/job_options.h"
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
 #include <utility>
 
@@ -24,6 +26,53 @@ std::string EnvironmentUri(const std::string& path) {
 }
 
 constexpr int kDefaultSamples = 64;
+
+/// A value of --pixel-filter, and its width where none is given.
+struct PixelFilterChoice {
+  const char* name;
+  v1::PixelFilterKind kind;
+  float width;
+};
+constexpr std::array<PixelFilterChoice, 3> kPixelFilters = {{
+    {"box", v1::PIXEL_FILTER_KIND_BOX, 1},
+    {"gaussian", v1::PIXEL_FILTER_KIND_GAUSSIAN, 2},
+    {"blackman-harris", v1::PIXEL_FILTER_KIND_BLACKMAN_HARRIS, 1.5},
+}};
+constexpr float kMaxPixelFilterWidth = 8;
+
+std::vector<std::string> FilterNames() {
+  std::vector<std::string> names;
+  names.reserve(kPixelFilters.size());
+  for (const PixelFilterChoice& choice : kPixelFilters) names.emplace_back(choice.name);
+  return names;
+}
+
+v1::PixelFilter PixelFilterOf(const JobOptions& options) {
+  const auto* const choice =
+      std::find_if(kPixelFilters.begin(), kPixelFilters.end(),
+                   [&](const PixelFilterChoice& c) { return options.pixel_filter == c.name; });
+  v1::PixelFilter filter;
+  filter.set_kind(choice->kind);
+  filter.set_width(options.pixel_filter_width > 0 ? options.pixel_filter_width : choice->width);
+  return filter;
+}
+
+/// Whether samples are placed in the pixel alone: what a spec without a filter says.
+bool IsPixel(const v1::PixelFilter& filter) {
+  return filter.kind() == v1::PIXEL_FILTER_KIND_BOX && filter.width() == 1;
+}
+
+/// The picture is the region.
+void SetRegion(const JobOptions& options, v1::JobSpec* spec) {
+  if (!options.region.has_value()) return;
+  spec->set_width(options.region->width());
+  spec->set_height(options.region->height());
+  v1::Crop* const crop = spec->mutable_crop();
+  crop->set_frame_width(options.size.width);
+  crop->set_frame_height(options.size.height);
+  crop->set_x(options.region->x0);
+  crop->set_y(options.region->y0);
+}
 
 /// What --target-error, --time and --schedule ask for; nothing without them.
 absl::StatusOr<v1::AdaptiveSampling> AdaptiveOf(const JobOptions& options) {
@@ -57,7 +106,16 @@ absl::StatusOr<v1::AdaptiveSampling> AdaptiveOf(const JobOptions& options) {
 
 void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
+  command_line.AddText("--job", "FILE", &options->job_file,
+                       "Options from a file of YAML or JSON, such as 'spp: 64'; those given here count more");
   command_line.AddSize("--size", &options->size, "Picture size in pixels (default 1024x768)");
+  command_line.AddRect("--region", &options->region,
+                       "Render only these pixels of the frame, from X0,Y0 to before X1,Y1");
+  command_line.AddChoice("--pixel-filter", "FILTER", FilterNames(), &options->pixel_filter,
+                         "What a pixel is a mean of: box (default), gaussian or blackman-harris");
+  command_line.AddPositiveNumber(
+      "--pixel-filter-width", &options->pixel_filter_width,
+      "In pixels, at most 8 (default: 1 of a box, 2 of a Gaussian, 1.5 of blackman-harris)");
   command_line.AddWholeNumber("--spp", &options->samples_per_pixel, 1, kMaxSamples,
                               "Samples per pixel (default 64); with --adaptive their mean, at most "
                               "(default 4096 with --target-error or --time)");
@@ -101,6 +159,8 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
                               "Limit of all files of the job in MiB (default 65536)");
   command_line.AddFlag("--save-film", &options->save_film,
                        "Write every layer that the filter reads into the result");
+  command_line.AddFlag("--cryptomatte", &options->cryptomatte,
+                       "Write Cryptomatte layers of objects and materials into the result");
   command_line.AddText(
       "--plan", "WHICH", &options->plan,
       "'auto': leave out what the scene does not need; 'full': model everything (default auto)");
@@ -117,6 +177,14 @@ std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::st
     return report("--target-metric requires --target-error");
   if (const absl::Status limits = AdaptiveOf(options).status(); !limits.ok())
     return ReportUsage(environment, command, std::string(limits.message()));
+  if (options.pixel_filter_width > kMaxPixelFilterWidth)
+    return ReportUsage(environment, command,
+                       absl::StrCat("--pixel-filter-width: at most ", kMaxPixelFilterWidth));
+  if (options.region.has_value() &&
+      (options.region->x1 > options.size.width || options.region->y1 > options.size.height))
+    return ReportUsage(
+        environment, command,
+        absl::StrCat("--region: not within the frame of ", options.size.width, "x", options.size.height));
   if ((options.f_stop > 0) != (options.focus_metres > 0))
     return report("--f-stop and --focus must be given together");
   if (options.environment.empty() &&
@@ -154,6 +222,9 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
   spec.set_camera(options.camera);
   spec.set_width(options.size.width);
   spec.set_height(options.size.height);
+  SetRegion(options, &spec);
+  if (const v1::PixelFilter filter = PixelFilterOf(options); !IsPixel(filter))
+    *spec.mutable_pixel_filter() = filter;
   spec.set_first_frame(options.frames.first());
   spec.set_frame_count(options.frames.ranges.front().count());
   for (size_t i = 1; i < options.frames.ranges.size(); ++i) {
@@ -173,6 +244,7 @@ v1::JobSpec MakeJobSpec(const JobOptions& options) {
   spec.set_max_bounces(options.max_bounces);
   spec.mutable_filter()->set_method(options.method);
   spec.set_save_film(options.save_film);
+  spec.set_cryptomatte(options.cryptomatte);
   spec.mutable_planning()->set_mode(options.plan == "full" ? v1::PLAN_MODE_FULL : v1::PLAN_MODE_AUTO);
   for (const std::string& forced : options.forced) spec.mutable_planning()->add_forced(forced);
   if (!options.environment.empty()) {

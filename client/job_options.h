@@ -12,6 +12,7 @@
 #include "client/exit_code.h"
 #include "client/frame_range.h"
 #include "client/picture_size.h"
+#include "filter/image/rect.h"
 #include "lumifold/v1/job.pb.h"
 
 namespace lumifold::client {
@@ -25,8 +26,12 @@ inline constexpr int kMostSamplesByDefault = 4096;
 /// Options of `render`, `submit` and `plan`: all parameters that determine the picture.
 struct JobOptions {
   std::string scene;
+  std::string job_file;  // read by CommandLine::Parse
   PictureSize size;
-  int samples_per_pixel = 0;  // 0: 64, or with an error or a time kMostSamplesByDefault
+  std::optional<Rect> region;        // nothing: the whole frame
+  std::string pixel_filter = "box";  // kPixelFilters
+  float pixel_filter_width = 0;      // 0: the filter's own
+  int samples_per_pixel = 0;         // 0: 64, or with an error or a time kMostSamplesByDefault
   bool adaptive = false;
   float target_error = 0;  // 0: none
   std::string target_metric = "mse255";
@@ -39,6 +44,7 @@ struct JobOptions {
   Frames frames;
   float frames_per_second = 24;
   bool save_film = false;
+  bool cryptomatte = false;
   std::vector<std::string> allowed_folders;
   int max_file_mb = 4096;
   int max_job_mb = 65536;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
+#include "client/json_line.h"
 #include "client/suggestion.h"
 
 namespace lumifold::client {
@@ -118,7 +119,7 @@ std::string JobJson(const v1::JobStatus& status,
   if (!status.coordinator().empty()) json["coordinator"] = status.coordinator();
   if (!scheduling.trace_id().empty()) json["trace_id"] = scheduling.trace_id();
   for (const auto& [name, text] : more) json[name] = text;
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return JsonLine(json);
 }
 
 std::string JobText(const v1::JobStatus& status) {

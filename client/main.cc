@@ -6,11 +6,13 @@
 #include <iostream>
 #include <thread>
 
+#include "client/colour.h"
 #include "client/commands/run_client.h"
 #include "client/interrupt.h"
 #include "client/local/film_filter.h"
 #include "client/local/in_process_farm.h"
 #include "client/local/scene_planner.h"
+#include "client/option_file.h"
 #include "proto/identity/profile.h"
 #include "proto/rpc/trace_context.h"
 
@@ -39,6 +41,14 @@ int main(int argc, char** argv) {
   environment.profiles_folder = lumifold::identity::ProfilesFolder();
   environment.err_is_terminal = isatty(STDERR_FILENO) == 1;
   environment.terminal_columns = TerminalColumns();
+  const auto has_colours = [](int file) {
+    return client::WantsColour(isatty(file) == 1, std::getenv("NO_COLOR"), std::getenv("TERM"));
+  };
+  environment.out_has_colours = has_colours(STDOUT_FILENO);
+  environment.err_has_colours = has_colours(STDERR_FILENO);
+  environment.configuration_path = client::ConfigurationPath(environment.profiles_folder);
+  if (const char* path = std::getenv("LUMIFOLD_CONFIG")) environment.configuration_path = path;
+  if (const char* profile = std::getenv("LUMIFOLD_PROFILE")) environment.default_profile = profile;
   if (const char* server = std::getenv("LUMIFOLD_SERVER")) environment.default_server = server;
   if (const char* user = std::getenv("USER")) environment.default_user = user;
   environment.default_threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));

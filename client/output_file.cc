@@ -11,21 +11,21 @@
 #include "absl/strings/str_cat.h"
 #include "client/exit_code.h"
 #include "filter/image/exr_io.h"
-#include "filter/image/png_io.h"
 
 namespace lumifold::client {
 
 absl::StatusOr<PictureFormat> PictureFormatOf(const std::string& path) {
   if (absl::EndsWithIgnoreCase(path, ".exr")) return PictureFormat::kExr;
   if (absl::EndsWithIgnoreCase(path, ".png")) return PictureFormat::kPng;
+  if (absl::EndsWithIgnoreCase(path, ".jpg") || absl::EndsWithIgnoreCase(path, ".jpeg"))
+    return PictureFormat::kJpeg;
   return absl::InvalidArgumentError(
-      absl::StrCat("expected a name that ends in .exr or .png; got '", path, "'"));
+      absl::StrCat("expected a name that ends in .exr, .png or .jpg; got '", path, "'"));
 }
 
-absl::Status CheckOutput(const std::string& path) {
+absl::Status CheckFolder(const std::string& path, const std::string& folder_of_path) {
   std::error_code ignored;
-  std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  if (folder.empty()) folder = ".";
+  const std::filesystem::path folder = folder_of_path.empty() ? "." : folder_of_path;
   if (!std::filesystem::exists(folder, ignored)) {
     return absl::NotFoundError(
         absl::StrCat("cannot write ", path, ": folder ", folder.string(), " does not exist"));
@@ -34,9 +34,6 @@ absl::Status CheckOutput(const std::string& path) {
     return absl::InvalidArgumentError(
         absl::StrCat("cannot write ", path, ": ", folder.string(), " is not a folder"));
   }
-  if (std::filesystem::is_directory(path, ignored)) {
-    return absl::InvalidArgumentError(absl::StrCat("cannot write ", path, ": it is a folder"));
-  }
   if (access(folder.c_str(), W_OK | X_OK) != 0) {
     return absl::PermissionDeniedError(
         absl::StrCat("cannot write ", path, ": folder ", folder.string(), ": ", std::strerror(errno)));
@@ -44,14 +41,24 @@ absl::Status CheckOutput(const std::string& path) {
   return absl::OkStatus();
 }
 
-absl::Status WritePngOfLayer(const std::string& exr_path, const std::string& layer, float exposure,
-                             const std::string& png_path) {
+absl::Status CheckOutput(const std::string& path) {
+  if (absl::Status status = CheckFolder(path, std::filesystem::path(path).parent_path().string());
+      !status.ok())
+    return status;
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored))
+    return absl::InvalidArgumentError(absl::StrCat("cannot write ", path, ": it is a folder"));
+  return absl::OkStatus();
+}
+
+absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
+                        const pictures::DisplayOptions& display, const std::string& path) {
   const absl::StatusOr<LayeredImage> image = ReadExr(exr_path);
   if (!image.ok()) return OfThisMachine(image.status());
   if (!image->HasColor(layer)) {
     return absl::NotFoundError(absl::StrCat(exr_path, ": has no colour layer '", layer, "'"));
   }
-  return OfThisMachine(WritePng(png_path, image->GetColor(layer), exposure));
+  return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display));
 }
 
 absl::Status MoveIntoPlace(const std::string& from, const std::string& to) {

@@ -9,6 +9,8 @@
 #include "filter/image/decisions.h"
 #include "proto/rpc/plan_text.h"
 
+#include "client/json_line.h"
+
 namespace lumifold::client {
 
 std::string PlanTable(const v1::Plan& plan) {
@@ -49,7 +51,7 @@ std::string PlanJson(const v1::Plan& plan) {
                                  {"seconds_per_sample", plan.seconds_per_sample()},
                                  {"noise", plan.noise()}};
   for (const int32_t tile : plan.tile_order()) json["tile_order"].push_back(tile);
-  return json.dump(-1, ' ', /*ensure_ascii=*/true, nlohmann::ordered_json::error_handler_t::replace);
+  return JsonLine(json);
 }
 
 }  // namespace lumifold::client

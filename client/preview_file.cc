@@ -1,5 +1,6 @@
 #include "client/preview_file.h"
 
+#include <filesystem>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -7,7 +8,6 @@
 #include "client/output_file.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/layers.h"
-#include "filter/image/png_io.h"
 #include "proto/rpc/image_codec.h"
 
 namespace lumifold::client {
@@ -55,14 +55,18 @@ absl::Status PreviewFile::Run() {
 absl::Status PreviewFile::Write(const v1::Preview& preview) const {
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(options_.path);
   if (!format.ok()) return format.status();
-  const std::string part = absl::StrCat(options_.path, ".part");
+  // Beside it, with the same ending, which says what is written.
+  const std::filesystem::path path(options_.path);
+  const std::string part =
+      (path.parent_path() / (path.stem().string() + ".part" + path.extension().string())).string();
   const absl::StatusOr<LayeredImage> picture =
       rpc::ImageFromBytes(preview.layout(), preview.planes(), kLimits);
   if (!picture.ok()) return picture.status();
   if (!picture->HasColor(layers::kBeauty)) return absl::InternalError("the preview has no colours");
-  const absl::Status written = *format == PictureFormat::kExr
-                                   ? WriteExr(part, *picture)
-                                   : WritePng(part, picture->GetColor(layers::kBeauty), options_.exposure);
+  const absl::Status written =
+      *format == PictureFormat::kExr
+          ? WriteExr(part, *picture)
+          : pictures::WriteDisplayed(part, picture->GetColor(layers::kBeauty), options_.display);
   if (!written.ok()) return OfThisMachine(written);
   return MoveIntoPlace(part, options_.path);
 }

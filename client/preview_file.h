@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/synchronization/mutex.h"
 #include "client/farm_client.h"
+#include "client/pictures/display_file.h"
 #include "proto/rpc/monotonic.h"
 
 namespace lumifold::client {
@@ -17,7 +18,7 @@ struct PreviewFileOptions {
   int frame = 0;
   /// As of PictureFormatOf. Whoever reads the file meanwhile reads a whole picture.
   std::string path;
-  float exposure = 1;
+  pictures::DisplayOptions display = {};
 };
 
 /// Keeps a file up to date with the preview of a frame, on a thread of its own, until the frame is finished.

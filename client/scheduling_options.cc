@@ -7,7 +7,12 @@ constexpr int kMaxLeases = 1'000'000;
 
 }  // namespace
 
+void AddJobName(CommandLine& command_line, std::string* name) {
+  command_line.AddText("--name", "NAME", name, "What the job is called (default: the scene's file)");
+}
+
 void SchedulingOptions::AddTo(CommandLine& command_line) {
+  AddJobName(command_line, &name);
   command_line.AddWholeNumber("--priority", &priority, kMinPriority, kMaxPriority,
                               "Ten more doubles the job's share of the farm (default 0)");
   command_line.AddText("--user", "NAME", &user,
@@ -25,6 +30,7 @@ void SchedulingOptions::AddTo(CommandLine& command_line) {
 
 v1::Scheduling SchedulingOptions::ToProto() const {
   v1::Scheduling scheduling;
+  scheduling.set_name(name);
   scheduling.set_priority(priority);
   scheduling.set_user(user);
   for (const std::string& tag : tags) scheduling.add_tags(tag);

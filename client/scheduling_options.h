@@ -13,6 +13,9 @@ namespace lumifold::client {
 inline constexpr int kMinPriority = -100;
 inline constexpr int kMaxPriority = 100;
 
+/// Adds --name.
+void AddJobName(CommandLine& command_line, std::string* name);
+
 /// Options of `submit`: how a job is scheduled. None of them changes the picture.
 struct SchedulingOptions {
   explicit SchedulingOptions(const Environment& environment) : user(environment.default_user) {}
@@ -20,6 +23,7 @@ struct SchedulingOptions {
   void AddTo(CommandLine& command_line);
   v1::Scheduling ToProto() const;
 
+  std::string name;
   int priority = 0;
   std::string user;
   std::vector<std::string> tags;

@@ -8,14 +8,15 @@ packages=(
   g++ cmake ninja-build ccache pkg-config ca-certificates
   libembree-dev libdraco-dev libopenexr-dev libpng-dev libjpeg-dev libtinygltf-dev nlohmann-json3-dev
   libgrpc++-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
-  libspdlog-dev libfmt-dev libcli11-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev libzstd-dev
+  libspdlog-dev libfmt-dev libcli11-dev libyaml-cpp-dev libopencolorio-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev libzstd-dev
   libcurl4-openssl-dev prometheus-cpp-dev libcpp-httplib-dev zlib1g-dev
   libtbb-dev libeigen3-dev libhwy-dev
 )
 test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format clang-tidy
                postgresql iproute2 nftables e2fsprogs openssl
                munge slurm-wlm slurmdbd mariadb-server
-               chromium chromium-driver prometheus crun mmdebstrap golang-github-containers-common)
+               chromium chromium-driver prometheus crun mmdebstrap golang-github-containers-common
+               zsh fish groff-base openimageio-tools python3-jsonschema)
 # Node comes with or without npm, and not always from Debian.
 command -v npm >/dev/null || test_packages+=(nodejs npm)
 [ "${1:-}" = --tests ] && packages+=("${test_packages[@]}")

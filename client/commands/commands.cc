@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "client/command_line.h"
 #include "filter/image/check.h"
 
 namespace lumifold::client {
@@ -40,8 +41,35 @@ const std::vector<Command>& Commands() {
       {"filter", "Filter the noise of a picture that is already rendered", RunFilter},
       {"convert", "Write a layer of a picture as .png", RunConvert},
       {"compare", "Print the error of one picture against another", RunCompare},
+      {"doctor", "Say what is wrong with this installation and its farm", RunDoctor,
+       /*is_without_configuration=*/true},
+      {"schema", "Print the JSON Schema of job files", RunSchema, /*is_without_configuration=*/true},
+      {"completion", "Print a script that completes this command line in a shell", RunCompletion,
+       /*is_without_configuration=*/true},
+      {"man", "Print the manual page of a command", RunMan, /*is_without_configuration=*/true},
   };
   return *commands;
+}
+
+std::vector<CommandHelp> DescribeCommands(const Environment& environment) {
+  std::vector<CommandHelp> all(Commands().size());
+  for (size_t i = 0; i < all.size(); ++i) {
+    Environment asks = environment;
+    asks.description = &all[i];
+    LUMIFOLD_CHECK(Commands()[i].run({}, asks) == ExitCode::kOk);
+  }
+  return all;
+}
+
+absl::StatusOr<OptionFile> ReadConfiguration(const Environment& environment) {
+  absl::StatusOr<OptionFile> file =
+      ReadOptionFile(environment.configuration_path, OptionFileKind::kConfiguration);
+  if (!file.ok()) return file;
+  absl::Status known = CheckNames(file->path, file->options, environment.known_options);
+  for (const auto& [name, options] : file->profiles)
+    known.Update(CheckNames(file->path, options, environment.known_options));
+  if (!known.ok()) return known;
+  return file;
 }
 
 const std::string& SummaryOf(const std::string& name) {

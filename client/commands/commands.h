@@ -3,7 +3,10 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "client/command_help.h"
 #include "client/environment.h"
+#include "client/option_file.h"
 
 namespace lumifold::client {
 
@@ -12,10 +15,19 @@ struct Command {
   std::string name;
   std::string summary;  // one line for `lumifold --help`, and the first line of the command's own help
   ExitCode (*run)(const std::vector<std::string>& arguments, const Environment& environment);
+  /// It runs although the configuration cannot be read.
+  bool is_without_configuration = false;
 };
 
 /// All subcommands in the order help lists them.
 const std::vector<Command>& Commands();
+
+/// The help of all of them, as they describe themselves.
+std::vector<CommandHelp> DescribeCommands(const Environment& environment);
+
+/// The user's configuration, environment.configuration_path, with names that are among the known ones.
+/// Errors: those of ReadOptionFile and CheckNames.
+absl::StatusOr<OptionFile> ReadConfiguration(const Environment& environment);
 
 /// The summary of a command in Commands().
 const std::string& SummaryOf(const std::string& name);
@@ -53,5 +65,9 @@ ExitCode RunRevoke(const std::vector<std::string>& arguments, const Environment&
 ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunConvert(const std::vector<std::string>& arguments, const Environment& environment);
 ExitCode RunCompare(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunDoctor(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunSchema(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunCompletion(const std::vector<std::string>& arguments, const Environment& environment);
+ExitCode RunMan(const std::vector<std::string>& arguments, const Environment& environment);
 
 }  // namespace lumifold::client

@@ -14,6 +14,7 @@
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
 #include "client/exit_code.h"
+#include "client/json_line.h"
 #include "client/output_file.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/layers.h"
@@ -185,7 +186,7 @@ void PrintJson(const Comparison& comparison, std::ostream& out) {
   for (const MetricValue& j : comparison.values) json[std::string(j.metric->json_key)] = j.value;
   if (comparison.regions.has_value()) json["regions"] = RegionsJson(*comparison.regions);
   if (comparison.heat_scale.has_value()) json["heatmap_scale"] = *comparison.heat_scale;
-  out << json.dump() << "\n" << std::flush;
+  out << JsonLine(json) << "\n" << std::flush;
 }
 
 void PrintText(const CompareOptions& options, const Comparison& comparison, std::ostream& out) {

@@ -1,6 +1,10 @@
+#include <nlohmann/json.hpp>
+
 #include "absl/strings/str_cat.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "client/display_options.h"
+#include "client/json_line.h"
 #include "client/output_file.h"
 
 namespace lumifold::client {
@@ -9,23 +13,27 @@ ExitCode RunConvert(const std::vector<std::string>& arguments, const Environment
   std::string picture;
   std::string output;
   std::string layer;
-  float exposure = 1;
+  pictures::DisplayOptions display;
+  bool json = false;
   CommandLine command_line("convert", SummaryOf("convert"));
   command_line.AddArgument("PICTURE", &picture, "The OpenEXR picture");
-  command_line.AddRequiredText("-o,--output", "FILE", &output, "Output file, .png");
+  command_line.AddRequiredText("-o,--output", "FILE", &output, "Output file, .png or .jpg");
   command_line.AddText("--layer", "NAME", &layer,
                        "Layer to write, such as 'noisy' (default: the finished picture)");
-  command_line.AddPositiveNumber("--exposure", &exposure, "Factor on the radiance (default 1)");
+  AddDisplayOptions(command_line, &display);
+  AddJson(command_line, &json);
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(output);
-  if (!format.ok() || *format != PictureFormat::kPng) {
+  if (!format.ok() || !IsDisplayed(*format)) {
     return ReportUsage(environment, "lumifold convert",
-                       absl::StrCat("-o: expected a name that ends in .png; got '", output, "'"));
+                       absl::StrCat("-o: expected a name that ends in .png or .jpg; got '", output, "'"));
   }
   absl::Status status = CheckOutput(output);
-  if (status.ok()) status = WritePngOfLayer(picture, layer, exposure, output);
-  return status.ok() ? ExitCode::kOk : ReportError(environment, status);
+  if (status.ok()) status = WriteLayer(picture, layer, display, output);
+  if (!status.ok()) return ReportError(environment, status);
+  if (json) environment.out << JsonLine({{"output", output}}) << "\n" << std::flush;
+  return ExitCode::kOk;
 }
 
 }  // namespace lumifold::client

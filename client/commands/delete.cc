@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "client/json_line.h"
 
 namespace lumifold::client {
 
@@ -17,7 +18,7 @@ ExitCode RunDelete(const std::vector<std::string>& arguments, const Environment&
 
   const absl::Status status = remote.Connect(environment)->DeleteJob(job_id);
   if (!status.ok()) return ReportError(environment, status);
-  if (remote.json) environment.out << nlohmann::json{{"job_id", job_id}}.dump() << "\n" << std::flush;
+  if (remote.json) environment.out << JsonLine({{"job_id", job_id}}) << "\n" << std::flush;
   ReportLine(environment, absl::StrCat("job ", job_id, " deleted"));
   return ExitCode::kOk;
 }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
@@ -9,14 +10,15 @@
 #include "absl/time/time.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "client/display_options.h"
 #include "client/film_file.h"
+#include "client/json_line.h"
 #include "client/output_file.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/exr_row_writer.h"
 #include "filter/image/film_source.h"
 #include "filter/image/layers.h"
 #include "filter/image/memory.h"
-#include "filter/image/png_io.h"
 #include "proto/rpc/monotonic.h"
 
 namespace lumifold::client {
@@ -30,7 +32,7 @@ struct FilterOptions {
   std::string layout = "lumifold";
   std::string method = "default";
   std::string output;
-  float exposure = 1;
+  pictures::DisplayOptions display;
   int threads = 1;
   bool lists_methods = false;
   bool json = false;
@@ -39,7 +41,7 @@ struct FilterOptions {
 void AddListOptions(CommandLine* command_line, FilterOptions* options) {
   command_line->AddFlag("--list-methods", &options->lists_methods,
                         "Print all methods with their parameters and sources; needs no other option");
-  command_line->AddFlag("--json", &options->json, "Print that list as JSON, one object a line");
+  command_line->AddFlag("--json", &options->json, "Print JSON for programs, one object a line");
 }
 
 /// Runs `lumifold filter --list-methods [--json]`.
@@ -66,9 +68,8 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
   command_line.AddText("--method", "METHOD", &options->method,
                        "One of the methods below (default 'default')");
   command_line.AddRequiredText("-o,--output", "FILE", &options->output,
-                               "Output file: .exr with the noisy picture as a layer, or .png");
-  command_line.AddPositiveNumber("--exposure", &options->exposure,
-                                 "Factor on the radiance of a .png (default 1)");
+                               "Output file: .exr with the noisy picture as a layer, .png or .jpg");
+  AddDisplayOptions(command_line, &options->display);
   command_line.AddWholeNumber("--threads", &options->threads, 1, kMaxThreads,
                               "Threads of the filter (default: all of this machine)");
   AddListOptions(&command_line, options);
@@ -81,7 +82,6 @@ std::optional<ExitCode> ParseFilter(const std::vector<std::string>& arguments, c
       environment.methods.names,
       ".\nParameters of a method follow its name, as in --method bilateral:sigma_s=4,sigma_r=0.1."));
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
-  if (options->json) return ReportUsage(environment, "lumifold filter", "--json goes with --list-methods");
   const absl::StatusOr<PictureFormat> format = PictureFormatOf(options->output);
   if (!format.ok())
     return ReportUsage(environment, "lumifold filter", absl::StrCat("-o: ", format.status().message()));
@@ -95,7 +95,7 @@ class Output {
  public:
   /// Channels of the film that are copied to the result.
   static std::vector<std::string> PassedOn(PictureFormat format) {
-    if (format == PictureFormat::kPng) return {};
+    if (IsDisplayed(format)) return {};
     std::vector<std::string> names = {std::string(layers::kAlpha)};
     for (std::string& name : layers::ColorChannels(layers::kNoisy)) names.push_back(std::move(name));
     return names;
@@ -103,8 +103,11 @@ class Output {
 
   absl::Status Open(const FilterOptions& options, int width, int height) {
     const PictureFormat format = *PictureFormatOf(options.output);
-    if (format == PictureFormat::kPng) {
-      png_.emplace(options.output, width, height, options.exposure);
+    if (IsDisplayed(format)) {
+      absl::StatusOr<pictures::DisplayWriter> writer =
+          pictures::DisplayWriter::Create(options.output, width, height, options.display);
+      if (!writer.ok()) return OfThisMachine(writer.status());
+      displayed_.emplace(*std::move(writer));
       return absl::OkStatus();
     }
     ExrLayout layout{width, height, PassedOn(format), {{"lumifold.method", options.method}}};
@@ -118,15 +121,15 @@ class Output {
 
   absl::Status Append(const LayeredImage& rows) {
     if (exr_.has_value()) return OfThisMachine(exr_->Append(rows));
-    png_->Append(rows.GetColor(layers::kBeauty));
+    displayed_->Append(rows.GetColor(layers::kBeauty));
     return absl::OkStatus();
   }
 
-  absl::Status Finish() { return OfThisMachine(exr_.has_value() ? exr_->Finish() : png_->Finish()); }
+  absl::Status Finish() { return OfThisMachine(exr_.has_value() ? exr_->Finish() : displayed_->Finish()); }
 
  private:
   std::optional<ExrRowWriter> exr_;
-  std::optional<PngRowWriter> png_;
+  std::optional<pictures::DisplayWriter> displayed_;
 };
 
 /// The time spent in reads and writes.
@@ -192,6 +195,13 @@ ExitCode RunFilter(const std::vector<std::string>& arguments, const Environment&
     ReportLine(environment, absl::StrCat(options.picture, ": ", note));
   const absl::StatusOr<double> seconds = FilterInto(options, film->get(), environment);
   if (!seconds.ok()) return ReportError(environment, seconds.status());
+  if (options.json) {
+    environment.out << JsonLine({{"output", options.output},
+                                 {"method", options.method},
+                                 {"filter_seconds", *seconds}})
+                    << "\n"
+                    << std::flush;
+  }
   ReportLine(environment, absl::StrFormat("wrote %s (filtered in %.2f s)", options.output, *seconds));
   return ExitCode::kOk;
 }

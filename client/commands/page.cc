@@ -3,6 +3,7 @@
 #include "absl/strings/str_cat.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "client/json_line.h"
 
 namespace lumifold::client {
 namespace {
@@ -37,7 +38,7 @@ ExitCode RunPage(const std::vector<std::string>& arguments, const Environment& e
   if (!link.ok()) return ReportError(environment, link.status());
   const std::string url = UrlOf(*link, job_id);
   const nlohmann::ordered_json json = {{"url", url}, {"expires_unix_ms", link->expires_unix_ms()}};
-  environment.out << (remote.json ? json.dump() : url) << "\n" << std::flush;
+  environment.out << (remote.json ? JsonLine(json) : url) << "\n" << std::flush;
   if (link->loopback()) environment.err << "The page is reached on the coordinator's machine only.\n";
   return ExitCode::kOk;
 }

@@ -9,13 +9,15 @@
 #include "client/environment.h"
 #include "client/farm_client.h"
 #include "client/frame_range.h"
+#include "client/pictures/display_file.h"
 #include "client/progress.h"
 
 namespace lumifold::client {
 
-/// Output files of a result: options of `render` and `download`.
+/// Output files of a result: options of `render`, `download` and `submit`.
 struct PictureOptions {
-  void AddTo(CommandLine& command_line);
+  /// `output_option` is the name of the option for the picture itself, such as "-o,--output".
+  void AddTo(CommandLine& command_line, const std::string& output_option, bool is_required);
 
   /// Checks names and folders before any work is done; for several frames each name needs a placeholder for
   /// the frame number. For an error it prints to `err` and returns the exit code. `command` is "lumifold
@@ -23,17 +25,34 @@ struct PictureOptions {
   std::optional<ExitCode> Check(const Frames& frames, const std::string& command,
                                 const Environment& environment) const;
 
+  /// The path of a frame's picture.
+  std::string OutputOf(const v1::JobStatus& job, int frame) const;
+
   /// Downloads a frame to PartPath() of the output and writes the requested files.
   /// Errors: those of DownloadFrame() and client/output_file.h; the partial download then stays.
-  absl::Status Fetch(FarmClient& farm, const std::string& job_id, int frame, Progress& progress,
+  absl::Status Fetch(FarmClient& farm, const v1::JobStatus& job, int frame, Progress& progress,
                      Backoff backoff) const;
+  /// The same for several frames.
+  absl::Status FetchAll(FarmClient& farm, const v1::JobStatus& job, const Frames& frames, Progress& progress,
+                        const Backoff& backoff) const;
 
-  std::string output;  // # are replaced by the frame number, see PathOfFrame()
-  std::string noisy;   // the same; empty: not written
-  float exposure = 1;
+  std::string output;  // see client/output_template.h; empty: none is written
+  std::string noisy;   // the same
+  pictures::DisplayOptions display;
+  std::string compression;       // of an .exr, see ExrCopyOptions; empty: as the coordinator wrote it
+  std::string parts = "single";  // or "layers"
+  bool is_reproducible = false;  // without date, owner and times
+  int threads = 1;               // to compress with
 
  private:
-  absl::Status Write(const std::string& part_path, int frame) const;
+  std::string output_option_ = "-o";  // as errors name it
+  absl::Status CheckName(const char* option, const std::string& path, const Frames& frames) const;
+  absl::Status Write(const std::string& part_path, const v1::JobStatus& job, int frame) const;
+  absl::Status WriteExr(const std::string& part_path, const v1::JobStatus& job,
+                        const std::string& path) const;
 };
+
+/// "out.exr", or "out.0001.exr to out.0048.exr": the files of an output.
+std::string FilesOf(const std::string& path, const v1::JobStatus& job, const Frames& frames);
 
 }  // namespace lumifold::client

@@ -7,11 +7,14 @@
 #include "client/assets.h"
 #include "client/commands/commands.h"
 #include "client/commands/picture_options.h"
+#include "client/commands/preview_options.h"
 #include "client/commands/shared_options.h"
 #include "client/download.h"
 #include "client/follow_job.h"
 #include "client/job_options.h"
 #include "client/job_report.h"
+#include "client/output_template.h"
+#include "client/scheduling_options.h"
 #include "client/submit_scene.h"
 
 namespace lumifold::client {
@@ -22,6 +25,9 @@ constexpr int kMaxThreads = 4096;
 struct RenderOptions {
   JobOptions job;
   PictureOptions picture;
+  std::string name;
+  std::string preview;
+  Hook hook;
   LocalFarmOptions farm;
   bool json = false;
 };
@@ -29,9 +35,13 @@ struct RenderOptions {
 std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, const Environment& environment,
                                     RenderOptions* options) {
   options->farm.threads = environment.default_threads;
+  options->picture.threads = environment.default_threads;
   CommandLine command_line("render", SummaryOf("render"));
   AddJobOptions(command_line, &options->job);
-  options->picture.AddTo(command_line);
+  options->picture.AddTo(command_line, "-o,--output", /*is_required=*/true);
+  AddJobName(command_line, &options->name);
+  AddPreview(command_line, &options->preview);
+  options->hook.AddTo(command_line);
   command_line.AddWholeNumber("--threads", &options->farm.threads, 1, kMaxThreads,
                               "Threads to render with (default: all of this machine)");
   command_line.AddText("--state", "DIR", &options->farm.state_dir,
@@ -39,53 +49,56 @@ std::optional<ExitCode> ParseRender(const std::vector<std::string>& arguments, c
   AddJson(command_line, &options->json);
   if (const auto ended = command_line.Parse(arguments, environment)) return ended;
   if (const auto ended = CheckJobOptions(options->job, "lumifold render", environment)) return ended;
+  if (const auto ended = CheckPreview(options->preview, "lumifold render", environment)) return ended;
   return options->picture.Check(options->job.frames, "lumifold render", environment);
 }
 
-// Submits the job and follows it to its end; cancels it if the user interrupts.
-absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, const RenderOptions& options,
-                                     const SceneAssets& assets, Progress& progress,
-                                     const Environment& environment) {
+// Submits the job and follows it to its end; cancels it if the user interrupts. `viewer` is for the preview.
+absl::StatusOr<v1::JobStatus> RunJob(FarmClient& farm, std::unique_ptr<FarmClient> viewer,
+                                     const RenderOptions& options, const SceneAssets& assets,
+                                     Progress& progress, const Environment& environment) {
   v1::SubmitJobRequest request;
   *request.mutable_spec() = MakeJobSpec(options.job);
+  request.mutable_scheduling()->set_name(options.name);
   const absl::StatusOr<std::string> job_id =
       SubmitScene(farm, assets, std::move(request), progress, MakeBackoff(environment));
   if (!job_id.ok()) return job_id.status();
+  const std::unique_ptr<PreviewFile> preview =
+      StartPreview(std::move(viewer), {.job_id = *job_id,
+                                       .frame = options.job.frames.first(),
+                                       .path = options.preview,
+                                       .display = options.picture.display});
   absl::StatusOr<v1::JobStatus> job =
       FollowJob(farm, *job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});
   if (absl::IsCancelled(job.status())) {
     progress.Clear();
     farm.CancelJob(*job_id).IgnoreError();  // the farm ends with this process anyway
   }
+  const absl::Status shown = preview == nullptr ? absl::OkStatus() : preview->Stop();
+  if (job.ok() && !shown.ok()) return shown;
   return job;
 }
 
-absl::Status WritePicture(FarmClient& farm, const PictureOptions& picture, const std::string& job_id,
+absl::Status WritePicture(FarmClient& farm, const PictureOptions& picture, const v1::JobStatus& job,
                           int frame, Progress& progress, const Environment& environment) {
   // The local farm ends with this command, so a partial download cannot be resumed.
   const absl::Cleanup remove_part = [&] {
     std::error_code ignored;
-    const absl::StatusOr<std::string> part = PartPath(PathOfFrame(picture.output, frame), job_id, frame);
+    const absl::StatusOr<std::string> part = PartPath(picture.OutputOf(job, frame), job.job_id(), frame);
     if (part.ok()) std::filesystem::remove(*part, ignored);
   };
-  return picture.Fetch(farm, job_id, frame, progress, MakeBackoff(environment));
+  return picture.Fetch(farm, job, frame, progress, MakeBackoff(environment));
 }
 
-absl::Status WritePictures(FarmClient& farm, const RenderOptions& options, const std::string& job_id,
+absl::Status WritePictures(FarmClient& farm, const RenderOptions& options, const v1::JobStatus& job,
                            Progress& progress, const Environment& environment) {
   for (const FrameRange& range : options.job.frames.ranges) {
     for (int frame = range.first; frame <= range.last; ++frame) {
-      absl::Status written = WritePicture(farm, options.picture, job_id, frame, progress, environment);
+      absl::Status written = WritePicture(farm, options.picture, job, frame, progress, environment);
       if (!written.ok()) return written;
     }
   }
   return absl::OkStatus();
-}
-
-/// "out.exr", or "out.0001.exr to out.0048.exr".
-std::string FilesOf(const std::string& path, const Frames& frames) {
-  const std::string first = PathOfFrame(path, frames.first());
-  return frames.IsOne() ? first : absl::StrCat(first, " to ", PathOfFrame(path, frames.last()));
 }
 
 void ReportRendered(const RenderOptions& options, const v1::JobStatus& job, const Environment& environment) {
@@ -93,15 +106,16 @@ void ReportRendered(const RenderOptions& options, const v1::JobStatus& job, cons
   const Frames& frames = options.job.frames;
   if (options.json) {
     const auto name = [&](const std::string& path) {
-      return frames.IsOne() ? PathOfFrame(path, frames.first()) : path;
+      return frames.IsOne() ? PathOfOutput(path, job, frames.first()) : path;
     };
     std::vector<std::pair<std::string, std::string>> files{{"output", name(picture.output)}};
     if (!picture.noisy.empty()) files.emplace_back("noisy_output", name(picture.noisy));
     environment.out << JobJson(job, files) << "\n" << std::flush;
   }
-  if (!picture.noisy.empty()) ReportLine(environment, absl::StrCat("wrote ", FilesOf(picture.noisy, frames)));
-  ReportLine(environment,
-             absl::StrCat("wrote ", FilesOf(picture.output, frames), " (", StageTimesText(job.times()), ")"));
+  if (!picture.noisy.empty())
+    ReportLine(environment, absl::StrCat("wrote ", FilesOf(picture.noisy, job, frames)));
+  ReportLine(environment, absl::StrCat("wrote ", FilesOf(picture.output, job, frames), " (",
+                                       StageTimesText(job.times()), ")"));
 }
 
 }  // namespace
@@ -118,19 +132,24 @@ ExitCode RunRender(const std::vector<std::string>& arguments, const Environment&
   }
   const absl::StatusOr<std::unique_ptr<LocalFarm>> local = environment.local_farm(options.farm);
   if (!local.ok()) return ReportError(environment, OfThisMachine(local.status()));
-  const std::unique_ptr<FarmClient> farm =
-      MakeFarmClient((*local)->channel(), {.coordinators = {"this process"},
-                                           .time = environment.time,
-                                           .interrupted = environment.interrupted,
-                                           .trace_parent = environment.trace_parent});
+  const auto connect = [&] {
+    return MakeFarmClient((*local)->channel(), {.coordinators = {"this process"},
+                                                .time = environment.time,
+                                                .interrupted = environment.interrupted,
+                                                .trace_parent = environment.trace_parent});
+  };
+  const std::unique_ptr<FarmClient> farm = connect();
   const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
-  const absl::StatusOr<v1::JobStatus> job = RunJob(*farm, options, *assets, *progress, environment);
+  const absl::StatusOr<v1::JobStatus> job =
+      RunJob(*farm, connect(), options, *assets, *progress, environment);
   if (!job.ok()) return ReportError(environment, job.status());
-  if (job->state() != v1::JOB_STATE_DONE) return ReportOutcome(environment, *job);
-  const absl::Status written = WritePictures(*farm, options, job->job_id(), *progress, environment);
+  if (job->state() != v1::JOB_STATE_DONE)
+    return RunHook(options.hook, *job, "", ReportOutcome(environment, *job), environment);
+  const absl::Status written = WritePictures(*farm, options, *job, *progress, environment);
   if (!written.ok()) return ReportError(environment, written);
   ReportRendered(options, *job, environment);
-  return ExitCode::kOk;
+  const std::string output = options.picture.OutputOf(*job, options.job.frames.first());
+  return RunHook(options.hook, *job, output, ExitCode::kOk, environment);
 }
 
 }  // namespace lumifold::client

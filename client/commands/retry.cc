@@ -15,27 +15,20 @@ constexpr int kMaxFrames = 100'000;  // of a job
 ExitCode RunRetry(const std::vector<std::string>& arguments, const Environment& environment) {
   v1::RetryJobRequest request;
   Frames frames{.ranges = {}};
-  std::string region;
+  std::optional<Rect> region;
   bool filter_only = false;
   RemoteOptions remote(environment);
   CommandLine command_line("retry", SummaryOf("retry"));
   command_line.AddArgument("JOB", request.mutable_job_id(), kJobArgumentHelp);
   command_line.AddFrames("--frame,--frames", &frames, "Frames to render again (default: all)");
-  command_line.AddText("--region", "X0,Y0,X1,Y1", &region,
+  command_line.AddRect("--region", &region,
                        "Only the tiles that touch these pixels, from X0,Y0 to before X1,Y1");
   command_line.AddFlag("--filter-only", &filter_only, "Keep the units; filter and write the frames again");
   remote.AddTo(command_line);
   command_line.SetFooter("The rest of the job is kept. A job that has ended runs again.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
 
-  if (!region.empty()) {
-    const std::optional<Rect> rect = rpc::ParseRect(region);
-    if (!rect.has_value()) {
-      return ReportUsage(environment, "lumifold retry",
-                         "--region: expected X0,Y0,X1,Y1, X0 below X1 and Y0 below Y1; got '" + region + "'");
-    }
-    *request.mutable_region() = rpc::ProtoOf(*rect);
-  }
+  if (region.has_value()) *request.mutable_region() = rpc::ProtoOf(*region);
   for (const FrameRange& range : frames.ranges) {
     if (range.count() > kMaxFrames - request.frames_size())
       return ReportUsage(environment, "lumifold retry", absl::StrCat("--frames: at most ", kMaxFrames));

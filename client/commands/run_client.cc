@@ -1,13 +1,19 @@
 #include "client/commands/run_client.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <set>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "client/command_line.h"
 #include "client/commands/commands.h"
+#include "client/option_file.h"
 #include "client/suggestion.h"
 #include "proto/rpc/version.h"
 
@@ -30,6 +36,37 @@ std::string Help() {
   return text;
 }
 
+/// As in files.
+std::vector<std::string> OptionNames(const Environment& environment) {
+  std::set<std::string> names;
+  for (const CommandHelp& command : DescribeCommands(environment)) {
+    for (const OptionHelp& option : command.options) {
+      if (option.is_argument()) names.insert(absl::AsciiStrToLower(option.value_name));
+      for (const std::string& name : option.names) {
+        if (name.starts_with("--")) names.insert(name.substr(2));
+      }
+    }
+  }
+  return {names.begin(), names.end()};
+}
+
+ExitCode Run(const Command& command, const std::vector<std::string>& arguments, Environment environment) {
+  environment.known_options = OptionNames(environment);
+  std::error_code ignored;
+  OptionFile configuration;
+  if (std::filesystem::exists(environment.configuration_path, ignored)) {
+    absl::StatusOr<OptionFile> read = ReadConfiguration(environment);
+    if (read.ok()) {
+      configuration = *std::move(read);
+      environment.configuration = &configuration;
+    } else if (!command.is_without_configuration) {
+      ReportError(environment, read.status());
+      return ExitCode::kUsage;
+    }
+  }
+  return command.run(arguments, environment);
+}
+
 ExitCode Dispatch(const std::vector<std::string>& arguments, const Environment& environment) {
   if (arguments.empty()) {
     environment.err << Help() << std::flush;
@@ -46,7 +83,7 @@ ExitCode Dispatch(const std::vector<std::string>& arguments, const Environment& 
   }
   std::vector<std::string> names = {"--help", "--version"};
   for (const Command& command : Commands()) {
-    if (command.name == name) return command.run({arguments.begin() + 1, arguments.end()}, environment);
+    if (command.name == name) return Run(command, {arguments.begin() + 1, arguments.end()}, environment);
     names.push_back(command.name);
   }
   const char* kind = name.starts_with("-") ? "unknown option " : "unknown command ";

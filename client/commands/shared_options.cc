@@ -1,8 +1,10 @@
 #include "client/commands/shared_options.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "client/colour.h"
 #include "client/commands/commands.h"
 #include "client/farm_report.h"
 #include "client/job_report.h"
@@ -19,7 +21,7 @@ constexpr absl::Duration kMaxOutage = absl::Minutes(5);
 
 }  // namespace
 
-void RemoteOptions::AddTo(CommandLine& command_line) {
+void RemoteOptions::AddOptions(CommandLine& command_line) {
   command_line.AddAddresses(
       "--server", &server,
       "The coordinator, or those of one farm (default: $LUMIFOLD_SERVER, else those of the profile, else "
@@ -28,8 +30,19 @@ void RemoteOptions::AddTo(CommandLine& command_line) {
                        "A profile of 'lumifold login' (default: the coordinator's)");
   command_line.AddFlag("--insecure", &security.insecure,
                        "Allow a coordinator of another machine without encryption");
-  command_line.AddCheck([this] { return Resolve(); });
   AddJson(command_line, &json);
+}
+
+void RemoteOptions::AddTo(CommandLine& command_line) {
+  AddOptions(command_line);
+  command_line.AddCheck([this] { return Resolve(); });
+}
+
+std::unique_ptr<FarmClient> RemoteOptions::ConnectTo(const std::string& coordinator,
+                                                     const Environment& environment) const {
+  FarmClientOptions options = ClientOptions(environment);
+  options.coordinators = {coordinator};
+  return client::ConnectTo(std::move(options));
 }
 
 FarmClientOptions RemoteOptions::ClientOptions(const Environment& environment) const {
@@ -41,7 +54,7 @@ FarmClientOptions RemoteOptions::ClientOptions(const Environment& environment) c
 }
 
 std::unique_ptr<FarmClient> RemoteOptions::Connect(const Environment& environment) const {
-  return ConnectTo(ClientOptions(environment));
+  return client::ConnectTo(ClientOptions(environment));
 }
 
 std::unique_ptr<AccessClient> RemoteOptions::ConnectToAccess(const Environment& environment) const {
@@ -49,6 +62,11 @@ std::unique_ptr<AccessClient> RemoteOptions::ConnectToAccess(const Environment& 
 }
 
 absl::Status RemoteOptions::Resolve() {
+  // A profile of the configuration needs no identity.
+  const std::vector<std::string> identities = profiles.List();
+  const bool has_identity = std::find(identities.begin(), identities.end(), profile) != identities.end();
+  if (!has_identity && configuration_ != nullptr && configuration_->profiles.contains(profile))
+    profile.clear();
   const absl::StatusOr<std::optional<std::string>> chosen =
       profiles.Choose(profile, server, identity::Profile::Kind::kPerson);
   if (!chosen.ok()) return OfThisMachine(chosen.status());
@@ -117,8 +135,18 @@ ExitCode RunOnJob(const std::string& command, const std::string& footer,
   return ReportJob(environment, remote.json, call(*remote.Connect(environment), job_id));
 }
 
+ExitCode RunHook(const Hook& hook, const v1::JobStatus& job, const std::string& output, ExitCode outcome,
+                 const Environment& environment) {
+  const absl::Status status = hook.Run(job, output);
+  return status.ok() ? outcome : ReportError(environment, status);
+}
+
 ExitCode ReportOutcome(const Environment& environment, const v1::JobStatus& job) {
-  std::string line = absl::StrCat("job ", job.job_id(), " ", StateName(job.state()));
+  const Colour colour = job.state() == v1::JOB_STATE_DONE     ? Colour::kGreen
+                        : job.state() == v1::JOB_STATE_FAILED ? Colour::kRed
+                                                              : Colour::kYellow;
+  const std::string state = Coloured(environment.err_has_colours, colour, StateName(job.state()));
+  std::string line = absl::StrCat("job ", job.job_id(), " ", state);
   if (!job.error().empty()) absl::StrAppend(&line, ": ", job.error());
   if (job.state() == v1::JOB_STATE_DONE) absl::StrAppend(&line, ": ", StageTimesText(job.times()));
   ReportLine(environment, line);

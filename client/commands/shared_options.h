@@ -11,6 +11,7 @@
 #include "client/command_line.h"
 #include "client/environment.h"
 #include "client/farm_client.h"
+#include "client/hook.h"
 #include "client/progress.h"
 #include "proto/identity/profile.h"
 
@@ -19,8 +20,13 @@ namespace lumifold::client {
 /// Options of every command that connects to a coordinator.
 struct RemoteOptions {
   explicit RemoteOptions(const Environment& environment)
-      : server(environment.default_server), profiles(environment.profiles_folder) {}
+      : server(environment.default_server),
+        profile(environment.default_profile),
+        profiles(environment.profiles_folder),
+        configuration_(environment.configuration) {}
 
+  /// The options alone: Resolve must be called after command_line.Parse.
+  void AddOptions(CommandLine& command_line);
   /// After command_line.Parse, `server` and `security` are those of the profile, if there is one.
   void AddTo(CommandLine& command_line);
   /// Sets `server` and `security` by the profile, whose certificate it renews where that is due. Parse does it for
@@ -28,6 +34,11 @@ struct RemoteOptions {
   absl::Status Resolve();
   std::unique_ptr<FarmClient> Connect(const Environment& environment) const;
   std::unique_ptr<AccessClient> ConnectToAccess(const Environment& environment) const;
+
+  /// Those of `server`, once it is resolved.
+  const std::vector<std::string>& coordinators() const { return coordinators_; }
+  /// A client of one of them.
+  std::unique_ptr<FarmClient> ConnectTo(const std::string& coordinator, const Environment& environment) const;
 
   std::string server;   // a list, see rpc::ParseEndpoints
   std::string profile;  // named with --profile
@@ -38,7 +49,8 @@ struct RemoteOptions {
  private:
   FarmClientOptions ClientOptions(const Environment& environment) const;
 
-  std::vector<std::string> coordinators_;  // those of `server`
+  const OptionFile* configuration_;
+  std::vector<std::string> coordinators_;
 };
 
 /// Adds --json.
@@ -68,5 +80,9 @@ ExitCode RunOnJob(const std::string& command, const std::string& footer,
 
 /// Prints the outcome of a job to `err`: "lumifold: job X done: ...". Returns the exit code of the outcome.
 ExitCode ReportOutcome(const Environment& environment, const v1::JobStatus& job);
+
+/// The end of a command that has followed a job: runs the hook and returns `outcome`, or the hook's error.
+ExitCode RunHook(const Hook& hook, const v1::JobStatus& job, const std::string& output, ExitCode outcome,
+                 const Environment& environment);
 
 }  // namespace lumifold::client

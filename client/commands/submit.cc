@@ -1,50 +1,112 @@
-#include "client/submit_scene.h"
-
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "client/assets.h"
 #include "client/commands/commands.h"
+#include "client/commands/picture_options.h"
+#include "client/commands/preview_options.h"
 #include "client/commands/shared_options.h"
+#include "client/follow_job.h"
+#include "client/hook.h"
 #include "client/job_options.h"
+#include "client/job_report.h"
+#include "client/json_line.h"
 #include "client/scheduling_options.h"
+#include "client/submit_scene.h"
 #include "proto/rpc/trace_context.h"
 
 namespace lumifold::client {
 namespace {
 
-absl::StatusOr<std::string> Submit(const JobOptions& job, const SchedulingOptions& scheduling,
-                                   const RemoteOptions& remote, const Environment& environment) {
-  const absl::StatusOr<SceneAssets> assets = FindJobAssets(job);
+constexpr char kCommand[] = "lumifold submit";
+
+struct SubmitOptions {
+  explicit SubmitOptions(const Environment& environment) : scheduling(environment), remote(environment) {
+    picture.threads = environment.default_threads;
+  }
+
+  JobOptions job;
+  SchedulingOptions scheduling;
+  bool waits = false;
+  PictureOptions picture;
+  std::string preview;
+  Hook hook;
+  RemoteOptions remote;
+
+  /// Whether the command goes on until the job has ended.
+  bool Follows() const {
+    return waits || !picture.output.empty() || !preview.empty() || !hook.command.empty();
+  }
+};
+
+std::optional<ExitCode> ParseSubmit(const std::vector<std::string>& arguments, const Environment& environment,
+                                    SubmitOptions* options) {
+  CommandLine command_line("submit", SummaryOf("submit"));
+  AddJobOptions(command_line, &options->job);
+  options->scheduling.AddTo(command_line);
+  command_line.AddFlag("--wait", &options->waits,
+                       "Show progress until the job has ended; the exit code is its outcome");
+  options->picture.AddTo(command_line, "--download", /*is_required=*/false);
+  AddPreview(command_line, &options->preview);
+  options->hook.AddTo(command_line);
+  options->remote.AddTo(command_line);
+  command_line.SetFooter(
+      "--download, --preview and --hook imply --wait. Ctrl-C then ends this command, not the job.");
+  if (const auto ended = command_line.Parse(arguments, environment)) return ended;
+  if (const auto ended = CheckJobOptions(options->job, kCommand, environment)) return ended;
+  if (const auto ended = CheckPreview(options->preview, kCommand, environment)) return ended;
+  if (options->picture.output.empty() && options->picture.noisy.empty()) return std::nullopt;
+  return options->picture.Check(options->job.frames, kCommand, environment);
+}
+
+absl::StatusOr<std::string> Submit(const SubmitOptions& options, FarmClient& farm, Progress& progress,
+                                   const Environment& environment) {
+  const absl::StatusOr<SceneAssets> assets = FindJobAssets(options.job);
   if (!assets.ok()) return assets.status();
-  const std::unique_ptr<FarmClient> farm = remote.Connect(environment);
-  const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
   v1::SubmitJobRequest request;
-  *request.mutable_spec() = MakeJobSpec(job);
-  *request.mutable_scheduling() = scheduling.ToProto();
-  return SubmitScene(*farm, *assets, std::move(request), *progress, MakeBackoff(environment));
+  *request.mutable_spec() = MakeJobSpec(options.job);
+  *request.mutable_scheduling() = options.scheduling.ToProto();
+  return SubmitScene(farm, *assets, std::move(request), progress, MakeBackoff(environment));
+}
+
+ExitCode Follow(const SubmitOptions& options, const std::string& job_id, FarmClient& farm, Progress& progress,
+                const Environment& environment) {
+  const int first = options.job.frames.first();
+  const std::unique_ptr<PreviewFile> preview = StartPreview(
+      options.remote.Connect(environment),
+      {.job_id = job_id, .frame = first, .path = options.preview, .display = options.picture.display});
+  const absl::StatusOr<v1::JobStatus> job =
+      FollowJob(farm, job_id, progress, MakeBackoff(environment), [](const v1::JobStatus&) {});
+  if (!job.ok()) return ReportError(environment, job.status());
+  ExitCode outcome = ReportOutcome(environment, *job);
+  absl::Status written = preview == nullptr ? absl::OkStatus() : preview->Stop();
+  const bool downloads = job->state() == v1::JOB_STATE_DONE && !options.picture.output.empty();
+  if (written.ok() && downloads)
+    written = options.picture.FetchAll(farm, *job, options.job.frames, progress, MakeBackoff(environment));
+  if (!written.ok()) outcome = ReportError(environment, written);
+  const std::string output = downloads ? options.picture.OutputOf(*job, first) : "";
+  if (downloads && written.ok())
+    ReportLine(environment,
+               absl::StrCat("wrote ", FilesOf(options.picture.output, *job, options.job.frames)));
+  if (options.remote.json) environment.out << JobJson(*job) << "\n" << std::flush;
+  return RunHook(options.hook, *job, output, outcome, environment);
 }
 
 }  // namespace
 
 ExitCode RunSubmit(const std::vector<std::string>& arguments, const Environment& environment) {
-  JobOptions job;
-  SchedulingOptions scheduling(environment);
-  RemoteOptions remote(environment);
-  CommandLine command_line("submit", SummaryOf("submit"));
-  AddJobOptions(command_line, &job);
-  scheduling.AddTo(command_line);
-  remote.AddTo(command_line);
-  if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
-  if (const auto ended = CheckJobOptions(job, "lumifold submit", environment)) return *ended;
-
-  const absl::StatusOr<std::string> job_id = Submit(job, scheduling, remote, environment);
+  SubmitOptions options(environment);
+  if (const auto ended = ParseSubmit(arguments, environment, &options)) return *ended;
+  const std::unique_ptr<FarmClient> farm = options.remote.Connect(environment);
+  const std::unique_ptr<Progress> progress = MakeProgressPrinter(environment);
+  const absl::StatusOr<std::string> job_id = Submit(options, *farm, *progress, environment);
   if (!job_id.ok()) return ReportError(environment, job_id.status());
   nlohmann::ordered_json json{{"job_id", *job_id}};
   if (const std::string trace_id = rpc::TraceIdOf(environment.trace_parent); !trace_id.empty())
     json["trace_id"] = trace_id;
-  environment.out << (remote.json ? json.dump() : *job_id) << "\n" << std::flush;
-  return ExitCode::kOk;
+  environment.out << (options.remote.json ? JsonLine(json) : *job_id) << "\n" << std::flush;
+  return options.Follows() ? Follow(options, *job_id, *farm, *progress, environment) : ExitCode::kOk;
 }
 
 }  // namespace lumifold::client

@@ -1,15 +1,18 @@
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
 #include "client/follow_job.h"
+#include "client/hook.h"
 #include "client/job_report.h"
 
 namespace lumifold::client {
 
 ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& environment) {
   std::string job_id;
+  Hook hook;
   RemoteOptions remote(environment);
   CommandLine command_line("wait", SummaryOf("wait"));
   command_line.AddArgument("JOB", &job_id, kJobArgumentHelp);
+  hook.AddTo(command_line);
   remote.AddTo(command_line);
   command_line.SetFooter("The exit code is the job's outcome: 0 done, 1 failed, 5 cancelled.");
   if (const auto ended = command_line.Parse(arguments, environment)) return *ended;
@@ -21,7 +24,8 @@ ExitCode RunWait(const std::vector<std::string>& arguments, const Environment& e
   if (!job.ok()) return ReportError(environment, job.status());
   environment.out << (remote.json ? JobJson(*job) : std::string(StateName(job->state()))) << "\n"
                   << std::flush;
-  return job->error().empty() ? ExitCodeForOutcome(*job) : ReportOutcome(environment, *job);
+  const ExitCode outcome = job->error().empty() ? ExitCodeForOutcome(*job) : ReportOutcome(environment, *job);
+  return RunHook(hook, *job, "", outcome, environment);
 }
 
 }  // namespace lumifold::client

@@ -1,6 +1,7 @@
 #include "filter/image/exr_io.h"
 
 #include <IexBaseExc.h>
+#include <ImfChannelList.h>
 #include <ImfIO.h>
 #include <ImfInputPart.h>
 #include <ImfMultiPartInputFile.h>
@@ -38,24 +39,44 @@ class ViewStream final : public Imf::IStream {
   size_t position_ = 0;
 };
 
-LayeredImage ReadPart(Imf::MultiPartInputFile& file, int number) {
+/// Adds the channels of a part to `image`; `layer` stands before their names, unless it is empty.
+void ReadPart(Imf::MultiPartInputFile& file, int number, const std::string& layer, LayeredImage* image) {
   const Imf::Header& header = file.header(number);
   const Imath::Box2i window = header.dataWindow();
-  LayeredImage image = ExrImage(header, window.max.x - window.min.x + 1, window.max.y - window.min.y + 1);
-  image.metadata() = ExrMetadata(header);
+  Imf::FrameBuffer frame;
+  for (auto it = header.channels().begin(); it != header.channels().end(); ++it) {
+    const std::string name = layer.empty() ? it.name() : layer + "." + it.name();
+    if (image->Has(name)) throw Iex::InputExc("has the channel " + name + " twice");
+    frame.insert(it.name(), ExrSliceOf(image->Add(name), window.min.x, window.min.y));
+  }
   // Pixels are read even to find out whether the file is complete: isComplete() checks only the table of
   // lines, which a truncated file still has.
   Imf::InputPart part(file, number);
-  part.setFrameBuffer(ExrFrameOf(image, window.min.x, window.min.y));
+  part.setFrameBuffer(frame);
   part.readPixels(window.min.y, window.max.y);
+}
+
+/// An image without channels for a part.
+LayeredImage ImageFor(const Imf::Header& header) {
+  const Imath::Box2i& window = header.dataWindow();
+  LayeredImage image(window.max.x - window.min.x + 1, window.max.y - window.min.y + 1);
+  image.metadata() = ExrMetadata(header);
   return image;
 }
 
 absl::Status ReadParts(const std::string& path, Imf::MultiPartInputFile& file, uint64_t file_bytes,
                        EdgedImage* image) {
-  if (absl::Status status = CheckExr(path, file, file_bytes); !status.ok()) return status;
-  image->pixels = ReadPart(file, 0);
-  if (file.parts() == 2) image->edges = ReadPart(file, 1);
+  if (absl::Status status = CheckLayeredExr(path, file, file_bytes); !status.ok()) return status;
+  image->pixels = ImageFor(file.header(0));
+  for (int part = 0; part < file.parts(); ++part) {
+    const Imf::Header& header = file.header(part);
+    if (part > 0 && IsEdgePart(header)) {
+      image->edges = ImageFor(header);
+      ReadPart(file, part, "", &image->edges);
+    } else {
+      ReadPart(file, part, part == 0 ? "" : header.name(), &image->pixels);
+    }
+  }
   return absl::OkStatus();
 }
 

@@ -86,14 +86,31 @@ Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0) {
 }
 
 absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file, uint64_t file_bytes) {
-  const bool has_edges =
-      file.parts() == 2 && file.header(1).hasName() && file.header(1).name() == kExrPartNames[1];
+  const bool has_edges = file.parts() == 2 && IsEdgePart(file.header(1));
   if (file.parts() != 1 && !has_edges) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": has several parts; only single-part OpenEXR is read"));
   }
   for (int part = 0; part < file.parts(); ++part) {
     if (absl::Status status = CheckHeader(path, file.header(part), file_bytes); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+bool IsEdgePart(const Imf::Header& header) { return header.hasName() && header.name() == kExrPartNames[1]; }
+
+absl::Status CheckLayeredExr(const std::string& path, const Imf::MultiPartInputFile& file,
+                             uint64_t file_bytes) {
+  for (int part = 0; part < file.parts(); ++part) {
+    const Imf::Header& header = file.header(part);
+    if (absl::Status status = CheckHeader(path, header, file_bytes); !status.ok()) return status;
+    if (part > 0 && part + 1 == file.parts() && IsEdgePart(header)) continue;
+    const bool is_layer = file.parts() == 1 || file.header(0).name() == kExrPicturePart ||
+                          (part == 0 && file.parts() == 2 && IsEdgePart(file.header(1)));
+    if (!is_layer || header.dataWindow() != file.header(0).dataWindow()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": has several parts; only those of one picture in layers are read"));
+    }
   }
   return absl::OkStatus();
 }

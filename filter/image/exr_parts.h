@@ -18,6 +18,9 @@ namespace lumifold {
 /// Names of the parts of a picture with an edge set.
 inline constexpr std::array<const char*, 2> kExrPartNames = {"picture", "edges"};
 
+/// Name of the part with R G B A where each layer is a part.
+inline constexpr char kExrPicturePart[] = "rgba";
+
 /// Runs `body` and converts its exceptions into a Status that names `path`. OpenEXR is only called in here.
 absl::Status CatchExr(const std::string& path, absl::FunctionRef<absl::Status()> body);
 
@@ -31,6 +34,14 @@ Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0);
 /// headers claim before memory is taken for them.
 /// Errors: kInvalidArgument naming the file.
 absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file, uint64_t file_bytes);
+
+/// The same for a file that may have a part for each layer, as CopyExr writes it, all of the same window, and then the
+/// edge set.
+absl::Status CheckLayeredExr(const std::string& path, const Imf::MultiPartInputFile& file,
+                             uint64_t file_bytes);
+
+/// Whether a part is an edge set.
+bool IsEdgePart(const Imf::Header& header);
 
 /// The string attributes of a header.
 std::map<std::string, std::string> ExrMetadata(const Imf::Header& header);

@@ -12,10 +12,27 @@ import tempfile
 import unittest
 import zlib
 
+try:
+    import jsonschema
+except ImportError:  # deploy/setup.sh --tests installs it
+    jsonschema = None
+
+OUTPUT_SCHEMA = json.loads((pathlib.Path(__file__).parents[2] / "docs/schemas/output.json").read_text())
+# What commands print whose object has another name in the schema.
+SCHEMA_OF = {**dict.fromkeys(("render", "status", "wait", "watch", "list", "cancel", "pause", "resume", "set-priority", "add-samples",
+                              "retry"), "job"),
+             **dict.fromkeys(("workers", "drain", "block", "readmit"), "worker")}
+
 BIN_DIR = pathlib.Path(os.environ["LUMIFOLD_BIN_DIR"])
 GOLDEN_DIR = pathlib.Path(__file__).parent / "golden"
+REPRODUCIBLE = pathlib.Path(__file__).parents[1] / "support/lumifold.yaml"
 APPROVE = os.environ.get("LUMIFOLD_APPROVE") == "1"
 TIMEOUT_SECONDS = 900
+
+
+def commands_of(help_text):
+    """The names of all commands, by the help of the program."""
+    return re.findall(r"^  (\S+) +\S", help_text.split("Commands:\n")[1].split("\n\n")[0], flags=re.MULTILINE)
 
 
 class CliTest(unittest.TestCase):
@@ -29,6 +46,7 @@ class CliTest(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
         self.environment = {key: value for key, value in os.environ.items() if key != "LUMIFOLD_SERVER"}
+        self.environment["LUMIFOLD_CONFIG"] = str(REPRODUCIBLE)
 
     def start(self, *arguments):
         return subprocess.Popen(
@@ -54,10 +72,18 @@ class CliTest(unittest.TestCase):
         return out
 
     def succeed_json(self, *arguments):
-        """The object on the one line that a call with --json prints."""
+        """The object on the one line that a call with --json prints, as docs/schemas/output.json describes it."""
         out = self.succeed(*arguments, "--json")
         self.assertEqual(out.count("\n"), 1, out)
-        return json.loads(out)
+        result = json.loads(out)
+        self.check_schema(arguments[0], result)
+        return result
+
+    def check_schema(self, command, result):
+        self.assertEqual(result["schema_version"], 1)
+        if jsonschema is not None:
+            schema = {**OUTPUT_SCHEMA, "$ref": f"#/$defs/{SCHEMA_OF.get(command, command)}"}
+            jsonschema.Draft202012Validator(schema).validate(result)
 
     def check_golden(self, name, *arguments, replace=()):
         """Compares a call with golden/NAME.txt; `replace` has (pattern, replacement) for text that differs between runs."""

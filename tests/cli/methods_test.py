@@ -84,11 +84,6 @@ class Methods(harness.CliTest):
             for parameter in method["parameters"]:
                 self.assertRegex(table, rf"(?m)^ +{parameter['name']}=\S+ \(\S+ to \S+\): {re.escape(parameter['summary'])}$")
 
-    def test_json_without_the_list_is_refused(self):
-        code, _, err = self.run_lumifold("filter", "picture.exr", "-o", "out.exr", "--json")
-        self.assertEqual(code, 2)
-        self.assertIn("--json goes with --list-methods", err)
-
 
 if __name__ == "__main__":
     unittest.main()

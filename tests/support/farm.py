@@ -10,6 +10,8 @@ import tempfile
 import time
 
 BIN = pathlib.Path(os.environ["LUMIFOLD_BIN"])
+# Tests compare files of equal jobs.
+os.environ.setdefault("LUMIFOLD_CONFIG", str(pathlib.Path(__file__).with_name("lumifold.yaml")))
 PATIENCE_SECONDS = 900
 
 

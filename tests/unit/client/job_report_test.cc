@@ -28,7 +28,7 @@ v1::JobStatus SampleJob() {
 TEST(JobJson, HasEveryFieldInAStableOrder) {
   EXPECT_EQ(
       JobJson(SampleJob(), {{"output", "a.exr"}}),
-      R"({"job_id":"j7","state":"running","name":"room \"A\".glb","error":"","warnings":["no light"],)"
+      R"({"schema_version":1,"job_id":"j7","state":"running","name":"room \"A\".glb","error":"","warnings":["no light"],)"
       R"("submitted_unix_ms":1700000000000,"workers":3,"units_done":5,"units_total":20,"frames_done":0,)"
       R"("frames_total":1,"samples_done":1000,"samples_total":4000,"bad_samples":0,"render_seconds":1.5,)"
       R"("assemble_seconds":0.0,"filter_seconds":0.0,"write_seconds":0.0,"user":"ann","priority":5,"tags":["gpu"],)"

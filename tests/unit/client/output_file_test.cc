@@ -9,9 +9,9 @@ namespace lumifold::client {
 namespace {
 
 TEST(PictureFormatOf, RefusesEveryOtherName) {
-  for (const char* name : {"", "out", "out.jpg", "exr", "out.exr.bak"}) {
+  for (const char* name : {"", "out", "out.gif", "exr", "out.exr.bak"}) {
     EXPECT_EQ(PictureFormatOf(name).status(),
-              absl::InvalidArgumentError("expected a name that ends in .exr or .png; got '" +
+              absl::InvalidArgumentError("expected a name that ends in .exr, .png or .jpg; got '" +
                                          std::string(name) + "'"));
   }
 }
@@ -19,6 +19,8 @@ TEST(PictureFormatOf, RefusesEveryOtherName) {
 TEST(PictureFormatOf, GoesByTheLastLetters) {
   EXPECT_EQ(PictureFormatOf("a.exr").value(), PictureFormat::kExr);
   EXPECT_EQ(PictureFormatOf("dir.exr/a.PNG").value(), PictureFormat::kPng);
+  EXPECT_EQ(PictureFormatOf("a.Jpg").value(), PictureFormat::kJpeg);
+  EXPECT_EQ(PictureFormatOf("a.jpeg").value(), PictureFormat::kJpeg);
 }
 
 TEST(CheckOutput, FindsWhatIsInTheWay) {
@@ -39,22 +41,22 @@ TEST(CheckOutput, FindsWhatIsInTheWay) {
   EXPECT_EQ(CheckOutput("here.exr"), absl::OkStatus());
 }
 
-TEST(WritePngOfLayer, NamesTheLayerThatIsMissing) {
+TEST(WriteLayer, NamesTheLayerThatIsMissing) {
   const ScratchFolder folder;
   LayeredImage image(4, 3);
   image.AddColor("");
   const std::string exr = folder.File("a.exr");
   ASSERT_EQ(WriteExr(exr, image), absl::OkStatus());
-  EXPECT_EQ(WritePngOfLayer(exr, "noisy", 1, folder.File("a.png")),
+  EXPECT_EQ(WriteLayer(exr, "noisy", {}, folder.File("a.png")),
             absl::NotFoundError(exr + ": has no colour layer 'noisy'"));
-  EXPECT_EQ(WritePngOfLayer(exr, "", 1, folder.File("a.png")), absl::OkStatus());
+  EXPECT_EQ(WriteLayer(exr, "", {}, folder.File("a.png")), absl::OkStatus());
   EXPECT_EQ(folder.Read("a.png").substr(1, 3), "PNG");
 }
 
-TEST(WritePngOfLayer, NamesAFileThatIsNoPicture) {
+TEST(WriteLayer, NamesAFileThatIsNoPicture) {
   const ScratchFolder folder;
   const std::string exr = folder.Write("a.exr", "hello");
-  const absl::Status status = WritePngOfLayer(exr, "", 1, folder.File("a.png"));
+  const absl::Status status = WriteLayer(exr, "", {}, folder.File("a.png"));
   EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
   EXPECT_NE(status.message().find(exr), std::string::npos) << status;
   EXPECT_EQ(folder.FileCount(), 1);

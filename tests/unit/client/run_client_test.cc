@@ -54,7 +54,7 @@ class RunClientTest : public testing::Test {
     return job;
   }
 
-  int Run(std::vector<std::string> arguments) {
+  int Run(const std::vector<std::string>& arguments) {
     std::vector<const char*> argv = {"lumifold"};
     for (const std::string& argument : arguments) argv.push_back(argument.c_str());
     return RunClient(static_cast<int>(argv.size()), argv.data(), test_.environment);
@@ -71,7 +71,7 @@ class RunClientTest : public testing::Test {
 };
 
 TEST_F(RunClientTest, RefusesOutputsBeforeAnyWork) {
-  EXPECT_EQ(Run({"render", scene_, "-o", "out.jpg"}), 2);
+  EXPECT_EQ(Run({"render", scene_, "-o", "out.gif"}), 2);
   EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("none/out.exr")}), 4);
   EXPECT_EQ(Run({"render", scene_, "-o", "out.exr", "--noisy", "noisy.exr"}), 2);
   EXPECT_THAT(local_options_, testing::IsEmpty());
@@ -152,8 +152,8 @@ TEST_F(RunClientTest, RefusesSeveralFramesInOneFile) {
 }
 
 TEST_F(RunClientTest, RendersAFileAFrame) {
-  EXPECT_EQ(Run({"render", scene_, "-o", folder_.File("a.##.exr"), "--noisy", folder_.File("n#.png"),
-                 "--frames", "9-10", "--json"}),
+  EXPECT_EQ(Run({"render", scene_, "--reproducible", "-o", folder_.File("a.##.exr"), "--noisy",
+                 folder_.File("n#.png"), "--frames", "9-10", "--json"}),
             0)
       << Err();
   EXPECT_EQ(folder_.Read("a.09.exr"), farm_.result);
@@ -164,7 +164,9 @@ TEST_F(RunClientTest, RendersAFileAFrame) {
 }
 
 TEST_F(RunClientTest, DownloadsAFileAFrame) {
-  EXPECT_EQ(Run({"download", "job-1", "-o", folder_.File("a#.exr"), "--frames", "0-1", "--json"}), 0)
+  EXPECT_EQ(
+      Run({"download", "job-1", "-o", folder_.File("a#.exr"), "--frames", "0-1", "--json", "--reproducible"}),
+      0)
       << Err();
   EXPECT_EQ(folder_.Read("a0.exr"), farm_.result);
   EXPECT_EQ(folder_.FileCount(), 5);
@@ -209,8 +211,8 @@ TEST_F(RunClientTest, SendsWhatTheCoordinatorLacksAndNothingTwice) {
 
 TEST_F(RunClientTest, RendersThroughTheLocalFarm) {
   const std::string out = folder_.File("out.exr");
-  EXPECT_EQ(Run({"render", scene_, "-o", out, "--threads", "3", "--state", "here", "--json", "--noisy",
-                 folder_.File("noisy.png")}),
+  EXPECT_EQ(Run({"render", scene_, "--reproducible", "-o", out, "--threads", "3", "--state", "here", "--json",
+                 "--noisy", folder_.File("noisy.png")}),
             0)
       << Err();
   EXPECT_EQ(folder_.Read("out.exr"), farm_.result);
@@ -250,9 +252,11 @@ TEST_F(RunClientTest, CancelsARenderThatIsInterrupted) {
 }
 
 TEST_F(RunClientTest, DownloadsIntoPlace) {
-  EXPECT_EQ(Run({"download", "job-1", "-o", folder_.File("out.exr"), "--json"}), 0) << Err();
+  EXPECT_EQ(Run({"download", "job-1", "-o", folder_.File("out.exr"), "--reproducible", "--json"}), 0)
+      << Err();
   EXPECT_EQ(folder_.Read("out.exr"), farm_.result);
-  EXPECT_EQ(Out(), R"({"job_id":"job-1","frame":0,"output":")" + folder_.File("out.exr") + "\"}\n");
+  EXPECT_EQ(Out(), R"({"schema_version":1,"job_id":"job-1","frame":0,"output":")" + folder_.File("out.exr") +
+                       "\"}\n");
   EXPECT_EQ(folder_.FileCount(), 4);
 }
 
@@ -276,9 +280,9 @@ TEST_F(RunClientTest, WatchPrintsAnObjectForEachStatus) {
   EXPECT_EQ(Run({"watch", "job-1", "--json"}), 0);
   const std::string out = Out();
   EXPECT_EQ(std::count(out.begin(), out.end(), '\n'), 2);
-  EXPECT_THAT(out, StartsWith(R"({"job_id":"job-1","state":"running",)"));
+  EXPECT_THAT(out, StartsWith(R"({"schema_version":1,"job_id":"job-1","state":"running",)"));
   EXPECT_THAT(out, HasSubstr("\n"
-                             R"({"job_id":"job-1","state":"done",)"));
+                             R"({"schema_version":1,"job_id":"job-1","state":"done",)"));
 }
 
 TEST_F(RunClientTest, ListsJobsUpToTheLimit) {
@@ -356,7 +360,7 @@ TEST_F(RunClientTest, ChangesAJob) {
   EXPECT_THAT(Err(), StartsWith("lumifold: job job-1 paused\nlumifold: job job-1 paused\n"));
   EXPECT_THAT(Err(), HasSubstr("lumifold: job job-1 deleted\n"));
   EXPECT_EQ(Run({"pause", "job-1", "--json"}), 0);
-  EXPECT_THAT(Out(), StartsWith(R"({"job_id":"job-1","state":"paused",)"));
+  EXPECT_THAT(Out(), StartsWith(R"({"schema_version":1,"job_id":"job-1","state":"paused",)"));
   for (const std::vector<std::string>& command : {std::vector<std::string>{"pause", "job-9"},
                                                   {"resume", "job-9"},
                                                   {"set-priority", "job-9", "1"},
@@ -389,7 +393,7 @@ TEST_F(RunClientTest, ExplainsAJob) {
   EXPECT_EQ(Run({"explain", "job-1", "--json"}), 0);
   EXPECT_EQ(Out(),
             "job: job-1\nstate: running\nno_worker: no worker has the tag 'gpu'\n"
-            R"({"job_id":"job-1","state":"running","reasons":[{"code":"no_worker",)"
+            R"({"schema_version":1,"job_id":"job-1","state":"running","reasons":[{"code":"no_worker",)"
             R"("text":"no worker has the tag 'gpu'"}]})"
             "\n");
 }
@@ -412,8 +416,9 @@ TEST_F(RunClientTest, ListsAllWorkers) {
   EXPECT_EQ(Run({"workers", "--json"}), 0);
   EXPECT_THAT(
       Out(),
-      StartsWith(R"({"worker_id":"w-1","name":"node:1","process":"","state":"busy","reason":"","class":"",)"
-                 R"("tags":["gpu"],"slots":8,"leases":5,)"));
+      StartsWith(
+          R"({"schema_version":1,"worker_id":"w-1","name":"node:1","process":"","state":"busy","reason":"","class":"",)"
+          R"("tags":["gpu"],"slots":8,"leases":5,)"));
   EXPECT_EQ(farm_.calls().size(), 6u);
 }
 
@@ -456,7 +461,7 @@ TEST_F(RunClientTest, PrintsTheLogOfAJobOrAWorker) {
   EXPECT_EQ(Run({"logs", "node:1", "--limit", "5", "--json"}), 0);
   EXPECT_EQ(Out(),
             "1970-01-01T00:00:01.000Z warn  event=unit_failed\n"
-            R"({"unix_ms":1000,"level":"warn","text":"event=unit_failed"})"
+            R"({"schema_version":1,"unix_ms":1000,"level":"warn","text":"event=unit_failed"})"
             "\n");
   EXPECT_THAT(farm_.calls(),
               ElementsAre(R"(GetLog job_id: "j-1" limit: 100)", R"(GetLog worker: "node:1" limit: 5)"));
@@ -473,7 +478,9 @@ TEST_F(RunClientTest, PrintsTheStateOfTheCoordinator) {
   EXPECT_EQ(Run({"server-status"}), 0);
   EXPECT_THAT(Out(), HasSubstr("storage: no space left on device\n"));
   EXPECT_EQ(Run({"server-status", "--json"}), 0);
-  EXPECT_THAT(Out(), HasSubstr(R"({"version":"1.2.3","storage_error":"no space left on device",)"));
+  EXPECT_THAT(
+      Out(),
+      HasSubstr(R"({"schema_version":1,"version":"1.2.3","storage_error":"no space left on device",)"));
 }
 
 TEST_F(RunClientTest, PrintsTheCoordinatorsOfAFarmOfSeveral) {
@@ -533,7 +540,7 @@ TEST_F(RunClientTest, ComparesLayers) {
   EXPECT_EQ(Out(), "MSE255 65025.0000\nPSNR 0.00 dB\nrelMSE 100.000000\n");
   test_.out.str("");
   EXPECT_EQ(Run({"compare", picture, picture, "--json"}), 0);
-  EXPECT_EQ(Out(), "{\"mse255\":0.0,\"psnr_db\":null,\"rel_mse\":0.0}\n");
+  EXPECT_EQ(Out(), "{\"schema_version\":1,\"mse255\":0.0,\"psnr_db\":null,\"rel_mse\":0.0}\n");
 }
 
 TEST_F(RunClientTest, RefusesToCompareWhatDoesNotFit) {
@@ -570,9 +577,10 @@ TEST_F(RunClientTest, ComparesByRegionAndWritesAHeatMap) {
   EXPECT_EQ(
       Run({"compare", picture, reference, "--metric", "mse255", "--by-region", "--heatmap", map, "--json"}),
       0);
-  EXPECT_EQ(Out(),
-            "{\"mse255\":1806.25,\"regions\":{\"flat\":{\"share\":1.0,\"mse255\":1806.25}},"
-            "\"heatmap_scale\":200.0}\n");
+  EXPECT_EQ(
+      Out(),
+      "{\"schema_version\":1,\"mse255\":1806.25,\"regions\":{\"flat\":{\"share\":1.0,\"mse255\":1806.25}},"
+      "\"heatmap_scale\":200.0}\n");
 }
 
 TEST_F(RunClientTest, NamesTheReasonWhyItCannotCompareByRegion) {

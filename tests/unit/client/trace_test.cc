@@ -33,7 +33,8 @@ TEST(Trace, IsSentWithCallsAndPrinted) {
     return farm.submissions().back().scheduling().trace_id();
   };
   EXPECT_EQ(submit(kParent), kTrace);
-  EXPECT_EQ(test.out.str(), absl::StrCat(R"({"job_id":"job-1","trace_id":")", kTrace, "\"}\n"));
+  EXPECT_EQ(test.out.str(),
+            absl::StrCat(R"({"schema_version":1,"job_id":"job-1","trace_id":")", kTrace, "\"}\n"));
   EXPECT_EQ(submit(""), "");
 }
 
@@ -58,7 +59,7 @@ TEST(LogEvent, NamesTheWorkerThatWroteIt) {
             "1970-01-01T00:00:01.000Z error w-7/node:1: event=unit_failed error=\"\xff\"\n");
   EXPECT_EQ(
       LogEventJson(event),
-      R"({"unix_ms":1000,"level":"error","worker":"w-7/node:1","text":"event=unit_failed error=\"�\""})");
+      R"({"schema_version":1,"unix_ms":1000,"level":"error","worker":"w-7/node:1","text":"event=unit_failed error=\"�\""})");
 }
 
 }  // namespace

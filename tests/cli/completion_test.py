@@ -1,0 +1,82 @@
+"""Completion and manual pages: made from what the commands say of themselves, and taken by the shells and by man."""
+
+import re
+import shutil
+import subprocess
+import unittest
+
+import harness
+
+
+class Completion(harness.CliTest):
+    def setUp(self):
+        super().setUp()
+        self.commands = harness.commands_of(self.succeed("--help"))
+        (self.folder / "room.glb").touch()
+        (self.folder / "a b.glb").touch()
+
+    def complete(self, *words):
+        """What bash offers for the last word of a command line."""
+        (self.folder / ".script").write_text(self.succeed("completion", "bash"))
+        script = 'source .script; COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _lumifold; printf "%s\\n" "${COMPREPLY[@]}"'
+        done = subprocess.run(["bash", "-euc", script, "bash", "lumifold", *words], cwd=self.folder, text=True, capture_output=True)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return set(done.stdout.split("\n")) - {"", ".script"}
+
+    def test_bash_offers_commands_options_and_files(self):
+        self.assertEqual(self.complete(""), {*self.commands, "--help", "--version"})
+        self.assertEqual(self.complete("re"), {name for name in self.commands if name.startswith("re")})
+        self.assertEqual(self.complete("watch", "j-1", "--pre"), {"--preview"})
+        self.assertIn("--json", self.complete("watch", "-"))
+        self.assertEqual(self.complete("render", ""), {"room.glb", "a b.glb"})
+        self.assertEqual(self.complete("render", "room.glb", "-o", "a"), {"a b.glb"})
+        self.assertEqual(self.complete("render", "room.glb", "--size", ""), set(), "a size is no file")
+
+    def test_each_shell_reads_its_script(self):
+        for shell in ("bash", "zsh", "fish"):
+            with self.subTest(shell=shell):
+                script = self.succeed("completion", shell)
+                for command in self.commands:
+                    self.assertIn(command, script)
+                if shutil.which(shell) is None:
+                    self.skipTest(f"{shell} is not installed (deploy/setup.sh --tests)")
+                done = subprocess.run([shell, "-n"], input=script, text=True, capture_output=True)
+                self.assertEqual((done.returncode, done.stderr), (0, ""))
+                broken = subprocess.run([shell, "-n"], input=script + "\nif then (", text=True, capture_output=True)
+                self.assertNotEqual(broken.returncode, 0)
+
+    def test_zsh_and_fish_offer_options(self):
+        if shutil.which("fish") is None:
+            self.skipTest("fish is not installed (deploy/setup.sh --tests)")
+        (self.folder / "completion.fish").write_text(self.succeed("completion", "fish"))
+        done = subprocess.run(["fish", "--no-config", "-c", "source completion.fish; complete -C 'lumifold watch --pre'"],
+                              cwd=self.folder, text=True, capture_output=True)
+        self.assertEqual([line.split("\t")[0] for line in done.stdout.splitlines()], ["--preview"], done.stderr)
+
+    def test_another_shell_is_refused(self):
+        self.check_golden("completion_shell", "completion", "csh")
+
+
+@unittest.skipIf(shutil.which("groff") is None, "groff is not installed (deploy/setup.sh --tests)")
+class ManualPages(harness.CliTest):
+    def read(self, page):
+        done = subprocess.run(["groff", "-man", "-ww", "-Tascii", "-P-cbou"], input=page, text=True, capture_output=True)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return done.stdout
+
+    def test_each_page_has_each_option(self):
+        commands = harness.commands_of(self.succeed("--help"))
+        for command in commands:
+            with self.subTest(command=command):
+                page = " ".join(self.read(self.succeed("man", command)).split())
+                for option in re.findall(r"^  [^ ].*?(--[a-z][a-z-]*)", self.succeed(command, "--help"), flags=re.MULTILINE):
+                    self.assertIn(option, page)
+        for command in commands:
+            self.assertIn(f"lumifold-{command}(1)", self.read(self.succeed("man")))
+
+    def test_an_unknown_command_is_named(self):
+        self.check_golden("man_unknown", "man", "rendr")
+
+
+if __name__ == "__main__":
+    unittest.main()

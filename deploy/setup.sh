@@ -16,7 +16,7 @@ test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-d
                postgresql iproute2 nftables e2fsprogs openssl
                munge slurm-wlm slurmdbd mariadb-server
                chromium chromium-driver prometheus crun mmdebstrap golang-github-containers-common
-               zsh fish groff-base openimageio-tools python3-jsonschema)
+               zsh fish groff-base openimageio-tools python3-jsonschema python3-grpcio python3-protobuf python3-xxhash)
 # Node comes with or without npm, and not always from Debian.
 command -v npm >/dev/null || test_packages+=(nodejs npm)
 [ "${1:-}" = --tests ] && packages+=("${test_packages[@]}")

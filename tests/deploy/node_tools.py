@@ -9,6 +9,7 @@ import shutil
 import subprocess
 
 SOURCE = pathlib.Path(__file__).parent
+EXAMPLES = pathlib.Path(__file__).parents[2] / "docs/examples"
 # In the build folder, beside the programs: packages are installed once.
 FOLDER = pathlib.Path(os.environ["LUMIFOLD_BIN"]).parent / "deploy_packages"
 
@@ -22,7 +23,7 @@ def install():
     FOLDER.mkdir(parents=True, exist_ok=True)
     with open(FOLDER / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        for file in [*SOURCE.glob("*.mjs"), *SOURCE.glob("package*.json")]:
+        for file in [*SOURCE.glob("*.mjs"), *EXAMPLES.glob("*.mjs"), *SOURCE.glob("package*.json")]:
             shutil.copy(file, FOLDER)
         digest = hashlib.sha256((SOURCE / "package-lock.json").read_bytes()).hexdigest()
         stamp = FOLDER / "installed"

@@ -1,0 +1,69 @@
+"""The examples of docs/examples, against a real farm over TLS, with access control."""
+
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import node_tools
+from farm import make_scene, run
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "integration"))
+from access_test import SecureFarm  # noqa: E402
+
+EXAMPLES = pathlib.Path(__file__).parents[2] / "docs/examples"
+# Debian's modules belong to Debian's Python.
+PYTHON = "/usr/bin/python3"
+
+
+def has_modules():
+    done = subprocess.run([PYTHON, "-c", "import grpc, google.protobuf, xxhash"], capture_output=True)
+    return done.returncode == 0
+
+
+@unittest.skipUnless(has_modules(), "python3-grpcio, python3-protobuf or python3-xxhash is not installed (deploy/setup.sh --tests)")
+class ExamplesTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.root = pathlib.Path(folder.name)
+        cls.farm = cls.enterClassContext(SecureFarm(cls.root / "farm"))
+        cls.farm.enroll("node-1", "node-1")
+        cls.farm.start_worker("--profile", "node-1")
+        cls.scene = make_scene("cornell-box", cls.root)
+
+    def render(self, *arguments):
+        return subprocess.run([PYTHON, EXAMPLES / "farm.py", self.scene, *arguments], text=True, capture_output=True)
+
+    def test_python_renders_and_node_watches(self):
+        done = self.render(self.root / "out.exr")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("JOB_STATE_DONE", done.stderr)
+        job = done.stdout.strip()
+        compared = json.loads(run("lumifold", "compare", self.root / "out.exr", self.root / "out.exr", "--json").stdout)
+        self.assertEqual(compared["mse255"], 0, "it is a picture")
+        self.assertEqual(json.loads(self.farm.client("status", job, "--json").stdout)["state"], "done")
+        if not node_tools.is_available():
+            self.skipTest("npm is not installed (deploy/setup.sh --tests)")
+        node_tools.install()
+        lines = node_tools.run("watch.mjs", job).splitlines()
+        self.assertRegex(lines[-1], rf"^{job} JOB_STATE_DONE \d+/\d+$")
+
+    def test_whoever_has_no_token_gets_in_nowhere(self):
+        token = self.farm.profiles / "default" / "token"
+        stranger = self.farm.profiles / "stranger"
+        stranger.mkdir()
+        for name in ("profile", "ca.pem"):
+            (stranger / name).write_bytes((token.parent / name).read_bytes())
+        (stranger / "token").write_text("no-such-token")
+        done = self.render(self.root / "none.exr", "stranger")
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("UNAUTHENTICATED", done.stderr)
+        self.assertFalse((self.root / "none.exr").exists())
+
+
+if __name__ == "__main__":
+    unittest.main()

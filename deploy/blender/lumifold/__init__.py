@@ -1,0 +1,29 @@
+"""Lumifold as a render engine of Blender: renders by path tracing on this machine or on a farm."""
+
+bl_info = {
+    "name": "Lumifold",
+    "author": "The Lumifold authors",
+    "version": (0, 1, 0),
+    "blender": (3, 4, 0),
+    "category": "Render",
+    "location": "Properties > Render > Render Engine",
+    "description": "Renders on this machine or on a farm, and removes the noise",
+    "support": "COMMUNITY",
+}
+
+
+def modules():
+    """The modules with classes of Blender, in the order of registration. Imported late: the others work without Blender."""
+    from . import engine, panel, preferences, settings
+
+    return preferences, settings, engine, panel
+
+
+def register():
+    for module in modules():
+        module.register()
+
+
+def unregister():
+    for module in reversed(modules()):
+        module.unregister()

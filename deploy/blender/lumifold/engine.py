@@ -1,0 +1,123 @@
+"""The render engine: exports what Blender hands it, runs the program, and gives back the passes."""
+
+import os
+import pathlib
+import tempfile
+
+import bpy
+
+from . import exr, export, passes, preferences, program, world
+
+
+class LumifoldEngine(bpy.types.RenderEngine):
+    bl_idname = "LUMIFOLD"
+    bl_label = "Lumifold"
+    bl_use_preview = False
+    bl_use_shading_nodes_custom = False  # materials, lights and worlds have the nodes of Cycles
+    bl_use_eevee_viewport = True  # the viewport's material preview is Eevee's
+
+    def update_render_passes(self, scene=None, renderlayer=None):
+        for one in passes.wanted(renderlayer, scene.lumifold):
+            self.register_pass(scene, renderlayer, one.name, len(one.channels), one.channels, one.kind)
+
+    def render(self, depsgraph):
+        """Renders one view layer of one frame. Blender calls it in a thread of its own, or in background mode in the only one."""
+        try:
+            with tempfile.TemporaryDirectory(prefix="lumifold-blender-") as folder:
+                Frame(self, depsgraph, pathlib.Path(folder)).render()
+        except program.Cancelled:
+            if not self.test_break():
+                self.fail("The job was cancelled at the farm")
+        except (program.ProgramError, export.ExportError, world.WorldError, ValueError, OSError) as error:
+            self.fail(str(error))
+
+    def fail(self, text):
+        self.report({"ERROR"}, text)
+        self.error_set(text)
+
+
+class Frame:
+    """One view layer of one frame on its way to the program and back."""
+
+    def __init__(self, engine, depsgraph, folder):
+        self.engine, self.depsgraph, self.folder = engine, depsgraph, folder
+        self.scene = depsgraph.scene
+        self.settings = self.scene.lumifold
+        render = self.scene.render
+        scale = render.resolution_percentage / 100
+        self.size = max(int(render.resolution_x * scale), 1), max(int(render.resolution_y * scale), 1)
+        self.wanted = passes.wanted(depsgraph.view_layer_eval, self.settings)
+        self.preview = folder / "preview.exr"
+        self.preview_time = 0
+        self.background = None
+
+    def render(self):
+        executable = preferences.program_path()
+        if not executable:
+            raise program.ProgramError(preferences.MISSING)
+        self.show(program.Progress("exporting"))
+        picture = export.export(self.depsgraph, self.folder, self.size, self.engine.test_break)
+        if self.engine.test_break():
+            return
+        if picture.environment:
+            self.background = self.seen_background(picture.environment)
+        place = self.settings.place()
+        output = str(self.folder / "result.exr")
+        run = program.render_on_farm if place.on_farm else program.render_here
+        warnings = run(executable, place, picture, self.settings.quality(), output, str(self.preview),
+                       self.engine.test_break, self.show, self.show_preview)
+        for text in warnings:
+            self.engine.report({"WARNING"}, text)
+        self.hand_over(exr.read(output), self.wanted)
+
+    def show(self, progress):
+        name = f"{progress.job}: " if progress.job else ""
+        self.engine.update_stats("", f"Lumifold | {name}{progress.stage}")
+        if progress.share is not None:
+            self.engine.update_progress(progress.share)
+
+    def show_preview(self):
+        """Shows the growing picture, if there is a newer one."""
+        try:
+            changed = os.stat(self.preview).st_mtime_ns
+        except OSError:
+            return
+        if changed == self.preview_time:
+            return
+        self.preview_time = changed
+        film = {name: passes.fitted(plane, self.size) for name, plane in exr.read(self.preview).items()}
+        if "A" not in film:
+            film["A"] = film["R"] * 0 + 1
+        self.hand_over(film, [one for one in self.wanted if one.name == "Combined"])
+
+    def hand_over(self, film, wanted):
+        """Gives passes to Blender: all of the picture, or the part within the render border."""
+        width, height = self.engine.resolution_x, self.engine.resolution_y
+        render = self.scene.render
+        left = int(render.border_min_x * self.size[0]) if render.use_border else 0
+        bottom = int(render.border_min_y * self.size[1]) if render.use_border else 0
+        result = self.engine.begin_result(0, 0, width, height, layer=self.depsgraph.view_layer_eval.name)
+        try:
+            given = result.layers[0].passes
+            for one in wanted:
+                if one.name not in given:
+                    continue
+                pixels = passes.pixels_of(one.name, film, self.background, render.film_transparent)
+                pixels = passes.cropped(pixels, left, bottom, width, height)
+                given[one.name].rect = pixels.reshape(-1, len(one.channels))
+        finally:
+            self.engine.end_result(result)
+
+    def seen_background(self, environment):
+        camera = self.scene.camera.evaluated_get(self.depsgraph)
+        projection = camera.calc_matrix_camera(self.depsgraph, x=self.size[0], y=self.size[1])
+        film = exr.read(environment)
+        return passes.background_of(passes.layer(film, ""), self.size, camera.matrix_world, projection)
+
+
+def register():
+    bpy.utils.register_class(LumifoldEngine)
+
+
+def unregister():
+    bpy.utils.unregister_class(LumifoldEngine)

@@ -1,0 +1,331 @@
+"""Materials of Blender as those of glTF: reads node trees. What a tree has that glTF cannot carry is listed. Needs no Blender."""
+
+import dataclasses
+import math
+
+# Names of Principled's inputs in Blender 4, by those of Blender 3.
+NEW_NAMES = {
+    "Specular": "Specular IOR Level",
+    "Transmission": "Transmission Weight",
+    "Clearcoat": "Coat Weight",
+    "Clearcoat Roughness": "Coat Roughness",
+    "Emission": "Emission Color",
+    "Sheen": "Sheen Weight",
+    "Subsurface": "Subsurface Weight",
+}
+# Losses that concern every material of a kind are counted, not named one by one.
+DISNEY_DIFFUSE = "Principled's diffuse lobe is Lambert's: up to 3 % darker at high roughness, more after many bounces"
+DISNEY_COAT = 0.25  # Principled's coat until Blender 3.6 has a quarter of the weight that the input says
+WHITE = (1.0, 1.0, 1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Texture:
+    """A picture, or one of its channels."""
+
+    image: object
+    channels: str = "RGB"  # or "R", "G", "B", "A"
+    uv_map: str = ""  # empty: that of rendering
+    transform: tuple = ()  # offset x, y, rotation, scale x, y of a Mapping node
+    extension: str = "REPEAT"
+
+
+@dataclasses.dataclass
+class Material:
+    """What glTF says about a surface. A property is a number, a tuple or a Texture."""
+
+    name: str = ""
+    base_color: object = (0.8, 0.8, 0.8)
+    metallic: object = 0.0
+    roughness: object = 1.0
+    alpha: object = 1.0
+    specular: float = 0.5  # Principled's; 0: no highlight
+    emission: object = (0.0, 0.0, 0.0)
+    emission_strength: float = 0.0
+    transmission: object = 0.0
+    ior: float = 1.5
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+    sheen: float = 0.0
+    normal: object = None
+    normal_strength: float = 1.0
+    double_sided: bool = True
+    losses: list = dataclasses.field(default_factory=list)
+
+
+def translate(material):
+    """The glTF material of one of Blender's, with its losses."""
+    made = Material(name=material.name, double_sided=not material.use_backface_culling)
+    if not material.use_nodes or material.node_tree is None:
+        made.base_color = tuple(material.diffuse_color[:3])
+        made.metallic, made.roughness = material.metallic, material.roughness
+        return made
+    output = active_output(material.node_tree)
+    surface = output and node_behind(output.inputs["Surface"])
+    if surface is None:
+        made.base_color, made.specular = (0.0, 0.0, 0.0), 0.0
+        made.losses.append("no surface shader")
+    else:
+        read_shader(made, surface)
+    for name, what in (("Volume", "volumes"), ("Displacement", "displacement")):
+        if output and output.inputs[name].is_linked:
+            made.losses.append(what)
+    return made
+
+
+def active_output(tree):
+    outputs = [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL" and node.target in ("ALL", "CYCLES")]
+    active = [node for node in outputs if node.is_active_output]
+    return (active or outputs or [None])[0]
+
+
+def source_of(socket):
+    """The socket that a link comes from, through reroutes; None if there is no link."""
+    while socket.is_linked:
+        socket = socket.links[0].from_socket
+        if socket.node.type != "REROUTE":
+            return socket
+        socket = socket.node.inputs[0]
+    return None
+
+
+def node_behind(socket):
+    source = source_of(socket)
+    return source.node if source else None
+
+
+def read_shader(made, node):
+    reader = SHADERS.get(node.type)
+    if reader is None:
+        made.losses.append(f"shader node '{node.bl_label}' (rendered as a matt surface)")
+        color = find_input(node, "Color")
+        made.base_color = tuple(color.default_value[:3]) if color else made.base_color
+        made.specular = 0.0
+    else:
+        reader(made, node)
+
+
+def read_principled(made, node):
+    value = Inputs(made, node)
+    made.base_color = value.color("Base Color")
+    made.metallic = value.number("Metallic", may_be_texture=True)
+    made.roughness = value.number("Roughness", may_be_texture=True)
+    made.alpha = value.number("Alpha", may_be_texture=True)
+    made.specular = value.number("Specular")
+    made.emission = value.color("Emission")
+    made.emission_strength = value.number("Emission Strength")
+    made.transmission = value.number("Transmission", may_be_texture=True)
+    made.ior = value.number("IOR")
+    old = "Clearcoat" in node.inputs
+    made.clearcoat = value.number("Clearcoat") * (DISNEY_COAT if old else 1)
+    made.clearcoat_roughness = value.number("Clearcoat Roughness")
+    read_normal(made, find_input(node, "Normal"))
+    if made.metallic != 1 and made.transmission != 1 and old:
+        made.losses.append(DISNEY_DIFFUSE)
+    for name in ("Subsurface", "Sheen", "Anisotropic", "Specular Tint", "Transmission Roughness", "Thin Film Thickness"):
+        socket = find_input(node, name)
+        if socket is not None and (socket.is_linked or (is_number(socket.default_value) and socket.default_value > 0)):
+            made.losses.append(f"Principled's {name}")
+    for name in ("Tangent", "Clearcoat Normal"):
+        if name in node.inputs and node.inputs[name].is_linked:
+            made.losses.append(f"Principled's {name}")
+
+
+def read_diffuse(made, node):
+    made.base_color, made.specular = Inputs(made, node).color("Color"), 0.0
+    if not is_zero(node.inputs["Roughness"]):
+        made.losses.append("roughness of 'Diffuse BSDF' (Oren-Nayar)")
+    read_normal(made, node.inputs["Normal"])
+
+
+def read_glossy(made, node):
+    value = Inputs(made, node)
+    made.base_color, made.metallic = value.color("Color"), 1.0
+    made.roughness = 0.0 if node.distribution == "SHARP" else value.number("Roughness", may_be_texture=True)
+    if made.base_color != WHITE:
+        made.losses.append("'Glossy BSDF' has no Fresnel effect; here it is a metal, whose colour turns white at grazing angles")
+    read_normal(made, node.inputs["Normal"])
+
+
+def read_glass(made, node):
+    value = Inputs(made, node)
+    made.base_color, made.transmission = value.color("Color"), 1.0
+    made.roughness = 0.0 if node.distribution == "SHARP" else value.number("Roughness")
+    made.ior = value.number("IOR")
+    read_normal(made, node.inputs["Normal"])
+
+
+def read_emission(made, node):
+    value = Inputs(made, node)
+    made.base_color, made.specular = (0.0, 0.0, 0.0), 0.0
+    made.emission, made.emission_strength = value.color("Color"), value.number("Strength")
+
+
+def read_transparent(made, node):
+    made.alpha = 0.0
+    if Inputs(made, node).color("Color") != WHITE:
+        made.losses.append("colour of 'Transparent BSDF'")
+
+
+def read_mix(made, node):
+    """A mixture with 'Transparent BSDF' is alpha; others are not carried."""
+    first, second = (node_behind(socket) for socket in (node.inputs[1], node.inputs[2]))
+    weight = Inputs(made, node).number("Fac", may_be_texture=True)
+    if first is None or second is None:
+        made.losses.append("'Mix Shader' without two shaders")
+    elif first.type == "BSDF_TRANSPARENT" and second.type != "BSDF_TRANSPARENT":
+        read_shader(made, second)
+        made.alpha = weight
+    elif second.type == "BSDF_TRANSPARENT" and is_number(weight):
+        read_shader(made, first)
+        made.alpha = 1 - weight
+    else:
+        stronger = second if is_number(weight) and weight > 0.5 else first
+        made.losses.append(f"'Mix Shader' (only its '{stronger.bl_label}' is rendered)")
+        read_shader(made, stronger)
+
+
+def read_add(made, node):
+    """Light added to another shader is its emission; other sums are not carried."""
+    nodes = [found for found in (node_behind(socket) for socket in node.inputs) if found]
+    lights = [found for found in nodes if found.type == "EMISSION"]
+    others = [found for found in nodes if found.type != "EMISSION"]
+    if len(lights) > 1 or len(others) > 1:
+        made.losses.append("'Add Shader' of two surfaces (only the first is rendered)")
+    if others:
+        read_shader(made, others[0])
+    elif lights:
+        read_emission(made, lights[0])
+        return
+    if lights:
+        value = Inputs(made, lights[0])
+        made.emission, made.emission_strength = value.color("Color"), value.number("Strength")
+
+
+SHADERS = {
+    "BSDF_PRINCIPLED": read_principled,
+    "BSDF_DIFFUSE": read_diffuse,
+    "BSDF_GLOSSY": read_glossy,
+    "BSDF_GLASS": read_glass,
+    "EMISSION": read_emission,
+    "BSDF_TRANSPARENT": read_transparent,
+    "MIX_SHADER": read_mix,
+    "ADD_SHADER": read_add,
+}
+
+
+def read_normal(made, socket):
+    node = node_behind(socket) if socket is not None else None
+    if node is None:
+        return
+    texture = texture_behind(made, node.inputs["Color"], "RGB") if node.type == "NORMAL_MAP" else None
+    if texture is None or node.space != "TANGENT":
+        made.losses.append(f"'{node.bl_label}' at Normal")
+        return
+    uv_map = node.uv_map
+    if uv_map and uv_map != texture.uv_map:
+        made.losses.append("'Normal Map' with tangents of another UV map")
+    made.normal, made.normal_strength = texture, node.inputs["Strength"].default_value
+
+
+class Inputs:
+    """Values of a node's inputs; what cannot be carried is listed, and the input's own value taken."""
+
+    def __init__(self, made, node):
+        self.made, self.node = made, node
+
+    def color(self, name):
+        socket = find_input(self.node, name)
+        return self.carried(socket, "RGB", lambda value: tuple(float(channel) for channel in value[:3]))
+
+    def number(self, name, may_be_texture=False):
+        socket = find_input(self.node, name)
+        if socket is None:
+            return 0.0
+        return self.carried(socket, "R", float, may_be_texture)
+
+    def carried(self, socket, channels, convert, may_be_texture=True):
+        if not socket.is_linked:
+            return convert(socket.default_value)
+        constant = constant_behind(socket)
+        if constant is not None:
+            if channels == "RGB" and is_number(constant):
+                return (float(constant),) * 3
+            return convert(constant) if channels == "RGB" or is_number(constant) else float(constant[0])
+        texture = texture_behind(self.made, socket, channels) if may_be_texture else None
+        if texture is not None:
+            return texture
+        source = node_behind(socket)
+        self.made.losses.append(f"'{source.bl_label}' at {socket.name}" if source else f"link at {socket.name}")
+        return convert(socket.default_value)
+
+
+def find_input(node, name):
+    return node.inputs.get(name) or node.inputs.get(NEW_NAMES.get(name, name))
+
+
+def is_number(value):
+    return isinstance(value, (int, float))
+
+
+def is_zero(socket):
+    return not socket.is_linked and socket.default_value == 0
+
+
+def constant_behind(socket):
+    """The value of a node of a constant behind a link; None if it is none."""
+    source = source_of(socket)
+    return source.default_value if source is not None and source.node.type in ("RGB", "VALUE") else None
+
+
+def texture_behind(made, socket, channels):
+    """The picture behind a link, or None."""
+    source = source_of(socket)
+    if source is None:
+        return None
+    node = source.node
+    if node.type in ("SEPARATE_COLOR", "SEPRGB"):
+        if node.type == "SEPARATE_COLOR" and node.mode != "RGB":
+            return None
+        whole = texture_behind(made, node.inputs[0], "RGB")
+        channel = source.name[0].upper()
+        return dataclasses.replace(whole, channels=channel) if whole and channels != "RGB" else None
+    if node.type != "TEX_IMAGE" or node.image is None or node.image.source not in ("FILE", "GENERATED"):
+        return None
+    if source.name == "Alpha":
+        if channels == "RGB":
+            return None
+        channels = "A"
+    coordinates = coordinates_behind(node.inputs["Vector"])
+    if coordinates is None or node.projection != "FLAT":
+        made.losses.append(f"texture coordinates of '{node.image.name}' other than UV")
+        coordinates = ("", ())
+    if node.extension == "CLIP":
+        made.losses.append(f"'Clip' of '{node.image.name}'")
+    return Texture(node.image, channels, *coordinates, extension=node.extension)
+
+
+def coordinates_behind(socket):
+    """(UV map, transform), or None if they are something else."""
+    source = source_of(socket)
+    if source is None or (source.node.type == "TEX_COORD" and source.name == "UV"):
+        return "", ()
+    node = source.node
+    if node.type == "UVMAP":
+        return node.uv_map, ()
+    if node.type != "MAPPING" or node.vector_type != "POINT":
+        return None
+    below = coordinates_behind(node.inputs["Vector"])
+    values = [node.inputs[name] for name in ("Location", "Rotation", "Scale")]
+    if below is None or below[1] or any(value.is_linked for value in values) or not node.inputs["Vector"].is_linked:
+        return None
+    place, angle, scale = (value.default_value for value in values)
+    if angle[0] or angle[1]:
+        return None
+    return below[0], tuple(map(float, (place[0], place[1], angle[2], scale[0], scale[1])))
+
+
+def ior_of_specular(specular):
+    """The index of refraction whose reflectance at normal incidence is Principled's, 8 % of `specular`."""
+    root = math.sqrt(min(0.08 * specular, 0.99))
+    return (1 + root) / (1 - root)

@@ -1,0 +1,73 @@
+"""Evaluated meshes of Blender as primitives of glTF."""
+
+import numpy
+
+from .gltf import y_up
+
+TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+
+
+def primitives_of(builder, thing, material_index):
+    """The primitives of an evaluated object. `material_index(material, uv_names)` gives the index of a material in the file."""
+    mesh = thing.to_mesh()
+    if mesh is None:
+        return []
+    try:
+        if not mesh.polygons:
+            return []
+        corners, triangles, slots = read_mesh(mesh)
+        uv_names = uv_order(mesh)
+        materials = [slot.material for slot in thing.material_slots] or [None]
+        made = []
+        for slot in numpy.unique(slots):
+            used, indices = numpy.unique(triangles[slots == slot], return_inverse=True)
+            rows, first, inverse = distinct_rows(corners[used])
+            indices = inverse[indices].reshape(-1, 3)
+            del first
+            index = material_index(materials[min(slot, len(materials) - 1)], tuple(uv_names))
+            uvs = [rows[:, 6 + 2 * i : 8 + 2 * i] for i in range(len(uv_names))]
+            made.append(builder.primitive(rows[:, :3], indices, index, rows[:, 3:6], uvs))
+        return made
+    finally:
+        thing.to_mesh_clear()
+
+
+def uv_order(mesh):
+    """Names of the UV maps, that of rendering first; glTF's renderers read two."""
+    layers = sorted(mesh.uv_layers, key=lambda layer: not layer.active_render)
+    return [layer.name for layer in layers[:2]]
+
+
+def read_mesh(mesh):
+    """Per corner of a face: position, normal and UVs, in glTF's axes; per triangle its corners and its material slot."""
+    mesh.calc_loop_triangles()
+    count = len(mesh.loops)
+    positions = get(mesh.vertices, "co", 3)[get(mesh.loops, "vertex_index", 1, numpy.int32)]
+    if hasattr(mesh, "calc_normals_split"):  # until Blender 4.0
+        mesh.calc_normals_split()
+        normals = get(mesh.loops, "normal", 3)
+    else:
+        normals = get(mesh.corner_normals, "vector", 3)
+    columns = [y_up(positions), y_up(normals)]
+    for name in uv_order(mesh):
+        uv = get(mesh.uv_layers[name].data, "uv", 2)
+        columns.append(numpy.column_stack([uv[:, 0], 1 - uv[:, 1]]))
+    corners = numpy.hstack(columns).astype(numpy.float32)
+    assert len(corners) == count
+    triangles = get(mesh.loop_triangles, "loops", 3, numpy.int32)
+    slots = get(mesh.loop_triangles, "material_index", 1, numpy.int32)
+    return corners, triangles, slots
+
+
+def get(collection, name, components, kind=numpy.float32):
+    values = numpy.empty(len(collection) * components, kind)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, components) if components > 1 else values
+
+
+def distinct_rows(rows):
+    """Rows that occur once, where each occurs first, and the number of each old row among them."""
+    rows = numpy.ascontiguousarray(rows + 0.0)  # -0 becomes 0
+    as_bytes = rows.view(numpy.dtype((numpy.void, rows.dtype.itemsize * rows.shape[1]))).ravel()
+    _, first, inverse = numpy.unique(as_bytes, return_index=True, return_inverse=True)
+    return rows[first], first, inverse.reshape(-1)

@@ -1,0 +1,134 @@
+"""Panels of the properties editor."""
+
+import time
+
+import bpy
+
+from . import preferences, unsupported
+from .engine import LumifoldEngine
+
+ENGINE = LumifoldEngine.bl_idname
+LIST_SECONDS = 1  # for which a list of losses is shown before the scene is looked at again
+# Panels of Blender that show what the engine reads; its own say which engines they are for.
+COMMON_PANELS = {
+    "DATA_PT_light", "DATA_PT_EEVEE_light", "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture", "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface", "WORLD_PT_context_world", "RENDER_PT_color_management",
+    "RENDER_PT_color_management_curves", "EEVEE_NEXT_MATERIAL_PT_surface", "MATERIAL_PT_preview",
+}
+
+
+class RenderPanel:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+    def columns(self):
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        return self.layout
+
+
+class LUMIFOLD_PT_place(RenderPanel, bpy.types.Panel):
+    bl_label = "Lumifold"
+
+    def draw(self, context):
+        layout, settings = self.columns(), context.scene.lumifold
+        layout.prop(settings, "where", expand=True)
+        if settings.where == "FARM":
+            for name in ("server", "profile", "insecure", "priority"):
+                layout.prop(settings, name)
+        else:
+            layout.prop(settings, "threads")
+        if not preferences.program_path():
+            layout.label(text=preferences.MISSING, icon="ERROR")
+
+
+class LUMIFOLD_PT_sampling(RenderPanel, bpy.types.Panel):
+    bl_label = "Sampling"
+
+    def draw(self, context):
+        layout, settings = self.columns(), context.scene.lumifold
+        layout.prop(settings, "until", expand=True)
+        if settings.until == "SAMPLES":
+            layout.prop(settings, "samples")
+            layout.prop(settings, "adaptive")
+        else:
+            layout.prop(settings, "target_error" if settings.until == "ERROR" else "seconds")
+            layout.prop(settings, "most_samples")
+        for name in ("max_bounces", "seed", "method"):
+            layout.prop(settings, name)
+
+
+class LUMIFOLD_PT_scene(RenderPanel, bpy.types.Panel):
+    bl_label = "Light and Film"
+
+    def draw(self, context):
+        layout, settings = self.columns(), context.scene.lumifold
+        layout.prop(settings, "soft_points")
+        layout.prop(settings, "world_width")
+        layout.prop(context.scene.render, "film_transparent")
+
+
+class LUMIFOLD_PT_losses(RenderPanel, bpy.types.Panel):
+    bl_label = "Not Carried Over"
+
+    def draw(self, context):
+        losses = recent_losses(context.scene)
+        column = self.layout.column(align=True)
+        for text in losses:
+            column.label(text=text, icon="DOT")
+        if not losses:
+            column.label(text="Everything is carried over", icon="CHECKMARK")
+
+
+class LUMIFOLD_PT_passes(RenderPanel, bpy.types.Panel):
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context):
+        layout, view_layer, settings = self.columns(), context.view_layer, context.scene.lumifold
+        for name in ("z", "normal", "diffuse_direct", "diffuse_indirect", "diffuse_color", "emit", "environment"):
+            layout.prop(view_layer, f"use_pass_{name}")
+        layout.prop(settings, "pass_noisy")
+        layout.prop(settings, "pass_reflection")
+
+
+recent = {"scene": "", "time": 0.0, "losses": []}
+
+
+def recent_losses(scene):
+    """The losses, looked for again at most once a second: panels are drawn at every movement of the pointer."""
+    now = time.monotonic()
+    if recent["scene"] != scene.name or now - recent["time"] > LIST_SECONDS:
+        recent.update(scene=scene.name, losses=unsupported.losses_of(scene), time=time.monotonic())
+    return recent["losses"]
+
+
+CLASSES = (LUMIFOLD_PT_place, LUMIFOLD_PT_sampling, LUMIFOLD_PT_scene, LUMIFOLD_PT_losses, LUMIFOLD_PT_passes)
+
+
+def shared_panels():
+    """Blender's own panels that also suit this engine."""
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        if engines is not None and (panel.__name__ in COMMON_PANELS or "BLENDER_RENDER" in engines):
+            yield engines
+
+
+def register():
+    for made in CLASSES:
+        bpy.utils.register_class(made)
+    for engines in shared_panels():
+        engines.add(ENGINE)
+
+
+def unregister():
+    for engines in shared_panels():
+        engines.discard(ENGINE)
+    for made in reversed(CLASSES):
+        bpy.utils.unregister_class(made)

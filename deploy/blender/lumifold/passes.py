@@ -1,0 +1,106 @@
+"""Blender's passes of a result: arrays of pixels from the file's layers. Needs no Blender."""
+
+import dataclasses
+
+import numpy
+
+from .gltf import z_up
+
+BACKGROUND_DEPTH = 1e10  # as Cycles has it
+
+
+@dataclasses.dataclass(frozen=True)
+class Pass:
+    """A pass of Blender, and the layers of the file that it is made of."""
+
+    name: str
+    channels: str
+    kind: str  # "COLOR", "VECTOR" or "VALUE"
+    view_layer_property: str = ""  # of Blender's view layer; else `setting`, of ours
+    setting: str = ""
+
+
+PASSES = (
+    Pass("Combined", "RGBA", "COLOR", "use_pass_combined"),
+    Pass("Depth", "Z", "VALUE", "use_pass_z"),
+    Pass("Normal", "XYZ", "VECTOR", "use_pass_normal"),
+    Pass("DiffDir", "RGB", "COLOR", "use_pass_diffuse_direct"),
+    Pass("DiffInd", "RGB", "COLOR", "use_pass_diffuse_indirect"),
+    Pass("DiffCol", "RGB", "COLOR", "use_pass_diffuse_color"),
+    Pass("Emit", "RGB", "COLOR", "use_pass_emit"),
+    Pass("Env", "RGB", "COLOR", "use_pass_environment"),
+    Pass("Noisy Image", "RGBA", "COLOR", setting="pass_noisy"),
+    Pass("Reflection", "RGB", "COLOR", setting="pass_reflection"),
+)
+LAYERS = {"DiffDir": "direct", "DiffInd": "indirect", "DiffCol": "albedo", "Noisy Image": "noisy", "Reflection": "reflection1"}
+
+
+def wanted(view_layer, settings):
+    """The passes that a view layer asks for; the picture itself always."""
+    return [one for one in PASSES if one.name == "Combined"
+            or getattr(*((view_layer, one.view_layer_property) if one.view_layer_property else (settings, one.setting)))]
+
+
+def pixels_of(name, film, background=None, transparent=False):
+    """Array of (height, width, channels), rows from the top. `film` has the file's channels, `background` what a ray without a hit
+    sees in each pixel (None: nothing)."""
+    alpha = film["A"]
+    empty = (1 - alpha)[..., None]
+    sky = numpy.zeros((*alpha.shape, 3), numpy.float32) if background is None else empty * background
+    if name in ("Combined", "Noisy Image"):
+        rgb = layer(film, "noisy" if name == "Noisy Image" else "")
+        if transparent:
+            return numpy.dstack([numpy.maximum(rgb - sky, 0) * (alpha > 0)[..., None], alpha])
+        return numpy.dstack([rgb, numpy.ones_like(alpha)])
+    if name == "Depth":
+        return numpy.where(alpha > 0, film["Z"], BACKGROUND_DEPTH)[..., None]
+    if name == "Normal":
+        return z_up(numpy.dstack([film[f"N.{axis}"] for axis in "XYZ"]))
+    if name == "Env":
+        return sky
+    if name == "Emit":
+        return numpy.maximum(layer(film, "emission") - sky, 0) * (alpha > 0)[..., None]
+    return layer(film, LAYERS[name])
+
+
+def layer(film, name):
+    return numpy.dstack([film[f"{name}.{channel}" if name else channel] for channel in "RGB"])
+
+
+def background_of(environment, size, camera_matrix, projection):
+    """What rays through the centres of the pixels see of an environment (height, width, 3), rows from the top."""
+    width, height = size
+    x = (2 * (numpy.arange(width) + 0.5) / width - 1) / projection[0][0]
+    y = (1 - 2 * (numpy.arange(height) + 0.5) / height) / projection[1][1]
+    x, y = numpy.meshgrid(x, y)
+    if projection[3][3] == 1:
+        x, y = numpy.zeros_like(x), numpy.zeros_like(y)
+    directions = numpy.dstack([x, y, -numpy.ones_like(x)]) @ numpy.array(camera_matrix, float)[:3, :3].T
+    directions /= numpy.linalg.norm(directions, axis=2, keepdims=True)
+    rows, columns, _ = environment.shape
+    u = 0.5 - numpy.arctan2(directions[..., 1], directions[..., 0]) / (2 * numpy.pi)
+    v = numpy.arccos(numpy.clip(directions[..., 2], -1, 1)) / numpy.pi
+    return bilinear(environment, u * columns - 0.5, numpy.clip(v * rows - 0.5, 0, rows - 1))
+
+
+def bilinear(picture, x, y):
+    rows, columns, _ = picture.shape
+    x0, y0 = numpy.floor(x).astype(int), numpy.floor(y).astype(int)
+    fx, fy = (x - x0)[..., None], (y - y0)[..., None]
+    y1 = numpy.minimum(y0 + 1, rows - 1)
+    upper = picture[y0, x0 % columns] * (1 - fx) + picture[y0, (x0 + 1) % columns] * fx
+    lower = picture[y1, x0 % columns] * (1 - fx) + picture[y1, (x0 + 1) % columns] * fx
+    return (upper * (1 - fy) + lower * fy).astype(numpy.float32)
+
+
+def fitted(pixels, size):
+    """A preview enlarged to the size of the picture, each pixel as it is."""
+    width, height = size
+    rows = numpy.arange(height) * pixels.shape[0] // height
+    columns = numpy.arange(width) * pixels.shape[1] // width
+    return pixels[rows][:, columns]
+
+
+def cropped(pixels, left, bottom, width, height):
+    """A part of the picture, and its rows in Blender's order, from the bottom."""
+    return numpy.ascontiguousarray(pixels[::-1][bottom : bottom + height, left : left + width], dtype=numpy.float32)

@@ -1,0 +1,124 @@
+"""What of a scene the export does not carry: shown in the panel before the render. Needs no Blender."""
+
+from . import materials
+
+LOST_TYPES = {
+    "VOLUME": "volume object",
+    "GPENCIL": "grease pencil",
+    "CURVES": "hair curves",
+    "POINTCLOUD": "point cloud",
+}
+MOST_NAMES = 3
+
+
+def losses_of(scene):
+    """Texts, each one loss with the names of what it concerns."""
+    found = {}
+
+    def lose(text, name=""):
+        names = found.setdefault(text, [])
+        if name and name not in names:
+            names.append(name)
+
+    for thing in scene.objects:
+        if not thing.hide_render:
+            look_at_object(thing, lose, scene.lumifold.soft_points)
+    for material in materials_of(scene):
+        for text in materials.translate(material).losses:
+            lose(text, material.name)
+    if scene.camera is None:
+        lose("No camera: nothing can be rendered")
+    else:
+        look_at_camera(scene.camera, lose)
+    look_at_render(scene, lose)
+    return [line(text, names) for text, names in found.items()]
+
+
+def line(text, names):
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return f"{text}: {', '.join(names[:MOST_NAMES])}{more}" if names else text
+
+
+def materials_of(scene):
+    """The materials of what is rendered, each once."""
+    found = {}
+    for thing in scene.objects:
+        if not thing.hide_render:
+            for slot in thing.material_slots:
+                if slot.material is not None:
+                    found.setdefault(slot.material.name, slot.material)
+    return found.values()
+
+
+def look_at_object(thing, lose, soft_points):
+    if thing.type in LOST_TYPES:
+        lose(f"Not rendered, {LOST_TYPES[thing.type]}", thing.name)
+    for system in thing.particle_systems:
+        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+            lose("Not rendered, hair", thing.name)
+    if thing.type == "LIGHT":
+        look_at_light(thing, lose, soft_points)
+    elif any(not getattr(thing, f"visible_{ray}", True) for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")):
+        lose("Ray visibility (all rays see it)", thing.name)
+    elif thing.is_holdout or thing.is_shadow_catcher:
+        lose("Holdout and shadow catcher", thing.name)
+
+
+def look_at_light(thing, lose, soft_points):
+    light = thing.data
+    if light.use_nodes and light.node_tree and not is_plain(light.node_tree):
+        lose("Light with nodes (its own colour and power count)", thing.name)
+    if light.type == "AREA":
+        lose("Area light is a mesh: the camera sees it, and its back casts shadows", thing.name)
+        if getattr(light, "spread", 3.2) < 3.14:
+            lose("Spread of area light", thing.name)
+    elif light.type == "POINT" and light.shadow_soft_size > 0:
+        if soft_points:
+            lose("Point light is a sphere: the camera sees it", thing.name)
+        else:
+            lose("Radius of light (sharp shadows)", thing.name)
+    elif light.type == "SPOT":
+        if light.shadow_soft_size > 0:
+            lose("Radius of light (sharp shadows)", thing.name)
+        lose("Falloff of spot: glTF's, without Cycles' cosine", thing.name)
+    elif light.type == "SUN" and light.angle > 0:
+        lose("Angle of sun (sharp shadows)", thing.name)
+
+
+def is_plain(tree):
+    """Whether a light's nodes are those that Blender makes: an emission of strength 1 and the light's colour."""
+    emissions = [node for node in tree.nodes if node.type == "EMISSION"]
+    return len(tree.nodes) <= 2 and all(
+        not any(socket.is_linked for socket in node.inputs)
+        and node.inputs["Strength"].default_value == 1
+        and tuple(node.inputs["Color"].default_value)[:3] == (1, 1, 1)
+        for node in emissions
+    )
+
+
+def look_at_camera(camera, lose):
+    data = camera.data
+    if data.type == "PANO":
+        lose("Panoramic camera: nothing can be rendered", camera.name)
+    if data.shift_x or data.shift_y:
+        lose("Shift of camera", camera.name)
+    if data.dof.use_dof and (data.dof.aperture_blades or data.dof.aperture_ratio != 1):
+        lose("Blades and ratio of the aperture (round)", camera.name)
+    if data.dof.use_dof and data.type != "PERSP":
+        lose("Depth of field of an orthographic camera", camera.name)
+
+
+def look_at_render(scene, lose):
+    render = scene.render
+    if render.pixel_aspect_x != render.pixel_aspect_y:
+        lose("Aspect of pixels (square)")
+    if render.use_motion_blur:
+        lose("Motion blur")
+    if render.use_multiview:
+        lose("Stereoscopy")
+    if scene.world and scene.world.use_nodes and scene.world.node_tree:
+        for node in scene.world.node_tree.nodes:
+            if node.type == "OUTPUT_WORLD" and node.is_active_output and node.inputs["Volume"].is_linked:
+                lose("Volume of world", scene.world.name)
+            if node.type == "LIGHT_PATH":
+                lose("'Light Path' of world (all rays see the same)", scene.world.name)

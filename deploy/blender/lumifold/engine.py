@@ -92,11 +92,11 @@ class Frame:
 
     def hand_over(self, film, wanted):
         """Gives passes to Blender: all of the picture, or the part within the render border."""
-        width, height = self.engine.resolution_x, self.engine.resolution_y
         render = self.scene.render
         left = int(render.border_min_x * self.size[0]) if render.use_border else 0
         bottom = int(render.border_min_y * self.size[1]) if render.use_border else 0
-        result = self.engine.begin_result(0, 0, width, height, layer=self.depsgraph.view_layer_eval.name)
+        result = self.engine.begin_result(0, 0, *self.size, layer=self.depsgraph.view_layer_eval.name)
+        width, height = result.resolution_x, result.resolution_y  # with a border less than was asked for
         try:
             given = result.layers[0].passes
             for one in wanted:

@@ -69,9 +69,7 @@ def add_camera(depsgraph, builder, size):
     thing = depsgraph.scene.camera.evaluated_get(depsgraph)
     projection = thing.calc_matrix_camera(depsgraph, x=size[0], y=size[1])
     made = camera.gltf_camera(projection)
-    from .lights import rigid
-
-    matrix = rigid(thing.matrix_world)
+    matrix = lights.rigid(thing.matrix_world)
     builder.camera(thing.name, matrix, made)
     if made["type"] != "perspective":
         return 0.0, 0.0

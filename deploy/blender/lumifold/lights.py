@@ -4,8 +4,13 @@ import math
 
 import numpy
 
+from .gltf import y_up
+
 LUMENS_PER_WATT = 683  # of KHR_lights_punctual, as Blender's own exporter uses it
 DISK_SIDES = 32
+# Radiance of a mesh of area A and power P is P / (factor A). A Lambertian emitter of power P has pi; Blender's area lights have 4, whatever
+# their shape: they are pi / 4 as bright as their power says.
+LAMBERT, BLENDER_AREA = math.pi, 4
 
 
 def add_light(builder, name, light, matrix, soft_points):
@@ -17,7 +22,7 @@ def add_light(builder, name, light, matrix, soft_points):
         positions, triangles = icosphere(light.shadow_soft_size)
         place = numpy.eye(4)
         place[:3, 3] = numpy.array(matrix, float)[:3, 3]
-        add_emitter(builder, name, place, positions, triangles, color, strength)
+        add_emitter(builder, name, place, positions, triangles, color, strength / LAMBERT)
     elif light.type == "SUN":
         builder.light(name, rigid(matrix), punctual("directional", color, LUMENS_PER_WATT * strength))
     else:
@@ -52,24 +57,22 @@ def add_area(builder, name, light, matrix):
     positions = numpy.column_stack([outline * (width, height), numpy.zeros(len(outline))])
     corners = numpy.arange(1, len(outline) - 1)
     triangles = numpy.column_stack([numpy.zeros_like(corners), corners + 1, corners])  # clockwise: the front is -Z
-    add_emitter(builder, name, matrix, positions, triangles, list(light.color), light.energy)
+    add_emitter(builder, name, matrix, positions, triangles, list(light.color), light.energy / BLENDER_AREA)
 
 
-def add_emitter(builder, name, matrix, positions, triangles, color, power):
-    """A black mesh with the radiance that makes its power: power / (pi area), as each point emits pi times its radiance."""
+def add_emitter(builder, name, matrix, positions, triangles, color, flux):
+    """A black mesh whose radiance is `flux` over its area."""
     world = numpy.array(matrix, float)
     placed = positions @ world[:3, :3].T + world[:3, 3]
     if numpy.linalg.det(world[:3, :3]) < 0:
         triangles = triangles[:, ::-1]
     a, b, c = (placed[triangles[:, i]] for i in range(3))
     area = numpy.linalg.norm(numpy.cross(b - a, c - a), axis=1).sum() / 2
-    strength = max(color) * power
+    strength = max(color) * flux
     if area <= 0 or strength <= 0:
         return
-    material = builder.append("materials", emitter(name, color, strength / (math.pi * area)))
+    material = builder.append("materials", emitter(name, color, strength / area))
     builder.use("KHR_materials_emissive_strength")
-    from .gltf import y_up
-
     mesh = builder.append("meshes", {"name": name, "primitives": [builder.primitive(y_up(placed), triangles, material)]})
     builder.node(name, numpy.eye(4), mesh=mesh)
 

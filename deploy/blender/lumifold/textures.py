@@ -1,5 +1,6 @@
 """Pictures of Blender as PNG or JPEG files beside a glTF file."""
 
+import math
 import os
 import pathlib
 import struct
@@ -97,8 +98,6 @@ def read_file(path):
 
 def gltf_transform(x, y, rotation, scale_x, scale_y):
     """A Mapping node's transform, for V that grows downwards."""
-    import math
-
     offset = [x - scale_y * math.sin(rotation), 1 - y - scale_y * math.cos(rotation)]
     return {"offset": offset, "rotation": rotation, "scale": [scale_x, scale_y]}
 

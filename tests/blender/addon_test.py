@@ -1,0 +1,207 @@
+"""The Blender add-on in a real Blender without a window, on this machine and on a real farm, compared with Cycles."""
+
+import array
+import json
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import exr  # of tests/cross_check
+import farm
+
+HERE = pathlib.Path(__file__).parent
+ADDON = HERE.parents[1] / "deploy/blender"
+BLENDER = shutil.which("blender")
+SAMPLES = 256
+BLOCK = 8  # pixels: means over blocks have little noise
+WIDTH, HEIGHT = 128, 96
+# Of each scene: allowed difference of the mean from Cycles, and of the root mean square of the blocks, in percent of Cycles' mean. Twice what was
+# measured (docs/blender.md says why they differ), and for those that only noise separates at least 0.1 and 0.5.
+ALLOWED = {
+    "square_light": (0.1, 0.5),
+    "ellipse_light": (0.1, 0.7),
+    "sun_light": (0.1, 0.5),
+    "world": (0.1, 0.5),
+    "point_light": (1.2, 1.9),
+    "room": (3, 3.5),
+    "textures": (2.4, 7),
+    "animation": (1.3, 1.9),
+}
+COMBINED = [f"ViewLayer.Combined.{channel}" for channel in "RGBA"]
+
+
+def setUpModule():
+    if BLENDER is None:
+        print("SKIPPED: there is no blender on this machine (Debian packages blender, python3-numpy)")
+        raise unittest.SkipTest("no blender")
+
+
+class BlenderTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="lumifold-blender-test-")
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        (self.folder / "scripts/addons").mkdir(parents=True)
+        (self.folder / "scripts/addons/lumifold").symlink_to(ADDON / "lumifold")
+        (self.folder / "tmp").mkdir()
+        # Blender's Python takes its library from beside the first python3 on the path, which must be the system's.
+        self.environment = {**os.environ, "PATH": f"{os.defpath}:{farm.BIN}", "BLENDER_USER_SCRIPTS": str(self.folder / "scripts"),
+                            "TMPDIR": str(self.folder / "tmp")}
+        self.environment.pop("LUMIFOLD_SERVER", None)
+
+    def command(self, scene, **wanted):
+        return [BLENDER, "-b", "--factory-startup", "--addons", "lumifold", "--python-exit-code", "1", "--python",
+                str(HERE / "render_scene.py"), "--", scene, str(self.folder), json.dumps(wanted)]
+
+    def render(self, scene, **wanted):
+        """Renders a scene; returns the report."""
+        done = subprocess.run(self.command(scene, **wanted), env=self.environment, capture_output=True, text=True, timeout=900)
+        self.assertTrue((self.folder / "report.json").exists(), done.stdout + done.stderr)
+        report = json.loads((self.folder / "report.json").read_text())
+        self.assertEqual(done.returncode, 1 if "error" in report else 0, done.stdout + done.stderr)
+        self.assertEqual(report["changes"], [], "the scene changed")
+        self.assertEqual([path.name for path in (self.folder / "tmp").glob("lumifold*")], [], "left behind")
+        return report
+
+    def picture(self, name="lumifold"):
+        return exr.read(self.folder / f"{name}.exr")
+
+
+class Pictures(BlenderTest):
+    """Each scene, on this machine, against Cycles with the same number of samples."""
+
+    def check(self, scene):
+        report = self.render(scene, settings={"samples": SAMPLES}, cycles=SAMPLES)
+        self.assertNotIn("error", report)
+        ours, cycles = (block_means(self.picture(name)) for name in ("lumifold", "cycles"))
+        mean = sum(cycles) / len(cycles)
+        difference = 100 * (sum(ours) / len(ours) / mean - 1)
+        deviation = 100 * (sum((a - b) ** 2 for a, b in zip(ours, cycles)) / len(ours)) ** 0.5 / mean
+        print(f"{scene}: mean {difference:+.3f} %, blocks {deviation:.3f} %", flush=True)
+        self.assertLess(abs(difference), ALLOWED[scene][0], scene)
+        self.assertLess(deviation, ALLOWED[scene][1], scene)
+
+
+for scene in ALLOWED:
+    setattr(Pictures, f"test_{scene}", lambda self, scene=scene: self.check(scene))
+
+
+class Passes(BlenderTest):
+    def test_all_passes_have_the_size_and_the_meaning_of_blenders(self):
+        self.render("world", settings={"samples": 8, "pass_reflection": True}, cycles=4)
+        ours, cycles = self.picture(), self.picture("cycles")
+        self.assertEqual((ours.width, ours.height), (WIDTH, HEIGHT))
+        ours, cycles = ours.channels, cycles.channels
+        for name in ("Depth.Z", "Normal.X", "DiffDir.R", "DiffInd.R", "DiffCol.R", "Emit.R", "Env.R", "Noisy Image.R", "Reflection.R"):
+            self.assertEqual(len(ours[f"ViewLayer.{name}"]), WIDTH * HEIGHT, name)
+        for name, allowed in (("Depth.Z", 0.02), ("Normal.X", 0.02), ("Normal.Y", 0.02), ("Normal.Z", 0.02), ("Env.B", 0.01)):
+            pair = zip(ours[f"ViewLayer.{name}"], cycles[f"ViewLayer.{name}"])
+            wrong = sum(abs(a - b) > allowed * max(1, abs(b)) for a, b in pair) / (WIDTH * HEIGHT)
+            self.assertLess(wrong, 0.06, f"{name}: all but edges must agree")  # edges are means in ours, one sample in Cycles
+        self.assertEqual(set(ours[COMBINED[3]]), {1.0})
+
+    def test_transparent_film(self):
+        self.render("world", settings={"samples": 8}, render={"film_transparent": True}, cycles=64)
+        ours, cycles = (self.picture(name).channels for name in ("lumifold", "cycles"))
+        self.assertEqual(ours[COMBINED[3]][0], 0)
+        self.assertEqual([ours[name][0] for name in COMBINED[:3]], [0, 0, 0])
+        for name in COMBINED:
+            wrong = sum(abs(a - b) > 0.1 for a, b in zip(ours[name], cycles[name])) / (WIDTH * HEIGHT)
+            self.assertLess(wrong, 0.03, name)
+
+    def test_border_gives_a_part(self):
+        border = {"use_border": True, "use_crop_to_border": True, "border_min_x": 0.25, "border_max_x": 0.75,
+                  "border_min_y": 0.5, "border_max_y": 1}
+        self.render("world", settings={"samples": 32}, render=border, cycles=32)
+        ours, cycles = self.picture(), self.picture("cycles")
+        self.assertEqual((ours.width, ours.height), (cycles.width, cycles.height))
+        ours, cycles = (array.array("f", one.channels[COMBINED[1]]) for one in (ours, cycles))
+        self.assertLess(sum(abs(a - b) for a, b in zip(ours, cycles)) / len(ours), 0.02)
+
+
+class OnAFarm(BlenderTest):
+    def setUp(self):
+        super().setUp()
+        self.farm = self.enterContext(farm.Farm(self.folder / "data"))
+        self.on_farm = {"where": "FARM", "server": self.farm.address}
+
+    def jobs(self):
+        return [json.loads(line) for line in self.farm.client("list", "--json").stdout.splitlines()]
+
+    def test_picture_is_that_of_this_machine(self):
+        self.farm.start_worker(threads=2)
+        self.assertNotIn("error", self.render("room", settings={"samples": 16, **self.on_farm}))
+        on_farm = self.picture().channels
+        self.assertEqual([(job["state"], job["name"]) for job in self.jobs()], [("done", "Scene-0001.gltf")])
+        self.render("room", settings={"samples": 16})
+        self.assertEqual(on_farm[COMBINED[0]], self.picture().channels[COMBINED[0]])
+
+    def test_cancel_ends_the_job_and_the_render(self):
+        self.farm.start_worker()
+        command = self.command("room", settings={"samples": 1 << 20, **self.on_farm})
+        process = subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        with process.stdout:
+            running = any(": running" in line for line in process.stdout)
+            process.send_signal(signal.SIGINT)  # as Esc in the window: Blender tells its engine to stop
+            rest = process.stdout.read()
+        self.assertTrue(running)
+        process.wait(timeout=120)
+        self.assertEqual([job["state"] for job in self.jobs()], ["cancelled"], rest)
+        self.assertNotIn("Error", rest)
+
+    def test_a_job_that_is_cancelled_at_the_farm_is_an_error(self):
+        command = self.command("room", settings={"samples": 1 << 20, **self.on_farm})
+        process = subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        with process.stdout:
+            farm.wait_until(lambda: self.jobs(), "a job")
+            self.farm.client("cancel", self.jobs()[0]["job_id"])
+            self.assertIn("The job was cancelled at the farm", process.stdout.read())
+        process.wait(timeout=120)
+
+
+class Errors(BlenderTest):
+    def test_wrong_endpoint(self):
+        report = self.render("room", settings={"where": "FARM", "server": "127.0.0.1:1"})
+        self.assertIn("cannot reach the coordinator at 127.0.0.1:1", report["error"])
+
+    def test_what_the_program_refuses(self):
+        report = self.render("room", settings={"method": "shiny"})
+        self.assertIn("shiny", report["error"])
+
+    def test_no_program(self):
+        self.environment["PATH"] = os.defpath
+        self.assertIn("program lumifold", self.render("room")["error"])
+
+
+class Installation(BlenderTest):
+    def test_the_zip_installs(self):
+        done = subprocess.run([ADDON / "package.sh", self.folder], capture_output=True, text=True, check=True)
+        (self.folder / "scripts/addons/lumifold").unlink()
+        script = ("import bpy, sys; bpy.ops.preferences.addon_install(filepath=sys.argv[-1]); "
+                  "bpy.ops.preferences.addon_enable(module='lumifold'); bpy.context.scene.render.engine = 'LUMIFOLD'; "
+                  "bpy.ops.preferences.addon_disable(module='lumifold'); print('installed')")
+        command = [BLENDER, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", script, "--", done.stdout.strip()]
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=300)
+        self.assertIn("installed", done.stdout, done.stderr)
+        self.assertTrue((self.folder / "scripts/addons/lumifold/engine.py").exists())
+
+
+def block_means(picture):
+    """Means of the three colours over blocks of pixels."""
+    means = []
+    for name in COMBINED[:3]:
+        values = picture.channels[name]
+        for y in range(0, HEIGHT, BLOCK):
+            for x in range(0, WIDTH, BLOCK):
+                rows = (values[(y + i) * WIDTH + x : (y + i) * WIDTH + x + BLOCK] for i in range(BLOCK))
+                means.append(sum(sum(row) for row in rows) / BLOCK**2)
+    return means
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], "-v", *sys.argv[1:]])

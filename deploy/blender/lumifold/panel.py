@@ -1,5 +1,6 @@
 """Panels of the properties editor."""
 
+import textwrap
 import time
 
 import bpy
@@ -8,6 +9,7 @@ from . import preferences, unsupported
 from .engine import LumifoldEngine
 
 ENGINE = LumifoldEngine.bl_idname
+PIXELS_OF_A_LETTER = 9  # of a label, a little more than the mean, at an interface scale of 1
 LIST_SECONDS = 1  # for which a list of losses is shown before the scene is looked at again
 # Panels of Blender that show what the engine reads; its own say which engines they are for.
 COMMON_PANELS = {
@@ -81,7 +83,9 @@ class LUMIFOLD_PT_losses(RenderPanel, bpy.types.Panel):
         losses = recent_losses(context.scene)
         column = self.layout.column(align=True)
         for text in losses:
-            column.label(text=text, icon="DOT")
+            lines = textwrap.wrap(text, max(int(context.region.width / PIXELS_OF_A_LETTER / context.preferences.system.ui_scale), 20))
+            for index, line in enumerate(lines):
+                column.label(text=line, icon="BLANK1" if index else "DOT")
         if not losses:
             column.label(text="Everything is carried over", icon="CHECKMARK")
 

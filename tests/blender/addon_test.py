@@ -31,6 +31,7 @@ ALLOWED = {
     "room": (3, 3.5),
     "textures": (2.4, 7),
     "animation": (1.3, 1.9),
+    "pictures": (1.3, 9.5),
 }
 COMBINED = [f"ViewLayer.Combined.{channel}" for channel in "RGBA"]
 
@@ -176,6 +177,17 @@ class Errors(BlenderTest):
     def test_no_program(self):
         self.environment["PATH"] = os.defpath
         self.assertIn("program lumifold", self.render("room")["error"])
+
+
+class InBlendersPython(BlenderTest):
+    def test_arrays(self):
+        """The tests that need numpy, which the Python of this test may not have."""
+        script = ("import sys, unittest; sys.path[:0] = sys.argv[-2:]; import logic_test; "
+                  "done = unittest.TextTestRunner().run(unittest.defaultTestLoader.loadTestsFromTestCase(logic_test.Arrays)); "
+                  "sys.exit(not done.wasSuccessful() or bool(done.skipped))")
+        command = [BLENDER, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", script, "--", str(HERE), str(ADDON)]
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=300)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
 
 class Installation(BlenderTest):

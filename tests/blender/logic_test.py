@@ -159,6 +159,11 @@ class Materials(unittest.TestCase):
     def test_disney_diffuse_is_listed(self):
         self.assertEqual(materials.translate(material(principled())).losses, [materials.DISNEY_DIFFUSE])
 
+    def test_energy_that_cycles_loses_is_listed(self):
+        shader = principled(Metallic=1.0, Roughness=0.8)
+        shader.distribution = "GGX"
+        self.assertEqual(materials.translate(material(shader)).losses, [materials.SINGLE_SCATTERING])
+
     def test_unknown_shader(self):
         hair = node("BSDF_HAIR", [Socket("BSDF")], [Socket("Color", (1, 0, 0, 1))], label="Hair BSDF")
         made = materials.translate(material(hair))

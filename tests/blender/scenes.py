@@ -145,8 +145,31 @@ def textures():
     data.dof.use_dof, data.dof.focus_distance, data.dof.aperture_fstop = True, 3.5, 0.4
 
 
-def checker(size=1024, squares=8):
+def pictures():
+    """Each input that may be a picture, on panels before a grey wall."""
+    add("plane", matt("wall", 0.5, 0.5, 0.5), size=8, location=(0, 1, 0)).rotation_euler = (math.pi / 2, 0, 0)
+    for i, (name, socket) in enumerate((("Base Color", "Color"), ("Roughness", "Color"), ("Alpha", "Color"), ("Emission", "Color"))):
+        made = shader(f"panel {name}", "ShaderNodeBsdfPrincipled", base_color=(0.7, 0.5, 0.3, 1), metallic=float(name == "Roughness"), roughness=0.6)
+        tree = made.node_tree
+        tree.nodes["Principled BSDF"].distribution = "MULTI_GGX"
+        picture = tree.nodes.new("ShaderNodeTexImage")
+        is_data = name in ("Roughness", "Alpha")
+        picture.image, picture.interpolation = checker("Non-Color" if is_data else "sRGB"), "Closest"
+        if is_data:
+            split = tree.nodes.new("ShaderNodeSeparateColor")
+            tree.links.new(picture.outputs["Color"], split.inputs[0])
+            source = split.outputs["Red"]
+        else:
+            source = picture.outputs[socket]
+        tree.links.new(source, tree.nodes["Principled BSDF"].inputs[name])
+        add("plane", made, size=1, location=(1.2 * i - 1.8, 0, 0)).rotation_euler = (math.pi / 2, 0, 0)
+    light("AREA", 150, (0, -4, 3), shape="SQUARE", size=2)
+    camera((0, -6, 0), (0, 0, 0), 45)
+
+
+def checker(space="sRGB", size=1024, squares=8):
     image = bpy.data.images.new("checker", size, size)
+    image.colorspace_settings.name = space  # a change drops the pixels
     row, column = numpy.indices((size, size)) * squares // size
     odd = ((row + column) % 2)[..., None]
     image.pixels = numpy.where(odd, (0.8, 0.7, 0.2, 1.0), (0.1, 0.2, 0.5, 1.0)).astype(numpy.float32).ravel()
@@ -182,4 +205,4 @@ def animation():
     scene.frame_set(10)
 
 
-SCENES = {made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, world, textures, animation)}
+SCENES = {made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, world, textures, animation, pictures)}

@@ -85,7 +85,10 @@ class Frame:
         if changed == self.preview_time:
             return
         self.preview_time = changed
-        film = {name: passes.fitted(plane, self.size) for name, plane in exr.read(self.preview).items()}
+        try:
+            film = {name: passes.fitted(plane, self.size) for name, plane in exr.read(self.preview).items()}
+        except (OSError, ValueError, KeyError):
+            return  # the result does not depend on a preview
         if "A" not in film:
             film["A"] = film["R"] * 0 + 1
         self.hand_over(film, [one for one in self.wanted if one.name == "Combined"])

@@ -15,6 +15,8 @@ NEW_NAMES = {
 }
 # Losses that concern every material of a kind are counted, not named one by one.
 DISNEY_DIFFUSE = "Principled's diffuse lobe is Lambert's: up to 3 % darker at high roughness, more after many bounces"
+SINGLE_SCATTERING = "Rough metal is as bright as with 'Multiscatter GGX': Cycles' 'GGX' loses light"
+SMOOTH = 0.4  # roughness up to which that is less than some 5 % of the light
 DISNEY_COAT = 0.25  # Principled's coat until Blender 3.6 has a quarter of the weight that the input says
 WHITE = (1.0, 1.0, 1.0)
 
@@ -122,6 +124,8 @@ def read_principled(made, node):
     read_normal(made, find_input(node, "Normal"))
     if made.metallic != 1 and made.transmission != 1 and old:
         made.losses.append(DISNEY_DIFFUSE)
+    if made.metallic != 0 and getattr(node, "distribution", "") == "GGX" and not is_smooth(made.roughness):
+        made.losses.append(SINGLE_SCATTERING)
     for name in ("Subsurface", "Sheen", "Anisotropic", "Specular Tint", "Transmission Roughness", "Thin Film Thickness"):
         socket = find_input(node, name)
         if socket is not None and (socket.is_linked or (is_number(socket.default_value) and socket.default_value > 0)):
@@ -266,6 +270,10 @@ def find_input(node, name):
 
 def is_number(value):
     return isinstance(value, (int, float))
+
+
+def is_smooth(roughness):
+    return is_number(roughness) and roughness <= SMOOTH
 
 
 def is_zero(socket):

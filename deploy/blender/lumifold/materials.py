@@ -14,7 +14,7 @@ NEW_NAMES = {
     "Subsurface": "Subsurface Weight",
 }
 # Losses that concern every material of a kind are counted, not named one by one.
-DISNEY_DIFFUSE = "Principled's diffuse lobe is Lambert's: up to 3 % darker at high roughness, more after many bounces"
+DISNEY_DIFFUSE = "Principled's diffuse lobe is Lambert's: up to 3 % darker, closed rooms up to 20 %"
 SINGLE_SCATTERING = "Rough metal is as bright as with 'Multiscatter GGX': Cycles' 'GGX' loses light"
 SMOOTH = 0.4  # roughness up to which that is less than some 5 % of the light
 DISNEY_COAT = 0.25  # Principled's coat until Blender 3.6 has a quarter of the weight that the input says

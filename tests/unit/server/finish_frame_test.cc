@@ -58,9 +58,12 @@ TEST_F(FinishFrameTest, AFrameOfOneBlockIsTheWholeFilmFiltered) {
   spec.set_save_film(true);
   Commit(kJob, spec);
   Finish(kJob, nullptr, {});
-  const std::string path = temp_.PathOf("expected.exr");
-  ASSERT_TRUE(WriteExr(path, ExpectedResult(spec, {})).ok());
-  EXPECT_EQ(Result(kJob), *ReadFile(path, 1 << 30));
+  const absl::StatusOr<EdgedImage> result = ReadEdgedExr(folder_.ResultPath(kJob, 0));
+  ASSERT_TRUE(result.ok()) << result.status();
+  const EdgedImage expected = ExpectedResult(spec, {});
+  ExpectSameImage(result->pixels, expected.pixels);
+  ExpectSameImage(result->edges, expected.edges);
+  EXPECT_EQ(result->pixels.metadata(), expected.pixels.metadata());
 }
 
 TEST_F(FinishFrameTest, AFrameOfSeveralBlocksIsTheWholeFilmFilteredInBlocks) {

@@ -22,6 +22,7 @@
 #include "proto/logging/fields.h"
 #include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/version.h"
+#include "proto/service/service_manager.h"
 #include "server/access/access_control.h"
 #include "server/access/setup.h"
 #include "server/data_folder.h"
@@ -34,6 +35,8 @@
 #include "server/server.h"
 
 namespace {
+
+using lumifold::service::ServiceManager;
 
 constexpr int kExitFailure = 1;
 constexpr int kExitUsage = 2;
@@ -208,9 +211,26 @@ void RaiseFileLimit() {
   setrlimit(RLIMIT_NOFILE, &limit);
 }
 
+/// Waits for one of the signals, and tells the service manager meanwhile that the coordinator works.
+int AwaitSignal(lumifold::server::Server& server, const sigset_t& signals, ServiceManager* manager) {
+  int received = 0;
+  if (manager->alive_interval() == absl::InfiniteDuration()) {
+    sigwait(&signals, &received);
+    return received;
+  }
+  const timespec pause = absl::ToTimespec(manager->alive_interval());
+  while (received <= 0) {
+    server.Check()
+        .IgnoreError();  // it hangs where the coordinator does; a storage that fails is no reason to end it
+    manager->Alive();
+    received = sigtimedwait(&signals, nullptr, &pause);
+  }
+  return received;
+}
+
 /// Runs a coordinator until a signal ends it. One whose jobs others have taken, as it gave no sign of life for a while, starts
 /// anew with nothing of what it knew.
-int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals) {
+int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals, ServiceManager* manager) {
   const std::string host = options.listen.substr(0, options.listen.rfind(':'));
   bool is_first = true;
   while (true) {
@@ -228,9 +248,10 @@ int Serve(lumifold::server::ServerOptions options, const sigset_t& end_signals) 
     }
     options.listen = absl::StrCat(host, ":", (*server)->port());
     if (std::exchange(is_first, false)) std::cout << "listening on " << options.listen << std::endl;
-    int received = 0;
-    sigwait(&end_signals, &received);
+    manager->Ready(absl::StrCat("listening on ", options.listen));
+    const int received = AwaitSignal(**server, end_signals, manager);
     options.log->info("event=stopping signal={}", received);
+    manager->Stopping();
     (*server)->Shutdown();
     server->reset();
     options.log->info("event=stopped");
@@ -273,7 +294,8 @@ int RunServer(const Flags& flags) {
   options.advertise = flags.advertise;
   options.failover = absl::Seconds(flags.failover_seconds);
   options.on_expelled = [] { kill(getpid(), kExpelled); };
-  return Serve(std::move(options), end_signals);
+  ServiceManager manager;
+  return Serve(std::move(options), end_signals, &manager);
 }
 
 /// Prints what a subcommand has done, or its error.

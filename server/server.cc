@@ -116,6 +116,7 @@ class ServerImpl final : public Server {
   absl::Status Open();
   int port() const override { return port_; }
   std::shared_ptr<grpc::Channel> InProcessChannel() override;
+  absl::Status Check() override { return coordinator_->GetServerStatus().status(); }
   void Shutdown() override;
 
  private:

@@ -101,6 +101,10 @@ class Server {
   /// A channel to this server within the process. Valid until the server is destroyed.
   virtual std::shared_ptr<grpc::Channel> InProcessChannel() = 0;
 
+  /// Takes the way of a call through the coordinator, and blocks where that hangs: for watchdogs. Errors: those of the
+  /// storage; the coordinator works all the same.
+  virtual absl::Status Check() = 0;
+
   /// Ends all calls, commits the accepted units and stops. Returns within a second, unless a frame is being
   /// filtered in this process: then it waits for that frame. Later calls have no effect.
   virtual void Shutdown() = 0;

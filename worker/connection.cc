@@ -226,6 +226,7 @@ class Connection {
     // Where there is no other, the stream begins as soon as gRPC has connected: our pauses and gRPC's do not add up.
     stream_->Start(MakeHello(options_, worker_), is_only);
     while (!stream_->WaitUntilDone(kPollInterval)) {
+      if (options_.alive != nullptr) options_.alive();
       if (!stream_->is_welcome()) {
         Await(trigger);
       } else {
@@ -390,7 +391,10 @@ class Journey {
     options_.log.log->warn("event=disconnected error={} retry_in={:.1f}s server={}",
                            logging::Quoted(status.message()), absl::ToDoubleSeconds(pause), route_.current());
     const absl::Time end = rpc::MonotonicNow() + pause;
-    while (!IsOver() && rpc::MonotonicNow() < end) stop_.WaitFor(kPollInterval);
+    while (!IsOver() && rpc::MonotonicNow() < end) {
+      if (options_.alive != nullptr) options_.alive();
+      stop_.WaitFor(kPollInterval);
+    }
   }
 
   const WorkerOptions& options_;

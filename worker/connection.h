@@ -46,6 +46,8 @@ struct WorkerOptions {
   absl::Duration keep_in_hand = absl::Seconds(30);
   /// A worker that has held no lease for this long leaves, connected or not; units in hand do not count.
   absl::Duration exit_when_idle = absl::InfiniteDuration();
+  /// Called several times a second, while the worker does not hang; null: nobody asks.
+  std::function<void()> alive = nullptr;
   /// Where metrics are shown; null: nowhere.
   const monitoring::EndpointSockets* metrics = nullptr;
 };

@@ -31,6 +31,7 @@
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
+#include "proto/service/service_manager.h"
 #include "spdlog/spdlog.h"
 #include "worker/asset_folder.h"
 #include "worker/certificate_renewal.h"
@@ -317,6 +318,7 @@ int RunWorkerProcess(const Flags& flags) {
   const absl::Status has_cache = PrepareAssetCache(flags, *target);
   const auto metrics = ListenForMetrics(flags);
   if (!metrics.ok()) return Fail(metrics.status());
+  lumifold::service::ServiceManager manager;  // before the fence, which lets no program open its socket
   const absl::StatusOr<fence::FenceReport> fenced = EnterFence(flags, *target);
   if (!fenced.ok()) return Fail(fenced.status());
   lumifold::rpc::MonotonicEvent leave;
@@ -335,6 +337,8 @@ int RunWorkerProcess(const Flags& flags) {
                                                       .profile = target->profile,
                                                       .wall_now = lumifold::identity::ValidityClock,
                                                       .log = log});
+  // From now on it takes leases, or tries to reach a coordinator for as long as it takes.
+  manager.Ready(absl::StrCat("worker of ", absl::StrJoin(target->servers, ",")));
   const lumifold::worker::WorkerOptions options{
       .name = flags.name,
       .threads = flags.threads,
@@ -346,12 +350,14 @@ int RunWorkerProcess(const Flags& flags) {
       .drain = absl::Seconds(flags.drain_seconds),
       .check_identity = [&renewal] { return renewal.CheckNotExpired(); },
       .exit_when_idle = absl::Seconds(flags.exit_when_idle_seconds),
+      .alive = [&manager] { manager.Alive(); },
       .metrics = metrics->has_value() ? &**metrics : nullptr,
   };
   const absl::Status status = lumifold::worker::RunWorker(
       {.addresses = target->servers,
        .connect = [&target](const std::string& address) { return Connect(address, target->security); }},
       options, never);
+  manager.Stopping();
   if (absl::IsUnauthenticated(status) || absl::IsPermissionDenied(status)) {
     log->error("event=not_admitted error={}", lumifold::logging::Quoted(status.message()));
     std::fprintf(stderr, "lumifold-worker: %s. The worker needs a new code: 'lumifold-worker enroll'\n",

@@ -29,6 +29,7 @@
 #include "proto/logging/nonblocking_log.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
+#include "proto/service/service_manager.h"
 #include "spdlog/spdlog.h"
 
 namespace {
@@ -249,13 +250,18 @@ int Fail(const absl::Status& status) {
   return static_cast<int>(client::ExitCodeFor(status));
 }
 
-void Pause(double seconds) {
+void Pause(double seconds, lumifold::service::ServiceManager* manager) {
   const absl::Time end = lumifold::rpc::MonotonicNow() + absl::Seconds(seconds);
-  while (!client::Interrupted() && lumifold::rpc::MonotonicNow() < end) absl::SleepFor(kTick);
+  while (!client::Interrupted() && lumifold::rpc::MonotonicNow() < end) {
+    manager->Alive();
+    absl::SleepFor(kTick);
+  }
 }
 
 /// Steps until the program is told to end.
 int RunSteps(const Flags& flags, autoscale::Autoscaler* autoscaler, spdlog::logger* log) {
+  lumifold::service::ServiceManager manager;
+  if (!flags.once) manager.Ready("watches the queue");
   do {
     const absl::StatusOr<autoscale::Decision> decision = autoscaler->Step();
     if (!decision.ok() && flags.once) return Fail(decision.status());
@@ -267,8 +273,9 @@ int RunSteps(const Flags& flags, autoscale::Autoscaler* autoscaler, spdlog::logg
       std::cout << DecisionText(*decision) << std::flush;
     }
     if (flags.once) return 0;
-    Pause(flags.interval_seconds);
+    Pause(flags.interval_seconds, &manager);
   } while (!client::Interrupted());
+  manager.Stopping();
   log->info("event=stop");
   return 0;
 }

@@ -21,6 +21,7 @@ absl::Status FetchResult(FarmClient& farm, const v1::JobStatus& job, const Previ
   PictureOptions picture;
   picture.output = file.path;
   picture.display = file.display;
+  picture.is_reproducible = true;  // the file as the coordinator has it
   return picture.Fetch(farm, job, file.frame, progress, std::move(backoff));
 }
 

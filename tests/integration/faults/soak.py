@@ -108,7 +108,6 @@ class Soak:
                 job = self.world.submit(rng.choice(PICTURES))
                 self.world.expect_picture(job)
                 self.equal += 1
-                self.say(f"equal: {job}")
         except Exception:  # of a thread: raised again by run()
             self.errors.append(traceback.format_exc())
 
@@ -126,7 +125,7 @@ class Soak:
         time.sleep(self.rng.uniform(0, LONGEST_CALM_SECONDS))
 
     def end(self, one):
-        self.say(f"end   {one.fault.name}")
+        self.say(f"end   {one.fault.name}; {self.equal} pictures equal")
         one.fault.end(self.world, one.state)
         self.active.remove(one)
 

@@ -184,7 +184,11 @@ class World(contextlib.AbstractContextManager):
 
     def expect_clean_end(self):
         """What holds after any fault: the coordinator keeps no film of jobs that have ended, and stops when it is told to."""
-        self.wait_until(lambda: not any((self.data / "film").iterdir()), "film of finished jobs is left", FILM_SECONDS)
+        if not self.wait_until(lambda: not any((self.data / "film").iterdir()), "", FILM_SECONDS, required=False):
+            left = [path.relative_to(self.data) for path in sorted((self.data / "film").rglob("*"))]
+            jobs = [path.name for path in (self.data / "film").iterdir()]
+            lines = [line for line in self.log().splitlines() if "not_deleted" in line or any(job in line for job in jobs)]
+            raise AssertionError("\n".join([f"film of finished jobs is left: {[str(path) for path in left]}", *lines[-40:]]))
         code = self.farm.server.stop()
         if code != 0:
             raise AssertionError(f"the coordinator ended with code {code}")

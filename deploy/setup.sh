@@ -17,7 +17,8 @@ test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-d
                munge slurm-wlm slurmdbd mariadb-server
                blender python3-numpy
                chromium chromium-driver prometheus crun mmdebstrap golang-github-containers-common
-               zsh fish groff-base openimageio-tools python3-jsonschema python3-grpcio python3-protobuf python3-xxhash)
+               zsh fish groff-base openimageio-tools python3-jsonschema python3-grpcio python3-protobuf python3-xxhash
+               help2man lintian systemd)
 # Node comes with or without npm, and not always from Debian.
 command -v npm >/dev/null || test_packages+=(nodejs npm)
 [ "${1:-}" = --tests ] && packages+=("${test_packages[@]}")

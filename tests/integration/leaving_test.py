@@ -11,9 +11,9 @@ from farm import PATIENCE_SECONDS, Farm, Process, make_scene, run, wait_until
 
 # One tile in sixteen passes of about half a second each.
 SETTINGS = ["--size", "32x32", "--spp", "8192", "--seed", "3"]
-# Units that take minutes.
-# What is left is about passes, and a plan unit may be over in an instant.
+# Units that take minutes, but for those of the first pass: geometry and one sample of each of the four tiles. No plan unit.
 NO_END = ["--size", "64x64", "--spp", "1048576", "--plan", "full"]
+FIRST_PASS = 8
 
 
 class LeavingTest(unittest.TestCase):
@@ -111,6 +111,7 @@ class LeavingTest(unittest.TestCase):
             worker.popen.stdout.close()
 
             blocked = farm.start_worker("--drain-seconds", "0", "--name", "ben")
+            wait_until(lambda: farm.status(job)["units_done"] == FIRST_PASS, "the first pass")
             self.wait_for_lease(farm, job)
             farm.client("block", "ben", "--reason", "wrong pixels")
             wait_until(lambda: "event=lease_void" in blocked.log_text(), "the worker stops rendering")

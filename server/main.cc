@@ -114,7 +114,8 @@ void AddFlags(CLI::App* app, Flags* flags) {
                   "Lifetime of the certificates of server and workers; they are renewed before")
       ->check(CLI::Range(0.005, 24 * 365.0))
       ->capture_default_str();
-  app->add_option("--filter-threads", flags->filter_threads, "Threads of the filter (default: one for each core)")
+  app->add_option("--filter-threads", flags->filter_threads,
+                  "Threads of the filter (default: one for each core)")
       ->check(CLI::Range(1, 1024));
   app->add_option("--filter-memory-mb", flags->filter_memory_mb,
                   "Limit of the filter process's address space in MiB; 0: none")

@@ -116,7 +116,8 @@ void AddFlags(CLI::App* app, Flags* flags) {
       "else 127.0.0.1:7700)");
   app->add_option("--profile", flags->profile, "A profile of 'enroll' (default: the coordinator's)");
   app->add_flag("--insecure", flags->insecure, "Allow a coordinator of another machine without encryption");
-  app->add_option("--threads", flags->threads, "Number of units rendered at the same time (default: one for each core)")
+  app->add_option("--threads", flags->threads,
+                  "Number of units rendered at the same time (default: one for each core)")
       ->check(CLI::Range(1, 1024));
   app->add_option("--name", flags->name, "Name in the coordinator's log (default: HOST:PID)");
   app->add_option("--tags", flags->tags, "What the machine has or may be used for: gpu,night")

@@ -116,8 +116,8 @@ class Passes(BlenderTest):
             self.assertLess(wrong, 0.03, name)
 
     def test_border_gives_a_part(self):
-        border = {"use_border": True, "use_crop_to_border": True, "border_min_x": 0.25, "border_max_x": 0.75,
-                  "border_min_y": 0.5, "border_max_y": 1}
+        border = {"use_border": True, "use_crop_to_border": True, "border_min_x": 0.26, "border_max_x": 0.77,
+                  "border_min_y": 0.41, "border_max_y": 0.99}
         self.render("world", settings={"samples": 32}, render=border, cycles=32)
         ours, cycles = self.picture(), self.picture("cycles")
         self.assertEqual((ours.width, ours.height), (cycles.width, cycles.height))
@@ -125,7 +125,7 @@ class Passes(BlenderTest):
         self.assertLess(sum(abs(a - b) for a, b in zip(ours, cycles)) / len(ours), 0.02)
 
 
-class OnAFarm(BlenderTest):
+class FarmTest(BlenderTest):
     def setUp(self):
         super().setUp()
         self.farm = self.enterContext(farm.Farm(self.folder / "data"))
@@ -134,6 +134,8 @@ class OnAFarm(BlenderTest):
     def jobs(self):
         return [json.loads(line) for line in self.farm.client("list", "--json").stdout.splitlines()]
 
+
+class OnAFarm(FarmTest):
     def test_picture_is_that_of_this_machine(self):
         self.farm.start_worker(threads=2)
         self.assertNotIn("error", self.render("room", settings={"samples": 16, **self.on_farm}))
@@ -163,6 +165,39 @@ class OnAFarm(BlenderTest):
             self.farm.client("cancel", self.jobs()[0]["job_id"])
             self.assertIn("The job was cancelled at the farm", process.stdout.read())
         process.wait(timeout=120)
+
+
+class FramesAtAFarm(FarmTest):
+    """Frames that are submitted while Blender is free, and downloaded later."""
+
+    def submit(self, cancel=False, **settings):
+        command = [BLENDER, "-b", "--factory-startup", "--addons", "lumifold", "--python-exit-code", "1", "--python",
+                   str(HERE / "submit_frames.py"), "--", str(self.folder),
+                   json.dumps({"settings": {"samples": 4, **self.on_farm, **settings}, "cancel": cancel})]
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=900)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.assertEqual([path.name for path in (self.folder / "tmp").glob("lumifold*")], [], "left behind")
+        return json.loads((self.folder / "report.json").read_text())
+
+    def test_frames_are_rendered_and_downloaded(self):
+        self.farm.start_worker(threads=2)
+        report = self.submit(frames="2,5-6")
+        self.assertEqual((report["submitted"], report["frame"], report["left"]), (["FINISHED"], 3, 0))
+        files = [self.folder / f"out/shot_{frame:04d}.exr" for frame in (2, 5, 6)]
+        self.assertEqual([(frame, state, path) for frame, state, path, _ in report["jobs"]],
+                         [(frame, "downloaded", str(file)) for frame, file in zip((2, 5, 6), files)])
+        self.assertEqual(len({exr.read(file).channels["R"].tobytes() for file in files}), 3, "frames differ")
+        self.assertEqual(sorted(job["name"] for job in self.jobs()), [f"Scene-{frame:04d}.gltf" for frame in (2, 5, 6)])
+
+    def test_frames_are_cancelled(self):
+        report = self.submit(cancel=True, frames="1-2")
+        self.assertEqual([job["state"] for job in self.jobs()], ["cancelled"] * 2)
+        self.assertEqual(([state for _, state, *_ in report["jobs"]], report["left"]), (["cancelled"] * 2, 0))
+
+    def test_errors(self):
+        self.assertIn("no range of frames", self.submit(frames="5-1")["submitted"])
+        self.assertIn("Frame 1: ", report := self.submit(frames="1-3", server="127.0.0.1:1")["submitted"])
+        self.assertIn("cannot reach the coordinator", report)
 
 
 class Errors(BlenderTest):

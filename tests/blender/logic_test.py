@@ -13,7 +13,7 @@ try:
 except ImportError:
     numpy = None
 
-from lumifold import materials, program, unsupported
+from lumifold import frame_jobs, materials, program, unsupported
 
 needs_numpy = unittest.skipIf(numpy is None, "numpy is not installed (Debian package python3-numpy)")
 
@@ -36,6 +36,10 @@ class CommandLines(unittest.TestCase):
             "lumifold submit room.gltf --json --size 64x48 --frame 0 --spp 4096 --max-bounces 8 --seed 0 --method default "
             "--target-error 10 --server farm:7700 --profile studio --insecure --priority 5")
 
+    def test_region(self):
+        picture = program.Picture("room.gltf", (64, 48), region=(16, 0, 48, 24))
+        self.assertEqual(picture.options(), ["--size", "64x48", "--frame", "0", "--region", "16,0,48,24"])
+
     def test_time(self):
         self.assertIn("90s", program.Quality("TIME", seconds=90).options())
 
@@ -53,6 +57,23 @@ class Progress(unittest.TestCase):
     def test_of_a_job(self):
         job = {"job_id": "j-1", "state": "running", "workers": 1, "samples_done": 1, "samples_total": 4}
         self.assertEqual(program.progress_of_job(job), program.Progress("running, 1 worker", 0.25, "j-1"))
+
+
+class Frames(unittest.TestCase):
+    def test_which(self):
+        self.assertEqual(frame_jobs.frames_of("", 3, 9, 3), [3, 6, 9])
+        self.assertEqual(frame_jobs.frames_of(" 60, 1-3 ,2", 1, 250), [1, 2, 3, 60])
+        for wrong in ("a", "1-", "5-3", "1,,2", "1-999999", "-4", "1;2"):
+            with self.assertRaises(ValueError, msg=wrong):
+                frame_jobs.frames_of(wrong, 1, 2)
+
+    def test_files(self):
+        self.assertEqual(frame_jobs.picture_path("/out/room_0007.png"), "/out/room_0007.exr")
+        self.assertEqual(frame_jobs.picture_path("/out/v1.2_0007", "Fog", 2), "/out/v1.2_0007-Fog.exr")
+
+    def test_states(self):
+        jobs = [frame_jobs.FrameJob("j", i, "", state) for i, state in enumerate(("running", "done", "running"))]
+        self.assertEqual(frame_jobs.summary(jobs), "1 done, 2 running")
 
 
 class Runs(unittest.TestCase):
@@ -232,6 +253,17 @@ class Arrays(unittest.TestCase):
         points, triangles = lights.icosphere(2)
         a, b, c = (points[triangles[:, i]] for i in range(3))
         self.assertTrue((numpy.einsum("ij,ij->i", numpy.cross(b - a, c - a), a) > 0).all(), "faces look outwards")
+
+    def test_parts_are_rounded_as_blenders(self):
+        from lumifold import passes
+
+        self.assertEqual(passes.part_of((64, 48), None), passes.Part(0, 0, (64, 48)))
+        part = passes.part_of((64, 48), (0.26, 0.5, 0.8, 0.99))
+        self.assertEqual(part, passes.Part(16, 24, (35, 23)))
+        self.assertEqual(part.region((64, 48)), (16, 1, 51, 24))
+        pixels = numpy.arange(48 * 64).reshape(48, 64)
+        self.assertEqual(part.cropped(pixels)[0, 0], 1 * 64 + 16)
+        self.assertEqual(part.cropped(pixels).shape, (23, 35))
 
     def test_background_is_where_the_environment_says(self):
         from lumifold import passes

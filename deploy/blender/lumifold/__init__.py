@@ -14,9 +14,9 @@ bl_info = {
 
 def modules():
     """The modules with classes of Blender, in the order of registration. Imported late: the others work without Blender."""
-    from . import engine, panel, preferences, settings
+    from . import engine, operators, panel, preferences, settings
 
-    return preferences, settings, engine, panel
+    return preferences, settings, engine, operators, panel
 
 
 def register():

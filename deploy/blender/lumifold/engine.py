@@ -6,7 +6,21 @@ import tempfile
 
 import bpy
 
-from . import exr, export, passes, preferences, program, world
+from . import exr, export, frame_jobs, passes, preferences, program, world
+
+
+class Submission:
+    """Frames that the operator has rendered only to be submitted. Its jobs are kept in the scene's settings."""
+
+    def __init__(self, settings):
+        self.settings, self.error = settings, ""
+
+    def add(self, job):
+        made = self.settings.jobs.add()
+        made.job, made.frame, made.path = job.job, job.frame, job.path
+
+
+submission = None  # while frames are submitted
 
 
 class LumifoldEngine(bpy.types.RenderEngine):
@@ -32,6 +46,9 @@ class LumifoldEngine(bpy.types.RenderEngine):
             self.fail(str(error))
 
     def fail(self, text):
+        if submission:
+            submission.error = text
+            return  # the operator stops and reports it
         self.report({"ERROR"}, text)
         self.error_set(text)
 
@@ -46,6 +63,7 @@ class Frame:
         render = self.scene.render
         scale = render.resolution_percentage / 100
         self.size = max(int(render.resolution_x * scale), 1), max(int(render.resolution_y * scale), 1)
+        self.part = passes.part_of(self.size, border_of(render))
         self.wanted = passes.wanted(depsgraph.view_layer_eval, self.settings)
         self.preview = folder / "preview.exr"
         self.preview_time = 0
@@ -59,9 +77,13 @@ class Frame:
         picture = export.export(self.depsgraph, self.folder, self.size, self.engine.test_break)
         if self.engine.test_break():
             return
-        if picture.environment:
-            self.background = self.seen_background(picture.environment)
+        picture.region = self.part.region(self.size) if self.part.size != self.size else ()
         place = self.settings.place()
+        if submission:
+            self.submit(executable, place, picture)
+            return
+        if picture.environment:
+            self.background = self.part.cropped(self.seen_background(picture.environment))
         output = str(self.folder / "result.exr")
         run = program.render_on_farm if place.on_farm else program.render_here
         warnings = run(executable, place, picture, self.settings.quality(), output, str(self.preview),
@@ -69,6 +91,14 @@ class Frame:
         for text in warnings:
             self.engine.report({"WARNING"}, text)
         self.hand_over(exr.read(output), self.wanted)
+
+    def submit(self, executable, place, picture):
+        """Submits the frame and lets Blender go on; its own result stays empty."""
+        scene, layers = self.scene, [layer for layer in self.scene.view_layers if layer.use]
+        path = frame_jobs.picture_path(bpy.path.abspath(scene.render.frame_path(frame=scene.frame_current)),
+                                       self.depsgraph.view_layer_eval.name, len(layers))
+        job = frame_jobs.submit(executable, place, picture, self.settings.quality(), self.engine.test_break)
+        submission.add(frame_jobs.FrameJob(job, picture.frame, path))
 
     def show(self, progress):
         name = f"{progress.job}: " if progress.job else ""
@@ -86,7 +116,7 @@ class Frame:
             return
         self.preview_time = changed
         try:
-            film = {name: passes.fitted(plane, self.size) for name, plane in exr.read(self.preview).items()}
+            film = {name: passes.fitted(plane, self.part.size) for name, plane in exr.read(self.preview).items()}
         except (OSError, ValueError, KeyError):
             return  # the result does not depend on a preview
         if "A" not in film:
@@ -95,19 +125,14 @@ class Frame:
 
     def hand_over(self, film, wanted):
         """Gives passes to Blender: all of the picture, or the part within the render border."""
-        render = self.scene.render
-        left = int(render.border_min_x * self.size[0]) if render.use_border else 0
-        bottom = int(render.border_min_y * self.size[1]) if render.use_border else 0
-        result = self.engine.begin_result(0, 0, *self.size, layer=self.depsgraph.view_layer_eval.name)
-        width, height = result.resolution_x, result.resolution_y  # with a border less than was asked for
+        result = self.engine.begin_result(0, 0, *self.part.size, layer=self.depsgraph.view_layer_eval.name)
         try:
             given = result.layers[0].passes
             for one in wanted:
                 if one.name not in given:
                     continue
-                pixels = passes.pixels_of(one.name, film, self.background, render.film_transparent)
-                pixels = passes.cropped(pixels, left, bottom, width, height)
-                given[one.name].rect = pixels.reshape(-1, len(one.channels))
+                pixels = passes.pixels_of(one.name, film, self.background, self.scene.render.film_transparent)
+                given[one.name].rect = passes.from_the_bottom(pixels).reshape(-1, len(one.channels))
         finally:
             self.engine.end_result(result)
 
@@ -116,6 +141,11 @@ class Frame:
         projection = camera.calc_matrix_camera(self.depsgraph, x=self.size[0], y=self.size[1])
         film = exr.read(environment)
         return passes.background_of(passes.layer(film, ""), self.size, camera.matrix_world, projection)
+
+
+def border_of(render):
+    """The render border as shares of the frame, left, bottom, right and top; None without one."""
+    return (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y) if render.use_border else None
 
 
 def register():

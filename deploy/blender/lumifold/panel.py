@@ -5,7 +5,7 @@ import time
 
 import bpy
 
-from . import preferences, unsupported
+from . import frame_jobs, preferences, unsupported
 from .engine import LumifoldEngine
 
 ENGINE = LumifoldEngine.bl_idname
@@ -48,6 +48,23 @@ class LUMIFOLD_PT_place(RenderPanel, bpy.types.Panel):
             layout.prop(settings, "threads")
         if not preferences.program_path():
             layout.label(text=preferences.MISSING, icon="ERROR")
+
+
+class LUMIFOLD_PT_frames(RenderPanel, bpy.types.Panel):
+    bl_label = "Frames at the Farm"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.scene.lumifold.where == "FARM"
+
+    def draw(self, context):
+        layout, settings = self.columns(), context.scene.lumifold
+        layout.prop(settings, "frames")
+        layout.operator("lumifold.submit_frames")
+        if settings.jobs:
+            layout.label(text=frame_jobs.summary(settings.jobs))
+            for name in ("update_frames", "cancel_frames", "forget_frames"):
+                layout.operator(f"lumifold.{name}")
 
 
 class LUMIFOLD_PT_sampling(RenderPanel, bpy.types.Panel):
@@ -113,7 +130,8 @@ def recent_losses(scene):
     return recent["losses"]
 
 
-CLASSES = (LUMIFOLD_PT_place, LUMIFOLD_PT_sampling, LUMIFOLD_PT_scene, LUMIFOLD_PT_losses, LUMIFOLD_PT_passes)
+CLASSES = (LUMIFOLD_PT_place, LUMIFOLD_PT_frames, LUMIFOLD_PT_sampling, LUMIFOLD_PT_scene, LUMIFOLD_PT_losses,
+           LUMIFOLD_PT_passes)
 
 
 def shared_panels():

@@ -101,6 +101,34 @@ def fitted(pixels, size):
     return pixels[rows][:, columns]
 
 
-def cropped(pixels, left, bottom, width, height):
-    """A part of the picture, and its rows in Blender's order, from the bottom."""
-    return numpy.ascontiguousarray(pixels[::-1][bottom : bottom + height, left : left + width], dtype=numpy.float32)
+def from_the_bottom(pixels):
+    """The rows in Blender's order."""
+    return numpy.ascontiguousarray(pixels[::-1], dtype=numpy.float32)
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """A rectangle of the frame's pixels, from the bottom left as Blender counts."""
+
+    left: int
+    bottom: int
+    size: tuple
+
+    def region(self, frame):
+        """X0, Y0, X1, Y1 from the top left, as the program counts."""
+        top = frame[1] - self.bottom - self.size[1]
+        return self.left, top, self.left + self.size[0], top + self.size[1]
+
+    def cropped(self, pixels):
+        """The part of an array of the whole frame, rows from the top."""
+        x0, y0, x1, y1 = self.region((pixels.shape[1], pixels.shape[0]))
+        return pixels[y0:y1, x0:x1]
+
+
+def part_of(frame, border):
+    """The pixels within a border (shares of the frame: left, bottom, right, top), rounded as Blender does; all without one."""
+    if border is None:
+        return Part(0, 0, frame)
+    # Blender multiplies in single precision.
+    left, bottom, right, top = (int(numpy.float32(share) * numpy.float32(frame[i % 2])) for i, share in enumerate(border))
+    return Part(left, bottom, (right - left, top - bottom))

@@ -74,6 +74,7 @@ class Picture:
     environment: str = ""
     f_stop: float = 0
     focus_metres: float = 0
+    region: tuple = ()  # X0, Y0, X1, Y1 from the top left; all pixels without one
     folders: tuple = ()  # outside the scene's own, whose files the scene names
 
     def options(self):
@@ -81,6 +82,8 @@ class Picture:
         options += ["--env", self.environment] if self.environment else []
         if self.f_stop:
             options += ["--f-stop", format_number(self.f_stop), "--focus", format_number(self.focus_metres)]
+        if self.region:
+            options += ["--region", ",".join(map(str, self.region))]
         for folder in self.folders:
             options += ["--allow-dir", folder]
         return list(map(str, options))

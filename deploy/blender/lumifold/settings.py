@@ -1,9 +1,18 @@
 """Settings of a scene: `scene.lumifold`."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from . import program
+
+
+class LumifoldFrameJob(bpy.types.PropertyGroup):
+    """A `frame_jobs.FrameJob`, kept in the file."""
+
+    job: StringProperty()
+    frame: IntProperty()
+    path: StringProperty()
+    state: StringProperty(default="submitted")
 
 
 class LumifoldSettings(bpy.types.PropertyGroup):
@@ -23,6 +32,8 @@ class LumifoldSettings(bpy.types.PropertyGroup):
         name="Unencrypted", description="Allow a coordinator on another machine without a profile: all goes there unencrypted"
     )
     priority: IntProperty(name="Priority", min=-100, max=100, description="Ten more doubles the job's share of the farm")
+    frames: StringProperty(name="Frames", description="Frames to submit, such as 1-48,60; empty: those of the scene")
+    jobs: CollectionProperty(type=LumifoldFrameJob)
     threads: IntProperty(name="Threads", min=0, max=1024, description="Threads on this machine; 0: all")
 
     until: EnumProperty(
@@ -80,6 +91,7 @@ class LumifoldSettings(bpy.types.PropertyGroup):
 
 
 def register():
+    bpy.utils.register_class(LumifoldFrameJob)
     bpy.utils.register_class(LumifoldSettings)
     bpy.types.Scene.lumifold = PointerProperty(type=LumifoldSettings)
 
@@ -87,3 +99,4 @@ def register():
 def unregister():
     del bpy.types.Scene.lumifold
     bpy.utils.unregister_class(LumifoldSettings)
+    bpy.utils.unregister_class(LumifoldFrameJob)

@@ -14,7 +14,7 @@ packages=(
 )
 test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format clang-tidy
                postgresql iproute2 nftables e2fsprogs openssl
-               munge slurm-wlm slurmdbd mariadb-server
+               munge slurm-wlm slurmdbd mariadb-server sqlite3 rsync
                blender python3-numpy
                chromium chromium-driver prometheus crun mmdebstrap golang-github-containers-common
                zsh fish groff-base openimageio-tools python3-jsonschema python3-grpcio python3-protobuf python3-xxhash

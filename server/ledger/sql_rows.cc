@@ -82,7 +82,7 @@ absl::Status InsertJob(SqlConnection& db, const NewJob& job, JobId* id) {
   const absl::StatusOr<std::optional<int64_t>> inserted = db.QueryInt(
       "INSERT INTO jobs(id, request_id, request_digest, owner, epoch, state, user_name, submitted_ms, "
       "scheduling, spec,"
-      " files) VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT(request_id) DO NOTHING "
+      " files) VALUES($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) ON CONFLICT DO NOTHING "
       "RETURNING number",
       {job.id.value(), job.request_id, SqlBytes{digest}, job.owner.name, job.owner.epoch.value(),
        int64_t{v1::JOB_STATE_SUBMITTED}, job.scheduling.user(), absl::ToUnixMillis(job.submitted),

@@ -1,4 +1,4 @@
-"""The commands of docs/clusters.md for containers are those that the programs, manifests and images know."""
+"""The commands of docs/clusters.md and docs/operations.md are those that the programs, manifests and images know."""
 
 import re
 import shlex
@@ -9,6 +9,7 @@ import node_tools
 import programs
 
 PAGE = programs.ROOT / "docs/clusters.md"
+OPERATIONS = programs.ROOT / "docs/operations.md"
 
 
 def commands(section):
@@ -37,6 +38,23 @@ class ManualTest(unittest.TestCase):
         self.assertGreaterEqual(len(ours), 13)
         self.assertEqual([fault for words in ours for fault in program_faults(words)], [])
         self.assertEqual(len(program_faults(["lumifold-server", "init", "--nmae", "x"])), 1)
+
+    def test_the_runbook_names_what_there_is(self):
+        text = OPERATIONS.read_text()
+        code = re.findall(r"`(lumifold[^`]*)`", text)
+        used = {tuple(words[:2]) for words in map(str.split, code) if words[1:] and re.fullmatch("[a-z][a-z-]+", words[1])}
+        self.assertGreaterEqual(len(used), 20)
+        for program, subcommand in sorted(used):
+            programs.flags_of(program, subcommand)  # fails where there is none
+        known = {flag for program, *subcommand in [*used, ("lumifold", "submit"), ("lumifold-server",), ("lumifold-worker",),
+                                                   ("lumifold-autoscale",)]
+                 for flag in programs.flags_of(program, *subcommand)}
+        runbook = text[text.index("## Runbook"):text.index("## Limits")]
+        flags = set(re.findall(r"`[^`]*?(--[a-z-]+)[^`]*`", runbook))
+        self.assertGreaterEqual(len(flags), 5)
+        self.assertEqual(flags - known, set())
+        events = set(re.findall(r"`([a-z]+_[a-z_]+)`", runbook))
+        self.assertEqual([event for event in events if f"| `{event}`" not in text and f"`{event}`," not in text], [])
 
     def test_images_are_built_as_the_dockerfile_says(self):
         text = programs.DOCKERFILE.read_text()

@@ -51,7 +51,7 @@ class Process:
 
     def __init__(self, program, *arguments, stderr=None, log=None, host=None):
         self.host = host
-        self.log = open(log, "a+") if log else tempfile.NamedTemporaryFile("w+", suffix=f"-{program}.log")
+        self.log = open(log, "a+") if log else tempfile.NamedTemporaryFile("w+", suffix=f"-{pathlib.Path(program).name}.log")
         self.popen = subprocess.Popen(
             command_of(program, arguments, host), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=stderr or self.log, text=True

@@ -13,6 +13,7 @@
 #include "server/ledger/postgres_connection.h"
 #include "tests/support/private_postgres.h"
 #include "tests/unit/ledger/job_store_fixture.h"
+#include "tests/unit/ledger/old_schemas.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -113,6 +114,25 @@ TEST_F(PostgresJobStoreTest, NoErrorHasThePassword) {
     EXPECT_THAT(std::string(status.message()), Not(HasSubstr("secret"))) << status;
     EXPECT_THAT(std::string(status.message()), Not(HasSubstr(kPassword))) << status;
   }
+}
+
+TEST_F(PostgresJobStoreTest, TablesOfEarlierVersionsAreUpgraded) {
+  ASSERT_TRUE(store_->CreateJob(Job("j-a", "r-1")).ok());
+  for (const int version : {4, 3}) {
+    SCOPED_TRACE(version);
+    const std::unique_ptr<PostgresConnection> db = *PostgresConnection::Open(database_->uri());
+    ASSERT_TRUE(db->RunScript(kFromSchema5To4).ok());
+    if (version == 3) {
+      ASSERT_TRUE(db->RunScript(kFromSchema4To3).ok());
+    }
+    ASSERT_TRUE(db->SetSchemaVersion(version).ok());
+    const absl::StatusOr<std::unique_ptr<JobStore>> store = database_->Open();
+    ASSERT_TRUE(store.ok()) << store.status();
+    EXPECT_EQ((*store)->GetJob(JobId("j-a"))->estimated_error, std::nullopt);
+    EXPECT_TRUE((*store)->CommitUnits({Commit("j-a", {Unit("j-a", 0, version, 0)})})->front().ok());
+    EXPECT_TRUE(db->RunScript("SELECT epoch, demand FROM coordinators").ok());
+  }
+  EXPECT_EQ((*database_->Open())->GetJob(JobId("j-a"))->units_done, 2);
 }
 
 TEST_F(PostgresJobStoreTest, TablesOfALaterVersionAreRefused) {

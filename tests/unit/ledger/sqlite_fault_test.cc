@@ -8,6 +8,7 @@
 #include "tests/support/temp_folder.h"
 #include "tests/unit/ledger/history.h"
 #include "tests/unit/ledger/memory_job_store.h"
+#include "tests/unit/ledger/old_schemas.h"
 
 namespace lumifold::ledger {
 namespace {
@@ -83,6 +84,14 @@ class SqliteFaultTest : public ::testing::Test {
     vfs_ = std::make_unique<FaultyVfs>();
   }
 
+  void WriteLedgerOfSchema2() {
+    sqlite3* db = nullptr;
+    ASSERT_EQ(sqlite3_open(path_.c_str(), &db), SQLITE_OK);
+    for (const char* sql : {kSchema2, kRowsOfSchema2})
+      EXPECT_EQ(sqlite3_exec(db, sql, nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
+    sqlite3_close(db);
+  }
+
   /// An error at each call in turn: what is tried again succeeds, and nothing is lost or done twice.
   void FailEachCall(Fault fault) {
     for (int64_t call = 1;; ++call) {
@@ -140,6 +149,31 @@ class SqliteFaultTest : public ::testing::Test {
   std::unique_ptr<FaultyVfs> vfs_ = std::make_unique<FaultyVfs>();
   std::unique_ptr<JobStore> store_;  // destroyed before the file system
 };
+
+TEST_F(SqliteFaultTest, APowerCutAtEachCallOfAnUpgrade) {
+  std::string expected;
+  for (int64_t call = 0;; ++call) {  // 0: none
+    SCOPED_TRACE(absl::StrCat("call ", call));
+    Clear();
+    WriteLedgerOfSchema2();
+    vfs_->FailAt(call, call == 0 ? Fault::kNone : Fault::kPowerCut);
+    (void)OpenSqliteJobStore(path_);
+    const bool has_failed = vfs_->has_failed();
+    vfs_->Restore(call % 2 == 0 ? Survivors::kEveryOther : Survivors::kAllButHalfOfTheLast);
+    const absl::StatusOr<std::unique_ptr<JobStore>> store = OpenSqliteJobStore(path_);
+    ASSERT_TRUE(store.ok()) << store.status();
+    ASSERT_EQ(IntegrityOf(path_), "ok");
+    const std::string state = Dump(**store);
+    if (call == 0) {
+      expected = state;
+      EXPECT_NE(state.find("j-a"), std::string::npos);
+    } else if (!has_failed) {
+      EXPECT_GT(call, 10);
+      return;
+    }
+    ASSERT_EQ(state, expected);
+  }
+}
 
 TEST_F(SqliteFaultTest, NoSpaceAtEachCall) { FailEachCall(Fault::kNoSpace); }
 

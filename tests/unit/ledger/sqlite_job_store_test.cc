@@ -181,9 +181,9 @@ TEST_F(SqliteJobStoreTest, PurgedRowsAndDeletedJobsLeaveNothing) {
 
 TEST_F(SqliteJobStoreTest, ALedgerOfSchema3GetsTheColumnOfErrors) {
   ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
-  RunSql(
-      "ALTER TABLE jobs DROP COLUMN estimated_error; DROP TABLE coordinators; DROP INDEX jobs_by_epoch; "
-      "PRAGMA user_version=3");
+  RunSql(kFromSchema5To4);
+  RunSql(kFromSchema4To3);
+  RunSql("PRAGMA user_version=3");
   const std::unique_ptr<JobStore> store = Open();
   ASSERT_NE(store, nullptr);
   EXPECT_EQ(store->GetJob(JobId("j-a"))->estimated_error, std::nullopt);
@@ -191,6 +191,16 @@ TEST_F(SqliteJobStoreTest, ALedgerOfSchema3GetsTheColumnOfErrors) {
   report.set_estimated_error(0.5);
   ASSERT_TRUE(store->RecordFrame(Owned("j-a"), 0, report).ok());
   EXPECT_EQ(store->GetJob(JobId("j-a"))->estimated_error, 0.5);
+}
+
+TEST_F(SqliteJobStoreTest, ALedgerOfSchema4GetsTheRoster) {
+  ASSERT_TRUE(Open()->CreateJob(Job("j-a", "r-1")).ok());
+  RunSql(kFromSchema5To4);
+  RunSql("PRAGMA user_version=4");
+  const std::unique_ptr<JobStore> store = Open();
+  ASSERT_NE(store, nullptr);
+  EXPECT_EQ(store->GetJob(JobId("j-a"))->estimated_error, std::nullopt);
+  RunSql("SELECT epoch, demand FROM coordinators");
 }
 
 TEST_F(SqliteJobStoreTest, ALedgerOfALaterVersionIsRefusedByName) {

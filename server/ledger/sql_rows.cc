@@ -175,7 +175,7 @@ absl::Status VisitUnits(SqlConnection& db, const JobId& job, std::optional<int32
   SqlParams params = {*number};
   if (frame.has_value()) params.emplace_back(int64_t{*frame});
   bool is_readable = true;
-  const absl::Status status = db.Query(
+  absl::Status status = db.Query(
       absl::StrCat(
           "SELECT films.frame, units.tile, units.kind, units.pass, units.attempt, COALESCE(workers.name, ''),"
           " units.file, units.position, units.length, units.samples, units.bad_samples"

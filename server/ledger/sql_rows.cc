@@ -92,7 +92,16 @@ absl::Status InsertJob(SqlConnection& db, const NewJob& job, JobId* id) {
   if (inserted->has_value()) return absl::OkStatus();
   const absl::StatusOr<std::optional<JobId>> recorded = QueryRequest(db, job);
   if (!recorded.ok()) return recorded.status();
-  if (!recorded->has_value()) {  // another coordinator has deleted it since the conflict
+  if (!recorded->has_value()) {
+    const absl::StatusOr<std::optional<int64_t>> other =
+        db.QueryInt("SELECT number FROM jobs WHERE id = $1", {job.id.value()});
+    if (!other.ok()) return other.status();
+    if (other->has_value()) {
+      return absl::AlreadyExistsError(absl::StrCat("job ", job.id.value(),
+                                                   " exists, of another request than '",
+                                                   absl::Utf8SafeCEscape(job.request_id), "'"));
+    }
+    // Another coordinator has deleted it since the conflict.
     return absl::AbortedError(absl::StrCat("the job of request_id '", absl::Utf8SafeCEscape(job.request_id),
                                            "' was deleted meanwhile"));
   }

@@ -153,7 +153,7 @@ class MetricsTest(Conventions, unittest.TestCase):
             slow = [stack.enter_context(socket.create_connection(self.address)) for _ in range(2 * MAX_CONNECTIONS)]
             for number, connection in enumerate(slow):
                 connection.sendall(starts[number % len(starts)])
-            self.assertGreater(len(self.open_connections()), 0)
+            wait_until(self.open_connections, "the first connection that is accepted")
             self.assertLessEqual(len(self.open_connections()), MAX_CONNECTIONS)
             # Each keeps sending a byte at a time: that must not make it stay.
             deadline = time.monotonic() + 20 * CONNECTION_SECONDS

@@ -71,7 +71,8 @@ class LeavingTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             job = self.submit(farm, *NO_END)
             worker = farm.start_worker("--drain-seconds", str(PATIENCE_SECONDS))
-            wait_until(lambda: farm.status(job)["units_done"] > 0, "the first unit")  # others are being rendered
+            wait_until(lambda: farm.status(job)["units_done"] == FIRST_PASS, "the first pass")
+            self.wait_for_lease(farm, job)  # of a unit that takes minutes: it cannot be delivered before the interrupt
             worker.popen.send_signal(signal.SIGTERM)
             wait_until(lambda: "event=leaving" in worker.log_text(), "the worker heard it")
             worker.popen.send_signal(signal.SIGTERM)

@@ -30,7 +30,8 @@ absl::StatusOr<FilteredRound> FilteredRounds::Get(int round) const {
   if (!read.ok()) return read.status();
   absl::StatusOr<std::array<Plane, 3>> picture = ReadKept(round);
   if (!picture.ok())
-    picture = filter::FilterFilm(read->pixels, job_.spec.filter().method(), pool_, &read->edges);
+    picture =
+        filter::FilterFilm(read->pixels, job_.spec.filter().method(), pool_, &read->edges, &read->fragments);
   if (!picture.ok()) return picture.status();
   return FilteredRound{*std::move(read), *std::move(picture)};
 }

@@ -85,7 +85,7 @@ class Finish {
     absl::StatusOr<EdgedImage> film = timed_.Read({0, 0, film_.width(), film_.height()});
     if (!film.ok()) return film.status();
     absl::StatusOr<std::array<Plane, 3>> filtered =
-        filter::FilterFilm(film->pixels, method_, pool_, &film->edges);
+        filter::FilterFilm(film->pixels, method_, pool_, &film->edges, &film->fragments);
     if (!filtered.ok()) return filtered.status();
     clock_.Charge(StageClock::kFilter);
     return Write(*std::move(film), *std::move(filtered));

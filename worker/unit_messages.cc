@@ -28,9 +28,11 @@ void SendUnit(const v1::Lease& lease, const RenderedUnit& unit,
               absl::FunctionRef<void(v1::WorkerMessage)> send) {
   if (unit.plan.has_value()) return send(MakePlanMessage(lease, *unit.plan));
   v1::PixelChunk piece;
-  if (unit.image.edges.height() > 0) {
-    rpc::PixelChunker edges(unit.image.edges);
-    while (edges.Next(&piece)) {
+  const LayeredImage& list =
+      lease.unit().kind() == v1::UNIT_KIND_PASS ? unit.image.fragments : unit.image.edges;
+  if (list.height() > 0) {
+    rpc::PixelChunker rows(list);
+    while (rows.Next(&piece)) {
       v1::WorkerMessage message = MakeChunk(lease);
       message.mutable_chunk()->mutable_edges()->Swap(&piece);
       send(std::move(message));

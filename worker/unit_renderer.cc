@@ -242,7 +242,7 @@ absl::StatusOr<RenderedUnit> UnitRenderer::Render(const v1::JobSpec& spec, const
     *unit.stats.mutable_camera() = MatricesOf((*renderer)->camera());
     if (spec.cryptomatte() && lease.unit().tile() == 0) AddObjects((*renderer)->scene(), &unit.stats);
   } else {
-    unit.image.pixels = (*renderer)->RenderPass(rect, lease.unit().frame(), SamplesOf(lease, rect), &counts);
+    unit.image = (*renderer)->RenderPass(rect, lease.unit().frame(), SamplesOf(lease, rect), &counts);
   }
   if (control->stop) return absl::CancelledError("the unit is no longer wanted");
   if (static_cast<double>(counts.bad_samples) > kMaxBadShare * static_cast<double>(counts.samples)) {

@@ -21,7 +21,7 @@
 
 namespace lumifold::worker {
 
-/// The pixels of a unit, its edge set if it is a geometry unit, and its statistics; or a plan.
+/// The pixels of a unit, its edge set or its fragments, and its statistics; or a plan.
 struct RenderedUnit {
   EdgedImage image;
   v1::UnitStats stats;

@@ -20,8 +20,8 @@ namespace {
 
 /// Scan lines decoded at a time: ZIP compresses this many together.
 constexpr int kLines = 16;
-/// Rows of the edge set searched at a time.
-constexpr int kEdgeRows = 4096;
+/// Rows of a list searched at a time.
+constexpr int kListRows = 4096;
 
 /// Copies the common part of two images. `from` starts at (x, y) in the coordinates of `to`; any overlap is
 /// allowed.
@@ -50,6 +50,7 @@ class ExrFilm::Part {
         is_tiled_(file->header(number).hasTileDescription()),
         is_reread_(is_reread) {}
 
+  const std::string& name() const { return file_.header(number_).name(); }
   int width() const { return window_.max.x - window_.min.x + 1; }
   int height() const { return window_.max.y - window_.min.y + 1; }
   LayeredImage Outline() const { return Image(0, 0); }
@@ -180,7 +181,8 @@ struct ExrFilm::File {
   std::string path;
   std::unique_ptr<Imf::MultiPartInputFile> input;
   std::unique_ptr<Part> pixels;
-  std::unique_ptr<Part> edges;  // null without an edge set
+  std::unique_ptr<Part> edges;      // null without an edge set
+  std::unique_ptr<Part> fragments;  // null without fragments
 };
 
 ExrFilm::ExrFilm(std::unique_ptr<File> file) : file_(std::move(file)) {}
@@ -197,8 +199,11 @@ absl::StatusOr<std::unique_ptr<ExrFilm>> ExrFilm::Open(const std::string& path,
   });
   if (!status.ok()) return status;
   file->pixels = std::make_unique<Part>(path, scratch_folder, file->input.get(), 0, false);
-  if (file->input->parts() == 2)
-    file->edges = std::make_unique<Part>(path, scratch_folder, file->input.get(), 1, true);
+  for (int part = 1; part < file->input->parts(); ++part) {
+    const bool is_edges = IsExrPart(file->input->header(part), kExrEdgePart);
+    (is_edges ? file->edges : file->fragments) =
+        std::make_unique<Part>(path, scratch_folder, file->input.get(), part, true);
+  }
   return std::unique_ptr<ExrFilm>(new ExrFilm(std::move(file)));
 }
 
@@ -214,21 +219,39 @@ LayeredImage ExrFilm::Outline() const {
 absl::StatusOr<EdgedImage> ExrFilm::Read(const Rect& rect) {
   absl::StatusOr<LayeredImage> pixels = file_->pixels->Read(rect);
   if (!pixels.ok()) return pixels.status();
-  if (file_->edges == nullptr) return EdgedImage{*std::move(pixels), {}};
-  const bool is_all = rect == Rect{0, 0, width(), height()};
-  absl::StatusOr<LayeredImage> edges =
-      is_all ? file_->edges->Peek(0, file_->edges->height()) : ReadEdges(rect);
-  if (!edges.ok()) return edges.status();
-  return EdgedImage{*std::move(pixels), *std::move(edges)};
+  EdgedImage film{*std::move(pixels)};
+  for (const auto& [part, list] :
+       {std::pair(file_->edges.get(), &film.edges), {file_->fragments.get(), &film.fragments}}) {
+    if (part == nullptr) continue;
+    absl::StatusOr<LayeredImage> rows = ReadList(*part, rect);
+    if (!rows.ok()) return rows.status();
+    *list = *std::move(rows);
+  }
+  return film;
 }
 
-/// The first row of the edge set whose pixel lies in row y of the picture or below.
-absl::StatusOr<int> ExrFilm::FirstEdgeFrom(int y) {
+absl::StatusOr<LayeredImage> ExrFilm::ReadList(Part& list, const Rect& rect) const {
+  if (rect == Rect{0, 0, width(), height()}) return list.Peek(0, list.height());
+  const LayeredImage outline = list.Outline();
+  for (const std::string_view place : {layers::kPixelX, layers::kPixelY}) {
+    if (!outline.Has(place))
+      return absl::InvalidArgumentError(
+          absl::StrCat(file_->path, ": the part ", list.name(), " has no channel ", std::string(place)));
+  }
+  const absl::StatusOr<int> first = FirstRowFrom(list, rect.y0);
+  if (!first.ok()) return first.status();
+  const absl::StatusOr<int> last = FirstRowFrom(list, rect.y1);
+  if (!last.ok()) return last.status();
+  return ReadRows(list, *first, *last, rect);
+}
+
+/// The first row of a list whose pixel lies in row y of the picture or below.
+absl::StatusOr<int> ExrFilm::FirstRowFrom(Part& list, int y) {
   int first = 0;
-  int last = file_->edges->height();
+  int last = list.height();
   while (first < last) {
     const int middle = first + (last - first) / 2;
-    const absl::StatusOr<LayeredImage> row = file_->edges->Peek(middle, middle + 1);
+    const absl::StatusOr<LayeredImage> row = list.Peek(middle, middle + 1);
     if (!row.ok()) return row.status();
     if (row->Get(layers::kPixelY).At(0, 0) < static_cast<float>(y))
       first = middle + 1;
@@ -238,31 +261,17 @@ absl::StatusOr<int> ExrFilm::FirstEdgeFrom(int y) {
   return first;
 }
 
-absl::StatusOr<LayeredImage> ExrFilm::ReadEdges(const Rect& rect) {
-  const LayeredImage outline = file_->edges->Outline();
-  for (const std::string_view place : {layers::kPixelX, layers::kPixelY}) {
-    if (!outline.Has(place))
-      return absl::InvalidArgumentError(
-          absl::StrCat(file_->path, ": the edge set has no channel ", std::string(place)));
-  }
-  const absl::StatusOr<int> first = FirstEdgeFrom(rect.y0);
-  if (!first.ok()) return first.status();
-  const absl::StatusOr<int> last = FirstEdgeFrom(rect.y1);
-  if (!last.ok()) return last.status();
-  return ReadEdgeRows(*first, *last, rect);
-}
-
-absl::StatusOr<LayeredImage> ExrFilm::ReadEdgeRows(int first, int last, const Rect& rect) {
+absl::StatusOr<LayeredImage> ExrFilm::ReadRows(Part& list, int first, int last, const Rect& rect) const {
   std::vector<LayeredImage> pieces;
-  for (int row = first; row < last; row += kEdgeRows) {
+  for (int row = first; row < last; row += kListRows) {
     const absl::StatusOr<LayeredImage> rows =
-        file_->edges->Read({0, row, file_->edges->width(), std::min(row + kEdgeRows, last)});
+        list.Read({0, row, list.width(), std::min(row + kListRows, last)});
     if (!rows.ok()) return rows.status();
     const ConstFloatView y = rows->Get(layers::kPixelY);
     for (int i = 0; i < rows->height(); ++i) {
       if (!(y.At(0, i) >= static_cast<float>(rect.y0) && y.At(0, i) < static_cast<float>(rect.y1)))
-        return absl::InvalidArgumentError(
-            absl::StrCat(file_->path, ": the edge set is not in the order of the picture's rows"));
+        return absl::InvalidArgumentError(absl::StrCat(file_->path, ": the part ", list.name(),
+                                                       " is not in the order of the picture's rows"));
     }
     pieces.push_back(EdgesInside(*rows, rect));
   }

@@ -8,7 +8,7 @@
 
 namespace lumifold {
 
-/// An OpenEXR file as a film that is read part by part, with its edge set if it has one.
+/// An OpenEXR file as a film that is read part by part, with its edge set and fragments if it has any.
 ///
 /// Tiles are read directly. Scan lines can only be decoded in full width: each is decoded once and kept in a
 /// scratch file until the parts that are read lie below it. The scratch file takes 4 bytes per pixel and
@@ -25,7 +25,7 @@ class ExrFilm final : public FilmSource {
   int height() const override;
   /// An image without pixels, with the file's channels and metadata.
   LayeredImage Outline() const;
-  /// Errors: kInvalidArgument naming the file if it is damaged or its edge set is not in the order of rows;
+  /// Errors: kInvalidArgument naming the file if it is damaged or a list is not in the order of rows;
   /// kUnavailable if the scratch file cannot be written.
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override;
 
@@ -33,9 +33,9 @@ class ExrFilm final : public FilmSource {
   class Part;
   struct File;
   explicit ExrFilm(std::unique_ptr<File> file);
-  absl::StatusOr<int> FirstEdgeFrom(int y);
-  absl::StatusOr<LayeredImage> ReadEdges(const Rect& rect);
-  absl::StatusOr<LayeredImage> ReadEdgeRows(int first, int last, const Rect& rect);
+  static absl::StatusOr<int> FirstRowFrom(Part& list, int y);
+  absl::StatusOr<LayeredImage> ReadList(Part& list, const Rect& rect) const;
+  absl::StatusOr<LayeredImage> ReadRows(Part& list, int first, int last, const Rect& rect) const;
 
   std::unique_ptr<File> file_;
 };

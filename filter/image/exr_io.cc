@@ -70,9 +70,10 @@ absl::Status ReadParts(const std::string& path, Imf::MultiPartInputFile& file, u
   image->pixels = ImageFor(file.header(0));
   for (int part = 0; part < file.parts(); ++part) {
     const Imf::Header& header = file.header(part);
-    if (part > 0 && IsEdgePart(header)) {
-      image->edges = ImageFor(header);
-      ReadPart(file, part, "", &image->edges);
+    if (part > 0 && IsExrList(header)) {
+      LayeredImage& list = IsExrPart(header, kExrEdgePart) ? image->edges : image->fragments;
+      list = ImageFor(header);
+      ReadPart(file, part, "", &list);
     } else {
       ReadPart(file, part, part == 0 ? "" : header.name(), &image->pixels);
     }
@@ -100,12 +101,12 @@ absl::Status WriteExr(const std::string& path, const LayeredImage& image) {
 }
 
 absl::Status WriteExr(const std::string& path, const EdgedImage& image) {
-  if (image.edges.channels().empty()) return WriteExr(path, image.pixels);
-  const ExrLayout edges = ExrLayoutOf(image.edges);
-  absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(path, ExrLayoutOf(image.pixels), &edges);
+  const ExrLists lists = {ExrLayoutOf(image.edges), ExrLayoutOf(image.fragments)};
+  absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(path, ExrLayoutOf(image.pixels), lists);
   if (!writer.ok()) return writer.status();
   if (absl::Status status = writer->Append(image.pixels); !status.ok()) return status;
   if (absl::Status status = writer->AppendEdges(image.edges); !status.ok()) return status;
+  if (absl::Status status = writer->AppendFragments(image.fragments); !status.ok()) return status;
   return writer->Finish();
 }
 

@@ -27,16 +27,16 @@ void SetExrThreads(int threads);
 /// Threads: safe for different paths.
 absl::Status WriteExr(const std::string& path, const LayeredImage& image);
 
-/// The same for a picture with its edge set, which becomes a second part called "edges". If the edge set is
-/// empty, the file has one part, as above.
+/// The same for a picture with its lists, which become parts called "edges" and "fragments". If they are empty, the file
+/// has one part, as above.
 absl::Status WriteExr(const std::string& path, const EdgedImage& image);
 
-/// Reads all channels of a picture as float, and its string attributes as metadata. An edge set is ignored.
+/// Reads all channels of a picture as float, and its string attributes as metadata. Lists are ignored.
 /// Errors: kNotFound; kInvalidArgument naming the file for anything that is not a complete OpenEXR picture
-/// (deep files, several parts other than an edge set, a truncated file, a size over kMaxPixels).
+/// (deep files, several parts other than lists, a truncated file, a size over kMaxPixels).
 absl::StatusOr<LayeredImage> ReadExr(const std::string& path);
 
-/// Reads a file of WriteExr with its edge set.
+/// Reads a file of WriteExr with its lists.
 /// Errors: as ReadExr.
 absl::StatusOr<EdgedImage> ReadEdgedExr(const std::string& path);
 

@@ -55,6 +55,14 @@ absl::Status CheckHeader(const std::string& path, const Imf::Header& header, uin
   return absl::OkStatus();
 }
 
+/// Number of the first part of the lists at the end of a file; that of its parts where there are none. OpenEXR refuses files
+/// that have a name twice.
+int FirstList(const Imf::MultiPartInputFile& file) {
+  int first = file.parts();
+  while (first > 1 && IsExrList(file.header(first - 1))) --first;
+  return first;
+}
+
 }  // namespace
 
 absl::Status CatchExr(const std::string& path, absl::FunctionRef<absl::Status()> body) {
@@ -86,8 +94,7 @@ Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0) {
 }
 
 absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file, uint64_t file_bytes) {
-  const bool has_edges = file.parts() == 2 && IsEdgePart(file.header(1));
-  if (file.parts() != 1 && !has_edges) {
+  if (FirstList(file) != 1) {
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": has several parts; only single-part OpenEXR is read"));
   }
@@ -97,16 +104,22 @@ absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& fi
   return absl::OkStatus();
 }
 
-bool IsEdgePart(const Imf::Header& header) { return header.hasName() && header.name() == kExrPartNames[1]; }
+bool IsExrPart(const Imf::Header& header, const char* name) {
+  return header.hasName() && header.name() == name;
+}
+
+bool IsExrList(const Imf::Header& header) {
+  return IsExrPart(header, kExrEdgePart) || IsExrPart(header, kExrFragmentPart);
+}
 
 absl::Status CheckLayeredExr(const std::string& path, const Imf::MultiPartInputFile& file,
                              uint64_t file_bytes) {
+  const int first_list = FirstList(file);
   for (int part = 0; part < file.parts(); ++part) {
     const Imf::Header& header = file.header(part);
     if (absl::Status status = CheckHeader(path, header, file_bytes); !status.ok()) return status;
-    if (part > 0 && part + 1 == file.parts() && IsEdgePart(header)) continue;
-    const bool is_layer = file.parts() == 1 || file.header(0).name() == kExrPicturePart ||
-                          (part == 0 && file.parts() == 2 && IsEdgePart(file.header(1)));
+    if (part >= first_list) continue;
+    const bool is_layer = first_list == 1 || file.header(0).name() == kExrPicturePart;
     if (!is_layer || header.dataWindow() != file.header(0).dataWindow()) {
       return absl::InvalidArgumentError(
           absl::StrCat(path, ": has several parts; only those of one picture in layers are read"));

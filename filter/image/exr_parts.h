@@ -4,7 +4,6 @@
 #include <ImfHeader.h>
 #include <ImfMultiPartInputFile.h>
 
-#include <array>
 #include <cstdint>
 #include <string>
 
@@ -15,8 +14,10 @@
 // Shared by the readers and writers of OpenEXR in filter/image; no other code needs OpenEXR headers.
 namespace lumifold {
 
-/// Names of the parts of a picture with an edge set.
-inline constexpr std::array<const char*, 2> kExrPartNames = {"picture", "edges"};
+/// Names of the parts of a picture with lists, see EdgedImage.
+inline constexpr char kExrFilmPart[] = "picture";
+inline constexpr char kExrEdgePart[] = "edges";
+inline constexpr char kExrFragmentPart[] = "fragments";
 
 /// Name of the part with R G B A where each layer is a part.
 inline constexpr char kExrPicturePart[] = "rgba";
@@ -36,12 +37,15 @@ Imf::FrameBuffer ExrFrameOf(const LayeredImage& image, int x0, int y0);
 absl::Status CheckExr(const std::string& path, const Imf::MultiPartInputFile& file, uint64_t file_bytes);
 
 /// The same for a file that may have a part for each layer, as CopyExr writes it, all of the same window, and then the
-/// edge set.
+/// lists.
 absl::Status CheckLayeredExr(const std::string& path, const Imf::MultiPartInputFile& file,
                              uint64_t file_bytes);
 
-/// Whether a part is an edge set.
-bool IsEdgePart(const Imf::Header& header);
+/// Whether a part has this name.
+bool IsExrPart(const Imf::Header& header, const char* name);
+
+/// Whether a part is an edge set or fragments.
+bool IsExrList(const Imf::Header& header);
 
 /// The string attributes of a header.
 std::map<std::string, std::string> ExrMetadata(const Imf::Header& header);

@@ -10,6 +10,7 @@
 #include <ImfStandardAttributes.h>
 #include <ImfStringAttribute.h>
 
+#include <algorithm>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -63,35 +64,42 @@ ExrLayout ExrLayoutOf(const LayeredImage& image) {
 }
 
 struct ExrRowWriter::File {
-  File(std::string name, AtomicFile target, std::vector<ExrLayout> parts)
-      : path(std::move(name)),
-        file(std::move(target)),
-        layouts(std::move(parts)),
-        written(layouts.size(), 0) {}
+  File(std::string name, AtomicFile target, const ExrLayout& picture, const ExrLists& lists)
+      : path(std::move(name)), file(std::move(target)) {
+    parts.push_back({kExrFilmPart, picture});
+    if (!IsEmpty(lists.edges)) parts.push_back({kExrEdgePart, lists.edges});
+    if (!IsEmpty(lists.fragments)) parts.push_back({kExrFragmentPart, lists.fragments});
+  }
+
+  struct Part {
+    const char* name;
+    ExrLayout layout;
+    int written = 0;  // rows
+  };
 
   /// May throw.
   void Open() {
-    const ExrFrame& frame = layouts[0].frame;
-    const bool is_whole = frame.width == 0;
-    const Imath::Box2i display({0, 0}, {(is_whole ? layouts[0].width : frame.width) - 1,
-                                        (is_whole ? layouts[0].height : frame.height) - 1});
+    const ExrLayout& picture = parts[0].layout;
+    const bool is_whole = picture.frame.width == 0;
+    const Imath::Box2i display({0, 0}, {(is_whole ? picture.width : picture.frame.width) - 1,
+                                        (is_whole ? picture.height : picture.frame.height) - 1});
     std::vector<Imf::Header> headers;
-    for (const ExrLayout& layout : layouts) headers.push_back(HeaderOf(layout, display));
+    for (const Part& part : parts) headers.push_back(HeaderOf(part.layout, display));
     if (headers.size() == 1) {
       single.emplace(stream, headers[0]);
       return;
     }
     for (size_t i = 0; i < headers.size(); ++i) {
-      headers[i].setName(kExrPartNames[i]);
+      headers[i].setName(parts[i].name);
       headers[i].setType(Imf::SCANLINEIMAGE);
     }
     multi.emplace(stream, headers.data(), static_cast<int>(headers.size()));
   }
 
   /// May throw.
-  void Write(size_t part, const LayeredImage& rows) {
-    const ExrFrame& place = layouts[part].frame;
-    const Imf::FrameBuffer frame = ExrFrameOf(rows, place.x, place.y + written[part]);
+  void Write(size_t number, const LayeredImage& rows) {
+    const ExrFrame& place = parts[number].layout.frame;
+    const Imf::FrameBuffer frame = ExrFrameOf(rows, place.x, place.y + parts[number].written);
     const auto write = [&](auto&& output) {
       output.setFrameBuffer(frame);
       output.writePixels(rows.height());
@@ -99,7 +107,7 @@ struct ExrRowWriter::File {
     if (single.has_value())
       write(*single);
     else
-      write(Imf::OutputPart(*multi, static_cast<int>(part)));
+      write(Imf::OutputPart(*multi, static_cast<int>(number)));
   }
 
   /// The error: the disk's if there is one, else OpenEXR's.
@@ -109,8 +117,7 @@ struct ExrRowWriter::File {
 
   std::string path;
   AtomicFile file;
-  std::vector<ExrLayout> layouts;
-  std::vector<int> written;  // rows of each part
+  std::vector<Part> parts;
   ExrFileStream stream{path, &file};
   std::optional<Imf::OutputFile> single;  // a file of one part
   std::optional<Imf::MultiPartOutputFile> multi;
@@ -121,16 +128,14 @@ ExrRowWriter::ExrRowWriter(ExrRowWriter&&) noexcept = default;
 ExrRowWriter::~ExrRowWriter() = default;
 
 absl::StatusOr<ExrRowWriter> ExrRowWriter::Create(const std::string& path, const ExrLayout& picture,
-                                                  const ExrLayout* edges, FileSystem* files) {
-  if (IsEmpty(picture) || (edges != nullptr && IsEmpty(*edges))) {
+                                                  const ExrLists& lists, FileSystem* files) {
+  if (IsEmpty(picture)) {
     return absl::InvalidArgumentError(
         absl::StrCat("cannot write ", path, ": the picture has no pixels or no channels"));
   }
   absl::StatusOr<AtomicFile> target = AtomicFile::Create(path, files);
   if (!target.ok()) return target.status();
-  std::vector<ExrLayout> parts = {picture};
-  if (edges != nullptr) parts.push_back(*edges);
-  auto file = std::make_unique<File>(path, *std::move(target), std::move(parts));
+  auto file = std::make_unique<File>(path, *std::move(target), picture, lists);
   const absl::Status status = CatchExr(path, [&] {
     file->Open();
     return absl::OkStatus();
@@ -139,30 +144,41 @@ absl::StatusOr<ExrRowWriter> ExrRowWriter::Create(const std::string& path, const
   return ExrRowWriter(std::move(file));
 }
 
-absl::Status ExrRowWriter::AppendTo(size_t part, const LayeredImage& rows) {
+absl::Status ExrRowWriter::Append(const LayeredImage& rows) { return AppendTo(kExrFilmPart, rows); }
+
+absl::Status ExrRowWriter::AppendEdges(const LayeredImage& rows) {
+  return rows.channels().empty() ? absl::OkStatus() : AppendTo(kExrEdgePart, rows);
+}
+
+absl::Status ExrRowWriter::AppendFragments(const LayeredImage& rows) {
+  return rows.channels().empty() ? absl::OkStatus() : AppendTo(kExrFragmentPart, rows);
+}
+
+absl::Status ExrRowWriter::AppendTo(std::string_view name, const LayeredImage& rows) {
   const auto invalid = [&](std::string_view why) {
     return absl::InvalidArgumentError(absl::StrCat("cannot write ", file_->path, ": ", std::string(why)));
   };
-  if (part >= file_->layouts.size()) return invalid("no edge set was announced");
-  const ExrLayout& layout = file_->layouts[part];
-  int& written = file_->written[part];
-  if (rows.width() != layout.width || rows.height() > layout.height - written)
+  const auto part = std::find_if(file_->parts.begin(), file_->parts.end(),
+                                 [name](const File::Part& p) { return p.name == name; });
+  if (part == file_->parts.end())
+    return invalid(absl::StrCat("no part ", std::string(name), " was announced"));
+  const ExrLayout& layout = part->layout;
+  if (rows.width() != layout.width || rows.height() > layout.height - part->written)
     return invalid("rows of another size");
   for (const std::string& channel : layout.channels) {
     if (!rows.Has(channel)) return invalid(absl::StrCat("rows without ", channel));
   }
   if (rows.height() == 0) return absl::OkStatus();
   const absl::Status status = CatchExr(file_->path, [&] {
-    file_->Write(part, rows);
+    file_->Write(static_cast<size_t>(part - file_->parts.begin()), rows);
     return absl::OkStatus();
   });
-  written += rows.height();
+  part->written += rows.height();
   return file_->Judge(status);
 }
 
 absl::Status ExrRowWriter::Finish() {
-  for (size_t i = 0; i < file_->layouts.size(); ++i)
-    LUMIFOLD_CHECK(file_->written[i] == file_->layouts[i].height);
+  for (const File::Part& part : file_->parts) LUMIFOLD_CHECK(part.written == part.layout.height);
   const absl::Status status = CatchExr(file_->path, [&] {
     file_->single.reset();  // the destructors write the table of scan lines
     file_->multi.reset();

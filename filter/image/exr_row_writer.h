@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -44,6 +45,12 @@ struct ExrLayout {
   ExrStandard standard = {};
 };
 
+/// The layouts of a picture's lists, see EdgedImage. The file has a part for each that is not empty.
+struct ExrLists {
+  ExrLayout edges = {};
+  ExrLayout fragments = {};
+};
+
 /// The layout of a picture in memory.
 ExrLayout ExrLayoutOf(const LayeredImage& image);
 
@@ -55,24 +62,25 @@ ExrLayout ExrLayoutOf(const LayeredImage& image);
 /// Threads: one at a time.
 class ExrRowWriter {
  public:
-  /// With an edge set the file has a second part; `edges` may be null. `files` must outlive the writer.
+  /// `files` must outlive the writer.
   static absl::StatusOr<ExrRowWriter> Create(const std::string& path, const ExrLayout& picture,
-                                             const ExrLayout* edges = nullptr,
+                                             const ExrLists& lists = {},
                                              FileSystem* files = RealFileSystem());
   ExrRowWriter(ExrRowWriter&&) noexcept;
   ~ExrRowWriter();
 
   /// The next rows of the picture.
-  absl::Status Append(const LayeredImage& rows) { return AppendTo(0, rows); }
-  /// The next rows of the edge set.
-  absl::Status AppendEdges(const LayeredImage& rows) { return AppendTo(1, rows); }
+  absl::Status Append(const LayeredImage& rows);
+  /// The next rows of the edge set and of the fragments; a list without channels has none.
+  absl::Status AppendEdges(const LayeredImage& rows);
+  absl::Status AppendFragments(const LayeredImage& rows);
   /// Completes the file and renames it to its path. All rows must have been appended. Call once.
   absl::Status Finish();
 
  private:
   struct File;
   explicit ExrRowWriter(std::unique_ptr<File> file);
-  absl::Status AppendTo(size_t part, const LayeredImage& rows);
+  absl::Status AppendTo(std::string_view name, const LayeredImage& rows);
 
   std::unique_ptr<File> file_;
 };

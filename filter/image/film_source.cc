@@ -3,8 +3,9 @@
 namespace lumifold {
 
 absl::StatusOr<EdgedImage> FilmInMemory::Read(const Rect& rect) {
-  EdgedImage part{film_.Crop(rect), {}};
+  EdgedImage part{film_.Crop(rect)};
   if (edges_ != nullptr) part.edges = EdgesInside(*edges_, rect);
+  if (fragments_ != nullptr) part.fragments = EdgesInside(*fragments_, rect);
   return part;
 }
 

@@ -19,8 +19,8 @@ class FilmSource {
   virtual int width() const = 0;
   virtual int height() const = 0;
 
-  /// The part of the film inside `rect`, which lies within it: all channels, and the edge set of its pixels,
-  /// whose pixel coordinates start at the corner of `rect`. Cheapest if `rect` moves from left to right and
+  /// The part of the film inside `rect`, which lies within it: all channels, and the edge set and the fragments of its
+  /// pixels, whose pixel coordinates start at the corner of `rect`. Cheapest if `rect` moves from left to right and
   /// then downwards.
   virtual absl::StatusOr<EdgedImage> Read(const Rect& rect) = 0;
 };
@@ -28,11 +28,12 @@ class FilmSource {
 /// Receives the rows of a picture in order from the top, some at a time: `rows` has the picture's width.
 using RowSink = std::function<absl::Status(const LayeredImage& rows)>;
 
-/// A film in memory, which the caller owns. `edges` may be null.
+/// A film in memory, which the caller owns. `edges` and `fragments` may be null.
 class FilmInMemory final : public FilmSource {
  public:
-  explicit FilmInMemory(const LayeredImage& film, const LayeredImage* edges = nullptr)
-      : film_(film), edges_(edges) {}
+  explicit FilmInMemory(const LayeredImage& film, const LayeredImage* edges = nullptr,
+                        const LayeredImage* fragments = nullptr)
+      : film_(film), edges_(edges), fragments_(fragments) {}
 
   int width() const override { return film_.width(); }
   int height() const override { return film_.height(); }
@@ -41,6 +42,7 @@ class FilmInMemory final : public FilmSource {
  private:
   const LayeredImage& film_;
   const LayeredImage* edges_;
+  const LayeredImage* fragments_;
 };
 
 /// A film whose reads are observed, to measure the time between them or to stop early.

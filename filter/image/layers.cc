@@ -1,5 +1,6 @@
 #include "filter/image/layers.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace lumifold::layers {
@@ -36,6 +37,27 @@ std::vector<std::string> EdgeChannels() {
   AddColor(kEmission, &names);
   for (const std::string_view name : {kObjectId, kMask}) names.emplace_back(name);
   return names;
+}
+
+std::vector<std::string> FragmentChannels(absl::FunctionRef<bool(std::string_view layer)> has) {
+  if (std::none_of(kFragmentHalved.begin(), kFragmentHalved.end(), has)) return {};
+  std::vector<std::string> names;
+  for (const std::string_view name : {kPixelX, kPixelY, kSurface}) names.emplace_back(name);
+  for (const std::string_view name : kFragmentFeatures) names.emplace_back(name);
+  for (const std::string_view layer : kFragmentHalved) {
+    if (!has(layer)) continue;
+    AddColor(HalfA(layer), &names);
+    AddColor(HalfB(layer), &names);
+  }
+  for (const std::string_view layer : kFragmentWhole) {
+    if (has(layer)) AddColor(layer, &names);
+  }
+  for (const std::string_view name : {kSamplesA, kSamplesB}) names.emplace_back(name);
+  return names;
+}
+
+std::vector<std::string> FragmentChannels() {
+  return FragmentChannels([](std::string_view) { return true; });
 }
 
 }  // namespace lumifold::layers

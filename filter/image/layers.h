@@ -6,6 +6,8 @@
 #include <string_view>
 #include <vector>
 
+#include "absl/functional/function_ref.h"
+
 /// The names of channels, the same in units, films and OpenEXR files. Units hold sums; films and files hold
 /// means.
 namespace lumifold::layers {
@@ -39,9 +41,12 @@ inline constexpr std::string_view kRoughness = "roughness.Y";  // GGX alpha of t
 inline constexpr std::string_view kSamplesA = "samples_a.Y";
 inline constexpr std::string_view kSamplesB = "samples_b.Y";
 
-// Coordinates of an edge pixel in the whole frame; the other channels of the edge set have the names above.
+// Coordinates of a pixel in the whole frame, of edge sets and fragments; their other channels have the names above.
 inline constexpr std::string_view kPixelX = "pixel.X";
 inline constexpr std::string_view kPixelY = "pixel.Y";
+
+// The surface of a fragment, see SurfaceKey.
+inline constexpr std::string_view kSurface = "surface.Y";
 
 /// The layers that are kept in two independent halves, in the order they are stored.
 inline constexpr std::array<std::string_view, 4> kHalved = {kNoisy, kDirect, kIndirect, kGlossy};
@@ -55,6 +60,12 @@ inline constexpr std::array<LobeLayer, 2> kLobeLayers = {
 
 /// The layers that are kept once, over all samples.
 inline constexpr std::array<std::string_view, 3> kWhole = {kAlbedo, kEmission, kGlossyAlbedo};
+
+/// What a fragment has: features, light in halves, and the layers that multiply the light.
+inline constexpr std::array<std::string_view, 4> kFragmentFeatures = {kNormalX, kNormalY, kNormalZ,
+                                                                      kDistance};
+inline constexpr std::array<std::string_view, 2> kFragmentHalved = {kDirect, kIndirect};
+inline constexpr std::array<std::string_view, 1> kFragmentWhole = {kAlbedo};
 
 /// A level: the surface reached after `depth` delta events, the first of which was a reflection or a
 /// transmission.
@@ -112,5 +123,11 @@ std::vector<std::string> LevelFeatureChannels(Level level);
 
 /// The channels of an edge set, see EdgedImage.
 std::vector<std::string> EdgeChannels();
+
+/// The channels of a list of fragments, see EdgedImage, with the layers of kFragmentHalved and kFragmentWhole for which
+/// `has` is true. None if it has no light of kFragmentHalved: such fragments would tell nothing.
+std::vector<std::string> FragmentChannels(absl::FunctionRef<bool(std::string_view layer)> has);
+/// The same with all layers.
+std::vector<std::string> FragmentChannels();
 
 }  // namespace lumifold::layers

@@ -93,31 +93,40 @@ void WriteWhole(const TilePlacement& placement, const TileSums& sums, std::strin
 
 Counts CountsOf(const TileSums& sums) { return {sums.Of(layers::kSamplesA), sums.Of(layers::kSamplesB)}; }
 
-/// All rows of all edge sets, in the order of the frame's pixels.
-LayeredImage AssembleEdges(const std::vector<LayeredImage>& sets) {
-  using Place = std::tuple<float, float, const LayeredImage*, int>;  // y, x, set, row
+/// All rows of all lists of the tiles, in the order of the frame's pixels. The rows of a pixel are in one list, and keep
+/// their order.
+LayeredImage AssembleLists(const std::vector<LayeredImage>& lists, const std::vector<std::string>& channels) {
+  using Place = std::tuple<float, float, const LayeredImage*, int>;  // y, x, list, row
   std::vector<Place> places;
-  for (const LayeredImage& set : sets) {
-    for (int row = 0; row < set.height(); ++row)
-      places.emplace_back(set.Get(layers::kPixelY).At(0, row), set.Get(layers::kPixelX).At(0, row), &set,
+  int width = 0;
+  for (const LayeredImage& list : lists) {
+    width = std::max(width, list.width());
+    for (int row = 0; row < list.height(); ++row)
+      places.emplace_back(list.Get(layers::kPixelY).At(0, row), list.Get(layers::kPixelX).At(0, row), &list,
                           row);
   }
   if (places.empty()) return {};
   std::sort(places.begin(), places.end());
-  LayeredImage assembled(kSubSamples, static_cast<int>(places.size()));
-  for (const std::string& name : layers::EdgeChannels()) {
+  LayeredImage assembled(width, static_cast<int>(places.size()));
+  for (const std::string& name : channels) {
     const FloatView view = assembled.Add(name);
     for (int row = 0; row < assembled.height(); ++row) {
-      const auto& [y, x, set, set_row] = places[static_cast<size_t>(row)];
-      std::copy_n(set->Get(name).Row(set_row), kSubSamples, view.Row(row));
+      const auto& [y, x, list, list_row] = places[static_cast<size_t>(row)];
+      std::copy_n(list->Get(name).Row(list_row), width, view.Row(row));
     }
   }
   return assembled;
 }
 
+/// What filters and results need is in a film in any case.
+bool IsInFilm(std::string_view layer, const UnitModel& model) {
+  return model.Has(layer) || (layer != layers::kGlossy && layer != layers::kGlossyAlbedo);
+}
+
 }  // namespace
 
-void TileSums::Add(const LayeredImage& pass) {
+void TileSums::Add(const EdgedImage& unit) {
+  const LayeredImage& pass = unit.pixels;
   for (const LayeredImage::Channel& channel : pass.channels()) {
     std::vector<double>& sum = sums_[channel.name];
     sum.resize(static_cast<size_t>(pass.width()) * static_cast<size_t>(pass.height()));
@@ -127,6 +136,7 @@ void TileSums::Add(const LayeredImage& pass) {
       for (int x = 0; x < pass.width(); ++x) *next++ += row[x];
     }
   }
+  fragments_.Add(unit.fragments);
 }
 
 const std::vector<double>& TileSums::Of(std::string_view channel) const {
@@ -142,15 +152,11 @@ FilmBuilder::FilmBuilder(const Rect& part, const LevelSet& levels, const UnitMod
       model_(model),
       film_(part.width(), part.height()),
       levels_(part.width(), part.height(), LevelFilmChannels) {
-  // What filters and results need is there in any case.
-  const auto has = [&model](std::string_view layer) {
-    return model.Has(layer) || (layer != layers::kGlossy && layer != layers::kGlossyAlbedo);
-  };
   for (const std::string_view layer : layers::kHalved) {
-    if (has(layer)) AddHalved(layer, &film_);
+    if (IsInFilm(layer, model)) AddHalved(layer, &film_);
   }
   for (const std::string_view layer : layers::kWhole) {
-    if (has(layer)) film_.AddColor(layer);
+    if (IsInFilm(layer, model)) film_.AddColor(layer);
   }
   film_.Add(layers::kSamplesA);
   film_.Add(layers::kSamplesB);
@@ -178,6 +184,9 @@ void FilmBuilder::SetMeans(const Rect& rect, const TileSums& sums) {
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
     if (sums.Has(OfLevel(Level::Of(i), layers::kSamplesA))) SetLevelMeans(rect, sums, Level::Of(i));
   }
+  LayeredImage fragments = EdgesInside(sums.fragments().Means(FilmFragmentChannels(model_)), part_);
+  absl::MutexLock lock(&mutex_);
+  fragments_.push_back(std::move(fragments));
 }
 
 void FilmBuilder::SetLevelMeans(const Rect& rect, const TileSums& sums, Level level) {
@@ -216,7 +225,13 @@ void FilmBuilder::AddEdges(const LayeredImage& edges) {
 EdgedImage FilmBuilder::Take() {
   absl::MutexLock lock(&mutex_);
   levels_.MoveTo(&film_);
-  return {std::move(film_), AssembleEdges(edges_)};
+  return {std::move(film_), AssembleLists(edges_, layers::EdgeChannels()),
+          AssembleLists(fragments_, FilmFragmentChannels(model_))};
+}
+
+std::vector<std::string> FilmFragmentChannels(const UnitModel& model) {
+  if (PassFragmentChannels(model).empty()) return {};
+  return layers::FragmentChannels([&model](std::string_view layer) { return IsInFilm(layer, model); });
 }
 
 }  // namespace lumifold::film

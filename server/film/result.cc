@@ -106,7 +106,8 @@ EdgedImage BuildResult(EdgedImage film, std::array<Plane, 3> filtered, const Res
     }
   }
   Describe(info, &result);
-  return {std::move(result), info.spec.save_film() ? std::move(film.edges) : LayeredImage()};
+  if (!info.spec.save_film()) return {std::move(result)};
+  return {std::move(result), std::move(film.edges), std::move(film.fragments)};
 }
 
 }  // namespace lumifold::film

@@ -18,6 +18,13 @@ std::optional<std::array<float, 16>> MatrixOf(const google::protobuf::RepeatedFi
   return matrix;
 }
 
+absl::StatusOr<ExrLists> ListsOf(const UnitFilm& film) {
+  const absl::StatusOr<int64_t> fragments = film.CountFragments();
+  if (!fragments.ok()) return fragments.status();
+  return ExrLists{{kSubSamples, static_cast<int>(film.edge_rows()), layers::EdgeChannels(), {}},
+                  {1, static_cast<int>(*fragments), film.FragmentChannels(), {}}};
+}
+
 }  // namespace
 
 ResultWriter::ResultWriter(ExrRowWriter file, ResultInfo info)
@@ -25,7 +32,7 @@ ResultWriter::ResultWriter(ExrRowWriter file, ResultInfo info)
 
 absl::StatusOr<ResultWriter> ResultWriter::Create(const std::string& path, const UnitFilm& film,
                                                   ResultInfo info, FileSystem* files) {
-  ExrLayout picture = ExrLayoutOf(BuildResult({film.Outline(), {}}, {}, info).pixels);
+  ExrLayout picture = ExrLayoutOf(BuildResult({film.Outline()}, {}, info).pixels);
   picture.width = film.width();
   picture.height = film.height();
   if (info.spec.has_crop()) {
@@ -38,10 +45,9 @@ absl::StatusOr<ResultWriter> ResultWriter::Create(const std::string& path, const
   picture.standard.is_rec709 = true;
   picture.standard.exposure_seconds = 0;  // a frame shows one moment
   picture.standard.frames_per_second = info.spec.frames_per_second();
-  const ExrLayout edges = {kSubSamples, static_cast<int>(film.edge_rows()), layers::EdgeChannels(), {}};
-  const bool has_edges = info.spec.save_film() && film.edge_rows() > 0;
-  absl::StatusOr<ExrRowWriter> file =
-      ExrRowWriter::Create(path, picture, has_edges ? &edges : nullptr, files);
+  const absl::StatusOr<ExrLists> lists = info.spec.save_film() ? ListsOf(film) : ExrLists();
+  if (!lists.ok()) return lists.status();
+  absl::StatusOr<ExrRowWriter> file = ExrRowWriter::Create(path, picture, *lists, files);
   if (!file.ok()) return file.status();
   return ResultWriter(*std::move(file), std::move(info));
 }
@@ -50,8 +56,10 @@ absl::Status ResultWriter::Append(EdgedImage part, std::array<Plane, 3> filtered
   EdgedImage rows = BuildResult(std::move(part), std::move(filtered), info_);
   if (absl::Status status = file_.Append(rows.pixels); !status.ok()) return status;
   MovePlaces(0, rows_, &rows.edges);
+  MovePlaces(0, rows_, &rows.fragments);
   rows_ += rows.pixels.height();
-  return rows.edges.channels().empty() ? absl::OkStatus() : file_.AppendEdges(rows.edges);
+  if (absl::Status status = file_.AppendEdges(rows.edges); !status.ok()) return status;
+  return file_.AppendFragments(rows.fragments);
 }
 
 }  // namespace lumifold::film

@@ -12,12 +12,12 @@
 
 namespace lumifold::film {
 
-/// The pixels and the edge set of a delivered unit, in the pieces in which they arrived. Only a geometry unit
-/// may have an edge set; the others have one without pieces.
+/// The pixels of a delivered unit and its list, in the pieces in which they arrived: the edge set of a geometry unit, the
+/// fragments of a pass. A unit without a list has one without pieces.
 struct DeliveredPixels {
   rpc::ReceivedPicture pixels;
   rpc::ReceivedPicture edges;
-  /// XXH3-64 of all values as float32: those of the edge set, then those of the pixels, plane by plane.
+  /// XXH3-64 of all values as float32: those of the list, then those of the pixels, plane by plane.
   uint64_t values_checksum = 0;
 };
 
@@ -30,8 +30,8 @@ class UnitAssembler {
   UnitAssembler(v1::UnitKind kind, const Rect& rect, TileSamples samples, const UnitModel& model = {});
 
   /// Adds the next piece; one that is moved in is not copied.
-  /// Errors: those of rpc::PixelAssembler, CheckUnitLayout, CheckUnitValues and CheckEdges;
-  /// kInvalidArgument for an edge set that is not allowed here. After an error the unit is unusable.
+  /// Errors: those of rpc::PixelAssembler, CheckUnitLayout, CheckUnitValues, CheckEdges, CheckFragments and
+  /// CheckFragmentCounts; kInvalidArgument for a list that is not allowed here. After an error the unit is unusable.
   absl::Status Add(v1::UnitChunk chunk);
 
   /// True after the last piece.

@@ -1,6 +1,7 @@
 #include "server/film/unit_film.h"
 
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <utility>
 #include <vector>
@@ -10,7 +11,6 @@
 #include "absl/synchronization/mutex.h"
 #include "filter/image/layers.h"
 #include "proto/rpc/image_codec.h"
-#include "server/film/film_builder.h"
 
 namespace lumifold::film {
 namespace {
@@ -43,6 +43,7 @@ absl::StatusOr<EdgedImage> ReadChecked(const UnitSource& units, const UnitKey& k
   if (absl::Status status = CheckUnitLayout(key.kind, rect, rpc::LayoutOf(unit->pixels), model); !status.ok())
     return status;
   if (absl::Status status = CheckEdges(rect, unit->edges); !status.ok()) return status;
+  if (absl::Status status = CheckFragments(rect, model, unit->fragments); !status.ok()) return status;
   return unit;
 }
 
@@ -53,7 +54,7 @@ absl::Status AssembleTile(const UnitSource& units, const std::vector<UnitKey>& k
     const absl::StatusOr<EdgedImage> unit = ReadChecked(units, key, rect, model);
     if (!unit.ok()) return unit.status();
     if (key.kind == v1::UNIT_KIND_PASS) {
-      sums.Add(unit->pixels);
+      sums.Add(*unit);
     } else {
       film->SetGeometry(rect, unit->pixels);
       film->AddEdges(unit->edges);
@@ -117,10 +118,29 @@ absl::Status UnitFilm::FindOutline() {
       const LevelSet levels = LevelsOf(key.kind, outline->pixels);
       absl::MutexLock lock(&mutex);
       levels_ |= levels;
-      edge_rows_ += outline->edge_rows;
+      (key.kind == v1::UNIT_KIND_PASS ? pass_rows_ : edge_rows_) += outline->list_rows;
     }
     return absl::OkStatus();
   });
+}
+
+absl::StatusOr<int64_t> UnitFilm::CountFragments() const {
+  if (pass_rows_ == 0) return 0;
+  std::atomic<int64_t> rows = 0;
+  const std::vector<int32_t> all = tiles_.tiles().TilesIn({0, 0, width_, height_});
+  const absl::Status status = ForEachTile(pool_, all, [&](int32_t tile) -> absl::Status {
+    TileFragments fragments;
+    for (const UnitKey& key : UnitsOf(tile)) {
+      if (key.kind != v1::UNIT_KIND_PASS) continue;
+      const absl::StatusOr<EdgedImage> unit = ReadChecked(units_, key, tiles_.tiles().RectOf(tile), model_);
+      if (!unit.ok()) return unit.status();
+      fragments.Add(unit->fragments);
+    }
+    rows += fragments.rows();
+    return absl::OkStatus();
+  });
+  if (!status.ok()) return status;
+  return rows.load();
 }
 
 LayeredImage UnitFilm::Outline() const { return FilmBuilder(Rect{}, levels_, model_).Take().pixels; }

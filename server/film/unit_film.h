@@ -2,12 +2,14 @@
 
 #include <cstdint>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
 #include "filter/image/film_source.h"
 #include "filter/image/parallel.h"
 #include "lumifold/v1/job.pb.h"
+#include "server/film/film_builder.h"
 #include "server/film/unit_layout.h"
 #include "server/film/unit_source.h"
 #include "server/job/frame_rounds.h"
@@ -46,11 +48,16 @@ class UnitFilm final : public FilmSource {
   LayeredImage Outline() const;
   /// Number of rows of the edge set of the whole film.
   int64_t edge_rows() const { return edge_rows_; }
+  /// Number of fragments of the whole film. Reads all passes that have any.
+  /// Errors: as Read.
+  absl::StatusOr<int64_t> CountFragments() const;
+  /// The channels of its fragments.
+  std::vector<std::string> FragmentChannels() const { return FilmFragmentChannels(model_); }
   /// End of the band of rows that begins at row `y`: the end of its tiles, so that no unit is read twice, or
   /// an earlier row where the band would take more than 512 MiB.
   int BandEnd(int y) const;
 
-  /// Errors: those of the units, CheckUnitLayout and CheckEdges; that of the first tile where several fail.
+  /// Errors: those of the units, CheckUnitLayout, CheckEdges and CheckFragments; that of the first tile where several fail.
   absl::StatusOr<EdgedImage> Read(const Rect& rect) override;
 
  private:
@@ -71,6 +78,7 @@ class UnitFilm final : public FilmSource {
   const UnitModel model_;
   LevelSet levels_;
   int64_t edge_rows_ = 0;
+  int64_t pass_rows_ = 0;  // of the fragments of all passes
 };
 
 }  // namespace lumifold::film

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <optional>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "absl/status/statusor.h"
@@ -21,6 +22,9 @@ namespace lumifold::film {
 namespace {
 
 using layers::Level;
+
+/// All whole numbers below are floats.
+constexpr float kEndOfNumbers = 0x1p24f;
 
 std::array<std::vector<std::string>, layers::kLevelCount> MakeLevelChannels(v1::UnitKind kind) {
   std::array<std::vector<std::string>, layers::kLevelCount> names;
@@ -227,6 +231,34 @@ absl::Status CheckStats(const v1::UnitStats& stats) {
       stats.rays(), " rays and ", stats.seconds(), " seconds: one is negative or not finite"));
 }
 
+absl::Status CannotRead(const char* part, const absl::Status& cause) {
+  return absl::InvalidArgumentError(absl::StrCat(part, ": ", std::string(cause.message())));
+}
+
+/// What a list is called in errors, its channels and its width.
+struct ListForm {
+  const char* name;
+  const std::vector<std::string>& channels;
+  int width;
+};
+
+/// Checks channels, width, and that all values are finite. Adds them to `checksum`, which may be null.
+absl::Status CheckForm(const ListForm& form, PlaneRows& list, rpc::RunningChecksum* checksum) {
+  if (absl::Status status = NameSet(list.names()).CheckEachOnce(form.channels); !status.ok()) return status;
+  if (list.width() != form.width || list.names().size() != form.channels.size()) {
+    return absl::InvalidArgumentError(absl::StrCat(form.name, ": ", list.width(), " columns of ",
+                                                   list.names().size(), " channels, expected ", form.width,
+                                                   " of ", form.channels.size()));
+  }
+  const absl::StatusOr<std::optional<NotFinite>> found = FindNotFinite(list, checksum);
+  if (!found.ok()) return CannotRead(form.name, found.status());
+  if (const std::optional<NotFinite>& bad = *found; bad.has_value()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(form.name, ": ", bad->channel, " of row ", bad->y, " is ", bad->value, ", not finite"));
+  }
+  return absl::OkStatus();
+}
+
 /// A coordinate of the pixel of a row of an edge set.
 struct Coordinate {
   float value = 0;
@@ -241,7 +273,7 @@ std::vector<Coordinate> CoordinatesOf(PlaneRows& edges, std::string_view channel
     const std::string_view values = edges.Row(plane, row);
     Coordinate& coordinate = coordinates[static_cast<size_t>(row)];
     coordinate.value = ValueAt(values, 0);
-    for (int i = 1; i < kSubSamples; ++i) coordinate.is_common &= ValueAt(values, i) == coordinate.value;
+    for (int i = 1; i < edges.width(); ++i) coordinate.is_common &= ValueAt(values, i) == coordinate.value;
   }
   return coordinates;
 }
@@ -270,8 +302,40 @@ absl::Status CheckPlaces(const Rect& rect, const std::vector<Coordinate>& xs,
   return absl::OkStatus();
 }
 
-absl::Status CannotRead(const char* part, const absl::Status& cause) {
-  return absl::InvalidArgumentError(absl::StrCat(part, ": ", std::string(cause.message())));
+/// The values of a list that is 1 wide.
+std::vector<float> ColumnOf(PlaneRows& list, std::string_view channel) {
+  const size_t plane = *list.Find(channel);
+  std::vector<float> values(static_cast<size_t>(list.height()));
+  for (int row = 0; row < list.height(); ++row)
+    values[static_cast<size_t>(row)] = ValueAt(list.Row(plane, row), 0);
+  return values;
+}
+
+bool IsWholeWithin(float value, float begin, float end) {
+  return value >= begin && value < end && value == std::floor(value);
+}
+
+/// Checks the pixels and surfaces of fragments, by row.
+absl::Status CheckFragmentPlaces(const Rect& rect, PlaneRows& fragments) {
+  const std::vector<float> xs = ColumnOf(fragments, layers::kPixelX);
+  const std::vector<float> ys = ColumnOf(fragments, layers::kPixelY);
+  const std::vector<float> surfaces = ColumnOf(fragments, layers::kSurface);
+  int of_pixel = 0;
+  for (size_t row = 0; row < xs.size(); ++row) {
+    const bool is_inside = IsWholeWithin(xs[row], static_cast<float>(rect.x0), static_cast<float>(rect.x1)) &&
+                           IsWholeWithin(ys[row], static_cast<float>(rect.y0), static_cast<float>(rect.y1));
+    const bool is_ordered = row == 0 || std::tie(ys[row - 1], xs[row - 1], surfaces[row - 1]) <
+                                            std::tie(ys[row], xs[row], surfaces[row]);
+    const bool continues = row > 0 && xs[row] == xs[row - 1] && ys[row] == ys[row - 1];
+    of_pixel = continues ? of_pixel + 1 : 1;
+    if (is_inside && is_ordered && IsWholeWithin(surfaces[row], 1, kEndOfNumbers) &&
+        of_pixel <= kMaxFragments)
+      continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat("fragments: row ", row, " is surface ", surfaces[row], " of the pixel ", xs[row], ",",
+                     ys[row], ": outside the tile, out of order, no surface, or one too many"));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -313,6 +377,10 @@ std::vector<std::string> PassChannels(const UnitModel& model) {
   return names;
 }
 
+std::vector<std::string> PassFragmentChannels(const UnitModel& model) {
+  return layers::FragmentChannels([&model](std::string_view layer) { return model.Has(layer); });
+}
+
 const std::vector<std::string>& GeometryChannels() {
   static const auto& names = *new std::vector<std::string>{
       std::string(layers::kNormalX),     std::string(layers::kNormalY),   std::string(layers::kNormalZ),
@@ -334,11 +402,12 @@ rpc::PixelLimits UnitLimits(const Rect& rect) {
   return limits;
 }
 
-rpc::PixelLimits EdgeLimits(const Rect& rect) {
+rpc::PixelLimits ListLimits(v1::UnitKind kind, const Rect& rect) {
+  const bool is_pass = kind == v1::UNIT_KIND_PASS;
   rpc::PixelLimits limits;
-  limits.max_width = kSubSamples;
-  limits.max_height = rect.width() * rect.height();
-  limits.max_channels = static_cast<int>(layers::EdgeChannels().size());
+  limits.max_width = is_pass ? 1 : kSubSamples;
+  limits.max_height = rect.width() * rect.height() * (is_pass ? kMaxFragments : 1);
+  limits.max_channels = static_cast<int>((is_pass ? PassFragmentChannels() : layers::EdgeChannels()).size());
   return limits;
 }
 
@@ -387,19 +456,52 @@ absl::Status CheckUnitValues(v1::UnitKind kind, const Rect& rect, const TileSamp
 absl::Status CheckEdges(const Rect& rect, PlaneRows edges, rpc::RunningChecksum* checksum) {
   if (edges.names().empty()) return absl::OkStatus();
   static const auto& wanted = *new std::vector<std::string>(layers::EdgeChannels());
-  if (absl::Status status = NameSet(edges.names()).CheckEachOnce(wanted); !status.ok()) return status;
-  if (edges.width() != kSubSamples || edges.names().size() != wanted.size()) {
-    return absl::InvalidArgumentError(absl::StrCat("edge set: ", edges.width(), " sub-samples of ",
-                                                   edges.names().size(), " channels, expected ", kSubSamples,
-                                                   " of ", wanted.size()));
-  }
-  const absl::StatusOr<std::optional<NotFinite>> found = FindNotFinite(edges, checksum);
-  if (!found.ok()) return CannotRead("edge set", found.status());
-  if (const std::optional<NotFinite>& bad = *found; bad.has_value()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("edge set: ", bad->channel, " of row ", bad->y, " is ", bad->value, ", not finite"));
-  }
+  const ListForm form = {"edge set", wanted, kSubSamples};
+  if (absl::Status status = CheckForm(form, edges, checksum); !status.ok()) return status;
   return CheckPlaces(rect, CoordinatesOf(edges, layers::kPixelX), CoordinatesOf(edges, layers::kPixelY));
+}
+
+absl::Status CheckFragments(const Rect& rect, const UnitModel& model, PlaneRows fragments,
+                            rpc::RunningChecksum* checksum) {
+  if (fragments.names().empty()) return absl::OkStatus();
+  const std::vector<std::string> wanted = PassFragmentChannels(model);
+  if (wanted.empty())
+    return absl::InvalidArgumentError("fragments: the plan of the job has no light of surfaces");
+  if (absl::Status status = CheckForm({"fragments", wanted, 1}, fragments, checksum); !status.ok())
+    return status;
+  if (absl::Status status = CheckFragmentPlaces(rect, fragments); !status.ok()) return status;
+  const std::vector<float> a = ColumnOf(fragments, layers::kSamplesA);
+  const std::vector<float> b = ColumnOf(fragments, layers::kSamplesB);
+  for (size_t row = 0; row < a.size(); ++row) {
+    if (IsWholeWithin(a[row], 0, kEndOfNumbers) && IsWholeWithin(b[row], 0, kEndOfNumbers) &&
+        a[row] + b[row] > 0)
+      continue;
+    return absl::InvalidArgumentError(absl::StrCat("fragments: row ", row, " has ", a[row], " and ", b[row],
+                                                   " samples, not whole numbers of which one is above 0"));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckFragmentCounts(const Rect& rect, PlaneRows fragments, PlaneRows pixels) {
+  if (fragments.names().empty()) return absl::OkStatus();
+  const std::vector<float> xs = ColumnOf(fragments, layers::kPixelX);
+  const std::vector<float> ys = ColumnOf(fragments, layers::kPixelY);
+  for (const std::string_view name : {layers::kSamplesA, layers::kSamplesB}) {
+    const std::vector<float> counts = ColumnOf(fragments, name);
+    const size_t plane = *pixels.Find(name);
+    double sum = 0;
+    for (size_t row = 0; row < counts.size(); ++row) {
+      const bool continues = row > 0 && xs[row] == xs[row - 1] && ys[row] == ys[row - 1];
+      sum = (continues ? sum : 0) + counts[row];
+      const std::string_view of_pixels = pixels.Row(plane, static_cast<int>(ys[row]) - rect.y0);
+      const float most = ValueAt(of_pixels, static_cast<int>(xs[row]) - rect.x0);
+      if (sum <= most) continue;
+      return absl::InvalidArgumentError(absl::StrCat("fragments: those at ", xs[row], ",", ys[row], " have ",
+                                                     sum, " ", std::string(name), ", but the pixel has ",
+                                                     most));
+    }
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace lumifold::film

@@ -57,7 +57,7 @@ absl::Status WriteError(const std::string& path, int error) {
   return error == -EIO ? absl::DataLossError(status.message()) : status;
 }
 
-// Decodes the pixels and the edge set from the payload of a record.
+// Decodes the pixels and the list from the payload of a record.
 absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::string_view payload) {
   constexpr Rect kLargest = {0, 0, job::kMaxTileSize, job::kMaxTileSize};
   EdgedImage image;
@@ -72,10 +72,11 @@ absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::st
     if (!rest.empty()) return absl::InvalidArgumentError("pixels: bytes past the last plane");
     return image;
   }
-  absl::StatusOr<LayeredImage> edges =
-      rpc::ImageFromBytes(header.edges().layout(), rest, EdgeLimits(kLargest));
-  if (!edges.ok()) return edges.status();
-  image.edges = *std::move(edges);
+  const v1::UnitKind kind = header.unit().kind();
+  absl::StatusOr<LayeredImage> list =
+      rpc::ImageFromBytes(header.edges().layout(), rest, ListLimits(kind, kLargest));
+  if (!list.ok()) return list.status();
+  (kind == v1::UNIT_KIND_PASS ? image.fragments : image.edges) = *std::move(list);
   return image;
 }
 

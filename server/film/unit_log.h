@@ -16,7 +16,7 @@
 
 namespace lumifold::film {
 
-/// A unit that was read: its id, the attempt of its lease, its statistics, its pixels and its edge set.
+/// A unit that was read: its id, the attempt of its lease, its statistics, its pixels and its list.
 struct StoredUnit {
   job::UnitRef unit;
   job::Attempt attempt;
@@ -39,15 +39,15 @@ struct RecordPlace {
 /// The append-only file of a frame's delivered units. Each record describes itself and has checksums, so that
 /// a lost ledger can be rebuilt from the logs:
 ///
-///   "LFU4"
+///   "LFU5"
 ///   u32  size of the header
 ///   u64  size of the payload
 ///   u64  XXH3-64 of the payload
 ///   u64  XXH3-64 of all values, see DeliveredPixels::values_checksum
 ///   u64  XXH3-64 of the 32 bytes before and the header
 ///   header: a v1::UnitChunk without data (unit_record.h encodes it)
-///   payload: the encoded planes of the pixels in the order of their v1::PixelLayout, then those of the edge set,
-///            if there is one, in the order of its own layout
+///   payload: the encoded planes of the pixels in the order of their v1::PixelLayout, then those of the edge set or
+///            of the fragments, if there are any, in the order of their own layout
 ///
 /// All numbers are little-endian. Records of another version ("LFU" and another digit) give an error that
 /// says so.

@@ -11,7 +11,7 @@ namespace lumifold::film {
 /// Layout of a unit, without its pixels.
 struct UnitOutline {
   v1::PixelLayout pixels;
-  int edge_rows = 0;
+  int list_rows = 0;  // of the edge set of a geometry unit, of the fragments of a pass
   v1::UnitStats stats = {};
 };
 

@@ -14,8 +14,8 @@ namespace {
 
 constexpr float kDecline = metrics::kErrorDecline;
 
-/// Of each of the uniform rounds: part of the budget, one in; at least so many. Pictures of fewer samples are antialiased by
-/// other stages (filter::Settings::max_antialiased_samples), so that they err otherwise than later ones and cost more.
+/// Of each of the uniform rounds: part of the budget, one in; at least so many. With fewer the estimate is too noisy to place
+/// samples by.
 constexpr double kFirstPart = 32;
 constexpr double kLeastFirstSamples = 16;
 constexpr int kUniformRounds = 3;

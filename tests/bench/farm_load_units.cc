@@ -149,19 +149,22 @@ ReadyUnits::Unit ReadyUnits::Make(v1::UnitKind kind, int32_t variant, const Rect
   Unit unit;
   if (renderer_ == nullptr) {
     unit.pixels = ChunksOf(RandomUnit({.kind = kind}, rect, samples, 1).pixels);
-    unit.edges = MakeEdges(rect.width(), rect.height());
+    if (kind == v1::UNIT_KIND_GEOMETRY) unit.list = MakeEdges(rect.width(), rect.height());
     return unit;
   }
   const Rect tile = TileOf(variant, rect);
   if (kind == v1::UNIT_KIND_GEOMETRY) {
     EdgedImage geometry = renderer_->RenderGeometry(tile, 0);
     unit.pixels = ChunksOf(geometry.pixels);
-    unit.edges = std::move(geometry.edges);
-    MovePlaces(-tile.x0, -tile.y0, &unit.edges);
+    unit.list = std::move(geometry.edges);
+    MovePlaces(-tile.x0, -tile.y0, &unit.list);
     return unit;
   }
   render::RenderCounts counts;
-  unit.pixels = ChunksOf(renderer_->RenderPass(tile, 0, samples, &counts));
+  EdgedImage pass = renderer_->RenderPass(tile, 0, samples, &counts);
+  unit.pixels = ChunksOf(pass.pixels);
+  unit.list = std::move(pass.fragments);
+  MovePlaces(-tile.x0, -tile.y0, &unit.list);
   unit.bad_samples = counts.bad_samples;
   return unit;
 }
@@ -186,10 +189,10 @@ std::vector<grpc::ByteBuffer> ReadyUnits::MessagesFor(const v1::Lease& lease) {
   const int32_t variant = renderer_ == nullptr ? 0 : lease.unit().tile() % kVariants;
   const Unit& unit = UnitOf(lease.unit().kind(), variant, rect, samples);
   std::vector<grpc::ByteBuffer> messages;
-  if (lease.unit().kind() == v1::UNIT_KIND_GEOMETRY && unit.edges.height() > 0) {
-    LayeredImage edges = unit.edges.Crop(unit.edges.bounds());
-    MovePlaces(rect.x0, rect.y0, &edges);
-    for (const std::string& chunk : ChunksOf(edges))
+  if (unit.list.height() > 0) {
+    LayeredImage list = unit.list.Crop(unit.list.bounds());
+    MovePlaces(rect.x0, rect.y0, &list);
+    for (const std::string& chunk : ChunksOf(list))
       messages.push_back(MakeMessage(names, v1::UnitChunk::kEdgesFieldNumber, grpc::Slice(chunk), nullptr));
   }
   const v1::UnitStats stats = StatsOf(rect, samples, unit.bad_samples);

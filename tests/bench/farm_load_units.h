@@ -47,7 +47,7 @@ class ReadyUnits {
   using Chunks = std::vector<std::string>;
   struct Unit {
     Chunks pixels;
-    LayeredImage edges;  // of the tile at (0, 0)
+    LayeredImage list;  // the edge set or the fragments, of the tile at (0, 0)
     int64_t bad_samples = 0;
   };
   /// What a unit depends on: kind, width and height, the samples of its halves, and which tile of a scene it is.

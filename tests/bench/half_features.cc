@@ -115,14 +115,16 @@ absl::Status Measure(const Flags& flags, const std::string& scene, TaskPool* poo
   const absl::StatusOr<charts::RenderedFilm> rendered = source->Get(flags.film, pool);
   if (!rendered.ok()) return rendered.status();
   const EdgedImage& film = rendered->film;
-  const absl::StatusOr<Picture> picture = filter::FilterFilm(film.pixels, "default", pool, &film.edges);
+  const absl::StatusOr<Picture> picture =
+      filter::FilterFilm(film.pixels, "default", pool, &film.edges, &film.fragments);
   if (!picture.ok()) return picture.status();
   for (const Group& group : Groups()) {
     const LayeredImage pixels =
         group.in_pixels ? RoundedCopy(film.pixels, group) : film.pixels.Crop(film.pixels.bounds());
     const LayeredImage edges =
         group.in_edges ? RoundedCopy(film.edges, group) : film.edges.Crop(film.edges.bounds());
-    const absl::StatusOr<Picture> moved = filter::FilterFilm(pixels, "default", pool, &edges);
+    const absl::StatusOr<Picture> moved =
+        filter::FilterFilm(pixels, "default", pool, &edges, &film.fragments);
     if (!moved.ok()) return moved.status();
     const Move move = MoveOf(*moved, *picture);
     std::printf("| %s | %s | %.1e | %.2f %% | %.1e |\n", scene.c_str(), group.name, move.largest,

@@ -122,10 +122,10 @@ double ThreadSeconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-double SecondsOfPass(const render::Renderer& renderer, const Rect& rect) {
+double SecondsOfPass(const render::Renderer& renderer, const Rect& rect, SampleRange samples = {0, 16}) {
   render::RenderCounts counts;
   const double start = ThreadSeconds();
-  benchmark::DoNotOptimize(renderer.RenderPass(rect, 0, {0, 16}, &counts));
+  benchmark::DoNotOptimize(renderer.RenderPass(rect, 0, samples, &counts));
   return ThreadSeconds() - start;
 }
 
@@ -154,6 +154,40 @@ void BM_PlannedOverFull(benchmark::State& state, const std::string& name) {
   state.counters["most"] = ratios.back();
 }
 
+/// What fragments cost: the time of the first pass over a tile, which finds its edge pixels, and of a later one, over that
+/// of a pass without D, I and G, which has no fragments but traces the same. Medians over tiles that are rendered in turn.
+void BM_Fragments(benchmark::State& state, const std::string& name, uint32_t samples) {
+  auto loaded = LoadScene(name);
+  if (!loaded.ok()) return state.SkipWithError(std::string(loaded.status().message()).c_str());
+  const auto scene = std::make_shared<const scene::Scene>(*std::move(loaded));
+  render::RenderSettings settings;
+  settings.width = kWidth;
+  settings.height = kHeight;
+  const auto with = *render::Renderer::Create(scene, settings);
+  settings.plan.layers.direct = settings.plan.layers.indirect = settings.plan.layers.glossy = false;
+  const auto without = *render::Renderer::Create(scene, settings);
+  std::vector<double> first;
+  std::vector<double> later;
+  int tile = 0;
+  for (auto _ : state) {
+    const int number = tile++ * 37 % (kWidth * kHeight / kTile / kTile);  // all over the picture
+    const int x = number % (kWidth / kTile) * kTile;
+    const int y = number / (kWidth / kTile) * kTile;
+    const Rect rect = {x, y, x + kTile, y + kTile};
+    const double seconds = SecondsOfPass(*without, rect, {0, samples});
+    first.push_back(SecondsOfPass(*with, rect, {0, samples}) / seconds);
+    later.push_back(SecondsOfPass(*with, rect, {0, samples}) / seconds);
+  }
+  for (std::vector<double>* ratios : {&first, &later}) std::sort(ratios->begin(), ratios->end());
+  state.counters["first"] = first[first.size() / 2];
+  state.counters["later"] = later[later.size() / 2];
+}
+
+BENCHMARK_CAPTURE(BM_Fragments, cornell_box_16, "cornell-box", 16)->Iterations(31);
+BENCHMARK_CAPTURE(BM_Fragments, cornell_box_64, "cornell-box", 64)->Iterations(31);
+BENCHMARK_CAPTURE(BM_Fragments, bedroom_16, "bedroom", 16)->Iterations(31);
+BENCHMARK_CAPTURE(BM_Fragments, bedroom_64, "bedroom", 64)->Iterations(31);
+BENCHMARK_CAPTURE(BM_Fragments, staircase_16, "staircase", 16)->Iterations(31);
 BENCHMARK_CAPTURE(BM_PlannedOverFull, cornell_box, "cornell-box")->Iterations(31)->UseRealTime();
 BENCHMARK_CAPTURE(BM_PlannedOverFull, bedroom, "bedroom")->Iterations(5)->UseRealTime();
 BENCHMARK_CAPTURE(BM_Passes, cornell_box, "cornell-box")->Unit(benchmark::kMillisecond)->UseRealTime();

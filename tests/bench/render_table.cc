@@ -87,7 +87,7 @@ render::RenderSettings Settings() {
   return settings;
 }
 
-LayeredImage RenderTile(const render::Renderer& renderer, int64_t number) {
+EdgedImage RenderTile(const render::Renderer& renderer, int64_t number) {
   render::RenderCounts counts;
   return renderer.RenderPass(TileRect(number), 0, {0, kSamples}, &counts);
 }
@@ -107,8 +107,11 @@ int64_t BytesOf(const scene::Scene& scene) {
   return bytes;
 }
 
-int64_t BytesOf(const LayeredImage& image) {
-  return static_cast<int64_t>(image.channels().size() * sizeof(float)) * image.width() * image.height();
+int64_t BytesOf(const EdgedImage& image) {
+  int64_t bytes = 0;
+  for (const LayeredImage* part : {&image.pixels, &image.edges, &image.fragments})
+    bytes += static_cast<int64_t>(part->channels().size() * sizeof(float)) * part->width() * part->height();
+  return bytes;
 }
 
 /// A value of /proc/self/status in bytes: "VmRSS" resident memory, "VmHWM" its peak.

@@ -66,7 +66,9 @@ const Units& UnitsOf(const std::string& name, uint32_t samples) {
       Add(std::move(geometry.edges), &units);
     } else {
       render::RenderCounts counts;
-      Add(renderer->RenderPass(tile, 0, {0, samples}, &counts), &units);
+      EdgedImage pass = renderer->RenderPass(tile, 0, {0, samples}, &counts);
+      Add(std::move(pass.pixels), &units);
+      Add(std::move(pass.fragments), &units);
     }
   }
   return units;

@@ -21,16 +21,18 @@ void CheckError(const absl::Status& status) {
   if (text.empty() || text.size() > 1000) Fail("an error without text, or a very long one", text);
 }
 
-std::string SmallExr(int channels, bool with_edges) {
+std::string SmallExr(int channels, bool with_lists) {
   const TempFolder folder(InMemory());
-  EdgedImage image{LayeredImage(20, 12), {}};
+  EdgedImage image{LayeredImage(20, 12)};
   constexpr const char* kNames[] = {"", "noisy", "direct"};
   for (int i = 0; i < channels; ++i) image.pixels.AddColor(kNames[i]);
   for (const FloatView& view : {image.pixels.Get("R")}) view.At(3, 4) = 7;
   image.pixels.metadata()["lumifold:job"] = "j-1";
-  if (with_edges) {
+  if (with_lists) {
     image.edges = LayeredImage(16, 2);
     image.edges.Add("pixel.x");
+    image.fragments = LayeredImage(1, 3);
+    image.fragments.Add("surface.Y");
   }
   const std::string path = folder.PathOf("a.exr");
   if (!WriteExr(path, image).ok()) Fail("cannot write", path);

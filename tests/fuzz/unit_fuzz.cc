@@ -8,6 +8,7 @@
 #include "google/protobuf/stubs/logging.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/plane_compression.h"
+#include "server/film/film_builder.h"
 #include "server/film/unit_assembler.h"
 #include "server/film/unit_log.h"
 #include "tests/fuzz/fuzz_target.h"
@@ -39,7 +40,7 @@ EdgedImage MadeUpUnit(v1::UnitKind kind, int32_t tile) {
 std::vector<std::string> ChunksOf(v1::UnitKind kind, int32_t tile) {
   const EdgedImage unit = MadeUpUnit(kind, tile);
   std::vector<std::string> messages;
-  const auto send = [&](const LayeredImage& picture, bool edges) {
+  const auto send = [&](const LayeredImage& picture, bool is_list) {
     if (picture.channels().empty()) return;
     rpc::PixelChunker chunker(picture);
     v1::PixelChunk chunk;
@@ -48,11 +49,11 @@ std::vector<std::string> ChunksOf(v1::UnitKind kind, int32_t tile) {
       message.mutable_unit()->set_job_id("j-1");
       message.mutable_unit()->set_kind(kind);
       message.mutable_stats()->set_samples(64);
-      *(edges ? message.mutable_edges() : message.mutable_pixels()) = chunk;
+      *(is_list ? message.mutable_edges() : message.mutable_pixels()) = chunk;
       messages.push_back(message.SerializeAsString());
     }
   };
-  send(unit.edges, true);
+  send(ListOf(unit), true);
   send(unit.pixels, false);
   return messages;
 }
@@ -116,6 +117,36 @@ void Decompress(std::string_view bytes) {
   }
 }
 
+/// A picture that was accepted.
+LayeredImage ImageOf(const rpc::ReceivedPicture& picture) {
+  if (picture.pieces.empty()) return {};
+  absl::StatusOr<LayeredImage> image = rpc::ImageFromBytes(picture.layout, BytesOf(picture), {});
+  if (!image.ok()) Fail("a unit without an image", std::string(image.status().message()));
+  const rpc::ReceivedPicture again = Received(*image);
+  if (rpc::BytesFromImage(*rpc::ImageFromBytes(again.layout, BytesOf(again), {})) !=
+      rpc::BytesFromImage(*image))
+    Fail("a unit that changes when it is sent again", "");
+  if (BytesOf(again).size() > rpc::BytesFromImage(*image).size())
+    Fail("a unit that is larger than its values", "");
+  return *std::move(image);
+}
+
+/// Assembles the film of a unit that was accepted.
+void MakeFilm(v1::UnitKind kind, const EdgedImage& unit) {
+  film::FilmBuilder film(kRect, {});
+  if (kind == v1::UNIT_KIND_PASS) {
+    film::TileSums sums;
+    sums.Add(unit);
+    film.SetMeans(kRect, sums);
+  } else {
+    film.SetGeometry(kRect, unit.pixels);
+    film.AddEdges(unit.edges);
+  }
+  const EdgedImage made = film.Take();
+  if (made.fragments.height() != unit.fragments.height() || made.edges.height() != unit.edges.height())
+    Fail("a film without some rows of its unit", "");
+}
+
 /// As the coordinator takes the messages of a stream.
 void Assemble(v1::UnitKind kind, const std::vector<std::string>& messages) {
   film::UnitAssembler assembler(kind, kRect, kSamples);
@@ -132,16 +163,10 @@ void Assemble(v1::UnitKind kind, const std::vector<std::string>& messages) {
     if (assembler.IsComplete()) break;
   }
   if (!assembler.IsComplete()) return;
-  film::DeliveredPixels unit = assembler.Take();
-  const absl::StatusOr<LayeredImage> image =
-      rpc::ImageFromBytes(unit.pixels.layout, BytesOf(unit.pixels), {});
-  if (!image.ok()) Fail("a unit without an image", std::string(image.status().message()));
-  const rpc::ReceivedPicture again = Received(*image);
-  if (rpc::BytesFromImage(*rpc::ImageFromBytes(again.layout, BytesOf(again), {})) !=
-      rpc::BytesFromImage(*image))
-    Fail("a unit that changes when it is sent again", "");
-  if (BytesOf(again).size() > rpc::BytesFromImage(*image).size())
-    Fail("a unit that is larger than its values", "");
+  const film::DeliveredPixels delivered = assembler.Take();
+  EdgedImage unit{ImageOf(delivered.pixels)};
+  (kind == v1::UNIT_KIND_PASS ? unit.fragments : unit.edges) = ImageOf(delivered.edges);
+  MakeFilm(kind, unit);
 }
 
 }  // namespace

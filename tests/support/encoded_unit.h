@@ -5,6 +5,7 @@
 #include "filter/image/check.h"
 #include "proto/rpc/checksum.h"
 #include "server/film/unit_log.h"
+#include "tests/support/random_unit.h"
 
 namespace lumifold {
 
@@ -21,10 +22,10 @@ inline rpc::ReceivedPicture Received(const LayeredImage& picture) {
 /// A unit as it arrives from a worker.
 inline film::EncodedUnit Encoded(const film::StoredUnit& unit) {
   const EdgedImage& image = unit.image;
-  return film::EncodeUnit(
-      unit.unit, unit.attempt, unit.stats,
-      {Received(image.pixels), Received(image.edges),
-       rpc::Checksum(rpc::BytesFromImage(image.edges) + rpc::BytesFromImage(image.pixels))});
+  const LayeredImage& list = ListOf(image);
+  return film::EncodeUnit(unit.unit, unit.attempt, unit.stats,
+                          {Received(image.pixels), Received(list),
+                           rpc::Checksum(rpc::BytesFromImage(list) + rpc::BytesFromImage(image.pixels))});
 }
 
 /// The bytes of a picture that was received.

@@ -18,7 +18,9 @@ class UnitsOfFunction final : public film::UnitSource {
   absl::StatusOr<film::UnitOutline> Outline(const job::UnitKey& key) const override {
     const absl::StatusOr<EdgedImage> unit = read_(key);
     if (!unit.ok()) return unit.status();
-    return film::UnitOutline{rpc::LayoutOf(unit->pixels), unit->edges.height()};
+    return film::UnitOutline{rpc::LayoutOf(unit->pixels), key.kind == v1::UNIT_KIND_PASS
+                                                              ? unit->fragments.height()
+                                                              : unit->edges.height()};
   }
   absl::StatusOr<EdgedImage> Read(const job::UnitKey& key) const override { return read_(key); }
 

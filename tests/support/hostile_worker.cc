@@ -102,9 +102,10 @@ class Session {
     v1::UnitChunk* chunk = message.mutable_chunk();
     *chunk->mutable_unit() = unit;
     chunk->set_attempt(attempt);
-    if (rendered.image.edges.height() > 0) {
-      rpc::PixelChunker edges(rendered.image.edges);
-      while (edges.Next(chunk->mutable_edges())) Send(message);
+    for (const LayeredImage* list : {&rendered.image.edges, &rendered.image.fragments}) {
+      if (list->height() == 0) continue;
+      rpc::PixelChunker rows(*list);
+      while (rows.Next(chunk->mutable_edges())) Send(message);
       chunk->clear_edges();
     }
     rpc::PixelChunker pixels(rendered.image.pixels);

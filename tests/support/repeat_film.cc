@@ -15,7 +15,7 @@ namespace lumifold {
 namespace {
 
 constexpr int kRows = 64;
-constexpr int kEdgeRows = 4096;
+constexpr int kListRows = 4096;
 
 ExrLayout LayoutOf(const LayeredImage& image, int width, int height) {
   ExrLayout layout{width, height, {}, image.metadata()};
@@ -36,44 +36,43 @@ LayeredImage RowsOf(const LayeredImage& film, int width, int y0, int y1) {
   return rows;
 }
 
-/// An edge pixel of the large picture: its row in the small one's edge set, and its place.
-struct Edge {
+/// A row of a list of the film, and the pixel of the picture that it is repeated in.
+struct Repeated {
   int row;
   int x;
   int y;
 };
 
-std::vector<Edge> EdgesOf(const EdgedImage& film, int width, int height) {
-  std::vector<Edge> edges;
-  if (film.edges.channels().empty()) return edges;
-  const ConstFloatView x = film.edges.Get(layers::kPixelX);
-  const ConstFloatView y = film.edges.Get(layers::kPixelY);
-  std::vector<std::vector<int>> rows_at(static_cast<size_t>(film.pixels.height()));
-  for (int row = 0; row < film.edges.height(); ++row)
-    rows_at[static_cast<size_t>(y.At(0, row))].push_back(row);
+/// The edge set or the fragments of a film of `tile`, repeated.
+std::vector<Repeated> RowsOfList(const LayeredImage& list, const Rect& tile, int width, int height) {
+  std::vector<Repeated> repeated;
+  if (list.channels().empty()) return repeated;
+  const ConstFloatView x = list.Get(layers::kPixelX);
+  const ConstFloatView y = list.Get(layers::kPixelY);
+  std::vector<std::vector<int>> rows_at(static_cast<size_t>(tile.height()));
+  for (int row = 0; row < list.height(); ++row) rows_at[static_cast<size_t>(y.At(0, row))].push_back(row);
   for (int out_y = 0; out_y < height; ++out_y) {
-    const std::vector<int>& rows = rows_at[static_cast<size_t>(out_y % film.pixels.height())];
-    for (int left = 0; left < width; left += film.pixels.width()) {
+    const std::vector<int>& rows = rows_at[static_cast<size_t>(out_y % tile.height())];
+    for (int left = 0; left < width; left += tile.width()) {
       for (const int row : rows) {
         const int out_x = left + static_cast<int>(x.At(0, row));
-        if (out_x < width) edges.push_back({row, out_x, out_y});
+        if (out_x < width) repeated.push_back({row, out_x, out_y});
       }
     }
   }
-  return edges;
+  return repeated;
 }
 
-LayeredImage EdgeRows(const LayeredImage& film_edges, const std::vector<Edge>& edges, size_t first,
+LayeredImage ListRows(const LayeredImage& list, const std::vector<Repeated>& repeated, size_t first,
                       size_t last) {
-  LayeredImage rows(film_edges.width(), static_cast<int>(last - first));
-  for (const LayeredImage::Channel& channel : film_edges.channels()) {
+  LayeredImage rows(list.width(), static_cast<int>(last - first));
+  for (const LayeredImage::Channel& channel : list.channels()) {
     const FloatView out = rows.Add(channel.name);
     for (size_t i = first; i < last; ++i) {
-      const Edge& edge = edges[i];
-      for (int s = 0; s < film_edges.width(); ++s) {
-        float value = channel.plane.At(s, edge.row);
-        if (channel.name == layers::kPixelX) value = static_cast<float>(edge.x);
-        if (channel.name == layers::kPixelY) value = static_cast<float>(edge.y);
+      for (int s = 0; s < list.width(); ++s) {
+        float value = channel.plane.At(s, repeated[i].row);
+        if (channel.name == layers::kPixelX) value = static_cast<float>(repeated[i].x);
+        if (channel.name == layers::kPixelY) value = static_cast<float>(repeated[i].y);
         out.At(s, static_cast<int>(i - first)) = value;
       }
     }
@@ -82,18 +81,25 @@ LayeredImage EdgeRows(const LayeredImage& film_edges, const std::vector<Edge>& e
 }
 
 absl::Status Repeat(const EdgedImage& film, int width, int height, const std::string& path) {
-  const std::vector<Edge> edges = EdgesOf(film, width, height);
-  const ExrLayout edge_layout = LayoutOf(film.edges, kSubSamples, static_cast<int>(edges.size()));
-  absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(path, LayoutOf(film.pixels, width, height),
-                                                             edges.empty() ? nullptr : &edge_layout);
+  const std::vector<Repeated> edges = RowsOfList(film.edges, film.pixels.bounds(), width, height);
+  const std::vector<Repeated> fragments = RowsOfList(film.fragments, film.pixels.bounds(), width, height);
+  const ExrLists lists = {LayoutOf(film.edges, kSubSamples, static_cast<int>(edges.size())),
+                          LayoutOf(film.fragments, 1, static_cast<int>(fragments.size()))};
+  absl::StatusOr<ExrRowWriter> writer =
+      ExrRowWriter::Create(path, LayoutOf(film.pixels, width, height), lists);
   if (!writer.ok()) return writer.status();
   for (int y = 0; y < height; y += kRows) {
     absl::Status status = writer->Append(RowsOf(film.pixels, width, y, std::min(y + kRows, height)));
     if (!status.ok()) return status;
   }
-  for (size_t i = 0; i < edges.size(); i += kEdgeRows) {
+  for (size_t i = 0; i < edges.size(); i += kListRows) {
     absl::Status status =
-        writer->AppendEdges(EdgeRows(film.edges, edges, i, std::min(i + kEdgeRows, edges.size())));
+        writer->AppendEdges(ListRows(film.edges, edges, i, std::min(i + kListRows, edges.size())));
+    if (!status.ok()) return status;
+  }
+  for (size_t i = 0; i < fragments.size(); i += kListRows) {
+    absl::Status status = writer->AppendFragments(
+        ListRows(film.fragments, fragments, i, std::min(i + kListRows, fragments.size())));
     if (!status.ok()) return status;
   }
   return writer->Finish();
@@ -106,7 +112,7 @@ int Run(int argc, char** argv) {
     return 2;
   }
   absl::StatusOr<EdgedImage> film = ReadEdgedExr(argv[1]);
-  if (film.ok() && without_edges) film->edges = {};
+  if (film.ok() && without_edges) *film = {std::move(film->pixels)};
   const absl::Status status =
       film.ok() ? Repeat(*film, std::atoi(argv[2]), std::atoi(argv[3]), argv[4]) : film.status();
   if (status.ok()) return 0;

@@ -67,39 +67,14 @@ bool IsEdgeBetween(const EdgeProbe& a, const EdgeProbe& b) {
          change > kDistanceRatio * std::max(ChangeOnPlane(a, b.centre), ChangeOnPlane(b, a.centre));
 }
 
-EdgeRows::EdgeRows() : names_(layers::EdgeChannels()), values_(names_.size()) {}
+EdgeRows::EdgeRows() : rows_(layers::EdgeChannels(), kSubSamples) {}
 
 void EdgeRows::Add(int x, int y, std::span<const GeometrySample, kSubSamples> samples) {
   for (const GeometrySample& s : samples) {
-    const std::array<float, 14> row = {static_cast<float>(x),
-                                       static_cast<float>(y),
-                                       s.normal.x,
-                                       s.normal.y,
-                                       s.normal.z,
-                                       s.distance,
-                                       s.albedo.x,
-                                       s.albedo.y,
-                                       s.albedo.z,
-                                       s.emitted.x,
-                                       s.emitted.y,
-                                       s.emitted.z,
-                                       static_cast<float>(s.instance + 1),
-                                       s.valid ? 1.0f : 0.0f};
-    LUMIFOLD_CHECK(row.size() == values_.size());
-    for (size_t i = 0; i < row.size(); ++i) values_[i].push_back(row[i]);
+    rows_.Add(std::array{static_cast<float>(x), static_cast<float>(y), s.normal.x, s.normal.y, s.normal.z,
+                         s.distance, s.albedo.x, s.albedo.y, s.albedo.z, s.emitted.x, s.emitted.y,
+                         s.emitted.z, static_cast<float>(s.instance + 1), s.valid ? 1.0f : 0.0f});
   }
-}
-
-LayeredImage EdgeRows::Make() const {
-  const int rows = static_cast<int>(values_[0].size()) / kSubSamples;
-  if (rows == 0) return {};
-  LayeredImage edges(kSubSamples, rows);
-  for (size_t i = 0; i < names_.size(); ++i) {
-    const FloatView view = edges.Add(names_[i]);
-    for (int y = 0; y < rows; ++y)
-      std::copy_n(values_[i].begin() + int64_t{y} * kSubSamples, kSubSamples, view.Row(y));
-  }
-  return edges;
 }
 
 }  // namespace lumifold::render

@@ -1,12 +1,11 @@
 #pragma once
 
 #include <span>
-#include <string>
-#include <vector>
 
 #include "filter/image/edged_image.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/geometry_sample.h"
+#include "worker/render/pixel_rows.h"
 
 namespace lumifold::render {
 
@@ -37,11 +36,10 @@ class EdgeRows {
   /// Adds the edge pixel at (x, y) of the whole frame.
   void Add(int x, int y, std::span<const GeometrySample, kSubSamples> samples);
   /// The rows as EdgedImage::edges.
-  LayeredImage Make() const;
+  LayeredImage Make() const { return rows_.Make(); }
 
  private:
-  std::vector<std::string> names_;
-  std::vector<std::vector<float>> values_;  // by channel
+  PixelRows rows_;
 };
 
 }  // namespace lumifold::render

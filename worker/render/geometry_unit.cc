@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "filter/image/color.h"
 #include "filter/image/layers.h"
 #include "worker/render/edge_set.h"
 #include "worker/render/pass_sums.h"
@@ -13,9 +14,21 @@
 namespace lumifold::render {
 namespace {
 
-/// Sub-samples lie at the centres of a 4x4 grid.
+/// Sub-samples lie in the cells of a 4x4 grid.
 constexpr int kGrid = 4;
 static_assert(kGrid * kGrid == kSubSamples);
+
+/// Where a sub-sample lies in its pixel, in (0, 1)^2. Each of 16 columns and each of 16 rows of the pixel has
+/// one sub-sample, so that edges along the axes are resolved to a sixteenth of a pixel, not to a fourth.
+Vec2 PointOf(int sub_sample) {
+  constexpr int kShift[kGrid] = {1, 3, 0, 2};
+  const int x = sub_sample % kGrid;
+  const int y = sub_sample / kGrid;
+  const auto at = [](int cell, int shift) {
+    return (static_cast<float>(kGrid * cell + shift) + 0.5f) / kSubSamples;
+  };
+  return {at(x, kShift[y]), at(y, kShift[kGrid - 1 - x])};
+}
 
 /// The sub-samples that are traced first: one in each row, column and quadrant of the grid. The same holds
 /// for their lens points.
@@ -23,6 +36,29 @@ constexpr std::array<int, 4> kFirst = {0, 7, 9, 14};
 /// The other sub-samples, which are traced in edge pixels.
 constexpr std::array<int, 12> kOthers = {1, 2, 3, 4, 5, 6, 8, 10, 11, 12, 13, 15};
 static_assert(kFirst.size() + kOthers.size() == kSubSamples);
+
+/// Next to surfaces that emit more than white, sub-samples are refined: a slice of a lamp that all of them miss has its
+/// radiance times its share of the pixel, which shows where the radiance is many times white.
+constexpr float kBrightLuminance = 1;
+
+/// Rays on a side of the grid that refines the cell of a sub-sample.
+constexpr int kFineGrid = 4;
+constexpr int kFineRays = kFineGrid * kFineGrid;
+
+/// Where ray number `ray` of a refined sub-sample lies in the pixel. All 256 rays of a pixel have different columns and
+/// rows, so that a slice of any width along an axis gets its share.
+/// Source: Chiu, Shirley and Wang 1994, "Multi-Jittered Sampling".
+Vec2 FinePointOf(int sub_sample, int ray) {
+  constexpr int kSide = kGrid * kFineGrid;
+  constexpr float kRays = kSide * kSide;
+  const int column = sub_sample % kGrid;
+  const int row = sub_sample / kGrid;
+  const int i = ray % kFineGrid;
+  const int j = ray / kFineGrid;
+  const int x = (column * kFineGrid + i) * kSide + j * kGrid + row;
+  const int y = (row * kFineGrid + j) * kSide + i * kGrid + column;
+  return {(static_cast<float>(x) + 0.5f) / kRays, (static_cast<float>(y) + 0.5f) / kRays};
+}
 
 /// Where the ray of a sub-sample passes the lens: each centre of another 4x4 grid once, so that every row and
 /// every column of sub-samples covers every row and every column of the lens grid (two orthogonal Latin
@@ -127,19 +163,33 @@ class GeometryPicture {
   FloatView alpha_;
 };
 
-/// Traces the unit row by row. Keeps the first samples of three rows, which the edge test compares.
-class GeometryUnit {
+/// Goes over the pixels of a rectangle with the first samples of each. Keeps those of three rows, which the edge test
+/// compares.
+class PixelScan {
  public:
-  GeometryUnit(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame, const Rect& rect)
+  struct Pixel {
+    std::array<GeometrySample, kFirst.size()> samples;
+    EdgeProbe probe;
+    bool is_bright = false;  // a sample hits a surface that emits more than kBrightLuminance
+  };
+
+  /// What a pixel is among its neighbours.
+  struct Place {
+    bool is_edge = false;
+    bool is_near_light = false;  // of an edge pixel: it or one of its neighbours is bright
+  };
+
+  PixelScan(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame, const Rect& rect)
       : tracer_(tracer),
         camera_(camera),
         frame_(frame),
         rect_(rect),
         x0_(std::max(rect.x0 - 1, frame.x0)),
-        x1_(std::min(rect.x1 + 1, frame.x1)),
-        picture_(rect.width(), rect.height()) {}
+        x1_(std::min(rect.x1 + 1, frame.x1)) {}
 
-  EdgedImage Render(const std::atomic<bool>* stop) {
+  /// Calls visit(x, y, pixel, place) for each pixel in the order of rows.
+  template <typename Visit>
+  void ForEachPixel(const std::atomic<bool>* stop, Visit visit) const {
     Row above = ProbeRow(rect_.y0 - 1);
     Row here = ProbeRow(rect_.y0);
     for (int y = rect_.y0; y < rect_.y1; ++y) {
@@ -147,48 +197,63 @@ class GeometryUnit {
       Row below = ProbeRow(y + 1);
       for (int x = rect_.x0; x < rect_.x1; ++x) {
         const Pixel& pixel = here[static_cast<size_t>(x - x0_)];
-        if (IsEdge(x, pixel.probe, {&above, &here, &below})) {
-          StoreEdge(x, y, pixel);
-        } else {
-          picture_.Store(x - rect_.x0, y - rect_.y0, pixel.samples, camera_);
-        }
+        visit(x, y, pixel, PlaceOf(x, pixel, {&above, &here, &below}));
       }
       above = std::move(here);
       here = std::move(below);
     }
-    return {picture_.Take(), edges_.Make()};
+  }
+
+  /// Traces some of a pixel's sub-samples.
+  void Trace(int x, int y, std::span<const int> sub_samples, std::span<GeometrySample> out) const {
+    TraceRays(out, [&](size_t i) { return RayOf(x, y, sub_samples[i]); });
+  }
+
+  /// Makes T and E of a sub-sample means over its cell.
+  void Refine(int x, int y, int sub_sample, GeometrySample* sample) const {
+    std::array<GeometrySample, kFineRays> fine;
+    TraceRays(fine, [&](size_t i) { return FineRayOf(x, y, sub_sample, static_cast<int>(i)); });
+    sample->albedo = sample->emitted = {};
+    for (const GeometrySample& s : fine) {
+      sample->albedo += s.albedo;
+      sample->emitted += s.emitted;
+    }
+    sample->albedo = sample->albedo / static_cast<float>(kFineRays);
+    sample->emitted = sample->emitted / static_cast<float>(kFineRays);
   }
 
  private:
-  struct Pixel {
-    std::array<GeometrySample, kFirst.size()> samples;
-    EdgeProbe probe;
-  };
   /// Pixels from x0_ on; empty outside the frame.
   using Row = std::vector<Pixel>;
 
-  Ray RayOf(int x, int y, int sub_sample) const {
-    const int column = sub_sample % kGrid;
-    const int row = sub_sample / kGrid;
-    const float dx = (static_cast<float>(column) + 0.5f) / kGrid;
-    const float dy = (static_cast<float>(row) + 0.5f) / kGrid;
-    const Vec2 point = camera_.PointIn(x, y, {dx, dy});
-    Ray ray = camera_.RayThrough(point.x, point.y, LensPointOf(sub_sample), camera_.FilterWidth() / kGrid);
-    // The same key in all frames, so that half-transparent surfaces do not flicker.
-    ray.random_key =
-        Sampler(0, 0, camera_.NumberOf(x, y), static_cast<uint32_t>(sub_sample)).Key(kCameraPair);
-    return ray;
-  }
-
-  /// Traces some of a pixel's sub-samples, in packets of their own, so the result is independent of other
-  /// pixels.
-  void Trace(int x, int y, std::span<const int> sub_samples, std::span<GeometrySample> out) const {
+  /// Traces rays of one pixel in packets of their own, so the result is independent of other pixels.
+  template <typename MakeRay>
+  void TraceRays(std::span<GeometrySample> out, MakeRay make_ray) const {
     std::array<Ray, PathTracer::kPacket> rays;
-    for (size_t first = 0; first < sub_samples.size(); first += rays.size()) {
-      const size_t count = std::min(rays.size(), sub_samples.size() - first);
-      for (size_t i = 0; i < count; ++i) rays[i] = RayOf(x, y, sub_samples[first + i]);
+    for (size_t first = 0; first < out.size(); first += rays.size()) {
+      const size_t count = std::min(rays.size(), out.size() - first);
+      for (size_t i = 0; i < count; ++i) rays[i] = make_ray(first + i);
       tracer_.TraceGeometry({rays.data(), count}, out.subspan(first, count));
     }
+  }
+
+  Ray RayOf(int x, int y, int sub_sample) const {
+    return RayAt(x, y, PointOf(sub_sample), LensPointOf(sub_sample), kGrid,
+                 static_cast<uint32_t>(sub_sample));
+  }
+
+  Ray FineRayOf(int x, int y, int sub_sample, int ray) const {
+    const auto number = static_cast<uint32_t>(kSubSamples + sub_sample * kFineRays + ray);
+    return RayAt(x, y, FinePointOf(sub_sample, ray), LensPointOf(sub_sample), kGrid * kFineGrid, number);
+  }
+
+  /// The ray of this number through a point in the pixel, one of a grid of `side` rays a side.
+  Ray RayAt(int x, int y, Vec2 in_pixel, Vec2 lens, int side, uint32_t number) const {
+    const Vec2 point = camera_.PointIn(x, y, in_pixel);
+    Ray ray = camera_.RayThrough(point.x, point.y, lens, camera_.FilterWidth() / static_cast<float>(side));
+    // The same key in all frames, so that half-transparent surfaces do not flicker.
+    ray.random_key = Sampler(0, 0, camera_.NumberOf(x, y), number).Key(kCameraPair);
+    return ray;
   }
 
   Row ProbeRow(int y) const {
@@ -201,30 +266,34 @@ class GeometryUnit {
       const Vec2 point = camera_.PointIn(x, y, {0.5f, 0.5f});
       const Ray centre = camera_.RayThrough(point.x, point.y, {0.5f, 0.5f});
       pixel.probe = ProbeOf(pixel.samples, centre);
+      pixel.is_bright = std::any_of(pixel.samples.begin(), pixel.samples.end(), EmitsBrightly);
     }
     return row;
   }
 
-  bool IsEdge(int x, const EdgeProbe& probe, const std::array<const Row*, 3>& rows) const {
-    if (probe.mixed) return true;
+  static bool EmitsBrightly(const GeometrySample& s) {
+    return s.hit && Luminance(s.emitted.x, s.emitted.y, s.emitted.z) > kBrightLuminance;
+  }
+
+  using Rows = std::array<const Row*, 3>;  // above, here, below
+
+  /// Whether test(pixel) holds for the pixel at x or one of its neighbours in the frame.
+  template <typename Test>
+  bool IsAnyNear(int x, const Rows& rows, Test test) const {
     for (const Row* row : rows) {
       if (row->empty()) continue;
       for (int near = std::max(x - 1, x0_); near < std::min(x + 2, x1_); ++near) {
-        const EdgeProbe& other = (*row)[static_cast<size_t>(near - x0_)].probe;
-        if (&other != &probe && IsEdgeBetween(probe, other)) return true;
+        if (test((*row)[static_cast<size_t>(near - x0_)])) return true;
       }
     }
     return false;
   }
 
-  void StoreEdge(int x, int y, const Pixel& pixel) {
-    std::array<GeometrySample, kOthers.size()> others;
-    Trace(x, y, kOthers, others);
-    std::array<GeometrySample, kSubSamples> samples;
-    for (size_t i = 0; i < kFirst.size(); ++i) samples[static_cast<size_t>(kFirst[i])] = pixel.samples[i];
-    for (size_t i = 0; i < kOthers.size(); ++i) samples[static_cast<size_t>(kOthers[i])] = others[i];
-    picture_.Store(x - rect_.x0, y - rect_.y0, samples, camera_);
-    edges_.Add(x, y, samples);
+  Place PlaceOf(int x, const Pixel& pixel, const Rows& rows) const {
+    const bool is_edge = pixel.probe.mixed || IsAnyNear(x, rows, [&pixel](const Pixel& other) {
+                           return &other != &pixel && IsEdgeBetween(pixel.probe, other.probe);
+                         });
+    return {is_edge, is_edge && IsAnyNear(x, rows, [](const Pixel& other) { return other.is_bright; })};
   }
 
   const PathTracer& tracer_;
@@ -233,15 +302,47 @@ class GeometryUnit {
   const Rect rect_;
   const int x0_;  // the rows' first pixel and one past their last
   const int x1_;
-  GeometryPicture picture_;
-  EdgeRows edges_;
 };
+
+/// All sub-samples of an edge pixel whose first ones are traced.
+std::array<GeometrySample, kSubSamples> AllSamples(const PixelScan& scan, int x, int y,
+                                                   const PixelScan::Pixel& pixel, bool is_near_light) {
+  std::array<GeometrySample, kOthers.size()> others;
+  scan.Trace(x, y, kOthers, others);
+  std::array<GeometrySample, kSubSamples> samples;
+  for (size_t i = 0; i < kFirst.size(); ++i) samples[static_cast<size_t>(kFirst[i])] = pixel.samples[i];
+  for (size_t i = 0; i < kOthers.size(); ++i) samples[static_cast<size_t>(kOthers[i])] = others[i];
+  for (int i = 0; is_near_light && i < kSubSamples; ++i)
+    scan.Refine(x, y, i, &samples[static_cast<size_t>(i)]);
+  return samples;
+}
 
 }  // namespace
 
-EdgedImage RenderGeometryUnit(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame,
-                              const Rect& rect, const std::atomic<bool>* stop) {
-  return GeometryUnit(tracer, camera, frame, rect).Render(stop);
+GeometryUnit RenderGeometryUnit(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame,
+                                const Rect& rect, const std::atomic<bool>* stop) {
+  const PixelScan scan(tracer, camera, frame, rect);
+  GeometryPicture picture(rect.width(), rect.height());
+  EdgeRows edges;
+  EdgeMask mask(rect);
+  scan.ForEachPixel(stop, [&](int x, int y, const PixelScan::Pixel& pixel, PixelScan::Place place) {
+    mask.Set(x, y, place.is_edge);
+    if (!place.is_edge) return picture.Store(x - rect.x0, y - rect.y0, pixel.samples, camera);
+    const auto samples = AllSamples(scan, x, y, pixel, place.is_near_light);
+    picture.Store(x - rect.x0, y - rect.y0, samples, camera);
+    edges.Add(x, y, samples);
+  });
+  return {{picture.Take(), edges.Make()}, std::move(mask)};
+}
+
+EdgeMask FindEdgePixels(const PathTracer& tracer, const PictureCamera& camera, const Rect& frame,
+                        const Rect& rect, const std::atomic<bool>* stop) {
+  EdgeMask mask(rect);
+  PixelScan(tracer, camera, frame, rect)
+      .ForEachPixel(stop, [&mask](int x, int y, const PixelScan::Pixel&, PixelScan::Place place) {
+        mask.Set(x, y, place.is_edge);
+      });
+  return mask;
 }
 
 }  // namespace lumifold::render

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "filter/image/layers.h"
+#include "worker/scene/scene.h"
 #include "worker/scene/vec.h"
 
 namespace lumifold::render {
@@ -50,6 +51,13 @@ class ByLevel {
   std::array<Value, layers::kLevelCount> values_;
 };
 
+/// The surface that a camera ray hits first, as GeometrySample has it.
+struct FirstHit {
+  int instance = scene::kNone;  // kNone: nothing is hit
+  scene::Vec3 normal;           // shading normal, towards the camera
+  float distance = 0;           // along the ray
+};
+
 /// One camera sample in layers. To float rounding
 ///   combined = (direct + indirect) * albedo + emitted + glossy * glossy_albedo
 ///              + sum over levels of ((direct + indirect) * albedo + emitted) + remainder.
@@ -63,10 +71,12 @@ struct LayerSample {
   scene::Vec3 glossy_albedo;  // S: the directional albedo of those lobes
   scene::Vec3 remainder;      // all else: glossy lobes seen in mirrors, and light after the last level
   ByLevel<LevelSample> levels;
+  FirstHit first;
 
   void Clear() {
     combined = direct = indirect = albedo = emitted = glossy = glossy_albedo = remainder = {};
     levels.Clear();
+    first = {};
   }
 };
 

@@ -1,6 +1,5 @@
 #include "worker/render/pass_sums.h"
 
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -15,15 +14,6 @@ void AddLevel(const LevelSample& sample, size_t half, LevelSums* sums) {
   sums->whole[0] += sample.albedo;
   sums->whole[1] += sample.emitted;
   if (sample.has_diffuse) sums->count[half] += 1;
-}
-
-bool IsCarried(std::string_view layer, const TracingPlan::Layers& carried) {
-  if (layer == layers::kDirect) return carried.direct;
-  if (layer == layers::kIndirect) return carried.indirect;
-  if (layer == layers::kAlbedo) return carried.albedo;
-  if (layer == layers::kEmission) return carried.emission;
-  if (layer == layers::kGlossy || layer == layers::kGlossyAlbedo) return carried.glossy;
-  return true;
 }
 
 /// The sums in the order of layers::LevelPassChannels.
@@ -62,13 +52,13 @@ void PixelSums::Add(const LayerSample& s, size_t half) {
 PassPicture::PassPicture(int width, int height, const TracingPlan::Layers& carried)
     : image_(width, height), levels_(width, height, layers::LevelPassChannels) {
   for (size_t i = 0; i < layers::kHalved.size(); ++i) {
-    if (!IsCarried(layers::kHalved[i], carried)) continue;
+    if (!carried.Has(layers::kHalved[i])) continue;
     const ColorView a = image_.AddColor(layers::HalfA(layers::kHalved[i]));
     const ColorView b = image_.AddColor(layers::HalfB(layers::kHalved[i]));
     halved_.push_back({i, {a, b}});
   }
   for (size_t i = 0; i < layers::kWhole.size(); ++i) {
-    if (IsCarried(layers::kWhole[i], carried)) whole_.push_back({i, image_.AddColor(layers::kWhole[i])});
+    if (carried.Has(layers::kWhole[i])) whole_.push_back({i, image_.AddColor(layers::kWhole[i])});
   }
   count_ = {image_.Add(layers::kSamplesA), image_.Add(layers::kSamplesB)};
 }

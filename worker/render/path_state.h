@@ -84,6 +84,8 @@ struct PathTracer::FirstSurface {
   BsdfType bsdf;
   Connection connection;
   float u_lobe;  // random number that selects the lobe
+  int instance;
+  float distance;  // along the camera ray
 
   FirstSurface(const PathTracer& tracer, const Hit& hit, const Ray& ray, const PathSampler& random)
       : FirstSurface(tracer, hit, ray, random, random.Get2D(0, PathSampler::kLightAndLobe)) {}
@@ -94,7 +96,9 @@ struct PathTracer::FirstSurface {
       : surface(tracer.surfaces_.Read(hit, ray)),
         bsdf(tracer.MakeBsdf<BsdfType>(surface, -ray.direction)),
         connection(tracer.SampleLight(surface, bsdf, light_and_lobe.x, random, 0)),
-        u_lobe(light_and_lobe.y) {}
+        u_lobe(light_and_lobe.y),
+        instance(hit.instance),
+        distance(hit.distance) {}
 };
 
 }  // namespace lumifold::render

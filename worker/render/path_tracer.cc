@@ -324,6 +324,7 @@ void PathTracer::TraceLayers(const FirstSurface<BsdfType>& first, const Sampler&
   const PathSampler random(sampler);
   const ScatteredRadiance scattered =
       Scatter(surface, bsdf, first.connection, first.u_lobe, 0, {1, 1, 1}, random, indirect);
+  out->first = {first.instance, surface.normal, first.distance};
   out->emitted = surfaces_.Emitted(surface);
   out->albedo = bsdf.DiffuseAlbedo();
   out->direct = scattered.direct;

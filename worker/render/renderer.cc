@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "worker/render/approximations.h"
 #include "worker/render/floating_point.h"
+#include "worker/render/fragments.h"
 #include "worker/render/geometry_unit.h"
 #include "worker/render/pass_sums.h"
 
@@ -78,34 +79,56 @@ Renderer::Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<Em
   }
 }
 
-LayeredImage Renderer::RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
-                                  RenderCounts* counts) const {
+std::shared_ptr<const EdgeMask> Renderer::EdgePixelsOf(const Rect& rect,
+                                                       const std::atomic<bool>* stop) const {
+  if (std::shared_ptr<const EdgeMask> kept = masks_.Find(rect); kept != nullptr) return kept;
+  auto mask = std::make_shared<const EdgeMask>(FindEdgePixels(tracer_, camera_, FrameRect(), rect, stop));
+  KeepIfComplete(mask, stop);
+  return mask;
+}
+
+void Renderer::KeepIfComplete(std::shared_ptr<const EdgeMask> mask, const std::atomic<bool>* stop) const {
+  if (stop == nullptr || !stop->load(std::memory_order_relaxed)) masks_.Keep(std::move(mask));
+}
+
+EdgedImage Renderer::RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
+                                RenderCounts* counts) const {
   const ScopedFloatEnvironment environment;
   PassPicture picture(rect.width(), rect.height(), settings_.plan.layers);
+  FragmentRows fragments(settings_.plan.layers);
+  const std::shared_ptr<const EdgeMask> edges =
+      fragments.IsCarried() ? EdgePixelsOf(rect, counts->stop) : std::make_shared<const EdgeMask>(rect);
   std::array<LayerSample, PathTracer::kPacket> samples;
   const int64_t rays_before = RaysOfThread();
   for (int y = rect.y0; y < rect.y1; ++y) {
     for (int x = rect.x0; x < rect.x1 && !counts->IsStopped(); ++x) {
       PixelSums sums;
+      PixelFragments by_surface;
+      const bool is_edge = edges->Has(x, y);
       ForEachPacket(x, y, frame, tile_samples.At(x - rect.x0, y - rect.y0), [&](const CameraPacket& packet) {
         if (counts->IsStopped()) return false;
         tracer_.Trace(packet.rays(), packet.samplers(), samples);
         for (size_t i = 0; i < packet.size(); ++i) {
-          if (counts->Add(IsFinite(samples[i]))) sums.Add(samples[i], packet.Index(i) & 1);
+          if (!counts->Add(IsFinite(samples[i]))) continue;
+          sums.Add(samples[i], packet.Index(i) & 1);
+          if (is_edge) by_surface.Add(samples[i], packet.Index(i) & 1);
         }
         return true;
       });
       picture.Store(x - rect.x0, y - rect.y0, sums);
+      if (is_edge) fragments.Add(x, y, by_surface.Sorted());
     }
     if (counts->rows != nullptr) counts->rows->fetch_add(1, std::memory_order_relaxed);
   }
   counts->rays += RaysOfThread() - rays_before;
-  return picture.Take();
+  return {picture.Take(), {}, fragments.Make()};
 }
 
 EdgedImage Renderer::RenderGeometry(const Rect& rect, int, const std::atomic<bool>* stop) const {
   const ScopedFloatEnvironment environment;
-  return RenderGeometryUnit(tracer_, camera_, {0, 0, settings_.width, settings_.height}, rect, stop);
+  GeometryUnit unit = RenderGeometryUnit(tracer_, camera_, FrameRect(), rect, stop);
+  KeepIfComplete(std::make_shared<const EdgeMask>(std::move(unit.mask)), stop);
+  return std::move(unit.image);
 }
 
 }  // namespace lumifold::render

@@ -8,10 +8,10 @@
 
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
-#include "filter/image/layered_image.h"
 #include "filter/image/tile_samples.h"
 #include "worker/render/camera.h"
 #include "worker/render/camera_packet.h"
+#include "worker/render/edge_mask.h"
 #include "worker/render/embree_scene.h"
 #include "worker/render/environment.h"
 #include "worker/render/mip_chain.h"
@@ -75,10 +75,12 @@ class Renderer {
   /// Traces `tile_samples` in the pixels of `rect` (within the frame) and returns their sums.
   /// Shapes: rect's size; channels, as far as the plan's layers go: for each of layers::kHalved its halves *_a
   ///         and *_b; layers::kWhole (sums over both halves); samples_a.Y, samples_b.Y (finite samples); and
-  ///         layers::LevelPassChannels of each level that any sample has reached.
+  ///         layers::LevelPassChannels of each level that any sample has reached. Fragments (see EdgedImage) of the
+  ///         edge pixels of RenderGeometry, which are found by four rays a pixel where the tile's mask is not kept;
+  ///         counts->rays has none of these.
   /// Once counts->stop is true it returns within a packet of rays; the result is then incomplete.
-  LayeredImage RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
-                          RenderCounts* counts) const;
+  EdgedImage RenderPass(const Rect& rect, int frame, const TileSamples& tile_samples,
+                        RenderCounts* counts) const;
 
   /// Traces fixed sub-pixel rays in every pixel of `rect`: see RenderGeometryUnit. Once `stop`, which may be null,
   /// is true it returns within a row of pixels; the result is then incomplete.
@@ -96,6 +98,16 @@ class Renderer {
   Renderer(std::shared_ptr<const scene::Scene> scene, std::unique_ptr<EmbreeScene> embree,
            const PictureCamera& camera, const RenderSettings& settings);
 
+  /// The whole frame as the picture sees it: edges of a part of the frame are those of the frame.
+  Rect FrameRect() const {
+    const FrameWindow& frame = settings_.frame;
+    if (frame.frame_width == 0) return {0, 0, settings_.width, settings_.height};
+    return {-frame.x, -frame.y, frame.frame_width - frame.x, frame.frame_height - frame.y};
+  }
+  /// Finds the edge pixels of a tile, or remembers them.
+  std::shared_ptr<const EdgeMask> EdgePixelsOf(const Rect& rect, const std::atomic<bool>* stop) const;
+  void KeepIfComplete(std::shared_ptr<const EdgeMask> mask, const std::atomic<bool>* stop) const;
+
   /// Calls visit(CameraPacket) for the samples of a pixel.
   template <typename Visit>
   void ForEachPacket(int x, int y, int frame, SampleRange range, Visit visit) const {
@@ -108,6 +120,7 @@ class Renderer {
   PictureCamera camera_;
   PathTracer tracer_;
   std::vector<std::string> warnings_;
+  mutable EdgeMaskCache masks_;
 };
 
 }  // namespace lumifold::render

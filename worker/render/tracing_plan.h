@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string_view>
+
 #include "filter/image/layers.h"
 
 namespace lumifold::render {
@@ -26,6 +28,16 @@ struct TracingPlan {
     bool albedo = true;
     bool emission = true;
     bool glossy = true;
+
+    /// Whether units have this layer of layers::kHalved or layers::kWhole; C is always there.
+    bool Has(std::string_view layer) const {
+      if (layer == layers::kDirect) return direct;
+      if (layer == layers::kIndirect) return indirect;
+      if (layer == layers::kAlbedo) return albedo;
+      if (layer == layers::kEmission) return emission;
+      if (layer == layers::kGlossy || layer == layers::kGlossyAlbedo) return glossy;
+      return true;
+    }
     friend bool operator==(const Layers&, const Layers&) = default;
   } layers;
 

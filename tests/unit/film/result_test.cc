@@ -96,6 +96,8 @@ TEST(Result, ASavedFilmIsReadBackWhole) {
   expect_same(film.pixels, read->pixels);
   ASSERT_GT(film.edges.height(), 0);
   expect_same(film.edges, read->edges);
+  ASSERT_GT(film.fragments.height(), 0);
+  expect_same(film.fragments, read->fragments);
   expect_same(film.pixels, *ReadExr(path));
 }
 

@@ -66,6 +66,8 @@ TEST(ResultWriter, RowsMakeTheFileThatTheWholeMakes) {
       EXPECT_EQ(written.pixels.metadata(), expected.pixels.metadata());
       EXPECT_EQ(written.edges.height(), save_film ? 2 * 9 : 0);
       ExpectSameImage(written.edges, expected.edges);
+      EXPECT_EQ(written.fragments.height() > 5 * 2 * 2, save_film);
+      ExpectSameImage(written.fragments, expected.fragments);
     }
   }
 }
@@ -79,6 +81,7 @@ TEST(ResultWriter, AFilmWithoutEdgesIsAFileOfOnePart) {
   const EdgedImage written = WrittenInRows(spec, units, {8, 16, kHeight});
   EXPECT_TRUE(written.pixels.Has("direct_a.R"));
   EXPECT_TRUE(written.edges.channels().empty());
+  EXPECT_TRUE(written.fragments.channels().empty());
 }
 
 }  // namespace

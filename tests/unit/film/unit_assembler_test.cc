@@ -27,6 +27,8 @@ constexpr SampleRange kSamples = {0, 4};
 
 EdgedImage Unit(v1::UnitKind kind) { return RandomUnit({0, 1, 0, kind}, kRect, kSamples, 1); }
 
+EdgedImage PassWithFragments() { return RandomUnit({0, 2, 0, v1::UNIT_KIND_PASS}, kRect, kSamples, 1); }
+
 void FillPlane(const FloatView& plane, float value) {
   for (int y = 0; y < plane.height(); ++y) std::fill_n(plane.Row(y), plane.width(), value);
 }
@@ -35,9 +37,9 @@ void FillPlane(const FloatView& plane, float value) {
 std::vector<v1::UnitChunk> PiecesOf(const EdgedImage& unit) {
   std::vector<v1::UnitChunk> pieces;
   v1::PixelChunk piece;
-  if (unit.edges.height() > 0) {
-    rpc::PixelChunker edges(unit.edges);
-    while (edges.Next(&piece)) *pieces.emplace_back().mutable_edges() = piece;
+  if (ListOf(unit).height() > 0) {
+    rpc::PixelChunker list(ListOf(unit));
+    while (list.Next(&piece)) *pieces.emplace_back().mutable_edges() = piece;
   }
   rpc::PixelChunker pixels(unit.pixels);
   while (pixels.Next(&piece)) *pieces.emplace_back().mutable_pixels() = piece;
@@ -45,7 +47,7 @@ std::vector<v1::UnitChunk> PiecesOf(const EdgedImage& unit) {
 }
 
 std::string Bytes(const EdgedImage& unit) {
-  return rpc::BytesFromImage(unit.pixels) + rpc::BytesFromImage(unit.edges);
+  return rpc::BytesFromImage(unit.pixels) + rpc::BytesFromImage(ListOf(unit));
 }
 
 /// The values of a picture that was received.
@@ -55,8 +57,9 @@ std::string Decoded(const rpc::ReceivedPicture& picture) {
 }
 
 TEST(UnitAssembler, GivesBackWhatWasSent) {
-  for (const v1::UnitKind kind : {v1::UNIT_KIND_PASS, v1::UNIT_KIND_GEOMETRY}) {
-    const EdgedImage unit = Unit(kind);
+  for (const auto& [kind, unit] : {std::pair(v1::UNIT_KIND_PASS, Unit(v1::UNIT_KIND_PASS)),
+                                   {v1::UNIT_KIND_PASS, PassWithFragments()},
+                                   {v1::UNIT_KIND_GEOMETRY, Unit(v1::UNIT_KIND_GEOMETRY)}}) {
     UnitAssembler assembler(kind, kRect, kSamples);
     for (const v1::UnitChunk& piece : PiecesOf(unit)) {
       EXPECT_FALSE(assembler.IsComplete());
@@ -109,11 +112,14 @@ TEST(UnitAssembler, TakesAnyEncodingOfAnyPlane) {
 }
 
 TEST(UnitAssembler, TheChecksumIsThatOfAllValues) {
-  const EdgedImage unit = Unit(v1::UNIT_KIND_GEOMETRY);
-  UnitAssembler assembler(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
-  for (const v1::UnitChunk& piece : PiecesOf(unit)) ASSERT_TRUE(assembler.Add(piece).ok());
-  EXPECT_EQ(assembler.Take().values_checksum,
-            rpc::Checksum(rpc::BytesFromImage(unit.edges) + rpc::BytesFromImage(unit.pixels)));
+  for (const bool of_pass : {false, true}) {
+    const v1::UnitKind kind = of_pass ? v1::UNIT_KIND_PASS : v1::UNIT_KIND_GEOMETRY;
+    const EdgedImage unit = of_pass ? PassWithFragments() : Unit(kind);
+    UnitAssembler assembler(kind, kRect, of_pass ? kSamples : SampleRange{});
+    for (const v1::UnitChunk& piece : PiecesOf(unit)) ASSERT_TRUE(assembler.Add(piece).ok());
+    EXPECT_EQ(assembler.Take().values_checksum,
+              rpc::Checksum(rpc::BytesFromImage(ListOf(unit)) + rpc::BytesFromImage(unit.pixels)));
+  }
 }
 
 /// A plane whose bytes arrived as they were sent, but are no compressed plane.
@@ -191,10 +197,10 @@ TEST(UnitAssembler, RefusesEdgesThatAreOutOfPlace) {
   const std::vector<v1::UnitChunk> pieces = PiecesOf(Unit(v1::UNIT_KIND_GEOMETRY));
   ASSERT_EQ(pieces.size(), 2u);
   UnitAssembler of_a_pass(v1::UNIT_KIND_PASS, kRect, kSamples);
-  EXPECT_THAT(std::string(of_a_pass.Add(pieces[0]).message()), HasSubstr("only geometry units"));
+  EXPECT_THAT(std::string(of_a_pass.Add(pieces[0]).message()), HasSubstr("size 16x2 is not within"));
   UnitAssembler twice(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
   ASSERT_TRUE(twice.Add(pieces[0]).ok());
-  EXPECT_THAT(std::string(twice.Add(pieces[0]).message()), HasSubstr("after the edge set"));
+  EXPECT_THAT(std::string(twice.Add(pieces[0]).message()), HasSubstr("after the list"));
   UnitAssembler after_pixels(v1::UNIT_KIND_GEOMETRY, kRect, SampleRange{});
   ASSERT_TRUE(after_pixels.Add(pieces[1]).ok());
   EXPECT_THAT(std::string(after_pixels.Add(pieces[0]).message()), HasSubstr("or the pixels"));
@@ -203,6 +209,29 @@ TEST(UnitAssembler, RefusesEdgesThatAreOutOfPlace) {
   v1::UnitChunk both = pieces[0];
   *both.mutable_pixels() = pieces[1].pixels();
   EXPECT_FALSE(both_at_once.Add(both).ok());
+}
+
+TEST(UnitAssembler, RefusesMoreSamplesOnSurfacesThanInThePixel) {
+  EdgedImage unit = PassWithFragments();
+  const FloatView counts = unit.fragments.Get(layers::kSamplesA);
+  counts.At(0, 0) += 1;
+  UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples);
+  const std::vector<v1::UnitChunk> pieces = PiecesOf(unit);
+  ASSERT_TRUE(assembler.Add(pieces[0]).ok());
+  EXPECT_EQ(assembler.Add(pieces[1]).message(),
+            "fragments: those at 15,0 have 3 samples_a.Y, but the pixel has 2");
+  counts.At(0, 0) -= 2;  // fewer: other samples may have left the scene
+  UnitAssembler fewer(v1::UNIT_KIND_PASS, kRect, kSamples);
+  for (const v1::UnitChunk& piece : PiecesOf(unit)) EXPECT_TRUE(fewer.Add(piece).ok());
+}
+
+TEST(UnitAssembler, RefusesFragmentsThatThePlanLeavesOut) {
+  UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples, {.indirect = false});
+  EXPECT_THAT(std::string(assembler.Add(PiecesOf(PassWithFragments())[0]).message()),
+              HasSubstr("fragments: 1 columns of 24 channels, expected 1 of 18"));
+  UnitAssembler none(v1::UNIT_KIND_PASS, kRect, kSamples, {.direct = false, .indirect = false});
+  EXPECT_EQ(none.Add(PiecesOf(PassWithFragments())[0]).message(),
+            "fragments: the plan of the job has no light of surfaces");
 }
 
 TEST(UnitAssembler, RefusesValuesThatAreNotValid) {

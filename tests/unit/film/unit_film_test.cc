@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "proto/rpc/image_codec.h"
@@ -30,7 +33,8 @@ v1::JobSpec Spec(int samples) {
 }
 
 std::string Bytes(const absl::StatusOr<EdgedImage>& film) {
-  return rpc::BytesFromImage(film->pixels) + rpc::BytesFromImage(film->edges);
+  return rpc::BytesFromImage(film->pixels) + rpc::BytesFromImage(film->edges) +
+         rpc::BytesFromImage(film->fragments);
 }
 
 class UnitFilmTest : public ::testing::Test {
@@ -128,6 +132,59 @@ TEST_F(UnitFilmTest, EdgesComeInTheOrderOfTheFramesRows) {
   EXPECT_EQ(found, 1);
 }
 
+/// Pixel and surface of a row of fragments.
+std::array<float, 3> PlaceOf(const LayeredImage& fragments, int row) {
+  return {fragments.Get(layers::kPixelY).At(0, row), fragments.Get(layers::kPixelX).At(0, row),
+          fragments.Get(layers::kSurface).At(0, row)};
+}
+
+TEST_F(UnitFilmTest, FragmentsOfOneSurfaceAreSummedInPassOrder) {
+  const absl::StatusOr<EdgedImage> film = Assemble(nullptr);
+  const LayeredImage& fragments = film->fragments;
+  ASSERT_EQ(fragments.width(), 1);
+  ASSERT_GT(fragments.height(), 3 * 2 * 2) << "the surfaces of the passes differ";
+  for (int row = 0; row < fragments.height(); ++row) {
+    if (row > 0) {
+      EXPECT_LT(PlaceOf(fragments, row - 1), PlaceOf(fragments, row));
+    }
+    std::map<std::string, double> sums;
+    for (int tile = 0; tile < units_.tiles().count(); ++tile) {
+      for (int pass = 0; pass < units_.pass_count(); ++pass) {
+        const LayeredImage unit = (*Read({0, tile, pass, v1::UNIT_KIND_PASS})).fragments;
+        for (int i = 0; i < unit.height(); ++i) {
+          if (PlaceOf(unit, i) != PlaceOf(fragments, row)) continue;
+          for (const LayeredImage::Channel& channel : unit.channels())
+            sums[channel.name] += channel.plane.At(0, i);
+        }
+      }
+    }
+    const double a = sums["samples_a.Y"];
+    const double b = sums["samples_b.Y"];
+    const auto expect = [&](const std::string& name, double samples) {
+      EXPECT_EQ(fragments.Get(name).At(0, row), static_cast<float>(samples > 0 ? sums[name] / samples : 0))
+          << name;
+    };
+    EXPECT_EQ(fragments.Get("samples_a.Y").At(0, row), a);
+    EXPECT_EQ(fragments.Get("samples_b.Y").At(0, row), b);
+    for (const char* name : {"direct_a.R", "indirect_a.G"}) expect(name, a);
+    for (const char* name : {"direct_b.R", "indirect_b.G"}) expect(name, b);
+    for (const char* name : {"N.X", "N.Z", "distance.Z", "albedo.G"}) expect(name, a + b);
+  }
+}
+
+TEST_F(UnitFilmTest, RefusesFragmentsThatAreNotOfTheirTile) {
+  const absl::StatusOr<EdgedImage> film =
+      WholeFilm(spec_, 0, UnitsOfFunction([&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
+                  EdgedImage unit = *Read(key);
+                  if (key.tile == 2 && unit.fragments.height() > 0)
+                    unit.fragments.Get(layers::kPixelX).At(0, 0) = 3;
+                  return unit;
+                }),
+                nullptr);
+  EXPECT_EQ(film.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(film.status().message()), HasSubstr("row 0 is surface 7 of the pixel 3,0"));
+}
+
 TEST_F(UnitFilmTest, RefusesAnEdgeThatIsNotOfItsTile) {
   const absl::StatusOr<EdgedImage> film =
       WholeFilm(spec_, 0, UnitsOfFunction([&](const UnitKey& key) -> absl::StatusOr<EdgedImage> {
@@ -217,7 +274,7 @@ TEST_F(UnitFilmTest, RefusesAUnitOfTheWrongShape) {
 
 TEST_F(UnitFilmTest, APartIsWhatTheWholeHasThere) {
   const EdgedImage whole = *Assemble(nullptr);
-  FilmInMemory expected(whole.pixels, &whole.edges);
+  FilmInMemory expected(whole.pixels, &whole.edges, &whole.fragments);
   const UnitsOfFunction units = RandomUnitsOf(spec_, 9);
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(2);
   absl::StatusOr<UnitFilm> film = UnitFilm::Open(spec_, 0, &units, pool.get());
@@ -256,6 +313,10 @@ TEST_F(UnitFilmTest, TheOutlineIsThatOfTheWholeFilm) {
   for (size_t i = 0; i < outline.channels().size(); ++i)
     EXPECT_EQ(outline.channels()[i].name, whole.pixels.channels()[i].name);
   EXPECT_EQ(film->edge_rows(), whole.edges.height());
+  EXPECT_EQ(*film->CountFragments(), whole.fragments.height());
+  ASSERT_EQ(film->FragmentChannels().size(), whole.fragments.channels().size());
+  for (const LayeredImage::Channel& channel : whole.fragments.channels())
+    EXPECT_THAT(film->FragmentChannels(), ::testing::Contains(channel.name));
 }
 
 TEST_F(UnitFilmTest, BandsEndWithTheTiles) {
@@ -269,12 +330,13 @@ TEST_F(UnitFilmTest, BandsEndWithTheTiles) {
 /// A unit cut from one picture of the whole frame.
 EdgedImage UnitOfFrame(const UnitKey& key, const Rect& rect) {
   const Rect frame = {0, 0, 21, 10};
-  const UnitKey whole = {0, 1, key.pass, key.kind};  // tile 1 has a level
+  const UnitKey whole = {0, 4, key.pass, key.kind};  // tile 4 has a level and fragments
   const auto first = static_cast<uint32_t>(4 * key.pass);
   const EdgedImage unit = RandomUnit(whole, frame, {first, first + 4}, 5);
-  LayeredImage edges = EdgesInside(unit.edges, rect);
-  MovePlaces(rect.x0, rect.y0, &edges);
-  return {unit.pixels.Crop(rect), std::move(edges)};
+  EdgedImage part = {unit.pixels.Crop(rect), EdgesInside(unit.edges, rect),
+                     EdgesInside(unit.fragments, rect)};
+  for (LayeredImage* list : {&part.edges, &part.fragments}) MovePlaces(rect.x0, rect.y0, list);
+  return part;
 }
 
 TEST_F(UnitFilmTest, IsTheSameForAnyTiles) {
@@ -289,6 +351,7 @@ TEST_F(UnitFilmTest, IsTheSameForAnyTiles) {
                   }));
     ASSERT_TRUE(film.ok()) << film.status();
     EXPECT_EQ(film->edges.height(), 2);
+    EXPECT_GE(film->fragments.height(), 4);
     if (expected.empty()) expected = Bytes(film);
     EXPECT_EQ(Bytes(film), expected) << tile_size;
   }
@@ -303,17 +366,24 @@ TEST_F(UnitFilmTest, OfLayersThatThePlanLeavesOutTheFilterNeedsZeros) {
   }
   const UnitsOfFunction units([this](const UnitKey& key) {
     absl::StatusOr<EdgedImage> unit = Read(key);
-    std::erase_if(unit->pixels.channels(), [](const LayeredImage::Channel& channel) {
-      return channel.name.starts_with("indirect_") || channel.name.starts_with("glossy");
-    });
+    for (LayeredImage* image : {&unit->pixels, &unit->fragments}) {
+      std::erase_if(image->channels(), [](const LayeredImage::Channel& channel) {
+        return channel.name.starts_with("indirect_") || channel.name.starts_with("glossy");
+      });
+    }
     return unit;
   });
   EXPECT_FALSE(WholeFilm(spec_, 0, units, nullptr).ok());
   const absl::StatusOr<EdgedImage> film = WholeFilm(planned, 0, units, nullptr);
   ASSERT_TRUE(film.ok()) << film.status();
   const absl::StatusOr<EdgedImage> full = Assemble(nullptr);
-  for (const char* name : {"glossy.R", "glossy_a.G", "glossy_albedo.B"})
+  for (const char* name : {"glossy.R", "glossy_a.G", "glossy_albedo.B"}) {
     EXPECT_FALSE(film->pixels.Has(name)) << name;
+    EXPECT_FALSE(film->fragments.Has(name)) << name;
+  }
+  EXPECT_EQ(film->fragments.Get("indirect_a.R").At(0, 1), 0);
+  EXPECT_EQ(film->fragments.Get("direct_a.R").At(0, 1),
+            Assemble(nullptr)->fragments.Get("direct_a.R").At(0, 1));
   for (int x = 0; x < spec_.width(); ++x) {
     for (const char* name : {"indirect.R", "indirect_a.G", "indirect_b.B"})
       EXPECT_EQ(film->pixels.Get(name).At(x, 3), 0) << name;

@@ -56,6 +56,66 @@ TEST(UnitLayout, AnEdgeSetMustBeOfItsTile) {
   EXPECT_THAT(std::string(CheckEdges(kRect, without).message()), HasSubstr("pixel.Y"));
 }
 
+TEST(UnitLayout, FragmentsAreSurfacesOfPixelsOfTheirTile) {
+  const auto fragments = [] { return RandomUnit({0, 0, 0, v1::UNIT_KIND_PASS}, kRect, {0, 4}, 1).fragments; };
+  ASSERT_EQ(fragments().height(), 4);
+  EXPECT_TRUE(CheckFragments(kRect, {}, fragments()).ok()) << CheckFragments(kRect, {}, fragments());
+  EXPECT_TRUE(CheckFragments(kRect, {}, LayeredImage()).ok());
+  EXPECT_THAT(std::string(CheckFragments({0, 0, 8, 4}, {}, fragments()).message()),
+              HasSubstr("row 0 is surface 7 of the pixel 15,0"));
+  struct Case {
+    const char* channel;
+    int row;
+    float value;
+    const char* message;  // null: valid
+  };
+  const std::vector<Case> cases = {
+      {"direct_a.R", 2, -1.0f, nullptr},
+      {"direct_a.R", 2, NAN, "fragments: direct_a.R of row 2 is nan, not finite"},
+      {"pixel.X", 1, 16, "row 1 is surface"},
+      {"pixel.Y", 0, -1, "row 0 is surface"},
+      {"pixel.Y", 3, 0, "row 3 is surface"},  // in the tile, but not after the row above
+      {"pixel.X", 0, 15.5f, "row 0 is surface"},
+      {"surface.Y", 1, 7, "row 1 is surface 7"},
+      {"surface.Y", 1, 3, "row 1 is surface 3"},
+      {"surface.Y", 1, 8, nullptr},
+      {"surface.Y", 0, 0, "row 0 is surface 0"},
+      {"surface.Y", 0, 1.5f, "row 0 is surface 1.5"},
+      {"surface.Y", 1, 0x1p24f, "row 1 is surface 1.67772e+07"},
+      {"samples_a.Y", 2, 0, nullptr},
+      {"samples_a.Y", 2, -1, "row 2 has -1 and 1 samples"},
+      {"samples_b.Y", 2, 0.5f, "row 2 has 1 and 0.5 samples"},
+  };
+  for (const Case& c : cases) {
+    LayeredImage changed = fragments();
+    changed.Get(c.channel).At(0, c.row) = c.value;
+    const absl::Status status = CheckFragments(kRect, {}, changed);
+    EXPECT_EQ(status.ok(), c.message == nullptr) << c.channel << ' ' << c.value << ' ' << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr(c.message == nullptr ? "" : c.message));
+  }
+  LayeredImage none = fragments();
+  for (const std::string_view count : {layers::kSamplesA, layers::kSamplesB}) none.Get(count).At(0, 3) = 0;
+  EXPECT_THAT(std::string(CheckFragments(kRect, {}, none).message()), HasSubstr("row 3 has 0 and 0 samples"));
+}
+
+TEST(UnitLayout, APixelHasAtMostEightFragmentsInAPass) {
+  for (const int rows : {kMaxFragments, kMaxFragments + 1}) {
+    LayeredImage fragments(1, rows);
+    for (const std::string& name : layers::FragmentChannels()) fragments.Add(name).At(0, 0) = 1;
+    for (int row = 0; row < rows; ++row) {
+      fragments.Get(layers::kPixelX).At(0, row) = 9;
+      fragments.Get(layers::kPixelY).At(0, row) = 1;
+      fragments.Get(layers::kSurface).At(0, row) = static_cast<float>(row + 1);
+      fragments.Get(layers::kSamplesB).At(0, row) = 1;
+    }
+    EXPECT_EQ(CheckFragments(kRect, {}, fragments).ok(), rows == kMaxFragments);
+    EXPECT_TRUE(rpc::CheckLayout(rpc::LayoutOf(fragments), ListLimits(v1::UNIT_KIND_PASS, kRect)).ok());
+    EXPECT_FALSE(
+        rpc::CheckLayout(rpc::LayoutOf(fragments), ListLimits(v1::UNIT_KIND_PASS, {0, 0, 1, 1})).ok() &&
+        rows > kMaxFragments);
+  }
+}
+
 TEST(UnitLayout, AnEdgeSetHasFiniteValuesAndOnePixelInEachRow) {
   const LayeredImage good = RandomUnit({0, 0, 0, v1::UNIT_KIND_GEOMETRY}, kRect, {}, 1).edges;
   struct Case {

@@ -31,7 +31,7 @@ StoredUnit Unit(int32_t tile) {
 }
 
 std::string Bytes(const EdgedImage& image) {
-  return rpc::BytesFromImage(image.pixels) + rpc::BytesFromImage(image.edges);
+  return rpc::BytesFromImage(image.pixels) + rpc::BytesFromImage(ListOf(image));
 }
 
 /// The record of a unit as the format describes it, encoded from its planes.
@@ -44,16 +44,16 @@ std::string RecordOf(const StoredUnit& unit) {
   chunk.set_attempt(unit.attempt.value());
   *chunk.mutable_pixels()->mutable_layout() = rpc::EncodePicture(unit.image.pixels).layout;
   *chunk.mutable_stats() = unit.stats;
-  if (unit.image.edges.height() > 0)
-    *chunk.mutable_edges()->mutable_layout() = rpc::EncodePicture(unit.image.edges).layout;
+  if (ListOf(unit.image).height() > 0)
+    *chunk.mutable_edges()->mutable_layout() = rpc::EncodePicture(ListOf(unit.image)).layout;
   const std::string header = chunk.SerializeAsString();
   const std::string payload =
-      rpc::EncodePicture(unit.image.pixels).bytes + rpc::EncodePicture(unit.image.edges).bytes;
-  std::string record = "LFU4";
+      rpc::EncodePicture(unit.image.pixels).bytes + rpc::EncodePicture(ListOf(unit.image)).bytes;
+  std::string record = "LFU5";
   put(header.size(), 4, &record);
   put(payload.size(), 8, &record);
   put(rpc::Checksum(payload), 8, &record);
-  put(rpc::Checksum(rpc::BytesFromImage(unit.image.edges) + rpc::BytesFromImage(unit.image.pixels)), 8,
+  put(rpc::Checksum(rpc::BytesFromImage(ListOf(unit.image)) + rpc::BytesFromImage(unit.image.pixels)), 8,
       &record);
   put(rpc::Checksum(record + header), 8, &record);
   return record + header + payload;
@@ -112,6 +112,7 @@ TEST_F(UnitLogTest, GivesBackWhatWasWritten) {
     EXPECT_EQ(Bytes(unit->image), Bytes(Unit(tile).image));
     EXPECT_TRUE(CheckUnitLayout(unit->unit.key.kind, kRect, rpc::LayoutOf(unit->image.pixels)).ok());
     EXPECT_EQ(unit->image.edges.height(), tile == 2 ? 2 : 0);
+    EXPECT_EQ(unit->image.fragments.height(), tile == 0 ? 4 : 0);
   }
 }
 
@@ -157,7 +158,7 @@ TEST_F(UnitLogTest, AHeaderIsReadWithoutThePixels) {
     EXPECT_EQ(header->unit, Unit(tile).unit);
     EXPECT_EQ(header->outline.pixels.SerializeAsString(),
               rpc::EncodePicture(Unit(tile).image.pixels).layout.SerializeAsString());
-    EXPECT_EQ(header->outline.edge_rows, tile == 2 ? 2 : 0);
+    EXPECT_EQ(header->outline.list_rows, ListOf(Unit(tile).image).height());
     EXPECT_EQ(reader->Read(place).status().code(), absl::StatusCode::kDataLoss);
   }
 }
@@ -165,7 +166,9 @@ TEST_F(UnitLogTest, AHeaderIsReadWithoutThePixels) {
 TEST_F(UnitLogTest, EveryFlippedBitOfAHeaderIsFound) {
   const RecordPlace place = WriteUnits(1).front();
   const std::string good = File();
-  const size_t payload_bytes = rpc::EncodePicture(Unit(0).image.pixels).bytes.size();
+  const EdgedImage image = Unit(0).image;
+  const size_t payload_bytes =
+      rpc::EncodePicture(image.pixels).bytes.size() + rpc::EncodePicture(image.fragments).bytes.size();
   for (size_t at = 0; at < good.size() - payload_bytes; ++at) {
     std::string bad = good;
     bad[at] ^= static_cast<char>(1 << at % 8);
@@ -181,7 +184,7 @@ TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
   const std::string good = File();
   for (size_t at = 0; at < good.size(); ++at) {
     std::string bad = good;
-    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU4" becomes "LFU;", which is not a version
+    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU5" becomes "LFU=", which is not a version
     SetFile(bad);
     const absl::Status status = Read(place).status();
     ASSERT_EQ(status.code(), absl::StatusCode::kDataLoss) << at;

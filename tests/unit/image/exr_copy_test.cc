@@ -13,7 +13,7 @@
 namespace lumifold {
 namespace {
 
-/// A picture of more rows than are copied at a time, with an edge set.
+/// A picture of more rows than are copied at a time, with lists.
 EdgedImage Picture() {
   EdgedImage image{LayeredImage(5, 150), LayeredImage(16, 3)};
   for (const char* name : {"R", "G", "B", "A", "noisy.R", "noisy.G", "noisy.B", "N.X", "N.Y", "N.Z", "id.Y",
@@ -26,6 +26,8 @@ EdgedImage Picture() {
   }
   image.pixels.metadata()["lumifold.scene"] = "room.glb";
   for (const char* name : {"pixel.X", "id.Y"}) image.edges.Add(name).At(2, 1) = 7;
+  image.fragments = LayeredImage(1, 130);
+  for (const char* name : {"pixel.X", "surface.Y"}) image.fragments.Add(name).At(0, 129) = 12345;
   return image;
 }
 
@@ -50,7 +52,8 @@ TEST_F(ExrCopy, AddsAttributesAndKeepsEveryBit) {
   EXPECT_EQ(copy.pixels.metadata().at("lumifold.scene"), "room.glb");
   ExpectSameImage(copy.pixels, Picture().pixels);
   ExpectSameImage(copy.edges, Picture().edges);
-  EXPECT_EQ(Parts(), 2);
+  ExpectSameImage(copy.fragments, Picture().fragments);
+  EXPECT_EQ(Parts(), 3);
 }
 
 TEST_F(ExrCopy, LosslessCompressionsKeepEveryBit) {
@@ -58,12 +61,13 @@ TEST_F(ExrCopy, LosslessCompressionsKeepEveryBit) {
     ASSERT_EQ(Copy({.compression = compression}), absl::OkStatus()) << compression;
     ExpectSameImage(Copied().pixels, Picture().pixels);
     ExpectSameImage(Copied().edges, Picture().edges);
+    ExpectSameImage(Copied().fragments, Picture().fragments);
   }
 }
 
 TEST_F(ExrCopy, LayersBecomePartsAndAreReadBack) {
   ASSERT_EQ(Copy({.layers_as_parts = true}), absl::OkStatus());
-  EXPECT_EQ(Parts(), 6) << "rgba, CryptoObject00, N, id, noisy and edges";
+  EXPECT_EQ(Parts(), 7) << "rgba, CryptoObject00, N, id, noisy, edges and fragments";
   const EdgedImage copy = Copied();
   const LayeredImage picture = Picture().pixels;
   for (const LayeredImage::Channel& channel : picture.channels()) {
@@ -72,6 +76,7 @@ TEST_F(ExrCopy, LayersBecomePartsAndAreReadBack) {
       ASSERT_EQ(copy.pixels.Get(channel.name).At(3, y), channel.plane.view().At(3, y));
   }
   ExpectSameImage(copy.edges, Picture().edges);
+  ExpectSameImage(copy.fragments, Picture().fragments);
 }
 
 TEST_F(ExrCopy, DwaaLosesOnlyColours) {

@@ -53,6 +53,19 @@ LayeredImage SampleEdges() {
   return edges;
 }
 
+/// Two fragments of each pixel of the edge set.
+LayeredImage SampleFragments() {
+  const LayeredImage edges = SampleEdges();
+  LayeredImage fragments(1, 2 * edges.height());
+  for (const std::string_view place : {layers::kPixelX, layers::kPixelY}) {
+    const FloatView out = fragments.Add(place);
+    for (int row = 0; row < fragments.height(); ++row) out.At(0, row) = edges.Get(place).At(0, row / 2);
+  }
+  const FloatView surface = fragments.Add(layers::kSurface);
+  for (int row = 0; row < fragments.height(); ++row) surface.At(0, row) = static_cast<float>(row % 5 + 1);
+  return fragments;
+}
+
 void ExpectSame(const LayeredImage& a, const LayeredImage& b) {
   ASSERT_EQ(a.bounds(), b.bounds());
   ASSERT_EQ(a.channels().size(), b.channels().size());
@@ -114,15 +127,21 @@ TEST_F(ExrFilmTest, ReadsAnyPartOfScanLinesAndTiles) {
   }
 }
 
-TEST_F(ExrFilmTest, GivesAPartItsEdges) {
-  const EdgedImage film{SamplePicture(), SampleEdges()};
-  ASSERT_TRUE(WriteExr(folder_.PathOf("film.exr"), film).ok());
-  const std::unique_ptr<ExrFilm> source = Open(folder_.PathOf("film.exr"));
-  for (const Rect& part : kParts) {
-    const absl::StatusOr<EdgedImage> read = source->Read(part);
-    ASSERT_TRUE(read.ok()) << read.status();
-    ExpectSame(read->pixels, film.pixels.Crop(part));
-    ExpectSame(read->edges, EdgesInside(film.edges, part));
+TEST_F(ExrFilmTest, GivesAPartItsLists) {
+  std::vector<EdgedImage> films;
+  films.push_back({SamplePicture(), SampleEdges()});
+  films.push_back({SamplePicture(), SampleEdges(), SampleFragments()});
+  films.push_back({SamplePicture(), {}, SampleFragments()});
+  for (const EdgedImage& film : films) {
+    ASSERT_TRUE(WriteExr(folder_.PathOf("film.exr"), film).ok());
+    const std::unique_ptr<ExrFilm> source = Open(folder_.PathOf("film.exr"));
+    for (const Rect& part : kParts) {
+      const absl::StatusOr<EdgedImage> read = source->Read(part);
+      ASSERT_TRUE(read.ok()) << read.status();
+      ExpectSame(read->pixels, film.pixels.Crop(part));
+      ExpectSame(read->edges, EdgesInside(film.edges, part));
+      ExpectSame(read->fragments, EdgesInside(film.fragments, part));
+    }
   }
 }
 
@@ -180,21 +199,23 @@ TEST_F(ExrFilmTest, SaysWhereItsScratchFileCannotBe) {
 }
 
 TEST_F(ExrFilmTest, RowsGiveTheSameFileHoweverTheyArePortioned) {
-  const EdgedImage film{SamplePicture(), SampleEdges()};
+  const EdgedImage film{SamplePicture(), SampleEdges(), SampleFragments()};
   ASSERT_TRUE(WriteExr(folder_.PathOf("whole.exr"), film).ok());
   const auto layout = [](const LayeredImage& image) {
     ExrLayout result{image.width(), image.height(), {}, image.metadata()};
     for (const LayeredImage::Channel& channel : image.channels()) result.channels.push_back(channel.name);
     return result;
   };
-  const ExrLayout edges = layout(film.edges);
-  absl::StatusOr<ExrRowWriter> writer =
-      ExrRowWriter::Create(folder_.PathOf("rows.exr"), layout(film.pixels), &edges);
+  absl::StatusOr<ExrRowWriter> writer = ExrRowWriter::Create(folder_.PathOf("rows.exr"), layout(film.pixels),
+                                                             {layout(film.edges), layout(film.fragments)});
   ASSERT_TRUE(writer.ok()) << writer.status();
   for (int y = 0; y < kHeight; y += 10)
     ASSERT_TRUE(writer->Append(film.pixels.Crop({0, y, kWidth, std::min(y + 10, kHeight)})).ok());
   EXPECT_FALSE(std::filesystem::exists(folder_.PathOf("rows.exr")));
   ASSERT_TRUE(writer->AppendEdges(film.edges).ok());
+  const Rect all = film.fragments.bounds();
+  for (int y = 0; y < all.y1; y += 7)
+    ASSERT_TRUE(writer->AppendFragments(film.fragments.Crop({0, y, 1, std::min(y + 7, all.y1)})).ok());
   ASSERT_TRUE(writer->Finish().ok());
   EXPECT_EQ(ReadFile(folder_.PathOf("rows.exr"), 1 << 24).value(),
             ReadFile(folder_.PathOf("whole.exr"), 1 << 24).value());
@@ -224,6 +245,7 @@ TEST_F(ExrFilmTest, AWriterRefusesOtherRowsAndLeavesNothingUnfinished) {
     EXPECT_FALSE(writer->Append(SamplePicture()).ok());       // no G
     EXPECT_FALSE(writer->Append(SamplePicture(8, 8)).ok());   // too narrow
     EXPECT_FALSE(writer->AppendEdges(SamplePicture()).ok());  // the layout has none
+    EXPECT_FALSE(writer->AppendFragments(SamplePicture()).ok());
   }
   EXPECT_TRUE(std::filesystem::is_empty(folder_.path()));
 }

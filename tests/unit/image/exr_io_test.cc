@@ -65,16 +65,21 @@ TEST(Exr, WritesTheSameBytesForTheSamePicture) {
   EXPECT_EQ(ReadFile(TestPath("a.exr"), 1 << 24).value(), ReadFile(TestPath("b.exr"), 1 << 24).value());
 }
 
-TEST(Exr, KeepsAnEdgeSetBesideThePicture) {
+TEST(Exr, KeepsListsBesideThePicture) {
   const std::string path = TestPath("a.exr");
-  EdgedImage image{SampleImage(37, 21), LayeredImage(kSubSamples, 70)};
+  EdgedImage image{SampleImage(37, 21), LayeredImage(kSubSamples, 70), LayeredImage(1, 33)};
   const FloatView id = image.edges.Add("id.Y");
   for (int row = 0; row < 70; ++row) {
     for (int i = 0; i < kSubSamples; ++i) id.At(i, row) = static_cast<float>(row * kSubSamples + i);
   }
+  const FloatView surface = image.fragments.Add("surface.Y");
+  for (int row = 0; row < 33; ++row) surface.At(0, row) = static_cast<float>(row * 1000003 % 16777213);
   ASSERT_TRUE(WriteExr(path, image).ok());
   const auto read = ReadEdgedExr(path);
   ASSERT_TRUE(read.ok()) << read.status();
+  ASSERT_EQ(read->fragments.bounds(), image.fragments.bounds());
+  for (int row = 0; row < 33; ++row)
+    ASSERT_EQ(read->fragments.Get("surface.Y").At(0, row), surface.At(0, row));
   EXPECT_EQ(read->pixels.Get("G").At(36, 20), image.pixels.Get("G").At(36, 20));
   EXPECT_EQ(read->pixels.metadata().at("lumifold:job"), "j-42");
   ASSERT_EQ(read->edges.bounds(), image.edges.bounds());
@@ -91,11 +96,12 @@ TEST(Exr, KeepsAnEdgeSetBesideThePicture) {
   }
 }
 
-TEST(Exr, WithoutEdgesAFileHasOnePart) {
+TEST(Exr, WithoutListsAFileHasOnePart) {
   ASSERT_TRUE(WriteExr(TestPath("a.exr"), SampleImage(8, 5)).ok());
-  ASSERT_TRUE(WriteExr(TestPath("b.exr"), EdgedImage{SampleImage(8, 5), {}}).ok());
+  ASSERT_TRUE(WriteExr(TestPath("b.exr"), EdgedImage{SampleImage(8, 5)}).ok());
   EXPECT_EQ(ReadFile(TestPath("a.exr"), 1 << 24).value(), ReadFile(TestPath("b.exr"), 1 << 24).value());
   EXPECT_TRUE(ReadEdgedExr(TestPath("a.exr"))->edges.channels().empty());
+  EXPECT_TRUE(ReadEdgedExr(TestPath("a.exr"))->fragments.channels().empty());
 }
 
 TEST(Exr, RefusesAPictureWithoutPixelsOrChannels) {

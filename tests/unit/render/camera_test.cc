@@ -68,7 +68,7 @@ TEST(Camera, APointOutOfFocusBecomesADiskOfTheExpectedSize) {
   settings.lens = {0.25f, kFocus};
   const auto renderer = MakeRenderer(scene, settings);
   RenderCounts counts;
-  const LayeredImage image = renderer->RenderPass(kMiddle, 0, {0, 4096}, &counts);
+  const LayeredImage image = renderer->RenderPass(kMiddle, 0, {0, 4096}, &counts).pixels;
   const ConstFloatView light = image.GetColor(layers::kEmission)[0];
   double total = 0;
   double moment = 0;

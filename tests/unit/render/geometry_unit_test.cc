@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <memory>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -174,6 +176,57 @@ TEST(GeometryUnit, AnEdgePixelIsTheMeanOfItsSubSamples) {
     mixed += on_plane > 0 && on_plane < kSubSamples ? 1 : 0;
   }
   EXPECT_EQ(mixed, 9);  // one column of pixels lies across the plane's end
+}
+
+/// A camera whose pixels are 0.1 m wide on the plane z = -5, and a lamp there from `from` pixels below the picture's middle
+/// downwards, over its whole width.
+scene::Scene LampBelow(float from) {
+  scene::Scene scene;
+  scene.materials = {testing::Emitter({900, 1000, 1100}), testing::Lambert({0.5f, 0.5f, 0.5f})};
+  testing::Place(&scene, testing::QuadMesh({-5, -5, -5}, {10, 0, 0}, {0, 5 - 0.1f * from, 0}, 0));
+  testing::Place(&scene, testing::QuadMesh({-9, -9, -6}, {18, 0, 0}, {0, 18, 0}, 1));
+  scene.cameras = {testing::LookAt({0, 0, 0}, {0, 0, -1}, 2 * std::atan(0.1f))};  // 1 m high
+  return scene;
+}
+
+float MeanOfSubSamples(const LayeredImage& edges, std::string_view channel, int x, int y) {
+  for (int row = 0; row < edges.height(); ++row) {
+    if (edges.Get(layers::kPixelX).At(0, row) != static_cast<float>(x) ||
+        edges.Get(layers::kPixelY).At(0, row) != static_cast<float>(y))
+      continue;
+    float sum = 0;
+    for (int i = 0; i < kSubSamples; ++i) sum += edges.Get(channel).At(i, row);
+    return sum / kSubSamples;
+  }
+  ADD_FAILURE() << "no edge pixel " << x << ',' << y;
+  return 0;
+}
+
+// The lamp covers a slice of the pixels of row 4 that is thinner than the distance of the sub-samples from the border.
+TEST(GeometryUnit, AThinSliceOfALampHasItsShareOfThePixel) {
+  for (const float slice : {0.02f, 0.1f, 0.2f, 0.9f}) {
+    const LayeredImage edges = GeometryOf(LampBelow(-slice), 10, 10).edges;
+    for (const int x : {1, 5, 8}) {
+      EXPECT_NEAR(MeanOfSubSamples(edges, "emission.G", x, 4), 1000 * slice, 100 * slice) << slice;
+      EXPECT_NEAR(MeanOfSubSamples(edges, "albedo.G", x, 4), 0.5f * (1 - slice), 0.05f) << slice;
+    }
+  }
+}
+
+TEST(GeometryUnit, OnlyTAndEAreRefined) {
+  const EdgedImage bright = GeometryOf(LampBelow(-0.02f), 10, 10);
+  scene::Scene scene = LampBelow(-0.02f);
+  scene.materials[0] = testing::Emitter({0.5f, 0.5f, 0.5f});
+  const EdgedImage dim = GeometryOf(std::move(scene), 10, 10);
+  ExpectSameBits(bright.pixels, dim.pixels);
+  ASSERT_EQ(bright.edges.height(), dim.edges.height());
+  for (const char* name : {"pixel.X", "pixel.Y", "N.X", "N.Z", "distance.Z", "id.Y", "mask.Y"}) {
+    for (int row = 0; row < dim.edges.height(); ++row) {
+      for (int i = 0; i < kSubSamples; ++i)
+        ASSERT_EQ(bright.edges.Get(name).At(i, row), dim.edges.Get(name).At(i, row)) << name;
+    }
+  }
+  EXPECT_EQ(MeanOfSubSamples(dim.edges, "emission.G", 5, 4), 0) << "a dim lamp is not refined";
 }
 
 }  // namespace

@@ -134,7 +134,7 @@ TEST(Layers, AUnitIsTheSumOfItsSamples) {
   const auto renderer = MakeRenderer(RoomOf(Glass(true)), SettingsOf(24, 18));
   RenderCounts counts;
   const Rect rect = {14, 9, 22, 16};
-  const LayeredImage unit = renderer->RenderPass(rect, 0, {0, 6}, &counts);
+  const LayeredImage unit = renderer->RenderPass(rect, 0, {0, 6}, &counts).pixels;
   double glossy = 0;
   double through_glass = 0;
   double hits_behind_glass = 0;
@@ -156,7 +156,7 @@ TEST(Layers, AUnitWithoutMirrorsHasNoLevels) {
   scene::Scene matt = RoomOf(testing::Lambert({0.5f, 0.5f, 0.5f}));
   RenderCounts counts;
   const auto renderer = MakeRenderer(std::move(matt), SettingsOf(24, 18));
-  const LayeredImage unit = renderer->RenderPass({0, 0, 24, 18}, 0, {0, 2}, &counts);
+  const LayeredImage unit = renderer->RenderPass({0, 0, 24, 18}, 0, {0, 2}, &counts).pixels;
   EXPECT_EQ(unit.channels().size(), 2 * 3 * layers::kHalved.size() + 3 * layers::kWhole.size() + 2);
   const LayeredImage geometry = renderer->RenderGeometry({0, 0, 24, 18}, 0).pixels;
   EXPECT_EQ(geometry.channels().size(), layers::kLevelFeatures.size() + 3);

@@ -227,8 +227,10 @@ TEST(Lights, IsIndependentOfTilesWithATreeALensAndAnEnvironment) {
   settings.environment = *Environment::Create(picture, 10, 1);
   settings.lens = {2, 1};
   RenderCounts counts;
-  const LayeredImage whole = MakeRenderer(scene, settings)->RenderPass({0, 0, 20, 14}, 0, {0, 4}, &counts);
-  const LayeredImage part = MakeRenderer(scene, settings)->RenderPass({7, 3, 15, 11}, 0, {0, 4}, &counts);
+  const LayeredImage whole =
+      MakeRenderer(scene, settings)->RenderPass({0, 0, 20, 14}, 0, {0, 4}, &counts).pixels;
+  const LayeredImage part =
+      MakeRenderer(scene, settings)->RenderPass({7, 3, 15, 11}, 0, {0, 4}, &counts).pixels;
   for (const LayeredImage::Channel& channel : part.channels()) {
     for (int y = 0; y < 8; ++y) {
       for (int x = 0; x < 8; ++x)

@@ -27,7 +27,7 @@ std::unique_ptr<Renderer> MakeRenderer(scene::Scene scene, const RenderSettings&
 
 LayeredImage RenderAll(const Renderer& renderer, int width, int height, uint32_t spp) {
   RenderCounts counts;
-  LayeredImage image = renderer.RenderPass({0, 0, width, height}, 0, {0, spp}, &counts);
+  LayeredImage image = renderer.RenderPass({0, 0, width, height}, 0, {0, spp}, &counts).pixels;
   EXPECT_EQ(counts.samples, int64_t{width} * height * spp);
   EXPECT_EQ(counts.bad_samples, 0);
   return image;

@@ -100,12 +100,12 @@ TEST(Renderer, SingleSidedLightsEmitFromTheirFrontOnly) {
 TEST(Renderer, IsIndependentOfTilesAndPasses) {
   const auto renderer = MakeRenderer(testing::SmallRoom(), 24, 18);
   RenderCounts counts;
-  const LayeredImage whole = renderer->RenderPass({0, 0, 24, 18}, 0, {8, 12}, &counts);
+  const LayeredImage whole = renderer->RenderPass({0, 0, 24, 18}, 0, {8, 12}, &counts).pixels;
   const Rect tile = {5, 3, 17, 16};
-  const LayeredImage part = renderer->RenderPass(tile, 0, {8, 12}, &counts);
+  const LayeredImage part = renderer->RenderPass(tile, 0, {8, 12}, &counts).pixels;
   ExpectSameBits(part, Cut(whole, tile));
   const auto again = MakeRenderer(testing::SmallRoom(), 24, 18);
-  ExpectSameBits(again->RenderPass(tile, 0, {8, 12}, &counts), part);
+  ExpectSameBits(again->RenderPass(tile, 0, {8, 12}, &counts).pixels, part);
 }
 
 TEST(Renderer, GeometryOfAPlaneThatFacesTheCamera) {

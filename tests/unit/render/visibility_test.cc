@@ -189,9 +189,9 @@ TEST(Alpha, IsIndependentOfTilesAndPasses) {
   scene.materials[4].alpha = 0.5f;
   const auto renderer = MakeRenderer(scene, SettingsOf(24, 18));
   RenderCounts counts;
-  const LayeredImage whole = renderer->RenderPass({0, 0, 24, 18}, 0, {2, 6}, &counts);
+  const LayeredImage whole = renderer->RenderPass({0, 0, 24, 18}, 0, {2, 6}, &counts).pixels;
   const Rect tile = {5, 3, 17, 16};
-  const LayeredImage part = renderer->RenderPass(tile, 0, {2, 6}, &counts);
+  const LayeredImage part = renderer->RenderPass(tile, 0, {2, 6}, &counts).pixels;
   for (const LayeredImage::Channel& channel : part.channels()) {
     const ConstFloatView cut = whole.Get(channel.name).Crop(tile);
     for (int y = 0; y < tile.height(); ++y) {

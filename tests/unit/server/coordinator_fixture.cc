@@ -149,9 +149,9 @@ void PumpedWorker::DeliverPixels(const v1::Lease& lease) {
     v1::WorkerMessage sent = message;  // the session takes its content
     EXPECT_TRUE(session_->Handle(&sent).ok());
   };
-  if (image.edges.height() > 0) {
-    rpc::PixelChunker edges(image.edges);
-    while (edges.Next(message.mutable_chunk()->mutable_edges())) send();
+  if (ListOf(image).height() > 0) {
+    rpc::PixelChunker list(ListOf(image));
+    while (list.Next(message.mutable_chunk()->mutable_edges())) send();
     message.mutable_chunk()->clear_edges();
   }
   rpc::PixelChunker pixels(image.pixels);

@@ -98,9 +98,9 @@ bool FakeWorker::Deliver(const v1::Lease& lease, Stream* stream) {
   v1::WorkerMessage message;
   *message.mutable_chunk()->mutable_unit() = lease.unit();
   message.mutable_chunk()->set_attempt(lease.attempt());
-  if (image.edges.height() > 0) {
-    rpc::PixelChunker edges(image.edges);
-    while (edges.Next(message.mutable_chunk()->mutable_edges())) {
+  if (ListOf(image).height() > 0) {
+    rpc::PixelChunker list(ListOf(image));
+    while (list.Next(message.mutable_chunk()->mutable_edges())) {
       if (!Send(message, stream)) return false;
     }
     message.mutable_chunk()->clear_edges();

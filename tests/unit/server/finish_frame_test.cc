@@ -23,7 +23,7 @@ constexpr filter::BlockParams kSmallBlocks = {.core = 64, .margin = 32, .fade = 
 /// Filters a film in memory.
 std::array<Plane, 3> Filtered(const EdgedImage& film, const std::string& method,
                               const filter::BlockParams& blocks) {
-  FilmInMemory source(film.pixels, &film.edges);
+  FilmInMemory source(film.pixels, &film.edges, &film.fragments);
   std::vector<LayeredImage> pieces;
   const auto keep = [&](const LayeredImage& rows) {
     pieces.push_back(rows.Crop(rows.bounds()));
@@ -63,6 +63,7 @@ TEST_F(FinishFrameTest, AFrameOfOneBlockIsTheWholeFilmFiltered) {
   const EdgedImage expected = ExpectedResult(spec, {});
   ExpectSameImage(result->pixels, expected.pixels);
   ExpectSameImage(result->edges, expected.edges);
+  ExpectSameImage(result->fragments, expected.fragments);
   EXPECT_EQ(result->pixels.metadata(), expected.pixels.metadata());
 }
 
@@ -80,6 +81,7 @@ TEST_F(FinishFrameTest, AFrameOfSeveralBlocksIsTheWholeFilmFilteredInBlocks) {
     const EdgedImage expected = ExpectedResult(spec, kSmallBlocks);
     ExpectSameImage(result->pixels, expected.pixels);
     ExpectSameImage(result->edges, expected.edges);
+    ExpectSameImage(result->fragments, expected.fragments);
     EXPECT_EQ(result->pixels.metadata(), expected.pixels.metadata());
   }
 }

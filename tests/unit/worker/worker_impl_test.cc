@@ -6,11 +6,13 @@
 #include <memory>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "proto/rpc/image_codec.h"
 #include "proto/rpc/monotonic.h"
 #include "tests/unit/worker/worker_rig.h"
+#include "worker/unit_messages.h"
 
 namespace lumifold::worker {
 namespace {
@@ -49,6 +51,22 @@ TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
   ASSERT_TRUE(assembler.IsComplete());
   EXPECT_EQ(assembler.Take().layout.width(), kSubSamples);
   EXPECT_TRUE(messages[1].chunk().has_pixels());
+  EXPECT_TRUE(messages[1].chunk().has_stats());
+}
+
+TEST(UnitMessages, TheFragmentsOfAPassComeBeforeItsPixels) {
+  const v1::Lease lease = Grant(1).grant().leases(0);
+  RenderedUnit unit;
+  unit.image.pixels = LayeredImage(3, 2);
+  unit.image.pixels.Add("samples_a.Y");
+  unit.image.fragments = LayeredImage(1, 5);
+  unit.image.fragments.Add("surface.Y");
+  std::vector<v1::WorkerMessage> messages;
+  SendUnit(lease, unit, [&](v1::WorkerMessage message) { messages.push_back(std::move(message)); });
+  ASSERT_THAT(messages, SizeIs(2));
+  EXPECT_EQ(messages[0].chunk().edges().layout().height(), 5);
+  EXPECT_FALSE(messages[0].chunk().has_pixels());
+  EXPECT_EQ(messages[1].chunk().pixels().layout().width(), 3);
   EXPECT_TRUE(messages[1].chunk().has_stats());
 }
 

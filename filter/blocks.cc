@@ -16,7 +16,7 @@ int RoundUp(int value, int step) { return (value + step - 1) / step * step; }
 
 /// Whether a frame of this size is one block.
 bool IsWhole(int width, int height, const BlockParams& params) {
-  return int64_t{width} * height <= params.whole;
+  return int64_t{width} * height <= params.whole && std::max(width, height) <= params.longest;
 }
 
 BlockParams OneBlock(int width, int height, BlockParams params) {

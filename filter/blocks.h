@@ -23,7 +23,8 @@ struct BlockParams {
   int core = 1408;                       // largest core: the cores tile the frame
   int margin = MethodApron();            // pixels beyond its core that a block reads
   int fade = 32;                         // half width of the cross-fade over a border between two cores
-  int64_t whole = int64_t{1536} * 1536;  // a frame of up to this many pixels is one block
+  int64_t whole = int64_t{1536} * 1536;  // a frame of up to this many pixels is one block,
+  int longest = 4096;                    // unless a side is longer: fits of planes then lose their precision
 };
 
 /// One axis of the grid of blocks: cores of equal size, a multiple of kBandRows, the last one cropped by the

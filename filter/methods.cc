@@ -46,18 +46,12 @@ absl::Status CheckChannels(const LayeredImage& film, const std::vector<std::stri
   return absl::OkStatus();
 }
 
-/// A film of one block and its edge set, which may be null.
-struct Film {
-  const LayeredImage& pixels;
-  const LayeredImage* edges;
-};
-
 /// A method, and how it makes a picture of a film that has the channels it needs.
 struct Entry {
   MethodInfo info;
   std::vector<std::string> channels;
   bool reads_edges = true;
-  std::function<Picture(const Film& film, absl::Span<const float> values, TaskPool* pool)> filter;
+  std::function<Picture(const FilmView& film, absl::Span<const float> values, TaskPool* pool)> filter;
 };
 
 std::vector<Entry> ListEntries() {
@@ -69,31 +63,24 @@ std::vector<Entry> ListEntries() {
         .parameters = {}},
        FilterChannels(),
        true,
-       [](const Film& film, Values, TaskPool* pool) { return Denoise(film.pixels, film.edges, pool); }},
-      {{.name = "paper",
-        .summary = "adaptive manifolds as published: one pass with one scale",
-        .source = "Gruzdev et al. 2015",
-        .parameters = {}},
-       FilterChannels(),
-       true,
-       [](const Film& film, Values, TaskPool* pool) {
-         return DenoiseAsPublished(film.pixels, film.edges, pool);
+       [](const FilmView& film, Values, TaskPool* pool) {
+         return Denoise(Frame(film.pixels, film.edges, film.fragments), pool);
        }},
       {{.name = "none",
         .summary = "the noisy picture itself",
         .source = "path tracing alone",
-        .parameters = {}},
+        .parameters = {},
+        .uses_auxiliary = false},
        NoisyChannels(),
        false,
-       [](const Film& film, Values, TaskPool*) {
+       [](const FilmView& film, Values, TaskPool*) {
          return ClonePicture(film.pixels.GetColor(layers::kNoisy));
        }},
   };
   for (const Baseline& baseline : Baselines()) {
-    entries.push_back({baseline.info, FilterChannels(), true,
-                       [filter = baseline.filter](const Film& film, Values values, TaskPool* pool) {
-                         return filter(film.pixels, values, pool);
-                       }});
+    const bool uses_auxiliary = baseline.info.uses_auxiliary;
+    entries.push_back({baseline.info, uses_auxiliary ? FilterChannels() : NoisyChannels(), uses_auxiliary,
+                       baseline.filter});
   }
   return entries;
 }
@@ -129,10 +116,17 @@ absl::StatusOr<Call> ParseCall(std::string_view text) {
 }
 
 /// FilterFilm for a film that is one block.
-absl::StatusOr<Picture> FilterBlock(const Film& film, const Call& call, TaskPool* pool) {
+absl::StatusOr<Picture> FilterBlock(const FilmView& film, const Call& call, TaskPool* pool) {
   if (absl::Status status = CheckChannels(film.pixels, call.method->channels); !status.ok()) return status;
   if (call.method->reads_edges && film.edges != nullptr && !film.edges->channels().empty()) {
     absl::Status status = CheckChannels(*film.edges, layers::EdgeChannels());
+    if (!status.ok()) return status;
+  }
+  if (film.fragments != nullptr && !film.fragments->channels().empty()) {
+    const auto has = [&](std::string_view layer) {
+      return film.fragments->HasColor(layer) || film.fragments->HasColor(layers::HalfA(layer));
+    };
+    absl::Status status = CheckChannels(*film.fragments, layers::FragmentChannels(has));
     if (!status.ok()) return status;
   }
   return call.method->filter(film, call.values, pool);
@@ -152,13 +146,13 @@ const std::vector<MethodInfo>& Methods() {
 absl::Status CheckMethod(std::string_view method) { return ParseCall(method).status(); }
 
 absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view method, TaskPool* pool,
-                                   const LayeredImage* edges) {
+                                   const LayeredImage* edges, const LayeredImage* fragments) {
   if (BlockGrid(film.width(), film.height(), {}).IsOneBlock()) {
     const absl::StatusOr<Call> call = ParseCall(method);
     if (!call.ok()) return call.status();
-    return FilterBlock({film, edges}, *call, pool);
+    return FilterBlock({film, edges, fragments}, *call, pool);
   }
-  FilmInMemory source(film, edges);
+  FilmInMemory source(film, edges, fragments);
   Picture picture;
   for (Plane& plane : picture) plane = Plane::Uninitialized(film.width(), film.height());
   int y = 0;
@@ -180,7 +174,7 @@ absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
   const absl::StatusOr<Call> call = ParseCall(method);
   if (!call.ok()) return call.status();
   const auto filter = [&](const EdgedImage& block) {
-    return FilterBlock({block.pixels, &block.edges}, *call, pool);
+    return FilterBlock({block.pixels, &block.edges, &block.fragments}, *call, pool);
   };
   return FilterInBlocks(film, params, passed_on, filter, sink);
 }

@@ -15,8 +15,8 @@
 
 namespace lumifold::filter {
 
-/// All methods that filter a film, in the order help lists them: "default", "paper", "none", then the
-/// baselines of filter/baselines.
+/// All methods that filter a film, in the order help lists them: "default", "none", then the baselines
+/// of filter/baselines.
 const std::vector<MethodInfo>& Methods();
 
 /// Whether FilterFilm knows the method.
@@ -33,17 +33,19 @@ absl::Status CheckMethod(std::string_view method);
 ///          their halves (*_a, *_b), albedo, emission, N.X N.Y N.Z, distance.Z, mask.Y, samples_a.Y,
 ///          samples_b.Y. Glossy light and levels are optional. Result: W x H, R G B.
 /// Units:   linear scene-referred radiance; metres.
-/// Edges:   clamped. A frame of more than 1536 x 1536 pixels is filtered in fixed blocks that overlap, see
-///          BlockParams.
+/// Edges:   clamped. A frame of more than 1536 x 1536 pixels, or longer than 4096, is filtered in fixed blocks that
+///          overlap, see BlockParams.
 /// `method`: the name of one of Methods(). Its parameters may follow, as in
 /// "bilateral:sigma_s=4,sigma_r=0.1".
-/// `edges`: the film's edge set, see EdgedImage; null or without channels if the film has none.
+/// `edges`, `fragments`: the film's edge set and fragments, see EdgedImage; null or without channels if the film has
+/// none.
 /// Errors:  kInvalidArgument naming a channel that is missing; those of CheckMethod.
 /// Threads: safe concurrently; the result is identical for any pool, null included.
 /// Source:  Gruzdev, Frolov & Ignatenko 2015; oracle: manifold_slow.cc. Methods() names the source of each
 ///          baseline.
 absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view method, TaskPool* pool,
-                                   const LayeredImage* edges = nullptr);
+                                   const LayeredImage* edges = nullptr,
+                                   const LayeredImage* fragments = nullptr);
 
 /// FilterFilm for a film that need not be in memory as a whole. The picture's rows go to `sink` from the top
 /// down, as R G B and the film's channels named in `passed_on`. The bits are those of FilterFilm.

@@ -70,7 +70,7 @@ float SquaredDistance(const Planes& planes, size_t first, size_t last, Pixel p, 
   return sum;
 }
 
-Picture FilterPlain(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterPlain(const FilmView& film, absl::Span<const float> values, TaskPool* pool) {
   const float phi_normal = values[1] / (kSigmaNormal * kSigmaNormal);  // of the feature squared
   const float sigma_depth = values[2] / kSigmaLogDepth;
   const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
@@ -90,7 +90,7 @@ Picture FilterPlain(const LayeredImage& film, absl::Span<const float> values, Ta
     }
     return light;
   };
-  return FilterLayers(film, filter_layer, pool);
+  return FilterLayers(film.pixels, filter_layer, pool);
 }
 
 /// The variance of the luminance of the halves' mean, averaged over a window.
@@ -130,7 +130,7 @@ float PowerOf128(float x) {
   return x;
 }
 
-Picture FilterGuidedByVariance(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterGuidedByVariance(const FilmView& film, absl::Span<const float> values, TaskPool* pool) {
   const float sigma_luminance = values[0];
   const float sigma_depth = values[1] / kSigmaLogDepth;
   const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
@@ -155,7 +155,7 @@ Picture FilterGuidedByVariance(const LayeredImage& film, absl::Span<const float>
     light.pop_back();
     return light;
   };
-  return FilterLayers(film, filter_layer, pool);
+  return FilterLayers(film.pixels, filter_layer, pool);
 }
 
 }  // namespace

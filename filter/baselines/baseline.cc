@@ -8,13 +8,15 @@
 #include "filter/baselines/manifolds_color.h"
 #include "filter/baselines/nfor.h"
 #include "filter/baselines/non_local_means.h"
+#include "filter/baselines/paper.h"
 
 namespace lumifold::filter {
 
 const std::vector<Baseline>& Baselines() {
   static const std::vector<Baseline> baselines = {
-      ManifoldsColorBaseline(), BilateralBaseline(), CrossBilateralBaseline(), ATrousBaseline(),
-      ATrousVarianceBaseline(), GuidedBaseline(),    NonLocalMeansBaseline(),  NforBaseline(),
+      PaperBaseline(),          ManifoldsColorBaseline(), BilateralBaseline(),
+      CrossBilateralBaseline(), ATrousBaseline(),         ATrousVarianceBaseline(),
+      GuidedBaseline(),         NonLocalMeansBaseline(),  NforBaseline(),
   };
   return baselines;
 }

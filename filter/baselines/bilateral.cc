@@ -15,8 +15,6 @@ namespace lumifold::filter {
 namespace {
 
 constexpr float kRadiusOverSigma = 2.5f;
-/// Lower bound of the noise, over the layer's mean.
-constexpr float kLeastNoise = 1e-4f;
 
 /// Accumulates the weighted sums of one row of pixels, one offset at a time.
 class RowSum {
@@ -71,12 +69,12 @@ class RowSum {
   std::vector<std::vector<float>> sums_;
 };
 
-Picture FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
-  const Planes color = DisplayColor(film, pool);
-  Planes guide = MakePlanes(3, film.width(), film.height());
-  Plane mask = MakePlane(film.width(), film.height(), 1.0f);
+Picture FilterColor(const FilmView& film, absl::Span<const float> values, TaskPool* pool) {
+  const Planes color = DisplayColor(film.pixels, pool);
+  Planes guide = MakePlanes(3, color[0].width(), color[0].height());
+  Plane mask = MakePlane(color[0].width(), color[0].height(), 1.0f);
   for (size_t c = 0; c < 3; ++c) {
-    ForEachPixel(film.width(), film.height(),
+    ForEachPixel(mask.width(), mask.height(),
                  [&](int x, int y) { guide[c].At(x, y) = color[c].At(x, y) / values[1]; });
   }
   return LinearColor(BilateralFilter(color, guide, mask.view(), values[0], pool), pool);
@@ -85,20 +83,19 @@ Picture FilterColor(const LayeredImage& film, absl::Span<const float> values, Ta
 Planes CrossGuide(const Halves& halves, const Planes& mean, const Planes& geometry, float sigma_q,
                   TaskPool* pool) {
   if (sigma_q > 0) {
-    const float noise = std::max(NoiseLevel(halves, halves.a, halves.b, pool), kLeastNoise * halves.level);
     const PatchBasis basis = FitPatchBasis(mean, halves.weight.view(), PatchParams{}, pool);
-    return JointFeatures(mean, basis, sigma_q * noise, geometry, pool);
+    return JointFeatures(mean, basis, sigma_q * PositiveNoise(halves, pool), geometry, pool);
   }
   return Clone(geometry);
 }
 
-Picture FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterLight(const FilmView& film, absl::Span<const float> values, TaskPool* pool) {
   const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
     const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
     const Planes guide = CrossGuide(halves, mean, geometry, values[1], pool);
     return BilateralFilter(mean, guide, halves.weight.view(), values[0], pool);
   };
-  return FilterLayers(film, filter_layer, pool);
+  return FilterLayers(film.pixels, filter_layer, pool);
 }
 
 }  // namespace
@@ -123,17 +120,16 @@ Planes BilateralFilter(const Planes& signals, const Planes& features, ConstFloat
 }
 
 Baseline BilateralBaseline() {
-  return {.info = {.name = "bilateral",
-                   .summary = "bilateral filter on the finished colours",
-                   .source = "Tomasi & Manduchi 1998",
-                   .parameters = {{"sigma_s", "reach in pixels", 8, {2, 4, 8}, 0.5f, 32},
-                                  {"sigma_r",
-                                   "range of displayed colour",
-                                   0.15f,
-                                   {0.05f, 0.1f, 0.15f, 0.3f, 0.6f},
-                                   0.01f,
-                                   10}}},
-          .filter = FilterColor};
+  return {
+      .info =
+          {.name = "bilateral",
+           .summary = "bilateral filter on the finished colours",
+           .source = "Tomasi & Manduchi 1998",
+           .parameters =
+               {{"sigma_s", "reach in pixels", 8, {2, 4, 8}, 0.5f, 32},
+                {"sigma_r", "range of displayed colour", 0.15f, {0.05f, 0.1f, 0.15f, 0.3f, 0.6f}, 0.01f, 10}},
+           .uses_auxiliary = false},
+      .filter = FilterColor};
 }
 
 Baseline CrossBilateralBaseline() {

@@ -63,14 +63,14 @@ void FitWindow(const Planes& moments, size_t guides, size_t signals, double epsi
   }
 }
 
-Picture FilterLight(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
+Picture FilterLight(const FilmView& film, absl::Span<const float> values, TaskPool* pool) {
   const auto filter_layer = [&](const Halves& halves, const Planes& geometry) {
     const ConstFloatView mask = halves.weight.view();
-    const Planes guide = Standardise(geometry, mask, true, pool, nullptr);
+    const Planes guide = Standardise(geometry, mask, true, pool).planes;
     const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
     return GuidedFilter(mean, guide, mask, static_cast<int>(values[0]), static_cast<double>(values[1]), pool);
   };
-  return FilterLayers(film, filter_layer, pool);
+  return FilterLayers(film.pixels, filter_layer, pool);
 }
 
 }  // namespace
@@ -79,9 +79,9 @@ Planes GuidedFilter(const Planes& signals, const Planes& guide, ConstFloatView m
                     double epsilon, TaskPool* pool) {
   LUMIFOLD_CHECK(guide.size() <= kMostGuides);
   const size_t m = guide.size();
-  std::vector<float> means;  // subtracted first: E[gp] - E[g] E[p] would lose digits to cancellation
-  const Planes centred = Standardise(signals, mask, false, pool, &means);
-  const Planes moments = Moments(centred, guide, mask, radius, pool);
+  // Means are subtracted first: E[gp] - E[g] E[p] would lose digits to cancellation.
+  const StandardPlanes centred = Standardise(signals, mask, false, pool);
+  const Planes moments = Moments(centred.planes, guide, mask, radius, pool);
   Planes lines = MakePlanes(signals.size() * (m + 1), mask.width(), mask.height());
   ParallelFor(pool, mask.height(), [&](int64_t row) {
     for (int x = 0; x < mask.width(); ++x)
@@ -91,7 +91,7 @@ Planes GuidedFilter(const Planes& signals, const Planes& guide, ConstFloatView m
   Planes out = MakePlanes(signals.size(), mask.width(), mask.height());
   for (size_t c = 0; c < signals.size(); ++c) {
     ForEachPixel(mask.width(), mask.height(), [&](int x, int y) {
-      float value = means[c] + lines[c * (m + 1) + m].At(x, y);
+      float value = centred.means[c] + lines[c * (m + 1) + m].At(x, y);
       for (size_t i = 0; i < m; ++i) value += lines[c * (m + 1) + i].At(x, y) * guide[i].At(x, y);
       out[c].At(x, y) = value;
     });

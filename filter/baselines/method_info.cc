@@ -99,6 +99,7 @@ std::string MethodTable(absl::Span<const MethodInfo> methods) {
   std::string text;
   for (const MethodInfo& method : methods) {
     absl::StrAppendFormat(&text, "%-18s%s\n%18s%s\n", method.name, method.summary, "", method.source);
+    if (!method.uses_auxiliary) absl::StrAppendFormat(&text, "%18sneeds the plain picture alone\n", "");
     for (const MethodParameter& p : method.parameters) {
       absl::StrAppendFormat(&text, "  %16s%s=%g (%g to %g): %s\n", "", p.name, p.default_value, p.least,
                             p.most, p.summary);
@@ -115,7 +116,9 @@ std::string MethodsAsJson(absl::Span<const MethodInfo> methods) {
         [](std::string* out, const MethodParameter& parameter) { out->append(ParameterJson(parameter)); });
     absl::StrAppend(&text, "{\"name\": ", JsonString(method.name),
                     ", \"summary\": ", JsonString(method.summary),
-                    ", \"source\": ", JsonString(method.source), ", \"parameters\": [", parameters, "]}\n");
+                    ", \"source\": ", JsonString(method.source),
+                    ", \"auxiliary\": ", method.uses_auxiliary ? "true" : "false", ", \"parameters\": [",
+                    parameters, "]}\n");
   }
   return text;
 }

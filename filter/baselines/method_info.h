@@ -14,8 +14,9 @@ struct MethodParameter {
   std::string name;
   std::string summary;
   float default_value = 0;
-  std::vector<float> grid;  // the values that a search for the best setting tries
-  float least = 0;          // the range of allowed values, both ends included
+  /// The values that a search for the best setting tries, the most promising first.
+  std::vector<float> grid;
+  float least = 0;  // the range of allowed values, both ends included
   float most = 0;
 };
 
@@ -31,6 +32,9 @@ struct MethodInfo {
   std::string summary;  // one line
   std::string source;   // the publication and, where this is not what was published, the difference
   std::vector<MethodParameter> parameters;
+  /// Whether the method reads auxiliary data of a film: layers, halves or features, which cost time to
+  /// render. If not, it reads the plain picture C alone, and the charts charge it for nothing else.
+  bool uses_auxiliary = true;
 };
 
 /// The default value of each parameter, in their order.
@@ -47,12 +51,12 @@ absl::StatusOr<std::vector<float>> ParseParameters(const MethodInfo& method, std
 /// The text that ParseParameters reads these values from.
 std::string FormatParameters(const MethodInfo& method, absl::Span<const float> values);
 
-/// A table for people: name and summary of each method, its source, and a line for each parameter with its
-/// default and range.
+/// A table for people: name and summary of each method, its source, whether the plain picture is enough for
+/// it, and a line for each parameter with its default and range.
 std::string MethodTable(absl::Span<const MethodInfo> methods);
 
-/// The same for programs, one JSON object a line: {"name": ..., "summary": ..., "source": ..., "parameters":
-/// [{"name": ..., "summary": ..., "default": 8, "least": 0.5, "most": 32}]}.
+/// The same for programs, one JSON object a line: {"name": ..., "summary": ..., "source": ..., "auxiliary":
+/// true, "parameters": [{"name": ..., "summary": ..., "default": 8, "least": 0.5, "most": 32}]}.
 std::string MethodsAsJson(absl::Span<const MethodInfo> methods);
 
 /// "a, b and c".

@@ -1,76 +1,16 @@
 #include "filter/baselines/nfor.h"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
-#include <string>
-#include <string_view>
-#include <utility>
-
+#include "filter/baselines/nfor_features.h"
 #include "filter/baselines/noisy_halves.h"
 #include "filter/baselines/non_local_means.h"
 #include "filter/baselines/patch_regression.h"
-#include "filter/baselines/standardise.h"
-#include "filter/image/layers.h"
 #include "filter/image/planes.h"
 
 namespace lumifold::filter {
 namespace {
 
-constexpr std::array<std::string_view, 4> kGeometry = {layers::kNormalX, layers::kNormalY, layers::kNormalZ,
-                                                       layers::kDistance};
-
 /// The filter of the maps of errors and choices.
 constexpr NonLocalMeansParams kMapSmoothing = {.search_radius = 9, .patch_radius = 1, .strength = 1};
-
-/// Features of 1e6 and more are taken for defects of the film.
-constexpr float kLargestFeature = 999999.9375f;
-
-/// A channel of the first surface and of the surfaces seen in it, each weighted by the fraction of the pixel
-/// it covers. The fraction without a surface that has a diffuse lobe gets the first surface's value.
-Plane SeenGeometry(const LayeredImage& film, std::string_view channel) {
-  Plane seen(film.width(), film.height());
-  Plane rest = MakePlane(film.width(), film.height(), 1.0f);
-  const auto add = [&](ConstFloatView value, ConstFloatView mask) {
-    ForEachPixel(film.width(), film.height(), [&](int x, int y) {
-      const float share =
-          std::clamp(UsableOr0(mask.At(x, y), kLargestFeature), 0.0f, std::max(0.0f, rest.At(x, y)));
-      seen.At(x, y) += share * UsableOr0(value.At(x, y), kLargestFeature);
-      rest.At(x, y) -= share;
-    });
-  };
-  add(film.Get(channel), film.Get(layers::kMask));
-  for (size_t i = 0; i < layers::kLevelCount; ++i) {
-    const layers::Level level = layers::Level::Of(i);
-    const std::string mask = layers::OfLevel(level, layers::kMask);
-    if (film.Has(mask)) add(film.Get(layers::OfLevel(level, channel)), film.Get(mask));
-  }
-  add(film.Get(channel), Plane(rest.Clone()).view());
-  return seen;
-}
-
-/// The sum of T of the first surface and of the surfaces seen in it.
-Plane SeenAlbedo(const LayeredImage& film, size_t component) {
-  Plane seen(film.width(), film.height());
-  const auto add = [&](ConstFloatView albedo) {
-    ForEachPixel(film.width(), film.height(),
-                 [&](int x, int y) { seen.At(x, y) += UsableOr0(albedo.At(x, y), kLargestFeature); });
-  };
-  add(film.GetColor(layers::kAlbedo)[component]);
-  for (size_t i = 0; i < layers::kLevelCount; ++i) {
-    const std::string layer = layers::OfLevel(layers::Level::Of(i), layers::kAlbedo);
-    if (film.HasColor(layer)) add(film.GetColor(layer)[component]);
-  }
-  return seen;
-}
-
-Planes Features(const LayeredImage& film, TaskPool* pool) {
-  Planes features;
-  for (const std::string_view channel : kGeometry) features.push_back(SeenGeometry(film, channel));
-  for (size_t c = 0; c < 3; ++c) features.push_back(SeenAlbedo(film, c));
-  Plane everywhere = MakePlane(film.width(), film.height(), 1.0f);
-  return Standardise(features, everywhere.view(), true, pool, nullptr);
-}
 
 /// out = value(x, y) for each of three planes.
 template <typename Value>
@@ -95,10 +35,11 @@ struct FittedHalves {
   Planes b;
 };
 
-FittedHalves FitHalves(const Halves& halves, const Planes& variance, const Planes& features, float strength,
-                       TaskPool* pool) {
-  return {PatchRegression({halves.a, halves.b, variance, features, strength}, pool),
-          PatchRegression({halves.b, halves.a, variance, features, strength}, pool)};
+/// As the colours of the other half give the weights, so do its features explain the colours.
+FittedHalves FitHalves(const Halves& halves, const Planes& variance, const CrossFeatures& features,
+                       float strength, TaskPool* pool) {
+  return {PatchRegression({halves.a, halves.b, variance, features.b, strength}, pool),
+          PatchRegression({halves.b, halves.a, variance, features.a, strength}, pool)};
 }
 
 /// Estimated squared error of the mean of the fitted halves, from the difference of each to the other half's
@@ -136,9 +77,9 @@ Planes Mix(const Planes& first, const Planes& second, const Planes& choice, Task
   });
 }
 
-Picture FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
-  const Halves halves = NoisyHalves(film, pool);
-  const Planes features = Features(film, pool);
+Picture FilterColor(const FilmView& film, absl::Span<const float> values, TaskPool* pool) {
+  const Halves halves = NoisyHalves(film.pixels, pool);
+  const CrossFeatures features = PrefilteredFeatures(film, pool);
   const Planes variance = HalfVariance(halves, pool);
   const FittedHalves first = FitHalves(halves, variance, features, values[0], pool);
   const FittedHalves second = FitHalves(halves, variance, features, values[1], pool);
@@ -148,19 +89,20 @@ Picture FilterColor(const LayeredImage& film, absl::Span<const float> values, Ta
   const Planes residual = ForEachValue(halves.width(), halves.height(), pool, [&](size_t c, int x, int y) {
     return 0.5f * Square(chosen.a[c].At(x, y) - chosen.b[c].At(x, y));
   });
-  return FinitePicture(PatchRegression({mean, mean, residual, features, values[2]}, pool), halves.scale);
+  return FinitePicture(PatchRegression({mean, mean, residual, features.mean, values[2]}, pool), halves.scale);
 }
 
 }  // namespace
 
 Baseline NforBaseline() {
-  return {.info = {.name = "nfor",
-                   .summary = "first-order regression on the features, weighted by non-local means",
-                   .source = "Bitterli et al. 2016",
-                   .parameters = {{"k_low", "strength of the first fit", 0.5f, {0.5f}, 0.01f, 100},
-                                  {"k_high", "strength of the second fit", 1, {1, 2}, 0.01f, 100},
-                                  {"k_final", "strength of the pass over the result", 1, {1}, 0.01f, 100}}},
-          .filter = FilterColor};
+  return {
+      .info = {.name = "nfor",
+               .summary = "first-order regression on the features, weighted by non-local means",
+               .source = "Bitterli et al. 2016; features prefiltered on edges, variance from the halves",
+               .parameters = {{"k_low", "strength of the first fit", 0.5f, {0.5f, 1}, 0.01f, 100},
+                              {"k_high", "strength of the second fit", 1, {2, 4, 1}, 0.01f, 100},
+                              {"k_final", "strength of the pass over the result", 1, {2, 1}, 0.01f, 100}}},
+      .filter = FilterColor};
 }
 
 }  // namespace lumifold::filter

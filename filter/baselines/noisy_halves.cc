@@ -27,7 +27,7 @@ Halves NoisyHalves(const LayeredImage& film, TaskPool* pool) {
 }
 
 Planes HalfVariance(const Halves& halves, TaskPool* pool) {
-  constexpr int kRadius = 3;
+  constexpr int kRadius = 2;
   Planes variance = MakePlanes(3, halves.width(), halves.height());
   for (size_t c = 0; c < 3; ++c) {
     ForEachPixel(halves.width(), halves.height(), [&](int x, int y) {

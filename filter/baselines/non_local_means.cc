@@ -69,7 +69,7 @@ class Strip {
     const float k2 = params_.strength * params_.strength;
     for (int y = 0; y < terms_.height(); ++y) {
       const int from = y0_ + y + params_.search_radius;
-      for (size_t c = 0; c < 3; ++c) {
+      for (size_t c = 0; c < guide_.size(); ++c) {
         const float* __restrict u = guide_[c].Row(from) + params_.search_radius;
         const float* __restrict other = guide_[c].Row(from + dy) + params_.search_radius + dx;
         const float* __restrict v = variance_[c].Row(from) + params_.search_radius;
@@ -99,7 +99,7 @@ class Strip {
 
   void AddRow(int y, int dx, int dy) {
     const int side = 2 * params_.patch_radius + 1;
-    const float norm = 1.0f / (3.0f * static_cast<float>(side * side));
+    const float norm = 1.0f / static_cast<float>(static_cast<int>(guide_.size()) * side * side);
     std::vector<float> weights(static_cast<size_t>(width_));
     float* __restrict w = weights.data();
     for (int i = 0; i < side; ++i) {
@@ -130,8 +130,8 @@ class Strip {
   Planes sums_;
 };
 
-Picture FilterColor(const LayeredImage& film, absl::Span<const float> values, TaskPool* pool) {
-  const Halves halves = NoisyHalves(film, pool);
+Picture FilterColor(const FilmView& film, absl::Span<const float> values, TaskPool* pool) {
+  const Halves halves = NoisyHalves(film.pixels, pool);
   NonLocalMeansParams params;
   params.strength = values[0];
   params.patch_radius = static_cast<int>(values[1]);

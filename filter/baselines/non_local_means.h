@@ -14,7 +14,7 @@ struct NonLocalMeansParams {
 /// Averages `signals`, weighted by the similarity of the patches of `guide` after its noise is subtracted:
 /// w = exp(-max(0, mean over patch and channels of [(u_p - u_q)^2 - (v_p + min(v_p, v_q))] / (1e-7 + k^2 (v_p
 /// + v_q)))), each term clamped to 1e4.
-/// Shapes:  signals: C planes; guide: 3 planes about 1; variance: 3 planes >= 0, of the guide: W x H, finite.
+/// Shapes:  signals: C planes; guide: G planes about 1; variance: G planes >= 0, of the guide: W x H, finite.
 /// Edges:   patches are clamped; pixels outside the picture are skipped.
 /// Threads: safe concurrently; the result is identical for any pool.
 /// Source:  Rousselle, Knaus & Zwicker 2012.

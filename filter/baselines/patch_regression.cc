@@ -28,7 +28,10 @@ constexpr int kBlock = kTile + 2 * kApron;
 constexpr int kTerms = kTile + 2 * kPatchRadius;
 constexpr float kLeastVariance = 1e-7f;
 constexpr float kMostTerm = 1e4f;
-constexpr double kRidge = 1e-4;
+/// Over the sum of weights; features have variance about 1. The published program has a rank-revealing
+/// factorisation in its place. At 256x192, 1e-4 has 4 % more error in the Cornell box, and 1e-9 has 6 %; the
+/// meeting room differs by 1 %.
+constexpr double kRidge = 1e-5;
 constexpr size_t kFixedColumns = 3;  // 1, dx, dy
 constexpr size_t kMostColumns = kFixedColumns + kMostRegressionFeatures;
 

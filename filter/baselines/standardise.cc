@@ -8,8 +8,7 @@
 
 namespace lumifold::filter {
 
-Planes Standardise(const Planes& planes, ConstFloatView mask, bool to_unit_variance, TaskPool* pool,
-                   std::vector<float>* means) {
+StandardPlanes Standardise(const Planes& planes, ConstFloatView mask, bool to_unit_variance, TaskPool* pool) {
   constexpr double kLeastDeviation = 1e-4;
   const auto sum = [&](absl::FunctionRef<double(int, int)> value) {
     return SumRows(pool, mask.height(), [&](int y) {
@@ -19,7 +18,7 @@ Planes Standardise(const Planes& planes, ConstFloatView mask, bool to_unit_varia
     });
   };
   const double total = std::max(sum([](int, int) { return 1.0; }), 1e-30);
-  Planes standard;
+  StandardPlanes standard;
   for (const Plane& plane : planes) {
     const double mean = sum([&](int x, int y) { return static_cast<double>(plane.At(x, y)); }) / total;
     const double variance = sum([&](int x, int y) {
@@ -29,11 +28,12 @@ Planes Standardise(const Planes& planes, ConstFloatView mask, bool to_unit_varia
                             total;
     const double deviation = std::sqrt(variance);
     const double scale = !to_unit_variance ? 1.0 : (deviation > kLeastDeviation ? 1.0 / deviation : 0.0);
-    Plane& out = standard.emplace_back(plane.width(), plane.height());
+    Plane& out = standard.planes.emplace_back(plane.width(), plane.height());
     ForEachPixel(plane.width(), plane.height(), [&](int x, int y) {
       out.At(x, y) = static_cast<float>((static_cast<double>(plane.At(x, y)) - mean) * scale);
     });
-    if (means != nullptr) means->push_back(static_cast<float>(mean));
+    standard.means.push_back(static_cast<float>(mean));
+    standard.scales.push_back(static_cast<float>(scale));
   }
   return standard;
 }

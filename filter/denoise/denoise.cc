@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "filter/denoise/frame_stages.h"
 #include "filter/denoise/layer_stages.h"
-#include "filter/denoise/picture_size.h"
 #include "filter/image/check.h"
 
 namespace lumifold::filter {
@@ -22,13 +22,13 @@ Picture Run(const Frame& frame, const Settings& settings, const std::vector<Fram
                    .off = options.off,
                    .watch = options.watch,
                    .pool = pool,
-                   .edge_points = {},
-                   .direct_at_points = {},
-                   .indirect_at_points = {},
-                   .products = {},
-                   .remainder = {},
-                   .picture = {},
-                   .coverage_change = {}};
+                   .fragments = {},
+                   .mixed = {},
+                   .hits = {},
+                   .rest = {},
+                   .change = {},
+                   .candidates = {},
+                   .picture = {}};
   for (const FrameStage& stage : frame_stages) {
     if (IsOff(options.off, stage.info.name) || !stage.is_on(state)) continue;
     stage.run(&state);
@@ -58,19 +58,14 @@ bool IsOff(const SwitchedOff& off, std::string_view name) {
   return std::find(off.begin(), off.end(), name) != off.end();
 }
 
-Picture Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool,
-                const DenoiseOptions& options) {
+Picture Denoise(const Frame& frame, TaskPool* pool, const DenoiseOptions& options) {
   LUMIFOLD_CHECK(CheckSwitchedOff(options.off).ok());
-  Settings settings = DefaultSettings(film.width(), film.height());
+  Settings settings = DefaultSettings();
   for (const GuideInfo& guide : Guides()) {
     if (IsOff(options.off, guide.name)) guide.turn_off(&settings);
   }
-  return Run(Frame(film, edges), settings, DefaultFrameStages(), DefaultLayerStages(), options, pool);
-}
-
-Picture DenoiseAsPublished(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool) {
-  return Run(Frame(film, edges), PublishedSettings(), PublishedFrameStages(), PublishedLayerStages(), {},
-             pool);
+  if (options.adjust) options.adjust(&settings);
+  return Run(frame, settings, DefaultFrameStages(), DefaultLayerStages(), options, pool);
 }
 
 const std::vector<StageInfo>& Stages() {
@@ -86,8 +81,11 @@ const std::vector<GuideInfo>& Guides() {
            patches->least_dimensions = patches->most_dimensions = 0;
        }},
       {"normals", "normals among the features",
-       [](Settings* settings) { settings->layer.has_normals = false; }},
-      {"depth", "depth among the features", [](Settings* settings) { settings->layer.has_depth = false; }},
+       [](Settings* settings) { settings->products.ranges.normal = std::numeric_limits<float>::infinity(); }},
+      {"depth", "depth among the features",
+       [](Settings* settings) {
+         settings->products.ranges.log_depth = std::numeric_limits<float>::infinity();
+       }},
       {"first-order", "planes fitted through the light, not means",
        [](Settings* settings) { settings->layer.first_manifolds.is_first_order = false; }},
       {"levels", "mirrors and glass filtered level by level, else with the remainder",
@@ -113,8 +111,7 @@ absl::Status CheckSwitchedOff(const SwitchedOff& off) {
 }
 
 int DenoiseApron() {
-  const int side = static_cast<int>(std::sqrt(kLargestPicture));
-  const Settings settings = DefaultSettings(side, side);
+  const Settings settings = DefaultSettings();
   int widest = 0;
   for (const StageInfo& stage : Stages()) {
     if (stage.window_px != nullptr) widest = std::max(widest, stage.window_px(settings));

@@ -1,19 +1,22 @@
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "absl/status/status.h"
+#include "filter/denoise/settings.h"
 #include "filter/denoise/stage.h"
-#include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
+#include "filter/layers/frame.h"
 
 namespace lumifold::filter {
 
 /// What measurements change of a method.
 struct DenoiseOptions {
-  SwitchedOff off;        // as CheckSwitchedOff() allows
-  StageWatch watch = {};  // empty: nobody is told
+  SwitchedOff off;                             // as CheckSwitchedOff() allows
+  StageWatch watch = {};                       // empty: nobody is told
+  std::function<void(Settings*)> adjust = {};  // changes the settings first; empty: they stay
 };
 
 /// The default method: the stages of Stages(), in their order.
@@ -21,12 +24,7 @@ struct DenoiseOptions {
 ///          Result: W x H, R G B.
 /// Threads: identical for any pool.
 /// Source:  Gruzdev et al. 2015; each stage names its own.
-Picture Denoise(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool,
-                const DenoiseOptions& options = {});
-
-/// The method as published: one filtering of each layer, guided by its own patches; edges antialiased by
-/// their sub-samples.
-Picture DenoiseAsPublished(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool);
+Picture Denoise(const Frame& frame, TaskPool* pool, const DenoiseOptions& options = {});
 
 /// The stages of the default method in their order; those of a layer stand where layers are filtered.
 const std::vector<StageInfo>& Stages();

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "filter/image/mix_bits.h"
 #include "filter/kernels/box_mean.h"
 #include "filter/layers/features.h"
 #include "filter/manifold/manifold_filter.h"
@@ -156,15 +157,89 @@ Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
 
 int FireflyWindow() { return kNoiseRadius; }
 
-Planes SpreadRemoved(const Planes& removed, const Planes& light, const Planes& geometry,
-                     ConstFloatView weight, TaskPool* pool) {
-  Planes guide;
-  for (const Plane& feature : geometry) guide.push_back(feature.Clone());
-  for (const Plane& channel : light) AppendFeature(channel.view(), kSigmaLight, weight, &guide);
-  ManifoldParams params;
-  params.sigma_s = kSpreadReachPx;
-  params.height = kSpreadHeight;
-  return ManifoldFilter(removed, guide, weight, params, pool);
+namespace {
+
+/// What ReturnRemoved() knows of the energy around each pixel.
+struct Spread {
+  Planes energy;     // 3: local mean of the energy removed
+  Plane with_signs;  // local mean of its luminance, each pixel's with a sign of its own
+};
+
+/// 1 or -1, as if by chance.
+float SignOf(int x, int y) {
+  const uint64_t pixel = static_cast<uint64_t>(y) << 32 | static_cast<uint64_t>(x);
+  return MixBits(pixel + 1) % 2 == 0 ? 1.0f : -1.0f;
+}
+
+Spread SpreadAround(const Planes& removed, const Planes& guide, ConstFloatView weight, TaskPool* pool) {
+  Planes signals = Clone(removed);
+  signals.emplace_back(weight.width(), weight.height());
+  ForEachPixel(pool, weight.width(), weight.height(),
+               [&](int x, int y) { signals[3].At(x, y) = SignOf(x, y) * LuminanceAt(removed, x, y); });
+  const ManifoldParams params = {.sigma_s = kSpreadReachPx, .height = kSpreadHeight};
+  Planes spread = ManifoldFilter(signals, guide, weight, params, pool);
+  Spread out;
+  out.with_signs = std::move(spread.back());
+  spread.pop_back();
+  out.energy = std::move(spread);
+  return out;
+}
+
+/// 1 - (signed sum / sum)^2. The square of a sum with random signs is that of its terms on average, so this is 1 - 1/n
+/// of n equal terms, however the terms are weighted; it is 0 of one term alone.
+float SharedPart(float sum, float signed_sum) {
+  const float ratio = signed_sum / sum;
+  return ratio > -1 && ratio < 1 ? 1.0f - ratio * ratio : 0.0f;
+}
+
+/// Sum over all pixels, weighted.
+double Total(const Plane& plane, ConstFloatView weight, TaskPool* pool) {
+  return SumRows(pool, plane.height(), [&](int y) {
+    double sum = 0;
+    for (int x = 0; x < plane.width(); ++x)
+      sum += static_cast<double>(weight.At(x, y)) * static_cast<double>(plane.At(x, y));
+    return sum;
+  });
+}
+
+/// Adds what is not returned nearby to all light in proportion.
+void ReturnRest(const Planes& removed, const Planes& light, ConstFloatView weight, TaskPool* pool,
+                Planes* energy) {
+  Plane square(weight.width(), weight.height());
+  Plane luminance(weight.width(), weight.height());
+  ForEachPixel(pool, weight.width(), weight.height(), [&](int x, int y) {
+    luminance.At(x, y) = LuminanceAt(removed, x, y);
+    square.At(x, y) = luminance.At(x, y) * luminance.At(x, y);
+  });
+  const double sum = Total(luminance, weight, pool);
+  const double squares = Total(square, weight, pool);
+  if (!(squares > 0)) return;
+  const auto part = static_cast<float>(1.0 - std::min(1.0, squares / (sum * sum)));  // 1 - 1/n
+  for (size_t c = 0; c < 3; ++c) {
+    const double rest = Total(removed[c], weight, pool) - Total((*energy)[c], weight, pool);
+    const double all = Total(light[c], weight, pool);
+    if (!(rest > 0 && all > 0)) continue;
+    const float gain = part * static_cast<float>(rest / all);
+    ForEachPixel(pool, weight.width(), weight.height(),
+                 [&](int x, int y) { (*energy)[c].At(x, y) += gain * std::max(0.0f, light[c].At(x, y)); });
+  }
+}
+
+}  // namespace
+
+Planes ReturnRemoved(const Planes& removed, const Planes& light, const Halves& halves, const Planes& geometry,
+                     float knee, TaskPool* pool) {
+  const ConstFloatView weight = halves.weight.view();
+  Planes guide = Clone(geometry);
+  for (const Plane& channel : Stabilise(light, knee * halves.level, halves.level, pool))
+    AppendFeature(channel.view(), kSigmaLight, weight, &guide);
+  Spread spread = SpreadAround(removed, guide, weight, pool);
+  ForEachPixel(pool, weight.width(), weight.height(), [&](int x, int y) {
+    const float part = SharedPart(LuminanceAt(spread.energy, x, y), spread.with_signs.At(x, y));
+    for (Plane& channel : spread.energy) channel.At(x, y) *= part;
+  });
+  ReturnRest(removed, light, weight, pool, &spread.energy);
+  return std::move(spread.energy);
 }
 
 }  // namespace lumifold::filter

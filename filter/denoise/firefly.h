@@ -23,12 +23,14 @@ int FireflyWindow();
 /// Sigma of the blur that spreads the removed energy.
 inline constexpr float kSpreadReachPx = 16;
 
-/// Spreads the energy that SuppressFireflies() removed over pixels of similar light on the same surface
-/// nearby, so that the layer keeps its energy and dark pixels beside a bright spot stay dark.
-/// Shapes:  removed, light: 3 planes; geometry: features; all of the layer's size. `light`: the layer without
-///          noise, from Stabilise().
+/// The energy that SuppressFireflies() removed, where it is to be added again. It is spread over pixels of similar
+/// light on the same surface nearby, as far as several outliers say that it belongs there: a sum of n equal terms
+/// stands by 1 - 1/n on average, so that one outlier alone returns nothing, however small its surface is. What is left is added to all of the layer in
+/// proportion to its light, by the same rule.
+/// Shapes:  removed, light: 3 planes, `light` without noise; geometry: features; result: 3 planes; all of the
+///          layer's size. `knee`: as in MakeGuide().
 /// Threads: identical for any pool.
-Planes SpreadRemoved(const Planes& removed, const Planes& light, const Planes& geometry,
-                     ConstFloatView weight, TaskPool* pool);
+Planes ReturnRemoved(const Planes& removed, const Planes& light, const Halves& halves, const Planes& geometry,
+                     float knee, TaskPool* pool);
 
 }  // namespace lumifold::filter

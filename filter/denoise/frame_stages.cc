@@ -2,208 +2,136 @@
 
 #include <utility>
 
-#include "filter/denoise/convergence.h"
-#include "filter/edges/coverage_means.h"
 #include "filter/edges/regression.h"
-#include "filter/edges/relighting.h"
-#include "filter/edges/trust.h"
-#include "filter/layers/recombine.h"
+#include "filter/layers/layer_fragments.h"
+#include "filter/layers/mixed_pixels.h"
 
 namespace lumifold::filter {
 namespace {
 
-/// Albedo of the glossy lobes above which sub-samples, which have T and E alone, do not antialias a pixel.
-constexpr float kMaxGlossyAlbedo = 0.12f;
-
-bool HasEdges(const FrameState& state) { return state.frame.edges.has_value(); }
-bool HasEdgePoints(const FrameState& state) { return !state.edge_points.rows.empty(); }
 bool Always(const FrameState&) { return true; }
 
-FilteredLayer FilterProduct(const FrameState& state, const Product& product, const SlicePoints* points) {
-  return RunLayer(state.layer_stages, state.settings.layer, product, points, state.off, state.watch,
-                  state.pool);
+bool HasBothHalves(const FrameState& state) {
+  const SampleCounts& samples = state.frame.samples;
+  const double pairs = SumRows(state.pool, state.frame.height, [&](int y) {
+    int count = 0;
+    for (int x = 0; x < state.frame.width; ++x) count += samples.HasBoth(x, y) ? 1 : 0;
+    return static_cast<double>(count);
+  });
+  return pairs > 0;
 }
 
-/// Where the product's values are also wanted between pixels; null: nowhere.
-FilteredPoints* PointsOf(Product::Kind kind, FrameState* state) {
-  if (!HasEdgePoints(*state)) return nullptr;
-  if (kind == Product::Kind::kDirect) return &state->direct_at_points;
-  return kind == Product::Kind::kIndirect ? &state->indirect_at_points : nullptr;
+Planes& RestOf(Remainder* rest, size_t h) { return h == 0 ? rest->a : rest->b; }
+
+FilteredLayer FilterProduct(const FrameState& state, Product* product) {
+  const FragmentSet& set = state.fragments;
+  product->is_mixed = Clone(state.mixed.view().Crop(product->box));
+  LayerFragments fragments = LayerFragmentsOf(state.frame, set, *product, state.settings.products.ranges);
+  UseDominantFeatures(fragments, &product->geometry);
+  return RunLayer(state.layer_stages, state.settings.layer, *product, std::move(fragments), state.off,
+                  state.watch, state.pool);
 }
+
+void RunFragments(FrameState* state) { state->fragments = FragmentsOf(state->frame); }
 
 void RunLayers(FrameState* state) {
   const Frame& frame = state->frame;
-  const Settings& settings = state->settings;
-  std::vector<Product> products = ProductsOf(frame, settings.products, state->pool);
-  if (!IsOff(state->off, "antialiasing")) {
-    state->edge_points = EdgePointsOf(frame, kMaxGlossyAlbedo, settings.max_antialiased_samples,
-                                      settings.products.sigma_normal);
-  }
-  state->remainder = MakeRemainder(frame, products, state->pool);
+  std::vector<Product> products = ProductsOf(frame, state->settings.products, state->pool);
+  state->hits = products.front().box;
+  state->mixed = MixedPixelsOf(frame);
+  state->change = NoChange(frame);
+  AddEmissionChange(state->fragments, &state->change);
+  for (size_t h = 0; h < 2; ++h)
+    RestOf(&state->rest, h) =
+        WithoutEmission(frame, h == 0 ? frame.combined.a : frame.combined.b, state->pool);
   if (state->watch) state->watch("layers");  // the stages of each layer tell of themselves
   for (Product& product : products) {
-    FilteredPoints* at_points = PointsOf(product.kind, state);
-    FilteredLayer layer;
-    if (at_points != nullptr) {
-      const SlicePoints points = RelativeTo(product.box, state->edge_points.points);
-      layer = FilterProduct(*state, product, &points);
-      *at_points = std::move(layer.points);
-    } else {
-      layer = FilterProduct(*state, product, nullptr);
-    }
-    state->products.push_back({std::move(product), std::move(layer.planes)});
+    const FilteredLayer layer = FilterProduct(*state, &product);
+    for (size_t h = 0; h < 2; ++h)
+      AddFiltered(product, layer, h, state->pool, &RestOf(&state->rest, h), &state->change[h]);
   }
-}
-
-void RunRecombination(FrameState* state) {
-  state->picture = Recombine(state->frame, state->products, state->pool);
+  state->rest.mean = MeanOfHalves(frame, state->rest.a, state->rest.b, state->pool);
 }
 
 void RunRemainder(FrameState* state) {
-  if (IsRounding(state->remainder, state->frame, state->pool)) return;
-  const Rect& box = state->products.front().product.box;  // of D and I: around all hits
-  const Product rest = RemainderProduct(state->frame, state->remainder, box, state->picture,
-                                        state->settings.products, state->pool);
-  const FilteredLayer filtered = FilterProduct(*state, rest, nullptr);
-  AddChange(rest.mean, filtered.planes, box, state->pool, &state->picture);
-}
-
-/// Sum of light, or of light * factor, over the filtered products of the kinds that `takes`. W x H.
-template <typename Takes>
-Planes SumOfProducts(const FrameState& state, bool times_factor, const Takes& takes) {
-  Planes sum = MakePlanes(3, state.frame.width, state.frame.height);
-  for (const auto& [product, planes] : state.products) {
-    if (!takes(product.kind)) continue;
-    const Rect& box = product.box;
-    for (size_t c = 0; c < 3; ++c) {
-      const ConstFloatView factor = product.factor[c];
-      const Plane& light = planes[c];
-      ForEachPixel(state.pool, box.width(), box.height(), [&](int x, int y) {
-        const float by = times_factor ? factor.At(box.x0 + x, box.y0 + y) : 1.0f;
-        sum[c].At(box.x0 + x, box.y0 + y) += light.At(x, y) * by;
-      });
-    }
-  }
-  return sum;
-}
-
-void RunCoverage(FrameState* state) {
-  const Planes light = SumOfProducts(*state, false, [](Product::Kind kind) {
-    return kind == Product::Kind::kDirect || kind == Product::Kind::kIndirect;
-  });
-  state->coverage_change = CoverageChange(state->frame, light, state->pool);
-  AddPlanes(state->coverage_change, state->pool, absl::MakeSpan(state->picture));
-}
-
-void RunAntialiasing(FrameState* state) {
-  const Planes glossy =
-      SumOfProducts(*state, true, [](Product::Kind kind) { return kind == Product::Kind::kLobe; });
-  AntialiasEdges(state->frame, state->edge_points, state->direct_at_points, state->indirect_at_points, glossy,
-                 state->pool, &state->picture);
-}
-
-void RunRelighting(FrameState* state) {
-  RelightEdges(state->frame, kMaxGlossyAlbedo, state->pool, &state->picture);
+  const Frame& frame = state->frame;
+  if (IsRounding(state->rest, frame, state->pool)) return;
+  Product rest =
+      RemainderProduct(frame, state->rest, state->hits, PictureOf(frame, state->change, state->pool),
+                       state->settings.products, state->pool);
+  const FilteredLayer layer = FilterProduct(*state, &rest);
+  for (size_t h = 0; h < 2; ++h) AddFiltered(rest, layer, h, state->pool, nullptr, &state->change[h]);
 }
 
 void RunRegression(FrameState* state) {
-  if (state->coverage_change.empty())
-    state->coverage_change = MakePlanes(3, state->frame.width, state->frame.height);
-  RegressEdges(state->frame, state->coverage_change, state->pool, &state->picture);
+  state->candidates = FitMixedPixels(state->frame, state->mixed, state->change, state->pool);
 }
 
-void RunConvergence(FrameState* state) { ShrinkResidual(state->frame, state->pool, &state->picture); }
+void RunFrameChoice(FrameState* state) {
+  ChooseChange(state->frame, state->mixed, state->candidates, state->settings.layer.choice, state->pool,
+               &state->change);
+}
 
-const FrameStage kLayers = {
-    {.name = "layers",
-     .reads = "film",
-     .writes = "D, I, lobes and levels, each through the stages of a layer; remainder",
-     .off_when = "never",
-     .source = "Gruzdev et al. 2015",
-     .header = "filter/layers/product.h",
-     .is_required = true},
-    Always,
-    RunLayers};
-
-const FrameStage kRecombination = {{.name = "recombination",
-                                    .reads = "C, filtered layers",
-                                    .writes = "picture",
-                                    .off_when = "never",
-                                    .source = "Gruzdev et al. 2015",
-                                    .header = "filter/layers/recombine.h",
-                                    .is_required = true},
-                                   Always,
-                                   RunRecombination};
-
-const FrameStage kRemainder = {{.name = "remainder",
-                                .reads = "remainder, picture",
-                                .writes = "picture",
-                                .off_when = "the remainder is rounding alone",
-                                .source = "our own",
-                                .header = "filter/layers/remainder.h"},
-                               Always,
-                               RunRemainder};
-
-const FrameStage kAntialiasing = {
-    {.name = "antialiasing",
-     .reads = "D and I at sub-samples, T and E of sub-samples, lobes, C",
-     .writes = "picture, at edge pixels",
-     .off_when = "no edge set; pixels of many samples, with gloss, metal, mirror or glass",
-     .source = "Gruzdev et al. 2015",
-     .header = "filter/edges/antialiasing.h",
-     .window_px = [](const Settings&) { return TrustParams{}.radius; }},
-    HasEdgePoints,
-    RunAntialiasing};
+void RunRecombination(FrameState* state) {
+  state->picture = PictureOf(state->frame, state->change, state->pool);
+}
 
 }  // namespace
 
 const std::vector<FrameStage>& DefaultFrameStages() {
   static const std::vector<FrameStage> stages = {
-      kLayers,
-      kRecombination,
-      kRemainder,
-      {{.name = "coverage",
-        .reads = "filtered D and I, T and E of samples and sub-samples",
-        .writes = "picture, at edge pixels; coverage change",
-        .off_when = "no edge set",
-        .source = "our own; patch distance of Buades et al. 2005",
-        .header = "filter/edges/coverage_means.h",
-        .window_px = [](const Settings&) { return CoverageWindow(); }},
-       HasEdges,
-       RunCoverage},
-      kAntialiasing,
-      {{.name = "relighting",
-        .reads = "picture, sub-samples, C",
-        .writes = "picture, at pixels of several surfaces",
-        .off_when = "no edge set or no object ids",
+      {{.name = "fragments",
+        .reads = "fragments and sub-samples of edge pixels",
+        .writes = "surfaces of each mixed pixel: coverage, T, features; E of mixed pixels",
+        .off_when = "the film has no fragments",
+        .source = "our own; coverage: Gruzdev et al. 2015",
+        .header = "filter/layers/fragments.h"},
+       [](const FrameState& s) { return s.frame.fragments.has_value(); },
+       RunFragments},
+      {{.name = "layers",
+        .reads = "film",
+        .writes = "D, I, lobes and levels, each through the stages of a layer; remainder",
+        .off_when = "never",
+        .source = "Gruzdev et al. 2015",
+        .header = "filter/layers/product.h",
+        .is_required = true},
+       Always,
+       RunLayers},
+      {{.name = "remainder",
+        .reads = "remainder, picture",
+        .writes = "picture",
+        .off_when = "the remainder is rounding alone",
         .source = "our own",
-        .header = "filter/edges/relighting.h",
-        .window_px = [](const Settings&) { return RelightingWindow(); }},
-       HasEdges,
-       RunRelighting},
+        .header = "filter/layers/remainder.h"},
+       Always,
+       RunRemainder},
       {{.name = "regression",
-        .reads = "picture, C by halves, coverage change, T, normal, mask, S, distance, roughness",
-        .writes = "picture, at edge pixels and beside them, at metals, in mirrors and glass",
+        .reads = "picture, C by halves, T, normal, mask, S, distance, roughness",
+        .writes = "candidates at edge pixels and beside them, at metals, in mirrors and glass",
         .off_when = "one half alone",
         .source = "Bitterli et al. 2016",
         .header = "filter/edges/regression.h",
         .window_px = [](const Settings&) { return RegressionWindow(); }},
-       Always,
+       HasBothHalves,
        RunRegression},
-      {{.name = "convergence",
-        .reads = "picture, C by halves",
+      {{.name = "frame-choice",
+        .reads = "C by halves, candidates",
         .writes = "picture",
         .off_when = "one half alone",
-        .source = "our own",
-        .header = "filter/denoise/convergence.h",
-        .window_px = [](const Settings&) { return ShrinkWindow(); }},
+        .source = "Rousselle et al. 2012; Breiman 1996",
+        .header = "filter/layers/choice.h",
+        .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
+       HasBothHalves,
+       RunFrameChoice},
+      {{.name = "recombination",
+        .reads = "C, changes",
+        .writes = "picture",
+        .off_when = "never",
+        .source = "Gruzdev et al. 2015",
+        .header = "filter/denoise/frame_halves.h",
+        .is_required = true},
        Always,
-       RunConvergence}};
-  return stages;
-}
-
-const std::vector<FrameStage>& PublishedFrameStages() {
-  static const std::vector<FrameStage> stages = {kLayers, kRecombination, kRemainder, kAntialiasing};
+       RunRecombination}};
   return stages;
 }
 

@@ -2,18 +2,20 @@
 
 #include <vector>
 
+#include "filter/denoise/frame_halves.h"
 #include "filter/denoise/layer_stages.h"
 #include "filter/denoise/stage.h"
-#include "filter/edges/antialiasing.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
+#include "filter/layers/fragments.h"
 #include "filter/layers/frame.h"
 #include "filter/layers/product.h"
 #include "filter/layers/remainder.h"
 
 namespace lumifold::filter {
 
-/// A frame on its way through the stages. Each stage reads what the ones before it wrote.
+/// A frame on its way through the stages. Each stage reads what the ones before it wrote. Planes are W x H; those
+/// in pairs belong to half A and half B, each made without the samples of the other.
 struct FrameState {
   const Frame& frame;
   const Settings& settings;
@@ -22,13 +24,13 @@ struct FrameState {
   const StageWatch& watch;
   TaskPool* pool;
 
-  EdgePoints edge_points;                 // where D and I are read at sub-samples
-  FilteredPoints direct_at_points;        // D there
-  FilteredPoints indirect_at_points;      // I there
-  std::vector<FilteredProduct> products;  // D, I, lobes, levels
-  Remainder remainder;
-  Picture picture;         // F, from recombination on
-  Planes coverage_change;  // 3, W x H: what F has of the truth that C has not
+  FragmentSet fragments;
+  Plane mixed;                          // MixedPixelsOf()
+  Rect hits;                            // the box of D and I
+  Remainder rest;                       // what the products and E leave of C
+  FrameChange change;                   // F - C
+  std::vector<FrameChange> candidates;  // further pictures to choose from
+  Picture picture;
 };
 
 struct FrameStage {
@@ -38,8 +40,5 @@ struct FrameStage {
 };
 
 const std::vector<FrameStage>& DefaultFrameStages();
-
-/// Those of the published method.
-const std::vector<FrameStage>& PublishedFrameStages();
 
 }  // namespace lumifold::filter

@@ -5,9 +5,9 @@
 
 namespace lumifold::filter {
 
-inline constexpr size_t kTerms = 11;   // 1, T (3), normal (3), covered part, S, log distance, roughness
-inline constexpr size_t kSignals = 9;  // C of half A (3), C of half B (3), F (3)
-inline constexpr size_t kRowSize = kTerms + kSignals;
+inline constexpr size_t kTerms = 11;    // 1, T (3), normal (3), covered part, S, log distance, roughness
+inline constexpr size_t kSignals = 12;  // C of half A (3), of half B (3); C - F of half A (3), of half B (3)
+inline constexpr size_t kRowSize = 24;  // of both, padded to whole vectors
 
 /// One pixel as a row of the regression, in units of the picture's mean.
 struct FitSample {

@@ -14,19 +14,19 @@ float FeatureOr0(float x) { return UsableOr0(x, kLargestFeature); }
 }  // namespace
 
 std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
-                                                     float sigma_normal) {
-  return {FeatureOr0(normal[0] / sigma_normal), FeatureOr0(normal[1] / sigma_normal),
-          FeatureOr0(normal[2] / sigma_normal), FeatureOr0(Log(distance) / kSigmaLogDepth)};
+                                                     const GeometryRanges& ranges) {
+  return {FeatureOr0(normal[0] / ranges.normal), FeatureOr0(normal[1] / ranges.normal),
+          FeatureOr0(normal[2] / ranges.normal), FeatureOr0(Log(distance) / ranges.log_depth)};
 }
 
-Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
+Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, const GeometryRanges& ranges,
                         TaskPool* pool) {
   Planes features = MakePlanes(kGeometryFeatures, validity.width(), validity.height());
   const ConstColorView& n = geometry.normal;
   ForEachPixel(pool, validity.width(), validity.height(), [&](int x, int y) {
     if (validity.At(x, y) == 0) return;
-    const auto u = GeometryFeature({n[0].At(x, y), n[1].At(x, y), n[2].At(x, y)}, geometry.distance.At(x, y),
-                                   sigma_normal);
+    const auto u =
+        GeometryFeature({n[0].At(x, y), n[1].At(x, y), n[2].At(x, y)}, geometry.distance.At(x, y), ranges);
     for (size_t k = 0; k < u.size(); ++k) features[k].At(x, y) = u[k];
   });
   return features;

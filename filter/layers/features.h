@@ -18,13 +18,19 @@ inline constexpr size_t kGeometryFeatures = 4;
 inline constexpr float kSigmaNormal = 0.3f;  // chord between unit normals: 10 degrees are 0.58 sigma
 inline constexpr float kSigmaLogDepth = 0.05f;
 
-/// One geometry feature of unit normal n and distance z: n[0..2] / sigma_normal, ln(z) / kSigmaLogDepth.
+/// Ranges of the geometry features; an infinite one switches its feature off.
+struct GeometryRanges {
+  float normal = kSigmaNormal;
+  float log_depth = kSigmaLogDepth;
+};
+
+/// One geometry feature of unit normal n and distance z: n[0..2] / ranges.normal, ln(z) / ranges.log_depth.
 std::array<float, kGeometryFeatures> GeometryFeature(const std::array<float, 3>& normal, float distance,
-                                                     float sigma_normal);
+                                                     const GeometryRanges& ranges);
 
 /// The geometry features of all pixels: kGeometryFeatures planes; 0 where `validity` is 0.
 /// Threads: identical for any pool.
-Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, float sigma_normal,
+Planes GeometryFeatures(const GeometryViews& geometry, ConstFloatView validity, const GeometryRanges& ranges,
                         TaskPool* pool);
 
 /// Appends value / sigma, 0 where `validity` is 0, to the features.

@@ -48,6 +48,21 @@ LevelViews LevelOf(const Channels& film, layers::Level level) {
       {film.One(name(layers::kSamplesA)), film.One(name(layers::kSamplesB))}};
 }
 
+FragmentViews FragmentsIn(const Channels& list) {
+  const auto halves = [&](std::string_view layer) {
+    return std::array<ConstColorView, 2>{list.Color(layers::HalfA(layer)), list.Color(layers::HalfB(layer))};
+  };
+  return {list.One(layers::kPixelX),
+          list.One(layers::kPixelY),
+          list.One(layers::kSurface),
+          list.One(layers::kDistance),
+          {list.One(layers::kNormalX), list.One(layers::kNormalY), list.One(layers::kNormalZ)},
+          list.Color(layers::kAlbedo),
+          halves(layers::kDirect),
+          halves(layers::kIndirect),
+          {list.One(layers::kSamplesA), list.One(layers::kSamplesB)}};
+}
+
 bool HasAny(const LevelViews& level) {
   return !level.direct.mean[0].IsEmpty() || !level.emission[0].IsEmpty() ||
          !level.surface.albedo[0].IsEmpty() || !level.surface.mask.IsEmpty() || !level.samples.a.IsEmpty() ||
@@ -56,7 +71,7 @@ bool HasAny(const LevelViews& level) {
 
 }  // namespace
 
-Frame::Frame(const LayeredImage& film, const LayeredImage* edge_set)
+Frame::Frame(const LayeredImage& film, const LayeredImage* edge_set, const LayeredImage* fragment_list)
     : width(film.width()), height(film.height()), level_mask(LevelMask(film)) {
   const Channels channels(film);
   combined = channels.Halved(layers::kNoisy);
@@ -77,6 +92,8 @@ Frame::Frame(const LayeredImage& film, const LayeredImage* edge_set)
     if (HasAny(level)) levels.push_back(level);
   }
   if (edge_set != nullptr && !edge_set->channels().empty()) edges.emplace(*edge_set);
+  const bool has_fragments = fragment_list != nullptr && fragment_list->HasColor(layers::kAlbedo);
+  if (has_fragments) fragments = FragmentsIn(Channels(*fragment_list));
 }
 
 }  // namespace lumifold::filter

@@ -1,11 +1,14 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <optional>
 #include <vector>
 
+#include "filter/image/edged_image.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 #include "filter/layers/edge_views.h"
 
 namespace lumifold::filter {
@@ -24,6 +27,8 @@ struct SampleCounts {
   bool IsEmpty() const { return a.IsEmpty() || b.IsEmpty(); }
   float At(int x, int y) const { return a.At(x, y) + b.At(x, y); }
   bool HasBoth(int x, int y) const { return a.At(x, y) > 0 && b.At(x, y) > 0; }
+  /// nA / n; 0 without samples.
+  float ShareA(int x, int y) const { return a.At(x, y) > 0 ? a.At(x, y) / At(x, y) : 0.0f; }
   /// weight * nA nB / n^2: times (A - B)^2 it is the variance of the mean.
   float VarianceFactor(int x, int y, float weight = 1) const {
     const float n = std::max(1.0f, At(x, y));
@@ -54,7 +59,20 @@ struct LevelViews {
   SampleCounts samples;
 };
 
-/// Typed views of a film and its edge set, resolved once; both must outlive it. Views of channels that the
+/// The film's fragments (EdgedImage::fragments): one row each.
+struct FragmentViews {
+  ConstFloatView x, y, key, distance;
+  ConstColorView normal, albedo;
+  std::array<ConstColorView, 2> direct, indirect;  // of half A and B
+  SampleCounts samples;
+
+  int rows() const { return x.height(); }
+};
+
+/// What is added to C, half A and half B: 3 planes each, W x H. A pixel of zeros keeps C to the last bit.
+using FrameChange = std::array<Planes, 2>;
+
+/// Typed views of a film, its edge set and its fragments, resolved once; all must outlive it. Views of channels that the
 /// film lacks are empty. All others are W x H.
 struct Frame {
   int width = 0;
@@ -71,9 +89,12 @@ struct Frame {
   SampleCounts samples;            // of the first hit
   Plane level_mask;                // 1 where a pixel shows a level, else 0
   std::optional<EdgeViews> edges;
+  std::optional<FragmentViews> fragments;
 
-  /// `edges` may be null or without channels.
-  explicit Frame(const LayeredImage& film, const LayeredImage* edge_set = nullptr);
+  /// `edges` and `fragments` may be null or without channels.
+  explicit Frame(const LayeredImage& film, const LayeredImage* edges = nullptr,
+                 const LayeredImage* fragments = nullptr);
+  explicit Frame(const EdgedImage& film) : Frame(film.pixels, &film.edges, &film.fragments) {}
 
   Rect bounds() const { return {0, 0, width, height}; }
 };

@@ -1,5 +1,6 @@
 #include "filter/layers/halves.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -116,13 +117,17 @@ Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* poo
   SetScale(MeanOfUsable(film, halves, pool), &halves);
   ForEachPixel(pool, width, height,
                [&](int x, int y) { FillPixel(film, validity, 1.0f / halves.scale, x, y, &halves); });
-  const double pairs = SumRows(pool, height, [&](int y) {
+  // A pixel with both halves counts 1, one with one half -1.
+  const double balance = SumRows(pool, height, [&](int y) {
     double count = 0;
-    for (int x = 0; x < width; ++x)
-      count += static_cast<double>(halves.weight_a.At(x, y) * halves.weight_b.At(x, y));
+    for (int x = 0; x < width; ++x) {
+      const bool has_a = halves.weight_a.At(x, y) > 0;
+      const bool has_b = halves.weight_b.At(x, y) > 0;
+      if (has_a || has_b) count += has_a && has_b ? 1 : -1;
+    }
     return count;
   });
-  halves.has_noise_estimate = pairs > 0;
+  halves.has_noise_estimate = balance > 0;
   return halves;
 }
 
@@ -160,6 +165,11 @@ float NoiseLevel(const Halves& halves, const Planes& a, const Planes& b, TaskPoo
   const double variance = halves.has_noise_estimate ? HalfDifferenceVariance(halves, a, b, pool)
                                                     : SecondDifferenceVariance(halves, a, pool);
   return static_cast<float>(std::sqrt(variance));
+}
+
+float PositiveNoise(const Halves& halves, TaskPool* pool) {
+  constexpr float kLeast = 1e-4f;
+  return std::max(NoiseLevel(halves, halves.a, halves.b, pool), kLeast * halves.level);
 }
 
 }  // namespace lumifold::filter

@@ -17,11 +17,13 @@ struct Halves {
   Plane share_a;    // nA / n: X = share_a * A + (1 - share_a) * B
   float scale = 1;  // stored value * scale = the layer's unit; a power of two, so that scaling loses nothing
   float level = 0;  // mean magnitude of the halves as they are here, about 1; 0 for a black layer
-  bool has_noise_estimate = false;  // whether any pixel has both halves
+  bool has_noise_estimate = false;  // whether most pixels that have a half have both
   bool is_difference = false;       // a difference of light: of either sign, and mostly near 0
   /// Light of the whole picture over its mean, which weights the layer's errors (ErrorWeight); empty: the
   /// layer's own light.
   Plane picture_light;
+  /// 1 where several surfaces meet in a pixel or next to it, else 0: errors are averaged over pixels of one kind.
+  Plane is_mixed;
 
   int width() const { return weight.width(); }
   int height() const { return weight.height(); }
@@ -54,5 +56,8 @@ Planes PixelVariance(const Planes& a, const Planes& b, ConstFloatView share_a, T
 /// RMS noise of X over all channels and the pixels where both halves are known. Where none is, an estimate
 /// from second differences along rows, which edges and texture make too large.
 float NoiseLevel(const Halves& halves, const Planes& a, const Planes& b, TaskPool* pool);
+
+/// NoiseLevel of the halves themselves, at least 1e-4 of their level: what a range can be measured in.
+float PositiveNoise(const Halves& halves, TaskPool* pool);
 
 }  // namespace lumifold::filter

@@ -68,7 +68,7 @@ void AddDiffuse(const Frame& frame, const ProductParams& params, TaskPool* pool,
     const float part = is_hit(x, y) ? surface.mask.At(x, y) : 0.0f;
     return part >= kWhollyValid ? 1.0f : (part >= kLeastValid ? part : 0.0f);
   });
-  const Planes geometry = GeometryFeatures(GeometryOf(surface, box), hits.view(), params.sigma_normal, pool);
+  const Planes geometry = GeometryFeatures(GeometryOf(surface, box), hits.view(), params.ranges, pool);
   const auto add = [&](Product::Kind kind, const HalvedLayer& layer) {
     products->push_back({.kind = kind,
                          .mean = layer.mean,
@@ -83,7 +83,7 @@ void AddDiffuse(const Frame& frame, const ProductParams& params, TaskPool* pool,
   add(Product::Kind::kIndirect, frame.indirect);
 }
 
-void AddLobe(const Frame& frame, const LobeViews& lobe, float sigma_normal, TaskPool* pool,
+void AddLobe(const Frame& frame, const LobeViews& lobe, const GeometryRanges& ranges, TaskPool* pool,
              std::vector<Product>* products) {
   const ConstColorView& factor = lobe.factor;
   const ConstFloatView& distance = frame.surface.distance;
@@ -101,7 +101,7 @@ void AddLobe(const Frame& frame, const LobeViews& lobe, float sigma_normal, Task
   product.box = *box;
   product.validity = BinaryMask(*box, holds);
   const ConstFloatView validity = product.validity.view();
-  product.geometry = GeometryFeatures(GeometryOf(frame.surface, *box), validity, sigma_normal, pool);
+  product.geometry = GeometryFeatures(GeometryOf(frame.surface, *box), validity, ranges, pool);
   if (!frame.roughness.IsEmpty())
     AppendFeature(frame.roughness.Crop(*box), kSigmaRoughness, validity, &product.geometry);
   products->push_back(std::move(product));
@@ -109,8 +109,8 @@ void AddLobe(const Frame& frame, const LobeViews& lobe, float sigma_normal, Task
 
 /// Features of a level: the surface seen there, and the normal of the surface that it is seen in.
 Planes LevelGeometry(const Frame& frame, const LevelViews& level, const Rect& box, ConstFloatView validity,
-                     float sigma_normal, TaskPool* pool) {
-  Planes geometry = GeometryFeatures(GeometryOf(level.surface, box), validity, sigma_normal, pool);
+                     const GeometryRanges& ranges, TaskPool* pool) {
+  Planes geometry = GeometryFeatures(GeometryOf(level.surface, box), validity, ranges, pool);
   for (const ConstFloatView& normal : Crop(frame.surface.normal, box))
     AppendFeature(normal, kSigmaMirrorNormal, validity, &geometry);
   return geometry;
@@ -122,7 +122,7 @@ bool CanBeFiltered(const LevelViews& level) {
          !level.surface.albedo[0].IsEmpty() && !level.samples.IsEmpty();
 }
 
-void AddLevel(const Frame& frame, const LevelViews& level, float sigma_normal, TaskPool* pool,
+void AddLevel(const Frame& frame, const LevelViews& level, const GeometryRanges& ranges, TaskPool* pool,
               std::vector<Product>* products) {
   if (!CanBeFiltered(level)) return;
   const auto holds = [&](int x, int y) {
@@ -139,17 +139,9 @@ void AddLevel(const Frame& frame, const LevelViews& level, float sigma_normal, T
     product.halves = ViewOf(*layer, level.samples);
     product.box = *box;
     product.validity = BinaryMask(*box, holds);
-    product.geometry = LevelGeometry(frame, level, *box, product.validity.view(), sigma_normal, pool);
+    product.geometry = LevelGeometry(frame, level, *box, product.validity.view(), ranges, pool);
     products->push_back(std::move(product));
   }
-}
-
-/// The frame's level of this branch and depth; null where it has none.
-const LevelViews* FindLevel(const Frame& frame, layers::Level wanted) {
-  const auto found = std::find_if(frame.levels.begin(), frame.levels.end(), [&](const LevelViews& level) {
-    return level.level.index() == wanted.index();
-  });
-  return found == frame.levels.end() ? nullptr : &*found;
 }
 
 HalvesView Crop(const HalvesView& halves, const Rect& box) {
@@ -162,12 +154,9 @@ HalvesView Crop(const HalvesView& halves, const Rect& box) {
 std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params, TaskPool* pool) {
   std::vector<Product> products;
   AddDiffuse(frame, params, pool, &products);
-  for (const LobeViews& lobe : frame.lobes) AddLobe(frame, lobe, params.sigma_normal, pool, &products);
-  for (int depth = layers::kMaxDepth; params.has_levels && depth >= 1; --depth) {
-    for (const layers::Branch branch : {layers::Branch::kTransmission, layers::Branch::kReflection}) {
-      const LevelViews* level = FindLevel(frame, {branch, depth});
-      if (level != nullptr) AddLevel(frame, *level, params.sigma_normal, pool, &products);
-    }
+  for (const LobeViews& lobe : frame.lobes) AddLobe(frame, lobe, params.ranges, pool, &products);
+  for (const LevelViews& level : frame.levels) {
+    if (params.has_levels) AddLevel(frame, level, params.ranges, pool, &products);
   }
   return products;
 }
@@ -176,6 +165,7 @@ Halves HalvesOf(const Product& product, TaskPool* pool) {
   Halves halves = MakeHalves(Crop(product.halves, product.box), product.validity.view(), pool);
   halves.is_difference = product.kind == Product::Kind::kRemainder;
   halves.picture_light = product.picture_light.Clone();
+  halves.is_mixed = product.is_mixed.Clone();
   return halves;
 }
 

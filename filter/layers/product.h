@@ -30,17 +30,18 @@ struct Product {
   Plane validity;       // of the box: part of each pixel that the layer's surface covers; 0: not filtered
   Planes geometry;      // of the box: the features that guide the filter besides the layer's own patches
   Plane picture_light;  // of the box; see Halves
+  Plane is_mixed = {};  // the same
 };
 
 struct ProductParams {
-  float sigma_normal = kSigmaNormal;   // range of normals in the features
+  GeometryRanges ranges;               // of the features
   bool cuts_frame = false;             // D and I are filtered in the box around all hits, not in the frame
   bool has_levels = true;              // else levels stay in the remainder
   bool remainder_sees_levels = false;  // features of the remainder are those of SeenSurface
 };
 
 /// The layers of a film that have anything to filter: direct and indirect first, then the lobes, then the
-/// levels, deepest first. Keeps views of the frame's film.
+/// levels. Keeps views of the frame's film.
 std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params, TaskPool* pool);
 
 /// Filtered planes of one product, of its box's size, in the film's unit.

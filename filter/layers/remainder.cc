@@ -65,8 +65,7 @@ Planes RemainderGeometry(const Frame& frame, const Rect& box, ConstFloatView val
     seen = SeenSurfaceOf(frame, pool);
     views = seen.geometry();
   }
-  return GeometryFeatures({Crop(views.normal, box), views.distance.Crop(box)}, validity, params.sigma_normal,
-                          pool);
+  return GeometryFeatures({Crop(views.normal, box), views.distance.Crop(box)}, validity, params.ranges, pool);
 }
 
 }  // namespace

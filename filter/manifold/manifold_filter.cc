@@ -6,6 +6,7 @@
 
 #include "filter/manifold/first_order.h"
 #include "filter/manifold/manifold_tree.h"
+#include "filter/manifold/points.h"
 #include "filter/manifold/recursive.h"
 #include "filter/manifold/slice.h"
 #include "filter/manifold/splat.h"
@@ -16,8 +17,16 @@
 namespace lumifold::filter {
 namespace {
 
+/// Takes pixels whose points have weight out of the splats.
+void LeaveToPoints(const SlicePoints& points, Plane* mask) {
+  for (size_t i = 0; i < points.weights.size(); ++i) {
+    const auto [x, y] = points.pixels[i / points.samples];
+    if (points.weights[i] > 0) mask->At(x, y) = 0;
+  }
+}
+
 PixelState MakeState(const Planes& signals, const Planes& features, ConstFloatView mask,
-                     const ManifoldParams& params, TaskPool* pool) {
+                     const ManifoldParams& params, const SlicePoints* points, TaskPool* pool) {
   const int width = mask.width();
   const int height = mask.height();
   const auto plane = [&] { return Plane::Uninitialized(width, height); };
@@ -38,14 +47,37 @@ PixelState MakeState(const Planes& signals, const Planes& features, ConstFloatVi
       std::fill_n(state.labels.Row(y), width, 0.0f);
     }
   });
+  if (points != nullptr && !points->signals.empty()) LeaveToPoints(*points, &state.mask);
   return state;
+}
+
+/// Position of the points as further signals, channel by channel for each pixel.
+std::vector<float> PointSignalsWithPosition(const SlicePoints& points, const Planes& with_position) {
+  const size_t samples = points.samples;
+  constexpr size_t kColors = kPlaneSignals - 2;
+  std::vector<float> signals;
+  signals.reserve(points.pixels.size() * kPlaneSignals * samples);
+  for (size_t pixel = 0; pixel < points.pixels.size(); ++pixel) {
+    const auto first = points.signals.begin() + static_cast<std::ptrdiff_t>(pixel * kColors * samples);
+    signals.insert(signals.end(), first, first + static_cast<std::ptrdiff_t>(kColors * samples));
+    const auto [x, y] = points.pixels[pixel];
+    for (size_t c = kColors; c < kPlaneSignals; ++c)
+      signals.insert(signals.end(), samples, with_position[c].At(x, y));
+  }
+  return signals;
 }
 
 class Filter {
  public:
+  /// `point_signals`: those of the points, as many channels as the state has; empty: points are read only.
   Filter(PixelState state, const ManifoldParams& params, float reach, const SlicePoints* points,
-         TaskPool* pool)
-      : state_(std::move(state)), params_(params), reach_(reach), points_(points), pool_(pool) {
+         std::vector<float> point_signals, TaskPool* pool)
+      : state_(std::move(state)),
+        params_(params),
+        reach_(reach),
+        points_(points),
+        point_signals_(std::move(point_signals)),
+        pool_(pool) {
     const size_t signals = params.is_first_order ? kMoments : state_.signals.size();
     result_.filtered = MakeUninitializedPlanes(signals + 1, state_.lattice.width, state_.lattice.height);
     if (points == nullptr) return;
@@ -84,7 +116,7 @@ class Filter {
   /// Consumes the level's splats; gives back its manifolds.
   std::vector<Manifold> BlurAndSlice(Level level, bool is_first);
   /// Adds w * Psi of each manifold to the result; to nothing yet at the first level.
-  void Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi, bool is_first);
+  void Slice(const std::vector<Planes>& psi, bool is_first);
   void DivideSums();
   void DividePoints();
   void FitPlanes();
@@ -93,8 +125,10 @@ class Filter {
   const ManifoldParams params_;
   const float reach_;  // px
   const SlicePoints* const points_;
+  const std::vector<float> point_signals_;
   TaskPool* const pool_;
-  ManifoldResult result_;  // sums of w * Psi until all manifolds are in, the weight's after the signals'
+  PointWeights point_weights_;  // of the current level
+  ManifoldResult result_;       // sums of w * Psi until all manifolds are in, the weight's after the signals'
 };
 
 ClusterSums Filter::RootSums() const {
@@ -119,6 +153,9 @@ Level Filter::Splat(std::vector<Manifold> manifolds, bool is_last) {
     for (int row = y0 / lattice.step; row * lattice.step < y1; ++row) task.CellRow(row);
   });
   std::swap(state_.labels, state_.next_labels);
+  if (points_ != nullptr) point_weights_ = WeighPoints(state_, level.manifolds, *points_, pool_);
+  if (!point_signals_.empty())
+    SplatPoints(state_, *points_, point_signals_, point_weights_, pool_, &level.splats);
   return level;
 }
 
@@ -130,11 +167,11 @@ std::vector<Manifold> Filter::BlurAndSlice(Level level, bool is_first) {
     psi[at] = GuidedLowPass(InCells(reach_), kBlurRange, level.manifolds[at].eta, level.splats[at], pool_);
     level.splats[at].clear();
   });
-  Slice(level.manifolds, psi, is_first);
+  Slice(psi, is_first);
   return std::move(level.manifolds);
 }
 
-void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Planes>& psi, bool is_first) {
+void Filter::Slice(const std::vector<Planes>& psi, bool is_first) {
   ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
     StripSlice slice(state_, psi);
     for (int y = y0; y < y1; ++y) {
@@ -144,7 +181,7 @@ void Filter::Slice(const std::vector<Manifold>& manifolds, const std::vector<Pla
       slice.PixelRow(y, &result_.filtered);
     }
   });
-  if (points_ != nullptr) SlicePointsAt(state_, manifolds, psi, *points_, pool_, &result_.points);
+  if (points_ != nullptr) SlicePointsAt(state_, psi, *points_, point_weights_, pool_, &result_.points);
 }
 
 void Filter::DivideSums() {
@@ -199,14 +236,23 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
   LUMIFOLD_CHECK(!params.is_first_order || signals.size() == 3);
   LUMIFOLD_CHECK(points == nullptr ||
                  (points->own_features <= features.size() &&
-                  points->features.size() == points->pixels.size() * points->own_features * points->samples));
+                  points->features.size() == points->pixels.size() * points->own_features * points->samples &&
+                  (points->signals.empty() ||
+                   (points->signals.size() == points->pixels.size() * signals.size() * points->samples &&
+                    points->weights.size() == points->pixels.size() * points->samples))));
   LUMIFOLD_CHECK(params.cell >= 0 && params.cell <= kBandRows && (params.cell & (params.cell - 1)) == 0);
   if (mask.width() == 0 || mask.height() == 0)
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
-  if (!params.is_first_order)
-    return Filter(MakeState(signals, features, mask, params, pool), params, reach, points, pool).Run();
+  const bool has_signals = points != nullptr && !points->signals.empty();
+  if (!params.is_first_order) {
+    return Filter(MakeState(signals, features, mask, params, points, pool), params, reach, points,
+                  has_signals ? points->signals : std::vector<float>{}, pool)
+        .Run();
+  }
   const Planes with_position = WithPosition(signals, reach, pool);
-  return Filter(MakeState(with_position, features, mask, params, pool), params, reach, points, pool).Run();
+  return Filter(MakeState(with_position, features, mask, params, points, pool), params, reach, points,
+                has_signals ? PointSignalsWithPosition(*points, with_position) : std::vector<float>{}, pool)
+      .Run();
 }
 
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,

@@ -42,16 +42,23 @@ inline int CellOf(const ManifoldParams& params) {
 Planes ManifoldFilter(const Planes& signals, const Planes& features, ConstFloatView mask,
                       const ManifoldParams& params, TaskPool* pool);
 
-/// Points in feature space that belong to no pixel centre: the sub-samples of edge pixels.
+/// Points in feature space that belong to no pixel centre: sub-samples of edge pixels, or the surfaces that an
+/// edge pixel shows. The filter is read at them; points with signals are filtered like pixels.
 struct SlicePoints {
   size_t samples = 1;                      // points of a pixel
-  std::vector<std::array<int, 2>> pixels;  // x, y of each pixel that has points
+  std::vector<std::array<int, 2>> pixels;  // x, y of each pixel that has points; a pixel may occur repeatedly
   /// The last features of each point, in units of the filter's features: feature k of point j of pixel i is
   /// at [(i * own_features + k) * samples + j]. The first d - own_features features are the pixel's.
   size_t own_features = 0;
   std::vector<float> features;
   /// Divisor of the squared distance over the pixel's features, whose patch on an edge mixes surfaces.
   float pixel_divisor = 16;
+  /// Signals of the points, with which they are splatted in their pixels' cells beside the pixels: channel c
+  /// of point j of pixel i is at [(i * C + c) * samples + j]. Empty: points are read only.
+  std::vector<float> signals;
+  /// Weights of the points in splats, >= 0, at [i * samples + j], beside the mask of the pixels. A pixel whose
+  /// points have weight is not splatted itself.
+  std::vector<float> weights;
 };
 
 /// The filter's result at points.
@@ -71,7 +78,8 @@ struct ManifoldResult {
 
 /// ManifoldFilter with a blur of its own and with points. Manifolds and splats are those of params.sigma_s;
 /// the blur along the manifolds has sigma `reach` (pixels, > 0). With reach = params.sigma_s, `filtered` is
-/// ManifoldFilter's. `points`, which may be null, are read from the same manifolds without another blur.
+/// ManifoldFilter's. `points`, which may be null, are read from the same manifolds without another blur; those
+/// with signals are also splatted on them. The clusters are those of the pixels alone.
 /// Source: the points are those of Gruzdev et al. 2015, antialiasing.
 ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& features, ConstFloatView mask,
                                       const ManifoldParams& params, float reach, const SlicePoints* points,

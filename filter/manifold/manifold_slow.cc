@@ -91,6 +91,7 @@ class SlowFilter {
       : params_(params),
         points_(points),
         mask_(FromView(mask)),
+        splat_mask_(mask_),
         step_(CellOf(params)),
         sigma_(static_cast<double>(params.sigma_s) / step_),
         blur_sigma_(static_cast<double>(reach) / step_),
@@ -100,6 +101,10 @@ class SlowFilter {
     const Grid no_points(points != nullptr ? static_cast<int>(points->samples) : 0,
                          points != nullptr ? static_cast<int>(points->pixels.size()) : 0);
     point_sums_.assign(signals.size() + 1, no_points);
+    for (size_t i = 0; HasSignals() && i < points->weights.size(); ++i) {
+      const auto [x, y] = points->pixels[i / points->samples];
+      if (points->weights[i] > 0) splat_mask_.At(x, y) = 0;
+    }
   }
 
   ManifoldResult Run() {
@@ -253,8 +258,29 @@ class SlowFilter {
     }
   }
 
+  bool HasSignals() const { return points_ != nullptr && !points_->signals.empty(); }
+
+  /// Adds signal c of the points to the cells, or their weights where c is the number of signals.
+  void SplatPoints(const Grids& eta, size_t c, Grid* cells) const {
+    for (size_t i = 0; i < points_->weights.size(); ++i) {
+      const size_t pixel = i / points_->samples;
+      const size_t j = i % points_->samples;
+      const auto [x, y] = points_->pixels[pixel];
+      const int column = x / step_;
+      const int row = y / step_;
+      const int area =
+          std::min(step_, mask_.width - column * step_) * std::min(step_, mask_.height - row * step_);
+      const double signal =
+          c < signals_.size()
+              ? static_cast<double>(points_->signals[(pixel * signals_.size() + c) * points_->samples + j])
+              : 1.0;
+      cells->At(column, row) +=
+          static_cast<double>(points_->weights[i]) * PointWeight(eta, pixel, j) * signal / area;
+    }
+  }
+
   void SplatBlurSlice(const Grids& eta, const Grid& weight) {
-    const Grid splat = Times(mask_, weight);
+    const Grid splat = Times(splat_mask_, weight);
     const double stretch = blur_sigma_ / static_cast<double>(kBlurRange);
     const Link guided = [&](int x, int y, int dx, int dy) {
       double square = 0;
@@ -263,6 +289,7 @@ class SlowFilter {
     };
     for (size_t c = 0; c <= signals_.size(); ++c) {
       Grid psi = Down(c < signals_.size() ? Times(splat, signals_[c]) : splat);
+      if (HasSignals()) SplatPoints(eta, c, &psi);
       Recurse(guided, &psi);
       for (int y = 0; y < mask_.height; ++y) {
         for (int x = 0; x < mask_.width; ++x) sums_[c].At(x, y) += weight.At(x, y) * Up(psi, x, y);
@@ -274,6 +301,7 @@ class SlowFilter {
   const ManifoldParams params_;
   const SlicePoints* const points_;
   const Grid mask_;
+  Grid splat_mask_;  // without the pixels that their points stand for
   const int step_;
   const double sigma_;       // cells
   const double blur_sigma_;  // cells

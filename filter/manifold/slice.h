@@ -27,10 +27,4 @@ class StripSlice {
   std::vector<float*> sum_rows_;
 };
 
-/// Adds w * psi of a level's manifolds to the points' sums: values and weights, laid out as in SlicedPoints.
-/// Source: Gruzdev et al. 2015, antialiasing.
-void SlicePointsAt(const PixelState& state, const std::vector<Manifold>& manifolds,
-                   const std::vector<Planes>& psi, const SlicePoints& points, TaskPool* pool,
-                   SlicedPoints* sums);
-
 }  // namespace lumifold::filter

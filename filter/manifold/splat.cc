@@ -120,7 +120,7 @@ void RootCellRow(const PixelState& state, int row, ClusterSums* sums) {
       std::fill(strip.begin(), strip.end(), 0.0f);
       for (int y = row * lattice.step; y < row * lattice.step + lattice.RowHeight(row); ++y) {
         const float* feature = is_weight ? ones.data() : state.features[k].Row(y) + x0;
-        AddProductRow(state.mask.Row(y) + x0, feature, count, strip.data());
+        AddProductRow(state.members.Row(y) + x0, feature, count, strip.data());
       }
       StoreCellMeans(lattice, row, x0, count, strip.data(),
                      (is_weight ? sums->weight : sums->weighted[k]).Row(row));

@@ -11,7 +11,7 @@ namespace lumifold::filter {
 struct PixelState {
   const Planes& signals;
   const Planes& features;
-  Plane mask;
+  Plane mask;  // of splats
   Lattice lattice;
   Widening widening;
   Plane members;      // mask times the pixel's membership in its cluster, 0 to 1
@@ -54,7 +54,7 @@ class StripSplat {
   std::vector<const float*> upper_, lower_, feature_rows_, signal_rows_;
 };
 
-/// Means of mask * feature and of mask over each cell of one row: the cluster of the root, which has all
+/// Means of member * feature and of member over each cell of one row: the cluster of the root, which has all
 /// pixels.
 void RootCellRow(const PixelState& state, int row, ClusterSums* sums);
 

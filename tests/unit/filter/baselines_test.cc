@@ -139,7 +139,7 @@ TEST(Baseline, RunsAtBothLimitsOfEachParameter) {
       for (const float value : {baseline.info.parameters[i].least, baseline.info.parameters[i].most}) {
         std::vector<float> values = DefaultsOf(baseline.info);
         values[i] = value;
-        for (const Plane& plane : baseline.filter(synthetic.film, values, nullptr)) {
+        for (const Plane& plane : baseline.filter({synthetic.film}, values, nullptr)) {
           for (int y = 0; y < plane.height(); ++y) {
             for (int x = 0; x < plane.width(); ++x)
               ASSERT_TRUE(std::isfinite(plane.At(x, y))) << baseline.info.name << " " << value;
@@ -190,15 +190,20 @@ TEST(MethodParameters, SpanTheirGrid) {
 }
 
 TEST(MethodInfo, IsListedForPeopleAndForPrograms) {
-  const MethodInfo plain = {.name = "a", .summary = "a \"plain\" one", .source = "x", .parameters = {}};
+  const MethodInfo plain = {
+      .name = "a", .summary = "a \"plain\" one", .source = "x", .parameters = {}, .uses_auxiliary = false};
   const MethodInfo steered = {
       .name = "b", .summary = "y", .source = "z", .parameters = {{"k", "strength", 0.5f, {0.5f}, 0.25f, 8}}};
   EXPECT_EQ(MethodsAsJson({plain, steered}),
-            "{\"name\": \"a\", \"summary\": \"a \\\"plain\\\" one\", \"source\": \"x\", \"parameters\": []}\n"
-            "{\"name\": \"b\", \"summary\": \"y\", \"source\": \"z\", \"parameters\": [{\"name\": \"k\", "
+            "{\"name\": \"a\", \"summary\": \"a \\\"plain\\\" one\", \"source\": \"x\", \"auxiliary\": "
+            "false, \"parameters\": []}\n"
+            "{\"name\": \"b\", \"summary\": \"y\", \"source\": \"z\", \"auxiliary\": true, \"parameters\": "
+            "[{\"name\": \"k\", "
             "\"summary\": "
             "\"strength\", \"default\": 0.5, \"least\": 0.25, \"most\": 8}]}\n");
   EXPECT_THAT(MethodTable({plain, steered}), HasSubstr("k=0.5 (0.25 to 8): strength\n"));
+  EXPECT_THAT(MethodTable({plain}), HasSubstr("needs the plain picture alone\n"));
+  EXPECT_THAT(MethodTable({steered}), testing::Not(HasSubstr("plain picture")));
   EXPECT_EQ(MethodNames({plain}), "a");
   EXPECT_EQ(MethodNames({plain, steered, plain}), "a, b and a");
 }
@@ -240,7 +245,7 @@ double SlowWeight(const Planes& guide, const Planes& variance, const NonLocalMea
   };
   double sum = 0;
   int count = 0;
-  for (size_t c = 0; c < 3; ++c) {
+  for (size_t c = 0; c < guide.size(); ++c) {
     for (int j = -params.patch_radius; j <= params.patch_radius; ++j) {
       for (int i = -params.patch_radius; i <= params.patch_radius; ++i) {
         const double difference = at(guide[c], px + i, py + j) - at(guide[c], qx + i, qy + j);
@@ -260,11 +265,11 @@ TEST(NonLocalMeans, AgreesWithTheSumOverPatches) {
   constexpr int kHeight = 21;  // more than one strip
   const NonLocalMeansParams params = {.search_radius = 3, .patch_radius = 2, .strength = 0.7f};
   const Planes signal = RandomPlanes(1, kWidth, kHeight, 4);
-  const Planes guide = RandomPlanes(3, kWidth, kHeight, 5);
-  const Planes variance = RandomPlanes(3, kWidth, kHeight, 6);
-  const Planes filtered = NonLocalMeans(signal, guide, variance, params, nullptr);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  for (const size_t guides : {size_t{1}, size_t{3}}) {
+    const Planes guide = RandomPlanes(guides, kWidth, kHeight, 5);
+    const Planes variance = RandomPlanes(guides, kWidth, kHeight, 6);
+    const Planes filtered = NonLocalMeans(signal, guide, variance, params, nullptr);
+    ForEachPixel(kWidth, kHeight, [&](int x, int y) {
       double sum = 0;
       double total = 0;
       for (int j = std::max(0, y - 3); j <= std::min(kHeight - 1, y + 3); ++j) {
@@ -275,7 +280,7 @@ TEST(NonLocalMeans, AgreesWithTheSumOverPatches) {
         }
       }
       ASSERT_NEAR(static_cast<double>(filtered[0].At(x, y)), sum / total, 1e-4) << x << "," << y;
-    }
+    });
   }
 }
 
@@ -326,7 +331,7 @@ std::vector<double> SlowPatchRegression(const RegressionInput& input) {
         right[i] += w * column[i] * static_cast<double>(input.image[0].At(x, y));
       }
     });
-    for (size_t i = 1; i < 4; ++i) normal[i][i] += 1e-4 * normal[0][0];
+    for (size_t i = 1; i < 4; ++i) normal[i][i] += 1e-5 * normal[0][0];
     const std::vector<double> fit = Solve(normal, right);
     for_window([&](int x, int y, double w) {
       const auto column = columns(x, y);

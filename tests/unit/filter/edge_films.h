@@ -75,8 +75,9 @@ class Noise {
   std::mt19937 random_;
 };
 
-inline Picture Filtered(const LayeredImage& film, const LayeredImage* edges, TaskPool* pool = nullptr) {
-  auto picture = FilterFilm(film, "default", pool, edges);
+inline Picture Filtered(const LayeredImage& film, const LayeredImage* edges,
+                        const LayeredImage* fragments = nullptr) {
+  auto picture = FilterFilm(film, "default", nullptr, edges, fragments);
   EXPECT_TRUE(picture.ok()) << picture.status();
   return *std::move(picture);
 }

@@ -2,6 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <utility>
+
+#include "tests/support/shuffling_pool.h"
+
 namespace lumifold::filter {
 namespace {
 
@@ -84,29 +91,102 @@ TEST(Fireflies, AreNotLookedForInDifferences) {
   EXPECT_EQ(halves.a[1].At(5, 4), 1.0f);
 }
 
-TEST(Fireflies, WhatTheyLoseIsSpreadOverWhatIsLitAlike) {
-  constexpr int kWidth = 48;
-  constexpr int kHeight = 24;
-  Planes removed = MakePlanes(3, kWidth, kHeight);
-  removed[0].At(20, 12) = 100.0f;
+// What is removed from a picture of light 1, and what ReturnRemoved() gives back.
+
+constexpr int kWidth = 128;
+constexpr int kHeight = 96;
+constexpr float kKnee = 0.2f;
+
+struct Removed {
   Planes light = MakePlanes(3, kWidth, kHeight);
-  for (Plane& plane : light) {
-    for (int y = 0; y < kHeight; ++y) {
-      for (int x = 0; x < kWidth; ++x) plane.At(x, y) = x < kWidth / 2 ? 6.0f : 0.0f;
+  Planes energy = MakePlanes(3, kWidth, kHeight);
+  Planes geometry = MakePlanes(1, kWidth, kHeight);  // one plane of the same normal and distance
+
+  Removed() {
+    for (Plane& plane : light) plane.Fill(1);
+  }
+  void Add(int x, int y, float value) {
+    for (Plane& plane : energy) plane.At(x, y) += value;
+  }
+  Planes Return() const {
+    Halves halves = FlatHalves(kWidth, kHeight, 1.0f);
+    halves.level = 1;
+    return ReturnRemoved(energy, light, halves, geometry, kKnee, nullptr);
+  }
+};
+
+double Sum(const Plane& plane) {
+  double sum = 0;
+  ForEachPixel(plane.width(), plane.height(),
+               [&](int x, int y) { sum += static_cast<double>(plane.At(x, y)); });
+  return sum;
+}
+
+double Largest(const Plane& plane) {
+  double largest = 0;
+  ForEachPixel(plane.width(), plane.height(), [&](int x, int y) {
+    largest = std::max(largest, std::abs(static_cast<double>(plane.At(x, y))));
+  });
+  return largest;
+}
+
+TEST(ReturnRemoved, ReturnsNothingOfOneOutlierWhereverItLies) {
+  for (const float value : {500.0f, 3000.0f}) {
+    for (const auto& [x, y] : {std::pair(60, 40), std::pair(0, 0), std::pair(kWidth - 1, 33)}) {
+      Removed removed;
+      removed.Add(x, y, value);
+      EXPECT_LT(Largest(removed.Return()[1]), 1e-3) << value << " at " << x << " " << y;
     }
   }
-  Planes geometry;
-  geometry.push_back(Plane(kWidth, kHeight));  // one plane of the same normal and distance
-  Plane weight(kWidth, kHeight);
-  weight.Fill(1);
-  const Planes spread = SpreadRemoved(removed, light, geometry, weight.view(), nullptr);
-  float in_light = 0;
-  float in_dark = 0;
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) (x < kWidth / 2 ? in_light : in_dark) += spread[0].At(x, y);
+}
+
+TEST(ReturnRemoved, ReturnsNothingOfOneOutlierOnASmallSurface) {
+  Removed removed;
+  for (int y = 40; y < 46; ++y) {
+    for (int x = 60; x < 66; ++x) removed.geometry[0].At(x, y) = 8;
   }
-  EXPECT_GT(in_light, 50.0f);
-  EXPECT_LT(in_dark, 0.1f);
+  removed.Add(62, 43, 3000);
+  EXPECT_LT(Largest(removed.Return()[1]), 1e-3);
+}
+
+TEST(ReturnRemoved, ReturnsMostOfManyEqualOutliersWhereTheyAre) {
+  Removed removed;
+  for (int y = 2; y < kHeight; y += 5) {
+    for (int x = 2; x < kWidth / 2; x += 5) removed.Add(x, y, 20);
+  }
+  for (Plane& plane : removed.light) {
+    for (int y = 0; y < kHeight; ++y) std::fill(plane.Row(y) + kWidth / 2, plane.Row(y) + kWidth, 0.02f);
+  }
+  const Plane returned = std::move(removed.Return()[1]);
+  double in_light = 0;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth / 2; ++x) in_light += static_cast<double>(returned.At(x, y));
+  }
+  EXPECT_GT(in_light, 0.9 * Sum(removed.energy[1]));
+  EXPECT_LT(Sum(returned) - in_light, 0.01 * in_light);
+}
+
+TEST(ReturnRemoved, KeepsTheSumOfManyOutliers) {
+  for (const uint32_t seed : {1u, 2u, 3u}) {
+    Removed removed;
+    std::mt19937 random(seed);
+    for (int i = 0; i < 50; ++i)
+      removed.Add(static_cast<int>(random() % kWidth), static_cast<int>(random() % kHeight), 30);
+    EXPECT_NEAR(Sum(removed.Return()[1]) / Sum(removed.energy[1]), 1, 0.05) << seed;
+  }
+}
+
+TEST(ReturnRemoved, GivesTheSameBitsForAnyPool) {
+  Removed removed;
+  for (int i = 0; i < 20; ++i) removed.Add(5 * i + 3, 4 * i + 2, 10);
+  Halves halves = FlatHalves(kWidth, kHeight, 1.0f);
+  halves.level = 1;
+  ShufflingPool pool(3);
+  const Planes shuffled =
+      ReturnRemoved(removed.energy, removed.light, halves, removed.geometry, kKnee, &pool);
+  const Planes alone = removed.Return();
+  for (int y = 0; y < kHeight; ++y)
+    EXPECT_TRUE(std::equal(alone[2].Row(y), alone[2].Row(y) + kWidth, shuffled[2].Row(y)));
 }
 
 }  // namespace

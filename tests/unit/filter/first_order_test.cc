@@ -177,5 +177,21 @@ TEST(FirstOrder, FindsAtPointsWhatThePixelsFind) {
   }
 }
 
+TEST(FirstOrder, KeepsAPlaneInTheLongestBlock) {
+  constexpr int kLong = 4096;  // BlockParams::longest
+  Planes light = MakePlanes(3, kLong, 8);
+  for (Plane& channel : light) {
+    ForEachPixel(kLong, 8, [&](int x, int y) {
+      channel.At(x, y) = 1.0f + 0.02f * static_cast<float>(x) + 0.01f * static_cast<float>(y);
+    });
+  }
+  const Planes filtered =
+      ManifoldFilter(light, MakePlanes(1, kLong, 8), MakePlane(kLong, 8, 1.0f).view(), kFit, nullptr);
+  ForEachPixel(kLong, 8, [&](int x, int y) {
+    // At the border the ridge bends the plane by as much in a short block.
+    ASSERT_NEAR(filtered[1].At(x, y), light[1].At(x, y), 1e-2f) << x << " " << y;
+  });
+}
+
 }  // namespace
 }  // namespace lumifold::filter

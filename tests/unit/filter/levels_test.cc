@@ -77,7 +77,7 @@ TEST(Reflections, LeaveNoTraceAround) {
 
 TEST(Stages, WithoutLevelsThereIsMoreErrorInMirrors) {
   const LayeredImage mirror_film = MirrorFilm();
-  const auto without_levels = Denoise(mirror_film, nullptr, nullptr, {.off = {"levels"}, .watch = {}});
+  const auto without_levels = Denoise(Frame(mirror_film), nullptr, {.off = {"levels"}, .watch = {}});
   EXPECT_GT(MirrorError(without_levels[1].view()),
             1.5 * MirrorError(Filtered(mirror_film, nullptr)[1].view()));
 }

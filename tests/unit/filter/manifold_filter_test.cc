@@ -148,6 +148,38 @@ TEST(ManifoldFilter, SlicesPointsBetweenPixelsAsItsOracleDoes) {
   }
 }
 
+/// Gives points signals of their own, and weights of which some are 0.
+void AddSignals(size_t channels, SlicePoints* points) {
+  std::mt19937 random(22);
+  std::normal_distribution<float> normal(2.0f, 0.5f);
+  const size_t count = points->pixels.size() * points->samples;
+  for (size_t i = 0; i < count * channels; ++i) points->signals.push_back(normal(random));
+  for (size_t i = 0; i < count; ++i) points->weights.push_back(static_cast<float>(i % 3) * 0.5f);
+}
+
+TEST(ManifoldFilter, SplatsPointsWithSignalsAsItsOracleDoes) {
+  const Input input = MakeInput(75, 50, 7, true, 17);
+  for (const size_t samples : {size_t{1}, size_t{3}}) {
+    SlicePoints points = MakePoints(input, samples, 4);
+    points.pixels.push_back(points.pixels.back());  // a pixel may occur repeatedly
+    const auto last = static_cast<std::ptrdiff_t>(4 * samples);
+    const std::vector<float> repeated(points.features.end() - last, points.features.end());
+    points.features.insert(points.features.end(), repeated.begin(), repeated.end());
+    const Planes before = Filtered(input, {.height = 3});
+    AddSignals(3, &points);
+    for (const float reach : {16.0f, 5.0f}) {
+      const ManifoldResult fast = ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(),
+                                                         {.height = 3}, reach, &points, nullptr);
+      const ManifoldResult slow =
+          ManifoldFilterSlow(input.signals, input.features, input.mask.view(), {.height = 3}, reach, &points);
+      EXPECT_LT(WorstDifference(fast.filtered, slow.filtered), 1e-4) << samples << " " << reach;
+      EXPECT_LT(WorstDifference(fast.points.values, slow.points.values), 1e-4) << samples << " " << reach;
+      EXPECT_LT(WorstDifference(fast.points.weights, slow.points.weights), 1e-4) << samples << " " << reach;
+      EXPECT_GT(WorstDifference(fast.filtered, before), 0.01) << "points count in the result of pixels";
+    }
+  }
+}
+
 TEST(ManifoldFilter, FindsNothingForAPointFarFromAllManifolds) {
   const Input input = MakeInput(40, 40, 5, false, 14);
   const SlicePoints points = MakePoints(input, 4, 3);
@@ -167,7 +199,8 @@ TEST(ManifoldFilter, FindsNothingForAPointFarFromAllManifolds) {
 
 TEST(ManifoldFilter, GivesPointsTheSameBitsForAnyPool) {
   const Input input = MakeInput(90, 70, 6, true, 15);
-  const SlicePoints points = MakePoints(input, 16, 4);
+  SlicePoints points = MakePoints(input, 16, 4);
+  AddSignals(3, &points);
   ShufflingPool pool(9);
   const auto run = [&](TaskPool* with) {
     return ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(), {}, 16, &points, with);

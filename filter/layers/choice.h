@@ -1,0 +1,73 @@
+#pragma once
+
+#include "filter/image/parallel.h"
+#include "filter/image/planes.h"
+#include "filter/layers/halves.h"
+
+namespace lumifold::filter {
+
+/// A picture in two halves, each made without the samples of the other.
+struct Candidate {
+  Planes a;
+  Planes b;
+};
+
+struct ChoiceParams {
+  /// Windows in which pictures are compared, from the widest to the narrowest: radii in pixels, of the two wide ones
+  /// in multiples of kChoiceCell.
+  int widest_radius = 48;
+  int wide_radius = 12;
+  int narrow_radius = 3;
+  int blend_radius = 4;    // px: window over which shares are smoothed
+  float significance = 9;  // squared standard errors by which a share must differ before it counts
+};
+
+/// Side in pixels of the cells that wide windows are summed over.
+inline constexpr int kChoiceCell = 4;
+
+/// Chooses between pictures of one noisy picture N by its halves. One object serves all comparisons of a picture.
+///
+/// Two pictures F and G are compared by the t in [0, 1] for which F + t (G - F) has the least squared error. With
+/// D = G - F, half A of each picture is compared with half B of N and the reverse:
+///   t = sum(D_A (N_B - F_A) + D_B (N_A - F_B) + (D_A - D_B)(F_A - F_B) / 2) / sum((D_A + D_B)^2 / 2).
+/// Noise that F and G have in common cancels. Sums are over windows. The t of a narrow window replaces that of the
+/// next wider one, and that of the widest window replaces 0, as far as the difference is significant: it is
+/// multiplied by max(0, 1 - significance * variance / difference^2). So each estimate is smoothed as far as its own
+/// noise asks, and a difference that the halves do not show changes nothing. Errors are weighted by ErrorWeight();
+/// pixels in which or beside which several surfaces meet (Halves::is_mixed) are compared apart from all others.
+///
+/// Source:  halves: Rousselle et al. 2012; t: stacked regression, Breiman 1996; shrinkage: James & Stein 1961.
+/// Threads: safe concurrently; identical for any pool.
+class Choice {
+ public:
+  /// `light`: of the picture over its mean, W x H. Keeps a reference to `halves`, which hold N.
+  Choice(const Halves& halves, const Plane& light, const ChoiceParams& params, TaskPool* pool);
+
+  /// t of each pixel, smoothed. W x H.
+  Plane ShareOf(const Candidate& f, const Candidate& g, TaskPool* pool) const;
+
+ private:
+  bool IsMixed(int x, int y) const { return halves_.is_mixed.width() > 0 && halves_.is_mixed.At(x, y) > 0; }
+  /// The terms of t at each pixel, those of mixed pixels in planes of their own.
+  Planes Terms(const Candidate& f, const Candidate& g, TaskPool* pool) const;
+  /// Moves t towards that of a narrower window. `terms`: of cells of `cell` pixels; `radius` in cells.
+  void Refine(const Planes& terms, int cell, int radius, TaskPool* pool, Plane* t) const;
+
+  /// Means over the pixels of one kind in a window.
+  Plane Smooth(const Planes& share, TaskPool* pool) const;
+
+  const Halves& halves_;
+  const ChoiceParams params_;
+  Plane weight_;  // ErrorWeight() where both halves are known, else 0
+};
+
+/// Light of a picture over its mean: Halves::picture_light where it is known, else the mean of |picture|.
+Plane LightOf(const Halves& halves, const Candidate& picture, TaskPool* pool);
+
+/// picture += share * (towards - picture), both halves.
+void MoveTowards(const Candidate& towards, const Plane& share, TaskPool* pool, Candidate* picture);
+
+/// Radius in pixels of what a share depends on.
+int ChoiceWindow(const ChoiceParams& params);
+
+}  // namespace lumifold::filter

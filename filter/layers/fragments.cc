@@ -1,0 +1,155 @@
+#include "filter/layers/fragments.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "filter/image/edged_image.h"
+#include "filter/image/surface_key.h"
+
+namespace lumifold::filter {
+namespace {
+
+/// Weight of the mean over n own samples beside that over the sub-samples: both are stratified, so that their errors
+/// fall nearly as 1/n.
+float OwnWeight(float n) {
+  constexpr float kSubSampleWeight = kSubSamples * kSubSamples;
+  return n * n / (n * n + kSubSampleWeight);
+}
+
+/// A fragment while its samples are counted.
+struct Counted {
+  Fragment fragment;
+  float key = 0;
+  float samples = 0;  // own
+  float sub_samples = 0;
+  std::array<float, 3> albedo = {}, normal = {};  // sums over both
+  float distance = 0;
+
+  void Add(float count, const std::array<float, 3>& t, const std::array<float, 3>& n, float d) {
+    for (size_t c = 0; c < 3; ++c) {
+      albedo[c] += count * t[c];
+      normal[c] += count * n[c];
+    }
+    distance += count * d;
+  }
+};
+
+std::array<float, 3> ColorAt(const ConstColorView& view, int x, int y) {
+  return {UsableOr0(view[0].At(x, y)), UsableOr0(view[1].At(x, y)), UsableOr0(view[2].At(x, y))};
+}
+
+Counted& FindOrAdd(float key, std::vector<Counted>* all) {
+  const auto found = std::find_if(all->begin(), all->end(), [&](const Counted& c) { return c.key == key; });
+  if (found != all->end()) return *found;
+  all->emplace_back().key = key;
+  return all->back();
+}
+
+void AddSubSamples(const EdgeViews& edges, int row, std::vector<Counted>* all) {
+  for (int j = 0; j < kSubSamples; ++j) {
+    const std::array<float, 3> normal = ColorAt(edges.normal, j, row);
+    const float key = SurfaceKey(edges.id.At(j, row), normal, edges.distance.At(j, row));
+    if (key == 0) continue;
+    Counted& counted = FindOrAdd(key, all);
+    counted.sub_samples += 1;
+    counted.Add(1, ColorAt(edges.albedo, j, row), normal, edges.distance.At(j, row));
+  }
+}
+
+Counted FromFilm(const FragmentViews& views, int row, const std::array<float, 2>& in_pixel) {
+  Counted counted;
+  counted.fragment.row = row;
+  counted.key = views.key.At(0, row);
+  const std::array<float, 2> n = {views.samples.a.At(0, row), views.samples.b.At(0, row)};
+  for (size_t h = 0; h < 2; ++h) {
+    if (!(n[h] > 0 && n[h] <= in_pixel[h])) continue;
+    counted.fragment.share[h] = n[h] / in_pixel[h];
+    counted.samples += n[h];
+  }
+  counted.Add(counted.samples, ColorAt(views.albedo, 0, row), ColorAt(views.normal, 0, row),
+              UsableOr0(views.distance.At(0, row)));
+  return counted;
+}
+
+Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel) {
+  Fragment fragment = counted.fragment;
+  for (size_t h = 0; h < 2; ++h) {
+    const float own = OwnWeight(in_pixel[h]);
+    fragment.coverage[h] = own * fragment.share[h] + (1.0f - own) * counted.sub_samples / kSubSamples;
+  }
+  const float count = counted.samples + counted.sub_samples;
+  float length = 0;
+  for (const float n : counted.normal) length += n * n;
+  length = std::sqrt(length);
+  for (size_t c = 0; c < 3; ++c) {
+    fragment.albedo[c] = counted.albedo[c] / count;
+    fragment.normal[c] = length > 0 ? counted.normal[c] / length : 0.0f;
+  }
+  fragment.distance = counted.distance / count;
+  return fragment;
+}
+
+std::array<float, 3> EmissionChange(const Frame& frame, int row, int x, int y) {
+  const float own = OwnWeight(frame.samples.At(x, y));
+  std::array<float, 3> change = {};
+  for (size_t c = 0; c < 3; ++c) {
+    float sum = 0;
+    for (int j = 0; j < kSubSamples; ++j) sum += frame.edges->emission[c].At(j, row);
+    change[c] = (1.0f - own) * (sum / kSubSamples - frame.emission[c].At(x, y));
+  }
+  return change;
+}
+
+/// The film's fragments in the order of its rows.
+class FragmentList {
+ public:
+  explicit FragmentList(const FragmentViews& views) : views_(views) {}
+
+  /// The rows of the pixel, which come in the order of the frame's rows; rows of other pixels are passed over.
+  std::vector<int> RowsOf(int x, int y) {
+    while (next_ < views_.rows() && PlaceOf(next_) < std::array<int, 2>{y, x}) ++next_;
+    std::vector<int> rows;
+    while (next_ < views_.rows() && PlaceOf(next_) == std::array<int, 2>{y, x}) rows.push_back(next_++);
+    return rows;
+  }
+
+ private:
+  std::array<int, 2> PlaceOf(int row) const {
+    return {static_cast<int>(views_.y.At(0, row)), static_cast<int>(views_.x.At(0, row))};
+  }
+
+  const FragmentViews& views_;
+  int next_ = 0;
+};
+
+/// Whether all samples and sub-samples of a pixel hit one surface: its means tell all that there is.
+bool IsOneSurface(const std::vector<Counted>& all, const std::array<float, 2>& in_pixel) {
+  return all.size() == 1 && all[0].samples + all[0].sub_samples == in_pixel[0] + in_pixel[1] + kSubSamples;
+}
+
+}  // namespace
+
+FragmentSet FragmentsOf(const Frame& frame) {
+  FragmentSet set;
+  if (!frame.edges.has_value() || !frame.fragments.has_value()) return set;
+  FragmentList list(*frame.fragments);
+  frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
+    const std::vector<int> rows = list.RowsOf(x, y);
+    if (!frame.samples.HasBoth(x, y)) return;
+    const std::array<float, 2> in_pixel = {frame.samples.a.At(x, y), frame.samples.b.At(x, y)};
+    std::vector<Counted> all;
+    all.reserve(rows.size());
+    for (const int of_pixel : rows) all.push_back(FromFilm(*frame.fragments, of_pixel, in_pixel));
+    AddSubSamples(*frame.edges, row, &all);
+    if (IsOneSurface(all, in_pixel)) return;
+    FragmentSet::Pixel pixel{x, y, set.fragments.size(), 0, EmissionChange(frame, row, x, y)};
+    for (const Counted& counted : all) {
+      if (counted.samples + counted.sub_samples > 0) set.fragments.push_back(Finish(counted, in_pixel));
+    }
+    pixel.last = set.fragments.size();
+    set.pixels.push_back(pixel);
+  });
+  return set;
+}
+
+}  // namespace lumifold::filter

@@ -1,0 +1,164 @@
+#include "filter/layers/choice.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "tests/support/shuffling_pool.h"
+
+namespace lumifold::filter {
+namespace {
+
+constexpr int kWidth = 96;
+constexpr int kHeight = 80;
+constexpr float kNoise = 0.4f;  // deviation of a half of N
+constexpr ChoiceParams kParams;
+
+float Truth(int x, int y) { return 1.0f + 0.3f * static_cast<float>((x / 8 + y / 8) % 2); }
+
+/// The truth and noise of deviation `noise`, independent in both halves.
+Candidate Noisy(float noise, uint32_t seed) {
+  Candidate picture = {MakePlanes(3, kWidth, kHeight), MakePlanes(3, kWidth, kHeight)};
+  std::mt19937 random(seed);
+  std::normal_distribution<float> normal;
+  for (Planes* half : {&picture.a, &picture.b}) {
+    for (Plane& plane : *half)
+      ForEachPixel(kWidth, kHeight,
+                   [&](int x, int y) { plane.At(x, y) = Truth(x, y) + noise * normal(random); });
+  }
+  return picture;
+}
+
+/// body(&value, truth) for all values of both halves.
+template <typename Body>
+Candidate Changed(const Candidate& from, const Body& body) {
+  Candidate changed = {Clone(from.a), Clone(from.b)};
+  for (Planes* half : {&changed.a, &changed.b}) {
+    for (Plane& plane : *half) {
+      ForEachPixel(kWidth, kHeight,
+                   [&](int x, int y) { plane.At(x, y) = body(x, y, plane.At(x, y), Truth(x, y)); });
+    }
+  }
+  return changed;
+}
+
+Halves HalvesOf(const Candidate& noisy) {
+  Halves halves;
+  halves.a = Clone(noisy.a);
+  halves.b = Clone(noisy.b);
+  for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight})
+    *plane = MakePlane(kWidth, kHeight, 1.0f);
+  halves.share_a = MakePlane(kWidth, kHeight, 0.5f);
+  halves.level = 1;
+  halves.has_noise_estimate = true;
+  return halves;
+}
+
+Plane ShareOf(const Halves& halves, const Candidate& f, const Candidate& g, TaskPool* pool = nullptr) {
+  return Choice(halves, MakePlane(kWidth, kHeight, 1.0f), kParams, pool).ShareOf(f, g, pool);
+}
+
+double MeanOf(const Plane& plane) {
+  double sum = 0;
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) { sum += static_cast<double>(plane.At(x, y)); });
+  return sum / (kWidth * kHeight);
+}
+
+/// Mean square error of the mean of both halves.
+double ErrorOf(const Candidate& picture) {
+  double sum = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+      const float mean = 0.5f * (picture.a[c].At(x, y) + picture.b[c].At(x, y));
+      const auto off = static_cast<double>(mean - Truth(x, y));
+      sum += off * off;
+    });
+  }
+  return sum / (3 * kWidth * kHeight);
+}
+
+TEST(Choice, FindsTheShareOfLeastError) {
+  constexpr float kBias = 0.2f;
+  constexpr float kKept = 0.5f;  // of the noise
+  const Candidate noisy = Noisy(kNoise, 1);
+  const Halves halves = HalvesOf(noisy);
+  Candidate f = Changed(noisy, [](int, int, float, float truth) { return truth + kBias; });
+  const Candidate g =
+      Changed(noisy, [](int, int, float value, float truth) { return truth + kKept * (value - truth); });
+  constexpr float kVariance = kKept * kKept * kNoise * kNoise / 2;
+  constexpr float kOptimum = kBias * kBias / (kBias * kBias + kVariance);
+  const Plane share = ShareOf(halves, f, g);
+  EXPECT_NEAR(MeanOf(share), static_cast<double>(kOptimum), 0.05);
+  MoveTowards(g, share, nullptr, &f);
+  EXPECT_LT(ErrorOf(f), 1.05 * static_cast<double>(kBias * kBias * (1 - kOptimum)));
+}
+
+TEST(Choice, GivesNoiseNoShare) {
+  double share_of_noise = 0;
+  double added = 0;
+  double error_of_noisy = 0;
+  constexpr uint32_t kSeeds = 12;
+  for (uint32_t seed = 1; seed <= kSeeds; ++seed) {
+    const Candidate noisy = Noisy(kNoise, seed);
+    const Halves halves = HalvesOf(noisy);
+    Candidate truth = Noisy(0, 1);
+    share_of_noise += MeanOf(ShareOf(halves, truth, Noisy(0.3f, 100 + seed))) / kSeeds;
+    MoveTowards(noisy, ShareOf(halves, truth, noisy), nullptr, &truth);
+    added += ErrorOf(truth) / kSeeds;
+    error_of_noisy += ErrorOf(noisy) / kSeeds;
+  }
+  EXPECT_LT(share_of_noise, 0.03);
+  EXPECT_LT(added, 0.02 * error_of_noisy);
+}
+
+TEST(Choice, NoiseThatPicturesHaveInCommonCancels) {
+  const Candidate noisy = Noisy(kNoise, 3);
+  const Candidate g =
+      Changed(noisy, [](int, int, float value, float truth) { return truth + 0.7f * (value - truth); });
+  const Candidate f = Changed(g, [](int, int, float value, float) { return value + 0.1f; });
+  EXPECT_GT(MeanOf(ShareOf(HalvesOf(noisy), f, g)), 0.95);
+  EXPECT_LT(MeanOf(ShareOf(HalvesOf(noisy), g, f)), 0.05);
+}
+
+TEST(Choice, ComparesMixedPixelsApart) {
+  const auto is_mixed = [](int x) { return x % 4 == 0; };
+  const Candidate noisy = Noisy(kNoise, 4);
+  Halves halves = HalvesOf(noisy);
+  halves.is_mixed = Plane(kWidth, kHeight);
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) { halves.is_mixed.At(x, y) = is_mixed(x) ? 1.0f : 0.0f; });
+  const Candidate f =
+      Changed(noisy, [&](int x, int, float, float truth) { return is_mixed(x) ? truth + 1 : truth; });
+  const Candidate g =
+      Changed(noisy, [&](int x, int, float, float truth) { return is_mixed(x) ? truth : truth + 0.2f; });
+  const Plane share = ShareOf(halves, f, g);
+  double mixed = 0;
+  double others = 0;
+  ForEachPixel(kWidth, kHeight,
+               [&](int x, int y) { (is_mixed(x) ? mixed : others) += static_cast<double>(share.At(x, y)); });
+  EXPECT_GT(4 * mixed / (kWidth * kHeight), 0.95);
+  EXPECT_LT(4 * others / (3 * kWidth * kHeight), 0.1);
+}
+
+TEST(Choice, KnowsNothingOfPixelsWithOneHalf) {
+  const Candidate noisy = Noisy(kNoise, 5);
+  Halves halves = HalvesOf(noisy);
+  halves.weight_b.Fill(0);
+  const Candidate f = Changed(noisy, [](int, int, float, float truth) { return truth + 5; });
+  EXPECT_EQ(MeanOf(ShareOf(halves, f, Noisy(0, 1))), 0);
+}
+
+TEST(Choice, GivesTheSameBitsForAnyPool) {
+  const Candidate noisy = Noisy(kNoise, 6);
+  const Halves halves = HalvesOf(noisy);
+  const Candidate f =
+      Changed(noisy, [](int x, int, float, float truth) { return truth + (x < 40 ? 0.3f : 0.f); });
+  ShufflingPool pool(11);
+  const Plane alone = ShareOf(halves, f, noisy);
+  const Plane shuffled = ShareOf(halves, f, noisy, &pool);
+  for (int y = 0; y < kHeight; ++y)
+    EXPECT_TRUE(std::equal(alone.Row(y), alone.Row(y) + kWidth, shuffled.Row(y))) << y;
+}
+
+}  // namespace
+}  // namespace lumifold::filter

@@ -38,7 +38,7 @@ AdaptivePoint UniformlyTo(int budget, const render::Renderer& renderer, const Fi
   const double start = CpuSeconds();
   const EdgedImage film = RenderFilm(renderer, film_settings, {}, pool);
   const double rendered = CpuSeconds();
-  const Picture picture = filter::Denoise(film.pixels, &film.edges, pool);
+  const Picture picture = filter::Denoise(filter::Frame(film), pool);
   const double filtered = CpuSeconds();
   AdaptivePoint point;
   point.mse255 = Judge(ViewOf(picture), reference, false).mse255.whole;

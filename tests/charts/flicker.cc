@@ -55,8 +55,8 @@ absl::StatusOr<Frame> RenderFrame(const scenes::SceneDescription& scene, const F
       metrics::ErrorMetric::kMse255, pool);
   film.samples = static_cast<uint32_t>(std::lround(adaptive.mean_samples));
   const EdgedImage uniform = RenderFilm(**renderer, film, {}, pool);
-  return Frame{filter::Denoise(reference->film.pixels, &reference->film.edges, pool),
-               filter::Denoise(uniform.pixels, &uniform.edges, pool), std::move(adaptive.picture)};
+  return Frame{filter::Denoise(filter::Frame(reference->film), pool),
+               filter::Denoise(filter::Frame(uniform), pool), std::move(adaptive.picture)};
 }
 
 metrics::Flicker ChangeOf(const Picture& picture, const Picture& next) {

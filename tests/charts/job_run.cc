@@ -130,15 +130,16 @@ class JobRun {
         return;
       }
       render::RenderCounts counts;
-      unit.rendered.image.pixels = (*renderer)->RenderPass(rect, 0, frame.SamplesOf(unit.key), &counts);
+      unit.rendered.image = (*renderer)->RenderPass(rect, 0, frame.SamplesOf(unit.key), &counts);
       unit.rendered.stats.set_samples(counts.samples);
       unit.rendered.stats.set_bad_samples(counts.bad_samples);
       unit.rendered.stats.set_rays(counts.rays);
     });
     for (const Unit& unit : units_) {
       result_.costs.rays += unit.rendered.stats.rays();
+      const EdgedImage& image = unit.rendered.image;
       result_.costs.float_bytes +=
-          FloatBytesOf(unit.rendered.image.pixels) + FloatBytesOf(unit.rendered.image.edges);
+          FloatBytesOf(image.pixels) + FloatBytesOf(image.edges) + FloatBytesOf(image.fragments);
     }
     Charge(&result_.costs.render_seconds);
     return absl::OkStatus();
@@ -185,8 +186,8 @@ class JobRun {
   }
 
   absl::Status Filter() {
-    absl::StatusOr<Picture> picture =
-        filter::FilterFilm(film_.pixels, result_.spec.filter().method(), pool_, &film_.edges);
+    absl::StatusOr<Picture> picture = filter::FilterFilm(film_.pixels, result_.spec.filter().method(), pool_,
+                                                         &film_.edges, &film_.fragments);
     if (!picture.ok()) return picture.status();
     result_.picture = *std::move(picture);
     Charge(&result_.costs.filter_seconds);

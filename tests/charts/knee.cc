@@ -11,6 +11,7 @@
 #include "filter/image/file_io.h"
 #include "filter/image/planes.h"
 #include "tests/charts/figure.h"
+#include "tests/charts/tuning_set.h"
 #include "tests/support/cpu_seconds.h"
 
 namespace lumifold::charts {
@@ -67,11 +68,14 @@ Figure KneeFigure(const std::vector<KneePoint>& points, const std::string& title
 
 std::string KneeTable(const std::vector<KneePoint>& points) {
   std::string text =
-      TableHead({"scene", "spp", "without", "MSE255", "over the whole method's", "edges", "mirror", "shadow",
-                 "textured", "flat", "processor seconds", "cost over the whole's"});
+      TableHead({"scene", "set", "spp", "without", "MSE255", "over the whole method's", "edges", "mirror",
+                 "shadow", "textured", "flat", "processor seconds", "cost over the whole's"});
   for (const KneePoint& point : points) {
     const Ratios ratios = RatiosOf(points, point);
-    std::vector<std::string> cells = {point.scene, absl::StrCat(point.samples), point.part,
+    std::vector<std::string> cells = {point.scene,
+                                      SetName(point.scene, point.width, point.height),
+                                      absl::StrCat(point.samples),
+                                      point.part,
                                       absl::StrFormat("%.3f", point.errors.mse255.whole),
                                       absl::StrFormat("%.3f", ratios.error)};
     for (const double error : point.errors.mse255.of_region) cells.push_back(absl::StrFormat("%.2f", error));
@@ -83,11 +87,12 @@ std::string KneeTable(const std::vector<KneePoint>& points) {
 }
 
 std::string KneeCsv(const std::vector<KneePoint>& points) {
-  std::string text = "scene,spp,without,mse255,rel_mse,ssim,flip,processor_seconds\n";
+  std::string text = "scene,width,height,set,spp,without,mse255,rel_mse,ssim,flip,processor_seconds\n";
   for (const KneePoint& point : points) {
-    absl::StrAppendFormat(&text, "%s,%d,%s,%.6g,%.6g,%.6g,%.6g,%.4f\n", point.scene, point.samples,
-                          point.part, point.errors.mse255.whole, point.errors.rel_mse, point.errors.ssim,
-                          point.errors.flip, point.seconds);
+    absl::StrAppendFormat(&text, "%s,%d,%d,%s,%d,%s,%.6g,%.6g,%s,%s,%.4f\n", point.scene, point.width,
+                          point.height, SetName(point.scene, point.width, point.height), point.samples,
+                          point.part, point.errors.mse255.whole, point.errors.rel_mse,
+                          CsvCell(point.errors.ssim), CsvCell(point.errors.flip), point.seconds);
   }
   return text;
 }
@@ -100,6 +105,8 @@ std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& refe
   std::vector<KneePoint> points;
   for (const std::string& name : PartNames()) {
     points.push_back({subject.scene,
+                      subject.settings.width,
+                      subject.settings.height,
                       static_cast<int>(subject.settings.samples),
                       name,
                       {},
@@ -111,7 +118,7 @@ std::vector<KneePoint> MeasureKnee(const Subject& subject, const Reference& refe
       filter::DenoiseOptions options;
       if (point.part != kNothing) options.off.push_back(point.part);
       const double start = CpuSeconds();
-      const Picture picture = filter::Denoise(film.pixels, &film.edges, pool, options);
+      const Picture picture = filter::Denoise(filter::Frame(film), pool, options);
       point.seconds = std::min(point.seconds, CpuSeconds() - start);
       if (round == 0) point.errors = Judge(ViewOf(picture), reference, true);
     }
@@ -137,7 +144,8 @@ absl::StatusOr<bool> ChartKnee(const std::string& folder, const std::vector<Knee
   absl::Status status = WritePage(
       folder + "/knee.md", "What each part of the method buys", provenance,
       absl::StrCat("The default method with one part left out at a time. A ratio of errors over 1 is what "
-                   "the part takes off; a ratio of costs below 1 is what it takes.\n\n"
+                   "the part takes off; a ratio of costs below 1 is what it takes. Parameters were chosen "
+                   "on scenes of the tuning set, not on judged ones.\n\n"
                    "![error](knee-error.svg)\n\n![cost](knee-cost.svg)\n\n",
                    KneeTable(points)));
   if (!status.ok()) return status;

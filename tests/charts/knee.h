@@ -13,6 +13,8 @@ namespace lumifold::charts {
 /// The default method without one stage or guide, on one film: error and cost.
 struct KneePoint {
   std::string scene;
+  int width = 0;
+  int height = 0;
   int samples = 0;
   std::string part;  // name of the stage or guide that is off; "nothing" for the whole method
   Errors errors;

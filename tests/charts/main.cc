@@ -2,7 +2,7 @@
 //
 //   lumifold-chart --quick                                  a few minutes: two scenes, small, sanity checks
 //   lumifold-chart --scenes cornell-box,atrium --spp 4,16   error charts of selected scenes
-//   lumifold-chart --chart tables,stages,knee,adaptive,plan,flicker --scenes ...  the other charts
+//   lumifold-chart --chart tables,stages,knee,constants,adaptive,plan,flicker --scenes ...  the other charts
 //   lumifold-chart --film a.exr --reference b.exr           a saved film against a file's noisy layer
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -27,9 +27,10 @@ constexpr int kUsageError = 2;
 void AddOptions(CLI::App* app, Options* options) {
   app->add_flag("--quick", options->quick, "Two scenes at 128x96, 4 and 16 spp, with sanity checks");
   app->add_option("--chart", options->charts,
-                  "errors, tables, stages, knee, adaptive, plan, flicker (default errors)")
+                  "errors, tables, stages, knee, constants, adaptive, plan, flicker (default errors)")
       ->delimiter(',')
-      ->check(CLI::IsMember({"errors", "tables", "stages", "knee", "adaptive", "plan", "flicker"}));
+      ->check(
+          CLI::IsMember({"errors", "tables", "stages", "knee", "constants", "adaptive", "plan", "flicker"}));
   app->add_option(
          "--scenes", options->scenes,
          "Generated scenes, such as cornell-box,atrium, or files of LUMIFOLD_SCENES_DIR, such as staircase")

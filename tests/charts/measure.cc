@@ -16,7 +16,7 @@
 namespace lumifold::charts {
 namespace {
 
-constexpr int kRowVersion = 1;  // to be incremented when Judge() changes
+constexpr int kRowVersion = 2;  // to be incremented when Judge() changes
 constexpr double kLittleTime = 3;
 
 metrics::RegionMeans Minus(metrics::RegionMeans error, const metrics::RegionMeans& noise) {
@@ -57,13 +57,24 @@ absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film) {
   return reference;
 }
 
+bool HidesStructure(double reference_noise, double error) {
+  constexpr double kMostNoiseOverError = 0.1;
+  return reference_noise > kMostNoiseOverError * error;
+}
+
+void AddRendering(const RenderRates& rates, const filter::MethodInfo& method, Row* row) {
+  row->render_seconds = rates.radiance * row->samples;
+  if (!method.uses_auxiliary) return;
+  row->auxiliary_seconds = std::max(0.0, rates.layered - rates.radiance) * row->samples + rates.geometry;
+}
+
 Errors Judge(const ConstColorView& picture, const Reference& reference, bool is_thorough) {
   const ConstColorView truth = reference.film.pixels.GetColor(layers::kNoisy);
   Errors errors;
   errors.mse255 = Minus(metrics::Mse255ByRegion(picture, truth, reference.regions), reference.noise);
   errors.rel_mse = metrics::RelMse(picture, truth) - reference.rel_mse_noise;
-  if (!is_thorough) return errors;
-  errors.ssim = metrics::Ssim(picture, truth).value_or(0);
+  if (!is_thorough || HidesStructure(reference.noise.whole, errors.mse255.whole)) return errors;
+  if (const absl::StatusOr<double> ssim = metrics::Ssim(picture, truth); ssim.ok()) errors.ssim = *ssim;
   errors.flip = metrics::Flip(picture, truth);
   return errors;
 }
@@ -90,6 +101,7 @@ absl::StatusOr<std::vector<Row>> Meter::Measure(Subject* subject, const Referenc
 absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Reference& reference,
                                                       const Method& method) {
   Last& last = last_[absl::StrCat(subject->scene, " ", method.info.name)];
+  fingerprints_.erase(method.info.name);  // that of the former film
   const Call standard = {&method, filter::DefaultsOf(method.info)};
   absl::StatusOr<Row> first = FindOrRun(subject, reference, standard);
   if (!first.ok()) return first.status();
@@ -97,7 +109,7 @@ absl::StatusOr<std::vector<Row>> Meter::MeasureMethod(Subject* subject, const Re
   const double seconds = first->render_seconds + first->filter_seconds;
   std::vector<Row> rows = {*std::move(first)};
   std::vector<std::vector<float>> points = {standard.values};
-  const absl::StatusOr<std::vector<std::vector<float>>> grid = PointsOf(*subject, reference, method, seconds);
+  const absl::StatusOr<std::vector<std::vector<float>>> grid = PointsOf(subject, reference, method, seconds);
   if (!grid.ok()) return grid.status();
   for (const std::vector<float>& values : *grid) {
     absl::StatusOr<Row> row = FindOrRun(subject, reference, {&method, values});
@@ -127,58 +139,81 @@ double Meter::ExpectedSeconds(const Subject& subject, const Method& method) cons
   return found->second.seconds * PixelRatio(subject.settings, then) * samples;
 }
 
-/// The points of the grid without the default.
-absl::StatusOr<std::vector<std::vector<float>>> Meter::PointsOf(const Subject& subject,
-                                                                const Reference& reference,
+/// The points of the grid without the default: those with a stored row, the best one of the film before, and
+/// of the others as many as the limit allows. Stored rows count towards the limit, so that a second run finds
+/// the same points.
+absl::StatusOr<std::vector<std::vector<float>>> Meter::PointsOf(Subject* subject, const Reference& reference,
                                                                 const Method& method, double seconds) {
   const std::vector<float> standard = filter::DefaultsOf(method.info);
   if (standard.empty()) return std::vector<std::vector<float>>();
-  std::vector<std::vector<float>> points = filter::GridOf(method.info);
-  std::erase(points, standard);
-  std::vector<std::vector<float>> kept;
-  for (const std::vector<float>& values : points) {
-    const absl::StatusOr<std::string> key = KeyOf(subject, reference, {&method, values});
-    if (!key.ok()) return key.status();
-    if (store_->Find(*key).has_value()) kept.push_back(values);
+  std::vector<std::vector<float>> points;
+  std::vector<std::vector<float>> missing;
+  for (const std::vector<float>& values : filter::GridOf(method.info)) {
+    if (values == standard) continue;
+    const absl::StatusOr<std::optional<Row>> row = FindKept(subject, reference, {&method, values});
+    if (!row.ok()) return row.status();
+    (row->has_value() ? points : missing).push_back(values);
   }
-  const auto missing = static_cast<double>(points.size() - kept.size());
-  if (missing * seconds <= options_.most_grid_seconds) return points;
-  const auto found = last_.find(absl::StrCat(subject.scene, " ", method.info.name));
-  if (found == last_.end() || found->second.best.empty() || found->second.best == standard) return kept;
-  if (std::find(kept.begin(), kept.end(), found->second.best) == kept.end())
-    kept.push_back(found->second.best);
-  return kept;
+  const std::vector<float> best = last_[absl::StrCat(subject->scene, " ", method.info.name)].best;
+  std::stable_partition(missing.begin(), missing.end(),
+                        [&](const std::vector<float>& values) { return values == best; });
+  for (const std::vector<float>& values : missing) {
+    const double cost = seconds * static_cast<double>(points.size() + 1);
+    if (values == best || cost <= options_.most_grid_seconds) points.push_back(values);
+  }
+  return points;
 }
 
-absl::StatusOr<std::string> Meter::KeyOf(const Subject& subject, const Reference& reference,
-                                         const Call& call) {
-  const auto known = fingerprints_.find(call.method->info.name);
-  if (known == fingerprints_.end()) {
-    const absl::StatusOr<uint64_t> fingerprint = FingerprintOf(*call.method, cache_folder_, pool_);
-    if (!fingerprint.ok()) return fingerprint.status();
-    fingerprints_[call.method->info.name] = *fingerprint;
-  }
-  const std::string film =
-      subject.source != nullptr
-          ? std::filesystem::path(subject.source->PathOf(subject.settings)).stem().string()
-          : subject.scene;
+absl::StatusOr<Fingerprint*> Meter::FingerprintFor(const Method& method, Subject* subject) {
+  auto& known = method.probe == Probe::kSmallFilms ? small_fingerprints_ : fingerprints_;
+  const auto found = known.find(method.info.name);
+  if (found != known.end()) return &found->second;
+  absl::StatusOr<Fingerprint> fingerprint = FingerprintOf(method, subject, cache_folder_, pool_);
+  if (!fingerprint.ok()) return fingerprint.status();
+  return &(known[method.info.name] = *std::move(fingerprint));
+}
+
+absl::StatusOr<std::string> Meter::KeyOf(Subject* subject, const Reference& reference, const Call& call) {
+  const absl::StatusOr<Fingerprint*> fingerprint = FingerprintFor(*call.method, subject);
+  if (!fingerprint.ok()) return fingerprint.status();
+  const std::string film = std::filesystem::path(subject->source->PathOf(subject->settings)).stem().string();
   return absl::StrFormat("%d %s %s %s:%s %016x", kRowVersion, film, reference.name, call.method->info.name,
-                         call.Parameters(), fingerprints_[call.method->info.name]);
+                         call.Parameters(), (*fingerprint)->hash);
+}
+
+/// The stored row. There is none for films from files: they are identified only by name, so a row may belong
+/// to another file.
+absl::StatusOr<std::optional<Row>> Meter::FindKept(Subject* subject, const Reference& reference,
+                                                   const Call& call) {
+  if (subject->source == nullptr) return std::optional<Row>();
+  const absl::StatusOr<std::string> key = KeyOf(subject, reference, call);
+  if (!key.ok()) return key.status();
+  return store_->Find(*key);
 }
 
 absl::StatusOr<Row> Meter::FindOrRun(Subject* subject, const Reference& reference, const Call& call) {
-  const absl::StatusOr<std::string> key = KeyOf(*subject, reference, call);
-  if (!key.ok()) return key.status();
+  absl::StatusOr<std::optional<Row>> kept = FindKept(subject, reference, call);
+  if (!kept.ok()) return kept.status();
   const bool is_again =
       std::find(options_.again.begin(), options_.again.end(), call.method->info.name) != options_.again.end();
-  const std::optional<Row> kept = store_->Find(*key);
-  if (kept.has_value() && !is_again) return *kept;
+  if (kept->has_value() && !is_again) return **std::move(kept);
   absl::StatusOr<Row> row = Run(subject, reference, call);
-  if (!row.ok() || !row->not_run.empty()) return row;
-  // Films from files are identified only by name: a stored row may belong to another file.
-  if (subject->source == nullptr) return row;
+  if (!row.ok() || !row->not_run.empty() || subject->source == nullptr) return row;
+  const absl::StatusOr<std::string> key = KeyOf(subject, reference, call);
+  if (!key.ok()) return key.status();
   if (const absl::Status status = store_->Add(*key, *row); !status.ok()) return status;
   return row;
+}
+
+/// The picture of a call: the one that its fingerprint was taken of, if there is one, else a new one.
+absl::StatusOr<MadePicture> Meter::Make(Subject* subject, const Call& call) {
+  const auto found = fingerprints_.find(call.method->info.name);
+  const bool is_default = call.values == filter::DefaultsOf(call.method->info);
+  if (!is_default || found == fingerprints_.end() || !found->second.made.has_value())
+    return call.method->make(subject, call.values, pool_);
+  MadePicture made = *std::move(found->second.made);
+  found->second.made.reset();
+  return made;
 }
 
 absl::StatusOr<Row> Meter::Run(Subject* subject, const Reference& reference, const Call& call) {
@@ -194,7 +229,7 @@ absl::StatusOr<Row> Meter::Run(Subject* subject, const Reference& reference, con
     row.not_run = absl::StrFormat("cost: %.0f s", seconds);
     return row;
   }
-  absl::StatusOr<MadePicture> made = call.method->make(subject, call.values, pool_);
+  absl::StatusOr<MadePicture> made = Make(subject, call);
   if (absl::IsUnimplemented(made.status())) {
     row.not_run = std::string(made.status().message());
     return row;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,8 +28,16 @@ struct Reference {
 /// Errors: kNotFound if the film has no noisy layer.
 absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film);
 
-/// Measures a picture of the reference's size; SSIM and FLIP only if `is_thorough`.
+/// Whether SSIM and FLIP would measure the noise of the reference rather than the picture: whether that noise
+/// is more than a tenth of the picture's error. Both are MSE255, the error with the noise subtracted.
+bool HidesStructure(double reference_noise, double error);
+
+/// Measures a picture of the reference's size; SSIM and FLIP only if `is_thorough` and not HidesStructure().
 Errors Judge(const ConstColorView& picture, const Reference& reference, bool is_thorough);
+
+/// Adds the cost of a film to the row of a method that filters it: C, and auxiliary data if the method uses
+/// any.
+void AddRendering(const RenderRates& rates, const filter::MethodInfo& method, Row* row);
 
 /// The methods to measure, and limits of cost.
 struct MeasureOptions {
@@ -42,8 +51,8 @@ struct MeasureOptions {
 };
 
 /// Measures methods on films, each with its default and every point of its grid, and stores the rows. If a
-/// grid would cost too much, only its points with a stored row and the best point with fewer samples are
-/// used.
+/// grid would cost too much, its points with a stored row are used, the best point with fewer samples, and of
+/// the others the first ones that fit.
 class Meter {
  public:
   Meter(MeasureOptions options, RowStore* store, std::string cache_folder, TaskPool* pool);
@@ -59,16 +68,20 @@ class Meter {
                                                  const Method& method);
   absl::StatusOr<Row> FindOrRun(Subject* subject, const Reference& reference, const Call& call);
   absl::StatusOr<Row> Run(Subject* subject, const Reference& reference, const Call& call);
-  absl::StatusOr<std::string> KeyOf(const Subject& subject, const Reference& reference, const Call& call);
+  absl::StatusOr<Fingerprint*> FingerprintFor(const Method& method, Subject* subject);
+  absl::StatusOr<std::string> KeyOf(Subject* subject, const Reference& reference, const Call& call);
+  absl::StatusOr<std::optional<Row>> FindKept(Subject* subject, const Reference& reference, const Call& call);
+  absl::StatusOr<MadePicture> Make(Subject* subject, const Call& call);
   double ExpectedSeconds(const Subject& subject, const Method& method) const;
-  absl::StatusOr<std::vector<std::vector<float>>> PointsOf(const Subject& subject, const Reference& reference,
+  absl::StatusOr<std::vector<std::vector<float>>> PointsOf(Subject* subject, const Reference& reference,
                                                            const Method& method, double seconds);
 
   MeasureOptions options_;
   RowStore* store_;
   std::string cache_folder_;
   TaskPool* pool_;
-  std::map<std::string, uint64_t> fingerprints_;  // by method
+  std::map<std::string, Fingerprint> fingerprints_;        // by method, of the film that is measured
+  std::map<std::string, Fingerprint> small_fingerprints_;  // by method, for Probe::kSmallFilms
   struct Last {
     double seconds = 0;  // of the default
     FilmSettings settings;

@@ -18,15 +18,16 @@ using Values = absl::Span<const float>;
 
 absl::Status NotRun(const std::string& why) { return absl::UnimplementedError(why); }
 
-/// A method of filter::Methods().
+/// A method of filter::Methods(). NFOR takes a minute for a film of 1024x768.
 Method FilterOf(const filter::MethodInfo& info) {
-  Method method{info, false, false, {}};
+  Method method{info, false, false, info.name == "nfor" ? Probe::kCrop : Probe::kFilm, {}};
   method.make = [&info](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
     const EdgedImage& film = subject->rendered.film;
     const std::string call =
         values.empty() ? info.name : absl::StrCat(info.name, ":", filter::FormatParameters(info, values));
     const double start = CpuSeconds();
-    absl::StatusOr<Picture> picture = filter::FilterFilm(film.pixels, call, pool, &film.edges);
+    absl::StatusOr<Picture> picture =
+        filter::FilterFilm(film.pixels, call, pool, &film.edges, &film.fragments);
     if (!picture.ok()) return picture.status();
     return MadePicture{*std::move(picture), info.name == "none" ? 0 : CpuSeconds() - start};
   };
@@ -52,7 +53,7 @@ absl::Status TraceSamples(Subject* subject, TaskPool* pool) {
 }
 
 Method SampleMethodOf(const SampleMethod& sampled) {
-  Method method{sampled.info, false, true, {}};
+  Method method{sampled.info, false, true, Probe::kSmallFilms, {}};
   method.make = [&sampled](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
     if (const absl::Status status = TraceSamples(subject, pool); !status.ok()) return status;
     const double start = CpuSeconds();
@@ -65,7 +66,7 @@ Method SampleMethodOf(const SampleMethod& sampled) {
 }
 
 Method RenderMethodOf(const RenderMethod& rendering) {
-  Method method{rendering.info, true, true, {}};
+  Method method{rendering.info, true, true, Probe::kSmallFilms, {}};
   method.make = [&rendering](Subject* subject, Values values, TaskPool* pool) -> absl::StatusOr<MadePicture> {
     if (subject->source == nullptr) return NotRun("a film from a file has no scene");
     const absl::StatusOr<std::shared_ptr<const scene::Scene>> scene = subject->source->LoadScene();
@@ -87,13 +88,56 @@ std::vector<Method> ListMethods() {
   return methods;
 }
 
-/// Samples per pixel of the films that fingerprints are taken of: some methods behave differently with many.
+/// Adds the bits of a method's default picture to `bits`.
+absl::StatusOr<MadePicture> MakeBits(const Method& method, Subject* subject, TaskPool* pool,
+                                     std::string* bits) {
+  absl::StatusOr<MadePicture> made = method.make(subject, filter::DefaultsOf(method.info), pool);
+  if (!made.ok()) return made;
+  for (const Plane& plane : made->picture) {
+    for (int y = 0; y < plane.height(); ++y)
+      bits->append(reinterpret_cast<const char*>(plane.Row(y)), sizeof(float) * plane.width());
+  }
+  return made;
+}
+
+absl::StatusOr<Fingerprint> FingerprintOfFilm(const Method& method, Subject* subject, TaskPool* pool) {
+  std::string bits;
+  absl::StatusOr<MadePicture> made = MakeBits(method, subject, pool, &bits);
+  if (!made.ok()) return made.status();
+  return Fingerprint{rpc::Checksum(bits), *std::move(made)};
+}
+
+/// The middle of a picture, at most kCropWidth x kCropHeight.
+constexpr int kCropWidth = 128;
+constexpr int kCropHeight = 96;
+
+Rect MiddleOf(const Rect& bounds) {
+  const int width = std::min(kCropWidth, bounds.width());
+  const int height = std::min(kCropHeight, bounds.height());
+  const int x = (bounds.width() - width) / 2;
+  const int y = (bounds.height() - height) / 2;
+  return {x, y, x + width, y + height};
+}
+
+absl::StatusOr<Fingerprint> FingerprintOfCrop(const Method& method, const Subject& subject, TaskPool* pool) {
+  const EdgedImage& film = subject.rendered.film;
+  const Rect middle = MiddleOf(film.pixels.bounds());
+  Subject crop;
+  crop.scene = subject.scene;
+  crop.settings = {middle.width(), middle.height(), subject.settings.samples, subject.settings.seed};
+  crop.rendered.film = {film.pixels.Crop(middle), EdgesInside(film.edges, middle)};
+  std::string bits;
+  const absl::StatusOr<MadePicture> made = MakeBits(method, &crop, pool, &bits);
+  if (!made.ok()) return made.status();
+  return Fingerprint{rpc::Checksum(bits), std::nullopt};
+}
+
+/// Samples per pixel of the small films: some methods behave differently with many.
 constexpr uint32_t kFewSamples = 8;
 constexpr uint32_t kManySamples = 64;
 
-/// The bits of a method's default picture of a small film, added to `bits`.
-absl::Status AddBits(const Method& method, uint32_t samples, const std::string& cache_folder, TaskPool* pool,
-                     std::string* bits) {
+absl::Status AddSmallFilm(const Method& method, uint32_t samples, const std::string& cache_folder,
+                          TaskPool* pool, std::string* bits) {
   const absl::StatusOr<FilmSource> source = FilmSource::Create("meeting-room", cache_folder);
   if (!source.ok()) return source.status();
   Subject subject;
@@ -103,13 +147,18 @@ absl::Status AddBits(const Method& method, uint32_t samples, const std::string& 
   absl::StatusOr<RenderedFilm> film = source->Get(subject.settings, pool);
   if (!film.ok()) return film.status();
   subject.rendered = *std::move(film);
-  const absl::StatusOr<MadePicture> made = method.make(&subject, filter::DefaultsOf(method.info), pool);
-  if (!made.ok()) return made.status();
-  for (const Plane& plane : made->picture) {
-    for (int y = 0; y < plane.height(); ++y)
-      bits->append(reinterpret_cast<const char*>(plane.Row(y)), sizeof(float) * plane.width());
+  return MakeBits(method, &subject, pool, bits).status();
+}
+
+absl::StatusOr<Fingerprint> FingerprintOfSmallFilms(const Method& method, const std::string& cache_folder,
+                                                    TaskPool* pool) {
+  std::string bits;
+  for (const uint32_t samples : {kFewSamples, kManySamples}) {
+    if (samples == kManySamples && method.grows_with_samples) continue;  // that would take minutes
+    const absl::Status status = AddSmallFilm(method, samples, cache_folder, pool, &bits);
+    if (!status.ok()) return status;
   }
-  return absl::OkStatus();
+  return Fingerprint{rpc::Checksum(bits), std::nullopt};
 }
 
 }  // namespace
@@ -139,15 +188,17 @@ absl::StatusOr<std::vector<const Method*>> FindMethods(const std::vector<std::st
   return found;
 }
 
-absl::StatusOr<uint64_t> FingerprintOf(const Method& method, const std::string& cache_folder,
-                                       TaskPool* pool) {
-  std::string bits;
-  for (const uint32_t samples : {kFewSamples, kManySamples}) {
-    if (samples == kManySamples && method.grows_with_samples) continue;  // that would take minutes
-    if (const absl::Status status = AddBits(method, samples, cache_folder, pool, &bits); !status.ok())
-      return status;
+absl::StatusOr<Fingerprint> FingerprintOf(const Method& method, Subject* subject,
+                                          const std::string& cache_folder, TaskPool* pool) {
+  switch (method.probe) {
+    case Probe::kFilm:
+      return FingerprintOfFilm(method, subject, pool);
+    case Probe::kCrop:
+      return FingerprintOfCrop(method, *subject, pool);
+    case Probe::kSmallFilms:
+      return FingerprintOfSmallFilms(method, cache_folder, pool);
   }
-  return rpc::Checksum(bits);
+  return absl::InternalError("no such probe");
 }
 
 }  // namespace lumifold::charts

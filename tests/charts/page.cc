@@ -58,4 +58,12 @@ std::string ErrorCell(std::optional<double> error) {
   return error.has_value() ? absl::StrFormat("%.3f", *error) : "not run";
 }
 
+std::string ScoreCell(std::optional<double> score) {
+  return score.has_value() ? absl::StrFormat("%.3f", *score) : "-";
+}
+
+std::string CsvCell(std::optional<double> value) {
+  return value.has_value() ? absl::StrFormat("%.6g", *value) : "";
+}
+
 }  // namespace lumifold::charts

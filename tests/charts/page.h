@@ -24,5 +24,9 @@ std::string TableLine(const std::vector<std::string>& cells);
 std::string TableHead(const std::vector<std::string>& names);
 /// "0.123", or "not run" without a value.
 std::string ErrorCell(std::optional<double> error);
+/// "0.123", or "-" without a value.
+std::string ScoreCell(std::optional<double> score);
+/// Six digits, or nothing without a value: a cell of a CSV.
+std::string CsvCell(std::optional<double> value);
 
 }  // namespace lumifold::charts

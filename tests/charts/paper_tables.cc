@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "tests/charts/series.h"
+#include "tests/charts/tuning_set.h"
 
 namespace lumifold::charts {
 namespace {
@@ -56,7 +57,7 @@ const Row* Find(const std::vector<Row>& rows, int samples) {
 }
 
 std::string TableOfErrors(absl::Span<const Row> rows) {
-  std::string text = TableHead({"scene", "spp", "noisy", "default", "paper's method here",
+  std::string text = TableHead({"scene", "set", "spp", "noisy", "default", "paper's method here",
                                 "over manifolds-color", "over bilateral", "over irradiance-cache"});
   for (const std::string& scene : ScenesOf(rows)) {
     const PaperScene* paper = PaperOf(scene);
@@ -70,7 +71,8 @@ std::string TableOfErrors(absl::Span<const Row> rows) {
         const double theirs = error_of(method).value_or(0);
         return Beside(theirs > 0 ? ours.errors.mse255.whole / theirs : 0, published, "%.3f");
       };
-      absl::StrAppend(&text, TableLine({scene, absl::StrCat(ours.samples), ErrorCell(error_of("none")),
+      absl::StrAppend(&text, TableLine({scene, SetName(scene, ours.width, ours.height),
+                                        absl::StrCat(ours.samples), ErrorCell(error_of("none")),
                                         ErrorCell(ours.errors.mse255.whole), ErrorCell(error_of("paper")),
                                         over("manifolds-color", paper != nullptr ? paper->over_manifolds : 0),
                                         over("bilateral", paper != nullptr ? paper->over_bilateral : 0),
@@ -82,8 +84,8 @@ std::string TableOfErrors(absl::Span<const Row> rows) {
 
 std::string TableOfTimes(absl::Span<const Row> rows) {
   std::string text =
-      TableHead({"scene", "spp", "rendering, s", "auxiliary data, %", "filter, s", "filter, % of rendering",
-                 "reference / total", "total / total of irradiance-cache",
+      TableHead({"scene", "set", "spp", "rendering, s", "auxiliary data, %", "filter, s",
+                 "filter, % of rendering", "reference / total", "total / total of irradiance-cache",
                  "rendering / same samples of the reference"});
   for (const std::string& scene : ScenesOf(rows)) {
     const PaperScene* paper = PaperOf(scene);
@@ -95,7 +97,8 @@ std::string TableOfTimes(absl::Span<const Row> rows) {
       const std::vector<Row> cached = BestRows(rows, scene, "irradiance-cache");
       const Row* cache = Find(cached, ours.samples);
       absl::StrAppend(
-          &text, TableLine({scene, absl::StrCat(ours.samples), absl::StrFormat("%.1f", synthesis),
+          &text, TableLine({scene, SetName(scene, ours.width, ours.height), absl::StrCat(ours.samples),
+                            absl::StrFormat("%.1f", synthesis),
                             absl::StrFormat("%.1f", 100 * ours.auxiliary_seconds / ours.render_seconds),
                             absl::StrFormat("%.2f", ours.filter_seconds),
                             Beside(100 * ours.filter_seconds / synthesis, theirs.filter_percent, "%.2f"),
@@ -118,8 +121,9 @@ absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> r
       "; the noise of the references is subtracted. The paper's ratios are in brackets. Only ratios can be "
       "compared, because the paper states no unit of error. Its scenes are similar to ours, not the same "
       "(its "
-      "Sponza is our atrium). Methods other than the default have their best known parameters. Seconds are "
-      "processor seconds, summed over all threads.\n\n## Errors (the paper's Table 1)\n\nMSE255, and that of "
+      "Sponza is our atrium). Methods other than the default have their best known parameters. The default's "
+      "parameters were chosen on scenes of the tuning set, not on judged ones. Seconds are processor "
+      "seconds, summed over all threads.\n\n## Errors (the paper's Table 1)\n\nMSE255, and that of "
       "the default divided by the other method's.\n\n",
       TableOfErrors(rows),
       "\n## Times (the paper's Table 2, CPU)\n\nRendering includes auxiliary data (layers, halves, "

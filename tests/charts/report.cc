@@ -1,7 +1,9 @@
 #include "tests/charts/report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -10,6 +12,7 @@
 #include "filter/image/file_io.h"
 #include "tests/charts/page.h"
 #include "tests/charts/series.h"
+#include "tests/charts/tuning_set.h"
 
 namespace lumifold::charts {
 namespace {
@@ -59,7 +62,35 @@ std::vector<std::string> Others(absl::Span<const Row> rows) {
   return others;
 }
 
+/// The geometric mean of each column of ratios; 0 stands for a ratio that is not known.
+std::vector<std::string> MeanCells(const std::vector<std::vector<double>>& lines, size_t columns) {
+  std::vector<std::string> cells;
+  for (size_t i = 0; i < columns; ++i) {
+    double logs = 0;
+    int count = 0;
+    for (const std::vector<double>& ratios : lines) {
+      if (ratios[i] <= 0) continue;
+      logs += std::log(ratios[i]);
+      ++count;
+    }
+    cells.push_back(count > 0 ? absl::StrFormat("%.3f", std::exp(logs / count)) : "");
+  }
+  return cells;
+}
+
+std::string MeanLine(const std::string& name, const std::vector<std::vector<double>>& lines, size_t columns) {
+  std::vector<std::string> cells = {name, "", "", "", ""};
+  const std::vector<std::string> means = MeanCells(lines, columns);
+  cells.insert(cells.end(), means.begin(), means.end());
+  return TableLine(cells);
+}
+
 }  // namespace
+
+std::string HeadingOf(absl::Span<const Row> rows, const std::string& scene) {
+  const auto row = std::find_if(rows.begin(), rows.end(), [&](const Row& r) { return r.scene == scene; });
+  return SceneHeading(scene, row->width, row->height);
+}
 
 std::string TruthTable(absl::Span<const Truth> truths) {
   std::string text = TableHead({"scene", "reference, spp", "MSE255 of its noise, subtracted"});
@@ -71,33 +102,36 @@ std::string TruthTable(absl::Span<const Truth> truths) {
 }
 
 absl::Status WriteCsv(const std::string& path, absl::Span<const Row> rows) {
-  std::string text = "scene,width,height,spp,method,parameters,default,best,not_run,mse255";
+  std::string text = "scene,width,height,set,spp,method,parameters,default,best,not_run,mse255";
   for (const std::string_view region : metrics::kRegionNames)
     absl::StrAppend(&text, ",mse255_", std::string(region));
   absl::StrAppend(&text, ",rel_mse,ssim,flip,render_seconds,auxiliary_seconds,filter_seconds\n");
   for (const Row& row : rows) {
     // Parameters contain commas.
-    absl::StrAppendFormat(&text, "%s,%d,%d,%d,%s,\"%s\",%d,%d,\"%s\",%.6g", row.scene, row.width, row.height,
-                          row.samples, row.method, row.parameters, row.is_default, row.is_best, row.not_run,
-                          row.errors.mse255.whole);
+    absl::StrAppendFormat(&text, "%s,%d,%d,%s,%d,%s,\"%s\",%d,%d,\"%s\",%.6g", row.scene, row.width,
+                          row.height, SetName(row.scene, row.width, row.height), row.samples, row.method,
+                          row.parameters, row.is_default, row.is_best, row.not_run, row.errors.mse255.whole);
     for (const double error : row.errors.mse255.of_region) absl::StrAppendFormat(&text, ",%.6g", error);
-    absl::StrAppendFormat(&text, ",%.6g,%.6g,%.6g,%.4f,%.4f,%.4f\n", row.errors.rel_mse, row.errors.ssim,
-                          row.errors.flip, row.render_seconds, row.auxiliary_seconds, row.filter_seconds);
+    absl::StrAppendFormat(&text, ",%.6g,%s,%s,%.4f,%.4f,%.4f\n", row.errors.rel_mse, CsvCell(row.errors.ssim),
+                          CsvCell(row.errors.flip), row.render_seconds, row.auxiliary_seconds,
+                          row.filter_seconds);
   }
   return WriteFileAtomically(path, text);
 }
 
 std::string RatioTable(absl::Span<const Row> rows) {
   const std::vector<std::string> others = Others(rows);
-  std::vector<std::string> head = {"scene", "spp", "noisy", "default"};
+  std::vector<std::string> head = {"scene", "set", "spp", "noisy", "default"};
   head.insert(head.end(), others.begin(), others.end());
   std::string text = TableHead(head);
-  std::vector<double> logs(others.size());
-  std::vector<int> counts(others.size());
+  std::vector<std::vector<double>> tuning;
+  std::vector<std::vector<double>> judged;
   for (const Row& film : Films(rows)) {
     const double error = film.errors.mse255.whole;
-    std::vector<std::string> cells = {film.scene, absl::StrCat(film.samples),
-                                      ErrorCell(BestError(rows, film, "none")), ErrorCell(error)};
+    std::vector<std::string> cells = {film.scene, SetName(film.scene, film.width, film.height),
+                                      absl::StrCat(film.samples), ErrorCell(BestError(rows, film, "none")),
+                                      ErrorCell(error)};
+    std::vector<double> ratios(others.size());
     for (size_t i = 0; i < others.size(); ++i) {
       const double theirs = BestError(rows, film, others[i]).value_or(0);
       if (theirs <= 0) {
@@ -105,16 +139,18 @@ std::string RatioTable(absl::Span<const Row> rows) {
         cells.push_back(why.empty() ? "" : absl::StrCat("not run, ", why));
         continue;
       }
-      cells.push_back(absl::StrFormat("%.3f", error / theirs));
-      logs[i] += std::log(error / theirs);
-      ++counts[i];
+      ratios[i] = error / theirs;
+      cells.push_back(absl::StrFormat("%.3f", ratios[i]));
     }
     absl::StrAppend(&text, TableLine(cells));
+    (IsTuning(film.scene, film.width, film.height) ? tuning : judged).push_back(std::move(ratios));
   }
-  std::vector<std::string> means = {"geometric mean", "", "", ""};
-  for (size_t i = 0; i < others.size(); ++i)
-    means.push_back(counts[i] > 0 ? absl::StrFormat("%.3f", std::exp(logs[i] / counts[i])) : "");
-  return absl::StrCat(text, TableLine(means));
+  if (!tuning.empty() && !judged.empty()) {
+    absl::StrAppend(&text, MeanLine("geometric mean, tuning", tuning, others.size()),
+                    MeanLine("geometric mean, judged", judged, others.size()));
+  }
+  tuning.insert(tuning.end(), judged.begin(), judged.end());
+  return absl::StrCat(text, MeanLine("geometric mean", tuning, others.size()));
 }
 
 absl::Status CheckOrder(absl::Span<const Row> rows) {
@@ -138,10 +174,12 @@ absl::Status CheckOrder(absl::Span<const Row> rows) {
     double ours = 0;
     double theirs = 0;
     for (const Row& film : films) {
+      const std::optional<double> best = BestError(rows, film, baseline.info.name);
+      if (!best.has_value()) continue;  // it did not run
       ours += film.errors.mse255.whole;
-      theirs += BestError(rows, film, baseline.info.name).value_or(0);
+      theirs += *best;
     }
-    if (ours < theirs) continue;
+    if (ours == 0 || ours < theirs) continue;
     return absl::FailedPreconditionError(
         absl::StrFormat("sum over all films: default has MSE255 %.3f, the best of %s %.3f", ours,
                         baseline.info.name, theirs));

@@ -15,6 +15,9 @@ struct Truth {
   double noise = 0;  // MSE255 of the reference itself, which is subtracted; 0 if it has no halves
 };
 
+/// SceneHeading() of a scene of the rows.
+std::string HeadingOf(absl::Span<const Row> rows, const std::string& scene);
+
 /// A Markdown table with one line per reference.
 std::string TruthTable(absl::Span<const Truth> truths);
 
@@ -23,7 +26,8 @@ absl::Status WriteCsv(const std::string& path, absl::Span<const Row> rows);
 
 /// A Markdown table: for each scene and sample count the MSE255 of the noisy picture and of the default, and
 /// the ratio of the default's MSE255 to each other method's best, or why that method was not run. The last
-/// line has the geometric means of the ratios.
+/// lines have the geometric means of the ratios: over all films and, where there are both, over those of the
+/// tuning set and over the judged ones.
 std::string RatioTable(absl::Span<const Row> rows);
 
 /// Checks three properties of the default: its error is below the noisy picture's on every film; at the

@@ -3,6 +3,17 @@
 #include <nlohmann/json.hpp>
 
 namespace lumifold::charts {
+namespace {
+
+nlohmann::json OptionalJson(std::optional<double> value) {
+  return value.has_value() ? nlohmann::json(*value) : nlohmann::json();
+}
+
+std::optional<double> OptionalFrom(const nlohmann::json& json) {
+  return json.is_null() ? std::nullopt : std::optional(json.get<double>());
+}
+
+}  // namespace
 
 std::string EncodeRow(const Row& row) {
   const nlohmann::json json = {{"scene", row.scene},
@@ -16,8 +27,8 @@ std::string EncodeRow(const Row& row) {
                                {"of_region", row.errors.mse255.of_region},
                                {"share", row.errors.mse255.share},
                                {"rel_mse", row.errors.rel_mse},
-                               {"ssim", row.errors.ssim},
-                               {"flip", row.errors.flip},
+                               {"ssim", OptionalJson(row.errors.ssim)},
+                               {"flip", OptionalJson(row.errors.flip)},
                                {"render_seconds", row.render_seconds},
                                {"filter_seconds", row.filter_seconds}};
   return json.dump();
@@ -38,8 +49,8 @@ absl::StatusOr<Row> DecodeRow(std::string_view text) {
     json.at("of_region").get_to(row.errors.mse255.of_region);
     json.at("share").get_to(row.errors.mse255.share);
     json.at("rel_mse").get_to(row.errors.rel_mse);
-    json.at("ssim").get_to(row.errors.ssim);
-    json.at("flip").get_to(row.errors.flip);
+    row.errors.ssim = OptionalFrom(json.at("ssim"));
+    row.errors.flip = OptionalFrom(json.at("flip"));
     json.at("render_seconds").get_to(row.render_seconds);
     json.at("filter_seconds").get_to(row.filter_seconds);
     return row;

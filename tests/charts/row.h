@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -12,9 +13,10 @@ namespace lumifold::charts {
 struct Errors {
   metrics::RegionMeans mse255;
   double rel_mse = 0;
-  // Only measured for defaults, else 0: these metrics take longer than many filters.
-  double ssim = 0;
-  double flip = 0;
+  // Without a value where they would say nothing (HidesStructure()), or were not measured: only defaults are,
+  // since these metrics take longer than many filters.
+  std::optional<double> ssim;
+  std::optional<double> flip;
 };
 
 /// One run of one method on one film. Seconds are processor seconds, summed over all threads.

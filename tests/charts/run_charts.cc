@@ -7,11 +7,13 @@
 #include <system_error>
 #include <utility>
 
+#include "absl/functional/function_ref.h"
 #include "absl/strings/str_cat.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
 #include "tests/charts/adaptive.h"
+#include "tests/charts/constants.h"
 #include "tests/charts/error_charts.h"
 #include "tests/charts/films/film_source.h"
 #include "tests/charts/flicker.h"
@@ -57,6 +59,7 @@ class Session {
   Session(const Options& options, RowStore* store, TaskPool* pool, std::vector<const Method*> methods)
       : options_(options),
         pool_(pool),
+        methods_(methods),
         meter_({std::move(methods), options.again, options.most_grid_seconds, options.most_run_seconds,
                 options.timed_runs},
                store, options.cache, pool) {}
@@ -69,7 +72,8 @@ class Session {
                             : chart == "adaptive" ? Adaptive()
                             : chart == "plan"     ? Plan()
                             : chart == "flicker"  ? Flicker()
-                                                  : Knee();
+                            : chart == "knee"     ? Knee()
+                                                  : Constants();
       if (!status.ok()) return status;
       std::fprintf(stderr, "wrote %s/%s.md\n", options_.output.c_str(), chart.c_str());
     }
@@ -122,19 +126,14 @@ class Session {
       absl::StatusOr<std::vector<Row>> measured = meter_.Measure(&subject, *reference);
       if (!measured.ok()) return measured.status();
       for (Row& row : *measured) {
-        if (row.render_seconds == 0) AddRendering(*rates, &row);
+        const Method& method = **std::find_if(methods_.begin(), methods_.end(), [&](const Method* candidate) {
+          return candidate->info.name == row.method;
+        });
+        if (!method.renders) AddRendering(*rates, method.info, &row);
         rows->push_back(std::move(row));
       }
     }
     return absl::OkStatus();
-  }
-
-  /// Adds the cost of the film, for methods that do not render by themselves; the unfiltered picture needs
-  /// only C.
-  static void AddRendering(const RenderRates& rates, Row* row) {
-    row->render_seconds = rates.radiance * row->samples;
-    if (row->method == "none") return;
-    row->auxiliary_seconds = std::max(0.0, rates.layered - rates.radiance) * row->samples + rates.geometry;
   }
 
   absl::Status MeasurePair(const std::string& film_path, const std::string& reference_path,
@@ -200,8 +199,8 @@ class Session {
     return drawn.status();
   }
 
-  absl::Status Knee() {
-    std::vector<KneePoint> points;
+  /// Calls measure(film, reference) for each scene and sample count.
+  absl::Status ForEachFilm(absl::FunctionRef<void(const Subject&, const Reference&)> measure) {
     for (size_t i = 0; i < options_.scenes.size(); ++i) {
       const absl::StatusOr<FilmSource> source = FilmSource::Create(options_.scenes[i], options_.cache);
       if (!source.ok()) return source.status();
@@ -211,15 +210,34 @@ class Session {
         Subject subject;
         absl::Status status = RenderFilm(*source, options_.scenes[i], samples, &subject);
         if (!status.ok()) return status;
-        const std::vector<KneePoint> more = MeasureKnee(subject, *reference, pool_);
-        points.insert(points.end(), more.begin(), more.end());
-        std::fprintf(stderr, "%s, %d spp: every part left out once\n", options_.scenes[i].c_str(), samples);
+        measure(subject, *reference);
+        std::fprintf(stderr, "%s, %d spp: measured\n", options_.scenes[i].c_str(), samples);
       }
     }
+    return absl::OkStatus();
+  }
+
+  absl::Status Knee() {
+    std::vector<KneePoint> points;
+    absl::Status status = ForEachFilm([&](const Subject& subject, const Reference& reference) {
+      const std::vector<KneePoint> more = MeasureKnee(subject, reference, pool_);
+      points.insert(points.end(), more.begin(), more.end());
+    });
+    if (!status.ok()) return status;
     const absl::StatusOr<bool> drawn =
         ChartKnee(options_.output, points, {options_.command, options_.threads}, Format());
     is_drawn_ &= drawn.value_or(false);
     return drawn.status();
+  }
+
+  absl::Status Constants() {
+    std::vector<ConstantPoint> points;
+    absl::Status status = ForEachFilm([&](const Subject& subject, const Reference& reference) {
+      const std::vector<ConstantPoint> more = MeasureConstants(subject, reference, pool_);
+      points.insert(points.end(), more.begin(), more.end());
+    });
+    if (!status.ok()) return status;
+    return WriteConstants(options_.output, points, {options_.command, options_.threads});
   }
 
   absl::Status Adaptive() {
@@ -277,6 +295,7 @@ class Session {
 
   const Options& options_;
   TaskPool* pool_;
+  std::vector<const Method*> methods_;
   Meter meter_;
   std::vector<Truth> truths_;  // of the scenes measured last
   bool is_drawn_ = true;

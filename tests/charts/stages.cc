@@ -32,7 +32,7 @@ int64_t BytesOf(const LayeredImage& image) {
 /// What is rendered of one tile.
 struct TileUnits {
   Rect rect;
-  std::vector<LayeredImage> passes;
+  std::vector<EdgedImage> passes;
   EdgedImage geometry;
 };
 
@@ -74,7 +74,7 @@ void RenderStages(const render::Renderer& renderer, uint32_t samples, TaskPool* 
       [&] {
         int64_t bytes = 0;
         for (const TileUnits& tile : *tiles) {
-          for (const LayeredImage& pass : tile.passes) bytes += BytesOf(pass);
+          for (const EdgedImage& pass : tile.passes) bytes += BytesOf(pass.pixels) + BytesOf(pass.fragments);
         }
         return bytes;
       });
@@ -104,14 +104,14 @@ EdgedImage AssemblyStage(const FilmSettings& settings, std::vector<TileUnits> ti
         ParallelFor(pool, static_cast<int64_t>(tiles.size()), [&](int64_t i) {
           TileUnits& tile = tiles[static_cast<size_t>(i)];
           film::TileSums sums;
-          for (const LayeredImage& pass : tile.passes) sums.Add(pass);
+          for (const EdgedImage& pass : tile.passes) sums.Add(pass);
           builder.SetMeans(tile.rect, sums);
           builder.SetGeometry(tile.rect, tile.geometry.pixels);
           builder.AddEdges(tile.geometry.edges);
         });
         film = builder.Take();
       },
-      [&] { return BytesOf(film.pixels) + BytesOf(film.edges); });
+      [&] { return BytesOf(film.pixels) + BytesOf(film.edges) + BytesOf(film.fragments); });
   return film;
 }
 
@@ -128,7 +128,7 @@ std::vector<Stage> FilterStages(const EdgedImage& film, TaskPool* pool) {
     }
     last = now;
   };
-  filter::Denoise(film.pixels, &film.edges, pool, options);
+  filter::Denoise(filter::Frame(film), pool, options);
   return stages;
 }
 
@@ -195,7 +195,7 @@ absl::StatusOr<JobStages> MeasureStages(const std::string& scene, const FilmSour
   EdgedImage film = AssemblyStage(settings, std::move(tiles), pool, &stages.job);
   std::array<Plane, 3> picture;
   AddStage(
-      "filter", &stages.job, [&] { picture = filter::Denoise(film.pixels, &film.edges, pool); },
+      "filter", &stages.job, [&] { picture = filter::Denoise(filter::Frame(film), pool); },
       [&] { return int64_t{3} * static_cast<int64_t>(sizeof(float)) * settings.width * settings.height; });
   stages.filter = FilterStages(film, pool);
   status = WriteStage(settings, std::move(film), std::move(picture), scratch, &stages.job);

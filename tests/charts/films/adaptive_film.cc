@@ -88,7 +88,7 @@ struct Filtered {
   std::optional<Picture> picture = {};
 
   void Filter(TaskPool* pool) {
-    if (!picture.has_value()) picture = filter::Denoise(film.pixels, &film.edges, pool);
+    if (!picture.has_value()) picture = filter::Denoise(filter::Frame(film), pool);
   }
   metrics::FilteredFilm View() const { return {film.pixels, ViewOf(*picture)}; }
 };

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "filter/image/layers.h"
+#include "filter/image/planes.h"
 
 namespace lumifold::charts {
 namespace {
@@ -33,7 +34,8 @@ EdgedImage GreyFilm(float value, float spread) {
 
 /// A method that fills the picture with one value and counts its calls.
 Method Painter(int* calls) {
-  Method method{{"painter", "", "", {{"value", "", 0.5f, {0.25f, 0.5f, 1}, 0, 1}}}, false, false, {}};
+  Method method{
+      {"painter", "", "", {{"value", "", 0.5f, {0.25f, 0.5f, 1}, 0, 1}}}, false, false, Probe::kFilm, {}};
   method.make = [calls](Subject* subject, absl::Span<const float> values, TaskPool*) {
     ++*calls;
     MadePicture made;
@@ -93,14 +95,42 @@ TEST_F(MeterTest, ComputesNothingTwice) {
   const Method painter = Painter(&calls);
   Measure(painter, 100);
   const int first = calls;
-  EXPECT_EQ(first, 2 * 3 + 2);  // two films, three points, and the two films of the fingerprint
+  EXPECT_EQ(first, 2 * 3);  // two films, three points; the default's picture is the fingerprint
   Measure(painter, 100);
-  EXPECT_EQ(calls, first + 2);  // the fingerprint, to detect a change of the method
+  EXPECT_EQ(calls, first + 2);  // the fingerprints, to detect a change of the method
 }
 
-TEST_F(MeterTest, LeavesOutAGridThatCostsTooMuch) {
+TEST_F(MeterTest, MeasuresAgainWhatChangedAtTheSizeCharted) {
   int calls = 0;
-  EXPECT_EQ(Measure(Painter(&calls), 9).size(), 1u);  // two points of 5 s in addition to the default
+  Method painter = Painter(&calls);
+  Measure(painter, 100);
+  const auto as_before = painter.make;
+  painter.make = [&](Subject* subject, absl::Span<const float> values, TaskPool* pool) {
+    absl::StatusOr<MadePicture> made = as_before(subject, values, pool);
+    if (subject->rendered.film.pixels.width() == kWidth) made->picture[0].At(kWidth - 1, 0) += 0.125f;
+    return made;
+  };
+  calls = 0;
+  Measure(painter, 100);
+  EXPECT_EQ(calls, 2 * 3);
+}
+
+TEST_F(MeterTest, LeavesOutPointsThatCostTooMuch) {
+  int calls = 0;
+  EXPECT_EQ(Measure(Painter(&calls), 4).size(), 1u);  // a point takes 5 s
+}
+
+TEST_F(MeterTest, TakesThePointsThatFitWithTheBestOfTheFilmBeforeFirst) {
+  int calls = 0;
+  Method painter = Painter(&calls);
+  painter.info.parameters[0].grid = {1, 0.5f, 0.25f};
+  EXPECT_EQ(Measure(painter, 9)[1].parameters,
+            "value=1");  // the first of two points in addition to the default
+  painter.info.parameters[0].grid = {0.25f, 0.5f, 1};
+  EXPECT_EQ(Measure(painter, 9).size(), 2u);  // the stored point counts
+  const std::vector<Row> rows = Measure(painter, 10);
+  ASSERT_EQ(rows.size(), 3u);
+  EXPECT_TRUE(rows[2].is_best);
 }
 
 TEST_F(MeterTest, TakesAGridThatIsKeptWhateverItCost) {
@@ -121,7 +151,7 @@ TEST(Reference, KnowsItsOwnNoise) {
   const Reference reference = *MakeReference("truth", GreyFilm(0.25f, 0.02f));
   EXPECT_TRUE(reference.has_halves);
   EXPECT_GT(reference.noise.whole, 0);
-  // A picture whose error equals the noise of the reference has an error of about 0.
+  // The noise of the reference is subtracted, so a picture that equals it has a negative error.
   const Plane same = [&] {
     Plane plane(kWidth, kHeight);
     plane.Fill(0.25f);
@@ -129,7 +159,81 @@ TEST(Reference, KnowsItsOwnNoise) {
   }();
   const Errors errors = Judge({same.view(), same.view(), same.view()}, reference, true);
   EXPECT_NEAR(errors.mse255.whole, -reference.noise.whole, 1e-9);
-  EXPECT_EQ(errors.flip, 0);
+  EXPECT_FALSE(errors.ssim.has_value());
+  EXPECT_FALSE(errors.flip.has_value());
+}
+
+TEST(Reference, HidesStructureWithMoreThanATenthOfTheError) {
+  EXPECT_FALSE(HidesStructure(1, 10));
+  EXPECT_TRUE(HidesStructure(1.01, 10));
+  EXPECT_TRUE(HidesStructure(0.5, 0));
+  EXPECT_TRUE(HidesStructure(0.5, -0.5));
+  EXPECT_FALSE(HidesStructure(0, 0));  // exact, or its noise is not known
+}
+
+TEST(Judge, LeavesOutScoresThatWouldMeasureTheReference) {
+  const auto judge = [](float value, float spread) {
+    const EdgedImage picture = GreyFilm(value, 0);
+    return Judge(picture.pixels.GetColor(layers::kNoisy), *MakeReference("truth", GreyFilm(0.25f, spread)),
+                 true);
+  };
+  const Errors plain = judge(0.5f, 0.02f);
+  EXPECT_GT(*plain.flip, 0);
+  EXPECT_TRUE(plain.ssim.has_value());
+  const Errors hidden = judge(0.251f, 0.02f);
+  EXPECT_FALSE(hidden.flip.has_value());
+  EXPECT_FALSE(hidden.ssim.has_value());
+  EXPECT_EQ(judge(0.25f, 0).flip, 0);  // equal to an exact reference
+}
+
+TEST(AddRendering, ChargesAuxiliaryDataToThoseWhoUseThem) {
+  const RenderRates rates = {.radiance = 2, .layered = 3, .geometry = 5};
+  Row row;
+  row.samples = 10;
+  AddRendering(rates, {.name = "", .summary = "", .source = "", .parameters = {}}, &row);
+  EXPECT_EQ(row.render_seconds, 20);
+  EXPECT_EQ(row.auxiliary_seconds, 15);
+  Row plain;
+  plain.samples = 10;
+  AddRendering(rates, {.name = "", .summary = "", .source = "", .parameters = {}, .uses_auxiliary = false},
+               &plain);
+  EXPECT_EQ(plain.render_seconds, 20);
+  EXPECT_EQ(plain.auxiliary_seconds, 0);
+}
+
+TEST(Methods, ThatWorkOnThePlainPictureAreKnown) {
+  std::vector<std::string> plain;
+  for (const Method& method : AllMethods()) {
+    if (!method.info.uses_auxiliary && !method.renders) plain.push_back(method.info.name);
+  }
+  EXPECT_THAT(plain, testing::ElementsAre("none", "manifolds-color", "bilateral", "epanechnikov"));
+}
+
+TEST(Fingerprint, IsOfThePictureItself) {
+  int calls = 0;
+  Subject subject;
+  subject.rendered.film = GreyFilm(0.5f, 0);
+  Method painter = Painter(&calls);
+  const Fingerprint half = *FingerprintOf(painter, &subject, "", nullptr);
+  ASSERT_TRUE(half.made.has_value());
+  EXPECT_EQ(half.made->picture[0].At(0, 0), 0.5f);
+  EXPECT_EQ(FingerprintOf(painter, &subject, "", nullptr)->hash, half.hash);
+  painter.info.parameters[0].default_value = 1;
+  EXPECT_NE(FingerprintOf(painter, &subject, "", nullptr)->hash, half.hash);
+}
+
+TEST(Fingerprint, IsOfTheMiddleWhereTheWholeTakesLong) {
+  Subject subject;
+  subject.rendered.film.pixels = LayeredImage(300, 200);
+  Method method{{"slow", "", "", {}}, false, false, Probe::kCrop, {}};
+  method.make = [](Subject* part, absl::Span<const float>, TaskPool*) {
+    EXPECT_EQ(part->rendered.film.pixels.width(), 128);
+    EXPECT_EQ(part->rendered.film.pixels.height(), 96);
+    MadePicture made;
+    made.picture = MakePicture(128, 96);
+    return absl::StatusOr<MadePicture>(std::move(made));
+  };
+  EXPECT_FALSE(FingerprintOf(method, &subject, "", nullptr)->made.has_value());
 }
 
 }  // namespace

@@ -144,7 +144,8 @@ SampleMethod EpanechnikovMethod() {
                  0.01f,
                  100},
                 {"most", "largest radius in pixels", 16, {16}, 1, 64},
-                {"pilot", "radius of the windows that estimate the picture's luminance", 1, {0, 1}, 0, 32}}},
+                {"pilot", "radius of the windows that estimate the picture's luminance", 1, {0, 1}, 0, 32}},
+           .uses_auxiliary = false},
       .filter = FilterProgressively};
 }
 

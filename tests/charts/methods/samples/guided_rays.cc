@@ -31,7 +31,7 @@ absl::StatusOr<Picture> FilterByGuideRays(const SampleSet& set, absl::Span<const
       for (const Plane& plane : light) guide.push_back(plane.Clone());
     }
     const ConstFloatView mask = halves.weight.view();
-    guide = filter::Standardise(guide, mask, true, pool, nullptr);
+    guide = filter::Standardise(guide, mask, true, pool).planes;
     const Planes mean = filter::Combine(halves.a, halves.b, halves.share_a.view(), pool);
     return filter::GuidedFilter(mean, guide, mask, static_cast<int>(values[0]),
                                 static_cast<double>(values[1]), pool);

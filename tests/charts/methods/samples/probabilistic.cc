@@ -73,7 +73,7 @@ PixelSums SumPixel(const SampleSet& set, int x, int y) {
   if (hits > 0) {
     const float length = Length(normal);
     const Vec3 n = length > 0 ? normal / length : Vec3{};
-    sums.geometry = filter::GeometryFeature({n.x, n.y, n.z}, distance / hits, filter::kSigmaNormal);
+    sums.geometry = filter::GeometryFeature({n.x, n.y, n.z}, distance / hits, {});
   }
   return sums;
 }

@@ -161,6 +161,8 @@ Json MaterialJson(const Material& material) {
     json["extensions"]["KHR_materials_transmission"]["transmissionFactor"] =
         RoundTo(kUnitGrid, material.transmission);
   }
+  // Readers derive the path inside from the mesh; they need a thickness above 0 only to know that it is a solid.
+  if (material.is_solid) json["extensions"]["KHR_materials_volume"]["thicknessFactor"] = 1;
   const double strength = std::max({material.emission.x, material.emission.y, material.emission.z});
   if (strength > 0) {
     json["emissiveFactor"] = JsonVec3(material.emission * (1 / strength), kUnitGrid);
@@ -280,8 +282,8 @@ std::string GlbBuilder::Finish() && {
 
 absl::StatusOr<std::string> EncodeGlb(const SceneDescription& scene) {
   GlbBuilder builder;
-  for (absl::Status status : {builder.AddTextures(scene.textures), builder.AddMaterials(scene),
-                              builder.AddMeshes(scene), builder.AddNodes(scene)}) {
+  for (const absl::Status& status : {builder.AddTextures(scene.textures), builder.AddMaterials(scene),
+                                     builder.AddMeshes(scene), builder.AddNodes(scene)}) {
     if (!status.ok()) return absl::InvalidArgumentError(absl::StrCat(scene.name, ": ", status.message()));
   }
   return std::move(builder).Finish();

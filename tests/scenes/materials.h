@@ -27,6 +27,13 @@ inline Material Glass(std::string name) {
   return {.name = std::move(name), .base_color = {1, 1, 1}, .roughness = 0, .transmission = 1};
 }
 
+/// Clear, smooth glass that fills its mesh.
+inline Material SolidGlass(std::string name) {
+  Material glass = Glass(std::move(name));
+  glass.is_solid = true;
+  return glass;
+}
+
 /// An emitter that reflects nothing.
 inline Material Emitter(std::string name, Vec3 radiance) {
   return {.name = std::move(name), .base_color = {0, 0, 0}, .specular = 0, .emission = radiance};

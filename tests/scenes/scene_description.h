@@ -28,9 +28,10 @@ struct Material {
   double metallic = 0;
   double roughness = 1;
   double specular = 1;      ///< KHR_materials_specular factor; 0 leaves a pure Lambert surface
-  double transmission = 0;  ///< KHR_materials_transmission factor; thin: a pane does not bend light
-  Vec3 emission = {};       ///< emitted radiance, any size; seen from the front side only
-  bool unlit = false;       ///< KHR_materials_unlit: base_color is what is seen
+  double transmission = 0;  ///< KHR_materials_transmission factor
+  bool is_solid = false;  ///< KHR_materials_volume: the mesh bounds a solid, which refracts; else a thin pane
+  Vec3 emission = {};     ///< emitted radiance, any size; seen from the front side only
+  bool unlit = false;     ///< KHR_materials_unlit: base_color is what is seen
   bool double_sided = false;
   std::optional<TextureId> texture = std::nullopt;  ///< multiplied into base_color
   Vec2 texture_size_m = {1, 1};  ///< metres of surface that one repeat of the texture covers

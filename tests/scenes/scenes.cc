@@ -11,6 +11,8 @@ std::span<const SceneEntry> AllScenes() {
       {"meeting-room", "table and chairs, daylight through blinds, ceiling panels, mirror", BuildMeetingRoom},
       {"bedroom", "a bed with folded cloth, a lamp, a window, wood and wallpaper", BuildBedroom},
       {"atrium", "a court after Sponza: arches, columns, thin curtains, sun through the roof", BuildAtrium},
+      {"uplighter", "a room at night, lit off the ceiling by a shaded lamp; a glass egg and metal",
+       BuildUplighter},
       {"tiny-diffuse", "a box and a ball in a room; all surfaces diffuse", BuildTinyDiffuse},
       {"tiny-mirror", "the same of perfect mirrors, lit by two walls and a lamp", BuildTinyMirror},
       {"tiny-unlit", "the same of unlit materials, without light", BuildTinyUnlit},

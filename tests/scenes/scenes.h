@@ -16,6 +16,9 @@ SceneDescription BuildMeetingRoom();
 SceneDescription BuildBedroom();
 SceneDescription BuildAtrium();
 
+/// Hard light: all of it is indirect, off one bright spot on the ceiling.
+SceneDescription BuildUplighter();
+
 /// Tiny scenes that need one part of the model each: see docs/plan.md.
 SceneDescription BuildTinyDiffuse();
 SceneDescription BuildTinyMirror();

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <tiny_gltf.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -14,6 +15,7 @@
 #include <string>
 
 #include "tests/scenes/glb_writer.h"
+#include "tests/scenes/materials.h"
 #include "tests/scenes/mesh_builder.h"
 #include "tests/scenes/noise.h"
 
@@ -102,7 +104,8 @@ TEST_P(EveryScene, IsGlbThatTinygltfReadsWithoutWarnings) {
   }
   for (const std::string& extension : model.extensionsUsed) {
     EXPECT_THAT(extension, ::testing::AnyOf("KHR_materials_emissive_strength", "KHR_materials_specular",
-                                            "KHR_materials_unlit"));
+                                            "KHR_materials_transmission", "KHR_materials_unlit",
+                                            "KHR_materials_volume"));
   }
   EXPECT_THAT(model.extensionsRequired, ::testing::IsEmpty());
 }
@@ -187,7 +190,7 @@ TEST_P(EveryScene, IsLitByFewSingleSidedTriangles) {
 TEST_P(EveryScene, HasLightsThatEmitTowardsTheCamera) {
   const SceneDescription scene = GetParam().build();
   for (const Node& node : scene.nodes) {
-    if (node.name == "lamp") continue;  // emits in all directions
+    if (node.name == "lamp") continue;  // emits in all directions, or up
     for (const auto& [part, material] : scene.meshes[static_cast<std::size_t>(node.mesh)].primitives) {
       if (scene.materials[static_cast<std::size_t>(material)].emission == Vec3{}) continue;
       for (std::size_t i = 0; i < part.positions.size(); ++i) {
@@ -199,7 +202,7 @@ TEST_P(EveryScene, HasLightsThatEmitTowardsTheCamera) {
 }
 
 TEST(Scenes, AreFoundByName) {
-  EXPECT_EQ(AllScenes().size(), 9u);
+  EXPECT_EQ(AllScenes().size(), 10u);
   ASSERT_NE(FindScene("atrium"), nullptr);
   EXPECT_EQ(FindScene("atrium")->build, &BuildAtrium);
   EXPECT_EQ(FindScene("atrium.glb"), nullptr);
@@ -224,6 +227,29 @@ TEST(CornellBox, HasThePublishedMeasurements) {
             2 * (5 + 3 + 5 + 5 + 1));  // the light's hole divides the ceiling into four quads
   EXPECT_NEAR(Length(scene.camera.transform.translation - Vec3{2.78, 2.73, -8}), 0, 1e-9);
   EXPECT_NEAR(std::tan(Radians(scene.camera.vertical_fov_degrees) / 2), 0.0125 / 0.035, 1e-6);
+}
+
+/// The largest height and the largest distance from the vertical through the origin.
+Vec2 Reach(const Mesh& mesh) {
+  Vec2 reach;
+  for (const Vec3& p : mesh.positions)
+    reach = {std::max(reach.x, Length(Vec2{p.x, p.z})), std::max(reach.y, p.y)};
+  return reach;
+}
+
+TEST(Uplighter, LightsTheCeilingAlone) {
+  const SceneDescription scene = BuildUplighter();
+  const auto lamp = std::find_if(scene.nodes.begin(), scene.nodes.end(),
+                                 [](const Node& node) { return node.name == "lamp"; });
+  ASSERT_NE(lamp, scene.nodes.end());
+  const NamedMesh& mesh = scene.meshes[static_cast<std::size_t>(lamp->mesh)];
+  ASSERT_EQ(mesh.primitives.size(), 4u);
+  const Vec2 rim = Reach(mesh.primitives[1].mesh), bulb = Reach(mesh.primitives[3].mesh);
+  // The ray that leaves over the rim farthest from the vertical.
+  const double spread = (rim.x + bulb.x) / (rim.y - bulb.y);
+  EXPECT_LT(spread, std::tan(Radians(36)));
+  constexpr double kCeiling = 2.7, kNearestWall = 0.95;
+  EXPECT_LT(rim.x + (kCeiling - rim.y) * spread, kNearestWall);
 }
 
 TEST(Transform, LookingAtTurnsMinusZToTheTarget) {
@@ -294,6 +320,17 @@ SceneDescription OneTriangle() {
 TEST(EncodeGlb, WritesOneTriangle) {
   const tinygltf::Model model = Parse(*EncodeGlb(OneTriangle()));
   EXPECT_EQ(model.accessors.at(model.meshes.at(0).primitives.at(0).indices).count, 3u);
+}
+
+TEST(EncodeGlb, WritesSolidGlassWithAThickness) {
+  SceneDescription scene = OneTriangle();
+  scene.Add(Glass("pane"));
+  scene.Add(SolidGlass("egg"));
+  const tinygltf::Model model = Parse(*EncodeGlb(scene));
+  EXPECT_EQ(model.materials.at(1).extensions.count("KHR_materials_volume"), 0u);
+  const tinygltf::Value& volume = model.materials.at(2).extensions.at("KHR_materials_volume");
+  EXPECT_GT(volume.Get("thicknessFactor").GetNumberAsDouble(), 0);
+  EXPECT_EQ(model.materials.at(2).extensions.count("KHR_materials_transmission"), 1u);
 }
 
 TEST(EncodeGlb, NamesTheMeshWithAnIndexOutOfRange) {

@@ -15,6 +15,12 @@ absl::StatusOr<Picture> Trial::FilterOn(TaskPool* other_pool, const Subject& sub
   return column.filter(subject, other_pool);
 }
 
+absl::StatusOr<Picture> Trial::FilterInBlocks(const EdgedImage& film,
+                                              const filter::BlockParams& blocks) const {
+  if (!column.filter_in_blocks) return absl::UnimplementedError(column.needs_scene);
+  return column.filter_in_blocks(film, blocks, pool);
+}
+
 absl::StatusOr<Finding> Judge(const Trial& trial, const DrawnFilm& drawn,
                               absl::FunctionRef<std::vector<double>(const Views&)> figures) {
   absl::StatusOr<Picture> filtered = trial.Filter({drawn.film});
@@ -37,8 +43,8 @@ double ErrorLeft(const Views& views) {
 const std::vector<Case>& AllCases() {
   static const std::vector<Case> cases = [] {
     std::vector<Case> all;
-    for (std::vector<Case> family :
-         {LightCases(), GeometryCases(), MaterialCases(), RobustnessCases(), InvarianceCases()}) {
+    for (std::vector<Case> family : {LightCases(), RareLightCases(), GeometryCases(), MaterialCases(),
+                                     RobustnessCases(), InvarianceCases()}) {
       std::move(family.begin(), family.end(), std::back_inserter(all));
     }
     std::sort(all.begin(), all.end(), [](const Case& a, const Case& b) { return a.number < b.number; });

@@ -8,6 +8,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
+#include "filter/blocks.h"
 #include "filter/image/edged_image.h"
 #include "filter/image/parallel.h"
 #include "filter/image/rect.h"
@@ -23,6 +24,10 @@ struct Column {
   /// Empty if the method accepts any film; else the reason why it needs a scene, which a drawn film lacks.
   std::string needs_scene;
   std::function<absl::StatusOr<Picture>(const Subject& subject, TaskPool* pool)> filter;
+  /// The picture of a film that is filtered block by block; null for a method that does not filter films.
+  std::function<absl::StatusOr<Picture>(const EdgedImage& film, const filter::BlockParams& blocks,
+                                        TaskPool* pool)>
+      filter_in_blocks = nullptr;
 };
 
 /// The inputs of a case.
@@ -35,6 +40,7 @@ struct Trial {
   /// those of the method.
   absl::StatusOr<Picture> Filter(const Subject& subject) const { return FilterOn(pool, subject); }
   absl::StatusOr<Picture> FilterOn(TaskPool* other_pool, const Subject& subject) const;
+  absl::StatusOr<Picture> FilterInBlocks(const EdgedImage& film, const filter::BlockParams& blocks) const;
 };
 
 /// The pictures of a cell, for --crop.
@@ -91,6 +97,7 @@ struct Case {
 
 // The groups of cases, each in a file of its own.
 std::vector<Case> LightCases();
+std::vector<Case> RareLightCases();
 std::vector<Case> GeometryCases();
 std::vector<Case> MaterialCases();
 std::vector<Case> RobustnessCases();

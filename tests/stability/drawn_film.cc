@@ -144,17 +144,18 @@ class Painter {
       truth_[c].At(x, y) = static_cast<float>(sum[c] / static_cast<double>(points.size()));
   }
 
-  LightSums SampleHalf(int x, int y, const std::vector<Surface>& points, uint64_t half) const {
-    Random random = RandomOf(x, y, half);
+  LightSums SampleHalf(int x, int y, const std::vector<Surface>& points, int half) const {
+    Random random = RandomOf(x, y, static_cast<uint64_t>(half));
     const uint32_t count = half == 0 ? (sampling_.samples + 1) / 2 : sampling_.samples / 2;
     // Steps through the points by about the golden ratio, so that a half covers its pixel evenly.
     const size_t first = static_cast<size_t>(random.Uniform() * static_cast<double>(points.size()));
     const size_t step = points.size() == kGrid * kGrid ? 11 : points.size() * 5 / 8 + 1;
     const bool is_spike = random.Uniform() < sampling_.spike_probability;
+    const float gain = sampling_.direct_gain ? sampling_.direct_gain(x, y, half) : 1;
     LightSums sums;
     for (uint32_t i = 0; i < count; ++i) {
       const float spike = is_spike && i == 0 ? sampling_.spike_factor * static_cast<float>(count) : 1;
-      const float direct = random.Factor(sampling_.noise) * spike;
+      const float direct = random.Factor(sampling_.noise) * spike * gain;
       const float indirect = random.Factor(sampling_.noise);
       sums.Add(points[(first + i * step) % points.size()], direct, indirect);
     }

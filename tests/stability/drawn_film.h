@@ -36,6 +36,8 @@ struct Sampling {
   float noise = 1;               // relative standard deviation of D and I of one sample, at most 1
   double spike_probability = 0;  // probability that D of one half of a pixel is spike_factor times as bright
   float spike_factor = 1;
+  /// Factor on D of half A (0) or B (1) of a pixel, as of an outlier; null: 1 everywhere.
+  std::function<float(int x, int y, int half)> direct_gain = {};
   float feature_noise =
       0;  // standard deviation of the normal, and relative of the distance, of one sample, as by defocus
   int truth_grid = 4;  // the truth of a pixel is the mean over a grid of this size squared

@@ -1,6 +1,8 @@
 // Shapes that are hard to filter: thin, almost coincident, or seen at a grazing angle.
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "filter/image/planes.h"
@@ -13,7 +15,7 @@ namespace {
 using Figures = std::vector<double>;
 
 constexpr int kSize = 128;
-constexpr float kMiddle = kSize / 2;
+constexpr float kMiddle = kSize / 2.0f;
 
 Surface Lit(float direct, float distance = 5) {
   Surface s;
@@ -141,6 +143,7 @@ absl::StatusOr<metrics::SeedError> MeasureWithin(const std::vector<Picture>& pic
                           picture[2].view().Crop(crop)};
   };
   std::vector<ConstColorView> views;
+  views.reserve(pictures.size());
   for (const Picture& picture : pictures) views.push_back(within(picture));
   return metrics::MeasureSeeds(views, within(truth));
 }
@@ -200,24 +203,80 @@ absl::StatusOr<Finding> NormalMap(const Trial& trial) {
   });
 }
 
+/// Strips of a lit and a shaded surface side by side, in bands of different albedos and lights. Their edges
+/// divide columns of pixels by a quarter, a half and three quarters.
+constexpr int kStrip = 16;
+constexpr int kStrips = 16;
+constexpr int kBand = 64;
+struct Contrast {
+  Triple lit_albedo;
+  float lit;
+  Triple shaded_albedo;
+  float shaded;
+};
+constexpr Contrast kContrasts[] = {{Gray(0.9f), 0.8f, Gray(0.09f), 0.08f},
+                                   {{0.8f, 0.6f, 0.4f}, 0.9f, {0.3f, 0.4f, 0.5f}, 0.5f},
+                                   {Gray(0.2f), 1.0f, Gray(0.9f), 0.1f}};
+constexpr int kCoverages = 3;
+
+/// The left edge of a strip.
+float StripBegin(int strip) {
+  return static_cast<float>(kStrip * strip) + 0.25f * static_cast<float>(1 + strip % kCoverages);
+}
+
+bool IsLitStrip(int strip) { return strip % 2 == 0; }
+
+/// Quarters of the column of pixels at the left edge of a strip that are lit, less one.
+int LitCoverage(int strip) {
+  return IsLitStrip(strip) ? kCoverages - 1 - strip % kCoverages : strip % kCoverages;
+}
+
+Surface StripAt(float x, float y) {
+  const int pixel = static_cast<int>(x) / kStrip;
+  const int strip = x < StripBegin(pixel) ? pixel - 1 : pixel;
+  const Contrast& contrast = kContrasts[static_cast<int>(y) / kBand];
+  const bool is_lit = IsLitStrip(strip);
+  Surface s = Lit(is_lit ? contrast.lit : contrast.shaded, is_lit ? 2.0f : 3.0f);
+  s.object = is_lit ? 1 : 2;
+  s.normal = is_lit ? Triple{1, 0, 0} : Triple{0, 1, 0};
+  s.albedo = is_lit ? contrast.lit_albedo : contrast.shaded_albedo;
+  return s;
+}
+
 absl::StatusOr<Finding> MixedEdge(const Trial& trial) {
-  Sampling sampling;
-  sampling.samples = 64;
-  const DrawnFilm drawn = DrawFilm(
-      kSize, 256,
-      [](float x, float) {
-        const bool is_white = x < kMiddle + 0.5f;
-        Surface s = Lit(is_white ? 1.0f : 0.1f, is_white ? 2.0f : 3.0f);
-        s.object = is_white ? 1 : 2;
-        s.normal = is_white ? Triple{1, 0, 0} : Triple{0, 1, 0};
-        s.albedo = s.direct;
-        return s;
-      },
-      sampling);
-  return Judge(trial, drawn, [](const Views& v) {
-    const double mean = MeanOf(v.filtered, [](int x, int) { return x == kSize / 2; });
-    return Figures{std::abs(mean - 0.505)};
-  });
+  constexpr uint32_t kSeeds = 8;
+  constexpr int kBands = static_cast<int>(std::size(kContrasts));
+  const auto is_mixed = [](int x, int y) {
+    constexpr int kBorder = 4;  // px between bands that are left out
+    const int row = y % kBand;
+    return x > 0 && x % kStrip == 0 && row >= kBorder && row < kBand - kBorder;
+  };
+  constexpr int kGroups = kBands * kCoverages;
+  std::array<double, kGroups> shifts = {};
+  double error = 0;
+  absl::StatusOr<Finding> finding;
+  for (uint32_t seed = 1; seed <= kSeeds; ++seed) {
+    const DrawnFilm drawn = DrawFilm(kStrip * kStrips, kBand * kBands, StripAt, {.seed = seed});
+    finding = Judge(trial, drawn, [&](const Views& v) {
+      for (int i = 0; i < kGroups; ++i) {
+        const auto alike = [&](int x, int y) {
+          return is_mixed(x, y) && y / kBand == i / kCoverages && LitCoverage(x / kStrip) == i % kCoverages;
+        };
+        shifts[static_cast<size_t>(i)] += (MeanOf(v.filtered, alike) - MeanOf(v.truth, alike)) / kSeeds;
+      }
+      error += ErrorLeft(v, is_mixed) / kSeeds;
+      return Figures();
+    });
+    if (!finding.ok()) return finding;
+  }
+  double largest = 0;
+  for (size_t i = 0; i < shifts.size(); ++i) {
+    const Contrast& contrast = kContrasts[i / kCoverages];
+    const double lit = static_cast<double>(contrast.lit * contrast.lit_albedo[1]);
+    largest = std::max(largest, std::abs(shifts[i]) / lit);
+  }
+  finding->figures = {largest, error};
+  return finding;
 }
 
 absl::StatusOr<Finding> Silhouette(const Trial& trial) {
@@ -327,10 +386,12 @@ std::vector<Case> GeometryCases() {
        NormalMap},
       {13,
        "mixed edge",
-       "a column of pixels, half lit white, half shaded dark: difference of its mean from 0.505",
-       "128x256, 64 spp",
-       "",
-       {{"off", 0.01}},
+       "columns of pixels that two surfaces share 1:3, 1:1 and 3:1, of which one has a hundredth, a third or "
+       "half of the other's light, 8 seeds: largest shift of the mean of such columns over the lit surface's "
+       "light; error in their pixels",
+       "256x192, 16 spp",
+       "the first one for one contrast and 64 samples; the error of each pixel was added",
+       {{"shift", 0.01}, {"error", 0.1}},
        MixedEdge},
       {14,
        "silhouette",

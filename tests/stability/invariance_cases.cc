@@ -7,6 +7,7 @@
 
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
+#include "filter/metrics/seam.h"
 #include "tests/stability/case.h"
 #include "tests/stability/drawings.h"
 #include "tests/stability/test_scenes.h"
@@ -39,6 +40,48 @@ absl::StatusOr<Finding> Tiles(const Trial& trial) {
   const ConstColorView noisy = std::as_const(whole->film.pixels).GetColor(layers::kNoisy);
   finding.exhibit = {ClonePicture(noisy), ClonePicture(ViewOf(*expected)), *std::move(expected)};
   return finding;
+}
+
+/// A film whose square tiles have seeds and sample counts of their own.
+DrawnFilm DrawInTiles(int width, int height, int tile) {
+  DrawnFilm patchwork;
+  for (uint32_t kind = 0; kind < 4; ++kind) {
+    const uint32_t samples = kind == 0 || kind == 3 ? 8 : 32;  // as the squares of a chequer
+    DrawnFilm other =
+        DrawFilm(width, height, RoomDrawing(width, height), {.samples = samples, .seed = kind + 1});
+    if (kind == 0) {
+      patchwork = std::move(other);
+      continue;
+    }
+    for (LayeredImage::Channel& channel : patchwork.film.pixels.channels()) {
+      const ConstFloatView from = other.film.pixels.Get(channel.name);
+      ForEachPixel(width, height, [&](int x, int y) {
+        if (static_cast<uint32_t>(x / tile % 2 + 2 * (y / tile % 2)) == kind)
+          channel.plane.At(x, y) = from.At(x, y);
+      });
+    }
+  }
+  return patchwork;
+}
+
+absl::StatusOr<Finding> Seams(const Trial& trial) {
+  constexpr int kWidth = 192, kHeight = 128, kTile = 32, kCore = 64;
+  const DrawnFilm drawn = DrawInTiles(kWidth, kHeight, kTile);
+  const absl::StatusOr<Picture> as_one = trial.FilterInBlocks(drawn.film, {});
+  if (!as_one.ok()) return as_one.status();
+  filter::BlockParams small;
+  small.core = kCore;
+  small.whole = 0;
+  const absl::StatusOr<Picture> in_blocks = trial.FilterInBlocks(drawn.film, small);
+  if (!in_blocks.ok()) return in_blocks.status();
+  return Judge(trial, drawn, [&](const Views& v) {
+    const double error = DisplayError(v.filtered, v.truth, Everywhere);
+    return Figures{
+        static_cast<double>(CountDifferent(ViewOf(*as_one), v.filtered)),
+        metrics::SeamIndex(v.filtered, v.truth, kTile) / metrics::SeamIndex(v.noisy, v.truth, kTile),
+        metrics::SeamIndex(ViewOf(*in_blocks), v.filtered, kCore),
+        DisplayError(ViewOf(*in_blocks), v.truth, Everywhere) / error};
+  });
 }
 
 absl::StatusOr<Finding> Threads(const Trial& trial) {
@@ -88,11 +131,13 @@ absl::StatusOr<Finding> DarkRoom(const Trial& trial) {
   const DrawnFilm drawn = DrawFilm(128, 96, RoomDrawing(128, 96), {});
   absl::StatusOr<Finding> finding = Judge(trial, drawn, [](const Views&) { return Figures(); });
   if (!finding.ok()) return finding.status();
-  for (const float unit : {0x1p-20f, 1e-6f}) {
+  finding->figures = {0, 0};
+  for (const float unit : {0x1p-20f, 1e-6f, 0.3f, 7.0f, 1000.0f}) {
     const absl::StatusOr<double> difference =
         DifferenceInUnit(trial, unit, ViewOf(finding->exhibit.filtered));
     if (!difference.ok()) return difference.status();
-    finding->figures.push_back(*difference);
+    double& figure = finding->figures[unit == 0x1p-20f ? 0 : 1];
+    figure = std::max(figure, *difference);
   }
   return finding;
 }
@@ -149,6 +194,16 @@ std::vector<Case> InvarianceCases() {
        "",
        {{"different", 0}},
        Tiles},
+      {47,
+       "seams",
+       "a room in tiles of 32 px with seeds of their own, every other one with a quarter of the samples: "
+       "pixels that differ if its rows are filtered as they come; seam index of the tiles, of the error over "
+       "that of the noisy picture; of blocks of 64 px, against the whole; error of the blocks over that of "
+       "the whole",
+       "192x128, 8 and 32 spp",
+       "",
+       {{"different", 0}, {"tile seam", 1.05}, {"block seam", 1.05}, {"over whole", 1.05}},
+       Seams},
       {26,
        "threads",
        "one film on 1, 2, 3 and 16 threads, in shuffled order, and without a pool: pixels that differ",
@@ -158,13 +213,16 @@ std::vector<Case> InvarianceCases() {
        Threads},
       {30,
        "dark room",
-       "a film 2^20 times darker, its result scaled back: largest relative difference; the same for a factor "
-       "of a million",
+       "a film 2^20 times darker, its result scaled back: largest relative difference; the largest of those "
+       "for factors of 1e-6, 0.3, 7 and 1000",
        "128x96, 16 spp",
-       "a factor of a million rounds the film itself, and a few pixels between two clusters of features "
-       "amplify that to 1e-3: 2e-3",
-       {{"2^20", 1e-4}, {"million", 2e-3}},
-       DarkRoom},
+       "",
+       {{"2^20", 1e-4}, {"any factor", 1e-4}},
+       DarkRoom,
+       KnownFailure{
+           {0, 1.25e-04},
+           "a factor that is no power of two rounds the film by 6e-8; a few pixels far from every manifold "
+           "then change their cluster of features. A unit test holds 499 of 500 pixels to 1e-4"}},
       {31,
        "mirrored film",
        "a film mirrored horizontally: mean square difference over the error",

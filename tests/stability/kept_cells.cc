@@ -1,10 +1,12 @@
 #include "tests/stability/kept_cells.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "filter/image/file_io.h"
@@ -50,8 +52,21 @@ bool AddLine(const std::string& line, std::vector<Cell>* cells) {
   }
   double figure = 0;
   if (!absl::SimpleAtod(fields[4], &figure)) return false;
-  cell->figures.push_back(figure);
+  const size_t next = cell->figures.size();
+  const std::vector<Measure>& measures = cell->of->measures;
+  // A measure of another name leaves the cell incomplete.
+  if (next < measures.size() && measures[next].name == fields[2]) cell->figures.push_back(figure);
   return true;
+}
+
+/// Whether a figure is worse than the one before by more than the tolerance.
+bool IsWorse(const Measure& measure, double before, double after) {
+  constexpr double kTolerance = 0.05;
+  constexpr double kFloor = 0.01;  // of the threshold
+  if (!std::isfinite(after)) return std::isfinite(before);
+  if (!measure.at_least && after <= kFloor * std::abs(measure.threshold)) return false;
+  const double loss = measure.at_least ? before - after : after - before;
+  return loss > kTolerance * std::abs(before);
 }
 
 }  // namespace
@@ -70,6 +85,22 @@ absl::StatusOr<std::vector<Cell>> ReadCells(const std::string& path) {
     return cell.IsApplicable() && cell.figures.size() != cell.of->measures.size();
   });
   return cells;
+}
+
+std::string Losses(const Cell& cell, const std::vector<Cell>& kept) {
+  if (!cell.IsApplicable()) return "";
+  const std::string name = absl::StrCat("case ", cell.of->number, ", ", cell.of->name);
+  const auto before = std::find_if(kept.begin(), kept.end(),
+                                   [&](const Cell& k) { return IsOf(k, cell.of->number, cell.column); });
+  if (before == kept.end() || !before->IsApplicable()) return name + ": no figures are kept";
+  std::vector<std::string> losses;
+  for (size_t i = 0; i < cell.figures.size(); ++i) {
+    const Measure& measure = cell.of->measures[i];
+    if (!IsWorse(measure, before->figures[i], cell.figures[i])) continue;
+    losses.push_back(absl::StrCat(name, ", ", measure.name, ": ", before->figures[i], " before, ",
+                                  cell.figures[i], " now"));
+  }
+  return absl::StrJoin(losses, "\n  ");
 }
 
 std::vector<Cell> WithKept(std::vector<Cell> cells, const std::vector<Cell>& kept) {

@@ -1,11 +1,14 @@
 // Runs every method on every case in which filters are known to fail.
 //
-// lumifold-stability all cells, as a table on stdout lumifold-stability --column default the default method:
-// what the gate runs lumifold-stability --output docs/results writes stability.md and stability.csv; with
-// --column or --case, the other cells are kept from the existing CSV lumifold-stability --crop 6:paper
-// out.png the pictures of a cell: noisy, filtered, truth, side by side
+//   lumifold-stability                         all cells, as a table on stdout
+//   lumifold-stability --column default --kept docs/results/stability.csv
+//                                              the default method, compared with its kept figures: what the gate runs
+//   lumifold-stability --output docs/results   writes stability.md and stability.csv; with --column or --case, the
+//                                              other cells are kept from the existing CSV
+//   lumifold-stability --crop 6:paper out.png  the pictures of a cell: noisy, filtered, truth, side by side
 //
-// Fails if the default method fails a case without a known failure, or is worse than a known one.
+// Fails if the default method fails a case without a known failure, or is worse than a known one; with --kept, also if a
+// figure of it is worse than the kept one by more than 5 %.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -40,6 +43,7 @@ struct Options {
   std::vector<int> cases;
   std::vector<std::string> crop;  // CASE:METHOD and a file
   std::string output;
+  std::string kept;  // a stability.csv; empty: no comparison
   std::string about = "commit, machine and date not given";
   std::string cache = "lumifold-stability-cache";
   int threads = 1;
@@ -91,6 +95,26 @@ absl::Status WriteAll(const Options& options, const std::vector<Cell>& kept, con
   return WriteReport(options.output, options.about, columns, all);
 }
 
+/// Errors: kInternal with a line for each failure of the default method; those of reading the kept figures.
+absl::Status CheckDefault(const Options& options, const std::vector<Cell>& cells) {
+  absl::StatusOr<std::vector<Cell>> kept;
+  if (!options.kept.empty()) {
+    kept = ReadCells(options.kept);
+    if (!kept.ok()) return kept.status();
+  }
+  std::string wrong;
+  for (const Cell& cell : cells) {
+    if (cell.column != kDefault) continue;
+    if (const std::string regression = Regression(cell); !regression.empty())
+      absl::StrAppend(&wrong, "\n  ", regression);
+    if (options.kept.empty()) continue;
+    if (const std::string losses = Losses(cell, *kept); !losses.empty())
+      absl::StrAppend(&wrong, "\n  ", losses);
+  }
+  return wrong.empty() ? absl::OkStatus()
+                       : absl::InternalError(absl::StrCat("the default method fails:", wrong));
+}
+
 absl::Status RunMatrix(const Options& options, const FilmStore& films, TaskPool* pool) {
   absl::StatusOr<std::vector<Cell>> kept;
   if (!options.output.empty()) kept = ReadCells(options.output + "/stability.csv");
@@ -104,14 +128,7 @@ absl::Status RunMatrix(const Options& options, const FilmStore& films, TaskPool*
     absl::Status status = WriteAll(options, *kept, cells);
     if (!status.ok()) return status;
   }
-  std::string wrong;
-  for (const Cell& cell : cells) {
-    if (cell.column != kDefault) continue;
-    if (const std::string regression = Regression(cell); !regression.empty())
-      absl::StrAppend(&wrong, "\n  ", regression);
-  }
-  return wrong.empty() ? absl::OkStatus()
-                       : absl::InternalError(absl::StrCat("the default method fails:", wrong));
+  return CheckDefault(options, cells);
 }
 
 /// The three pictures side by side, with a gap in between.
@@ -173,6 +190,8 @@ int Main(int argc, char** argv) {
   app.add_option("--crop", options.crop, "CASE:METHOD FILE: writes that cell's pictures as PNG")->expected(2);
   app.add_option("--output", options.output,
                  "Folder for stability.md and stability.csv; cells that are not run are kept");
+  app.add_option("--kept", options.kept,
+                 "stability.csv: the default method also fails where a figure is worse by more than 5 %");
   app.add_option("--about", options.about, "Commit, machine and date, for the page");
   app.add_option("--cache", options.cache, "Folder for films (default lumifold-stability-cache)");
   app.add_option("--threads", options.threads, "Threads (default: all)")->check(CLI::Range(1, 4096));

@@ -159,6 +159,19 @@ std::pair<int, int> ColumnsOf(int panel) {
           static_cast<int>(column(-1.25 + 0.5 * panel)) - 1};
 }
 
+/// The largest factor between two values in the order that they contradict less: 1 if they rise or fall
+/// throughout.
+double FactorAgainstOrder(const std::array<double, kRoughnessPanels>& values) {
+  double rise = 1, fall = 1;
+  for (size_t i = 0; i < values.size(); ++i) {
+    for (size_t j = i + 1; j < values.size(); ++j) {
+      rise = std::max(rise, values[j] / values[i]);
+      fall = std::max(fall, values[i] / values[j]);
+    }
+  }
+  return std::min(rise, fall);
+}
+
 absl::StatusOr<Finding> RoughnessRamp(const Trial& trial) {
   constexpr uint64_t kSeeds = 8;  // a panel has too few pixels for one film
   std::array<double, kRoughnessPanels> filtered = {};
@@ -181,16 +194,12 @@ absl::StatusOr<Finding> RoughnessRamp(const Trial& trial) {
         seed);
     if (!finding.ok()) return finding;
   }
+  std::array<double, kRoughnessPanels> left;
+  for (size_t panel = 0; panel < left.size(); ++panel) left[panel] = filtered[panel] / noisy[panel];
   double jump = 1;
-  double most = 0;
-  double before = 0;
-  for (size_t panel = 0; panel < filtered.size(); ++panel) {
-    const double left = std::sqrt(filtered[panel] / noisy[panel]);
-    if (panel > 0) jump = std::max(jump, std::max(left / before, before / left));
-    most = std::max(most, left);
-    before = left;
-  }
-  finding->figures = {jump, most};
+  for (size_t panel = 1; panel < left.size(); ++panel)
+    jump = std::max({jump, left[panel] / left[panel - 1], left[panel - 1] / left[panel]});
+  finding->figures = {jump, FactorAgainstOrder(left), *std::max_element(left.begin(), left.end())};
   return finding;
 }
 
@@ -247,7 +256,11 @@ std::vector<Case> MaterialCases() {
        "128x128, 16 spp",
        "",
        {{"difference", 1e-6}},
-       PixelChequer},
+       PixelChequer,
+       KnownFailure{
+           {1.4e-06},
+           "the frame is compared with C, in which the albedo weighs the noise of the light: a few shares "
+           "differ by a hundredth"}},
       {3,
        "black stripes",
        "stripes of 4 px without a diffuse lobe next to lit white ones: pixels not finite; relative light "
@@ -280,12 +293,17 @@ std::vector<Case> MaterialCases() {
        GlassBeforeChequer},
       {22,
        "roughness ramp",
-       "seven metal panels from smooth to rough, 8 seeds: largest ratio of RMS errors of neighbours; "
-       "largest RMS error",
+       "seven metal panels from smooth to rough, 8 seeds: largest ratio of the errors of neighbours; largest "
+       "ratio of two errors against their order (1: monotone); largest error",
        "96x72, 16 spp",
-       "the jump is as first set; the error was added, since the unfiltered picture has no jump",
-       {{"jump", 2}, {"error", 0.7}},
-       RoughnessRamp},
+       "added: the largest error, since the unfiltered picture has no jump",
+       {{"error jump", 2}, {"against order", 1}, {"largest error", 0.49}},
+       RoughnessRamp,
+       KnownFailure{
+           {3.2, 3.2, 0.17},
+           "from smooth to rough the error is 0.059, 0.194, 0.127, 0.077, 0.041, 0.050, 0.022: the smooth "
+           "panel is a mirror, whose levels are filtered by what they show; the next one shows nearly the "
+           "same picture in its glossy light, which the panel's own surface guides"}},
       {23,
        "half metal",
        "a ball half metal, half diffuse: light gained or lost on it in %; error on it",
@@ -295,12 +313,16 @@ std::vector<Case> MaterialCases() {
        HalfMetal},
       {28,
        "interior corner",
-       "white walls in indirect light: error within 3 px of their corners",
+       "white walls in indirect light: error within 3 px of their corners; half of what `irradiance-cache` "
+       "leaves is asked",
        "96x72, 16 spp",
-       "was half the error of the irradiance cache, which gathers additional paths that the film does not "
-       "have: 0.3 of the film's noise",
-       {{"error", 0.3}},
-       Corner},
+       "",
+       {{"error", 0.0097}},
+       Corner,
+       KnownFailure{
+           {0.0465},
+           "the cache leaves 0.0194, but traces 155 paths a pixel, 113 of them to gather light; with 155 "
+           "samples the default leaves 0.0101 of the same noise"}},
       {38,
        "mirror facing mirror",
        "two mirrored walls: error in the first reflection, in the second",
@@ -322,7 +344,8 @@ std::vector<Case> MaterialCases() {
        "96x72, 16 spp",
        "",
        {{"error", 0.3}, {"kept", 98, true}},
-       CausticLight},
+       CausticLight,
+       KnownFailure{{0.09, 96.5}, "the energy of the few fireflies that no others confirm does not return"}},
   };
 }
 

@@ -26,6 +26,10 @@ std::string FormatFigure(double figure) {
   return size < 1e-3 ? absl::StrFormat("%.1e", figure) : absl::StrFormat("%.2g", figure);
 }
 
+std::string FormatFigures(const std::vector<double>& figures) {
+  return absl::StrJoin(figures, ", ", [](std::string* out, double figure) { *out += FormatFigure(figure); });
+}
+
 std::string FormatThreshold(const Measure& measure) {
   return absl::StrCat(measure.name, measure.at_least ? " ≥ " : " ≤ ", measure.threshold);
 }
@@ -90,7 +94,9 @@ std::string KnownFailures(const Matrix& matrix) {
   std::string text;
   for (const auto& [number, row] : matrix) {
     const Case& c = *row.begin()->second->of;
-    if (c.known.has_value()) absl::StrAppend(&text, "* ", number, ", ", c.name, ": ", c.known->reason, "\n");
+    if (!c.known.has_value()) continue;
+    absl::StrAppend(&text, "* ", number, ", ", c.name, " (", FormatFigures(c.known->figures),
+                    "): ", c.known->reason, "\n");
   }
   return text.empty() ? "None.\n" : text;
 }
@@ -154,9 +160,7 @@ bool Cell::Passes() const {
 
 std::string FormatCell(const Cell& cell) {
   if (!cell.IsApplicable()) return "–";
-  const std::string figures = absl::StrJoin(
-      cell.figures, ", ", [](std::string* out, double figure) { *out += FormatFigure(figure); });
-  return absl::StrCat(figures, cell.Passes() ? " pass" : " **FAIL**");
+  return absl::StrCat(FormatFigures(cell.figures), cell.Passes() ? " pass" : " **FAIL**");
 }
 
 std::string Regression(const Cell& cell) {

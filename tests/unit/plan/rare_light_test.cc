@@ -31,7 +31,7 @@ std::vector<double> MeansOf(const Scene& scene, const render::RenderSettings& se
   std::vector<double> means;
   for (int frame = 0; frame < part.renderings; ++frame) {
     render::RenderCounts counts;
-    const LayeredImage pass = renderer->RenderPass(part.rect, frame, {0, part.samples}, &counts);
+    const LayeredImage pass = renderer->RenderPass(part.rect, frame, {0, part.samples}, &counts).pixels;
     EXPECT_EQ(counts.bad_samples, 0);
     means.push_back(render::MeanOf(pass, layers::kNoisy));
   }
@@ -109,7 +109,7 @@ TEST(RareLight, MirrorsBehindAKeyholeThatTheProbeMissesLoseNoLight) {
   // What is left out matters there.
   const auto renderer = render::MakeRenderer(hall, settings.render);
   render::RenderCounts counts;
-  const LayeredImage pass = renderer->RenderPass(keyhole.rect, 0, {0, 64}, &counts);
+  const LayeredImage pass = renderer->RenderPass(keyhole.rect, 0, {0, 64}, &counts).pixels;
   EXPECT_TRUE(pass.Has("reflection2_emission.R"));
 }
 

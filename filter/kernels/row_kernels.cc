@@ -293,18 +293,6 @@ HWY_ATTR void CorrelateRows(const CorrelateArgs& args, float* out) {
   if (x < args.count) CorrelateVectors<1>(args, args.count - lanes, out);  // recomputes some
 }
 
-HWY_ATTR void CandidateErrorRow(const float* HWY_RESTRICT a, const float* HWY_RESTRICT b,
-                                const float* HWY_RESTRICT filtered_a, const float* HWY_RESTRICT filtered_b,
-                                int count, float* HWY_RESTRICT error) {
-  for (int x = 0; x < count; ++x) {
-    const float ab = filtered_a[x] - b[x];
-    const float ba = filtered_b[x] - a[x];
-    const float noise = a[x] - b[x];
-    const float disagreement = filtered_a[x] - filtered_b[x];
-    error[x] += 0.5f * (ab * ab + ba * ba - noise * noise) - 0.25f * disagreement * disagreement;
-  }
-}
-
 HWY_ATTR void StabiliseRow(const float* HWY_RESTRICT in, float inverse_knee, float shift, int count,
                            float* HWY_RESTRICT out) {
   for (int x = 0; x < count; ++x) out[x] = Asinh(in[x] * inverse_knee) - shift;
@@ -325,7 +313,6 @@ HWY_EXPORT(AddProductRow);
 HWY_EXPORT(SumRows);
 HWY_EXPORT(QuotientRow);
 HWY_EXPORT(CorrelateRows);
-HWY_EXPORT(CandidateErrorRow);
 HWY_EXPORT(StabiliseRow);
 
 Widening::Widening(int cell_step)
@@ -358,10 +345,6 @@ void QuotientRow(const float* total, float least, const float* instead, int coun
   HWY_DYNAMIC_DISPATCH(QuotientRow)(total, least, instead, count, sums);
 }
 void CorrelateRows(const CorrelateArgs& args, float* out) { HWY_DYNAMIC_DISPATCH(CorrelateRows)(args, out); }
-void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
-                       int count, float* error) {
-  HWY_DYNAMIC_DISPATCH(CandidateErrorRow)(a, b, filtered_a, filtered_b, count, error);
-}
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out) {
   HWY_DYNAMIC_DISPATCH(StabiliseRow)(in, inverse_knee, shift, count, out);
 }

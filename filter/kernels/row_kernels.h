@@ -113,9 +113,6 @@ struct CorrelateArgs {
 /// out[x] = sum over rows and taps j of taps[row][j] * pixels[row][x + j], row after row, added in groups of
 /// three taps, each group from the left.
 void CorrelateRows(const CorrelateArgs& args, float* out);
-/// error[x] += a candidate's squared error in one channel, estimated as SelectCandidates states.
-void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
-                       int count, float* error);
 /// out[x] = Asinh(in[x] * inverse_knee) - shift.
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);
 
@@ -128,8 +125,6 @@ void SumRows(const float* a, const float* b, int count, float* out);
 void AddPairs(const float* from, int count, float scale, float* to);
 void QuotientRow(const float* total, float least, const float* instead, int count, float* sums);
 void CorrelateRows(const CorrelateArgs& args, float* out);
-void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
-                       int count, float* error);
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out);
 }  // namespace slow
 

@@ -111,17 +111,6 @@ void CorrelateRows(const CorrelateArgs& args, float* out) {
   }
 }
 
-void CandidateErrorRow(const float* a, const float* b, const float* filtered_a, const float* filtered_b,
-                       int count, float* error) {
-  for (int x = 0; x < count; ++x) {
-    const float ab = filtered_a[x] - b[x];
-    const float ba = filtered_b[x] - a[x];
-    const float noise = a[x] - b[x];
-    const float disagreement = filtered_a[x] - filtered_b[x];
-    error[x] += 0.5f * (ab * ab + ba * ba - noise * noise) - 0.25f * disagreement * disagreement;
-  }
-}
-
 void StabiliseRow(const float* in, float inverse_knee, float shift, int count, float* out) {
   for (int x = 0; x < count; ++x) out[x] = Asinh(in[x] * inverse_knee) - shift;
 }

@@ -149,18 +149,6 @@ Planes Combine(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPoo
   return combined;
 }
 
-Planes PixelVariance(const Planes& a, const Planes& b, ConstFloatView share_a, TaskPool* pool) {
-  Planes variance = MakeUninitializedPlanes(a.size(), share_a.width(), share_a.height());
-  for (size_t c = 0; c < a.size(); ++c) {
-    ForEachPixel(pool, share_a.width(), share_a.height(), [&](int x, int y) {
-      const float share = share_a.At(x, y);
-      const float difference = a[c].At(x, y) - b[c].At(x, y);
-      variance[c].At(x, y) = share * (1.0f - share) * difference * difference;
-    });
-  }
-  return variance;
-}
-
 float NoiseLevel(const Halves& halves, const Planes& a, const Planes& b, TaskPool* pool) {
   const double variance = halves.has_noise_estimate ? HalfDifferenceVariance(halves, a, b, pool)
                                                     : SecondDifferenceVariance(halves, a, pool);

@@ -14,6 +14,7 @@
 #include "absl/strings/str_join.h"
 #include "filter/baselines/method_info.h"
 #include "filter/image/memory.h"
+#include "tests/charts/films/film_source.h"
 #include "tests/charts/method.h"
 #include "tests/charts/run_charts.h"
 
@@ -53,6 +54,8 @@ void AddOptions(CLI::App* app, Options* options) {
                   "Limit in processor seconds for one method's grid on one film (default 120)");
   app->add_option("--run-seconds", options->most_run_seconds,
                   "Limit of one run; runs expected to exceed it are skipped (default 600)");
+  app->add_option("--film-seed", options->film_seed, "Seed of the films (default 1)")
+      ->check(CLI::Range(uint64_t{1}, kReferenceSeed - 1));
   app->add_option("--seeds", options->seeds, "Pairs of jobs of the chart of plans (default 8)")
       ->check(CLI::Range(1, 1000));
   app->add_option("--frames", options->frames, "Frames of the chart of flicker (default 16)")

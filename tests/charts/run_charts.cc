@@ -28,8 +28,6 @@
 namespace lumifold::charts {
 namespace {
 
-constexpr uint64_t kFilmSeed = 1;
-
 /// The largest sample count of any pixel.
 int SamplesOf(const LayeredImage& film) {
   float most = 0;
@@ -103,7 +101,7 @@ class Session {
   absl::Status RenderFilm(const FilmSource& source, const std::string& scene, int samples, Subject* subject) {
     subject->scene = scene;
     subject->source = &source;
-    subject->settings = SettingsOf(samples, kFilmSeed);
+    subject->settings = SettingsOf(samples, options_.film_seed);
     absl::StatusOr<RenderedFilm> film = source.Get(subject->settings, pool_);
     if (!film.ok()) return film.status();
     subject->rendered = *std::move(film);
@@ -189,7 +187,7 @@ class Session {
       const absl::StatusOr<FilmSource> source = FilmSource::Create(scene, options_.cache);
       if (!source.ok()) return source.status();
       absl::StatusOr<JobStages> job = MeasureStages(
-          scene, *source, SettingsOf(options_.samples.back(), kFilmSeed), options_.cache, pool_);
+          scene, *source, SettingsOf(options_.samples.back(), options_.film_seed), options_.cache, pool_);
       if (!job.ok()) return job.status();
       jobs.push_back(*std::move(job));
     }
@@ -247,8 +245,9 @@ class Session {
       if (!source.ok()) return source.status();
       const absl::StatusOr<Reference> reference = RenderReference(*source, i);
       if (!reference.ok()) return reference.status();
-      const absl::StatusOr<std::vector<AdaptivePoint>> more = MeasureAdaptive(
-          options_.scenes[i], *source, SettingsOf(1, kFilmSeed), options_.samples, *reference, pool_);
+      const absl::StatusOr<std::vector<AdaptivePoint>> more =
+          MeasureAdaptive(options_.scenes[i], *source, SettingsOf(1, options_.film_seed), options_.samples,
+                          *reference, pool_);
       if (!more.ok()) return more.status();
       points.insert(points.end(), more->begin(), more->end());
       std::fprintf(stderr, "%s: every budget rendered twice\n", options_.scenes[i].c_str());
@@ -260,7 +259,7 @@ class Session {
   }
 
   absl::Status Plan() {
-    const FilmSettings settings = SettingsOf(options_.samples.back(), kFilmSeed);
+    const FilmSettings settings = SettingsOf(options_.samples.back(), options_.film_seed);
     std::vector<PlanPair> pairs;
     for (size_t i = 0; i < options_.scenes.size(); ++i) {
       const absl::StatusOr<FilmSource> source = FilmSource::Create(options_.scenes[i], options_.cache);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,7 @@ struct Options {
   double most_grid_seconds = 120;
   double most_run_seconds = 600;
   int timed_runs = 3;
+  uint64_t film_seed = 1;
   int seeds = 8;    // pairs of the chart of plans
   int frames = 16;  // of the chart of flicker
   int width = 256;

@@ -123,7 +123,6 @@ TEST_F(RowKernels, BlendCellsEqualsItsOracleAndClampsAtBothEnds) {
 TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
   const Row a = Random();
   const Row b = Random();
-  const Row c = Random();
   const Row d = Random();
   OnEachTarget([&] {
     for (const int count : kCounts) {
@@ -143,13 +142,6 @@ TEST_F(RowKernels, PlainRowsEqualTheirOraclesAtAnyOffsetOnEachTarget) {
               [&](float* out) { slow::QuotientRow(a.data() + offset, 0.2f, b.data(), count, out); });
         check([&](float* out) { StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); },
               [&](float* out) { slow::StabiliseRow(a.data() + offset, 7.5f, 0.25f, count, out); });
-        check(
-            [&](float* out) {
-              CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out);
-            },
-            [&](float* out) {
-              slow::CandidateErrorRow(a.data() + offset, b.data(), c.data(), d.data(), count, out);
-            });
       }
     }
   });

@@ -11,7 +11,7 @@
 #include "filter/layers/halves.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/layers/product.h"
-#include "filter/layers/recombine.h"
+#include "filter/layers/recombination.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
@@ -95,9 +95,10 @@ void AverageSubPixels(const SubPixels& sub_pixels, const SlicedPoints& sliced, f
 }
 
 /// Filters a layer. `sub_pixels`: of the product's box; null: no pixel has any.
-Planes Filtered(const Product& product, const Sigmas& sigmas, const SubPixels* sub_pixels, TaskPool* pool) {
+FilteredLayer Filtered(const Product& product, const Sigmas& sigmas, const SubPixels* sub_pixels,
+                       TaskPool* pool) {
   const Halves halves = HalvesOf(product, pool);
-  if (halves.level == 0) return ClonePlanes(Crop(product.mean, product.box));  // a black layer
+  if (halves.level == 0) return BlackLayer(product);
   const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), pool);
   const Planes guide = GuideOf(halves, mean, product.geometry, sigmas, pool);
   ManifoldParams params;
@@ -107,7 +108,7 @@ Planes Filtered(const Product& product, const Sigmas& sigmas, const SubPixels* s
                                                  sub_pixels != nullptr ? &sub_pixels->points : nullptr, pool);
   RestoreUnits(product, halves.scale, pool, &result.filtered);
   if (sub_pixels != nullptr) AverageSubPixels(*sub_pixels, result.points, halves.scale, &result.filtered);
-  return std::move(result.filtered);
+  return SameForBothHalves(std::move(result.filtered));
 }
 
 bool IsOfFirstHit(const Product& product) {
@@ -118,14 +119,15 @@ Picture Filter(const FilmView& film, absl::Span<const float> values, TaskPool* p
   const Sigmas sigmas = {values[0], values[1]};
   const Frame frame(film.pixels, film.edges);
   const SubPixels sub_pixels = SubPixelsOf(frame);
-  std::vector<FilteredProduct> filtered;
-  for (Product& product : ProductsOf(frame, {}, pool)) {
+  FrameChange change = NoChange(frame);
+  for (const Product& product : ProductsOf(frame, {}, pool)) {
     if (!IsOfFirstHit(product) && product.kind != Product::Kind::kLevel) continue;
     // Levels have no sub-samples. The box of the first hit is the frame, as the edge set's coordinates need.
-    Planes planes = Filtered(product, sigmas, IsOfFirstHit(product) ? &sub_pixels : nullptr, pool);
-    filtered.push_back({std::move(product), std::move(planes)});
+    const FilteredLayer layer =
+        Filtered(product, sigmas, IsOfFirstHit(product) ? &sub_pixels : nullptr, pool);
+    AddFiltered(product, layer, pool, nullptr, &change);
   }
-  return Recombine(frame, filtered, pool);
+  return PictureOf(frame, change, pool);
 }
 
 }  // namespace

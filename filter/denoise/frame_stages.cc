@@ -21,8 +21,6 @@ bool HasBothHalves(const FrameState& state) {
   return pairs > 0;
 }
 
-Planes& RestOf(Remainder* rest, size_t h) { return h == 0 ? rest->a : rest->b; }
-
 FilteredLayer FilterProduct(const FrameState& state, Product* product) {
   const FragmentSet& set = state.fragments;
   product->is_mixed = Clone(state.mixed.view().Crop(product->box));
@@ -41,26 +39,21 @@ void RunLayers(FrameState* state) {
   state->mixed = MixedPixelsOf(frame);
   state->change = NoChange(frame);
   AddEmissionChange(state->fragments, &state->change);
-  for (size_t h = 0; h < 2; ++h)
-    RestOf(&state->rest, h) =
-        WithoutEmission(frame, h == 0 ? frame.combined.a : frame.combined.b, state->pool);
+  state->rest = WithoutEmission(frame, state->pool);
   if (state->watch) state->watch("layers");  // the stages of each layer tell of themselves
   for (Product& product : products) {
     const FilteredLayer layer = FilterProduct(*state, &product);
-    for (size_t h = 0; h < 2; ++h)
-      AddFiltered(product, layer, h, state->pool, &RestOf(&state->rest, h), &state->change[h]);
+    AddFiltered(product, layer, state->pool, &state->rest, &state->change);
   }
-  state->rest.mean = MeanOfHalves(frame, state->rest.a, state->rest.b, state->pool);
 }
 
 void RunRemainder(FrameState* state) {
   const Frame& frame = state->frame;
   if (IsRounding(state->rest, frame, state->pool)) return;
-  Product rest =
-      RemainderProduct(frame, state->rest, state->hits, PictureOf(frame, state->change, state->pool),
-                       state->settings.products, state->pool);
+  Product rest = RemainderProduct(frame, state->hits, PictureOf(frame, state->change, state->pool),
+                                  state->settings.products, state->pool, &state->rest);
   const FilteredLayer layer = FilterProduct(*state, &rest);
-  for (size_t h = 0; h < 2; ++h) AddFiltered(rest, layer, h, state->pool, nullptr, &state->change[h]);
+  AddFiltered(rest, layer, state->pool, nullptr, &state->change);
 }
 
 void RunRegression(FrameState* state) {
@@ -128,7 +121,7 @@ const std::vector<FrameStage>& DefaultFrameStages() {
         .writes = "picture",
         .off_when = "never",
         .source = "Gruzdev et al. 2015",
-        .header = "filter/denoise/frame_halves.h",
+        .header = "filter/layers/recombination.h",
         .is_required = true},
        Always,
        RunRecombination}};

@@ -231,15 +231,9 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
   return state;
 }
 
-/// Values of the covered part of each pixel become means over the pixel, in the film's unit.
+/// To means over pixels, in the film's unit.
 void RestoreUnits(const Product& product, float scale, TaskPool* pool, Filtering* light) {
-  const Plane& validity = product.validity;
-  for (Planes* half : {&light->picture.a, &light->picture.b}) {
-    for (Plane& plane : *half) {
-      ForEachPixel(pool, validity.width(), validity.height(),
-                   [&](int x, int y) { plane.At(x, y) *= scale * validity.At(x, y); });
-    }
-  }
+  for (Planes* half : {&light->picture.a, &light->picture.b}) RestoreUnits(product, scale, pool, half);
   for (std::vector<float>& points : light->points) {
     for (float& value : points) value *= scale;
   }
@@ -311,9 +305,10 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
                        const StageWatch& watch, TaskPool* pool) {
   Halves halves = HalvesOf(product, pool);
   if (halves.level == 0) {
-    Candidate black = {MakePlanes(3, halves.width(), halves.height()),
-                       MakePlanes(3, halves.width(), halves.height())};
-    return {{std::move(black), fragments.light}, std::move(fragments)};
+    FilteredLayer black = BlackLayer(product);
+    black.light.points = fragments.light;
+    black.fragments = std::move(fragments);
+    return black;
   }
   const float scale = halves.scale;
   LayerState state = Open(settings, product, std::move(halves), std::move(fragments), pool);

@@ -1,25 +1,16 @@
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "filter/denoise/stage.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
-#include "filter/layers/choice.h"
 #include "filter/layers/halves.h"
-#include "filter/layers/layer_fragments.h"
 #include "filter/layers/product.h"
+#include "filter/layers/recombination.h"
 #include "filter/manifold/manifold_filter.h"
 
 namespace lumifold::filter {
-
-/// A picture of a layer in two halves, each made without the samples of the other; on edge pixels also for each
-/// fragment.
-struct Filtering {
-  Candidate picture;                         // 3 planes each
-  std::array<std::vector<float>, 2> points;  // 3 for each point of the layer's fragments, by half
-};
 
 /// One layer of light on its way through the stages. Each stage reads what the ones before it wrote.
 struct LayerState {
@@ -44,13 +35,6 @@ struct LayerStage {
 };
 
 const std::vector<LayerStage>& DefaultLayerStages();
-
-/// A layer that went through the stages, and its fragments, in the film's unit: light of the covered part of a
-/// pixel.
-struct FilteredLayer {
-  Filtering light;
-  LayerFragments fragments;
-};
 
 /// Runs the stages on a layer. A layer without light is not filtered.
 FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSettings& settings,

@@ -1,22 +1,21 @@
 #include "filter/layers/filter_layers.h"
 
 #include <utility>
-#include <vector>
 
 #include "filter/layers/frame.h"
 #include "filter/layers/product.h"
-#include "filter/layers/recombine.h"
+#include "filter/layers/recombination.h"
 #include "filter/layers/remainder.h"
 
 namespace lumifold::filter {
 namespace {
 
-Planes Filtered(const Product& product, LayerFilter filter, TaskPool* pool) {
+FilteredLayer Filtered(const Product& product, LayerFilter filter, TaskPool* pool) {
   const Halves halves = HalvesOf(product, pool);
-  if (halves.level == 0) return ClonePlanes(Crop(product.mean, product.box));  // a black layer
+  if (halves.level == 0) return BlackLayer(product);
   Planes planes = filter(halves, product.geometry);
   RestoreUnits(product, halves.scale, pool, &planes);
-  return planes;
+  return SameForBothHalves(std::move(planes));
 }
 
 }  // namespace
@@ -24,18 +23,16 @@ Planes Filtered(const Product& product, LayerFilter filter, TaskPool* pool) {
 Picture FilterLayers(const LayeredImage& film, LayerFilter filter, TaskPool* pool) {
   const Frame frame(film);
   const ProductParams params;
-  std::vector<Product> products = ProductsOf(frame, params, pool);
-  const Remainder remainder = MakeRemainder(frame, products, pool);
-  std::vector<FilteredProduct> filtered;
-  for (Product& product : products) {
-    Planes planes = Filtered(product, filter, pool);
-    filtered.push_back({std::move(product), std::move(planes)});
+  Remainder rest = WithoutEmission(frame, pool);
+  FrameChange change = NoChange(frame);
+  for (const Product& product : ProductsOf(frame, params, pool))
+    AddFiltered(product, Filtered(product, filter, pool), pool, &rest, &change);
+  if (!IsRounding(rest, frame, pool)) {
+    const Product product =
+        RemainderProduct(frame, frame.bounds(), PictureOf(frame, change, pool), params, pool, &rest);
+    AddFiltered(product, Filtered(product, filter, pool), pool, nullptr, &change);
   }
-  Picture picture = Recombine(frame, filtered, pool);
-  if (IsRounding(remainder, frame, pool)) return picture;
-  const Product rest = RemainderProduct(frame, remainder, frame.bounds(), picture, params, pool);
-  AddChange(rest.mean, Filtered(rest, filter, pool), rest.box, pool, &picture);
-  return picture;
+  return PictureOf(frame, change, pool);
 }
 
 }  // namespace lumifold::filter

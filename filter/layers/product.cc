@@ -171,13 +171,9 @@ Halves HalvesOf(const Product& product, TaskPool* pool) {
 
 void RestoreUnits(const Product& product, float scale, TaskPool* pool, Planes* planes) {
   const Plane& validity = product.validity;
-  const ConstColorView mean = lumifold::Crop(product.mean, product.box);
-  for (size_t c = 0; c < 3; ++c) {
-    Plane& plane = (*planes)[c];
-    ForEachPixel(pool, validity.width(), validity.height(), [&](int x, int y) {
-      float& value = plane.At(x, y);
-      value = validity.At(x, y) > 0 ? value * scale * validity.At(x, y) : mean[c].At(x, y);
-    });
+  for (Plane& plane : *planes) {
+    ForEachPixel(pool, validity.width(), validity.height(),
+                 [&](int x, int y) { plane.At(x, y) *= scale * validity.At(x, y); });
   }
 }
 

@@ -44,17 +44,11 @@ struct ProductParams {
 /// levels. Keeps views of the frame's film.
 std::vector<Product> ProductsOf(const Frame& frame, const ProductParams& params, TaskPool* pool);
 
-/// Filtered planes of one product, of its box's size, in the film's unit.
-struct FilteredProduct {
-  Product product;
-  Planes planes;
-};
-
 /// The product's halves inside its box, scaled and made safe to compute with.
 Halves HalvesOf(const Product& product, TaskPool* pool);
 
-/// Converts filtered halves' units back to the film's: planes * scale * validity, and the product's own mean
-/// where validity is 0. `planes`: 3, of the box's size.
+/// Converts filtered light of the halves' unit, of the covered part of each pixel, to means over pixels in the film's.
+/// `planes`: of the box's size.
 void RestoreUnits(const Product& product, float scale, TaskPool* pool, Planes* planes);
 
 }  // namespace lumifold::filter

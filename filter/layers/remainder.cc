@@ -70,18 +70,6 @@ Planes RemainderGeometry(const Frame& frame, const Rect& box, ConstFloatView val
 
 }  // namespace
 
-void SubtractProduct(const ConstColorView& value, const ConstColorView& factor, const ConstFloatView* count,
-                     const ConstColorView& mean, TaskPool* pool, Planes* out) {
-  for (size_t c = 0; c < 3; ++c) {
-    Plane& sum = (*out)[c];
-    ForEachPixel(pool, sum.width(), sum.height(), [&](int x, int y) {
-      const bool is_known = count == nullptr || count->At(x, y) > 0;
-      const float v = is_known ? value[c].At(x, y) : mean[c].At(x, y);
-      sum.At(x, y) -= UsableOr0(v * factor[c].At(x, y));
-    });
-  }
-}
-
 Planes WithoutEmission(const Frame& frame, const ConstColorView& combined, TaskPool* pool) {
   Planes rest = MakePlanes(3, frame.width, frame.height);
   AddTo(combined, 1, pool, &rest);
@@ -92,17 +80,19 @@ Planes WithoutEmission(const Frame& frame, const ConstColorView& combined, TaskP
   return rest;
 }
 
-Remainder MakeRemainder(const Frame& frame, const std::vector<Product>& products, TaskPool* pool) {
-  Remainder rest;
-  rest.mean = WithoutEmission(frame, frame.combined.mean, pool);
-  rest.a = WithoutEmission(frame, frame.combined.a, pool);
-  rest.b = WithoutEmission(frame, frame.combined.b, pool);
-  for (const Product& p : products) {
-    SubtractProduct(p.mean, p.factor, nullptr, p.mean, pool, &rest.mean);
-    SubtractProduct(p.halves.a, p.factor, &p.halves.samples_a, p.mean, pool, &rest.a);
-    SubtractProduct(p.halves.b, p.factor, &p.halves.samples_b, p.mean, pool, &rest.b);
+Planes MeanOfHalves(const Frame& frame, const Planes& a, const Planes& b, TaskPool* pool) {
+  Planes mean = MakeUninitializedPlanes(3, frame.width, frame.height);
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixel(pool, frame.width, frame.height, [&](int x, int y) {
+      const float share = frame.samples.ShareA(x, y);
+      mean[c].At(x, y) = share * a[c].At(x, y) + (1.0f - share) * b[c].At(x, y);
+    });
   }
-  return rest;
+  return mean;
+}
+
+Remainder WithoutEmission(const Frame& frame, TaskPool* pool) {
+  return {WithoutEmission(frame, frame.combined.a, pool), WithoutEmission(frame, frame.combined.b, pool), {}};
 }
 
 bool IsRounding(const Remainder& remainder, const Frame& frame, TaskPool* pool) {
@@ -110,13 +100,14 @@ bool IsRounding(const Remainder& remainder, const Frame& frame, TaskPool* pool) 
   return MeanMagnitude(ViewOf(remainder.a), pool) <= most && MeanMagnitude(ViewOf(remainder.b), pool) <= most;
 }
 
-Product RemainderProduct(const Frame& frame, const Remainder& remainder, const Rect& box,
-                         const Picture& picture, const ProductParams& params, TaskPool* pool) {
+Product RemainderProduct(const Frame& frame, const Rect& box, const Picture& picture,
+                         const ProductParams& params, TaskPool* pool, Remainder* remainder) {
+  remainder->mean = MeanOfHalves(frame, remainder->a, remainder->b, pool);
   Product rest;
   rest.kind = Product::Kind::kRemainder;
   rest.picture_light = LightOf(picture, box, MeanMagnitude(frame.combined.mean, pool), pool);
-  rest.mean = ViewOf(remainder.mean);
-  rest.halves = {ViewOf(remainder.a), ViewOf(remainder.b), frame.samples.a, frame.samples.b};
+  rest.mean = ViewOf(remainder->mean);
+  rest.halves = {ViewOf(remainder->a), ViewOf(remainder->b), frame.samples.a, frame.samples.b};
   rest.box = box;
   rest.validity = ReflectingMask(frame, box);
   rest.geometry = RemainderGeometry(frame, box, rest.validity.view(), params, pool);

@@ -150,11 +150,12 @@ Planes Unemitted(const LayeredImage& film, TaskPool* pool) {
   return WithoutEmission(frame, frame.combined.mean, pool);
 }
 
-/// sum += light * factor.
-void AddProduct(const Planes& light, const ConstColorView& factor, Planes* sum) {
+/// sum += sign * light * factor; unusable values count as 0.
+void AddProduct(float sign, const ConstColorView& light, const ConstColorView& factor, Planes* sum) {
   for (size_t c = 0; c < 3; ++c) {
-    ForEachPixel(light[c].width(), light[c].height(),
-                 [&](int x, int y) { (*sum)[c].At(x, y) += light[c].At(x, y) * factor[c].At(x, y); });
+    ForEachPixel(light[c].width(), light[c].height(), [&](int x, int y) {
+      (*sum)[c].At(x, y) += sign * UsableOr0(light[c].At(x, y) * factor[c].At(x, y));
+    });
   }
 }
 
@@ -165,13 +166,12 @@ void SplitIntoHalves(LayeredImage* film, TaskPool* pool, int x0, int y0) {
   const PseudoNoise noise_of{uniform, x0, y0, pool};
   const std::vector<LightLayer> light_layers = LightLayersOf(*film);  // its planes stay where they are
   Planes rest = Unemitted(*film, pool);
-  for (const LightLayer& layer : light_layers)
-    SubtractProduct(layer.light, layer.factor, nullptr, layer.light, pool, &rest);
+  for (const LightLayer& layer : light_layers) AddProduct(-1, layer.light, layer.factor, &rest);
   Planes noisy = noise_of(0, ViewOf(rest));
   uint64_t number = 0;
   for (const LightLayer& layer : light_layers) {
     const Planes noise = noise_of(++number, layer.light);
-    AddProduct(noise, layer.factor, &noisy);
+    AddProduct(1, ViewOf(noise), layer.factor, &noisy);
     AddHalves(layer.name, noise, film);
   }
   AddHalves(layers::kNoisy, noisy, film);

@@ -1,0 +1,85 @@
+#include "filter/layers/recombination.h"
+
+#include <utility>
+
+namespace lumifold::filter {
+namespace {
+
+/// Sum over the points of a pixel of weight * albedo * light; channel c.
+float SumOver(const LayerFragments& fragments, const LayerFragments::Pixel& pixel,
+              const std::vector<float>& weight, const std::vector<float>& light, size_t c) {
+  float sum = 0;
+  for (size_t i = pixel.first; i < pixel.last; ++i)
+    sum += weight[i] * fragments.albedo[i][c] * light[3 * i + c];
+  return sum;
+}
+
+void AddMixedPixels(const Rect& box, const FilteredLayer& layer, size_t h, size_t c, Planes* rest,
+                    Planes* change) {
+  const LayerFragments& fragments = layer.fragments;
+  for (const LayerFragments::Pixel& p : fragments.pixels) {
+    const float noisy = SumOver(fragments, p, fragments.share[h], fragments.noisy[h], c);
+    const float filtered = SumOver(fragments, p, fragments.coverage[h], layer.light.points[h], c);
+    if (rest != nullptr) (*rest)[c].At(box.x0 + p.x, box.y0 + p.y) -= UsableOr0(noisy);
+    (*change)[c].At(box.x0 + p.x, box.y0 + p.y) += UsableOr0(filtered - noisy);
+  }
+}
+
+void AddHalf(const Product& product, const FilteredLayer& layer, size_t h, TaskPool* pool, Planes* rest,
+             Planes* change) {
+  const Rect& box = product.box;
+  const Planes& after = h == 0 ? layer.light.picture.a : layer.light.picture.b;
+  const ConstColorView& half = h == 0 ? product.halves.a : product.halves.b;
+  const ConstFloatView& count = h == 0 ? product.halves.samples_a : product.halves.samples_b;
+  const int width = (*change)[0].width();
+  const int height = (*change)[0].height();
+  Plane is_mixed(width, height);
+  for (const LayerFragments::Pixel& p : layer.fragments.pixels) is_mixed.At(box.x0 + p.x, box.y0 + p.y) = 1;
+  const bool has_factor = !product.factor[0].IsEmpty();
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixel(pool, width, height, [&](int x, int y) {
+      if (is_mixed.At(x, y) > 0) return;
+      const float noisy = count.At(x, y) > 0 ? half[c].At(x, y) : product.mean[c].At(x, y);
+      const float factor = has_factor ? product.factor[c].At(x, y) : 1.0f;
+      if (rest != nullptr) (*rest)[c].At(x, y) -= UsableOr0(noisy * factor);
+      if (!box.Contains(x, y) || !(product.validity.At(x - box.x0, y - box.y0) > 0)) return;
+      (*change)[c].At(x, y) += UsableOr0((after[c].At(x - box.x0, y - box.y0) - noisy) * factor);
+    });
+    AddMixedPixels(box, layer, h, c, rest, change);
+  }
+}
+
+}  // namespace
+
+FilteredLayer SameForBothHalves(Planes planes) {
+  Planes copy = Clone(planes);
+  return {.light = {.picture = {std::move(planes), std::move(copy)}, .points = {}}};
+}
+
+FilteredLayer BlackLayer(const Product& product) {
+  return SameForBothHalves(MakePlanes(3, product.box.width(), product.box.height()));
+}
+
+FrameChange NoChange(const Frame& frame) {
+  return {MakePlanes(3, frame.width, frame.height), MakePlanes(3, frame.width, frame.height)};
+}
+
+void AddFiltered(const Product& product, const FilteredLayer& layer, TaskPool* pool, Remainder* rest,
+                 FrameChange* change) {
+  AddHalf(product, layer, 0, pool, rest != nullptr ? &rest->a : nullptr, &(*change)[0]);
+  AddHalf(product, layer, 1, pool, rest != nullptr ? &rest->b : nullptr, &(*change)[1]);
+}
+
+Picture PictureOf(const Frame& frame, const FrameChange& change, TaskPool* pool) {
+  const Planes mean = MeanOfHalves(frame, change[0], change[1], pool);
+  Picture picture = ClonePicture(frame.combined.mean);
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixel(pool, frame.width, frame.height, [&](int x, int y) {
+      float& value = picture[c].At(x, y);
+      value = UsableOr0(UsableOr0(value) + mean[c].At(x, y));
+    });
+  }
+  return picture;
+}
+
+}  // namespace lumifold::filter

@@ -1,7 +1,6 @@
 #include "filter/denoise/firefly.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdint>
@@ -16,56 +15,53 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kRadius = 2;
 constexpr size_t kMinNeighbours = 4;
-constexpr int kNoiseRadius = 12;     // 25x25 window
-constexpr int kSpreadHeight = 3;     // of the manifold tree: geometry and brightness vary little
-constexpr float kSigmaLight = 1.7f;  // of a channel, stabilised
 
-/// The bound: twice the 75th percentile of the valid pixels of the window; infinity where there are too few.
-/// `luminance`: from PaddedLuminance().
-float BoundAt(const Plane& luminance, int x, int y) {
-  std::array<float, (2 * kRadius + 1) * (2 * kRadius + 1)> values;
-  size_t count = 0;
-  for (int j = 0; j <= 2 * kRadius; ++j) {
-    for (int i = 0; i <= 2 * kRadius; ++i) {
+/// The bound, from the valid pixels of the window; infinity where there are too few. `luminance`: from
+/// PaddedLuminance().
+float BoundAt(const Plane& luminance, const FireflyParams& params, int x, int y, std::vector<float>* values) {
+  values->clear();
+  for (int j = 0; j <= 2 * params.radius; ++j) {
+    for (int i = 0; i <= 2 * params.radius; ++i) {
       const float value = luminance.At(x + i, y + j);
-      if (value < INFINITY) values[count++] = value;
+      if (value < INFINITY) values->push_back(value);
     }
   }
-  if (count < kMinNeighbours) return INFINITY;
-  const auto quartile = values.begin() + static_cast<std::ptrdiff_t>(3 * count / 4);
-  std::nth_element(values.begin(), quartile, values.begin() + static_cast<std::ptrdiff_t>(count));
-  return 2.0f * *quartile;
+  if (values->size() < kMinNeighbours) return INFINITY;
+  const auto below = static_cast<std::ptrdiff_t>(params.quantile * static_cast<float>(values->size()));
+  std::nth_element(values->begin(), values->begin() + below, values->end());
+  return params.excess * (*values)[static_cast<size_t>(below)];
 }
 
-/// For each pixel of a row: whether over three quarters of its valid neighbours are below half of
-/// `brighter[x]`, the luminance of the brighter half, so that it is above BoundAt(). `luminance`: from
-/// PaddedLuminance().
-void FindOutliers(const Plane& luminance, const std::vector<float>& brighter, int y,
-                  std::vector<uint8_t>* is_outlier) {
+/// For each pixel of a row: whether `brighter[x]`, the luminance of the brighter half, is above BoundAt(): the part
+/// `quantile` of the valid neighbours times `excess` is below it. `luminance`: from PaddedLuminance().
+void FindOutliers(const Plane& luminance, const FireflyParams& params, const std::vector<float>& brighter,
+                  int y, std::vector<uint8_t>* is_outlier) {
   const size_t width = brighter.size();
   std::vector<int32_t> below(width, 0);
   std::vector<int32_t> valid(width, 0);
-  for (int j = 0; j <= 2 * kRadius; ++j) {
-    for (int i = 0; i <= 2 * kRadius; ++i) {
+  for (int j = 0; j <= 2 * params.radius; ++j) {
+    for (int i = 0; i <= 2 * params.radius; ++i) {
       const float* __restrict neighbour = luminance.Row(y + j) + i;
       for (size_t x = 0; x < width; ++x) {
-        below[x] += 2.0f * neighbour[x] < brighter[x] ? 1 : 0;
+        below[x] += params.excess * neighbour[x] < brighter[x] ? 1 : 0;
         valid[x] += neighbour[x] < INFINITY ? 1 : 0;
       }
     }
   }
-  for (size_t x = 0; x < width; ++x) (*is_outlier)[x] = below[x] > 3 * valid[x] / 4 ? 1 : 0;
+  for (size_t x = 0; x < width; ++x) {
+    const auto least = static_cast<int32_t>(params.quantile * static_cast<float>(valid[x]));
+    (*is_outlier)[x] = below[x] > least ? 1 : 0;
+  }
 }
 
-/// Luminance of `color` with an apron of kRadius on all sides; infinite where `weight` is 0 and in the apron.
-Plane PaddedLuminance(const Planes& color, const Plane& weight, TaskPool* pool) {
-  Plane padded(weight.width() + 2 * kRadius, weight.height() + 2 * kRadius);
+/// Luminance of `color` with an apron on all sides; infinite where `weight` is 0 and in the apron.
+Plane PaddedLuminance(const Planes& color, const Plane& weight, int apron, TaskPool* pool) {
+  Plane padded(weight.width() + 2 * apron, weight.height() + 2 * apron);
   padded.Fill(INFINITY);
   ForEachBand(pool, weight.height(), [&](int, int y0, int y1) {
     for (int y = y0; y < y1; ++y) {
-      float* row = padded.Row(y + kRadius) + kRadius;
+      float* row = padded.Row(y + apron) + apron;
       for (int x = 0; x < weight.width(); ++x) {
         if (weight.At(x, y) > 0) row[x] = LuminanceAt(color, x, y);
       }
@@ -76,7 +72,7 @@ Plane PaddedLuminance(const Planes& color, const Plane& weight, TaskPool* pool) 
 
 /// Standard deviation of one half relative to its light, around each pixel. The ratio of the halves'
 /// difference to their sum is bounded, so that no pixel dominates the mean.
-Plane RelativeNoise(const Halves& halves, TaskPool* pool) {
+Plane RelativeNoise(const Halves& halves, int radius, TaskPool* pool) {
   Planes square = MakePlanes(1, halves.width(), halves.height());
   ForEachPixel(pool, halves.width(), halves.height(), [&](int x, int y) {
     const float a = LuminanceAt(halves.a, x, y);
@@ -84,28 +80,41 @@ Plane RelativeNoise(const Halves& halves, TaskPool* pool) {
     const float ratio = (a - b) / (a + b);
     if (ratio >= -1 && ratio <= 1) square[0].At(x, y) = 2 * ratio * ratio;
   });
-  Plane noise = std::move(BoxMeans(square, halves.weight.view(), kNoiseRadius, pool)[0]);
+  Plane noise = std::move(BoxMeans(square, halves.weight.view(), radius, pool)[0]);
   ForEachPixel(noise.width(), noise.height(),
                [&](int x, int y) { noise.At(x, y) = std::sqrt(noise.At(x, y)); });
   return noise;
 }
 
-/// Whether the pixel is over twice as bright as each valid neighbour. `luminance`: from PaddedLuminance().
-bool IsIsolated(const Plane& luminance, int x, int y) {
-  const float half = 0.5f * luminance.At(x + kRadius, y + kRadius);
-  for (int j = 0; j <= 2 * kRadius; ++j) {
-    for (int i = 0; i <= 2 * kRadius; ++i) {
+/// Whether `excess` times the luminance of each valid neighbour is below that of the pixel. `luminance`: from
+/// PaddedLuminance().
+bool IsIsolated(const Plane& luminance, const FireflyParams& params, int x, int y) {
+  const float most = luminance.At(x + params.radius, y + params.radius) / params.excess;
+  for (int j = 0; j <= 2 * params.radius; ++j) {
+    for (int i = 0; i <= 2 * params.radius; ++i) {
       const float value = luminance.At(x + i, y + j);
-      if (value < INFINITY && value > half && (i != kRadius || j != kRadius)) return false;
+      if (value < INFINITY && value > most && (i != params.radius || j != params.radius)) return false;
     }
   }
   return true;
 }
 
-/// Scales the half's pixel to `bound` if it is an outlier; adds `share` times what it loses to `removed`.
-bool Suppress(Planes* half, float bound, float sigma, float share, int x, int y, Planes* removed) {
+/// What is known of an outlier.
+struct Outlier {
+  float bound = 0;
+  float noise = 0;  // deviation of one half over its light that can explain what both halves show; 0: none
+};
+
+/// Scales the half's pixel to the bound if it is above it and noise explains why: the other half shows less than half
+/// of the excess, or the noise is that large. Adds `share` times what the pixel loses to `removed`.
+bool Suppress(Planes* half, float other, const Outlier& outlier, float sigmas, float share, int x, int y,
+              Planes* removed) {
   const float luminance = LuminanceAt(*half, x, y);
-  if (!(luminance > bound) || !(luminance - 3.0f * sigma < bound) || !(bound >= 0)) return false;
+  const float bound = outlier.bound;
+  if (!(luminance > bound) || !(bound >= 0)) return false;
+  const bool is_contradicted = other < 0.5f * (bound + luminance);
+  const bool is_noise = luminance * (1.0f - sigmas * outlier.noise) < bound;
+  if (!is_contradicted && !is_noise) return false;
   const float keep = bound / luminance;
   for (size_t c = 0; c < 3; ++c) {
     float& value = (*half)[c].At(x, y);
@@ -117,37 +126,37 @@ bool Suppress(Planes* half, float bound, float sigma, float share, int x, int y,
 
 }  // namespace
 
-Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
+Planes SuppressFireflies(const FireflyParams& params, Halves* halves, TaskPool* pool) {
   if (!halves->has_noise_estimate || halves->is_difference) return {};
   const int width = halves->width();
   const int height = halves->height();
-  const Plane luminance =
-      PaddedLuminance(Combine(halves->a, halves->b, halves->share_a.view(), pool), halves->weight, pool);
-  const Plane noise = RelativeNoise(*halves, pool);
+  const Planes mean = Combine(halves->a, halves->b, halves->share_a.view(), pool);
+  const Plane luminance = PaddedLuminance(mean, halves->weight, params.radius, pool);
+  const Plane noise = RelativeNoise(*halves, params.noise_radius, pool);
   Planes removed = MakePlanes(3, width, height);
   std::atomic<bool> is_any{false};
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     bool is_any_here = false;
     std::vector<float> brighter(static_cast<size_t>(width));
     std::vector<uint8_t> is_outlier(brighter.size());
+    std::vector<float> window;
     for (int y = y0; y < y1; ++y) {
       for (int x = 0; x < width; ++x)
         brighter[static_cast<size_t>(x)] =
             std::max(LuminanceAt(halves->a, x, y), LuminanceAt(halves->b, x, y));
-      FindOutliers(luminance, brighter, y, &is_outlier);
+      FindOutliers(luminance, params, brighter, y, &is_outlier);
       for (int x = 0; x < width; ++x) {
         if (is_outlier[static_cast<size_t>(x)] == 0 ||
             halves->weight_a.At(x, y) * halves->weight_b.At(x, y) == 0)
           continue;
-        const float bound = BoundAt(luminance, x, y);
-        const float difference = LuminanceAt(halves->a, x, y) - LuminanceAt(halves->b, x, y);
-        float sigma = std::abs(difference) * 0.70710678f;  // of one half
         // Where both halves have hit a firefly they hardly differ; the window around shows the noise.
-        if (IsIsolated(luminance, x, y))
-          sigma = std::max(sigma, noise.At(x, y) * brighter[static_cast<size_t>(x)]);
+        const Outlier outlier = {BoundAt(luminance, params, x, y, &window),
+                                 IsIsolated(luminance, params, x, y) ? noise.At(x, y) : 0.0f};
+        const float a = LuminanceAt(halves->a, x, y);
+        const float b = LuminanceAt(halves->b, x, y);
         const float share = halves->share_a.At(x, y);
-        is_any_here |= Suppress(&halves->a, bound, sigma, share, x, y, &removed);
-        is_any_here |= Suppress(&halves->b, bound, sigma, 1.0f - share, x, y, &removed);
+        is_any_here |= Suppress(&halves->a, b, outlier, params.sigmas, share, x, y, &removed);
+        is_any_here |= Suppress(&halves->b, a, outlier, params.sigmas, 1.0f - share, x, y, &removed);
       }
     }
     if (is_any_here) is_any = true;
@@ -155,7 +164,7 @@ Planes SuppressFireflies(Halves* halves, TaskPool* pool) {
   return is_any ? std::move(removed) : Planes{};
 }
 
-int FireflyWindow() { return kNoiseRadius; }
+int FireflyWindow(const FireflyParams& params) { return std::max(params.radius, params.noise_radius); }
 
 namespace {
 
@@ -171,12 +180,13 @@ float SignOf(int x, int y) {
   return MixBits(pixel + 1) % 2 == 0 ? 1.0f : -1.0f;
 }
 
-Spread SpreadAround(const Planes& removed, const Planes& guide, ConstFloatView weight, TaskPool* pool) {
+Spread SpreadAround(const Planes& removed, const Planes& guide, ConstFloatView weight,
+                    const FireflyParams& firefly, TaskPool* pool) {
   Planes signals = Clone(removed);
   signals.emplace_back(weight.width(), weight.height());
   ForEachPixel(pool, weight.width(), weight.height(),
                [&](int x, int y) { signals[3].At(x, y) = SignOf(x, y) * LuminanceAt(removed, x, y); });
-  const ManifoldParams params = {.sigma_s = kSpreadReachPx, .height = kSpreadHeight};
+  const ManifoldParams params = {.sigma_s = firefly.spread_px, .height = firefly.spread_height};
   Planes spread = ManifoldFilter(signals, guide, weight, params, pool);
   Spread out;
   out.with_signs = std::move(spread.back());
@@ -228,12 +238,12 @@ void ReturnRest(const Planes& removed, const Planes& light, ConstFloatView weigh
 }  // namespace
 
 Planes ReturnRemoved(const Planes& removed, const Planes& light, const Halves& halves, const Planes& geometry,
-                     float knee, TaskPool* pool) {
+                     float knee, const FireflyParams& params, TaskPool* pool) {
   const ConstFloatView weight = halves.weight.view();
   Planes guide = Clone(geometry);
   for (const Plane& channel : Stabilise(light, knee * halves.level, halves.level, pool))
-    AppendFeature(channel.view(), kSigmaLight, weight, &guide);
-  Spread spread = SpreadAround(removed, guide, weight, pool);
+    AppendFeature(channel.view(), params.spread_light, weight, &guide);
+  Spread spread = SpreadAround(removed, guide, weight, params, pool);
   ForEachPixel(pool, weight.width(), weight.height(), [&](int x, int y) {
     const float part = SharedPart(LuminanceAt(spread.energy, x, y), spread.with_signs.At(x, y));
     for (Plane& channel : spread.energy) channel.At(x, y) *= part;

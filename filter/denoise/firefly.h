@@ -6,22 +6,30 @@
 
 namespace lumifold::filter {
 
-/// Clamps fireflies in both halves. A half's pixel is scaled down to twice the 75th percentile of the
-/// luminance of its 5x5 neighbourhood in X if it is above that bound and noise explains the excess: three
-/// sigma reach from the pixel down to the bound. Sigma is the difference of the halves; where the pixel is
-/// over twice as bright as each neighbour, it is at least the relative noise of the 25x25 window, since both
-/// halves may have hit a firefly. Layers that are differences of light stay: they are mostly near 0, so that
-/// all detail would be an outlier.
+struct FireflyParams {
+  int radius = 2;          // px: the neighbourhood that sets the bound
+  float quantile = 0.75f;  // of the neighbourhood's luminance
+  float excess = 2;        // the bound over that quantile
+  int noise_radius = 12;   // px: the window of the relative noise
+  float sigmas = 3;        // deviations by which noise explains what both halves show
+  // Of what spreads the removed energy, where geometry and light vary little.
+  float spread_px = 16;
+  float spread_light = 1.7f;  // range of a channel, stabilised
+  int spread_height = 3;      // of the manifold tree
+};
+
+/// Clamps fireflies in both halves. A half's pixel is scaled down to a bound, `excess` times a quantile of the
+/// luminance of its neighbourhood in X, if it is above it and noise explains why: the other half shows less than half
+/// of the excess over the bound. Where both show it, as both may have hit a firefly, the relative noise of a window
+/// around must explain it, and the pixel must be brighter than each neighbour by `excess`. Layers that are differences
+/// of light stay: they are mostly near 0, so that all detail would be an outlier.
 /// Shapes:  result: what was removed, as a part of X, 3 planes; empty where nothing was.
 /// Threads: identical for any pool.
 /// Source:  the outlier test of Cycles' feature prefilter.
-Planes SuppressFireflies(Halves* halves, TaskPool* pool);
+Planes SuppressFireflies(const FireflyParams& params, Halves* halves, TaskPool* pool);
 
 /// Radius in pixels of what SuppressFireflies() reads for a pixel.
-int FireflyWindow();
-
-/// Sigma of the blur that spreads the removed energy.
-inline constexpr float kSpreadReachPx = 16;
+int FireflyWindow(const FireflyParams& params);
 
 /// The energy that SuppressFireflies() removed, where it is to be added again. It is spread over pixels of similar
 /// light on the same surface nearby, as far as several outliers say that it belongs there: a sum of n equal terms
@@ -31,6 +39,6 @@ inline constexpr float kSpreadReachPx = 16;
 ///          layer's size. `knee`: as in MakeGuide().
 /// Threads: identical for any pool.
 Planes ReturnRemoved(const Planes& removed, const Planes& light, const Halves& halves, const Planes& geometry,
-                     float knee, TaskPool* pool);
+                     float knee, const FireflyParams& params, TaskPool* pool);
 
 }  // namespace lumifold::filter

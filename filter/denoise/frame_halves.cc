@@ -1,5 +1,7 @@
 #include "filter/denoise/frame_halves.h"
 
+#include <utility>
+
 namespace lumifold::filter {
 namespace {
 
@@ -15,6 +17,24 @@ void MoveTowards(const FrameChange& to, const Plane& share, TaskPool* pool, Fram
   }
 }
 
+/// What takes the fireflies out of C. `halves`: of C; as they were afterwards.
+FrameChange WithoutFireflies(const FireflyParams& params, TaskPool* pool, Halves* halves) {
+  FrameChange noisy = {Clone(halves->a), Clone(halves->b)};
+  SuppressFireflies(params, halves, pool);
+  FrameChange change = {std::move(halves->a), std::move(halves->b)};
+  for (size_t h = 0; h < 2; ++h) {
+    for (size_t c = 0; c < 3; ++c) {
+      Plane& plane = change[h][c];
+      ForEachPixel(pool, plane.width(), plane.height(), [&](int x, int y) {
+        plane.At(x, y) = (plane.At(x, y) - noisy[h][c].At(x, y)) * halves->scale;
+      });
+    }
+  }
+  halves->a = std::move(noisy[0]);
+  halves->b = std::move(noisy[1]);
+  return change;
+}
+
 }  // namespace
 
 void AddEmissionChange(const FragmentSet& set, FrameChange* change) {
@@ -26,7 +46,8 @@ void AddEmissionChange(const FragmentSet& set, FrameChange* change) {
 }
 
 void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,
-                  const ChoiceParams& params, TaskPool* pool, FrameChange* change) {
+                  const ChoiceParams& params, const FireflyParams& fireflies, TaskPool* pool,
+                  FrameChange* change) {
   const Plane ones = MakePlane(frame.width, frame.height, 1.0f);
   Halves halves =
       MakeHalves({frame.combined.a, frame.combined.b, frame.samples.a, frame.samples.b}, ones.view(), pool);
@@ -49,7 +70,7 @@ void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fram
     MoveTowards(with, choice.ShareOf(picture_of(*change), picture_of(with), pool), pool, change);
   };
   for (const FrameChange& candidate : candidates) compare(candidate);
-  compare(NoChange(frame));
+  compare(WithoutFireflies(fireflies, pool, &halves));
 }
 
 }  // namespace lumifold::filter

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "filter/denoise/firefly.h"
 #include "filter/layers/choice.h"
 #include "filter/layers/fragments.h"
 #include "filter/layers/frame.h"
@@ -12,10 +13,11 @@ namespace lumifold::filter {
 /// Adds what sub-samples change of E on mixed pixels. E has no halves: both get the same.
 void AddEmissionChange(const FragmentSet& set, FrameChange* change);
 
-/// Moves *change towards each of the candidates in turn, and at last towards 0, which is C, as far as the halves of C
-/// show that it lowers the error (Choice). `mixed`: as Halves::is_mixed.
+/// Moves *change towards each of the candidates in turn, and at last towards C without its fireflies, as far as the
+/// halves of C show that it lowers the error (Choice). `mixed`: as Halves::is_mixed.
 /// Threads: identical for any pool.
 void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,
-                  const ChoiceParams& params, TaskPool* pool, FrameChange* change);
+                  const ChoiceParams& params, const FireflyParams& fireflies, TaskPool* pool,
+                  FrameChange* change);
 
 }  // namespace lumifold::filter

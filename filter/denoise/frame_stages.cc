@@ -57,12 +57,13 @@ void RunRemainder(FrameState* state) {
 }
 
 void RunRegression(FrameState* state) {
-  state->candidates = FitMixedPixels(state->frame, state->mixed, state->change, state->pool);
+  state->candidates =
+      FitMixedPixels(state->frame, state->mixed, state->change, state->settings.regression, state->pool);
 }
 
 void RunFrameChoice(FrameState* state) {
-  ChooseChange(state->frame, state->mixed, state->candidates, state->settings.layer.choice, state->pool,
-               &state->change);
+  ChooseChange(state->frame, state->mixed, state->candidates, state->settings.layer.choice,
+               state->settings.layer.fireflies, state->pool, &state->change);
 }
 
 void RunRecombination(FrameState* state) {
@@ -104,7 +105,7 @@ const std::vector<FrameStage>& DefaultFrameStages() {
         .off_when = "one half alone",
         .source = "Bitterli et al. 2016",
         .header = "filter/edges/regression.h",
-        .window_px = [](const Settings&) { return RegressionWindow(); }},
+        .window_px = [](const Settings& s) { return RegressionWindow(s.regression); }},
        HasBothHalves,
        RunRegression},
       {{.name = "frame-choice",

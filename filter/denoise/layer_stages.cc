@@ -37,14 +37,12 @@ const Planes& HalfOf(const Halves& halves, size_t h) { return h == 0 ? halves.a 
 const Plane& WeightOf(const Halves& halves, size_t h) { return h == 0 ? halves.weight_a : halves.weight_b; }
 
 /// The fragments as points of the manifolds, with `light` as signals.
-SlicePoints PointsOf(const LayerFragments& fragments, size_t h, std::vector<float> light) {
-  // A pixel's own patch mixes the surfaces of its fragments: its features say half as much.
-  constexpr float kMixedDivisor = 4;
+SlicePoints PointsOf(const LayerFragments& fragments, float mixed_range, size_t h, std::vector<float> light) {
   SlicePoints points;
   points.pixels = fragments.places;
   points.own_features = fragments.own_features;
   points.features = fragments.features;
-  points.pixel_divisor = kMixedDivisor;
+  points.pixel_divisor = mixed_range * mixed_range;
   points.signals = std::move(light);
   points.weights = fragments.share[h];
   return points;
@@ -77,7 +75,7 @@ Half FilterHalf(const LayerState& state, size_t h, const Planes& features, const
   std::vector<float> rest_at_points = fragments.light[h];
   for (size_t i = 0; base != nullptr && i < rest_at_points.size(); ++i)
     rest_at_points[i] -= base->points[h][i];
-  const SlicePoints points = PointsOf(fragments, h, std::move(rest_at_points));
+  const SlicePoints points = PointsOf(fragments, state.settings.mixed_range, h, std::move(rest_at_points));
   ManifoldResult result =
       ManifoldFilterAtPoints(base != nullptr ? rest : light, features, WeightOf(state.halves, h).view(),
                              manifolds, reach_px, fragments.IsEmpty() ? nullptr : &points, state.pool);
@@ -99,12 +97,17 @@ Filtering Clone(const Filtering& from) {
   return {{lumifold::Clone(from.picture.a), lumifold::Clone(from.picture.b)}, from.points};
 }
 
+/// The halves as they are, without what was removed as fireflies.
+Filtering Noisy(const LayerState& state) {
+  return {{lumifold::Clone(state.halves.a), lumifold::Clone(state.halves.b)}, state.fragments.light};
+}
+
 void RunFireflies(LayerState* state) {
   std::vector<std::array<float, 2>> before;
   const Halves& halves = state->halves;
   for (const LayerFragments::Pixel& p : state->fragments.pixels)
     before.push_back({LuminanceAt(halves.a, p.x, p.y), LuminanceAt(halves.b, p.x, p.y)});
-  state->removed = SuppressFireflies(&state->halves, state->pool);
+  state->removed = SuppressFireflies(state->settings.fireflies, &state->halves, state->pool);
   if (state->removed.empty()) return;
   for (size_t i = 0; i < before.size(); ++i) {
     const LayerFragments::Pixel& p = state->fragments.pixels[i];
@@ -144,9 +147,9 @@ void RunSecondFilterings(LayerState* state) {
 
 void RunFireflyEnergy(LayerState* state) {
   const Candidate& first = state->candidates.front().picture;
-  state->firefly_energy =
-      ReturnRemoved(state->removed, Combine(first.a, first.b, state->halves.share_a.view(), state->pool),
-                    state->halves, state->geometry, state->settings.knee, state->pool);
+  state->firefly_energy = ReturnRemoved(
+      state->removed, Combine(first.a, first.b, state->halves.share_a.view(), state->pool), state->halves,
+      state->geometry, state->settings.knee, state->settings.fireflies, state->pool);
 }
 
 /// Moves the result towards a picture. Where a half has no sample of a fragment, the noisy layer says nothing of it.
@@ -183,8 +186,9 @@ void RunChoice(LayerState* state) {
     const Filtering& candidate = state->candidates[k];
     Move(candidate, choice.ShareOf(state->result.picture, candidate.picture, state->pool), false, state);
   }
+  const Filtering noisy = Noisy(*state);
+  Move(noisy, choice.ShareOf(state->result.picture, noisy.picture, state->pool), true, state);
   AddEnergy(state);
-  Move(state->noisy, choice.ShareOf(state->result.picture, state->noisy.picture, state->pool), true, state);
 }
 
 void RunWithoutChoice(LayerState* state) {
@@ -219,7 +223,6 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .pool = pool,
                    .halves = std::move(halves),
                    .fragments = std::move(fragments),
-                   .noisy = {},
                    .guide_noise = 0,
                    .removed = {},
                    .candidates = {},
@@ -227,7 +230,6 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .result = {}};
   if (!state.halves.has_noise_estimate) state.fragments = {};
   UseFragments(&state.fragments, &state.halves);
-  state.noisy = {{lumifold::Clone(state.halves.a), lumifold::Clone(state.halves.b)}, state.fragments.light};
   return state;
 }
 
@@ -249,7 +251,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
         .off_when = "one half alone; the remainder",
         .source = "Cycles' prefilter of features",
         .header = "filter/denoise/firefly.h",
-        .window_px = [](const Settings&) { return FireflyWindow(); }},
+        .window_px = [](const Settings& s) { return FireflyWindow(s.layer.fireflies); }},
        [](const LayerState& s) { return HasBothHalves(s) && !s.halves.is_difference; },
        RunFireflies},
       {{.name = "single-filtering",
@@ -285,7 +287,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
         .off_when = "nothing was removed",
         .source = "our own",
         .header = "filter/denoise/firefly.h",
-        .window_px = [](const Settings&) { return BlurWindow(kSpreadReachPx); }},
+        .window_px = [](const Settings& s) { return BlurWindow(s.layer.fireflies.spread_px); }},
        [](const LayerState& s) { return HasCandidates(s) && !s.removed.empty(); },
        RunFireflyEnergy},
       {{.name = "choice",
@@ -318,7 +320,7 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
     if (watch) watch(stage.info.name);
   }
   if (state.result.picture.a.empty() && HasCandidates(state)) RunWithoutChoice(&state);
-  if (state.result.picture.a.empty()) state.result = std::move(state.noisy);  // its filtering is switched off
+  if (state.result.picture.a.empty()) state.result = Noisy(state);  // its filtering is switched off
   RestoreUnits(product, scale, pool, &state.result);
   return {std::move(state.result), std::move(state.fragments)};
 }

@@ -20,7 +20,6 @@ struct LayerState {
 
   Halves halves;
   LayerFragments fragments;  // their light in the halves' unit
-  Filtering noisy;           // the halves with their fireflies
   float guide_noise = 0;     // RMS noise of one half of the first filtering's guide
   Planes removed;            // 3: what was removed as fireflies; empty: nothing was
   std::vector<Filtering> candidates;

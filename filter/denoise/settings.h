@@ -3,6 +3,8 @@
 #include <string_view>
 #include <vector>
 
+#include "filter/denoise/firefly.h"
+#include "filter/edges/regression.h"
 #include "filter/layers/choice.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/layers/product.h"
@@ -35,6 +37,9 @@ struct LayerSettings {
   /// From the smoothest to the sharpest.
   std::vector<TwicingParams> twicings = {{.range_factor = 0.6f, .reach_px = 24},
                                          {.range_factor = 0.3f, .reach_px = 8}};
+  /// Range of the features that a fragment shares with its pixel, whose patch mixes surfaces, over that of its own.
+  float mixed_range = 2;
+  FireflyParams fireflies;
   ChoiceParams choice;
   /// Where one half alone is known, its noise is a rough guess, and geometry guides far better than patches.
   SingleFilteringParams single = {.range_factor = 8, .manifolds = {.sigma_s = 8, .height = 5}};
@@ -43,6 +48,7 @@ struct LayerSettings {
 /// How a frame is filtered.
 struct Settings {
   LayerSettings layer;
+  RegressionParams regression;
   ProductParams products;
 };
 

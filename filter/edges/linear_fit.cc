@@ -5,8 +5,6 @@
 namespace lumifold::filter {
 namespace {
 
-/// Deviation of a slope's prior: over a term's unit, C changes by so many times F.
-constexpr float kExpectedSlope = 4;
 constexpr float kMinPower = 1e-3f;  // F^2 counts as at least this, over the mean's square
 constexpr float kMinRidge = 1e-5f;  // over the window's weight
 constexpr float kMaxRidge = 1;      // over the same
@@ -47,7 +45,7 @@ LinearModel LinearFit::Solve(const FitSample& centre) {
 
 float LinearFit::Ridge() const {
   const float weight = sums_[0][kSignals];
-  const float expected = kExpectedSlope * kExpectedSlope * (power_ + kMinPower * weight);
+  const float expected = slope_ * slope_ * (power_ + kMinPower * weight);
   return std::min(variance_ / expected, kMaxRidge * weight) + kMinRidge * weight;
 }
 

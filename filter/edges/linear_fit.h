@@ -23,6 +23,9 @@ using LinearModel = std::array<float, kTerms * kSignals>;
 /// normal around 0; noisier samples leave it more weight: Bayesian linear regression.
 class LinearFit {
  public:
+  /// `slope`: deviation of the prior; over a term's unit, C changes by so many times F.
+  explicit LinearFit(float slope) : slope_(slope) {}
+
   void Add(const FitSample& sample, const FitSample& centre, float weight);
 
   /// The model, of absolute terms. Consumes the sums.
@@ -37,6 +40,7 @@ class LinearFit {
   void AddTimes(float by, const std::array<float, kRowSize>& row, size_t i);
 
   std::array<std::array<float, kRowSize>, kTerms> sums_ = {};
+  float slope_;
   float variance_ = 0;
   float power_ = 0;
 };

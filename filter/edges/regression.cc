@@ -16,32 +16,34 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr int kRadius = 6;  // 13x13 window
 /// Models are fitted at every second pixel of every second row; pixels between take the mean of those around.
 constexpr int kModelStep = 2;
 constexpr float kMinModelWeight = 1;  // pixels with less weight of models around them are fitted themselves
-constexpr float kSigmaPixels = 4;
-constexpr float kSigmaSimilarity = 0.3f;  // of asinh(F / (kKnee * mean))
-constexpr float kKnee = 0.2f;
-constexpr float kMaxExponent = 4;  // weights below exp(-4) are left out of a window
-constexpr float kLogDistanceScale = 8;
+constexpr float kMaxExponent = 4;     // weights below exp(-4) are left out of a window
 constexpr float kMaxFeature = 10;
 constexpr float kMaxSignal = 1e12f;  // C over its mean: fourth powers must stay finite
 
 /// What the regression reads of one pixel.
 struct Sample {
   FitSample fit;
-  std::array<float, 3> similarity = {};  // asinh(F / kKnee)
+  std::array<float, 3> similarity = {};  // asinh(F / knee) / sigma_light
   bool is_usable = false;                // both halves are known and usable
 };
 
 float Bounded(float x) { return std::isfinite(x) ? std::clamp(x, -kMaxFeature, kMaxFeature) : 0.0f; }
 
+int RadiusOf(const RegressionParams& params) { return static_cast<int>(std::lround(1.5f * params.sigma_px)); }
+
 /// Reads samples of a frame and its filtered picture, all of which outlive it; light in units of `unit`.
 class SampleReader {
  public:
-  SampleReader(const Frame& frame, const SeenSurface& seen, const FrameChange& change, float unit)
-      : frame_(frame), seen_(seen), change_{ViewOf(change[0]), ViewOf(change[1])}, unit_(unit) {}
+  SampleReader(const Frame& frame, const SeenSurface& seen, const FrameChange& change,
+               const RegressionParams& params, float unit)
+      : frame_(frame),
+        seen_(seen),
+        change_{ViewOf(change[0]), ViewOf(change[1])},
+        params_(params),
+        unit_(unit) {}
 
   Sample At(int x, int y) const {
     Sample sample;
@@ -62,7 +64,7 @@ class SampleReader {
       sample.fit.row[9 + c] = -change_b;
       sample.fit.variance += (a - b) * (a - b) / 12;
       sample.fit.power += f * f / 3;
-      sample.similarity[c] = Asinh(f * (1.0f / kKnee));
+      sample.similarity[c] = Asinh(f * (1.0f / params_.knee)) * (1.0f / params_.sigma_light);
     }
     return sample;
   }
@@ -79,13 +81,14 @@ class SampleReader {
     const ConstColorView& glossy = frame_.glossy_albedo;
     if (!glossy[0].IsEmpty()) terms[8] = Bounded(LuminanceAt(glossy, x, y));
     const float distance = seen_.distance.At(x, y);
-    if (distance > 0 && std::isfinite(distance)) terms[9] = kLogDistanceScale * Log(distance);
+    if (distance > 0 && std::isfinite(distance)) terms[9] = params_.distance_scale * Log(distance);
     if (!frame_.roughness.IsEmpty()) terms[10] = Bounded(frame_.roughness.At(x, y));
   }
 
   const Frame& frame_;
   const SeenSurface& seen_;
   std::array<ConstColorView, 2> change_;
+  const RegressionParams& params_;
   float unit_;
 };
 
@@ -96,14 +99,16 @@ float Dissimilarity(const Sample& centre, const Sample& other) {
     const float difference = other.similarity[c] - centre.similarity[c];
     square += difference * difference;
   }
-  return square * (1.0f / (2 * kSigmaSimilarity * kSigmaSimilarity));
+  return 0.5f * square;
 }
 
 /// The samples of the pixels in the windows of those that are fitted.
 class SampleGrid {
  public:
-  SampleGrid(const SampleReader& reader, const Plane& is_mixed, TaskPool* pool)
-      : bounds_{0, 0, is_mixed.width(), is_mixed.height()},
+  SampleGrid(const SampleReader& reader, const Plane& is_mixed, const RegressionParams& params,
+             TaskPool* pool)
+      : params_(params),
+        bounds_{0, 0, is_mixed.width(), is_mixed.height()},
         sample_of_(static_cast<size_t>(bounds_.width()) * static_cast<size_t>(bounds_.height()), kOutside),
         model_of_(sample_of_.size(), kUnfitted) {
     const std::vector<std::array<int, 2>> read = PixelsInWindows(is_mixed);
@@ -132,6 +137,7 @@ class SampleGrid {
   int ModelOf(int x, int y) const { return model_of_[IndexOf(x, y)]; }
   int models() const { return models_; }
 
+  const RegressionParams& params() const { return params_; }
   const Rect& bounds() const { return bounds_; }
 
  private:
@@ -149,7 +155,7 @@ class SampleGrid {
     Planes mixed;
     mixed.push_back(is_mixed.Clone());
     const Plane ones = MakePlane(bounds_.width(), bounds_.height(), 1.0f);
-    const Plane near = std::move(BoxMeans(mixed, ones.view(), kRadius, nullptr)[0]);
+    const Plane near = std::move(BoxMeans(mixed, ones.view(), RadiusOf(params_), nullptr)[0]);
     std::vector<std::array<int, 2>> pixels;
     ForEachPixel(bounds_.width(), bounds_.height(), [&](int x, int y) {
       if (near.At(x, y) > 0) pixels.push_back({x, y});
@@ -157,6 +163,7 @@ class SampleGrid {
     return pixels;
   }
 
+  const RegressionParams params_;
   Rect bounds_;
   std::vector<int32_t> sample_of_;  // of each pixel
   std::vector<Sample> samples_;
@@ -168,12 +175,13 @@ class SampleGrid {
 /// distance in the picture and by the similarity of F.
 template <typename Body>
 void ForEachSimilar(const SampleGrid& grid, int x, int y, const Body& body) {
-  constexpr float kFalloff = 1.0f / (2 * kSigmaPixels * kSigmaPixels);
-  const Rect window = Inflate({x, y, x + 1, y + 1}, kRadius, grid.bounds());
+  const float sigma = grid.params().sigma_px;
+  const float falloff = 1.0f / (2 * sigma * sigma);
+  const Rect window = Inflate({x, y, x + 1, y + 1}, RadiusOf(grid.params()), grid.bounds());
   for (int j = window.y0; j < window.y1; ++j) {
     for (int i = window.x0; i < window.x1; ++i) {
       const auto square = static_cast<float>((i - x) * (i - x) + (j - y) * (j - y));
-      const float exponent = Dissimilarity(grid.At(x, y), grid.At(i, j)) + kFalloff * square;
+      const float exponent = Dissimilarity(grid.At(x, y), grid.At(i, j)) + falloff * square;
       if (exponent < kMaxExponent) body(i, j, Exp(-exponent));
     }
   }
@@ -181,7 +189,7 @@ void ForEachSimilar(const SampleGrid& grid, int x, int y, const Body& body) {
 
 LinearModel FitAt(const SampleGrid& grid, int x, int y) {
   const FitSample& centre = grid.At(x, y).fit;
-  LinearFit fit;
+  LinearFit fit(grid.params().slope);
   ForEachSimilar(grid, x, y, [&](int i, int j, float weight) {
     if (grid.At(i, j).is_usable) fit.Add(grid.At(i, j).fit, centre, weight);
   });
@@ -218,15 +226,15 @@ void ForEachFitted(const SampleGrid& grid, TaskPool* pool, absl::FunctionRef<voi
 
 }  // namespace
 
-int RegressionWindow() { return 2 * kRadius; }
+int RegressionWindow(const RegressionParams& params) { return 2 * RadiusOf(params); }
 
 std::vector<FrameChange> FitMixedPixels(const Frame& frame, const Plane& mixed, const FrameChange& change,
-                                        TaskPool* pool) {
+                                        const RegressionParams& params, TaskPool* pool) {
   const float unit = MeanMagnitude(frame.combined.mean, pool);
   if (!(unit > 0)) return {};
   const SeenSurface seen = SeenSurfaceOf(frame, pool);
-  const SampleReader reader(frame, seen, change, unit);
-  const SampleGrid grid(reader, mixed, pool);
+  const SampleReader reader(frame, seen, change, params, unit);
+  const SampleGrid grid(reader, mixed, params, pool);
   std::vector<LinearModel> models(static_cast<size_t>(grid.models()));
   ForEachFitted(grid, pool, [&](int x, int y) {
     if (grid.ModelOf(x, y) >= 0) models[static_cast<size_t>(grid.ModelOf(x, y))] = FitAt(grid, x, y);

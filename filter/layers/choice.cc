@@ -54,7 +54,7 @@ Choice::Choice(const Halves& halves, const Plane& light, const ChoiceParams& par
     : halves_(halves), params_(params), weight_(BothHalvesMask(halves)) {
   ForEachPixel(pool, halves.width(), halves.height(), [&](int x, int y) {
     float& weight = weight_.At(x, y);
-    if (weight > 0) weight = ErrorWeight(light.At(x, y));
+    if (weight > 0) weight = ErrorWeight(light.At(x, y), params.dim);
   });
 }
 

@@ -20,6 +20,7 @@ struct ChoiceParams {
   int narrow_radius = 3;
   int blend_radius = 4;    // px: window over which shares are smoothed
   float significance = 9;  // squared standard errors by which a share must differ before it counts
+  float dim = 0.3f;        // light over the mean below which errors count alike: ErrorWeight()
 };
 
 /// Side in pixels of the cells that wide windows are summed over.

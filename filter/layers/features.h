@@ -22,6 +22,9 @@ inline constexpr float kSigmaLogDepth = 0.05f;
 struct GeometryRanges {
   float normal = kSigmaNormal;
   float log_depth = kSigmaLogDepth;
+  /// Of the normal of the mirror itself, so that curved mirrors do not blur their reflections.
+  float mirror_normal = 0.6f;
+  float roughness = 0.1f;  // in the lobes
 };
 
 /// One geometry feature of unit normal n and distance z: n[0..2] / ranges.normal, ln(z) / ranges.log_depth.

@@ -12,9 +12,6 @@ namespace {
 
 constexpr float kWhollyValid = 0.999f;
 constexpr float kLeastValid = 0.06f;  // one of 16 sub-samples
-/// Range of the normal of the mirror itself, so that curved mirrors do not blur their reflections.
-constexpr float kSigmaMirrorNormal = 0.6f;
-constexpr float kSigmaRoughness = 0.1f;
 /// Margin of a box in pixels. Its edges are then moved outwards to whole bands and to multiples of kBoxColumns,
 /// so that coarse cells lie as in the whole frame.
 constexpr int kBoxMargin = 16;
@@ -103,7 +100,7 @@ void AddLobe(const Frame& frame, const LobeViews& lobe, const GeometryRanges& ra
   const ConstFloatView validity = product.validity.view();
   product.geometry = GeometryFeatures(GeometryOf(frame.surface, *box), validity, ranges, pool);
   if (!frame.roughness.IsEmpty())
-    AppendFeature(frame.roughness.Crop(*box), kSigmaRoughness, validity, &product.geometry);
+    AppendFeature(frame.roughness.Crop(*box), ranges.roughness, validity, &product.geometry);
   products->push_back(std::move(product));
 }
 
@@ -112,7 +109,7 @@ Planes LevelGeometry(const Frame& frame, const LevelViews& level, const Rect& bo
                      const GeometryRanges& ranges, TaskPool* pool) {
   Planes geometry = GeometryFeatures(GeometryOf(level.surface, box), validity, ranges, pool);
   for (const ConstFloatView& normal : Crop(frame.surface.normal, box))
-    AppendFeature(normal, kSigmaMirrorNormal, validity, &geometry);
+    AppendFeature(normal, ranges.mirror_normal, validity, &geometry);
   return geometry;
 }
 

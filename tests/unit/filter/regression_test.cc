@@ -62,7 +62,7 @@ Picture MeanAfter(const FrameChange& change, const Frame& frame) {
 /// F + the fit of C - F, and the fit of C.
 std::array<Picture, 2> FitsOf(const Frame& frame, const Picture& picture) {
   const std::vector<FrameChange> fits =
-      FitMixedPixels(frame, MixedPixelsOf(frame), ChangeTo(picture, frame), nullptr);
+      FitMixedPixels(frame, MixedPixelsOf(frame), ChangeTo(picture, frame), {}, nullptr);
   EXPECT_EQ(fits.size(), 2u);
   return {MeanAfter(fits[0], frame), MeanAfter(fits[1], frame)};
 }
@@ -71,7 +71,7 @@ std::array<Picture, 2> FitsOf(const Frame& frame, const Picture& picture) {
 void Regress(const Frame& frame, Picture* picture) {
   const Plane mixed = MixedPixelsOf(frame);
   FrameChange change = ChangeTo(*picture, frame);
-  ChooseChange(frame, mixed, FitMixedPixels(frame, mixed, change, nullptr), {}, nullptr, &change);
+  ChooseChange(frame, mixed, FitMixedPixels(frame, mixed, change, {}, nullptr), {}, {}, nullptr, &change);
   *picture = MeanAfter(change, frame);
 }
 
@@ -210,7 +210,7 @@ TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {
   const LayeredImage edges = EdgeSet();
   const Frame frame(film, &edges);
   const FrameChange change = ChangeTo(PictureWithEdge(1.4f), frame);
-  for (const FrameChange& fit : FitMixedPixels(frame, MixedPixelsOf(frame), change, nullptr)) {
+  for (const FrameChange& fit : FitMixedPixels(frame, MixedPixelsOf(frame), change, {}, nullptr)) {
     for (int y = 0; y < kHeight; ++y)
       EXPECT_EQ(fit[0][0].At(kEdgeColumn, y), change[0][0].At(kEdgeColumn, y));
   }

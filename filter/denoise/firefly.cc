@@ -126,13 +126,13 @@ bool Suppress(Planes* half, float other, const Outlier& outlier, float sigmas, f
 
 }  // namespace
 
-Planes SuppressFireflies(const FireflyParams& params, Halves* halves, TaskPool* pool) {
+Planes SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves, TaskPool* pool) {
   if (!halves->has_noise_estimate || halves->is_difference) return {};
   const int width = halves->width();
   const int height = halves->height();
   const Planes mean = Combine(halves->a, halves->b, halves->share_a.view(), pool);
   const Plane luminance = PaddedLuminance(mean, halves->weight, params.radius, pool);
-  const Plane noise = RelativeNoise(*halves, params.noise_radius, pool);
+  const Plane noise = RelativeNoise(*halves, noise_radius, pool);
   Planes removed = MakePlanes(3, width, height);
   std::atomic<bool> is_any{false};
   ForEachBand(pool, height, [&](int, int y0, int y1) {
@@ -164,8 +164,6 @@ Planes SuppressFireflies(const FireflyParams& params, Halves* halves, TaskPool* 
   return is_any ? std::move(removed) : Planes{};
 }
 
-int FireflyWindow(const FireflyParams& params) { return std::max(params.radius, params.noise_radius); }
-
 namespace {
 
 /// What ReturnRemoved() knows of the energy around each pixel.
@@ -181,13 +179,12 @@ float SignOf(int x, int y) {
 }
 
 Spread SpreadAround(const Planes& removed, const Planes& guide, ConstFloatView weight,
-                    const FireflyParams& firefly, TaskPool* pool) {
+                    const ManifoldParams& manifolds, TaskPool* pool) {
   Planes signals = Clone(removed);
   signals.emplace_back(weight.width(), weight.height());
   ForEachPixel(pool, weight.width(), weight.height(),
                [&](int x, int y) { signals[3].At(x, y) = SignOf(x, y) * LuminanceAt(removed, x, y); });
-  const ManifoldParams params = {.sigma_s = firefly.spread_px, .height = firefly.spread_height};
-  Planes spread = ManifoldFilter(signals, guide, weight, params, pool);
+  Planes spread = ManifoldFilter(signals, guide, weight, manifolds, pool);
   Spread out;
   out.with_signs = std::move(spread.back());
   spread.pop_back();
@@ -238,12 +235,13 @@ void ReturnRest(const Planes& removed, const Planes& light, ConstFloatView weigh
 }  // namespace
 
 Planes ReturnRemoved(const Planes& removed, const Planes& light, const Halves& halves, const Planes& geometry,
-                     float knee, const FireflyParams& params, TaskPool* pool) {
+                     float knee, float reach_px, const FireflyParams& params, TaskPool* pool) {
   const ConstFloatView weight = halves.weight.view();
   Planes guide = Clone(geometry);
   for (const Plane& channel : Stabilise(light, knee * halves.level, halves.level, pool))
     AppendFeature(channel.view(), params.spread_light, weight, &guide);
-  Spread spread = SpreadAround(removed, guide, weight, params, pool);
+  Spread spread =
+      SpreadAround(removed, guide, weight, {.sigma_s = reach_px, .height = params.spread_height}, pool);
   ForEachPixel(pool, weight.width(), weight.height(), [&](int x, int y) {
     const float part = SharedPart(LuminanceAt(spread.energy, x, y), spread.with_signs.At(x, y));
     for (Plane& channel : spread.energy) channel.At(x, y) *= part;

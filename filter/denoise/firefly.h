@@ -10,10 +10,8 @@ struct FireflyParams {
   int radius = 2;          // px: the neighbourhood that sets the bound
   float quantile = 0.75f;  // of the neighbourhood's luminance
   float excess = 2;        // the bound over that quantile
-  int noise_radius = 12;   // px: the window of the relative noise
   float sigmas = 3;        // deviations by which noise explains what both halves show
   // Of what spreads the removed energy, where geometry and light vary little.
-  float spread_px = 16;
   float spread_light = 1.7f;  // range of a channel, stabilised
   int spread_height = 3;      // of the manifold tree
 };
@@ -23,22 +21,19 @@ struct FireflyParams {
 /// of the excess over the bound. Where both show it, as both may have hit a firefly, the relative noise of a window
 /// around must explain it, and the pixel must be brighter than each neighbour by `excess`. Layers that are differences
 /// of light stay: they are mostly near 0, so that all detail would be an outlier.
-/// Shapes:  result: what was removed, as a part of X, 3 planes; empty where nothing was.
+/// Shapes:  `noise_radius`: of that window, in pixels; result: what was removed, as a part of X, 3 planes; empty where nothing was.
 /// Threads: identical for any pool.
 /// Source:  the outlier test of Cycles' feature prefilter.
-Planes SuppressFireflies(const FireflyParams& params, Halves* halves, TaskPool* pool);
-
-/// Radius in pixels of what SuppressFireflies() reads for a pixel.
-int FireflyWindow(const FireflyParams& params);
+Planes SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves, TaskPool* pool);
 
 /// The energy that SuppressFireflies() removed, where it is to be added again. It is spread over pixels of similar
 /// light on the same surface nearby, as far as several outliers say that it belongs there: a sum of n equal terms
 /// stands by 1 - 1/n on average, so that one outlier alone returns nothing, however small its surface is. What is left is added to all of the layer in
 /// proportion to its light, by the same rule.
 /// Shapes:  removed, light: 3 planes, `light` without noise; geometry: features; result: 3 planes; all of the
-///          layer's size. `knee`: as in MakeGuide().
+///          layer's size. `knee`: as in MakeGuide(); `reach_px`: of the spread.
 /// Threads: identical for any pool.
 Planes ReturnRemoved(const Planes& removed, const Planes& light, const Halves& halves, const Planes& geometry,
-                     float knee, const FireflyParams& params, TaskPool* pool);
+                     float knee, float reach_px, const FireflyParams& params, TaskPool* pool);
 
 }  // namespace lumifold::filter

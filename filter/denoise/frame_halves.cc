@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "filter/layers/mixed_pixels.h"
+
 namespace lumifold::filter {
 namespace {
 
@@ -18,9 +20,9 @@ void MoveTowards(const FrameChange& to, const Plane& share, TaskPool* pool, Fram
 }
 
 /// What takes the fireflies out of C. `halves`: of C; as they were afterwards.
-FrameChange WithoutFireflies(const FireflyParams& params, TaskPool* pool, Halves* halves) {
+FrameChange WithoutFireflies(const LayerSettings& settings, TaskPool* pool, Halves* halves) {
   FrameChange noisy = {Clone(halves->a), Clone(halves->b)};
-  SuppressFireflies(params, halves, pool);
+  SuppressFireflies(settings.fireflies, settings.choice.wide_radius, halves, pool);
   FrameChange change = {std::move(halves->a), std::move(halves->b)};
   for (size_t h = 0; h < 2; ++h) {
     for (size_t c = 0; c < 3; ++c) {
@@ -46,13 +48,12 @@ void AddEmissionChange(const FragmentSet& set, FrameChange* change) {
 }
 
 void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,
-                  const ChoiceParams& params, const FireflyParams& fireflies, TaskPool* pool,
-                  FrameChange* change) {
+                  const LayerSettings& settings, TaskPool* pool, FrameChange* change) {
   const Plane ones = MakePlane(frame.width, frame.height, 1.0f);
   Halves halves =
       MakeHalves({frame.combined.a, frame.combined.b, frame.samples.a, frame.samples.b}, ones.view(), pool);
   if (halves.level == 0) return;
-  halves.is_mixed = mixed.Clone();
+  halves.is_mixed = MixedPart(mixed, frame.bounds());
   // The picture of a change, in the halves' unit.
   const auto picture_of = [&](const FrameChange& of) {
     Candidate picture = {Clone(halves.a), Clone(halves.b)};
@@ -65,12 +66,12 @@ void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fram
     }
     return picture;
   };
-  const Choice choice(halves, LightOf(halves, picture_of(*change), pool), params, pool);
+  const Choice choice(halves, LightOf(halves, picture_of(*change), pool), settings.choice, pool);
   const auto compare = [&](const FrameChange& with) {
     MoveTowards(with, choice.ShareOf(picture_of(*change), picture_of(with), pool), pool, change);
   };
   for (const FrameChange& candidate : candidates) compare(candidate);
-  compare(WithoutFireflies(fireflies, pool, &halves));
+  compare(WithoutFireflies(settings, pool, &halves));
 }
 
 }  // namespace lumifold::filter

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "filter/denoise/firefly.h"
+#include "filter/denoise/settings.h"
 #include "filter/layers/choice.h"
 #include "filter/layers/fragments.h"
 #include "filter/layers/frame.h"
@@ -17,7 +17,6 @@ void AddEmissionChange(const FragmentSet& set, FrameChange* change);
 /// halves of C show that it lowers the error (Choice). `mixed`: as Halves::is_mixed.
 /// Threads: identical for any pool.
 void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,
-                  const ChoiceParams& params, const FireflyParams& fireflies, TaskPool* pool,
-                  FrameChange* change);
+                  const LayerSettings& settings, TaskPool* pool, FrameChange* change);
 
 }  // namespace lumifold::filter

@@ -23,7 +23,7 @@ bool HasBothHalves(const FrameState& state) {
 
 FilteredLayer FilterProduct(const FrameState& state, Product* product) {
   const FragmentSet& set = state.fragments;
-  product->is_mixed = Clone(state.mixed.view().Crop(product->box));
+  product->is_mixed = MixedPart(state.mixed, product->box);
   LayerFragments fragments = LayerFragmentsOf(state.frame, set, *product, state.settings.products.ranges);
   UseDominantFeatures(fragments, &product->geometry);
   return RunLayer(state.layer_stages, state.settings.layer, *product, std::move(fragments), state.off,
@@ -36,7 +36,7 @@ void RunLayers(FrameState* state) {
   const Frame& frame = state->frame;
   std::vector<Product> products = ProductsOf(frame, state->settings.products, state->pool);
   state->hits = products.front().box;
-  state->mixed = MixedPixelsOf(frame);
+  state->mixed = MixedPixelsOf(frame, state->settings.mixed_albedo);
   state->change = NoChange(frame);
   AddEmissionChange(state->fragments, &state->change);
   state->rest = WithoutEmission(frame, state->pool);
@@ -58,12 +58,13 @@ void RunRemainder(FrameState* state) {
 
 void RunRegression(FrameState* state) {
   state->candidates =
-      FitMixedPixels(state->frame, state->mixed, state->change, state->settings.regression, state->pool);
+      FitMixedPixels(state->frame, state->mixed, state->change, state->settings.regression,
+                     state->settings.layer.knee, state->settings.products.ranges, state->pool);
 }
 
 void RunFrameChoice(FrameState* state) {
-  ChooseChange(state->frame, state->mixed, state->candidates, state->settings.layer.choice,
-               state->settings.layer.fireflies, state->pool, &state->change);
+  ChooseChange(state->frame, state->mixed, state->candidates, state->settings.layer, state->pool,
+               &state->change);
 }
 
 void RunRecombination(FrameState* state) {

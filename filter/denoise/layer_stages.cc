@@ -107,7 +107,8 @@ void RunFireflies(LayerState* state) {
   const Halves& halves = state->halves;
   for (const LayerFragments::Pixel& p : state->fragments.pixels)
     before.push_back({LuminanceAt(halves.a, p.x, p.y), LuminanceAt(halves.b, p.x, p.y)});
-  state->removed = SuppressFireflies(state->settings.fireflies, &state->halves, state->pool);
+  state->removed = SuppressFireflies(state->settings.fireflies, state->settings.choice.wide_radius,
+                                     &state->halves, state->pool);
   if (state->removed.empty()) return;
   for (size_t i = 0; i < before.size(); ++i) {
     const LayerFragments::Pixel& p = state->fragments.pixels[i];
@@ -126,30 +127,45 @@ void RunFirstFiltering(LayerState* state) {
   const FeaturePair features =
       MakeFeatures(std::move(guide), state->halves, settings.patches,
                    settings.range_factor * state->guide_noise, state->geometry, state->pool);
-  Half a = FilterHalf(*state, 0, features.b, settings.first_manifolds, settings.first_reach_px, nullptr);
-  Half b = FilterHalf(*state, 1, features.a, settings.first_manifolds, settings.first_reach_px, nullptr);
+  Half a = FilterHalf(*state, 0, features.b, settings.first_manifolds, settings.reach_px, nullptr);
+  Half b = FilterHalf(*state, 1, features.a, settings.first_manifolds, settings.reach_px, nullptr);
   state->candidates.push_back(Pair(std::move(a), std::move(b)));
+}
+
+/// Multiplies the coordinates of patches, which come before the geometry.
+void ScalePatches(float by, size_t geometry, TaskPool* pool, Planes* features) {
+  for (size_t k = 0; k + geometry < features->size(); ++k) {
+    Plane& plane = (*features)[k];
+    ForEachPixel(pool, plane.width(), plane.height(), [&](int x, int y) { plane.At(x, y) *= by; });
+  }
 }
 
 void RunSecondFilterings(LayerState* state) {
   const LayerSettings& settings = state->settings;
-  for (const TwicingParams& twicing : settings.twicings) {
-    const Filtering& first = state->candidates.front();
-    Guide guide = MakeGuide(state->halves, first.picture.a, first.picture.b, settings.knee, state->pool);
-    const FeaturePair features =
-        MakeFeatures(std::move(guide), state->halves, settings.second_patches,
-                     twicing.range_factor * state->guide_noise, state->geometry, state->pool);
-    Half a = FilterHalf(*state, 0, features.b, twicing.manifolds, twicing.reach_px, &first);
-    Half b = FilterHalf(*state, 1, features.a, twicing.manifolds, twicing.reach_px, &first);
+  const Candidate& first = state->candidates.front().picture;
+  float range = settings.twicing_ranges.front();
+  FeaturePair features =
+      MakeFeatures(MakeGuide(state->halves, first.a, first.b, settings.knee, state->pool), state->halves,
+                   settings.second_patches, range * state->guide_noise, state->geometry, state->pool);
+  for (const float next : settings.twicing_ranges) {
+    if (next != range) {
+      for (Planes* half : {&features.a, &features.b})
+        ScalePatches(range / next, state->geometry.size(), state->pool, half);
+      range = next;
+    }
+    const Filtering& base = state->candidates.front();
+    Half a = FilterHalf(*state, 0, features.b, settings.twicing_manifolds, settings.reach_px, &base);
+    Half b = FilterHalf(*state, 1, features.a, settings.twicing_manifolds, settings.reach_px, &base);
     state->candidates.push_back(Pair(std::move(a), std::move(b)));
   }
 }
 
 void RunFireflyEnergy(LayerState* state) {
   const Candidate& first = state->candidates.front().picture;
-  state->firefly_energy = ReturnRemoved(
-      state->removed, Combine(first.a, first.b, state->halves.share_a.view(), state->pool), state->halves,
-      state->geometry, state->settings.knee, state->settings.fireflies, state->pool);
+  state->firefly_energy =
+      ReturnRemoved(state->removed, Combine(first.a, first.b, state->halves.share_a.view(), state->pool),
+                    state->halves, state->geometry, state->settings.knee, state->settings.reach_px,
+                    state->settings.fireflies, state->pool);
 }
 
 /// Moves the result towards a picture. Where a half has no sample of a fragment, the noisy layer says nothing of it.
@@ -210,11 +226,7 @@ bool HasCandidates(const LayerState& state) { return !state.candidates.empty(); 
 
 constexpr char kManifoldSource[] = "Gastal & Oliveira 2012; Gruzdev et al. 2015";
 
-int TwicingWindow(const Settings& settings) {
-  float reach = 0;
-  for (const TwicingParams& twicing : settings.layer.twicings) reach = std::max(reach, twicing.reach_px);
-  return BlurWindow(reach);
-}
+int ReachWindow(const Settings& settings) { return BlurWindow(settings.layer.reach_px); }
 
 LayerState Open(const LayerSettings& settings, const Product& product, Halves halves,
                 LayerFragments fragments, TaskPool* pool) {
@@ -251,7 +263,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
         .off_when = "one half alone; the remainder",
         .source = "Cycles' prefilter of features",
         .header = "filter/denoise/firefly.h",
-        .window_px = [](const Settings& s) { return FireflyWindow(s.layer.fireflies); }},
+        .window_px = [](const Settings& s) { return s.layer.choice.wide_radius; }},
        [](const LayerState& s) { return HasBothHalves(s) && !s.halves.is_difference; },
        RunFireflies},
       {{.name = "single-filtering",
@@ -269,7 +281,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
         .off_when = "one half alone",
         .source = kManifoldSource,
         .header = "filter/manifold/manifold_filter.h",
-        .window_px = [](const Settings& s) { return BlurWindow(s.layer.first_reach_px); }},
+        .window_px = ReachWindow},
        HasBothHalves,
        RunFirstFiltering},
       {{.name = "second-filtering",
@@ -278,7 +290,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
         .off_when = "one half alone",
         .source = "twicing: Tukey 1977",
         .header = "filter/manifold/manifold_filter.h",
-        .window_px = TwicingWindow},
+        .window_px = ReachWindow},
        HasCandidates,
        RunSecondFilterings},
       {{.name = "firefly-energy",
@@ -287,7 +299,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
         .off_when = "nothing was removed",
         .source = "our own",
         .header = "filter/denoise/firefly.h",
-        .window_px = [](const Settings& s) { return BlurWindow(s.layer.fireflies.spread_px); }},
+        .window_px = ReachWindow},
        [](const LayerState& s) { return HasCandidates(s) && !s.removed.empty(); },
        RunFireflyEnergy},
       {{.name = "choice",

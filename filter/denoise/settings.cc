@@ -7,28 +7,7 @@
 namespace lumifold::filter {
 namespace {
 
-template <typename Number>
-Number RoundTo(float value) {
-  return static_cast<Number>(std::is_integral_v<Number> ? std::max(1.0f, std::round(value)) : value);
-}
-
-/// `At(settings)`: a reference to the number.
-template <auto At>
-constexpr TunedConstant Constant(std::string_view name, std::string_view unit) {
-  return {name, unit, [](const Settings& settings) { return static_cast<float>(At(settings)); },
-          [](Settings* settings, float value) {
-            auto& number = At(*settings);
-            number = RoundTo<std::remove_reference_t<decltype(number)>>(value);
-          }};
-}
-
-/// A height of a tree, as the number of its manifolds, 2^height - 1.
-template <auto At>
-constexpr TunedConstant Manifolds(std::string_view name) {
-  return {name, "manifolds",
-          [](const Settings& settings) { return std::exp2(static_cast<float>(At(settings))) - 1; },
-          [](Settings* settings, float value) { At(*settings) = RoundTo<int>(std::log2(value + 1)); }};
-}
+constexpr std::string_view kManifolds = "manifolds";  // of a tree of height h: 2^h - 1
 
 }  // namespace
 
@@ -39,74 +18,75 @@ Settings DefaultSettings() {
   return settings;
 }
 
+float TunedConstant::Get(Settings settings) const {
+  const float value =
+      std::visit([](const auto* number) { return static_cast<float>(*number); }, at(settings));
+  return unit == kManifolds ? std::exp2(value) - 1 : value;
+}
+
+void TunedConstant::Set(Settings* settings, float value) const {
+  const float stored = unit == kManifolds ? std::log2(value + 1) : value;
+  std::visit(
+      [&](auto* number) {
+        using Type = std::remove_pointer_t<decltype(number)>;
+        *number = static_cast<Type>(std::is_integral_v<Type> ? std::max(1.0f, std::round(stored)) : stored);
+      },
+      at(*settings));
+}
+
 const std::vector<TunedConstant>& TunedConstants() {
+  using Number = TunedConstant::Number;
   static const std::vector<TunedConstant> constants = {
-      Constant < [](auto& s) -> auto& {return s.layer.patches.radius;
-}
-> ("patch-radius", "px"), Constant < [](auto& s) -> auto& { return s.layer.patches.most_dimensions; }
-> ("patch-dimensions", ""), Constant < [](auto& s) -> auto& { return s.layer.patches.explained_variance; }
-> ("explained-variance", ""), Constant < [](auto& s) -> auto& { return s.layer.second_patches.radius; }
-> ("second-patch-radius", "px"), Constant < [](auto& s) -> auto& { return s.layer.knee; }
-> ("knee", "mean of the layer"), Constant < [](auto& s) -> auto& { return s.layer.range_factor; }
-> ("first-range", "noise of the guide"), Constant < [](auto& s) -> auto& {
-  return s.layer.first_manifolds.sigma_s;
-}
-> ("first-spacing", "px"), Manifolds < [](auto& s) -> auto& { return s.layer.first_manifolds.height; }
-> ("first-manifolds"), Constant < [](auto& s) -> auto& { return s.layer.first_reach_px; }
-> ("first-reach", "px"), Constant < [](auto& s) -> auto& { return s.layer.twicings.front().range_factor; }
-> ("second-range", "noise of the guide"), Constant < [](auto& s) -> auto& {
-  return s.layer.twicings.front().manifolds.sigma_s;
-}
-> ("second-spacing", "px"), Manifolds < [](auto& s) -> auto& {
-  return s.layer.twicings.front().manifolds.height;
-}
-> ("second-manifolds"), Constant < [](auto& s) -> auto& { return s.layer.twicings.front().reach_px; }
-> ("second-reach", "px"), Constant < [](auto& s) -> auto& { return s.layer.twicings.back().range_factor; }
-> ("third-range", "noise of the guide"), Constant < [](auto& s) -> auto& {
-  return s.layer.twicings.back().reach_px;
-}
-> ("third-reach", "px"), Constant < [](auto& s) -> auto& { return s.layer.single.range_factor; }
-> ("single-range", "noise of the layer"), Constant < [](auto& s) -> auto& {
-  return s.layer.single.manifolds.sigma_s;
-}
-> ("single-reach", "px"), Constant < [](auto& s) -> auto& { return s.layer.mixed_range; }
-> ("mixed-range", "range"), Constant < [](auto& s) -> auto& { return s.products.ranges.normal; }
-> ("sigma-normal", "chord of unit normals"), Constant < [](auto& s) -> auto& {
-  return s.products.ranges.log_depth;
-}
-> ("sigma-log-depth", "logarithm of the distance"), Constant < [](auto& s) -> auto& {
-  return s.products.ranges.mirror_normal;
-}
-> ("sigma-mirror-normal", "chord of unit normals"), Constant < [](auto& s) -> auto& {
-  return s.products.ranges.roughness;
-}
-> ("sigma-roughness", ""), Constant < [](auto& s) -> auto& { return s.layer.choice.widest_radius; }
-> ("widest-window", "px"), Constant < [](auto& s) -> auto& { return s.layer.choice.wide_radius; }
-> ("wide-window", "px"), Constant < [](auto& s) -> auto& { return s.layer.choice.narrow_radius; }
-> ("narrow-window", "px"), Constant < [](auto& s) -> auto& { return s.layer.choice.blend_radius; }
-> ("blend-radius", "px"), Constant < [](auto& s) -> auto& { return s.layer.choice.significance; }
-> ("significance", "squared standard errors"), Constant < [](auto& s) -> auto& { return s.layer.choice.dim; }
-> ("dim", "mean of the layer"), Constant < [](auto& s) -> auto& { return s.layer.fireflies.radius; }
-> ("firefly-radius", "px"), Constant < [](auto& s) -> auto& { return s.layer.fireflies.excess; }
-> ("firefly-excess", ""), Constant < [](auto& s) -> auto& { return s.layer.fireflies.noise_radius; }
-> ("firefly-noise-radius", "px"), Constant < [](auto& s) -> auto& { return s.layer.fireflies.sigmas; }
-> ("firefly-sigmas", "standard deviations"), Constant < [](auto& s) -> auto& {
-  return s.layer.fireflies.spread_px;
-}
-> ("firefly-reach", "px"), Constant < [](auto& s) -> auto& { return s.layer.fireflies.spread_light; }
-> ("firefly-light", "stabilised light"), Manifolds < [](auto& s) -> auto& {
-  return s.layer.fireflies.spread_height;
-}
-> ("firefly-manifolds"), Constant < [](auto& s) -> auto& { return s.regression.sigma_px; }
-> ("fit-reach", "px"), Constant < [](auto& s) -> auto& { return s.regression.sigma_light; }
-> ("fit-light", "stabilised light"), Constant < [](auto& s) -> auto& { return s.regression.knee; }
-> ("fit-knee", "mean of the picture"), Constant < [](auto& s) -> auto& { return s.regression.slope; }
-> ("fit-slope", "F over the unit of a term"), Constant < [](auto& s) -> auto& {
-  return s.regression.distance_scale;
-}
-> ("fit-distance", ""),
-};  // namespace lumifold::filter
-return constants;
+      {"patch-radius", "px", [](Settings& s) { return Number(&s.layer.patches.radius); }},
+      {"patch-dimensions", "", [](Settings& s) { return Number(&s.layer.patches.most_dimensions); }},
+      {"explained-variance", "", [](Settings& s) { return Number(&s.layer.patches.explained_variance); }},
+      {"second-patch-radius", "px", [](Settings& s) { return Number(&s.layer.second_patches.radius); }},
+      {"knee", "mean of the layer", [](Settings& s) { return Number(&s.layer.knee); }},
+      {"reach", "px", [](Settings& s) { return Number(&s.layer.reach_px); }},
+      {"first-range", "noise of the guide", [](Settings& s) { return Number(&s.layer.range_factor); }},
+      {"first-spacing", "px", [](Settings& s) { return Number(&s.layer.first_manifolds.sigma_s); }},
+      {"first-manifolds", "manifolds", [](Settings& s) { return Number(&s.layer.first_manifolds.height); }},
+      {"slope-ridge", "squared reach",
+       [](Settings& s) { return Number(&s.layer.first_manifolds.slope_ridge); }},
+      {"second-range", "noise of the guide",
+       [](Settings& s) { return Number(&s.layer.twicing_ranges.front()); }},
+      {"third-range", "noise of the guide",
+       [](Settings& s) { return Number(&s.layer.twicing_ranges.back()); }},
+      {"twicing-spacing", "px", [](Settings& s) { return Number(&s.layer.twicing_manifolds.sigma_s); }},
+      {"twicing-manifolds", "manifolds",
+       [](Settings& s) { return Number(&s.layer.twicing_manifolds.height); }},
+      {"single-range", "noise of the layer",
+       [](Settings& s) { return Number(&s.layer.single.range_factor); }},
+      {"single-reach", "px", [](Settings& s) { return Number(&s.layer.single.manifolds.sigma_s); }},
+      {"single-manifolds", "manifolds", [](Settings& s) { return Number(&s.layer.single.manifolds.height); }},
+      {"mixed-range", "range", [](Settings& s) { return Number(&s.layer.mixed_range); }},
+      {"mixed-albedo", "", [](Settings& s) { return Number(&s.mixed_albedo); }},
+      {"sigma-normal", "chord of unit normals",
+       [](Settings& s) { return Number(&s.products.ranges.normal); }},
+      {"sigma-log-depth", "logarithm of the distance",
+       [](Settings& s) { return Number(&s.products.ranges.log_depth); }},
+      {"sigma-roughness", "", [](Settings& s) { return Number(&s.products.ranges.roughness); }},
+      {"widest-window", "px", [](Settings& s) { return Number(&s.layer.choice.widest_radius); }},
+      {"wide-window", "px", [](Settings& s) { return Number(&s.layer.choice.wide_radius); }},
+      {"narrow-window", "px", [](Settings& s) { return Number(&s.layer.choice.narrow_radius); }},
+      {"blend-radius", "px", [](Settings& s) { return Number(&s.layer.choice.blend_radius); }},
+      {"significance", "squared standard errors",
+       [](Settings& s) { return Number(&s.layer.choice.significance); }},
+      {"dim", "mean of the layer", [](Settings& s) { return Number(&s.layer.choice.dim); }},
+      {"firefly-radius", "px", [](Settings& s) { return Number(&s.layer.fireflies.radius); }},
+      {"firefly-quantile", "", [](Settings& s) { return Number(&s.layer.fireflies.quantile); }},
+      {"firefly-excess", "", [](Settings& s) { return Number(&s.layer.fireflies.excess); }},
+      {"firefly-sigmas", "standard deviations",
+       [](Settings& s) { return Number(&s.layer.fireflies.sigmas); }},
+      {"firefly-light", "stabilised light",
+       [](Settings& s) { return Number(&s.layer.fireflies.spread_light); }},
+      {"firefly-manifolds", "manifolds",
+       [](Settings& s) { return Number(&s.layer.fireflies.spread_height); }},
+      {"fit-reach", "px", [](Settings& s) { return Number(&s.regression.sigma_px); }},
+      {"fit-light", "stabilised light", [](Settings& s) { return Number(&s.regression.sigma_light); }},
+      {"fit-slope", "F over the unit of a term", [](Settings& s) { return Number(&s.regression.slope); }},
+  };
+  return constants;
 }
 
 }  // namespace lumifold::filter

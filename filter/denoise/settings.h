@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "filter/denoise/firefly.h"
@@ -18,25 +19,19 @@ struct SingleFilteringParams {
   ManifoldParams manifolds;
 };
 
-/// A further filtering of what the first one leaves.
-struct TwicingParams {
-  float range_factor = 0.3f;  // sigma_q over the noise of the half that guides
-  float reach_px = 6;
-  ManifoldParams manifolds = {.sigma_s = 2, .height = 4};
-};
-
 /// How one layer is filtered. The defaults are those of the "default" method.
 struct LayerSettings {
   PatchParams patches;                           // of the noisy layer
   PatchParams second_patches = {1, 3, 6, 0.95};  // of the first filtering's result
   float range_factor = 1.8f;  // sigma_q of the first filtering, over the noise of the half that guides
   float knee = 0.2f;          // of the stabilised guide, over the layer's mean
-  // The manifolds of both filterings are close to each other, since they have to follow fine detail.
+  // The manifolds of all filterings are close to each other, since they have to follow fine detail.
   ManifoldParams first_manifolds = {.sigma_s = 7, .height = 5, .cell = 4, .is_first_order = true};
-  float first_reach_px = 12;
-  /// From the smoothest to the sharpest.
-  std::vector<TwicingParams> twicings = {{.range_factor = 0.6f, .reach_px = 24},
-                                         {.range_factor = 0.3f, .reach_px = 8}};
+  float reach_px = 16;  // of the blur along the manifolds, of all filterings and of the energy of fireflies
+  /// Of the further filterings of what the first one leaves: sigma_q over the noise of the half that guides, from the
+  /// widest to the narrowest.
+  std::vector<float> twicing_ranges = {0.6f, 0.3f};
+  ManifoldParams twicing_manifolds = {.sigma_s = 2, .height = 4};
   /// Range of the features that a fragment shares with its pixel, whose patch mixes surfaces, over that of its own.
   float mixed_range = 2;
   FireflyParams fireflies;
@@ -50,6 +45,9 @@ struct Settings {
   LayerSettings layer;
   RegressionParams regression;
   ProductParams products;
+  /// Glossy albedo above which nearly all light of a pixel is glossy: what it mirrors tells such pixels apart, the
+  /// features do not. They are mixed pixels.
+  float mixed_albedo = 0.5f;
 };
 
 /// The "default" method's settings.
@@ -57,13 +55,19 @@ Settings DefaultSettings();
 
 /// A number of the default method that was chosen by measurement. Halving and doubling it has a meaning.
 struct TunedConstant {
+  using Number = std::variant<float*, double*, int*>;
+
   std::string_view name;
-  std::string_view unit;  // "" for a pure number
-  float (*get)(const Settings&);
-  void (*set)(Settings*, float);
+  std::string_view unit;  // "" for a pure number; the height of a tree counts as the number of its manifolds
+  Number (*at)(Settings&);
+
+  float Get(Settings settings) const;
+  /// Rounds what has to be whole.
+  void Set(Settings* settings, float value) const;
 };
 
-/// The tuned constants of the default method.
+/// All tuned constants of the default method. What is not among them are limits that keep numbers finite, and sizes of
+/// blocks and cells.
 const std::vector<TunedConstant>& TunedConstants();
 
 }  // namespace lumifold::filter

@@ -37,12 +37,14 @@ int RadiusOf(const RegressionParams& params) { return static_cast<int>(std::lrou
 /// Reads samples of a frame and its filtered picture, all of which outlive it; light in units of `unit`.
 class SampleReader {
  public:
-  SampleReader(const Frame& frame, const SeenSurface& seen, const FrameChange& change,
-               const RegressionParams& params, float unit)
+  SampleReader(const Frame& frame, const SeenSurface& seen, const FrameChange& change, float sigma_light,
+               float knee, const GeometryRanges& ranges, float unit)
       : frame_(frame),
         seen_(seen),
         change_{ViewOf(change[0]), ViewOf(change[1])},
-        params_(params),
+        inverse_sigma_(1.0f / sigma_light),
+        inverse_knee_(1.0f / knee),
+        ranges_(ranges),
         unit_(unit) {}
 
   Sample At(int x, int y) const {
@@ -64,7 +66,7 @@ class SampleReader {
       sample.fit.row[9 + c] = -change_b;
       sample.fit.variance += (a - b) * (a - b) / 12;
       sample.fit.power += f * f / 3;
-      sample.similarity[c] = Asinh(f * (1.0f / params_.knee)) * (1.0f / params_.sigma_light);
+      sample.similarity[c] = Asinh(f * inverse_knee_) * inverse_sigma_;
     }
     return sample;
   }
@@ -81,14 +83,16 @@ class SampleReader {
     const ConstColorView& glossy = frame_.glossy_albedo;
     if (!glossy[0].IsEmpty()) terms[8] = Bounded(LuminanceAt(glossy, x, y));
     const float distance = seen_.distance.At(x, y);
-    if (distance > 0 && std::isfinite(distance)) terms[9] = params_.distance_scale * Log(distance);
+    if (distance > 0 && std::isfinite(distance)) terms[9] = Log(distance) / ranges_.log_depth;
     if (!frame_.roughness.IsEmpty()) terms[10] = Bounded(frame_.roughness.At(x, y));
   }
 
   const Frame& frame_;
   const SeenSurface& seen_;
   std::array<ConstColorView, 2> change_;
-  const RegressionParams& params_;
+  float inverse_sigma_;
+  float inverse_knee_;
+  const GeometryRanges& ranges_;
   float unit_;
 };
 
@@ -229,11 +233,12 @@ void ForEachFitted(const SampleGrid& grid, TaskPool* pool, absl::FunctionRef<voi
 int RegressionWindow(const RegressionParams& params) { return 2 * RadiusOf(params); }
 
 std::vector<FrameChange> FitMixedPixels(const Frame& frame, const Plane& mixed, const FrameChange& change,
-                                        const RegressionParams& params, TaskPool* pool) {
+                                        const RegressionParams& params, float knee,
+                                        const GeometryRanges& ranges, TaskPool* pool) {
   const float unit = MeanMagnitude(frame.combined.mean, pool);
   if (!(unit > 0)) return {};
   const SeenSurface seen = SeenSurfaceOf(frame, pool);
-  const SampleReader reader(frame, seen, change, params, unit);
+  const SampleReader reader(frame, seen, change, params.sigma_light, knee, ranges, unit);
   const SampleGrid grid(reader, mixed, params, pool);
   std::vector<LinearModel> models(static_cast<size_t>(grid.models()));
   ForEachFitted(grid, pool, [&](int x, int y) {

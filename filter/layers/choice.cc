@@ -59,7 +59,7 @@ Choice::Choice(const Halves& halves, const Plane& light, const ChoiceParams& par
 }
 
 Planes Choice::Terms(const Candidate& f, const Candidate& g, TaskPool* pool) const {
-  Planes terms = MakePlanes(kKinds * kTerms, halves_.width(), halves_.height());
+  Planes terms = MakePlanes((HasMixed() ? kKinds : 1) * kTerms, halves_.width(), halves_.height());
   ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
     const float weight = weight_.At(x, y);
     if (!(weight > 0)) return;
@@ -104,12 +104,12 @@ void Choice::Refine(const Planes& terms, int cell, int radius, TaskPool* pool, P
 }
 
 Plane Choice::Smooth(const Planes& share, TaskPool* pool) const {
+  if (!HasMixed()) return std::move(BoxMeans(share, halves_.weight.view(), params_.blend_radius, pool)[0]);
   std::array<Plane, kKinds> weights;
   for (Plane& weight : weights) weight = Plane(halves_.width(), halves_.height());
   ForEachPixel(pool, halves_.width(), halves_.height(),
                [&](int x, int y) { weights[IsMixed(x, y) ? 1 : 0].At(x, y) = halves_.weight.At(x, y); });
   Plane smooth = std::move(BoxMeans(share, weights[0].view(), params_.blend_radius, pool)[0]);
-  if (halves_.is_mixed.width() == 0) return smooth;
   const Planes of_mixed = BoxMeans(share, weights[1].view(), params_.blend_radius, pool);
   ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
     if (IsMixed(x, y)) smooth.At(x, y) = of_mixed[0].At(x, y);

@@ -48,7 +48,8 @@ class Choice {
   Plane ShareOf(const Candidate& f, const Candidate& g, TaskPool* pool) const;
 
  private:
-  bool IsMixed(int x, int y) const { return halves_.is_mixed.width() > 0 && halves_.is_mixed.At(x, y) > 0; }
+  bool HasMixed() const { return halves_.is_mixed.width() > 0; }
+  bool IsMixed(int x, int y) const { return HasMixed() && halves_.is_mixed.At(x, y) > 0; }
   /// The terms of t at each pixel, those of mixed pixels in planes of their own.
   Planes Terms(const Candidate& f, const Candidate& g, TaskPool* pool) const;
   /// Moves t towards that of a narrower window. `terms`: of cells of `cell` pixels; `radius` in cells.

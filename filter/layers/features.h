@@ -22,8 +22,6 @@ inline constexpr float kSigmaLogDepth = 0.05f;
 struct GeometryRanges {
   float normal = kSigmaNormal;
   float log_depth = kSigmaLogDepth;
-  /// Of the normal of the mirror itself, so that curved mirrors do not blur their reflections.
-  float mirror_normal = 0.6f;
   float roughness = 0.1f;  // in the lobes
 };
 

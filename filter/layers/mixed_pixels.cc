@@ -1,13 +1,11 @@
 #include "filter/layers/mixed_pixels.h"
 
+#include <algorithm>
+
 #include "filter/image/planes.h"
 
 namespace lumifold::filter {
 namespace {
-
-/// Glossy albedo above which nearly all light of a pixel is glossy: what it mirrors tells pixels apart, the
-/// features that guide F do not.
-constexpr float kMetallicAlbedo = 0.5f;
 
 void AddEdges(const Frame& frame, Plane* mixed) {
   frame.edges->ForEachPixel(frame.bounds(), [&](int, int x, int y) {
@@ -23,15 +21,24 @@ void AddEdges(const Frame& frame, Plane* mixed) {
 
 }  // namespace
 
-Plane MixedPixelsOf(const Frame& frame) {
+Plane MixedPixelsOf(const Frame& frame, float mixed_albedo) {
   Plane mixed = frame.level_mask.Clone();
   if (frame.edges.has_value()) AddEdges(frame, &mixed);
   const ConstColorView& glossy = frame.glossy_albedo;
   if (glossy[0].IsEmpty()) return mixed;
   ForEachPixel(frame.width, frame.height, [&](int x, int y) {
-    if (LuminanceAt(glossy, x, y) > kMetallicAlbedo) mixed.At(x, y) = 1;
+    if (LuminanceAt(glossy, x, y) > mixed_albedo) mixed.At(x, y) = 1;
   });
   return mixed;
+}
+
+Plane MixedPart(const Plane& mixed, const Rect& box) {
+  const ConstFloatView part = mixed.view().Crop(box);
+  for (int y = 0; y < part.height(); ++y) {
+    const float* row = part.Row(y);
+    if (std::any_of(row, row + part.width(), [](float is_mixed) { return is_mixed > 0; })) return Clone(part);
+  }
+  return {};
 }
 
 }  // namespace lumifold::filter

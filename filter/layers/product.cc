@@ -104,12 +104,13 @@ void AddLobe(const Frame& frame, const LobeViews& lobe, const GeometryRanges& ra
   products->push_back(std::move(product));
 }
 
-/// Features of a level: the surface seen there, and the normal of the surface that it is seen in.
+/// Features of a level: the surface seen there, and the normal of the surface that it is seen in, so that curved
+/// mirrors do not blur their reflections.
 Planes LevelGeometry(const Frame& frame, const LevelViews& level, const Rect& box, ConstFloatView validity,
                      const GeometryRanges& ranges, TaskPool* pool) {
   Planes geometry = GeometryFeatures(GeometryOf(level.surface, box), validity, ranges, pool);
   for (const ConstFloatView& normal : Crop(frame.surface.normal, box))
-    AppendFeature(normal, ranges.mirror_normal, validity, &geometry);
+    AppendFeature(normal, ranges.normal, validity, &geometry);
   return geometry;
 }
 

@@ -11,8 +11,6 @@ namespace lumifold::filter {
 namespace {
 
 constexpr size_t kColors = 3;
-/// Added to the variances of positions, so that slopes that few pixels support stay small.
-constexpr float kRidge = 6e-3f;
 
 /// Position along one axis relative to the centre, in units.
 float PositionOf(int pixel, int size, float unit_px) {
@@ -35,12 +33,12 @@ Moments ReadMoments(Read&& read) {
 }
 
 /// The plane's value at (x0, y0): the mean light plus slope times the offset from the mean position.
-std::array<float, kColors> PlaneAt(const Moments& m, float x0, float y0) {
+std::array<float, kColors> PlaneAt(const Moments& m, float ridge, float x0, float y0) {
   // Far from the centre of a very wide picture, rounding may make variances negative.
-  const float xx = std::max(m.xx - m.x * m.x, 0.0f) + kRidge;
-  const float yy = std::max(m.yy - m.y * m.y, 0.0f) + kRidge;
+  const float xx = std::max(m.xx - m.x * m.x, 0.0f) + ridge;
+  const float yy = std::max(m.yy - m.y * m.y, 0.0f) + ridge;
   const float xy = m.xy - m.x * m.y;
-  const float determinant = std::max(xx * yy - xy * xy, kRidge * kRidge);
+  const float determinant = std::max(xx * yy - xy * xy, ridge * ridge);
   const float off_x = x0 - m.x;
   const float off_y = y0 - m.y;
   // Factors of the covariances with the light: the solution of a symmetric 2x2 system.
@@ -97,20 +95,20 @@ void AddMoments(Planes* splat) {
   *splat = std::move(planes);
 }
 
-Planes FitLight(const Planes& means, float unit_px, TaskPool* pool) {
+Planes FitLight(const Planes& means, float unit_px, float ridge, TaskPool* pool) {
   const int width = means[0].width();
   const int height = means[0].height();
   Planes light = MakeUninitializedPlanes(kColors, width, height);
   ForEachPixel(pool, width, height, [&](int x, int y) {
-    const auto value = PlaneAt(ReadMoments([&](size_t k) { return means[k].At(x, y); }),
+    const auto value = PlaneAt(ReadMoments([&](size_t k) { return means[k].At(x, y); }), ridge,
                                PositionOf(x, width, unit_px), PositionOf(y, height, unit_px));
     for (size_t c = 0; c < kColors; ++c) light[c].At(x, y) = value[c];
   });
   return light;
 }
 
-SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px, int width,
-                              int height) {
+SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px,
+                              float ridge, int width, int height) {
   const size_t samples = points.samples;
   SlicedPoints light{std::vector<float>(points.pixels.size() * kColors * samples), means.weights};
   for (size_t i = 0; i < points.pixels.size(); ++i) {
@@ -119,7 +117,7 @@ SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& mea
     for (size_t j = 0; j < samples; ++j) {
       if (means.weights[i * samples + j] == 0) continue;
       const auto value = PlaneAt(
-          ReadMoments([&](size_t k) { return means.values[(i * kMoments + k) * samples + j]; }), x, y);
+          ReadMoments([&](size_t k) { return means.values[(i * kMoments + k) * samples + j]; }), ridge, x, y);
       for (size_t c = 0; c < kColors; ++c) light.values[(i * kColors + c) * samples + j] = value[c];
     }
   }

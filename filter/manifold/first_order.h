@@ -25,14 +25,15 @@ Planes WithPosition(const Planes& light, float unit_px, TaskPool* pool);
 /// weight's.
 void AddMoments(Planes* splat);
 
-/// The fitted plane's value at each pixel. `means`: the moments, blurred, sliced and divided by the weight.
+/// The fitted plane's value at each pixel. `means`: the moments, blurred, sliced and divided by the weight; `ridge` is
+/// added to the variances of positions.
 /// Result: 3 planes; the pixel's own light where the filter found nothing.
 /// Threads: identical for any pool.
-Planes FitLight(const Planes& means, float unit_px, TaskPool* pool);
+Planes FitLight(const Planes& means, float unit_px, float ridge, TaskPool* pool);
 
 /// The same at points, which count as if they were at the centres of their pixels, in a picture of `width` x
 /// `height`. 3 channels.
-SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px, int width,
-                              int height);
+SlicedPoints FitLightAtPoints(const SlicePoints& points, const SlicedPoints& means, float unit_px,
+                              float ridge, int width, int height);
 
 }  // namespace lumifold::filter

@@ -214,10 +214,10 @@ void Filter::DividePoints() {
 }
 
 void Filter::FitPlanes() {
-  result_.filtered = FitLight(result_.filtered, reach_, pool_);
+  result_.filtered = FitLight(result_.filtered, reach_, params_.slope_ridge, pool_);
   if (points_ == nullptr) return;
-  result_.points =
-      FitLightAtPoints(*points_, result_.points, reach_, state_.lattice.width, state_.lattice.height);
+  result_.points = FitLightAtPoints(*points_, result_.points, reach_, params_.slope_ridge,
+                                    state_.lattice.width, state_.lattice.height);
 }
 
 }  // namespace

@@ -15,6 +15,8 @@ struct ManifoldParams {
   int pca_iterations = 3;  // >= 1: steps of power iteration for the axis that splits a cluster
   int cell = 0;  // side of a coarse cell in pixels: a power of two up to kBandRows; 0: CellSize(sigma_s)
   bool is_first_order = false;  // fits planes to the signals, of which there are 3 (first_order.h)
+  /// Added to the variances of positions, in reaches, so that slopes that few pixels support stay small.
+  float slope_ridge = 6e-3f;
 };
 
 /// Side of a coarse cell for a reach, in pixels: 2^floor(log2(sigma_s / 4)), from 2 (1 for sigma_s below 2)

@@ -98,9 +98,9 @@ std::vector<ConstantPoint> MeasureConstants(const Subject& subject, const Refere
   const double error = ErrorWith(subject, reference, {}, pool);
   std::vector<ConstantPoint> points;
   for (const filter::TunedConstant& constant : filter::TunedConstants()) {
-    const float value = constant.get(settings);
+    const float value = constant.Get(settings);
     const auto error_at = [&](float factor) {
-      const auto adjust = [&](filter::Settings* adjusted) { constant.set(adjusted, factor * value); };
+      const auto adjust = [&](filter::Settings* adjusted) { constant.Set(adjusted, factor * value); };
       return ErrorWith(subject, reference, adjust, pool);
     };
     points.push_back({subject.scene, film.width, film.height, static_cast<int>(film.samples),

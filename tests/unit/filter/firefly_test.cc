@@ -12,6 +12,9 @@
 namespace lumifold::filter {
 namespace {
 
+constexpr int kNoiseRadius = 12;
+constexpr float kReach = 16;
+
 Halves FlatHalves(int width, int height, float value) {
   Halves halves;
   halves.a = MakePlanes(3, width, height);
@@ -32,7 +35,7 @@ Halves FlatHalves(int width, int height, float value) {
 TEST(Fireflies, AreCutToTheBoundAndWhatTheyLoseIsKept) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
-  const Planes removed = SuppressFireflies({}, &halves, nullptr);
+  const Planes removed = SuppressFireflies({}, kNoiseRadius, &halves, nullptr);
   ASSERT_EQ(removed.size(), 3u);
   EXPECT_NEAR(halves.a[0].At(5, 4), 2.0f, 1e-3f);
   EXPECT_EQ(halves.b[0].At(5, 4), 1.0f);
@@ -44,9 +47,9 @@ TEST(Fireflies, AnExcessThatTheOtherHalfShowsMostOfStays) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 10.0f;
   for (Plane& plane : halves.b) plane.At(5, 4) = 6.5f;  // over half of the excess over the bound, 2
-  EXPECT_TRUE(SuppressFireflies({}, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
   for (Plane& plane : halves.b) plane.At(5, 4) = 5.5f;  // less than half
-  ASSERT_FALSE(SuppressFireflies({}, &halves, nullptr).empty());
+  ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
   EXPECT_NEAR(halves.a[0].At(5, 4), 2.0f, 1e-3f);
   EXPECT_EQ(halves.b[0].At(5, 4), 5.5f);
 }
@@ -56,7 +59,7 @@ TEST(Fireflies, BrightPixelsThatBothHalvesSeeStay) {
   for (Planes* half : {&halves.a, &halves.b}) {
     for (Plane& plane : *half) plane.At(5, 4) = 1000.0f;
   }
-  EXPECT_TRUE(SuppressFireflies({}, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
   EXPECT_EQ(halves.a[1].At(5, 4), 1000.0f);
 }
 
@@ -77,28 +80,28 @@ Halves NoisyHalves(int bright) {
 
 TEST(Fireflies, ThatBothHalvesCaughtAreToldByTheNoiseAbout) {
   Halves halves = NoisyHalves(1);
-  ASSERT_FALSE(SuppressFireflies({}, &halves, nullptr).empty());
+  ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
   EXPECT_NEAR(halves.a[1].At(5, 4), 2.0f, 1e-3f);
   EXPECT_NEAR(halves.b[1].At(5, 4), 2.0f, 1e-3f);
   Halves two = NoisyHalves(2);  // no longer by chance
-  EXPECT_TRUE(SuppressFireflies({}, &two, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &two, nullptr).empty());
 }
 
 TEST(Fireflies, AreNotJudgedWithoutHalvesOrOutsideTheMask) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
   halves.weight_a.At(5, 4) = 0;
-  EXPECT_TRUE(SuppressFireflies({}, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
   halves.weight_a.At(5, 4) = 1;
   halves.has_noise_estimate = false;
-  EXPECT_TRUE(SuppressFireflies({}, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
 }
 
 TEST(Fireflies, AreNotLookedForInDifferences) {
   Halves halves = FlatHalves(11, 9, 0.0f);
   halves.is_difference = true;
   for (int y = 0; y < 9; ++y) halves.a[1].At(5, y) = 1.0f;  // what an edge says, in a field of zeros
-  EXPECT_TRUE(SuppressFireflies({}, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
   EXPECT_EQ(halves.a[1].At(5, 4), 1.0f);
 }
 
@@ -122,7 +125,7 @@ struct Removed {
   Planes Return() const {
     Halves halves = FlatHalves(kWidth, kHeight, 1.0f);
     halves.level = 1;
-    return ReturnRemoved(energy, light, halves, geometry, kKnee, {}, nullptr);
+    return ReturnRemoved(energy, light, halves, geometry, kKnee, kReach, {}, nullptr);
   }
 };
 
@@ -194,7 +197,7 @@ TEST(ReturnRemoved, GivesTheSameBitsForAnyPool) {
   halves.level = 1;
   ShufflingPool pool(3);
   const Planes shuffled =
-      ReturnRemoved(removed.energy, removed.light, halves, removed.geometry, kKnee, {}, &pool);
+      ReturnRemoved(removed.energy, removed.light, halves, removed.geometry, kKnee, kReach, {}, &pool);
   const Planes alone = removed.Return();
   for (int y = 0; y < kHeight; ++y)
     EXPECT_TRUE(std::equal(alone[2].Row(y), alone[2].Row(y) + kWidth, shuffled[2].Row(y)));

@@ -83,7 +83,7 @@ TEST(FirstOrder, EqualsItsOracleOnCellsOfAPixel) {
   const Planes means =
       ManifoldFilterSlow(MomentsOf(light), scene.features, scene.mask.view(), plain, kReach, nullptr)
           .filtered;
-  const Planes expected = FitLight(means, kReach, nullptr);
+  const Planes expected = FitLight(means, kReach, kFit.slope_ridge, nullptr);
   const Planes fast = Filtered(light, scene, fit);
   for (size_t c = 0; c < 3; ++c) {
     for (int y = 0; y < kHeight; ++y) {
@@ -153,7 +153,7 @@ TEST(FitLight, StaysFiniteWhereRoundingMakesSpreadsNegative) {
       for (int x = 0; x < kWidth; ++x) means[k].At(x, y) -= 0.01f;
     }
   }
-  const Planes fitted = FitLight(means, kReach, nullptr);
+  const Planes fitted = FitLight(means, kReach, kFit.slope_ridge, nullptr);
   for (int x = 0; x < kWidth; ++x) EXPECT_NEAR(fitted[0].At(x, 3), Rising(0, x, 3), 1e-3f);
 }
 

@@ -16,6 +16,8 @@
 namespace lumifold::filter {
 namespace {
 
+constexpr float kKnee = 0.2f;
+
 /// The truth on both sides, `at_edge` between them.
 std::array<Plane, 3> PictureWithEdge(float at_edge) {
   std::array<Plane, 3> picture;
@@ -62,16 +64,17 @@ Picture MeanAfter(const FrameChange& change, const Frame& frame) {
 /// F + the fit of C - F, and the fit of C.
 std::array<Picture, 2> FitsOf(const Frame& frame, const Picture& picture) {
   const std::vector<FrameChange> fits =
-      FitMixedPixels(frame, MixedPixelsOf(frame), ChangeTo(picture, frame), {}, nullptr);
+      FitMixedPixels(frame, MixedPixelsOf(frame, 0.5f), ChangeTo(picture, frame), {}, kKnee, {}, nullptr);
   EXPECT_EQ(fits.size(), 2u);
   return {MeanAfter(fits[0], frame), MeanAfter(fits[1], frame)};
 }
 
 /// Moves F towards the fits as far as the halves of C show that it lowers the error.
 void Regress(const Frame& frame, Picture* picture) {
-  const Plane mixed = MixedPixelsOf(frame);
+  const Plane mixed = MixedPixelsOf(frame, 0.5f);
   FrameChange change = ChangeTo(*picture, frame);
-  ChooseChange(frame, mixed, FitMixedPixels(frame, mixed, change, {}, nullptr), {}, {}, nullptr, &change);
+  ChooseChange(frame, mixed, FitMixedPixels(frame, mixed, change, {}, kKnee, {}, nullptr), {}, nullptr,
+               &change);
   *picture = MeanAfter(change, frame);
 }
 
@@ -210,7 +213,8 @@ TEST(EdgeRegression, DoesNothingWithoutASecondHalf) {
   const LayeredImage edges = EdgeSet();
   const Frame frame(film, &edges);
   const FrameChange change = ChangeTo(PictureWithEdge(1.4f), frame);
-  for (const FrameChange& fit : FitMixedPixels(frame, MixedPixelsOf(frame), change, {}, nullptr)) {
+  for (const FrameChange& fit :
+       FitMixedPixels(frame, MixedPixelsOf(frame, 0.5f), change, {}, kKnee, {}, nullptr)) {
     for (int y = 0; y < kHeight; ++y)
       EXPECT_EQ(fit[0][0].At(kEdgeColumn, y), change[0][0].At(kEdgeColumn, y));
   }

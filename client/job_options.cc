@@ -96,9 +96,8 @@ absl::StatusOr<v1::AdaptiveSampling> AdaptiveOf(const JobOptions& options) {
   }
   if (!options.time.empty() && !options.schedule.empty())
     return absl::InvalidArgumentError("--time and --schedule take each other's place");
-  if (!(options.time.empty() && options.schedule.empty()) && !options.frames.IsOne())
-    return absl::InvalidArgumentError(
-        "--time and --schedule are of one frame: submit each frame as a job of its own");
+  if (!options.schedule.empty() && !options.frames.IsOne())
+    return absl::InvalidArgumentError("--schedule is of one frame: submit each frame as a job of its own");
   return adaptive;
 }
 
@@ -126,7 +125,7 @@ void AddJobOptions(CommandLine& command_line, JobOptions* options) {
   command_line.AddText("--target-metric", "METRIC", &options->target_metric,
                        "Of --target-error: mse255 (default) or relmse");
   command_line.AddText("--time", "DURATION", &options->time,
-                       "Implies --adaptive; render time to aim at, such as 90s, 10m or 1h30m; for one frame");
+                       "Implies --adaptive; render time of all frames to aim at, such as 90s, 10m or 1h30m");
   command_line.AddText("--schedule", "N,N,...", &options->schedule,
                        "In place of --time: lumifold.schedule of its picture gives the same picture");
   command_line.AddSeed("--seed", &options->seed, "Seed of the random numbers (default 0)");

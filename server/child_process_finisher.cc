@@ -21,7 +21,8 @@ class ChildProcessFinisher final : public FrameFinisher {
       : folder_(folder), child_(options) {}
 
   absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) override {
-    return Run({.job = job.job, .epoch = job.epoch, .frame = frame, .round = kResult, .rendered = {}});
+    return Run(
+        {.job = job.job, .epoch = job.epoch, .frame = frame, .round = kResult, .rendered = {}, .samples = 0});
   }
   absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override { return Run(round); }
   void CancelJob(const job::JobId& job) override { child_.CancelJob(job); }
@@ -40,7 +41,8 @@ absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate&
   const absl::StatusOr<std::string> answer =
       child_.Run(kFinishFrameCommand, folder_.root(),
                  {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
-                  absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.epoch.value())},
+                  absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.samples),
+                  absl::StrCat(what.epoch.value())},
                  what.job, task);
   if (!answer.ok()) return answer.status();
   v1::FrameReport report;
@@ -54,9 +56,9 @@ absl::StatusOr<std::string> FinishAsChild(const ChildTask& task) {
   int64_t rendered_ms = 0;
   int64_t epoch = 0;
   const std::vector<std::string>& arguments = task.arguments;
-  if (arguments.size() != 5 || !absl::SimpleAtoi(arguments[1], &what.frame) ||
+  if (arguments.size() != 6 || !absl::SimpleAtoi(arguments[1], &what.frame) ||
       !absl::SimpleAtoi(arguments[2], &what.round) || !absl::SimpleAtoi(arguments[3], &rendered_ms) ||
-      !absl::SimpleAtoi(arguments[4], &epoch)) {
+      !absl::SimpleAtoi(arguments[4], &what.samples) || !absl::SimpleAtoi(arguments[5], &epoch)) {
     return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");
   }
   what.job = job::JobId(arguments[0]);

@@ -269,8 +269,9 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
     /// The round whose estimate is due; kResult: the frame is committed.
     int round = kResult;
     static constexpr int kResult = -1;
-    /// Render time of the job when that round was committed.
+    /// Render time of the job when that round was committed, and its camera samples, of all frames.
     absl::Duration rendered = {};
+    int64_t samples = 0;
     FrameKey key() const { return {job, number}; }
     /// Number of times that finishing it has failed, and when it may be tried again.
     int failures = 0;

@@ -32,6 +32,7 @@ void Coordinator::QueueDue(const FrameKey& key) {
   if (is_queued) return finishing_.Wake();
   if (const auto active = active_jobs_.find(frame.job); active != active_jobs_.end())
     frame.rendered = absl::Seconds(active->second.times.render_seconds());
+  frame.samples = scheduler_.Progress(frame.job).samples_done;
   committed_frames_.push_back(std::move(frame));
   finishing_.Wake();
 }

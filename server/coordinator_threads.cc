@@ -51,9 +51,9 @@ void Coordinator::RunFinisher() {
   while (const std::optional<CommittedFrame> frame = NextCommittedFrame()) {
     const bool is_result = frame->round == CommittedFrame::kResult;
     const absl::StatusOr<v1::FrameReport> report =
-        is_result
-            ? finisher_->Finish(Owned(frame->job), frame->number)
-            : finisher_->Estimate({frame->job, owner_.epoch, frame->number, frame->round, frame->rendered});
+        is_result ? finisher_->Finish(Owned(frame->job), frame->number)
+                  : finisher_->Estimate({frame->job, owner_.epoch, frame->number, frame->round,
+                                         frame->rendered, frame->samples});
     // Aborted: another coordinator has taken the job over, and finishes the frame.
     const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
     if (!is_dropped) RecordFinished(*frame, report);

@@ -6,10 +6,12 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/types/span.h"
 #include "proto/rpc/checked_file.h"
 #include "server/committed_units.h"
 #include "server/film/unit_film.h"
 #include "server/filtered_rounds.h"
+#include "server/job/frame_list.h"
 
 namespace lumifold::server {
 namespace {
@@ -60,13 +62,17 @@ absl::StatusOr<std::vector<double>> Costs(const v1::JobSpec& spec, const job::Fr
   return costs;
 }
 
-/// Mean samples per pixel that fit the job's time, if samples go on being made as fast as those of the round were, and the
+/// Mean samples per pixel of a frame that fit the job's time, if samples go on being made as fast as those of all frames
+/// so far, a sample of the frame costs what it cost up to the round, every frame gets the same part of the time, and the
 /// result is filtered as fast as the round was; 0 without a time.
-double BudgetOf(const v1::JobSpec& spec, double round_cost, absl::Duration rendered,
-                absl::Duration filtered) {
+double BudgetOf(const RoundToEstimate& what, const v1::JobSpec& spec, const job::FrameRounds& rounds,
+                absl::Span<const double> costs, absl::Duration filtered) {
   if (spec.adaptive().time_seconds() == 0) return 0;
   const double left = spec.adaptive().time_seconds() - absl::ToDoubleSeconds(filtered);
-  const double budget = round_cost * left / std::max(absl::ToDoubleSeconds(rendered), 1e-3);
+  const double pixels = static_cast<double>(spec.width()) * spec.height() * job::FrameList(spec).count();
+  const double cost_of_sample = rounds.MeanCostOf(what.round, costs) / rounds.MeanSamplesOf(what.round);
+  const double budget = static_cast<double>(what.samples) / pixels * cost_of_sample * left /
+                        std::max(absl::ToDoubleSeconds(what.rendered), 1e-3);
   return std::clamp(budget, 1.0, static_cast<double>(spec.samples_per_pixel()));
 }
 
@@ -126,7 +132,7 @@ absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::
     const FilteredRounds filtered(folder, *job, what.frame, *rounds, *units, pool);
     const absl::StatusOr<absl::Duration> seconds = AddErrors(filtered, round, now, estimate);
     if (!seconds.ok()) return seconds.status();
-    estimate->set_budget(BudgetOf(job->spec, rounds->MeanCostOf(round, *costs), what.rendered, *seconds));
+    estimate->set_budget(BudgetOf(what, job->spec, *rounds, *costs, *seconds));
   } else {
     estimate->mutable_errors()->Resize(estimate->costs_size(), -1);
   }

@@ -28,11 +28,13 @@ struct RoundToEstimate {
   int round = 0;
   /// Render time of the job when the round was committed.
   absl::Duration rendered = {};
+  /// Camera samples of the job that were committed then, of all its frames.
+  int64_t samples = 0;
 };
 
 /// Estimates the error of a frame's filtered picture once a round is committed, from the units of this round and those
 /// before it alone, and adds the estimate to the frame's record; for a job with a time also the budget that follows from
-/// `rendered` and the time of filtering. A repeated call writes the same estimate, and nothing where the record has it.
+/// `rendered`, `samples` and the time of filtering. A repeated call writes the same estimate, and nothing where the record has it.
 /// Durable once it returns OK. Returns the time of each stage, measured with `now`.
 /// Memory: two films and pictures.
 /// Errors: as FinishFrame; then nothing has been written; kFailedPrecondition for a round whose turn it is not.

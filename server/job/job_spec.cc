@@ -181,12 +181,10 @@ absl::Status CheckTime(const v1::JobSpec& spec) {
                                                    ", not samples per pixel from 1 to samples_per_pixel, ",
                                                    spec.samples_per_pixel()));
   }
-  if (time == 0 && adaptive.schedule().empty()) return absl::OkStatus();
   if (time > 0 && !adaptive.schedule().empty())
     return absl::InvalidArgumentError("adaptive has a time and a schedule, which take each other's place");
-  if (FrameList(spec).count() == 1) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      "a time limit and a schedule are of one frame: submit each frame as a job of its own");
+  if (adaptive.schedule().empty() || FrameList(spec).count() == 1) return absl::OkStatus();
+  return absl::InvalidArgumentError("a schedule is of one frame: submit each frame as a job of its own");
 }
 
 absl::Status CheckAdaptive(const v1::JobSpec& spec) {

@@ -120,6 +120,23 @@ class AdaptiveTest(SceneTest):
             self.assertEqual(same["mse255"], 0)
             self.assertEqual(metadata_of(again)["lumifold.schedule"], schedule)
 
+    def test_a_time_is_shared_by_all_frames(self):
+        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+            farm.start_worker(threads=2)
+            size = ("--size", f"{WIDTH}x{HEIGHT}", "--seed", "3", "--force", "pass-samples=64")
+            job = farm.client("submit", self.scene, *size, "--time", "9s", "--frames", "0-2").stdout.strip()
+            farm.client("wait", job)
+            farm.client("download", job, "--frames", "0-2", "-o", self.root / "shared-####.exr")
+            schedules = [metadata_of(self.root / f"shared-{frame:04}.exr")["lumifold.schedule"] for frame in range(3)]
+            budgets = [float(schedule.split(",")[-1]) for schedule in schedules]
+            self.assertLess(max(budgets), 3 * min(budgets))
+            again = self.root / "again-####.exr"
+            run("lumifold", "render", self.scene, *size, "--frames", "1", "--schedule", schedules[1], "-o", again)
+            same = json.loads(
+                run("lumifold", "compare", self.root / "again-0001.exr", self.root / "shared-0001.exr", "--json").stdout
+            )
+            self.assertEqual(same["mse255"], 0)
+
     def test_what_does_not_fit_is_refused(self):
         for options, code, text in (
             (("--target-metric", "psnr", "--target-error", "1"), 2, "--target-metric must be mse255 or relmse"),
@@ -128,7 +145,7 @@ class AdaptiveTest(SceneTest):
             (("--time", "soon"), 2, "--time: expected a duration"),
             (("--time", "10s", "--schedule", "20"), 2, "take each other's place"),
             (("--schedule", "20,x"), 2, "--schedule: expected samples per pixel"),
-            (("--time", "10s", "--frames", "0-1"), 2, "--time and --schedule are of one frame"),
+            (("--schedule", "20", "--frames", "0-1"), 2, "--schedule is of one frame"),
         ):
             refused = run("lumifold", "render", self.scene, *options, "-o", self.root / "no-####.exr", check=False)
             self.assertNotEqual(refused.returncode, 0)

@@ -188,9 +188,9 @@ std::vector<Case> RareLightCases() {
        {{"worst error", 0.05}, {"kept", 98, true}, {"light", 2}, {"blotch", 1.05}},
        Fireflies,
        KnownFailure{
-           {0.72, 97.9, 90, 4.5},
-           "fireflies that both halves have hit in several pixels of a window pass for light, because the "
-           "halves agree on them: they stay where they are"}},
+           {0.11, 97, 37, 6.2},
+           "fireflies that both halves have hit pass for light, because the halves agree on them; of others the "
+           "energy that no others confirm does not return"}},
       {45,
        "outlier",
        "D of half a pixel of a room 500 and 3000 times as bright: error within 16 px, and error of all other "
@@ -211,9 +211,9 @@ std::vector<Case> RareLightCases() {
        {{"error", 0.2}, {"blotch", 1.05}, {"chroma", 1.05}, {"lone", 0}},
        HardLight,
        KnownFailure{
-           {0.065, 0.34, 0.52, 5.7},
+           {0.065, 0.36, 0.53, 3.6},
            "single bright or dark pixels stay at edges of thin and glossy objects, where few samples hit "
-           "the light; `nfor` leaves a tenth of them"}},
+           "the light; `nfor` leaves fewer"}},
   };
 }
 

@@ -46,6 +46,8 @@ TEST(FrameRounds, BeginsUniformly) {
     EXPECT_EQ(samples.At(7, 15), (SampleRange{16 * pass, 16 * pass + 16}));
     EXPECT_EQ(rounds.CameraSamplesOf(Pass(2, static_cast<int32_t>(pass))), 8 * 16 * 16);
   }
+  EXPECT_EQ(rounds.MeanSamplesOf(0), 16);
+  EXPECT_EQ(rounds.MeanSamplesOf(2), 48);
   EXPECT_TRUE(rounds.Has({0, 2, 0, v1::UNIT_KIND_GEOMETRY}));
   EXPECT_FALSE(rounds.Has(Pass(2, 3)));
 }

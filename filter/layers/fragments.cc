@@ -9,12 +9,12 @@
 namespace lumifold::filter {
 namespace {
 
-/// Weight of the mean over n own samples beside that over the sub-samples: both are stratified, so that their errors
-/// fall nearly as 1/n.
-float OwnWeight(float n) {
-  constexpr float kSubSampleWeight = kSubSamples * kSubSamples;
-  return n * n / (n * n + kSubSampleWeight);
-}
+/// E of a sub-sample is a mean over 16 rays beside bright lamps, and matters nowhere else (RenderGeometryUnit()).
+constexpr float kRaysOfEmission = 16 * kSubSamples;
+
+/// Weight of the mean over n own samples beside that over the sub-samples' rays: both are stratified, so that their
+/// errors fall nearly as 1/n.
+float OwnWeight(float n, float rays) { return n * n / (n * n + rays * rays); }
 
 /// A fragment while its samples are counted.
 struct Counted {
@@ -74,7 +74,7 @@ Counted FromFilm(const FragmentViews& views, int row, const std::array<float, 2>
 Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel) {
   Fragment fragment = counted.fragment;
   for (size_t h = 0; h < 2; ++h) {
-    const float own = OwnWeight(in_pixel[h]);
+    const float own = OwnWeight(in_pixel[h], kSubSamples);
     fragment.coverage[h] = own * fragment.share[h] + (1.0f - own) * counted.sub_samples / kSubSamples;
   }
   const float count = counted.samples + counted.sub_samples;
@@ -90,7 +90,7 @@ Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel) {
 }
 
 std::array<float, 3> EmissionChange(const Frame& frame, int row, int x, int y) {
-  const float own = OwnWeight(frame.samples.At(x, y));
+  const float own = OwnWeight(frame.samples.At(x, y), kRaysOfEmission);
   std::array<float, 3> change = {};
   for (size_t c = 0; c < 3; ++c) {
     float sum = 0;
@@ -141,8 +141,13 @@ FragmentSet FragmentsOf(const Frame& frame) {
     all.reserve(rows.size());
     for (const int of_pixel : rows) all.push_back(FromFilm(*frame.fragments, of_pixel, in_pixel));
     AddSubSamples(*frame.edges, row, &all);
-    if (IsOneSurface(all, in_pixel)) return;
-    FragmentSet::Pixel pixel{x, y, set.fragments.size(), 0, EmissionChange(frame, row, x, y)};
+    const size_t first = set.fragments.size();
+    FragmentSet::Pixel pixel{x, y, first, first, EmissionChange(frame, row, x, y)};
+    if (IsOneSurface(all, in_pixel)) {
+      // A slice of a lamp that all samples miss shows in E alone.
+      if (pixel.emission_change != std::array<float, 3>{}) set.pixels.push_back(pixel);
+      return;
+    }
     for (const Counted& counted : all) {
       if (counted.samples + counted.sub_samples > 0) set.fragments.push_back(Finish(counted, in_pixel));
     }

@@ -25,7 +25,7 @@ struct FragmentSet {
   struct Pixel {
     int x = 0;
     int y = 0;
-    size_t first = 0;  // of its fragments
+    size_t first = 0;  // of its fragments; it has none if one surface fills it
     size_t last = 0;   // one after
     /// E by its own samples and the sub-samples, minus the film's.
     std::array<float, 3> emission_change = {};

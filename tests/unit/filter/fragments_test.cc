@@ -149,8 +149,20 @@ TEST(FragmentsOf, TellWhatSubSamplesChangeOfEmission) {
   AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
   AddFragments({{1, kFront, {2, 2}}, {1, kLamp, {2, 2}}}, &film);
   const FragmentSet set = FragmentsOf(Frame(film));
-  constexpr float kOwnOfAll = 64.0f / (64.0f + 256.0f);
+  constexpr float kOwnOfAll = 64.0f / (64.0f + 256.0f * 256.0f);  // E of 16 sub-samples has 256 rays
   EXPECT_FLOAT_EQ(set.pixels[0].emission_change[1], (1 - kOwnOfAll) * (5.0f / 4 - 2.5f));
+}
+
+TEST(FragmentsOf, KnowTheSliceOfALampThatAllSamplesMiss) {
+  EdgedImage film = Film();
+  AddEdges({{1, {{kFront, 16}}}, {2, {{kFront, 16}}}}, &film);
+  SetColor(film.edges.GetColor(layers::kEmission), 3, 0, 8.0f);  // one of the cells, by its rays
+  AddFragments({{1, kFront, {4, 4}}, {2, kFront, {4, 4}}}, &film);
+  const FragmentSet set = FragmentsOf(Frame(film));
+  ASSERT_EQ(set.pixels.size(), 1u);
+  EXPECT_EQ(set.pixels[0].x, 1);
+  EXPECT_EQ(set.pixels[0].first, set.pixels[0].last);
+  EXPECT_NEAR(set.pixels[0].emission_change[0], 0.5f, 1e-3f);
 }
 
 TEST(FragmentsOf, LeaveOutPixelsOfOneSurfaceAndRowsWithoutAnEdge) {

@@ -215,9 +215,20 @@ void RunWithoutChoice(LayerState* state) {
 void RunSingleFiltering(LayerState* state) {
   const Halves& halves = state->halves;
   const Planes mean = Combine(halves.a, halves.b, halves.share_a.view(), state->pool);
-  state->result.picture.a = FilterSingle(halves, mean, state->geometry, state->settings, state->pool);
-  state->result.picture.b = lumifold::Clone(state->result.picture.a);
-  state->result.points = state->fragments.light;
+  const LayerFragments& fragments = state->fragments;
+  SlicePoints points = PointsOf(fragments, state->settings.mixed_range, 0, fragments.light[0]);
+  for (size_t i = 0; i < points.weights.size(); ++i) {
+    if (points.weights[i] > 0) continue;  // its samples are of half B, if it has any
+    points.weights[i] = fragments.share[1][i];
+    for (size_t k = 3 * i; k < 3 * i + 3; ++k) points.signals[k] = fragments.light[1][k];
+  }
+  ManifoldResult filtered = FilterSingle(halves, mean, state->geometry, state->settings,
+                                         fragments.IsEmpty() ? nullptr : &points, state->pool);
+  if (!fragments.IsEmpty()) KeepLostPoints(points, &filtered.points);
+  Half half{std::move(filtered.filtered), std::move(filtered.points.values)};
+  SetMixedPixels(fragments, 0, &half);
+  Half same{lumifold::Clone(half.planes), half.points};
+  state->result = Pair(std::move(half), std::move(same));
 }
 
 bool HasBothHalves(const LayerState& state) { return state.halves.has_noise_estimate; }
@@ -240,7 +251,6 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .candidates = {},
                    .firefly_energy = {},
                    .result = {}};
-  if (!state.halves.has_noise_estimate) state.fragments = {};
   UseFragments(&state.fragments, &state.halves);
   return state;
 }
@@ -267,7 +277,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
        [](const LayerState& s) { return HasBothHalves(s) && !s.halves.is_difference; },
        RunFireflies},
       {{.name = "single-filtering",
-        .reads = "the layer's mean, geometry",
+        .reads = "the layer's mean, fragments, geometry",
         .writes = "the filtered layer",
         .off_when = "both halves are known",
         .source = kManifoldSource,

@@ -135,7 +135,7 @@ FragmentSet FragmentsOf(const Frame& frame) {
   FragmentList list(*frame.fragments);
   frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
     const std::vector<int> rows = list.RowsOf(x, y);
-    if (!frame.samples.HasBoth(x, y)) return;
+    if (!(frame.samples.At(x, y) > 0)) return;
     const std::array<float, 2> in_pixel = {frame.samples.a.At(x, y), frame.samples.b.At(x, y)};
     std::vector<Counted> all;
     all.reserve(rows.size());

@@ -34,7 +34,7 @@ struct FragmentSet {
   std::vector<Fragment> fragments;
 };
 
-/// The fragments of a frame; none where the film has no fragments or no edge set, or one half alone is known.
+/// The fragments of a frame; none where the film has no fragments or no edge set, or the pixel no samples.
 FragmentSet FragmentsOf(const Frame& frame);
 
 }  // namespace lumifold::filter

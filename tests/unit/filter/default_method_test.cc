@@ -146,6 +146,32 @@ TEST(DefaultMethod, EdgesHaveLessErrorWithFragments) {
   EXPECT_LT(with, 0.1 * noisy);
 }
 
+/// The film as half A alone has it.
+FilmOfFragments OnlyHalfA(FilmOfFragments film) {
+  for (LayeredImage* image : {&film.film, &film.fragments}) {
+    const FloatView samples = image->Get(layers::kSamplesB);
+    for (int y = 0; y < image->height(); ++y) std::fill_n(samples.Row(y), image->width(), 0.0f);
+  }
+  for (const std::string_view layer : {layers::kNoisy, layers::kDirect}) {
+    const ConstColorView half = std::as_const(film.film).GetColor(layers::HalfA(layer));
+    const ColorView mean = film.film.GetColor(layer);
+    for (size_t c = 0; c < 3; ++c) CopyPlane(half[c], mean[c]);
+  }
+  return film;
+}
+
+TEST(DefaultMethod, EdgesOfOneHalfHaveLessErrorWithFragments) {
+  double with = 0;
+  double without = 0;
+  const LayeredImage edges = EdgeSet();
+  for (uint32_t seed = 1; seed <= 4; ++seed) {
+    const FilmOfFragments film = OnlyHalfA(FilmWithFragments(seed));
+    with += ErrorAtEdge(Filtered(film.film, &edges, &film.fragments));
+    without += ErrorAtEdge(Filtered(film.film, &edges));
+  }
+  EXPECT_LT(with, 0.5 * without);
+}
+
 TEST(DefaultMethod, LongAndThinFilmsOfPlanarLightStayAsTheyAre) {
   constexpr int kLong = 4200;
   LayeredImage film = MakeSyntheticFilm(8, kLong, 0, 1).film;

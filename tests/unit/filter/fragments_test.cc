@@ -176,13 +176,15 @@ TEST(FragmentsOf, LeaveOutPixelsOfOneSurfaceAndRowsWithoutAnEdge) {
   EXPECT_EQ(set.fragments[0].row, 3);
 }
 
-TEST(FragmentsOf, NeedBothHalvesAndBothLists) {
+TEST(FragmentsOf, NeedASampleAndBothLists) {
   EdgedImage film = Film();
   AddFragments({{1, kFront, {3, 1}}, {1, kBack, {1, 3}}}, &film);
   EXPECT_TRUE(FragmentsOf(Frame(film)).pixels.empty());
   AddEdges({{1, {{kFront, 8}, {kBack, 8}}}}, &film);
   EXPECT_EQ(FragmentsOf(Frame(film)).pixels.size(), 1u);
   film.pixels.Get(layers::kSamplesB).At(1, 0) = 0;
+  EXPECT_EQ(FragmentsOf(Frame(film)).pixels.size(), 1u);
+  film.pixels.Get(layers::kSamplesA).At(1, 0) = 0;
   EXPECT_TRUE(FragmentsOf(Frame(film)).pixels.empty());
 }
 

@@ -60,6 +60,7 @@ inline void ExpectSame(const std::vector<Row>& a, const std::vector<Row>& b, int
 template <typename Pointer>
 std::vector<Pointer> Pointers(std::vector<Row>& rows) {
   std::vector<Pointer> pointers;
+  pointers.reserve(rows.size());
   for (Row& row : rows) pointers.push_back(row.data());
   return pointers;
 }

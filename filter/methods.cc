@@ -153,19 +153,7 @@ absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view me
     return FilterBlock({film, edges, fragments}, *call, pool);
   }
   FilmInMemory source(film, edges, fragments);
-  Picture picture;
-  for (Plane& plane : picture) plane = Plane::Uninitialized(film.width(), film.height());
-  int y = 0;
-  const auto copy_rows = [&](const LayeredImage& rows) {
-    const ConstColorView color = rows.GetColor(layers::kBeauty);
-    for (size_t c = 0; c < picture.size(); ++c)
-      CopyPlane(color[c], picture[c].view().Crop({0, y, rows.width(), y + rows.height()}));
-    y += rows.height();
-    return absl::OkStatus();
-  };
-  absl::Status status = FilterFilmInRows(&source, method, {}, pool, copy_rows);
-  if (!status.ok()) return status;
-  return picture;
+  return FilterFilmByRows(&source, method, pool);
 }
 
 absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
@@ -177,6 +165,23 @@ absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
     return FilterBlock({block.pixels, &block.edges, &block.fragments}, *call, pool);
   };
   return FilterInBlocks(film, params, passed_on, filter, sink);
+}
+
+absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view method, TaskPool* pool,
+                                         const BlockParams& params) {
+  Picture picture;
+  for (Plane& plane : picture) plane = Plane::Uninitialized(film->width(), film->height());
+  int y = 0;
+  const auto copy_rows = [&](const LayeredImage& rows) {
+    const ConstColorView color = rows.GetColor(layers::kBeauty);
+    for (size_t c = 0; c < picture.size(); ++c)
+      CopyPlane(color[c], picture[c].view().Crop({0, y, rows.width(), y + rows.height()}));
+    y += rows.height();
+    return absl::OkStatus();
+  };
+  absl::Status status = FilterFilmInRows(film, method, {}, pool, copy_rows, params);
+  if (!status.ok()) return status;
+  return picture;
 }
 
 }  // namespace lumifold::filter

@@ -54,4 +54,8 @@ absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const std::vector<std::string>& passed_on, TaskPool* pool, const RowSink& sink,
                               const BlockParams& params = {});
 
+/// FilterFilmInRows with its rows put together.
+absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view method, TaskPool* pool,
+                                         const BlockParams& params = {});
+
 }  // namespace lumifold::filter

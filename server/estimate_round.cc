@@ -70,7 +70,8 @@ double BudgetOf(const RoundToEstimate& what, const v1::JobSpec& spec, const job:
   if (spec.adaptive().time_seconds() == 0) return 0;
   const double left = spec.adaptive().time_seconds() - absl::ToDoubleSeconds(filtered);
   const double pixels = static_cast<double>(spec.width()) * spec.height() * job::FrameList(spec).count();
-  const double cost_of_sample = rounds.MeanCostOf(what.round, costs) / rounds.MeanSamplesOf(what.round);
+  const std::vector<double> ones(costs.size(), 1);
+  const double cost_of_sample = rounds.MeanCostOf(what.round, costs) / rounds.MeanCostOf(what.round, ones);
   const double budget = static_cast<double>(what.samples) / pixels * cost_of_sample * left /
                         std::max(absl::ToDoubleSeconds(what.rendered), 1e-3);
   return std::clamp(budget, 1.0, static_cast<double>(spec.samples_per_pixel()));

@@ -7,18 +7,6 @@
 namespace lumifold::filter {
 namespace {
 
-/// to += t * (from - to), both halves.
-void MoveTowards(const FrameChange& to, const Plane& share, TaskPool* pool, FrameChange* from) {
-  for (size_t h = 0; h < 2; ++h) {
-    for (size_t c = 0; c < 3; ++c) {
-      ForEachPixel(pool, share.width(), share.height(), [&](int x, int y) {
-        float& value = (*from)[h][c].At(x, y);
-        value += share.At(x, y) * (to[h][c].At(x, y) - value);
-      });
-    }
-  }
-}
-
 /// What takes the fireflies out of C. `halves`: of C; as they were afterwards.
 FrameChange WithoutFireflies(const LayerSettings& settings, TaskPool* pool, Halves* halves) {
   FrameChange noisy = {Clone(halves->a), Clone(halves->b)};
@@ -68,7 +56,8 @@ void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fram
   };
   const Choice choice(halves, LightOf(halves, picture_of(*change), pool), settings.choice, pool);
   const auto compare = [&](const FrameChange& with) {
-    MoveTowards(with, choice.ShareOf(picture_of(*change), picture_of(with), pool), pool, change);
+    const Plane share = choice.ShareOf(picture_of(*change), picture_of(with), pool);
+    for (size_t h = 0; h < 2; ++h) MoveTowards(with[h], share, pool, &(*change)[h]);
   };
   for (const FrameChange& candidate : candidates) compare(candidate);
   compare(WithoutFireflies(settings, pool, &halves));

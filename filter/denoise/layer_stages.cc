@@ -170,7 +170,8 @@ void RunFireflyEnergy(LayerState* state) {
 
 /// Moves the result towards a picture. Where a half has no sample of a fragment, the noisy layer says nothing of it.
 void Move(const Filtering& to, const Plane& share, bool is_noisy, LayerState* state) {
-  MoveTowards(to.picture, share, state->pool, &state->result.picture);
+  MoveTowards(to.picture.a, share, state->pool, &state->result.picture.a);
+  MoveTowards(to.picture.b, share, state->pool, &state->result.picture.b);
   const LayerFragments& fragments = state->fragments;
   for (size_t h = 0; h < 2; ++h) {
     for (size_t i = 0; i < fragments.places.size(); ++i) {
@@ -218,9 +219,13 @@ void RunSingleFiltering(LayerState* state) {
   const LayerFragments& fragments = state->fragments;
   SlicePoints points = PointsOf(fragments, state->settings.mixed_range, 0, fragments.light[0]);
   for (size_t i = 0; i < points.weights.size(); ++i) {
-    if (points.weights[i] > 0) continue;  // its samples are of half B, if it has any
-    points.weights[i] = fragments.share[1][i];
-    for (size_t k = 3 * i; k < 3 * i + 3; ++k) points.signals[k] = fragments.light[1][k];
+    // The mean over both halves, of which most pixels have one.
+    const auto [x, y] = fragments.places[i];
+    const float a = halves.share_a.At(x, y) * fragments.share[0][i];
+    const float b = (1.0f - halves.share_a.At(x, y)) * fragments.share[1][i];
+    points.weights[i] = a + b;
+    for (size_t k = 3 * i; a + b > 0 && k < 3 * i + 3; ++k)
+      points.signals[k] = (a * fragments.light[0][k] + b * fragments.light[1][k]) / (a + b);
   }
   ManifoldResult filtered = FilterSingle(halves, mean, state->geometry, state->settings,
                                          fragments.IsEmpty() ? nullptr : &points, state->pool);

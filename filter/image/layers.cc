@@ -12,6 +12,15 @@ void AddColor(std::string_view layer, std::vector<std::string>* names) {
 
 }  // namespace
 
+bool Carried::Has(std::string_view layer) const {
+  if (layer == kDirect) return direct;
+  if (layer == kIndirect) return indirect;
+  if (layer == kAlbedo) return albedo;
+  if (layer == kEmission) return emission;
+  if (layer == kGlossy || layer == kGlossyAlbedo) return glossy;
+  return true;
+}
+
 std::vector<std::string> LevelPassChannels(Level level) {
   std::vector<std::string> names;
   for (const std::string_view layer : kLevelHalved) {

@@ -50,6 +50,20 @@ inline constexpr std::string_view kSurface = "surface.Y";
 
 /// The layers that are kept in two independent halves, in the order they are stored.
 inline constexpr std::array<std::string_view, 4> kHalved = {kNoisy, kDirect, kIndirect, kGlossy};
+
+/// The layers besides C that a picture or a unit carries; without `glossy` neither G nor S.
+struct Carried {
+  bool direct = true;
+  bool indirect = true;
+  bool albedo = true;
+  bool emission = true;
+  bool glossy = true;
+
+  /// Whether this layer of kHalved or kWhole is there; C always is.
+  bool Has(std::string_view layer) const;
+  friend bool operator==(const Carried&, const Carried&) = default;
+};
+
 /// Light of further lobes of the first surface that a film may have, and the layer that multiplies it.
 struct LobeLayer {
   std::string_view light;

@@ -141,17 +141,13 @@ Plane LightOf(const Halves& halves, const Candidate& picture, TaskPool* pool) {
   return light;
 }
 
-void MoveTowards(const Candidate& towards, const Plane& share, TaskPool* pool, Candidate* picture) {
-  const auto move = [&](const Planes& to, Planes* from) {
-    for (size_t c = 0; c < 3; ++c) {
-      ForEachPixel(pool, share.width(), share.height(), [&](int x, int y) {
-        float& value = (*from)[c].At(x, y);
-        value += share.At(x, y) * (to[c].At(x, y) - value);
-      });
-    }
-  };
-  move(towards.a, &picture->a);
-  move(towards.b, &picture->b);
+void MoveTowards(const Planes& towards, const Plane& share, TaskPool* pool, Planes* half) {
+  for (size_t c = 0; c < half->size(); ++c) {
+    ForEachPixel(pool, share.width(), share.height(), [&](int x, int y) {
+      float& value = (*half)[c].At(x, y);
+      value += share.At(x, y) * (towards[c].At(x, y) - value);
+    });
+  }
 }
 
 int ChoiceWindow(const ChoiceParams& params) {

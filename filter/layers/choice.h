@@ -66,8 +66,8 @@ class Choice {
 /// Light of a picture over its mean: Halves::picture_light where it is known, else the mean of |picture|.
 Plane LightOf(const Halves& halves, const Candidate& picture, TaskPool* pool);
 
-/// picture += share * (towards - picture), both halves.
-void MoveTowards(const Candidate& towards, const Plane& share, TaskPool* pool, Candidate* picture);
+/// half += share * (towards - half), plane by plane.
+void MoveTowards(const Planes& towards, const Plane& share, TaskPool* pool, Planes* half);
 
 /// Radius in pixels of what a share depends on.
 int ChoiceWindow(const ChoiceParams& params);

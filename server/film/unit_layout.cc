@@ -340,22 +340,13 @@ absl::Status CheckFragmentPlaces(const Rect& rect, PlaneRows& fragments) {
 
 }  // namespace
 
-bool UnitModel::Has(std::string_view layer) const {
-  if (layer == layers::kDirect) return direct;
-  if (layer == layers::kIndirect) return indirect;
-  if (layer == layers::kAlbedo) return albedo;
-  if (layer == layers::kEmission) return emission;
-  if (layer == layers::kGlossy || layer == layers::kGlossyAlbedo) return glossy;
-  return true;
-}
-
 UnitModel ModelOf(const v1::JobSpec& spec) {
   const auto is_on = [&spec](std::string_view decision) { return job::ValueOf(spec, decision) != 0; };
-  return {.direct = is_on(decisions::kDirect),
-          .indirect = is_on(decisions::kIndirect),
-          .albedo = is_on(decisions::kAlbedo),
-          .emission = is_on(decisions::kEmission),
-          .glossy = is_on(decisions::kGlossy),
+  return {.carried = {.direct = is_on(decisions::kDirect),
+                      .indirect = is_on(decisions::kIndirect),
+                      .albedo = is_on(decisions::kAlbedo),
+                      .emission = is_on(decisions::kEmission),
+                      .glossy = is_on(decisions::kGlossy)},
           .levels = job::ValueOf(spec, decisions::kLevels)};
 }
 

@@ -21,15 +21,11 @@ namespace lumifold::film {
 /// The layers besides C, and the levels, that the units of a job may have: those of its plan. Without glossy neither G
 /// nor S.
 struct UnitModel {
-  bool direct = true;
-  bool indirect = true;
-  bool albedo = true;
-  bool emission = true;
-  bool glossy = true;
+  layers::Carried carried;
   int levels = layers::kMaxDepth;  // greatest depth
 
   /// Whether units have this layer of layers::kHalved or layers::kWhole.
-  bool Has(std::string_view layer) const;
+  bool Has(std::string_view layer) const { return carried.Has(layer); }
 };
 
 UnitModel ModelOf(const v1::JobSpec& spec);

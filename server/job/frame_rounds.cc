@@ -59,18 +59,6 @@ absl::StatusOr<FrameRounds> FrameRounds::Replay(const v1::JobSpec& spec,
   return rounds;
 }
 
-double FrameRounds::MeanSamplesOf(int round) const {
-  int64_t samples = 0;
-  int64_t pixels = 0;
-  for (int tile = 0; tile < tiles_.count(); ++tile) {
-    const Rect rect = tiles_.RectOf(tile);
-    pixels += int64_t{rect.width()} * rect.height();
-    for (int pass = 0; pass <= round; ++pass)
-      samples += sampling_.SamplesOf(rect, static_cast<size_t>(pass)).CountIn(rect.width(), rect.height());
-  }
-  return static_cast<double>(samples) / static_cast<double>(pixels);
-}
-
 bool FrameRounds::Has(const UnitKey& unit) const {
   if (unit.kind == v1::UNIT_KIND_GEOMETRY) return true;
   if (unit.pass < 0 || unit.pass >= count()) return false;

@@ -44,8 +44,6 @@ class FrameRounds {
   double MeanCostOf(int round, absl::Span<const double> costs) const {
     return sampling_.MeanCostOf(round, costs);
   }
-  /// Samples per pixel of a frame once a round is complete.
-  double MeanSamplesOf(int round) const;
   /// The error of the frame once all rounds are complete, where an estimate has measured the last one.
   std::optional<double> measured_error() const { return measured_error_; }
   /// Of a job with a time: its render time when the last estimated round was committed.

@@ -5,31 +5,12 @@
 #include <utility>
 
 #include "filter/image/film_source.h"
-#include "filter/image/layers.h"
 #include "filter/methods.h"
 #include "tests/charts/methods/rendering/render_method.h"
 #include "tests/charts/methods/samples/sample_method.h"
 
 namespace lumifold::stability {
 namespace {
-
-absl::StatusOr<Picture> FilterInBlocks(const std::string& method, const EdgedImage& film,
-                                       const filter::BlockParams& blocks, TaskPool* pool) {
-  FilmInMemory source(film.pixels, &film.edges);
-  Picture picture;
-  for (Plane& plane : picture) plane = Plane(film.pixels.width(), film.pixels.height());
-  int y = 0;
-  const auto copy_rows = [&](const LayeredImage& rows) {
-    const ConstColorView color = rows.GetColor(layers::kBeauty);
-    for (size_t c = 0; c < picture.size(); ++c)
-      CopyPlane(color[c], picture[c].view().Crop({0, y, rows.width(), y + rows.height()}));
-    y += rows.height();
-    return absl::OkStatus();
-  };
-  const absl::Status status = filter::FilterFilmInRows(&source, method, {}, pool, copy_rows, blocks);
-  if (!status.ok()) return status;
-  return picture;
-}
 
 Column FilterColumn(const filter::MethodInfo& method) {
   return {method.name, "",
@@ -38,7 +19,8 @@ Column FilterColumn(const filter::MethodInfo& method) {
                                       &subject.film.fragments);
           },
           [name = method.name](const EdgedImage& film, const filter::BlockParams& blocks, TaskPool* pool) {
-            return FilterInBlocks(name, film, blocks, pool);
+            FilmInMemory source(film.pixels, &film.edges, &film.fragments);
+            return filter::FilterFilmByRows(&source, name, pool, blocks);
           }};
 }
 

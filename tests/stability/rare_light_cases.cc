@@ -155,14 +155,10 @@ absl::StatusOr<Finding> HardLight(const Trial& trial) {
     if (!judged.ok()) return judged.status();
     absl::StatusOr<Picture> filtered = trial.Filter(judged->rendered.subject());
     if (!filtered.ok()) return filtered.status();
-    const LayeredImage& reference = judged->reference.pixels;
-    const ConstColorView truth = reference.GetColor(layers::kNoisy);
-    const ConstColorView noisy = judged->rendered.film.pixels.GetColor(layers::kNoisy);
-    const double own = DisplayError(reference.GetColor(layers::HalfA(layers::kNoisy)),
-                                    reference.GetColor(layers::HalfB(layers::kNoisy)), Everywhere) /
-                       4;
-    filtered_error += DisplayError(ViewOf(*filtered), truth, Everywhere) - own;
-    noisy_error += DisplayError(noisy, truth, Everywhere) - own;
+    const ConstColorView truth = judged->truth();
+    const ConstColorView noisy = judged->noisy();
+    filtered_error += judged->ErrorOf(ViewOf(*filtered));
+    noisy_error += judged->ErrorOf(noisy);
     const auto blotch = metrics::MeasureBlotch(ViewOf(*filtered), noisy, truth);
     if (!blotch.ok()) return blotch.status();
     luminance += blotch->luminance / kSeeds;

@@ -4,9 +4,20 @@
 #include <utility>
 
 #include "tests/scenes/glb_writer.h"
+#include "tests/stability/errors.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::stability {
+
+double JudgedFilm::ErrorOf(const ConstColorView& picture) const {
+  const auto everywhere = [](int, int) { return true; };
+  const LayeredImage& pixels = reference.pixels;
+  const double own = DisplayError(pixels.GetColor(layers::HalfA(layers::kNoisy)),
+                                  pixels.GetColor(layers::HalfB(layers::kNoisy)), everywhere) /
+                     4;
+  return DisplayError(picture, truth(), everywhere) - own;
+}
+
 absl::StatusOr<SceneFilm> FilmStore::Get(const scenes::SceneDescription& scene,
                                          const charts::FilmSettings& settings, TaskPool* pool) const {
   absl::StatusOr<charts::FilmSource> source = charts::FilmSource::Create(scene, folder_);

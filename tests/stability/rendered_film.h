@@ -7,7 +7,9 @@
 
 #include "absl/status/statusor.h"
 #include "filter/image/edged_image.h"
+#include "filter/image/layers.h"
 #include "filter/image/parallel.h"
+#include "filter/image/planes.h"
 #include "tests/charts/films/film_source.h"
 #include "tests/scenes/scene_description.h"
 
@@ -33,6 +35,11 @@ struct SceneFilm {
 struct JudgedFilm {
   SceneFilm rendered;
   EdgedImage reference;
+
+  ConstColorView noisy() const { return rendered.film.pixels.GetColor(layers::kNoisy); }
+  ConstColorView truth() const { return reference.pixels.GetColor(layers::kNoisy); }
+  /// DisplayError against the truth, without the noise of the truth.
+  double ErrorOf(const ConstColorView& picture) const;
 };
 
 /// Films of small scenes, cached in a folder.

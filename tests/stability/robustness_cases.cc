@@ -77,15 +77,9 @@ absl::StatusOr<Finding> RealSamples(const Trial& trial) {
     if (!judged.ok()) return judged.status();
     absl::StatusOr<Picture> filtered = trial.Filter(judged->rendered.subject());
     if (!filtered.ok()) return filtered.status();
-    const LayeredImage& reference = judged->reference.pixels;
-    const ConstColorView truth = reference.GetColor(layers::kNoisy);
-    const ConstColorView noisy = judged->rendered.film.pixels.GetColor(layers::kNoisy);
-    const double own = DisplayError(reference.GetColor(layers::HalfA(layers::kNoisy)),
-                                    reference.GetColor(layers::HalfB(layers::kNoisy)), Everywhere) /
-                       4;
-    worst = std::max(worst, (DisplayError(ViewOf(*filtered), truth, Everywhere) - own) /
-                                (DisplayError(noisy, truth, Everywhere) - own));
-    if (samples == 16) finding.exhibit = {ClonePicture(noisy), *std::move(filtered), ClonePicture(truth)};
+    worst = std::max(worst, judged->ErrorOf(ViewOf(*filtered)) / judged->ErrorOf(judged->noisy()));
+    if (samples == 16)
+      finding.exhibit = {ClonePicture(judged->noisy()), *std::move(filtered), ClonePicture(judged->truth())};
   }
   finding.figures = {worst};
   return finding;

@@ -21,25 +21,8 @@ struct TracingPlan {
   /// false: sampled directions gather no emission. For scenes in which nothing emits but punctual lights the
   /// result has the same bits.
   bool emission_on_hits = true;
-  /// The layers that units carry besides C; without `glossy` neither G nor S.
-  struct Layers {
-    bool direct = true;
-    bool indirect = true;
-    bool albedo = true;
-    bool emission = true;
-    bool glossy = true;
-
-    /// Whether units have this layer of layers::kHalved or layers::kWhole; C is always there.
-    bool Has(std::string_view layer) const {
-      if (layer == layers::kDirect) return direct;
-      if (layer == layers::kIndirect) return indirect;
-      if (layer == layers::kAlbedo) return albedo;
-      if (layer == layers::kEmission) return emission;
-      if (layer == layers::kGlossy || layer == layers::kGlossyAlbedo) return glossy;
-      return true;
-    }
-    friend bool operator==(const Layers&, const Layers&) = default;
-  } layers;
+  using Layers = lumifold::layers::Carried;
+  Layers layers;  // that units carry besides C
 
   friend bool operator==(const TracingPlan&, const TracingPlan&) = default;
 };

@@ -235,7 +235,7 @@ TEST(UnitLayout, NamesWhatIsWrong) {
 }
 
 TEST(UnitLayout, APlanLeavesOutLayersAndLevels) {
-  const UnitModel diffuse = {.glossy = false, .levels = 0};
+  const UnitModel diffuse = {.carried = {.glossy = false}, .levels = 0};
   EXPECT_THAT(PassChannels(diffuse), SizeIs(3 * 2 * 3 + 2 * 3 + 2));
   v1::PixelLayout layout = Layout(v1::UNIT_KIND_PASS);
   EXPECT_FALSE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, diffuse).ok()) << "it has G and S";
@@ -245,9 +245,11 @@ TEST(UnitLayout, APlanLeavesOutLayersAndLevels) {
   EXPECT_FALSE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout).ok()) << "it has neither";
   for (const std::string& name : layers::LevelPassChannels({layers::Branch::kReflection, 2}))
     layout.add_channels(name);
-  EXPECT_EQ(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.glossy = false, .levels = 1}).message(),
+  EXPECT_EQ(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.carried = {.glossy = false}, .levels = 1})
+                .message(),
             "unit: has the level reflection2, but its job plans 1 levels");
-  EXPECT_TRUE(CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.glossy = false, .levels = 2}).ok());
+  EXPECT_TRUE(
+      CheckUnitLayout(v1::UNIT_KIND_PASS, kRect, layout, {.carried = {.glossy = false}, .levels = 2}).ok());
 }
 
 }  // namespace

@@ -78,6 +78,11 @@ double ErrorOf(const Candidate& picture) {
   return sum / (3 * kWidth * kHeight);
 }
 
+void MoveBoth(const Candidate& towards, const Plane& share, Candidate* picture) {
+  MoveTowards(towards.a, share, nullptr, &picture->a);
+  MoveTowards(towards.b, share, nullptr, &picture->b);
+}
+
 TEST(Choice, FindsTheShareOfLeastError) {
   constexpr float kBias = 0.2f;
   constexpr float kKept = 0.5f;  // of the noise
@@ -90,7 +95,7 @@ TEST(Choice, FindsTheShareOfLeastError) {
   constexpr float kOptimum = kBias * kBias / (kBias * kBias + kVariance);
   const Plane share = ShareOf(halves, f, g);
   EXPECT_NEAR(MeanOf(share), static_cast<double>(kOptimum), 0.05);
-  MoveTowards(g, share, nullptr, &f);
+  MoveBoth(g, share, &f);
   EXPECT_LT(ErrorOf(f), 1.05 * static_cast<double>(kBias * kBias * (1 - kOptimum)));
 }
 
@@ -104,7 +109,7 @@ TEST(Choice, GivesNoiseNoShare) {
     const Halves halves = HalvesOf(noisy);
     Candidate truth = Noisy(0, 1);
     share_of_noise += MeanOf(ShareOf(halves, truth, Noisy(0.3f, 100 + seed))) / kSeeds;
-    MoveTowards(noisy, ShareOf(halves, truth, noisy), nullptr, &truth);
+    MoveBoth(noisy, ShareOf(halves, truth, noisy), &truth);
     added += ErrorOf(truth) / kSeeds;
     error_of_noisy += ErrorOf(noisy) / kSeeds;
   }

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <vector>
 
 namespace lumifold::job {
 namespace {
@@ -46,8 +47,9 @@ TEST(FrameRounds, BeginsUniformly) {
     EXPECT_EQ(samples.At(7, 15), (SampleRange{16 * pass, 16 * pass + 16}));
     EXPECT_EQ(rounds.CameraSamplesOf(Pass(2, static_cast<int32_t>(pass))), 8 * 16 * 16);
   }
-  EXPECT_EQ(rounds.MeanSamplesOf(0), 16);
-  EXPECT_EQ(rounds.MeanSamplesOf(2), 48);
+  const std::vector<double> ones(kBlocks, 1);  // equal costs: mean samples of a pixel
+  EXPECT_EQ(rounds.MeanCostOf(0, ones), 16);
+  EXPECT_EQ(rounds.MeanCostOf(2, ones), 48);
   EXPECT_TRUE(rounds.Has({0, 2, 0, v1::UNIT_KIND_GEOMETRY}));
   EXPECT_FALSE(rounds.Has(Pass(2, 3)));
 }

@@ -12,12 +12,4 @@ CellSpan SpanOf(int p, int step, int cells) {
   return {std::max(first, 0), std::min(first + 1, cells - 1), part};
 }
 
-float CellReader::Read(const Plane& cells) const {
-  const float* upper = cells.Row(row_.first);
-  const float* lower = cells.Row(row_.second);
-  const float left = upper[column_.first] + row_.part * (lower[column_.first] - upper[column_.first]);
-  const float right = upper[column_.second] + row_.part * (lower[column_.second] - upper[column_.second]);
-  return left + column_.part * (right - left);
-}
-
 }  // namespace lumifold::filter

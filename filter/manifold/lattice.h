@@ -40,7 +40,13 @@ class CellReader {
   CellReader(const Lattice& lattice, int x, int y)
       : column_(SpanOf(x, lattice.step, lattice.Columns())), row_(SpanOf(y, lattice.step, lattice.Rows())) {}
 
-  float Read(const Plane& cells) const;
+  float Read(const Plane& cells) const {
+    const float* upper = cells.Row(row_.first);
+    const float* lower = cells.Row(row_.second);
+    const float left = upper[column_.first] + row_.part * (lower[column_.first] - upper[column_.first]);
+    const float right = upper[column_.second] + row_.part * (lower[column_.second] - upper[column_.second]);
+    return left + column_.part * (right - left);
+  }
 
  private:
   CellSpan column_;

@@ -31,11 +31,10 @@ void ForEachRun(const SlicePoints& points, TaskPool* pool, absl::FunctionRef<voi
   });
 }
 
-/// Writes the weights on a manifold of the points of entries [first, last), which are of one pixel.
-void WeighRun(const PixelState& state, const SlicePoints& points, size_t first, size_t last,
-              const Planes& eta, float* weights) {
+/// Writes the weights on a manifold of the points of entries [first, last), which are of the pixel that `reader` reads.
+void WeighRun(const CellReader& reader, const PixelState& state, const SlicePoints& points, size_t first,
+              size_t last, const Planes& eta, float* weights) {
   const auto [x, y] = points.pixels[first];
-  const CellReader reader(state.lattice, x, y);
   const size_t samples = points.samples;
   const size_t shared = eta.size() - points.own_features;
   float square = 0;
@@ -47,14 +46,14 @@ void WeighRun(const PixelState& state, const SlicePoints& points, size_t first, 
   float* const begin = weights + first * samples;
   float* const end = weights + last * samples;
   std::fill(begin, end, square);
-  if (square < kFarthest) {
-    for (size_t k = 0; k < points.own_features; ++k) {
-      const float height = reader.Read(eta[shared + k]);
-      for (size_t i = first; i < last; ++i) {
-        const float* own = points.features.data() + (i * points.own_features + k) * samples;
-        for (size_t j = 0; j < samples; ++j)
-          weights[i * samples + j] += (own[j] - height) * (own[j] - height);
-      }
+  // Sums of squares only grow: once all points are too far to have a weight, what is left of them is not added.
+  const auto are_far = [&] { return std::all_of(begin, end, [](float w) { return w >= kFarthest; }); };
+  for (size_t k = 0; k < points.own_features && !are_far(); ++k) {
+    const float height = reader.Read(eta[shared + k]);
+    for (size_t i = first; i < last; ++i) {
+      const float* own = points.features.data() + (i * points.own_features + k) * samples;
+      for (size_t j = 0; j < samples; ++j)
+        weights[i * samples + j] += (own[j] - height) * (own[j] - height);
     }
   }
   for (float* w = begin; w < end; ++w) *w = *w < kFarthest ? Exp(-*w) : 0.0f;
@@ -66,8 +65,9 @@ PointWeights WeighPoints(const PixelState& state, const std::vector<Manifold>& m
                          const SlicePoints& points, TaskPool* pool) {
   PointWeights weights(manifolds.size(), std::vector<float>(points.pixels.size() * points.samples));
   ForEachRun(points, pool, [&](size_t first, size_t last) {
+    const CellReader reader(state.lattice, points.pixels[first][0], points.pixels[first][1]);
     for (size_t i = 0; i < manifolds.size(); ++i)
-      WeighRun(state, points, first, last, manifolds[i].eta, weights[i].data());
+      WeighRun(reader, state, points, first, last, manifolds[i].eta, weights[i].data());
   });
   return weights;
 }

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "filter/image/plane.h"
-
 namespace lumifold::filter {
 
 /// The coarse grid that manifolds are sampled on: cells of `step` x `step` pixels from the top left; the
@@ -33,24 +31,5 @@ struct CellSpan {
 
 /// The span of pixel p on an axis of `cells` cells of `step` pixels.
 CellSpan SpanOf(int p, int step, int cells);
-
-/// Reads planes of cells at one pixel, bilinearly, clamped at the edges.
-class CellReader {
- public:
-  CellReader(const Lattice& lattice, int x, int y)
-      : column_(SpanOf(x, lattice.step, lattice.Columns())), row_(SpanOf(y, lattice.step, lattice.Rows())) {}
-
-  float Read(const Plane& cells) const {
-    const float* upper = cells.Row(row_.first);
-    const float* lower = cells.Row(row_.second);
-    const float left = upper[column_.first] + row_.part * (lower[column_.first] - upper[column_.first]);
-    const float right = upper[column_.second] + row_.part * (lower[column_.second] - upper[column_.second]);
-    return left + column_.part * (right - left);
-  }
-
- private:
-  CellSpan column_;
-  CellSpan row_;
-};
 
 }  // namespace lumifold::filter

@@ -1,6 +1,7 @@
 #include "filter/manifold/manifold_filter.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -75,12 +76,13 @@ class Filter {
       : state_(std::move(state)),
         params_(params),
         reach_(reach),
-        points_(points),
+        slice_points_(points),
         point_signals_(std::move(point_signals)),
         pool_(pool) {
     const size_t signals = params.is_first_order ? kMoments : state_.signals.size();
     result_.filtered = MakeUninitializedPlanes(signals + 1, state_.lattice.width, state_.lattice.height);
     if (points == nullptr) return;
+    points_.emplace(*points, state_.features, state_.lattice);
     const size_t count = points->pixels.size() * points->samples;
     result_.points = {std::vector<float>(count * signals), std::vector<float>(count)};
   }
@@ -124,7 +126,8 @@ class Filter {
   PixelState state_;
   const ManifoldParams params_;
   const float reach_;  // px
-  const SlicePoints* const points_;
+  const SlicePoints* const slice_points_;
+  std::optional<Points> points_;
   const std::vector<float> point_signals_;
   TaskPool* const pool_;
   PointWeights point_weights_;  // of the current level
@@ -153,9 +156,8 @@ Level Filter::Splat(std::vector<Manifold> manifolds, bool is_last) {
     for (int row = y0 / lattice.step; row * lattice.step < y1; ++row) task.CellRow(row);
   });
   std::swap(state_.labels, state_.next_labels);
-  if (points_ != nullptr) point_weights_ = WeighPoints(state_, level.manifolds, *points_, pool_);
-  if (!point_signals_.empty())
-    SplatPoints(state_, *points_, point_signals_, point_weights_, pool_, &level.splats);
+  if (points_.has_value()) point_weights_ = points_->Weigh(level.manifolds, pool_);
+  if (!point_signals_.empty()) points_->Splat(point_signals_, point_weights_, pool_, &level.splats);
   return level;
 }
 
@@ -181,7 +183,7 @@ void Filter::Slice(const std::vector<Planes>& psi, bool is_first) {
       slice.PixelRow(y, &result_.filtered);
     }
   });
-  if (points_ != nullptr) SlicePointsAt(state_, psi, *points_, point_weights_, pool_, &result_.points);
+  if (points_.has_value()) points_->Slice(psi, point_weights_, pool_, &result_.points);
 }
 
 void Filter::DivideSums() {
@@ -204,9 +206,10 @@ void Filter::DividePoints() {
   const size_t channels = result_.filtered.size();
   for (size_t i = 0; i < points.weights.size(); ++i) {
     const bool is_lost = points.weights[i] < kLeastWeight;
-    const size_t first = i / points_->samples * channels * points_->samples + i % points_->samples;
+    const size_t first =
+        i / slice_points_->samples * channels * slice_points_->samples + i % slice_points_->samples;
     for (size_t c = 0; c < channels; ++c) {
-      float& value = points.values[first + c * points_->samples];
+      float& value = points.values[first + c * slice_points_->samples];
       value = is_lost ? 0.0f : value / points.weights[i];
     }
     if (is_lost) points.weights[i] = 0;
@@ -215,8 +218,8 @@ void Filter::DividePoints() {
 
 void Filter::FitPlanes() {
   result_.filtered = FitLight(result_.filtered, reach_, params_.slope_ridge, pool_);
-  if (points_ == nullptr) return;
-  result_.points = FitLightAtPoints(*points_, result_.points, reach_, params_.slope_ridge,
+  if (slice_points_ == nullptr) return;
+  result_.points = FitLightAtPoints(*slice_points_, result_.points, reach_, params_.slope_ridge,
                                     state_.lattice.width, state_.lattice.height);
 }
 

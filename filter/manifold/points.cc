@@ -1,120 +1,232 @@
 #include "filter/manifold/points.h"
 
 #include <algorithm>
+#include <utility>
 
-#include "absl/functional/function_ref.h"
+#include "filter/image/check.h"
 #include "filter/image/portable_math.h"
+#include "filter/kernels/kernel_constants.h"
 
 namespace lumifold::filter {
 namespace {
 
-/// Entries of SlicePoints::pixels that a task works on.
-constexpr size_t kPixelsPerTask = 256;
+constexpr int64_t kRunsPerTask = 128;
+/// Floats to which packed cells and weights are padded: loops over them need no remainder.
+constexpr size_t kLanes = 4;
 
-bool IsSamePixelAsLast(const SlicePoints& points, size_t i) {
-  return i > 0 && points.pixels[i] == points.pixels[i - 1];
-}
+constexpr size_t kMostManifolds = 128;  // of a level
 
-/// Calls body(first, last) for each run of entries of one pixel: what is read from cells is the same for all of them.
-void ForEachRun(const SlicePoints& points, TaskPool* pool, absl::FunctionRef<void(size_t, size_t)> body) {
-  const size_t count = points.pixels.size();
-  ParallelFor(pool, static_cast<int64_t>((count + kPixelsPerTask - 1) / kPixelsPerTask), [&](int64_t task) {
-    size_t first = static_cast<size_t>(task) * kPixelsPerTask;
-    const size_t end = std::min(first + kPixelsPerTask, count);
-    while (first < end && IsSamePixelAsLast(points, first)) ++first;  // the task before has it
-    while (first < end) {
-      size_t last = first + 1;
-      while (last < count && IsSamePixelAsLast(points, last)) ++last;
-      body(first, last);
-      first = last;
+size_t Padded(size_t count) { return (count + kLanes - 1) / kLanes * kLanes; }
+
+/// Numbers for cells in the order in which they are first asked for.
+class CellNumbers {
+ public:
+  explicit CellNumbers(const Lattice& lattice)
+      : columns_(lattice.Columns()),
+        numbers_(static_cast<size_t>(lattice.Columns()) * static_cast<size_t>(lattice.Rows()), kNone) {}
+
+  uint32_t Of(int column, int row) {
+    const int cell = row * columns_ + column;
+    uint32_t& number = numbers_[static_cast<size_t>(cell)];
+    if (number == kNone) {
+      number = static_cast<uint32_t>(cells_.size());
+      cells_.push_back(cell);
     }
+    return number;
+  }
+  std::vector<int> TakeCells() { return std::move(cells_); }
+
+ private:
+  static constexpr uint32_t kNone = ~uint32_t{0};
+
+  int columns_;
+  std::vector<uint32_t> numbers_;
+  std::vector<int> cells_;
+};
+
+/// Calls body(run, scratch) for each run; `scratch` has so many floats.
+void ForEachRun(size_t runs, size_t scratch, TaskPool* pool, absl::FunctionRef<void(size_t, float*)> body) {
+  const auto count = static_cast<int64_t>(runs);
+  ParallelFor(pool, (count + kRunsPerTask - 1) / kRunsPerTask, [&](int64_t task) {
+    std::vector<float> memory(scratch);
+    for (int64_t run = task * kRunsPerTask; run < std::min((task + 1) * kRunsPerTask, count); ++run)
+      body(static_cast<size_t>(run), memory.data());
   });
 }
 
-/// Writes the weights on a manifold of the points of entries [first, last), which are of the pixel that `reader` reads.
-void WeighRun(const CellReader& reader, const PixelState& state, const SlicePoints& points, size_t first,
-              size_t last, const Planes& eta, float* weights) {
-  const auto [x, y] = points.pixels[first];
-  const size_t samples = points.samples;
-  const size_t shared = eta.size() - points.own_features;
-  float square = 0;
-  for (size_t k = 0; k < shared; ++k) {
-    const float offset = state.features[k].At(x, y) - reader.Read(eta[k]);
-    square += offset * offset;
+/// squares[i] += (feature - heights[i])^2 for whole groups of lanes.
+void AddSquares(float feature, const float* __restrict heights, size_t lanes, float* __restrict squares) {
+  for (size_t first = 0; first < lanes; first += kLanes) {
+    for (size_t i = first; i < first + kLanes; ++i)
+      squares[i] += (feature - heights[i]) * (feature - heights[i]);
   }
-  square /= points.pixel_divisor;
-  float* const begin = weights + first * samples;
-  float* const end = weights + last * samples;
-  std::fill(begin, end, square);
-  // Sums of squares only grow: once all points are too far to have a weight, what is left of them is not added.
-  const auto are_far = [&] { return std::all_of(begin, end, [](float w) { return w >= kFarthest; }); };
-  for (size_t k = 0; k < points.own_features && !are_far(); ++k) {
-    const float height = reader.Read(eta[shared + k]);
-    for (size_t i = first; i < last; ++i) {
-      const float* own = points.features.data() + (i * points.own_features + k) * samples;
-      for (size_t j = 0; j < samples; ++j)
-        weights[i * samples + j] += (own[j] - height) * (own[j] - height);
-    }
-  }
-  for (float* w = begin; w < end; ++w) *w = *w < kFarthest ? Exp(-*w) : 0.0f;
 }
 
 }  // namespace
 
-PointWeights WeighPoints(const PixelState& state, const std::vector<Manifold>& manifolds,
-                         const SlicePoints& points, TaskPool* pool) {
-  PointWeights weights(manifolds.size(), std::vector<float>(points.pixels.size() * points.samples));
-  ForEachRun(points, pool, [&](size_t first, size_t last) {
-    const CellReader reader(state.lattice, points.pixels[first][0], points.pixels[first][1]);
-    for (size_t i = 0; i < manifolds.size(); ++i)
-      WeighRun(reader, state, points, first, last, manifolds[i].eta, weights[i].data());
+Points::Points(const SlicePoints& points, const Planes& features, const Lattice& lattice)
+    : points_(points),
+      shared_features_(features.size() - points.own_features),
+      columns_(lattice.Columns()),
+      by_row_(static_cast<size_t>(lattice.Rows())) {
+  CellNumbers numbers(lattice);
+  const size_t count = points.pixels.size();
+  for (size_t first = 0; first < count;) {
+    size_t last = first + 1;
+    while (last < count && points.pixels[last] == points.pixels[first]) ++last;
+    const auto [x, y] = points.pixels[first];
+    const CellSpan column = SpanOf(x, lattice.step, lattice.Columns());
+    const CellSpan row = SpanOf(y, lattice.step, lattice.Rows());
+    const int own_column = x / lattice.step;
+    const int own_row = y / lattice.step;
+    runs_.push_back(
+        {.first = first,
+         .last = last,
+         .corners = {numbers.Of(column.first, row.first), numbers.Of(column.second, row.first),
+                     numbers.Of(column.first, row.second), numbers.Of(column.second, row.second)},
+         .column_part = column.part,
+         .row_part = row.part,
+         .own = numbers.Of(own_column, own_row),
+         .area = static_cast<float>(lattice.ColumnWidth(own_column) * lattice.RowHeight(own_row))});
+    for (size_t k = 0; k < shared_features_; ++k) pixel_features_.push_back(features[k].At(x, y));
+    by_row_[static_cast<size_t>(own_row)].push_back(runs_.size() - 1);
+    first = last;
+  }
+  cells_ = numbers.TakeCells();
+}
+
+Points::Packed Points::Pack(size_t sets, absl::FunctionRef<const Planes&(size_t)> planes_of, size_t pitch,
+                            size_t step, TaskPool* pool) const {
+  const size_t planes = planes_of(0).size();
+  const size_t stride = Padded(planes * pitch);
+  Packed packed{stride, std::vector<float>(cells_.size() * stride)};
+  ParallelFor(pool, static_cast<int64_t>(sets), [&](int64_t task) {
+    const auto set = static_cast<size_t>(task);
+    for (size_t k = 0; k < planes; ++k) {
+      const Plane& plane = planes_of(set)[k];
+      float* to = packed.cells.data() + k * pitch + set * step;
+      for (size_t i = 0; i < cells_.size(); ++i)
+        to[i * packed.stride] = plane.At(cells_[i] % columns_, cells_[i] / columns_);
+    }
   });
+  return packed;
+}
+
+void Points::Read(const Packed& packed, const Run& run, float* __restrict values) {
+  const auto at = [&](size_t corner) { return packed.cells.data() + run.corners[corner] * packed.stride; };
+  const float* __restrict upper_left = at(0);
+  const float* __restrict upper_right = at(1);
+  const float* __restrict lower_left = at(2);
+  const float* __restrict lower_right = at(3);
+  for (size_t first = 0; first < packed.stride; first += kLanes) {
+    for (size_t k = first; k < first + kLanes; ++k) {
+      const float left = upper_left[k] + run.row_part * (lower_left[k] - upper_left[k]);
+      const float right = upper_right[k] + run.row_part * (lower_right[k] - upper_right[k]);
+      values[k] = left + run.column_part * (right - left);
+    }
+  }
+}
+
+void Points::WeighRun(size_t run, const Packed& eta, size_t lanes, float* scratch, float* weights) const {
+  float* const heights = scratch;
+  float* const squares = scratch + eta.stride;
+  Read(eta, runs_[run], heights);
+  std::fill_n(squares, lanes, 0.0f);
+  for (size_t k = 0; k < shared_features_; ++k)
+    AddSquares(pixel_features_[run * shared_features_ + k], heights + k * lanes, lanes, squares);
+  for (size_t i = 0; i < lanes; ++i) squares[i] /= points_.pixel_divisor;
+  const size_t samples = points_.samples;
+  for (size_t p = runs_[run].first * samples; p < runs_[run].last * samples; ++p) {
+    float* const to = weights + p * lanes;
+    std::copy_n(squares, lanes, to);
+    const float* own = points_.features.data() + p / samples * points_.own_features * samples + p % samples;
+    for (size_t k = 0; k < points_.own_features; ++k)
+      AddSquares(own[k * samples], heights + (shared_features_ + k) * lanes, lanes, to);
+    for (size_t group = 0; group < lanes; group += kLanes) {
+      for (size_t i = group; i < group + kLanes; ++i) to[i] = to[i] < kFarthest ? Exp(-to[i]) : 0.0f;
+    }
+  }
+}
+
+PointWeights Points::Weigh(const std::vector<Manifold>& manifolds, TaskPool* pool) const {
+  const size_t lanes = Padded(manifolds.size());
+  const Packed eta = Pack(
+      manifolds.size(), [&](size_t i) -> const Planes& { return manifolds[i].eta; }, lanes, 1, pool);
+  PointWeights weights{lanes, std::vector<float>(points_.pixels.size() * points_.samples * lanes)};
+  ForEachRun(runs_.size(), eta.stride + lanes, pool,
+             [&](size_t run, float* scratch) { WeighRun(run, eta, lanes, scratch, weights.values.data()); });
   return weights;
 }
 
-void SplatPoints(const PixelState& state, const SlicePoints& points, const std::vector<float>& signals,
-                 const PointWeights& weights, TaskPool* pool, std::vector<Planes>* splats) {
-  const Lattice& lattice = state.lattice;
-  const size_t samples = points.samples;
+void Points::SplatRun(const Run& run, const std::vector<float>& signals, const PointWeights& weights,
+                      Packed* splats) const {
+  const size_t samples = points_.samples;
+  const size_t lanes = weights.stride;
+  const size_t channels = splats->stride / lanes - 1;
+  float* __restrict cell = splats->cells.data() + run.own * splats->stride;
+  for (size_t p = run.first * samples; p < run.last * samples; ++p) {
+    if (points_.weights[p] == 0) continue;
+    const float* __restrict on_manifolds = weights.values.data() + p * lanes;
+    const float* signal = signals.data() + p / samples * channels * samples + p % samples;
+    std::array<float, kMostManifolds> mass;
+    for (size_t i = 0; i < lanes; ++i) mass[i] = points_.weights[p] * on_manifolds[i] / run.area;
+    for (size_t c = 0; c <= channels; ++c) {
+      const float value = c < channels ? signal[c * samples] : 1.0f;
+      for (size_t i = 0; i < lanes; ++i) cell[c * lanes + i] += mass[i] * value;
+    }
+  }
+}
+
+void Points::Splat(const std::vector<float>& signals, const PointWeights& weights, TaskPool* pool,
+                   std::vector<Planes>* splats) const {
+  Packed packed = Pack(
+      splats->size(), [&](size_t i) -> const Planes& { return (*splats)[i]; }, weights.stride, 1, pool);
+  ParallelFor(pool, static_cast<int64_t>(by_row_.size()), [&](int64_t row) {
+    for (const size_t run : by_row_[static_cast<size_t>(row)])
+      SplatRun(runs_[run], signals, weights, &packed);
+  });
   ParallelFor(pool, static_cast<int64_t>(splats->size()), [&](int64_t task) {
-    Planes& cells = (*splats)[static_cast<size_t>(task)];
-    const std::vector<float>& on_manifold = weights[static_cast<size_t>(task)];
-    const size_t channels = cells.size() - 1;
-    for (size_t pixel = 0; pixel < points.pixels.size(); ++pixel) {
-      const int column = points.pixels[pixel][0] / lattice.step;
-      const int row = points.pixels[pixel][1] / lattice.step;
-      const auto area = static_cast<float>(lattice.ColumnWidth(column) * lattice.RowHeight(row));
-      for (size_t j = 0; j < samples; ++j) {
-        const float weight = points.weights[pixel * samples + j] * on_manifold[pixel * samples + j] / area;
-        if (weight == 0) continue;
-        for (size_t c = 0; c < channels; ++c)
-          cells[c].At(column, row) += weight * signals[(pixel * channels + c) * samples + j];
-        cells[channels].At(column, row) += weight;
-      }
+    const auto manifold = static_cast<size_t>(task);
+    for (size_t k = 0; k < (*splats)[manifold].size(); ++k) {
+      const float* from = packed.cells.data() + k * weights.stride + manifold;
+      for (size_t i = 0; i < cells_.size(); ++i)
+        (*splats)[manifold][k].At(cells_[i] % columns_, cells_[i] / columns_) = from[i * packed.stride];
     }
   });
 }
 
-void SlicePointsAt(const PixelState& state, const std::vector<Planes>& psi, const SlicePoints& points,
-                   const PointWeights& weights, TaskPool* pool, SlicedPoints* sums) {
-  const size_t samples = points.samples;
-  const size_t channels = psi[0].size() - 1;
-  ForEachRun(points, pool, [&](size_t first, size_t last) {
-    const CellReader reader(state.lattice, points.pixels[first][0], points.pixels[first][1]);
-    for (size_t i = 0; i < psi.size(); ++i) {
-      const float* on_manifold = weights[i].data();
-      if (std::all_of(on_manifold + first * samples, on_manifold + last * samples,
-                      [](float w) { return w == 0; }))
-        continue;
-      for (size_t c = 0; c <= channels; ++c) {
-        const float value = reader.Read(psi[i][c]);
-        for (size_t e = first; e < last; ++e) {
-          float* to = c < channels ? sums->values.data() + (e * channels + c) * samples
-                                   : sums->weights.data() + e * samples;
-          for (size_t j = 0; j < samples; ++j) to[j] += on_manifold[e * samples + j] * value;
-        }
-      }
+void Points::SliceRun(const Run& run, const Packed& psi, size_t manifold, size_t channels,
+                      const PointWeights& weights, float* scratch, SlicedPoints* sums) const {
+  const size_t samples = points_.samples;
+  const auto weight_of = [&](size_t p) { return weights.values[p * weights.stride + manifold]; };
+  size_t p = run.first * samples;
+  while (p < run.last * samples && weight_of(p) == 0) ++p;
+  if (p == run.last * samples) return;
+  Read(psi, run, scratch);
+  for (; p < run.last * samples; ++p) {
+    const float weight = weight_of(p);
+    float* to = sums->values.data() + p / samples * channels * samples + p % samples;
+    if (samples == 1) {
+      for (size_t c = 0; c < channels; ++c) to[c] += weight * scratch[c];
+    } else {
+      for (size_t c = 0; c < channels; ++c) to[c * samples] += weight * scratch[c];
     }
+    sums->weights[p] += weight * scratch[channels];
+  }
+}
+
+void Points::Slice(const std::vector<Planes>& psi, const PointWeights& weights, TaskPool* pool,
+                   SlicedPoints* sums) const {
+  const size_t channels = psi[0].size() - 1;
+  std::vector<Packed> packed(psi.size());
+  ParallelFor(pool, static_cast<int64_t>(psi.size()), [&](int64_t task) {
+    const auto i = static_cast<size_t>(task);
+    packed[i] = Pack(
+        1, [&](size_t) -> const Planes& { return psi[i]; }, 1, 0, nullptr);
+  });
+  ForEachRun(runs_.size(), packed[0].stride, pool, [&](size_t run, float* scratch) {
+    for (size_t i = 0; i < packed.size(); ++i)
+      SliceRun(runs_[run], packed[i], i, channels, weights, scratch, sums);
   });
 }
 

@@ -71,22 +71,19 @@ TEST(Lattice, CutsTheLastCells) {
   EXPECT_EQ(lattice.RowHeight(1), 3);
 }
 
-TEST(CellReader, ReadsALinearRampExactlyBetweenCellCentres) {
+TEST(SpanOf, LiesWhereThePixelIsBetweenCellCentres) {
   for (const int step : {1, 2, 4, 8, 16}) {
-    const Lattice lattice(64, 64, step);
-    Plane cells(lattice.Columns(), lattice.Rows());
-    for (int r = 0; r < cells.height(); ++r) {
-      for (int c = 0; c < cells.width(); ++c) {
-        const float centre_x = (static_cast<float>(c) + 0.5f) * static_cast<float>(step) - 0.5f;
-        const float centre_y = (static_cast<float>(r) + 0.5f) * static_cast<float>(step) - 0.5f;
-        cells.At(c, r) = 2 * centre_x - 3 * centre_y;
-      }
+    const int cells = 64 / step;
+    const auto centre_of = [&](int cell) {
+      return (static_cast<float>(cell) + 0.5f) * static_cast<float>(step) - 0.5f;
+    };
+    for (int x = step; x < 64 - step; ++x) {
+      const CellSpan span = SpanOf(x, step, cells);
+      const float at = centre_of(span.first) + span.part * (centre_of(span.second) - centre_of(span.first));
+      ASSERT_NEAR(at, static_cast<float>(x), 1e-4) << "cells of " << step;
     }
-    for (int y = step; y < 64 - step; ++y) {
-      for (int x = step; x < 64 - step; ++x)
-        ASSERT_NEAR(CellReader(lattice, x, y).Read(cells), 2 * x - 3 * y, 1e-4)
-            << step << ": " << x << "," << y;
-    }
+    EXPECT_EQ(SpanOf(0, step, cells).first, 0) << "cells of " << step;
+    EXPECT_EQ(SpanOf(63, step, cells).second, cells - 1) << "cells of " << step;
   }
 }
 

@@ -11,9 +11,9 @@
 namespace lumifold {
 
 /// Edge length in pixels of the blocks of a frame that may have samples of their own. In the chart's scenes blocks of 8
-/// need 0.85 to 0.9 of the time that blocks of 16 need for equal error; what smaller ones need cannot be told from their
-/// few pixels.
-inline constexpr int kSampleBlock = 8;
+/// need 0.85 to 0.9 of the time that blocks of 16 need for equal error, blocks of 4 need 0.95 to 1 of that of 8
+/// (docs/decisions/0021-adaptive-sampling.md).
+inline constexpr int kSampleBlock = 4;
 
 /// Blocks that `pixels` in a row or column have; the last one may be smaller.
 constexpr int BlocksIn(int pixels) { return (pixels + kSampleBlock - 1) / kSampleBlock; }

@@ -42,6 +42,19 @@ struct Sums {
   double earlier = 0;     // of the earlier one, where the error was measured too
   double error = 0;       // of the earlier one, by the new samples
   int64_t with_news = 0;  // pixels that have new samples
+  /// Of the later picture, by channel: weights, weighted values and their squares.
+  std::array<double, 3> weights = {};
+  std::array<double, 3> values = {};
+  std::array<double, 3> squares = {};
+
+  /// How much the later picture varies from pixel to pixel.
+  double Detail() const {
+    double sum = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      if (weights[c] > 0) sum += std::max(0.0, squares[c] - values[c] * values[c] / weights[c]);
+    }
+    return sum;
+  }
 };
 
 /// Mean of the samples that the later film has over the earlier one.
@@ -73,7 +86,11 @@ class Comparison {
     const bool has_halves = a1 > a0 && b1 > b0;
     for (size_t c = 0; c < 3; ++c) {
       const double weight = WeightAt(later_[c].At(x, y), metric_);
-      const double step = double{later_[c].At(x, y)} - double{earlier_[c].At(x, y)};
+      const double value = later_[c].At(x, y);
+      sums->weights[c] += weight;
+      sums->values[c] += weight * value;
+      sums->squares[c] += weight * value * value;
+      const double step = value - double{earlier_[c].At(x, y)};
       sums->variance += weight * step * step / (fall - 1);
       const double halves = double{after_.half_a[c].At(x, y)} - double{after_.half_b[c].At(x, y)};
       sums->noise += weight * share_now * (1 - share_now) * halves * halves;
@@ -119,10 +136,11 @@ double BiasFactor(const std::vector<Sums>& blocks) {
   return 1 + (ratio - 1) * std::max(0.0, share);
 }
 
-/// Logarithms of what one sample would leave of a block's variance and of its noise.
+/// Logarithms of what one sample would leave of a block's variance and of its noise, and of its detail.
 struct Point {
   Sums* block = nullptr;
   double noise = 0;
+  double detail = 0;
   double variance = 0;
 };
 
@@ -131,55 +149,85 @@ std::vector<Point> PointsOf(std::vector<Sums>* blocks) {
   for (Sums& block : *blocks) {
     const auto noise = static_cast<float>(block.noise);
     const auto variance = static_cast<float>(block.variance);
-    if (!(noise > 0) || !(variance > 0)) continue;
+    const auto detail = static_cast<float>(block.Detail());
+    if (!(noise > 0) || !(variance > 0) || !(detail > 0)) continue;
     const float samples = Log(static_cast<float>(block.samples / static_cast<double>(block.with_news)));
-    points.push_back({&block, double{Log(noise) + samples}, double{Log(variance) + kErrorDecline * samples}});
+    points.push_back({&block, double{Log(noise) + samples}, double{Log(detail)},
+                      double{Log(variance) + kErrorDecline * samples}});
   }
   return points;
 }
 
-/// A line through points by least squares, and the variance around it.
-struct Line {
-  explicit Line(const std::vector<Point>& points) {
+/// A plane through points by least squares, and the variance around it.
+class Trend {
+ public:
+  explicit Trend(const std::vector<Point>& points) {
     const auto count = static_cast<double>(points.size());
     for (const Point& point : points) {
-      noise += point.noise / count;
-      variance += point.variance / count;
+      noise_ += point.noise / count;
+      detail_ += point.detail / count;
+      variance_ += point.variance / count;
     }
-    double squares = 0;
-    double products = 0;
+    FitSlopes(points);
     for (const Point& point : points) {
-      squares += (point.noise - noise) * (point.noise - noise);
-      products += (point.noise - noise) * (point.variance - variance);
-    }
-    slope = squares > 0 ? products / squares : 0;
-    for (const Point& point : points) {
-      const double off = point.variance - At(point.noise);
-      around += off * off / count;
+      const double off = point.variance - At(point);
+      around_ += off * off / count;
     }
   }
 
-  double At(double x) const { return variance + slope * (x - noise); }
+  double At(const Point& point) const {
+    return variance_ + by_noise_ * (point.noise - noise_) + by_detail_ * (point.detail - detail_);
+  }
+  double around() const { return around_; }
 
-  double noise = 0;  // means
-  double variance = 0;
-  double slope = 0;
-  double around = 0;
+ private:
+  void FitSlopes(const std::vector<Point>& points) {
+    double nn = 0;
+    double nd = 0;
+    double dd = 0;
+    double nv = 0;
+    double dv = 0;
+    for (const Point& point : points) {
+      const double n = point.noise - noise_;
+      const double d = point.detail - detail_;
+      const double v = point.variance - variance_;
+      nn += n * n;
+      nd += n * d;
+      dd += d * d;
+      nv += n * v;
+      dv += d * v;
+    }
+    const double determinant = nn * dd - nd * nd;
+    constexpr double kLeastDeterminant = 1e-6;  // of the product: below, detail tells what noise tells
+    if (determinant > kLeastDeterminant * nn * dd) {
+      by_noise_ = (nv * dd - dv * nd) / determinant;
+      by_detail_ = (dv * nn - nv * nd) / determinant;
+    } else {
+      by_noise_ = nn > 0 ? nv / nn : 0;
+    }
+  }
+
+  double noise_ = 0;  // means
+  double detail_ = 0;
+  double variance_ = 0;
+  double by_noise_ = 0;  // slopes
+  double by_detail_ = 0;
+  double around_ = 0;
 };
 
-/// Draws the variance of each block towards that of others of its noise; their sum stays.
+/// Draws the variance of each block towards that of others of its noise and detail; their sum stays.
 void DrawTogether(std::vector<Sums>* blocks) {
-  constexpr size_t kLeastPoints = 16;  // for a slope that is worth something
+  constexpr size_t kLeastPoints = 16;  // for slopes that are worth something
   const std::vector<Point> points = PointsOf(blocks);
   if (points.size() < kLeastPoints) return;
-  const Line line(points);
-  if (!(line.around > 0)) return;
-  const double share = std::min(1.0, kLogVarianceOfBlock / line.around);
+  const Trend trend(points);
+  if (!(trend.around() > 0)) return;
+  const double share = std::min(1.0, kLogVarianceOfBlock / trend.around());
   double before = 0;
   double after = 0;
   for (const Point& point : points) {
     before += point.block->variance;
-    const double change = share * (line.At(point.noise) - point.variance);
+    const double change = share * (trend.At(point) - point.variance);
     point.block->variance *= double{Exp(static_cast<float>(change))};
     after += point.block->variance;
   }

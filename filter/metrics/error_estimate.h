@@ -13,9 +13,14 @@ namespace lumifold::metrics {
 /// bias. 0.65 to 0.83 in the chart's scenes (docs/results/adaptive.md).
 inline constexpr float kErrorDecline = 0.75f;
 
-/// Variance of the logarithm of a block's estimate, for blocks of 8x8 pixels: that of a mean of 7 independent squares, because
-/// the filter correlates the errors of neighbours. From 0.2 to 0.4 the chart's scenes need the same samples within 2 %.
-inline constexpr double kLogVarianceOfBlock = 0.3;
+/// Variance of the logarithm of a block's estimate, for blocks of 4x4 pixels: that of a mean of two or three independent
+/// squares, because the filter correlates the errors of neighbours. From 0.7 to 1.3 the chart's scenes need the same samples
+/// within 3 %.
+inline constexpr double kLogVarianceOfBlock = 0.7;
+
+/// What is left of it once blocks are drawn towards those of the same noise and detail, whose own logarithms vary about as
+/// much.
+inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 
 /// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
 /// filtered value.
@@ -46,8 +51,9 @@ struct ErrorEstimate {
 /// Bias, over the whole picture: the earlier picture has seen none of the new samples, so the mean square of its
 /// difference from their mean, less the variance of that mean, is its whole error. That is without bias but far noisier
 /// than V; so it gives one factor on all blocks, which is as far above 1 as its standard error allows.
-/// Precision: a block has few independent errors, so its estimate is drawn towards what blocks of the same noise have: a
-/// line fitted through the logarithms of estimate and noise over all blocks. The more the blocks vary around the line beyond
+/// Precision: a block has few independent errors, so its estimate is drawn towards what blocks of the same noise and detail
+/// have: a plane fitted through the logarithms of estimate, noise and detail over all blocks. Detail is the filtered
+/// picture's variance within the block, since errors gather at edges. The more the blocks vary around the plane beyond
 /// kLogVarianceOfBlock, the less (empirical Bayes). The mean over the picture stays.
 /// Shapes:  both W x H; each pixel of `later` has at least as many samples as in `earlier`, which are among them.
 ///          Blocks are squares of `block` pixels, smaller at the right and lower border.

@@ -27,7 +27,7 @@ constexpr double kUniformShare = 0.1;
 constexpr double kMostGrowth = 8;
 constexpr double kMostOverBudget = 16;
 /// The first estimate compares two pictures, whose filtering may take this part of the budget, one in.
-constexpr double kBudgetPerEstimate = 12;
+constexpr double kBudgetPerEstimate = 8;
 constexpr int kFirstPictures = 2;
 
 uint32_t RoundDown(double samples) { return static_cast<uint32_t>(samples) / kSampleStep * kSampleStep; }
@@ -82,7 +82,7 @@ double FrameSampling::CostOfOne(absl::Span<const double> costs) const {
 double FrameSampling::SavedByEstimate(double samples) const {
   // Samples that are off by the factor exp(d) err like 1 - (1 + decline) / 2 d^2 of them; d is 1 / (1 + decline) times what
   // the logarithm of the amplitude is off by, whose variance falls with the number of estimates.
-  const double lost = metrics::kLogVarianceOfBlock / (2 * (1 + kDecline));
+  const double lost = metrics::kLogVarianceOfDrawnBlock / (2 * (1 + kDecline));
   return samples * lost / (learned_ * (learned_ + 1.0));
 }
 

@@ -25,10 +25,10 @@ struct SamplingSettings {
   /// Sampling ends when the filtered picture's estimated error is at most this; 0: only the budget and a picture without
   /// error end it.
   double target_error = 0;
-  /// Cost of filtering the frame once, in rays per pixel; every estimate costs as much. 24 to 53 in the chart's scenes
-  /// (decision 21). Half as much: twice as many estimates in small budgets, which lose up to 10 % where they find
-  /// nothing; twice as much: uniform sampling up to twice the budget.
-  double filter_rays = 40;
+  /// Cost of filtering the frame once, in rays per pixel; every estimate costs as much. 43 to 74 in the chart's scenes at
+  /// 256x192 and 512x384, more in smaller pictures (decision 21). Half as much: twice as many estimates in small budgets,
+  /// which lose up to 10 % where they find nothing; twice as much: uniform sampling up to twice the budget.
+  double filter_rays = 60;
   /// SetBudget may be called: a frame whose budget looks spent waits for the estimate of its last round.
   bool budget_changes = false;
 };
@@ -45,7 +45,7 @@ struct SamplingSettings {
 ///     not draw everything.
 ///
 /// An estimate costs a filtering. The first one is made where the two pictures that it needs cost at most one part in
-/// twelve of the budget. A further one makes the amplitudes more precise, and is made where that saves more samples than
+/// eight of the budget. A further one makes the amplitudes more precise, and is made where that saves more samples than
 /// it costs, or where a target or a time needs it. Otherwise the next round spends the rest of the budget.
 /// Threads: one at a time.
 class FrameSampling {

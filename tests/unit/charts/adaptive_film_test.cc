@@ -56,14 +56,16 @@ std::vector<double> SamplesByBlock(const AdaptiveFilm& film) {
   return samples;
 }
 
-/// Mean samples of a rectangle of blocks.
-double MeanIn(const std::vector<double>& samples, const Rect& blocks) {
+/// Mean samples of the blocks of a rectangle of pixels.
+double MeanIn(const std::vector<double>& samples, const Rect& pixels) {
   double sum = 0;
-  for (int y = blocks.y0; y < blocks.y1; ++y) {
-    for (int x = blocks.x0; x < blocks.x1; ++x)
-      sum += samples[static_cast<size_t>(y) * kColumns + static_cast<size_t>(x)];
+  int blocks = 0;
+  for (int y = pixels.y0; y < pixels.y1; y += kSampleBlock) {
+    for (int x = pixels.x0; x < pixels.x1; x += kSampleBlock, ++blocks)
+      sum +=
+          samples[static_cast<size_t>(y / kSampleBlock) * kColumns + static_cast<size_t>(x / kSampleBlock)];
   }
-  return sum / (blocks.width() * blocks.height());
+  return sum / blocks;
 }
 
 double LeastOf(const std::vector<double>& samples) {
@@ -114,15 +116,15 @@ TEST(AdaptiveFilm, ASmallCausticDrawsSamplesAndStarvesNoBlock) {
   const std::vector<double> samples = SamplesByBlock(film);
   EXPECT_GE(LeastOf(samples), kFloor);
   EXPECT_NEAR(film.mean_samples, kBudget, 4);
-  EXPECT_GT(MeanIn(samples, {3, 4, 7, 6}), 1.25 * MeanIn(samples, {0, 0, 8, 3}))
-      << "the floor before the ball";
+  EXPECT_GT(MeanIn(samples, {28, 32, 44, 48}), 1.25 * MeanIn(samples, {0, 0, 64, 24}))
+      << "the ball and the floor around it, which the caustic lies on";
 }
 
 TEST(AdaptiveFilm, ALampSeenThroughAKeyholeStarvesNoBlock) {
   const AdaptiveFilm film = Render(KeyholeRoom(0.15f, Lambert({0.5f, 0.5f, 0.5f})), kBudget);
   const std::vector<double> samples = SamplesByBlock(film);
   EXPECT_GE(LeastOf(samples), kFloor);
-  EXPECT_GE(MeanIn(samples, {3, 2, 5, 4}), kBudget) << "the blocks around the hole";
+  EXPECT_GE(MeanIn(samples, {24, 16, 40, 32}), kBudget) << "the blocks around the hole";
 }
 
 /// A sky of one radiance, or of stripes of two.

@@ -171,26 +171,26 @@ TEST(UnitLayout, EveryValueIsCheckedAndNamed) {
 }
 
 TEST(UnitLayout, BlocksHaveCountsOfTheirOwn) {
-  constexpr Rect kTile = {0, 0, 16, 8};
-  const TileSamples samples(16, 8, {{0, 4}, {0, 8}});
+  constexpr Rect kTile = {0, 0, 2 * kSampleBlock, kSampleBlock};
+  const TileSamples samples(kTile.x1, kTile.y1, {{0, 4}, {0, 8}});
   LayeredImage pixels = RandomUnit({0, 0, 0, v1::UNIT_KIND_PASS}, kTile, SampleRange{0, 4}, 1).pixels;
   const auto check = [&] { return CheckUnitValues(v1::UNIT_KIND_PASS, kTile, samples, pixels, {}); };
   EXPECT_THAT(std::string(check().message()),
-              HasSubstr("has 512 samples and 0 bad ones, but its pass has 768"));
+              HasSubstr("has 128 samples and 0 bad ones, but its pass has 192"));
   for (const std::string_view half : {layers::kSamplesA, layers::kSamplesB}) {
     const FloatView counts = pixels.Get(half);
-    for (int y = 0; y < 8; ++y) {
-      for (int x = 8; x < 16; ++x) counts.At(x, y) = 4;
+    for (int y = 0; y < kTile.y1; ++y) {
+      for (int x = kSampleBlock; x < kTile.x1; ++x) counts.At(x, y) = 4;
     }
   }
   EXPECT_TRUE(check().ok()) << check();
-  pixels.Get(layers::kSamplesB).At(7, 5) = 3;
+  pixels.Get(layers::kSamplesB).At(3, 2) = 3;
   EXPECT_THAT(std::string(check().message()),
-              HasSubstr("samples_b.Y is 3 at 7,5, not a whole number from 0 to 2"));
-  pixels.Get(layers::kSamplesB).At(7, 5) = 2;
-  pixels.Get(layers::kSamplesA).At(8, 5) = 5;
+              HasSubstr("samples_b.Y is 3 at 3,2, not a whole number from 0 to 2"));
+  pixels.Get(layers::kSamplesB).At(3, 2) = 2;
+  pixels.Get(layers::kSamplesA).At(4, 2) = 5;
   EXPECT_THAT(std::string(check().message()),
-              HasSubstr("samples_a.Y is 5 at 8,5, not a whole number from 0 to 4"));
+              HasSubstr("samples_a.Y is 5 at 4,2, not a whole number from 0 to 4"));
 }
 
 TEST(UnitLayout, StatisticsAgreeWithTheCounts) {

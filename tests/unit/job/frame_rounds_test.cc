@@ -9,7 +9,7 @@
 namespace lumifold::job {
 namespace {
 
-/// 3 x 2 tiles of 2 x 2 blocks, except at the right border, where a tile has 1 x 2.
+/// 3 x 2 tiles of 4 x 4 blocks, except at the right border, where a tile has 2 x 4.
 v1::JobSpec Spec(int samples = 400) {
   v1::JobSpec spec;
   spec.set_width(40);
@@ -21,7 +21,7 @@ v1::JobSpec Spec(int samples = 400) {
   return spec;
 }
 
-constexpr int kBlocks = 5 * 4;
+constexpr int kBlocks = 10 * 8;
 
 UnitKey Pass(int32_t tile, int32_t pass) { return {0, tile, pass, v1::UNIT_KIND_PASS}; }
 
@@ -43,7 +43,7 @@ TEST(FrameRounds, BeginsUniformly) {
   EXPECT_FALSE(rounds.is_final());
   for (uint32_t pass = 0; pass < 3; ++pass) {
     const TileSamples samples = rounds.SamplesOf(Pass(2, static_cast<int32_t>(pass)));
-    EXPECT_EQ(samples.blocks().size(), 2u);
+    EXPECT_EQ(samples.blocks().size(), 8u);
     EXPECT_EQ(samples.At(7, 15), (SampleRange{16 * pass, 16 * pass + 16}));
     EXPECT_EQ(rounds.CameraSamplesOf(Pass(2, static_cast<int32_t>(pass))), 8 * 16 * 16);
   }
@@ -99,7 +99,7 @@ TEST(FrameRounds, MeasuresTheErrorOfALastRoundThatIsEstimated) {
   const absl::StatusOr<FrameRounds> rounds = FrameRounds::Replay(spec, estimates);
   ASSERT_TRUE(rounds.ok());
   EXPECT_TRUE(rounds->is_final());
-  EXPECT_EQ(rounds->measured_error(), 200.0 * 64 / (40 * 32));
+  EXPECT_EQ(rounds->measured_error(), 200.0 * kSampleBlock * kSampleBlock / (40 * 32));
 }
 
 TEST(FrameRounds, RefusesEstimatesThatDoNotFit) {

@@ -161,6 +161,28 @@ TEST(EstimateError, LeavesBlocksApartThatTheFilterTreatsUnlike) {
   EXPECT_GT(estimate.blocks[12] / estimate.blocks[0], 50) << "100, of which little is lost";
 }
 
+TEST(EstimateError, DrawsABlockTowardsThoseOfItsDetail) {
+  // The left half has a pattern, and the filter leaves ten times as much noise there; one of its blocks had luck.
+  const Case films = MakeCase(16, 32);
+  Picture earlier = Filter(films.earlier, 0.03f, 0);
+  Picture later = Filter(films.later, 0.03f, 0);
+  const Picture rough_earlier = Filter(films.earlier, 0.3f, 0);
+  const Picture rough_later = Filter(films.later, 0.3f, 0);
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixel(kWidth / 2, kHeight, [&](int x, int y) {
+      const float pattern = (x / 2 + y / 2) % 2 == 0 ? 1.0f : -1.0f;
+      const bool is_lucky = x < kBlock && y < kBlock;
+      const float value = rough_later[c].At(x, y);
+      later[c].At(x, y) = value + pattern;
+      earlier[c].At(x, y) = value + pattern + (is_lucky ? 0.1f : 1.0f) * (rough_earlier[c].At(x, y) - value);
+    });
+  }
+  const ErrorEstimate estimate = EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)},
+                                               kBlock, ErrorMetric::kRelMse, nullptr);
+  EXPECT_GT(estimate.blocks[0], 0.4 * estimate.blocks[1]) << "of itself it would have a hundredth";
+  EXPECT_GT(estimate.blocks[0] / estimate.blocks[12], 20) << "noise alone would draw it towards these";
+}
+
 TEST(EstimateError, MarksBlocksWithoutNewSamples) {
   const Case films = MakeCase(16, 32);
   const ErrorEstimate estimate = EstimateError({films.later, films.later.GetColor(layers::kNoisy)},

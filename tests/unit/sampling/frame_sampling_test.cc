@@ -10,7 +10,7 @@
 namespace lumifold::sampling {
 namespace {
 
-constexpr int kEdge = 80;  // pixels: 10 x 10 blocks
+constexpr int kEdge = 10 * kSampleBlock;  // pixels
 constexpr size_t kBlocks = 100;
 constexpr double kBudget = 512;
 
@@ -19,7 +19,7 @@ SamplingSettings Settings() { return {.width = kEdge, .height = kEdge, .budget =
 std::vector<double> Ones() { return std::vector<double>(kBlocks, 1.0); }
 
 /// Rays of a sample of a scene in which filtering costs as much as 5 samples.
-std::vector<double> UsualCosts() { return std::vector<double>(kBlocks, 8.0); }
+std::vector<double> UsualCosts() { return std::vector<double>(kBlocks, 12.0); }
 
 /// The error of each block at its samples, if its amplitude is `amplitudes`.
 std::vector<double> ErrorsAt(const Allocation& samples, const std::vector<double>& amplitudes) {
@@ -111,7 +111,7 @@ TEST(FrameSampling, EstimatesAgainWhereThatSavesMoreThanItCosts) {
     EXPECT_NEAR(sampling.MeanCostOf(static_cast<int>(sampling.rounds().size()) - 1, UsualCosts()), budget,
                 kSampleStep);
   }
-  EXPECT_EQ(comparisons, std::vector<int>({1, 2, 3, 4}));
+  EXPECT_EQ(comparisons, std::vector<int>({1, 3, 4, 4}));
 }
 
 TEST(FrameSampling, KeepsTheBudgetAndNeverTakesSamplesBack) {
@@ -165,7 +165,7 @@ TEST(FrameSampling, LetsNoBlockDrawAllSamples) {
   const std::vector<Allocation>& rounds = sampling.rounds();
   for (size_t r = 1; r < rounds.size(); ++r) {
     const double growth = MeanCost(rounds[r], UsualCosts()) / MeanCost(rounds[r - 1], UsualCosts());
-    EXPECT_LE(rounds[r][37], 8.1 * growth * rounds[r - 1][37]);
+    EXPECT_LE(rounds[r][37], 8.2 * growth * rounds[r - 1][37]);
   }
   EXPECT_LE(rounds.back()[37], 16 * kBudget);
   EXPECT_GE(*std::min_element(rounds.back().begin(), rounds.back().end()), 48u);
@@ -237,7 +237,8 @@ TEST(FrameSampling, MeasuresTheLastRoundWhereItHasNewSamples) {
 }
 
 TEST(FrameSampling, CountsSmallerBlocksAtTheBorder) {
-  const SamplingSettings settings = {.width = 9, .height = 17, .budget = kBudget};
+  const SamplingSettings settings = {
+      .width = kSampleBlock + 1, .height = 2 * kSampleBlock + 1, .budget = kBudget};
   const FrameSampling sampling(settings);
   EXPECT_EQ(sampling.columns(), 2);
   EXPECT_EQ(sampling.rows(), 3);

@@ -114,7 +114,7 @@ class Comparison {
   ErrorMetric metric_;
 };
 
-/// The error over the variance, drawn towards 1 by its standard error over the blocks (James and Stein).
+/// The error over the variance, drawn towards the usual one by its standard error over the blocks (James and Stein).
 double BiasFactor(const std::vector<Sums>& blocks) {
   double error = 0;
   double variance = 0;
@@ -124,16 +124,17 @@ double BiasFactor(const std::vector<Sums>& blocks) {
     variance += block.earlier;
     count += block.earlier > 0 ? 1 : 0;
   }
-  if (count < 2 || !(variance > 0)) return 1;
-  const double ratio = error / variance;
-  if (ratio <= 1) return 1;
+  if (count < 2 || !(variance > 0)) return kUsualBiasFactor;
+  const double ratio = std::max(1.0, error / variance);  // no error is less than its variance
   double squares = 0;
   for (const Sums& block : blocks) {
     const double residual = block.error - ratio * block.earlier;
     squares += residual * residual;
   }
-  const double share = 1 - squares / (variance * variance) / ((ratio - 1) * (ratio - 1));
-  return 1 + (ratio - 1) * std::max(0.0, share);
+  const double off = ratio - kUsualBiasFactor;
+  if (off == 0) return ratio;
+  const double share = 1 - squares / (variance * variance) / (off * off);
+  return kUsualBiasFactor + off * std::max(0.0, share);
 }
 
 /// Logarithms of what one sample would leave of a block's variance and of its noise, and of its detail.

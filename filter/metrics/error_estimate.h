@@ -22,6 +22,10 @@ inline constexpr double kLogVarianceOfBlock = 0.7;
 /// much.
 inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 
+/// The whole error over its variance where cross-validation tells nothing more: geometric mean over the chart's scenes
+/// (docs/results/adaptive.md). Samples that lie where errors look large leave more error elsewhere than estimates tell.
+inline constexpr double kUsualBiasFactor = 1.15;
+
 /// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
 /// filtered value.
 enum class ErrorMetric { kMse255, kRelMse };
@@ -40,7 +44,7 @@ struct ErrorEstimate {
   /// the block has no new samples.
   std::vector<double> blocks;
   /// By what cross-validation has scaled them: the error over the variance, at least 1.
-  double bias_factor = 1;
+  double bias_factor = kUsualBiasFactor;
 };
 
 /// Compares what the filter makes of a film with what it made of the same film when it had fewer samples.
@@ -50,7 +54,7 @@ struct ErrorEstimate {
 /// V(n) = difference^2 / ((n / m)^kErrorDecline - 1).
 /// Bias, over the whole picture: the earlier picture has seen none of the new samples, so the mean square of its
 /// difference from their mean, less the variance of that mean, is its whole error. That is without bias but far noisier
-/// than V; so it gives one factor on all blocks, which is as far above 1 as its standard error allows.
+/// than V; so it gives one factor on all blocks, which is as far from the usual one as its standard error allows.
 /// Precision: a block has few independent errors, so its estimate is drawn towards what blocks of the same noise and detail
 /// have: a plane fitted through the logarithms of estimate, noise and detail over all blocks. Detail is the filtered
 /// picture's variance within the block, since errors gather at edges. The more the blocks vary around the plane beyond

@@ -27,33 +27,40 @@ BlockParams OneBlock(int width, int height, BlockParams params) {
 /// The rows of the picture that are being blended.
 class Strip {
  public:
-  Strip(const BlockGrid& grid, const std::vector<std::string>& passed_on) : grid_(grid), names_(passed_on) {
-    for (const std::string& name : layers::ColorChannels(layers::kBeauty)) names_.push_back(name);
-  }
+  Strip(const BlockGrid& grid, const std::vector<std::string>& passed_on,
+        const std::vector<std::string_view>& pictures)
+      : grid_(grid), passed_on_(passed_on), pictures_(pictures) {}
 
   /// Allocates the rows that block row `row` overlaps, and keeps the unfinished rows of the block row above.
   void Begin(int row) {
     const Rect last = grid_.Output(grid_.columns() - 1, row);
     const LayeredImage left = std::move(rows_);
     rows_ = LayeredImage(last.x1, last.y1 - first_row_);
-    for (const std::string& name : names_) {
+    const auto add = [&](const std::string& name) {
       const FloatView view = rows_.Add(name);
       if (left.height() > 0) CopyPlane(left.Get(name), view.Crop(left.bounds()));
+    };
+    for (const std::string& name : passed_on_) add(name);
+    for (const std::string_view picture : pictures_) {
+      for (const std::string& name : layers::ColorChannels(picture)) add(name);
     }
   }
 
   /// Blends in the result of a block, and copies the passed-on channels of its core.
-  absl::Status Add(int column, int row, const LayeredImage& film, const Picture& filtered) {
+  absl::Status Add(int column, int row, const LayeredImage& film, const std::vector<Picture>& filtered) {
     const Rect core = grid_.Core(column, row);
     const Rect input = grid_.Input(column, row);
-    for (size_t i = 0; i + filtered.size() < names_.size(); ++i) {
-      if (!film.Has(names_[i]))
-        return absl::InvalidArgumentError(absl::StrCat("the film has no channel ", names_[i]));
-      CopyPlane(film.Get(names_[i]).Crop(SeenFrom(input.x0, input.y0, core)),
-                rows_.Get(names_[i]).Crop(SeenFrom(0, first_row_, core)));
+    for (const std::string& name : passed_on_) {
+      if (!film.Has(name)) return absl::InvalidArgumentError(absl::StrCat("the film has no channel ", name));
+      CopyPlane(film.Get(name).Crop(SeenFrom(input.x0, input.y0, core)),
+                rows_.Get(name).Crop(SeenFrom(0, first_row_, core)));
     }
     const Rect output = grid_.Output(column, row);
-    for (int y = output.y0; y < output.y1; ++y) Blend(column, row, y, filtered);
+    for (int y = output.y0; y < output.y1; ++y) {
+      const std::vector<float> factors = grid_.BlendFactors(column, row, y);
+      for (size_t i = 0; i < pictures_.size(); ++i)
+        Blend(factors, output, input, y, filtered[i], rows_.GetColor(pictures_[i]));
+    }
     return absl::OkStatus();
   }
 
@@ -69,14 +76,11 @@ class Strip {
   }
 
  private:
-  void Blend(int column, int row, int y, const Picture& filtered) {
-    const Rect output = grid_.Output(column, row);
-    const Rect input = grid_.Input(column, row);
-    const std::vector<float> factors = grid_.BlendFactors(column, row, y);
-    const ColorView beauty = rows_.GetColor(layers::kBeauty);
+  void Blend(const std::vector<float>& factors, const Rect& output, const Rect& input, int y,
+             const Picture& filtered, const ColorView& rows) {
     for (size_t c = 0; c < filtered.size(); ++c) {
       const float* from = filtered[c].Row(y - input.y0) + output.x0 - input.x0;
-      float* to = beauty[c].Row(y - first_row_) + output.x0;
+      float* to = rows[c].Row(y - first_row_) + output.x0;
       for (size_t x = 0; x < factors.size(); ++x) {
         to[x] = factors[x] < 1.0f ? to[x] + factors[x] * (from[x] - to[x]) : from[x];
       }
@@ -84,7 +88,8 @@ class Strip {
   }
 
   const BlockGrid& grid_;
-  std::vector<std::string> names_;  // the channels passed on, then R G B
+  const std::vector<std::string>& passed_on_;      // channels
+  const std::vector<std::string_view>& pictures_;  // layers
   LayeredImage rows_;
   int first_row_ = 0;  // the row of the picture that is row 0 of rows_
 };
@@ -93,7 +98,7 @@ absl::Status FilterBlock(FilmSource* film, const BlockGrid& grid, int column, in
                          Strip* strip) {
   const absl::StatusOr<EdgedImage> part = film->Read(grid.Input(column, row));
   if (!part.ok()) return part.status();
-  const absl::StatusOr<Picture> filtered = filter(*part);
+  const absl::StatusOr<std::vector<Picture>> filtered = filter(*part);
   if (!filtered.ok()) return filtered.status();
   return strip->Add(column, row, part->pixels, *filtered);
 }
@@ -152,10 +157,11 @@ int MethodApron() {
 }
 
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,
-                            const std::vector<std::string>& passed_on, BlockFilter filter,
+                            const std::vector<std::string>& passed_on,
+                            const std::vector<std::string_view>& pictures, BlockFilter filter,
                             const RowSink& sink) {
   const BlockGrid grid(film->width(), film->height(), params);
-  Strip strip(grid, passed_on);
+  Strip strip(grid, passed_on, pictures);
   for (int row = 0; row < grid.rows(); ++row) {
     strip.Begin(row);
     for (int column = 0; column < grid.columns(); ++column) {

@@ -87,16 +87,17 @@ class BlockGrid {
   BlockAxis rows_;
 };
 
-/// Filters one block: a film and its edge set.
-using BlockFilter = absl::FunctionRef<absl::StatusOr<Picture>(const EdgedImage&)>;
+/// Filters one block, a film and its edge set, to one picture or several.
+using BlockFilter = absl::FunctionRef<absl::StatusOr<std::vector<Picture>>(const EdgedImage&)>;
 
-/// Filters a film block by block, from left to right and from the top down. The picture goes to `sink`, one
-/// row of blocks at a time: R G B and the film's channels named in `passed_on`. Memory holds one block, the
-/// memory of `filter` for it, and the rows of the result that one row of blocks overlaps.
+/// Filters a film block by block, from left to right and from the top down. The pictures go to `sink`, one
+/// row of blocks at a time: as the layers named in `pictures`, with the film's channels named in `passed_on`. Memory
+/// holds one block, the memory of `filter` for it, and the rows of the result that one row of blocks overlaps.
 /// Errors: those of the film, `filter` and `sink`; kInvalidArgument for a name in `passed_on` that is not a
 ///         channel.
 absl::Status FilterInBlocks(FilmSource* film, const BlockParams& params,
-                            const std::vector<std::string>& passed_on, BlockFilter filter,
+                            const std::vector<std::string>& passed_on,
+                            const std::vector<std::string_view>& pictures, BlockFilter filter,
                             const RowSink& sink);
 
 }  // namespace lumifold::filter

@@ -10,6 +10,7 @@
 #include "filter/baselines/baseline.h"
 #include "filter/denoise/denoise.h"
 #include "filter/image/layers.h"
+#include "filter/layers/recombination.h"
 
 namespace lumifold::filter {
 namespace {
@@ -52,6 +53,8 @@ struct Entry {
   std::vector<std::string> channels;
   bool reads_edges = true;
   std::function<Picture(const FilmView& film, absl::Span<const float> values, TaskPool* pool)> filter;
+  /// Empty: the method does not know the deviation of its picture.
+  std::function<FilteredPicture(const Frame& frame, TaskPool* pool)> with_deviation = {};
 };
 
 std::vector<Entry> ListEntries() {
@@ -65,7 +68,8 @@ std::vector<Entry> ListEntries() {
        true,
        [](const FilmView& film, Values, TaskPool* pool) {
          return Denoise(Frame(film.pixels, film.edges, film.fragments), pool);
-       }},
+       },
+       [](const Frame& frame, TaskPool* pool) { return DenoiseWithDeviation(frame, pool); }},
       {{.name = "none",
         .summary = "the noisy picture itself",
         .source = "path tracing alone",
@@ -75,6 +79,9 @@ std::vector<Entry> ListEntries() {
        false,
        [](const FilmView& film, Values, TaskPool*) {
          return ClonePicture(film.pixels.GetColor(layers::kNoisy));
+       },
+       [](const Frame& frame, TaskPool* pool) {
+         return FilteredPicture{ClonePicture(frame.combined.mean), DeviationOf(frame, NoChange(frame), pool)};
        }},
   };
   for (const Baseline& baseline : Baselines()) {
@@ -115,8 +122,8 @@ absl::StatusOr<Call> ParseCall(std::string_view text) {
   return Call{&*found, *std::move(values)};
 }
 
-/// FilterFilm for a film that is one block.
-absl::StatusOr<Picture> FilterBlock(const FilmView& film, const Call& call, TaskPool* pool) {
+/// Whether a film has what the method reads.
+absl::Status CheckFilm(const FilmView& film, const Call& call) {
   if (absl::Status status = CheckChannels(film.pixels, call.method->channels); !status.ok()) return status;
   if (call.method->reads_edges && film.edges != nullptr && !film.edges->channels().empty()) {
     absl::Status status = CheckChannels(*film.edges, layers::EdgeChannels());
@@ -129,8 +136,55 @@ absl::StatusOr<Picture> FilterBlock(const FilmView& film, const Call& call, Task
     absl::Status status = CheckChannels(*film.fragments, layers::FragmentChannels(has));
     if (!status.ok()) return status;
   }
+  return absl::OkStatus();
+}
+
+/// FilterFilm for a film that is one block.
+absl::StatusOr<Picture> FilterBlock(const FilmView& film, const Call& call, TaskPool* pool) {
+  if (absl::Status status = CheckFilm(film, call); !status.ok()) return status;
   return call.method->filter(film, call.values, pool);
 }
+
+/// ParseCall for a method that knows the deviation.
+absl::StatusOr<Call> ParseCallWithDeviation(std::string_view method) {
+  absl::StatusOr<Call> call = ParseCall(method);
+  if (!call.ok() || call->method->with_deviation) return call;
+  std::vector<std::string> known;
+  for (const Entry& entry : Entries()) {
+    if (entry.with_deviation) known.push_back(entry.info.name);
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      "method \"", call->method->info.name,
+      "\" does not tell its error, which adaptive sampling needs; these do: ", absl::StrJoin(known, ", ")));
+}
+
+/// Receives rows of pictures and puts them together.
+class WholePictures {
+ public:
+  WholePictures(const std::vector<std::string_view>& layers, int width, int height)
+      : layers_(layers), pictures_(layers.size()) {
+    for (Picture& picture : pictures_) {
+      for (Plane& plane : picture) plane = Plane::Uninitialized(width, height);
+    }
+  }
+
+  absl::Status Append(const LayeredImage& rows) {
+    for (size_t i = 0; i < layers_.size(); ++i) {
+      const ConstColorView color = rows.GetColor(layers_[i]);
+      for (size_t c = 0; c < color.size(); ++c)
+        CopyPlane(color[c], pictures_[i][c].view().Crop({0, y_, rows.width(), y_ + rows.height()}));
+    }
+    y_ += rows.height();
+    return absl::OkStatus();
+  }
+
+  std::vector<Picture> Take() { return std::move(pictures_); }
+
+ private:
+  const std::vector<std::string_view>& layers_;
+  std::vector<Picture> pictures_;
+  int y_ = 0;
+};
 
 }  // namespace
 
@@ -161,27 +215,55 @@ absl::Status FilterFilmInRows(FilmSource* film, std::string_view method,
                               const BlockParams& params) {
   const absl::StatusOr<Call> call = ParseCall(method);
   if (!call.ok()) return call.status();
-  const auto filter = [&](const EdgedImage& block) {
-    return FilterBlock({block.pixels, &block.edges, &block.fragments}, *call, pool);
+  const auto filter = [&](const EdgedImage& block) -> absl::StatusOr<std::vector<Picture>> {
+    absl::StatusOr<Picture> picture =
+        FilterBlock({block.pixels, &block.edges, &block.fragments}, *call, pool);
+    if (!picture.ok()) return picture.status();
+    std::vector<Picture> pictures;
+    pictures.push_back(*std::move(picture));
+    return pictures;
   };
-  return FilterInBlocks(film, params, passed_on, filter, sink);
+  return FilterInBlocks(film, params, passed_on, {layers::kBeauty}, filter, sink);
 }
 
 absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view method, TaskPool* pool,
                                          const BlockParams& params) {
-  Picture picture;
-  for (Plane& plane : picture) plane = Plane::Uninitialized(film->width(), film->height());
-  int y = 0;
-  const auto copy_rows = [&](const LayeredImage& rows) {
-    const ConstColorView color = rows.GetColor(layers::kBeauty);
-    for (size_t c = 0; c < picture.size(); ++c)
-      CopyPlane(color[c], picture[c].view().Crop({0, y, rows.width(), y + rows.height()}));
-    y += rows.height();
-    return absl::OkStatus();
+  const std::vector<std::string_view> names = {layers::kBeauty};
+  WholePictures whole(names, film->width(), film->height());
+  const auto append = [&](const LayeredImage& rows) { return whole.Append(rows); };
+  if (absl::Status status = FilterFilmInRows(film, method, {}, pool, append, params); !status.ok())
+    return status;
+  return std::move(whole.Take().front());
+}
+
+absl::Status CheckDeviation(std::string_view method) { return ParseCallWithDeviation(method).status(); }
+
+absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const EdgedImage& film, std::string_view method,
+                                                        TaskPool* pool, const BlockParams& params) {
+  const absl::StatusOr<Call> call = ParseCallWithDeviation(method);
+  if (!call.ok()) return call.status();
+  const std::vector<std::string> halves = NamesOf(
+      {layers::kSamplesA, layers::kSamplesB}, {layers::HalfA(layers::kNoisy), layers::HalfB(layers::kNoisy)});
+  if (absl::Status status = CheckChannels(film.pixels, halves); !status.ok()) return status;
+  if (absl::Status status = CheckFilm({film.pixels, &film.edges, &film.fragments}, *call); !status.ok())
+    return status;
+  if (BlockGrid(film.pixels.width(), film.pixels.height(), params).IsOneBlock())
+    return call->method->with_deviation(Frame(film), pool);
+  const auto filter = [&](const EdgedImage& block) -> absl::StatusOr<std::vector<Picture>> {
+    FilteredPicture filtered = call->method->with_deviation(Frame(block), pool);
+    std::vector<Picture> pictures;
+    pictures.push_back(std::move(filtered.picture));
+    pictures.push_back(std::move(filtered.deviation));
+    return pictures;
   };
-  absl::Status status = FilterFilmInRows(film, method, {}, pool, copy_rows, params);
-  if (!status.ok()) return status;
-  return picture;
+  const std::vector<std::string_view> names = {layers::kBeauty, "deviation"};
+  WholePictures whole(names, film.pixels.width(), film.pixels.height());
+  const auto append = [&](const LayeredImage& rows) { return whole.Append(rows); };
+  FilmInMemory source(film.pixels, &film.edges, &film.fragments);
+  if (absl::Status status = FilterInBlocks(&source, params, {}, names, filter, append); !status.ok())
+    return status;
+  std::vector<Picture> pictures = whole.Take();
+  return FilteredPicture{std::move(pictures[0]), std::move(pictures[1])};
 }
 
 }  // namespace lumifold::filter

@@ -9,6 +9,7 @@
 #include "filter/baselines/method_info.h"
 #include "filter/blocks.h"
 #include "filter/image/film_source.h"
+#include "filter/image/filtered_picture.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
@@ -46,6 +47,15 @@ absl::Status CheckMethod(std::string_view method);
 absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view method, TaskPool* pool,
                                    const LayeredImage* edges = nullptr,
                                    const LayeredImage* fragments = nullptr);
+
+/// FilterFilm with the deviation of the picture, by methods that know it. The picture has the bits of FilterFilm.
+/// Errors:  also those of CheckDeviation; kInvalidArgument naming a half of C that is missing.
+absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const EdgedImage& film, std::string_view method,
+                                                        TaskPool* pool, const BlockParams& params = {});
+
+/// Whether FilterFilmWithDeviation knows the method: "default", whose halves go to the end, and "none".
+/// Errors: those of CheckMethod; kInvalidArgument naming the methods that know it.
+absl::Status CheckDeviation(std::string_view method);
 
 /// FilterFilm for a film that need not be in memory as a whole. The picture's rows go to `sink` from the top
 /// down, as R G B and the film's channels named in `passed_on`. The bits are those of FilterFilm.

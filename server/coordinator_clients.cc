@@ -39,8 +39,10 @@ constexpr size_t kMaxSubmissionRestBytes = size_t{64} << 10;
 static_assert(job::kMaxSpecBytes + kMaxSubmissionRestBytes < rpc::kMaxMessageBytes,
               "a submission with the largest spec fits a message, and so does the spec alone");
 
-absl::Status CheckMethod(const std::string& method) {
-  const absl::Status status = filter::CheckMethod(method);
+absl::Status CheckMethod(const v1::JobSpec& spec) {
+  const std::string& method = spec.filter().method();
+  const absl::Status status =
+      spec.has_adaptive() ? filter::CheckDeviation(method) : filter::CheckMethod(method);
   return status.ok() ? status : absl::InvalidArgumentError(absl::StrCat("filter.method: ", status.message()));
 }
 
@@ -98,7 +100,7 @@ absl::StatusOr<std::unique_ptr<AssetUpload>> Coordinator::ReceiveAsset(const v1:
 }
 
 absl::Status Coordinator::CheckSpec(const v1::JobSpec& spec) const {
-  if (absl::Status status = CheckMethod(spec.filter().method()); !status.ok()) return status;
+  if (absl::Status status = CheckMethod(spec); !status.ok()) return status;
   std::vector<v1::AssetRef> assets(spec.scene().dependencies().begin(), spec.scene().dependencies().end());
   assets.insert(assets.begin(), spec.scene().file());
   for (const v1::AssetRef& asset : assets) {

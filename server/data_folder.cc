@@ -201,10 +201,6 @@ std::string DataFolder::RoundsPath(const job::JobId& job, int32_t frame) const {
   return absl::StrFormat("%s/%s%04d.rounds", FilmPath(job), kFramePrefix, frame);
 }
 
-std::string DataFolder::RoundPicturePath(const job::JobId& job, int32_t frame) const {
-  return absl::StrFormat("%s/%s%04d.picture", FilmPath(job), kFramePrefix, frame);
-}
-
 std::string DataFolder::ResultPath(const job::JobId& job, int32_t frame) const {
   return absl::StrFormat("%s/%s%04d%s", ResultsPath(job), kFramePrefix, frame, kResultSuffix);
 }

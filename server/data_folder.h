@@ -97,7 +97,6 @@ class DataFolder {
   std::string ResultPath(const job::JobId& job, int32_t frame) const;
   /// Record of the rounds of a frame with adaptive sampling.
   std::string RoundsPath(const job::JobId& job, int32_t frame) const;
-  std::string RoundPicturePath(const job::JobId& job, int32_t frame) const;
 
  private:
   static std::vector<job::JobId> NamesIn(const std::string& path);

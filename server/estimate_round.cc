@@ -10,7 +10,7 @@
 #include "proto/rpc/checked_file.h"
 #include "server/committed_units.h"
 #include "server/film/unit_film.h"
-#include "server/filtered_rounds.h"
+#include "server/filtered_round.h"
 #include "server/job/frame_list.h"
 
 namespace lumifold::server {
@@ -77,22 +77,6 @@ double BudgetOf(const RoundToEstimate& what, const v1::JobSpec& spec, const job:
   return std::clamp(budget, 1.0, static_cast<double>(spec.samples_per_pixel()));
 }
 
-/// Compares the pictures of a round and of the one before it, and keeps that of the round. Returns the time of filtering it.
-absl::StatusOr<absl::Duration> AddErrors(const FilteredRounds& filtered, int round,
-                                         const std::function<absl::Time()>& now,
-                                         v1::RoundEstimate* estimate) {
-  const absl::StatusOr<FilteredRound> earlier = filtered.Get(round - 1);
-  if (!earlier.ok()) return earlier.status();
-  const absl::Time start = now();
-  const absl::StatusOr<FilteredRound> later = filtered.Get(round);
-  if (!later.ok()) return later.status();
-  const absl::Duration seconds = now() - start;
-  const metrics::ErrorEstimate errors = filtered.Compare(*earlier, *later);
-  estimate->mutable_errors()->Add(errors.blocks.begin(), errors.blocks.end());
-  if (absl::Status status = filtered.Keep(round, *later); !status.ok()) return status;
-  return seconds;
-}
-
 }  // namespace
 
 absl::StatusOr<job::FrameRounds> ReadRounds(const DataFolder& folder, const job::JobId& job,
@@ -129,11 +113,15 @@ absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::
 
   v1::RoundEstimate* estimate = estimates->add_estimates();
   estimate->mutable_costs()->Add(costs->begin(), costs->end());
-  if (rounds->NeedsPictures(*costs)) {
-    const FilteredRounds filtered(folder, *job, what.frame, *rounds, *units, pool);
-    const absl::StatusOr<absl::Duration> seconds = AddErrors(filtered, round, now, estimate);
-    if (!seconds.ok()) return seconds.status();
-    estimate->set_budget(BudgetOf(what, job->spec, *rounds, *costs, *seconds));
+  if (rounds->NeedsPicture(*costs)) {
+    const absl::Time begun = now();
+    const absl::StatusOr<FilteredRound> filtered =
+        FilterRound(job->spec, what.frame, *rounds, round, *units, pool);
+    if (!filtered.ok()) return filtered.status();
+    const absl::Duration seconds = now() - begun;
+    const std::vector<double> errors = ErrorsOf(*filtered, job->spec, pool);
+    estimate->mutable_errors()->Add(errors.begin(), errors.end());
+    estimate->set_budget(BudgetOf(what, job->spec, *rounds, *costs, seconds));
   } else {
     estimate->mutable_errors()->Resize(estimate->costs_size(), -1);
   }

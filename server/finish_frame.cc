@@ -13,7 +13,7 @@
 #include "server/film/result_digest.h"
 #include "server/film/result_writer.h"
 #include "server/film/unit_film.h"
-#include "server/filtered_rounds.h"
+#include "server/filtered_round.h"
 
 namespace lumifold::server {
 namespace {
@@ -93,7 +93,7 @@ class Finish {
 
   /// For a frame that was filtered before.
   absl::Status Filtered(FilteredRound frame) {
-    return Write(std::move(frame.film), std::move(frame.picture));
+    return Write(std::move(frame.film), std::move(frame.filtered.picture));
   }
 
   /// For a frame of several blocks: the other layers of the result are read again when the rows of the
@@ -138,14 +138,13 @@ struct EstimatedFrame {
   double error = 0;
 };
 
-/// The last round of a frame, with the error of its picture: measured by comparison with the last round that was estimated.
-absl::StatusOr<EstimatedFrame> Estimated(const FilteredRounds& filtered, const job::FrameRounds& rounds) {
-  absl::StatusOr<FilteredRound> last = filtered.Get(rounds.count() - 1);
+/// The last round of a frame, with the error of its picture.
+absl::StatusOr<EstimatedFrame> Estimated(const v1::JobSpec& spec, int32_t frame,
+                                         const job::FrameRounds& rounds, const CommittedUnits& units,
+                                         TaskPool* pool) {
+  absl::StatusOr<FilteredRound> last = FilterRound(spec, frame, rounds, rounds.count() - 1, units, pool);
   if (!last.ok()) return last.status();
-  if (rounds.measured_error().has_value()) return EstimatedFrame{*std::move(last), *rounds.measured_error()};
-  const absl::StatusOr<FilteredRound> earlier = filtered.Get(rounds.estimated() - 1);
-  if (!earlier.ok()) return earlier.status();
-  const double error = rounds.MeasuredError(filtered.Compare(*earlier, *last).blocks);
+  const double error = rounds.MeasuredError(ErrorsOf(*last, spec, pool));
   return EstimatedFrame{*std::move(last), error};
 }
 
@@ -177,9 +176,8 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
   if (!first.ok()) return first.status();
   info.facts = std::move(first->stats);
   std::optional<EstimatedFrame> estimated;
-  if (rounds.has_value() && rounds->predicted_error() >= 0) {
-    const FilteredRounds filtered(folder, *job, frame, *rounds, *units, pool);
-    absl::StatusOr<EstimatedFrame> made = Estimated(filtered, *rounds);
+  if (rounds.has_value()) {
+    absl::StatusOr<EstimatedFrame> made = Estimated(job->spec, frame, *rounds, *units, pool);
     if (!made.ok()) return made.status();
     estimated = *std::move(made);
     info.estimated_error = estimated->error;
@@ -203,8 +201,6 @@ absl::StatusOr<v1::FrameReport> FinishFrame(const DataFolder& folder, ledger::Jo
   const absl::StatusOr<std::string> digest =
       film::MakeResultDigest(folder.ResultPath(job_id, frame), folder.files());
   if (!digest.ok()) return digest.status();
-  if (rounds.has_value())
-    RemoveAll(folder.RoundPicturePath(job_id, frame), folder.files()).IgnoreError();  // it goes with the job
   clock.Charge(StageClock::kWrite);
   v1::FrameReport report;
   *report.mutable_times() = clock.Times();

@@ -183,23 +183,12 @@ absl::StatusOr<v1::Preview> PreviewOfResult(const DataFolder& folder, const ledg
   return preview;
 }
 
-/// For each tile its last committed pass; -1 where it has none.
-std::vector<int32_t> LastPasses(const v1::JobSpec& spec, int32_t frame, const CommittedUnits& units) {
-  const job::FrameUnits tiles(spec);
-  std::vector<int32_t> last(static_cast<size_t>(tiles.tiles().count()), -1);
-  for (int32_t tile = 0; tile < tiles.tiles().count(); ++tile) {
-    for (int32_t pass = 0; pass < tiles.pass_count(); ++pass) {
-      if (units.Has({frame, tile, pass, v1::UNIT_KIND_PASS})) last[static_cast<size_t>(tile)] = pass;
-    }
-  }
-  return last;
-}
-
 /// A frame that is not finished.
 struct Unfinished {
   const v1::JobSpec& spec;
   int32_t frame;
   const CommittedUnits& units;
+  bool error;  // is wished for
   TaskPool* pool;
 };
 
@@ -207,11 +196,12 @@ struct Unfinished {
 struct FilteredPreview {
   Part part;
   LayeredImage film;
-  std::array<Plane, 3> picture;
+  FilteredPicture filtered;  // the deviation is empty where the error is not wished for
 };
 
-std::array<Plane, 3> Crop(const std::array<Plane, 3>& picture, const Rect& rect) {
-  std::array<Plane, 3> part;
+Picture Crop(const Picture& picture, const Rect& rect) {
+  Picture part;
+  if (picture[0].width() == 0) return part;
   for (size_t c = 0; c < part.size(); ++c) {
     part[c] = Plane::Uninitialized(rect.width(), rect.height());
     CopyPlane(picture[c].view().Crop(rect), part[c].view());
@@ -219,23 +209,31 @@ std::array<Plane, 3> Crop(const std::array<Plane, 3>& picture, const Rect& rect)
   return part;
 }
 
+/// Without edge set and fragments, which reduced films do not have.
+absl::StatusOr<FilteredPicture> Filter(const Unfinished& of, const LayeredImage& film) {
+  const std::string& method = of.spec.filter().method();
+  if (of.error) return filter::FilterFilmWithDeviation({film.Crop(film.bounds())}, method, of.pool);
+  absl::StatusOr<Picture> picture = filter::FilterFilm(film, method, of.pool);
+  if (!picture.ok()) return picture.status();
+  return FilteredPicture{*std::move(picture), {}};
+}
+
 /// A region, filtered with what is around it.
 absl::StatusOr<FilteredPreview> FilterRegion(const Unfinished& of, film::UnitFilm* film, const Part& part) {
   const Rect around = Inflate(part.region, kApron, {0, 0, part.frame_width, part.frame_height});
   const absl::StatusOr<EdgedImage> read = film->Read(around);
   if (!read.ok()) return read.status();
-  const absl::StatusOr<std::array<Plane, 3>> picture =
-      filter::FilterFilm(read->pixels, of.spec.filter().method(), of.pool);
-  if (!picture.ok()) return picture.status();
+  const absl::StatusOr<FilteredPicture> filtered = Filter(of, read->pixels);
+  if (!filtered.ok()) return filtered.status();
   const Rect inner = SeenFrom(around.x0, around.y0, part.region);
-  return FilteredPreview{part, read->pixels.Crop(inner), Crop(*picture, inner)};
+  return FilteredPreview{
+      part, read->pixels.Crop(inner), {Crop(filtered->picture, inner), Crop(filtered->deviation, inner)}};
 }
 
-/// Of the units for which `has` is true. A reduction of 0 is what the samples ask for.
-absl::StatusOr<FilteredPreview> FilterUnits(const Unfinished& of,
-                                            const std::function<bool(const job::UnitKey&)>& has, Part part) {
-  absl::StatusOr<film::UnitFilm> film =
-      film::UnitFilm::OpenUnfinished(of.spec, of.frame, &of.units, has, of.pool);
+/// Of the committed units. A reduction of 0 is what the samples ask for.
+absl::StatusOr<FilteredPreview> FilterUnits(const Unfinished& of, Part part) {
+  absl::StatusOr<film::UnitFilm> film = film::UnitFilm::OpenUnfinished(
+      of.spec, of.frame, &of.units, [&of](const job::UnitKey& key) { return of.units.Has(key); }, of.pool);
   if (!film.ok()) return film.status();
   if (!part.region.IsEmpty()) return FilterRegion(of, &*film, part);
   const int factor = FactorOf(part.frame_width, part.frame_height);
@@ -244,33 +242,18 @@ absl::StatusOr<FilteredPreview> FilterUnits(const Unfinished& of,
   const int extra = part.reduction == 0 ? ExtraReduction(*reduced) : part.reduction / factor;
   if (extra > 1) reduced = ReduceFilm(*reduced, extra);
   part.reduction = factor * extra;
-  absl::StatusOr<std::array<Plane, 3>> picture =
-      filter::FilterFilm(*reduced, of.spec.filter().method(), of.pool);
-  if (!picture.ok()) return picture.status();
-  return FilteredPreview{part, *std::move(reduced), *std::move(picture)};
+  absl::StatusOr<FilteredPicture> filtered = Filter(of, *reduced);
+  if (!filtered.ok()) return filtered.status();
+  return FilteredPreview{part, *std::move(reduced), *std::move(filtered)};
 }
 
-metrics::FilteredFilm ViewOf(const FilteredPreview& preview) {
-  return {preview.film, {preview.picture[0].view(), preview.picture[1].view(), preview.picture[2].view()}};
-}
-
-/// The estimated error of each pixel of `now`, in 8-bit steps: constant in blocks, 0 where a tile has one pass only. It is
-/// compared with the frame as it was before the last pass of each tile.
-absl::StatusOr<Plane> ErrorOf(const Unfinished& of, const FilteredPreview& now) {
-  Plane error(now.film.width(), now.film.height());
-  const std::vector<int32_t> last = LastPasses(of.spec, of.frame, of.units);
-  if (std::all_of(last.begin(), last.end(), [](int32_t pass) { return pass < 1; })) return error;
-  const absl::StatusOr<FilteredPreview> earlier = FilterUnits(
-      of,
-      [&](const job::UnitKey& key) {
-        const bool is_last =
-            key.kind == v1::UNIT_KIND_PASS && key.pass > 0 && key.pass == last[static_cast<size_t>(key.tile)];
-        return of.units.Has(key) && !is_last;
-      },
-      now.part);
-  if (!earlier.ok()) return earlier.status();
-  const metrics::ErrorEstimate estimate = metrics::EstimateError(ViewOf(*earlier), ViewOf(now), kSampleBlock,
-                                                                 metrics::ErrorMetric::kMse255, of.pool);
+/// The estimated error of each pixel, in 8-bit steps: constant in blocks, 0 where a tile has no pass.
+Plane ErrorOf(const FilteredPreview& preview, TaskPool* pool) {
+  const metrics::FilteredFilm view = {preview.film, lumifold::ViewOf(preview.filtered.picture),
+                                      lumifold::ViewOf(preview.filtered.deviation)};
+  const metrics::ErrorEstimate estimate =
+      metrics::EstimateError(view, kSampleBlock, metrics::ErrorMetric::kMse255, pool);
+  Plane error(preview.film.width(), preview.film.height());
   for (int y = 0; y < error.height(); ++y) {
     for (int x = 0; x < error.width(); ++x) {
       const int block = y / kSampleBlock * estimate.columns + x / kSampleBlock;
@@ -281,25 +264,23 @@ absl::StatusOr<Plane> ErrorOf(const Unfinished& of, const FilteredPreview& now) 
   return error;
 }
 
-absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const PreviewWish& wish) {
-  const Part whole = {of.spec.width(), of.spec.height(), wish.region.IsEmpty() ? 0 : 1, wish.region};
-  if (absl::Status status = CheckRegion(wish.region, whole.frame_width, whole.frame_height); !status.ok())
+absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const Rect& region, bool knows_error) {
+  const Part whole = {of.spec.width(), of.spec.height(), region.IsEmpty() ? 0 : 1, region};
+  if (absl::Status status = CheckRegion(region, whole.frame_width, whole.frame_height); !status.ok())
     return status;
-  absl::StatusOr<FilteredPreview> filtered = FilterUnits(
-      of, [&of](const job::UnitKey& key) { return of.units.Has(key); }, whole);
+  absl::StatusOr<FilteredPreview> filtered = FilterUnits(of, whole);
   if (!filtered.ok()) return filtered.status();
-  absl::StatusOr<Plane> error = Plane();
-  if (wish.error) error = ErrorOf(of, *filtered);
-  if (!error.ok()) return error.status();
+  Plane error;
+  if (of.error) error = ErrorOf(*filtered, of.pool);
   const Part part = filtered->part;
   Plane samples = SamplesOf(filtered->film, part.reduction);
   const double mean = MeanOf(samples);
   LayeredImage picture =
-      film::BuildResult({std::move(filtered->film), {}}, std::move(filtered->picture), {}).pixels;
+      film::BuildResult({std::move(filtered->film), {}}, std::move(filtered->filtered.picture), {}).pixels;
   picture.Add(kSamples, std::move(samples));
-  if (wish.error) picture.Add(kErrorChannel, *std::move(error));
+  if (of.error) picture.Add(kErrorChannel, std::move(error));
   v1::Preview preview = PreviewOf(part, std::move(picture));
-  if (!wish.error) preview.add_layers(kErrorLayer);  // for who wishes for it
+  if (!of.error && knows_error) preview.add_layers(kErrorLayer);  // for who wishes for it
   preview.set_units(of.units.count());
   preview.set_samples_per_pixel(mean);
   return preview;
@@ -332,7 +313,9 @@ absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobSto
   const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *record, frame);
   if (!units.ok()) return units.status();
   if (units->count() == 0) return absl::OutOfRangeError("no unit of the frame is committed yet");
-  return PreviewOfUnits({record->spec, frame, *units, pool}, wish);
+  const bool knows_error = filter::CheckDeviation(record->spec.filter().method()).ok();
+  return PreviewOfUnits({record->spec, frame, *units, wish.error && knows_error, pool}, wish.region,
+                        knows_error);
 }
 
 bool HasErrorLayer(const v1::Preview& preview) {

@@ -32,13 +32,13 @@ inline constexpr int kPreviewRegionSide = 768;
 struct PreviewWish {
   /// As fast as the machine can, because somebody waits for it; otherwise with what others leave.
   bool urgent = true;
-  /// With kErrorLayer, which takes twice the time.
+  /// With kErrorLayer, where the job's filter knows it (filter::CheckDeviation).
   bool error = false;
   /// Of the frame, to see these pixels and all of them: at most kPreviewRegionSide a side. Empty: the whole frame, reduced.
   Rect region = {};
 };
 /// The estimated error of the filtered picture: the root of the mean square of blocks of kSampleBlock pixels, in 8-bit steps;
-/// 0 where a tile has less than two passes. Only of a frame that is not finished.
+/// 0 where a tile has no pass. Only of a frame that is not finished.
 inline constexpr char kErrorLayer[] = "error";
 /// Whether a preview has been made with it.
 bool HasErrorLayer(const v1::Preview& preview);

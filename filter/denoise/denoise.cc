@@ -14,11 +14,27 @@
 namespace lumifold::filter {
 namespace {
 
-Picture Run(const Frame& frame, const Settings& settings, const std::vector<FrameStage>& frame_stages,
-            const std::vector<LayerStage>& layer_stages, const DenoiseOptions& options, TaskPool* pool) {
+/// The picture, and what its stages changed.
+struct Changed {
+  Picture picture;
+  FrameChange change;
+};
+
+Settings SettingsWith(const DenoiseOptions& options) {
+  LUMIFOLD_CHECK(CheckSwitchedOff(options.off).ok());
+  Settings settings = DefaultSettings();
+  for (const GuideInfo& guide : Guides()) {
+    if (IsOff(options.off, guide.name)) guide.turn_off(&settings);
+  }
+  if (options.adjust) options.adjust(&settings);
+  return settings;
+}
+
+Changed Run(const Frame& frame, const DenoiseOptions& options, TaskPool* pool) {
+  const Settings settings = SettingsWith(options);
   FrameState state{.frame = frame,
                    .settings = settings,
-                   .layer_stages = layer_stages,
+                   .layer_stages = DefaultLayerStages(),
                    .off = options.off,
                    .watch = options.watch,
                    .pool = pool,
@@ -29,12 +45,12 @@ Picture Run(const Frame& frame, const Settings& settings, const std::vector<Fram
                    .change = {},
                    .candidates = {},
                    .picture = {}};
-  for (const FrameStage& stage : frame_stages) {
+  for (const FrameStage& stage : DefaultFrameStages()) {
     if (IsOff(options.off, stage.info.name) || !stage.is_on(state)) continue;
     stage.run(&state);
     if (options.watch) options.watch(stage.info.name);
   }
-  return std::move(state.picture);
+  return {std::move(state.picture), std::move(state.change)};
 }
 
 std::vector<StageInfo> ListStages() {
@@ -59,13 +75,12 @@ bool IsOff(const SwitchedOff& off, std::string_view name) {
 }
 
 Picture Denoise(const Frame& frame, TaskPool* pool, const DenoiseOptions& options) {
-  LUMIFOLD_CHECK(CheckSwitchedOff(options.off).ok());
-  Settings settings = DefaultSettings();
-  for (const GuideInfo& guide : Guides()) {
-    if (IsOff(options.off, guide.name)) guide.turn_off(&settings);
-  }
-  if (options.adjust) options.adjust(&settings);
-  return Run(frame, settings, DefaultFrameStages(), DefaultLayerStages(), options, pool);
+  return std::move(Run(frame, options, pool).picture);
+}
+
+FilteredPicture DenoiseWithDeviation(const Frame& frame, TaskPool* pool, const DenoiseOptions& options) {
+  Changed changed = Run(frame, options, pool);
+  return {std::move(changed.picture), DeviationOf(frame, changed.change, pool)};
 }
 
 const std::vector<StageInfo>& Stages() {

@@ -6,6 +6,7 @@
 #include "absl/status/status.h"
 #include "filter/denoise/settings.h"
 #include "filter/denoise/stage.h"
+#include "filter/image/filtered_picture.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/frame.h"
@@ -25,6 +26,9 @@ struct DenoiseOptions {
 /// Threads: identical for any pool.
 /// Source:  Gruzdev et al. 2015; each stage names its own.
 Picture Denoise(const Frame& frame, TaskPool* pool, const DenoiseOptions& options = {});
+
+/// The same with the deviation of the picture: both halves go to the end.
+FilteredPicture DenoiseWithDeviation(const Frame& frame, TaskPool* pool, const DenoiseOptions& options = {});
 
 /// The stages of the default method in their order; those of a layer stand where layers are filtered.
 const std::vector<StageInfo>& Stages();

@@ -1,5 +1,6 @@
 #include "filter/layers/recombination.h"
 
+#include <cmath>
 #include <utility>
 
 namespace lumifold::filter {
@@ -80,6 +81,20 @@ Picture PictureOf(const Frame& frame, const FrameChange& change, TaskPool* pool)
     });
   }
   return picture;
+}
+
+Picture DeviationOf(const Frame& frame, const FrameChange& change, TaskPool* pool) {
+  Picture deviation;
+  for (size_t c = 0; c < 3; ++c) {
+    deviation[c] = Plane::Uninitialized(frame.width, frame.height);
+    ForEachPixel(pool, frame.width, frame.height, [&](int x, int y) {
+      const float a = frame.combined.a[c].At(x, y) + change[0][c].At(x, y);
+      const float b = frame.combined.b[c].At(x, y) + change[1][c].At(x, y);
+      const float factor = frame.samples.VarianceFactor(x, y);
+      deviation[c].At(x, y) = factor > 0 ? UsableOr0(std::sqrt(factor) * (a - b)) : 0.0f;
+    });
+  }
+  return deviation;
 }
 
 }  // namespace lumifold::filter

@@ -45,4 +45,7 @@ void AddFiltered(const Product& product, const FilteredLayer& layer, TaskPool* p
 /// C + the mean of the change. What the filter left alone passes through to the last bit. W x H, R G B.
 Picture PictureOf(const Frame& frame, const FrameChange& change, TaskPool* pool);
 
+/// How far noise may have moved that picture: FilteredPicture::deviation. Unusable values count as 0.
+Picture DeviationOf(const Frame& frame, const FrameChange& change, TaskPool* pool);
+
 }  // namespace lumifold::filter

@@ -21,33 +21,18 @@ float WeightAt(float value, ErrorMetric metric) {
   return slope * slope;
 }
 
-/// A film's noisy layer.
-struct Noisy {
-  explicit Noisy(const LayeredImage& film)
-      : mean(film.GetColor(layers::kNoisy)),
-        half_a(film.GetColor(layers::HalfA(layers::kNoisy))),
-        half_b(film.GetColor(layers::HalfB(layers::kNoisy))),
-        samples_a(film.Get(layers::kSamplesA)),
-        samples_b(film.Get(layers::kSamplesB)) {}
-
-  ConstColorView mean, half_a, half_b;
-  ConstFloatView samples_a, samples_b;
-};
-
-/// Sums over the pixels of a block.
+/// Sums over the pixels of a block that have samples of both halves.
 struct Sums {
-  double variance = 0;    // of the later picture
-  double noise = 0;       // variance of the later film, by its halves
-  double samples = 0;     // of the later film
-  double earlier = 0;     // of the earlier one, where the error was measured too
-  double error = 0;       // of the earlier one, by the new samples
-  int64_t with_news = 0;  // pixels that have new samples
-  /// Of the later picture, by channel: weights, weighted values and their squares.
+  double variance = 0;  // of the picture
+  double noise = 0;     // variance of the film
+  double samples = 0;
+  int64_t pixels = 0;
+  /// Of the picture, by channel: weights, weighted values and their squares.
   std::array<double, 3> weights = {};
   std::array<double, 3> values = {};
   std::array<double, 3> squares = {};
 
-  /// How much the later picture varies from pixel to pixel.
+  /// How much the picture varies from pixel to pixel.
   double Detail() const {
     double sum = 0;
     for (size_t c = 0; c < 3; ++c) {
@@ -57,85 +42,44 @@ struct Sums {
   }
 };
 
-/// Mean of the samples that the later film has over the earlier one.
-double MeanOfNew(double later, double later_count, double earlier, double earlier_count) {
-  return (later * later_count - earlier * earlier_count) / (later_count - earlier_count);
-}
-
-class Comparison {
+class Pixels {
  public:
-  Comparison(const FilteredFilm& earlier, const FilteredFilm& later, ErrorMetric metric)
-      : before_(earlier.film),
-        after_(later.film),
-        earlier_(earlier.picture),
-        later_(later.picture),
+  Pixels(const FilteredFilm& filtered, ErrorMetric metric)
+      : picture_(filtered.picture),
+        deviation_(filtered.deviation),
+        half_a_(filtered.film.GetColor(layers::HalfA(layers::kNoisy))),
+        half_b_(filtered.film.GetColor(layers::HalfB(layers::kNoisy))),
+        samples_a_(filtered.film.Get(layers::kSamplesA)),
+        samples_b_(filtered.film.Get(layers::kSamplesB)),
         metric_(metric) {}
 
   void Add(int x, int y, Sums* sums) const {
-    const double a0 = before_.samples_a.At(x, y);
-    const double b0 = before_.samples_b.At(x, y);
-    const double a1 = after_.samples_a.At(x, y);
-    const double b1 = after_.samples_b.At(x, y);
-    const double m = a0 + b0;
-    const double n = a1 + b1;
-    if (m < 1 || n <= m) return;
-    ++sums->with_news;
-    sums->samples += n;
-    const double share_now = a1 / n;
-    const double fall = Pow(static_cast<float>(n / m), kErrorDecline);  // of the error, from m to n
-    const bool has_halves = a1 > a0 && b1 > b0;
+    const double in_a = samples_a_.At(x, y);
+    const double in_b = samples_b_.At(x, y);
+    if (!(in_a > 0 && in_b > 0)) return;
+    const double samples = in_a + in_b;
+    ++sums->pixels;
+    sums->samples += samples;
     for (size_t c = 0; c < 3; ++c) {
-      const double weight = WeightAt(later_[c].At(x, y), metric_);
-      const double value = later_[c].At(x, y);
+      const double weight = WeightAt(picture_[c].At(x, y), metric_);
+      const double value = picture_[c].At(x, y);
       sums->weights[c] += weight;
       sums->values[c] += weight * value;
       sums->squares[c] += weight * value * value;
-      const double step = value - double{earlier_[c].At(x, y)};
-      sums->variance += weight * step * step / (fall - 1);
-      const double halves = double{after_.half_a[c].At(x, y)} - double{after_.half_b[c].At(x, y)};
-      sums->noise += weight * share_now * (1 - share_now) * halves * halves;
-      if (!has_halves) continue;
-      const double half_a = MeanOfNew(after_.half_a[c].At(x, y), a1, before_.half_a[c].At(x, y), a0);
-      const double half_b = MeanOfNew(after_.half_b[c].At(x, y), b1, before_.half_b[c].At(x, y), b0);
-      const double share = (a1 - a0) / (n - m);
-      const double mean = share * half_a + (1 - share) * half_b;
-      const double off = double{earlier_[c].At(x, y)} - mean;
-      const double noise = share * (1 - share) * (half_a - half_b) * (half_a - half_b);
-      sums->error += weight * (off * off - noise);
-      sums->earlier += weight * step * step * fall / (fall - 1);
+      const double deviation = deviation_[c].At(x, y);
+      sums->variance += weight * deviation * deviation;
+      const double halves = double{half_a_[c].At(x, y)} - double{half_b_[c].At(x, y)};
+      sums->noise += weight * in_a * in_b / (samples * samples) * halves * halves;
     }
   }
 
  private:
-  Noisy before_;
-  Noisy after_;
-  ConstColorView earlier_;
-  ConstColorView later_;
+  ConstColorView picture_;
+  ConstColorView deviation_;
+  ConstColorView half_a_, half_b_;
+  ConstFloatView samples_a_, samples_b_;
   ErrorMetric metric_;
 };
-
-/// The error over the variance, drawn towards the usual one by its standard error over the blocks (James and Stein).
-double BiasFactor(const std::vector<Sums>& blocks) {
-  double error = 0;
-  double variance = 0;
-  int64_t count = 0;
-  for (const Sums& block : blocks) {
-    error += block.error;
-    variance += block.earlier;
-    count += block.earlier > 0 ? 1 : 0;
-  }
-  if (count < 2 || !(variance > 0)) return kUsualBiasFactor;
-  const double ratio = std::max(1.0, error / variance);  // no error is less than its variance
-  double squares = 0;
-  for (const Sums& block : blocks) {
-    const double residual = block.error - ratio * block.earlier;
-    squares += residual * residual;
-  }
-  const double off = ratio - kUsualBiasFactor;
-  if (off == 0) return ratio;
-  const double share = 1 - squares / (variance * variance) / (off * off);
-  return kUsualBiasFactor + off * std::max(0.0, share);
-}
 
 /// Logarithms of what one sample would leave of a block's variance and of its noise, and of its detail.
 struct Point {
@@ -152,7 +96,7 @@ std::vector<Point> PointsOf(std::vector<Sums>* blocks) {
     const auto variance = static_cast<float>(block.variance);
     const auto detail = static_cast<float>(block.Detail());
     if (!(noise > 0) || !(variance > 0) || !(detail > 0)) continue;
-    const float samples = Log(static_cast<float>(block.samples / static_cast<double>(block.with_news)));
+    const float samples = Log(static_cast<float>(block.samples / static_cast<double>(block.pixels)));
     points.push_back({&block, double{Log(noise) + samples}, double{Log(detail)},
                       double{Log(variance) + kErrorDecline * samples}});
   }
@@ -237,12 +181,12 @@ void DrawTogether(std::vector<Sums>* blocks) {
 
 }  // namespace
 
-ErrorEstimate EstimateError(const FilteredFilm& earlier, const FilteredFilm& later, int block,
-                            ErrorMetric metric, TaskPool* pool) {
-  const int width = later.film.width();
-  const int height = later.film.height();
-  LUMIFOLD_CHECK(block >= 1 && earlier.film.width() == width && earlier.film.height() == height);
-  const Comparison comparison(earlier, later, metric);
+ErrorEstimate EstimateError(const FilteredFilm& filtered, int block, ErrorMetric metric, TaskPool* pool) {
+  const int width = filtered.film.width();
+  const int height = filtered.film.height();
+  LUMIFOLD_CHECK(block >= 1 && filtered.picture[0].width() == width &&
+                 filtered.deviation[0].width() == width);
+  const Pixels pixels(filtered, metric);
   ErrorEstimate estimate;
   estimate.columns = (width + block - 1) / block;
   estimate.rows = (height + block - 1) / block;
@@ -252,15 +196,13 @@ ErrorEstimate EstimateError(const FilteredFilm& earlier, const FilteredFilm& lat
     const int y0 = static_cast<int>(row) * block;
     for (int y = y0; y < std::min(y0 + block, height); ++y) {
       for (int x = 0; x < width; ++x)
-        comparison.Add(x, y, &sums[static_cast<size_t>(row) * columns + static_cast<size_t>(x / block)]);
+        pixels.Add(x, y, &sums[static_cast<size_t>(row) * columns + static_cast<size_t>(x / block)]);
     }
   });
-  estimate.bias_factor = BiasFactor(sums);
   DrawTogether(&sums);
   for (const Sums& of_block : sums) {
-    const double channels = 3.0 * static_cast<double>(of_block.with_news);
-    estimate.blocks.push_back(of_block.with_news == 0 ? -1.0
-                                                      : estimate.bias_factor * of_block.variance / channels);
+    const double values = 3.0 * static_cast<double>(of_block.pixels);
+    estimate.blocks.push_back(of_block.pixels == 0 ? -1.0 : kErrorOverVariance * of_block.variance / values);
   }
   return estimate;
 }

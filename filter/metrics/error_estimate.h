@@ -22,9 +22,9 @@ inline constexpr double kLogVarianceOfBlock = 0.7;
 /// much.
 inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 
-/// The whole error over its variance where cross-validation tells nothing more: geometric mean over the chart's scenes
-/// (docs/results/adaptive.md). Samples that lie where errors look large leave more error elsewhere than estimates tell.
-inline constexpr double kUsualBiasFactor = 1.15;
+/// The error of a filtered picture over the variance that its halves show: they share guides, geometry, T, E and the filter's
+/// bias. 1.76 to 1.99 in six films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
+inline constexpr double kErrorOverVariance = 1.9;
 
 /// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
 /// filtered value.
@@ -32,39 +32,29 @@ enum class ErrorMetric { kMse255, kRelMse };
 
 /// A film, and what the filter made of it.
 struct FilteredFilm {
-  const LayeredImage& film;  // with noisy, noisy_a, noisy_b, samples_a.Y and samples_b.Y
+  const LayeredImage& film;  // with noisy_a, noisy_b, samples_a.Y and samples_b.Y
   ConstColorView picture;
+  ConstColorView deviation;  // FilteredPicture::deviation
 };
 
 /// Estimated squared error of a filtered picture, without a reference.
 struct ErrorEstimate {
   int columns = 0;  // of blocks
   int rows = 0;
-  /// Mean over the pixels and channels of each block, row by row; the error at the later film's counts. Negative where
-  /// the block has no new samples.
+  /// Mean over the pixels and channels of each block, row by row. Negative where no pixel has samples of both halves.
   std::vector<double> blocks;
-  /// By what cross-validation has scaled them: the error over the variance, at least 1.
-  double bias_factor = kUsualBiasFactor;
 };
 
-/// Compares what the filter makes of a film with what it made of the same film when it had fewer samples.
-///
-/// Variance, block by block: the filtered picture is nearly a mean of the samples, so that of n samples, m of which the
-/// earlier film had, the mean square of the two pictures' difference is V(m) - V(n). V falls as n^-kErrorDecline, so
-/// V(n) = difference^2 / ((n / m)^kErrorDecline - 1).
-/// Bias, over the whole picture: the earlier picture has seen none of the new samples, so the mean square of its
-/// difference from their mean, less the variance of that mean, is its whole error. That is without bias but far noisier
-/// than V; so it gives one factor on all blocks, which is as far from the usual one as its standard error allows.
+/// Estimates the error from the halves of the picture, which the filter makes each without the samples of the other: the mean
+/// square of the deviation, times kErrorOverVariance.
 /// Precision: a block has few independent errors, so its estimate is drawn towards what blocks of the same noise and detail
 /// have: a plane fitted through the logarithms of estimate, noise and detail over all blocks. Detail is the filtered
 /// picture's variance within the block, since errors gather at edges. The more the blocks vary around the plane beyond
 /// kLogVarianceOfBlock, the less (empirical Bayes). The mean over the picture stays.
-/// Shapes:  both W x H; each pixel of `later` has at least as many samples as in `earlier`, which are among them.
-///          Blocks are squares of `block` pixels, smaller at the right and lower border.
+/// Shapes:  W x H. Blocks are squares of `block` pixels, smaller at the right and lower border.
 /// Units:   squared 8-bit steps, or relative.
 /// Threads: identical for any pool.
-/// Source:  the variance is Gruzdev's halves taken over time; cross-validation with new samples is our own.
-ErrorEstimate EstimateError(const FilteredFilm& earlier, const FilteredFilm& later, int block,
-                            ErrorMetric metric, TaskPool* pool);
+/// Source:  halves: Rousselle et al. 2012; drawing blocks together is our own.
+ErrorEstimate EstimateError(const FilteredFilm& filtered, int block, ErrorMetric metric, TaskPool* pool);
 
 }  // namespace lumifold::metrics

@@ -48,11 +48,9 @@ absl::StatusOr<FrameRounds> FrameRounds::Replay(const v1::JobSpec& spec,
       rounds.sampling_.SetBudget(budget);
       rounds.schedule_.push_back(budget);
     }
-    const std::vector<double> errors(estimate.errors().begin(), estimate.errors().end());
-    rounds.sampling_.AddEstimate(round, errors,
+    rounds.sampling_.AddEstimate(round,
+                                 std::vector<double>(estimate.errors().begin(), estimate.errors().end()),
                                  std::vector<double>(estimate.costs().begin(), estimate.costs().end()));
-    if (round + 1 == rounds.count() && rounds.predicted_error() >= 0)
-      rounds.measured_error_ = rounds.sampling_.MeasuredError(errors);
     rounds.rendered_seconds_ = estimate.rendered_seconds();
     ++rounds.estimated_;
   }

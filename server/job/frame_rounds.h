@@ -38,14 +38,12 @@ class FrameRounds {
   double predicted_error() const { return sampling_.PredictedError(); }
   /// See sampling::FrameSampling::MeasuredError.
   double MeasuredError(absl::Span<const double> errors) const { return sampling_.MeasuredError(errors); }
-  /// See sampling::FrameSampling::NeedsPictures.
-  bool NeedsPictures(absl::Span<const double> costs) const { return sampling_.NeedsPictures(costs); }
+  /// See sampling::FrameSampling::NeedsPicture.
+  bool NeedsPicture(absl::Span<const double> costs) const { return sampling_.NeedsPicture(costs); }
   /// See sampling::FrameSampling::MeanCostOf.
   double MeanCostOf(int round, absl::Span<const double> costs) const {
     return sampling_.MeanCostOf(round, costs);
   }
-  /// The error of the frame once all rounds are complete, where an estimate has measured the last one.
-  std::optional<double> measured_error() const { return measured_error_; }
   /// Of a job with a time: its render time when the last estimated round was committed.
   double rendered_seconds() const { return rendered_seconds_; }
   /// The budgets of a job with a time or a schedule, in the order of the estimates.
@@ -62,7 +60,6 @@ class FrameRounds {
   TileGrid tiles_;
   sampling::FrameSampling sampling_;
   int estimated_ = 1;
-  std::optional<double> measured_error_;
   double rendered_seconds_ = 0;
   std::vector<double> schedule_;
 };

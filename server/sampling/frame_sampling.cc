@@ -26,9 +26,8 @@ constexpr double kUniformShare = 0.1;
 /// Of a block in a round, over that of the mean.
 constexpr double kMostGrowth = 8;
 constexpr double kMostOverBudget = 16;
-/// The first estimate compares two pictures, whose filtering may take this part of the budget, one in.
-constexpr double kBudgetPerEstimate = 8;
-constexpr int kFirstPictures = 2;
+/// The first estimate filters the frame, which may take this part of the budget, one in.
+constexpr double kBudgetPerEstimate = 12;
 
 uint32_t RoundDown(double samples) { return static_cast<uint32_t>(samples) / kSampleStep * kSampleStep; }
 
@@ -86,9 +85,8 @@ double FrameSampling::SavedByEstimate(double samples) const {
   return samples * lost / (learned_ * (learned_ + 1.0));
 }
 
-bool FrameSampling::NeedsPictures(absl::Span<const double> costs) const {
-  return EndsByEstimates() || IsKnown() ||
-         kFirstPictures * kBudgetPerEstimate * FilterSamples(costs) <= settings_.budget;
+bool FrameSampling::NeedsPicture(absl::Span<const double> costs) const {
+  return EndsByEstimates() || IsKnown() || kBudgetPerEstimate * FilterSamples(costs) <= settings_.budget;
 }
 
 void FrameSampling::Learn(const Allocation& samples, absl::Span<const double> errors) {

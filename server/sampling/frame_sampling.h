@@ -44,9 +44,9 @@ struct SamplingSettings {
 ///   - no block grows more than eight times as much as the mean in a round, nor beyond 16 times the budget: a firefly may
 ///     not draw everything.
 ///
-/// An estimate costs a filtering. The first one is made where the two pictures that it needs cost at most one part in
-/// eight of the budget. A further one makes the amplitudes more precise, and is made where that saves more samples than
-/// it costs, or where a target or a time needs it. Otherwise the next round spends the rest of the budget.
+/// An estimate costs a filtering. The first one is made where that is at most one part in twelve of the budget. A further
+/// one makes the amplitudes more precise, and is made where that saves more samples than it costs, or where a target or a
+/// time needs it. Otherwise the next round spends the rest of the budget.
 /// Threads: one at a time.
 class FrameSampling {
  public:
@@ -66,21 +66,21 @@ class FrameSampling {
   double MeanCostOf(int round, absl::Span<const double> costs) const {
     return MeanCost(rounds_[static_cast<size_t>(round)], costs);
   }
-  /// Whether the estimate of a round is to compare pictures; `costs` as for AddEstimate. Otherwise AddEstimate takes errors that
+  /// Whether the estimate of a round is to filter the frame; `costs` as for AddEstimate. Otherwise AddEstimate takes errors that
   /// are all unknown, and the rest of the budget is spent uniformly.
-  bool NeedsPictures(absl::Span<const double> costs) const;
+  bool NeedsPicture(absl::Span<const double> costs) const;
   /// Changes the budget for all further estimates. >= 1. Samples that were granted stay granted.
   void SetBudget(double budget);
   /// What is known once round `round` is complete; call it once for each round from 1 on, in order, until is_final.
-  /// `errors`: by block, as metrics::EstimateError gives them for rounds round - 1 and round; negative: unknown.
+  /// `errors`: by block, as metrics::EstimateError gives them for that round; negative: unknown.
   /// `costs`: rays of one sample of each pixel of a block, by block, above 0.
   void AddEstimate(int round, absl::Span<const double> errors, absl::Span<const double> costs);
 
   /// Error of the frame once all rounds decided so far are complete, as the estimates predict it; negative before the
   /// first.
   double PredictedError() const;
-  /// The same, measured once they are complete: `errors` by block, as metrics::EstimateError gives them for the last round
-  /// and an earlier one; blocks with a negative one have no new samples, and count as predicted.
+  /// The same, measured once they are complete: `errors` by block, as metrics::EstimateError gives them for the last round;
+  /// blocks with a negative one count as predicted.
   double MeasuredError(absl::Span<const double> errors) const;
 
  private:

@@ -27,7 +27,7 @@ AdaptivePoint AdaptivelyTo(int budget, const render::Renderer& renderer, const F
   point.estimated = film.estimated_error;
   point.render_seconds = film.render_seconds;
   point.filter_seconds = film.filter_seconds;
-  point.estimates = film.estimates;
+  point.filterings = film.filterings;
   return point;
 }
 
@@ -68,7 +68,7 @@ Figure ErrorFigure(const std::vector<AdaptivePoint>& points) {
 std::string Table(const std::vector<AdaptivePoint>& points) {
   std::string text =
       TableHead({"scene", "size", "samples", "sampling", "MSE255", "estimated over true", "rendering, s",
-                 "filter, s", "estimates", "time over uniform at equal error"});
+                 "filter, s", "filterings", "time over uniform at equal error"});
   for (const AdaptivePoint& point : points) {
     const double ratio = point.is_adaptive ? TimeRatio(points, point) : 0;
     absl::StrAppend(
@@ -77,7 +77,7 @@ std::string Table(const std::vector<AdaptivePoint>& points) {
                    point.is_adaptive ? "adaptive" : "uniform", absl::StrFormat("%.3f", point.mse255),
                    point.estimated < 0 ? "" : absl::StrFormat("%.2f", point.estimated / point.mse255),
                    absl::StrFormat("%.2f", point.render_seconds),
-                   absl::StrFormat("%.2f", point.filter_seconds), absl::StrCat(point.estimates),
+                   absl::StrFormat("%.2f", point.filter_seconds), absl::StrCat(point.filterings),
                    ratio > 0 ? absl::StrFormat("%.2f", ratio) : ""}));
   }
   return text;
@@ -85,11 +85,11 @@ std::string Table(const std::vector<AdaptivePoint>& points) {
 
 std::string Csv(const std::vector<AdaptivePoint>& points) {
   std::string text =
-      "scene,width,height,samples,adaptive,mse255,estimated,render_seconds,filter_seconds,estimates\n";
+      "scene,width,height,samples,adaptive,mse255,estimated,render_seconds,filter_seconds,filterings\n";
   for (const AdaptivePoint& point : points) {
     absl::StrAppendFormat(&text, "%s,%d,%d,%d,%d,%.6g,%.6g,%.4f,%.4f,%d\n", point.scene, point.width,
                           point.height, point.budget, point.is_adaptive ? 1 : 0, point.mse255,
-                          point.estimated, point.render_seconds, point.filter_seconds, point.estimates);
+                          point.estimated, point.render_seconds, point.filter_seconds, point.filterings);
   }
   return text;
 }

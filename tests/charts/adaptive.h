@@ -20,10 +20,10 @@ struct AdaptivePoint {
   int budget = 0;  // mean samples per pixel
   bool is_adaptive = false;
   double mse255 = 0;          // against the reference, whose noise is taken off
-  double estimated = -1;      // by the policy; negative: there was no estimate
+  double estimated = -1;      // by the policy; negative: uniform
   double render_seconds = 0;  // processor seconds, as those of the filter
-  double filter_seconds = 0;  // of all estimates and the last filtering
-  int estimates = 0;
+  double filter_seconds = 0;  // of all filterings
+  int filterings = 0;
 
   double TotalSeconds() const { return render_seconds + filter_seconds; }
 };

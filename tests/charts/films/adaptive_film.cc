@@ -82,17 +82,6 @@ class Tiles {
   std::vector<Tile> tiles_;
 };
 
-/// A film after a round, which is filtered when it is first needed.
-struct Filtered {
-  EdgedImage film;
-  std::optional<Picture> picture = {};
-
-  void Filter(TaskPool* pool) {
-    if (!picture.has_value()) picture = filter::Denoise(filter::Frame(film), pool);
-  }
-  metrics::FilteredFilm View() const { return {film.pixels, ViewOf(*picture)}; }
-};
-
 double MeanOf(const sampling::Allocation& samples) {
   double sum = 0;
   for (const uint32_t count : samples) sum += count;
@@ -112,32 +101,32 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
   };
   FrameSampling sampling(settings);
   Tiles tiles(renderer, settings, pool);
-  std::optional<Filtered> earlier;
+  size_t filtered_rounds = 0;
+  const auto errors_of = [&](size_t round) {
+    result.film = tiles.Film();
+    FilteredPicture filtered = filter::DenoiseWithDeviation(filter::Frame(result.film), pool);
+    const metrics::FilteredFilm view = {result.film.pixels, ViewOf(filtered.picture),
+                                        ViewOf(filtered.deviation)};
+    std::vector<double> errors = metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
+    result.picture = std::move(filtered.picture);
+    result.estimated_error = sampling.MeasuredError(errors);
+    ++result.filterings;
+    filtered_rounds = round + 1;
+    return errors;
+  };
   for (size_t round = 0; round < sampling.rounds().size(); ++round) {
     tiles.Render(sampling, round);
     charge(&result.render_seconds);
-    const auto is_last = [&] { return sampling.is_final() && round + 1 == sampling.rounds().size(); };
-    const std::vector<double> costs = tiles.Costs();
-    std::vector<double> errors(costs.size(), -1);
-    const bool compares =
-        is_last() ? result.estimates > 0 : !sampling.is_final() && sampling.NeedsPictures(costs);
-    std::optional<Filtered> now;
-    if (compares || is_last()) now = Filtered{tiles.Film()};
-    if (compares && earlier.has_value()) {
-      earlier->Filter(pool);
-      now->Filter(pool);
-      errors = metrics::EstimateError(earlier->View(), now->View(), kSampleBlock, metric, pool).blocks;
-      ++result.estimates;
+    if (round > 0 && !sampling.is_final()) {
+      const std::vector<double> costs = tiles.Costs();
+      const std::vector<double> errors =
+          sampling.NeedsPicture(costs) ? errors_of(round) : std::vector<double>(costs.size(), -1);
+      sampling.AddEstimate(static_cast<int>(round), errors, costs);
     }
-    if (round > 0 && !sampling.is_final()) sampling.AddEstimate(static_cast<int>(round), errors, costs);
-    if (is_last() && result.estimates > 0) result.estimated_error = sampling.MeasuredError(errors);
-    if (now.has_value()) earlier = std::move(now);
     charge(&result.filter_seconds);
   }
-  earlier->Filter(pool);
+  if (filtered_rounds < sampling.rounds().size()) errors_of(sampling.rounds().size() - 1);
   charge(&result.filter_seconds);
-  result.film = std::move(earlier->film);
-  result.picture = *std::move(earlier->picture);
   result.mean_samples = MeanOf(sampling.rounds().back());
   return result;
 }

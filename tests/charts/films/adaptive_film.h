@@ -14,13 +14,13 @@ namespace lumifold::charts {
 /// What adaptive sampling made of a frame, and what it cost.
 struct AdaptiveFilm {
   EdgedImage film;
-  Picture picture;              // filtered
-  double mean_samples = 0;      // per pixel
-  double estimated_error = -1;  // of the picture; negative: there was no estimate
-  int estimates = 0;
+  Picture picture;             // filtered
+  double mean_samples = 0;     // per pixel
+  double estimated_error = 0;  // of the picture
+  int filterings = 0;
   // Processor seconds, all threads together.
   double render_seconds = 0;
-  double filter_seconds = 0;  // of the estimates and of the last filtering
+  double filter_seconds = 0;  // of all filterings
 };
 
 /// Renders a frame round by round as sampling::FrameSampling decides, and filters it, in this process.

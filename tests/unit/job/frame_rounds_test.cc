@@ -90,18 +90,6 @@ TEST(FrameRounds, AScheduleTakesThePlaceOfTheBudgetsThatATimeRecorded) {
   EXPECT_EQ(FrameRounds::Replay(Spec(), Estimates(100))->count(), 4) << "there is more to spend without them";
 }
 
-TEST(FrameRounds, MeasuresTheErrorOfALastRoundThatIsEstimated) {
-  v1::JobSpec spec = Spec();
-  spec.mutable_adaptive()->set_target_error(1000);
-  v1::RoundEstimates estimates = Estimates(100);
-  EXPECT_EQ(FrameRounds::Replay(spec, estimates)->measured_error(), std::nullopt);
-  *estimates.add_estimates() = Estimates(200).estimates(0);
-  const absl::StatusOr<FrameRounds> rounds = FrameRounds::Replay(spec, estimates);
-  ASSERT_TRUE(rounds.ok());
-  EXPECT_TRUE(rounds->is_final());
-  EXPECT_EQ(rounds->measured_error(), 200.0 * kSampleBlock * kSampleBlock / (40 * 32));
-}
-
 TEST(FrameRounds, RefusesEstimatesThatDoNotFit) {
   EXPECT_EQ(FrameRounds::Replay(Spec(30), Estimates(1)).status().code(), absl::StatusCode::kDataLoss)
       << "its rounds are final";

@@ -44,7 +44,7 @@ FrameSampling RunFrame(const SamplingSettings& settings, const std::vector<doubl
                        const std::vector<double>& costs, int* comparisons = nullptr) {
   FrameSampling sampling(settings);
   for (size_t round = 1; !sampling.is_final() && round < sampling.rounds().size(); ++round) {
-    const bool compares = sampling.NeedsPictures(costs);
+    const bool compares = sampling.NeedsPicture(costs);
     if (compares && comparisons != nullptr) ++*comparisons;
     sampling.AddEstimate(
         static_cast<int>(round),
@@ -87,8 +87,8 @@ TEST(FrameSampling, ComparesNoPicturesWhereTheyCostTooMuch) {
   SamplingSettings settings = Settings();
   settings.budget = 128;
   const FrameSampling dear(settings);  // two filterings of 5 samples are a thirteenth of it
-  EXPECT_TRUE(dear.NeedsPictures(UsualCosts()));
-  EXPECT_FALSE(dear.NeedsPictures(std::vector<double>(kBlocks, 7.0)));
+  EXPECT_TRUE(dear.NeedsPicture(UsualCosts()));
+  EXPECT_FALSE(dear.NeedsPicture(std::vector<double>(kBlocks, 7.0)));
   int comparisons = 0;
   const FrameSampling sampling =
       RunFrame(settings, OneLoudBlock(100), std::vector<double>(kBlocks, 7.0), &comparisons);
@@ -97,7 +97,7 @@ TEST(FrameSampling, ComparesNoPicturesWhereTheyCostTooMuch) {
   EXPECT_EQ(sampling.rounds().back(), Allocation(kBlocks, 128));
   EXPECT_LT(sampling.PredictedError(), 0);
   settings.target_error = 1;
-  EXPECT_TRUE(FrameSampling(settings).NeedsPictures(std::vector<double>(kBlocks, 7.0)))
+  EXPECT_TRUE(FrameSampling(settings).NeedsPicture(std::vector<double>(kBlocks, 7.0)))
       << "nothing else tells when it is reached";
 }
 

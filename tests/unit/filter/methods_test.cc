@@ -383,5 +383,64 @@ TEST(FilterFilm, EveryListedMethodRuns) {
     EXPECT_TRUE(FilterFilm(synthetic.film, method.name, nullptr).ok()) << method.name;
 }
 
+/// Sum of squares over a picture, less `truth` unless that is empty.
+double SumOfSquares(const Picture& picture, const LayeredImage* truth) {
+  double sum = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    ForEachPixel(picture[c].width(), picture[c].height(), [&](int x, int y) {
+      const float off = truth != nullptr ? truth->GetColor(layers::kBeauty)[c].At(x, y) : 0.0f;
+      sum += std::pow(static_cast<double>(picture[c].At(x, y) - off), 2);
+    });
+  }
+  return sum;
+}
+
+EdgedImage CopyOf(const LayeredImage& film) { return {film.Crop(film.bounds())}; }
+
+TEST(FilterFilmWithDeviation, TellsHowFarThePictureIsOff) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.4f, 1);
+  for (const std::string_view method : {"default", "none"}) {
+    const auto filtered = FilterFilmWithDeviation(CopyOf(synthetic.film), method, nullptr);
+    ASSERT_TRUE(filtered.ok()) << filtered.status();
+    ExpectSamePixels(filtered->picture, Filter(synthetic.film, method));
+    const double error = SumOfSquares(filtered->picture, &synthetic.truth);
+    const double variance = SumOfSquares(filtered->deviation, nullptr);
+    // Of the noisy picture the variance is the error; the filter's halves share some of it.
+    EXPECT_GT(variance, (method == "none" ? 0.95 : 0.3) * error) << method;
+    EXPECT_LT(variance, 1.05 * error) << method;
+  }
+}
+
+TEST(FilterFilmWithDeviation, TellsAsMuchInBlocks) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(384, 256, 0.4f, 7);
+  const auto whole = FilterFilmWithDeviation(CopyOf(synthetic.film), "default", nullptr);
+  const auto blocks = FilterFilmWithDeviation(CopyOf(synthetic.film), "default", nullptr,
+                                              {.core = 128, .margin = 64, .fade = 32, .whole = 0});
+  ASSERT_TRUE(whole.ok() && blocks.ok());
+  EXPECT_LT(SumOfSquares(blocks->picture, &synthetic.truth),
+            1.1 * SumOfSquares(whole->picture, &synthetic.truth));
+  EXPECT_NEAR(SumOfSquares(blocks->deviation, nullptr) / SumOfSquares(whole->deviation, nullptr), 1, 0.2);
+}
+
+TEST(FilterFilmWithDeviation, NamesTheMethodsThatKnowIt) {
+  EXPECT_TRUE(CheckDeviation("default").ok());
+  EXPECT_TRUE(CheckDeviation("none").ok());
+  const absl::Status status = CheckDeviation("bilateral:sigma_s=4");
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("\"bilateral\" does not tell its error"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("default, none"));
+  EXPECT_THAT(std::string(CheckDeviation("no").message()), HasSubstr("no method is named"));
+}
+
+TEST(FilterFilmWithDeviation, NeedsTheHalvesOfThePicture) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(24, 20, 0.3f, 13);
+  LayeredImage plain(24, 20);
+  for (const std::string& name : layers::ColorChannels(layers::kNoisy))
+    plain.Add(name, Clone(synthetic.film.Get(name)));
+  const absl::Status status = FilterFilmWithDeviation({std::move(plain)}, "none", nullptr).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("samples_a"));
+}
+
 }  // namespace
 }  // namespace lumifold::filter

@@ -6,6 +6,7 @@
 #include <random>
 #include <string_view>
 
+#include "filter/image/filtered_picture.h"
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
 #include "tests/support/shuffling_pool.h"
@@ -41,22 +42,6 @@ LayeredImage NoiseFilm(int samples, std::mt19937* random) {
   return film;
 }
 
-/// The film of the samples of both.
-LayeredImage Joined(const LayeredImage& first, const LayeredImage& second) {
-  LayeredImage both = first.Crop(first.bounds());
-  const float m = first.Get(layers::kSamplesA).At(0, 0);
-  const float n = m + second.Get(layers::kSamplesA).At(0, 0);
-  for (LayeredImage::Channel& channel : both.channels()) {
-    const bool is_count = channel.name == layers::kSamplesA || channel.name == layers::kSamplesB;
-    const ConstFloatView more = second.Get(channel.name);
-    ForEachPixel(kWidth, kHeight, [&](int x, int y) {
-      float& value = channel.plane.At(x, y);
-      value = is_count ? n : (value * m + more.At(x, y) * (n - m)) / n;
-    });
-  }
-  return both;
-}
-
 /// A "filter" that scales the difference from kLight: what is left of noise, and a bias.
 Picture Filter(const LayeredImage& film, float noise, float bias) {
   Picture picture;
@@ -70,17 +55,28 @@ Picture Filter(const LayeredImage& film, float noise, float bias) {
   return picture;
 }
 
-struct Case {
-  LayeredImage earlier;
-  LayeredImage later;
-};
+/// What the "filter" makes of a film, with the deviation that its halves show.
+FilteredPicture FilterHalves(const LayeredImage& film, float noise, float bias) {
+  FilteredPicture filtered = {Filter(film, noise, bias), {}};
+  const ConstColorView a = film.GetColor(layers::HalfA(layers::kNoisy));
+  const ConstColorView b = film.GetColor(layers::HalfB(layers::kNoisy));
+  for (size_t c = 0; c < 3; ++c) {
+    filtered.deviation[c] = Plane(kWidth, kHeight);
+    ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+      filtered.deviation[c].At(x, y) = 0.5f * noise * (a[c].At(x, y) - b[c].At(x, y));
+    });
+  }
+  return filtered;
+}
 
-Case MakeCase(int earlier_samples, int later_samples) {
+LayeredImage MakeFilm(int samples) {
   std::mt19937 random(3);
-  LayeredImage first = NoiseFilm(earlier_samples, &random);
-  LayeredImage more = NoiseFilm(later_samples - earlier_samples, &random);
-  LayeredImage both = Joined(first, more);
-  return {std::move(first), std::move(both)};
+  return NoiseFilm(samples, &random);
+}
+
+ErrorEstimate EstimateOf(const LayeredImage& film, const FilteredPicture& filtered,
+                         ErrorMetric metric = ErrorMetric::kRelMse, TaskPool* pool = nullptr) {
+  return EstimateError({film, ViewOf(filtered.picture), ViewOf(filtered.deviation)}, kBlock, metric, pool);
 }
 
 double MeanOf(const ErrorEstimate& estimate) {
@@ -89,126 +85,94 @@ double MeanOf(const ErrorEstimate& estimate) {
   return sum / static_cast<double>(estimate.blocks.size());
 }
 
-ErrorEstimate EstimateOf(const Case& films, float noise, float bias, TaskPool* pool = nullptr) {
-  const Picture earlier = Filter(films.earlier, noise, bias);
-  const Picture later = Filter(films.later, noise, bias);
-  return EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)}, kBlock,
-                       ErrorMetric::kRelMse, pool);
-}
-
-/// Squared error of the later picture in units of RelMse.
-double TrueError(int samples, float noise, float bias) {
+/// Variance of the picture in units of RelMse.
+double TrueVariance(int samples, float noise) {
   const double variance = static_cast<double>(noise * noise * kSigma * kSigma) / samples;
-  const double value = static_cast<double>(kLight + bias);
-  return (variance + static_cast<double>(bias * bias)) / (value * value + 0.01);
-}
-
-/// The estimate over the variance of a filter whose error is noise alone, which falls as 1 / samples: it allows for bias.
-double Allowance(double growth) {
-  return (growth - 1) / (std::pow(growth, static_cast<double>(kErrorDecline)) - 1);
+  return variance / (static_cast<double>(kLight) * static_cast<double>(kLight) + 0.01);
 }
 
 TEST(EstimateError, FindsTheVarianceOfWhatTheFilterLeaves) {
-  for (const int later : {24, 32, 64}) {
-    const ErrorEstimate estimate = EstimateOf(MakeCase(16, later), 0.3f, 0);
-    EXPECT_NEAR(MeanOf(estimate) / estimate.bias_factor / TrueError(later, 0.3f, 0), Allowance(later / 16.0),
-                0.1)
-        << later;
+  for (const int samples : {16, 64}) {
+    const LayeredImage film = MakeFilm(samples);
+    const ErrorEstimate estimate = EstimateOf(film, FilterHalves(film, 0.3f, 0));
+    EXPECT_NEAR(MeanOf(estimate) / (kErrorOverVariance * TrueVariance(samples, 0.3f)), 1, 0.05) << samples;
     EXPECT_EQ(estimate.columns, 13);
     EXPECT_EQ(estimate.rows, 8);
   }
 }
 
-TEST(EstimateError, FindsBiasByTheNewSamples) {
-  // Bias twice as large as the noise that is left makes the error of the earlier picture five times as large.
-  const float bias = 2 * 0.3f * kSigma / 4;
-  const ErrorEstimate estimate = EstimateOf(MakeCase(16, 32), 0.3f, bias);
-  EXPECT_NEAR(estimate.bias_factor, 5 / (Allowance(2) * std::pow(2, double{kErrorDecline}) / 2), 0.5);
+/// Replaces columns [first, last) by those of a filter that leaves more noise, with a pattern on top.
+void Roughen(const LayeredImage& film, int first, int last, float noise, float pattern,
+             FilteredPicture* filtered) {
+  const FilteredPicture rough = FilterHalves(film, noise, 0);
+  for (size_t c = 0; c < 3; ++c) {
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = first; x < last; ++x) {
+        filtered->picture[c].At(x, y) =
+            rough.picture[c].At(x, y) + ((x / 2 + y / 2) % 2 == 0 ? pattern : -pattern);
+        filtered->deviation[c].At(x, y) = rough.deviation[c].At(x, y);
+      }
+    }
+  }
 }
 
-TEST(EstimateError, TakesNoNoiseForBias) {
-  EXPECT_NEAR(EstimateOf(MakeCase(16, 32), 0.3f, 0).bias_factor, kUsualBiasFactor, 0.1);
+/// Makes the deviation of the first block a tenth of what it is.
+void MakeFirstBlockLucky(FilteredPicture* filtered) {
+  for (Plane& plane : filtered->deviation)
+    ForEachPixel(kBlock, kBlock, [&](int x, int y) { plane.At(x, y) *= 0.1f; });
 }
 
 TEST(EstimateError, DoesNotTrustABlockThatHadLuck) {
-  const Case films = MakeCase(16, 32);
-  Picture earlier = Filter(films.earlier, 0.3f, 0);
-  const Picture later = Filter(films.later, 0.3f, 0);
-  for (size_t c = 0; c < 3; ++c) {
-    ForEachPixel(kBlock, kBlock, [&](int x, int y) {
-      const float value = later[c].At(x, y);
-      earlier[c].At(x, y) = value + 0.1f * (earlier[c].At(x, y) - value);
-    });
-  }
-  const ErrorEstimate estimate = EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)},
-                                               kBlock, ErrorMetric::kRelMse, nullptr);
+  const LayeredImage film = MakeFilm(32);
+  FilteredPicture filtered = FilterHalves(film, 0.3f, 0);
+  MakeFirstBlockLucky(&filtered);
+  const ErrorEstimate estimate = EstimateOf(film, filtered);
   EXPECT_GT(estimate.blocks[0], 0.5 * MeanOf(estimate)) << "of itself it would have a hundredth";
-  EXPECT_NEAR(MeanOf(estimate) / estimate.bias_factor / TrueError(32, 0.3f, 0), Allowance(2), 0.1)
-      << "the mean stays";
+  EXPECT_NEAR(MeanOf(estimate) / (kErrorOverVariance * TrueVariance(32, 0.3f)), 1, 0.05) << "the mean stays";
 }
 
 TEST(EstimateError, LeavesBlocksApartThatTheFilterTreatsUnlike) {
-  const Case films = MakeCase(16, 32);
-  Picture earlier = Filter(films.earlier, 0.3f, 0);
-  Picture later = Filter(films.later, 0.3f, 0);
-  const Picture clean_earlier = Filter(films.earlier, 0.03f, 0);
-  const Picture clean_later = Filter(films.later, 0.03f, 0);
-  for (size_t c = 0; c < 3; ++c) {
-    ForEachPixel(kWidth / 2, kHeight, [&](int x, int y) {
-      earlier[c].At(x, y) = clean_earlier[c].At(x, y);
-      later[c].At(x, y) = clean_later[c].At(x, y);
-    });
-  }
-  const ErrorEstimate estimate = EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)},
-                                               kBlock, ErrorMetric::kRelMse, nullptr);
+  const LayeredImage film = MakeFilm(32);
+  FilteredPicture filtered = FilterHalves(film, 0.03f, 0);
+  Roughen(film, kWidth / 2, kWidth, 0.3f, 0, &filtered);
+  const ErrorEstimate estimate = EstimateOf(film, filtered);
   EXPECT_GT(estimate.blocks[12] / estimate.blocks[0], 50) << "100, of which little is lost";
 }
 
 TEST(EstimateError, DrawsABlockTowardsThoseOfItsDetail) {
   // The left half has a pattern, and the filter leaves ten times as much noise there; one of its blocks had luck.
-  const Case films = MakeCase(16, 32);
-  Picture earlier = Filter(films.earlier, 0.03f, 0);
-  Picture later = Filter(films.later, 0.03f, 0);
-  const Picture rough_earlier = Filter(films.earlier, 0.3f, 0);
-  const Picture rough_later = Filter(films.later, 0.3f, 0);
-  for (size_t c = 0; c < 3; ++c) {
-    ForEachPixel(kWidth / 2, kHeight, [&](int x, int y) {
-      const float pattern = (x / 2 + y / 2) % 2 == 0 ? 1.0f : -1.0f;
-      const bool is_lucky = x < kBlock && y < kBlock;
-      const float value = rough_later[c].At(x, y);
-      later[c].At(x, y) = value + pattern;
-      earlier[c].At(x, y) = value + pattern + (is_lucky ? 0.1f : 1.0f) * (rough_earlier[c].At(x, y) - value);
-    });
-  }
-  const ErrorEstimate estimate = EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)},
-                                               kBlock, ErrorMetric::kRelMse, nullptr);
+  const LayeredImage film = MakeFilm(32);
+  FilteredPicture filtered = FilterHalves(film, 0.03f, 0);
+  Roughen(film, 0, kWidth / 2, 0.3f, 1, &filtered);
+  MakeFirstBlockLucky(&filtered);
+  const ErrorEstimate estimate = EstimateOf(film, filtered);
   EXPECT_GT(estimate.blocks[0], 0.4 * estimate.blocks[1]) << "of itself it would have a hundredth";
   EXPECT_GT(estimate.blocks[0] / estimate.blocks[12], 20) << "noise alone would draw it towards these";
 }
 
-TEST(EstimateError, MarksBlocksWithoutNewSamples) {
-  const Case films = MakeCase(16, 32);
-  const ErrorEstimate estimate = EstimateError({films.later, films.later.GetColor(layers::kNoisy)},
-                                               {films.later, films.later.GetColor(layers::kNoisy)}, kBlock,
-                                               ErrorMetric::kRelMse, nullptr);
-  for (const double block : estimate.blocks) EXPECT_LT(block, 0);
+TEST(EstimateError, MarksBlocksWithoutTwoHalves) {
+  LayeredImage film = MakeFilm(32);
+  const FilteredPicture filtered = FilterHalves(film, 0.3f, 0);
+  ForEachPixel(kBlock, kBlock, [&](int x, int y) { film.Get(layers::kSamplesB).At(x, y) = 0; });
+  const ErrorEstimate estimate = EstimateOf(film, filtered);
+  EXPECT_LT(estimate.blocks[0], 0);
+  EXPECT_GT(estimate.blocks[1], 0);
 }
 
 TEST(EstimateError, CountsSteepDarkTonesMoreInMse255) {
-  const Case films = MakeCase(16, 32);
-  const Picture earlier = Filter(films.earlier, 0.3f, 0);
-  const Picture later = Filter(films.later, 0.3f, 0);
-  const ErrorEstimate estimate = EstimateError({films.earlier, ViewOf(earlier)}, {films.later, ViewOf(later)},
-                                               kBlock, ErrorMetric::kMse255, nullptr);
+  const LayeredImage film = MakeFilm(32);
+  const ErrorEstimate estimate = EstimateOf(film, FilterHalves(film, 0.3f, 0), ErrorMetric::kMse255);
   const double slope = 255 * 1.055 / 2.4 * std::pow(static_cast<double>(kLight), 1 / 2.4 - 1);
-  EXPECT_NEAR(MeanOf(estimate) / estimate.bias_factor / (slope * slope * 0.09 * 0.01 / 32), Allowance(2),
-              0.1);
+  const double variance = static_cast<double>(0.3f * 0.3f * kSigma * kSigma) / 32;
+  EXPECT_NEAR(MeanOf(estimate) / (kErrorOverVariance * slope * slope * variance), 1, 0.05);
 }
 
 TEST(EstimateError, IsTheSameForAnyPool) {
-  const Case films = MakeCase(16, 32);
+  const LayeredImage film = MakeFilm(32);
+  const FilteredPicture filtered = FilterHalves(film, 0.3f, 0);
   ShufflingPool pool(7);
-  EXPECT_EQ(EstimateOf(films, 0.3f, 0).blocks, EstimateOf(films, 0.3f, 0, &pool).blocks);
+  EXPECT_EQ(EstimateOf(film, filtered).blocks,
+            EstimateOf(film, filtered, ErrorMetric::kRelMse, &pool).blocks);
 }
 
 }  // namespace

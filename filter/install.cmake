@@ -5,6 +5,7 @@ include(CMakePackageConfigHelpers)
 
 set(LUMIFOLD_PUBLIC_HEADERS
   image/check.h image/color.h image/edged_image.h image/exr_io.h image/film_layout.h image/film_source.h
+  image/filtered_picture.h
   image/layered_image.h image/layers.h image/parallel.h image/plane.h image/planes.h image/png_io.h image/rect.h
   baselines/method_info.h layers/single_picture.h manifold/manifold_filter.h
   blocks.h methods.h

@@ -64,7 +64,7 @@ class Plan(harness.CliTest):
         self.change_scene("sky.gltf", nodes=[{"mesh": 0}, {"mesh": 1}, {"camera": 0, "translation": [0, 1, 5],
                                                                          "rotation": [0, 1, 0, 0]}])
         for scene, options, method in (("dark", (), "default"), ("sky", ("--env", "sky.hdr"), "default"),
-                                       ("sky", ("--env", "sky.hdr"), "paper")):
+                                       ("sky", ("--env", "sky.hdr"), "none")):
             with self.subTest(scene=scene, method=method):
                 common = (f"{scene}.gltf", "--size", "64x48", "--method", method, *options)
                 self.succeed("render", *common, "--spp", "256", "--adaptive", "--target-error", "0.5", "-o", "auto.exr")
@@ -73,6 +73,11 @@ class Plan(harness.CliTest):
                 self.assertLess(found["mse255"], 1e-6)
                 self.assertGreater(found["ssim"], 0.999)
                 self.assertLess(found["flip"], 1e-3)
+
+    def test_adaptive_sampling_needs_a_filter_that_tells_its_error(self):
+        code, _, err = self.run_lumifold("render", str(self.scene), "--adaptive", "--method", "bilateral", "-o", "no.exr")
+        self.assertEqual(code, 2)
+        self.assertIn('method "bilateral" does not tell its error', err)
 
     def test_the_page_explains_every_decision(self):
         page = (ROOT / "docs" / "plan.md").read_text()

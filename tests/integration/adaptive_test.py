@@ -61,8 +61,7 @@ class AdaptiveTest(SceneTest):
             job = self.submit_and_wait_for_a_decision(farm)
             worker.kill()
             farm.server.kill()
-            for name in ("rounds", "picture"):
-                damage(next(pathlib.Path(data).glob(f"**/frame-0000.{name}")))
+            damage(next(pathlib.Path(data).glob("**/frame-0000.rounds")))
             farm.start_server(listen=farm.address)
             self.assertIn("event=rounds_damaged", farm.server.log_text())
             farm.start_worker()
@@ -75,9 +74,8 @@ class AdaptiveTest(SceneTest):
             farm.client("wait", job)
             status = farm.status(job)
             self.assertEqual(status["samples_done"], 100 * WIDTH * HEIGHT)
-            self.assertEqual(status.get("estimated_error", -1), -1)
+            self.assertGreater(status["estimated_error"], 0, "the halves of the result tell it")
             self.assertEqual(self.rounds(farm), 1, "which says that none is worth its cost")
-            self.assertFalse(list(pathlib.Path(data).glob("**/frame-0000.picture")), "no picture was compared")
 
     def test_a_target_that_is_reached_ends_it(self):
         with tempfile.TemporaryDirectory() as data, Farm(data) as farm:

@@ -26,9 +26,13 @@ class RoundsTest : public SchedulerFixture {
   std::shared_ptr<const FrameRounds> Decided() const {
     v1::RoundEstimates estimates;
     v1::RoundEstimate* estimate = estimates.add_estimates();
-    for (int i = 0; i < kTiles; ++i) {
-      estimate->add_errors(i == 3 ? 100 : 0);
-      estimate->add_costs(8);
+    const int columns = BlocksIn(spec_.width());
+    const int rows = BlocksIn(spec_.height());
+    for (int row = 0; row < rows; ++row) {
+      for (int column = 0; column < columns; ++column) {
+        estimate->add_errors(row >= rows / 2 && column >= columns / 2 ? 100 : 0);
+        estimate->add_costs(8);
+      }
     }
     return std::make_shared<const FrameRounds>(*FrameRounds::Replay(spec_, estimates));
   }

@@ -25,7 +25,7 @@ struct UnitRef {
   JobId job;
   UnitKey key;
 
-  friend auto operator<=>(const UnitRef&, const UnitRef&) = default;
+  friend auto operator<=>(const UnitRef&, const UnitRef&) = default;  // NOLINT(modernize-use-nullptr): takes its 0
 };
 
 v1::UnitId ProtoFromUnit(const UnitRef& unit);

@@ -36,7 +36,7 @@ class RecoveryTest : public CoordinatorFixture {
       worker.Deliver(1);
       absl::SleepFor(absl::Milliseconds(1));
     }
-    const std::set<job::UnitRef> acknowledged = worker.acknowledged();
+    std::set<job::UnitRef> acknowledged = worker.acknowledged();
     coordinator_->Shutdown();
     return acknowledged;
   }

@@ -25,7 +25,8 @@ struct UnitRef {
   JobId job;
   UnitKey key;
 
-  friend auto operator<=>(const UnitRef&, const UnitRef&) = default;  // NOLINT(modernize-use-nullptr): takes its 0
+  // NOLINTNEXTLINE(modernize-use-nullptr): the 0 that it compares with is the compiler's
+  friend auto operator<=>(const UnitRef&, const UnitRef&) = default;
 };
 
 v1::UnitId ProtoFromUnit(const UnitRef& unit);

@@ -238,17 +238,18 @@ absl::StatusOr<Picture> FilterFilmByRows(FilmSource* film, std::string_view meth
 
 absl::Status CheckDeviation(std::string_view method) { return ParseCallWithDeviation(method).status(); }
 
-absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const EdgedImage& film, std::string_view method,
-                                                        TaskPool* pool, const BlockParams& params) {
+absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film, std::string_view method,
+                                                        TaskPool* pool, const LayeredImage* edges,
+                                                        const LayeredImage* fragments,
+                                                        const BlockParams& params) {
   const absl::StatusOr<Call> call = ParseCallWithDeviation(method);
   if (!call.ok()) return call.status();
   const std::vector<std::string> halves = NamesOf(
       {layers::kSamplesA, layers::kSamplesB}, {layers::HalfA(layers::kNoisy), layers::HalfB(layers::kNoisy)});
-  if (absl::Status status = CheckChannels(film.pixels, halves); !status.ok()) return status;
-  if (absl::Status status = CheckFilm({film.pixels, &film.edges, &film.fragments}, *call); !status.ok())
-    return status;
-  if (BlockGrid(film.pixels.width(), film.pixels.height(), params).IsOneBlock())
-    return call->method->with_deviation(Frame(film), pool);
+  if (absl::Status status = CheckChannels(film, halves); !status.ok()) return status;
+  if (absl::Status status = CheckFilm({film, edges, fragments}, *call); !status.ok()) return status;
+  if (BlockGrid(film.width(), film.height(), params).IsOneBlock())
+    return call->method->with_deviation(Frame(film, edges, fragments), pool);
   const auto filter = [&](const EdgedImage& block) -> absl::StatusOr<std::vector<Picture>> {
     FilteredPicture filtered = call->method->with_deviation(Frame(block), pool);
     std::vector<Picture> pictures;
@@ -257,9 +258,9 @@ absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const EdgedImage& film, 
     return pictures;
   };
   const std::vector<std::string_view> names = {layers::kBeauty, "deviation"};
-  WholePictures whole(names, film.pixels.width(), film.pixels.height());
+  WholePictures whole(names, film.width(), film.height());
   const auto append = [&](const LayeredImage& rows) { return whole.Append(rows); };
-  FilmInMemory source(film.pixels, &film.edges, &film.fragments);
+  FilmInMemory source(film, edges, fragments);
   if (absl::Status status = FilterInBlocks(&source, params, {}, names, filter, append); !status.ok())
     return status;
   std::vector<Picture> pictures = whole.Take();

@@ -50,8 +50,10 @@ absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view me
 
 /// FilterFilm with the deviation of the picture, by methods that know it. The picture has the bits of FilterFilm.
 /// Errors:  also those of CheckDeviation; kInvalidArgument naming a half of C that is missing.
-absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const EdgedImage& film, std::string_view method,
-                                                        TaskPool* pool, const BlockParams& params = {});
+absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film, std::string_view method,
+                                                        TaskPool* pool, const LayeredImage* edges = nullptr,
+                                                        const LayeredImage* fragments = nullptr,
+                                                        const BlockParams& params = {});
 
 /// Whether FilterFilmWithDeviation knows the method: "default", whose halves go to the end, and "none".
 /// Errors: those of CheckMethod; kInvalidArgument naming the methods that know it.

@@ -17,8 +17,8 @@ absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame
   if (!film.ok()) return film.status();
   absl::StatusOr<EdgedImage> read = film->Read({0, 0, film->width(), film->height()});
   if (!read.ok()) return read.status();
-  absl::StatusOr<FilteredPicture> filtered =
-      filter::FilterFilmWithDeviation(*read, spec.filter().method(), pool);
+  absl::StatusOr<FilteredPicture> filtered = filter::FilterFilmWithDeviation(
+      read->pixels, spec.filter().method(), pool, &read->edges, &read->fragments);
   if (!filtered.ok()) return filtered.status();
   return FilteredRound{*std::move(read), *std::move(filtered)};
 }

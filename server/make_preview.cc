@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -188,7 +188,6 @@ struct Unfinished {
   const v1::JobSpec& spec;
   int32_t frame;
   const CommittedUnits& units;
-  bool error;  // is wished for
   TaskPool* pool;
 };
 
@@ -196,7 +195,7 @@ struct Unfinished {
 struct FilteredPreview {
   Part part;
   LayeredImage film;
-  FilteredPicture filtered;  // the deviation is empty where the error is not wished for
+  FilteredPicture filtered;  // the deviation is empty where the method does not know it
 };
 
 Picture Crop(const Picture& picture, const Rect& rect) {
@@ -212,7 +211,7 @@ Picture Crop(const Picture& picture, const Rect& rect) {
 /// Without edge set and fragments, which reduced films do not have.
 absl::StatusOr<FilteredPicture> Filter(const Unfinished& of, const LayeredImage& film) {
   const std::string& method = of.spec.filter().method();
-  if (of.error) return filter::FilterFilmWithDeviation({film.Crop(film.bounds())}, method, of.pool);
+  if (filter::CheckDeviation(method).ok()) return filter::FilterFilmWithDeviation(film, method, of.pool);
   absl::StatusOr<Picture> picture = filter::FilterFilm(film, method, of.pool);
   if (!picture.ok()) return picture.status();
   return FilteredPicture{*std::move(picture), {}};
@@ -264,23 +263,22 @@ Plane ErrorOf(const FilteredPreview& preview, TaskPool* pool) {
   return error;
 }
 
-absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const Rect& region, bool knows_error) {
+absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const Rect& region) {
   const Part whole = {of.spec.width(), of.spec.height(), region.IsEmpty() ? 0 : 1, region};
   if (absl::Status status = CheckRegion(region, whole.frame_width, whole.frame_height); !status.ok())
     return status;
   absl::StatusOr<FilteredPreview> filtered = FilterUnits(of, whole);
   if (!filtered.ok()) return filtered.status();
-  Plane error;
-  if (of.error) error = ErrorOf(*filtered, of.pool);
+  std::optional<Plane> error;
+  if (filtered->filtered.deviation[0].width() > 0) error = ErrorOf(*filtered, of.pool);
   const Part part = filtered->part;
   Plane samples = SamplesOf(filtered->film, part.reduction);
   const double mean = MeanOf(samples);
   LayeredImage picture =
       film::BuildResult({std::move(filtered->film), {}}, std::move(filtered->filtered.picture), {}).pixels;
   picture.Add(kSamples, std::move(samples));
-  if (of.error) picture.Add(kErrorChannel, std::move(error));
+  if (error.has_value()) picture.Add(kErrorChannel, *std::move(error));
   v1::Preview preview = PreviewOf(part, std::move(picture));
-  if (!of.error && knows_error) preview.add_layers(kErrorLayer);  // for who wishes for it
   preview.set_units(of.units.count());
   preview.set_samples_per_pixel(mean);
   return preview;
@@ -289,10 +287,9 @@ absl::StatusOr<v1::Preview> PreviewOfUnits(const Unfinished& of, const Rect& reg
 absl::StatusOr<std::string> PreviewAsChild(const ChildTask& task) {
   int32_t frame = 0;
   PreviewWish wish;
-  if (task.arguments.size() != 5 || !absl::SimpleAtoi(task.arguments[1], &frame))
+  if (task.arguments.size() != 4 || !absl::SimpleAtoi(task.arguments[1], &frame))
     return absl::InvalidArgumentError("make-preview: only the coordinator starts this command");
-  wish.error = task.arguments[2] == kErrorLayer;
-  wish.region = rpc::ParseRect(task.arguments[3]).value_or(Rect{});
+  wish.region = rpc::ParseRect(task.arguments[2]).value_or(Rect{});
   const absl::StatusOr<v1::Preview> preview =
       MakePreview(task.folder, task.store, job::JobId(task.arguments[0]), frame, wish, task.pool);
   if (!preview.ok()) return preview.status();
@@ -313,14 +310,7 @@ absl::StatusOr<v1::Preview> MakePreview(const DataFolder& folder, ledger::JobSto
   const absl::StatusOr<CommittedUnits> units = CommittedUnits::Open(folder, store, *record, frame);
   if (!units.ok()) return units.status();
   if (units->count() == 0) return absl::OutOfRangeError("no unit of the frame is committed yet");
-  const bool knows_error = filter::CheckDeviation(record->spec.filter().method()).ok();
-  return PreviewOfUnits({record->spec, frame, *units, wish.error && knows_error, pool}, wish.region,
-                        knows_error);
-}
-
-bool HasErrorLayer(const v1::Preview& preview) {
-  const auto& channels = preview.layout().channels();
-  return std::find(channels.begin(), channels.end(), kErrorChannel) != channels.end();
+  return PreviewOfUnits({record->spec, frame, *units, pool}, wish.region);
 }
 
 absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::string& layer) {
@@ -351,11 +341,9 @@ absl::StatusOr<v1::Preview> LayerOfPreview(const v1::Preview& all, const std::st
 absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFolder& folder,
                                            const job::JobId& job, int32_t frame, const PreviewWish& wish) {
   const std::string task = absl::StrCat("the preview of frame ", frame);
-  const absl::StatusOr<std::string> answer =
-      process->Run(kMakePreviewCommand, folder.root(),
-                   {job.value(), absl::StrCat(frame), wish.error ? kErrorLayer : "",
-                    rpc::RectText(wish.region), wish.urgent ? kUrgent : ""},
-                   job, task);
+  const absl::StatusOr<std::string> answer = process->Run(
+      kMakePreviewCommand, folder.root(),
+      {job.value(), absl::StrCat(frame), rpc::RectText(wish.region), wish.urgent ? kUrgent : ""}, job, task);
   if (!answer.ok()) return answer.status();
   v1::Preview preview;
   if (!preview.ParseFromString(*answer))

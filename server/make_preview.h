@@ -32,19 +32,14 @@ inline constexpr int kPreviewRegionSide = 768;
 struct PreviewWish {
   /// As fast as the machine can, because somebody waits for it; otherwise with what others leave.
   bool urgent = true;
-  /// With kErrorLayer, where the job's filter knows it (filter::CheckDeviation).
-  bool error = false;
   /// Of the frame, to see these pixels and all of them: at most kPreviewRegionSide a side. Empty: the whole frame, reduced.
   Rect region = {};
 };
-/// The estimated error of the filtered picture: the root of the mean square of blocks of kSampleBlock pixels, in 8-bit steps;
-/// 0 where a tile has no pass. Only of a frame that is not finished.
-inline constexpr char kErrorLayer[] = "error";
-/// Whether a preview has been made with it.
-bool HasErrorLayer(const v1::Preview& preview);
 
 /// Makes the preview of a frame, reduced to kPreviewSide or less, or of a region: of its result, or of a film of the units that are committed, which is
-/// filtered after it is reduced. The latter has all channels of a result, and "samples.Y", the samples per pixel of the frame.
+/// filtered after it is reduced. The latter has all channels of a result, and "samples.Y", the samples per pixel of the frame; where
+/// the job's filter knows it (filter::CheckDeviation) also "error.Y", the estimated error of the filtered picture: the root of the mean
+/// square of blocks of kSampleBlock pixels, in 8-bit steps, 0 where a tile has no pass.
 /// Memory: a band of rows of the film, and twice the preview with all channels of the film.
 /// Errors: those of CommittedUnits, ExrFilm and FilterFilm; kOutOfRange while no unit is committed; kInvalidArgument for a region
 /// that is not within the frame.

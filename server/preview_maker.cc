@@ -128,12 +128,7 @@ void PreviewMaker::Renew(const Key& key) {
     Frame& whole = WholeOf(key);
     whole.begun = std::min(whole.begun, start);
     wish.urgent = IsUrgent(whole, start);
-    wish.error = std::any_of(frame.waiting.begin(), frame.waiting.end(),
-                             [](const Waiting& waiting) { return waiting.request.layer() == kErrorLayer; });
-    const bool has_what_is_wished =
-        !wish.error || frame.newest == nullptr || frame.newest->finished() || HasErrorLayer(*frame.newest);
-    is_due = units.ok() && (*units != frame.made_of || !has_what_is_wished) &&
-             (start >= frame.next || *units == kFinishedUnits);
+    is_due = units.ok() && *units != frame.made_of && (start >= frame.next || *units == kFinishedUnits);
   }
   if (is_due) {
     absl::StatusOr<v1::Preview> made = options_.make(key.job, key.frame, wish);
@@ -162,11 +157,8 @@ void PreviewMaker::Renew(const Key& key) {
 
 std::shared_ptr<const v1::Preview> PreviewMaker::NewestFor(const Frame& frame,
                                                            const v1::GetPreviewRequest& request) {
-  if (frame.newest == nullptr || frame.newest->units() <= request.newer_than_units()) return nullptr;
-  // A finished frame has no errors, and who asks for them is told so.
-  const bool lacks_errors =
-      request.layer() == kErrorLayer && !frame.newest->finished() && !HasErrorLayer(*frame.newest);
-  return lacks_errors ? nullptr : frame.newest;
+  const bool is_news = frame.newest != nullptr && frame.newest->units() > request.newer_than_units();
+  return is_news ? frame.newest : nullptr;
 }
 
 PreviewMaker::Answers PreviewMaker::TakeAnswers(const Key& key, const absl::Status& error, absl::Time now) {

@@ -395,12 +395,10 @@ double SumOfSquares(const Picture& picture, const LayeredImage* truth) {
   return sum;
 }
 
-EdgedImage CopyOf(const LayeredImage& film) { return {film.Crop(film.bounds())}; }
-
 TEST(FilterFilmWithDeviation, TellsHowFarThePictureIsOff) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.4f, 1);
   for (const std::string_view method : {"default", "none"}) {
-    const auto filtered = FilterFilmWithDeviation(CopyOf(synthetic.film), method, nullptr);
+    const auto filtered = FilterFilmWithDeviation(synthetic.film, method, nullptr);
     ASSERT_TRUE(filtered.ok()) << filtered.status();
     ExpectSamePixels(filtered->picture, Filter(synthetic.film, method));
     const double error = SumOfSquares(filtered->picture, &synthetic.truth);
@@ -413,8 +411,8 @@ TEST(FilterFilmWithDeviation, TellsHowFarThePictureIsOff) {
 
 TEST(FilterFilmWithDeviation, TellsAsMuchInBlocks) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(384, 256, 0.4f, 7);
-  const auto whole = FilterFilmWithDeviation(CopyOf(synthetic.film), "default", nullptr);
-  const auto blocks = FilterFilmWithDeviation(CopyOf(synthetic.film), "default", nullptr,
+  const auto whole = FilterFilmWithDeviation(synthetic.film, "default", nullptr);
+  const auto blocks = FilterFilmWithDeviation(synthetic.film, "default", nullptr, nullptr, nullptr,
                                               {.core = 128, .margin = 64, .fade = 32, .whole = 0});
   ASSERT_TRUE(whole.ok() && blocks.ok());
   EXPECT_LT(SumOfSquares(blocks->picture, &synthetic.truth),
@@ -437,7 +435,7 @@ TEST(FilterFilmWithDeviation, NeedsTheHalvesOfThePicture) {
   LayeredImage plain(24, 20);
   for (const std::string& name : layers::ColorChannels(layers::kNoisy))
     plain.Add(name, Clone(synthetic.film.Get(name)));
-  const absl::Status status = FilterFilmWithDeviation({std::move(plain)}, "none", nullptr).status();
+  const absl::Status status = FilterFilmWithDeviation(plain, "none", nullptr).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(status.message()), HasSubstr("samples_a"));
 }

@@ -29,9 +29,7 @@ LayeredImage PictureOf(const v1::Preview& preview) {
 
 class MakePreviewTest : public CommittedFrameFixture {
  protected:
-  absl::StatusOr<v1::Preview> Make() {
-    return MakePreview(folder_, *store_, kJob, 0, {.error = true}, /*pool=*/nullptr);
-  }
+  absl::StatusOr<v1::Preview> Make() { return MakePreview(folder_, *store_, kJob, 0, {}, /*pool=*/nullptr); }
 };
 
 TEST_F(MakePreviewTest, OfAllUnitsItIsTheFilteredFilm) {
@@ -57,6 +55,17 @@ TEST_F(MakePreviewTest, OfAllUnitsItIsTheFilteredFilm) {
         ASSERT_EQ(picture.Get(channel.name).At(x, y), channel.plane.At(x, y)) << channel.name;
     }
   }
+}
+
+TEST_F(MakePreviewTest, TheErrorIsMissingWhereTheMethodDoesNotKnowIt) {
+  v1::JobSpec spec = Spec(16, 16);
+  spec.mutable_filter()->set_method("bilateral");
+  Commit(kJob, spec, /*is_forward=*/true, [](const job::UnitKey& key) { return key.tile < 3; });
+  const absl::StatusOr<v1::Preview> preview = Make();
+  ASSERT_TRUE(preview.ok()) << preview.status();
+  EXPECT_FALSE(PictureOf(*preview).Has("error.Y"));
+  EXPECT_TRUE(absl::IsInvalidArgument(LayerOfPreview(*preview, "error").status()));
+  EXPECT_TRUE(LayerOfPreview(*preview, "samples").ok());
 }
 
 TEST_F(MakePreviewTest, TilesWithoutPassesAreBlackAndOthersHaveTheSamplesThatTheyHave) {

@@ -35,11 +35,7 @@ class PreviewMakerTest : public ::testing::Test {
       preview.mutable_layout()->set_width(1);
       preview.mutable_layout()->set_height(1);
       for (const char* name : {"R", "G", "B"}) preview.mutable_layout()->add_channels(name);
-      if (wish.error) {
-        preview.mutable_layout()->add_channels("error.Y");
-        ++with_errors_;
-      }
-      preview.set_planes(std::string(wish.error ? 16 : 12, job.value().back()));
+      preview.set_planes(std::string(12, job.value().back()));
       return preview;
     };
   }
@@ -75,7 +71,6 @@ class PreviewMakerTest : public ::testing::Test {
   std::atomic<bool> is_finished_ = false;
   std::atomic<int> made_ = 0;
   std::atomic<int> urgent_ = 0;
-  std::atomic<int> with_errors_ = 0;
   std::unique_ptr<PreviewMaker> maker_;
 };
 
@@ -144,17 +139,10 @@ TEST_F(PreviewMakerTest, TheTimeOfRegionsIsThatOfTheirFrame) {
   EXPECT_LE(urgent_, 2);
 }
 
-TEST_F(PreviewMakerTest, ErrorsAreEstimatedForThoseWhoLookAtThem) {
+TEST_F(PreviewMakerTest, WhoAsksForALayerThatThereIsNotIsToldSo) {
   Start();
-  EXPECT_TRUE(Ask("j-a").get().ok());
-  EXPECT_EQ(with_errors_, 0);
-  EXPECT_EQ(Ask("j-a", 0, 0, "error").get()->layout().channels(0), "error.Y") << "of the same units";
-  EXPECT_EQ(with_errors_, 1);
-  EXPECT_TRUE(Ask("j-a").get().ok());
-  EXPECT_EQ(made_, 2);
-  units_ = 5;
-  EXPECT_TRUE(Ask("j-a", 0, 3).get().ok());
-  EXPECT_EQ(with_errors_, 1);
+  EXPECT_TRUE(absl::IsInvalidArgument(Ask("j-a", 0, 0, "error").get().status()));
+  EXPECT_EQ(made_, 1) << "making it again would not help";
 }
 
 TEST_F(PreviewMakerTest, PatienceEnds) {

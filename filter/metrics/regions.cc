@@ -135,13 +135,16 @@ void MarkEdges(const EdgedImage& film, RegionMap* map) {
   });
 }
 
-double SquaredError(const ConstColorView& picture, const ConstColorView& reference, int x, int y,
-                    float exposure) {
+/// Product of a pixel's differences to two references, mean over the channels, in squared 8-bit steps.
+double ErrorProduct(const ConstColorView& picture, const ConstColorView& a, const ConstColorView& b, int x,
+                    int y, float exposure) {
   double sum = 0;
   for (size_t c = 0; c < 3; ++c) {
-    const double step = 255.0 * static_cast<double>(SrgbFromLinear(exposure * picture[c].At(x, y)) -
-                                                    SrgbFromLinear(exposure * reference[c].At(x, y)));
-    sum += step * step;
+    const auto shown = [&](const ConstColorView& color) {
+      return 255.0 * static_cast<double>(SrgbFromLinear(exposure * color[c].At(x, y)));
+    };
+    const double value = shown(picture);
+    sum += (value - shown(a)) * (value - shown(b));
   }
   return sum / 3.0;
 }
@@ -159,13 +162,18 @@ std::vector<Region> RegionsOf(const EdgedImage& film) {
 
 RegionMeans Mse255ByRegion(const ConstColorView& picture, const ConstColorView& reference,
                            const std::vector<Region>& regions, float exposure) {
+  return Mse255ToHalves(picture, reference, reference, regions, exposure);
+}
+
+RegionMeans Mse255ToHalves(const ConstColorView& picture, const ConstColorView& half_a,
+                           const ConstColorView& half_b, const std::vector<Region>& regions, float exposure) {
   RegionMeans means;
   std::array<int64_t, kRegionCount> counts = {};
-  const int width = reference[0].width();
+  const int width = picture[0].width();
   auto next = regions.begin();
-  ForEachPixel(width, reference[0].height(), [&](int x, int y) {
+  ForEachPixel(width, picture[0].height(), [&](int x, int y) {
     const auto region = static_cast<size_t>(*next++);
-    const double error = SquaredError(picture, reference, x, y, exposure);
+    const double error = ErrorProduct(picture, half_a, half_b, x, y, exposure);
     means.whole += error;
     means.of_region[region] += error;
     ++counts[region];

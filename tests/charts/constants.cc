@@ -135,7 +135,7 @@ absl::Status WriteConstants(const std::string& folder, absl::Span<const Constant
       absl::StrCat("MSE255 of the default method with one constant halved or doubled, divided by "
                    "MSE255 with all constants as they are: geometric mean over the films, and "
                    "the largest of a film. A ratio above 1 is what the change costs; the noise of "
-                   "the references is subtracted.\n\nFilms: ",
+                   "the references is not in them.\n\nFilms: ",
                    FilmList(points), ".\n\n", ConstantsTable(points)));
 }
 

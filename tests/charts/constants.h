@@ -31,7 +31,7 @@ std::vector<ConstantPoint> MeasureConstants(const Subject& subject, const Refere
 
 /// A Markdown table with one line per constant, in the order of their first points: its value, and for the
 /// halved and the doubled constant the geometric mean over all films of the error over the default's, and the
-/// largest. Films where an error is not above 0 after the reference's noise is subtracted are left out.
+/// largest. Films where an error is not above 0, within the noise of the reference, are left out.
 std::string ConstantsTable(absl::Span<const ConstantPoint> points);
 
 /// Writes constants.csv, with every point, and constants.md. Errors: kUnavailable naming the file.

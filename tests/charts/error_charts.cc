@@ -188,7 +188,7 @@ std::string SlopeTable(absl::Span<const Row> rows) {
 
 std::string PageOf(absl::Span<const Row> rows, absl::Span<const Truth> truths, bool has_times) {
   std::string text =
-      "MSE255 of whole pictures; the noise of the reference is subtracted. Time is the sum of processor "
+      "MSE255 of whole pictures, without the noise of the reference. Time is the sum of processor "
       "seconds over all threads for rendering, auxiliary data (layers, halves, features) and filter. "
       "Unfiltered pictures, and methods that work on them alone, pay for the rendering of C only. Every "
       "method except the default is shown at the point of its grid that is best for that film, which "

@@ -16,13 +16,15 @@
 namespace lumifold::charts {
 namespace {
 
-constexpr int kRowVersion = 2;  // to be incremented when Judge() changes
+constexpr int kRowVersion = 3;  // to be incremented when Judge() changes
 constexpr double kLittleTime = 3;
 
-metrics::RegionMeans Minus(metrics::RegionMeans error, const metrics::RegionMeans& noise) {
-  error.whole -= noise.whole;
-  for (size_t i = 0; i < metrics::kRegionCount; ++i) error.of_region[i] -= noise.of_region[i];
-  return error;
+metrics::RegionMeans Mse255Of(const ConstColorView& picture, const Reference& reference) {
+  const LayeredImage& pixels = reference.film.pixels;
+  if (!reference.has_halves)
+    return metrics::Mse255ByRegion(picture, pixels.GetColor(layers::kNoisy), reference.regions);
+  return metrics::Mse255ToHalves(picture, pixels.GetColor(layers::HalfA(layers::kNoisy)),
+                                 pixels.GetColor(layers::HalfB(layers::kNoisy)), reference.regions);
 }
 
 double PixelRatio(const FilmSettings& now, const FilmSettings& then) {
@@ -41,7 +43,7 @@ struct Meter::Call {
 
 absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film) {
   if (!film.pixels.HasColor(layers::kNoisy)) return absl::NotFoundError("the reference has no layer 'noisy'");
-  Reference reference{std::move(name), std::move(film), {}, {}, 0, false};
+  Reference reference{std::move(name), std::move(film), {}, 0, 0, false};
   const LayeredImage& pixels = reference.film.pixels;
   reference.regions = metrics::RegionsOf(reference.film);
   const std::string half_a = layers::HalfA(layers::kNoisy);
@@ -49,10 +51,7 @@ absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film) {
   reference.has_halves = pixels.HasColor(half_a) && pixels.HasColor(half_b);
   if (!reference.has_halves) return reference;
   // The variance of the mean of two halves of equal size is a quarter of their squared difference.
-  reference.noise =
-      metrics::Mse255ByRegion(pixels.GetColor(half_a), pixels.GetColor(half_b), reference.regions);
-  reference.noise.whole /= 4;
-  for (double& noise : reference.noise.of_region) noise /= 4;
+  reference.noise = metrics::Mse255Noise(pixels.GetColor(half_a), pixels.GetColor(half_b));
   reference.rel_mse_noise = metrics::RelMseNoise(pixels.GetColor(half_a), pixels.GetColor(half_b));
   return reference;
 }
@@ -71,9 +70,9 @@ void AddRendering(const RenderRates& rates, const filter::MethodInfo& method, Ro
 Errors Judge(const ConstColorView& picture, const Reference& reference, bool is_thorough) {
   const ConstColorView truth = reference.film.pixels.GetColor(layers::kNoisy);
   Errors errors;
-  errors.mse255 = Minus(metrics::Mse255ByRegion(picture, truth, reference.regions), reference.noise);
+  errors.mse255 = Mse255Of(picture, reference);
   errors.rel_mse = metrics::RelMse(picture, truth) - reference.rel_mse_noise;
-  if (!is_thorough || HidesStructure(reference.noise.whole, errors.mse255.whole)) return errors;
+  if (!is_thorough || HidesStructure(reference.noise, errors.mse255.whole)) return errors;
   if (const absl::StatusOr<double> ssim = metrics::Ssim(picture, truth); ssim.ok()) errors.ssim = *ssim;
   errors.flip = metrics::Flip(picture, truth);
   return errors;

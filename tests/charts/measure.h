@@ -20,7 +20,7 @@ struct Reference {
   std::string name;  // of its file; part of a row's key
   EdgedImage film;
   std::vector<metrics::Region> regions;
-  metrics::RegionMeans noise;  // MSE255 of the reference itself, from its halves; 0 if it has none
+  double noise = 0;  // MSE255 of the reference itself, from its halves; 0 if it has none
   double rel_mse_noise = 0;
   bool has_halves = false;
 };
@@ -29,7 +29,7 @@ struct Reference {
 absl::StatusOr<Reference> MakeReference(std::string name, EdgedImage film);
 
 /// Whether SSIM and FLIP would measure the noise of the reference rather than the picture: whether that noise
-/// is more than a tenth of the picture's error. Both are MSE255, the error with the noise subtracted.
+/// is more than a tenth of the picture's error. Both are MSE255, the error without that noise.
 bool HidesStructure(double reference_noise, double error);
 
 /// Measures a picture of the reference's size; SSIM and FLIP only if `is_thorough` and not HidesStructure().

@@ -118,7 +118,8 @@ absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> r
   const std::string size = rows.empty() ? "" : absl::StrCat(rows[0].width, "x", rows[0].height);
   std::string text = absl::StrCat(
       size,
-      "; the noise of the references is subtracted. The paper's ratios are in brackets. Only ratios can be "
+      "; errors are without the noise of the references. The paper's ratios are in brackets. Only ratios can "
+      "be "
       "compared, because the paper states no unit of error. Its scenes are similar to ours, not the same "
       "(its "
       "Sponza is our atrium). Methods other than the default have their best known parameters. The default's "

@@ -57,7 +57,7 @@ std::string RegionLine(const Row& row) {
 }
 
 /// "nfor 1.034, none 1.200": the rivals with less error than the default in a part. A rival whose error is
-/// not above 0 after the reference's noise is subtracted has no ratio.
+/// not above 0 lies within the reference's noise and has no ratio.
 std::vector<std::string> WinnersOf(const Row& film, absl::Span<const Row> rivals, size_t part) {
   std::vector<std::string> winners;
   const std::optional<double> ours = ErrorOf(film, part);

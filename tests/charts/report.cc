@@ -93,7 +93,7 @@ std::string HeadingOf(absl::Span<const Row> rows, const std::string& scene) {
 }
 
 std::string TruthTable(absl::Span<const Truth> truths) {
-  std::string text = TableHead({"scene", "reference, spp", "MSE255 of its noise, subtracted"});
+  std::string text = TableHead({"scene", "reference, spp", "MSE255 of its noise"});
   for (const Truth& truth : truths) {
     absl::StrAppend(&text, TableLine({truth.scene, absl::StrCat(truth.samples),
                                       truth.noise > 0 ? absl::StrFormat("%.3f", truth.noise) : "not known"}));

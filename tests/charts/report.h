@@ -12,7 +12,7 @@ namespace lumifold::charts {
 struct Truth {
   std::string scene;
   int samples = 0;
-  double noise = 0;  // MSE255 of the reference itself, which is subtracted; 0 if it has no halves
+  double noise = 0;  // MSE255 of the reference itself, which no error has; 0 if it has no halves
 };
 
 /// SceneHeading() of a scene of the rows.

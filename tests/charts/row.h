@@ -9,7 +9,7 @@
 
 namespace lumifold::charts {
 
-/// Errors of a picture; the noise of the reference is subtracted from the first two.
+/// Errors of a picture; the first two are without the noise of the reference.
 struct Errors {
   metrics::RegionMeans mse255;
   double rel_mse = 0;

@@ -47,7 +47,7 @@ absl::StatusOr<Reference> ReadReference(const std::string& path) {
   if (!reference.ok())
     return absl::Status(reference.status().code(), absl::StrCat(path, ": ", reference.status().message()));
   if (!reference->has_halves)
-    std::fprintf(stderr, "%s: has no halves; its noise is not subtracted\n", path.c_str());
+    std::fprintf(stderr, "%s: has no halves; its noise is part of the errors\n", path.c_str());
   return reference;
 }
 
@@ -117,7 +117,7 @@ class Session {
     if (!reference.ok()) return reference.status();
     const absl::StatusOr<RenderRates> rates = source->Rates(options_.width, options_.height, pool_);
     if (!rates.ok()) return rates.status();
-    truths_.push_back({scene, ReferenceSamplesOf(number), reference->noise.whole});
+    truths_.push_back({scene, ReferenceSamplesOf(number), reference->noise});
     for (const int samples : options_.samples) {
       Subject subject;
       if (absl::Status status = RenderFilm(*source, scene, samples, &subject); !status.ok()) return status;

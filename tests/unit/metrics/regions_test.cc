@@ -108,5 +108,22 @@ TEST(Mse255ByRegion, SplitsTheErrorOfTheWhole) {
   EXPECT_EQ(means.of_region[static_cast<size_t>(Region::kEdges)], 0.0);
 }
 
+TEST(Mse255ToHalves, HasNoNoiseOfTheReferenceWhateverTheCurveDoesToIt) {
+  const std::vector<Region> regions(kSide * kSide, Region::kFlat);
+  const auto grey = [](float value) {
+    LayeredImage image(kSide, kSide);
+    image.AddColor("");
+    for (const char* name : {"R", "G", "B"}) image.Get(name).At(3, 3) = value;
+    return image;
+  };
+  const LayeredImage picture = grey(0.2f);
+  const LayeredImage same = grey(0.2f);
+  const LayeredImage firefly = grey(1000);  // clamped, as the mean of both halves is
+  EXPECT_EQ(Mse255ToHalves(ColorOf(picture), ColorOf(firefly), ColorOf(same), regions).whole, 0.0);
+  const LayeredImage other = grey(0.4f);
+  EXPECT_NEAR(Mse255ToHalves(ColorOf(other), ColorOf(same), ColorOf(picture), regions).whole,
+              Mse255ByRegion(ColorOf(other), ColorOf(picture), regions).whole, 1e-9);
+}
+
 }  // namespace
 }  // namespace lumifold::metrics

@@ -14,6 +14,10 @@ namespace {
 
 constexpr float kDecline = metrics::kErrorDecline;
 
+/// Samples of a block are proportional to this power of its error over its cost. 1 / (1 + kDecline) = 0.57 would be best if
+/// errors were known, and if a block's samples served no other. From 0.35 to 0.5 three scenes err less by 1 to 3 %.
+constexpr float kSpread = 0.45f;
+
 /// Of each of the uniform rounds: part of the budget, one in; at least so many. With fewer the estimate is too noisy to place
 /// samples by.
 constexpr double kFirstPart = 32;
@@ -79,9 +83,9 @@ double FrameSampling::CostOfOne(absl::Span<const double> costs) const {
 }
 
 double FrameSampling::SavedByEstimate(double samples) const {
-  // Samples that are off by the factor exp(d) err like 1 - (1 + decline) / 2 d^2 of them; d is 1 / (1 + decline) times what
-  // the logarithm of the amplitude is off by, whose variance falls with the number of estimates.
-  const double lost = metrics::kLogVarianceOfDrawnBlock / (2 * (1 + kDecline));
+  // Samples that are off by the factor exp(d) err like 1 - (1 + decline) / 2 d^2 of them; d is kSpread times what the
+  // logarithm of the amplitude is off by, whose variance falls with the number of estimates.
+  const double lost = (1 + kDecline) / 2 * kSpread * kSpread * metrics::kLogVarianceOfDrawnBlock;
   return samples * lost / (learned_ * (learned_ + 1.0));
 }
 
@@ -127,7 +131,7 @@ Allocation FrameSampling::Distribute(double mean_cost, absl::Span<const double> 
   std::vector<double> wanted(granted.size());
   for (size_t i = 0; i < granted.size(); ++i) {
     const double amplitude = estimates_[i] > 0 ? amplitudes_[i] / estimates_[i] : 0;
-    wanted[i] = IsKnown() ? Power(amplitude / costs[i], 1 / (1 + kDecline)) : 1;
+    wanted[i] = IsKnown() ? Power(amplitude / costs[i], kSpread) : 1;
   }
   const auto scaled_by = [&](double factor) {
     Allocation next(granted.size());

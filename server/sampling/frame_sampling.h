@@ -38,8 +38,8 @@ struct SamplingSettings {
 /// r decides round r + 2. The rounds are a function of the settings and of the estimates.
 ///
 /// Error of a block: amplitude / samples^0.75, which lies between the decline of noise and that of bias. Samples go
-/// where the sum of errors falls most per cost, which makes the samples of a block proportional to
-/// (amplitude / cost)^(1 / 1.75). Bounds on that, because an estimate may be wrong:
+/// where the sum of errors falls most per cost: those of a block are proportional to (amplitude / cost)^0.45. Bounds on that,
+/// because an estimate may be wrong:
 ///   - no block gets fewer than a tenth of the mean samples: one that looks clean may not have met its light yet;
 ///   - no block grows more than eight times as much as the mean in a round, nor beyond 16 times the budget: a firefly may
 ///     not draw everything.

@@ -23,8 +23,8 @@ inline constexpr double kLogVarianceOfBlock = 0.7;
 inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 
 /// The error of a filtered picture over the variance that its halves show: they share guides, geometry, T, E and the filter's
-/// bias. 1.8 to 2.5 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
-inline constexpr double kErrorOverVariance = 2.1;
+/// bias. 1.8 to 2.7 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
+inline constexpr double kErrorOverVariance = 2.2;
 
 /// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
 /// filtered value.

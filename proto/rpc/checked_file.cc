@@ -24,7 +24,12 @@ absl::StatusOr<std::string> ReadCheckedFile(const std::string& path, const Check
   const std::string_view magic(type.magic);
   uint64_t checksum = 0;
   const size_t head = magic.size() + sizeof(checksum);
-  if (bytes->size() < head || !std::string_view(*bytes).starts_with(magic)) return damaged;
+  if (bytes->size() < head) return damaged;
+  if (!std::string_view(*bytes).starts_with(magic)) {
+    const std::string_view family = magic.substr(0, magic.size() - 1);  // the last byte is the version
+    if (!std::string_view(*bytes).starts_with(family)) return damaged;
+    return absl::DataLossError(absl::StrCat(path, ": ", type.name, " was written by another version"));
+  }
   std::memcpy(&checksum, bytes->data() + magic.size(), sizeof(checksum));
   bytes->erase(0, head);
   if (Checksum(*bytes) != checksum) return damaged;

@@ -21,15 +21,6 @@ import time
 from farm import Farm, make_scene
 from page_link import PageLink
 
-TICKS = os.sysconf("SC_CLK_TCK")
-
-
-def cpu_seconds(process):
-    """Of a process, and of its children that have ended."""
-    fields = pathlib.Path(f"/proc/{process.popen.pid}/stat").read_text().rpartition(")")[2].split()
-    own, children = sum(map(int, fields[11:13])), sum(map(int, fields[13:15]))
-    return own / TICKS, children / TICKS
-
 
 def look(link, job, stop):
     newer = 0
@@ -50,7 +41,7 @@ def listen(link, stop):
 def measure(farm, scene, viewers, spp):
     """Seconds of a job, and processor seconds of the coordinator, its children and the viewers."""
     link, stop = PageLink(farm.client("page").stdout.strip()), threading.Event()
-    before, mine, start = cpu_seconds(farm.server), time.process_time(), time.monotonic()
+    before, mine, start = farm.server.cpu_seconds(), time.process_time(), time.monotonic()
     job = farm.client("submit", scene, "--size", "640x480", "--spp", spp).stdout.strip()
     threads = [threading.Thread(target=call, args=arguments, daemon=True) for _ in range(viewers)
                for call, arguments in ((look, (link, job, stop)), (listen, (link, stop)))]
@@ -58,7 +49,7 @@ def measure(farm, scene, viewers, spp):
         thread.start()
     farm.client("wait", job)
     seconds = time.monotonic() - start
-    cost = seconds, *(after - earlier for earlier, after in zip(before, cpu_seconds(farm.server))), time.process_time() - mine
+    cost = seconds, *(after - earlier for earlier, after in zip(before, farm.server.cpu_seconds())), time.process_time() - mine
     stop.set()
     farm.client("delete", job)  # an event, with which those that listen end
     for thread in threads:

@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
 """What plans save of a farm's time: jobs with `--plan full` and `--plan auto` in turns, on a coordinator and a worker of one
-thread that run already and have the scene. Processor time is that of both processes, planning and filter included; time is
+thread that run already and have the scene. Processor time is that of both processes and their children, planning and filter included; time is
 that from the submission to the filtered picture. Prints a table in Markdown: means of the ratios, ± their standard errors.
 
     LUMIFOLD_BIN=build/release/bin PYTHONPATH=tests/support python3 tests/bench/plan_ratio.py [--size WxH] [--spp N] [--pairs N]
 """
 
 import argparse
-import os
 import pathlib
 import statistics
 import tempfile
@@ -18,15 +17,12 @@ from farm import Farm, make_scene
 PLANS = ("full", "auto")
 
 
-def processor_seconds(process):
-    """Of a running process so far, all threads together."""
-    fields = pathlib.Path(f"/proc/{process.popen.pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def measure(farm, worker, scene, settings):
     """Seconds of a job by the clock, and of the processor."""
-    busy = lambda: processor_seconds(farm.server) + processor_seconds(worker)
+
+    def busy():
+        return sum(farm.server.cpu_seconds() + worker.cpu_seconds())
+
     before, start = busy(), time.monotonic()
     job = farm.client("submit", scene, *settings).stdout.strip()
     farm.client("wait", job)

@@ -134,8 +134,8 @@ absl::Status WriteConstants(const std::string& folder, absl::Span<const Constant
       folder + "/constants.md", "What halving and doubling each constant costs", provenance,
       absl::StrCat("MSE255 of the default method with one constant halved or doubled, divided by "
                    "MSE255 with all constants as they are: geometric mean over the films, and "
-                   "the largest of a film. A ratio above 1 is what the change costs; the noise of "
-                   "the references is not in them.\n\nFilms: ",
+                   "the largest of a film. A ratio above 1 is what the change costs. Errors are "
+                   "without the noise of the references.\n\nFilms: ",
                    FilmList(points), ".\n\n", ConstantsTable(points)));
 }
 

@@ -119,10 +119,9 @@ absl::Status WritePaperTables(const std::string& folder, absl::Span<const Row> r
   std::string text = absl::StrCat(
       size,
       "; errors are without the noise of the references. The paper's ratios are in brackets. Only ratios can "
-      "be "
-      "compared, because the paper states no unit of error. Its scenes are similar to ours, not the same "
-      "(its "
-      "Sponza is our atrium). Methods other than the default have their best known parameters. The default's "
+      "be compared, because the paper states no unit of error. Its scenes are similar to ours, not the same "
+      "(its Sponza is our atrium). Methods other than the default have their best known parameters. The "
+      "default's "
       "parameters were chosen on scenes of the tuning set, not on judged ones. Seconds are processor "
       "seconds, summed over all threads.\n\n## Errors (the paper's Table 1)\n\nMSE255, and that of "
       "the default divided by the other method's.\n\n",

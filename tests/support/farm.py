@@ -87,6 +87,12 @@ class Process:
     def is_running(self):
         return self.popen.poll() is None
 
+    def cpu_seconds(self):
+        """Processor seconds so far: its own, and those of its children that have ended."""
+        fields = pathlib.Path(f"/proc/{self.popen.pid}/stat").read_text().rpartition(")")[2].split()
+        ticks = os.sysconf("SC_CLK_TCK")
+        return sum(map(int, fields[11:13])) / ticks, sum(map(int, fields[13:15])) / ticks
+
     def children(self):
         """Process ids of its children."""
         pids = []

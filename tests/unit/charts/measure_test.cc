@@ -10,6 +10,7 @@
 
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
+#include "filter/metrics/metrics.h"
 
 namespace lumifold::charts {
 namespace {
@@ -151,14 +152,21 @@ TEST(Reference, KnowsItsOwnNoise) {
   const Reference reference = *MakeReference("truth", GreyFilm(0.25f, 0.02f));
   EXPECT_TRUE(reference.has_halves);
   EXPECT_GT(reference.noise, 0);
-  // A picture that equals it has its noise, which the halves show with the other sign.
+  // A picture that equals the mean lies between the halves, so its error is negative.
   const Plane same = [&] {
     Plane plane(kWidth, kHeight);
     plane.Fill(0.25f);
     return plane;
   }();
   const Errors errors = Judge({same.view(), same.view(), same.view()}, reference, true);
-  EXPECT_NEAR(errors.mse255.whole, -reference.noise, 0.01 * reference.noise);
+  const LayeredImage& pixels = reference.film.pixels;
+  const ConstColorView a = pixels.GetColor(layers::HalfA(layers::kNoisy));
+  const ConstColorView b = pixels.GetColor(layers::HalfB(layers::kNoisy));
+  const ConstColorView picture = {same.view(), same.view(), same.view()};
+  const double product =  // of x and y, from their squares and that of x - y
+      (metrics::Mse255(picture, a) + metrics::Mse255(picture, b) - metrics::Mse255(a, b)) / 2;
+  EXPECT_LT(product, 0);
+  EXPECT_NEAR(errors.mse255.whole, product, 1e-9);
   EXPECT_FALSE(errors.ssim.has_value());
   EXPECT_FALSE(errors.flip.has_value());
 }

@@ -123,7 +123,7 @@ int FindBelow(int folder, const std::string& name, Containment containment) {
 
 std::string Shown(const std::string& text) {
   const std::string plain = HasControl(text) ? absl::CHexEscape(text) : text;
-  return plain.size() <= kShownBytes ? plain : plain.substr(0, kShownBytes) + "...";
+  return plain.size() <= kShownBytes ? plain : absl::StrCat(plain.substr(0, kShownBytes), "...");
 }
 
 absl::Status CheckFileName(const std::string& name) {

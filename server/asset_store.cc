@@ -205,7 +205,7 @@ uint64_t AssetStore::ReceivedBytes(const std::string& sha256) const {
 
 absl::Status AssetStore::Check(const std::string& sha256) {
   const absl::Status missing = absl::NotFoundError(absl::StrCat("no asset ", sha256));
-  if (!rpc::IsSha256Hex(sha256) || access(PathOf(sha256).c_str(), F_OK) != 0) return missing;
+  if (!rpc::IsSha256Hex(sha256) || ::access(PathOf(sha256).c_str(), F_OK) != 0) return missing;
   {
     absl::MutexLock lock(&mutex_);
     AwaitCheck(sha256);
@@ -224,7 +224,7 @@ absl::Status AssetStore::Check(const std::string& sha256) {
 }
 
 bool AssetStore::NeedsCheck(const std::string& sha256) {
-  if (!rpc::IsSha256Hex(sha256) || access(PathOf(sha256).c_str(), F_OK) != 0) return false;
+  if (!rpc::IsSha256Hex(sha256) || ::access(PathOf(sha256).c_str(), F_OK) != 0) return false;
   absl::MutexLock lock(&mutex_);
   const auto state = states_.find(sha256);
   return state == states_.end() || state->second == State::kBeingChecked;

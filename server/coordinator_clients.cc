@@ -21,6 +21,7 @@
 #include "server/job/limits.h"
 #include "server/job/scheduling.h"
 #include "server/job_status.h"
+#include "server/list_limit.h"
 #include "server/log_text.h"
 #include "server/make_preview.h"
 #include "server/manifest.h"
@@ -31,8 +32,6 @@ using job::JobId;
 
 namespace {
 
-constexpr int kDefaultListed = 100;
-constexpr int kMaxListed = 1000;
 constexpr size_t kMaxListedErrorBytes = 256;
 /// Bytes of a submission besides its spec: the request id, and the scheduling with its names.
 constexpr size_t kMaxSubmissionRestBytes = size_t{64} << 10;
@@ -48,10 +47,10 @@ absl::Status CheckMethod(const v1::JobSpec& spec) {
 
 /// The jobs of the ledger that may be on a page: it does not tell active jobs apart.
 absl::StatusOr<ledger::JobFilter> FilterOf(const v1::ListJobsRequest& request) {
+  const absl::StatusOr<int> limit = LimitOf(request.limit());
+  if (!limit.ok()) return limit.status();
   ledger::JobFilter filter;
-  filter.limit = request.limit() == 0 ? kDefaultListed : request.limit();
-  if (filter.limit < 1 || filter.limit > kMaxListed)
-    return absl::InvalidArgumentError(absl::StrCat("limit is ", request.limit(), ", not 0 to ", kMaxListed));
+  filter.limit = *limit;
   if (int64_t before = 0; !request.page_token().empty()) {
     if (!absl::SimpleAtoi(request.page_token(), &before) || before < 1) {
       return absl::InvalidArgumentError(

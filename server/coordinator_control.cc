@@ -14,6 +14,7 @@
 #include "server/event_log.h"
 #include "server/job/scheduling.h"
 #include "server/job_status.h"
+#include "server/list_limit.h"
 #include "server/log_text.h"
 #include "server/manifest.h"
 
@@ -24,8 +25,6 @@ using job::WorkerId;
 
 namespace {
 
-constexpr int kDefaultListed = 100;
-constexpr int kMaxListed = 1000;
 /// Bytes of the events of one answer, and what each takes beside its text.
 constexpr size_t kMaxLogBytes = size_t{3} << 20;
 constexpr size_t kEventOverheadBytes = 16;
@@ -33,12 +32,6 @@ constexpr size_t kEventOverheadBytes = 16;
 constexpr size_t kMaxNamedJobs = 4;
 /// Prefix of page tokens after the connected workers; the name of a blocked worker follows.
 constexpr char kBlockedToken[] = "b-";
-
-absl::StatusOr<int> LimitOf(int32_t limit) {
-  if (limit < 0 || limit > kMaxListed)
-    return absl::InvalidArgumentError(absl::StrCat("limit is ", limit, ", not 0 to ", kMaxListed));
-  return limit == 0 ? kDefaultListed : limit;
-}
 
 v1::WorkerStatus ProtoFromWorker(const scheduler::WorkerInfo& info, absl::Time connected) {
   v1::WorkerStatus status;

@@ -18,7 +18,7 @@ using job::JobId;
 namespace {
 
 /// Before a read of the storage that failed is repeated.
-constexpr absl::Duration kReadPause = absl::Milliseconds(250);
+constexpr absl::Duration kAdoptionPause = absl::Milliseconds(250);
 
 }  // namespace
 
@@ -66,7 +66,7 @@ void Coordinator::AdoptJob(const JobId& job) {
   absl::Status status = TryToAdopt(job);
   while (IsStorageError(status)) {
     storage_.Fail(status);
-    adopting_.Wait(kReadPause);
+    adopting_.Wait(kAdoptionPause);
     {
       absl::MutexLock lock(&mutex_);
       if (stopping_) return;  // others adopt it

@@ -25,7 +25,7 @@ using job_life::ReopenRequest;
 namespace {
 
 /// Pause before a job that cannot be read is read again.
-constexpr absl::Duration kReadPause = absl::Seconds(1);
+constexpr absl::Duration kReopenPause = absl::Seconds(1);
 
 }  // namespace
 
@@ -173,7 +173,7 @@ void Coordinator::Resume(const JobId& job) {
   absl::StatusOr<std::optional<LoadedJob>> loaded = LoadSuspended(job);
   while (IsStorageError(loaded.status())) {
     storage_.Fail(loaded.status());
-    changing_.Wait(kReadPause);
+    changing_.Wait(kReopenPause);
     {
       absl::MutexLock lock(&mutex_);
       if (stopping_) return;  // the next start restores it

@@ -4,7 +4,14 @@
 #
 #   lumifold_precompiled(NAME [PROGRAM] HEADERS ... [LINK ...])  makes the set NAME; PROGRAM: for programs (-fPIE)
 #   lumifold_use_precompiled(TARGET NAME)                        compiles TARGET with it
+#   lumifold_merge_sources(TARGET)                               compiles several sources of TARGET at a time
+#
+# What is left with them is mostly the same templates, instantiated again in each source that has gRPC's headers: many
+# times what the source itself costs. Targets with many such sources are MERGED. Names in the unnamed namespaces of
+# sources compiled together must differ. Code of pictures is not merged: it is cheap, and an overload that a neighbour
+# brings could change a picture.
 option(LUMIFOLD_PCH "Use precompiled headers" ON)
+option(LUMIFOLD_MERGE "Compile sources of MERGED targets several at a time: quicker for all, slower for one" ON)
 
 function(lumifold_precompiled name)
   cmake_parse_arguments(ARG "PROGRAM" "" "HEADERS;LINK" ${ARGN})
@@ -30,6 +37,12 @@ endfunction()
 function(lumifold_use_precompiled target name)
   if(TARGET precompiled_${name})
     target_precompile_headers(${target} REUSE_FROM precompiled_${name})
+  endif()
+endfunction()
+
+function(lumifold_merge_sources target)
+  if(LUMIFOLD_MERGE)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
   endif()
 endfunction()
 

@@ -21,6 +21,8 @@ import sys
 
 MUTEX = re.compile(r"absl/synchronization/mutex\.h|ABSL_GUARDED_BY|std::mutex|std::shared_mutex")
 
+INCLUDED = re.compile(r'^#include "(.*\.cc)"$', re.MULTILINE)
+
 THREAD_SAFETY = ["-Wno-error", "-Wthread-safety", "-Werror=thread-safety"]
 
 
@@ -42,9 +44,17 @@ def clang_arguments(command):
 
 
 def read_commands(build):
-    """The compile commands of sources that are files of the project's own kind: no precompiled headers."""
-    entries = json.loads((build / "compile_commands.json").read_text())
-    return [entry for entry in entries if entry["file"].endswith(".cc") and "precompiled" not in entry["file"]]
+    """The compile commands of sources that are files of the project's own kind: no precompiled headers. Where the build
+    compiles several sources at a time, each has its command."""
+    commands = []
+    for entry in json.loads((build / "compile_commands.json").read_text()):
+        path = pathlib.Path(entry["file"])
+        if path.parent.name == "Unity":
+            commands += [{**entry, "file": source, "command": entry["command"].replace(entry["file"], source)}
+                         for source in INCLUDED.findall(path.read_text())]
+        elif path.suffix == ".cc" and "precompiled" not in entry["file"]:
+            commands.append(entry)
+    return commands
 
 
 def write_commands(build):

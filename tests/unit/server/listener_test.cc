@@ -183,8 +183,10 @@ TEST_F(ListenerTest, AnAddressThatIsRefusedAgainAndAgainIsShutOut) {
 
 TEST_F(ListenerTest, AnAddressWhoseConnectionsEndWithoutACallIsShutOut) {
   Open({.refusals_per_second = 1, .refusal_burst = 3});
-  for (int i = 0; i < 8; ++i) listener_->NoteCall(NameOf(Connect(kPreface)));
-  AwaitTaken(8);
+  std::vector<int> called;
+  for (int i = 0; i < 8; ++i) called.push_back(Connect(kPreface));
+  AwaitTaken(8);  // a call comes on a connection that was handed on, never before
+  for (const int connected : called) listener_->NoteCall(NameOf(connected));
   EndTaken();
   EXPECT_TRUE(IsAnswered(1)) << "calls were admitted on these";
   for (int i = 0; i < 8; ++i) Connect(kPreface, 3);

@@ -22,7 +22,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-const job::JobId kJob("j-1");
+const job::JobId kRevisedJob("j-1");
 
 /// A done job of two tiles, two passes of 4 and 2 samples, and frames 0 and 1, of which frame 0 has a log.
 class ReviseFilmTest : public ::testing::Test {
@@ -37,12 +37,12 @@ class ReviseFilmTest : public ::testing::Test {
     spec.set_pass_samples(4);
     spec.set_frame_count(2);
     job_ = {*job::NormaliseJobSpec(spec), v1::JOB_STATE_DONE, {0, 1}, {0, 1}};
-    EXPECT_TRUE(MakeFolder(data_.FilmPath(kJob)).ok());
+    EXPECT_TRUE(MakeFolder(data_.FilmPath(kRevisedJob)).ok());
     absl::StatusOr<film::UnitLog> log = film::UnitLog::Open(log_, 0);
     const job::FrameUnits units(job_.spec);
     for (int64_t number = 0; number < units.count(); ++number) {
       const job::UnitKey key = units.KeyOf(0, number);
-      const film::StoredUnit unit{{kJob, key},
+      const film::StoredUnit unit{{kRevisedJob, key},
                                   job::Attempt(number),
                                   {},
                                   RandomUnit(key, units.tiles().RectOf(key.tile), units.SamplesOf(key), 1)};
@@ -52,7 +52,7 @@ class ReviseFilmTest : public ::testing::Test {
   }
 
   absl::StatusOr<std::vector<int32_t>> Revise(const ReopenRequest& request) {
-    return ReviseFilm(data_, kJob, *ReopenPlan::Make(job_, request));
+    return ReviseFilm(data_, kRevisedJob, *ReopenPlan::Make(job_, request));
   }
   /// Tile and pass of the units that the log has; pass -1 is the geometry.
   std::set<std::pair<int32_t, int32_t>> Units() const {
@@ -69,7 +69,7 @@ class ReviseFilmTest : public ::testing::Test {
 
   TempFolder folder_;
   const DataFolder data_{folder_.path()};
-  const std::string log_ = data_.PathOf(data_.UnitLogName(kJob, 0));
+  const std::string log_ = data_.PathOf(data_.UnitLogName(kRevisedJob, 0));
   job_life::ReopenedJob job_;
 };
 

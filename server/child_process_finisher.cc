@@ -38,12 +38,12 @@ class ChildProcessFinisher final : public FrameFinisher {
 
 absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate& what) {
   const std::string task = absl::StrCat("frame ", what.frame);
-  const absl::StatusOr<std::string> answer =
-      child_.Run(kFinishFrameCommand, folder_.root(),
-                 {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
-                  absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.samples),
-                  absl::StrCat(what.epoch.value())},
-                 what.job, task);
+  const absl::StatusOr<std::string> answer = child_.Run(
+      kFinishFrameCommand, folder_.root(),
+      {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
+       absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.samples),
+       absl::StrCat(what.epoch.value()), what.round == kResult ? "" : kUrgent},  // workers wait for rounds
+      what.job, task);
   if (!answer.ok()) return answer.status();
   v1::FrameReport report;
   if (!report.ParseFromString(*answer))
@@ -56,7 +56,7 @@ absl::StatusOr<std::string> FinishAsChild(const ChildTask& task) {
   int64_t rendered_ms = 0;
   int64_t epoch = 0;
   const std::vector<std::string>& arguments = task.arguments;
-  if (arguments.size() != 6 || !absl::SimpleAtoi(arguments[1], &what.frame) ||
+  if (arguments.size() != 7 || !absl::SimpleAtoi(arguments[1], &what.frame) ||
       !absl::SimpleAtoi(arguments[2], &what.round) || !absl::SimpleAtoi(arguments[3], &rendered_ms) ||
       !absl::SimpleAtoi(arguments[4], &what.samples) || !absl::SimpleAtoi(arguments[5], &epoch)) {
     return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");

@@ -66,7 +66,8 @@ absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments
   if (arguments.size() < kCommonArguments || !absl::SimpleAtoi(arguments[1], &threads) || threads < 1 ||
       !absl::SimpleAtoi(arguments[2], &memory_limit_bytes))
     return absl::InvalidArgumentError("only the coordinator starts this command");
-  if (absl::Status status = YieldToOthers(niceness); !status.ok()) return status;
+  const bool is_urgent = arguments.back() == kUrgent;
+  if (absl::Status status = YieldToOthers(is_urgent ? 0 : niceness); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
   setenv("SQLITE_TMPDIR", (folder.root() + "/film").c_str(),
          /*overwrite=*/1);  // the fence leaves no other folder

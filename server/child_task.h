@@ -18,6 +18,9 @@ inline constexpr int kChildNiceness = 5;
 /// Of one that has time: a tenth of such a core.
 inline constexpr int kIdleNiceness = 10;
 
+/// Last argument of a task that somebody waits for: niceness 0.
+inline constexpr char kUrgent[] = "urgent";
+
 /// What the task of a child process has.
 struct ChildTask {
   const DataFolder& folder;
@@ -30,7 +33,8 @@ struct ChildTask {
 using ChildBody = std::function<absl::StatusOr<std::string>(const ChildTask&)>;
 
 /// The main function of a child process that ChildProcess has started; `arguments` are those after the command. Lowers its
-/// priority to `niceness` (or the coordinator's, if that is higher), fences it in and runs `body`. Returns the exit code.
+/// priority to `niceness` (or the coordinator's, if that is higher) unless the task is kUrgent, fences it in and runs `body`.
+/// Returns the exit code.
 int RunChildTask(const std::vector<std::string>& arguments, int niceness, const ChildBody& body);
 
 }  // namespace lumifold::server

@@ -27,7 +27,7 @@ std::vector<double> ErrorsOf(const FilteredRound& frame, const v1::JobSpec& spec
   const auto metric = spec.adaptive().metric() == v1::ERROR_METRIC_REL_MSE ? metrics::ErrorMetric::kRelMse
                                                                            : metrics::ErrorMetric::kMse255;
   const metrics::FilteredFilm view = {frame.film.pixels, ViewOf(frame.filtered.picture),
-                                      ViewOf(frame.filtered.deviation)};
+                                      ViewOf(frame.filtered.deviation), &frame.film.edges};
   return metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
 }
 

@@ -33,8 +33,6 @@ namespace {
 
 constexpr std::string_view kSamples = "samples.Y";
 constexpr std::string_view kErrorChannel = "error.Y";
-/// Last argument of the child process where somebody waits for the preview.
-constexpr char kUrgent[] = "urgent";
 
 /// Rows that are read at a time: of tiles, so that none is read twice.
 constexpr int kBandRows = 64;
@@ -352,8 +350,7 @@ absl::StatusOr<v1::Preview> RunMakePreview(ChildProcess* process, const DataFold
 }
 
 int RunMakePreviewProcess(const std::vector<std::string>& arguments) {
-  const bool is_urgent = !arguments.empty() && arguments.back() == kUrgent;
-  return RunChildTask(arguments, is_urgent ? 0 : kIdleNiceness, PreviewAsChild);
+  return RunChildTask(arguments, kIdleNiceness, PreviewAsChild);
 }
 
 }  // namespace lumifold::server

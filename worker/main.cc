@@ -1,9 +1,11 @@
 #include <pwd.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -16,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -98,6 +101,7 @@ struct Flags {
   std::string log_level = "info";
   std::string log_format = "text";
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  int niceness = 10;
   std::vector<std::string> tags;
   double drain_seconds = 30;
   double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
@@ -119,6 +123,12 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--threads", flags->threads,
                   "Number of units rendered at the same time (default: one for each core)")
       ->check(CLI::Range(1, 1024));
+  app->add_option(
+         "--nice", flags->niceness,
+         "Niceness at least: the worker yields to other programs of its machine, and to a coordinator, "
+         "for whom other workers may wait")
+      ->check(CLI::Range(0, 19))
+      ->capture_default_str();
   app->add_option("--name", flags->name, "Name in the coordinator's log (default: HOST:PID)");
   app->add_option("--tags", flags->tags, "What the machine has or may be used for: gpu,night")
       ->delimiter(',');
@@ -309,9 +319,17 @@ lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name)
   return log;
 }
 
+/// Before any thread starts: it holds for threads that start later. What was set higher from outside stays.
+absl::Status YieldToOthers(int niceness) {
+  if (getpriority(PRIO_PROCESS, 0) >= niceness || setpriority(PRIO_PROCESS, 0, niceness) == 0)
+    return absl::OkStatus();
+  return absl::ErrnoToStatus(errno, "--nice");
+}
+
 int RunWorkerProcess(const Flags& flags) {
   if (flags.log_format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   const absl::Time start = lumifold::rpc::MonotonicNow();
+  if (absl::Status status = YieldToOthers(flags.niceness); !status.ok()) return Fail(status);
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
   if (!target.ok()) return Fail(target.status());

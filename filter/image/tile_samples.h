@@ -10,10 +10,9 @@
 
 namespace lumifold {
 
-/// Edge length in pixels of the blocks of a frame that may have samples of their own. In the chart's scenes blocks of 8
-/// need 0.85 to 0.9 of the time that blocks of 16 need for equal error, blocks of 4 need 0.95 to 1 of that of 8
+/// Edge length in pixels of the blocks of a frame that may have samples of their own: errors gather at edges
 /// (docs/decisions/0021-adaptive-sampling.md).
-inline constexpr int kSampleBlock = 4;
+inline constexpr int kSampleBlock = 2;
 
 /// Blocks that `pixels` in a row or column have; the last one may be smaller.
 constexpr int BlocksIn(int pixels) { return (pixels + kSampleBlock - 1) / kSampleBlock; }

@@ -1,5 +1,6 @@
 #include "filter/metrics/error_estimate.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -27,18 +28,20 @@ struct Sums {
   double noise = 0;     // variance of the film
   double samples = 0;
   int64_t pixels = 0;
+  int64_t edge_pixels = 0;  // of all pixels
   /// Of the picture, by channel: weights, weighted values and their squares.
   std::array<double, 3> weights = {};
   std::array<double, 3> values = {};
   std::array<double, 3> squares = {};
 
-  /// How much the picture varies from pixel to pixel.
+  double MeanSamples() const { return samples / static_cast<double>(pixels); }
+  /// How much the picture varies from pixel to pixel; mean over them.
   double Detail() const {
     double sum = 0;
     for (size_t c = 0; c < 3; ++c) {
       if (weights[c] > 0) sum += std::max(0.0, squares[c] - values[c] * values[c] / weights[c]);
     }
-    return sum;
+    return sum / static_cast<double>(pixels);
   }
 };
 
@@ -81,89 +84,141 @@ class Pixels {
   ErrorMetric metric_;
 };
 
-/// Logarithms of what one sample would leave of a block's variance and of its noise, and of its detail.
-struct Point {
-  Sums* block = nullptr;
-  double noise = 0;
-  double detail = 0;
-  double variance = 0;
+/// The blocks of a picture, row by row.
+struct Blocks {
+  int columns = 0;
+  int rows = 0;
+  int edge = 0;  // of a block, in pixels
+  std::vector<Sums> sums = {};
+
+  Sums& At(int column, int row) {
+    return sums[static_cast<size_t>(row) * static_cast<size_t>(columns) + static_cast<size_t>(column)];
+  }
 };
 
-std::vector<Point> PointsOf(std::vector<Sums>* blocks) {
-  std::vector<Point> points;
-  for (Sums& block : *blocks) {
-    const auto noise = static_cast<float>(block.noise);
-    const auto variance = static_cast<float>(block.variance);
-    const auto detail = static_cast<float>(block.Detail());
-    if (!(noise > 0) || !(variance > 0) || !(detail > 0)) continue;
-    const float samples = Log(static_cast<float>(block.samples / static_cast<double>(block.pixels)));
-    points.push_back({&block, double{Log(noise) + samples}, double{Log(detail)},
-                      double{Log(variance) + kErrorDecline * samples}});
+Blocks SumUp(const FilteredFilm& filtered, int edge, ErrorMetric metric, TaskPool* pool) {
+  const int width = filtered.film.width();
+  const int height = filtered.film.height();
+  Blocks blocks = {(width + edge - 1) / edge, (height + edge - 1) / edge, edge};
+  blocks.sums.resize(static_cast<size_t>(blocks.columns) * static_cast<size_t>(blocks.rows));
+  const Pixels pixels(filtered, metric);
+  ParallelFor(pool, blocks.rows, [&](int64_t row) {
+    const int y0 = static_cast<int>(row) * edge;
+    for (int y = y0; y < std::min(y0 + edge, height); ++y) {
+      for (int x = 0; x < width; ++x) pixels.Add(x, y, &blocks.At(x / edge, static_cast<int>(row)));
+    }
+  });
+  const LayeredImage* edges = filtered.edges;
+  for (int row = 0; edges != nullptr && row < edges->height(); ++row) {
+    const int x = static_cast<int>(edges->Get(layers::kPixelX).At(0, row));
+    const int y = static_cast<int>(edges->Get(layers::kPixelY).At(0, row));
+    if (x >= 0 && x < width && y >= 0 && y < height) ++blocks.At(x / edge, y / edge).edge_pixels;
   }
-  return points;
+  return blocks;
 }
 
-/// A plane through points by least squares, and the variance around it.
+/// What tells how large the error of a block is: logarithms of the noise of one sample around it, of its detail, and of the
+/// parts of edge pixels in it and around it.
+constexpr Eigen::Index kTraits = 4;
+using Traits = Eigen::Vector<double, kTraits>;
+
+struct Point {
+  Sums* block = nullptr;
+  Traits traits = {};
+  double variance = 0;  // logarithm of what one sample would leave
+};
+
+/// Half the width of a block's surroundings, in pixels: the reach of most of the filter's windows.
+constexpr int kAround = 8;
+/// Part of edge pixels below which there is no telling: less than one in the surroundings.
+constexpr double kLeastEdges = 0.02;
+
+double LogOf(double value) { return double{Log(static_cast<float>(value))}; }
+
+/// Of blocks [column +- kAround pixels] x [row +- kAround pixels].
+Sums SumAround(const Blocks& blocks, int column, int row) {
+  const int reach = std::max(1, kAround / blocks.edge);
+  Sums around;
+  for (int r = std::max(0, row - reach); r <= std::min(blocks.rows - 1, row + reach); ++r) {
+    const auto first = static_cast<size_t>(r) * static_cast<size_t>(blocks.columns);
+    for (int c = std::max(0, column - reach); c <= std::min(blocks.columns - 1, column + reach); ++c) {
+      const Sums& block = blocks.sums[first + static_cast<size_t>(c)];
+      if (block.pixels == 0) continue;
+      around.noise += block.noise * block.MeanSamples();
+      around.pixels += block.pixels;
+      around.edge_pixels += block.edge_pixels;
+    }
+  }
+  return around;
+}
+
+/// Without a block where a trait is unknown.
+std::vector<Point> PointsOf(Blocks* blocks, TaskPool* pool) {
+  std::vector<Point> all(blocks->sums.size());
+  const auto part_of_edges = [](const Sums& sums) {
+    return static_cast<double>(sums.edge_pixels) / static_cast<double>(sums.pixels) + kLeastEdges;
+  };
+  ParallelFor(pool, blocks->rows, [&](int64_t row) {
+    for (int column = 0; column < blocks->columns; ++column) {
+      Sums& block = blocks->At(column, static_cast<int>(row));
+      if (block.pixels == 0) continue;
+      const Sums around = SumAround(*blocks, column, static_cast<int>(row));
+      const double noise = around.noise / static_cast<double>(around.pixels);
+      const double detail = block.Detail();
+      const double variance = block.variance / static_cast<double>(block.pixels);
+      if (!(static_cast<float>(noise) > 0) || !(static_cast<float>(detail) > 0) ||
+          !(static_cast<float>(variance) > 0))
+        continue;
+      all[static_cast<size_t>(&block - blocks->sums.data())] = {
+          &block,
+          {LogOf(noise), LogOf(detail), LogOf(part_of_edges(block)), LogOf(part_of_edges(around))},
+          LogOf(variance) + kErrorDecline * LogOf(block.MeanSamples())};
+    }
+  });
+  std::erase_if(all, [](const Point& point) { return point.block == nullptr; });
+  return all;
+}
+
+/// A linear function of the traits, fitted to points by least squares, and the variance around it.
 class Trend {
  public:
   explicit Trend(const std::vector<Point>& points) {
     const auto count = static_cast<double>(points.size());
     for (const Point& point : points) {
-      noise_ += point.noise / count;
-      detail_ += point.detail / count;
+      traits_ += point.traits / count;
       variance_ += point.variance / count;
     }
-    FitSlopes(points);
+    Eigen::Matrix<double, kTraits, kTraits> products = Eigen::Matrix<double, kTraits, kTraits>::Zero();
+    Traits with_variance = Traits::Zero();
+    for (const Point& point : points) {
+      const Traits off = point.traits - traits_;
+      products += off * off.transpose();
+      with_variance += off * (point.variance - variance_);
+    }
+    // Traits that tell the same, or are the same everywhere, leave it singular: the least slopes then.
+    Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix<double, kTraits, kTraits>> solver;
+    solver.setThreshold(1e-6);
+    slopes_ = solver.compute(products).solve(with_variance);
     for (const Point& point : points) {
       const double off = point.variance - At(point);
       around_ += off * off / count;
     }
   }
 
-  double At(const Point& point) const {
-    return variance_ + by_noise_ * (point.noise - noise_) + by_detail_ * (point.detail - detail_);
-  }
+  double At(const Point& point) const { return variance_ + slopes_.dot(point.traits - traits_); }
   double around() const { return around_; }
 
  private:
-  void FitSlopes(const std::vector<Point>& points) {
-    double nn = 0;
-    double nd = 0;
-    double dd = 0;
-    double nv = 0;
-    double dv = 0;
-    for (const Point& point : points) {
-      const double n = point.noise - noise_;
-      const double d = point.detail - detail_;
-      const double v = point.variance - variance_;
-      nn += n * n;
-      nd += n * d;
-      dd += d * d;
-      nv += n * v;
-      dv += d * v;
-    }
-    const double determinant = nn * dd - nd * nd;
-    constexpr double kLeastDeterminant = 1e-6;  // of the product: below, detail tells what noise tells
-    if (determinant > kLeastDeterminant * nn * dd) {
-      by_noise_ = (nv * dd - dv * nd) / determinant;
-      by_detail_ = (dv * nn - nv * nd) / determinant;
-    } else {
-      by_noise_ = nn > 0 ? nv / nn : 0;
-    }
-  }
-
-  double noise_ = 0;  // means
-  double detail_ = 0;
-  double variance_ = 0;
-  double by_noise_ = 0;  // slopes
-  double by_detail_ = 0;
+  Traits traits_ = Traits::Zero();  // mean
+  double variance_ = 0;             // mean
+  Traits slopes_ = Traits::Zero();
   double around_ = 0;
 };
 
-/// Draws the variance of each block towards that of others of its noise and detail; their sum stays.
-void DrawTogether(std::vector<Sums>* blocks) {
-  constexpr size_t kLeastPoints = 16;  // for slopes that are worth something
-  const std::vector<Point> points = PointsOf(blocks);
+/// Draws the variance of each block towards that of others of its traits; their sum stays.
+void DrawTogether(Blocks* blocks, TaskPool* pool) {
+  constexpr size_t kLeastPoints = 32;  // for slopes that are worth something
+  const std::vector<Point> points = PointsOf(blocks, pool);
   if (points.size() < kLeastPoints) return;
   const Trend trend(points);
   if (!(trend.around() > 0)) return;
@@ -182,25 +237,12 @@ void DrawTogether(std::vector<Sums>* blocks) {
 }  // namespace
 
 ErrorEstimate EstimateError(const FilteredFilm& filtered, int block, ErrorMetric metric, TaskPool* pool) {
-  const int width = filtered.film.width();
-  const int height = filtered.film.height();
-  LUMIFOLD_CHECK(block >= 1 && filtered.picture[0].width() == width &&
-                 filtered.deviation[0].width() == width);
-  const Pixels pixels(filtered, metric);
-  ErrorEstimate estimate;
-  estimate.columns = (width + block - 1) / block;
-  estimate.rows = (height + block - 1) / block;
-  const auto columns = static_cast<size_t>(estimate.columns);
-  std::vector<Sums> sums(columns * static_cast<size_t>(estimate.rows));
-  ParallelFor(pool, estimate.rows, [&](int64_t row) {
-    const int y0 = static_cast<int>(row) * block;
-    for (int y = y0; y < std::min(y0 + block, height); ++y) {
-      for (int x = 0; x < width; ++x)
-        pixels.Add(x, y, &sums[static_cast<size_t>(row) * columns + static_cast<size_t>(x / block)]);
-    }
-  });
-  DrawTogether(&sums);
-  for (const Sums& of_block : sums) {
+  LUMIFOLD_CHECK(block >= 1 && filtered.picture[0].width() == filtered.film.width() &&
+                 filtered.deviation[0].width() == filtered.film.width());
+  Blocks blocks = SumUp(filtered, block, metric, pool);
+  DrawTogether(&blocks, pool);
+  ErrorEstimate estimate = {blocks.columns, blocks.rows, {}};
+  for (const Sums& of_block : blocks.sums) {
     const double values = 3.0 * static_cast<double>(of_block.pixels);
     estimate.blocks.push_back(of_block.pixels == 0 ? -1.0 : kErrorOverVariance * of_block.variance / values);
   }

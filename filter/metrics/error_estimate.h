@@ -13,18 +13,16 @@ namespace lumifold::metrics {
 /// bias. 0.65 to 0.83 in the chart's scenes (docs/results/adaptive.md).
 inline constexpr float kErrorDecline = 0.75f;
 
-/// Variance of the logarithm of a block's estimate, for blocks of 4x4 pixels: that of a mean of two or three independent
-/// squares, because the filter correlates the errors of neighbours. From 0.7 to 1.3 the chart's scenes need the same samples
-/// within 3 %.
-inline constexpr double kLogVarianceOfBlock = 0.7;
+/// Variance of the logarithm of a block's estimate, for blocks of 2x2 pixels: that of a mean of two independent squares,
+/// because the filter correlates the errors of neighbours.
+inline constexpr double kLogVarianceOfBlock = 1.2;
 
-/// What is left of it once blocks are drawn towards those of the same noise and detail, whose own logarithms vary about as
-/// much.
+/// What is left of it once blocks are drawn towards those of the same traits, whose own logarithms vary about as much.
 inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 
 /// The error of a filtered picture over the variance that its halves show: they share guides, geometry, T, E and the filter's
-/// bias. 1.8 to 2.7 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
-inline constexpr double kErrorOverVariance = 2.2;
+/// bias. 1.6 to 2.4 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
+inline constexpr double kErrorOverVariance = 1.95;
 
 /// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
 /// filtered value.
@@ -34,7 +32,8 @@ enum class ErrorMetric { kMse255, kRelMse };
 struct FilteredFilm {
   const LayeredImage& film;  // with noisy_a, noisy_b, samples_a.Y and samples_b.Y
   ConstColorView picture;
-  ConstColorView deviation;  // FilteredPicture::deviation
+  ConstColorView deviation;             // FilteredPicture::deviation
+  const LayeredImage* edges = nullptr;  // the film's edge set; null: unknown
 };
 
 /// Estimated squared error of a filtered picture, without a reference.
@@ -47,10 +46,11 @@ struct ErrorEstimate {
 
 /// Estimates the error from the halves of the picture, which the filter makes each without the samples of the other: the mean
 /// square of the deviation, times kErrorOverVariance.
-/// Precision: a block has few independent errors, so its estimate is drawn towards what blocks of the same noise and detail
-/// have: a plane fitted through the logarithms of estimate, noise and detail over all blocks. Detail is the filtered
-/// picture's variance within the block, since errors gather at edges. The more the blocks vary around the plane beyond
-/// kLogVarianceOfBlock, the less (empirical Bayes). The mean over the picture stays.
+/// Precision: a block has few independent errors, so its estimate is drawn towards what blocks of the same traits have: a
+/// linear function fitted through the logarithms over all blocks. The traits are the noise around the block, and, since
+/// errors gather at edges, the filtered picture's variance within it and the parts of edge pixels in it and around it. The
+/// more the blocks vary around the function beyond kLogVarianceOfBlock, the less (empirical Bayes). The mean over the
+/// picture stays.
 /// Shapes:  W x H. Blocks are squares of `block` pixels, smaller at the right and lower border.
 /// Units:   squared 8-bit steps, or relative.
 /// Threads: identical for any pool.

@@ -84,7 +84,6 @@ class FrameSampling {
   double MeasuredError(absl::Span<const double> errors) const;
 
  private:
-  double PixelsOf(size_t block) const;
   /// Cost of one sample of each pixel, per pixel.
   double CostOfOne(absl::Span<const double> costs) const;
   /// Cost of one filtering, in samples per pixel.
@@ -107,6 +106,7 @@ class FrameSampling {
   SamplingSettings settings_;
   int columns_;
   int rows_;
+  std::vector<double> pixels_;  // by block
   std::vector<Allocation> rounds_;
   bool is_final_ = false;
   std::vector<double> amplitudes_;  // sums over the estimates so far, by block

@@ -137,7 +137,7 @@ absl::StatusOr<bool> ChartAdaptive(const std::string& folder, const std::vector<
     return status;
   const absl::Status status = WritePage(
       folder + "/adaptive.md", "Adaptive sampling", provenance,
-      absl::StrCat("Samples go where the filtered picture's estimated error falls most, in blocks of 4x4 "
+      absl::StrCat("Samples go where the filtered picture's estimated error falls most, in blocks of 2x2 "
                    "pixels; every "
                    "estimate is part of the filter's time.\n\n![error against time](adaptive-error.svg)\n\n",
                    Table(points)));

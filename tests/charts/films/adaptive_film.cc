@@ -106,7 +106,7 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
     result.film = tiles.Film();
     FilteredPicture filtered = filter::DenoiseWithDeviation(filter::Frame(result.film), pool);
     const metrics::FilteredFilm view = {result.film.pixels, ViewOf(filtered.picture),
-                                        ViewOf(filtered.deviation)};
+                                        ViewOf(filtered.deviation), &result.film.edges};
     std::vector<double> errors = metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
     result.picture = std::move(filtered.picture);
     result.estimated_error = sampling.MeasuredError(errors);

@@ -150,6 +150,29 @@ TEST(EstimateError, DrawsABlockTowardsThoseOfItsDetail) {
   EXPECT_GT(estimate.blocks[0] / estimate.blocks[12], 20) << "noise alone would draw it towards these";
 }
 
+TEST(EstimateError, DrawsABlockTowardsThoseOfItsEdges) {
+  // The left half's blocks have an edge pixel each, and the filter leaves ten times as much noise there. All have the same
+  // pattern.
+  const LayeredImage film = MakeFilm(32);
+  FilteredPicture filtered = FilterHalves(film, 0.03f, 0);
+  Roughen(film, 0, kWidth, 0.03f, 1, &filtered);
+  Roughen(film, 0, kWidth / 2, 0.3f, 1, &filtered);
+  MakeFirstBlockLucky(&filtered);
+  constexpr int kEdgeColumns = 6;
+  LayeredImage edges(/*width=*/1, kEdgeColumns * kHeight / kBlock);
+  for (const std::string_view name : {layers::kPixelX, layers::kPixelY}) edges.Add(name);
+  for (int row = 0; row < edges.height(); ++row) {
+    edges.Get(layers::kPixelX).At(0, row) = static_cast<float>(row % kEdgeColumns * kBlock);
+    edges.Get(layers::kPixelY).At(0, row) = static_cast<float>(row / kEdgeColumns * kBlock);
+  }
+  const auto first_over_other = [&](const LayeredImage* edge_set) {
+    const FilteredFilm view = {film, ViewOf(filtered.picture), ViewOf(filtered.deviation), edge_set};
+    const ErrorEstimate estimate = EstimateError(view, kBlock, ErrorMetric::kRelMse, nullptr);
+    return estimate.blocks[0] / estimate.blocks[12];
+  };
+  EXPECT_GT(first_over_other(&edges), 1.5 * first_over_other(nullptr));
+}
+
 TEST(EstimateError, MarksBlocksWithoutTwoHalves) {
   LayeredImage film = MakeFilm(32);
   const FilteredPicture filtered = FilterHalves(film, 0.3f, 0);

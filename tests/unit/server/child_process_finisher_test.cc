@@ -84,7 +84,17 @@ TEST_F(ChildProcessFinisherTest, TheChildYieldsToOtherProcessesButIsNotStarved) 
   const int expected = std::max(getpriority(PRIO_PROCESS, 0), kChildNiceness);
   EXPECT_EXIT(
       {
-        RunFinishFrameProcess({folder_.root(), "1", "0", "j-none", "0", "-1", "0", "1"});
+        RunFinishFrameProcess({folder_.root(), "1", "0", "j-none", "0", "-1", "0", "0", "1", ""});
+        _exit(getpriority(PRIO_PROCESS, 0));
+      },
+      testing::ExitedWithCode(expected), "");
+}
+
+TEST_F(ChildProcessFinisherTest, AnEstimateThatWorkersWaitForDoesNotYield) {
+  const int expected = getpriority(PRIO_PROCESS, 0);
+  EXPECT_EXIT(
+      {
+        RunFinishFrameProcess({folder_.root(), "1", "0", "j-none", "0", "1", "0", "0", "1", kUrgent});
         _exit(getpriority(PRIO_PROCESS, 0));
       },
       testing::ExitedWithCode(expected), "");

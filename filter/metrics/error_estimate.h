@@ -21,8 +21,8 @@ inline constexpr double kLogVarianceOfBlock = 1.2;
 inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 
 /// The error of a filtered picture over the variance that its halves show: they share guides, geometry, T, E and the filter's
-/// bias. 1.6 to 2.4 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
-inline constexpr double kErrorOverVariance = 1.95;
+/// bias. 1.9 to 2.9 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
+inline constexpr double kErrorOverVariance = 2.35;
 
 /// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
 /// filtered value.

@@ -80,6 +80,16 @@ class FarmTest(SceneTest):
             farm.start_worker(threads=2)
             self.expect_same_picture(farm, job)
 
+    def test_a_worker_yields_to_other_programs(self):
+        own = os.getpriority(os.PRIO_PROCESS, 0)
+        for arguments, niceness in (((), max(own, 10)), (("--nice", "0"), own)):
+            with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+                worker = farm.start_worker(*arguments)
+                self.expect_same_picture(farm, self.submit(farm))
+                threads = [int(task.name) for task in pathlib.Path(f"/proc/{worker.popen.pid}/task").iterdir()]
+                found = {os.getpriority(os.PRIO_PROCESS, thread) for thread in threads}
+                self.assertEqual(found, {niceness}, arguments)
+
     def test_a_real_scene_renders(self):
         scenes = os.environ.get("LUMIFOLD_SCENES_DIR")
         if not scenes or not (pathlib.Path(scenes) / "staircase.glb").exists():

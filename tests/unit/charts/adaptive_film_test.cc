@@ -29,12 +29,14 @@ using scene::Scene;
 constexpr int kWidth = 64;
 constexpr int kHeight = 48;
 constexpr int kColumns = kWidth / kSampleBlock;
-constexpr int kUniformSamples = 48;  // of the first three rounds
+constexpr int kUniformSamples = 96;  // of the first three rounds
 
 using Sky = std::shared_ptr<const render::Environment>;
 
-AdaptiveFilm Render(const Scene& scene, double budget, double target_error = 0, Sky sky = nullptr) {
+AdaptiveFilm Render(const Scene& scene, double budget, double target_error = 0, Sky sky = nullptr,
+                    uint64_t seed = 0) {
   render::RenderSettings settings;
+  settings.seed = seed;
   settings.width = kWidth;
   settings.height = kHeight;
   settings.environment = std::move(sky);
@@ -112,12 +114,16 @@ constexpr double kBudget = 512;
 constexpr double kFloor = 48;  // a tenth of it, rounded down to a step of four
 
 TEST(AdaptiveFilm, ASmallCausticDrawsSamplesAndStarvesNoBlock) {
-  const AdaptiveFilm film = Render(CausticRoom(Mirror()), kBudget);
-  const std::vector<double> samples = SamplesByBlock(film);
-  EXPECT_GE(LeastOf(samples), kFloor);
-  EXPECT_NEAR(film.mean_samples, kBudget, 4);
-  EXPECT_GT(MeanIn(samples, {28, 32, 44, 48}), 1.25 * MeanIn(samples, {0, 0, 64, 24}))
-      << "the ball and the floor around it, which the caustic lies on";
+  constexpr uint64_t kSeeds = 8;  // one picture's estimates have luck: factors of 1.15 to 3.4
+  double sum = 0;
+  for (uint64_t seed = 0; seed < kSeeds; ++seed) {
+    const AdaptiveFilm film = Render(CausticRoom(Mirror()), kBudget, 0, nullptr, seed);
+    const std::vector<double> samples = SamplesByBlock(film);
+    EXPECT_GE(LeastOf(samples), kFloor);
+    EXPECT_NEAR(film.mean_samples, kBudget, 4);
+    sum += MeanIn(samples, {28, 32, 44, 48}) / MeanIn(samples, {0, 0, 64, 24});
+  }
+  EXPECT_GT(sum / kSeeds, 1.25) << "the ball and the floor around it, which the caustic lies on";
 }
 
 TEST(AdaptiveFilm, ALampSeenThroughAKeyholeStarvesNoBlock) {

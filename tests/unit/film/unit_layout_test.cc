@@ -176,7 +176,7 @@ TEST(UnitLayout, BlocksHaveCountsOfTheirOwn) {
   LayeredImage pixels = RandomUnit({0, 0, 0, v1::UNIT_KIND_PASS}, kTile, SampleRange{0, 4}, 1).pixels;
   const auto check = [&] { return CheckUnitValues(v1::UNIT_KIND_PASS, kTile, samples, pixels, {}); };
   EXPECT_THAT(std::string(check().message()),
-              HasSubstr("has 128 samples and 0 bad ones, but its pass has 192"));
+              HasSubstr("has 32 samples and 0 bad ones, but its pass has 48"));
   for (const std::string_view half : {layers::kSamplesA, layers::kSamplesB}) {
     const FloatView counts = pixels.Get(half);
     for (int y = 0; y < kTile.y1; ++y) {
@@ -184,13 +184,13 @@ TEST(UnitLayout, BlocksHaveCountsOfTheirOwn) {
     }
   }
   EXPECT_TRUE(check().ok()) << check();
-  pixels.Get(layers::kSamplesB).At(3, 2) = 3;
+  pixels.Get(layers::kSamplesB).At(1, 1) = 3;
   EXPECT_THAT(std::string(check().message()),
-              HasSubstr("samples_b.Y is 3 at 3,2, not a whole number from 0 to 2"));
-  pixels.Get(layers::kSamplesB).At(3, 2) = 2;
-  pixels.Get(layers::kSamplesA).At(4, 2) = 5;
+              HasSubstr("samples_b.Y is 3 at 1,1, not a whole number from 0 to 2"));
+  pixels.Get(layers::kSamplesB).At(1, 1) = 2;
+  pixels.Get(layers::kSamplesA).At(2, 1) = 5;
   EXPECT_THAT(std::string(check().message()),
-              HasSubstr("samples_a.Y is 5 at 4,2, not a whole number from 0 to 4"));
+              HasSubstr("samples_a.Y is 5 at 2,1, not a whole number from 0 to 4"));
 }
 
 TEST(UnitLayout, StatisticsAgreeWithTheCounts) {

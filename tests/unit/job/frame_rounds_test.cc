@@ -9,7 +9,7 @@
 namespace lumifold::job {
 namespace {
 
-/// 3 x 2 tiles of 4 x 4 blocks, except at the right border, where a tile has 2 x 4.
+/// 3 x 2 tiles of 8 x 8 blocks, except at the right border, where a tile has 4 x 8.
 v1::JobSpec Spec(int samples = 400) {
   v1::JobSpec spec;
   spec.set_width(40);
@@ -21,7 +21,7 @@ v1::JobSpec Spec(int samples = 400) {
   return spec;
 }
 
-constexpr int kBlocks = 10 * 8;
+constexpr int kBlocks = 20 * 16;
 
 UnitKey Pass(int32_t tile, int32_t pass) { return {0, tile, pass, v1::UNIT_KIND_PASS}; }
 
@@ -41,15 +41,17 @@ TEST(FrameRounds, BeginsUniformly) {
   EXPECT_EQ(rounds.count(), 3);
   EXPECT_EQ(rounds.estimated(), 1);
   EXPECT_FALSE(rounds.is_final());
-  for (uint32_t pass = 0; pass < 3; ++pass) {
-    const TileSamples samples = rounds.SamplesOf(Pass(2, static_cast<int32_t>(pass)));
-    EXPECT_EQ(samples.blocks().size(), 8u);
-    EXPECT_EQ(samples.At(7, 15), (SampleRange{16 * pass, 16 * pass + 16}));
-    EXPECT_EQ(rounds.CameraSamplesOf(Pass(2, static_cast<int32_t>(pass))), 8 * 16 * 16);
+  const std::vector<SampleRange> uniform = {{0, 16}, {16, 48}, {48, 96}};
+  for (int32_t pass = 0; pass < 3; ++pass) {
+    const SampleRange range = uniform[static_cast<size_t>(pass)];
+    const TileSamples samples = rounds.SamplesOf(Pass(2, pass));
+    EXPECT_EQ(samples.blocks().size(), 32u);
+    EXPECT_EQ(samples.At(7, 15), range);
+    EXPECT_EQ(rounds.CameraSamplesOf(Pass(2, pass)), 8 * 16 * int64_t{range.count()});
   }
   const std::vector<double> ones(kBlocks, 1);  // equal costs: mean samples of a pixel
   EXPECT_EQ(rounds.MeanCostOf(0, ones), 16);
-  EXPECT_EQ(rounds.MeanCostOf(2, ones), 48);
+  EXPECT_EQ(rounds.MeanCostOf(2, ones), 96);
   EXPECT_TRUE(rounds.Has({0, 2, 0, v1::UNIT_KIND_GEOMETRY}));
   EXPECT_FALSE(rounds.Has(Pass(2, 3)));
 }
@@ -68,7 +70,7 @@ TEST(FrameRounds, GoesOnWhereThePictureErrs) {
   EXPECT_EQ(rounds->estimated(), 2);
   ASSERT_TRUE(rounds->Has(Pass(0, 3)));
   const TileSamples samples = rounds->SamplesOf(Pass(0, 3));
-  EXPECT_EQ(samples.At(0, 0).first, 48u) << "each round begins where the one before it ended";
+  EXPECT_EQ(samples.At(0, 0).first, 96u) << "each round begins where the one before it ended";
   EXPECT_GT(samples.At(0, 0).count(), samples.At(8, 8).count());
   EXPECT_FALSE(rounds->Has(Pass(5, 3))) << "a tile without errors gets no samples in this round";
 }

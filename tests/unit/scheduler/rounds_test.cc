@@ -43,7 +43,7 @@ class RoundsTest : public SchedulerFixture {
 TEST_F(RoundsTest, TheFirstRoundsAreLeasedAndThenWhatIsDecided) {
   const std::vector<GrantedLease> first = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(first.size(), 4u * kTiles) << "geometry and three rounds";
-  EXPECT_EQ(first.back().samples.At(0, 0), (SampleRange{32, 48}));
+  EXPECT_EQ(first.back().samples.At(0, 0), (SampleRange{48, 96}));
   EXPECT_EQ(scheduler_.Progress(kJob).units_total, 4 * kTiles);
   for (const GrantedLease& lease : first) EXPECT_FALSE(Commit(kAnn, lease)) << "the frame is not final";
   EXPECT_EQ(scheduler_.CommittedRounds(kJob, kFrame), 3);
@@ -52,7 +52,7 @@ TEST_F(RoundsTest, TheFirstRoundsAreLeasedAndThenWhatIsDecided) {
   const std::vector<GrantedLease> second = scheduler_.GrantLeases(kStart);
   ASSERT_EQ(second.size(), 1u);
   EXPECT_EQ(second[0].unit.key, (job::UnitKey{kFrame, 3, 3, v1::UNIT_KIND_PASS}));
-  EXPECT_EQ(second[0].samples.At(0, 0).first, 48u);
+  EXPECT_EQ(second[0].samples.At(0, 0).first, 96u);
   EXPECT_EQ(scheduler_.Progress(kJob).units_total, 4 * kTiles + 1);
   EXPECT_EQ(scheduler_.CommittedRounds(kJob, kFrame), 3);
   Commit(kAnn, second[0]);

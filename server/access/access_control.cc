@@ -18,6 +18,8 @@ namespace lumifold::access {
 namespace {
 
 constexpr absl::Duration kRefreshInterval = absl::Seconds(1);
+/// Who comes with what has expired for less than this is told so, and not that it is not valid.
+constexpr absl::Duration kKnownAfterExpiry = absl::Hours(24 * 7);
 constexpr int64_t kMaxHostsBytes = 65536;
 
 std::string ServerCertificatePath(const std::string& folder) { return folder + "/server.pem"; }
@@ -134,7 +136,7 @@ absl::Status AccessControl::ReadChanges() {
   const absl::StatusOr<int64_t> version = store_->Version();
   if (!version.ok()) return version.status();
   if (*version == read_version_) return absl::OkStatus();
-  absl::StatusOr<std::vector<NewCredential>> identities = store_->Identities(options_.wall_now());
+  absl::StatusOr<std::vector<NewCredential>> identities = store_->Identities(options_.wall_now() - kKnownAfterExpiry);
   if (!identities.ok()) return identities.status();
   // Under the lock, so that it cannot undo the Add of one that was made meanwhile.
   known_.Replace(*std::move(identities));

@@ -95,6 +95,22 @@ TEST_F(AccessControlTest, ATokenExpires) {
             absl::StatusCode::kUnauthenticated);
 }
 
+TEST_F(AccessControlTest, WhoComesWithAnExpiredTokenIsToldSoForAWeek) {
+  const absl::StatusOr<v1::LoginResponse> login =
+      Login(Invite(v1::HOLDER_KIND_PERSON, "ann", {v1::ACCESS_SCOPE_READ}, 60));
+  ASSERT_TRUE(login.ok());
+  const auto told_after = [&](absl::Duration time) {
+    now_ += time;
+    Invite(v1::HOLDER_KIND_PERSON, "bob", {v1::ACCESS_SCOPE_READ});  // changes the store, which is read again
+    access_->Refresh();
+    const absl::Status status = access_->known().OfToken(login->token(), now_).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kUnauthenticated);
+    return std::string(status.message());
+  };
+  EXPECT_EQ(told_after(absl::Seconds(60)), "the token of ann has expired");
+  EXPECT_EQ(told_after(absl::Hours(24 * 7)), "the token is not valid");
+}
+
 TEST_F(AccessControlTest, ARevocationCountsOnOtherCoordinatorsToo) {
   absl::StatusOr<std::unique_ptr<AccessControl>> other = AccessControl::Open(Options());
   ASSERT_TRUE(other.ok());

@@ -25,5 +25,6 @@ if $full; then
   done
 fi
 step 'test'
-if $full; then ctest --preset release; else ctest --preset release --label-exclude slow; fi
+# At the priority of workers, who would starve beside tests that run at the same time.
+if $full; then nice -n 10 ctest --preset release; else nice -n 10 ctest --preset release --label-exclude slow; fi
 step 'done'

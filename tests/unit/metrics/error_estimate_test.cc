@@ -162,8 +162,10 @@ TEST(EstimateError, DrawsABlockTowardsThoseOfItsEdges) {
   LayeredImage edges(/*width=*/1, kEdgeColumns * kHeight / kBlock);
   for (const std::string_view name : {layers::kPixelX, layers::kPixelY}) edges.Add(name);
   for (int row = 0; row < edges.height(); ++row) {
-    edges.Get(layers::kPixelX).At(0, row) = static_cast<float>(row % kEdgeColumns * kBlock);
-    edges.Get(layers::kPixelY).At(0, row) = static_cast<float>(row / kEdgeColumns * kBlock);
+    const int x = row % kEdgeColumns * kBlock;
+    const int y = row / kEdgeColumns * kBlock;
+    edges.Get(layers::kPixelX).At(0, row) = static_cast<float>(x);
+    edges.Get(layers::kPixelY).At(0, row) = static_cast<float>(y);
   }
   const auto first_over_other = [&](const LayeredImage* edge_set) {
     const FilteredFilm view = {film, ViewOf(filtered.picture), ViewOf(filtered.deviation), edge_set};

@@ -42,8 +42,8 @@ class AccessFixture : public ::testing::Test {
 
   static std::string Request() { return *identity::MakeCertificateRequest(*identity::MakePrivateKey()); }
   /// The secret part of a new code.
-  std::string Invite(v1::HolderKind kind, const std::string& name, std::vector<v1::AccessScope> scopes = {},
-                     int64_t token_seconds = 0) {
+  std::string Invite(v1::HolderKind kind, const std::string& name,
+                     const std::vector<v1::AccessScope>& scopes = {}, int64_t token_seconds = 0) {
     v1::CreateInviteRequest request;
     request.set_kind(kind);
     request.set_name(name);

@@ -204,8 +204,8 @@ uint64_t AssetStore::ReceivedBytes(const std::string& sha256) const {
 }
 
 absl::Status AssetStore::Check(const std::string& sha256) {
-  const absl::Status missing = absl::NotFoundError(absl::StrCat("no asset ", sha256));
-  if (!rpc::IsSha256Hex(sha256) || ::access(PathOf(sha256).c_str(), F_OK) != 0) return missing;
+  if (!rpc::IsSha256Hex(sha256) || ::access(PathOf(sha256).c_str(), F_OK) != 0)
+    return absl::NotFoundError(absl::StrCat("no asset ", sha256));
   {
     absl::MutexLock lock(&mutex_);
     AwaitCheck(sha256);

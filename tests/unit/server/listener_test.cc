@@ -10,6 +10,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <functional>
@@ -73,7 +74,8 @@ class ListenerTest : public ::testing::Test {
     EXPECT_EQ(bind(asking, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
     address.sin_port = htons(static_cast<uint16_t>(listener_->port()));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    connect(asking, reinterpret_cast<sockaddr*>(&address), sizeof address);
+    EXPECT_TRUE(connect(asking, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0 ||
+                errno == EINPROGRESS);
     pollfd answer = {.fd = asking, .events = POLLOUT, .revents = 0};
     constexpr int kBeforeRetransmissionMs = 500;
     const bool is_answered =
@@ -183,8 +185,8 @@ TEST_F(ListenerTest, AnAddressThatIsRefusedAgainAndAgainIsShutOut) {
 
 TEST_F(ListenerTest, AnAddressWhoseConnectionsEndWithoutACallIsShutOut) {
   Open({.refusals_per_second = 1, .refusal_burst = 3});
-  std::vector<int> called;
-  for (int i = 0; i < 8; ++i) called.push_back(Connect(kPreface));
+  std::array<int, 8> called = {};
+  for (int& connected : called) connected = Connect(kPreface);
   AwaitTaken(8);  // a call comes on a connection that was handed on, never before
   for (const int connected : called) listener_->NoteCall(NameOf(connected));
   EndTaken();

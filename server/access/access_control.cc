@@ -136,7 +136,8 @@ absl::Status AccessControl::ReadChanges() {
   const absl::StatusOr<int64_t> version = store_->Version();
   if (!version.ok()) return version.status();
   if (*version == read_version_) return absl::OkStatus();
-  absl::StatusOr<std::vector<NewCredential>> identities = store_->Identities(options_.wall_now() - kKnownAfterExpiry);
+  absl::StatusOr<std::vector<NewCredential>> identities =
+      store_->Identities(options_.wall_now() - kKnownAfterExpiry);
   if (!identities.ok()) return identities.status();
   // Under the lock, so that it cannot undo the Add of one that was made meanwhile.
   known_.Replace(*std::move(identities));

@@ -2,11 +2,8 @@
 
 #include <signal.h>
 #include <sys/prctl.h>
-#include <sys/resource.h>
 
-#include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <iostream>
 #include <new>
 
@@ -26,15 +23,6 @@ namespace {
 constexpr int kFailed = 1;
 /// Of ChildProcess::Run, before the arguments of the task.
 constexpr size_t kCommonArguments = 3;
-
-absl::Status YieldToOthers(int wanted) {
-  // If the coordinator is killed, this frame is finished again after its restart.
-  prctl(PR_SET_PDEATHSIG, SIGKILL);
-  const int niceness = getpriority(PRIO_PROCESS, 0);
-  if (niceness < wanted && setpriority(PRIO_PROCESS, 0, wanted) != 0)
-    return absl::InternalError(absl::StrCat("setpriority: ", std::strerror(errno)));
-  return absl::OkStatus();
-}
 
 /// The filter reads units, writes results and reads the ledger; the rest of the data folder has secrets. Only a ledger
 /// elsewhere needs the network.
@@ -66,8 +54,10 @@ absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments
   if (arguments.size() < kCommonArguments || !absl::SimpleAtoi(arguments[1], &threads) || threads < 1 ||
       !absl::SimpleAtoi(arguments[2], &memory_limit_bytes))
     return absl::InvalidArgumentError("only the coordinator starts this command");
+  // If the coordinator is killed, this frame is finished again after its restart.
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
   const bool is_urgent = arguments.back() == kUrgent;
-  if (absl::Status status = YieldToOthers(is_urgent ? 0 : niceness); !status.ok()) return status;
+  if (absl::Status status = fence::YieldToOthers(is_urgent ? 0 : niceness); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
   setenv("SQLITE_TMPDIR", (folder.root() + "/film").c_str(),
          /*overwrite=*/1);  // the fence leaves no other folder

@@ -12,11 +12,11 @@
 
 namespace lumifold::server {
 
-/// Niceness of a child process. It yields to the coordinator and to workers on the same machine, but still gets
-/// about a quarter of a core that it shares with one process of niceness 0.
+/// Niceness of a child process. It yields to the coordinator, but still gets about a quarter of a core that it shares with
+/// one process of niceness 0; and three quarters of one that it shares with a thread of a worker, whose niceness is 10.
 inline constexpr int kChildNiceness = 5;
-/// Of one that has time: a tenth of such a core.
-inline constexpr int kIdleNiceness = 10;
+/// Of one that has time: it yields to workers, too, and gets an eighth of a core beside such a thread.
+inline constexpr int kIdleNiceness = 19;
 
 /// Last argument of a task that somebody waits for: niceness 0.
 inline constexpr char kUrgent[] = "urgent";

@@ -26,5 +26,5 @@ if $full; then
 fi
 step 'test'
 # At the priority of workers, who would starve beside tests that run at the same time.
-if $full; then nice -n 10 ctest --preset release; else nice -n 10 ctest --preset release --label-exclude slow; fi
+nice -n 10 ctest --preset release $($full || echo --label-exclude slow)
 step 'done'

@@ -1,11 +1,9 @@
 #include <pwd.h>
 #include <signal.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <cerrno>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -18,7 +16,6 @@
 #include <utility>
 #include <vector>
 
-#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -319,17 +316,10 @@ lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name)
   return log;
 }
 
-/// Before any thread starts: it holds for threads that start later. What was set higher from outside stays.
-absl::Status YieldToOthers(int niceness) {
-  if (getpriority(PRIO_PROCESS, 0) >= niceness || setpriority(PRIO_PROCESS, 0, niceness) == 0)
-    return absl::OkStatus();
-  return absl::ErrnoToStatus(errno, "--nice");
-}
-
 int RunWorkerProcess(const Flags& flags) {
   if (flags.log_format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   const absl::Time start = lumifold::rpc::MonotonicNow();
-  if (absl::Status status = YieldToOthers(flags.niceness); !status.ok()) return Fail(status);
+  if (absl::Status status = fence::YieldToOthers(flags.niceness); !status.ok()) return Fail(status);
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
   if (!target.ok()) return Fail(target.status());

@@ -130,7 +130,7 @@ struct Point {
 
 /// Half the width of a block's surroundings, in pixels: the reach of most of the filter's windows.
 constexpr int kAround = 8;
-/// Part of edge pixels below which there is no telling: less than one in the surroundings.
+/// Added to parts of edge pixels, whose logarithms are taken: that of six pixels in the surroundings.
 constexpr double kLeastEdges = 0.02;
 
 double LogOf(double value) { return double{Log(static_cast<float>(value))}; }

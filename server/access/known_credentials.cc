@@ -87,7 +87,7 @@ absl::Status KnownCredentials::Check(const Identity& identity, absl::Time now) c
   absl::MutexLock lock(&mutex_);
   const auto found = by_id_.find(identity.id);
   if (found != by_id_.end()) return CheckIsValid(found->second, now);
-  // Rows of expired credentials are not read again.
+  // Rows of credentials that expired long ago are not read again.
   const absl::Status expired = absl::UnauthenticatedError("the identity is no longer known");
   return identity.kind == IdentityKind::kWorker ? absl::UnavailableError(expired.message()) : expired;
 }

@@ -237,6 +237,12 @@ uint64_t DefaultMemoryBytes(int threads) {
   return usable + (static_cast<uint64_t>(threads) + kOtherThreads) * kPerThread;
 }
 
+absl::Status YieldToOthers(int niceness) {
+  if (getpriority(PRIO_PROCESS, 0) >= niceness || setpriority(PRIO_PROCESS, 0, niceness) == 0)
+    return absl::OkStatus();
+  return absl::ErrnoToStatus(errno, "setpriority");
+}
+
 std::string DefaultUser() { return getpwnam("lumifold") != nullptr ? "lumifold" : "nobody"; }
 
 }  // namespace lumifold::fence

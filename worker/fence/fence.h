@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
 namespace lumifold::fence {
@@ -49,6 +50,10 @@ absl::StatusOr<FenceReport> EnterFence(const FenceOptions& options);
 /// less, and what threads reserve without using it. A scene that needs more fails to load, instead of making the
 /// machine swap.
 uint64_t DefaultMemoryBytes(int threads);
+
+/// Raises the niceness of this process to `niceness`, where it is lower. For threads that start later, and this one.
+/// Errors: of the system.
+absl::Status YieldToOthers(int niceness);
 
 /// "lumifold" if this machine has that user, else "nobody".
 std::string DefaultUser();

@@ -291,6 +291,12 @@ absl::StatusOr<v1::JobStatus> Coordinator::StatusOf(const JobId& job) {
   return StatusOfRecord(*record);
 }
 
+absl::Status Coordinator::CheckHasEnded(const v1::JobStatus& status) {
+  if (HasEnded(status.state())) return absl::OkStatus();
+  return absl::UnavailableError(
+      absl::StrCat("job ", status.job_id(), " is being taken over by this coordinator, or by another one"));
+}
+
 absl::StatusOr<v1::JobStatus> Coordinator::GetJob(const std::string& job_id) {
   return StatusOf(JobId(job_id));
 }
@@ -407,8 +413,8 @@ absl::Status Coordinator::Watch(const std::string& job_id, JobWatcher* watcher) 
   }
   const absl::StatusOr<v1::JobStatus> status = StatusOf(job);
   if (!status.ok()) return status.status();
-  watcher->OnStatus(*status);  // the job has ended: there will be no other
-  return absl::OkStatus();
+  watcher->OnStatus(*status);  // there will be no other
+  return CheckHasEnded(*status);
 }
 
 void Coordinator::Unwatch(JobWatcher* watcher) {

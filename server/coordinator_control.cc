@@ -109,7 +109,9 @@ absl::StatusOr<v1::JobStatus> Coordinator::ChangeScheduling(const std::string& j
       return StatusOfActiveJob(active->second, scheduler_.Progress(job));
     }
   }
-  if (const absl::Status known = GetJob(job_id).status(); !known.ok()) return known;
+  const absl::StatusOr<v1::JobStatus> status = StatusOf(job);
+  if (!status.ok()) return status;
+  if (absl::Status ended = CheckHasEnded(*status); !ended.ok()) return ended;
   return absl::FailedPreconditionError(absl::StrCat("job ", job_id, " has ended"));
 }
 

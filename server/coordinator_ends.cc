@@ -130,7 +130,9 @@ void Coordinator::CancelJob(const std::string& job_id, StatusAnswer done) {
   if (is_suspended) {  // after the change
     return Change([this, job] { return CancelNow(job); }, std::move(done));
   }
-  done(StatusOf(job));
+  const absl::StatusOr<v1::JobStatus> status = StatusOf(job);
+  const absl::Status ended = status.ok() ? CheckHasEnded(*status) : absl::OkStatus();
+  done(ended.ok() ? status : ended);
 }
 
 void Coordinator::DeleteFiles(const std::string& path) {

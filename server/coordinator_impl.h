@@ -468,6 +468,8 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   std::optional<v1::JobStatus> StatusInMemory(const job::JobId& job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Reads the ledger for a job that has ended.
   absl::StatusOr<v1::JobStatus> StatusOf(const job::JobId& job);
+  /// Of a job that was not in memory: kUnavailable for one that goes on. Who asks again finds it here, or at its owner.
+  static absl::Status CheckHasEnded(const v1::JobStatus& status);
   ledger::OwnedJob Owned(const job::JobId& job) const { return {job, owner_.epoch}; }
   /// Changes how an active job is scheduled, in the ledger first.
   absl::StatusOr<v1::JobStatus> ChangeScheduling(const std::string& job_id,

@@ -55,7 +55,9 @@ def announcements_were_refused(world, said):
 
 
 def submit_too_many(world):
-    """Submissions past the limit of a user's jobs."""
+    """Submissions past the limit of a user's jobs, of which one is there: it is paused, so that it does not end meanwhile."""
+    running = next(iter(world.jobs))
+    world.farm.client("pause", running)
     scene = world.references.scene(world.setup.picture.scene)
     accepted, refused = [], 0
     for seed in range(100, 108):
@@ -66,6 +68,7 @@ def submit_too_many(world):
             refused += 1
     for job in accepted:
         world.farm.client("cancel", job)
+    world.farm.client("resume", running)
     return len(accepted), refused
 
 

@@ -10,6 +10,7 @@ undisturbed one. See docs/testing.md.
 
 import argparse
 import concurrent.futures
+import os
 import pathlib
 import platform
 import random
@@ -135,7 +136,8 @@ def main(table):
     if arguments.write:
         arguments.write.write_text(markdown(rows, arguments.seed))
     if failed:
-        print(f"The logs are in {root}. To run one again: {sys.argv[0]} --only \"{failed[0].fault}\" --seed {arguments.seed}")
+        program = " ".join([*(f"{name}={os.environ[name]}" for name in ("LUMIFOLD_BIN", "PYTHONPATH")), "python3", sys.argv[0]])
+        print(f"The logs are in {root}. To run one again: {program} --only \"{failed[0].fault}\" --seed {arguments.seed}")
     elif not arguments.keep:
         shutil.rmtree(root)
     return 1 if failed else 0

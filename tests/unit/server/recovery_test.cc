@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <fstream>
 
+#include "absl/base/thread_annotations.h"
 #include "absl/strings/str_cat.h"
+#include "absl/synchronization/mutex.h"
 #include "server/recover.h"
 #include "tests/unit/server/coordinator_fixture.h"
 #include "tests/unit/server/store_wrapper.h"
@@ -198,6 +200,51 @@ TEST_F(RecoveryTest, AJobWhoseManifestAloneIsKnownIsStarted) {
   PumpedWorker worker(coordinator_.get(), 2);
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(coordinator_->ListJobs({})->jobs_size(), 2);
+}
+
+/// Keeps what it is told.
+class LastStatus final : public JobWatcher {
+ public:
+  void OnStatus(const v1::JobStatus& status) override {
+    absl::MutexLock lock(&mutex_);
+    status_ = status;
+  }
+  v1::JobState state() const {
+    absl::MutexLock lock(&mutex_);
+    return status_.state();
+  }
+
+ private:
+  mutable absl::Mutex mutex_;
+  v1::JobStatus status_ ABSL_GUARDED_BY(mutex_);
+};
+
+TEST_F(RecoveryTest, AJobThatIsBeingTakenOverIsUnavailableToThoseWhoFollowOrChangeIt) {
+  // Its row is this coordinator's already, but it is not in memory yet.
+  const job::JobId job("j-taken-over");
+  const ledger::JobRecord known = *store_->GetJob(done_);
+  ASSERT_TRUE(store_
+                  ->CreateJob({.id = job,
+                               .request_id = "elsewhere",
+                               .spec = known.spec,
+                               .scheduling = known.scheduling,
+                               .submitted = known.submitted,
+                               .owner = coordinator_->owner()})
+                  .ok());
+  LastStatus watcher;
+  EXPECT_TRUE(absl::IsUnavailable(coordinator_->Watch(job.value(), &watcher)));
+  EXPECT_EQ(watcher.state(), coordinator_->GetJob(job.value())->state()) << "who follows it gets to know it";
+  EXPECT_TRUE(absl::IsUnavailable(coordinator_->PauseJob(job.value()).status()));
+  absl::Status cancelled;
+  coordinator_->CancelJob(job.value(),
+                          [&](const absl::StatusOr<v1::JobStatus>& status) { cancelled = status.status(); });
+  EXPECT_TRUE(absl::IsUnavailable(cancelled));
+  coordinator_->Adopt({{.id = job, .has_ended = false}});
+  Await([&] { return coordinator_->Watch(job.value(), &watcher).ok(); });
+  PumpedWorker worker(coordinator_.get(), 2);
+  EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
+  Await([&] { return watcher.state() == v1::JOB_STATE_DONE; });
+  coordinator_->Unwatch(&watcher);
 }
 
 }  // namespace

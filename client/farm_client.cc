@@ -162,7 +162,10 @@ class GrpcFarmClient : public FarmClient {
     return coordinators_.Stream(
         kStreamTimeout, &answered,
         [&](grpc::ClientContext& context, const std::shared_ptr<grpc::Channel>& channel) {
-          return WatchOnce(context, channel, request, &answered, on_status, on_tick);
+          const grpc::Status status = WatchOnce(context, channel, request, &answered, on_status, on_tick);
+          // Nothing changed until the deadline of the stream: the coordinator is not lost.
+          const bool was_silent = answered && status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED;
+          return was_silent ? grpc::Status::OK : status;
         });
   }
 

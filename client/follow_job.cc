@@ -31,9 +31,10 @@ absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job
                                         Backoff backoff,
                                         absl::FunctionRef<void(const v1::JobStatus&)> on_status) {
   std::optional<v1::JobStatus> last;
+  bool answered = false;  // by the stream that is open
   std::set<std::string> shown_warnings;
   const auto take = [&](const v1::JobStatus& job) {
-    backoff.Reset();
+    answered = true;
     last = job;
     for (const std::string& warning : job.warnings()) {
       if (shown_warnings.insert(warning).second) progress.Message(absl::StrCat("warning: ", warning));
@@ -46,7 +47,9 @@ absl::StatusOr<v1::JobStatus> FollowJob(FarmClient& farm, const std::string& job
   };
   bool lost = false;
   while (true) {
+    answered = false;
     const absl::Status status = farm.WatchJob(job_id, take, tick);
+    if (answered) backoff.Reset();  // an outage begins now, however long nothing has changed before
     if (last.has_value() && HasEnded(*last)) break;
     // A stream that ends before the job is a lost connection, whatever its status.
     const bool may_retry = status.ok() || (absl::IsUnavailable(status) && last.has_value());

@@ -158,7 +158,7 @@ grpc::Status FakeFarm::WatchJob(grpc::ServerContext* context, const v1::WatchJob
     writer->Write(watched[next_watched_++]);
   }
   while (hold_watch && !context->IsCancelled()) std::this_thread::yield();
-  if (next_watched_ < watched.size()) return {grpc::StatusCode::UNAVAILABLE, "broken by the test"};
+  if (next_watched_ < watched.size()) return {broken_watch, "broken by the test"};
   return grpc::Status::OK;
 }
 

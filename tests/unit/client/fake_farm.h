@@ -23,8 +23,9 @@ class FakeFarm final : public v1::FarmService::Service {
   std::shared_ptr<grpc::Channel> channel() const;
 
   // Answers; set before the calls.
-  std::vector<v1::JobStatus> watched;         // sent one by one; then the stream ends
-  size_t watched_per_stream = 1000;           // breaks the stream after this number of statuses
+  std::vector<v1::JobStatus> watched;  // sent one by one; then the stream ends
+  size_t watched_per_stream = 1000;    // breaks the stream after this number of statuses
+  grpc::StatusCode broken_watch = grpc::StatusCode::UNAVAILABLE;
   bool hold_watch = false;                    // keeps the stream open until the client disconnects
   std::string result;                         // the file of every frame
   std::vector<uint64_t> break_downloads;      // the n-th download breaks at this offset of the file

@@ -93,6 +93,30 @@ TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
   EXPECT_GE(time_.now - begin, absl::Minutes(1));
 }
 
+TEST_F(FollowJobTest, HasAllItsPatienceAfterAJobThatDidNotChangeForLong) {
+  farm_.watched = {Job(v1::JOB_STATE_PAUSED), Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched_per_stream = 1;
+  const auto client = ConnectTo({.coordinators = {farm_.address()},
+                                 .time = time_.Environment(),
+                                 .interrupted = test_.environment.interrupted});
+  QuietProgress progress(test_.err);
+  const auto job = FollowJob(*client, "job-1", progress,
+                             Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted),
+                             [this](const v1::JobStatus&) { time_.now += absl::Hours(8); });
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->state(), v1::JOB_STATE_DONE);
+}
+
+TEST_F(FollowJobTest, OpensAStreamAgainThatWasSilentUntilItsDeadlineWithoutAWord) {
+  farm_.watched = {Job(v1::JOB_STATE_PAUSED), Job(v1::JOB_STATE_DONE, 100)};
+  farm_.watched_per_stream = 1;
+  farm_.broken_watch = grpc::StatusCode::DEADLINE_EXCEEDED;
+  const auto job = Follow(farm_.address());
+  ASSERT_TRUE(job.ok()) << job.status();
+  EXPECT_EQ(job->state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(test_.err.str(), "");
+}
+
 TEST_F(FollowJobTest, SaysEachWarningOnce) {
   farm_.watched = {Job(v1::JOB_STATE_RUNNING), Job(v1::JOB_STATE_DONE)};
   for (v1::JobStatus& job : farm_.watched) job.add_warnings("the scene has no light");

@@ -293,8 +293,8 @@ std::unique_ptr<FarmClient> MakeFarmClient(std::shared_ptr<grpc::Channel> channe
       std::move(options), [channel = std::move(channel)](const std::string&) { return channel; }));
 }
 
-std::unique_ptr<FarmClient> ConnectTo(FarmClientOptions options) {
-  return std::make_unique<GrpcFarmClient>(Coordinators(std::move(options)));
+std::unique_ptr<FarmClient> ConnectTo(const FarmClientOptions& options) {
+  return std::make_unique<GrpcFarmClient>(Coordinators(options));
 }
 
 }  // namespace lumifold::client

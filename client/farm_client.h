@@ -79,6 +79,6 @@ class FarmClient {
 std::unique_ptr<FarmClient> MakeFarmClient(std::shared_ptr<grpc::Channel> channel, FarmClientOptions options);
 
 /// A client of the farm. Connects on first use.
-std::unique_ptr<FarmClient> ConnectTo(FarmClientOptions options);
+std::unique_ptr<FarmClient> ConnectTo(const FarmClientOptions& options);
 
 }  // namespace lumifold::client

@@ -115,7 +115,9 @@ std::set<job::UnitRef> PumpedWorker::leased() const {
 }
 
 v1::Lease PumpedWorker::TakeLease() {
+  const auto has_lease = [this]() ABSL_NO_THREAD_SAFETY_ANALYSIS { return !leases_.empty(); };
   absl::MutexLock lock(&mutex_);
+  mutex_.Await(absl::Condition(&has_lease));  // it may be on its way
   v1::Lease lease = leases_.front();
   leases_.pop_front();
   return lease;
@@ -260,6 +262,11 @@ v1::JobStatus CoordinatorFixture::Finish(const job::JobId& job, PumpedWorker* wo
 
 void CoordinatorFixture::Await(const std::function<bool()>& condition) {
   while (!condition()) absl::SleepFor(absl::Milliseconds(1));
+}
+
+void CoordinatorFixture::Deliver(PumpedWorker* worker, int count) {
+  int left = count;
+  Await([&] { return (left -= worker->Deliver(left)) == 0; });
 }
 
 std::string CoordinatorFixture::Result(const job::JobId& job, int32_t frame) const {

@@ -84,6 +84,8 @@ class CoordinatorFixture : public ::testing::Test {
   v1::JobStatus Finish(const job::JobId& job, PumpedWorker* worker);
   /// Waits until `condition` holds.
   static void Await(const std::function<bool()>& condition);
+  /// Lets the worker deliver the units of `count` leases, which may still be on their way to it.
+  static void Deliver(PumpedWorker* worker, int count);
 
   /// A job of `tiles` tiles of 8 pixels in a row, each with one geometry unit and one pass.
   v1::JobSpec Spec(int tiles = 1) const;

@@ -51,10 +51,10 @@ TEST_F(StorageOutageTest, UnitsThatFindTheDiskFullAreKeptAndCommittedWhenThereIs
   const std::string expected = UndisturbedResult(4);
   const job::JobId job = Submit(Spec(4));
   auto worker = std::make_unique<PumpedWorker>(coordinator_.get(), 3);
-  EXPECT_EQ(worker->Deliver(2), 2);
+  Deliver(worker.get(), 2);
   Await([&] { return worker->acknowledged().size() == 2; });
   files_.Fail(ENOSPC);
-  EXPECT_EQ(worker->Deliver(3), 3);
+  Deliver(worker.get(), 3);
   AwaitOutage();
   EXPECT_EQ(worker->leases(), 0) << "nothing is leased";
   EXPECT_EQ(worker->acknowledged().size(), 2u);
@@ -135,11 +135,11 @@ TEST_F(StorageOutageTest, TheReserveIsGivenUpForTheLedgerAndTakenAgain) {
   const job::JobId job = Submit(Spec(2));
   const job::JobId other = Submit(Spec(2), "other");
   PumpedWorker worker(coordinator_.get(), 1);
-  EXPECT_EQ(worker.Deliver(1), 1);
+  Deliver(&worker, 1);
   Await([&] { return worker.acknowledged().size() == 1; });
   EXPECT_EQ(ReserveBytes(), options_.reserve_bytes);
   files_.Fail(ENOSPC, "/film/");
-  EXPECT_EQ(worker.Deliver(1), 1);
+  Deliver(&worker, 1);
   AwaitOutage();
   Await([&] { return ReserveBytes() == 0; });
   files_.Fail(ENOSPC);  // the reserve cannot be taken, but the ledger can be written
@@ -182,10 +182,10 @@ TEST_F(StorageOutageTest, ACoordinatorThatStopsWithoutRoomLosesNothingAcknowledg
   std::set<job::UnitRef> acknowledged;
   {
     PumpedWorker worker(coordinator_.get(), 2);
-    worker.Deliver(2);
+    Deliver(&worker, 2);
     Await([&] { return worker.acknowledged().size() == 2; });
     files_.Fail(ENOSPC);
-    worker.Deliver(2);
+    Deliver(&worker, 2);
     AwaitOutage();
     acknowledged = worker.acknowledged();
     coordinator_->Shutdown();

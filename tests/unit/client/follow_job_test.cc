@@ -24,16 +24,20 @@ v1::JobStatus Job(v1::JobState state, int64_t samples_done = 0) {
 class FollowJobTest : public testing::Test {
  protected:
   absl::StatusOr<v1::JobStatus> Follow(const std::string& address) {
+    return Follow(address, [this](const v1::JobStatus& job) {
+      seen_.push_back(job.state());
+      if (interrupt_at_ == job.state()) test_.interrupted = true;
+    });
+  }
+  absl::StatusOr<v1::JobStatus> Follow(const std::string& address,
+                                       absl::FunctionRef<void(const v1::JobStatus&)> on_status) {
     const auto client = ConnectTo({.coordinators = {address},
                                    .time = time_.Environment(),
                                    .interrupted = test_.environment.interrupted});
     QuietProgress progress(test_.err);
     return FollowJob(*client, "job-1", progress,
                      Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted),
-                     [this](const v1::JobStatus& job) {
-                       seen_.push_back(job.state());
-                       if (interrupt_at_ == job.state()) test_.interrupted = true;
-                     });
+                     on_status);
   }
 
   FakeFarm farm_;
@@ -81,14 +85,8 @@ TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
   farm_.watched = {Job(v1::JOB_STATE_RUNNING, 10), Job(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
   const absl::Time begin = time_.now;
-  const auto client = ConnectTo({.coordinators = {farm_.address()},
-                                 .time = time_.Environment(),
-                                 .interrupted = test_.environment.interrupted});
-  QuietProgress progress(test_.err);
   // After the first status the stream breaks at once, every time.
-  const auto job = FollowJob(*client, "job-1", progress,
-                             Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted),
-                             [this](const v1::JobStatus&) { farm_.watched_per_stream = 0; });
+  const auto job = Follow(farm_.address(), [this](const v1::JobStatus&) { farm_.watched_per_stream = 0; });
   EXPECT_EQ(job.status().code(), absl::StatusCode::kUnavailable);
   EXPECT_GE(time_.now - begin, absl::Minutes(1));
 }
@@ -96,13 +94,7 @@ TEST_F(FollowJobTest, LosesPatienceInTheEnd) {
 TEST_F(FollowJobTest, HasAllItsPatienceAfterAJobThatDidNotChangeForLong) {
   farm_.watched = {Job(v1::JOB_STATE_PAUSED), Job(v1::JOB_STATE_DONE, 100)};
   farm_.watched_per_stream = 1;
-  const auto client = ConnectTo({.coordinators = {farm_.address()},
-                                 .time = time_.Environment(),
-                                 .interrupted = test_.environment.interrupted});
-  QuietProgress progress(test_.err);
-  const auto job = FollowJob(*client, "job-1", progress,
-                             Backoff(absl::Minutes(1), time_.Environment(), test_.environment.interrupted),
-                             [this](const v1::JobStatus&) { time_.now += absl::Hours(8); });
+  const auto job = Follow(farm_.address(), [this](const v1::JobStatus&) { time_.now += absl::Hours(8); });
   ASSERT_TRUE(job.ok()) << job.status();
   EXPECT_EQ(job->state(), v1::JOB_STATE_DONE);
 }

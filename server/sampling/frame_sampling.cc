@@ -32,6 +32,8 @@ constexpr double kUniformShare = 0.1;
 /// Of a block in a round, over that of the mean.
 constexpr double kMostGrowth = 8;
 constexpr double kMostOverBudget = 16;
+/// Of a mean over all blocks: a budget that is met exactly is not exceeded.
+constexpr double kRounding = 1e-9;
 /// The first estimate filters the frame, which may take this part of the budget, one in.
 constexpr double kBudgetPerEstimate = 12;
 
@@ -132,6 +134,7 @@ double FrameSampling::MeanCost(const Allocation& samples, absl::Span<const doubl
 
 Allocation FrameSampling::Distribute(double mean_cost, absl::Span<const double> costs) const {
   const Allocation& granted = rounds_.back();
+  const double limit = mean_cost * (1 + kRounding);
   const double floor = kUniformShare * mean_cost;
   const double most_growth = kMostGrowth * mean_cost / MeanCost(granted, costs);
   std::vector<double> wanted(granted.size());
@@ -151,14 +154,14 @@ Allocation FrameSampling::Distribute(double mean_cost, absl::Span<const double> 
   double low = 0;
   double high = 1;
   constexpr int kMostDoublings = 100;
-  for (int i = 0; i < kMostDoublings && MeanCost(scaled_by(high), costs) <= mean_cost; ++i) {
+  for (int i = 0; i < kMostDoublings && MeanCost(scaled_by(high), costs) <= limit; ++i) {
     low = high;
     high *= 2;
   }
   constexpr int kHalvings = 40;
   for (int i = 0; i < kHalvings; ++i) {
     const double middle = 0.5 * (low + high);
-    (MeanCost(scaled_by(middle), costs) <= mean_cost ? low : high) = middle;
+    (MeanCost(scaled_by(middle), costs) <= limit ? low : high) = middle;
   }
   return scaled_by(low);
 }

@@ -113,6 +113,15 @@ TEST(FrameSampling, FiltersNothingWhereThatCostsTooMuch) {
       << "nothing else tells when it is reached";
 }
 
+TEST(FrameSampling, SpendsAWholeBudgetInLargeFrames) {
+  FrameSampling sampling({.width = 1024, .height = 768, .budget = 144});
+  std::vector<double> costs(static_cast<size_t>(sampling.columns()) * static_cast<size_t>(sampling.rows()));
+  for (size_t i = 0; i < costs.size(); ++i) costs[i] = 3 + 0.1 * static_cast<double>(i % 7);
+  sampling.AddEstimate(1, std::vector<double>(costs.size(), -1), costs);
+  ASSERT_TRUE(sampling.is_final());
+  EXPECT_EQ(sampling.rounds().back(), Allocation(costs.size(), 144)) << "the rounding of a mean took a step";
+}
+
 TEST(FrameSampling, EstimatesAgainWhereThatSavesMoreThanItCosts) {
   SamplingSettings settings = Settings();
   std::vector<int> comparisons;

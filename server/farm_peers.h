@@ -75,9 +75,10 @@ class FarmPeers {
                const access::Identity& caller, const Request& request,
                std::function<void(absl::StatusOr<Response>)> done) const;
 
- private:
   /// The error of a forwarded call: kUnavailable naming the peer where that does not answer.
   static absl::Status ErrorOf(const std::string& address, const absl::Status& status);
+
+ private:
   const cluster::Membership* membership() const {
     absl::MutexLock lock(&mutex_);
     return membership_;

@@ -2,6 +2,7 @@
 
 #include <grpcpp/support/client_callback.h>
 
+#include <string>
 #include <utility>
 
 #include "absl/base/thread_annotations.h"
@@ -15,7 +16,8 @@ namespace {
 class RemoteWatchImpl final : public RemoteWatch, public grpc::ClientReadReactor<v1::JobStatus> {
  public:
   RemoteWatchImpl(const FarmPeers::Peer& peer, v1::WatchJobRequest request, Listener listener)
-      : request_(std::move(request)),
+      : address_(peer.address),
+        request_(std::move(request)),
         stub_(v1::FarmService::NewStub(peer.channel)),
         listener_(std::move(listener)) {}
 
@@ -48,13 +50,15 @@ class RemoteWatchImpl final : public RemoteWatch, public grpc::ClientReadReactor
   void OnDone(const grpc::Status& status) override {
     {
       absl::MutexLock lock(&mutex_);
-      if (listener_.on_end != nullptr && !status.ok()) listener_.on_end(rpc::StatusFromGrpc(status));
+      if (listener_.on_end != nullptr && !status.ok())
+        listener_.on_end(FarmPeers::ErrorOf(address_, rpc::StatusFromGrpc(status)));
       listener_ = {};
     }
     const std::shared_ptr<RemoteWatchImpl> last = std::move(self_);
   }
 
  private:
+  const std::string address_;
   const v1::WatchJobRequest request_;
   const std::unique_ptr<v1::FarmService::Stub> stub_;
   grpc::ClientContext context_;

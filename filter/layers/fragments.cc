@@ -127,11 +127,26 @@ bool IsOneSurface(const std::vector<Counted>& all, const std::array<float, 2>& i
   return all.size() == 1 && all[0].samples + all[0].sub_samples == in_pixel[0] + in_pixel[1] + kSubSamples;
 }
 
+/// A pixel whose samples tell nothing but E of its surfaces.
+FragmentSet::Pixel PixelOfEmission(const Frame& frame, int row, int x, int y, size_t fragments) {
+  return {x, y, fragments, fragments, EmissionChange(frame, row, x, y)};
+}
+
+/// The pixels of films without fragments, whose surfaces reflect no light of their own.
+FragmentSet EmissionOf(const Frame& frame) {
+  FragmentSet set;
+  frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
+    if (frame.samples.At(x, y) > 0) set.pixels.push_back(PixelOfEmission(frame, row, x, y, 0));
+  });
+  return set;
+}
+
 }  // namespace
 
 FragmentSet FragmentsOf(const Frame& frame) {
+  if (!frame.edges.has_value()) return {};
+  if (!frame.fragments.has_value()) return EmissionOf(frame);
   FragmentSet set;
-  if (!frame.edges.has_value() || !frame.fragments.has_value()) return set;
   FragmentList list(*frame.fragments);
   frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
     const std::vector<int> rows = list.RowsOf(x, y);
@@ -141,8 +156,7 @@ FragmentSet FragmentsOf(const Frame& frame) {
     all.reserve(rows.size());
     for (const int of_pixel : rows) all.push_back(FromFilm(*frame.fragments, of_pixel, in_pixel));
     AddSubSamples(*frame.edges, row, &all);
-    const size_t first = set.fragments.size();
-    FragmentSet::Pixel pixel{x, y, first, first, EmissionChange(frame, row, x, y)};
+    FragmentSet::Pixel pixel = PixelOfEmission(frame, row, x, y, set.fragments.size());
     if (IsOneSurface(all, in_pixel)) {
       // A slice of a lamp that all samples miss shows in E alone.
       if (pixel.emission_change != std::array<float, 3>{}) set.pixels.push_back(pixel);

@@ -25,7 +25,7 @@ struct FragmentSet {
   struct Pixel {
     int x = 0;
     int y = 0;
-    size_t first = 0;  // of its fragments; it has none if one surface fills it
+    size_t first = 0;  // of its fragments; it has none if one surface fills it, or if the film has none
     size_t last = 0;   // one after
     /// E by its own samples and the sub-samples, minus the film's.
     std::array<float, 3> emission_change = {};
@@ -34,7 +34,7 @@ struct FragmentSet {
   std::vector<Fragment> fragments;
 };
 
-/// The fragments of a frame; none where the film has no fragments or no edge set, or the pixel no samples.
+/// The fragments of a frame; no pixel where the film has no edge set, or the pixel no samples.
 FragmentSet FragmentsOf(const Frame& frame);
 
 }  // namespace lumifold::filter

@@ -34,7 +34,7 @@ LayerFragments LayerFragmentsOf(const Frame& frame, const FragmentSet& set, cons
                                 const GeometryRanges& ranges) {
   LayerFragments out;
   const std::array<ConstColorView, 2>* light =
-      set.pixels.empty() ? nullptr : LightOf(*frame.fragments, product);
+      set.fragments.empty() ? nullptr : LightOf(*frame.fragments, product);
   if (light == nullptr) return out;
   out.own_features = kGeometryFeatures;
   for (const FragmentSet::Pixel& pixel : set.pixels) {

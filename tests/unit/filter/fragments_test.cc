@@ -153,6 +153,20 @@ TEST(FragmentsOf, TellWhatSubSamplesChangeOfEmission) {
   EXPECT_FLOAT_EQ(set.pixels[0].emission_change[1], (1 - kOwnOfAll) * (5.0f / 4 - 2.5f));
 }
 
+TEST(FragmentsOf, TellEmissionAloneWhereTheFilmHasNone) {
+  EdgedImage film = Film();  // of a scene in which no surface reflects diffusely
+  SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 2.5f);
+  AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
+  const FragmentSet without = FragmentsOf(Frame(film));
+  AddFragments({{1, kFront, {2, 2}}, {1, kLamp, {2, 2}}}, &film);
+  const FragmentSet with = FragmentsOf(Frame(film));
+  ASSERT_EQ(without.pixels.size(), 1u);
+  EXPECT_EQ(without.pixels[0].x, 1);
+  EXPECT_EQ(without.pixels[0].emission_change, with.pixels[0].emission_change);
+  EXPECT_NE(without.pixels[0].emission_change[0], 0);
+  EXPECT_TRUE(without.fragments.empty());
+}
+
 TEST(FragmentsOf, KnowTheSliceOfALampThatAllSamplesMiss) {
   EdgedImage film = Film();
   AddEdges({{1, {{kFront, 16}}}, {2, {{kFront, 16}}}}, &film);
@@ -176,7 +190,7 @@ TEST(FragmentsOf, LeaveOutPixelsOfOneSurfaceAndRowsWithoutAnEdge) {
   EXPECT_EQ(set.fragments[0].row, 3);
 }
 
-TEST(FragmentsOf, NeedASampleAndBothLists) {
+TEST(FragmentsOf, NeedASampleAndAnEdgeSet) {
   EdgedImage film = Film();
   AddFragments({{1, kFront, {3, 1}}, {1, kBack, {1, 3}}}, &film);
   EXPECT_TRUE(FragmentsOf(Frame(film)).pixels.empty());

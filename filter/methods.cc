@@ -54,7 +54,8 @@ struct Entry {
   bool reads_edges = true;
   std::function<Picture(const FilmView& film, absl::Span<const float> values, TaskPool* pool)> filter;
   /// Empty: the method does not know the deviation of its picture.
-  std::function<FilteredPicture(const Frame& frame, TaskPool* pool)> with_deviation = {};
+  std::function<FilteredPicture(const Frame& frame, FilterPurpose purpose, TaskPool* pool)> with_deviation =
+      {};
 };
 
 std::vector<Entry> ListEntries() {
@@ -69,7 +70,10 @@ std::vector<Entry> ListEntries() {
        [](const FilmView& film, Values, TaskPool* pool) {
          return Denoise(Frame(film.pixels, film.edges, film.fragments), pool);
        },
-       [](const Frame& frame, TaskPool* pool) { return DenoiseWithDeviation(frame, pool); }},
+       [](const Frame& frame, FilterPurpose purpose, TaskPool* pool) {
+         return purpose == FilterPurpose::kEstimate ? DenoiseToEstimate(frame, pool)
+                                                    : DenoiseWithDeviation(frame, pool);
+       }},
       {{.name = "none",
         .summary = "the noisy picture itself",
         .source = "path tracing alone",
@@ -80,7 +84,7 @@ std::vector<Entry> ListEntries() {
        [](const FilmView& film, Values, TaskPool*) {
          return ClonePicture(film.pixels.GetColor(layers::kNoisy));
        },
-       [](const Frame& frame, TaskPool* pool) {
+       [](const Frame& frame, FilterPurpose, TaskPool* pool) {
          return FilteredPicture{ClonePicture(frame.combined.mean), DeviationOf(frame, NoChange(frame), pool)};
        }},
   };
@@ -240,7 +244,7 @@ absl::Status CheckDeviation(std::string_view method) { return ParseCallWithDevia
 
 absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film, std::string_view method,
                                                         TaskPool* pool, const LayeredImage* edges,
-                                                        const LayeredImage* fragments,
+                                                        const LayeredImage* fragments, FilterPurpose purpose,
                                                         const BlockParams& params) {
   const absl::StatusOr<Call> call = ParseCallWithDeviation(method);
   if (!call.ok()) return call.status();
@@ -249,9 +253,9 @@ absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film
   if (absl::Status status = CheckChannels(film, halves); !status.ok()) return status;
   if (absl::Status status = CheckFilm({film, edges, fragments}, *call); !status.ok()) return status;
   if (BlockGrid(film.width(), film.height(), params).IsOneBlock())
-    return call->method->with_deviation(Frame(film, edges, fragments), pool);
+    return call->method->with_deviation(Frame(film, edges, fragments), purpose, pool);
   const auto filter = [&](const EdgedImage& block) -> absl::StatusOr<std::vector<Picture>> {
-    FilteredPicture filtered = call->method->with_deviation(Frame(block), pool);
+    FilteredPicture filtered = call->method->with_deviation(Frame(block), purpose, pool);
     std::vector<Picture> pictures;
     pictures.push_back(std::move(filtered.picture));
     pictures.push_back(std::move(filtered.deviation));

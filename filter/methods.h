@@ -48,11 +48,18 @@ absl::StatusOr<Picture> FilterFilm(const LayeredImage& film, std::string_view me
                                    const LayeredImage* edges = nullptr,
                                    const LayeredImage* fragments = nullptr);
 
-/// FilterFilm with the deviation of the picture, by methods that know it. The picture has the bits of FilterFilm.
+/// What a filtered picture is for.
+enum class FilterPurpose {
+  kPicture,   // to be shown: the bits of FilterFilm
+  kEstimate,  // to estimate where it errs: see DenoiseToEstimate
+};
+
+/// FilterFilm with the deviation of the picture, by methods that know it.
 /// Errors:  also those of CheckDeviation; kInvalidArgument naming a half of C that is missing.
 absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film, std::string_view method,
                                                         TaskPool* pool, const LayeredImage* edges = nullptr,
                                                         const LayeredImage* fragments = nullptr,
+                                                        FilterPurpose purpose = FilterPurpose::kPicture,
                                                         const BlockParams& params = {});
 
 /// Whether FilterFilmWithDeviation knows the method: "default", whose halves go to the end, and "none".

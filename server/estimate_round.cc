@@ -18,7 +18,7 @@ namespace {
 
 /// The rounds follow from the estimates by sampling::FrameSampling: where it decides otherwise than before, records of before
 /// would name other units than those committed, and the version is to be incremented.
-constexpr rpc::CheckedFileType kRoundsFile = {"LFR4", "the record of rounds", int64_t{1} << 30};
+constexpr rpc::CheckedFileType kRoundsFile = {"LFR5", "the record of rounds", int64_t{1} << 30};
 
 absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path) {
   absl::StatusOr<std::string> bytes = rpc::ReadCheckedFile(path, kRoundsFile);
@@ -64,13 +64,25 @@ absl::StatusOr<std::vector<double>> Costs(const v1::JobSpec& spec, const job::Fr
   return costs;
 }
 
+/// What a round is filtered for.
+struct Estimating {
+  filter::FilterPurpose purpose;
+  double picture_over_estimate;  // of the times that filtering takes
+};
+
+/// A target is compared with the error of the picture itself; otherwise it is enough to know where it errs.
+Estimating EstimatingFor(const v1::JobSpec& spec) {
+  if (spec.adaptive().target_error() > 0) return {filter::FilterPurpose::kPicture, 1};
+  return {filter::FilterPurpose::kEstimate, 1.5};
+}
+
 /// Mean samples per pixel of a frame that fit the job's time, if samples go on being made as fast as those of all frames
 /// so far, a sample of the frame costs what it cost up to the round, every frame gets the same part of the time, and the
-/// result is filtered as fast as the round was; 0 without a time.
+/// result takes `filtering`; 0 without a time.
 double BudgetOf(const RoundToEstimate& what, const v1::JobSpec& spec, const job::FrameRounds& rounds,
-                absl::Span<const double> costs, absl::Duration filtered) {
+                absl::Span<const double> costs, absl::Duration filtering) {
   if (spec.adaptive().time_seconds() == 0) return 0;
-  const double left = spec.adaptive().time_seconds() - absl::ToDoubleSeconds(filtered);
+  const double left = spec.adaptive().time_seconds() - absl::ToDoubleSeconds(filtering);
   const double pixels = static_cast<double>(spec.width()) * spec.height() * job::FrameList(spec).count();
   const std::vector<double> ones(costs.size(), 1);
   const double cost_of_sample = rounds.MeanCostOf(what.round, costs) / rounds.MeanCostOf(what.round, ones);
@@ -116,14 +128,15 @@ absl::StatusOr<v1::FrameReport> EstimateRound(const DataFolder& folder, ledger::
   v1::RoundEstimate* estimate = estimates->add_estimates();
   estimate->mutable_costs()->Add(costs->begin(), costs->end());
   if (rounds->NeedsPicture(*costs)) {
+    const Estimating how = EstimatingFor(job->spec);
     const absl::Time begun = now();
     const absl::StatusOr<FilteredRound> filtered =
-        FilterRound(job->spec, what.frame, *rounds, round, *units, pool);
+        FilterRound(job->spec, what.frame, *rounds, round, *units, how.purpose, pool);
     if (!filtered.ok()) return filtered.status();
-    const absl::Duration seconds = now() - begun;
+    const absl::Duration filtering = how.picture_over_estimate * (now() - begun);
     const std::vector<double> errors = ErrorsOf(*filtered, job->spec, pool);
     estimate->mutable_errors()->Add(errors.begin(), errors.end());
-    estimate->set_budget(BudgetOf(what, job->spec, *rounds, *costs, seconds));
+    estimate->set_budget(BudgetOf(what, job->spec, *rounds, *costs, filtering));
   } else {
     estimate->mutable_errors()->Resize(estimate->costs_size(), -1);
   }

@@ -4,7 +4,6 @@
 
 #include "filter/image/planes.h"
 #include "filter/image/tile_samples.h"
-#include "filter/methods.h"
 #include "filter/metrics/error_estimate.h"
 #include "server/film/unit_film.h"
 
@@ -12,13 +11,14 @@ namespace lumifold::server {
 
 absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame,
                                           const job::FrameRounds& rounds, int round,
-                                          const CommittedUnits& units, TaskPool* pool) {
+                                          const CommittedUnits& units, filter::FilterPurpose purpose,
+                                          TaskPool* pool) {
   absl::StatusOr<film::UnitFilm> film = film::UnitFilm::Open(spec, frame, &units, pool, {&rounds, round + 1});
   if (!film.ok()) return film.status();
   absl::StatusOr<EdgedImage> read = film->Read({0, 0, film->width(), film->height()});
   if (!read.ok()) return read.status();
   absl::StatusOr<FilteredPicture> filtered = filter::FilterFilmWithDeviation(
-      read->pixels, spec.filter().method(), pool, &read->edges, &read->fragments);
+      read->pixels, spec.filter().method(), pool, &read->edges, &read->fragments, purpose);
   if (!filtered.ok()) return filtered.status();
   return FilteredRound{*std::move(read), *std::move(filtered)};
 }

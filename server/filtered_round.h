@@ -7,6 +7,7 @@
 #include "filter/image/edged_image.h"
 #include "filter/image/filtered_picture.h"
 #include "filter/image/parallel.h"
+#include "filter/methods.h"
 #include "lumifold/v1/job.pb.h"
 #include "server/committed_units.h"
 #include "server/job/frame_rounds.h"
@@ -23,7 +24,8 @@ struct FilteredRound {
 /// Errors: those of UnitFilm and FilterFilmWithDeviation.
 absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame,
                                           const job::FrameRounds& rounds, int round,
-                                          const CommittedUnits& units, TaskPool* pool);
+                                          const CommittedUnits& units, filter::FilterPurpose purpose,
+                                          TaskPool* pool);
 
 /// Estimated errors, by block, in the metric of the job: as FrameSampling wants them.
 std::vector<double> ErrorsOf(const FilteredRound& frame, const v1::JobSpec& spec, TaskPool* pool);

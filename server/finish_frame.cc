@@ -142,7 +142,8 @@ struct EstimatedFrame {
 absl::StatusOr<EstimatedFrame> Estimated(const v1::JobSpec& spec, int32_t frame,
                                          const job::FrameRounds& rounds, const CommittedUnits& units,
                                          TaskPool* pool) {
-  absl::StatusOr<FilteredRound> last = FilterRound(spec, frame, rounds, rounds.count() - 1, units, pool);
+  absl::StatusOr<FilteredRound> last =
+      FilterRound(spec, frame, rounds, rounds.count() - 1, units, filter::FilterPurpose::kPicture, pool);
   if (!last.ok()) return last.status();
   const double error = rounds.MeasuredError(ErrorsOf(*last, spec, pool));
   return EstimatedFrame{*std::move(last), error};

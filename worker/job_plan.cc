@@ -63,7 +63,7 @@ absl::StatusOr<v1::Plan> PlanJob(const v1::JobSpec& spec, const JobScene& scene)
   settings.samples = spec.samples_per_pixel();
   settings.full = spec.planning().mode() == v1::PLAN_MODE_FULL;
   settings.forced = ForcedOf(spec);
-  const absl::StatusOr<plan::Probe> probe = plan::RunProbe(*scene.scene, settings.render);
+  const absl::StatusOr<plan::Probe> probe = plan::RunProbe(*scene.scene, settings.render, settings.samples);
   if (!probe.ok()) return NamingScene(probe.status(), spec);
   const absl::StatusOr<plan::Plan> plan = plan::MakePlan(*scene.scene, settings, *probe);
   if (!plan.ok()) return plan.status();

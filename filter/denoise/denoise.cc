@@ -83,6 +83,10 @@ FilteredPicture DenoiseWithDeviation(const Frame& frame, TaskPool* pool, const D
   return {std::move(changed.picture), DeviationOf(frame, changed.change, pool)};
 }
 
+FilteredPicture DenoiseToEstimate(const Frame& frame, TaskPool* pool) {
+  return DenoiseWithDeviation(frame, pool, {.off = {"second-filtering"}});
+}
+
 const std::vector<StageInfo>& Stages() {
   static const std::vector<StageInfo> stages = ListStages();
   return stages;

@@ -7,6 +7,7 @@
 #include <cstddef>
 
 #include "filter/image/check.h"
+#include "filter/image/color.h"
 #include "filter/image/layers.h"
 #include "filter/image/portable_math.h"
 
@@ -22,10 +23,20 @@ float WeightAt(float value, ErrorMetric metric) {
   return slope * slope;
 }
 
+/// Squared error of a value that is off by `deviation` to either side. The display's curve is not straight over large ones, and
+/// ends: an unlucky pixel beside a lamp would outweigh the rest of the picture by the curve's slope.
+double SquaredError(float value, float deviation, ErrorMetric metric) {
+  if (metric == ErrorMetric::kRelMse) return double{WeightAt(value, metric)} * deviation * deviation;
+  const double shown = double{SrgbFromLinear(value)};
+  const double above = double{SrgbFromLinear(value + deviation)} - shown;
+  const double below = double{SrgbFromLinear(value - deviation)} - shown;
+  return 255.0 * 255.0 * 0.5 * (above * above + below * below);
+}
+
 /// Sums over the pixels of a block that have samples of both halves.
 struct Sums {
-  double variance = 0;  // of the picture
-  double noise = 0;     // variance of the film
+  double error = 0;  // squared, of the picture
+  double noise = 0;  // variance of the film
   double samples = 0;
   int64_t pixels = 0;
   int64_t edge_pixels = 0;  // of all pixels
@@ -69,8 +80,8 @@ class Pixels {
       sums->weights[c] += weight;
       sums->values[c] += weight * value;
       sums->squares[c] += weight * value * value;
-      const double deviation = deviation_[c].At(x, y);
-      sums->variance += weight * deviation * deviation;
+      sums->error +=
+          SquaredError(picture_[c].At(x, y), error_over_deviation_ * deviation_[c].At(x, y), metric_);
       const double halves = double{half_a_[c].At(x, y)} - double{half_b_[c].At(x, y)};
       sums->noise += weight * in_a * in_b / (samples * samples) * halves * halves;
     }
@@ -82,6 +93,7 @@ class Pixels {
   ConstColorView half_a_, half_b_;
   ConstFloatView samples_a_, samples_b_;
   ErrorMetric metric_;
+  const float error_over_deviation_ = std::sqrt(static_cast<float>(kErrorOverVariance));
 };
 
 /// The blocks of a picture, row by row.
@@ -125,7 +137,7 @@ using Traits = Eigen::Vector<double, kTraits>;
 struct Point {
   Sums* block = nullptr;
   Traits traits = {};
-  double variance = 0;  // logarithm of what one sample would leave
+  double error = 0;  // logarithm of what one sample would leave
 };
 
 /// Half the width of a block's surroundings, in pixels: the reach of most of the filter's windows.
@@ -165,14 +177,14 @@ std::vector<Point> PointsOf(Blocks* blocks, TaskPool* pool) {
       const Sums around = SumAround(*blocks, column, static_cast<int>(row));
       const double noise = around.noise / static_cast<double>(around.pixels);
       const double detail = block.Detail();
-      const double variance = block.variance / static_cast<double>(block.pixels);
+      const double error = block.error / static_cast<double>(block.pixels);
       if (!(static_cast<float>(noise) > 0) || !(static_cast<float>(detail) > 0) ||
-          !(static_cast<float>(variance) > 0))
+          !(static_cast<float>(error) > 0))
         continue;
       all[static_cast<size_t>(&block - blocks->sums.data())] = {
           &block,
           {LogOf(noise), LogOf(detail), LogOf(part_of_edges(block)), LogOf(part_of_edges(around))},
-          LogOf(variance) + kErrorDecline * LogOf(block.MeanSamples())};
+          LogOf(error) + kErrorDecline * LogOf(block.MeanSamples())};
     }
   });
   std::erase_if(all, [](const Point& point) { return point.block == nullptr; });
@@ -186,36 +198,36 @@ class Trend {
     const auto count = static_cast<double>(points.size());
     for (const Point& point : points) {
       traits_ += point.traits / count;
-      variance_ += point.variance / count;
+      error_ += point.error / count;
     }
     Eigen::Matrix<double, kTraits, kTraits> products = Eigen::Matrix<double, kTraits, kTraits>::Zero();
-    Traits with_variance = Traits::Zero();
+    Traits with_error = Traits::Zero();
     for (const Point& point : points) {
       const Traits off = point.traits - traits_;
       products += off * off.transpose();
-      with_variance += off * (point.variance - variance_);
+      with_error += off * (point.error - error_);
     }
     // Traits that tell the same, or are the same everywhere, leave it singular: the least slopes then.
     Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix<double, kTraits, kTraits>> solver;
     solver.setThreshold(1e-6);
-    slopes_ = solver.compute(products).solve(with_variance);
+    slopes_ = solver.compute(products).solve(with_error);
     for (const Point& point : points) {
-      const double off = point.variance - At(point);
+      const double off = point.error - At(point);
       around_ += off * off / count;
     }
   }
 
-  double At(const Point& point) const { return variance_ + slopes_.dot(point.traits - traits_); }
+  double At(const Point& point) const { return error_ + slopes_.dot(point.traits - traits_); }
   double around() const { return around_; }
 
  private:
   Traits traits_ = Traits::Zero();  // mean
-  double variance_ = 0;             // mean
+  double error_ = 0;                // mean
   Traits slopes_ = Traits::Zero();
   double around_ = 0;
 };
 
-/// Draws the variance of each block towards that of others of its traits; their sum stays.
+/// Draws the error of each block towards that of others of its traits; their sum stays.
 void DrawTogether(Blocks* blocks, TaskPool* pool) {
   constexpr size_t kLeastPoints = 32;  // for slopes that are worth something
   const std::vector<Point> points = PointsOf(blocks, pool);
@@ -226,12 +238,12 @@ void DrawTogether(Blocks* blocks, TaskPool* pool) {
   double before = 0;
   double after = 0;
   for (const Point& point : points) {
-    before += point.block->variance;
-    const double change = share * (trend.At(point) - point.variance);
-    point.block->variance *= double{Exp(static_cast<float>(change))};
-    after += point.block->variance;
+    before += point.block->error;
+    const double change = share * (trend.At(point) - point.error);
+    point.block->error *= double{Exp(static_cast<float>(change))};
+    after += point.block->error;
   }
-  for (const Point& point : points) point.block->variance *= before / after;
+  for (const Point& point : points) point.block->error *= before / after;
 }
 
 }  // namespace
@@ -244,7 +256,7 @@ ErrorEstimate EstimateError(const FilteredFilm& filtered, int block, ErrorMetric
   ErrorEstimate estimate = {blocks.columns, blocks.rows, {}};
   for (const Sums& of_block : blocks.sums) {
     const double values = 3.0 * static_cast<double>(of_block.pixels);
-    estimate.blocks.push_back(of_block.pixels == 0 ? -1.0 : kErrorOverVariance * of_block.variance / values);
+    estimate.blocks.push_back(of_block.pixels == 0 ? -1.0 : of_block.error / values);
   }
   return estimate;
 }

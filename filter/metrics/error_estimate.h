@@ -25,8 +25,7 @@ inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 /// bias. 1.9 to 2.9 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
 inline constexpr double kErrorOverVariance = 2.35;
 
-/// Which squared error is estimated: that of Mse255 or of RelMse. The curve of Mse255 is replaced by its slope at the
-/// filtered value.
+/// Which squared error is estimated: that of Mse255 or of RelMse.
 enum class ErrorMetric { kMse255, kRelMse };
 
 /// A film, and what the filter made of it.

@@ -109,7 +109,8 @@ class PairRun {
     if (!planned.ok()) return planned.status();
     pair->is_diffuse = IsDiffuse(*planned);
     pair->differences = DifferencesOf(*full, *planned);
-    const absl::StatusOr<plan::Probe> probe = plan::RunProbe(*scene_, SceneFor(seed).settings);
+    const absl::StatusOr<plan::Probe> probe =
+        plan::RunProbe(*scene_, SceneFor(seed).settings, static_cast<int32_t>(settings_.samples));
     if (!probe.ok()) return probe.status();
     pair->planned.camera_paths += probe->samples;
     return absl::OkStatus();

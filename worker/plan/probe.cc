@@ -48,12 +48,14 @@ struct BlockLight {
 };
 
 /// Size of the probe's picture.
-std::pair<int, int> ProbeSize(int width, int height) {
+std::pair<int, int> ProbeSize(int width, int height, int32_t samples_per_pixel) {
   const double pixels = static_cast<double>(width) * height;
-  const double scale = std::min(1.0, std::sqrt(kProbePixels / pixels));
+  const double affordable = pixels * samples_per_pixel / (kSamplesPerProbeSample * double{kProbeSamples});
+  const int wanted = static_cast<int>(std::clamp<double>(affordable, kLeastProbePixels, kProbePixels));
+  const double scale = std::min(1.0, std::sqrt(wanted / pixels));
   // An edge of at least one pixel, and what the other one leaves.
-  const auto scaled = [scale](int edge, int other) {
-    const int most = std::max(1, kProbePixels / std::max(1, static_cast<int>(std::lround(other * scale))));
+  const auto scaled = [scale, wanted](int edge, int other) {
+    const int most = std::max(1, wanted / std::max(1, static_cast<int>(std::lround(other * scale))));
     return std::clamp(static_cast<int>(std::lround(edge * scale)), 1, std::min(edge, most));
   };
   return {scaled(width, height), scaled(height, width)};
@@ -162,9 +164,10 @@ double Probe::RaysPerSample(const Rect& rect, int frame_width, int frame_height)
   return sum / (static_cast<double>(x1 - x0) * (y1 - y0));
 }
 
-absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings) {
+absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings,
+                               int32_t samples_per_pixel) {
   render::RenderSettings small = settings;
-  std::tie(small.width, small.height) = ProbeSize(settings.width, settings.height);
+  std::tie(small.width, small.height) = ProbeSize(settings.width, settings.height, samples_per_pixel);
   const auto reduced_x = [&](int x) { return static_cast<int>(int64_t{x} * small.width / settings.width); };
   const auto reduced_y = [&](int y) { return static_cast<int>(int64_t{y} * small.height / settings.height); };
   small.frame = {reduced_x(settings.frame.frame_width), reduced_y(settings.frame.frame_height),

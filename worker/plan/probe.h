@@ -13,7 +13,7 @@ namespace lumifold::plan {
 
 /// What a few samples at low resolution tell of a frame.
 struct Probe {
-  int width = 0;  // of the probe's picture: the frame's aspect ratio, about kProbePixels pixels
+  int width = 0;  // of the probe's picture: the frame's aspect ratio, see RunProbe
   int height = 0;
   int64_t samples = 0;  // camera samples of the whole probe
   int64_t rays = 0;     // all that were traced, camera and shadow rays included: the probe's cost
@@ -32,13 +32,17 @@ struct Probe {
   double RaysPerSample() const { return RaysPerSample({0, 0, width, height}, width, height); }
 };
 
-inline constexpr int kProbePixels = 4096;
-inline constexpr uint32_t kProbeSamples = 8;  // per pixel
+inline constexpr int kProbePixels = 4096;      // at most, but for rounding
+inline constexpr int kLeastProbePixels = 256;  // unless the frame has fewer
+inline constexpr uint32_t kProbeSamples = 8;   // per pixel
+/// The part of the job's samples that its probe may have, one in: a plan saves a few of a hundred.
+inline constexpr int kSamplesPerProbeSample = 128;
 inline constexpr int kBlock = 8;
 
-/// Traces the probe of frame 0 on the calling thread. The random numbers are keyed as in
+/// Traces the probe of frame 0 on the calling thread, for a job of so many samples per pixel. The random numbers are keyed as in
 /// Renderer::RenderPass, so the result is the same in every run. settings.plan is not read: everything is modelled.
 /// Errors: those of render::MakeCamera and render::EmbreeScene::Create.
-absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings);
+absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings,
+                               int32_t samples_per_pixel);
 
 }  // namespace lumifold::plan

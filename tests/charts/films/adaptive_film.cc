@@ -101,18 +101,17 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
   };
   FrameSampling sampling(settings);
   Tiles tiles(renderer, settings, pool);
-  size_t filtered_rounds = 0;
-  const auto errors_of = [&](size_t round) {
+  const auto errors_of = [&](bool is_result) {
     result.film = tiles.Film();
-    FilteredPicture filtered = filter::DenoiseWithDeviation(filter::Frame(result.film), pool);
+    const filter::Frame frame(result.film);
+    FilteredPicture filtered = is_result || settings.target_error > 0
+                                   ? filter::DenoiseWithDeviation(frame, pool)
+                                   : filter::DenoiseToEstimate(frame, pool);
     const metrics::FilteredFilm view = {result.film.pixels, ViewOf(filtered.picture),
                                         ViewOf(filtered.deviation), &result.film.edges};
-    std::vector<double> errors = metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
     result.picture = std::move(filtered.picture);
-    result.estimated_error = sampling.MeasuredError(errors);
     ++result.filterings;
-    filtered_rounds = round + 1;
-    return errors;
+    return metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
   };
   for (size_t round = 0; round < sampling.rounds().size(); ++round) {
     tiles.Render(sampling, round);
@@ -120,12 +119,12 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
     if (round > 0 && !sampling.is_final()) {
       const std::vector<double> costs = tiles.Costs();
       const std::vector<double> errors =
-          sampling.NeedsPicture(costs) ? errors_of(round) : std::vector<double>(costs.size(), -1);
+          sampling.NeedsPicture(costs) ? errors_of(false) : std::vector<double>(costs.size(), -1);
       sampling.AddEstimate(static_cast<int>(round), errors, costs);
     }
     charge(&result.filter_seconds);
   }
-  if (filtered_rounds < sampling.rounds().size()) errors_of(sampling.rounds().size() - 1);
+  result.estimated_error = sampling.MeasuredError(errors_of(true));
   charge(&result.filter_seconds);
   result.mean_samples = MeanOf(sampling.rounds().back());
   return result;

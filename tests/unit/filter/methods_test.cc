@@ -412,12 +412,25 @@ TEST(FilterFilmWithDeviation, TellsHowFarThePictureIsOff) {
 TEST(FilterFilmWithDeviation, TellsAsMuchInBlocks) {
   const SyntheticFilm synthetic = MakeSyntheticFilm(384, 256, 0.4f, 7);
   const auto whole = FilterFilmWithDeviation(synthetic.film, "default", nullptr);
-  const auto blocks = FilterFilmWithDeviation(synthetic.film, "default", nullptr, nullptr, nullptr,
-                                              {.core = 128, .margin = 64, .fade = 32, .whole = 0});
+  const auto blocks =
+      FilterFilmWithDeviation(synthetic.film, "default", nullptr, nullptr, nullptr, FilterPurpose::kPicture,
+                              {.core = 128, .margin = 64, .fade = 32, .whole = 0});
   ASSERT_TRUE(whole.ok() && blocks.ok());
   EXPECT_LT(SumOfSquares(blocks->picture, &synthetic.truth),
             1.1 * SumOfSquares(whole->picture, &synthetic.truth));
   EXPECT_NEAR(SumOfSquares(blocks->deviation, nullptr) / SumOfSquares(whole->deviation, nullptr), 1, 0.2);
+}
+
+TEST(FilterFilmWithDeviation, LeavesOutAStageToEstimate) {
+  const SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.4f, 1);
+  const auto estimate =
+      FilterFilmWithDeviation(synthetic.film, "default", nullptr, nullptr, nullptr, FilterPurpose::kEstimate);
+  ASSERT_TRUE(estimate.ok()) << estimate.status();
+  const double error = SumOfSquares(estimate->picture, &synthetic.truth);
+  EXPECT_GT(error, SumOfSquares(Filter(synthetic.film, "default"), &synthetic.truth));
+  const double variance = SumOfSquares(estimate->deviation, nullptr);
+  EXPECT_GT(variance, 0.3 * error) << "of the picture that was made";
+  EXPECT_LT(variance, 1.05 * error);
 }
 
 TEST(FilterFilmWithDeviation, NamesTheMethodsThatKnowIt) {

@@ -223,7 +223,7 @@ TEST(PlanRules, UnitsTakeLongEnough) {
     settings.rays_per_second = rays_per_second;
     return PlanOf(LitBox(Gray()), settings).units;
   };
-  const double rays_per_sample = RunProbe(LitBox(Gray()), settings.render)->RaysPerSample();
+  const double rays_per_sample = RunProbe(LitBox(Gray()), settings.render, kAmpleSamples)->RaysPerSample();
   const UnitPlan fast = with(64, 1e12);
   EXPECT_EQ(fast.tile_size, 128) << "short passes get large tiles";
   EXPECT_EQ(fast.pass_samples, 256) << "and more samples";
@@ -293,7 +293,7 @@ TEST(PlanRules, DecisionsCanBeForced) {
 TEST(PlanRules, WhatCannotBeForcedIsNamed) {
   const Scene room = LitBox(Gray());
   PlanSettings settings = SettingsFor();
-  const auto probe = RunProbe(room, settings.render);
+  const auto probe = RunProbe(room, settings.render, kAmpleSamples);
   ASSERT_TRUE(probe.ok());
   const auto error_of = [&](const std::string& forced) {
     settings.forced = {forced};

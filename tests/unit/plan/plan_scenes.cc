@@ -117,7 +117,7 @@ PlanSettings SettingsFor(std::shared_ptr<const render::Environment> sky) {
 }
 
 Plan PlanOf(const Scene& scene, const PlanSettings& settings) {
-  const auto probe = RunProbe(scene, settings.render);
+  const auto probe = RunProbe(scene, settings.render, kAmpleSamples);
   LUMIFOLD_CHECK(probe.ok());
   auto plan = MakePlan(scene, settings, *probe);
   LUMIFOLD_CHECK(plan.ok());

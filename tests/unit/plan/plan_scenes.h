@@ -31,6 +31,9 @@ std::shared_ptr<const render::Environment> WhiteSky();
 /// Adds a picture of the given texels (RGBA, one row) and a texture of it; returns the texture's number.
 int AddTexture(const std::vector<uint8_t>& rgba, scene::Scene* scene);
 
+/// Samples per pixel of a job that may have the largest probe.
+inline constexpr int32_t kAmpleSamples = 1 << 16;
+
 PlanSettings SettingsFor(std::shared_ptr<const render::Environment> sky = nullptr);
 
 /// Probes and plans; fails the test on errors.

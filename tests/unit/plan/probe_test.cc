@@ -15,8 +15,8 @@ namespace {
 
 using scene::Scene;
 
-Probe ProbeOf(const Scene& scene, const render::RenderSettings& settings) {
-  const auto probe = RunProbe(scene, settings);
+Probe ProbeOf(const Scene& scene, const render::RenderSettings& settings, int32_t samples = kAmpleSamples) {
+  const auto probe = RunProbe(scene, settings, samples);
   EXPECT_TRUE(probe.ok()) << probe.status();
   return *probe;
 }
@@ -46,6 +46,22 @@ TEST(Probe, HasTheFramesAspectRatioAndAboutAFixedNumberOfPixels) {
   }
 }
 
+TEST(Probe, IsASmallPartOfASmallJob) {
+  const Scene sheet = Sheet(lumifold::testing::Lambert({1, 1, 1}));
+  render::RenderSettings settings;
+  settings.width = 128;
+  settings.height = 96;
+  const int64_t pixels = int64_t{128} * 96;
+  const Probe of_usual = ProbeOf(sheet, settings, 256);
+  EXPECT_LE(of_usual.samples, pixels * 256 / kSamplesPerProbeSample);
+  EXPECT_GE(of_usual.samples, pixels * 256 / kSamplesPerProbeSample * 9 / 10);
+  const Probe of_least = ProbeOf(sheet, settings, 1);
+  EXPECT_NEAR(of_least.width * of_least.height, kLeastProbePixels, 16);
+  settings.width = 12;
+  settings.height = 9;
+  EXPECT_EQ(ProbeOf(sheet, settings, 1).rays_of_pixel.size(), 12u * 9u) << "all pixels of a smaller frame";
+}
+
 TEST(Probe, CountsTheRaysOfAScene) {
   // Every camera ray hits; nothing emits or scatters: one ray for each sample.
   const Probe probe = ProbeOf(Box(lumifold::testing::Lambert({0, 0, 0})), SettingsFor().render);
@@ -67,7 +83,7 @@ TEST(Probe, APictureWithoutNoiseHasNone) {
 TEST(Probe, MissesOfTheCameraAreNamed) {
   render::RenderSettings settings = SettingsFor().render;
   settings.camera = "none";
-  const auto probe = RunProbe(lumifold::testing::SmallRoom(), settings);
+  const auto probe = RunProbe(lumifold::testing::SmallRoom(), settings, kAmpleSamples);
   EXPECT_EQ(probe.status().code(), absl::StatusCode::kNotFound);
 }
 

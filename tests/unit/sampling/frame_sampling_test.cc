@@ -18,8 +18,8 @@ SamplingSettings Settings() { return {.width = kEdge, .height = kEdge, .budget =
 
 std::vector<double> Ones() { return std::vector<double>(kBlocks, 1.0); }
 
-/// Rays of a sample of a scene in which filtering costs as much as 10 samples.
-std::vector<double> UsualCosts() { return std::vector<double>(kBlocks, 6.0); }
+/// Rays of a sample of a scene in which an estimate costs as much as 10 samples.
+std::vector<double> UsualCosts() { return std::vector<double>(kBlocks, 4.0); }
 
 /// The error of each block at its samples, if its amplitude is `amplitudes`.
 std::vector<double> ErrorsAt(const Allocation& samples, const std::vector<double>& amplitudes) {
@@ -98,18 +98,18 @@ TEST(FrameSampling, BeginsWithMoreSamplesWhereTheBudgetIsLarge) {
 TEST(FrameSampling, FiltersNothingWhereThatCostsTooMuch) {
   SamplingSettings settings = Settings();
   settings.budget = 128;
-  const FrameSampling dear(settings);  // a filtering of 10 samples is a thirteenth of it
+  const FrameSampling dear(settings);  // an estimate of 10 samples is a thirteenth of it
   EXPECT_TRUE(dear.NeedsPicture(UsualCosts()));
-  EXPECT_FALSE(dear.NeedsPicture(std::vector<double>(kBlocks, 5.0)));
+  EXPECT_FALSE(dear.NeedsPicture(std::vector<double>(kBlocks, 3.0)));
   int comparisons = 0;
   const FrameSampling sampling =
-      RunFrame(settings, OneLoudBlock(100), std::vector<double>(kBlocks, 5.0), &comparisons);
+      RunFrame(settings, OneLoudBlock(100), std::vector<double>(kBlocks, 3.0), &comparisons);
   EXPECT_EQ(comparisons, 0);
   EXPECT_TRUE(sampling.is_final());
   EXPECT_EQ(sampling.rounds().back(), Allocation(kBlocks, 128));
   EXPECT_LT(sampling.PredictedError(), 0);
   settings.target_error = 1;
-  EXPECT_TRUE(FrameSampling(settings).NeedsPicture(std::vector<double>(kBlocks, 5.0)))
+  EXPECT_TRUE(FrameSampling(settings).NeedsPicture(std::vector<double>(kBlocks, 3.0)))
       << "nothing else tells when it is reached";
 }
 

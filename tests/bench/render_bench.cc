@@ -138,7 +138,8 @@ void BM_PlannedOverFull(benchmark::State& state, const std::string& name) {
   plan::PlanSettings settings;
   settings.render.width = frame.width();
   settings.render.height = frame.height();
-  const plan::Plan plan = *plan::MakePlan(*scene, settings, *plan::RunProbe(*scene, settings.render, settings.samples));
+  const plan::Plan plan =
+      *plan::MakePlan(*scene, settings, *plan::RunProbe(*scene, settings.render, settings.samples));
   const auto full = *render::Renderer::Create(scene, settings.render);
   settings.render.plan = plan.tracing;
   settings.render.max_bounces = plan.max_bounces;

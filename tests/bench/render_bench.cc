@@ -70,7 +70,7 @@ void BM_Passes(benchmark::State& state, const std::string& name) {
   const render::Renderer* renderer = RendererOf(name, state);
   if (renderer == nullptr) return;
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(kThreads);
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     RunTiles(*pool, [&](const Rect& tile) {
       render::RenderCounts counts;
       benchmark::DoNotOptimize(renderer->RenderPass(tile, 0, {0, kSamples}, &counts));
@@ -84,7 +84,7 @@ void BM_Geometry(benchmark::State& state, const std::string& name) {
   const render::Renderer* renderer = RendererOf(name, state);
   if (renderer == nullptr) return;
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(kThreads);
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     RunTiles(*pool, [&](const Rect& tile) { benchmark::DoNotOptimize(renderer->RenderGeometry(tile, 0)); });
   }
   state.counters["pixels/s"] = benchmark::Counter(static_cast<double>(state.iterations()) * kWidth * kHeight,
@@ -99,7 +99,7 @@ void BM_Frame(benchmark::State& state, const std::string& name, bool radiance_on
   if (renderer == nullptr) return;
   const std::unique_ptr<TaskPool> pool = MakeTaskPool(kThreads);
   constexpr uint32_t kFrameSamples = 64;
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     RunTiles(*pool, [&](const Rect& tile) {
       render::RenderCounts counts;
       const SampleRange range = {0, kFrameSamples};
@@ -145,7 +145,7 @@ void BM_PlannedOverFull(benchmark::State& state, const std::string& name) {
   settings.render.max_bounces = plan.max_bounces;
   const auto planned = *render::Renderer::Create(scene, settings.render);
   std::vector<double> ratios;
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     const double seconds = SecondsOfPass(*planned, frame);
     ratios.push_back(seconds / SecondsOfPass(*full, frame));
   }
@@ -170,7 +170,7 @@ void BM_Fragments(benchmark::State& state, const std::string& name, uint32_t sam
   std::vector<double> first;
   std::vector<double> later;
   int tile = 0;
-  for (auto _ : state) {
+  for ([[maybe_unused]] auto _ : state) {
     const int number = tile++ * 37 % (kWidth * kHeight / kTile / kTile);  // all over the picture
     const int x = number % (kWidth / kTile) * kTile;
     const int y = number / (kWidth / kTile) * kTile;

@@ -280,26 +280,24 @@ absl::StatusOr<bool> ChartPlan(const std::string& folder, const std::vector<Plan
   if (!drawn.ok()) return drawn;
   if (absl::Status status = WriteFileAtomically(folder + "/plan.csv", Csv(pairs)); !status.ok())
     return status;
-  const absl::Status status =
-      WritePage(folder + "/plan.md", "What plans save", provenance,
-                absl::StrFormat("Pairs of jobs with the same seed, at %dx%d with %d samples per pixel: "
-                                "everything modelled, and what the "
-                                "[plan](../plan.md) leaves of it. Both go through the code of worker and "
-                                "coordinator, in one process and "
-                                "without a network. The planned job pays for its probe, of about 4096 pixels "
-                                "with 8 samples, whatever the "
-                                "size of the picture.\n\n"
-                                "## Planned over full\n\n"
-                                "Mean of the ratios of %d pairs, ± its standard error where they differ. "
-                                "Times are processor seconds. A "
-                                "plan keeps accuracy if MSE255 rises by at most 1 %%, as far as two standard "
-                                "errors can tell. Bytes on the "
-                                "wire are those of the workers' messages: a plane whose values are all equal "
-                                "takes four bytes there, "
-                                "with any plan; the bytes as float32 tell what plans leave out.\n\n"
-                                "![ratios](plan-ratios.svg)\n\n%s\n## Means, full and planned\n\n%s",
-                                settings.width, settings.height, settings.samples,
-                                static_cast<int>(scenes[0].size()), RatioTable(scenes), MeansTable(scenes)));
+  const absl::Status status = WritePage(
+      folder + "/plan.md", "What plans save", provenance,
+      absl::StrFormat("Pairs of jobs with the same seed, at %dx%d with %d samples per pixel: "
+                      "everything modelled, and what the "
+                      "[plan](../plan.md) leaves of it. Both go through the code of worker and "
+                      "coordinator, in one process and "
+                      "without a network. The planned job pays for its probe, of a 128th of its samples.\n\n"
+                      "## Planned over full\n\n"
+                      "Mean of the ratios of %d pairs, ± its standard error where they differ. "
+                      "Times are processor seconds. A "
+                      "plan keeps accuracy if MSE255 rises by at most 1 %%, as far as two standard "
+                      "errors can tell. Bytes on the "
+                      "wire are those of the workers' messages: a plane whose values are all equal "
+                      "takes four bytes there, "
+                      "with any plan; the bytes as float32 tell what plans leave out.\n\n"
+                      "![ratios](plan-ratios.svg)\n\n%s\n## Means, full and planned\n\n%s",
+                      settings.width, settings.height, settings.samples, static_cast<int>(scenes[0].size()),
+                      RatioTable(scenes), MeansTable(scenes)));
   if (!status.ok()) return status;
   return drawn;
 }

@@ -27,6 +27,7 @@ TEST(Probe, IsTheSameInEveryRunAndThread) {
   const std::string alone = TextOf(PlanOf(room, settings));
   std::vector<std::string> together(3);
   std::vector<std::thread> threads;
+  threads.reserve(together.size());
   for (std::string& json : together) threads.emplace_back([&] { json = TextOf(PlanOf(room, settings)); });
   for (std::thread& thread : threads) thread.join();
   for (const std::string& json : together) EXPECT_EQ(json, alone);

@@ -23,8 +23,8 @@ float WeightAt(float value, ErrorMetric metric) {
   return slope * slope;
 }
 
-/// Squared error of a value that is off by `deviation` to either side. The display's curve is not straight over large ones, and
-/// ends: an unlucky pixel beside a lamp would outweigh the rest of the picture by the curve's slope.
+/// Squared error of a value that is off by `deviation` to either side. The display's curve is not straight over large ones,
+/// and ends: an unlucky pixel beside a lamp would outweigh the rest of the picture by the curve's slope.
 double SquaredError(float value, float deviation, ErrorMetric metric) {
   if (metric == ErrorMetric::kRelMse) return double{WeightAt(value, metric)} * deviation * deviation;
   const double shown = double{SrgbFromLinear(value)};

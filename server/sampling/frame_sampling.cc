@@ -23,7 +23,7 @@ constexpr double kFirstPart = 32;
 constexpr double kLeastFirstSamples = 16;
 /// Parts of the budget at the end of the second uniform round, which is estimated, and of the third, which is under way
 /// meanwhile. Half of both: noisier estimates, 2 % more error in two of three scenes, and workers that wait. A fifth more or
-/// less of the third: 0.5 to 1 % more or less error; workers wait where it is less.
+/// less of the third: up to 1 % more or less error; workers wait where it is less.
 constexpr double kSecondPart = 3.0 / 16;
 constexpr double kThirdPart = 5.0 / 16;
 /// Below this nothing is left to decide after the uniform rounds.
@@ -38,9 +38,7 @@ constexpr double kRounding = 1e-9;
 /// The first estimate filters the frame, which may take this part of the budget, one in.
 constexpr double kBudgetPerEstimate = 12;
 
-uint32_t RoundDown(double samples, uint32_t step = kSampleStep) {
-  return static_cast<uint32_t>(samples) / step * step;
-}
+uint32_t RoundDown(double samples) { return static_cast<uint32_t>(samples) / kSampleStep * kSampleStep; }
 
 float Power(double value, float exponent) { return Pow(static_cast<float>(value), exponent); }
 
@@ -145,13 +143,11 @@ Allocation FrameSampling::Distribute(double mean_cost, absl::Span<const double> 
     const double amplitude = estimates_[i] > 0 ? amplitudes_[i] / estimates_[i] : 0;
     wanted[i] = IsKnown() ? Power(amplitude / costs[i], kSpread) : 1;
   }
-  constexpr uint32_t kStepOfAll = 2;  // one sample for each half
-  const uint32_t step = IsKnown() ? kSampleStep : kStepOfAll;
   const auto scaled_by = [&](double factor) {
     Allocation next(granted.size());
     for (size_t i = 0; i < next.size(); ++i) {
       const double most = std::min(most_growth * granted[i], kMostOverBudget * settings_.budget);
-      next[i] = std::max(granted[i], RoundDown(std::min(std::max(factor * wanted[i], floor), most), step));
+      next[i] = std::max(granted[i], RoundDown(std::min(std::max(factor * wanted[i], floor), most)));
     }
     return next;
   };

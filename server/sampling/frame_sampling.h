@@ -11,12 +11,11 @@
 /// state and policy: no clock, no threads, no files.
 namespace lumifold::sampling {
 
-/// Samples per pixel of each block of a frame (filter/image/tile_samples.h), row by row. Multiples of kSampleStep, unless all
-/// are equal.
+/// Samples per pixel of each block of a frame (filter/image/tile_samples.h), row by row. Multiples of kSampleStep.
 using Allocation = std::vector<uint32_t>;
 
-/// What renderers trace of a pixel at once: with steps of 4 a sample takes 3 % longer, and pictures err alike.
-inline constexpr uint32_t kSampleStep = 8;
+/// Two samples for each half.
+inline constexpr uint32_t kSampleStep = 4;
 
 struct SamplingSettings {
   int width = 0;  // of the frame in pixels
@@ -26,9 +25,10 @@ struct SamplingSettings {
   /// Sampling ends when the filtered picture's estimated error is at most this; 0: only the budget and a picture without
   /// error end it.
   double target_error = 0;
-  /// Cost of an estimate, which filters the frame once without second filterings, in rays per pixel. 28 to 49 in the chart's
-  /// scenes at 256x192 and 512x384, more in smaller pictures (decision 21). Half as much: twice as many estimates in small
-  /// budgets, which lose up to 10 % where they find nothing; twice as much: uniform sampling up to twice the budget.
+  /// Cost of an estimate, which filters the frame once without second filterings, in rays per pixel: two thirds of a whole
+  /// filtering, which costs 43 to 74 in the chart's scenes at 256x192 and 512x384, more in smaller pictures (decision 21).
+  /// Half as much: twice as many estimates in small budgets, which lose up to 10 % where they find nothing; twice as much:
+  /// uniform sampling up to twice the budget.
   double estimate_rays = 40;
   /// SetBudget may be called: a frame whose budget looks spent waits for the estimate of its last round.
   bool budget_changes = false;
@@ -45,9 +45,9 @@ struct SamplingSettings {
 ///   - no block grows more than eight times as much as the mean in a round, nor beyond 16 times the budget: a firefly may
 ///     not draw everything.
 ///
-/// An estimate costs most of a filtering. The first one is made where that is at most one part in twelve of the budget. A further
-/// one makes the amplitudes more precise, and is made where that saves more samples than it costs, or where a target or a
-/// time needs it. Otherwise the next round spends the rest of the budget.
+/// An estimate costs most of a filtering. The first one is made where that is at most one part in twelve of the budget. A
+/// further one makes the amplitudes more precise, and is made where that saves more samples than it costs, or where a
+/// target or a time needs it. Otherwise the next round spends the rest of the budget.
 /// Threads: one at a time.
 class FrameSampling {
  public:

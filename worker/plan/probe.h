@@ -39,8 +39,8 @@ inline constexpr uint32_t kProbeSamples = 8;   // per pixel
 inline constexpr int kSamplesPerProbeSample = 128;
 inline constexpr int kBlock = 8;
 
-/// Traces the probe of frame 0 on the calling thread, for a job of so many samples per pixel. The random numbers are keyed as in
-/// Renderer::RenderPass, so the result is the same in every run. settings.plan is not read: everything is modelled.
+/// Traces the probe of frame 0 on the calling thread, for a job of so many samples per pixel. The random numbers are keyed
+/// as in Renderer::RenderPass, so the result is the same in every run. settings.plan is not read: everything is modelled.
 /// Errors: those of render::MakeCamera and render::EmbreeScene::Create.
 absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings,
                                int32_t samples_per_pixel);

@@ -192,6 +192,22 @@ TEST(EstimateError, CountsSteepDarkTonesMoreInMse255) {
   EXPECT_NEAR(MeanOf(estimate) / (kErrorOverVariance * slope * slope * variance), 1, 0.05);
 }
 
+TEST(EstimateError, KnowsTheEndsOfTheDisplaysCurve) {
+  const LayeredImage film = MakeFilm(32);
+  FilteredPicture filtered = FilterHalves(film, 0.3f, 0);
+  const double before = MeanOf(EstimateOf(film, filtered, ErrorMetric::kMse255));
+  for (Plane& plane : filtered.deviation) plane.At(50, 30) = 1000;  // one unlucky pixel
+  const double after = MeanOf(EstimateOf(film, filtered, ErrorMetric::kMse255));
+  EXPECT_GT(after, before);
+  // It counts for less than black in place of white; by the slope of the curve it would count for millions.
+  EXPECT_LT((after - before) * kWidth * kHeight, 1.1 * 255 * 255);
+  for (size_t c = 0; c < 3; ++c) {
+    filtered.picture[c].At(50, 30) = 1.1f;  // shown as white, and so is all above
+    filtered.deviation[c].At(50, 30) = 0.01f;
+  }
+  EXPECT_LT(MeanOf(EstimateOf(film, filtered, ErrorMetric::kMse255)), before);
+}
+
 TEST(EstimateError, IsTheSameForAnyPool) {
   const LayeredImage film = MakeFilm(32);
   const FilteredPicture filtered = FilterHalves(film, 0.3f, 0);

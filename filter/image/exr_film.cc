@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "filter/image/exr_parts.h"
@@ -22,6 +23,9 @@ namespace {
 constexpr int kLines = 16;
 /// Rows of a list searched at a time.
 constexpr int kListRows = 4096;
+/// Bytes that go to or from the scratch file at once, where whole rows do. A row of a list has 64 a channel, and each call
+/// costs as much as copying several thousand.
+constexpr size_t kPieceBytes = size_t{1} << 20;
 
 /// Copies the common part of two images. `from` starts at (x, y) in the coordinates of `to`; any overlap is
 /// allowed.
@@ -138,14 +142,34 @@ class ExrFilm::Part {
     return absl::OkStatus();
   }
 
-  absl::Status Keep(const LayeredImage& lines, int y0) {
-    for (int y = 0; y < lines.height(); ++y) {
-      for (size_t c = 0; c < channel_count_; ++c) {
-        const char* row = reinterpret_cast<const char*>(lines.channels()[c].plane.Row(y));
-        absl::Status status =
-            spool_->Write(PlaceOf(y0 + y, c), {row, sizeof(float) * static_cast<size_t>(width())});
-        if (!status.ok()) return status;
+  size_t RowFloats() const { return channel_count_ * static_cast<size_t>(width()); }
+
+  int RowsAtOnce() const {
+    return static_cast<int>(std::max(size_t{1}, kPieceBytes / (sizeof(float) * RowFloats())));
+  }
+
+  /// Calls copy(plane's row, place in `piece`) for the rows [y0, y1) of an image, in the scratch file's order.
+  template <typename Image, typename Copy>
+  void ForEachRow(Image& image, int y0, int y1, std::vector<float>& piece, Copy copy) const {
+    float* place = piece.data();
+    for (int y = y0; y < y1; ++y) {
+      for (auto& channel : image.channels()) {
+        copy(channel.plane.Row(y), place);
+        place += width();
       }
+    }
+  }
+
+  absl::Status Keep(const LayeredImage& lines, int y0) {
+    const int step = RowsAtOnce();
+    std::vector<float> piece;
+    for (int y = 0; y < lines.height(); y += step) {
+      const int end = std::min(y + step, lines.height());
+      piece.resize(static_cast<size_t>(end - y) * RowFloats());
+      ForEachRow(lines, y, end, piece,
+                 [&](const float* row, float* place) { std::copy_n(row, width(), place); });
+      const std::string_view bytes(reinterpret_cast<const char*>(piece.data()), sizeof(float) * piece.size());
+      if (absl::Status status = spool_->Write(PlaceOf(y0 + y, 0), bytes); !status.ok()) return status;
     }
     return absl::OkStatus();
   }
@@ -153,15 +177,37 @@ class ExrFilm::Part {
   absl::StatusOr<LayeredImage> ReadSpooled(const Rect& rect) {
     if (absl::Status status = Spool(rect.y0, rect.y1); !status.ok()) return status;
     LayeredImage image = Image(rect.width(), rect.height());
+    const absl::Status status =
+        rect.width() == width() ? ReadWholeRows(rect.y0, &image) : ReadPart(rect, &image);
+    if (!status.ok()) return status;
+    return image;
+  }
+
+  absl::Status ReadWholeRows(int y0, LayeredImage* image) const {
+    const int step = RowsAtOnce();
+    std::vector<float> piece;
+    for (int y = 0; y < image->height(); y += step) {
+      const int end = std::min(y + step, image->height());
+      piece.resize(static_cast<size_t>(end - y) * RowFloats());
+      absl::Status status = spool_->Read(PlaceOf(y0 + y, 0), reinterpret_cast<char*>(piece.data()),
+                                         sizeof(float) * piece.size());
+      if (!status.ok()) return status;
+      ForEachRow(*image, y, end, piece,
+                 [&](float* row, const float* place) { std::copy_n(place, width(), row); });
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status ReadPart(const Rect& rect, LayeredImage* image) const {
     const size_t bytes = sizeof(float) * static_cast<size_t>(rect.width());
     for (int y = 0; y < rect.height(); ++y) {
       for (size_t c = 0; c < channel_count_; ++c) {
         const uint64_t place = PlaceOf(rect.y0 + y, c) + sizeof(float) * static_cast<uint64_t>(rect.x0);
-        char* row = reinterpret_cast<char*>(image.channels()[c].plane.Row(y));
+        char* row = reinterpret_cast<char*>(image->channels()[c].plane.Row(y));
         if (absl::Status status = spool_->Read(place, row, bytes); !status.ok()) return status;
       }
     }
-    return image;
+    return absl::OkStatus();
   }
 
   const std::string path_;

@@ -145,6 +145,22 @@ TEST_F(ExrFilmTest, GivesAPartItsLists) {
   }
 }
 
+TEST_F(ExrFilmTest, GivesAPartListsLargerThanAPieceOfTheScratchFile) {
+  EdgedImage film{SamplePicture(), SampleEdges()};
+  float value = 0;
+  for (int c = 0; c < 40; ++c) {
+    const FloatView view = film.edges.Add(absl::StrCat("channel", c));
+    ForEachPixel(kSubSamples, film.edges.height(), [&](int x, int y) { view.At(x, y) = value += 0.25f; });
+  }
+  ASSERT_TRUE(WriteExr(folder_.PathOf("film.exr"), film).ok());
+  const std::unique_ptr<ExrFilm> source = Open(folder_.PathOf("film.exr"));
+  for (const Rect& part : kParts) {
+    const absl::StatusOr<EdgedImage> read = source->Read(part);
+    ASSERT_TRUE(read.ok()) << read.status();
+    ExpectSame(read->edges, EdgesInside(film.edges, part));
+  }
+}
+
 TEST_F(ExrFilmTest, TellsItsChannelsWithoutReadingPixels) {
   ASSERT_TRUE(WriteExr(folder_.PathOf("a.exr"), SamplePicture()).ok());
   const LayeredImage outline = Open(folder_.PathOf("a.exr"))->Outline();

@@ -41,12 +41,6 @@ class TextureSampler {
   void Prepare(const scene::TextureUse& use, const MipSource& mips);
   scene::Vec4 SampleImage(const scene::TextureRef& ref, const scene::Vec2 uv[2], const Footprint& footprint,
                           bool srgb) const;
-  /// Trilinear lookup: interpolates between the two levels whose texels are nearest in size to `width` texels
-  /// of the picture; at most the smallest level.
-  scene::Vec4 SampleLevels(const scene::Texture& texture, scene::Vec2 uv, float width, bool srgb) const;
-  scene::Vec4 Bilinear(const scene::ImageData& image, const scene::Texture& texture, scene::Vec2 uv,
-                       bool srgb) const;
-  scene::Vec4 Texel(const scene::ImageData& image, int x, int y, bool srgb) const;
 
   const scene::Scene* scene_;
   TransferTable linear_;

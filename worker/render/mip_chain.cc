@@ -68,10 +68,16 @@ TransferTable::TransferTable(bool srgb) {
     const float fraction = static_cast<float>(i) / 255.0f;
     linear_[i] = srgb ? LinearFromSrgb(fraction) : fraction;
   }
+  int above = 1;
+  for (int i = 0; i <= kSteps; ++i) {
+    while (above < 255 && linear_[above] < static_cast<float>(i) / kSteps) ++above;
+    above_[i] = static_cast<uint8_t>(above);
+  }
 }
 
 uint8_t TransferTable::Encode(float linear) const {
-  const float* above = std::lower_bound(linear_ + 1, linear_ + 255, linear);
+  const float* above = linear_ + above_[static_cast<int>(std::clamp(linear, 0.0f, 1.0f) * kSteps)];
+  while (above < linear_ + 255 && *above < linear) ++above;  // once at most: codes are more than a step apart
   const bool nearer_below = linear - above[-1] < above[0] - linear;
   return static_cast<uint8_t>(above - linear_ - (nearer_below ? 1 : 0));
 }

@@ -20,7 +20,10 @@ class TransferTable {
   uint8_t Encode(float linear) const;
 
  private:
+  static constexpr int kSteps = 4096;  // a power of two: the step of a value is exact
+
   float linear_[256];
+  uint8_t above_[kSteps + 1];  // the first code from 1 on whose linear value is not below that of the step
 };
 
 using MipLevels = std::vector<scene::ImageData>;

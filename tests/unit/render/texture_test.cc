@@ -94,6 +94,12 @@ TEST(TransferTable, EncodesToTheNearestLinearValue) {
       const auto byte = static_cast<uint8_t>(i);
       EXPECT_EQ(code.Encode(code.Decode(byte)), byte);
     }
+    for (int i = 0; i <= 5000; ++i) {
+      const float linear = static_cast<float>(i) / 5000;
+      const float off = std::abs(code.Decode(code.Encode(linear)) - linear);
+      for (int other = 0; other < 256; ++other)
+        EXPECT_LE(off, std::abs(code.Decode(static_cast<uint8_t>(other)) - linear)) << linear;
+    }
     EXPECT_EQ(code.Encode(-1), 0);
     EXPECT_EQ(code.Encode(2), 255);
   }

@@ -69,8 +69,8 @@ class Strip {
     const int end = row + 1 < grid_.rows() ? grid_.Output(0, row + 1).y0 : first_row_ + rows_.height();
     const int count = end - first_row_;
     LayeredImage left = rows_.Crop({0, count, rows_.width(), rows_.height()});
-    LayeredImage finished = left.height() == 0 ? std::move(rows_) : rows_.Crop({0, 0, rows_.width(), count});
-    rows_ = std::move(left);
+    rows_.Truncate(count);
+    LayeredImage finished = std::exchange(rows_, std::move(left));
     first_row_ = end;
     return finished;
   }

@@ -29,7 +29,7 @@ LayeredImage EdgesInside(const LayeredImage& edges, const Rect& rect) {
     if (rect.Contains(PlaceOf(x.At(0, row)), PlaceOf(y.At(0, row)))) rows.push_back(row);
   }
   if (rows.empty()) return {};
-  LayeredImage inside(edges.width(), static_cast<int>(rows.size()));
+  LayeredImage inside = LayeredImage::List(edges.width(), static_cast<int>(rows.size()));
   for (const LayeredImage::Channel& channel : edges.channels()) {
     const FloatView out = inside.Add(channel.name);
     for (size_t i = 0; i < rows.size(); ++i)

@@ -1,11 +1,14 @@
 #include "filter/image/exr_film.h"
 
+#include <ImfHeader.h>
 #include <ImfInputPart.h>
 #include <ImfPartType.h>
+#include <ImfThreading.h>
 #include <ImfTiledInputPart.h>
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <optional>
 #include <utility>
@@ -19,13 +22,30 @@
 namespace lumifold {
 namespace {
 
-/// Scan lines decoded at a time: ZIP compresses this many together.
+/// Scan lines decoded at a time, at least: ZIP compresses this many together.
 constexpr int kLines = 16;
 /// Rows of a list searched at a time.
 constexpr int kListRows = 4096;
 /// Bytes that go to or from the scratch file at once, where whole rows do. A row of a list has 64 a channel, and each call
 /// costs as much as copying several thousand.
 constexpr size_t kPieceBytes = size_t{1} << 20;
+
+/// Memory for decoding. OpenEXR holds two chunks of lines for each thread, three times each: as read, as decompressed, and
+/// in the order of the channels.
+constexpr double kDecodeBytes = 512.0 * (1 << 20);
+
+/// Threads for decoding a file within kDecodeBytes, at most `most`: fewer where a chunk is large.
+int DecodeThreads(const Imf::MultiPartInputFile& file, int most) {
+  double threads = most;
+  for (int part = 0; part < file.parts(); ++part) {
+    const Imf::Header& header = file.header(part);
+    const Imath::Box2i& window = header.dataWindow();
+    double chunk = sizeof(float) * kLines * (static_cast<double>(window.max.x) - window.min.x + 1);
+    chunk *= static_cast<double>(ExrImage(header, 0, 0).channels().size());
+    if (!header.hasTileDescription()) threads = std::min(threads, std::ceil(kDecodeBytes / (6 * chunk)));
+  }
+  return static_cast<int>(threads);
+}
 
 /// Copies the common part of two images. `from` starts at (x, y) in the coordinates of `to`; any overlap is
 /// allowed.
@@ -133,7 +153,7 @@ class ExrFilm::Part {
     spooled_from_ = y0;
     spool_->Forget(PlaceOf(std::min(y0, spooled_to_), 0));
     while (spooled_to_ < y1) {
-      const int end = std::min(spooled_to_ + kLines, height());
+      const int end = std::min(spooled_to_ + std::max(kLines, RowsAtOnce() / kLines * kLines), height());
       const absl::StatusOr<LayeredImage> lines = Peek(spooled_to_, end);
       if (!lines.ok()) return lines.status();
       if (absl::Status status = Keep(*lines, spooled_to_); !status.ok()) return status;
@@ -240,7 +260,8 @@ absl::StatusOr<std::unique_ptr<ExrFilm>> ExrFilm::Open(const std::string& path,
   auto file = std::make_unique<File>();
   file->path = path;
   const absl::Status status = CatchExr(path, [&] {
-    file->input = std::make_unique<Imf::MultiPartInputFile>(path.c_str());
+    const int threads = DecodeThreads(Imf::MultiPartInputFile(path.c_str(), 0), Imf::globalThreadCount());
+    file->input = std::make_unique<Imf::MultiPartInputFile>(path.c_str(), threads);
     return CheckExr(path, *file->input, std::filesystem::file_size(path));
   });
   if (!status.ok()) return status;

@@ -59,7 +59,9 @@ void ReadPart(Imf::MultiPartInputFile& file, int number, const std::string& laye
 /// An image without channels for a part.
 LayeredImage ImageFor(const Imf::Header& header) {
   const Imath::Box2i& window = header.dataWindow();
-  LayeredImage image(window.max.x - window.min.x + 1, window.max.y - window.min.y + 1);
+  const int width = window.max.x - window.min.x + 1;
+  const int height = window.max.y - window.min.y + 1;
+  LayeredImage image = IsExrList(header) ? LayeredImage::List(width, height) : LayeredImage(width, height);
   image.metadata() = ExrMetadata(header);
   return image;
 }

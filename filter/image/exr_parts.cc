@@ -139,7 +139,7 @@ std::map<std::string, std::string> ExrMetadata(const Imf::Header& header) {
 }
 
 LayeredImage ExrImage(const Imf::Header& header, int width, int height) {
-  LayeredImage image(width, height);
+  LayeredImage image = IsExrList(header) ? LayeredImage::List(width, height) : LayeredImage(width, height);
   for (auto it = header.channels().begin(); it != header.channels().end(); ++it) image.Add(it.name());
   return image;
 }

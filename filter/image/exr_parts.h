@@ -50,7 +50,7 @@ bool IsExrList(const Imf::Header& header);
 /// The string attributes of a header.
 std::map<std::string, std::string> ExrMetadata(const Imf::Header& header);
 
-/// An image of zeros with the part's channels.
+/// An image of zeros with the part's channels, a list if the part is one.
 LayeredImage ExrImage(const Imf::Header& header, int width, int height);
 
 }  // namespace lumifold

@@ -7,7 +7,27 @@
 
 namespace lumifold {
 
-FloatView LayeredImage::Add(std::string_view name) { return Add(name, Plane(width_, height_)); }
+LayeredImage LayeredImage::List(int width, int rows) {
+  LayeredImage list(width, rows);
+  list.is_list_ = true;
+  return list;
+}
+
+LayeredImage LayeredImage::Resized(int width, int height) const {
+  return is_list_ ? List(width, height) : LayeredImage(width, height);
+}
+
+/// Of undefined values.
+Plane LayeredImage::MakePlane() const {
+  return is_list_ ? Plane::Packed(width_, height_) : Plane::Uninitialized(width_, height_);
+}
+
+FloatView LayeredImage::Add(std::string_view name) {
+  if (!is_list_) return Add(name, Plane(width_, height_));
+  Plane plane = MakePlane();
+  plane.Fill(0);
+  return Add(name, std::move(plane));
+}
 
 FloatView LayeredImage::Add(std::string_view name, Plane plane) {
   LUMIFOLD_CHECK(!Has(name));
@@ -56,13 +76,18 @@ ColorView LayeredImage::GetColor(std::string_view layer) {
 }
 
 LayeredImage LayeredImage::Crop(const Rect& rect) const {
-  LayeredImage part(rect.width(), rect.height());
+  LayeredImage part = Resized(rect.width(), rect.height());
   for (const Channel& channel : channels_) {
-    Plane plane = Plane::Uninitialized(rect.width(), rect.height());
+    Plane plane = part.MakePlane();
     CopyPlane(channel.plane.view().Crop(rect), plane.view());
     part.Add(channel.name, std::move(plane));
   }
   return part;
+}
+
+void LayeredImage::Truncate(int height) {
+  for (Channel& channel : channels_) channel.plane.Truncate(height);
+  height_ = height;
 }
 
 LayeredImage JoinRows(const std::vector<LayeredImage>& pieces) {
@@ -73,7 +98,7 @@ LayeredImage JoinRows(const std::vector<LayeredImage>& pieces) {
     if (!piece.channels().empty()) sample = &piece;
   }
   if (sample == nullptr) return {};
-  LayeredImage joined(sample->width(), height);
+  LayeredImage joined = sample->Resized(sample->width(), height);
   for (size_t i = 0; i < sample->channels().size(); ++i) {
     const FloatView out = joined.Add(sample->channels()[i].name);
     int y = 0;

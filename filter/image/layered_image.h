@@ -21,6 +21,12 @@ class LayeredImage {
 
   LayeredImage() = default;
   LayeredImage(int width, int height) : width_(width), height_(height) {}
+  /// A list, such as an edge set or fragments: `rows` rows of `width` values in each channel. Its planes are packed
+  /// (Plane::Packed), which pictures' are not.
+  static LayeredImage List(int width, int rows);
+
+  /// A picture, or a list if this is one, of another size and without channels.
+  LayeredImage Resized(int width, int height) const;
 
   int width() const { return width_; }
   int height() const { return height_; }
@@ -43,6 +49,8 @@ class LayeredImage {
 
   /// A copy of the part inside `rect`, which must lie within the picture; without metadata.
   LayeredImage Crop(const Rect& rect) const;
+  /// Drops the rows from `height` on, at most all.
+  void Truncate(int height);
 
   const std::vector<Channel>& channels() const { return channels_; }
   std::vector<Channel>& channels() { return channels_; }
@@ -52,9 +60,11 @@ class LayeredImage {
 
  private:
   const Channel* Find(std::string_view name) const;
+  Plane MakePlane() const;
 
   int width_ = 0;
   int height_ = 0;
+  bool is_list_ = false;
   std::vector<Channel> channels_;
   std::map<std::string, std::string> metadata_;
 };

@@ -65,8 +65,14 @@ class Plane {
   Plane(int width, int height);
   /// A plane of undefined values, to be written before it is read.
   static Plane Uninitialized(int width, int height);
+  /// A plane of undefined values whose rows follow each other without padding: for lists, whose rows are short and no
+  /// kernel's. Only the last one ends with a whole vector.
+  static Plane Packed(int width, int height);
 
+  /// A copy, padded or packed like this plane.
   Plane Clone() const;
+  /// Drops the rows from `height` on, at most all; their memory is kept.
+  void Truncate(int height);
   void Fill(float value);
 
   int width() const { return width_; }
@@ -82,6 +88,8 @@ class Plane {
   struct Free {
     void operator()(float* p) const { std::free(p); }
   };
+  void Allocate(size_t floats);
+
   std::unique_ptr<float[], Free> data_;
   int width_ = 0;
   int height_ = 0;

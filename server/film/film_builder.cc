@@ -107,7 +107,7 @@ LayeredImage AssembleLists(const std::vector<LayeredImage>& lists, const std::ve
   }
   if (places.empty()) return {};
   std::sort(places.begin(), places.end());
-  LayeredImage assembled(width, static_cast<int>(places.size()));
+  LayeredImage assembled = LayeredImage::List(width, static_cast<int>(places.size()));
   for (const std::string& name : channels) {
     const FloatView view = assembled.Add(name);
     for (int row = 0; row < assembled.height(); ++row) {

@@ -82,7 +82,7 @@ const std::vector<double>* TileFragments::Find(const std::string& channel) const
 
 LayeredImage TileFragments::Means(const std::vector<std::string>& channels) const {
   if (places_.empty()) return {};
-  LayeredImage means(1, static_cast<int>(places_.size()));
+  LayeredImage means = LayeredImage::List(1, static_cast<int>(places_.size()));
   for (const std::string& channel : channels) FillMeans(channel, means.Add(channel));
   FillPlaces(&means);
   return means;

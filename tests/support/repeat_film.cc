@@ -1,10 +1,9 @@
 // Makes a film of any size by repeating a small one, row by row: pictures larger than memory, for tests.
-//   repeat-film FILM.exr WIDTH HEIGHT OUT.exr [--without-edges]
+//   repeat-film FILM.exr WIDTH HEIGHT OUT.exr
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "filter/image/exr_io.h"
@@ -65,7 +64,7 @@ std::vector<Repeated> RowsOfList(const LayeredImage& list, const Rect& tile, int
 
 LayeredImage ListRows(const LayeredImage& list, const std::vector<Repeated>& repeated, size_t first,
                       size_t last) {
-  LayeredImage rows(list.width(), static_cast<int>(last - first));
+  LayeredImage rows = list.Resized(list.width(), static_cast<int>(last - first));
   for (const LayeredImage::Channel& channel : list.channels()) {
     const FloatView out = rows.Add(channel.name);
     for (size_t i = first; i < last; ++i) {
@@ -106,13 +105,11 @@ absl::Status Repeat(const EdgedImage& film, int width, int height, const std::st
 }
 
 int Run(int argc, char** argv) {
-  const bool without_edges = argc == 6 && std::string_view(argv[5]) == "--without-edges";
-  if (argc != 5 && !without_edges) {
-    std::fputs("usage: repeat-film FILM.exr WIDTH HEIGHT OUT.exr [--without-edges]\n", stderr);
+  if (argc != 5) {
+    std::fputs("usage: repeat-film FILM.exr WIDTH HEIGHT OUT.exr\n", stderr);
     return 2;
   }
-  absl::StatusOr<EdgedImage> film = ReadEdgedExr(argv[1]);
-  if (film.ok() && without_edges) *film = {std::move(film->pixels)};
+  const absl::StatusOr<EdgedImage> film = ReadEdgedExr(argv[1]);
   const absl::Status status =
       film.ok() ? Repeat(*film, std::atoi(argv[2]), std::atoi(argv[3]), argv[4]) : film.status();
   if (status.ok()) return 0;

@@ -20,7 +20,7 @@ void PixelRows::Add(std::span<const float> values) {
 LayeredImage PixelRows::Make() const {
   const int rows = values_.empty() ? 0 : static_cast<int>(values_[0].size()) / width_;
   if (rows == 0) return {};
-  LayeredImage list(width_, rows);
+  LayeredImage list = LayeredImage::List(width_, rows);
   for (size_t i = 0; i < names_.size(); ++i) {
     const FloatView view = list.Add(names_[i]);
     for (int y = 0; y < rows; ++y) std::copy_n(values_[i].begin() + int64_t{y} * width_, width_, view.Row(y));

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <vector>
 
 #include "filter/image/layered_image.h"
 
@@ -31,6 +32,27 @@ TEST(Plane, CloneSharesNothing) {
   EXPECT_EQ(copy.At(1, 1), 4.0f);
 }
 
+TEST(Plane, PacksTheRowsOfLists) {
+  Plane plane = Plane::Packed(1, 1000);
+  EXPECT_EQ(plane.view().stride(), 1);
+  plane.Fill(4.0f);
+  plane.At(0, 999) = 9.0f;
+  const Plane copy = plane.Clone();
+  EXPECT_EQ(copy.view().stride(), 1);
+  EXPECT_EQ(copy.At(0, 998), 4.0f);
+  EXPECT_EQ(copy.At(0, 999), 9.0f);
+  EXPECT_EQ(Plane::Packed(16, 0).height(), 0);
+}
+
+TEST(Plane, TruncateDropsRows) {
+  Plane plane(3, 4);
+  plane.At(2, 1) = 7.0f;
+  plane.Truncate(2);
+  EXPECT_EQ(plane.height(), 2);
+  EXPECT_EQ(plane.At(2, 1), 7.0f);
+  EXPECT_EQ(plane.Clone().height(), 2);
+}
+
 TEST(PlaneView, CropPointsIntoTheSamePixels) {
   Plane plane(8, 6);
   plane.At(3, 2) = 7.0f;
@@ -54,6 +76,26 @@ TEST(LayeredImage, KeepsChannelsInTheOrderTheyCame) {
   EXPECT_EQ(image.channels()[3].name, "direct.B");
   EXPECT_TRUE(image.HasColor("direct"));
   EXPECT_FALSE(image.HasColor(""));
+}
+
+TEST(LayeredImage, PartsOfAListAreLists) {
+  LayeredImage list = LayeredImage::List(1, 40);
+  const FloatView values = list.Add("sample");
+  EXPECT_EQ(values.stride(), 1);
+  for (int row = 0; row < 40; ++row) {
+    EXPECT_EQ(values.At(0, row), 0.0f);
+    values.At(0, row) = static_cast<float>(row);
+  }
+  std::vector<LayeredImage> pieces;
+  pieces.push_back(list.Crop({0, 10, 1, 40}));
+  pieces.push_back(list.Crop({0, 0, 1, 10}));
+  LayeredImage joined = JoinRows(pieces);
+  EXPECT_EQ(joined.Get("sample").stride(), 1);
+  for (int row = 0; row < 40; ++row)
+    EXPECT_EQ(joined.Get("sample").At(0, row), static_cast<float>((row + 10) % 40));
+  joined.Truncate(30);
+  EXPECT_EQ(joined.height(), 30);
+  EXPECT_EQ(joined.Get("sample").height(), 30);
 }
 
 }  // namespace

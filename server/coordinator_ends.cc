@@ -80,23 +80,30 @@ absl::Status Coordinator::RecordEnd(const JobId& job, v1::JobState state, const 
 
 void Coordinator::OnEndRecorded(const JobId& job, const absl::Status& status) {
   committer_->ForgetLogs(job);
+  // Who asked for an end that another coordinator's job did not get asks again, and is led to that one.
+  const absl::Status lost = absl::IsAborted(status) ? absl::UnavailableError(status.message()) : status;
   EndingJob ended;
   {
     absl::MutexLock lock(&mutex_);
     ended = std::move(ending_jobs_.extract(job).mapped());
     for (const auto& [watcher, watched] : watchers_) {
-      if (watched == job && status.ok()) watcher->OnStatus(StatusOfEndedJob(ended.record));
+      if (watched != job) continue;
+      if (status.ok()) {
+        watcher->OnStatus(StatusOfEndedJob(ended.record));
+      } else {
+        watcher->OnLost(lost);
+      }
     }
     if (status.ok()) Settle(dependencies_.Ended(job, ended.record.state));
   }
+  for (const StatusAnswer& done : ended.cancels)
+    done(status.ok() ? absl::StatusOr<v1::JobStatus>(StatusOfEndedJob(ended.record)) : lost);
   if (!status.ok()) {
     // Another coordinator has the job, or its row is gone: what lies here is not this coordinator's to delete.
     options_.log->error("event=ledger_failed job={} error={}", job.value(),
                         Quoted(std::string(status.message())));
+    return;
   }
-  for (const StatusAnswer& done : ended.cancels)
-    done(status.ok() ? absl::StatusOr<v1::JobStatus>(StatusOfEndedJob(ended.record)) : status);
-  if (!status.ok()) return;
   janitor_.JobEnded(job, ended.record.state, ended.record.error);
   PurgeUnits();
 }

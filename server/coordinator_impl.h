@@ -110,11 +110,13 @@ class WorkerSink {
   virtual void Send(const v1::CoordinatorMessage& message) = 0;
 };
 
-/// Receives the status of a job. OnStatus only queues: it never blocks and never calls back.
+/// Receives the status of a job. Its calls only queue: they never block and never call back.
 class JobWatcher {
  public:
   virtual ~JobWatcher() = default;
   virtual void OnStatus(const v1::JobStatus& status) = 0;
+  /// The job is no longer this coordinator's: nothing follows. kUnavailable where another one may know it.
+  virtual void OnLost(const absl::Status& cause) = 0;
 };
 
 /// Makes all decisions of the coordinator: accepts jobs, grants leases, commits each unit once, finishes
@@ -199,7 +201,7 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   absl::StatusOr<int64_t> CountUnits(const job::JobId& job, int32_t frame);
   absl::StatusOr<rpc::ByteSender> OpenResult(const v1::DownloadResultRequest& request);
   /// Calls `watcher` with the job's status at once and after changes, at most ten times a second and once more when
-  /// the job ends, until Unwatch.
+  /// the job ends or is lost, until Unwatch.
   absl::Status Watch(const std::string& job_id, JobWatcher* watcher);
   /// After it returns the watcher is not called again. No effect on a watcher that does not watch.
   void Unwatch(JobWatcher* watcher);

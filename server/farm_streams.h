@@ -136,6 +136,7 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
     next_ = status;
     Continue();
   }
+  void OnLost(const absl::Status& cause) override { End(rpc::GrpcFromStatus(cause)); }
   void OnWriteDone(bool ok) override {
     absl::MutexLock lock(&mutex_);
     call_->PeerMoved();

@@ -53,6 +53,7 @@ void TileFragments::Add(const LayeredImage& pass) {
   const ConstFloatView y = pass.Get(layers::kPixelY);
   const ConstFloatView surface = pass.Get(layers::kSurface);
   std::vector<Place> added;
+  added.reserve(pass.height());
   for (int row = 0; row < pass.height(); ++row)
     added.emplace_back(y.At(0, row), x.At(0, row), surface.At(0, row));
   std::vector<Place> merged;

@@ -89,6 +89,7 @@ class ProbingStore final : public StoreWrapper {
 class NullWatcher final : public JobWatcher {
  public:
   void OnStatus(const v1::JobStatus&) override {}
+  void OnLost(const absl::Status&) override {}
 };
 
 class CoordinatorLockTest : public CoordinatorFixture {

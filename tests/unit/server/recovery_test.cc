@@ -7,6 +7,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
+#include "absl/synchronization/notification.h"
 #include "server/recover.h"
 #include "tests/unit/server/coordinator_fixture.h"
 #include "tests/unit/server/store_wrapper.h"
@@ -209,14 +210,23 @@ class LastStatus final : public JobWatcher {
     absl::MutexLock lock(&mutex_);
     status_ = status;
   }
+  void OnLost(const absl::Status& cause) override {
+    absl::MutexLock lock(&mutex_);
+    lost_ = cause;
+  }
   v1::JobState state() const {
     absl::MutexLock lock(&mutex_);
     return status_.state();
+  }
+  absl::Status lost() const {
+    absl::MutexLock lock(&mutex_);
+    return lost_;
   }
 
  private:
   mutable absl::Mutex mutex_;
   v1::JobStatus status_ ABSL_GUARDED_BY(mutex_);
+  absl::Status lost_ ABSL_GUARDED_BY(mutex_);
 };
 
 TEST_F(RecoveryTest, AJobThatIsBeingTakenOverIsUnavailableToThoseWhoFollowOrChangeIt) {
@@ -244,6 +254,26 @@ TEST_F(RecoveryTest, AJobThatIsBeingTakenOverIsUnavailableToThoseWhoFollowOrChan
   PumpedWorker worker(coordinator_.get(), 2);
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
   Await([&] { return watcher.state() == v1::JOB_STATE_DONE; });
+  coordinator_->Unwatch(&watcher);
+}
+
+TEST_F(RecoveryTest, WhoFollowsOrCancelsAJobThatWasLostIsToldToAskAgain) {
+  const job::JobId job = Submit(Spec(3), "lost");
+  LastStatus watcher;
+  ASSERT_TRUE(coordinator_->Watch(job.value(), &watcher).ok());
+  const v1::JobState known = watcher.state();
+  const ledger::Epoch later = *store_->NewEpoch({});
+  ASSERT_TRUE(store_->ClaimUnfinishedJobs({.name = "another", .epoch = later}).ok());
+  absl::Notification answered;
+  absl::Status answer;
+  coordinator_->CancelJob(job.value(), [&](const absl::StatusOr<v1::JobStatus>& status) {
+    answer = status.status();
+    answered.Notify();
+  });
+  answered.WaitForNotification();
+  EXPECT_TRUE(absl::IsUnavailable(answer)) << answer;
+  EXPECT_EQ(watcher.lost(), answer);
+  EXPECT_EQ(watcher.state(), known) << "nobody hears of an end that the job does not have";
   coordinator_->Unwatch(&watcher);
 }
 

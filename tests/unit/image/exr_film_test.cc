@@ -45,9 +45,11 @@ LayeredImage SampleEdges() {
   const FloatView x = edges.Add(layers::kPixelX);
   const FloatView y = edges.Add(layers::kPixelY);
   for (int row = 0; row < kRows; ++row) {
+    const int column = 7 * row % kWidth;
+    const int line = 7 * row / kWidth;
     for (int s = 0; s < kSubSamples; ++s) {
-      x.At(s, row) = static_cast<float>(7 * row % kWidth);
-      y.At(s, row) = static_cast<float>(7 * row / kWidth);
+      x.At(s, row) = static_cast<float>(column);
+      y.At(s, row) = static_cast<float>(line);
     }
   }
   return edges;

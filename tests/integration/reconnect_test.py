@@ -12,7 +12,7 @@ from farm import Farm, Process, make_scene, run, wait_until
 # Units of some seconds.
 SETTINGS = ["--size", "64x64", "--spp", "4096", "--seed", "3"]
 SMALL = ["--size", "32x32", "--spp", "16", "--seed", "3"]
-# Units that take minutes.
+# 8 short units, a geometry unit and a first pass of each tile; all others take minutes.
 NO_END = ["--size", "64x64", "--spp", "1048576", "--plan", "full"]
 # A silent coordinator is noticed within 5 s; half a minute would be that of a channel without quick pings.
 NOTICED_SECONDS = 20
@@ -78,7 +78,7 @@ class ReconnectTest(unittest.TestCase):
               Farm(data) as farm, Farm(other_data) as other):
             elsewhere = self.submit(farm, NO_END)
             worker = self.start_worker(farm, other)
-            wait_until(lambda: farm.status(elsewhere)["units_done"] > 0, "the worker renders for the first one")
+            wait_until(lambda: farm.status(elsewhere)["units_done"] == 8, "the worker has one long unit, and no other")
             job = self.submit(other, SMALL)
             farm.server.pause()
             start = time.monotonic()

@@ -16,9 +16,11 @@ MAX_WARNINGS = 101  # with the line that counts the others
 LONG = Picture(samples=512)
 
 
-def hostile(behaviour, what, *proofs, said=DELIVERED, jobs=1, options=(), picture=Picture(), workers=1, submit=(), **fault):
+def hostile(behaviour, what, *proofs, said=DELIVERED, jobs=1, options=(), picture=Picture(), workers=1, submit=(),
+            all_before_job=False, **fault):
     """A worker with this behaviour beside honest ones."""
-    setup = Setup(workers=workers, hostile=(behaviour,), jobs=jobs, hostile_options=options, picture=picture, submit=submit)
+    setup = Setup(workers=workers, hostile=(behaviour,), jobs=jobs, hostile_options=options, picture=picture, submit=submit,
+                  all_before_job=all_before_job)
     return Fault(f"worker: {behaviour}", what, lambda world: None, both(said_by_workers(*said), *proofs), setup=setup,
                  after_units=0, **fault)
 
@@ -84,7 +86,8 @@ FAULTS = [
     hostile("wrong-pixels", "plausible but wrong pixels, in a job whose units are all audited", logged("worker_faulty", "units_discarded"),
             workers=2, submit=("--audit-share", "1")),
     hostile("vanish", "an incomplete unit, then its connection breaks, again and again", logged("worker_gone"), picture=LONG),
-    hostile("permanent", "calls each unit impossible to render", logged("unit_failed")),
+    # A worker that is alone is believed.
+    hostile("permanent", "calls each unit impossible to render", logged("unit_failed"), all_before_job=True),
     hostile("long-error", "as before, with 3 MB of error text", logged("unit_failed")),
     hostile("foreign-failures", "failures of units that others have leased"),
     hostile("hoard", "reports progress for ever and delivers nothing", logged_one_of("unit_overdue", "leases_void")),

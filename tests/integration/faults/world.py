@@ -84,6 +84,8 @@ class Setup(typing.NamedTuple):
     # Behaviours of hostile workers that are there before the job.
     hostile: tuple[str, ...] = ()
     hostile_options: tuple[str, ...] = ()
+    # Whether the honest workers are there before the job as well.
+    all_before_job: bool = False
     server: tuple[str, ...] = ()
     submit: tuple[str, ...] = ()
 
@@ -125,6 +127,8 @@ class World(contextlib.AbstractContextManager):
         if setup.hostile:  # they are to get leases
             self.wait_for("event=worker_connected|event=worker_refused", 0, 5, required=False)
         self.workers = [self.start_worker(i) for i in range(setup.workers)]
+        if setup.all_before_job:
+            self.wait_until(lambda: all("event=joined" in worker.log_text() for worker in self.workers), "the workers join")
         for _ in range(setup.jobs):
             self.submit(setup.picture)
 

@@ -45,12 +45,13 @@ def clang_arguments(command):
 
 def read_commands(build):
     """The compile commands of sources that are files of the project's own kind: no precompiled headers. Where the build
-    compiles several sources at a time, each has its command."""
+    compiles several sources at a time, each has its command, and "merged" names the file that includes them."""
     commands = []
     for entry in json.loads((build / "compile_commands.json").read_text()):
         path = pathlib.Path(entry["file"])
         if path.parent.name == "Unity":
-            commands += [{**entry, "file": source, "command": entry["command"].replace(entry["file"], source)}
+            commands += [{**entry, "file": source, "command": entry["command"].replace(entry["file"], source),
+                          "merged": entry["file"]}
                          for source in INCLUDED.findall(path.read_text())]
         elif path.suffix == ".cc" and "precompiled" not in entry["file"]:
             commands.append(entry)
@@ -96,18 +97,23 @@ def header_jobs(root, build, everything):
 
 
 def thread_jobs(root, build):
-    """One compilation a source that holds a mutex or includes a header that does."""
+    """The compilations of sources that hold a mutex or include a header that does: several at a time where the build does so,
+    because nearly all of the time goes into the headers of gRPC."""
     texts = {path.relative_to(root).as_posix(): path.read_text()
              for top in ("filter", "proto/rpc", "worker", "server", "client") for path in sorted((root / top).rglob("*.*"))
              if path.suffix in (".h", ".cc")}
     with_mutex = {name for name, text in texts.items() if MUTEX.search(text)}
+    jobs = {}
     for entry in read_commands(build):
         name = os.path.relpath(entry["file"], root)
         if name not in texts:
             continue
         own_header = name[:-len(".cc")] + ".h"
         if name in with_mutex or any(f'"{header}"' in texts[name] for header in with_mutex) or own_header in with_mutex:
-            yield name, ["-fsyntax-only", *clang_arguments(entry["command"]), *THREAD_SAFETY, entry["file"]]
+            compiled = entry.get("merged", entry["file"])
+            jobs[os.path.relpath(compiled, root)] = [
+                "-fsyntax-only", *clang_arguments(entry["command"]), *THREAD_SAFETY, compiled]
+    return jobs.items()
 
 
 def compile_all(jobs, directory):

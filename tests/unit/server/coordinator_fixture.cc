@@ -7,6 +7,7 @@
 #include <iterator>
 #include <utility>
 
+#include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
 #include "filter/image/file_io.h"
 #include "proto/rpc/checksum.h"
@@ -258,6 +259,17 @@ v1::JobStatus CoordinatorFixture::Finish(const job::JobId& job, PumpedWorker* wo
       return status.value_or(v1::JobStatus());
     if (worker->Deliver() == 0) absl::SleepFor(absl::Milliseconds(1));
   }
+}
+
+absl::Status CoordinatorFixture::Cancel(const job::JobId& job) {
+  absl::Notification answered;
+  absl::Status answer;
+  coordinator_->CancelJob(job.value(), [&](const absl::StatusOr<v1::JobStatus>& status) {
+    answer = status.status();
+    answered.Notify();
+  });
+  answered.WaitForNotification();
+  return answer;
 }
 
 void CoordinatorFixture::Await(const std::function<bool()>& condition) {

@@ -82,6 +82,8 @@ class CoordinatorFixture : public ::testing::Test {
   absl::StatusOr<job::JobId> TrySubmit(const v1::JobSpec& spec, const std::string& request_id = "request-1");
   /// Lets the worker deliver until the job has ended; its status.
   v1::JobStatus Finish(const job::JobId& job, PumpedWorker* worker);
+  /// Asks to cancel the job and waits for the answer.
+  absl::Status Cancel(const job::JobId& job);
   /// Waits until `condition` holds.
   static void Await(const std::function<bool()>& condition);
   /// Lets the worker deliver the units of `count` leases, which may still be on their way to it.

@@ -7,7 +7,6 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
-#include "absl/synchronization/notification.h"
 #include "server/recover.h"
 #include "tests/unit/server/coordinator_fixture.h"
 #include "tests/unit/server/store_wrapper.h"
@@ -264,13 +263,7 @@ TEST_F(RecoveryTest, WhoFollowsOrCancelsAJobThatWasLostIsToldToAskAgain) {
   const v1::JobState known = watcher.state();
   const ledger::Epoch later = *store_->NewEpoch({});
   ASSERT_TRUE(store_->ClaimUnfinishedJobs({.name = "another", .epoch = later}).ok());
-  absl::Notification answered;
-  absl::Status answer;
-  coordinator_->CancelJob(job.value(), [&](const absl::StatusOr<v1::JobStatus>& status) {
-    answer = status.status();
-    answered.Notify();
-  });
-  answered.WaitForNotification();
+  const absl::Status answer = Cancel(job);
   EXPECT_TRUE(absl::IsUnavailable(answer)) << answer;
   EXPECT_EQ(watcher.lost(), answer);
   EXPECT_EQ(watcher.state(), known) << "nobody hears of an end that the job does not have";

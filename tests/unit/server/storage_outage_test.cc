@@ -4,7 +4,6 @@
 #include <cerrno>
 #include <filesystem>
 
-#include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
 #include "tests/unit/server/coordinator_fixture.h"
 #include "tests/unit/server/store_wrapper.h"
@@ -95,13 +94,7 @@ TEST_F(StorageOutageTest, ACancellationThatCannotBeRecordedSaysSoAndIsRecordedLa
   ASSERT_TRUE(Start().ok());
   const job::JobId job = Submit(Spec());
   fault_.Set("EndJob");
-  absl::Notification answered;
-  absl::Status answer;
-  coordinator_->CancelJob(job.value(), [&](const absl::StatusOr<v1::JobStatus>& status) {
-    answer = status.status();
-    answered.Notify();
-  });
-  answered.WaitForNotification();
+  const absl::Status answer = Cancel(job);
   EXPECT_EQ(answer.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_THAT(std::string(answer.message()), HasSubstr("database or disk is full"));
   fault_.Set("");
@@ -143,12 +136,8 @@ TEST_F(StorageOutageTest, TheReserveIsGivenUpForTheLedgerAndTakenAgain) {
   AwaitOutage();
   Await([&] { return ReserveBytes() == 0; });
   files_.Fail(ENOSPC);  // the reserve cannot be taken, but the ledger can be written
-  absl::Notification cancelled;
-  coordinator_->CancelJob(other.value(), [&](const absl::StatusOr<v1::JobStatus>& status) {
-    EXPECT_TRUE(status.ok()) << status.status();
-    cancelled.Notify();
-  });
-  cancelled.WaitForNotification();
+  const absl::Status cancelled = Cancel(other);
+  EXPECT_TRUE(cancelled.ok()) << cancelled;
   EXPECT_EQ(worker.acknowledged().size(), 1u);
   files_.Heal();
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);

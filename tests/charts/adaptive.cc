@@ -98,13 +98,13 @@ std::string Csv(const std::vector<AdaptivePoint>& points) {
 
 absl::StatusOr<std::vector<AdaptivePoint>> MeasureAdaptive(const std::string& scene, const FilmSource& source,
                                                            const FilmSettings& settings,
-                                                           absl::Span<const int> budgets,
-                                                           const Reference& reference, TaskPool* pool) {
+                                                           const Budgets& budgets, const Reference& reference,
+                                                           TaskPool* pool) {
   const absl::StatusOr<std::unique_ptr<render::Renderer>> renderer = source.MakeRenderer(settings);
   if (!renderer.ok()) return renderer.status();
   std::vector<AdaptivePoint> points;
   for (const bool is_adaptive : {false, true}) {
-    for (const int budget : budgets) {
+    for (const int budget : is_adaptive ? budgets.adaptive : budgets.uniform) {
       AdaptivePoint point =
           (is_adaptive ? AdaptivelyTo : UniformlyTo)(budget, **renderer, settings, reference, pool);
       point.scene = scene;

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "absl/types/span.h"
 #include "tests/charts/figure.h"
 #include "tests/charts/films/film_source.h"
 #include "tests/charts/measure.h"
@@ -28,11 +27,17 @@ struct AdaptivePoint {
   double TotalSeconds() const { return render_seconds + filter_seconds; }
 };
 
-/// Renders a frame to each budget, uniformly and adaptively. Errors: those of the source.
+/// Mean samples per pixel of a scene's pictures.
+struct Budgets {
+  std::vector<int> uniform;
+  std::vector<int> adaptive;
+};
+
+/// Renders a frame to each budget. Errors: those of the source.
 absl::StatusOr<std::vector<AdaptivePoint>> MeasureAdaptive(const std::string& scene, const FilmSource& source,
                                                            const FilmSettings& settings,
-                                                           absl::Span<const int> budgets,
-                                                           const Reference& reference, TaskPool* pool);
+                                                           const Budgets& budgets, const Reference& reference,
+                                                           TaskPool* pool);
 
 /// Time of an adaptive point over that of uniform sampling at equal error, by interpolation between the uniform points
 /// of its scene; 0 where they do not reach that error.

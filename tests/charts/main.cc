@@ -39,6 +39,10 @@ void AddOptions(CLI::App* app, Options* options) {
   app->add_option("--spp", options->samples, "Sample counts (default 4,16,64,256)")
       ->delimiter(',')
       ->check(CLI::Range(1, 1 << 20));
+  app->add_option("--uniform-spp", options->uniform_samples,
+                  "Of uniform pictures in the chart of adaptive sampling (default as --spp)")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 1 << 20));
   app->add_option("--reference-spp", options->reference_samples,
                   "Samples of the reference, of all scenes or of each (default 4096)")
       ->delimiter(',')

@@ -239,18 +239,19 @@ class Session {
   }
 
   absl::Status Adaptive() {
+    const Budgets budgets = {options_.uniform_samples.empty() ? options_.samples : options_.uniform_samples,
+                             options_.samples};
     std::vector<AdaptivePoint> points;
     for (size_t i = 0; i < options_.scenes.size(); ++i) {
       const absl::StatusOr<FilmSource> source = FilmSource::Create(options_.scenes[i], options_.cache);
       if (!source.ok()) return source.status();
       const absl::StatusOr<Reference> reference = RenderReference(*source, i);
       if (!reference.ok()) return reference.status();
-      const absl::StatusOr<std::vector<AdaptivePoint>> more =
-          MeasureAdaptive(options_.scenes[i], *source, SettingsOf(1, options_.film_seed), options_.samples,
-                          *reference, pool_);
+      const absl::StatusOr<std::vector<AdaptivePoint>> more = MeasureAdaptive(
+          options_.scenes[i], *source, SettingsOf(1, options_.film_seed), budgets, *reference, pool_);
       if (!more.ok()) return more.status();
       points.insert(points.end(), more->begin(), more->end());
-      std::fprintf(stderr, "%s: every budget rendered twice\n", options_.scenes[i].c_str());
+      std::fprintf(stderr, "%s: every budget rendered\n", options_.scenes[i].c_str());
     }
     const absl::StatusOr<bool> drawn =
         ChartAdaptive(options_.output, points, {options_.command, options_.threads}, Format());

@@ -16,6 +16,7 @@ struct Options {
   std::vector<std::string> charts = {"errors"};
   std::vector<std::string> scenes;
   std::vector<int> samples = {4, 16, 64, 256};
+  std::vector<int> uniform_samples;             // of the chart of adaptive sampling; empty: as `samples`
   std::vector<int> reference_samples = {4096};  // one, or one a scene
   std::vector<std::string> methods;             // empty: all
   std::vector<std::string> again;

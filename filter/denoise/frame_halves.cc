@@ -29,8 +29,18 @@ FrameChange WithoutFireflies(const LayerSettings& settings, TaskPool* pool, Halv
 
 void AddEmissionChange(const FragmentSet& set, FrameChange* change) {
   for (const FragmentSet::Pixel& pixel : set.pixels) {
-    for (Planes& planes : *change) {
-      for (size_t c = 0; c < 3; ++c) planes[c].At(pixel.x, pixel.y) += UsableOr0(pixel.emission_change[c]);
+    for (size_t h = 0; h < 2; ++h) {
+      for (size_t c = 0; c < 3; ++c)
+        (*change)[h][c].At(pixel.x, pixel.y) += UsableOr0(pixel.emission_change[h][c]);
+    }
+  }
+}
+
+void SubtractEmissionOfHalves(const FragmentSet& set, Remainder* rest) {
+  for (const FragmentSet::Pixel& pixel : set.pixels) {
+    for (size_t c = 0; c < 3; ++c) {
+      rest->a[c].At(pixel.x, pixel.y) -= pixel.emission_of_half[0][c];
+      rest->b[c].At(pixel.x, pixel.y) -= pixel.emission_of_half[1][c];
     }
   }
 }

@@ -7,11 +7,15 @@
 #include "filter/layers/fragments.h"
 #include "filter/layers/frame.h"
 #include "filter/layers/recombination.h"
+#include "filter/layers/remainder.h"
 
 namespace lumifold::filter {
 
-/// Adds what sub-samples change of E on mixed pixels. E has no halves: both get the same.
+/// Adds what sub-samples change of E on mixed pixels.
 void AddEmissionChange(const FragmentSet& set, FrameChange* change);
+
+/// Subtracts what the samples of a half have of E beyond its mean over both, which the remainder is without already.
+void SubtractEmissionOfHalves(const FragmentSet& set, Remainder* rest);
 
 /// Moves *change towards each of the candidates in turn, and at last towards C without its fireflies, as far as the
 /// halves of C show that it lowers the error (Choice). `mixed`: as Halves::is_mixed.

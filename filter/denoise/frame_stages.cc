@@ -40,6 +40,7 @@ void RunLayers(FrameState* state) {
   state->change = NoChange(frame);
   AddEmissionChange(state->fragments, &state->change);
   state->rest = WithoutEmission(frame, state->pool);
+  SubtractEmissionOfHalves(state->fragments, &state->rest);
   if (state->watch) state->watch("layers");  // the stages of each layer tell of themselves
   for (Product& product : products) {
     const FilteredLayer layer = FilterProduct(*state, &product);

@@ -79,7 +79,7 @@ inline constexpr std::array<std::string_view, 3> kWhole = {kAlbedo, kEmission, k
 inline constexpr std::array<std::string_view, 4> kFragmentFeatures = {kNormalX, kNormalY, kNormalZ,
                                                                       kDistance};
 inline constexpr std::array<std::string_view, 2> kFragmentHalved = {kDirect, kIndirect};
-inline constexpr std::array<std::string_view, 1> kFragmentWhole = {kAlbedo};
+inline constexpr std::array<std::string_view, 2> kFragmentWhole = {kAlbedo, kEmission};
 
 /// A level: the surface reached after `depth` delta events, the first of which was a reflection or a
 /// transmission.

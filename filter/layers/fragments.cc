@@ -89,13 +89,50 @@ Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel) {
   return fragment;
 }
 
-std::array<float, 3> EmissionChange(const Frame& frame, int row, int x, int y) {
-  const float own = OwnWeight(frame.samples.At(x, y), kRaysOfEmission);
-  std::array<float, 3> change = {};
+using ColorOfHalves = std::array<std::array<float, 3>, 2>;
+
+/// FragmentSet::Pixel::emission_of_half by the means of the surfaces that the samples hit (`rows` of the film's fragments).
+/// Samples that hit none see the environment, which has what is left of E. 0 where the fragments have no E.
+ColorOfHalves EmissionOfHalves(const Frame& frame, const std::vector<int>& rows,
+                               const std::array<float, 2>& in_pixel, int x, int y) {
+  const FragmentViews& fragments = *frame.fragments;
+  ColorOfHalves of_half = {};
+  if (fragments.emission[0].IsEmpty() || !(in_pixel[0] > 0 && in_pixel[1] > 0)) return of_half;
+  std::array<float, 2> missed = in_pixel;
+  for (const int row : rows) {
+    const std::array<float, 3> emission = ColorAt(fragments.emission, 0, row);
+    const std::array<float, 2> n = {fragments.samples.a.At(0, row), fragments.samples.b.At(0, row)};
+    for (size_t h = 0; h < 2; ++h) {
+      if (!(n[h] > 0 && n[h] <= missed[h])) continue;
+      missed[h] -= n[h];
+      for (size_t c = 0; c < 3; ++c) of_half[h][c] += n[h] / in_pixel[h] * emission[c];
+    }
+  }
+  const float share_a = in_pixel[0] / (in_pixel[0] + in_pixel[1]);
+  const std::array<float, 3> film = ColorAt(frame.emission, x, y);
+  for (size_t c = 0; c < 3; ++c) {
+    const float of_surfaces = share_a * of_half[0][c] + (1.0f - share_a) * of_half[1][c];
+    const float all_missed = missed[0] + missed[1];
+    const float of_missed = all_missed > 0 ? (film[c] - of_surfaces) / all_missed : 0.0f;
+    const float mean = all_missed > 0 ? film[c] : of_surfaces;
+    for (size_t h = 0; h < 2; ++h) {
+      const float of_samples = of_missed * (in_pixel[0] + in_pixel[1]) * missed[h] / in_pixel[h];
+      of_half[h][c] = UsableOr0(of_half[h][c] + of_samples - mean);
+    }
+  }
+  return of_half;
+}
+
+/// FragmentSet::Pixel::emission_change.
+ColorOfHalves EmissionChange(const Frame& frame, const ColorOfHalves& of_half, int row, int x, int y) {
+  const std::array<float, 2> own = {OwnWeight(frame.samples.a.At(x, y), kRaysOfEmission),
+                                    OwnWeight(frame.samples.b.At(x, y), kRaysOfEmission)};
+  ColorOfHalves change = {};
   for (size_t c = 0; c < 3; ++c) {
     float sum = 0;
     for (int j = 0; j < kSubSamples; ++j) sum += frame.edges->emission[c].At(j, row);
-    change[c] = (1.0f - own) * (sum / kSubSamples - frame.emission[c].At(x, y));
+    for (size_t h = 0; h < 2; ++h)
+      change[h][c] = (1.0f - own[h]) * (sum / kSubSamples - frame.emission[c].At(x, y) - of_half[h][c]);
   }
   return change;
 }
@@ -128,15 +165,16 @@ bool IsOneSurface(const std::vector<Counted>& all, const std::array<float, 2>& i
 }
 
 /// A pixel whose samples tell nothing but E of its surfaces.
-FragmentSet::Pixel PixelOfEmission(const Frame& frame, int row, int x, int y, size_t fragments) {
-  return {x, y, fragments, fragments, EmissionChange(frame, row, x, y)};
+FragmentSet::Pixel PixelOfEmission(const Frame& frame, const ColorOfHalves& of_half, int row, int x, int y,
+                                   size_t fragments) {
+  return {x, y, fragments, fragments, of_half, EmissionChange(frame, of_half, row, x, y)};
 }
 
 /// The pixels of films without fragments, whose surfaces reflect no light of their own.
 FragmentSet EmissionOf(const Frame& frame) {
   FragmentSet set;
   frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
-    if (frame.samples.At(x, y) > 0) set.pixels.push_back(PixelOfEmission(frame, row, x, y, 0));
+    if (frame.samples.At(x, y) > 0) set.pixels.push_back(PixelOfEmission(frame, {}, row, x, y, 0));
   });
   return set;
 }
@@ -156,10 +194,11 @@ FragmentSet FragmentsOf(const Frame& frame) {
     all.reserve(rows.size());
     for (const int of_pixel : rows) all.push_back(FromFilm(*frame.fragments, of_pixel, in_pixel));
     AddSubSamples(*frame.edges, row, &all);
-    FragmentSet::Pixel pixel = PixelOfEmission(frame, row, x, y, set.fragments.size());
+    FragmentSet::Pixel pixel = PixelOfEmission(frame, EmissionOfHalves(frame, rows, in_pixel, x, y), row, x,
+                                               y, set.fragments.size());
     if (IsOneSurface(all, in_pixel)) {
       // A slice of a lamp that all samples miss shows in E alone.
-      if (pixel.emission_change != std::array<float, 3>{}) set.pixels.push_back(pixel);
+      if (pixel.emission_change != ColorOfHalves{}) set.pixels.push_back(pixel);
       return;
     }
     for (const Counted& counted : all) {

@@ -27,8 +27,10 @@ struct FragmentSet {
     int y = 0;
     size_t first = 0;  // of its fragments; it has none if one surface fills it, or if the film has none
     size_t last = 0;   // one after
-    /// E by its own samples and the sub-samples, minus the film's.
-    std::array<float, 3> emission_change = {};
+    /// E of the samples of each half, minus the film's, which is their mean.
+    std::array<std::array<float, 3>, 2> emission_of_half = {};
+    /// E by its own samples and the sub-samples, minus that of each half.
+    std::array<std::array<float, 3>, 2> emission_change = {};
   };
   std::vector<Pixel> pixels;  // in the order of the film's rows
   std::vector<Fragment> fragments;

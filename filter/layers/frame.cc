@@ -58,6 +58,7 @@ FragmentViews FragmentsIn(const Channels& list) {
           list.One(layers::kDistance),
           {list.One(layers::kNormalX), list.One(layers::kNormalY), list.One(layers::kNormalZ)},
           list.Color(layers::kAlbedo),
+          list.Color(layers::kEmission),
           halves(layers::kDirect),
           halves(layers::kIndirect),
           {list.One(layers::kSamplesA), list.One(layers::kSamplesB)}};

@@ -62,7 +62,7 @@ struct LevelViews {
 /// The film's fragments (EdgedImage::fragments): one row each.
 struct FragmentViews {
   ConstFloatView x, y, key, distance;
-  ConstColorView normal, albedo;
+  ConstColorView normal, albedo, emission;
   std::array<ConstColorView, 2> direct, indirect;  // of half A and B
   SampleCounts samples;
 

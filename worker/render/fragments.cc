@@ -35,6 +35,7 @@ void FragmentSums::Add(const LayerSample& s, size_t half) {
   halved[half][0] += s.direct;
   halved[half][1] += s.indirect;
   whole[0] += s.albedo;
+  whole[1] += s.emitted;
   count[half] += 1;
 }
 

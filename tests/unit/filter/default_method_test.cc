@@ -172,6 +172,47 @@ TEST(DefaultMethod, EdgesOfOneHalfHaveLessErrorWithFragments) {
   EXPECT_LT(with, 0.5 * without);
 }
 
+constexpr int kLampRows = 21;  // one in so many rows of the edge column has a slice of the lamp
+
+/// A slice of a lamp, on the right surface: three samples of one half see it, and one of the other.
+FilmOfFragments FilmWithLamp(LayeredImage* edges) {
+  constexpr float kLamp = 8;
+  FilmOfFragments out = FilmWithFragments(1);
+  const NoisyLayer noisy(std::string(layers::kNoisy), &out.film);
+  for (int y = 0; y < kHeight; y += kLampRows) {
+    const float right_a = y % 2 == 0 ? 0.25f : 0.75f;
+    noisy.Add(kEdgeColumn, y, kLamp * right_a, kLamp * (1 - right_a));
+    Set(out.film.GetColor(layers::kEmission), kEdgeColumn, y, 0.5f * kLamp);
+    Set(out.fragments.GetColor(layers::kEmission), 0, 2 * y + 1, kLamp);
+    for (int j = 0; j < kSubSamples; ++j) {
+      if (edges->Get(layers::kObjectId).At(j, y) == 2) Set(edges->GetColor(layers::kEmission), j, y, kLamp);
+    }
+  }
+  return out;
+}
+
+double SumOfSquaresAtLamp(const Picture& picture) {
+  double sum = 0;
+  for (int y = 0; y < kHeight; y += kLampRows) {
+    const auto value = static_cast<double>(picture[1].At(kEdgeColumn, y));
+    sum += value * value;
+  }
+  return sum;
+}
+
+TEST(DefaultMethod, TheRimOfALampIsAsCertainAsItsSubSamplesMakeIt) {
+  LayeredImage edges = EdgeSet();
+  FilmOfFragments film = FilmWithLamp(&edges);
+  const auto deviation = [&] {
+    return DenoiseWithDeviation(Frame(film.film, &edges, &film.fragments), nullptr).deviation;
+  };
+  const double with = SumOfSquaresAtLamp(deviation());
+  for (int row = 0; row < film.fragments.height(); ++row)
+    Set(film.fragments.GetColor(layers::kEmission), 0, row, 0);  // as films of earlier versions
+  const double without = SumOfSquaresAtLamp(deviation());
+  EXPECT_LT(with, 0.01 * without);
+}
+
 TEST(DefaultMethod, LongAndThinFilmsOfPlanarLightStayAsTheyAre) {
   constexpr int kLong = 4200;
   LayeredImage film = MakeSyntheticFilm(8, kLong, 0, 1).film;

@@ -93,6 +93,7 @@ void AddFragments(const std::vector<FilmFragment>& fragments, EdgedImage* film) 
     list.Get(layers::kSamplesA).At(0, row) = fragment.samples[0];
     list.Get(layers::kSamplesB).At(0, row) = fragment.samples[1];
     SetColor(list.GetColor(layers::kAlbedo), 0, row, fragment.surface.albedo);
+    SetColor(list.GetColor(layers::kEmission), 0, row, fragment.surface.emission);
     SetColor(list.GetColor(layers::HalfA(layers::kDirect)), 0, row, fragment.direct[0]);
     SetColor(list.GetColor(layers::HalfB(layers::kDirect)), 0, row, fragment.direct[1]);
   }
@@ -149,8 +150,47 @@ TEST(FragmentsOf, TellWhatSubSamplesChangeOfEmission) {
   AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
   AddFragments({{1, kFront, {2, 2}}, {1, kLamp, {2, 2}}}, &film);
   const FragmentSet set = FragmentsOf(Frame(film));
-  constexpr float kOwnOfAll = 64.0f / (64.0f + 256.0f * 256.0f);  // E of 16 sub-samples has 256 rays
-  EXPECT_FLOAT_EQ(set.pixels[0].emission_change[1], (1 - kOwnOfAll) * (5.0f / 4 - 2.5f));
+  constexpr float kOwnOfHalf = 16.0f / (16.0f + 256.0f * 256.0f);  // E of 16 sub-samples has 256 rays
+  for (size_t h = 0; h < 2; ++h)
+    EXPECT_FLOAT_EQ(set.pixels[0].emission_change[h][1], (1 - kOwnOfHalf) * (5.0f / 4 - 2.5f));
+}
+
+TEST(FragmentsOf, TellTheEmissionOfHalvesByTheSurfacesThatTheirSamplesHit) {
+  EdgedImage film = Film();
+  SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 2.5f);
+  AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
+  AddFragments({{1, kFront, {1, 3}}, {1, kLamp, {3, 1}}}, &film);
+  const FragmentSet set = FragmentsOf(Frame(film));
+  ASSERT_EQ(set.pixels.size(), 1u);
+  const FragmentSet::Pixel& pixel = set.pixels[0];
+  EXPECT_FLOAT_EQ(pixel.emission_of_half[0][2], 5 * 0.75f - 2.5f);
+  EXPECT_FLOAT_EQ(pixel.emission_of_half[1][2], 5 * 0.25f - 2.5f);
+  constexpr float kOwnOfHalf = 16.0f / (16.0f + 256.0f * 256.0f);  // E of 16 sub-samples has 256 rays
+  EXPECT_FLOAT_EQ(pixel.emission_change[0][1], (1 - kOwnOfHalf) * (5.0f / 4 - 5 * 0.75f));
+  EXPECT_FLOAT_EQ(pixel.emission_change[1][1], (1 - kOwnOfHalf) * (5.0f / 4 - 5 * 0.25f));
+}
+
+TEST(FragmentsOf, GiveWhatIsLeftOfEmissionToSamplesThatMissAllSurfaces) {
+  EdgedImage film = Film();
+  SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 3.0f);  // three of eight samples see a sky of 8
+  AddEdges({{1, {{kFront, 10}}}}, &film);
+  AddFragments({{1, kFront, {4, 1}}}, &film);
+  const FragmentSet set = FragmentsOf(Frame(film));
+  ASSERT_EQ(set.pixels.size(), 1u);
+  EXPECT_FLOAT_EQ(set.pixels[0].emission_of_half[0][0], -3);
+  EXPECT_FLOAT_EQ(set.pixels[0].emission_of_half[1][0], 8 * 0.75f - 3);
+}
+
+TEST(FragmentsOf, KnowNothingOfTheEmissionOfHalvesWithoutBoth) {
+  EdgedImage film = Film();
+  SetColor(film.pixels.GetColor(layers::kEmission), 1, 0, 3.75f);
+  film.pixels.Get(layers::kSamplesB).At(1, 0) = 0;
+  AddEdges({{1, {{kFront, 12}, {kLamp, 4}}}}, &film);
+  AddFragments({{1, kFront, {1, 0}}, {1, kLamp, {3, 0}}}, &film);
+  const FragmentSet set = FragmentsOf(Frame(film));
+  ASSERT_EQ(set.pixels.size(), 1u);
+  EXPECT_EQ(set.pixels[0].emission_of_half, (std::array<std::array<float, 3>, 2>{}));
+  EXPECT_LT(set.pixels[0].emission_change[0][0], -2);
 }
 
 TEST(FragmentsOf, TellEmissionAloneWhereTheFilmHasNone) {
@@ -163,7 +203,7 @@ TEST(FragmentsOf, TellEmissionAloneWhereTheFilmHasNone) {
   ASSERT_EQ(without.pixels.size(), 1u);
   EXPECT_EQ(without.pixels[0].x, 1);
   EXPECT_EQ(without.pixels[0].emission_change, with.pixels[0].emission_change);
-  EXPECT_NE(without.pixels[0].emission_change[0], 0);
+  EXPECT_NE(without.pixels[0].emission_change[0][0], 0);
   EXPECT_TRUE(without.fragments.empty());
 }
 
@@ -176,7 +216,7 @@ TEST(FragmentsOf, KnowTheSliceOfALampThatAllSamplesMiss) {
   ASSERT_EQ(set.pixels.size(), 1u);
   EXPECT_EQ(set.pixels[0].x, 1);
   EXPECT_EQ(set.pixels[0].first, set.pixels[0].last);
-  EXPECT_NEAR(set.pixels[0].emission_change[0], 0.5f, 1e-3f);
+  EXPECT_NEAR(set.pixels[0].emission_change[0][0], 0.5f, 1e-3f);
 }
 
 TEST(FragmentsOf, LeaveOutPixelsOfOneSurfaceAndRowsWithoutAnEdge) {

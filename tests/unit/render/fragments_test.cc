@@ -86,7 +86,7 @@ TEST(Fragments, AddUpToTheirPixel) {
   const EdgedImage pass = PassOf(*renderer, kFrame);
   const LayeredImage& list = pass.fragments;
   for (const char* name :
-       {"direct_a.R", "direct_b.G", "indirect_a.B", "albedo.G", "samples_a.Y", "samples_b.Y"}) {
+       {"direct_a.R", "direct_b.G", "indirect_a.B", "albedo.G", "emission.R", "samples_a.Y", "samples_b.Y"}) {
     std::map<std::pair<int, int>, double> sums;
     for (int row = 0; row < list.height(); ++row) {
       sums[{static_cast<int>(list.Get(layers::kPixelX).At(0, row)),
@@ -124,6 +124,7 @@ TEST(Fragments, AreTheSumsOfTheSamplesThatHitTheirSurface) {
     EXPECT_EQ(get("direct_b.G"), sums.halved[1][0].y);
     EXPECT_EQ(get("indirect_a.B"), sums.halved[0][1].z);
     EXPECT_EQ(get("albedo.G"), sums.whole[0].y);
+    EXPECT_EQ(get("emission.B"), sums.whole[1].z);
     EXPECT_EQ(get("samples_a.Y"), sums.count[0]);
     EXPECT_EQ(get("samples_b.Y"), sums.count[1]);
   }

@@ -65,7 +65,6 @@ void TileFragments::Add(const LayeredImage& pass) {
     sums_.resize(names_.size());
   }
   for (size_t c = 0; c < names_.size(); ++c) {
-    if (!pass.Has(names_[c])) continue;  // a unit of an earlier version
     const ConstFloatView values = pass.Get(names_[c]);
     std::vector<double> sums(merged.size());
     for (size_t i = 0, before = 0, row = 0; i < merged.size(); ++i) {

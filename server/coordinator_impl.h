@@ -24,6 +24,7 @@
 #include "server/asset_store.h"
 #include "server/cluster/membership.h"
 #include "server/committer.h"
+#include "server/coordinator_options.h"
 #include "server/data_folder.h"
 #include "server/frame_finisher.h"
 #include "server/frame_limit.h"
@@ -31,7 +32,6 @@
 #include "server/job_life/dependencies.h"
 #include "server/job_life/reopen_plan.h"
 #include "server/ledger/job_store.h"
-#include "server/limits.h"
 #include "server/metrics/farm_figures.h"
 #include "server/metrics/farm_timings.h"
 #include "server/scheduler/scheduler.h"
@@ -40,61 +40,11 @@
 #include "server/traffic.h"
 #include "server/wake_up.h"
 
-namespace spdlog {
-class logger;
-}  // namespace spdlog
-
-namespace lumifold::logging {
-class JobLabels;
-}  // namespace lumifold::logging
-
 namespace lumifold::access {
 struct Identity;
 }  // namespace lumifold::access
 
 namespace lumifold::server {
-
-class AssetChecks;
-class EventLog;
-
-struct CoordinatorOptions {
-  absl::Duration lease = absl::Seconds(30);
-  /// Interval of the workers' heartbeats.
-  absl::Duration heartbeat = absl::Seconds(5);
-  /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as long.
-  absl::Duration finish_pause = absl::Seconds(5);
-  /// Monotonic clock: orders everything.
-  std::function<absl::Time()> now;
-  /// Wall clock: stamps submissions, for display and for the ids of jobs.
-  std::function<absl::Time()> wall_now;
-  std::function<uint64_t()> random;
-  std::shared_ptr<spdlog::logger> log;
-  /// Bytes of the reserve file, see Committer; 0 for none.
-  uint64_t reserve_bytes = 0;
-  /// Number of unit logs that may be open.
-  size_t max_open_logs = 256;
-  /// Pauses while the storage cannot be written.
-  absl::Duration first_storage_pause = absl::Milliseconds(250);
-  absl::Duration longest_storage_pause = absl::Seconds(5);
-  Limits limits;
-  /// What is kept of jobs that have ended. The free bytes of the disk are set by the coordinator.
-  job_life::RetentionLimits retention;
-  /// Called with false when the storage can no longer be written, and with true when it can again; from any thread.
-  std::function<void(bool)> on_storage_change = [](bool) {};
-  /// What lines about jobs say of them, for `log`. Null: nothing.
-  std::shared_ptr<logging::JobLabels> labels = nullptr;
-  /// What GetLog reads; must outlive the coordinator.
-  EventLog* events = nullptr;
-  /// Reads assets again that workers could not get; must be stopped before the coordinator ends.
-  AssetChecks* asset_checks = nullptr;
-  /// Whether connections are in plain text, for display.
-  bool insecure = false;
-  /// Whether others may have the same ledger and data folder: then the unfinished jobs are not claimed, but adopted as
-  /// cluster::Membership says.
-  bool is_member = false;
-  /// Called once, from any thread, when its jobs belong to others: nothing that it does counts any more.
-  std::function<void()> on_expelled = [] {};
-};
 
 /// What a worker has to deliver for a lease.
 struct LeasedUnit {

@@ -9,7 +9,6 @@ namespace lumifold::server {
 namespace {
 
 using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 /// So many that a job without an audited unit is as good as impossible: which ones are audited depends on the job's id.
 constexpr int kTiles = 16;

@@ -38,6 +38,8 @@ def clang_arguments(command):
             skip = True
         elif argument.endswith(".cc"):
             pass
+        elif argument.startswith("-mmemset-strategy="):  # of gcc alone
+            pass
         elif argument not in ("-c", "-Winvalid-pch", "-fpch-preprocess"):
             kept.append(argument)
     return kept

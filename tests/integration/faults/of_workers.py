@@ -88,7 +88,7 @@ FAULTS = [
     hostile("vanish", "an incomplete unit, then its connection breaks, again and again", logged("worker_gone"), picture=LONG),
     # A worker that is alone is believed.
     hostile("permanent", "calls each unit impossible to render", logged("unit_failed"), all_before_job=True),
-    hostile("long-error", "as before, with 3 MB of error text", logged("unit_failed")),
+    hostile("long-error", "as before, with 3 MB of error text", logged("unit_failed"), all_before_job=True),
     hostile("foreign-failures", "failures of units that others have leased"),
     hostile("hoard", "reports progress for ever and delivers nothing", logged_one_of("unit_overdue", "leases_void")),
     hostile("second-hello", "introduces itself twice", said=ENDED),

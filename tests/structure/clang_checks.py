@@ -36,9 +36,7 @@ def clang_arguments(command):
             skip = False
         elif argument == "-o" or (argument == "-include" and "cmake_pch" in arguments[i + 1]):
             skip = True
-        elif argument.endswith(".cc"):
-            pass
-        elif argument.startswith("-mmemset-strategy="):  # of gcc alone
+        elif argument.endswith(".cc") or argument.startswith("-mmemset-strategy="):  # the input; a flag of gcc alone
             pass
         elif argument not in ("-c", "-Winvalid-pch", "-fpch-preprocess"):
             kept.append(argument)

@@ -106,8 +106,9 @@ TEST(Fragments, AreTheSumsOfTheSamplesThatHitTheirSurface) {
     const GeometrySample& g = sample.geometry;
     const float surface =
         SurfaceKey(static_cast<float>(g.instance + 1), {g.normal.x, g.normal.y, g.normal.z}, g.distance);
-    FragmentSums& sums = expected[{static_cast<float>(sample.pixel / kWidth),
-                                   static_cast<float>(sample.pixel % kWidth), surface}];
+    const auto y = sample.pixel / kWidth;
+    const auto x = sample.pixel % kWidth;
+    FragmentSums& sums = expected[{static_cast<float>(y), static_cast<float>(x), surface}];
     sums.Add(sample.layers, sample.index & 1);
   });
   const LayeredImage list = PassOf(*renderer, kFrame).fragments;

@@ -9,7 +9,7 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr float kRounding = 1e-6f;  // of C: what sums of a few floats lose
+constexpr float kRounding = 1e-5f;  // of C: what sums of some thousand floats lose, and no eye sees
 
 /// out += sign * x, plane by plane; unusable values count as 0.
 void AddTo(const ConstColorView& x, float sign, TaskPool* pool, Planes* out) {

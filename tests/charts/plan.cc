@@ -4,12 +4,12 @@
 #include <array>
 #include <memory>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "absl/types/span.h"
 #include "filter/image/decisions.h"
 #include "filter/image/file_io.h"
 #include "server/job/job_spec.h"
@@ -66,17 +66,6 @@ bool IsDiffuse(const v1::JobSpec& planned) {
          job::ValueOf(planned, decisions::kLevels) == 0;
 }
 
-std::string DifferencesOf(const v1::JobSpec& full, const v1::JobSpec& planned) {
-  std::string text;
-  for (int i = 0; i < planned.plan().decisions_size(); ++i) {
-    const v1::PlanDecision& decision = planned.plan().decisions(i);
-    if (decision.value() == full.plan().decisions(i).value()) continue;
-    absl::StrAppend(&text, text.empty() ? "" : ", ", decision.name(), " ",
-                    decisions::ValueText(*decisions::Find(decision.name()), decision.value()));
-  }
-  return text;
-}
-
 /// The pairs of one scene.
 class PairRun {
  public:
@@ -108,7 +97,11 @@ class PairRun {
     if (!full.ok()) return full.status();
     if (!planned.ok()) return planned.status();
     pair->is_diffuse = IsDiffuse(*planned);
-    pair->differences = DifferencesOf(*full, *planned);
+    for (int i = 0; i < planned->plan().decisions_size(); ++i) {
+      const v1::PlanDecision& decision = planned->plan().decisions(i);
+      if (decision.value() != full->plan().decisions(i).value())
+        pair->differences[decision.name()] = decision.value();
+    }
     const absl::StatusOr<plan::Probe> probe =
         plan::RunProbe(*scene_, SceneFor(seed).settings, static_cast<int32_t>(settings_.samples));
     if (!probe.ok()) return probe.status();
@@ -187,16 +180,6 @@ std::string MeansCell(ScenePairs pairs, int digits, double (*value)(const Planne
   return absl::StrFormat("%.*f, %.*f", digits, full / count, digits, planned / count);
 }
 
-/// Those of all pairs: a plan depends on the seed of its probe.
-std::string AllDifferences(ScenePairs pairs) {
-  std::vector<std::string> distinct;
-  for (const PlanPair& pair : pairs) {
-    if (std::find(distinct.begin(), distinct.end(), pair.differences) == distinct.end())
-      distinct.push_back(pair.differences);
-  }
-  return absl::StrJoin(distinct, "; with another seed ");
-}
-
 std::string MeansTable(const std::vector<ScenePairs>& scenes) {
   std::string text =
       TableHead({"scene", "what the plan decides otherwise", "planning, s", "rendering, s", "transfer, s",
@@ -204,7 +187,7 @@ std::string MeansTable(const std::vector<ScenePairs>& scenes) {
   for (const ScenePairs& pairs : scenes) {
     absl::StrAppend(
         &text,
-        TableLine({pairs[0].scene, AllDifferences(pairs),
+        TableLine({pairs[0].scene, DifferencesOf(pairs),
                    MeansCell(pairs, 3, [](const PlannedJob& job) { return job.costs.plan_seconds; }),
                    MeansCell(pairs, 2, [](const PlannedJob& job) { return job.costs.render_seconds; }),
                    MeansCell(pairs, 2, [](const PlannedJob& job) { return job.costs.transfer_seconds; }),
@@ -254,6 +237,27 @@ Figure RatioFigure(const std::vector<ScenePairs>& scenes) {
 
 bool KeepsAccuracy(const MeanRatio& error) {
   return error.mean <= kMostErrorRatio + 2 * error.standard_error;
+}
+
+std::string DifferencesOf(absl::Span<const PlanPair> pairs) {
+  std::vector<std::string> texts;
+  for (const decisions::Decision& decision : decisions::kAll) {
+    std::set<int> values;
+    for (const PlanPair& pair : pairs) {
+      const auto found = pair.differences.find(std::string(decision.name));
+      if (found != pair.differences.end()) values.insert(found->second);
+    }
+    if (values.empty()) continue;
+    texts.push_back(
+        absl::StrCat(std::string(decision.name), " ", decisions::ValueText(decision, *values.begin())));
+    if (values.size() > 1)
+      absl::StrAppend(&texts.back(), " to ", decisions::ValueText(decision, *values.rbegin()));
+    const auto differs = [&](const PlanPair& pair) {
+      return pair.differences.contains(std::string(decision.name));
+    };
+    if (!std::all_of(pairs.begin(), pairs.end(), differs)) absl::StrAppend(&texts.back(), " with some seeds");
+  }
+  return absl::StrJoin(texts, ", ");
 }
 
 absl::StatusOr<std::vector<PlanPair>> MeasurePlan(const std::string& scene, const FilmSource& source,

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/types/span.h"
 #include "tests/charts/figure.h"
 #include "tests/charts/films/film_source.h"
 #include "tests/charts/job_run.h"
@@ -25,8 +27,8 @@ struct PlannedJob {
 struct PlanPair {
   std::string scene = {};
   uint64_t seed = 0;
-  bool is_diffuse = false;       // by the plan: light falls on diffuse materials, and there are no others
-  std::string differences = {};  // the decisions that differ from the full plan: "levels 0, glossy off"
+  bool is_diffuse = false;  // by the plan: light falls on diffuse materials, and there are no others
+  std::map<std::string, int> differences = {};  // by name: the decisions that differ from the full plan
   PlannedJob full = {};
   PlannedJob planned = {};
 };
@@ -41,6 +43,10 @@ absl::StatusOr<std::vector<PlanPair>> MeasurePlan(const std::string& scene, cons
                                                   const FilmSettings& settings, int seeds,
                                                   const Reference& reference, const std::string& scratch,
                                                   TaskPool* pool);
+
+/// What the plans of one scene decide otherwise than full ones, which may depend on the seed of the probe: "levels 0,
+/// glossy off, roulette 118 to 138, levels 1 with some seeds".
+std::string DifferencesOf(absl::Span<const PlanPair> pairs);
 
 /// Draws the ratios ("plan-ratios") and writes plan.csv and plan.md; the pairs of a scene follow one another.
 /// Result: whether there was a gnuplot. Errors: those of drawing and of the files.

@@ -47,12 +47,9 @@ struct BlockLight {
   }
 };
 
-/// Size of the probe's picture.
-std::pair<int, int> ProbeSize(int width, int height, int32_t samples_per_pixel) {
-  const double pixels = static_cast<double>(width) * height;
-  const double affordable = pixels * samples_per_pixel / (kSamplesPerProbeSample * double{kProbeSamples});
-  const int wanted = static_cast<int>(std::clamp<double>(affordable, kLeastProbePixels, kProbePixels));
-  const double scale = std::min(1.0, std::sqrt(wanted / pixels));
+/// Size of a picture of that aspect ratio with at most so many pixels, but for rounding.
+std::pair<int, int> SizeWith(int width, int height, int wanted) {
+  const double scale = std::min(1.0, std::sqrt(wanted / (static_cast<double>(width) * height)));
   // An edge of at least one pixel, and what the other one leaves.
   const auto scaled = [scale, wanted](int edge, int other) {
     const int most = std::max(1, wanted / std::max(1, static_cast<int>(std::lround(other * scale))));
@@ -61,22 +58,37 @@ std::pair<int, int> ProbeSize(int width, int height, int32_t samples_per_pixel) 
   return {scaled(width, height), scaled(height, width)};
 }
 
+/// Pixels of the probe's picture, beside those of RecordPaths, each of whose samples are traced twice.
+int PixelsOf(const render::RenderSettings& settings, int32_t samples_per_pixel) {
+  const double samples = static_cast<double>(settings.width) * settings.height * samples_per_pixel;
+  const double affordable =
+      samples / (kSamplesPerProbeSample * double{kProbeSamples}) - 2 * kLeastProbePixels;
+  return static_cast<int>(std::clamp<double>(affordable, kLeastProbePixels, kProbePixels));
+}
+
+/// The settings of the same picture with fewer pixels.
+render::RenderSettings Reduced(const render::RenderSettings& settings, int pixels) {
+  render::RenderSettings small = settings;
+  std::tie(small.width, small.height) = SizeWith(settings.width, settings.height, pixels);
+  const auto reduced_x = [&](int x) { return static_cast<int>(int64_t{x} * small.width / settings.width); };
+  const auto reduced_y = [&](int y) { return static_cast<int>(int64_t{y} * small.height / settings.height); };
+  small.frame = {reduced_x(settings.frame.frame_width), reduced_y(settings.frame.frame_height),
+                 reduced_x(settings.frame.x), reduced_y(settings.frame.y)};
+  return small;
+}
+
 /// Everything is modelled; where all surfaces are diffuse, code for them traces the same bits sooner.
-constexpr render::TracingPlan kProbePlan = {.diffuse_code = true, .layers = {}};
+constexpr render::TracingPlan kProbePlan = {.diffuse_code = true, .roulette = {}, .layers = {}};
 
 /// One probe.
 class ProbeRun {
  public:
-  ProbeRun(const scene::Scene& scene, const render::RenderSettings& settings,
-           const render::PictureCamera& camera, std::unique_ptr<render::EmbreeScene> embree, int width,
-           int height)
-      : camera_(camera),
-        seed_(settings.seed),
-        embree_(std::move(embree)),
-        tracer_(scene, *embree_, settings.environment, settings.max_bounces, settings.mips, kProbePlan) {
-    probe_.width = width;
-    probe_.height = height;
-    probe_.rays_of_pixel.reserve(static_cast<size_t>(width) * static_cast<size_t>(height));
+  ProbeRun(const render::PathTracer& tracer, const render::PictureCamera& camera,
+           const render::RenderSettings& picture)
+      : tracer_(tracer), camera_(camera), seed_(picture.seed) {
+    probe_.width = picture.width;
+    probe_.height = picture.height;
+    probe_.rays_of_pixel.reserve(static_cast<size_t>(picture.width) * static_cast<size_t>(picture.height));
   }
 
   Probe Run() {
@@ -123,23 +135,17 @@ class ProbeRun {
   }
 
   void Finish() {
-    probe_.rays = render::RaysOfThread() - rays_before_;
-    // Dark pixels count by their share of the frame's light, as in relMSE.
-    constexpr double kFloor = 0.01;
     double mean = 0;
     for (const Moments& pixel : pixels_) mean += pixel.mean;
     mean /= static_cast<double>(pixels_.size());
     if (!(mean > 0)) return;
-    for (const Moments& pixel : pixels_)
-      probe_.noise += pixel.Variance() / (pixel.mean * pixel.mean + kFloor * mean * mean);
+    for (const Moments& pixel : pixels_) probe_.noise += pixel.Variance() / SquaredLight(pixel.mean, mean);
     probe_.noise /= static_cast<double>(pixels_.size());
   }
 
+  const render::PathTracer& tracer_;
   const render::PictureCamera& camera_;
   uint64_t seed_;
-  std::unique_ptr<render::EmbreeScene> embree_;
-  const int64_t rays_before_ = render::RaysOfThread();
-  render::PathTracer tracer_;
   Probe probe_;
   std::vector<Moments> pixels_;
 };
@@ -166,17 +172,22 @@ double Probe::RaysPerSample(const Rect& rect, int frame_width, int frame_height)
 
 absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSettings& settings,
                                int32_t samples_per_pixel) {
-  render::RenderSettings small = settings;
-  std::tie(small.width, small.height) = ProbeSize(settings.width, settings.height, samples_per_pixel);
-  const auto reduced_x = [&](int x) { return static_cast<int>(int64_t{x} * small.width / settings.width); };
-  const auto reduced_y = [&](int y) { return static_cast<int>(int64_t{y} * small.height / settings.height); };
-  small.frame = {reduced_x(settings.frame.frame_width), reduced_y(settings.frame.frame_height),
-                 reduced_x(settings.frame.x), reduced_y(settings.frame.y)};
-  const absl::StatusOr<render::PictureCamera> camera = render::MakeCamera(scene, small);
+  const render::RenderSettings picture = Reduced(settings, PixelsOf(settings, samples_per_pixel));
+  const absl::StatusOr<render::PictureCamera> camera = render::MakeCamera(scene, picture);
   if (!camera.ok()) return camera.status();
-  absl::StatusOr<std::unique_ptr<render::EmbreeScene>> embree = render::EmbreeScene::Create(scene);
+  const absl::StatusOr<std::unique_ptr<render::EmbreeScene>> embree = render::EmbreeScene::Create(scene);
   if (!embree.ok()) return embree.status();
-  return ProbeRun(scene, small, *camera, *std::move(embree), small.width, small.height).Run();
+  const render::PathTracer tracer(scene, **embree, settings.environment, settings.max_bounces, settings.mips,
+                                  kProbePlan);
+  const int64_t rays_before = render::RaysOfThread();
+  Probe probe = ProbeRun(tracer, *camera, picture).Run();
+  // As many for any number of samples: those that are added to a job are traced like the others.
+  const render::RenderSettings least = Reduced(settings, kLeastProbePixels);
+  const absl::StatusOr<render::PictureCamera> recorder = render::MakeCamera(scene, least);
+  if (!recorder.ok()) return recorder.status();
+  probe.paths = RecordPaths(tracer, *recorder, least, &probe.samples);
+  probe.rays = render::RaysOfThread() - rays_before;
+  return probe;
 }
 
 }  // namespace lumifold::plan

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "worker/plan/recorded_paths.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/scene.h"
 
@@ -24,6 +25,8 @@ struct Probe {
   /// more; the greatest over all blocks. [0] is not used.
   std::array<double, layers::kMaxDepth + 1> level_share = {};
 
+  RecordedPaths paths;  // of kProbeSamples samples in each of kLeastProbePixels pixels
+
   double noise = 0;  // mean over the pixels of the relative variance of one sample's luminance
 
   /// Mean of rays_of_pixel over the pixels that part `rect` of a frame of this size covers.
@@ -34,7 +37,6 @@ struct Probe {
 
 inline constexpr int kProbePixels = 4096;      // at most, but for rounding
 inline constexpr int kLeastProbePixels = 256;  // unless the frame has fewer
-inline constexpr uint32_t kProbeSamples = 8;   // per pixel
 /// The part of the job's samples that its probe may have, one in: a plan saves a few of a hundred.
 inline constexpr int kSamplesPerProbeSample = 128;
 inline constexpr int kBlock = 8;

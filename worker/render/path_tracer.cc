@@ -13,11 +13,11 @@
 namespace lumifold::render {
 namespace {
 
-/// Russian roulette starts at this path vertex: shorter paths carry most of the light.
-constexpr int kFirstRouletteVertex = 2;
-
 /// First dimension pair of the transmission branch: above all pairs that the reflection branch uses.
 constexpr uint32_t kTransmissionPairs = 1u << 16;
+
+/// Vertices of a recorded path: there may be a thousand bounces, and next to no light comes from beyond these.
+constexpr size_t kMaxRecordedVertices = 16;
 
 /// Glossy radiance is not divided by a directional albedo below this.
 constexpr float kMinGlossyAlbedo = 1e-6f;
@@ -61,14 +61,13 @@ void Attenuate(const Surface& surface, const Hit& hit, Vec3* throughput) {
     *throughput *= VolumeTransmittance(*surface.material, hit.distance);
 }
 
-/// Russian roulette. `throughput` estimates the path's throughput after the next step. Returns the
-/// probability of survival, by which the step's weight must be divided; 0: the path ends. Reads *u, and on
-/// survival rescales it to a random number in [0, 1).
-float RussianRoulette(Vec3 throughput, float* u) {
-  const float survival = std::min(1.0f, MaxComponent(throughput));
-  if (*u >= survival) return 0;
+/// Decides by *u whether a path goes on that does so with probability `survival`. If it does, *u is rescaled to a
+/// random number in [0, 1).
+bool Survives(float survival, float* u) {
+  if (survival >= 1) return true;
+  if (*u >= survival) return false;
   *u = std::min(*u / survival, 0x1.fffffep-1f);
-  return survival;
+  return true;
 }
 
 /// Stores glossy radiance as G and S. Channels whose S is too small go to the remainder.
@@ -178,7 +177,8 @@ Vec3 PathTracer::EmittedOnMiss(Vec3 direction, float pdf) const {
 
 template <typename BsdfType>
 PathTracer::IncidentRadiance PathTracer::TraceIncident(PathSegment* segment, int vertex, Vec3 path_throughput,
-                                                       const PathSampler& random, Indirect indirect) const {
+                                                       const PathSampler& random, Indirect indirect,
+                                                       std::vector<PathVertex>* record) const {
   IncidentRadiance incident;
   Vec3* emission = &incident.direct;  // where emission at the next hit is added
   Vec3 throughput = {1, 1, 1};
@@ -208,9 +208,13 @@ PathTracer::IncidentRadiance PathTracer::TraceIncident(PathSegment* segment, int
     }
 
     float u_lobe = light_and_lobe.y;
-    if (vertex >= kFirstRouletteVertex) {
-      const float survival = RussianRoulette(path_throughput * throughput * bsdf.Albedo(), &u_lobe);
-      if (survival <= 0) return incident;
+    const float next_throughput = MaxComponent(path_throughput * throughput * bsdf.Albedo());
+    if (record != nullptr) {
+      if (record->size() == kMaxRecordedVertices) return incident;
+      record->push_back({path_throughput * incident.indirect, next_throughput, RaysOfThread()});
+    } else {
+      const float survival = plan_.roulette.Survival(vertex, next_throughput);
+      if (!Survives(survival, &u_lobe)) return incident;
       throughput *= 1.0f / survival;
     }
     const BsdfSample step = bsdf.Sample(u_lobe, random.Get2D(vertex, PathSampler::kDirection));
@@ -239,8 +243,8 @@ PathTracer::ScatteredRadiance PathTracer::Scatter(const Surface& surface, const 
   out.total = connection.light * TotalOf(connection.value, bsdf);
 
   const float survival =
-      vertex >= kFirstRouletteVertex ? RussianRoulette(path_throughput * bsdf.Albedo(), &u_lobe) : 1.0f;
-  if (survival <= 0) return out;
+      vertex > 0 ? plan_.roulette.Survival(vertex, MaxComponent(path_throughput * bsdf.Albedo())) : 1.0f;
+  if (!Survives(survival, &u_lobe)) return out;
   BsdfSample step = bsdf.Sample(u_lobe, random.Get2D(vertex, PathSampler::kDirection));
   if (survival < 1) {
     step.weight.diffuse /= survival;
@@ -385,6 +389,33 @@ void PathTracer::Trace(std::span<const Ray> rays, std::span<const Sampler> sampl
   }
 }
 
+template <typename BsdfType>
+void PathTracer::RecordWith(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const {
+  const auto surfaces = IntersectFirst<BsdfType>({&ray, 1}, {&sampler, 1});
+  if (!surfaces[0].has_value()) return;
+  const Surface& surface = surfaces[0]->surface;
+  const BsdfType& bsdf = surfaces[0]->bsdf;
+  const PathSampler random(sampler);
+  const BsdfSample step = bsdf.Sample(surfaces[0]->u_lobe, random.Get2D(0, PathSampler::kDirection));
+  if (!step.valid || step.is_delta) return;
+  const Vec3 weight = TotalOf(step.weight, bsdf);
+  PathSegment next(surface, step, random.Key(0));
+  const int64_t rays_before = RaysOfThread();
+  const auto incident = TraceIncident<BsdfType>(&next, 1, weight, random, Indirect::kTraced, out);
+  out->push_back({weight * incident.indirect, 0, RaysOfThread()});
+  for (PathVertex& vertex : *out) vertex.rays -= rays_before;
+}
+
+void PathTracer::RecordIndirect(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const {
+  out->clear();
+  if (max_bounces_ == 0) return;
+  if (diffuse_only_) {
+    RecordWith<DiffuseBsdf>(ray, sampler, out);
+  } else {
+    RecordWith<Bsdf>(ray, sampler, out);
+  }
+}
+
 // ChartsAccess uses these.
 template PathTracer::FirstSurfaces<Bsdf> PathTracer::IntersectFirst<Bsdf>(std::span<const Ray>,
                                                                           std::span<const Sampler>) const;
@@ -394,7 +425,8 @@ template PathTracer::ScatteredRadiance PathTracer::Scatter<Bsdf>(const Surface&,
                                                                  const Connection&, float, int, Vec3,
                                                                  const PathSampler&, Indirect) const;
 template PathTracer::IncidentRadiance PathTracer::TraceIncident<Bsdf>(PathSegment*, int, Vec3,
-                                                                      const PathSampler&, Indirect) const;
+                                                                      const PathSampler&, Indirect,
+                                                                      std::vector<PathVertex>*) const;
 template Bsdf PathTracer::MakeBsdf<Bsdf>(const Surface&, Vec3) const;
 
 }  // namespace lumifold::render

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "worker/render/bsdf.h"
 #include "worker/render/embree_scene.h"
@@ -32,6 +34,13 @@ enum class LightStrategy {
   kBsdfHits,      // directions sampled from the BSDF that hit a light
 };
 
+/// Where a recorded path could have ended, and its end.
+struct PathVertex {
+  Vec3 gathered;         // indirect radiance so far, weighted as in the picture
+  float throughput = 0;  // for Roulette::Survival; 0 at the path's end
+  int64_t rays = 0;      // so far, from the first surface on
+};
+
 /// Unbiased path tracing with next-event estimation and multiple importance sampling (balance heuristic).
 /// Layers keep the lobes apart at the first surface and at the surfaces seen in mirrors and through glass.
 /// After those surfaces all lobes are summed, so the layers cost next to nothing. At smooth glass that the
@@ -56,6 +65,11 @@ class PathTracer {
   /// Finds the first surface of up to kPacket rays, and the surfaces that delta events lead to from there.
   /// The rays' random keys are set.
   void TraceGeometry(std::span<const Ray> rays, std::span<GeometrySample> out) const;
+
+  /// Traces the path that one sample of the first surface's indirect light follows, without Russian roulette, and
+  /// tells its vertices from the first bounce on. Nothing for rays that leave the scene, and where the sample is a
+  /// mirror image. The ray's random key is set.
+  void RecordIndirect(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const;
 
   bool HasLights() const { return !lights_.IsEmpty(); }
 
@@ -102,10 +116,12 @@ class PathTracer {
   BsdfType MakeBsdf(const Surface& surface, Vec3 wo) const;
   /// Radiance incident along `segment`, which is advanced to the path's end; the surface at its first hit is
   /// path vertex number `vertex`. `path_throughput` is the throughput of the path before the segment. With
-  /// Indirect::kLeftOut only the direct part is traced.
+  /// Indirect::kLeftOut only the direct part is traced. If `record` is not null, the path's vertices are added there, and
+  /// it goes on without Russian roulette.
   template <typename BsdfType>
   IncidentRadiance TraceIncident(PathSegment* segment, int vertex, Vec3 path_throughput,
-                                 const PathSampler& random, Indirect indirect = Indirect::kTraced) const;
+                                 const PathSampler& random, Indirect indirect = Indirect::kTraced,
+                                 std::vector<PathVertex>* record = nullptr) const;
   /// Radiance that path vertex number `vertex` scatters towards the viewer; `connection` is its light sample
   /// and `u_lobe` the random number that selects the lobe.
   template <typename BsdfType>
@@ -131,6 +147,9 @@ class PathTracer {
   template <typename BsdfType>
   void TraceWith(std::span<const Ray> rays, std::span<const Sampler> samplers,
                  std::span<LayerSample> out) const;
+  /// RecordIndirect() with the code for one type of BSDF.
+  template <typename BsdfType>
+  void RecordWith(const Ray& ray, const Sampler& sampler, std::vector<PathVertex>* out) const;
   GeometrySample GeometryAt(const Ray& ray, const Hit& hit) const;
   /// The same chain without random decisions: at each surface the stronger delta event.
   void TraceDeltaChainGeometry(const Ray& camera_ray, const Surface& first, const BsdfSample& event,

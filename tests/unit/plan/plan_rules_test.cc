@@ -316,5 +316,28 @@ TEST(PlanRules, NamesOfMaterialsStayOnTheirLine) {
   EXPECT_EQ(text.find("two\n"), std::string::npos);
 }
 
+TEST(PlanRules, PathsEndWhereTheRestBringsLittle) {
+  const Plan plan = PlanOf(LitBox(Gray()));
+  const int percent = plan.tracing.roulette.percent;
+  EXPECT_GE(percent, 100);
+  EXPECT_LE(percent, 300);
+  EXPECT_EQ(Find(plan, "roulette").source, Source::kProbe);
+  EXPECT_THAT(Find(plan, "roulette").saving, HasSubstr("of the rays that bounce"));
+  // Samples that are added later are traced by the same rule.
+  PlanSettings few = SettingsFor();
+  few.samples = 2;
+  EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette.percent, percent);
+  few.full = true;
+  EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette, render::Roulette{});
+  few.forced = {"roulette=250"};
+  EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette.percent, 250);
+}
+
+TEST(PlanRules, PathsThatBringNothingAreOfNoRule) {
+  EXPECT_EQ(ValueOf(PlanOf(Box(Gray())), "roulette"), "0") << "no bounces without light";
+  EXPECT_EQ(ValueOf(PlanOf(Sheet(Gray()), SettingsFor(WhiteSky())), "roulette"), "0");
+  EXPECT_THAT(Find(PlanOf(LitBox(Mirror())), "roulette").reason, HasSubstr("no indirect light"));
+}
+
 }  // namespace
 }  // namespace lumifold::plan

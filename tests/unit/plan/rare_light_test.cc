@@ -77,7 +77,7 @@ TEST(RareLight, ACausticIsInThePlannedPicture) {
   const Scene room = CausticRoom(Mirror());
   const Plan plan = PlanOf(room, settings);
   EXPECT_EQ(ValueOf(plan, "levels"), "1") << "a ball does not see itself";
-  const Part floor = {{16, 24, 64, 48}};
+  const Part floor = {.rect = {16, 24, 64, 48}, .renderings = 40};
   ExpectUnbiased(room, settings, plan, floor);
   // It is there at all: a ball that does not reflect leaves less light.
   const Estimate with = EstimateOf(MeansOf(room, settings.render, floor));

@@ -1,0 +1,80 @@
+// What paths that were traced without Russian roulette tell of a rule.
+#include "worker/plan/recorded_paths.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/support/analytic_scenes.h"
+#include "tests/unit/plan/plan_scenes.h"
+#include "tests/unit/render/pictures.h"
+#include "worker/plan/probe.h"
+
+namespace lumifold::plan {
+namespace {
+
+using render::PathVertex;
+using render::Roulette;
+using scene::Vec3;
+
+/// Brings 1, 3 and 2 where it gets to, and halves its throughput each time.
+std::vector<PathVertex> Path() {
+  return {{Vec3{1, 1, 1}, 0.5f, 2}, {Vec3{4, 4, 4}, 0.25f, 4}, {Vec3{6, 6, 6}, 0, 5}};
+}
+
+PathCosts CostsWith(const Roulette& rule, double weight = 1) {
+  RecordedPaths paths;
+  paths.Add(Path(), weight);
+  return paths.CostsWith(rule);
+}
+
+TEST(RecordedPaths, APathThatAlwaysGoesOnBringsAllOfItsLight) {
+  const PathCosts costs = CostsWith({.percent = 10000});
+  EXPECT_EQ(costs.second_moment, 3 * 6 * 6);
+  EXPECT_EQ(costs.rays, 5);
+}
+
+TEST(RecordedPaths, CostsAreTheExpectationOverTheRulesDecisions) {
+  // By its throughput it goes on in 1 of 2, then, with the throughput that makes up for it, in 1 of 2 again: it brings 1,
+  // 1 + 2 * 3 or 1 + 2 * 3 + 4 * 2.
+  const PathCosts costs = CostsWith({.percent = 100});
+  EXPECT_DOUBLE_EQ(costs.second_moment, 3 * (0.5 * 1 * 1 + 0.25 * 7 * 7 + 0.25 * 15 * 15));
+  EXPECT_DOUBLE_EQ(costs.rays, 0.5 * 2 + 0.25 * 4 + 0.25 * 5);
+  // The usual rule lets it go on from the first bounce, and decides by the throughput of 1/4 at the second one.
+  const PathCosts usual = CostsWith({});
+  EXPECT_DOUBLE_EQ(usual.second_moment, 3 * (0.75 * 4 * 4 + 0.25 * 12 * 12));
+  EXPECT_DOUBLE_EQ(usual.rays, 0.75 * 4 + 0.25 * 5);
+}
+
+TEST(RecordedPaths, WeightsCountForLightAlone) {
+  EXPECT_EQ(CostsWith({}, 4).second_moment, 4 * CostsWith({}).second_moment);
+  EXPECT_EQ(CostsWith({}, 4).rays, CostsWith({}).rays);
+  RecordedPaths none;
+  none.Add({}, 1);
+  EXPECT_EQ(none.CostsWith({}).rays, 0);
+}
+
+TEST(RecordedPaths, TellTheRaysAndTheLightOfAPictureByTheSameRule) {
+  render::RenderSettings settings = SettingsFor().render;
+  settings.width = 40;
+  settings.height = 30;
+  const scene::Scene room = LitBox(lumifold::testing::Lambert({0.8f, 0.5f, 0.3f}));
+  const Probe probe = RunProbe(room, settings, kAmpleSamples).value();
+  const auto rays_with = [&](const Roulette& rule) {
+    settings.plan.roulette = rule;
+    render::RenderCounts counts;
+    const LayeredImage pass =
+        render::MakeRenderer(room, settings)->RenderPass({0, 0, 40, 30}, 0, {0, 64}, &counts).pixels;
+    return static_cast<double>(counts.rays) / static_cast<double>(counts.samples);
+  };
+  const double paths = 18.0 * 14 * kProbeSamples;  // of the recording, which has at most 256 pixels
+  const double usual = rays_with({});
+  for (const int percent : {100, 200, 1000}) {
+    const Roulette rule = {.percent = percent};
+    const double told = (probe.paths.CostsWith(rule).rays - probe.paths.CostsWith({}).rays) / paths;
+    EXPECT_NEAR(rays_with(rule) - usual, told, 0.15) << percent << " beside " << usual;
+  }
+}
+
+}  // namespace
+}  // namespace lumifold::plan

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "worker/render/camera.h"
+#include "worker/render/path_tracer.h"
+#include "worker/render/renderer.h"
+#include "worker/render/roulette.h"
+
+namespace lumifold::plan {
+
+inline constexpr uint32_t kProbeSamples = 8;  // per pixel
+
+/// What a pixel's squared error is divided by. Dark pixels count by their share of the frame's light, as in relMSE.
+inline double SquaredLight(double of_pixel, double of_frame) {
+  constexpr double kFloor = 0.01;
+  return of_pixel * of_pixel + kFloor * of_frame * of_frame;
+}
+
+/// What paths cost and how far they scatter: sums, so that only ratios of two rules on the same paths mean anything.
+struct PathCosts {
+  double second_moment = 0;  // of the indirect radiance that a path brings, by weight
+  double rays = 0;
+};
+
+/// Paths traced without Russian roulette, from which follows what any rule would cost.
+class RecordedPaths {
+ public:
+  /// Adds the path of `vertices`, as PathTracer::RecordIndirect gives them. `weight` is that of its squared radiance.
+  /// Nothing for a path without vertices or with bad radiance.
+  void Add(std::span<const render::PathVertex> vertices, double weight);
+
+  /// The expectation over the rule's decisions.
+  PathCosts CostsWith(const render::Roulette& rule) const;
+
+  bool IsEmpty() const { return ends_.empty(); }
+
+ private:
+  std::vector<render::PathVertex> vertices_;  // of all paths, one after another
+  std::vector<double> weights_;               // of each path
+  std::vector<size_t> ends_;                  // one past each path's last vertex
+};
+
+/// Traces kProbeSamples paths of each pixel of `picture`. A squared radiance counts relative to the pixel's light. Adds the
+/// number of camera samples that this took to *samples.
+RecordedPaths RecordPaths(const render::PathTracer& tracer, const render::PictureCamera& camera,
+                          const render::RenderSettings& picture, int64_t* samples);
+
+}  // namespace lumifold::plan

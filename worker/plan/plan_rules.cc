@@ -141,15 +141,14 @@ constexpr int kRouletteStep = 5;
 constexpr int kLeastRoulette = 100;
 constexpr int kMostRoulette = 5000;
 
-/// The rule of the fewest rays with that second moment: more rays, less noise.
-int CheapestRoulette(const RecordedPaths& paths, double moment) {
+/// The rule of the fewest rays with that noise: more rays, less noise.
+int CheapestRoulette(const RecordedPaths& paths, double noise) {
   int least = kLeastRoulette / kRouletteStep;
   int most = kMostRoulette / kRouletteStep;
   while (least < most) {
     const int middle = (least + most) / 2;
     // Half a step less would do as well: the nearest step.
-    if (paths.CostsWith({.percent = middle * kRouletteStep + (kRouletteStep + 1) / 2}).second_moment <=
-        moment) {
+    if (paths.CostsWith({.percent = middle * kRouletteStep + (kRouletteStep + 1) / 2}).noise <= noise) {
       most = middle;
     } else {
       least = middle + 1;
@@ -161,8 +160,8 @@ int CheapestRoulette(const RecordedPaths& paths, double moment) {
 Verdict DecideRoulette(const RuleInput& input, const Plan& so_far) {
   if (so_far.max_bounces == 0) return {0, Source::kScene, "no bounces are traced", ""};
   const PathCosts usual = input.probe.paths.CostsWith({});
-  if (usual.second_moment <= 0) return {0, Source::kProbe, "the probe saw no indirect light", ""};
-  const int percent = CheapestRoulette(input.probe.paths, usual.second_moment);
+  if (usual.noise <= 0) return {0, Source::kProbe, "the probe saw no indirect light", ""};
+  const int percent = CheapestRoulette(input.probe.paths, usual.noise);
   const PathCosts costs = input.probe.paths.CostsWith({.percent = percent});
   const double share = costs.rays / usual.rays;
   if (share >= 1) return {0, Source::kProbe, "no rule from the first bounce on takes fewer rays", ""};

@@ -14,27 +14,34 @@ namespace {
 using render::PathVertex;
 using render::Vec3;
 
-double Product(Vec3 a, Vec3 b) { return static_cast<double>(scene::Dot(a, b)); }
+/// The squared radiance over the pixel's light. Beyond `outlier` it grows as the radiance itself.
+double NoiseOf(Vec3 radiance, const PixelLight& pixel) {
+  double noise = 0;
+  for (const float channel : {radiance.x, radiance.y, radiance.z}) {
+    const double x = std::abs(double{channel});
+    noise += x <= pixel.outlier ? x * x : pixel.outlier * (2 * x - pixel.outlier);
+  }
+  return noise / pixel.light;
+}
 
 /// Of one path, whose last vertex is its end.
-PathCosts CostsOf(std::span<const PathVertex> vertices, const render::Roulette& rule) {
-  const Vec3 all = vertices.back().gathered;
+PathCosts CostsOf(std::span<const PathVertex> vertices, const PixelLight& pixel,
+                  const render::Roulette& rule) {
   PathCosts costs;
   double reached = 1;  // the probability that the path gets to the vertex
-  Vec3 before;
-  int64_t rays_before = 0;
-  for (size_t i = 0; i < vertices.size(); ++i) {
+  Vec3 gathered;       // if it does
+  PathVertex before;
+  for (size_t i = 0; i < vertices.size() && reached > 0; ++i) {
     const PathVertex& vertex = vertices[i];
-    // What comes here counts 1 / reached times if the path gets here, and so does what came before.
-    const Vec3 here = vertex.gathered - before;
-    const Vec3 later = all - vertex.gathered;
-    costs.second_moment += (Product(here, here) + 2 * Product(here, later)) / reached;
-    costs.rays += reached * static_cast<double>(vertex.rays - rays_before);
-    before = vertex.gathered;
-    rays_before = vertex.rays;
-    const auto weighted = static_cast<float>(static_cast<double>(vertex.throughput) / reached);
-    reached *= static_cast<double>(rule.Survival(static_cast<int>(i) + 1, weighted));
-    if (reached <= 0) break;
+    gathered += (vertex.gathered - before.gathered) * static_cast<float>(1 / reached);
+    costs.rays += reached * static_cast<double>(vertex.rays - before.rays);
+    const auto throughput = static_cast<float>(static_cast<double>(vertex.throughput) / reached);
+    const bool is_end = i + 1 == vertices.size();
+    const double survival =
+        is_end ? 0.0 : static_cast<double>(rule.Survival(static_cast<int>(i) + 1, throughput));
+    costs.noise += reached * (1 - survival) * NoiseOf(gathered, pixel);
+    reached *= survival;
+    before = vertex;
   }
   return costs;
 }
@@ -63,10 +70,12 @@ std::vector<double> LightOfPixels(const render::PathTracer& tracer, const render
 
 }  // namespace
 
-void RecordedPaths::Add(std::span<const PathVertex> vertices, double weight) {
-  if (vertices.empty() || !std::isfinite(scene::MaxComponent(vertices.back().gathered))) return;
+void RecordedPaths::Add(std::span<const PathVertex> vertices, const PixelLight& pixel) {
+  if (vertices.empty()) return;
+  const Vec3 all = vertices.back().gathered;
+  if (!std::isfinite(all.x) || !std::isfinite(all.y) || !std::isfinite(all.z)) return;
   vertices_.insert(vertices_.end(), vertices.begin(), vertices.end());
-  weights_.push_back(weight);
+  pixels_.push_back(pixel);
   ends_.push_back(vertices_.size());
 }
 
@@ -74,8 +83,9 @@ PathCosts RecordedPaths::CostsWith(const render::Roulette& rule) const {
   PathCosts sum;
   size_t begin = 0;
   for (size_t path = 0; path < ends_.size(); ++path) {
-    const PathCosts costs = CostsOf(std::span(vertices_).subspan(begin, ends_[path] - begin), rule);
-    sum.second_moment += weights_[path] * costs.second_moment;
+    const PathCosts costs =
+        CostsOf(std::span(vertices_).subspan(begin, ends_[path] - begin), pixels_[path], rule);
+    sum.noise += costs.noise;
     sum.rays += costs.rays;
     begin = ends_[path];
   }
@@ -97,11 +107,11 @@ RecordedPaths RecordPaths(const render::PathTracer& tracer, const render::Pictur
     for (int x = 0; x < picture.width; ++x) {
       const size_t pixel =
           static_cast<size_t>(y) * static_cast<size_t>(picture.width) + static_cast<size_t>(x);
-      const double weight = 1 / SquaredLight(light[pixel], mean);
+      const double shown = std::sqrt(SquaredLight(light[pixel], mean));
       const auto record = [&](const render::CameraPacket& packet) {
         for (size_t i = 0; i < packet.size(); ++i) {
           tracer.RecordIndirect(packet.rays()[i], packet.samplers()[i], &vertices);
-          paths.Add(vertices, weight);
+          paths.Add(vertices, {.light = shown, .outlier = shown * kProbeSamples});
         }
       };
       render::ForEachCameraPacket(camera, picture.seed, /*frame=*/0, x, y, {0, kProbeSamples}, record);

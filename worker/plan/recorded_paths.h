@@ -20,32 +20,38 @@ inline double SquaredLight(double of_pixel, double of_frame) {
   return of_pixel * of_pixel + kFloor * of_frame * of_frame;
 }
 
-/// What paths cost and how far they scatter: sums, so that only ratios of two rules on the same paths mean anything.
+/// What noise in a pixel counts.
+struct PixelLight {
+  double light = 1;  // what squared radiance is divided by: the curve of displays is about a square root
+  double outlier =
+      1;  // radiance beyond this counts as outliers do, not by its square: the display's curve bends
+};
+
+/// What paths cost: sums, so that only ratios of two rules on the same paths mean anything.
 struct PathCosts {
-  double second_moment = 0;  // of the indirect radiance that a path brings, by weight
+  double noise =
+      0;  // of the indirect radiance that the paths bring: its mean is the same with any rule, its square not
   double rays = 0;
 };
 
 /// Paths traced without Russian roulette, from which follows what any rule would cost.
 class RecordedPaths {
  public:
-  /// Adds the path of `vertices`, as PathTracer::RecordIndirect gives them. `weight` is that of its squared radiance.
-  /// Nothing for a path without vertices or with bad radiance.
-  void Add(std::span<const render::PathVertex> vertices, double weight);
+  /// Adds the path of `vertices`, as PathTracer::RecordIndirect gives them. Nothing for a path without vertices or with bad
+  /// radiance.
+  void Add(std::span<const render::PathVertex> vertices, const PixelLight& pixel);
 
   /// The expectation over the rule's decisions.
   PathCosts CostsWith(const render::Roulette& rule) const;
 
-  bool IsEmpty() const { return ends_.empty(); }
-
  private:
   std::vector<render::PathVertex> vertices_;  // of all paths, one after another
-  std::vector<double> weights_;               // of each path
+  std::vector<PixelLight> pixels_;            // of each path
   std::vector<size_t> ends_;                  // one past each path's last vertex
 };
 
-/// Traces kProbeSamples paths of each pixel of `picture`. A squared radiance counts relative to the pixel's light. Adds the
-/// number of camera samples that this took to *samples.
+/// Traces kProbeSamples paths of each pixel of `picture`. An outlier is a path that brings more than all samples of its pixel
+/// together. Adds the number of camera samples that this took to *samples.
 RecordedPaths RecordPaths(const render::PathTracer& tracer, const render::PictureCamera& camera,
                           const render::RenderSettings& picture, int64_t* samples);
 

@@ -242,8 +242,9 @@ PathTracer::ScatteredRadiance PathTracer::Scatter(const Surface& surface, const 
   if constexpr (!BsdfType::kDiffuseOnly) out.glossy = connection.light * connection.value.non_diffuse;
   out.total = connection.light * TotalOf(connection.value, bsdf);
 
+  // A surface seen in mirrors is like one that the camera sees: a plan's rule begins at the next one.
   const float survival =
-      vertex > 0 ? plan_.roulette.Survival(vertex, MaxComponent(path_throughput * bsdf.Albedo())) : 1.0f;
+      vertex > 0 ? Roulette{}.Survival(vertex, MaxComponent(path_throughput * bsdf.Albedo())) : 1.0f;
   if (!Survives(survival, &u_lobe)) return out;
   BsdfSample step = bsdf.Sample(u_lobe, random.Get2D(vertex, PathSampler::kDirection));
   if (survival < 1) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <vector>
 
 #include "tests/support/analytic_scenes.h"
@@ -22,15 +23,15 @@ std::vector<PathVertex> Path() {
   return {{Vec3{1, 1, 1}, 0.5f, 2}, {Vec3{4, 4, 4}, 0.25f, 4}, {Vec3{6, 6, 6}, 0, 5}};
 }
 
-PathCosts CostsWith(const Roulette& rule, double weight = 1) {
+PathCosts CostsWith(const Roulette& rule, const PixelLight& pixel = {.light = 1, .outlier = 100}) {
   RecordedPaths paths;
-  paths.Add(Path(), weight);
+  paths.Add(Path(), pixel);
   return paths.CostsWith(rule);
 }
 
 TEST(RecordedPaths, APathThatAlwaysGoesOnBringsAllOfItsLight) {
   const PathCosts costs = CostsWith({.percent = 10000});
-  EXPECT_EQ(costs.second_moment, 3 * 6 * 6);
+  EXPECT_EQ(costs.noise, 3 * 6 * 6);
   EXPECT_EQ(costs.rays, 5);
 }
 
@@ -38,20 +39,38 @@ TEST(RecordedPaths, CostsAreTheExpectationOverTheRulesDecisions) {
   // By its throughput it goes on in 1 of 2, then, with the throughput that makes up for it, in 1 of 2 again: it brings 1,
   // 1 + 2 * 3 or 1 + 2 * 3 + 4 * 2.
   const PathCosts costs = CostsWith({.percent = 100});
-  EXPECT_DOUBLE_EQ(costs.second_moment, 3 * (0.5 * 1 * 1 + 0.25 * 7 * 7 + 0.25 * 15 * 15));
+  EXPECT_DOUBLE_EQ(costs.noise, 3 * (0.5 * 1 * 1 + 0.25 * 7 * 7 + 0.25 * 15 * 15));
   EXPECT_DOUBLE_EQ(costs.rays, 0.5 * 2 + 0.25 * 4 + 0.25 * 5);
   // The usual rule lets it go on from the first bounce, and decides by the throughput of 1/4 at the second one.
   const PathCosts usual = CostsWith({});
-  EXPECT_DOUBLE_EQ(usual.second_moment, 3 * (0.75 * 4 * 4 + 0.25 * 12 * 12));
+  EXPECT_DOUBLE_EQ(usual.noise, 3 * (0.75 * 4 * 4 + 0.25 * 12 * 12));
   EXPECT_DOUBLE_EQ(usual.rays, 0.75 * 4 + 0.25 * 5);
 }
 
-TEST(RecordedPaths, WeightsCountForLightAlone) {
-  EXPECT_EQ(CostsWith({}, 4).second_moment, 4 * CostsWith({}).second_moment);
-  EXPECT_EQ(CostsWith({}, 4).rays, CostsWith({}).rays);
+TEST(RecordedPaths, NoiseCountsRelativeToThePixelsLight) {
+  const PixelLight bright = {.light = 4, .outlier = 100};
+  EXPECT_EQ(4 * CostsWith({}, bright).noise, CostsWith({}).noise);
+  EXPECT_EQ(CostsWith({}, bright).rays, CostsWith({}).rays);
   RecordedPaths none;
-  none.Add({}, 1);
+  none.Add({}, bright);
   EXPECT_EQ(none.CostsWith({}).rays, 0);
+}
+
+TEST(RecordedPaths, OutliersDoNotCountByTheirSquare) {
+  EXPECT_EQ(CostsWith({.percent = 10000}, {.light = 1, .outlier = 6}).noise, 3 * 6 * 6);
+  EXPECT_EQ(CostsWith({.percent = 10000}, {.light = 1, .outlier = 2}).noise, 3 * (2 * 2 + 2 * 2 * (6 - 2)));
+}
+
+TEST(RecordedPaths, BadRadianceCountsNothing) {
+  for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    RecordedPaths paths;
+    std::vector<PathVertex> path = Path();
+    path.back().gathered.y = bad;
+    paths.Add(path, {});
+    EXPECT_EQ(paths.CostsWith({}).rays, 0) << bad;
+    paths.Add(Path(), {.light = 1, .outlier = 100});
+    EXPECT_EQ(paths.CostsWith({}).noise, CostsWith({}).noise) << bad;
+  }
 }
 
 TEST(RecordedPaths, TellTheRaysAndTheLightOfAPictureByTheSameRule) {

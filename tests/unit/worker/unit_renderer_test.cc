@@ -173,6 +173,7 @@ TEST(UnitRenderer, ThreadsShareWhatIsBeingLoaded) {
     assets.SetOpen(false);
     UnitRenderer renderer(&assets);
     std::vector<std::thread> threads;
+    threads.reserve(8);
     for (int i = 0; i < 8; ++i) threads.emplace_back([&renderer, i] { Coverage(renderer, Spec(4), i % 2); });
     assets.AwaitFetches(1);
     assets.SetOpen(true);

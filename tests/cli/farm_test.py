@@ -141,7 +141,7 @@ class Jobs(FarmTest):
         self.succeed("wait", job)
         explained = self.succeed("explain", job)
         self.assertTrue(explained.startswith(f"job: {job}\nstate: done\nnothing holds it up\n\nDECISION "), explained)
-        self.assertEqual(len(self.succeed_json("explain", job)["plan"]["decisions"]), 13)
+        self.assertEqual(len(self.succeed_json("explain", job)["plan"]["decisions"]), 14)
         log = self.succeed("logs", job)
         for event in ("job_submitted", "job_planned", "job_resumed", "job_priority", "frame_finished", "job_ended"):
             self.assertIn(f"event={event} job={job}", log)

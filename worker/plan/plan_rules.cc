@@ -159,6 +159,8 @@ int CheapestRoulette(const RecordedPaths& paths, double noise) {
 
 Verdict DecideRoulette(const RuleInput& input, const Plan& so_far) {
   if (so_far.max_bounces == 0) return {0, Source::kScene, "no bounces are traced", ""};
+  // A frame has the same bits in a job of its own.
+  if (input.facts.animated) return {0, Source::kScene, "the scene is animated", ""};
   const PathCosts usual = input.probe.paths.CostsWith({});
   if (usual.noise <= 0) return {0, Source::kProbe, "the probe saw no indirect light", ""};
   const int percent = CheapestRoulette(input.probe.paths, usual.noise);

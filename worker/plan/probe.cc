@@ -77,6 +77,15 @@ render::RenderSettings Reduced(const render::RenderSettings& settings, int pixel
   return small;
 }
 
+/// The settings of the frame that the picture is a region of.
+render::RenderSettings WholeFrame(render::RenderSettings settings) {
+  if (settings.frame.frame_width == 0) return settings;
+  settings.width = settings.frame.frame_width;
+  settings.height = settings.frame.frame_height;
+  settings.frame = {};
+  return settings;
+}
+
 /// Everything is modelled; where all surfaces are diffuse, code for them traces the same bits sooner.
 constexpr render::TracingPlan kProbePlan = {.diffuse_code = true, .roulette = {}, .layers = {}};
 
@@ -181,8 +190,9 @@ absl::StatusOr<Probe> RunProbe(const scene::Scene& scene, const render::RenderSe
                                   kProbePlan);
   const int64_t rays_before = render::RaysOfThread();
   Probe probe = ProbeRun(tracer, *camera, picture).Run();
-  // As many for any number of samples: those that are added to a job are traced like the others.
-  const render::RenderSettings least = Reduced(settings, kLeastProbePixels);
+  // As many for any number of samples, and of the whole frame: samples that are added to a job, and regions, have the
+  // frame's bits.
+  const render::RenderSettings least = Reduced(WholeFrame(settings), kLeastProbePixels);
   const absl::StatusOr<render::PictureCamera> recorder = render::MakeCamera(scene, least);
   if (!recorder.ok()) return recorder.status();
   probe.paths = RecordPaths(tracer, *recorder, least, &probe.samples);

@@ -333,6 +333,21 @@ TEST(PlanRules, PathsEndWhereTheRestBringsLittle) {
   EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette.percent, 250);
 }
 
+TEST(PlanRules, ARegionHasTheRouletteOfItsFrame) {
+  const int of_frame = PlanOf(LitBox(Gray())).tracing.roulette.percent;
+  PlanSettings region = SettingsFor();
+  region.render.frame = {region.render.width, region.render.height, 8, 4};
+  region.render.width = 12;
+  region.render.height = 20;
+  EXPECT_EQ(PlanOf(LitBox(Gray()), region).tracing.roulette.percent, of_frame);
+}
+
+TEST(PlanRules, FramesOfAnAnimationHaveTheUsualRoulette) {
+  const auto moving = RoomWithLateMirror().Load();
+  ASSERT_TRUE(moving.ok()) << moving.status();
+  EXPECT_EQ(ValueOf(PlanOf(*moving), "roulette"), "0");
+}
+
 TEST(PlanRules, PathsThatBringNothingAreOfNoRule) {
   EXPECT_EQ(ValueOf(PlanOf(Box(Gray())), "roulette"), "0") << "no bounces without light";
   EXPECT_EQ(ValueOf(PlanOf(Sheet(Gray()), SettingsFor(WhiteSky())), "roulette"), "0");

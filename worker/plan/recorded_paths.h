@@ -22,15 +22,15 @@ inline double SquaredLight(double of_pixel, double of_frame) {
 
 /// What noise in a pixel counts.
 struct PixelLight {
-  double light = 1;  // what squared radiance is divided by: the curve of displays is about a square root
-  double outlier =
-      1;  // radiance beyond this counts as outliers do, not by its square: the display's curve bends
+  /// What squared radiance is divided by: the curve of displays is about a square root.
+  double light = 1;
+  /// Radiance beyond this counts as outliers do, not by its square: the display's curve bends.
+  double outlier = 1;
 };
 
 /// What paths cost: sums, so that only ratios of two rules on the same paths mean anything.
 struct PathCosts {
-  double noise =
-      0;  // of the indirect radiance that the paths bring: its mean is the same with any rule, its square not
+  double noise = 0;  // of the indirect radiance that they bring, whose mean is the same with any rule
   double rays = 0;
 };
 

@@ -243,8 +243,7 @@ PathTracer::ScatteredRadiance PathTracer::Scatter(const Surface& surface, const 
   out.total = connection.light * TotalOf(connection.value, bsdf);
 
   // A surface seen in mirrors is like one that the camera sees: a plan's rule begins at the next one.
-  const float survival =
-      vertex > 0 ? Roulette{}.Survival(vertex, MaxComponent(path_throughput * bsdf.Albedo())) : 1.0f;
+  const float survival = Roulette{}.Survival(vertex, MaxComponent(path_throughput * bsdf.Albedo()));
   if (!Survives(survival, &u_lobe)) return out;
   BsdfSample step = bsdf.Sample(u_lobe, random.Get2D(vertex, PathSampler::kDirection));
   if (survival < 1) {

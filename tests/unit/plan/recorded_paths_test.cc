@@ -95,5 +95,18 @@ TEST(RecordedPaths, TellTheRaysAndTheLightOfAPictureByTheSameRule) {
   }
 }
 
+TEST(RecordedPaths, APathOfManyBouncesIsCutOff) {
+  render::RenderSettings settings = SettingsFor().render;
+  settings.width = 8;
+  settings.height = 6;
+  settings.max_bounces = 200;
+  const auto rays = [&] {
+    const Probe probe = RunProbe(LitBox(lumifold::testing::Lambert({1, 1, 1})), settings, 1).value();
+    return probe.paths.CostsWith({.percent = 10000}).rays / (8.0 * 6 * kProbeSamples);
+  };
+  EXPECT_LE(rays(), 2 * 17) << "a ray to each vertex, and its shadow ray";
+  EXPECT_GT(rays(), 16);
+}
+
 }  // namespace
 }  // namespace lumifold::plan

@@ -8,7 +8,7 @@
 namespace lumifold::filter {
 namespace {
 
-/// Columns of a block: what it and its apron take stays in the second-level cache.
+/// The most columns of a block: what it and its apron take stays in the second-level cache.
 constexpr int kBlockColumns = 256;
 
 /// A block of pixels with an apron of `radius` around it, row after row, zero beyond the picture, and sums
@@ -101,12 +101,14 @@ Planes BoxMeans(const Planes& values, ConstFloatView weight, int radius, TaskPoo
   const int height = weight.height();
   // A window over the whole picture reaches no further.
   const int reach = std::min(radius, std::max(width, height));
+  const int blocks = std::max(1, (width + kBlockColumns - 1) / kBlockColumns);
+  const int columns = (width + blocks - 1) / blocks;
   Planes means = MakeUninitializedPlanes(values.size(), width, height);
   ForEachBand(pool, height, [&](int, int y0, int y1) {
-    Window total(kBlockColumns, kBandRows, reach);
-    Window window(kBlockColumns, kBandRows, reach);
-    for (int x0 = 0; x0 < width; x0 += kBlockColumns)
-      BlockMeans({x0, y0, std::min(x0 + kBlockColumns, width), y1}, values, weight, &total, &window, &means);
+    Window total(columns, y1 - y0, reach);
+    Window window(columns, y1 - y0, reach);
+    for (int x0 = 0; x0 < width; x0 += columns)
+      BlockMeans({x0, y0, std::min(x0 + columns, width), y1}, values, weight, &total, &window, &means);
   });
   return means;
 }

@@ -3,6 +3,7 @@
 #include <embree3/rtcore.h>
 
 #include <algorithm>
+#include <cstring>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -27,14 +28,14 @@ using Device = std::unique_ptr<RTCDeviceTy, Release>;
 using SceneHandle = std::unique_ptr<RTCSceneTy, Release>;
 using Geometry = std::unique_ptr<RTCGeometryTy, Release>;
 
+/// Embree reads origin and direction as vectors of four. To read what was written in parts would wait for these stores.
 RTCRay EmbreeRay(const Ray& ray) {
+  using Four [[gnu::vector_size(4 * sizeof(float))]] = float;
+  const Four origin = {ray.origin.x, ray.origin.y, ray.origin.z, 0};
+  const Four direction = {ray.direction.x, ray.direction.y, ray.direction.z, 0};
   RTCRay r = {};
-  r.org_x = ray.origin.x;
-  r.org_y = ray.origin.y;
-  r.org_z = ray.origin.z;
-  r.dir_x = ray.direction.x;
-  r.dir_y = ray.direction.y;
-  r.dir_z = ray.direction.z;
+  std::memcpy(&r.org_x, &origin, sizeof(origin));
+  std::memcpy(&r.dir_x, &direction, sizeof(direction));
   r.tfar = ray.max_distance;
   r.mask = ~0u;
   return r;

@@ -190,14 +190,13 @@ LightSample LightSet::Sample(const LightReceiver& from, float u_light, Vec2 u) c
   if (u_light >= finite_share_) return SampleInfinite((u_light - finite_share_) / (1.0f - finite_share_), u);
   const LightTree::Choice choice = PickFinite(from, finite_share_ < 1 ? u_light / finite_share_ : u_light);
   if (choice.probability <= 0) return {};
-  LightSample sample = choice.emitter < triangles_.size()
-                           ? SampleTriangle(triangles_[choice.emitter], from.position, u)
-                           : SamplePunctual(points_[choice.emitter - triangles_.size()], from.position);
-  sample.pdf *= finite_share_ * choice.probability;
-  return sample;
+  const float probability = finite_share_ * choice.probability;
+  if (choice.emitter < triangles_.size())
+    return SampleTriangle(triangles_[choice.emitter], probability, from.position, u);
+  return SamplePunctual(points_[choice.emitter - triangles_.size()], probability, from.position);
 }
 
-LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) const {
+LightSample LightSet::SampleTriangle(const Triangle& light, float probability, Vec3 from, Vec2 u) const {
   const auto [b1, b2] = TrianglePoint(u);
   LightSample sample;
   const Vec3 to_light = light.corner + light.edge1 * b1 + light.edge2 * b2 - from;
@@ -207,7 +206,7 @@ LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) c
   sample.direction = to_light * (1.0f / sample.distance);
   const float cosine = -Dot(sample.direction, light.normal);
   if (cosine == 0 || (cosine < 0 && !light.double_sided)) return sample;
-  sample.pdf = light.inverse_area * distance2 / std::abs(cosine);
+  sample.pdf = light.inverse_area * distance2 / std::abs(cosine) * probability;
   sample.radiance = light.radiance;
   if (light.textured != nullptr) {
     const Vec2 uv[2] = {Interpolate(light.uv[0], b1, b2), Interpolate(light.uv[1], b1, b2)};
@@ -220,7 +219,7 @@ LightSample LightSet::SampleTriangle(const Triangle& light, Vec3 from, Vec2 u) c
   return sample;
 }
 
-LightSample LightSet::SamplePunctual(const PunctualEmitter& light, Vec3 from) const {
+LightSample LightSet::SamplePunctual(const PunctualEmitter& light, float probability, Vec3 from) const {
   LightSample sample;
   sample.is_delta = true;
   const Vec3 to_light = light.position() - from;
@@ -229,7 +228,7 @@ LightSample LightSet::SamplePunctual(const PunctualEmitter& light, Vec3 from) co
   sample.distance = distance;
   sample.direction = to_light / distance;
   sample.radiance = light.Irradiance(sample.direction, distance);
-  sample.pdf = 1;
+  sample.pdf = probability;
   return sample;
 }
 

@@ -290,7 +290,7 @@ absl::StatusOr<bool> ChartPlan(const std::string& folder, const std::vector<Plan
                       "everything modelled, and what the "
                       "[plan](../plan.md) leaves of it. Both go through the code of worker and "
                       "coordinator, in one process and "
-                      "without a network. The planned job pays for its probe, of a 128th of its samples.\n\n"
+                      "without a network. The planned job pays for its probe, of a 256th of its samples.\n\n"
                       "## Planned over full\n\n"
                       "Mean of the ratios of %d pairs, ± its standard error where they differ. "
                       "Times are processor seconds. A "

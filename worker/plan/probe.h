@@ -38,7 +38,7 @@ struct Probe {
 inline constexpr int kProbePixels = 4096;      // at most, but for rounding
 inline constexpr int kLeastProbePixels = 256;  // unless the frame has fewer
 /// The part of the job's samples that its probe may have, one in: a plan saves a few of a hundred.
-inline constexpr int kSamplesPerProbeSample = 128;
+inline constexpr int kSamplesPerProbeSample = 256;
 inline constexpr int kBlock = 8;
 
 /// Traces the probe of frame 0 on the calling thread, for a job of so many samples per pixel. The random numbers are keyed

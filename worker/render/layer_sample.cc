@@ -10,6 +10,19 @@ namespace lumifold::render {
 
 using scene::Vec3;
 
+namespace {
+
+bool LevelsAreFinite(const ByLevel<LevelSample>& levels) {
+  bool all = true;
+  levels.ForEach([&](layers::Level, const LevelSample& level) {
+    all = all && IsFinite(level.direct) && IsFinite(level.indirect) && IsFinite(level.albedo) &&
+          IsFinite(level.emitted);
+  });
+  return all;
+}
+
+}  // namespace
+
 bool IsFinite(Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 Vec3 Recombined(const LayerSample& s) {
@@ -27,11 +40,7 @@ bool IsFinite(const LayerSample& s) {
   std::memcpy(bits.data(), &s, sizeof(bits));
   uint32_t bad = 0;
   for (const uint32_t value : bits) bad |= static_cast<uint32_t>((value & kExponent) == kExponent);
-  s.levels.ForEach([&](layers::Level, const LevelSample& level) {
-    bad |= static_cast<uint32_t>(
-        !(IsFinite(level.direct) && IsFinite(level.indirect) && IsFinite(level.albedo) && IsFinite(level.emitted)));
-  });
-  return bad == 0;
+  return bad == 0 && (s.levels.IsEmpty() || LevelsAreFinite(s.levels));
 }
 
 }  // namespace lumifold::render

@@ -10,7 +10,6 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <random>
 #include <thread>
@@ -43,6 +42,7 @@
 #include "server/asset_checks.h"
 #include "server/call_gate.h"
 #include "server/cluster/membership.h"
+#include "server/connection_limits.h"
 #include "server/coordinator_impl.h"
 #include "server/event_log.h"
 #include "server/farm_peers.h"
@@ -65,14 +65,6 @@ namespace {
 /// Time for running calls to end at shutdown. Streams of workers never end by themselves, so shutdown always
 /// takes this long.
 constexpr absl::Duration kGrace = absl::Milliseconds(100);
-/// Workers ping every rpc::kQuickKeepAlive, clients seldom; connections that ping faster than this are closed.
-constexpr int kMinPingIntervalMs = 1'000;
-constexpr int kKeepAliveMs = 20'000;
-constexpr int kKeepAliveTimeoutMs = 10'000;
-/// A connection has the certificate that it was opened with. After this part of a certificate's life, and after an hour at
-/// most, callers are asked to open another, so that what was renewed is used before the old one expires.
-constexpr int kConnectionsPerCertificate = 6;
-constexpr absl::Duration kMaxConnectionAge = absl::Hours(1);
 /// Time between two looks for streams that have stalled.
 constexpr absl::Duration kStallInterval = absl::Seconds(1);
 constexpr size_t kPageKeyBytes = 32;
@@ -88,21 +80,6 @@ std::string HostOf(const std::string& address) {
   rpc::HostAndPort where;
   (void)rpc::ParseHostAndPort(address, &where);
   return absl::AsciiStrToLower(where.host);
-}
-
-int Milliseconds(absl::Duration duration) { return static_cast<int>(absl::ToInt64Milliseconds(duration)); }
-
-/// gRPC's side of the limits.
-void SetLimits(const Limits& limits, grpc::ServerBuilder* builder) {
-  builder->SetMaxReceiveMessageSize(rpc::kMaxMessageBytes);
-  builder->SetMaxSendMessageSize(rpc::kMaxMessageBytes);
-  builder->AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, limits.streams_per_connection);
-  builder->AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, Milliseconds(limits.handshake));
-  builder->AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, Milliseconds(limits.idle_connection));
-  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepAliveMs);
-  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepAliveTimeoutMs);
-  builder->AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-  builder->AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, kMinPingIntervalMs);
 }
 
 class ServerImpl final : public Server {
@@ -499,13 +476,8 @@ absl::Status ServerImpl::StartServices() {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
-  SetLimits(options_.limits, &builder);
-  if (access_ != nullptr) {
-    builder.AddChannelArgument(
-        GRPC_ARG_MAX_CONNECTION_AGE_MS,
-        Milliseconds(
-            std::min(options_.certificate_lifetime / kConnectionsPerCertificate, kMaxConnectionAge)));
-  }
+  SetConnectionLimits(options_.limits, &builder);
+  if (access_ != nullptr) SetConnectionAge(options_.certificate_lifetime, &builder);
   if (!options_.listen.empty()) {
     if (absl::Status status = OpenListener(&builder); !status.ok()) return status;
   }

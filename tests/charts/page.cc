@@ -41,9 +41,10 @@ absl::Status WritePage(const std::string& path, const std::string& title, const 
                        const std::string& body) {
   const std::string date = absl::FormatTime("%Y-%m-%d", absl::Now(), absl::UTCTimeZone());
   return WriteFileAtomically(
-      path, absl::StrCat("# ", title, "\n\n", date, ", commit ", Commit(), ", ", provenance.threads,
-                         " threads on ", Processor(), ", numeric class ", render::NumericClass(), ".\n\n    ",
-                         provenance.command, "\n\n", body));
+      path,
+      absl::StrCat("# ", title, "\n\n", date, ", commit ", Commit(), ", ", provenance.threads,
+                   provenance.threads == 1 ? " thread on " : " threads on ", Processor(), ", numeric class ",
+                   render::NumericClass(), ".\n\n    ", provenance.command, "\n\n", body));
 }
 
 std::string TableLine(const std::vector<std::string>& cells) {

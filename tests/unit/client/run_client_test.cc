@@ -5,9 +5,7 @@
 
 #include <filesystem>
 
-#include "filter/image/exr_io.h"
-#include "tests/unit/client/fake_farm.h"
-#include "tests/unit/client/test_environment.h"
+#include "tests/unit/client/run_client_fixture.h"
 
 namespace lumifold::client {
 namespace {
@@ -16,59 +14,6 @@ using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::MatchesRegex;
 using testing::StartsWith;
-
-constexpr char kScene[] = R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}]})";
-
-// Replaces the farm inside the process.
-class FakeLocalFarm : public LocalFarm {
- public:
-  explicit FakeLocalFarm(std::shared_ptr<grpc::Channel> channel) : channel_(std::move(channel)) {}
-  std::shared_ptr<grpc::Channel> channel() override { return channel_; }
-
- private:
-  std::shared_ptr<grpc::Channel> channel_;
-};
-
-class RunClientTest : public testing::Test {
- protected:
-  RunClientTest() {
-    scene_ = folder_.Write("room.gltf", kScene);
-    folder_.Write("mesh.bin", std::string(2'500'000, 'm'));
-    test_.environment.default_server = farm_.address();
-    test_.environment.local_farm = [this](const LocalFarmOptions& options) {
-      local_options_.push_back(options);
-      return std::make_unique<FakeLocalFarm>(farm_.channel());
-    };
-    LayeredImage image(4, 3);
-    image.AddColor("");
-    image.AddColor("noisy");
-    EXPECT_EQ(WriteExr(folder_.File("result"), image), absl::OkStatus());
-    farm_.result = folder_.Read("result");
-    farm_.watched = {Job(v1::JOB_STATE_RUNNING), Job(v1::JOB_STATE_DONE)};
-  }
-
-  static v1::JobStatus Job(v1::JobState state) {
-    v1::JobStatus job;
-    job.set_job_id("job-1");
-    job.set_state(state);
-    return job;
-  }
-
-  int Run(const std::vector<std::string>& arguments) {
-    std::vector<const char*> argv = {"lumifold"};
-    for (const std::string& argument : arguments) argv.push_back(argument.c_str());
-    return RunClient(static_cast<int>(argv.size()), argv.data(), test_.environment);
-  }
-
-  std::string Out() const { return test_.out.str(); }
-  std::string Err() const { return test_.err.str(); }
-
-  FakeFarm farm_;
-  ScratchFolder folder_;
-  TestEnvironment test_;
-  std::string scene_;
-  std::vector<LocalFarmOptions> local_options_;
-};
 
 TEST_F(RunClientTest, RefusesOutputsBeforeAnyWork) {
   EXPECT_EQ(Run({"render", scene_, "-o", "out.gif"}), 2);
@@ -524,91 +469,6 @@ TEST_F(RunClientTest, ChecksEachCoordinatorOfTheList) {
   test_.environment.default_server = "a:7700,a:7700";
   EXPECT_EQ(Run({"server-status"}), 2);
   EXPECT_THAT(Err(), HasSubstr("'a:7700' is twice in the list"));
-}
-
-TEST_F(RunClientTest, ComparesLayers) {
-  LayeredImage image(4, 3);
-  image.AddColor("");
-  for (const FloatView& plane : image.AddColor("noisy")) {
-    for (int y = 0; y < 3; ++y) {
-      for (int x = 0; x < 4; ++x) plane.At(x, y) = 1;
-    }
-  }
-  const std::string picture = folder_.File("picture.exr");
-  ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
-  EXPECT_EQ(Run({"compare", picture, picture, "--layer", "noisy"}), 0) << Err();
-  EXPECT_EQ(Out(), "MSE255 65025.0000\nPSNR 0.00 dB\nrelMSE 100.000000\n");
-  test_.out.str("");
-  EXPECT_EQ(Run({"compare", picture, picture, "--json"}), 0);
-  EXPECT_EQ(Out(), "{\"schema_version\":1,\"mse255\":0.0,\"psnr_db\":null,\"rel_mse\":0.0}\n");
-}
-
-TEST_F(RunClientTest, RefusesToCompareWhatDoesNotFit) {
-  const std::string small = folder_.File("result");
-  const std::string large = folder_.File("large.exr");
-  LayeredImage image(5, 3);
-  image.AddColor("");
-  ASSERT_EQ(WriteExr(large, image), absl::OkStatus());
-  EXPECT_EQ(Run({"compare", small, large}), 2);
-  EXPECT_EQ(Run({"compare", small, small, "--layer", "direct"}), 4);
-  EXPECT_EQ(Run({"compare", small, folder_.File("none.exr")}), 4);
-  EXPECT_THAT(Err(), StartsWith("lumifold: " + small + " has 4x3 pixels, " + large + " has 5x3\nlumifold: " +
-                                small + ": has no colour layer 'direct'\nlumifold: "));
-}
-
-TEST_F(RunClientTest, ComparesByRegionAndWritesAHeatMap) {
-  LayeredImage image(4, 3);
-  image.AddColor("");
-  image.AddColor("albedo");
-  const std::string reference = folder_.File("reference.exr");
-  ASSERT_EQ(WriteExr(reference, image), absl::OkStatus());
-  image.Get("G").At(1, 1) = 1;
-  const std::string picture = folder_.File("picture.exr");
-  ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
-  const std::string map = folder_.File("map.png");
-  EXPECT_EQ(Run({"compare", picture, reference, "--metric", "mse255,flip", "--by-region", "--heatmap", map}),
-            0)
-      << Err();
-  EXPECT_THAT(Out(), MatchesRegex("MSE255 1806\\.2500\nFLIP 0\\.[0-9]*\nMSE255 of flat 1806\\.2500 "
-                                  "\\(100\\.0 % of pixels\\)\n.*map\\.png: black is 0, pale yellow is 200 or "
-                                  "more 8-bit steps \\(root mean square of R G B\\)\n"));
-  EXPECT_TRUE(std::filesystem::exists(map));
-  test_.out.str("");
-  EXPECT_EQ(
-      Run({"compare", picture, reference, "--metric", "mse255", "--by-region", "--heatmap", map, "--json"}),
-      0);
-  EXPECT_EQ(
-      Out(),
-      "{\"schema_version\":1,\"mse255\":1806.25,\"regions\":{\"flat\":{\"share\":1.0,\"mse255\":1806.25}},"
-      "\"heatmap_scale\":200.0}\n");
-}
-
-TEST_F(RunClientTest, NamesTheReasonWhyItCannotCompareByRegion) {
-  LayeredImage image(4, 3);
-  image.AddColor("");
-  const std::string picture = folder_.File("picture.exr");
-  ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
-  EXPECT_EQ(Run({"compare", picture, picture, "--by-region"}), 4);
-  EXPECT_EQ(Run({"compare", picture, picture, "--heatmap", "map.jpg"}), 2);
-  EXPECT_EQ(Err(), "lumifold: " + picture +
-                       ": has no layers that define regions: 'albedo', 'direct' or edges\nlumifold: "
-                       "--heatmap: expected a name that ends in .png; got 'map.jpg'\n");
-}
-
-TEST_F(RunClientTest, InterruptedFilteringLeavesNoFile) {
-  const std::string picture = folder_.File("picture.exr");
-  LayeredImage image(4, 3);
-  image.AddColor("noisy");
-  ASSERT_EQ(WriteExr(picture, image), absl::OkStatus());
-  const int files = folder_.FileCount();
-  test_.environment.film_filter = [](FilmSource* film, const std::string&, int,
-                                     const std::vector<std::string>&, const RowSink&) {
-    return film->Read({0, 0, 4, 3}).status();
-  };
-  test_.interrupted = true;
-  EXPECT_EQ(Run({"filter", picture, "-o", folder_.File("out.exr")}), 130);
-  EXPECT_THAT(Err(), testing::EndsWith("lumifold: interrupted\n"));
-  EXPECT_EQ(folder_.FileCount(), files);
 }
 
 TEST_F(RunClientTest, CancelsAJob) {

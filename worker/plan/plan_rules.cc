@@ -171,8 +171,8 @@ Verdict DecideRoulette(const RuleInput& input, const Plan& so_far) {
   const double share = costs.rays / usual.rays;
   if (share >= 1) return {0, Source::kProbe, "no rule from the first bounce on takes fewer rays", ""};
   return {percent, Source::kProbe,
-          absl::StrFormat("from the first bounce on, paths go on by %.2f times their throughput: as much "
-                          "noise as from the second bounce on by the throughput",
+          absl::StrFormat("from the first bounce on, paths go on by %.2f times their throughput: about as "
+                          "much noise as from the second bounce on by the throughput",
                           percent / 100.0),
           absl::StrFormat("%.0f %% of the rays that bounce", 100 * (1 - share))};
 }

@@ -8,6 +8,7 @@
 #include "tests/scenes/scenes.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/plan/plan_scenes.h"
+#include "worker/plan/probe.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::plan {
@@ -331,6 +332,17 @@ TEST(PlanRules, PathsEndWhereTheRestBringsLittle) {
   EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette, render::Roulette{});
   few.forced = {"roulette=250"};
   EXPECT_EQ(PlanOf(LitBox(Gray()), few).tracing.roulette.percent, 250);
+}
+
+TEST(PlanRules, RouletteCostsAHundredthOfTheAccuracyAtMost) {
+  const Scene room = LitBox(Gray());
+  const int percent = PlanOf(room).tracing.roulette.percent;
+  const RecordedPaths paths = RunProbe(room, SettingsFor().render, kAmpleSamples).value().paths;
+  const double usual = paths.CostsWith({}).noise;
+  const auto noise = [&](int of_percent) { return paths.CostsWith({.percent = of_percent}).noise / usual; };
+  EXPECT_LE(noise(percent + 3), 1.01) << "the nearest step: half a step more would do";
+  EXPECT_GT(noise(percent - 3), 1.01);
+  EXPECT_LE(noise(percent), 1.02);
 }
 
 TEST(PlanRules, ARegionHasTheRouletteOfItsFrame) {

@@ -50,9 +50,9 @@ TEST(Probe, HasTheFramesAspectRatioAndAboutAFixedNumberOfPixels) {
 TEST(Probe, IsASmallPartOfASmallJob) {
   const Scene sheet = Sheet(lumifold::testing::Lambert({1, 1, 1}));
   render::RenderSettings settings;
-  settings.width = 176;
-  settings.height = 144;
-  const int64_t pixels = int64_t{176} * 144;
+  settings.width = 216;
+  settings.height = 162;
+  const int64_t pixels = int64_t{216} * 162;
   const Probe of_usual = ProbeOf(sheet, settings, 256);
   EXPECT_LE(of_usual.samples, pixels * 256 / kSamplesPerProbeSample);
   EXPECT_GE(of_usual.samples, pixels * 256 / kSamplesPerProbeSample * 9 / 10);

@@ -254,13 +254,13 @@ TEST_F(LimitsTest, BytesOfAJobsFiles) {
 
 TEST_F(LimitsTest, BytesOfOneFile) {
   StartGate();
-  assets_ = std::make_unique<AssetStore>(data_.AssetsPath(), data_.IncomingPath(), nullptr, &files_,
-                                         AssetLimits{.asset_bytes = 100});
+  AssetStore assets(data_.AssetsPath(), data_.IncomingPath(), nullptr, &files_,
+                    AssetLimits{.asset_bytes = 100});
   v1::AssetRef asset;
   asset.set_uri("wood.png");
   asset.set_sha256(std::string(64, 'a'));
   asset.set_size(101);
-  const absl::Status refused = assets_->Receive(asset, "ann").status();
+  const absl::Status refused = assets.Receive(asset, "ann").status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(refused.message(), "asset 'wood.png': its size is 101, more than 100");
 }

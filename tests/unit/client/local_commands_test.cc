@@ -9,7 +9,6 @@
 namespace lumifold::client {
 namespace {
 
-using testing::HasSubstr;
 using testing::MatchesRegex;
 using testing::StartsWith;
 

@@ -295,6 +295,7 @@ TEST_F(LimitsTest, AnUploadThatStallsLosesItsPlace) {
   StartGate({.stalled_stream = absl::Seconds(10)});
   std::vector<HalfUpload*> stalled;
   const job_life::UploadLimits limits;
+  stalled.reserve(static_cast<size_t>(limits.uploads_of_caller));
   for (int i = 0; i < limits.uploads_of_caller; ++i) stalled.push_back(Announce(kAnn, i, 1000));
   size_t ended = 0;
   Await([&] {  // each stream waits from the moment at which its announcement was taken

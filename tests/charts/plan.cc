@@ -290,7 +290,7 @@ absl::StatusOr<bool> ChartPlan(const std::string& folder, const std::vector<Plan
                       "everything modelled, and what the "
                       "[plan](../plan.md) leaves of it. Both go through the code of worker and "
                       "coordinator, in one process and "
-                      "without a network. The planned job pays for its probe, of a 256th of its samples.\n\n"
+                      "without a network. The planned job pays for its probe, of a %dth of its samples.\n\n"
                       "## Planned over full\n\n"
                       "Mean of the ratios of %d pairs, ± its standard error where they differ. "
                       "Times are processor seconds. A "
@@ -300,8 +300,8 @@ absl::StatusOr<bool> ChartPlan(const std::string& folder, const std::vector<Plan
                       "takes four bytes there, "
                       "with any plan; the bytes as float32 tell what plans leave out.\n\n"
                       "![ratios](plan-ratios.svg)\n\n%s\n## Means, full and planned\n\n%s",
-                      settings.width, settings.height, settings.samples, static_cast<int>(scenes[0].size()),
-                      RatioTable(scenes), MeansTable(scenes)));
+                      settings.width, settings.height, settings.samples, plan::kSamplesPerProbeSample,
+                      static_cast<int>(scenes[0].size()), RatioTable(scenes), MeansTable(scenes)));
   if (!status.ok()) return status;
   return drawn;
 }

@@ -24,7 +24,7 @@ class FakeLocalFarm : public LocalFarm {
   std::shared_ptr<grpc::Channel> channel_;
 };
 
-/// Runs the client's commands against a farm that is not there, in a folder of their own.
+/// Runs the client's commands against a fake farm, in a folder of their own.
 class RunClientTest : public testing::Test {
  protected:
   static constexpr char kScene[] = R"({"asset":{"version":"2.0"},"buffers":[{"uri":"mesh.bin"}]})";

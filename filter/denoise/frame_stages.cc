@@ -79,7 +79,7 @@ const std::vector<FrameStage>& DefaultFrameStages() {
   static const std::vector<FrameStage> stages = {
       {{.name = "fragments",
         .reads = "fragments and sub-samples of edge pixels",
-        .writes = "surfaces of each mixed pixel: coverage, T, features; E of mixed pixels",
+        .writes = "surfaces of each mixed pixel: coverage, T, S, features; E of mixed pixels",
         .off_when = "the film has no edge set",
         .source = "our own; coverage: Gruzdev et al. 2015",
         .header = "filter/layers/fragments.h"},

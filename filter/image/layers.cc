@@ -53,6 +53,7 @@ std::vector<std::string> FragmentChannels(absl::FunctionRef<bool(std::string_vie
   std::vector<std::string> names;
   for (const std::string_view name : {kPixelX, kPixelY, kSurface}) names.emplace_back(name);
   for (const std::string_view name : kFragmentFeatures) names.emplace_back(name);
+  if (has(kGlossy)) names.emplace_back(kRoughness);
   for (const std::string_view layer : kFragmentHalved) {
     if (!has(layer)) continue;
     AddColor(HalfA(layer), &names);

@@ -78,8 +78,8 @@ inline constexpr std::array<std::string_view, 3> kWhole = {kAlbedo, kEmission, k
 /// What a fragment has: features, light in halves, and the layers that multiply the light.
 inline constexpr std::array<std::string_view, 4> kFragmentFeatures = {kNormalX, kNormalY, kNormalZ,
                                                                       kDistance};
-inline constexpr std::array<std::string_view, 2> kFragmentHalved = {kDirect, kIndirect};
-inline constexpr std::array<std::string_view, 2> kFragmentWhole = {kAlbedo, kEmission};
+inline constexpr std::array<std::string_view, 3> kFragmentHalved = {kDirect, kIndirect, kGlossy};
+inline constexpr std::array<std::string_view, 3> kFragmentWhole = {kAlbedo, kEmission, kGlossyAlbedo};
 
 /// A level: the surface reached after `depth` delta events, the first of which was a reflection or a
 /// transmission.

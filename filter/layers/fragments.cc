@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "filter/image/edged_image.h"
 #include "filter/image/surface_key.h"
@@ -34,7 +35,9 @@ struct Counted {
   }
 };
 
+/// 0 where the film lacks the layer.
 std::array<float, 3> ColorAt(const ConstColorView& view, int x, int y) {
+  if (view[0].IsEmpty()) return {};
   return {UsableOr0(view[0].At(x, y)), UsableOr0(view[1].At(x, y)), UsableOr0(view[2].At(x, y))};
 }
 
@@ -59,6 +62,8 @@ void AddSubSamples(const EdgeViews& edges, int row, std::vector<Counted>* all) {
 Counted FromFilm(const FragmentViews& views, int row, const std::array<float, 2>& in_pixel) {
   Counted counted;
   counted.fragment.row = row;
+  if (!views.roughness.IsEmpty()) counted.fragment.roughness = UsableOr0(views.roughness.At(0, row));
+  counted.fragment.glossy_albedo = ColorAt(views.glossy_albedo, 0, row);
   counted.key = views.key.At(0, row);
   const std::array<float, 2> n = {views.samples.a.At(0, row), views.samples.b.At(0, row)};
   for (size_t h = 0; h < 2; ++h) {
@@ -179,6 +184,35 @@ FragmentSet EmissionOf(const Frame& frame) {
   return set;
 }
 
+/// What sub-samples do not tell of a surface: S and roughness, summed over all samples of the frame that hit it.
+struct Gloss {
+  std::array<float, 3> albedo = {};
+  float roughness = 0;
+  float samples = 0;
+};
+
+/// The gloss of each surface of the film's fragments, by its name.
+std::map<float, Gloss> GlossOfSurfaces(const FragmentViews& views) {
+  std::map<float, Gloss> surfaces;
+  for (int row = 0; row < views.rows(); ++row) {
+    const float samples = UsableOr0(views.samples.At(0, row));
+    Gloss& gloss = surfaces[views.key.At(0, row)];
+    const std::array<float, 3> albedo = ColorAt(views.glossy_albedo, 0, row);
+    for (size_t c = 0; c < 3; ++c) gloss.albedo[c] += samples * albedo[c];
+    gloss.roughness += samples * UsableOr0(views.roughness.At(0, row));
+    gloss.samples += samples;
+  }
+  return surfaces;
+}
+
+/// Gives a fragment that sub-samples alone hit the gloss of its surface.
+void AddGloss(const std::map<float, Gloss>& surfaces, float key, Fragment* fragment) {
+  const auto found = fragment->row < 0 ? surfaces.find(key) : surfaces.end();
+  if (found == surfaces.end() || !(found->second.samples > 0)) return;
+  for (size_t c = 0; c < 3; ++c) fragment->glossy_albedo[c] = found->second.albedo[c] / found->second.samples;
+  fragment->roughness = found->second.roughness / found->second.samples;
+}
+
 }  // namespace
 
 FragmentSet FragmentsOf(const Frame& frame) {
@@ -186,6 +220,8 @@ FragmentSet FragmentsOf(const Frame& frame) {
   if (!frame.fragments.has_value()) return EmissionOf(frame);
   FragmentSet set;
   FragmentList list(*frame.fragments);
+  const std::map<float, Gloss> gloss =
+      frame.fragments->roughness.IsEmpty() ? std::map<float, Gloss>{} : GlossOfSurfaces(*frame.fragments);
   frame.edges->ForEachPixel(frame.bounds(), [&](int row, int x, int y) {
     const std::vector<int> rows = list.RowsOf(x, y);
     if (!(frame.samples.At(x, y) > 0)) return;
@@ -202,7 +238,9 @@ FragmentSet FragmentsOf(const Frame& frame) {
       return;
     }
     for (const Counted& counted : all) {
-      if (counted.samples + counted.sub_samples > 0) set.fragments.push_back(Finish(counted, in_pixel));
+      if (!(counted.samples + counted.sub_samples > 0)) continue;
+      set.fragments.push_back(Finish(counted, in_pixel));
+      AddGloss(gloss, counted.key, &set.fragments.back());
     }
     pixel.last = set.fragments.size();
     set.pixels.push_back(pixel);

@@ -15,9 +15,11 @@ struct Fragment {
   /// Part of the pixel that it covers, estimated without the other half: by its own samples and the
   /// sub-samples, each weighted by the square of its count, as the error of stratified samples asks.
   std::array<float, 2> coverage = {};
-  std::array<float, 3> albedo = {};  // T
-  std::array<float, 3> normal = {};  // unit
+  std::array<float, 3> albedo = {};         // T
+  std::array<float, 3> glossy_albedo = {};  // S
+  std::array<float, 3> normal = {};         // unit
   float distance = 0;
+  float roughness = 0;
 };
 
 /// The surfaces of the edge pixels of a film: where several meet, the pixel's means resemble none of them.

@@ -56,11 +56,14 @@ FragmentViews FragmentsIn(const Channels& list) {
           list.One(layers::kPixelY),
           list.One(layers::kSurface),
           list.One(layers::kDistance),
+          list.One(layers::kRoughness),
           {list.One(layers::kNormalX), list.One(layers::kNormalY), list.One(layers::kNormalZ)},
           list.Color(layers::kAlbedo),
           list.Color(layers::kEmission),
+          list.Color(layers::kGlossyAlbedo),
           halves(layers::kDirect),
           halves(layers::kIndirect),
+          halves(layers::kGlossy),
           {list.One(layers::kSamplesA), list.One(layers::kSamplesB)}};
 }
 
@@ -86,14 +89,14 @@ Frame::Frame(const LayeredImage& film, const LayeredImage* edge_set, const Layer
   samples = {channels.One(layers::kSamplesA), channels.One(layers::kSamplesB)};
   for (const layers::LobeLayer& lobe : layers::kLobeLayers) {
     if (film.HasColor(lobe.light) && film.HasColor(lobe.factor))
-      lobes.push_back({channels.Halved(lobe.light), channels.Color(lobe.factor)});
+      lobes.push_back({lobe.light, channels.Halved(lobe.light), channels.Color(lobe.factor)});
   }
   for (size_t i = 0; i < layers::kLevelCount; ++i) {
     LevelViews level = LevelOf(channels, layers::Level::Of(i));
     if (HasAny(level)) levels.push_back(level);
   }
   if (edge_set != nullptr && !edge_set->channels().empty()) edges.emplace(*edge_set);
-  const bool has_fragments = fragment_list != nullptr && fragment_list->HasColor(layers::kAlbedo);
+  const bool has_fragments = fragment_list != nullptr && fragment_list->Has(layers::kSurface);
   if (has_fragments) fragments = FragmentsIn(Channels(*fragment_list));
 }
 

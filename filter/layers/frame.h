@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "filter/image/edged_image.h"
@@ -46,6 +47,7 @@ struct SurfaceViews {
 
 /// Light of the first surface's lobes other than the diffuse one, and the layer that multiplies it.
 struct LobeViews {
+  std::string_view name;  // of the light: layers::kGlossy or layers::kTransmitted
   HalvedLayer light;
   ConstColorView factor;
 };
@@ -61,9 +63,9 @@ struct LevelViews {
 
 /// The film's fragments (EdgedImage::fragments): one row each.
 struct FragmentViews {
-  ConstFloatView x, y, key, distance;
-  ConstColorView normal, albedo, emission;
-  std::array<ConstColorView, 2> direct, indirect;  // of half A and B
+  ConstFloatView x, y, key, distance, roughness;
+  ConstColorView normal, albedo, emission, glossy_albedo;
+  std::array<ConstColorView, 2> direct, indirect, glossy;  // of half A and B
   SampleCounts samples;
 
   int rows() const { return x.height(); }

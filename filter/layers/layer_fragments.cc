@@ -9,24 +9,33 @@
 namespace lumifold::filter {
 namespace {
 
-/// The fragments' halves of this product's layer; null where the film has none.
-const std::array<ConstColorView, 2>* LightOf(const FragmentViews& views, const Product& product) {
-  const std::array<ConstColorView, 2>* light = nullptr;
-  if (product.kind == Product::Kind::kDirect) light = &views.direct;
-  if (product.kind == Product::Kind::kIndirect) light = &views.indirect;
-  return light == nullptr || (*light)[0][0].IsEmpty() ? nullptr : light;
+/// The fragments' light of one layer, and its factor.
+struct LayerLight {
+  const std::array<ConstColorView, 2>* halves = nullptr;  // null where the film has none
+  std::array<float, 3> Fragment::*factor = nullptr;
+};
+
+LayerLight LightOf(const FragmentViews& views, const Product& product) {
+  LayerLight light;
+  if (product.kind == Product::Kind::kDirect) light = {&views.direct, &Fragment::albedo};
+  if (product.kind == Product::Kind::kIndirect) light = {&views.indirect, &Fragment::albedo};
+  if (product.kind == Product::Kind::kGlossy) light = {&views.glossy, &Fragment::glossy_albedo};
+  return light.halves == nullptr || (*light.halves)[0][0].IsEmpty() ? LayerLight{} : light;
 }
 
-void AddPoint(const Fragment& fragment, const std::array<ConstColorView, 2>& light,
-              const GeometryRanges& ranges, LayerFragments* out) {
-  out->albedo.push_back(fragment.albedo);
+void AddPoint(const Fragment& fragment, const LayerLight& light, const GeometryRanges& ranges,
+              LayerFragments* out) {
+  out->factor.push_back(fragment.*light.factor);
+  if (out->own_features > kGeometryFeatures) out->features.push_back(fragment.roughness / ranges.roughness);
   const auto geometry = GeometryFeature(fragment.normal, fragment.distance, ranges);
   out->features.insert(out->features.end(), geometry.begin(), geometry.end());
   for (size_t h = 0; h < 2; ++h) {
     out->share[h].push_back(fragment.share[h]);
     out->coverage[h].push_back(fragment.coverage[h]);
-    for (size_t c = 0; c < 3; ++c)
-      out->light[h].push_back(fragment.share[h] > 0 ? UsableOr0(light[h][c].At(0, fragment.row)) : 0.0f);
+    for (size_t c = 0; c < 3; ++c) {
+      out->light[h].push_back(fragment.share[h] > 0 ? UsableOr0((*light.halves)[h][c].At(0, fragment.row))
+                                                    : 0.0f);
+    }
   }
 }
 
@@ -68,18 +77,20 @@ void KeepFeatures(const std::vector<bool>& keeps, LayerFragments* fragments) {
 LayerFragments LayerFragmentsOf(const Frame& frame, const FragmentSet& set, const Product& product,
                                 const GeometryRanges& ranges) {
   LayerFragments out;
-  const std::array<ConstColorView, 2>* light =
-      set.fragments.empty() ? nullptr : LightOf(*frame.fragments, product);
-  if (light == nullptr) return out;
-  out.own_features = kGeometryFeatures;
+  const LayerLight light = set.fragments.empty() ? LayerLight{} : LightOf(*frame.fragments, product);
+  if (light.halves == nullptr) return out;
+  const bool has_roughness = product.kind == Product::Kind::kGlossy && !frame.roughness.IsEmpty() &&
+                             !frame.fragments->roughness.IsEmpty();
+  out.own_features = kGeometryFeatures + (has_roughness ? 1 : 0);
   for (const FragmentSet::Pixel& pixel : set.pixels) {
     if (!product.box.Contains(pixel.x, pixel.y)) continue;
     LayerFragments::Pixel place{pixel.x - product.box.x0, pixel.y - product.box.y0, out.places.size(), 0};
     for (size_t i = pixel.first; i < pixel.last; ++i) {
       const Fragment& fragment = set.fragments[i];
-      if (*std::max_element(fragment.albedo.begin(), fragment.albedo.end()) <= 0) continue;
+      const std::array<float, 3>& factor = fragment.*light.factor;
+      if (*std::max_element(factor.begin(), factor.end()) <= 0) continue;
       out.places.push_back({place.x, place.y});
-      AddPoint(fragment, *light, ranges, &out);
+      AddPoint(fragment, light, ranges, &out);
     }
     place.last = out.places.size();
     if (place.last > place.first) out.pixels.push_back(place);
@@ -95,8 +106,9 @@ void UseDominantFeatures(const LayerFragments& fragments, Planes* geometry) {
     for (size_t i = pixel.first; i < pixel.last; ++i) {
       if (covered(i) > covered(most)) most = i;
     }
+    const size_t shared = geometry->size() - fragments.own_features;
     for (size_t k = 0; k < fragments.own_features; ++k)
-      (*geometry)[k].At(pixel.x, pixel.y) = fragments.features[most * fragments.own_features + k];
+      (*geometry)[shared + k].At(pixel.x, pixel.y) = fragments.features[most * fragments.own_features + k];
   }
 }
 

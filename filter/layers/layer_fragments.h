@@ -11,8 +11,8 @@
 
 namespace lumifold::filter {
 
-/// The light of D or I on the fragments of a film. Index 0 of a pair is half A, 1 is half B. A fragment that reflects
-/// diffusely is a point; the points of a pixel follow each other.
+/// The light of D, I or G on the fragments of a film. Index 0 of a pair is half A, 1 is half B. A fragment that reflects
+/// such light is a point; the points of a pixel follow each other.
 struct LayerFragments {
   struct Pixel {
     int x = 0;  // relative to the layer's box
@@ -24,7 +24,7 @@ struct LayerFragments {
   std::vector<std::array<int, 2>> places;  // of each point: x, y of its pixel
   size_t own_features = 0;
   std::vector<float> features;                        // geometry: own_features of each point
-  std::vector<std::array<float, 3>> albedo;           // T
+  std::vector<std::array<float, 3>> factor;           // T of D and I, S of G
   std::array<std::vector<float>, 2> share, coverage;  // as in Fragment
   std::array<std::vector<float>, 2> light;            // 3 of each point; 0 where the half has no sample
   std::array<std::vector<float>, 2> noisy;            // the same, as in the film
@@ -32,7 +32,7 @@ struct LayerFragments {
   bool IsEmpty() const { return pixels.empty(); }
 };
 
-/// The fragments of D or I; empty for other products.
+/// The fragments of D, I or G; empty for other products.
 LayerFragments LayerFragmentsOf(const Frame& frame, const FragmentSet& set, const Product& product,
                                 const GeometryRanges& ranges);
 

@@ -91,16 +91,17 @@ void AddLobe(const Frame& frame, const LobeViews& lobe, const GeometryRanges& ra
   const std::optional<Rect> box = BoxOf(frame.bounds(), holds);
   if (!box.has_value()) return;
   Product product;
-  product.kind = Product::Kind::kLobe;
+  product.kind = lobe.name == layers::kGlossy ? Product::Kind::kGlossy : Product::Kind::kTransmitted;
   product.mean = lobe.light.mean;
   product.factor = factor;
   product.halves = ViewOf(lobe.light, frame.samples);
   product.box = *box;
   product.validity = BinaryMask(*box, holds);
   const ConstFloatView validity = product.validity.view();
-  product.geometry = GeometryFeatures(GeometryOf(frame.surface, *box), validity, ranges, pool);
   if (!frame.roughness.IsEmpty())
     AppendFeature(frame.roughness.Crop(*box), ranges.roughness, validity, &product.geometry);
+  for (Plane& feature : GeometryFeatures(GeometryOf(frame.surface, *box), validity, ranges, pool))
+    product.geometry.push_back(std::move(feature));
   products->push_back(std::move(product));
 }
 

@@ -15,11 +15,12 @@ namespace lumifold::filter {
 /// which it contributes mean * factor.
 struct Product {
   enum class Kind {
-    kDirect,     // D with T
-    kIndirect,   // I with T
-    kLobe,       // G with S, transmitted light with its transmittance: of the first surface
-    kLevel,      // D and I of a level, with the throughput of the chain times T
-    kRemainder,  // what all other layers and E leave of C, with factor 1
+    kDirect,       // D with T
+    kIndirect,     // I with T
+    kGlossy,       // G with S
+    kTransmitted,  // transmitted light of the first surface with its transmittance
+    kLevel,        // D and I of a level, with the throughput of the chain times T
+    kRemainder,    // what all other layers and E leave of C, with factor 1
   };
 
   Kind kind = Kind::kDirect;

@@ -6,12 +6,12 @@
 namespace lumifold::filter {
 namespace {
 
-/// Sum over the points of a pixel of weight * albedo * light; channel c.
+/// Sum over the points of a pixel of weight * factor * light; channel c.
 float SumOver(const LayerFragments& fragments, const LayerFragments::Pixel& pixel,
               const std::vector<float>& weight, const std::vector<float>& light, size_t c) {
   float sum = 0;
   for (size_t i = pixel.first; i < pixel.last; ++i)
-    sum += weight[i] * fragments.albedo[i][c] * light[3 * i + c];
+    sum += weight[i] * fragments.factor[i][c] * light[3 * i + c];
   return sum;
 }
 

@@ -39,7 +39,7 @@ struct RecordPlace {
 /// The append-only file of a frame's delivered units. Each record describes itself and has checksums, so that
 /// a lost ledger can be rebuilt from the logs:
 ///
-///   "LFU7"
+///   "LFU8"
 ///   u32  size of the header
 ///   u64  size of the payload
 ///   u64  XXH3-64 of the payload

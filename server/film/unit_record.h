@@ -15,7 +15,7 @@ namespace lumifold::film {
 
 /// The beginning of a record of a UnitLog, as it is on the disk.
 struct RecordPreamble {
-  static constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '7'};
+  static constexpr std::array<char, 4> kMagic = {'L', 'F', 'U', '8'};
 
   std::array<char, 4> magic = kMagic;
   uint32_t header_bytes = 0;

@@ -12,8 +12,8 @@ using scene::Vec3;
 
 /// The values of a fragment in the order of layers::FragmentChannels().
 std::vector<float> ValuesOf(int x, int y, const FragmentSums& sums) {
-  std::vector<float> values = {static_cast<float>(x), static_cast<float>(y), sums.surface, sums.normal.x,
-                               sums.normal.y,         sums.normal.z,         sums.distance};
+  std::vector<float> values = {static_cast<float>(x), static_cast<float>(y), sums.surface,  sums.normal.x,
+                               sums.normal.y,         sums.normal.z,         sums.distance, sums.roughness};
   const auto append = [&](Vec3 v) { values.insert(values.end(), {v.x, v.y, v.z}); };
   for (size_t layer = 0; layer < layers::kFragmentHalved.size(); ++layer) {
     for (const auto& half : sums.halved) append(half[layer]);
@@ -32,10 +32,13 @@ std::vector<std::string> ChannelsOf(const TracingPlan::Layers& carried) {
 void FragmentSums::Add(const LayerSample& s, size_t half) {
   normal += s.first.normal;
   distance += s.first.distance;
+  roughness += s.first.roughness;
   halved[half][0] += s.direct;
   halved[half][1] += s.indirect;
+  halved[half][2] += s.glossy;
   whole[0] += s.albedo;
   whole[1] += s.emitted;
+  whole[2] += s.glossy_albedo;
   count[half] += 1;
 }
 

@@ -18,6 +18,7 @@ struct FragmentSums {
   float surface = 0;  // see SurfaceKey
   scene::Vec3 normal;
   float distance = 0;
+  float roughness = 0;
   std::array<std::array<scene::Vec3, layers::kFragmentHalved.size()>, 2> halved;  // by half, then by layer
   std::array<scene::Vec3, layers::kFragmentWhole.size()> whole;
   std::array<float, 2> count = {0, 0};

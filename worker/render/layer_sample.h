@@ -56,6 +56,7 @@ struct FirstHit {
   int instance = scene::kNone;  // kNone: nothing is hit
   scene::Vec3 normal;           // shading normal, towards the camera
   float distance = 0;           // along the ray
+  float roughness = 1;          // GGX alpha of the reflecting lobe; 1 if there is none
 };
 
 /// One camera sample in layers. To float rounding

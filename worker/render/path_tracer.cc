@@ -328,13 +328,14 @@ void PathTracer::TraceLayers(const FirstSurface<BsdfType>& first, const Sampler&
   const PathSampler random(sampler);
   const ScatteredRadiance scattered =
       Scatter(surface, bsdf, first.connection, first.u_lobe, 0, {1, 1, 1}, random, indirect);
-  out->first = {first.instance, surface.normal, first.distance};
+  out->first = {first.instance, surface.normal, first.distance, 1};
   out->emitted = surfaces_.Emitted(surface);
   out->albedo = bsdf.DiffuseAlbedo();
   out->direct = scattered.direct;
   out->indirect = scattered.indirect;
   out->combined = out->emitted + scattered.total;
   if constexpr (!BsdfType::kDiffuseOnly) {
+    out->first.roughness = bsdf.ReflectionAlpha();
     Demodulate(scattered.glossy, bsdf.GlossyAlbedo(), out);
     const BsdfSample& event = scattered.delta_event;
     if (!event.is_delta) return;

@@ -228,8 +228,9 @@ TEST(UnitAssembler, RefusesMoreSamplesOnSurfacesThanInThePixel) {
 TEST(UnitAssembler, RefusesFragmentsThatThePlanLeavesOut) {
   UnitAssembler assembler(v1::UNIT_KIND_PASS, kRect, kSamples, {.carried = {.indirect = false}});
   EXPECT_THAT(std::string(assembler.Add(PiecesOf(PassWithFragments())[0]).message()),
-              HasSubstr("fragments: 1 columns of 27 channels, expected 1 of 21"));
-  UnitAssembler none(v1::UNIT_KIND_PASS, kRect, kSamples, {.carried = {.direct = false, .indirect = false}});
+              HasSubstr("fragments: 1 columns of 37 channels, expected 1 of 31"));
+  UnitAssembler none(v1::UNIT_KIND_PASS, kRect, kSamples,
+                     {.carried = {.direct = false, .indirect = false, .glossy = false}});
   EXPECT_EQ(none.Add(PiecesOf(PassWithFragments())[0]).message(),
             "fragments: the plan of the job has no light of surfaces");
 }

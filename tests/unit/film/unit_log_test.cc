@@ -49,7 +49,7 @@ std::string RecordOf(const StoredUnit& unit) {
   const std::string header = chunk.SerializeAsString();
   const std::string payload =
       rpc::EncodePicture(unit.image.pixels).bytes + rpc::EncodePicture(ListOf(unit.image)).bytes;
-  std::string record = "LFU7";
+  std::string record = "LFU8";
   put(header.size(), 4, &record);
   put(payload.size(), 8, &record);
   put(rpc::Checksum(payload), 8, &record);
@@ -184,7 +184,7 @@ TEST_F(UnitLogTest, EveryFlippedBitIsFound) {
   const std::string good = File();
   for (size_t at = 0; at < good.size(); ++at) {
     std::string bad = good;
-    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU7" becomes "LFU?", which is not a version
+    bad[at] ^= static_cast<char>(1 << at % 8);  // "LFU8" becomes "LFU0", which is not a version
     SetFile(bad);
     const absl::Status status = Read(place).status();
     ASSERT_EQ(status.code(), absl::StatusCode::kDataLoss) << at;

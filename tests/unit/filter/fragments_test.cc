@@ -18,6 +18,8 @@ struct Surface {
   float distance = 0;
   float albedo = 0;
   float emission = 0;
+  float glossy_albedo = 0;
+  float roughness = 1;
 
   float key() const { return SurfaceKey(id, normal, distance); }
 };
@@ -76,6 +78,7 @@ struct FilmFragment {
   Surface surface;
   std::array<float, 2> samples;
   std::array<float, 2> direct = {};
+  std::array<float, 2> glossy = {};
 };
 
 void AddFragments(const std::vector<FilmFragment>& fragments, EdgedImage* film) {
@@ -94,8 +97,12 @@ void AddFragments(const std::vector<FilmFragment>& fragments, EdgedImage* film) 
     list.Get(layers::kSamplesB).At(0, row) = fragment.samples[1];
     SetColor(list.GetColor(layers::kAlbedo), 0, row, fragment.surface.albedo);
     SetColor(list.GetColor(layers::kEmission), 0, row, fragment.surface.emission);
+    SetColor(list.GetColor(layers::kGlossyAlbedo), 0, row, fragment.surface.glossy_albedo);
+    list.Get(layers::kRoughness).At(0, row) = fragment.surface.roughness;
     SetColor(list.GetColor(layers::HalfA(layers::kDirect)), 0, row, fragment.direct[0]);
     SetColor(list.GetColor(layers::HalfB(layers::kDirect)), 0, row, fragment.direct[1]);
+    SetColor(list.GetColor(layers::HalfA(layers::kGlossy)), 0, row, fragment.glossy[0]);
+    SetColor(list.GetColor(layers::HalfB(layers::kGlossy)), 0, row, fragment.glossy[1]);
   }
 }
 
@@ -255,8 +262,59 @@ TEST(LayerFragments, AreOfSurfacesThatReflectDiffuselyInTheBox) {
   ASSERT_EQ(layer.places.size(), 1u) << "a lamp reflects nothing";
   EXPECT_EQ(layer.light[0], (std::vector<float>{6, 6, 6}));
   EXPECT_EQ(layer.light[1], (std::vector<float>{0, 0, 0})) << "half B has no sample of it";
-  product.kind = Product::Kind::kLobe;
+  product.kind = Product::Kind::kTransmitted;
   EXPECT_TRUE(LayerFragmentsOf(frame, FragmentsOf(frame), product, {}).IsEmpty());
+}
+
+/// A black metal, which no diffuse light is reflected by.
+constexpr Surface kMetal = {4, {0, 0, -1}, 2, 0, 0, 0.75f, 0.25f};
+
+Product GlossyProduct() {
+  Product product;
+  product.kind = Product::Kind::kGlossy;
+  product.box = {0, 0, 4, 1};
+  return product;
+}
+
+TEST(LayerFragments, OfGlossyLightHaveSAndRoughnessOfTheirOwn) {
+  EdgedImage film = Film();
+  film.pixels.Add(layers::kRoughness);
+  AddEdges({{1, {{kMetal, 8}, {kLamp, 8}}}}, &film);
+  AddFragments({{1, kLamp, {1, 1}}, {1, kMetal, {3, 3}, {}, {5, 6}}}, &film);
+  const Frame frame(film);
+  const LayerFragments layer = LayerFragmentsOf(frame, FragmentsOf(frame), GlossyProduct(), {});
+  ASSERT_EQ(layer.places.size(), 1u) << "the lamp has no glossy lobe";
+  EXPECT_EQ(layer.factor[0], (std::array<float, 3>{0.75f, 0.75f, 0.75f}));
+  EXPECT_EQ(layer.light[0], (std::vector<float>{5, 5, 5}));
+  EXPECT_EQ(layer.light[1], (std::vector<float>{6, 6, 6}));
+  ASSERT_EQ(layer.own_features, kGeometryFeatures + 1);
+  EXPECT_FLOAT_EQ(layer.features[0], 0.25f / GeometryRanges().roughness);
+  EXPECT_FLOAT_EQ(layer.features[3], -1 / kSigmaNormal);
+}
+
+TEST(LayerFragments, OfGlossyLightThatSubSamplesAloneHitHaveTheGlossOfTheirSurface) {
+  EdgedImage film = Film();
+  film.pixels.Add(layers::kRoughness);
+  Surface bright = kMetal;
+  bright.glossy_albedo = 0.5f;
+  bright.roughness = 0.5f;
+  AddEdges({{0, {{kMetal, 8}, {kLamp, 8}}}, {1, {{kMetal, 8}, {kLamp, 8}}}, {2, {{kMetal, 4}, {kLamp, 12}}}},
+           &film);
+  AddFragments({{0, kLamp, {2, 2}},
+                {0, kMetal, {2, 2}, {}, {5, 6}},
+                {1, kLamp, {3, 3}},
+                {1, bright, {1, 1}, {}, {1, 1}},
+                {2, kLamp, {4, 4}}},
+               &film);
+  const Frame frame(film);
+  const LayerFragments layer = LayerFragmentsOf(frame, FragmentsOf(frame), GlossyProduct(), {});
+  ASSERT_EQ(layer.places.size(), 3u);
+  EXPECT_EQ(layer.places[2][0], 2);
+  EXPECT_FLOAT_EQ(layer.factor[2][0], (4 * 0.75f + 2 * 0.5f) / 6);
+  EXPECT_FLOAT_EQ(layer.features[2 * layer.own_features],
+                  (4 * 0.25f + 2 * 0.5f) / 6 / GeometryRanges().roughness);
+  EXPECT_EQ(layer.share[0][2], 0);
+  EXPECT_FLOAT_EQ(layer.coverage[0][2], (1 - kOwn) * 0.25f);
 }
 
 /// One pixel of three points.
@@ -266,7 +324,7 @@ LayerFragments ThreePoints() {
   f.places = {{1, 0}, {1, 0}, {1, 0}};
   f.own_features = 2;
   f.features = {1, 2, 3, 4, 5, 6};
-  f.albedo.resize(3);
+  f.factor.resize(3);
   f.share = {{{0.5f, 0.5f, 0}, {0, 0, 0}}};
   f.coverage = {{{0.25f, 0.5f, 0.25f}, {0.25f, 0.375f, 0.375f}}};
   f.light = {{{2, 2, 2, 8, 8, 8, 0, 0, 0}, std::vector<float>(9, 0.0f)}};

@@ -85,8 +85,8 @@ TEST(Fragments, AddUpToTheirPixel) {
   const auto renderer = MakeRenderer(Room(), SettingsOf(kWidth, kHeight));
   const EdgedImage pass = PassOf(*renderer, kFrame);
   const LayeredImage& list = pass.fragments;
-  for (const char* name :
-       {"direct_a.R", "direct_b.G", "indirect_a.B", "albedo.G", "emission.R", "samples_a.Y", "samples_b.Y"}) {
+  for (const char* name : {"direct_a.R", "direct_b.G", "indirect_a.B", "glossy_a.R", "glossy_b.B", "albedo.G",
+                           "emission.R", "glossy_albedo.G", "samples_a.Y", "samples_b.Y"}) {
     std::map<std::pair<int, int>, double> sums;
     for (int row = 0; row < list.height(); ++row) {
       sums[{static_cast<int>(list.Get(layers::kPixelX).At(0, row)),
@@ -121,11 +121,14 @@ TEST(Fragments, AreTheSumsOfTheSamplesThatHitTheirSurface) {
     EXPECT_EQ(get("N.X"), sums.normal.x);
     EXPECT_EQ(get("N.Z"), sums.normal.z);
     EXPECT_EQ(get("distance.Z"), sums.distance);
+    EXPECT_EQ(get("roughness.Y"), sums.roughness);
     EXPECT_EQ(get("direct_a.R"), sums.halved[0][0].x);
     EXPECT_EQ(get("direct_b.G"), sums.halved[1][0].y);
     EXPECT_EQ(get("indirect_a.B"), sums.halved[0][1].z);
+    EXPECT_EQ(get("glossy_b.R"), sums.halved[1][2].x);
     EXPECT_EQ(get("albedo.G"), sums.whole[0].y);
     EXPECT_EQ(get("emission.B"), sums.whole[1].z);
+    EXPECT_EQ(get("glossy_albedo.B"), sums.whole[2].z);
     EXPECT_EQ(get("samples_a.Y"), sums.count[0]);
     EXPECT_EQ(get("samples_b.Y"), sums.count[1]);
   }
@@ -139,6 +142,7 @@ TEST(Fragments, TheFirstHitOfASampleIsThatOfItsGeometry) {
     ASSERT_EQ(first.instance, sample.geometry.instance);
     ASSERT_EQ(first.normal, sample.geometry.normal);
     ASSERT_EQ(first.distance, sample.geometry.distance);
+    ASSERT_EQ(first.roughness, sample.geometry.roughness);
     hits += sample.geometry.hit ? 1 : 0;
   });
   EXPECT_EQ(hits, 4 * kWidth * kHeight);
@@ -205,6 +209,12 @@ TEST(Fragments, HaveTheLayersOfThePlan) {
   const LayeredImage all = PassOf(*MakeRenderer(Room(), SettingsOf(kWidth, kHeight)), kFrame).fragments;
   for (int row = 0; row < list.height(); ++row)
     ASSERT_EQ(list.Get("direct_b.B").At(0, row), all.Get("direct_b.B").At(0, row));
+  settings.plan.layers.glossy = false;
+  const LayeredImage diffuse = PassOf(*MakeRenderer(Room(), settings), kFrame).fragments;
+  for (const char* name : {"glossy_a.R", "glossy_albedo.G", "roughness.Y"}) {
+    EXPECT_TRUE(list.Has(name)) << name;
+    EXPECT_FALSE(diffuse.Has(name)) << name;
+  }
   settings.plan.layers.direct = false;
   EXPECT_TRUE(PassOf(*MakeRenderer(Room(), settings), kFrame).fragments.channels().empty());
 }

@@ -82,7 +82,7 @@ TEST_F(RecoveryTest, RecordsThatTheLedgerDoesNotKnowAreCommittedAtTheStart) {
   const uint64_t size = fs::file_size(LogOf(job));
   ASSERT_GT(size, 0u);
   // A torn tail behind the records.
-  std::ofstream(LogOf(job), std::ios::app) << "LFU7 and then nothing";
+  std::ofstream(LogOf(job), std::ios::app) << "LFU8 and then nothing";
   ASSERT_TRUE(Start().ok());
   const int64_t restored = coordinator_->GetJob(job.value())->units_done();
   EXPECT_GT(restored, 0);

@@ -26,7 +26,6 @@ FilteredLayer FilterProduct(const FrameState& state, Product* product) {
   product->is_mixed = MixedPart(state.mixed, product->box);
   LayerFragments fragments = LayerFragmentsOf(state.frame, set, *product, state.settings.products.ranges);
   UseDominantFeatures(fragments, &product->geometry);
-  DropConstantFeatures(product->validity.view(), &product->geometry, &fragments);
   return RunLayer(state.layer_stages, state.settings.layer, *product, std::move(fragments), state.off,
                   state.watch, state.pool);
 }

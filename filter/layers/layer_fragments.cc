@@ -1,8 +1,6 @@
 #include "filter/layers/layer_fragments.h"
 
 #include <algorithm>
-#include <limits>
-#include <utility>
 
 #include "filter/layers/features.h"
 
@@ -37,39 +35,6 @@ void AddPoint(const Fragment& fragment, const LayerLight& light, const GeometryR
                                                     : 0.0f);
     }
   }
-}
-
-/// Least difference between the largest and the smallest value of a feature, in units of its range. Less changes a squared
-/// distance by less than 1e-4.
-constexpr float kLeastSpread = 0.01f;
-
-/// The smallest and the largest value of a feature.
-struct Extent {
-  float least = std::numeric_limits<float>::infinity();
-  float most = -std::numeric_limits<float>::infinity();
-
-  void Add(float value) {
-    least = std::min(least, value);
-    most = std::max(most, value);
-  }
-};
-
-Extent ExtentOf(ConstFloatView feature, ConstFloatView validity) {
-  Extent extent;
-  ForEachPixel(validity.width(), validity.height(), [&](int x, int y) {
-    if (validity.At(x, y) > 0) extent.Add(feature.At(x, y));
-  });
-  return extent;
-}
-
-/// Keeps the fragments' own features for which keeps[k] is true.
-void KeepFeatures(const std::vector<bool>& keeps, LayerFragments* fragments) {
-  size_t out = 0;
-  for (size_t i = 0; i < fragments->features.size(); ++i) {
-    if (keeps[i % keeps.size()]) fragments->features[out++] = fragments->features[i];
-  }
-  fragments->features.resize(out);
-  fragments->own_features = static_cast<size_t>(std::count(keeps.begin(), keeps.end(), true));
 }
 
 }  // namespace
@@ -110,25 +75,6 @@ void UseDominantFeatures(const LayerFragments& fragments, Planes* geometry) {
     for (size_t k = 0; k < fragments.own_features; ++k)
       (*geometry)[shared + k].At(pixel.x, pixel.y) = fragments.features[most * fragments.own_features + k];
   }
-}
-
-void DropConstantFeatures(ConstFloatView validity, Planes* geometry, LayerFragments* fragments) {
-  const size_t own = fragments->own_features;
-  const size_t shared = geometry->size() - own;
-  std::vector<bool> varies;
-  for (size_t k = 0; k < geometry->size(); ++k) {
-    Extent extent = ExtentOf((*geometry)[k].view(), validity);
-    for (size_t i = 0; k >= shared && i < fragments->places.size(); ++i)
-      extent.Add(fragments->features[i * own + k - shared]);
-    varies.push_back(extent.most - extent.least > kLeastSpread);
-  }
-  if (std::find(varies.begin(), varies.end(), true) == varies.end()) varies.back() = true;
-  Planes kept;
-  for (size_t k = 0; k < geometry->size(); ++k) {
-    if (varies[k]) kept.push_back(std::move((*geometry)[k]));
-  }
-  *geometry = std::move(kept);
-  if (own > 0) KeepFeatures({varies.begin() + static_cast<std::ptrdiff_t>(shared), varies.end()}, fragments);
 }
 
 void UseFragments(LayerFragments* fragments, Halves* halves) {

@@ -59,11 +59,6 @@ std::optional<std::array<float, 3>> MeanOverPoints(const LayerFragments& fragmen
 /// resemble none of them.
 void UseDominantFeatures(const LayerFragments& fragments, Planes* geometry);
 
-/// Removes the features that are the same in all valid pixels and in all fragments, within a hundredth of their range:
-/// they tell no surfaces apart, and distances take time for each. One is left if all are the same.
-/// `geometry`: features whose last ones are the fragments' own.
-void DropConstantFeatures(ConstFloatView validity, Planes* geometry, LayerFragments* fragments);
-
 /// Converts the fragments' light to the halves' unit, and replaces the halves' pixels by the means over their
 /// fragments.
 void UseFragments(LayerFragments* fragments, Halves* halves);

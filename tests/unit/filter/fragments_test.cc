@@ -357,50 +357,5 @@ TEST(LayerFragments, TheSurfaceThatCoversMostGivesThePixelItsFeatures) {
   EXPECT_EQ(geometry[0].At(0, 0), 0);
 }
 
-/// Two pixels, of which the first is valid, with two features each.
-Planes TwoFeatures(float first, float second) {
-  Planes geometry = MakePlanes(2, 2, 1);
-  geometry[0].At(0, 0) = first;
-  geometry[1].At(0, 0) = second;
-  for (Plane& feature : geometry) feature.At(1, 0) = 100;
-  return geometry;
-}
-
-Plane FirstIsValid() {
-  Plane validity(2, 1);
-  validity.At(0, 0) = 0.5f;
-  return validity;
-}
-
-TEST(LayerFragments, FeaturesThatAreTheSameEverywhereAreDropped) {
-  LayerFragments fragments = ThreePoints();
-  fragments.features = {1, 2, 1.005f, 4, 1, 6};  // the first differs by less than a hundredth
-  Planes geometry = TwoFeatures(1, 2);
-  DropConstantFeatures(FirstIsValid().view(), &geometry, &fragments);
-  ASSERT_EQ(geometry.size(), 1u);
-  EXPECT_EQ(geometry[0].At(0, 0), 2);
-  EXPECT_EQ(fragments.own_features, 1u);
-  EXPECT_EQ(fragments.features, (std::vector<float>{2, 4, 6}));
-}
-
-TEST(LayerFragments, FeaturesByWhichOneFragmentDiffersAreKept) {
-  LayerFragments fragments = ThreePoints();
-  fragments.features = {1, 2, 1, 2, 1.02f, 2};
-  Planes geometry = TwoFeatures(1, 2);
-  DropConstantFeatures(FirstIsValid().view(), &geometry, &fragments);
-  ASSERT_EQ(geometry.size(), 1u);
-  EXPECT_EQ(geometry[0].At(0, 0), 1);
-  EXPECT_EQ(fragments.features, (std::vector<float>{1, 1, 1.02f}));
-}
-
-TEST(LayerFragments, OneFeatureIsLeftIfAllAreTheSame) {
-  LayerFragments none;
-  Planes geometry = TwoFeatures(3, 4);
-  DropConstantFeatures(FirstIsValid().view(), &geometry, &none);
-  ASSERT_EQ(geometry.size(), 1u);
-  EXPECT_EQ(geometry[0].At(0, 0), 4);
-  EXPECT_TRUE(none.features.empty());
-}
-
 }  // namespace
 }  // namespace lumifold::filter

@@ -344,8 +344,7 @@ std::vector<Case> MaterialCases() {
        "96x72, 16 spp",
        "",
        {{"error", 0.3}, {"kept", 98, true}},
-       CausticLight,
-       KnownFailure{{0.09, 96.5}, "the energy of the few fireflies that no others confirm does not return"}},
+       CausticLight},
   };
 }
 

@@ -34,6 +34,7 @@ std::vector<std::string> LevelPassChannels(Level level) {
 
 std::vector<std::string> LevelFeatureChannels(Level level) {
   std::vector<std::string> names;
+  names.reserve(kLevelFeatures.size());
   for (const std::string_view feature : kLevelFeatures) names.push_back(OfLevel(level, feature));
   return names;
 }

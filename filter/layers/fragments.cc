@@ -23,14 +23,14 @@ struct Counted {
   float key = 0;
   float samples = 0;  // own
   float sub_samples = 0;
-  /// Mean over the samples, or over the sub-samples if there are none: T of a sub-sample beside a lamp is a mean over a
-  /// cell, which other surfaces may share.
-  std::array<float, 3> albedo = {};
-  std::array<float, 3> normal = {};  // sums over both
+  std::array<float, 3> albedo = {}, normal = {};  // sums over both
   float distance = 0;
 
-  void AddGeometry(float count, const std::array<float, 3>& n, float d) {
-    for (size_t c = 0; c < 3; ++c) normal[c] += count * n[c];
+  void Add(float count, const std::array<float, 3>& t, const std::array<float, 3>& n, float d) {
+    for (size_t c = 0; c < 3; ++c) {
+      albedo[c] += count * t[c];
+      normal[c] += count * n[c];
+    }
     distance += count * d;
   }
 };
@@ -55,10 +55,7 @@ void AddSubSamples(const EdgeViews& edges, int row, std::vector<Counted>* all) {
     if (key == 0) continue;
     Counted& counted = FindOrAdd(key, all);
     counted.sub_samples += 1;
-    counted.AddGeometry(1, normal, edges.distance.At(j, row));
-    if (counted.samples > 0) continue;
-    const std::array<float, 3> albedo = ColorAt(edges.albedo, j, row);
-    for (size_t c = 0; c < 3; ++c) counted.albedo[c] += (albedo[c] - counted.albedo[c]) / counted.sub_samples;
+    counted.Add(1, ColorAt(edges.albedo, j, row), normal, edges.distance.At(j, row));
   }
 }
 
@@ -74,8 +71,8 @@ Counted FromFilm(const FragmentViews& views, int row, const std::array<float, 2>
     counted.fragment.share[h] = n[h] / in_pixel[h];
     counted.samples += n[h];
   }
-  counted.albedo = ColorAt(views.albedo, 0, row);
-  counted.AddGeometry(counted.samples, ColorAt(views.normal, 0, row), UsableOr0(views.distance.At(0, row)));
+  counted.Add(counted.samples, ColorAt(views.albedo, 0, row), ColorAt(views.normal, 0, row),
+              UsableOr0(views.distance.At(0, row)));
   return counted;
 }
 
@@ -89,8 +86,10 @@ Fragment Finish(const Counted& counted, const std::array<float, 2>& in_pixel) {
   float length = 0;
   for (const float n : counted.normal) length += n * n;
   length = std::sqrt(length);
-  fragment.albedo = counted.albedo;
-  for (size_t c = 0; c < 3; ++c) fragment.normal[c] = length > 0 ? counted.normal[c] / length : 0.0f;
+  for (size_t c = 0; c < 3; ++c) {
+    fragment.albedo[c] = counted.albedo[c] / count;
+    fragment.normal[c] = length > 0 ? counted.normal[c] / length : 0.0f;
+  }
   fragment.distance = counted.distance / count;
   return fragment;
 }

@@ -209,16 +209,12 @@ class PixelScan {
     TraceRays(out, [&](size_t i) { return RayOf(x, y, sub_samples[i]); });
   }
 
-  /// Makes T and E of a sub-sample means over its cell.
+  /// Makes E of a sub-sample a mean over its cell. T stays that of its surface: fragments must not mix surfaces.
   void Refine(int x, int y, int sub_sample, GeometrySample* sample) const {
     std::array<GeometrySample, kFineRays> fine;
     TraceRays(fine, [&](size_t i) { return FineRayOf(x, y, sub_sample, static_cast<int>(i)); });
-    sample->albedo = sample->emitted = {};
-    for (const GeometrySample& s : fine) {
-      sample->albedo += s.albedo;
-      sample->emitted += s.emitted;
-    }
-    sample->albedo = sample->albedo / static_cast<float>(kFineRays);
+    sample->emitted = {};
+    for (const GeometrySample& s : fine) sample->emitted += s.emitted;
     sample->emitted = sample->emitted / static_cast<float>(kFineRays);
   }
 

@@ -139,18 +139,6 @@ TEST(FragmentsOf, KeepSurfacesThatSubSamplesAloneHit) {
   EXPECT_FLOAT_EQ(back.albedo[0], 0.2f);
 }
 
-TEST(FragmentsOf, HaveTOfTheirSamplesBecauseThatOfSubSamplesMayBeOfSeveralSurfaces) {
-  Surface beside_lamp = kFront;  // the same surface; the cells of its sub-samples are half lamp
-  beside_lamp.albedo = 0.4f;
-  EdgedImage film = Film();
-  AddEdges({{1, {{beside_lamp, 12}, {kBack, 4}}}}, &film);
-  AddFragments({{1, kFront, {4, 4}}}, &film);
-  const FragmentSet set = FragmentsOf(Frame(film));
-  ASSERT_EQ(set.fragments.size(), 2u);
-  EXPECT_FLOAT_EQ(set.fragments[0].albedo[0], 0.8f);
-  EXPECT_FLOAT_EQ(set.fragments[1].albedo[0], 0.2f) << "no sample hit it";
-}
-
 TEST(FragmentsOf, KeepNamesApartThatAreNotTheSame) {
   Surface further = kFront;  // the other side of the same object
   for (float& n : further.normal) n = -n;

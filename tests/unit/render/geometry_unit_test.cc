@@ -206,21 +206,19 @@ float MeanOfSubSamples(const LayeredImage& edges, std::string_view channel, int 
 TEST(GeometryUnit, AThinSliceOfALampHasItsShareOfThePixel) {
   for (const float slice : {0.02f, 0.1f, 0.2f, 0.9f}) {
     const LayeredImage edges = GeometryOf(LampBelow(-slice), 10, 10).edges;
-    for (const int x : {1, 5, 8}) {
+    for (const int x : {1, 5, 8})
       EXPECT_NEAR(MeanOfSubSamples(edges, "emission.G", x, 4), 1000 * slice, 100 * slice) << slice;
-      EXPECT_NEAR(MeanOfSubSamples(edges, "albedo.G", x, 4), 0.5f * (1 - slice), 0.05f) << slice;
-    }
   }
 }
 
-TEST(GeometryUnit, OnlyTAndEAreRefined) {
+TEST(GeometryUnit, OnlyEIsRefined) {
   const EdgedImage bright = GeometryOf(LampBelow(-0.02f), 10, 10);
   scene::Scene scene = LampBelow(-0.02f);
   scene.materials[0] = testing::Emitter({0.5f, 0.5f, 0.5f});
   const EdgedImage dim = GeometryOf(std::move(scene), 10, 10);
   ExpectSameBits(bright.pixels, dim.pixels);
   ASSERT_EQ(bright.edges.height(), dim.edges.height());
-  for (const char* name : {"pixel.X", "pixel.Y", "N.X", "N.Z", "distance.Z", "id.Y", "mask.Y"}) {
+  for (const char* name : {"pixel.X", "pixel.Y", "N.X", "N.Z", "distance.Z", "id.Y", "mask.Y", "albedo.R"}) {
     for (int row = 0; row < dim.edges.height(); ++row) {
       for (int i = 0; i < kSubSamples; ++i)
         ASSERT_EQ(bright.edges.Get(name).At(i, row), dim.edges.Get(name).At(i, row)) << name;

@@ -207,7 +207,7 @@ std::vector<Case> RareLightCases() {
        {{"error", 0.2}, {"blotch", 1.05}, {"chroma", 1.05}, {"lone", 0}},
        HardLight,
        KnownFailure{
-           {0.065, 0.36, 0.53, 1.8},
+           {0.065, 0.36, 0.53, 1.5},
            "single bright or dark pixels stay at edges of thin and glossy objects, where few samples hit "
            "the light; `nfor` leaves fewer"}},
   };

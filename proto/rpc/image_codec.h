@@ -53,6 +53,10 @@ std::string BytesFromImage(const LayeredImage& image);
 /// Errors: kInvalidArgument for an invalid layout, a size that does not fit it, or a plane that cannot be decompressed.
 absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                             const PixelLimits& limits);
+/// The same for a list (LayeredImage::List). Its rows may have one value each; in a picture's planes each would take a
+/// cache line.
+absl::StatusOr<LayeredImage> ListFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
+                                           const PixelLimits& limits);
 
 /// Cuts an encoded picture into PixelChunks.
 class PixelChunker {

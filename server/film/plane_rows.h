@@ -16,8 +16,8 @@
 namespace lumifold::film {
 
 /// The rows of a picture's planes, as bytes of float32: of a picture in memory, or of one in the pieces in which it
-/// arrived. Copies no pixels, except a row that is not float32 or is cut by the end of a piece, and a plane that is
-/// compressed: the last such plane is kept decoded, so rows of one plane are read one after another. The picture must outlive
+/// arrived. Copies no pixels, except rows that are not float32 or cut by the end of a piece, several rows at once of a plane in
+/// memory, and a plane that is compressed: the last such plane is kept decoded, so rows of one plane are read one after another. The picture must outlive
 /// it.
 /// Threads: one at a time.
 class PlaneRows {
@@ -37,14 +37,17 @@ class PlaneRows {
   int DistinctRows(size_t plane) const;
 
   /// The values of a row; valid until the next call. 0 in a plane that cannot be decompressed, see status().
-  std::string_view Row(size_t plane, int y);
+  std::string_view Row(size_t plane, int y) { return Rows(plane, y, 1); }
+  /// The same of `count` rows one after another, all of them among the distinct ones: a call for each row of a list, which may
+  /// have one value, takes more time than what is done with it.
+  std::string_view Rows(size_t plane, int y, int count);
 
   /// kInvalidArgument naming the first plane that Row found not to be decompressible.
   const absl::Status& status() const { return status_; }
 
  private:
-  /// A row of a compressed plane.
-  std::string_view DecompressedRow(size_t plane, int y);
+  std::string_view RowsInMemory(const Plane& plane, int y, int count);
+  const Plane& Decompressed(size_t plane);
   /// Bytes [first, first + size) of the picture's pieces; valid until the next call.
   std::string_view BytesAt(uint64_t first, size_t size);
 
@@ -54,8 +57,8 @@ class PlaneRows {
   int height_;
   std::vector<std::string_view> names_;
   std::vector<rpc::EncodedPlane> planes_;  // of a picture that arrived
-  std::string joined_;                     // a row that is cut
-  std::vector<float> decoded_;             // a row that is not float32
+  std::string joined_;                     // rows that are cut or apart
+  std::vector<float> decoded_;             // rows that are not float32
   rpc::PlaneDecompressor decompressor_;
   std::optional<size_t> decompressed_;  // the plane in decompressed_plane_
   Plane decompressed_plane_;

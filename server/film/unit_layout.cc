@@ -102,22 +102,41 @@ struct NotFinite {
   float value = 0;
 };
 
+/// Rows are read together up to this many values.
+constexpr int kValuesAtOnce = 1024;
+
+/// Adds a row that is repeated.
+void AddRepeatedly(std::string_view row, int times, rpc::RunningChecksum* checksum) {
+  const int at_once =
+      std::max(1, kValuesAtOnce * static_cast<int>(sizeof(float)) / static_cast<int>(row.size()));
+  std::string rows;
+  for (int i = 0; i < std::min(at_once, times); ++i) rows += row;
+  for (int left = times; left > 0; left -= at_once)
+    checksum->Add(
+        std::string_view(rows).substr(0, row.size() * static_cast<size_t>(std::min(at_once, left))));
+}
+
 /// The first such value of a picture; nullopt if all are finite. Adds the values before it to `checksum`, which may be null.
 /// Errors: that of PlaneRows::status.
 absl::StatusOr<std::optional<NotFinite>> FindNotFinite(PlaneRows& planes, rpc::RunningChecksum* checksum) {
+  const int at_once = std::max(1, kValuesAtOnce / planes.width());
   for (size_t plane = 0; plane < planes.names().size(); ++plane) {
     const int distinct = planes.DistinctRows(plane);
-    for (int y = 0; y < distinct; ++y) {
-      const std::string_view row = planes.Row(plane, y);
+    std::string_view rows;
+    for (int y = 0; y < distinct; y += at_once) {
+      rows = planes.Rows(plane, y, std::min(at_once, distinct - y));
       if (!planes.status().ok()) return planes.status();
-      if (!IsFiniteRow(row)) {
-        int x = 0;
-        while (std::isfinite(ValueAt(row, x))) ++x;
-        return NotFinite{std::string(planes.names()[plane]), x, y, ValueAt(row, x)};
+      if (!IsFiniteRow(rows)) {
+        int i = 0;
+        while (std::isfinite(ValueAt(rows, i))) ++i;
+        return NotFinite{std::string(planes.names()[plane]), i % planes.width(), y + i / planes.width(),
+                         ValueAt(rows, i)};
       }
-      const int repeats = y + 1 < distinct ? 1 : planes.height() - y;
-      for (int i = 0; checksum != nullptr && i < repeats; ++i) checksum->Add(row);
+      if (checksum != nullptr) checksum->Add(rows);
     }
+    if (checksum == nullptr || distinct == planes.height()) continue;
+    const size_t row_bytes = static_cast<size_t>(planes.width()) * sizeof(float);
+    AddRepeatedly(rows.substr(rows.size() - row_bytes), planes.height() - distinct, checksum);
   }
   return std::nullopt;
 }
@@ -304,10 +323,12 @@ absl::Status CheckPlaces(const Rect& rect, const std::vector<Coordinate>& xs,
 
 /// The values of a list that is 1 wide.
 std::vector<float> ColumnOf(PlaneRows& list, std::string_view channel) {
+  if (list.height() == 0) return {};
   const size_t plane = *list.Find(channel);
-  std::vector<float> values(static_cast<size_t>(list.height()));
-  for (int row = 0; row < list.height(); ++row)
-    values[static_cast<size_t>(row)] = ValueAt(list.Row(plane, row), 0);
+  const std::string_view rows = list.Rows(plane, 0, list.DistinctRows(plane));
+  std::vector<float> values(rows.size() / sizeof(float));
+  std::memcpy(values.data(), rows.data(), rows.size());
+  values.resize(static_cast<size_t>(list.height()), values.back());
   return values;
 }
 

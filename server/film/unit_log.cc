@@ -74,7 +74,7 @@ absl::StatusOr<EdgedImage> ImageFromPayload(const v1::UnitChunk& header, std::st
   }
   const v1::UnitKind kind = header.unit().kind();
   absl::StatusOr<LayeredImage> list =
-      rpc::ImageFromBytes(header.edges().layout(), rest, ListLimits(kind, kLargest));
+      rpc::ListFromBytes(header.edges().layout(), rest, ListLimits(kind, kLargest));
   if (!list.ok()) return list.status();
   (kind == v1::UNIT_KIND_PASS ? image.fragments : image.edges) = *std::move(list);
   return image;

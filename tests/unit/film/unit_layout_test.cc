@@ -56,6 +56,48 @@ TEST(UnitLayout, AnEdgeSetMustBeOfItsTile) {
   EXPECT_THAT(std::string(CheckEdges(kRect, without).message()), HasSubstr("pixel.Y"));
 }
 
+constexpr Rect kWholeTile = {0, 0, 32, 32};
+
+/// Four fragments in each pixel of a tile. Most of its planes are constant, one is compressed, and one has whole numbers.
+LayeredImage LongList() {
+  const int rows = 4 * kWholeTile.width() * kWholeTile.height();
+  LayeredImage list = LayeredImage::List(1, rows);
+  for (const std::string& channel : layers::FragmentChannels()) list.Add(channel);
+  for (int row = 0; row < rows; ++row) {
+    const int pixel = row / 4;
+    const int y = pixel / kWholeTile.width();
+    list.Get(layers::kPixelX).At(0, row) = static_cast<float>(pixel % kWholeTile.width());
+    list.Get(layers::kPixelY).At(0, row) = static_cast<float>(y);
+    list.Get(layers::kSurface).At(0, row) = static_cast<float>(1 + row % 4);
+    list.Get(layers::kDistance).At(0, row) = 2.0f + 1e-4f * static_cast<float>(row);
+    list.Get(layers::kSamplesA).At(0, row) = 1;
+  }
+  return list;
+}
+
+rpc::ReceivedPicture Received(const LayeredImage& list) {
+  rpc::PixelChunker chunker(list);
+  rpc::PixelAssembler assembler;
+  v1::PixelChunk chunk;
+  while (chunker.Next(&chunk)) EXPECT_TRUE(assembler.Add(chunk).ok());
+  return assembler.Take();
+}
+
+TEST(UnitLayout, LongListsAreCheckedAlikeHoweverTheyAreEncoded) {
+  LayeredImage list = LongList();
+  rpc::RunningChecksum in_memory, received, expected;
+  ASSERT_TRUE(CheckFragments(kWholeTile, {}, list, &in_memory).ok());
+  ASSERT_TRUE(CheckFragments(kWholeTile, {}, Received(list), &received).ok());
+  expected.Add(rpc::BytesFromImage(list));
+  EXPECT_EQ(in_memory.Value(), expected.Value());
+  EXPECT_EQ(received.Value(), expected.Value());
+  list.Get(layers::kDistance).At(0, 2500) = NAN;
+  for (const absl::Status& status :
+       {CheckFragments(kWholeTile, {}, list), CheckFragments(kWholeTile, {}, Received(list))}) {
+    EXPECT_THAT(std::string(status.message()), HasSubstr("distance.Z of row 2500 is nan"));
+  }
+}
+
 TEST(UnitLayout, FragmentsAreSurfacesOfPixelsOfTheirTile) {
   const auto fragments = [] { return RandomUnit({0, 0, 0, v1::UNIT_KIND_PASS}, kRect, {0, 4}, 1).fragments; };
   ASSERT_EQ(fragments().height(), 4);

@@ -29,6 +29,8 @@ FloatView LayeredImage::Add(std::string_view name) {
   return Add(name, std::move(plane));
 }
 
+FloatView LayeredImage::AddUninitialized(std::string_view name) { return Add(name, MakePlane()); }
+
 FloatView LayeredImage::Add(std::string_view name, Plane plane) {
   LUMIFOLD_CHECK(!Has(name));
   LUMIFOLD_CHECK(plane.width() == width_ && plane.height() == height_);

@@ -34,6 +34,8 @@ class LayeredImage {
 
   /// Adds a channel of zeros; its name must be new.
   FloatView Add(std::string_view name);
+  /// The same of undefined values, to be written before they are read.
+  FloatView AddUninitialized(std::string_view name);
   /// Adds a channel that takes over `plane`, which must have the picture's size; its name must be new.
   FloatView Add(std::string_view name, Plane plane);
   /// Adds LAYER.R, LAYER.G, LAYER.B (an empty layer gives plain R, G, B).

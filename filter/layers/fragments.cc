@@ -195,8 +195,10 @@ struct Gloss {
 std::map<float, Gloss> GlossOfSurfaces(const FragmentViews& views) {
   std::map<float, Gloss> surfaces;
   for (int row = 0; row < views.rows(); ++row) {
+    const float key = views.key.At(0, row);
+    if (!(key > 0)) continue;  // no name: a film may hold anything
     const float samples = UsableOr0(views.samples.At(0, row));
-    Gloss& gloss = surfaces[views.key.At(0, row)];
+    Gloss& gloss = surfaces[key];
     const std::array<float, 3> albedo = ColorAt(views.glossy_albedo, 0, row);
     for (size_t c = 0; c < 3; ++c) gloss.albedo[c] += samples * albedo[c];
     gloss.roughness += samples * UsableOr0(views.roughness.At(0, row));

@@ -152,21 +152,19 @@ std::string BytesFromImage(const LayeredImage& image) {
 
 namespace {
 
-/// `empty`: makes the picture or list of this size, and its planes, of undefined values.
+/// `image`: a picture or list of the layout's size, without channels.
 absl::StatusOr<LayeredImage> Decode(const v1::PixelLayout& layout, std::string_view bytes,
-                                    const PixelLimits& limits, LayeredImage (*empty)(int, int),
-                                    Plane (*undefined)(int, int)) {
+                                    const PixelLimits& limits, LayeredImage image) {
   if (absl::Status status = CheckLayout(layout, limits); !status.ok()) return status;
   if (bytes.size() != EncodedBytesOf(layout)) {
     return absl::InvalidArgumentError(
         absl::StrCat("pixels: ", bytes.size(), " bytes, the layout needs ", EncodedBytesOf(layout)));
   }
   const std::vector<EncodedPlane> planes = PlanesOf(layout);
-  LayeredImage image = empty(layout.width(), layout.height());
   PlaneDecompressor decompressor;
   for (size_t i = 0; i < planes.size(); ++i) {
     const std::string& channel = layout.channels(static_cast<int>(i));
-    const FloatView view = image.Add(channel, undefined(layout.width(), layout.height()));
+    const FloatView view = image.AddUninitialized(channel);
     const std::string_view encoded = bytes.substr(planes[i].first_byte, planes[i].size_bytes);
     if (absl::Status status = DecodePlane(planes[i].encoding, encoded, &decompressor, view); !status.ok())
       return CannotDecompress(channel, status);
@@ -178,13 +176,12 @@ absl::StatusOr<LayeredImage> Decode(const v1::PixelLayout& layout, std::string_v
 
 absl::StatusOr<LayeredImage> ImageFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                             const PixelLimits& limits) {
-  const auto empty = [](int width, int height) { return LayeredImage(width, height); };
-  return Decode(layout, bytes, limits, empty, Plane::Uninitialized);
+  return Decode(layout, bytes, limits, LayeredImage(layout.width(), layout.height()));
 }
 
 absl::StatusOr<LayeredImage> ListFromBytes(const v1::PixelLayout& layout, std::string_view bytes,
                                            const PixelLimits& limits) {
-  return Decode(layout, bytes, limits, LayeredImage::List, Plane::Packed);
+  return Decode(layout, bytes, limits, LayeredImage::List(layout.width(), layout.height()));
 }
 
 bool PixelChunker::Next(v1::PixelChunk* chunk) {

@@ -1,6 +1,7 @@
 #include "filter/denoise/firefly.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdint>
@@ -106,8 +107,8 @@ struct Outlier {
 };
 
 /// Scales the half's pixel to the bound if it is above it and noise explains why: the other half shows less than half
-/// of the excess, or the noise is that large. Adds `share` times what the pixel loses to `removed`.
-bool Suppress(Planes* half, float other, const Outlier& outlier, float sigmas, float share, int x, int y,
+/// of the excess, or the noise is that large. Keeps what the pixel loses in `removed`.
+bool Suppress(Planes* half, float other, const Outlier& outlier, float sigmas, int x, int y,
               Planes* removed) {
   const float luminance = LuminanceAt(*half, x, y);
   const float bound = outlier.bound;
@@ -118,7 +119,7 @@ bool Suppress(Planes* half, float other, const Outlier& outlier, float sigmas, f
   const float keep = bound / luminance;
   for (size_t c = 0; c < 3; ++c) {
     float& value = (*half)[c].At(x, y);
-    (*removed)[c].At(x, y) += share * (1.0f - keep) * value;
+    (*removed)[c].At(x, y) = (1.0f - keep) * value;
     value *= keep;
   }
   return true;
@@ -126,14 +127,15 @@ bool Suppress(Planes* half, float other, const Outlier& outlier, float sigmas, f
 
 }  // namespace
 
-Planes SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves, TaskPool* pool) {
+std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves,
+                                        TaskPool* pool) {
   if (!halves->has_noise_estimate || halves->is_difference) return {};
   const int width = halves->width();
   const int height = halves->height();
   const Planes mean = Combine(halves->a, halves->b, halves->share_a.view(), pool);
   const Plane luminance = PaddedLuminance(mean, halves->weight, params.radius, pool);
   const Plane noise = RelativeNoise(*halves, noise_radius, pool);
-  Planes removed = MakePlanes(3, width, height);
+  std::array<Planes, 2> removed = {MakePlanes(3, width, height), MakePlanes(3, width, height)};
   std::atomic<bool> is_any{false};
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     bool is_any_here = false;
@@ -154,19 +156,18 @@ Planes SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* 
                                  IsIsolated(luminance, params, x, y) ? noise.At(x, y) : 0.0f};
         const float a = LuminanceAt(halves->a, x, y);
         const float b = LuminanceAt(halves->b, x, y);
-        const float share = halves->share_a.At(x, y);
-        is_any_here |= Suppress(&halves->a, b, outlier, params.sigmas, share, x, y, &removed);
-        is_any_here |= Suppress(&halves->b, a, outlier, params.sigmas, 1.0f - share, x, y, &removed);
+        is_any_here |= Suppress(&halves->a, b, outlier, params.sigmas, x, y, &removed[0]);
+        is_any_here |= Suppress(&halves->b, a, outlier, params.sigmas, x, y, &removed[1]);
       }
     }
     if (is_any_here) is_any = true;
   });
-  return is_any ? std::move(removed) : Planes{};
+  return is_any ? std::move(removed) : std::array<Planes, 2>{};
 }
 
 namespace {
 
-/// What ReturnRemoved() knows of the energy around each pixel.
+/// What ReturnRemoved() knows of one half's energy around each pixel.
 struct Spread {
   Planes energy;     // 3: local mean of the energy removed
   Plane with_signs;  // local mean of its luminance, each pixel's with a sign of its own
@@ -178,18 +179,22 @@ float SignOf(int x, int y) {
   return MixBits(pixel + 1) % 2 == 0 ? 1.0f : -1.0f;
 }
 
-Spread SpreadAround(const Planes& removed, const Planes& guide, ConstFloatView weight,
-                    const ManifoldParams& manifolds, TaskPool* pool) {
-  Planes signals = Clone(removed);
-  signals.emplace_back(weight.width(), weight.height());
-  ForEachPixel(pool, weight.width(), weight.height(),
-               [&](int x, int y) { signals[3].At(x, y) = SignOf(x, y) * LuminanceAt(removed, x, y); });
-  Planes spread = ManifoldFilter(signals, guide, weight, manifolds, pool);
-  Spread out;
-  out.with_signs = std::move(spread.back());
-  spread.pop_back();
-  out.energy = std::move(spread);
-  return out;
+std::array<Spread, 2> SpreadAround(const std::array<Planes, 2>& removed, const Planes& guide,
+                                   ConstFloatView weight, const ManifoldParams& manifolds, TaskPool* pool) {
+  Planes signals;
+  for (const Planes& half : removed) {
+    for (const Plane& channel : half) signals.push_back(channel.Clone());
+    Plane& with_signs = signals.emplace_back(weight.width(), weight.height());
+    ForEachPixel(pool, weight.width(), weight.height(),
+                 [&](int x, int y) { with_signs.At(x, y) = SignOf(x, y) * LuminanceAt(half, x, y); });
+  }
+  Planes filtered = ManifoldFilter(signals, guide, weight, manifolds, pool);
+  std::array<Spread, 2> spread;
+  for (size_t h = 0; h < 2; ++h) {
+    for (size_t c = 0; c < 3; ++c) spread[h].energy.push_back(std::move(filtered[4 * h + c]));
+    spread[h].with_signs = std::move(filtered[4 * h + 3]);
+  }
+  return spread;
 }
 
 /// 1 - (signed sum / sum)^2. The square of a sum with random signs is that of its terms on average, so this is 1 - 1/n
@@ -197,6 +202,12 @@ Spread SpreadAround(const Planes& removed, const Planes& guide, ConstFloatView w
 float SharedPart(float sum, float signed_sum) {
   const float ratio = signed_sum / sum;
   return ratio > -1 && ratio < 1 ? 1.0f - ratio * ratio : 0.0f;
+}
+
+/// The mean of both halves' values at a pixel.
+float MeanOfHalves(const Halves& halves, int x, int y, float a, float b) {
+  const float share = halves.share_a.At(x, y);
+  return share * a + (1.0f - share) * b;
 }
 
 /// Sum over all pixels, weighted.
@@ -209,19 +220,25 @@ double Total(const Plane& plane, ConstFloatView weight, TaskPool* pool) {
   });
 }
 
-/// Adds what is not returned nearby to all light in proportion.
-void ReturnRest(const Planes& removed, const Planes& light, ConstFloatView weight, TaskPool* pool,
-                Planes* energy) {
+/// 1 - 1/n of n equal outliers of the layer.
+float SharedPartOfAll(const std::array<Planes, 2>& removed, const Halves& halves, TaskPool* pool) {
+  const ConstFloatView weight = halves.weight.view();
   Plane square(weight.width(), weight.height());
   Plane luminance(weight.width(), weight.height());
   ForEachPixel(pool, weight.width(), weight.height(), [&](int x, int y) {
-    luminance.At(x, y) = LuminanceAt(removed, x, y);
-    square.At(x, y) = luminance.At(x, y) * luminance.At(x, y);
+    const float mean =
+        MeanOfHalves(halves, x, y, LuminanceAt(removed[0], x, y), LuminanceAt(removed[1], x, y));
+    luminance.At(x, y) = mean;
+    square.At(x, y) = mean * mean;
   });
   const double sum = Total(luminance, weight, pool);
   const double squares = Total(square, weight, pool);
-  if (!(squares > 0)) return;
-  const auto part = static_cast<float>(1.0 - std::min(1.0, squares / (sum * sum)));  // 1 - 1/n
+  return squares > 0 ? static_cast<float>(1.0 - std::min(1.0, squares / (sum * sum))) : 0.0f;
+}
+
+/// Adds `part` of what is not returned nearby to all light in proportion.
+void ReturnRest(const Planes& removed, const Planes& light, float part, ConstFloatView weight, TaskPool* pool,
+                Planes* energy) {
   for (size_t c = 0; c < 3; ++c) {
     const double rest = Total(removed[c], weight, pool) - Total((*energy)[c], weight, pool);
     const double all = Total(light[c], weight, pool);
@@ -234,20 +251,28 @@ void ReturnRest(const Planes& removed, const Planes& light, ConstFloatView weigh
 
 }  // namespace
 
-Planes ReturnRemoved(const Planes& removed, const Planes& light, const Halves& halves, const Planes& geometry,
-                     float knee, float reach_px, const FireflyParams& params, TaskPool* pool) {
+std::array<Planes, 2> ReturnRemoved(const std::array<Planes, 2>& removed, const Planes& light,
+                                    const Halves& halves, const Planes& geometry, float knee, float reach_px,
+                                    const FireflyParams& params, TaskPool* pool) {
   const ConstFloatView weight = halves.weight.view();
   Planes guide = Clone(geometry);
   for (const Plane& channel : Stabilise(light, knee * halves.level, halves.level, pool))
     AppendFeature(channel.view(), params.spread_light, weight, &guide);
-  Spread spread =
+  std::array<Spread, 2> spread =
       SpreadAround(removed, guide, weight, {.sigma_s = reach_px, .height = params.spread_height}, pool);
   ForEachPixel(pool, weight.width(), weight.height(), [&](int x, int y) {
-    const float part = SharedPart(LuminanceAt(spread.energy, x, y), spread.with_signs.At(x, y));
-    for (Plane& channel : spread.energy) channel.At(x, y) *= part;
+    const float sum =
+        MeanOfHalves(halves, x, y, LuminanceAt(spread[0].energy, x, y), LuminanceAt(spread[1].energy, x, y));
+    const float signed_sum =
+        MeanOfHalves(halves, x, y, spread[0].with_signs.At(x, y), spread[1].with_signs.At(x, y));
+    const float part = SharedPart(sum, signed_sum);
+    for (Spread& half : spread) {
+      for (Plane& channel : half.energy) channel.At(x, y) *= part;
+    }
   });
-  ReturnRest(removed, light, weight, pool, &spread.energy);
-  return std::move(spread.energy);
+  const float part = SharedPartOfAll(removed, halves, pool);
+  for (size_t h = 0; h < 2; ++h) ReturnRest(removed[h], light, part, weight, pool, &spread[h].energy);
+  return {std::move(spread[0].energy), std::move(spread[1].energy)};
 }
 
 }  // namespace lumifold::filter

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
@@ -21,19 +23,22 @@ struct FireflyParams {
 /// of the excess over the bound. Where both show it, as both may have hit a firefly, the relative noise of a window
 /// around must explain it, and the pixel must be brighter than each neighbour by `excess`. Layers that are differences
 /// of light stay: they are mostly near 0, so that all detail would be an outlier.
-/// Shapes:  `noise_radius`: of that window, in pixels; result: what was removed, as a part of X, 3 planes; empty where nothing was.
+/// Shapes:  `noise_radius`: of that window, in pixels; result: what each half lost, 3 planes; empty where neither did.
 /// Threads: identical for any pool.
 /// Source:  the outlier test of Cycles' feature prefilter.
-Planes SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves, TaskPool* pool);
+std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_radius, Halves* halves,
+                                        TaskPool* pool);
 
-/// The energy that SuppressFireflies() removed, where it is to be added again. It is spread over pixels of similar
-/// light on the same surface nearby, as far as several outliers say that it belongs there: a sum of n equal terms
-/// stands by 1 - 1/n on average, so that one outlier alone returns nothing, however small its surface is. What is left is added to all of the layer in
+/// The energy that SuppressFireflies() removed, where it is to be added again to each half: what it lost itself, so that
+/// neither holds samples of the other. It is spread over pixels of similar light on the same surface nearby, as far as
+/// several outliers of the halves together say that it belongs there: a sum of n equal terms stands by 1 - 1/n on average, so
+/// that one outlier alone returns nothing, however small its surface is. What is left is added to all of the layer in
 /// proportion to its light, by the same rule.
-/// Shapes:  removed, light: 3 planes, `light` without noise; geometry: features; result: 3 planes; all of the
+/// Shapes:  removed[h], light: 3 planes, `light` without noise; geometry: features; result[h]: 3 planes; all of the
 ///          layer's size. `knee`: as in MakeGuide(); `reach_px`: of the spread.
 /// Threads: identical for any pool.
-Planes ReturnRemoved(const Planes& removed, const Planes& light, const Halves& halves, const Planes& geometry,
-                     float knee, float reach_px, const FireflyParams& params, TaskPool* pool);
+std::array<Planes, 2> ReturnRemoved(const std::array<Planes, 2>& removed, const Planes& light,
+                                    const Halves& halves, const Planes& geometry, float knee, float reach_px,
+                                    const FireflyParams& params, TaskPool* pool);
 
 }  // namespace lumifold::filter

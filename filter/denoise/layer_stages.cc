@@ -109,7 +109,7 @@ void RunFireflies(LayerState* state) {
     before.push_back({LuminanceAt(halves.a, p.x, p.y), LuminanceAt(halves.b, p.x, p.y)});
   state->removed = SuppressFireflies(state->settings.fireflies, state->settings.choice.wide_radius,
                                      &state->halves, state->pool);
-  if (state->removed.empty()) return;
+  if (state->removed[0].empty()) return;
   for (size_t i = 0; i < before.size(); ++i) {
     const LayerFragments::Pixel& p = state->fragments.pixels[i];
     for (size_t h = 0; h < 2; ++h) {
@@ -184,13 +184,15 @@ void Move(const Filtering& to, const Plane& share, bool is_noisy, LayerState* st
 }
 
 void AddEnergy(LayerState* state) {
-  if (state->firefly_energy.empty()) return;
-  for (Planes* half : {&state->result.picture.a, &state->result.picture.b})
-    AddPlanes(state->firefly_energy, state->pool, absl::MakeSpan(*half));
-  for (std::vector<float>& points : state->result.points) {
+  if (state->firefly_energy[0].empty()) return;
+  for (size_t h = 0; h < 2; ++h) {
+    const Planes& energy = state->firefly_energy[h];
+    AddPlanes(energy, state->pool,
+              absl::MakeSpan(h == 0 ? state->result.picture.a : state->result.picture.b));
+    std::vector<float>& points = state->result.points[h];
     for (size_t k = 0; k < points.size(); ++k) {
       const auto [x, y] = state->fragments.places[k / 3];
-      points[k] += state->firefly_energy[k % 3].At(x, y);
+      points[k] += energy[k % 3].At(x, y);
     }
   }
 }
@@ -315,7 +317,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
         .source = "our own",
         .header = "filter/denoise/firefly.h",
         .window_px = ReachWindow},
-       [](const LayerState& s) { return HasCandidates(s) && !s.removed.empty(); },
+       [](const LayerState& s) { return HasCandidates(s) && !s.removed[0].empty(); },
        RunFireflyEnergy},
       {{.name = "choice",
         .reads = "halves, candidates, energy to return",

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "filter/denoise/stage.h"
@@ -19,11 +20,11 @@ struct LayerState {
   TaskPool* pool;
 
   Halves halves;
-  LayerFragments fragments;  // their light in the halves' unit
-  float guide_noise = 0;     // RMS noise of one half of the first filtering's guide
-  Planes removed;            // 3: what was removed as fireflies; empty: nothing was
+  LayerFragments fragments;       // their light in the halves' unit
+  float guide_noise = 0;          // RMS noise of one half of the first filtering's guide
+  std::array<Planes, 2> removed;  // of each half, 3: what was removed as fireflies; empty: nothing was
   std::vector<Filtering> candidates;
-  Planes firefly_energy;  // 3: what was removed, spread; empty: nothing
+  std::array<Planes, 2> firefly_energy;  // of each half, 3: what was removed, spread; empty: nothing
   Filtering result;
 };
 

@@ -145,7 +145,7 @@ double LonePixels(const ConstColorView& picture, const ConstColorView& truth) {
 
 absl::StatusOr<Finding> HardLight(const Trial& trial) {
   constexpr int kSize = 96;
-  constexpr uint64_t kSeeds = 4;
+  constexpr uint64_t kSeeds = 16;
   const scenes::SceneDescription scene = scenes::BuildUplighter();
   double filtered_error = 0, noisy_error = 0, luminance = 0, chroma = 0, lone = 0;
   Finding finding;
@@ -200,14 +200,14 @@ std::vector<Case> RareLightCases() {
                     "border move by some steps"}},
       {46,
        "hard light",
-       "a room lit off one spot on its ceiling, with a glass egg, 4 seeds: error; blotch index of luminance "
+       "a room lit off one spot on its ceiling, with a glass egg, 16 seeds: error; blotch index of luminance "
        "and of chroma; lone bright or dark pixels in 10,000",
        "96x96, 32 spp",
        "",
        {{"error", 0.2}, {"blotch", 1.05}, {"chroma", 1.05}, {"lone", 0}},
        HardLight,
        KnownFailure{
-           {0.065, 0.36, 0.53, 1.5},
+           {0.069, 0.49, 0.58, 3.0},
            "single bright or dark pixels stay at edges of thin and glossy objects, where few samples hit "
            "the light; `nfor` leaves fewer"}},
   };

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 #include <utility>
@@ -35,21 +36,22 @@ Halves FlatHalves(int width, int height, float value) {
 TEST(Fireflies, AreCutToTheBoundAndWhatTheyLoseIsKept) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
-  const Planes removed = SuppressFireflies({}, kNoiseRadius, &halves, nullptr);
-  ASSERT_EQ(removed.size(), 3u);
+  const std::array<Planes, 2> removed = SuppressFireflies({}, kNoiseRadius, &halves, nullptr);
+  ASSERT_EQ(removed[0].size(), 3u);
   EXPECT_NEAR(halves.a[0].At(5, 4), 2.0f, 1e-3f);
   EXPECT_EQ(halves.b[0].At(5, 4), 1.0f);
-  EXPECT_NEAR(removed[0].At(5, 4), 0.5f * 998.0f, 1e-2f);
-  EXPECT_EQ(removed[0].At(4, 4), 0.0f);
+  EXPECT_NEAR(removed[0][0].At(5, 4), 998.0f, 1e-2f);
+  EXPECT_EQ(removed[0][0].At(4, 4), 0.0f);
+  EXPECT_EQ(removed[1][0].At(5, 4), 0.0f);  // B lost nothing
 }
 
 TEST(Fireflies, AnExcessThatTheOtherHalfShowsMostOfStays) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 10.0f;
   for (Plane& plane : halves.b) plane.At(5, 4) = 6.5f;  // over half of the excess over the bound, 2
-  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   for (Plane& plane : halves.b) plane.At(5, 4) = 5.5f;  // less than half
-  ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
+  ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   EXPECT_NEAR(halves.a[0].At(5, 4), 2.0f, 1e-3f);
   EXPECT_EQ(halves.b[0].At(5, 4), 5.5f);
 }
@@ -59,7 +61,7 @@ TEST(Fireflies, BrightPixelsThatBothHalvesSeeStay) {
   for (Planes* half : {&halves.a, &halves.b}) {
     for (Plane& plane : *half) plane.At(5, 4) = 1000.0f;
   }
-  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   EXPECT_EQ(halves.a[1].At(5, 4), 1000.0f);
 }
 
@@ -80,32 +82,32 @@ Halves NoisyHalves(int bright) {
 
 TEST(Fireflies, ThatBothHalvesCaughtAreToldByTheNoiseAbout) {
   Halves halves = NoisyHalves(1);
-  ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
+  ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   EXPECT_NEAR(halves.a[1].At(5, 4), 2.0f, 1e-3f);
   EXPECT_NEAR(halves.b[1].At(5, 4), 2.0f, 1e-3f);
   Halves two = NoisyHalves(2);  // no longer by chance
-  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &two, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &two, nullptr)[0].empty());
 }
 
 TEST(Fireflies, AreNotJudgedWithoutHalvesOrOutsideTheMask) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
   halves.weight_a.At(5, 4) = 0;
-  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   halves.weight_a.At(5, 4) = 1;
   halves.has_noise_estimate = false;
-  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
 }
 
 TEST(Fireflies, AreNotLookedForInDifferences) {
   Halves halves = FlatHalves(11, 9, 0.0f);
   halves.is_difference = true;
   for (int y = 0; y < 9; ++y) halves.a[1].At(5, y) = 1.0f;  // what an edge says, in a field of zeros
-  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr).empty());
+  EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
   EXPECT_EQ(halves.a[1].At(5, 4), 1.0f);
 }
 
-// What is removed from a picture of light 1, and what ReturnRemoved() gives back.
+// What both halves lose of a picture of light 1, and what ReturnRemoved() gives back.
 
 constexpr int kWidth = 128;
 constexpr int kHeight = 96;
@@ -122,10 +124,14 @@ struct Removed {
   void Add(int x, int y, float value) {
     for (Plane& plane : energy) plane.At(x, y) += value;
   }
-  Planes Return() const {
+  /// What a half gets.
+  Planes Return(TaskPool* pool = nullptr) const {
+    return std::move(ReturnTo({Clone(energy), Clone(energy)}, pool)[0]);
+  }
+  std::array<Planes, 2> ReturnTo(const std::array<Planes, 2>& lost, TaskPool* pool = nullptr) const {
     Halves halves = FlatHalves(kWidth, kHeight, 1.0f);
     halves.level = 1;
-    return ReturnRemoved(energy, light, halves, geometry, kKnee, kReach, {}, nullptr);
+    return ReturnRemoved(lost, light, halves, geometry, kKnee, kReach, {}, pool);
   }
 };
 
@@ -190,14 +196,20 @@ TEST(ReturnRemoved, KeepsTheSumOfManyOutliers) {
   }
 }
 
+TEST(ReturnRemoved, GivesToEachHalfWhatItLostItself) {
+  Removed removed;
+  for (int i = 0; i < 30; ++i) removed.Add(4 * i + 3, 3 * i + 2, 30);
+  const std::array<Planes, 2> returned =
+      removed.ReturnTo({Clone(removed.energy), MakePlanes(3, kWidth, kHeight)});
+  EXPECT_NEAR(Sum(returned[0][1]) / Sum(removed.energy[1]), 1, 0.1);
+  EXPECT_EQ(Largest(returned[1][1]), 0);
+}
+
 TEST(ReturnRemoved, GivesTheSameBitsForAnyPool) {
   Removed removed;
   for (int i = 0; i < 20; ++i) removed.Add(5 * i + 3, 4 * i + 2, 10);
-  Halves halves = FlatHalves(kWidth, kHeight, 1.0f);
-  halves.level = 1;
   ShufflingPool pool(3);
-  const Planes shuffled =
-      ReturnRemoved(removed.energy, removed.light, halves, removed.geometry, kKnee, kReach, {}, &pool);
+  const Planes shuffled = removed.Return(&pool);
   const Planes alone = removed.Return();
   for (int y = 0; y < kHeight; ++y)
     EXPECT_TRUE(std::equal(alone[2].Row(y), alone[2].Row(y) + kWidth, shuffled[2].Row(y)));

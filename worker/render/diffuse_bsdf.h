@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "filter/image/portable_math.h"
 #include "worker/render/bsdf.h"
 
 namespace lumifold::render {

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -18,7 +19,8 @@ namespace {
 
 constexpr size_t kMinNeighbours = 4;
 
-/// The bound, from the valid pixels of the window; infinity where there are too few. `luminance`: from
+/// The bound, from the valid pixels of the window; infinity where there are too few. Where most of them are black, as in
+/// rare light, the quantile tells nothing, and the mean of the neighbours takes its place. `luminance`: from
 /// PaddedLuminance().
 float BoundAt(const Plane& luminance, const FireflyParams& params, int x, int y, std::vector<float>* values) {
   values->clear();
@@ -31,7 +33,11 @@ float BoundAt(const Plane& luminance, const FireflyParams& params, int x, int y,
   if (values->size() < kMinNeighbours) return INFINITY;
   const auto below = static_cast<std::ptrdiff_t>(params.quantile * static_cast<float>(values->size()));
   std::nth_element(values->begin(), values->begin() + below, values->end());
-  return params.excess * (*values)[static_cast<size_t>(below)];
+  const float quantile = (*values)[static_cast<size_t>(below)];
+  if (quantile > 0) return params.excess * quantile;
+  const float others = std::accumulate(values->begin(), values->end(), 0.0f) -
+                       luminance.At(x + params.radius, y + params.radius);
+  return params.excess * std::max(0.0f, others) / static_cast<float>(values->size() - 1);
 }
 
 /// For each pixel of a row: whether `brighter[x]`, the luminance of the brighter half, is above BoundAt(): the part

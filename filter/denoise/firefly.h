@@ -19,8 +19,8 @@ struct FireflyParams {
 };
 
 /// Clamps fireflies in both halves. A half's pixel is scaled down to a bound, `excess` times a quantile of the
-/// luminance of its neighbourhood in X, if it is above it and noise explains why: the other half shows less than half
-/// of the excess over the bound. Where both show it, as both may have hit a firefly, the relative noise of a window
+/// luminance of its neighbourhood in X, or the mean of its neighbours where that quantile is 0, if it is above it and noise
+/// explains why: the other half shows less than half of the excess over the bound. Where both show it, as both may have hit a firefly, the relative noise of a window
 /// around must explain it, and the pixel must be brighter than each neighbour by `excess`. Layers that are differences
 /// of light stay: they are mostly near 0, so that all detail would be an outlier.
 /// Shapes:  `noise_radius`: of that window, in pixels; result: what each half lost, 3 planes; empty where neither did.

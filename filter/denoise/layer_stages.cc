@@ -107,9 +107,11 @@ void RunFireflies(LayerState* state) {
   const Halves& halves = state->halves;
   for (const LayerFragments::Pixel& p : state->fragments.pixels)
     before.push_back({LuminanceAt(halves.a, p.x, p.y), LuminanceAt(halves.b, p.x, p.y)});
+  Candidate before_removal = {lumifold::Clone(halves.a), lumifold::Clone(halves.b)};
   state->removed = SuppressFireflies(state->settings.fireflies, state->settings.choice.wide_radius,
                                      &state->halves, state->pool);
   if (state->removed[0].empty()) return;
+  state->measured = std::move(before_removal);
   for (size_t i = 0; i < before.size(); ++i) {
     const LayerFragments::Pixel& p = state->fragments.pixels[i];
     for (size_t h = 0; h < 2; ++h) {
@@ -183,36 +185,54 @@ void Move(const Filtering& to, const Plane& share, bool is_noisy, LayerState* st
   }
 }
 
-void AddEnergy(LayerState* state) {
-  if (state->firefly_energy[0].empty()) return;
+/// Adds the energy that returns.
+void AddEnergy(const LayerState& state, Filtering* to) {
+  if (state.firefly_energy[0].empty()) return;
   for (size_t h = 0; h < 2; ++h) {
-    const Planes& energy = state->firefly_energy[h];
-    AddPlanes(energy, state->pool,
-              absl::MakeSpan(h == 0 ? state->result.picture.a : state->result.picture.b));
-    std::vector<float>& points = state->result.points[h];
+    const Planes& energy = state.firefly_energy[h];
+    AddPlanes(energy, state.pool, absl::MakeSpan(h == 0 ? to->picture.a : to->picture.b));
+    std::vector<float>& points = to->points[h];
     for (size_t k = 0; k < points.size(); ++k) {
-      const auto [x, y] = state->fragments.places[k / 3];
+      const auto [x, y] = state.fragments.places[k / 3];
       points[k] += energy[k % 3].At(x, y);
     }
   }
 }
 
-void RunChoice(LayerState* state) {
-  state->result = Clone(state->candidates.front());
+/// Moves the result towards the candidates.
+void ChooseCandidates(LayerState* state) {
   const Choice choice(state->halves, LightOf(state->halves, state->result.picture, state->pool),
                       state->settings.choice, state->pool);
   for (size_t k = 1; k < state->candidates.size(); ++k) {
     const Filtering& candidate = state->candidates[k];
     Move(candidate, choice.ShareOf(state->result.picture, candidate.picture, state->pool), false, state);
   }
-  const Filtering noisy = Noisy(*state);
+}
+
+/// Moves the result towards the noisy layer without its fireflies. Both are compared with the halves as they were: an
+/// outlier is taken out where the other half contradicts it, so without them the halves of rare light agree by selection.
+void ChooseNoisy(LayerState* state) {
+  Filtering noisy = Noisy(*state);
+  AddEnergy(*state, &noisy);
+  if (!state->measured.a.empty()) {
+    state->halves.a = std::move(state->measured.a);
+    state->halves.b = std::move(state->measured.b);
+  }
+  const Choice choice(state->halves, LightOf(state->halves, state->result.picture, state->pool),
+                      state->settings.choice, state->pool);
   Move(noisy, choice.ShareOf(state->result.picture, noisy.picture, state->pool), true, state);
-  AddEnergy(state);
+}
+
+void RunChoice(LayerState* state) {
+  state->result = Clone(state->candidates.front());
+  ChooseCandidates(state);
+  AddEnergy(*state, &state->result);
+  ChooseNoisy(state);
 }
 
 void RunWithoutChoice(LayerState* state) {
   state->result = std::move(state->candidates.back());
-  AddEnergy(state);
+  AddEnergy(*state, &state->result);
 }
 
 void RunSingleFiltering(LayerState* state) {
@@ -255,6 +275,7 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .fragments = std::move(fragments),
                    .guide_noise = 0,
                    .removed = {},
+                   .measured = {},
                    .candidates = {},
                    .firefly_energy = {},
                    .result = {}};

@@ -89,6 +89,14 @@ TEST(Fireflies, ThatBothHalvesCaughtAreToldByTheNoiseAbout) {
   EXPECT_TRUE(SuppressFireflies({}, kNoiseRadius, &two, nullptr)[0].empty());
 }
 
+TEST(Fireflies, AmongBlackPixelsAreCutToTwiceTheMeanOfTheOthers) {
+  Halves halves = FlatHalves(11, 9, 0.0f);
+  for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;
+  for (Plane& plane : halves.b) plane.At(6, 4) = 48.0f;  // 24 in X, so that the mean of 24 neighbours is 1
+  ASSERT_FALSE(SuppressFireflies({}, kNoiseRadius, &halves, nullptr)[0].empty());
+  EXPECT_NEAR(halves.a[0].At(5, 4), 2.0f, 1e-3f);
+}
+
 TEST(Fireflies, AreNotJudgedWithoutHalvesOrOutsideTheMask) {
   Halves halves = FlatHalves(11, 9, 1.0f);
   for (Plane& plane : halves.a) plane.At(5, 4) = 1000.0f;

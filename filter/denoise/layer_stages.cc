@@ -199,6 +199,16 @@ void AddEnergy(const LayerState& state, Filtering* to) {
   }
 }
 
+/// Makes the energy that was added to the halves the same in both: its mean. Samples where it returns do not make it surer, so
+/// that it is no error of those places.
+void ShareEnergy(LayerState* state) {
+  if (state->firefly_energy[0].empty()) return;
+  const Planes mean =
+      Combine(state->firefly_energy[0], state->firefly_energy[1], state->halves.share_a.view(), state->pool);
+  for (Planes& energy : state->firefly_energy) energy = Difference(mean, energy, state->pool);
+  AddEnergy(*state, &state->result);
+}
+
 /// Moves the result towards the candidates.
 void ChooseCandidates(LayerState* state) {
   const Choice choice(state->halves, LightOf(state->halves, state->result.picture, state->pool),
@@ -228,6 +238,7 @@ void RunChoice(LayerState* state) {
   ChooseCandidates(state);
   AddEnergy(*state, &state->result);
   ChooseNoisy(state);
+  ShareEnergy(state);
 }
 
 void RunWithoutChoice(LayerState* state) {

@@ -107,11 +107,9 @@ void RunFireflies(LayerState* state) {
   const Halves& halves = state->halves;
   for (const LayerFragments::Pixel& p : state->fragments.pixels)
     before.push_back({LuminanceAt(halves.a, p.x, p.y), LuminanceAt(halves.b, p.x, p.y)});
-  Candidate before_removal = {lumifold::Clone(halves.a), lumifold::Clone(halves.b)};
   state->removed = SuppressFireflies(state->settings.fireflies, state->settings.choice.wide_radius,
                                      &state->halves, state->pool);
   if (state->removed[0].empty()) return;
-  state->measured = std::move(before_removal);
   for (size_t i = 0; i < before.size(); ++i) {
     const LayerFragments::Pixel& p = state->fragments.pixels[i];
     for (size_t h = 0; h < 2; ++h) {
@@ -224,9 +222,9 @@ void ChooseCandidates(LayerState* state) {
 void ChooseNoisy(LayerState* state) {
   Filtering noisy = Noisy(*state);
   AddEnergy(*state, &noisy);
-  if (!state->measured.a.empty()) {
-    state->halves.a = std::move(state->measured.a);
-    state->halves.b = std::move(state->measured.b);
+  if (!state->removed[0].empty()) {
+    AddPlanes(state->removed[0], state->pool, absl::MakeSpan(state->halves.a));
+    AddPlanes(state->removed[1], state->pool, absl::MakeSpan(state->halves.b));
   }
   const Choice choice(state->halves, LightOf(state->halves, state->result.picture, state->pool),
                       state->settings.choice, state->pool);
@@ -244,6 +242,7 @@ void RunChoice(LayerState* state) {
 void RunWithoutChoice(LayerState* state) {
   state->result = std::move(state->candidates.back());
   AddEnergy(*state, &state->result);
+  ShareEnergy(state);
 }
 
 void RunSingleFiltering(LayerState* state) {
@@ -286,7 +285,6 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .fragments = std::move(fragments),
                    .guide_noise = 0,
                    .removed = {},
-                   .measured = {},
                    .candidates = {},
                    .firefly_energy = {},
                    .result = {}};
@@ -352,7 +350,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
        [](const LayerState& s) { return HasCandidates(s) && !s.removed[0].empty(); },
        RunFireflyEnergy},
       {{.name = "choice",
-        .reads = "halves, candidates, energy to return",
+        .reads = "halves, candidates, removed energy, energy to return",
         .writes = "the filtered layer, half by half",
         .off_when = "one half alone; when switched off, the last candidate is taken",
         .source = "Rousselle et al. 2012; Breiman 1996",

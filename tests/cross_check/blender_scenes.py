@@ -146,6 +146,7 @@ def sun_and_points():
     picture = nodes.new("ShaderNodeTexImage")
     picture.image = checker_picture()
     picture.interpolation = "Closest"  # Cycles interpolates coded sRGB values, glTF asks for light
+    picture.extension = "EXTEND"  # repeated, a pixel's footprint at the floor's border would hold texels of the other side
     floor.node_tree.links.new(picture.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
     add("plane", floor, size=8)
     add("uv_sphere", matte("ball", (0.6, 0.5, 0.4)), radius=0.7, location=(-0.8, 0, 0.7), segments=48, ring_count=24)

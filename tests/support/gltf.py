@@ -10,10 +10,7 @@ JSON_CHUNK = 0x4E4F534A
 
 def animate(glb, path, node_name, rise_metres):
     """Writes the scene with a node that rises within its first second, and gives the new file's path."""
-    data = pathlib.Path(glb).read_bytes()
-    length, kind = struct.unpack_from("<II", data, 12)
-    assert kind == JSON_CHUNK
-    scene = json.loads(data[20 : 20 + length])
+    scene, binary_chunk = unpack_glb(glb)
     times, places = (0, 1), (0, 0, 0, 0, rise_metres, 0)
     keys = struct.pack("<8f", *times, *places)
     uri = "data:application/octet-stream;base64," + base64.b64encode(keys).decode()
@@ -25,8 +22,29 @@ def animate(glb, path, node_name, rise_metres):
     node = [node.get("name") for node in scene["nodes"]].index(node_name)
     channel = {"sampler": 0, "target": {"node": node, "path": "translation"}}
     scene["animations"] = [{"samplers": [{"input": input_, "output": output}], "channels": [channel]}]
-    pathlib.Path(path).write_bytes(pack_glb(scene, data[20 + length :]))
+    pathlib.Path(path).write_bytes(pack_glb(scene, binary_chunk))
     return pathlib.Path(path)
+
+
+def turn_black_specular_off(glb):
+    """Where a file's specular colour is black, sets the specular factor to 0 as well, in place.
+
+    A black colour alone leaves the reflection at grazing angles: F90 stays 1.
+    """
+    scene, binary_chunk = unpack_glb(glb)
+    for material in scene["materials"]:
+        specular = material.get("extensions", {}).get("KHR_materials_specular", {})
+        if specular.get("specularColorFactor") == [0, 0, 0]:
+            specular["specularFactor"] = 0
+    pathlib.Path(glb).write_bytes(pack_glb(scene, binary_chunk))
+
+
+def unpack_glb(glb):
+    """The scene as JSON and what follows it in the file."""
+    data = pathlib.Path(glb).read_bytes()
+    length, kind = struct.unpack_from("<II", data, 12)
+    assert kind == JSON_CHUNK
+    return json.loads(data[20 : 20 + length]), data[20 + length :]
 
 
 def append(scene, section, value):

@@ -12,8 +12,8 @@ namespace lumifold::filter {
 namespace {
 
 constexpr size_t kKinds = 2;  // pixels that are not mixed, and those that are
-/// Terms that are summed: numerator n and denominator d of t, n^2, n d, d^2.
-constexpr size_t kTerms = 5;
+/// Terms that are summed: numerator n and denominator d of t, n^2, n d, d^2, and d times the relative variance of a half.
+constexpr size_t kTerms = 6;
 
 int CellsIn(int pixels) { return (pixels + kChoiceCell - 1) / kChoiceCell; }
 
@@ -33,13 +33,16 @@ Planes CellSums(const Planes& planes, TaskPool* pool) {
 /// Variance of t = sum(n) / sum(d) from the residuals n - t d, as for a regression through 0 with unequal variances. A
 /// pixel of leverage h, its part of sum(d), draws t towards itself, which makes residuals too small by 1 - h, and
 /// without it t may be smaller by h t: what a single pixel alone asks for, such as a firefly that both halves have
-/// hit, is not significant. For all leverages stands their mean. `mean(k)`: of the terms over `cells` cells.
+/// hit, is not significant. For all leverages stands their mean. `mean(k)`: of the terms over `cells` cells. With
+/// `by_pixel` leverage counts as far as the halves may have agreed by chance: many samples tell by themselves what one pixel
+/// shows. They do not tell of others, so that leverage counts in full over windows wider than what looks alike.
 template <typename Mean>
-float VarianceOf(float t, const Mean& mean, float cells) {
+float VarianceOf(float t, const Mean& mean, float cells, bool by_pixel) {
   constexpr float kMostLeverage = 0.99f;
   const float residuals = std::max(0.0f, mean(2) - t * (2 * mean(3) - t * mean(4)));
   const float squared = mean(1) * mean(1) * cells;
-  const float leverage = std::min(mean(4) / squared, kMostLeverage);
+  const float chance = by_pixel ? std::min(1.0f, std::sqrt(mean(5) / mean(1))) : 1.0f;
+  const float leverage = chance * std::min(mean(4) / squared, kMostLeverage);
   return residuals / (squared * (1.0f - leverage) * (1.0f - leverage)) + leverage * leverage * t * t;
 }
 
@@ -65,19 +68,24 @@ Planes Choice::Terms(const Candidate& f, const Candidate& g, TaskPool* pool) con
     if (!(weight > 0)) return;
     float numerator = 0;
     float denominator = 0;
+    float between_halves = 0;
     for (size_t c = 0; c < 3; ++c) {
+      const float a = halves_.a[c].At(x, y);
+      const float b = halves_.b[c].At(x, y);
       const float fa = f.a[c].At(x, y);
       const float fb = f.b[c].At(x, y);
       const float da = g.a[c].At(x, y) - fa;
       const float db = g.b[c].At(x, y) - fb;
-      numerator += da * (halves_.b[c].At(x, y) - fa) + db * (halves_.a[c].At(x, y) - fb) +
-                   0.5f * (da - db) * (fa - fb);
+      numerator += da * (b - fa) + db * (a - fb) + 0.5f * (da - db) * (fa - fb);
       denominator += 0.5f * (da + db) * (da + db);
+      between_halves += (a - b) * (a - b);
     }
     const size_t first = IsMixed(x, y) ? kTerms : 0;
     const float n = weight * numerator;
     const float d = weight * denominator;
-    const std::array<float, kTerms> values = {n, d, n * n, n * d, d * d};
+    // The halves may agree by chance; n samples that vary by as much as their mean have relative variance 1 / n.
+    const float variance = weight * between_halves + 2 * d / halves_.samples.At(x, y);
+    const std::array<float, kTerms> values = {n, d, n * n, n * d, d * d, variance};
     for (size_t k = 0; k < kTerms; ++k) terms[first + k].At(x, y) = values[k];
   });
   return terms;
@@ -97,7 +105,7 @@ void Choice::Refine(const Planes& terms, int cell, int radius, TaskPool* pool, P
         static_cast<float>(CellsInWindow(cx, radius, width) * CellsInWindow(cy, radius, height));
     const float of_window = mean(0) / mean(1);
     const float difference = of_window - t->At(x, y);
-    const float least = params_.significance * VarianceOf(of_window, mean, cells);
+    const float least = params_.significance * VarianceOf(of_window, mean, cells, cell == 1);
     const float square = difference * difference;
     if (square > least) t->At(x, y) += (1.0f - least / square) * difference;
   });

@@ -57,7 +57,9 @@ void WeightPixel(const HalvesView& film, ConstFloatView validity, int x, int y, 
   out->weight_a.At(x, y) = n_a > 0 ? covered : 0.0f;
   out->weight_b.At(x, y) = n_b > 0 ? covered : 0.0f;
   out->weight.At(x, y) = n_a > 0 || n_b > 0 ? covered : 0.0f;
-  out->share_a.At(x, y) = n_a > 0 ? n_a / (n_a + (n_b > 0 ? n_b : 0.0f)) : 0.0f;
+  const float samples = (n_a > 0 ? n_a : 0.0f) + (n_b > 0 ? n_b : 0.0f);
+  out->samples.At(x, y) = samples;
+  out->share_a.At(x, y) = n_a > 0 ? n_a / samples : 0.0f;
 }
 
 /// Mean square of x[i-1] - 2 x[i] + x[i+1] over valid triples, over 6: the variance of white noise.
@@ -111,7 +113,7 @@ Halves MakeHalves(const HalvesView& film, ConstFloatView validity, TaskPool* poo
   Halves halves;
   halves.a = MakeUninitializedPlanes(3, width, height);
   halves.b = MakeUninitializedPlanes(3, width, height);
-  for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight, &halves.share_a})
+  for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight, &halves.share_a, &halves.samples})
     *plane = Plane::Uninitialized(width, height);
   ForEachPixel(pool, width, height, [&](int x, int y) { WeightPixel(film, validity, x, y, &halves); });
   SetScale(MeanOfUsable(film, halves, pool), &halves);

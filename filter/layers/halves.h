@@ -15,6 +15,7 @@ struct Halves {
   Plane weight_b;
   Plane weight;     // the same where either has
   Plane share_a;    // nA / n: X = share_a * A + (1 - share_a) * B
+  Plane samples;    // n = nA + nB
   float scale = 1;  // stored value * scale = the layer's unit; a power of two, so that scaling loses nothing
   float level = 0;  // mean magnitude of the halves as they are here, about 1; 0 for a black layer
   bool has_noise_estimate = false;  // whether most pixels that have a half have both

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "tests/support/shuffling_pool.h"
@@ -13,6 +14,7 @@ namespace {
 constexpr int kWidth = 96;
 constexpr int kHeight = 80;
 constexpr float kNoise = 0.4f;  // deviation of a half of N
+constexpr float kSamples = 16;  // of both halves
 constexpr ChoiceParams kParams;
 
 float Truth(int x, int y) { return 1.0f + 0.3f * static_cast<float>((x / 8 + y / 8) % 2); }
@@ -50,6 +52,7 @@ Halves HalvesOf(const Candidate& noisy) {
   for (Plane* plane : {&halves.weight_a, &halves.weight_b, &halves.weight})
     *plane = MakePlane(kWidth, kHeight, 1.0f);
   halves.share_a = MakePlane(kWidth, kHeight, 0.5f);
+  halves.samples = MakePlane(kWidth, kHeight, kSamples);
   halves.level = 1;
   halves.has_noise_estimate = true;
   return halves;
@@ -115,6 +118,24 @@ TEST(Choice, GivesNoiseNoShare) {
   }
   EXPECT_LT(share_of_noise, 0.03);
   EXPECT_LT(added, 0.02 * error_of_noisy);
+}
+
+/// Share of the noisy picture at a pixel that both halves show `factor` times as bright as its neighbours.
+float ShareOfLonePixel(float factor, float samples) {
+  constexpr int kX = 40, kY = 33;
+  const float noise = 1.0f / std::sqrt(samples / 2);
+  Candidate noisy = Noisy(noise, 7);
+  for (Planes* half : {&noisy.a, &noisy.b}) {
+    for (Plane& plane : *half) plane.At(kX, kY) *= factor;
+  }
+  Halves halves = HalvesOf(noisy);
+  halves.samples.Fill(samples);
+  return ShareOf(halves, Noisy(0, 1), noisy).At(kX, kY);
+}
+
+TEST(Choice, ManySamplesTellOfOnePixelAloneAndFewDoNot) {
+  EXPECT_LT(ShareOfLonePixel(500, 16), 0.1f);
+  EXPECT_GT(ShareOfLonePixel(500, 4096), 0.5f);
 }
 
 TEST(Choice, NoiseThatPicturesHaveInCommonCancels) {

@@ -1,5 +1,6 @@
 #include "filter/denoise/frame_halves.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "filter/layers/mixed_pixels.h"
@@ -23,6 +24,27 @@ FrameChange WithoutFireflies(const LayerSettings& settings, TaskPool* pool, Halv
   halves->a = std::move(noisy[0]);
   halves->b = std::move(noisy[1]);
   return change;
+}
+
+/// The squared difference of halves whose samples of emission are either 0 or what the brightest pixel around shows: a
+/// lamp's rim covers a part of a pixel. n samples of a part p have variance p (1 - p) / n.
+Plane EmissionDifference(const Frame& frame, float scale, TaskPool* pool) {
+  const Planes emission = EmissionOf(frame, pool);
+  Plane difference(frame.width, frame.height);
+  ForEachPixel(pool, frame.width, frame.height, [&](int x, int y) {
+    const float samples = frame.samples.At(x, y);
+    if (!(samples > 0)) return;
+    for (const Plane& plane : emission) {
+      float brightest = 0;
+      for (int j = std::max(y - 1, 0); j <= std::min(y + 1, frame.height - 1); ++j) {
+        for (int i = std::max(x - 1, 0); i <= std::min(x + 1, frame.width - 1); ++i)
+          brightest = std::max(brightest, UsableOr0(plane.At(i, j)));
+      }
+      const float value = UsableOr0(plane.At(x, y));
+      difference.At(x, y) += 4 * value * (brightest - value) / (samples * scale * scale);
+    }
+  });
+  return difference;
 }
 
 }  // namespace
@@ -52,6 +74,7 @@ void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fram
       MakeHalves({frame.combined.a, frame.combined.b, frame.samples.a, frame.samples.b}, ones.view(), pool);
   if (halves.level == 0) return;
   halves.is_mixed = MixedPart(mixed, frame.bounds());
+  halves.expected_difference = EmissionDifference(frame, halves.scale, pool);
   // The picture of a change, in the halves' unit.
   const auto picture_of = [&](const FrameChange& of) {
     Candidate picture = {Clone(halves.a), Clone(halves.b)};

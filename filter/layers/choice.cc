@@ -68,7 +68,8 @@ Planes Choice::Terms(const Candidate& f, const Candidate& g, TaskPool* pool) con
     if (!(weight > 0)) return;
     float numerator = 0;
     float denominator = 0;
-    float between_halves = 0;
+    float between_halves =
+        halves_.expected_difference.width() > 0 ? halves_.expected_difference.At(x, y) : 0.0f;
     for (size_t c = 0; c < 3; ++c) {
       const float a = halves_.a[c].At(x, y);
       const float b = halves_.b[c].At(x, y);

@@ -68,15 +68,25 @@ Planes RemainderGeometry(const Frame& frame, const Rect& box, ConstFloatView val
   return GeometryFeatures({Crop(views.normal, box), views.distance.Crop(box)}, validity, params.ranges, pool);
 }
 
+void AddEmission(const Frame& frame, float factor, TaskPool* pool, Planes* sum) {
+  AddTo(frame.emission, factor, pool, sum);
+  for (const LevelViews& level : frame.levels) {
+    if (!level.emission[0].IsEmpty()) AddTo(level.emission, factor, pool, sum);
+  }
+}
+
 }  // namespace
+
+Planes EmissionOf(const Frame& frame, TaskPool* pool) {
+  Planes emission = MakePlanes(3, frame.width, frame.height);
+  AddEmission(frame, 1, pool, &emission);
+  return emission;
+}
 
 Planes WithoutEmission(const Frame& frame, const ConstColorView& combined, TaskPool* pool) {
   Planes rest = MakePlanes(3, frame.width, frame.height);
   AddTo(combined, 1, pool, &rest);
-  AddTo(frame.emission, -1, pool, &rest);
-  for (const LevelViews& level : frame.levels) {
-    if (!level.emission[0].IsEmpty()) AddTo(level.emission, -1, pool, &rest);
-  }
+  AddEmission(frame, -1, pool, &rest);
   return rest;
 }
 

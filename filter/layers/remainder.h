@@ -16,6 +16,9 @@ struct Remainder {
   Planes mean;  // of both; RemainderProduct() makes it
 };
 
+/// All emission, of the first hit and of the levels. 3 planes.
+Planes EmissionOf(const Frame& frame, TaskPool* pool);
+
 /// `combined`, a mean of C, without all emission, of the first hit and of the levels. 3 planes.
 Planes WithoutEmission(const Frame& frame, const ConstColorView& combined, TaskPool* pool);
 

@@ -21,6 +21,7 @@ class Cluster(contextlib.AbstractContextManager):
         self.hub = network.hub if network else None
         self.consent = ("--insecure",) if network else ()
         self.coordinators = []
+        self.killed = []
         self.addresses = []
         for i in range(coordinators):
             self.start_coordinator(host=network.hosts[i] if network else None)
@@ -40,6 +41,7 @@ class Cluster(contextlib.AbstractContextManager):
     def restart(self, process):
         """Starts a coordinator that was killed again, at its address."""
         self.coordinators.remove(process)
+        self.killed.append(process)
         self.addresses.remove(process.address)
         return self.start_coordinator(process.address, process.host)
 
@@ -61,6 +63,11 @@ class Cluster(contextlib.AbstractContextManager):
         answer = self.client("status", job, "--json", at=at, check=False)
         address = json.loads(answer.stdout).get("coordinator", "") if answer.returncode == 0 else ""
         return next((each for each in self.coordinators if each.address == address), None)
+
+    def last_logs(self, most_lines=200):
+        """What each coordinator logged last, for the message of a failing test."""
+        return "\n".join(f"\n{each.address}, process {each.popen.pid}:\n" + "\n".join(each.log_text().splitlines()[-most_lines:])
+                         for each in [*self.killed, *self.coordinators])
 
     def living(self):
         return [each for each in self.coordinators if each.is_running()]

@@ -121,7 +121,7 @@ TEST(Choice, GivesNoiseNoShare) {
 }
 
 /// Share of the noisy picture at a pixel that both halves show `factor` times as bright as its neighbours.
-float ShareOfLonePixel(float factor, float samples) {
+float ShareOfLonePixel(float factor, float samples, float expected_difference = 0) {
   constexpr int kX = 40, kY = 33;
   const float noise = 1.0f / std::sqrt(samples / 2);
   Candidate noisy = Noisy(noise, 7);
@@ -130,12 +130,17 @@ float ShareOfLonePixel(float factor, float samples) {
   }
   Halves halves = HalvesOf(noisy);
   halves.samples.Fill(samples);
+  halves.expected_difference = MakePlane(kWidth, kHeight, expected_difference);
   return ShareOf(halves, Noisy(0, 1), noisy).At(kX, kY);
 }
 
 TEST(Choice, ManySamplesTellOfOnePixelAloneAndFewDoNot) {
   EXPECT_LT(ShareOfLonePixel(500, 16), 0.1f);
   EXPECT_GT(ShareOfLonePixel(500, 4096), 0.5f);
+}
+
+TEST(Choice, OnePixelIsNotBelievedWhereItsHalvesAgreeByChance) {
+  EXPECT_LT(ShareOfLonePixel(500, 4096, 3 * 500 * 500), 0.1f);
 }
 
 TEST(Choice, NoiseThatPicturesHaveInCommonCancels) {

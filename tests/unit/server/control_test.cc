@@ -204,7 +204,8 @@ TEST_F(ControlTest, ABlockedWorkerLosesItsLeasesAndGetsNoneAlsoAfterARestart) {
   const auto ben = Holder("ben");
   AwaitWorkers(job, 1);
   EXPECT_THAT(WorkerLines(), Contains(HasSubstr("ben WORKER_STATE_BUSY")));
-  EXPECT_THAT(WorkerLines(), Contains(HasSubstr("ann WORKER_STATE_BLOCKED wrong pixels")));
+  const auto is_ann = HasSubstr("ann WORKER_STATE_BLOCKED wrong pixels");
+  WaitFor([&] { return testing::Matches(Contains(is_ann))(WorkerLines()); });  // she may connect after him
   EXPECT_EQ(OnWorker(&Stub::ReadmitWorker, "ann")->name(), "ann");
   AwaitWorkers(job, 2);
   EXPECT_TRUE(absl::IsNotFound(OnWorker(&Stub::ReadmitWorker, "eve").status()));

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/sha256.h"
@@ -137,6 +138,13 @@ v1::JobStatus FarmFixture::WaitUntil(const std::string& job_id,
 
 v1::JobStatus FarmFixture::WaitForEnd(const std::string& job_id) {
   return WaitUntil(job_id, [](const v1::JobStatus& status) { return HasEnded(status.state()); });
+}
+
+void FarmFixture::WaitFor(const std::function<bool()>& condition) {
+  constexpr absl::Duration kPatience = absl::Minutes(10);
+  const absl::Time deadline = absl::Now() + kPatience;
+  while (!condition() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(5));
+  EXPECT_TRUE(condition());
 }
 
 absl::StatusOr<std::string> FarmFixture::Download(const std::string& job_id, int32_t frame, uint64_t offset) {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -39,6 +40,8 @@ class FarmFixture : public ::testing::Test {
   /// The first status of WatchJob that meets the condition.
   v1::JobStatus WaitUntil(const std::string& job_id,
                           const std::function<bool(const v1::JobStatus&)>& condition);
+  /// Until the condition is met.
+  static void WaitFor(const std::function<bool()>& condition);
   absl::StatusOr<std::string> Download(const std::string& job_id, int32_t frame, uint64_t offset = 0);
   /// Submits Spec() and renders it with one worker: the reference result, equal byte for byte to all others.
   std::string RenderUndisturbed();

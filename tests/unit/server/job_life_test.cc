@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -98,11 +97,6 @@ class JobLifeTest : public FarmFixture {
     return job;
   }
 
-  static void WaitFor(const std::function<bool()>& condition) {
-    const absl::Time deadline = absl::Now() + kPatience;
-    while (!condition() && absl::Now() < deadline) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    EXPECT_TRUE(condition());
-  }
   std::string PathIn(const std::string& folder, const std::string& job) const {
     return folder_.PathOf(absl::StrCat("data/", folder, "/", job));
   }
@@ -322,6 +316,7 @@ TEST_F(JobLifeTest, AnInterruptedDeletionIsCompleted) {
   for (const bool row_is_gone : {false, true}) {
     const std::string job = DoneJob(absl::StrCat("job ", row_is_gone));
     if (row_is_gone) {
+      WaitFor([&] { return fs::exists(PathIn("results", job) + "/manifest"); });
       fs::copy(PathIn("results", job), folder_.PathOf("kept"), fs::copy_options::recursive);
       ASSERT_TRUE(Delete(job).ok());
       WaitFor([&] { return !fs::exists(PathIn("deleted", job)); });

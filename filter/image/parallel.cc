@@ -1,37 +1,49 @@
 #include "filter/image/parallel.h"
 
+#ifdef __SANITIZE_THREAD__
+#include <algorithm>
+#include <atomic>
+#include <thread>
+#include <vector>
+#else
 #include <oneapi/tbb/global_control.h>
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
+#endif
 
 #include "filter/image/check.h"
-
-#ifdef __SANITIZE_THREAD__
-#include <sanitizer/tsan_interface.h>
-#endif
 
 namespace lumifold {
 namespace {
 
-/// Tells ThreadSanitizer the ordering that it cannot see in a TBB built without it: the code before the loop
-/// happens before the tasks, and the tasks happen before the code after the loop. Does nothing in other
-/// builds.
-class LoopOrder {
- public:
 #ifdef __SANITIZE_THREAD__
-  LoopOrder() { __tsan_release(&begin_); }
-  ~LoopOrder() { __tsan_acquire(&end_); }
-  void BeginTask() { __tsan_acquire(&begin_); }
-  void EndTask() { __tsan_release(&end_); }
+
+/// ThreadSanitizer does not see what orders threads inside a TBB built without it. Here threads are ordered by
+/// their start and end alone, so that tasks of one loop that share memory without an order are found.
+class ThreadsOfEachLoop final : public TaskPool {
+ public:
+  explicit ThreadsOfEachLoop(int threads) : threads_(threads) {}
+
+  void Run(int64_t count, absl::FunctionRef<void(int64_t)> task) override {
+    std::atomic<int64_t> next = 0;
+    const auto run_tasks = [&] {
+      for (int64_t i; (i = next.fetch_add(1, std::memory_order_relaxed)) < count;) task(i);
+    };
+    std::vector<std::thread> others;
+    for (int64_t i = 1; i < std::min<int64_t>(threads_, count); ++i) others.emplace_back(run_tasks);
+    run_tasks();
+    for (std::thread& other : others) other.join();
+  }
+
+  int Width() const override { return threads_; }
 
  private:
-  char begin_ = 0;
-  char end_ = 0;
-#else
-  void BeginTask() {}
-  void EndTask() {}
-#endif
+  const int threads_;
 };
+
+std::unique_ptr<TaskPool> MakePool(int threads) { return std::make_unique<ThreadsOfEachLoop>(threads); }
+
+#else
 
 /// The limit of threads of all pools together. TBB's own limit is the number of cores, or what its first user
 /// requested.
@@ -43,15 +55,12 @@ class TbbPool final : public TaskPool {
 
   void Run(int64_t count, absl::FunctionRef<void(int64_t)> task) override {
     if (count <= 0) return;
-    LoopOrder order;
     arena_.execute([&] {
       const tbb::blocked_range<int64_t> all(0, count, 1);
       tbb::parallel_for(
           all,
           [&](const tbb::blocked_range<int64_t>& part) {
-            order.BeginTask();
             for (int64_t i = part.begin(); i != part.end(); ++i) task(i);
-            order.EndTask();
           },
           tbb::simple_partitioner());
     });
@@ -63,12 +72,18 @@ class TbbPool final : public TaskPool {
   tbb::task_arena arena_;
 };
 
+std::unique_ptr<TaskPool> MakePool(int threads) {
+  static const tbb::global_control allowance(tbb::global_control::max_allowed_parallelism, kMostThreads);
+  return std::make_unique<TbbPool>(threads);
+}
+
+#endif
+
 }  // namespace
 
 std::unique_ptr<TaskPool> MakeTaskPool(int threads) {
   LUMIFOLD_CHECK(threads >= 1);
-  static const tbb::global_control allowance(tbb::global_control::max_allowed_parallelism, kMostThreads);
-  return std::make_unique<TbbPool>(threads);
+  return MakePool(threads);
 }
 
 void ParallelFor(TaskPool* pool, int64_t count, absl::FunctionRef<void(int64_t)> task) {

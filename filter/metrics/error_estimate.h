@@ -22,8 +22,8 @@ inline constexpr double kLogVarianceOfBlock = 0.9;
 inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 
 /// The error of a filtered picture over the variance that its halves show: they share guides, geometry, T, E and the filter's
-/// bias. 1.8 to 2.8 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
-inline constexpr double kErrorOverVariance = 2.25;
+/// bias. 1.9 to 2.9 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
+inline constexpr double kErrorOverVariance = 2.35;
 
 /// Which squared error is estimated: that of Mse255 or of RelMse.
 enum class ErrorMetric { kMse255, kRelMse };

@@ -141,7 +141,6 @@ v1::JobStatus FarmFixture::WaitForEnd(const std::string& job_id) {
 }
 
 void FarmFixture::WaitFor(const std::function<bool()>& condition) {
-  constexpr absl::Duration kPatience = absl::Minutes(10);
   const absl::Time deadline = absl::Now() + kPatience;
   while (!condition() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(5));
   EXPECT_TRUE(condition());

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "absl/time/time.h"
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "server/server.h"
 #include "tests/support/temp_folder.h"
@@ -31,6 +32,7 @@ class FarmFixture : public ::testing::Test {
   /// uploaded.
   v1::JobSpec Spec();
   static constexpr int kUnits = 24;
+  static constexpr absl::Duration kPatience = absl::Minutes(10);
 
   grpc::Status Upload(const v1::AssetRef& asset, const std::string& content, size_t piece_bytes);
   absl::StatusOr<std::string> Submit(const v1::JobSpec& spec, const std::string& request_id = "request-1");
@@ -40,7 +42,7 @@ class FarmFixture : public ::testing::Test {
   /// The first status of WatchJob that meets the condition.
   v1::JobStatus WaitUntil(const std::string& job_id,
                           const std::function<bool(const v1::JobStatus&)>& condition);
-  /// Until the condition is met.
+  /// Until the condition is met; fails after kPatience.
   static void WaitFor(const std::function<bool()>& condition);
   absl::StatusOr<std::string> Download(const std::string& job_id, int32_t frame, uint64_t offset = 0);
   /// Submits Spec() and renders it with one worker: the reference result, equal byte for byte to all others.

@@ -24,7 +24,6 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-constexpr absl::Duration kPatience = absl::Minutes(10);
 constexpr int kTiles = 6;
 
 class JobLifeTest : public FarmFixture {

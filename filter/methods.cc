@@ -85,7 +85,8 @@ std::vector<Entry> ListEntries() {
          return ClonePicture(film.pixels.GetColor(layers::kNoisy));
        },
        [](const Frame& frame, FilterPurpose, TaskPool* pool) {
-         return FilteredPicture{ClonePicture(frame.combined.mean), DeviationOf(frame, NoChange(frame), pool)};
+         return FilteredPicture{
+             ClonePicture(frame.combined.mean), DeviationOf(frame, NoChange(frame), pool), {}};
        }},
   };
   for (const Baseline& baseline : Baselines()) {
@@ -259,16 +260,18 @@ absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film
     std::vector<Picture> pictures;
     pictures.push_back(std::move(filtered.picture));
     pictures.push_back(std::move(filtered.deviation));
+    pictures.push_back(filtered.returned[0].width() > 0 ? std::move(filtered.returned)
+                                                        : DeviationOfReturned(Frame(block), {}, pool));
     return pictures;
   };
-  const std::vector<std::string_view> names = {layers::kBeauty, "deviation"};
+  const std::vector<std::string_view> names = {layers::kBeauty, "deviation", "returned"};
   WholePictures whole(names, film.width(), film.height());
   const auto append = [&](const LayeredImage& rows) { return whole.Append(rows); };
   FilmInMemory source(film, edges, fragments);
   if (absl::Status status = FilterInBlocks(&source, params, {}, names, filter, append); !status.ok())
     return status;
   std::vector<Picture> pictures = whole.Take();
-  return FilteredPicture{std::move(pictures[0]), std::move(pictures[1])};
+  return FilteredPicture{std::move(pictures[0]), std::move(pictures[1]), std::move(pictures[2])};
 }
 
 }  // namespace lumifold::filter

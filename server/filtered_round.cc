@@ -26,8 +26,7 @@ absl::StatusOr<FilteredRound> FilterRound(const v1::JobSpec& spec, int32_t frame
 std::vector<double> ErrorsOf(const FilteredRound& frame, const v1::JobSpec& spec, TaskPool* pool) {
   const auto metric = spec.adaptive().metric() == v1::ERROR_METRIC_REL_MSE ? metrics::ErrorMetric::kRelMse
                                                                            : metrics::ErrorMetric::kMse255;
-  const metrics::FilteredFilm view = {frame.film.pixels, ViewOf(frame.filtered.picture),
-                                      ViewOf(frame.filtered.deviation), &frame.film.edges};
+  const metrics::FilteredFilm view = {frame.film.pixels, frame.filtered, &frame.film.edges};
   return metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
 }
 

@@ -212,7 +212,7 @@ absl::StatusOr<FilteredPicture> Filter(const Unfinished& of, const LayeredImage&
   if (filter::CheckDeviation(method).ok()) return filter::FilterFilmWithDeviation(film, method, of.pool);
   absl::StatusOr<Picture> picture = filter::FilterFilm(film, method, of.pool);
   if (!picture.ok()) return picture.status();
-  return FilteredPicture{*std::move(picture), {}};
+  return FilteredPicture{*std::move(picture), {}, {}};
 }
 
 /// A region, filtered with what is around it.
@@ -224,7 +224,9 @@ absl::StatusOr<FilteredPreview> FilterRegion(const Unfinished& of, film::UnitFil
   if (!filtered.ok()) return filtered.status();
   const Rect inner = SeenFrom(around.x0, around.y0, part.region);
   return FilteredPreview{
-      part, read->pixels.Crop(inner), {Crop(filtered->picture, inner), Crop(filtered->deviation, inner)}};
+      part,
+      read->pixels.Crop(inner),
+      {Crop(filtered->picture, inner), Crop(filtered->deviation, inner), Crop(filtered->returned, inner)}};
 }
 
 /// Of the committed units. A reduction of 0 is what the samples ask for.
@@ -246,8 +248,7 @@ absl::StatusOr<FilteredPreview> FilterUnits(const Unfinished& of, Part part) {
 
 /// The estimated error of each pixel, in 8-bit steps: constant in blocks, 0 where a tile has no pass.
 Plane ErrorOf(const FilteredPreview& preview, TaskPool* pool) {
-  const metrics::FilteredFilm view = {preview.film, lumifold::ViewOf(preview.filtered.picture),
-                                      lumifold::ViewOf(preview.filtered.deviation)};
+  const metrics::FilteredFilm view = {preview.film, preview.filtered};
   const metrics::ErrorEstimate estimate =
       metrics::EstimateError(view, kSampleBlock, metrics::ErrorMetric::kMse255, pool);
   Plane error(preview.film.width(), preview.film.height());

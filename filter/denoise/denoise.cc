@@ -18,6 +18,7 @@ namespace {
 struct Changed {
   Picture picture;
   FrameChange change;
+  Planes returned;
 };
 
 Settings SettingsWith(const DenoiseOptions& options) {
@@ -43,6 +44,7 @@ Changed Run(const Frame& frame, const DenoiseOptions& options, TaskPool* pool) {
                    .hits = {},
                    .rest = {},
                    .change = {},
+                   .returned = {},
                    .candidates = {},
                    .picture = {}};
   for (const FrameStage& stage : DefaultFrameStages()) {
@@ -50,7 +52,7 @@ Changed Run(const Frame& frame, const DenoiseOptions& options, TaskPool* pool) {
     stage.run(&state);
     if (options.watch) options.watch(stage.info.name);
   }
-  return {std::move(state.picture), std::move(state.change)};
+  return {std::move(state.picture), std::move(state.change), std::move(state.returned)};
 }
 
 std::vector<StageInfo> ListStages() {
@@ -80,7 +82,8 @@ Picture Denoise(const Frame& frame, TaskPool* pool, const DenoiseOptions& option
 
 FilteredPicture DenoiseWithDeviation(const Frame& frame, TaskPool* pool, const DenoiseOptions& options) {
   Changed changed = Run(frame, options, pool);
-  return {std::move(changed.picture), DeviationOf(frame, changed.change, pool)};
+  return {std::move(changed.picture), DeviationOf(frame, changed.change, pool),
+          DeviationOfReturned(frame, changed.returned, pool)};
 }
 
 FilteredPicture DenoiseToEstimate(const Frame& frame, TaskPool* pool) {

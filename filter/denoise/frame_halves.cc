@@ -68,12 +68,12 @@ void SubtractEmissionOfHalves(const FragmentSet& set, Remainder* rest) {
   }
 }
 
-void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,
-                  const LayerSettings& settings, TaskPool* pool, FrameChange* change) {
+Plane ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,
+                   const LayerSettings& settings, TaskPool* pool, FrameChange* change) {
   const Plane ones = MakePlane(frame.width, frame.height, 1.0f);
   Halves halves =
       MakeHalves({frame.combined.a, frame.combined.b, frame.samples.a, frame.samples.b}, ones.view(), pool);
-  if (halves.level == 0) return;
+  if (halves.level == 0) return {frame.width, frame.height};
   halves.is_mixed = MixedPart(mixed, frame.bounds());
   halves.expected_difference = EmissionDifference(frame, halves.scale, pool);
   // The picture of a change, in the halves' unit.
@@ -90,11 +90,12 @@ void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fram
   };
   const Choice choice(halves, LightOf(halves, picture_of(*change), pool), settings.choice, pool);
   const auto compare = [&](const FrameChange& with) {
-    const Plane share = choice.ShareOf(picture_of(*change), picture_of(with), pool);
+    Plane share = choice.ShareOf(picture_of(*change), picture_of(with), pool);
     for (size_t h = 0; h < 2; ++h) MoveTowards(with[h], share, pool, &(*change)[h]);
+    return share;
   };
   for (const FrameChange& candidate : candidates) compare(candidate);
-  compare(WithoutFireflies(settings, pool, &halves));
+  return compare(WithoutFireflies(settings, pool, &halves));
 }
 
 }  // namespace lumifold::filter

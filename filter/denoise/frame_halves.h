@@ -19,8 +19,9 @@ void SubtractEmissionOfHalves(const FragmentSet& set, Remainder* rest);
 
 /// Moves *change towards each of the candidates in turn, and at last towards C without its fireflies, as far as the
 /// halves of C show that it lowers the error (Choice). `mixed`: as Halves::is_mixed.
+/// Result:  the share of the latter, W x H.
 /// Threads: identical for any pool.
-void ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,
-                  const LayerSettings& settings, TaskPool* pool, FrameChange* change);
+Plane ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<FrameChange>& candidates,
+                   const LayerSettings& settings, TaskPool* pool, FrameChange* change);
 
 }  // namespace lumifold::filter

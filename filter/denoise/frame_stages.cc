@@ -45,6 +45,7 @@ void RunLayers(FrameState* state) {
   for (Product& product : products) {
     const FilteredLayer layer = FilterProduct(*state, &product);
     AddFiltered(product, layer, state->pool, &state->rest, &state->change);
+    AddReturned(frame, product, layer, state->pool, &state->returned);
   }
 }
 
@@ -55,6 +56,7 @@ void RunRemainder(FrameState* state) {
                                   state->settings.products, state->pool, &state->rest);
   const FilteredLayer layer = FilterProduct(*state, &rest);
   AddFiltered(rest, layer, state->pool, nullptr, &state->change);
+  AddReturned(frame, rest, layer, state->pool, &state->returned);
 }
 
 void RunRegression(FrameState* state) {
@@ -64,8 +66,12 @@ void RunRegression(FrameState* state) {
 }
 
 void RunFrameChoice(FrameState* state) {
-  ChooseChange(state->frame, state->mixed, state->candidates, state->settings.layer, state->pool,
-               &state->change);
+  const Plane of_noisy = ChooseChange(state->frame, state->mixed, state->candidates, state->settings.layer,
+                                      state->pool, &state->change);
+  for (Plane& plane : state->returned) {  // nothing returns to C
+    ForEachPixel(state->pool, plane.width(), plane.height(),
+                 [&](int x, int y) { plane.At(x, y) *= 1.0f - of_noisy.At(x, y); });
+  }
 }
 
 void RunRecombination(FrameState* state) {

@@ -29,6 +29,7 @@ struct FrameState {
   Rect hits;                            // the box of D and I
   Remainder rest;                       // what the products and E leave of C
   FrameChange change;                   // F - C
+  Planes returned;                      // AddReturned()
   std::vector<FrameChange> candidates;  // further pictures to choose from
   Picture picture;
 };

@@ -198,9 +198,10 @@ void AddEnergy(const LayerState& state, Filtering* to) {
 }
 
 /// Makes the energy that was added to the halves the same in both: its mean. Samples where it returns do not make it surer, so
-/// that it is no error of those places.
+/// that it is no error of those places. What it was apart is kept.
 void ShareEnergy(LayerState* state) {
   if (state->firefly_energy[0].empty()) return;
+  state->returned = Difference(state->firefly_energy[0], state->firefly_energy[1], state->pool);
   const Planes mean =
       Combine(state->firefly_energy[0], state->firefly_energy[1], state->halves.share_a.view(), state->pool);
   for (Planes& energy : state->firefly_energy) energy = Difference(mean, energy, state->pool);
@@ -287,7 +288,8 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
                    .removed = {},
                    .candidates = {},
                    .firefly_energy = {},
-                   .result = {}};
+                   .result = {},
+                   .returned = {}};
   UseFragments(&state.fragments, &state.halves);
   return state;
 }
@@ -381,7 +383,8 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
   if (state.result.picture.a.empty() && HasCandidates(state)) RunWithoutChoice(&state);
   if (state.result.picture.a.empty()) state.result = Noisy(state);  // its filtering is switched off
   RestoreUnits(product, scale, pool, &state.result);
-  return {std::move(state.result), std::move(state.fragments)};
+  RestoreUnits(product, scale, pool, &state.returned);
+  return {std::move(state.result), std::move(state.fragments), std::move(state.returned)};
 }
 
 }  // namespace lumifold::filter

@@ -26,6 +26,7 @@ struct LayerState {
   std::vector<Filtering> candidates;
   std::array<Planes, 2> firefly_energy;  // of each half, 3: what was removed, spread; empty: nothing
   Filtering result;
+  Planes returned;  // FilteredLayer::returned, in the halves' unit
 };
 
 struct LayerStage {

@@ -50,6 +50,18 @@ void AddHalf(const Product& product, const FilteredLayer& layer, size_t h, TaskP
   }
 }
 
+/// The mean factor of a mixed pixel's points, weighted by coverage; channel c.
+float MeanFactor(const LayerFragments& fragments, const LayerFragments::Pixel& pixel, size_t c) {
+  float factor = 0;
+  float total = 0;
+  for (size_t i = pixel.first; i < pixel.last; ++i) {
+    const float coverage = fragments.coverage[0][i] + fragments.coverage[1][i];
+    factor += coverage * fragments.factor[i][c];
+    total += coverage;
+  }
+  return total > 0 ? factor / total : 0.0f;
+}
+
 }  // namespace
 
 FilteredLayer SameForBothHalves(Planes planes) {
@@ -69,6 +81,25 @@ void AddFiltered(const Product& product, const FilteredLayer& layer, TaskPool* p
                  FrameChange* change) {
   AddHalf(product, layer, 0, pool, rest != nullptr ? &rest->a : nullptr, &(*change)[0]);
   AddHalf(product, layer, 1, pool, rest != nullptr ? &rest->b : nullptr, &(*change)[1]);
+}
+
+void AddReturned(const Frame& frame, const Product& product, const FilteredLayer& layer, TaskPool* pool,
+                 Planes* returned) {
+  if (layer.returned.empty()) return;
+  if (returned->empty()) *returned = MakePlanes(3, frame.width, frame.height);
+  const Rect& box = product.box;
+  const bool has_factor = !product.factor[0].IsEmpty();
+  for (size_t c = 0; c < 3; ++c) {
+    Plane factor(box.width(), box.height());
+    ForEachPixel(pool, box.width(), box.height(), [&](int x, int y) {
+      factor.At(x, y) = has_factor ? product.factor[c].At(box.x0 + x, box.y0 + y) : 1.0f;
+    });
+    for (const LayerFragments::Pixel& pixel : layer.fragments.pixels)
+      factor.At(pixel.x, pixel.y) = MeanFactor(layer.fragments, pixel, c);
+    ForEachPixel(pool, box.width(), box.height(), [&](int x, int y) {
+      (*returned)[c].At(box.x0 + x, box.y0 + y) += UsableOr0(layer.returned[c].At(x, y) * factor.At(x, y));
+    });
+  }
 }
 
 Picture PictureOf(const Frame& frame, const FrameChange& change, TaskPool* pool) {
@@ -92,6 +123,18 @@ Picture DeviationOf(const Frame& frame, const FrameChange& change, TaskPool* poo
       const float b = frame.combined.b[c].At(x, y) + change[1][c].At(x, y);
       const float factor = frame.samples.VarianceFactor(x, y);
       deviation[c].At(x, y) = factor > 0 ? UsableOr0(std::sqrt(factor) * (a - b)) : 0.0f;
+    });
+  }
+  return deviation;
+}
+
+Picture DeviationOfReturned(const Frame& frame, const Planes& returned, TaskPool* pool) {
+  Picture deviation;
+  for (size_t c = 0; c < 3; ++c) {
+    deviation[c] = Plane(frame.width, frame.height);
+    if (returned.empty()) continue;
+    ForEachPixel(pool, frame.width, frame.height, [&](int x, int y) {
+      deviation[c].At(x, y) = UsableOr0(std::sqrt(frame.samples.VarianceFactor(x, y)) * returned[c].At(x, y));
     });
   }
   return deviation;

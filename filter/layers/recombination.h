@@ -24,6 +24,8 @@ struct Filtering {
 struct FilteredLayer {
   Filtering light;
   LayerFragments fragments = {};
+  /// The energy of outliers that half A returns less that of half B, 3 planes; `light` has its mean in both. Empty: none.
+  Planes returned = {};
 };
 
 /// The same picture of a layer for both halves, without fragments. `planes`: 3, of the product's box.
@@ -42,10 +44,19 @@ FrameChange NoChange(const Frame& frame);
 void AddFiltered(const Product& product, const FilteredLayer& layer, TaskPool* pool, Remainder* rest,
                  FrameChange* change);
 
+/// Adds what a product returns of outliers, half A less half B, times the factor, to *returned: 3 planes, W x H, which are
+/// made where something returns; empty before. On mixed pixels the factor is the mean over the fragments by coverage.
+/// Threads: identical for any pool.
+void AddReturned(const Frame& frame, const Product& product, const FilteredLayer& layer, TaskPool* pool,
+                 Planes* returned);
+
 /// C + the mean of the change. What the filter left alone passes through to the last bit. W x H, R G B.
 Picture PictureOf(const Frame& frame, const FrameChange& change, TaskPool* pool);
 
 /// How far noise may have moved that picture: FilteredPicture::deviation. Unusable values count as 0.
 Picture DeviationOf(const Frame& frame, const FrameChange& change, TaskPool* pool);
+
+/// FilteredPicture::returned, of a difference as AddReturned() makes it, which may be empty.
+Picture DeviationOfReturned(const Frame& frame, const Planes& returned, TaskPool* pool);
 
 }  // namespace lumifold::filter

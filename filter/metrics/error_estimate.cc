@@ -35,7 +35,8 @@ double SquaredError(float value, float deviation, ErrorMetric metric) {
 
 /// Sums over the pixels of a block that have samples of both halves.
 struct Sums {
-  double error = 0;  // squared, of the picture
+  double error = 0;  // squared, of the picture, as its deviation shows it
+  double all = 0;    // the same with that of returned energy
   double noise = 0;  // variance of the film
   double samples = 0;
   int64_t pixels = 0;
@@ -59,8 +60,9 @@ struct Sums {
 class Pixels {
  public:
   Pixels(const FilteredFilm& filtered, ErrorMetric metric)
-      : picture_(filtered.picture),
-        deviation_(filtered.deviation),
+      : picture_(ViewOf(filtered.filtered.picture)),
+        deviation_(ViewOf(filtered.filtered.deviation)),
+        returned_(ViewOf(filtered.filtered.returned)),
         half_a_(filtered.film.GetColor(layers::HalfA(layers::kNoisy))),
         half_b_(filtered.film.GetColor(layers::HalfB(layers::kNoisy))),
         samples_a_(filtered.film.Get(layers::kSamplesA)),
@@ -80,8 +82,10 @@ class Pixels {
       sums->weights[c] += weight;
       sums->values[c] += weight * value;
       sums->squares[c] += weight * value * value;
-      sums->error +=
-          SquaredError(picture_[c].At(x, y), error_over_deviation_ * deviation_[c].At(x, y), metric_);
+      const float deviation = deviation_[c].At(x, y);
+      const float returned = returned_[c].width() > 0 ? returned_[c].At(x, y) : 0.0f;
+      sums->error += SquaredError(picture_[c].At(x, y), deviation, metric_);
+      sums->all += SquaredError(picture_[c].At(x, y), deviation + returned, metric_);
       const double halves = double{half_a_[c].At(x, y)} - double{half_b_[c].At(x, y)};
       sums->noise += weight * in_a * in_b / (samples * samples) * halves * halves;
     }
@@ -89,11 +93,10 @@ class Pixels {
 
  private:
   ConstColorView picture_;
-  ConstColorView deviation_;
+  ConstColorView deviation_, returned_;
   ConstColorView half_a_, half_b_;
   ConstFloatView samples_a_, samples_b_;
   ErrorMetric metric_;
-  const float error_over_deviation_ = std::sqrt(static_cast<float>(kErrorOverVariance));
 };
 
 /// The blocks of a picture, row by row.
@@ -127,6 +130,22 @@ Blocks SumUp(const FilteredFilm& filtered, int edge, ErrorMetric metric, TaskPoo
     if (x >= 0 && x < width && y >= 0 && y < height) ++blocks.At(x / edge, y / edge).edge_pixels;
   }
   return blocks;
+}
+
+/// From what the deviation shows of each block to errors whose sum is that of the picture.
+void ScaleToError(Blocks* blocks) {
+  double shown = 0;
+  double all = 0;
+  double noise = 0;
+  for (const Sums& block : blocks->sums) {
+    shown += block.error;
+    all += block.all;
+    noise += block.noise;
+  }
+  if (!(shown > 0)) return;
+  const double left = noise > 0 ? std::min(1.0, shown / noise) : 1.0;
+  const double over_variance = 1.0 + (kErrorOverVariance - 1.0) * (1.0 - left);
+  for (Sums& block : blocks->sums) block.error *= over_variance * all / shown;
 }
 
 /// What tells how large the error of a block is: logarithms of the noise of one sample around it, of its detail, and of the
@@ -249,9 +268,10 @@ void DrawTogether(Blocks* blocks, TaskPool* pool) {
 }  // namespace
 
 ErrorEstimate EstimateError(const FilteredFilm& filtered, int block, ErrorMetric metric, TaskPool* pool) {
-  LUMIFOLD_CHECK(block >= 1 && filtered.picture[0].width() == filtered.film.width() &&
-                 filtered.deviation[0].width() == filtered.film.width());
+  LUMIFOLD_CHECK(block >= 1 && filtered.filtered.picture[0].width() == filtered.film.width() &&
+                 filtered.filtered.deviation[0].width() == filtered.film.width());
   Blocks blocks = SumUp(filtered, block, metric, pool);
+  ScaleToError(&blocks);
   DrawTogether(&blocks, pool);
   ErrorEstimate estimate = {blocks.columns, blocks.rows, {}};
   for (const Sums& of_block : blocks.sums) {

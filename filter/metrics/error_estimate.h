@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "filter/image/filtered_picture.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
 #include "filter/image/plane.h"
@@ -21,8 +22,9 @@ inline constexpr double kLogVarianceOfBlock = 0.9;
 /// What is left of it once blocks are drawn towards those of the same traits, whose own logarithms vary about as much.
 inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 
-/// The error of a filtered picture over the variance that its halves show: they share guides, geometry, T, E and the filter's
-/// bias. 1.9 to 2.9 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md).
+/// The error of what the filter made of noise over the variance that its halves show: they share guides, geometry, T, E and
+/// the filter's bias. 1.8 to 2.8 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md). It is 1 for noise
+/// that the filter left as it is.
 inline constexpr double kErrorOverVariance = 2.35;
 
 /// Which squared error is estimated: that of Mse255 or of RelMse.
@@ -30,9 +32,8 @@ enum class ErrorMetric { kMse255, kRelMse };
 
 /// A film, and what the filter made of it.
 struct FilteredFilm {
-  const LayeredImage& film;  // with noisy_a, noisy_b, samples_a.Y and samples_b.Y
-  ConstColorView picture;
-  ConstColorView deviation;             // FilteredPicture::deviation
+  const LayeredImage& film;             // with noisy_a, noisy_b, samples_a.Y and samples_b.Y
+  const FilteredPicture& filtered;      // `returned` may be empty
   const LayeredImage* edges = nullptr;  // the film's edge set; null: unknown
 };
 
@@ -45,7 +46,9 @@ struct ErrorEstimate {
 };
 
 /// Estimates the error from the halves of the picture, which the filter makes each without the samples of the other: the mean
-/// square of the deviation, times kErrorOverVariance.
+/// square of the deviation, with that of returned energy, times 1 + (kErrorOverVariance - 1)(1 - r). r is the part of the
+/// film's variance that the picture still has: halves of what the filter left alone share nothing. Over the picture the error
+/// is distributed as the squares of the deviation without returned energy, because samples lower it there.
 /// Precision: a block has few independent errors, so its estimate is drawn towards what blocks of the same traits have: a
 /// linear function fitted through the logarithms over all blocks. The traits are the noise around the block, and, since
 /// errors gather at edges, the filtered picture's variance within it and the parts of edge pixels in it and around it. The

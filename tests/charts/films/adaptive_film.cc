@@ -107,11 +107,11 @@ AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::
     FilteredPicture filtered = is_result || settings.target_error > 0
                                    ? filter::DenoiseWithDeviation(frame, pool)
                                    : filter::DenoiseToEstimate(frame, pool);
-    const metrics::FilteredFilm view = {result.film.pixels, ViewOf(filtered.picture),
-                                        ViewOf(filtered.deviation), &result.film.edges};
+    const metrics::FilteredFilm view = {result.film.pixels, filtered, &result.film.edges};
+    std::vector<double> errors = metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
     result.picture = std::move(filtered.picture);
     ++result.filterings;
-    return metrics::EstimateError(view, kSampleBlock, metric, pool).blocks;
+    return errors;
   };
   for (size_t round = 0; round < sampling.rounds().size(); ++round) {
     tiles.Render(sampling, round);

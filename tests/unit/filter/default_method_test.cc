@@ -56,17 +56,16 @@ void Strike(float times, LayeredImage* film) {
   }
 }
 
-/// Makes D of each half as noisy as if one of 60 samples hit light that is 60 times as bright, of 8 samples.
-void MakeLightRare(LayeredImage* film) {
-  constexpr int kRarity = 60;
-  std::mt19937 random(7);
+/// Makes D of each half as noisy as if one of `rarity` samples hit light that is so many times as bright, of 8 samples.
+void MakeLightRare(uint32_t rarity, uint32_t seed, LayeredImage* film) {
+  std::mt19937 random(seed);
   ForEachPixel(film->width(), film->height(), [&](int x, int y) {
     for (const auto name_of : {layers::HalfA, layers::HalfB}) {
-      int hits = 0;
-      for (int sample = 0; sample < 8; ++sample) hits += random() % kRarity == 0 ? 1 : 0;
+      uint32_t hits = 0;
+      for (int sample = 0; sample < 8; ++sample) hits += random() % rarity == 0 ? 1 : 0;
       for (size_t c = 0; c < 3; ++c) {
         const float direct = film->GetColor(name_of(layers::kDirect))[c].At(x, y);
-        const float more = (static_cast<float>(hits * kRarity) / 8 - 1) * direct;
+        const float more = (static_cast<float>(hits * rarity) / 8 - 1) * direct;
         const float seen = more * film->GetColor(layers::kAlbedo)[c].At(x, y);
         film->GetColor(name_of(layers::kDirect))[c].At(x, y) += more;
         film->GetColor(layers::kDirect)[c].At(x, y) += 0.5f * more;
@@ -77,9 +76,10 @@ void MakeLightRare(LayeredImage* film) {
   });
 }
 
-/// Mean square of how much the errors of neighbours in a row differ, on a part of the wall.
+constexpr Rect kWall = {16, 50, 44, 84};  // a part of it
+
+/// Mean square of how much the errors of neighbours in a row differ, on the wall.
 double Roughness(const ConstColorView& picture, const SyntheticFilm& synthetic) {
-  constexpr Rect kWall = {16, 50, 44, 84};
   const ConstFloatView shown = picture[1].Crop(kWall);
   const ConstFloatView truth = std::as_const(synthetic.truth).GetColor(layers::kBeauty)[1].Crop(kWall);
   double sum = 0;
@@ -97,9 +97,55 @@ TEST(DefaultMethod, RareLightLeavesFewSpecks) {
   // Outliers are taken out where the other half contradicts them. What is left agrees by selection: compared with that, a part
   // of the noisy layer passes for detail, and .038 of its roughness stays.
   SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.05f, 4);
-  MakeLightRare(&synthetic.film);
+  MakeLightRare(60, 7, &synthetic.film);
   const double noisy = Roughness(std::as_const(synthetic.film).GetColor(layers::kNoisy), synthetic);
   EXPECT_LT(Roughness(ViewOf(Filtered(synthetic.film, nullptr)), synthetic), 0.025 * noisy);
+}
+
+double MedianOf(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+TEST(DefaultMethod, ReturnedEnergyIsMostOfTheNoiseOfRareLight) {
+  constexpr int kFilms = 8;
+  struct Pixel {
+    double sum = 0;
+    double square = 0;
+    double all = 0;    // mean square of the deviation with returned energy
+    double local = 0;  // without it
+  };
+  std::vector<Pixel> pixels(static_cast<size_t>(kWall.width() * kWall.height()));
+  for (uint32_t seed = 1; seed <= kFilms; ++seed) {
+    SyntheticFilm synthetic = MakeSyntheticFilm(160, 120, 0.05f, seed);
+    MakeLightRare(300, seed, &synthetic.film);
+    const FilteredPicture filtered = DenoiseWithDeviation(Frame(synthetic.film), nullptr);
+    for (size_t i = 0; i < pixels.size(); ++i) {
+      const int x = kWall.x0 + static_cast<int>(i) % kWall.width();
+      const int y = kWall.y0 + static_cast<int>(i) / kWall.width();
+      const auto value = static_cast<double>(filtered.picture[1].At(x, y));
+      const auto local = static_cast<double>(filtered.deviation[1].At(x, y));
+      const double all = local + static_cast<double>(filtered.returned[1].At(x, y));
+      pixels[i].sum += value;
+      pixels[i].square += value * value;
+      pixels[i].all += all * all / kFilms;
+      pixels[i].local += local * local / kFilms;
+    }
+  }
+  // Medians: where a sample of each half has met the rare light in one pixel, it stays a speck.
+  std::vector<double> variance;
+  std::vector<double> of_all;
+  std::vector<double> of_local;
+  for (const Pixel& pixel : pixels) {
+    variance.push_back((pixel.square - pixel.sum * pixel.sum / kFilms) / (kFilms - 1));
+    of_all.push_back(pixel.all);
+    of_local.push_back(pixel.local);
+  }
+  // The part of it that returns, 1 - 1/n of n outliers, is the same for both halves, so that they do not show all.
+  EXPECT_GT(MedianOf(of_all), 0.3 * MedianOf(variance));
+  EXPECT_LT(MedianOf(of_all), 1.2 * MedianOf(variance));
+  EXPECT_LT(MedianOf(of_local), 0.1 * MedianOf(variance));
 }
 
 TEST(DefaultMethod, OneFireflyChangesNothingAround) {

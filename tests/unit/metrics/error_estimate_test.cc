@@ -57,7 +57,7 @@ Picture Filter(const LayeredImage& film, float noise, float bias) {
 
 /// What the "filter" makes of a film, with the deviation that its halves show.
 FilteredPicture FilterHalves(const LayeredImage& film, float noise, float bias) {
-  FilteredPicture filtered = {Filter(film, noise, bias), {}};
+  FilteredPicture filtered = {Filter(film, noise, bias), {}, {}};
   const ConstColorView a = film.GetColor(layers::HalfA(layers::kNoisy));
   const ConstColorView b = film.GetColor(layers::HalfB(layers::kNoisy));
   for (size_t c = 0; c < 3; ++c) {
@@ -76,7 +76,7 @@ LayeredImage MakeFilm(int samples) {
 
 ErrorEstimate EstimateOf(const LayeredImage& film, const FilteredPicture& filtered,
                          ErrorMetric metric = ErrorMetric::kRelMse, TaskPool* pool = nullptr) {
-  return EstimateError({film, ViewOf(filtered.picture), ViewOf(filtered.deviation)}, kBlock, metric, pool);
+  return EstimateError({film, filtered}, kBlock, metric, pool);
 }
 
 double MeanOf(const ErrorEstimate& estimate) {
@@ -91,14 +91,39 @@ double TrueVariance(int samples, float noise) {
   return variance / (static_cast<double>(kLight) * static_cast<double>(kLight) + 0.01);
 }
 
+/// What the estimate has over the variance where the filter leaves this part of the noise.
+double OverVariance(double noise) { return 1 + (kErrorOverVariance - 1) * (1 - noise * noise); }
+
 TEST(EstimateError, FindsTheVarianceOfWhatTheFilterLeaves) {
   for (const int samples : {16, 64}) {
     const LayeredImage film = MakeFilm(samples);
     const ErrorEstimate estimate = EstimateOf(film, FilterHalves(film, 0.3f, 0));
-    EXPECT_NEAR(MeanOf(estimate) / (kErrorOverVariance * TrueVariance(samples, 0.3f)), 1, 0.05) << samples;
+    EXPECT_NEAR(MeanOf(estimate) / (OverVariance(0.3) * TrueVariance(samples, 0.3f)), 1, 0.05) << samples;
     EXPECT_EQ(estimate.columns, 13);
     EXPECT_EQ(estimate.rows, 8);
   }
+}
+
+TEST(EstimateError, AddsNothingToTheVarianceOfAPictureThatIsNotFiltered) {
+  const LayeredImage film = MakeFilm(16);
+  const ErrorEstimate estimate = EstimateOf(film, FilterHalves(film, 1, 0));
+  EXPECT_NEAR(MeanOf(estimate) / TrueVariance(16, 1), 1, 0.05);
+}
+
+TEST(EstimateError, CountsReturnedEnergyButNotWhereItReturns) {
+  const LayeredImage film = MakeFilm(32);
+  FilteredPicture filtered = FilterHalves(film, 0.3f, 0);
+  const ErrorEstimate before = EstimateOf(film, filtered);
+  // Energy returns to the left half alone.
+  for (Plane& plane : filtered.returned) {
+    plane = Plane(kWidth, kHeight);
+    ForEachPixel(kWidth / 2, kHeight, [&](int x, int y) { plane.At(x, y) = 0.01f; });
+  }
+  const ErrorEstimate after = EstimateOf(film, filtered);
+  const double light = static_cast<double>(kLight);
+  const double returned = 0.5 * OverVariance(0.3) * 0.01 * 0.01 / (light * light + 0.01);
+  EXPECT_NEAR((MeanOf(after) - MeanOf(before)) / returned, 1, 0.1);
+  EXPECT_NEAR(after.blocks[0] / after.blocks[12], before.blocks[0] / before.blocks[12], 1e-5);
 }
 
 /// Replaces columns [first, last) by those of a filter that leaves more noise, with a pattern on top.
@@ -128,7 +153,7 @@ TEST(EstimateError, DoesNotTrustABlockThatHadLuck) {
   MakeFirstBlockLucky(&filtered);
   const ErrorEstimate estimate = EstimateOf(film, filtered);
   EXPECT_GT(estimate.blocks[0], 0.5 * MeanOf(estimate)) << "of itself it would have a hundredth";
-  EXPECT_NEAR(MeanOf(estimate) / (kErrorOverVariance * TrueVariance(32, 0.3f)), 1, 0.05) << "the mean stays";
+  EXPECT_NEAR(MeanOf(estimate) / (OverVariance(0.3) * TrueVariance(32, 0.3f)), 1, 0.05) << "the mean stays";
 }
 
 TEST(EstimateError, LeavesBlocksApartThatTheFilterTreatsUnlike) {
@@ -168,7 +193,7 @@ TEST(EstimateError, DrawsABlockTowardsThoseOfItsEdges) {
     edges.Get(layers::kPixelY).At(0, row) = static_cast<float>(y);
   }
   const auto first_over_other = [&](const LayeredImage* edge_set) {
-    const FilteredFilm view = {film, ViewOf(filtered.picture), ViewOf(filtered.deviation), edge_set};
+    const FilteredFilm view = {film, filtered, edge_set};
     const ErrorEstimate estimate = EstimateError(view, kBlock, ErrorMetric::kRelMse, nullptr);
     return estimate.blocks[0] / estimate.blocks[12];
   };
@@ -189,7 +214,7 @@ TEST(EstimateError, CountsSteepDarkTonesMoreInMse255) {
   const ErrorEstimate estimate = EstimateOf(film, FilterHalves(film, 0.3f, 0), ErrorMetric::kMse255);
   const double slope = 255 * 1.055 / 2.4 * std::pow(static_cast<double>(kLight), 1 / 2.4 - 1);
   const double variance = static_cast<double>(0.3f * 0.3f * kSigma * kSigma) / 32;
-  EXPECT_NEAR(MeanOf(estimate) / (kErrorOverVariance * slope * slope * variance), 1, 0.05);
+  EXPECT_NEAR(MeanOf(estimate) / (OverVariance(0.3) * slope * slope * variance), 1, 0.05);
 }
 
 TEST(EstimateError, KnowsTheEndsOfTheDisplaysCurve) {

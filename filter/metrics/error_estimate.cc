@@ -41,6 +41,7 @@ struct Sums {
   double samples = 0;
   int64_t pixels = 0;
   int64_t edge_pixels = 0;  // of all pixels
+  bool is_changed = false;  // whether the picture is not the film's
   /// Of the picture, by channel: weights, weighted values and their squares.
   std::array<double, 3> weights = {};
   std::array<double, 3> values = {};
@@ -87,6 +88,7 @@ class Pixels {
       sums->error += SquaredError(picture_[c].At(x, y), deviation, metric_);
       sums->all += SquaredError(picture_[c].At(x, y), deviation + returned, metric_);
       const double halves = double{half_a_[c].At(x, y)} - double{half_b_[c].At(x, y)};
+      sums->is_changed |= halves != 0 || picture_[c].At(x, y) != half_a_[c].At(x, y);
       sums->noise += weight * in_a * in_b / (samples * samples) * halves * halves;
     }
   }
@@ -166,6 +168,9 @@ constexpr double kLeastEdges = 0.02;
 
 double LogOf(double value) { return double{Log(static_cast<float>(value))}; }
 
+/// The error with one sample over that with so many.
+double DeclineOver(double samples) { return double{Pow(static_cast<float>(samples), kErrorDecline)}; }
+
 /// Of blocks [column +- kAround pixels] x [row +- kAround pixels].
 Sums SumAround(const Blocks& blocks, int column, int row) {
   const int reach = std::max(1, kAround / blocks.edge);
@@ -176,11 +181,37 @@ Sums SumAround(const Blocks& blocks, int column, int row) {
       const Sums& block = blocks.sums[first + static_cast<size_t>(c)];
       if (block.pixels == 0) continue;
       around.noise += block.noise * block.MeanSamples();
+      around.error += block.error * DeclineOver(block.MeanSamples());
       around.pixels += block.pixels;
       around.edge_pixels += block.edge_pixels;
     }
   }
   return around;
+}
+
+/// Where all samples of a block are alike, and the filter changed it by what is around, they may not have met what others have:
+/// its error is taken to be as around it. The sum of all errors stays.
+void FillUnmet(Blocks* blocks, TaskPool* pool) {
+  std::vector<double> errors(blocks->sums.size());
+  ParallelFor(pool, blocks->rows, [&](int64_t row) {
+    for (int column = 0; column < blocks->columns; ++column) {
+      const Sums& block = blocks->At(column, static_cast<int>(row));
+      double& error = errors[static_cast<size_t>(&block - blocks->sums.data())];
+      error = block.error;
+      if (block.pixels == 0 || block.noise > 0 || !block.is_changed) continue;
+      const Sums around = SumAround(*blocks, column, static_cast<int>(row));
+      error = around.error / DeclineOver(block.MeanSamples()) * static_cast<double>(block.pixels) /
+              static_cast<double>(around.pixels);
+    }
+  });
+  double before = 0;
+  double after = 0;
+  for (size_t i = 0; i < errors.size(); ++i) {
+    before += blocks->sums[i].error;
+    after += errors[i];
+  }
+  if (!(after > before)) return;
+  for (size_t i = 0; i < errors.size(); ++i) blocks->sums[i].error = errors[i] * (before / after);
 }
 
 /// Without a block where a trait is unknown.
@@ -272,6 +303,7 @@ ErrorEstimate EstimateError(const FilteredFilm& filtered, int block, ErrorMetric
                  filtered.filtered.deviation[0].width() == filtered.film.width());
   Blocks blocks = SumUp(filtered, block, metric, pool);
   ScaleToError(&blocks);
+  FillUnmet(&blocks, pool);
   DrawTogether(&blocks, pool);
   ErrorEstimate estimate = {blocks.columns, blocks.rows, {}};
   for (const Sums& of_block : blocks.sums) {

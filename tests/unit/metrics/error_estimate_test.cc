@@ -156,6 +156,27 @@ TEST(EstimateError, DoesNotTrustABlockThatHadLuck) {
   EXPECT_NEAR(MeanOf(estimate) / (OverVariance(0.3) * TrueVariance(32, 0.3f)), 1, 0.05) << "the mean stays";
 }
 
+TEST(EstimateError, DoesNotTrustABlockThatHasMetNothing) {
+  LayeredImage film = MakeFilm(32);
+  const FilteredPicture filtered = FilterHalves(film, 0.3f, 0);
+  // All samples of two blocks are alike; the filter changed the first of them.
+  for (const int block : {0, 8}) {
+    for (const std::string& name : {layers::HalfA(layers::kNoisy), layers::HalfB(layers::kNoisy)}) {
+      for (size_t c = 0; c < 3; ++c) {
+        ForEachPixel(kBlock, kBlock, [&](int x, int y) {
+          const float value = filtered.picture[c].At(block * kBlock + x, y);
+          film.GetColor(name)[c].At(block * kBlock + x, y) = block == 0 ? 0.0f : value;
+        });
+      }
+    }
+  }
+  FilteredPicture seen = FilterHalves(film, 0.3f, 0);
+  for (size_t c = 0; c < 3; ++c) CopyPlane(filtered.picture[c].view(), seen.picture[c].view());
+  const ErrorEstimate estimate = EstimateOf(film, seen);
+  EXPECT_GT(estimate.blocks[0], 0.3 * MeanOf(estimate));
+  EXPECT_EQ(estimate.blocks[8], 0);
+}
+
 TEST(EstimateError, LeavesBlocksApartThatTheFilterTreatsUnlike) {
   const LayeredImage film = MakeFilm(32);
   FilteredPicture filtered = FilterHalves(film, 0.03f, 0);

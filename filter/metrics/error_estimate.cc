@@ -41,7 +41,8 @@ struct Sums {
   double samples = 0;
   int64_t pixels = 0;
   int64_t edge_pixels = 0;  // of all pixels
-  bool is_changed = false;  // whether the picture is not the film's
+  bool has_noise = false;   // whether its halves differ, be it where the display shows nothing of it
+  bool is_changed = false;  // whether the picture is not half A of the film
   /// Of the picture, by channel: weights, weighted values and their squares.
   std::array<double, 3> weights = {};
   std::array<double, 3> values = {};
@@ -88,7 +89,8 @@ class Pixels {
       sums->error += SquaredError(picture_[c].At(x, y), deviation, metric_);
       sums->all += SquaredError(picture_[c].At(x, y), deviation + returned, metric_);
       const double halves = double{half_a_[c].At(x, y)} - double{half_b_[c].At(x, y)};
-      sums->is_changed |= halves != 0 || picture_[c].At(x, y) != half_a_[c].At(x, y);
+      sums->has_noise |= halves != 0;
+      sums->is_changed |= picture_[c].At(x, y) != half_a_[c].At(x, y);
       sums->noise += weight * in_a * in_b / (samples * samples) * halves * halves;
     }
   }
@@ -198,7 +200,7 @@ void FillUnmet(Blocks* blocks, TaskPool* pool) {
       const Sums& block = blocks->At(column, static_cast<int>(row));
       double& error = errors[static_cast<size_t>(&block - blocks->sums.data())];
       error = block.error;
-      if (block.pixels == 0 || block.noise > 0 || !block.is_changed) continue;
+      if (block.pixels == 0 || block.has_noise || !block.is_changed) continue;
       const Sums around = SumAround(*blocks, column, static_cast<int>(row));
       error = around.error / DeclineOver(block.MeanSamples()) * static_cast<double>(block.pixels) /
               static_cast<double>(around.pixels);

@@ -177,6 +177,14 @@ TEST(EstimateError, DoesNotTrustABlockThatHasMetNothing) {
   EXPECT_EQ(estimate.blocks[8], 0);
 }
 
+TEST(EstimateError, LeavesBlocksAloneThatAreShownAsWhite) {
+  const LayeredImage film = MakeFilm(32);
+  FilteredPicture filtered = FilterHalves(film, 0.3f, 0);
+  for (size_t c = 0; c < 3; ++c)
+    ForEachPixel(kBlock, kBlock, [&](int x, int y) { filtered.picture[c].At(x, y) = 2; });
+  EXPECT_EQ(EstimateOf(film, filtered, ErrorMetric::kMse255).blocks[0], 0);
+}
+
 TEST(EstimateError, LeavesBlocksApartThatTheFilterTreatsUnlike) {
   const LayeredImage film = MakeFilm(32);
   FilteredPicture filtered = FilterHalves(film, 0.03f, 0);

@@ -40,9 +40,8 @@ struct Sums {
   double noise = 0;  // variance of the film
   double samples = 0;
   int64_t pixels = 0;
-  int64_t edge_pixels = 0;  // of all pixels
-  bool has_noise = false;   // whether its halves differ, be it where the display shows nothing of it
-  bool is_changed = false;  // whether the picture is not half A of the film
+  int64_t edge_pixels = 0;   // of all pixels
+  int64_t unmet_pixels = 0;  // whose samples are all alike, though the filter changed them
   /// Of the picture, by channel: weights, weighted values and their squares.
   std::array<double, 3> weights = {};
   std::array<double, 3> values = {};
@@ -78,6 +77,8 @@ class Pixels {
     const double samples = in_a + in_b;
     ++sums->pixels;
     sums->samples += samples;
+    bool has_noise = false;
+    bool is_changed = false;
     for (size_t c = 0; c < 3; ++c) {
       const double weight = WeightAt(picture_[c].At(x, y), metric_);
       const double value = picture_[c].At(x, y);
@@ -89,10 +90,11 @@ class Pixels {
       sums->error += SquaredError(picture_[c].At(x, y), deviation, metric_);
       sums->all += SquaredError(picture_[c].At(x, y), deviation + returned, metric_);
       const double halves = double{half_a_[c].At(x, y)} - double{half_b_[c].At(x, y)};
-      sums->has_noise |= halves != 0;
-      sums->is_changed |= picture_[c].At(x, y) != half_a_[c].At(x, y);
+      has_noise |= halves != 0;
+      is_changed |= picture_[c].At(x, y) != half_a_[c].At(x, y);
       sums->noise += weight * in_a * in_b / (samples * samples) * halves * halves;
     }
+    sums->unmet_pixels += !has_noise && is_changed ? 1 : 0;
   }
 
  private:
@@ -191,8 +193,8 @@ Sums SumAround(const Blocks& blocks, int column, int row) {
   return around;
 }
 
-/// Where all samples of a block are alike, and the filter changed it by what is around, they may not have met what others have:
-/// its error is taken to be as around it. The sum of all errors stays.
+/// Where all samples of a pixel are alike, and the filter changed it by what is around, they may not have met what others have:
+/// it is taken to err as what is around. The sum of all errors stays.
 void FillUnmet(Blocks* blocks, TaskPool* pool) {
   std::vector<double> errors(blocks->sums.size());
   ParallelFor(pool, blocks->rows, [&](int64_t row) {
@@ -200,10 +202,10 @@ void FillUnmet(Blocks* blocks, TaskPool* pool) {
       const Sums& block = blocks->At(column, static_cast<int>(row));
       double& error = errors[static_cast<size_t>(&block - blocks->sums.data())];
       error = block.error;
-      if (block.pixels == 0 || block.has_noise || !block.is_changed) continue;
+      if (block.unmet_pixels == 0) continue;
       const Sums around = SumAround(*blocks, column, static_cast<int>(row));
-      error = around.error / DeclineOver(block.MeanSamples()) * static_cast<double>(block.pixels) /
-              static_cast<double>(around.pixels);
+      error += around.error / DeclineOver(block.MeanSamples()) * static_cast<double>(block.unmet_pixels) /
+               static_cast<double>(around.pixels);
     }
   });
   double before = 0;

@@ -52,9 +52,9 @@ struct ErrorEstimate {
 /// Precision: a block has few independent errors, so its estimate is drawn towards what blocks of the same traits have: a
 /// linear function fitted through the logarithms over all blocks. The traits are the noise around the block, and, since
 /// errors gather at edges, the filtered picture's variance within it and the parts of edge pixels in it and around it. The
-/// more the blocks vary around the function beyond kLogVarianceOfBlock, the less (empirical Bayes). Before that a block whose samples
-/// are all alike, though the filter changed it, gets the mean error around it: it may not have met what others have. The mean
-/// over the picture stays.
+/// more the blocks vary around the function beyond kLogVarianceOfBlock, the less (empirical Bayes). Before that a pixel whose samples
+/// are all alike, though the filter changed it, is taken to err as what is around: it may not have met what others have. The
+/// mean over the picture stays.
 /// Shapes:  W x H. Blocks are squares of `block` pixels, smaller at the right and lower border.
 /// Units:   squared 8-bit steps, or relative.
 /// Threads: identical for any pool.

@@ -85,8 +85,8 @@ std::vector<Entry> ListEntries() {
          return ClonePicture(film.pixels.GetColor(layers::kNoisy));
        },
        [](const Frame& frame, FilterPurpose, TaskPool* pool) {
-         return FilteredPicture{
-             ClonePicture(frame.combined.mean), DeviationOf(frame, NoChange(frame), pool), {}};
+         return FilteredPicture{ClonePicture(frame.combined.mean), DeviationOf(frame, NoChange(frame), pool),
+                                DeviationOfReturned(frame, {}, pool)};
        }},
   };
   for (const Baseline& baseline : Baselines()) {
@@ -260,8 +260,7 @@ absl::StatusOr<FilteredPicture> FilterFilmWithDeviation(const LayeredImage& film
     std::vector<Picture> pictures;
     pictures.push_back(std::move(filtered.picture));
     pictures.push_back(std::move(filtered.deviation));
-    pictures.push_back(filtered.returned[0].width() > 0 ? std::move(filtered.returned)
-                                                        : DeviationOfReturned(Frame(block), {}, pool));
+    pictures.push_back(std::move(filtered.returned));
     return pictures;
   };
   const std::vector<std::string_view> names = {layers::kBeauty, "deviation", "returned"};

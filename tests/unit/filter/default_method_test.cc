@@ -76,7 +76,7 @@ void MakeLightRare(uint32_t rarity, uint32_t seed, LayeredImage* film) {
   });
 }
 
-constexpr Rect kWall = {16, 50, 44, 84};  // a part of it
+constexpr Rect kWall = {16, 50, 44, 84};  // a part of the wall
 
 /// Mean square of how much the errors of neighbours in a row differ, on the wall.
 double Roughness(const ConstColorView& picture, const SyntheticFilm& synthetic) {

@@ -77,6 +77,8 @@ absl::StatusOr<std::vector<ledger::JobRecord>> Coordinator::FindForgottenJobs()
     if (row.ok() || absl::IsInternal(row.status())) continue;
     if (!absl::IsNotFound(row.status())) return row.status();
     const absl::StatusOr<v1::JobManifest> manifest = ReadManifest(folder_.ManifestPath(job));
+    // Of a submission, or a removal of its files, that ended half-way: only an empty folder can be removed.
+    if (absl::IsNotFound(manifest.status()) && folder_.files()->Remove(folder_.FilmPath(job)) == 0) continue;
     if (!manifest.ok()) {
       options_.log->warn("event=film_without_job folder={} error={}", Quoted(folder_.FilmPath(job)),
                          Quoted(std::string(manifest.status().message())));

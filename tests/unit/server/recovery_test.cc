@@ -228,6 +228,20 @@ class LastStatus final : public JobWatcher {
   absl::Status lost_ ABSL_GUARDED_BY(mutex_);
 };
 
+TEST_F(RecoveryTest, AFolderThatASubmissionLeftWithoutAManifestIsRemoved) {
+  Stop();
+  const std::string begun = data_.FilmPath(job::JobId("j-begun"));
+  const std::string written = data_.FilmPath(job::JobId("j-written"));
+  const std::string film = data_.FilmPath(job::JobId("j-film"));
+  for (const std::string& folder : {begun, written, film}) fs::create_directory(folder);
+  std::ofstream(written + "/manifest.partial") << "half";
+  std::ofstream(film + "/frame-0000.units") << "whose?";
+  ASSERT_TRUE(Start().ok());
+  EXPECT_FALSE(fs::exists(begun));
+  EXPECT_FALSE(fs::exists(written));
+  EXPECT_TRUE(fs::exists(film + "/frame-0000.units")) << "what has content is left alone";
+}
+
 TEST_F(RecoveryTest, AJobThatIsBeingTakenOverIsUnavailableToThoseWhoFollowOrChangeIt) {
   // Its row is this coordinator's already, but it is not in memory yet.
   const job::JobId job("j-taken-over");

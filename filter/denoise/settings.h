@@ -26,18 +26,20 @@ struct LayerSettings {
   float range_factor = 1.8f;  // sigma_q of the first filtering, over the noise of the half that guides
   float knee = 0.2f;          // of the stabilised guide, over the layer's mean
   // The manifolds of all filterings are close to each other, since they have to follow fine detail.
-  ManifoldParams first_manifolds = {.sigma_s = 7, .height = 5, .cell = 4, .is_first_order = true};
+  ManifoldParams first_manifolds = {
+      .sigma_s = 7, .height = 5, .cell = 4, .keeps_mass = true, .is_first_order = true};
   float reach_px = 16;  // of the blur along the manifolds, of all filterings and of the energy of fireflies
   /// Of the further filterings of what the first one leaves: sigma_q over the noise of the half that guides, from the
   /// widest to the narrowest.
   std::vector<float> twicing_ranges = {0.6f, 0.3f};
-  ManifoldParams twicing_manifolds = {.sigma_s = 2, .height = 4};
+  ManifoldParams twicing_manifolds = {.sigma_s = 2, .height = 3, .keeps_mass = true};
   /// Range of the features that a fragment shares with its pixel, whose patch mixes surfaces, over that of its own.
   float mixed_range = 2;
   FireflyParams fireflies;
   ChoiceParams choice;
   /// Where one half alone is known, its noise is a rough guess, and geometry guides far better than patches.
-  SingleFilteringParams single = {.range_factor = 8, .manifolds = {.sigma_s = 8, .height = 5}};
+  SingleFilteringParams single = {.range_factor = 8,
+                                  .manifolds = {.sigma_s = 8, .height = 5, .keeps_mass = true}};
 };
 
 /// How a frame is filtered.

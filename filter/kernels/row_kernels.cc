@@ -65,7 +65,7 @@ HWY_INLINE void AddTo(float* sum, Float value) {
 
 /// Squared distance from the manifold. Sums of squares only grow: once all pixels are too far to have a
 /// weight, what is left of them is not added.
-HWY_INLINE Float SquareAt(const LanesAt& at, const SplatArgs& args, int x) {
+HWY_INLINE Float SquareAt(const LanesAt& at, const WeighArgs& args, int x) {
   const Floats d;
   const Float farthest = hn::Set(d, kFarthest);
   Float square = hn::Zero(d);
@@ -79,7 +79,7 @@ HWY_INLINE Float SquareAt(const LanesAt& at, const SplatArgs& args, int x) {
 }
 
 /// The same to the end, and position along the axis that splits the manifold's cluster.
-HWY_INLINE Float SquareAndPositionAt(const LanesAt& at, const SplatArgs& args, const float* axis, int x,
+HWY_INLINE Float SquareAndPositionAt(const LanesAt& at, const WeighArgs& args, const float* axis, int x,
                                      Float* along) {
   const Floats d;
   Float square = hn::Zero(d);
@@ -93,21 +93,13 @@ HWY_INLINE Float SquareAndPositionAt(const LanesAt& at, const SplatArgs& args, c
   return square;
 }
 
-HWY_INLINE void SplatSignals(const SplatArgs& args, Float weight, int x) {
-  const Floats d;
-  const Float mass = hn::Mul(hn::LoadU(d, args.mask + x), weight);
-  for (size_t c = 0; c < args.signal_count; ++c)
-    AddTo(args.sums[c] + x, hn::Mul(mass, hn::LoadU(d, args.signals[c] + x)));
-  AddTo(args.sums[args.signal_count] + x, mass);
-}
-
 /// Whether any of the pixels belongs to the cluster.
 HWY_INLINE bool HasMembers(const SplitArgs& split, int x) {
   const Floats d;
   return !hn::AllFalse(d, hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster)));
 }
 
-HWY_INLINE void SplitCluster(const SplatArgs& args, const SplitArgs& split, Float weight, Float along,
+HWY_INLINE void SplitCluster(const WeighArgs& args, const SplitArgs& split, Float weight, Float along,
                              int x) {
   const Floats d;
   const auto is_own = hn::Eq(hn::LoadU(d, split.labels + x), hn::Set(d, split.cluster));
@@ -131,9 +123,9 @@ HWY_INLINE void SplitCluster(const SplatArgs& args, const SplitArgs& split, Floa
 }
 
 template <bool kSplits>
-HWY_INLINE SplatFound SplatStrip(const Widening& widening, const SplatArgs& args, const SplitArgs* split) {
+HWY_INLINE bool WeighStrip(const Widening& widening, const WeighArgs& args, const SplitArgs* split) {
   const Floats d;
-  SplatFound found;
+  bool found = false;
   for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(d))) {
     const LanesAt at = LanesFrom(widening, x);
     const bool has_members = kSplits && HasMembers(*split, x);
@@ -144,20 +136,34 @@ HWY_INLINE SplatFound SplatStrip(const Widening& widening, const SplatArgs& args
     Float weight = hn::Zero(d);
     if (!hn::AllFalse(d, is_near)) {
       weight = hn::IfThenElseZero(is_near, ExpOfNegative(hn::Neg(square)));
-      found.has_weight = true;
-      SplatSignals(args, weight, x);
+      AddTo(args.total + x, weight);
     }
     hn::StoreU(weight, d, args.weight + x);
     if (!has_members) continue;
-    found.has_members = true;
+    found = true;
     SplitCluster(args, *split, weight, along, x);
   }
   return found;
 }
 
-HWY_ATTR SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split) {
-  return split != nullptr ? SplatStrip<true>(widening, args, split)
-                          : SplatStrip<false>(widening, args, nullptr);
+HWY_ATTR bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split) {
+  return split != nullptr ? WeighStrip<true>(widening, args, split)
+                          : WeighStrip<false>(widening, args, nullptr);
+}
+
+HWY_ATTR bool SplatRow(const SplatArgs& args) {
+  const Floats d;
+  bool found = false;
+  for (int x = 0; x < args.count; x += static_cast<int>(hn::Lanes(d))) {
+    const Float weight = hn::LoadU(d, args.weight + x);
+    if (hn::AllTrue(d, hn::Eq(weight, hn::Zero(d)))) continue;  // most pixels are far from most manifolds
+    found = true;
+    const Float mass = hn::Mul(hn::LoadU(d, args.mask + x), weight);
+    for (size_t c = 0; c < args.signal_count; ++c)
+      AddTo(args.sums[c] + x, hn::Mul(mass, hn::LoadU(d, args.signals[c] + x)));
+    AddTo(args.sums[args.signal_count] + x, mass);
+  }
+  return found;
 }
 
 /// `n` planes from plane `first` on, at the pixels of one vector.
@@ -305,6 +311,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace lumifold::filter {
 
+HWY_EXPORT(WeighRow);
 HWY_EXPORT(SplatRow);
 HWY_EXPORT(SliceRow);
 HWY_EXPORT(AddPairs);
@@ -325,9 +332,10 @@ Widening::Widening(int cell_step)
   }
 }
 
-SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split) {
-  return HWY_DYNAMIC_DISPATCH(SplatRow)(widening, args, split);
+bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split) {
+  return HWY_DYNAMIC_DISPATCH(WeighRow)(widening, args, split);
 }
+bool SplatRow(const SplatArgs& args) { return HWY_DYNAMIC_DISPATCH(SplatRow)(args); }
 void SliceRow(const Widening& widening, const SliceArgs& args) {
   HWY_DYNAMIC_DISPATCH(SliceRow)(widening, args);
 }

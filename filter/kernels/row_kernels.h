@@ -18,6 +18,9 @@ namespace lumifold::filter {
 inline constexpr int kStripColumns = 1024;
 /// Floats to which rows of pixels are padded.
 inline constexpr int kRowPadding = 16;
+/// Distance of sums that are added to side by side. Strips a power of two apart would share a few sets of the cache, and
+/// drive each other out.
+inline constexpr size_t kSumStride = kStripColumns + kRowPadding;
 /// Floats that may be read (not used) after the last cell of a row of cells.
 inline constexpr int kCellPadding = 32;
 
@@ -47,18 +50,15 @@ struct BlendArgs {
   size_t out_stride;
 };
 
-/// One row of pixels on one manifold.
-struct SplatArgs {
+/// One row of pixels and one manifold.
+struct WeighArgs {
   const float* const* features;  // d rows of pixels
   const float* eta;              // d rows of cells, from one before the strip's first: the manifold
   size_t eta_stride;
   size_t dimensions;
-  const float* const* signals;  // C rows of pixels
-  size_t signal_count;
-  const float* mask;
-  float* weight;       // out: exp(-squared distance from the manifold)
-  float* const* sums;  // C + 1 strips: += mask * weight * signal, and of mask * weight
-  int count;           // pixels
+  float* weight;  // out: exp(-squared distance from the manifold)
+  float* total;   // += weight
+  int count;      // pixels
 };
 
 /// How the manifold's cluster is split in two.
@@ -73,6 +73,16 @@ struct SplitArgs {
   float* const* far_sums;   // the same of cluster 2 * cluster + 1
 };
 
+/// One row of pixels on one manifold.
+struct SplatArgs {
+  const float* const* signals;  // C rows of pixels
+  size_t signal_count;
+  const float* mask;
+  const float* weight;
+  float* const* sums;  // C + 1 strips: += mask * weight * signal, and of mask * weight
+  int count;           // pixels
+};
+
 /// One row of pixels sliced from manifolds.
 struct SliceArgs {
   const float* const* weights;  // M rows of pixels
@@ -84,15 +94,11 @@ struct SliceArgs {
   int count;
 };
 
-/// What a splat found, so that later work on zeros is skipped.
-struct SplatFound {
-  bool has_weight = false;   // a pixel of weight over 0
-  bool has_members = false;  // a pixel of the cluster
-};
-
 void BlendCells(const BlendArgs& args);
-/// `split` may be null.
-SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split);
+/// Whether any pixel belongs to the cluster. `split` may be null: none does.
+bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split);
+/// Whether any pixel has weight.
+bool SplatRow(const SplatArgs& args);
 void SliceRow(const Widening& widening, const SliceArgs& args);
 /// sums[x] += a[x] * b[x], rows of pixels.
 void AddProductRow(const float* a, const float* b, int count, float* sums);
@@ -118,7 +124,8 @@ void StabiliseRow(const float* in, float inverse_knee, float shift, int count, f
 
 namespace slow {
 void BlendCells(const BlendArgs& args);
-SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split);
+bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split);
+bool SplatRow(const SplatArgs& args);
 void SliceRow(const Widening& widening, const SliceArgs& args);
 void AddProductRow(const float* a, const float* b, int count, float* sums);
 void SumRows(const float* a, const float* b, int count, float* out);

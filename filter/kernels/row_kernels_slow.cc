@@ -21,7 +21,7 @@ struct Position {
   float along;   // along the axis that splits its cluster
 };
 
-Position PositionOf(const Widening& widening, const SplatArgs& args, const SplitArgs* split, int x) {
+Position PositionOf(const Widening& widening, const WeighArgs& args, const SplitArgs* split, int x) {
   Position position{0, 0};
   for (size_t k = 0; k < args.dimensions; ++k) {
     const float offset = args.features[k][x] - Widened(widening, args.eta + k * args.eta_stride, x);
@@ -31,7 +31,7 @@ Position PositionOf(const Widening& widening, const SplatArgs& args, const Split
   return position;
 }
 
-void SplitPixel(const SplatArgs& args, const SplitArgs& split, float along, int x) {
+void SplitPixel(const WeighArgs& args, const SplitArgs& split, float along, int x) {
   split.members[x] *= std::min(1.0f, std::abs(along) * (1.0f / kSeam));
   const bool is_far = along >= 0;
   split.next_labels[x] = 2 * split.cluster + (is_far ? 1.0f : 0.0f);
@@ -54,18 +54,26 @@ void BlendCells(const BlendArgs& args) {
   }
 }
 
-SplatFound SplatRow(const Widening& widening, const SplatArgs& args, const SplitArgs* split) {
-  SplatFound found;
+bool WeighRow(const Widening& widening, const WeighArgs& args, const SplitArgs* split) {
+  bool found = false;
   for (int x = 0; x < args.count; ++x) {
     const Position position = PositionOf(widening, args, split, x);
     args.weight[x] = position.square < kFarthest ? Exp(-position.square) : 0.0f;
-    found.has_weight |= args.weight[x] > 0;
+    args.total[x] += args.weight[x];
+    if (split == nullptr || split->labels[x] != split->cluster) continue;
+    found = true;
+    SplitPixel(args, *split, position.along, x);
+  }
+  return found;
+}
+
+bool SplatRow(const SplatArgs& args) {
+  bool found = false;
+  for (int x = 0; x < args.count; ++x) {
+    found |= args.weight[x] > 0;
     const float mass = args.mask[x] * args.weight[x];
     for (size_t c = 0; c < args.signal_count; ++c) args.sums[c][x] += mass * args.signals[c][x];
     args.sums[args.signal_count][x] += mass;
-    if (split == nullptr || split->labels[x] != split->cluster) continue;
-    found.has_members = true;
-    SplitPixel(args, *split, position.along, x);
   }
   return found;
 }

@@ -11,45 +11,31 @@
 #include "filter/manifold/recursive.h"
 #include "filter/manifold/slice.h"
 #include "filter/manifold/splat.h"
+#include "filter/manifold/weigh.h"
 
-// The tree is walked level by level, so that full-resolution planes are read twice for each level and not
-// twice for each manifold. Work at full resolution is per pixel: distance to the manifolds, splat into the
-// pixel's own cell, slice. All recursion is on cells.
+// First the whole tree of manifolds, with the weights of pixels and points on each; then splat, blur and slice level by
+// level, so that full-resolution planes are read once for each level. Work at full resolution is per pixel: distance to
+// the manifolds, splat into the pixel's own cell, slice. All recursion is on cells.
 namespace lumifold::filter {
 namespace {
 
-/// Takes pixels whose points have weight out of the splats.
-void LeaveToPoints(const SlicePoints& points, Plane* mask) {
-  for (size_t i = 0; i < points.weights.size(); ++i) {
-    const auto [x, y] = points.pixels[i / points.samples];
-    if (points.weights[i] > 0) mask->At(x, y) = 0;
-  }
-}
+/// By what the mass of a pixel or point is divided that has this sum of weights.
+float MassDivisor(float total) { return std::min(1.0f, total) + kLeastTotal; }
 
-PixelState MakeState(const Planes& signals, const Planes& features, ConstFloatView mask,
-                     const ManifoldParams& params, const SlicePoints* points, TaskPool* pool) {
-  const int width = mask.width();
-  const int height = mask.height();
-  const auto plane = [&] { return Plane::Uninitialized(width, height); };
-  const size_t manifolds = size_t{1} << (params.height - 1);
-  PixelState state{.signals = signals,
-                   .features = features,
-                   .mask = plane(),
-                   .lattice = Lattice(width, height, CellOf(params)),
-                   .widening = Widening(CellOf(params)),
-                   .members = plane(),
-                   .labels = plane(),
-                   .next_labels = plane(),
-                   .weights = MakeUninitializedPlanes(manifolds, width, height)};
-  ForEachBand(pool, height, [&](int, int y0, int y1) {
-    for (int y = y0; y < y1; ++y) {
-      std::copy_n(mask.Row(y), width, state.mask.Row(y));
-      std::copy_n(mask.Row(y), width, state.members.Row(y));
-      std::fill_n(state.labels.Row(y), width, 0.0f);
-    }
+/// What pixels weigh in splats.
+Plane SplatMask(ConstFloatView mask, const Plane& total, const ManifoldParams& params,
+                const SlicePoints* points, TaskPool* pool) {
+  Plane splat = Plane::Uninitialized(mask.width(), mask.height());
+  ForEachPixel(pool, mask.width(), mask.height(), [&](int x, int y) {
+    const float divisor = params.keeps_mass ? MassDivisor(total.At(x, y)) : 1.0f;
+    splat.At(x, y) = mask.At(x, y) / divisor;
   });
-  if (points != nullptr && !points->signals.empty()) LeaveToPoints(*points, &state.mask);
-  return state;
+  if (points == nullptr || points->signals.empty()) return splat;
+  for (size_t i = 0; i < points->weights.size(); ++i) {  // their points stand for them
+    const auto [x, y] = points->pixels[i / points->samples];
+    if (points->weights[i] > 0) splat.At(x, y) = 0;
+  }
+  return splat;
 }
 
 /// Position of the points as further signals, channel by channel for each pixel.
@@ -68,40 +54,41 @@ std::vector<float> PointSignalsWithPosition(const SlicePoints& points, const Pla
   return signals;
 }
 
+/// A level of the tree, and the weights of the points on its manifolds.
+struct WeighedLevel {
+  Level level;
+  PointWeights points;
+};
+
 class Filter {
  public:
-  /// `point_signals`: those of the points, as many channels as the state has; empty: points are read only.
-  Filter(PixelState state, const ManifoldParams& params, float reach, const SlicePoints* points,
-         std::vector<float> point_signals, TaskPool* pool)
-      : state_(std::move(state)),
+  /// `point_signals`: those of the points, as many channels as `signals` has; empty: points are read only.
+  Filter(const Planes& signals, const Planes& features, ConstFloatView mask, const ManifoldParams& params,
+         float reach, const SlicePoints* points, std::vector<float> point_signals, TaskPool* pool)
+      : signals_(signals),
+        features_(features),
+        mask_(mask),
+        lattice_(mask.width(), mask.height(), CellOf(params)),
+        widening_(CellOf(params)),
         params_(params),
         reach_(reach),
         slice_points_(points),
         point_signals_(std::move(point_signals)),
         pool_(pool) {
-    const size_t signals = params.is_first_order ? kMoments : state_.signals.size();
-    result_.filtered = MakeUninitializedPlanes(signals + 1, state_.lattice.width, state_.lattice.height);
+    const size_t results = params.is_first_order ? kMoments : signals.size();
+    result_.filtered = MakeUninitializedPlanes(results + 1, lattice_.width, lattice_.height);
     if (points == nullptr) return;
-    points_.emplace(*points, state_.features, state_.lattice);
+    points_.emplace(*points, features, lattice_);
     const size_t count = points->pixels.size() * points->samples;
-    result_.points = {std::vector<float>(count * signals), std::vector<float>(count)};
+    result_.points = {std::vector<float>(count * results), std::vector<float>(count)};
   }
 
   ManifoldResult Run() {
-    const float sigma_cells = InCells(params_.sigma_s);
-    std::vector<Manifold> manifolds;
-    manifolds.push_back(MakeManifold(RootSums(), nullptr, sigma_cells, AxisSteps(1), pool_));
-    for (int depth = 1;; ++depth) {
-      Level level = Splat(std::move(manifolds), depth == params_.height);
-      std::vector<ClusterSums> children = std::move(level.children);
-      std::vector<Manifold> parents = BlurAndSlice(std::move(level), depth == 1);
-      if (depth == params_.height) break;
-      manifolds = std::vector<Manifold>(children.size());
-      ParallelFor(pool_, static_cast<int64_t>(children.size()), [&](int64_t i) {
-        const size_t at = static_cast<size_t>(i);
-        manifolds[at] = MakeManifold(std::move(children[at]), &parents[at / 2].eta, sigma_cells,
-                                     AxisSteps(depth + 1), pool_);
-      });
+    std::vector<WeighedLevel> tree = BuildTree();
+    for (WeighedLevel& at : tree) {
+      const std::vector<Planes> psi = Blur(at.level, Splat(at));
+      Slice(at, psi, /*is_first=*/&at == &tree.front());
+      at = {};
     }
     DivideSums();
     DividePoints();
@@ -110,72 +97,122 @@ class Filter {
   }
 
  private:
-  float InCells(float sigma) const { return sigma / static_cast<float>(state_.lattice.step); }
+  float InCells(float sigma) const { return sigma / static_cast<float>(lattice_.step); }
   /// Clusters of the last level are not split: they need no axis.
   int AxisSteps(int depth) const { return depth < params_.height ? params_.pca_iterations : 0; }
-  ClusterSums RootSums() const;
-  Level Splat(std::vector<Manifold> manifolds, bool is_last);
-  /// Consumes the level's splats; gives back its manifolds.
-  std::vector<Manifold> BlurAndSlice(Level level, bool is_first);
+  ClusterSums RootSums(const Clusters& clusters) const;
+  /// Also fills splat_mask_ and point_masses_.
+  std::vector<WeighedLevel> BuildTree();
+  WeighedLevel Weigh(std::vector<Manifold> manifolds, bool is_last, Clusters* clusters) const;
+  std::vector<float> PointMasses(const std::vector<WeighedLevel>& tree) const;
+  std::vector<Planes> Splat(const WeighedLevel& at) const;
+  std::vector<Planes> Blur(const Level& level, std::vector<Planes> splats) const;
   /// Adds w * Psi of each manifold to the result; to nothing yet at the first level.
-  void Slice(const std::vector<Planes>& psi, bool is_first);
+  void Slice(const WeighedLevel& at, const std::vector<Planes>& psi, bool is_first);
   void DivideSums();
   void DividePoints();
   void FitPlanes();
 
-  PixelState state_;
+  const Planes& signals_;
+  const Planes& features_;
+  const ConstFloatView mask_;
+  const Lattice lattice_;
+  const Widening widening_;
   const ManifoldParams params_;
   const float reach_;  // px
   const SlicePoints* const slice_points_;
   std::optional<Points> points_;
   const std::vector<float> point_signals_;
   TaskPool* const pool_;
-  PointWeights point_weights_;  // of the current level
-  ManifoldResult result_;       // sums of w * Psi until all manifolds are in, the weight's after the signals'
+  Plane splat_mask_;
+  std::vector<float> point_masses_;  // what points weigh in splats
+  ManifoldResult result_;  // sums of w * Psi until all manifolds are in, the weight's after the signals'
 };
 
-ClusterSums Filter::RootSums() const {
-  ClusterSums sums = MakeClusterSums(state_.features.size(), state_.lattice);
-  ParallelFor(pool_, state_.lattice.Rows(),
-              [&](int64_t row) { RootCellRow(state_, static_cast<int>(row), &sums); });
+ClusterSums Filter::RootSums(const Clusters& clusters) const {
+  ClusterSums sums = MakeClusterSums(features_.size(), lattice_);
+  ParallelFor(pool_, lattice_.Rows(),
+              [&](int64_t row) { RootCellRow(features_, lattice_, clusters, static_cast<int>(row), &sums); });
   return sums;
 }
 
-Level Filter::Splat(std::vector<Manifold> manifolds, bool is_last) {
-  const Lattice& lattice = state_.lattice;
-  Level level;
+WeighedLevel Filter::Weigh(std::vector<Manifold> manifolds, bool is_last, Clusters* clusters) const {
+  WeighedLevel at;
+  Level& level = at.level;
   level.manifolds = std::move(manifolds);
-  for (size_t i = 0; i < level.manifolds.size(); ++i) {
-    level.splats.push_back(
-        MakeUninitializedPlanes(state_.signals.size() + 1, lattice.Columns(), lattice.Rows()));
-    for (int child = 0; child < 2 && !is_last; ++child)
-      level.children.push_back(MakeClusterSums(state_.features.size(), lattice));
+  level.weights = MakeUninitializedPlanes(level.manifolds.size(), lattice_.width, lattice_.height);
+  for (size_t i = 0; i < 2 * level.manifolds.size() && !is_last; ++i)
+    level.children.push_back(MakeClusterSums(features_.size(), lattice_));
+  ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {
+    StripWeigh task(features_, lattice_, widening_, clusters, &level);
+    // kBandRows is a multiple of the step: bands share no cells
+    for (int row = y0 / lattice_.step; row * lattice_.step < y1; ++row) task.CellRow(row);
+  });
+  std::swap(clusters->labels, clusters->next_labels);
+  if (points_.has_value()) at.points = points_->Weigh(level.manifolds, pool_);
+  return at;
+}
+
+std::vector<WeighedLevel> Filter::BuildTree() {
+  const float sigma_cells = InCells(params_.sigma_s);
+  Clusters clusters(mask_, pool_);
+  std::vector<WeighedLevel> tree;
+  std::vector<Manifold> manifolds;
+  manifolds.push_back(MakeManifold(RootSums(clusters), nullptr, sigma_cells, AxisSteps(1), pool_));
+  for (int depth = 1; depth <= params_.height; ++depth) {
+    tree.push_back(Weigh(std::move(manifolds), depth == params_.height, &clusters));
+    Level& level = tree.back().level;
+    manifolds = std::vector<Manifold>(level.children.size());
+    ParallelFor(pool_, static_cast<int64_t>(manifolds.size()), [&](int64_t i) {
+      const auto at = static_cast<size_t>(i);
+      manifolds[at] = MakeManifold(std::move(level.children[at]), &level.manifolds[at / 2].eta, sigma_cells,
+                                   AxisSteps(depth + 1), pool_);
+    });
   }
-  ForEachBand(pool_, lattice.height, [&](int, int y0, int y1) {
-    StripSplat task(&state_, &level);  // kBandRows is a multiple of the step: bands share no cells
-    for (int row = y0 / lattice.step; row * lattice.step < y1; ++row) task.CellRow(row);
-  });
-  std::swap(state_.labels, state_.next_labels);
-  if (points_.has_value()) point_weights_ = points_->Weigh(level.manifolds, pool_);
-  if (!point_signals_.empty()) points_->Splat(point_signals_, point_weights_, pool_, &level.splats);
-  return level;
+  splat_mask_ = SplatMask(mask_, clusters.total, params_, slice_points_, pool_);
+  if (!point_signals_.empty()) point_masses_ = PointMasses(tree);
+  return tree;
 }
 
-std::vector<Manifold> Filter::BlurAndSlice(Level level, bool is_first) {
-  std::vector<Planes> psi(level.splats.size());
+std::vector<float> Filter::PointMasses(const std::vector<WeighedLevel>& tree) const {
+  std::vector<float> masses = slice_points_->weights;
+  for (size_t p = 0; p < masses.size() && params_.keeps_mass; ++p) {
+    float total = 0;
+    for (const WeighedLevel& at : tree) {
+      const float* weights = at.points.values.data() + p * at.points.stride;
+      for (size_t i = 0; i < at.level.manifolds.size(); ++i) total += weights[i];
+    }
+    masses[p] /= MassDivisor(total);
+  }
+  return masses;
+}
+
+std::vector<Planes> Filter::Splat(const WeighedLevel& at) const {
+  std::vector<Planes> splats;
+  for (size_t i = 0; i < at.level.manifolds.size(); ++i)
+    splats.push_back(MakeUninitializedPlanes(signals_.size() + 1, lattice_.Columns(), lattice_.Rows()));
+  ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {
+    StripSplat task(signals_, splat_mask_, at.level.weights, lattice_, &splats);
+    for (int row = y0 / lattice_.step; row * lattice_.step < y1; ++row) task.CellRow(row);
+  });
+  if (!point_signals_.empty()) points_->Splat(point_signals_, point_masses_, at.points, pool_, &splats);
+  return splats;
+}
+
+std::vector<Planes> Filter::Blur(const Level& level, std::vector<Planes> splats) const {
+  std::vector<Planes> psi(splats.size());
   ParallelFor(pool_, static_cast<int64_t>(psi.size()), [&](int64_t i) {
-    const size_t at = static_cast<size_t>(i);
-    if (params_.is_first_order) AddMoments(&level.splats[at]);
-    psi[at] = GuidedLowPass(InCells(reach_), kBlurRange, level.manifolds[at].eta, level.splats[at], pool_);
-    level.splats[at].clear();
+    const auto at = static_cast<size_t>(i);
+    if (params_.is_first_order) AddMoments(&splats[at]);
+    psi[at] = GuidedLowPass(InCells(reach_), kBlurRange, level.manifolds[at].eta, splats[at], pool_);
+    splats[at].clear();
   });
-  Slice(psi, is_first);
-  return std::move(level.manifolds);
+  return psi;
 }
 
-void Filter::Slice(const std::vector<Planes>& psi, bool is_first) {
-  ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
-    StripSlice slice(state_, psi);
+void Filter::Slice(const WeighedLevel& at, const std::vector<Planes>& psi, bool is_first) {
+  ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {
+    StripSlice slice(at.level.weights, psi, lattice_, widening_);
     for (int y = y0; y < y1; ++y) {
       for (Plane& sums : result_.filtered) {
         if (is_first) std::fill_n(sums.Row(y), sums.width(), 0.0f);
@@ -183,18 +220,18 @@ void Filter::Slice(const std::vector<Planes>& psi, bool is_first) {
       slice.PixelRow(y, &result_.filtered);
     }
   });
-  if (points_.has_value()) points_->Slice(psi, point_weights_, pool_, &result_.points);
+  if (points_.has_value()) points_->Slice(psi, at.points, pool_, &result_.points);
 }
 
 void Filter::DivideSums() {
   Planes& sums = result_.filtered;
   // Where all moments are 0, the fit gives the pixel's own light.
-  const std::vector<float> no_moment(static_cast<size_t>(state_.lattice.width));
-  ForEachBand(pool_, state_.lattice.height, [&](int, int y0, int y1) {
+  const std::vector<float> no_moment(static_cast<size_t>(lattice_.width));
+  ForEachBand(pool_, lattice_.height, [&](int, int y0, int y1) {
     for (size_t c = 0; c + 1 < sums.size(); ++c) {
       for (int y = y0; y < y1; ++y) {
-        const float* lost = c < state_.signals.size() ? state_.signals[c].Row(y) : no_moment.data();
-        QuotientRow(sums.back().Row(y), kLeastWeight, lost, state_.lattice.width, sums[c].Row(y));
+        const float* lost = c < signals_.size() ? signals_[c].Row(y) : no_moment.data();
+        QuotientRow(sums.back().Row(y), kLeastWeight, lost, lattice_.width, sums[c].Row(y));
       }
     }
   });
@@ -220,7 +257,7 @@ void Filter::FitPlanes() {
   result_.filtered = FitLight(result_.filtered, reach_, params_.slope_ridge, pool_);
   if (slice_points_ == nullptr) return;
   result_.points = FitLightAtPoints(*slice_points_, result_.points, reach_, params_.slope_ridge,
-                                    state_.lattice.width, state_.lattice.height);
+                                    lattice_.width, lattice_.height);
 }
 
 }  // namespace
@@ -248,12 +285,12 @@ ManifoldResult ManifoldFilterAtPoints(const Planes& signals, const Planes& featu
     return {MakePlanes(signals.size(), mask.width(), mask.height()), {}};
   const bool has_signals = points != nullptr && !points->signals.empty();
   if (!params.is_first_order) {
-    return Filter(MakeState(signals, features, mask, params, points, pool), params, reach, points,
+    return Filter(signals, features, mask, params, reach, points,
                   has_signals ? points->signals : std::vector<float>{}, pool)
         .Run();
   }
   const Planes with_position = WithPosition(signals, reach, pool);
-  return Filter(MakeState(with_position, features, mask, params, points, pool), params, reach, points,
+  return Filter(with_position, features, mask, params, reach, points,
                 has_signals ? PointSignalsWithPosition(*points, with_position) : std::vector<float>{}, pool)
       .Run();
 }

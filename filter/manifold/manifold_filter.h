@@ -14,6 +14,9 @@ struct ManifoldParams {
   int height = 4;          // levels of the tree, 1..8: 2^height - 1 manifolds
   int pca_iterations = 3;  // >= 1: steps of power iteration for the axis that splits a cluster
   int cell = 0;  // side of a coarse cell in pixels: a power of two up to kBandRows; 0: CellSize(sigma_s)
+  /// Pixels and points whose weights on all manifolds sum to less than 1 splat more, so that they give all their mass. As
+  /// published, they give less the farther they are from all manifolds, and pixels nearer to these decide what they get.
+  bool keeps_mass = false;
   bool is_first_order = false;  // fits planes to the signals, of which there are 3 (first_order.h)
   /// Added to the variances of positions, in reaches, so that slopes that few pixels support stay small.
   float slope_ridge = 6e-3f;
@@ -29,7 +32,8 @@ inline int CellOf(const ManifoldParams& params) {
 
 /// Filters `signals` with adaptive manifolds through the space spanned by `features`:
 ///   out = sum_k w_k up(Psi_k) / sum_k w_k up(Psi0_k), w_k = exp(-|u - up(eta_k)|^2),
-/// where Psi_k is the signal splatted with w_k onto manifold k's coarse cells and blurred along the manifold.
+/// where Psi_k is the signal splatted with w_k (if keeps_mass, w_k / min(1, sum_j w_j)) onto manifold k's coarse cells and
+/// blurred along the manifold.
 /// Shapes:  signals: C planes, features: d planes (>= 1), mask: all W x H. Result: C planes, W x H.
 /// Units:   features are divided by their range sigmas beforehand, so that 1 is one sigma; the signal's unit
 ///          does not matter.

@@ -92,6 +92,8 @@ class SlowFilter {
         points_(points),
         mask_(FromView(mask)),
         splat_mask_(mask_),
+        total_(mask_.width, mask_.height),
+        is_weighing_(params.keeps_mass),
         step_(CellOf(params)),
         sigma_(static_cast<double>(params.sigma_s) / step_),
         blur_sigma_(static_cast<double>(reach) / step_),
@@ -101,15 +103,23 @@ class SlowFilter {
     const Grid no_points(points != nullptr ? static_cast<int>(points->samples) : 0,
                          points != nullptr ? static_cast<int>(points->pixels.size()) : 0);
     point_sums_.assign(signals.size() + 1, no_points);
-    for (size_t i = 0; HasSignals() && i < points->weights.size(); ++i) {
+    if (HasSignals()) point_masses_.assign(points->weights.begin(), points->weights.end());
+    point_totals_.assign(point_masses_.size(), 0.0);
+    for (size_t i = 0; i < point_masses_.size(); ++i) {
       const auto [x, y] = points->pixels[i / points->samples];
       if (points->weights[i] > 0) splat_mask_.At(x, y) = 0;
     }
   }
 
   ManifoldResult Run() {
-    const Grids root = Heights(mask_, nullptr);
-    Visit(root, Axis(mask_, root), mask_, 1);
+    if (params_.keeps_mass) {  // a walk through the tree for the sums of all weights first
+      VisitRoot();
+      for (size_t i = 0; i < splat_mask_.values.size(); ++i)
+        splat_mask_.values[i] /= MassDivisor(total_.values[i]);
+      for (size_t i = 0; i < point_masses_.size(); ++i) point_masses_[i] /= MassDivisor(point_totals_[i]);
+    }
+    is_weighing_ = false;
+    VisitRoot();
     return {Quotients(signals_, sums_), points_ != nullptr ? PointQuotients(point_sums_) : SlicedPoints{}};
   }
 
@@ -154,9 +164,10 @@ class SlowFilter {
       Grid height = Down(Times(weight, features_[k]));
       Recurse(uniform, &height);
       for (size_t i = 0; i < height.values.size(); ++i) {
-        const bool is_empty = mass.values[i] < static_cast<double>(kLeastClusterMass);
-        height.values[i] =
-            is_empty ? (parent != nullptr ? (*parent)[k].values[i] : 0.0) : height.values[i] / mass.values[i];
+        const double drawn = parent != nullptr ? static_cast<double>(kParentMass) : 0.0;
+        const double sum = height.values[i] + (parent != nullptr ? drawn * (*parent)[k].values[i] : 0.0);
+        const bool is_empty = mass.values[i] + drawn < static_cast<double>(kLeastClusterMass);
+        height.values[i] = is_empty ? 0.0 : sum / (mass.values[i] + drawn);
       }
       eta.push_back(height);
     }
@@ -203,6 +214,19 @@ class SlowFilter {
     return axis;
   }
 
+  void VisitRoot() {
+    const Grids root = Heights(mask_, nullptr);
+    Visit(root, Axis(mask_, root), mask_, 1);
+  }
+
+  static double MassDivisor(double total) { return std::min(1.0, total) + static_cast<double>(kLeastTotal); }
+
+  void AddToTotals(const Grids& eta, const Grid& weight) {
+    for (size_t i = 0; i < weight.values.size(); ++i) total_.values[i] += weight.values[i];
+    for (size_t i = 0; i < point_totals_.size(); ++i)
+      point_totals_[i] += PointWeight(eta, i / points_->samples, i % points_->samples);
+  }
+
   /// `member`: how far each pixel belongs to the cluster.
   void Visit(const Grids& eta, const std::vector<double>& axis, const Grid& member, int depth) {
     Grid weight(mask_.width, mask_.height);
@@ -222,7 +246,10 @@ class SlowFilter {
         sides[along >= 0 ? 1 : 0].values[i] *= std::min(1.0, std::abs(along) / static_cast<double>(kSeam));
       }
     }
-    SplatBlurSlice(eta, weight);
+    if (is_weighing_)
+      AddToTotals(eta, weight);
+    else
+      SplatBlurSlice(eta, weight);
     if (depth == params_.height) return;
     for (const Grid& side : sides) {
       Grid child = side;
@@ -262,7 +289,7 @@ class SlowFilter {
 
   /// Adds signal c of the points to the cells, or their weights where c is the number of signals.
   void SplatPoints(const Grids& eta, size_t c, Grid* cells) const {
-    for (size_t i = 0; i < points_->weights.size(); ++i) {
+    for (size_t i = 0; i < point_masses_.size(); ++i) {
       const size_t pixel = i / points_->samples;
       const size_t j = i % points_->samples;
       const auto [x, y] = points_->pixels[pixel];
@@ -274,8 +301,7 @@ class SlowFilter {
           c < signals_.size()
               ? static_cast<double>(points_->signals[(pixel * signals_.size() + c) * points_->samples + j])
               : 1.0;
-      cells->At(column, row) +=
-          static_cast<double>(points_->weights[i]) * PointWeight(eta, pixel, j) * signal / area;
+      cells->At(column, row) += point_masses_[i] * PointWeight(eta, pixel, j) * signal / area;
     }
   }
 
@@ -302,6 +328,10 @@ class SlowFilter {
   const SlicePoints* const points_;
   const Grid mask_;
   Grid splat_mask_;  // without the pixels that their points stand for
+  Grid total_;       // of the pixels' weights on all manifolds
+  bool is_weighing_;
+  std::vector<double> point_masses_;
+  std::vector<double> point_totals_;
   const int step_;
   const double sigma_;       // cells
   const double blur_sigma_;  // cells

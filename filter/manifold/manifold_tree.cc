@@ -10,12 +10,13 @@
 namespace lumifold::filter {
 namespace {
 
-/// eta = eta / weight, in place; `fallback` (0 where null) where there is no weight.
-void DivideByWeight(const Plane& weight, const Plane* fallback, Plane* eta) {
+/// Low-passed features over low-passed weight, in place, drawn to the parent's manifold; 0 where there is neither.
+void DivideByWeight(const Plane& weight, const Plane* parent, Plane* eta) {
   const std::vector<float> zeros(static_cast<size_t>(eta->width()), 0.0f);
   for (int y = 0; y < eta->height(); ++y) {
-    const float* instead = fallback != nullptr ? fallback->Row(y) : zeros.data();
-    QuotientRow(weight.Row(y), kLeastClusterMass, instead, eta->width(), eta->Row(y));
+    for (int x = 0; x < eta->width() && parent != nullptr; ++x)
+      eta->At(x, y) += kParentMass * parent->At(x, y);
+    QuotientRow(weight.Row(y), kLeastClusterMass, zeros.data(), eta->width(), eta->Row(y));
   }
 }
 
@@ -105,6 +106,9 @@ Manifold MakeManifold(ClusterSums sums, const Planes* parent, float sigma_cells,
   const int axis_step = AxisRowStep(sums.weight);
   const ClusterSums axis_rows = iterations > 0 ? AxisRows(sums) : ClusterSums{};
   LowPass(sigma_cells, &sums.weight);
+  if (parent != nullptr)
+    ForEachPixel(sums.weight.width(), sums.weight.height(),
+                 [&](int x, int y) { sums.weight.At(x, y) += kParentMass; });
   Manifold manifold{std::move(sums.weighted), {}};
   ParallelFor(pool, static_cast<int64_t>(manifold.eta.size()), [&](int64_t task) {
     const size_t k = static_cast<size_t>(task);

@@ -158,18 +158,18 @@ PointWeights Points::Weigh(const std::vector<Manifold>& manifolds, TaskPool* poo
   return weights;
 }
 
-void Points::SplatRun(const Run& run, const std::vector<float>& signals, const PointWeights& weights,
-                      Packed* splats) const {
+void Points::SplatRun(const Run& run, const std::vector<float>& signals, const std::vector<float>& masses,
+                      const PointWeights& weights, Packed* splats) const {
   const size_t samples = points_.samples;
   const size_t lanes = weights.stride;
   const size_t channels = splats->stride / lanes - 1;
   float* __restrict cell = splats->cells.data() + run.own * splats->stride;
   for (size_t p = run.first * samples; p < run.last * samples; ++p) {
-    if (points_.weights[p] == 0) continue;
+    if (masses[p] == 0) continue;
     const float* __restrict on_manifolds = weights.values.data() + p * lanes;
     const float* signal = signals.data() + p / samples * channels * samples + p % samples;
     std::array<float, kMostManifolds> mass;
-    for (size_t i = 0; i < lanes; ++i) mass[i] = points_.weights[p] * on_manifolds[i] / run.area;
+    for (size_t i = 0; i < lanes; ++i) mass[i] = masses[p] * on_manifolds[i] / run.area;
     for (size_t c = 0; c <= channels; ++c) {
       const float value = c < channels ? signal[c * samples] : 1.0f;
       for (size_t i = 0; i < lanes; ++i) cell[c * lanes + i] += mass[i] * value;
@@ -177,13 +177,13 @@ void Points::SplatRun(const Run& run, const std::vector<float>& signals, const P
   }
 }
 
-void Points::Splat(const std::vector<float>& signals, const PointWeights& weights, TaskPool* pool,
-                   std::vector<Planes>* splats) const {
+void Points::Splat(const std::vector<float>& signals, const std::vector<float>& masses,
+                   const PointWeights& weights, TaskPool* pool, std::vector<Planes>* splats) const {
   Packed packed = Pack(
       splats->size(), [&](size_t i) -> const Planes& { return (*splats)[i]; }, weights.stride, 1, pool);
   ParallelFor(pool, static_cast<int64_t>(by_row_.size()), [&](int64_t row) {
     for (const size_t run : by_row_[static_cast<size_t>(row)])
-      SplatRun(runs_[run], signals, weights, &packed);
+      SplatRun(runs_[run], signals, masses, weights, &packed);
   });
   ParallelFor(pool, static_cast<int64_t>(splats->size()), [&](int64_t task) {
     const auto manifold = static_cast<size_t>(task);

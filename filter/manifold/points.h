@@ -30,10 +30,10 @@ class Points {
   /// exp(-squared distance between the points' features and each manifold).
   PointWeights Weigh(const std::vector<Manifold>& manifolds, TaskPool* pool) const;
 
-  /// Adds the points' signals to the splats of a level: weight * w * signal, and weight * w, over the cell's area.
-  /// `signals`: laid out as SlicePoints::signals, C channels.
-  void Splat(const std::vector<float>& signals, const PointWeights& weights, TaskPool* pool,
-             std::vector<Planes>* splats) const;
+  /// Adds the points' signals to the splats of a level: mass * w * signal, and mass * w, over the cell's area.
+  /// `signals`: laid out as SlicePoints::signals, C channels; `masses`: as SlicePoints::weights.
+  void Splat(const std::vector<float>& signals, const std::vector<float>& masses, const PointWeights& weights,
+             TaskPool* pool, std::vector<Planes>* splats) const;
 
   /// Adds w * psi of a level's manifolds to the points' sums: values and weights, laid out as in SlicedPoints.
   /// Source: Gruzdev et al. 2015, antialiasing.
@@ -64,8 +64,8 @@ class Points {
   /// All floats of a cell at the pixel of a run, bilinearly.
   static void Read(const Packed& packed, const Run& run, float* values);
   void WeighRun(size_t run, const Packed& eta, size_t lanes, float* scratch, float* weights) const;
-  void SplatRun(const Run& run, const std::vector<float>& signals, const PointWeights& weights,
-                Packed* splats) const;
+  void SplatRun(const Run& run, const std::vector<float>& signals, const std::vector<float>& masses,
+                const PointWeights& weights, Packed* splats) const;
   void SliceRun(const Run& run, const Packed& psi, size_t manifold, size_t channels,
                 const PointWeights& weights, float* scratch, SlicedPoints* sums) const;
 

@@ -2,8 +2,9 @@
 
 #include <vector>
 
-#include "filter/manifold/manifold_filter.h"
-#include "filter/manifold/splat.h"
+#include "filter/image/planes.h"
+#include "filter/kernels/row_kernels.h"
+#include "filter/manifold/lattice.h"
 
 namespace lumifold::filter {
 
@@ -13,14 +14,18 @@ namespace lumifold::filter {
 class StripSlice {
  public:
   /// `psi`: for each manifold the blurred planes of cells, C of signals and one of the weight.
-  StripSlice(const PixelState& state, const std::vector<Planes>& psi);
+  /// `weights`: of the pixels, for each manifold.
+  StripSlice(const Planes& weights, const std::vector<Planes>& psi, const Lattice& lattice,
+             const Widening& widening);
 
   /// (*sums)[c] += sum over manifolds of w * psi, in pixel row y.
   void PixelRow(int y, Planes* sums);
 
  private:
-  const PixelState& state_;
+  const Planes& weights_;
   const std::vector<Planes>& psi_;
+  const Lattice& lattice_;
+  const Widening& widening_;
   size_t planes_;
   std::vector<float> cells_;  // a row of cells a manifold and plane
   std::vector<const float*> upper_, lower_, weight_rows_;

@@ -218,11 +218,7 @@ std::vector<Case> InvarianceCases() {
        "128x96, 16 spp",
        "",
        {{"2^20", 1e-4}, {"any factor", 1e-4}},
-       DarkRoom,
-       KnownFailure{
-           {0, 2.8e-04},
-           "a factor that is no power of two rounds the film by 6e-8; a few pixels far from every manifold "
-           "then change their cluster of features. A unit test holds 499 of 500 pixels to 1e-4"}},
+       DarkRoom},
       {31,
        "mirrored film",
        "a film mirrored horizontally: mean square difference over the error",

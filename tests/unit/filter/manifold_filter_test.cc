@@ -76,11 +76,32 @@ TEST(ManifoldFilter, EqualsItsOracleForOddSizesMasksReachesAndHeights) {
     ManifoldParams params;
     params.sigma_s = c.sigma_s;
     params.height = c.tree_height;
-    const ManifoldResult slow =
-        ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, c.sigma_s, nullptr);
-    EXPECT_LT(WorstDifference(Filtered(input, params), slow.filtered), 2e-5)
-        << c.width << "x" << c.height << " H " << c.tree_height;
+    for (const bool keeps_mass : {false, true}) {
+      params.keeps_mass = keeps_mass;
+      const ManifoldResult slow =
+          ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, c.sigma_s, nullptr);
+      EXPECT_LT(WorstDifference(Filtered(input, params), slow.filtered), 2e-5)
+          << c.width << "x" << c.height << " H " << c.tree_height << (keeps_mass ? " keeps mass" : "");
+    }
   }
+}
+
+TEST(ManifoldFilter, PixelsFarFromAllManifoldsCountAsMuchAsOthersIfTheyKeepTheirMass) {
+  constexpr int kSize = 32;
+  Input input = MakeInput(kSize, kSize, 1, false, 5);
+  double mean = 0;
+  for (int y = 0; y < kSize; ++y) {
+    for (int x = 0; x < kSize; ++x) {
+      const bool is_far = (x + y) % 2 == 0 && x % 4 == 0;  // a fourth, 2.25 sigma from the one manifold
+      input.features[0].At(x, y) = is_far ? 3.0f : 0.0f;
+      for (Plane& signal : input.signals) signal.At(x, y) = is_far ? 1.0f : 0.0f;
+      mean += is_far ? 1.0 / (kSize * kSize) : 0.0;
+    }
+  }
+  ManifoldParams params = {.sigma_s = 1e6f, .height = 1, .cell = 4};
+  EXPECT_LT(Filtered(input, params)[0].At(9, 9), 0.1 * mean);
+  params.keeps_mass = true;
+  EXPECT_NEAR(Filtered(input, params)[0].At(9, 9), mean, 1e-3);
 }
 
 TEST(ManifoldFilter, EqualsItsOracleAtAReachAndCellsOfItsOwn) {
@@ -167,11 +188,12 @@ TEST(ManifoldFilter, SplatsPointsWithSignalsAsItsOracleDoes) {
     points.features.insert(points.features.end(), repeated.begin(), repeated.end());
     const Planes before = Filtered(input, {.height = 3});
     AddSignals(3, &points);
-    for (const float reach : {16.0f, 5.0f}) {
+    for (const auto& [reach, keeps_mass] : {std::pair{16.0f, false}, {5.0f, false}, {16.0f, true}}) {
+      const ManifoldParams params = {.height = 3, .keeps_mass = keeps_mass};
       const ManifoldResult fast = ManifoldFilterAtPoints(input.signals, input.features, input.mask.view(),
-                                                         {.height = 3}, reach, &points, nullptr);
+                                                         params, reach, &points, nullptr);
       const ManifoldResult slow =
-          ManifoldFilterSlow(input.signals, input.features, input.mask.view(), {.height = 3}, reach, &points);
+          ManifoldFilterSlow(input.signals, input.features, input.mask.view(), params, reach, &points);
       EXPECT_LT(WorstDifference(fast.filtered, slow.filtered), 1e-4) << samples << " " << reach;
       EXPECT_LT(WorstDifference(fast.points.values, slow.points.values), 1e-4) << samples << " " << reach;
       EXPECT_LT(WorstDifference(fast.points.weights, slow.points.weights), 1e-4) << samples << " " << reach;

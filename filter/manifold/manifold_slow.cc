@@ -103,7 +103,8 @@ class SlowFilter {
     const Grid no_points(points != nullptr ? static_cast<int>(points->samples) : 0,
                          points != nullptr ? static_cast<int>(points->pixels.size()) : 0);
     point_sums_.assign(signals.size() + 1, no_points);
-    if (HasSignals()) point_masses_.assign(points->weights.begin(), points->weights.end());
+    if (points == nullptr || points->signals.empty()) return;
+    point_masses_.assign(points->weights.begin(), points->weights.end());
     point_totals_.assign(point_masses_.size(), 0.0);
     for (size_t i = 0; i < point_masses_.size(); ++i) {
       const auto [x, y] = points->pixels[i / points->samples];

@@ -92,7 +92,8 @@ TEST(ManifoldFilter, PixelsFarFromAllManifoldsCountAsMuchAsOthersIfTheyKeepTheir
   double mean = 0;
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
-      const bool is_far = (x + y) % 2 == 0 && x % 4 == 0;  // an eighth of them: the one manifold runs at 0.375
+      const bool is_far =
+          (x + y) % 2 == 0 && x % 4 == 0;  // an eighth of them: the one manifold runs at 0.375
       input.features[0].At(x, y) = is_far ? 3.0f : 0.0f;
       for (Plane& signal : input.signals) signal.At(x, y) = is_far ? 1.0f : 0.0f;
       mean += is_far ? 1.0 / (kSize * kSize) : 0.0;

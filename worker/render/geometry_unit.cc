@@ -45,19 +45,22 @@ constexpr float kBrightLuminance = 1;
 constexpr int kFineGrid = 4;
 constexpr int kFineRays = kFineGrid * kFineGrid;
 
-/// Where ray number `ray` of a refined sub-sample lies in the pixel. All 256 rays of a pixel have different columns and
-/// rows, so that a slice of any width along an axis gets its share.
-/// Source: Chiu, Shirley and Wang 1994, "Multi-Jittered Sampling".
-Vec2 FinePointOf(int sub_sample, int ray) {
-  constexpr int kSide = kGrid * kFineGrid;
-  constexpr float kRays = kSide * kSide;
-  const int column = sub_sample % kGrid;
-  const int row = sub_sample / kGrid;
-  const int i = ray % kFineGrid;
-  const int j = ray / kFineGrid;
-  const int x = (column * kFineGrid + i) * kSide + j * kGrid + row;
-  const int y = (row * kFineGrid + j) * kSide + i * kGrid + column;
-  return {(static_cast<float>(x) + 0.5f) / kRays, (static_cast<float>(y) + 0.5f) / kRays};
+/// Where the rays of a pixel's refined sub-samples lie in it.
+using FinePoints = std::array<std::array<Vec2, kFineRays>, kSubSamples>;
+
+/// The first 256 points of a scrambled (0,2)-sequence, of which each cell of the grid has as many. A fixed pattern, however
+/// even, has lines that fall between its points, and edges of all slopes occur: such a pixel has a wrong share of a lamp
+/// with any number of samples. Scrambled anew in each pixel, the error has no sign in common.
+FinePoints FinePointsOf(int64_t pixel) {
+  constexpr uint64_t kSeed = 0x66696e65;  // not that of any frame's samples
+  FinePoints points;
+  std::array<size_t, kSubSamples> found = {};
+  for (uint32_t i = 0; i < kSubSamples * kFineRays; ++i) {
+    const Vec2 point = Sampler(kSeed, 0, pixel, 2 * i).Get2D(kCameraPair);  // those of one half
+    const auto cell = static_cast<size_t>(point.y * kGrid) * kGrid + static_cast<size_t>(point.x * kGrid);
+    points[cell][found[cell]++] = point;
+  }
+  return points;
 }
 
 /// Where the ray of a sub-sample passes the lens: each centre of another 4x4 grid once, so that every row and
@@ -210,13 +213,18 @@ class PixelScan {
   }
 
   /// Makes E of a sub-sample a mean over its cell. T stays that of its surface: fragments must not mix surfaces.
-  void Refine(int x, int y, int sub_sample, GeometrySample* sample) const {
+  void Refine(int x, int y, const FinePoints& points, size_t sub_sample, GeometrySample* sample) const {
     std::array<GeometrySample, kFineRays> fine;
-    TraceRays(fine, [&](size_t i) { return FineRayOf(x, y, sub_sample, static_cast<int>(i)); });
+    TraceRays(fine, [&](size_t i) {
+      return RayAt(x, y, points[sub_sample][i], LensPointOf(static_cast<int>(sub_sample)), kGrid * kFineGrid,
+                   static_cast<uint32_t>(kSubSamples + sub_sample * kFineRays + i));
+    });
     sample->emitted = {};
     for (const GeometrySample& s : fine) sample->emitted += s.emitted;
     sample->emitted = sample->emitted / static_cast<float>(kFineRays);
   }
+
+  int64_t NumberOf(int x, int y) const { return camera_.NumberOf(x, y); }
 
  private:
   /// Pixels from x0_ on; empty outside the frame.
@@ -236,11 +244,6 @@ class PixelScan {
   Ray RayOf(int x, int y, int sub_sample) const {
     return RayAt(x, y, PointOf(sub_sample), LensPointOf(sub_sample), kGrid,
                  static_cast<uint32_t>(sub_sample));
-  }
-
-  Ray FineRayOf(int x, int y, int sub_sample, int ray) const {
-    const auto number = static_cast<uint32_t>(kSubSamples + sub_sample * kFineRays + ray);
-    return RayAt(x, y, FinePointOf(sub_sample, ray), LensPointOf(sub_sample), kGrid * kFineGrid, number);
   }
 
   /// The ray of this number through a point in the pixel, one of a grid of `side` rays a side.
@@ -308,8 +311,9 @@ std::array<GeometrySample, kSubSamples> AllSamples(const PixelScan& scan, int x,
   std::array<GeometrySample, kSubSamples> samples;
   for (size_t i = 0; i < kFirst.size(); ++i) samples[static_cast<size_t>(kFirst[i])] = pixel.samples[i];
   for (size_t i = 0; i < kOthers.size(); ++i) samples[static_cast<size_t>(kOthers[i])] = others[i];
-  for (int i = 0; is_near_light && i < kSubSamples; ++i)
-    scan.Refine(x, y, i, &samples[static_cast<size_t>(i)]);
+  if (!is_near_light) return samples;
+  const FinePoints points = FinePointsOf(scan.NumberOf(x, y));
+  for (size_t i = 0; i < kSubSamples; ++i) scan.Refine(x, y, points, i, &samples[i]);
   return samples;
 }
 

@@ -18,7 +18,7 @@ namespace {
 
 /// The rounds follow from the estimates by sampling::FrameSampling: where it decides otherwise than before, records of before
 /// would name other units than those committed, and the version is to be incremented.
-constexpr rpc::CheckedFileType kRoundsFile = {"LFRA", "the record of rounds", int64_t{1} << 30};
+constexpr rpc::CheckedFileType kRoundsFile = {"LFRB", "the record of rounds", int64_t{1} << 30};
 
 absl::StatusOr<v1::RoundEstimates> ReadEstimates(const std::string& path) {
   absl::StatusOr<std::string> bytes = rpc::ReadCheckedFile(path, kRoundsFile);

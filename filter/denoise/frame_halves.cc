@@ -88,7 +88,7 @@ Plane ChooseChange(const Frame& frame, const Plane& mixed, const std::vector<Fra
     }
     return picture;
   };
-  const Choice choice(halves, LightOf(halves, picture_of(*change), pool), settings.choice, pool);
+  const Choice choice(halves, LightOf(halves, picture_of(*change), pool), settings.choice, nullptr, pool);
   const auto compare = [&](const FrameChange& with) {
     Plane share = choice.ShareOf(picture_of(*change), picture_of(with), pool);
     for (size_t h = 0; h < 2; ++h) MoveTowards(with[h], share, pool, &(*change)[h]);

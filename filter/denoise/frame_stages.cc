@@ -61,7 +61,7 @@ void RunRemainder(FrameState* state) {
 
 void RunRegression(FrameState* state) {
   state->candidates =
-      FitMixedPixels(state->frame, state->mixed, state->change, state->settings.regression,
+      FitMixedPixels(state->frame, state->mixed, state->change, state->settings.layer.regression,
                      state->settings.layer.knee, state->settings.products.ranges, state->pool);
 }
 
@@ -113,7 +113,7 @@ const std::vector<FrameStage>& DefaultFrameStages() {
         .off_when = "one half alone",
         .source = "Bitterli et al. 2016",
         .header = "filter/edges/regression.h",
-        .window_px = [](const Settings& s) { return RegressionWindow(s.regression); }},
+        .window_px = [](const Settings& s) { return RegressionWindow(s.layer.regression); }},
        HasBothHalves,
        RunRegression},
       {{.name = "frame-choice",

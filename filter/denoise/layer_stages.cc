@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "absl/types/span.h"
 #include "filter/denoise/firefly.h"
 #include "filter/denoise/single_filtering.h"
+#include "filter/edges/light_regression.h"
 #include "filter/layers/features.h"
 #include "filter/layers/guide.h"
 
@@ -68,10 +70,10 @@ void SetMixedPixels(const LayerFragments& fragments, size_t h, Half* half) {
 
 /// Filters what `base`, if not null, leaves of half `h`, and adds it to the base: twicing.
 Half FilterHalf(const LayerState& state, size_t h, const Planes& features, const ManifoldParams& manifolds,
-                float reach_px, const Filtering* base) {
+                float reach_px, const Candidate* base) {
   const LayerFragments& fragments = state.fragments;
   const Planes& light = HalfOf(state.halves, h);
-  const Planes rest = base != nullptr ? Difference(light, HalfOf(base->picture, h), state.pool) : Planes{};
+  const Planes rest = base != nullptr ? Difference(light, HalfOf(*base, h), state.pool) : Planes{};
   std::vector<float> rest_at_points = fragments.light[h];
   for (size_t i = 0; base != nullptr && i < rest_at_points.size(); ++i)
     rest_at_points[i] -= base->points[h][i];
@@ -82,24 +84,20 @@ Half FilterHalf(const LayerState& state, size_t h, const Planes& features, const
   if (!fragments.IsEmpty()) KeepLostPoints(points, &result.points);
   Half half{std::move(result.filtered), std::move(result.points.values)};
   if (base != nullptr) {
-    AddPlanes(HalfOf(base->picture, h), state.pool, absl::MakeSpan(half.planes));
+    AddPlanes(HalfOf(*base, h), state.pool, absl::MakeSpan(half.planes));
     for (size_t i = 0; i < half.points.size(); ++i) half.points[i] += base->points[h][i];
   }
   SetMixedPixels(fragments, h, &half);
   return half;
 }
 
-Filtering Pair(Half a, Half b) {
-  return {{std::move(a.planes), std::move(b.planes)}, {std::move(a.points), std::move(b.points)}};
-}
-
-Filtering Clone(const Filtering& from) {
-  return {{lumifold::Clone(from.picture.a), lumifold::Clone(from.picture.b)}, from.points};
+Candidate Pair(Half a, Half b) {
+  return {std::move(a.planes), std::move(b.planes), {std::move(a.points), std::move(b.points)}};
 }
 
 /// The halves as they are, without what was removed as fireflies.
-Filtering Noisy(const LayerState& state) {
-  return {{lumifold::Clone(state.halves.a), lumifold::Clone(state.halves.b)}, state.fragments.light};
+Candidate Noisy(const LayerState& state) {
+  return {Clone(state.halves.a), Clone(state.halves.b), state.fragments.light};
 }
 
 void RunFireflies(LayerState* state) {
@@ -142,7 +140,7 @@ void ScalePatches(float by, size_t geometry, TaskPool* pool, Planes* features) {
 
 void RunSecondFilterings(LayerState* state) {
   const LayerSettings& settings = state->settings;
-  const Candidate& first = state->candidates.front().picture;
+  const Candidate& first = state->candidates.front();
   float range = settings.twicing_ranges.front();
   FeaturePair features =
       MakeFeatures(MakeGuide(state->halves, first.a, first.b, settings.knee, state->pool), state->halves,
@@ -153,7 +151,7 @@ void RunSecondFilterings(LayerState* state) {
         ScalePatches(range / next, state->geometry.size(), state->pool, half);
       range = next;
     }
-    const Filtering& base = state->candidates.front();
+    const Candidate& base = state->candidates.front();
     Half a = FilterHalf(*state, 0, features.b, settings.twicing_manifolds, settings.reach_px, &base);
     Half b = FilterHalf(*state, 1, features.a, settings.twicing_manifolds, settings.reach_px, &base);
     state->candidates.push_back(Pair(std::move(a), std::move(b)));
@@ -161,7 +159,7 @@ void RunSecondFilterings(LayerState* state) {
 }
 
 void RunFireflyEnergy(LayerState* state) {
-  const Candidate& first = state->candidates.front().picture;
+  const Candidate& first = state->candidates.front();
   state->firefly_energy =
       ReturnRemoved(state->removed, Combine(first.a, first.b, state->halves.share_a.view(), state->pool),
                     state->halves, state->geometry, state->settings.knee, state->settings.reach_px,
@@ -169,9 +167,9 @@ void RunFireflyEnergy(LayerState* state) {
 }
 
 /// Moves the result towards a picture. Where a half has no sample of a fragment, the noisy layer says nothing of it.
-void Move(const Filtering& to, const Plane& share, bool is_noisy, LayerState* state) {
-  MoveTowards(to.picture.a, share, state->pool, &state->result.picture.a);
-  MoveTowards(to.picture.b, share, state->pool, &state->result.picture.b);
+void Move(const Candidate& to, const Plane& share, bool is_noisy, LayerState* state) {
+  MoveTowards(to.a, share, state->pool, &state->result.a);
+  MoveTowards(to.b, share, state->pool, &state->result.b);
   const LayerFragments& fragments = state->fragments;
   for (size_t h = 0; h < 2; ++h) {
     for (size_t i = 0; i < fragments.places.size(); ++i) {
@@ -184,11 +182,11 @@ void Move(const Filtering& to, const Plane& share, bool is_noisy, LayerState* st
 }
 
 /// Adds the energy that returns.
-void AddEnergy(const LayerState& state, Filtering* to) {
+void AddEnergy(const LayerState& state, Candidate* to) {
   if (state.firefly_energy[0].empty()) return;
   for (size_t h = 0; h < 2; ++h) {
     const Planes& energy = state.firefly_energy[h];
-    AddPlanes(energy, state.pool, absl::MakeSpan(h == 0 ? to->picture.a : to->picture.b));
+    AddPlanes(energy, state.pool, absl::MakeSpan(h == 0 ? to->a : to->b));
     std::vector<float>& points = to->points[h];
     for (size_t k = 0; k < points.size(); ++k) {
       const auto [x, y] = state.fragments.places[k / 3];
@@ -208,40 +206,73 @@ void ShareEnergy(LayerState* state) {
   AddEnergy(*state, &state->result);
 }
 
-/// Moves the result towards the candidates.
-void ChooseCandidates(LayerState* state) {
-  const Choice choice(state->halves, LightOf(state->halves, state->result.picture, state->pool),
-                      state->settings.choice, state->pool);
-  for (size_t k = 1; k < state->candidates.size(); ++k) {
-    const Filtering& candidate = state->candidates[k];
-    Move(candidate, choice.ShareOf(state->result.picture, candidate.picture, state->pool), false, state);
+/// The noisy layer at the fragments: `light`, in the halves' unit.
+ChoicePoints PointsToCompare(const LayerState& state, std::array<std::vector<float>, 2> light) {
+  const LayerFragments& fragments = state.fragments;
+  ChoicePoints points{.places = fragments.places, .weights = {}, .samples = {}, .noisy = std::move(light)};
+  for (size_t i = 0; i < fragments.places.size(); ++i) {
+    const auto& [x, y] = fragments.places[i];
+    const bool has_both = fragments.share[0][i] > 0 && fragments.share[1][i] > 0;
+    const float covered = 0.5f * (fragments.coverage[0][i] + fragments.coverage[1][i]);
+    const float share = 0.5f * (fragments.share[0][i] + fragments.share[1][i]);
+    points.weights.push_back(has_both ? covered * covered : 0.0f);
+    points.samples.push_back(std::max(1.0f, share * state.halves.samples.At(x, y)));
   }
+  return points;
+}
+
+/// Moves the result towards each candidate.
+void MoveTowardsAll(absl::Span<const Candidate> candidates, LayerState* state) {
+  const ChoicePoints points = PointsToCompare(*state, state->fragments.light);
+  const Choice choice(state->halves, LightOf(state->halves, state->result, state->pool),
+                      state->settings.choice, &points, state->pool);
+  for (const Candidate& candidate : candidates)
+    Move(candidate, choice.ShareOf(state->result, candidate, state->pool), false, state);
+}
+
+void RunChoice(LayerState* state) {
+  state->result = std::move(state->candidates.front());
+  MoveTowardsAll(absl::MakeSpan(state->candidates).subspan(1), state);
+}
+
+/// Where the choice is switched off.
+void UseLastCandidate(LayerState* state) {
+  if (state->result.a.empty()) state->result = std::move(state->candidates.back());
+}
+
+void RunLightRegression(LayerState* state) {
+  UseLastCandidate(state);
+  const LayerSettings& settings = state->settings;
+  const Candidate fitted = FitLight(state->halves, state->fragments, state->geometry, state->result,
+                                    settings.regression, settings.knee, state->pool);
+  MoveTowardsAll(absl::MakeConstSpan(&fitted, 1), state);
 }
 
 /// Moves the result towards the noisy layer without its fireflies. Both are compared with the halves as they were: an
 /// outlier is taken out where the other half contradicts it, so without them the halves of rare light agree by selection.
-void ChooseNoisy(LayerState* state) {
-  Filtering noisy = Noisy(*state);
+void RunNoisyChoice(LayerState* state) {
+  UseLastCandidate(state);
+  AddEnergy(*state, &state->result);
+  Candidate noisy = Noisy(*state);
   AddEnergy(*state, &noisy);
   if (!state->removed[0].empty()) {
     AddPlanes(state->removed[0], state->pool, absl::MakeSpan(state->halves.a));
     AddPlanes(state->removed[1], state->pool, absl::MakeSpan(state->halves.b));
   }
-  const Choice choice(state->halves, LightOf(state->halves, state->result.picture, state->pool),
-                      state->settings.choice, state->pool);
-  Move(noisy, choice.ShareOf(state->result.picture, noisy.picture, state->pool), true, state);
-}
-
-void RunChoice(LayerState* state) {
-  state->result = Clone(state->candidates.front());
-  ChooseCandidates(state);
-  AddEnergy(*state, &state->result);
-  ChooseNoisy(state);
+  std::array<std::vector<float>, 2> light = state->fragments.noisy;
+  for (std::vector<float>& half : light) {
+    for (float& value : half) value /= state->halves.scale;
+  }
+  const ChoicePoints points = PointsToCompare(*state, std::move(light));
+  const Choice choice(state->halves, LightOf(state->halves, state->result, state->pool),
+                      state->settings.choice, &points, state->pool);
+  Move(noisy, choice.ShareOf(state->result, noisy, state->pool), true, state);
   ShareEnergy(state);
 }
 
-void RunWithoutChoice(LayerState* state) {
-  state->result = std::move(state->candidates.back());
+/// Where the choice of the noisy layer is switched off.
+void AddSharedEnergy(LayerState* state) {
+  UseLastCandidate(state);
   AddEnergy(*state, &state->result);
   ShareEnergy(state);
 }
@@ -265,14 +296,19 @@ void RunSingleFiltering(LayerState* state) {
   if (!fragments.IsEmpty()) KeepLostPoints(points, &filtered.points);
   Half half{std::move(filtered.filtered), std::move(filtered.points.values)};
   SetMixedPixels(fragments, 0, &half);
-  Half same{lumifold::Clone(half.planes), half.points};
+  Half same{Clone(half.planes), half.points};
   state->result = Pair(std::move(half), std::move(same));
 }
 
 bool HasBothHalves(const LayerState& state) { return state.halves.has_noise_estimate; }
 bool HasOneHalf(const LayerState& state) { return !state.halves.has_noise_estimate; }
 bool HasCandidates(const LayerState& state) { return !state.candidates.empty(); }
+bool HasMixedPixels(const LayerState& state) {
+  return HasCandidates(state) && !state.halves.is_difference && state.halves.is_mixed.width() > 0;
+}
 
+constexpr char kNoisyChoice[] = "noisy-choice";
+constexpr char kChoiceSource[] = "Rousselle et al. 2012; Breiman 1996";
 constexpr char kManifoldSource[] = "Gastal & Oliveira 2012; Gruzdev et al. 2015";
 
 int ReachWindow(const Settings& settings) { return BlurWindow(settings.layer.reach_px); }
@@ -295,8 +331,8 @@ LayerState Open(const LayerSettings& settings, const Product& product, Halves ha
 }
 
 /// To means over pixels, in the film's unit.
-void RestoreUnits(const Product& product, float scale, TaskPool* pool, Filtering* light) {
-  for (Planes* half : {&light->picture.a, &light->picture.b}) RestoreUnits(product, scale, pool, half);
+void RestoreUnits(const Product& product, float scale, TaskPool* pool, Candidate* light) {
+  for (Planes* half : {&light->a, &light->b}) RestoreUnits(product, scale, pool, half);
   for (std::vector<float>& points : light->points) {
     for (float& value : points) value *= scale;
   }
@@ -352,14 +388,32 @@ const std::vector<LayerStage>& DefaultLayerStages() {
        [](const LayerState& s) { return HasCandidates(s) && !s.removed[0].empty(); },
        RunFireflyEnergy},
       {{.name = "choice",
-        .reads = "halves, candidates, removed energy, energy to return",
+        .reads = "halves, candidates",
         .writes = "the filtered layer, half by half",
         .off_when = "one half alone; when switched off, the last candidate is taken",
-        .source = "Rousselle et al. 2012; Breiman 1996",
+        .source = kChoiceSource,
         .header = "filter/layers/choice.h",
         .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
        HasCandidates,
-       RunChoice}};
+       RunChoice},
+      {{.name = "light-regression",
+        .reads = "halves, fragments, the filtered layer, geometry",
+        .writes = "the filtered layer at mixed pixels, half by half",
+        .off_when = "one half alone; the remainder; no pixel of the layer is mixed",
+        .source = "Bitterli et al. 2016",
+        .header = "filter/edges/light_regression.h",
+        .window_px = [](const Settings& s) { return RegressionWindow(s.layer.regression); }},
+       HasMixedPixels,
+       RunLightRegression},
+      {{.name = kNoisyChoice,
+        .reads = "halves as they were, the filtered layer, removed energy, energy to return",
+        .writes = "the filtered layer, half by half",
+        .off_when = "one half alone",
+        .source = kChoiceSource,
+        .header = "filter/layers/choice.h",
+        .window_px = [](const Settings& s) { return ChoiceWindow(s.layer.choice); }},
+       HasCandidates,
+       RunNoisyChoice}};
   return stages;
 }
 
@@ -380,8 +434,8 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
     stage.run(&state);
     if (watch) watch(stage.info.name);
   }
-  if (state.result.picture.a.empty() && HasCandidates(state)) RunWithoutChoice(&state);
-  if (state.result.picture.a.empty()) state.result = Noisy(state);  // its filtering is switched off
+  if (HasCandidates(state) && IsOff(off, kNoisyChoice)) AddSharedEnergy(&state);
+  if (state.result.a.empty()) state.result = Noisy(state);  // its filtering is switched off
   RestoreUnits(product, scale, pool, &state.result);
   RestoreUnits(product, scale, pool, &state.returned);
   return {std::move(state.result), std::move(state.fragments), std::move(state.returned)};

@@ -23,9 +23,9 @@ struct LayerState {
   LayerFragments fragments;       // their light in the halves' unit
   float guide_noise = 0;          // RMS noise of one half of the first filtering's guide
   std::array<Planes, 2> removed;  // of each half, 3: what was removed as fireflies; empty: nothing was
-  std::vector<Filtering> candidates;
+  std::vector<Candidate> candidates;
   std::array<Planes, 2> firefly_energy;  // of each half, 3: what was removed, spread; empty: nothing
-  Filtering result;
+  Candidate result;
   Planes returned;  // FilteredLayer::returned, in the halves' unit
 };
 

@@ -82,9 +82,10 @@ const std::vector<TunedConstant>& TunedConstants() {
        [](Settings& s) { return Number(&s.layer.fireflies.spread_light); }},
       {"firefly-manifolds", "manifolds",
        [](Settings& s) { return Number(&s.layer.fireflies.spread_height); }},
-      {"fit-reach", "px", [](Settings& s) { return Number(&s.regression.sigma_px); }},
-      {"fit-light", "stabilised light", [](Settings& s) { return Number(&s.regression.sigma_light); }},
-      {"fit-slope", "F over the unit of a term", [](Settings& s) { return Number(&s.regression.slope); }},
+      {"fit-reach", "px", [](Settings& s) { return Number(&s.layer.regression.sigma_px); }},
+      {"fit-light", "stabilised light", [](Settings& s) { return Number(&s.layer.regression.sigma_light); }},
+      {"fit-slope", "F over the unit of a term",
+       [](Settings& s) { return Number(&s.layer.regression.slope); }},
   };
   return constants;
 }

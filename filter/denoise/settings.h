@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "filter/denoise/firefly.h"
-#include "filter/edges/regression.h"
+#include "filter/edges/model_grid.h"
 #include "filter/layers/choice.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/layers/product.h"
@@ -37,6 +37,7 @@ struct LayerSettings {
   float mixed_range = 2;
   FireflyParams fireflies;
   ChoiceParams choice;
+  RegressionParams regression;  // of its light, and of the frame
   /// Where one half alone is known, its noise is a rough guess, and geometry guides far better than patches.
   SingleFilteringParams single = {.range_factor = 8,
                                   .manifolds = {.sigma_s = 8, .height = 5, .keeps_mass = true}};
@@ -45,7 +46,6 @@ struct LayerSettings {
 /// How a frame is filtered.
 struct Settings {
   LayerSettings layer;
-  RegressionParams regression;
   ProductParams products;
   /// Glossy albedo above which nearly all light of a pixel is glossy: what it mirrors tells such pixels apart, the
   /// features do not. They are mixed pixels.

@@ -11,7 +11,8 @@
 namespace lumifold::filter {
 namespace {
 
-constexpr size_t kKinds = 2;  // pixels that are not mixed, and those that are
+constexpr float kMixedKind = 1;
+constexpr float kPointKind = 2;
 /// Terms that are summed: numerator n and denominator d of t, n^2, n d, d^2, and d times the relative variance of a half.
 constexpr size_t kTerms = 6;
 
@@ -53,43 +54,102 @@ int CellsInWindow(int i, int radius, int size) {
 
 }  // namespace
 
-Choice::Choice(const Halves& halves, const Plane& light, const ChoiceParams& params, TaskPool* pool)
-    : halves_(halves), params_(params), weight_(BothHalvesMask(halves)) {
+/// n, d, and d times the relative variance of a half, of one pixel or point.
+struct Choice::Terms {
+  float numerator = 0;
+  float denominator = 0;
+  float variance = 0;
+
+  /// Of one channel of F, G - F and N, by half.
+  void AddChannel(float fa, float fb, float da, float db, float a, float b) {
+    numerator += da * (b - fa) + db * (a - fb) + 0.5f * (da - db) * (fa - fb);
+    denominator += 0.5f * (da + db) * (da + db);
+    variance += (a - b) * (a - b);
+  }
+
+  /// Weighs all of them. The halves may agree by chance; n samples that vary by as much as their mean have relative
+  /// variance 1 / n.
+  void Weigh(float weight, float samples) {
+    numerator *= weight;
+    denominator *= weight;
+    variance = weight * variance + 2 * denominator / samples;
+  }
+
+  void Add(const Terms& other) {
+    numerator += other.numerator;
+    denominator += other.denominator;
+    variance += other.variance;
+  }
+};
+
+Choice::Choice(const Halves& halves, const Plane& light, const ChoiceParams& params,
+               const ChoicePoints* points, TaskPool* pool)
+    : halves_(halves),
+      params_(params),
+      points_(points),
+      weight_(BothHalvesMask(halves)),
+      kind_(halves.width(), halves.height()) {
   ForEachPixel(pool, halves.width(), halves.height(), [&](int x, int y) {
     float& weight = weight_.At(x, y);
     if (weight > 0) weight = ErrorWeight(light.At(x, y), params.dim);
+    if (halves.is_mixed.width() > 0 && halves.is_mixed.At(x, y) > 0) kind_.At(x, y) = kMixedKind;
   });
+  if (halves.is_mixed.width() > 0) kinds_ = static_cast<size_t>(kMixedKind) + 1;
+  if (points_ == nullptr || points_->places.empty()) return;
+  kinds_ = static_cast<size_t>(kPointKind) + 1;
+  for (const auto& [x, y] : points_->places) {
+    kind_.At(x, y) = kPointKind;
+    weight_.At(x, y) = ErrorWeight(light.At(x, y), params.dim);
+  }
 }
 
-Planes Choice::Terms(const Candidate& f, const Candidate& g, TaskPool* pool) const {
-  Planes terms = MakePlanes((HasMixed() ? kKinds : 1) * kTerms, halves_.width(), halves_.height());
-  ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
-    const float weight = weight_.At(x, y);
-    if (!(weight > 0)) return;
-    float numerator = 0;
-    float denominator = 0;
-    float between_halves =
-        halves_.expected_difference.width() > 0 ? halves_.expected_difference.At(x, y) : 0.0f;
-    for (size_t c = 0; c < 3; ++c) {
-      const float a = halves_.a[c].At(x, y);
-      const float b = halves_.b[c].At(x, y);
-      const float fa = f.a[c].At(x, y);
-      const float fb = f.b[c].At(x, y);
-      const float da = g.a[c].At(x, y) - fa;
-      const float db = g.b[c].At(x, y) - fb;
-      numerator += da * (b - fa) + db * (a - fb) + 0.5f * (da - db) * (fa - fb);
-      denominator += 0.5f * (da + db) * (da + db);
-      between_halves += (a - b) * (a - b);
-    }
-    const size_t first = IsMixed(x, y) ? kTerms : 0;
-    const float n = weight * numerator;
-    const float d = weight * denominator;
-    // The halves may agree by chance; n samples that vary by as much as their mean have relative variance 1 / n.
-    const float variance = weight * between_halves + 2 * d / halves_.samples.At(x, y);
-    const std::array<float, kTerms> values = {n, d, n * n, n * d, d * d, variance};
-    for (size_t k = 0; k < kTerms; ++k) terms[first + k].At(x, y) = values[k];
-  });
+Choice::Terms Choice::TermsOfPixel(const Candidate& f, const Candidate& g, int x, int y) const {
+  Terms terms;
+  terms.variance = halves_.expected_difference.width() > 0 ? halves_.expected_difference.At(x, y) : 0.0f;
+  for (size_t c = 0; c < 3; ++c) {
+    const float fa = f.a[c].At(x, y);
+    const float fb = f.b[c].At(x, y);
+    terms.AddChannel(fa, fb, g.a[c].At(x, y) - fa, g.b[c].At(x, y) - fb, halves_.a[c].At(x, y),
+                     halves_.b[c].At(x, y));
+  }
+  terms.Weigh(weight_.At(x, y), halves_.samples.At(x, y));
   return terms;
+}
+
+Choice::Terms Choice::TermsOfPoint(const Candidate& f, const Candidate& g, size_t point) const {
+  Terms terms;
+  for (size_t k = 3 * point; k < 3 * point + 3; ++k) {
+    const float fa = f.points[0][k];
+    const float fb = f.points[1][k];
+    terms.AddChannel(fa, fb, g.points[0][k] - fa, g.points[1][k] - fb, points_->noisy[0][k],
+                     points_->noisy[1][k]);
+  }
+  const auto& [x, y] = points_->places[point];
+  terms.Weigh(weight_.At(x, y) * points_->weights[point], points_->samples[point]);
+  return terms;
+}
+
+Planes Choice::AllTerms(const Candidate& f, const Candidate& g, TaskPool* pool) const {
+  Planes planes = MakePlanes(kinds_ * kTerms, halves_.width(), halves_.height());
+  const auto set = [&](int x, int y, const Terms& terms) {
+    const float n = terms.numerator;
+    const float d = terms.denominator;
+    const std::array<float, kTerms> values = {n, d, n * n, n * d, d * d, terms.variance};
+    for (size_t k = 0; k < kTerms; ++k) planes[KindOf(x, y) * kTerms + k].At(x, y) = values[k];
+  };
+  ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
+    if (kind_.At(x, y) != kPointKind && weight_.At(x, y) > 0) set(x, y, TermsOfPixel(f, g, x, y));
+  });
+  const size_t points = points_ != nullptr ? points_->places.size() : 0;
+  for (size_t i = 0; i < points;) {  // the points of a pixel follow each other
+    const std::array<int, 2> place = points_->places[i];
+    Terms terms;
+    for (; i < points && points_->places[i] == place; ++i) {
+      if (points_->weights[i] > 0) terms.Add(TermsOfPoint(f, g, i));
+    }
+    set(place[0], place[1], terms);
+  }
+  return planes;
 }
 
 void Choice::Refine(const Planes& terms, int cell, int radius, TaskPool* pool, Plane* t) const {
@@ -99,7 +159,7 @@ void Choice::Refine(const Planes& terms, int cell, int radius, TaskPool* pool, P
   ForEachPixel(pool, t->width(), t->height(), [&](int x, int y) {
     const int cx = x / cell;
     const int cy = y / cell;
-    const size_t first = IsMixed(x, y) ? kTerms : 0;
+    const size_t first = KindOf(x, y) * kTerms;
     const auto mean = [&](size_t k) { return means[first + k].At(cx, cy); };
     if (!(mean(1) > 0)) return;
     const auto cells =
@@ -113,21 +173,22 @@ void Choice::Refine(const Planes& terms, int cell, int radius, TaskPool* pool, P
 }
 
 Plane Choice::Smooth(const Planes& share, TaskPool* pool) const {
-  if (!HasMixed()) return std::move(BoxMeans(share, halves_.weight.view(), params_.blend_radius, pool)[0]);
-  std::array<Plane, kKinds> weights;
-  for (Plane& weight : weights) weight = Plane(halves_.width(), halves_.height());
-  ForEachPixel(pool, halves_.width(), halves_.height(),
-               [&](int x, int y) { weights[IsMixed(x, y) ? 1 : 0].At(x, y) = halves_.weight.At(x, y); });
-  Plane smooth = std::move(BoxMeans(share, weights[0].view(), params_.blend_radius, pool)[0]);
-  const Planes of_mixed = BoxMeans(share, weights[1].view(), params_.blend_radius, pool);
-  ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
-    if (IsMixed(x, y)) smooth.At(x, y) = of_mixed[0].At(x, y);
-  });
+  Plane smooth(halves_.width(), halves_.height());
+  for (size_t kind = 0; kind < kinds_; ++kind) {
+    Plane weights(halves_.width(), halves_.height());
+    ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
+      if (KindOf(x, y) == kind) weights.At(x, y) = halves_.weight.At(x, y);
+    });
+    const Planes means = BoxMeans(share, weights.view(), params_.blend_radius, pool);
+    ForEachPixel(pool, halves_.width(), halves_.height(), [&](int x, int y) {
+      if (KindOf(x, y) == kind) smooth.At(x, y) = means[0].At(x, y);
+    });
+  }
   return smooth;
 }
 
 Plane Choice::ShareOf(const Candidate& f, const Candidate& g, TaskPool* pool) const {
-  const Planes terms = Terms(f, g, pool);
+  const Planes terms = AllTerms(f, g, pool);
   Planes share = MakePlanes(1, halves_.width(), halves_.height());
   Plane& t = share[0];
   const Planes cells = CellSums(terms, pool);

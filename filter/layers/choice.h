@@ -1,5 +1,9 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <vector>
+
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/halves.h"
@@ -8,8 +12,17 @@ namespace lumifold::filter {
 
 /// A picture in two halves, each made without the samples of the other.
 struct Candidate {
-  Planes a;
+  Planes a;  // 3
   Planes b;
+  std::array<std::vector<float>, 2> points = {};  // 3 for each fragment of its mixed pixels, by half; or none
+};
+
+/// The noisy picture at the fragments of pixels that show several surfaces.
+struct ChoicePoints {
+  std::vector<std::array<int, 2>> places;   // x, y of the pixel of each point
+  std::vector<float> weights;               // of its squared error in its pixel's; 0 where a half is missing
+  std::vector<float> samples;               // of both halves
+  std::array<std::vector<float>, 2> noisy;  // 3 of each point, by half
 };
 
 struct ChoiceParams {
@@ -34,24 +47,31 @@ inline constexpr int kChoiceCell = 4;
 /// Noise that F and G have in common cancels. Sums are over windows. The t of a narrow window replaces that of the
 /// next wider one, and that of the widest window replaces 0, as far as the difference is significant: it is
 /// multiplied by max(0, 1 - significance * variance / difference^2). So each estimate is smoothed as far as its own
-/// noise asks, and a difference that the halves do not show changes nothing. Errors are weighted by ErrorWeight();
-/// pixels in which or beside which several surfaces meet (Halves::is_mixed) are compared apart from all others.
+/// noise asks, and a difference that the halves do not show changes nothing. Errors are weighted by ErrorWeight().
+/// Three kinds of pixels are compared apart: those with points, whose errors are those of the points; others in which
+/// or beside which several surfaces meet (Halves::is_mixed); and all others.
 ///
 /// Source:  halves: Rousselle et al. 2012; t: stacked regression, Breiman 1996; shrinkage: James & Stein 1961.
 /// Threads: safe concurrently; identical for any pool.
 class Choice {
  public:
-  /// `light`: of the picture over its mean, W x H. Keeps a reference to `halves`, which hold N.
-  Choice(const Halves& halves, const Plane& light, const ChoiceParams& params, TaskPool* pool);
+  /// `light`: of the picture over its mean, W x H. Keeps references to `halves`, which hold N, and to `points`, which may
+  /// be null.
+  Choice(const Halves& halves, const Plane& light, const ChoiceParams& params, const ChoicePoints* points,
+         TaskPool* pool);
 
-  /// t of each pixel, smoothed. W x H.
+  /// t of each pixel, smoothed. W x H. Both have the points of N.
   Plane ShareOf(const Candidate& f, const Candidate& g, TaskPool* pool) const;
 
  private:
-  bool HasMixed() const { return halves_.is_mixed.width() > 0; }
-  bool IsMixed(int x, int y) const { return HasMixed() && halves_.is_mixed.At(x, y) > 0; }
-  /// The terms of t at each pixel, those of mixed pixels in planes of their own.
-  Planes Terms(const Candidate& f, const Candidate& g, TaskPool* pool) const;
+  /// What a pixel adds to sums of t.
+  struct Terms;
+
+  size_t KindOf(int x, int y) const { return static_cast<size_t>(kind_.At(x, y)); }
+  Terms TermsOfPixel(const Candidate& f, const Candidate& g, int x, int y) const;
+  Terms TermsOfPoint(const Candidate& f, const Candidate& g, size_t point) const;
+  /// The terms of t at each pixel, those of each kind in planes of their own.
+  Planes AllTerms(const Candidate& f, const Candidate& g, TaskPool* pool) const;
   /// Moves t towards that of a narrower window. `terms`: of cells of `cell` pixels; `radius` in cells.
   void Refine(const Planes& terms, int cell, int radius, TaskPool* pool, Plane* t) const;
 
@@ -60,7 +80,10 @@ class Choice {
 
   const Halves& halves_;
   const ChoiceParams params_;
-  Plane weight_;  // ErrorWeight() where both halves are known, else 0
+  const ChoicePoints* points_;
+  Plane weight_;      // ErrorWeight() where both halves are known, else 0
+  Plane kind_;        // of each pixel, from 0
+  size_t kinds_ = 1;  // above the last kind that occurs
 };
 
 /// Light of a picture over its mean: Halves::picture_light where it is known, else the mean of |picture|.

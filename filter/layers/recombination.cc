@@ -29,7 +29,7 @@ void AddMixedPixels(const Rect& box, const FilteredLayer& layer, size_t h, size_
 void AddHalf(const Product& product, const FilteredLayer& layer, size_t h, TaskPool* pool, Planes* rest,
              Planes* change) {
   const Rect& box = product.box;
-  const Planes& after = h == 0 ? layer.light.picture.a : layer.light.picture.b;
+  const Planes& after = h == 0 ? layer.light.a : layer.light.b;
   const ConstColorView& half = h == 0 ? product.halves.a : product.halves.b;
   const ConstFloatView& count = h == 0 ? product.halves.samples_a : product.halves.samples_b;
   const int width = (*change)[0].width();
@@ -66,7 +66,7 @@ float MeanFactor(const LayerFragments& fragments, const LayerFragments::Pixel& p
 
 FilteredLayer SameForBothHalves(Planes planes) {
   Planes copy = Clone(planes);
-  return {.light = {.picture = {std::move(planes), std::move(copy)}, .points = {}}};
+  return {.light = {std::move(planes), std::move(copy)}};
 }
 
 FilteredLayer BlackLayer(const Product& product) {

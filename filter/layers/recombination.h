@@ -13,16 +13,9 @@
 
 namespace lumifold::filter {
 
-/// A picture of a layer in two halves, each made without the samples of the other; on edge pixels also for each
-/// fragment.
-struct Filtering {
-  Candidate picture;                         // 3 planes each
-  std::array<std::vector<float>, 2> points;  // 3 for each point of the layer's fragments, by half
-};
-
 /// A filtered layer and its fragments, in the film's unit: means over whole pixels.
 struct FilteredLayer {
-  Filtering light;
+  Candidate light;
   LayerFragments fragments = {};
   /// The energy of outliers that half A returns less that of half B, 3 planes; `light` has its mean in both. Empty: none.
   Planes returned = {};

@@ -25,7 +25,7 @@ inline constexpr double kLogVarianceOfDrawnBlock = 0.5;
 /// The error of what the filter made of noise over the variance that its halves show: they share guides, geometry, T, E and
 /// the filter's bias. 1.7 to 2.9 in films of the chart's scenes (docs/decisions/0021-adaptive-sampling.md). It is 1 for noise
 /// that the filter left as it is.
-inline constexpr double kErrorOverVariance = 2.35;
+inline constexpr double kErrorOverVariance = 2.2;
 
 /// Which squared error is estimated: that of Mse255 or of RelMse.
 enum class ErrorMetric { kMse255, kRelMse };

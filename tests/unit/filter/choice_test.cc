@@ -59,7 +59,7 @@ Halves HalvesOf(const Candidate& noisy) {
 }
 
 Plane ShareOf(const Halves& halves, const Candidate& f, const Candidate& g, TaskPool* pool = nullptr) {
-  return Choice(halves, MakePlane(kWidth, kHeight, 1.0f), kParams, pool).ShareOf(f, g, pool);
+  return Choice(halves, MakePlane(kWidth, kHeight, 1.0f), kParams, nullptr, pool).ShareOf(f, g, pool);
 }
 
 double MeanOf(const Plane& plane) {
@@ -169,6 +169,45 @@ TEST(Choice, ComparesMixedPixelsApart) {
                [&](int x, int y) { (is_mixed(x) ? mixed : others) += static_cast<double>(share.At(x, y)); });
   EXPECT_GT(4 * mixed / (kWidth * kHeight), 0.95);
   EXPECT_LT(4 * others / (3 * kWidth * kHeight), 0.1);
+}
+
+TEST(Choice, ComparesPixelsOfSeveralSurfacesByTheirSurfaces) {
+  // In each fourth column two surfaces of light 0 and 2 cover a half of each pixel. F blurs them into each other, which
+  // leaves their mean as it is; G does not. At all other pixels F is the truth, and G is not.
+  const auto has_points = [](int x) { return x % 4 == 0; };
+  const Candidate noisy = Noisy(kNoise, 7);
+  Candidate f = Changed(noisy, [](int, int, float, float truth) { return truth; });
+  Candidate g =
+      Changed(noisy, [&](int x, int, float, float truth) { return has_points(x) ? truth : truth + 0.2f; });
+  ChoicePoints points;
+  std::mt19937 random(5);
+  std::normal_distribution<float> noise(0, kNoise);
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+    if (!has_points(x)) return;
+    for (const float truth : {0.0f, 2.0f}) {
+      points.places.push_back({x, y});
+      points.weights.push_back(0.25f);
+      points.samples.push_back(kSamples / 2);
+      for (size_t h = 0; h < 2; ++h) {
+        for (size_t c = 0; c < 3; ++c) {
+          points.noisy[h].push_back(truth + noise(random));
+          f.points[h].push_back(1);
+          g.points[h].push_back(truth);
+        }
+      }
+    }
+  });
+  const Halves halves = HalvesOf(noisy);
+  const Choice choice(halves, MakePlane(kWidth, kHeight, 1.0f), kParams, &points, nullptr);
+  const Plane share = choice.ShareOf(f, g, nullptr);
+  ForEachPixel(kWidth, kHeight, [&](int x, int y) {
+    EXPECT_NEAR(share.At(x, y), has_points(x) ? 1.0f : 0.0f, 0.15f) << x << ", " << y;
+  });
+  // Points that a half lacks say nothing.
+  std::fill(points.weights.begin(), points.weights.end(), 0.0f);
+  const Plane unknown =
+      Choice(halves, MakePlane(kWidth, kHeight, 1.0f), kParams, &points, nullptr).ShareOf(f, g, nullptr);
+  EXPECT_EQ(unknown.At(4, 9), 0);
 }
 
 TEST(Choice, KnowsNothingOfPixelsWithOneHalf) {

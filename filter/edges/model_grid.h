@@ -1,0 +1,190 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "filter/edges/linear_fit.h"
+#include "filter/image/parallel.h"
+#include "filter/image/planes.h"
+#include "filter/image/portable_math.h"
+#include "filter/image/rect.h"
+#include "filter/kernels/box_mean.h"
+
+namespace lumifold::filter {
+
+struct RegressionParams {
+  float sigma_px = 4;        // of a sample's weight by its distance in the picture; windows reach 1.5 sigma
+  float sigma_light = 0.3f;  // of its weight by F, stabilised
+  float slope = 4;  // deviation of a slope's prior: over a term's unit, light changes by so many times F
+};
+
+inline int WindowRadius(const RegressionParams& params) {
+  return static_cast<int>(std::lround(1.5f * params.sigma_px));
+}
+
+/// Radius in pixels of what a pixel of a regression depends on.
+inline int RegressionWindow(const RegressionParams& params) { return 2 * WindowRadius(params); }
+
+/// Samples of pixels, any number of each, and local linear models fitted to them. Samples in a window are weighted by
+/// their distance in the picture and by their likeness. Models are fitted at every second pixel of every second row, and
+/// each sample takes the weighted mean of those around it.
+/// Threads: identical for any pool.
+/// Source:  the collaborative mean over fits of Bitterli et al. 2016.
+template <size_t kTerms, size_t kSignals, size_t kTraits>
+class ModelGrid {
+ private:
+  static constexpr size_t kLanes = 4;
+  static constexpr size_t kPaddedTraits = (kTraits + kLanes - 1) / kLanes * kLanes;
+
+ public:
+  struct Sample {
+    FitSample<kTerms, kSignals> fit;
+    std::array<float, kPaddedTraits> traits =
+        {};            // samples are as like as these are near: in units of their sigmas
+    float weight = 0;  // in fits; 0 where a half is missing or unusable
+    int x = 0;
+    int y = 0;
+  };
+
+  /// Samples of the pixels within a window of those with `fitted` > 0. Source: size_t Count(x, y) const, and
+  /// void Read(x, y, Sample* samples) const, which fills as many, but for x and y.
+  template <typename Source>
+  ModelGrid(const Source& source, const Plane& fitted, const RegressionParams& params, TaskPool* pool)
+      : params_(params), bounds_{0, 0, fitted.width(), fitted.height()}, radius_(WindowRadius(params)) {
+    // Part of the window that is fitted; the sums of exact zeros are 0.
+    Planes part;
+    part.push_back(fitted.Clone());
+    const Plane ones = MakePlane(bounds_.width(), bounds_.height(), 1.0f);
+    const Plane near = std::move(BoxMeans(part, ones.view(), radius_, nullptr)[0]);
+    first_.reserve(static_cast<size_t>(bounds_.width()) * static_cast<size_t>(bounds_.height()) + 1);
+    first_.push_back(0);
+    ForEachPixel(bounds_.width(), bounds_.height(), [&](int x, int y) {
+      first_.push_back(first_.back() + (near.At(x, y) > 0 ? static_cast<int32_t>(source.Count(x, y)) : 0));
+    });
+    samples_.resize(static_cast<size_t>(first_.back()));
+    ForEachPixel(pool, bounds_.width(), bounds_.height(), [&](int x, int y) {
+      if (FirstOf(x, y) == EndOf(x, y)) return;
+      source.Read(x, y, &samples_[FirstOf(x, y)]);
+      for (size_t i = FirstOf(x, y); i < EndOf(x, y); ++i) {
+        samples_[i].x = x;
+        samples_[i].y = y;
+      }
+    });
+    FitModels(fitted, pool);
+  }
+
+  /// Index of the first sample of a pixel, and one after the last.
+  size_t FirstOf(int x, int y) const { return static_cast<size_t>(first_[IndexOf(x, y)]); }
+  size_t EndOf(int x, int y) const { return static_cast<size_t>(first_[IndexOf(x, y) + 1]); }
+
+  const Sample& At(size_t sample) const { return samples_[sample]; }
+
+  /// The signals at a sample of a fitted pixel; none where nothing is like it.
+  std::optional<std::array<float, kSignals>> ValueAt(size_t sample) const {
+    const Sample& at = samples_[sample];
+    std::array<float, kSignals> sum = {};
+    float total = 0;
+    const auto add = [&](const Model& model, const Sample& centre, float weight) {
+      total += weight;
+      for (size_t i = 0; i < kTerms; ++i) {
+        const float term =
+            i == 0 ? weight : weight * (at.fit.row[kSignals + i] - centre.fit.row[kSignals + i]);
+        for (size_t s = 0; s < kSignals; ++s) sum[s] += term * model[i * kSignals + s];
+      }
+    };
+    const auto has_model = [&](size_t i) { return model_of_[i] >= 0; };
+    ForEachSimilar(at, has_model, [&](size_t i, float weight) {
+      add(models_[static_cast<size_t>(model_of_[i])], samples_[i], weight);
+    });
+    if (model_of_[sample] < 0 && total < kMinModelWeight) {
+      if (const std::optional<Model> own = FitAt(at); own.has_value()) add(*own, at, 1);
+    }
+    if (!(total > 0)) return std::nullopt;
+    for (float& value : sum) value /= total;
+    return sum;
+  }
+
+ private:
+  using Model = LinearModel<kTerms, kSignals>;
+
+  static constexpr int kModelStep = 3;
+  static constexpr float kMinModelWeight =
+      1;  // samples with less weight of models around them are fitted themselves
+  static constexpr float kMaxExponent = 4;  // weights below exp(-4) are left out of a window
+
+  size_t IndexOf(int x, int y) const {
+    return static_cast<size_t>(y) * static_cast<size_t>(bounds_.width()) + static_cast<size_t>(x);
+  }
+
+  void FitModels(const Plane& fitted, TaskPool* pool) {
+    model_of_.assign(samples_.size(), -1);
+    std::vector<size_t> centres;
+    for (size_t i = 0; i < samples_.size(); ++i) {
+      const Sample& sample = samples_[i];
+      if (sample.x % kModelStep != 0 || sample.y % kModelStep != 0) continue;
+      if (!(sample.weight > 0) || !(fitted.At(sample.x, sample.y) > 0)) continue;
+      model_of_[i] = static_cast<int32_t>(centres.size());
+      centres.push_back(i);
+    }
+    models_.resize(centres.size());
+    constexpr size_t kPerTask = 256;
+    ParallelFor(pool, static_cast<int64_t>((centres.size() + kPerTask - 1) / kPerTask), [&](int64_t task) {
+      const size_t begin = static_cast<size_t>(task) * kPerTask;
+      for (size_t m = begin; m < std::min(begin + kPerTask, centres.size()); ++m)
+        models_[m] = *FitAt(samples_[centres[m]]);  // the centre itself counts
+    });
+  }
+
+  std::optional<Model> FitAt(const Sample& centre) const {
+    LinearFit<kTerms, kSignals> fit(params_.slope);
+    const auto counts = [&](size_t i) { return samples_[i].weight > 0; };
+    ForEachSimilar(centre, counts, [&](size_t i, float weight) {
+      fit.Add(samples_[i].fit, centre.fit, weight * samples_[i].weight);
+    });
+    if (fit.IsEmpty()) return std::nullopt;
+    return fit.Solve();
+  }
+
+  /// Calls body(i, weight) for the samples of the window around one for which is_wanted(i) is true.
+  template <typename Wanted, typename Body>
+  void ForEachSimilar(const Sample& centre, const Wanted& is_wanted, const Body& body) const {
+    const float falloff = 1.0f / (params_.sigma_px * params_.sigma_px);
+    const Rect window = Inflate({centre.x, centre.y, centre.x + 1, centre.y + 1}, radius_, bounds_);
+    for (int y = window.y0; y < window.y1; ++y) {
+      for (size_t i = FirstOf(window.x0, y); i < EndOf(window.x1 - 1, y); ++i) {
+        if (!is_wanted(i)) continue;
+        const int dx = samples_[i].x - centre.x;
+        const int dy = samples_[i].y - centre.y;
+        const float square =
+            falloff * static_cast<float>(dx * dx + dy * dy) + SquaredDistance(samples_[i], centre);
+        if (square < 2 * kMaxExponent) body(i, Exp(-0.5f * square));
+      }
+    }
+  }
+
+  static float SquaredDistance(const Sample& a, const Sample& b) {
+    std::array<float, kLanes> sums = {};
+    for (size_t j = 0; j < kPaddedTraits; j += kLanes) {
+      for (size_t k = 0; k < kLanes; ++k) {
+        const float difference = a.traits[j + k] - b.traits[j + k];
+        sums[k] += difference * difference;
+      }
+    }
+    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+  }
+
+  const RegressionParams params_;
+  const Rect bounds_;
+  const int radius_;
+  std::vector<int32_t> first_;  // of each pixel, row by row; one more at the end
+  std::vector<Sample> samples_;
+  std::vector<int32_t> model_of_;  // of each sample; -1: it has none
+  std::vector<Model> models_;
+};
+
+}  // namespace lumifold::filter

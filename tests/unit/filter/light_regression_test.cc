@@ -82,6 +82,9 @@ Candidate Fit(const Layer& layer, TaskPool* pool = nullptr) {
   return FitLight(layer.halves, layer.fragments, layer.geometry, layer.filtered, {}, kKnee, pool);
 }
 
+/// Where the light of a surface in row y is in Candidate::points; its first channel.
+size_t PointOf(int surface, int y) { return 3 * (2 * static_cast<size_t>(y) + static_cast<size_t>(surface)); }
+
 TEST(LightRegression, FindsTheLightOfEachSurfaceOfAnEdge) {
   const Layer layer = TwoSurfaces(1);
   const Candidate fit = Fit(layer);
@@ -90,7 +93,7 @@ TEST(LightRegression, FindsTheLightOfEachSurfaceOfAnEdge) {
     double of_fit = 0;
     double bias = 0;
     for (int y = 0; y < kHeight; ++y) {
-      const auto at = static_cast<size_t>(3 * (2 * y + surface));
+      const size_t at = PointOf(surface, y);
       const auto truth = static_cast<double>(Truth(surface, y));
       const double off = static_cast<double>(fit.points[0][at]) - truth;
       bias += off / kHeight;
@@ -106,7 +109,7 @@ TEST(LightRegression, FindsTheLightOfEachSurfaceOfAnEdge) {
 
 TEST(LightRegression, TellsAHalfWithoutSamplesOfASurfaceWhatTheSurfaceShowsNearby) {
   const Layer layer = TwoSurfaces(1);
-  const auto at = static_cast<size_t>(3 * (2 * kUnsampledRow + 1));
+  const size_t at = PointOf(1, kUnsampledRow);
   ASSERT_EQ(layer.fragments.light[0][at], 0);
   EXPECT_NEAR(Fit(layer).points[0][at], Truth(1, kUnsampledRow), 0.3);
 }

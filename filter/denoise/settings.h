@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "filter/denoise/firefly.h"
-#include "filter/edges/model_grid.h"
+#include "filter/edges/regression_params.h"
 #include "filter/layers/choice.h"
 #include "filter/layers/nlm_space.h"
 #include "filter/layers/product.h"

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "filter/edges/model_grid.h"
 #include "filter/image/portable_math.h"
 
 namespace lumifold::filter {

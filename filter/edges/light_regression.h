@@ -1,6 +1,6 @@
 #pragma once
 
-#include "filter/edges/model_grid.h"
+#include "filter/edges/regression_params.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/choice.h"

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -9,6 +8,7 @@
 #include <vector>
 
 #include "filter/edges/linear_fit.h"
+#include "filter/edges/regression_params.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/image/portable_math.h"
@@ -17,21 +17,8 @@
 
 namespace lumifold::filter {
 
-struct RegressionParams {
-  float sigma_px = 4;        // of a sample's weight by its distance in the picture; windows reach 1.5 sigma
-  float sigma_light = 0.3f;  // of its weight by F, stabilised
-  float slope = 4;  // deviation of a slope's prior: over a term's unit, light changes by so many times F
-};
-
-inline int WindowRadius(const RegressionParams& params) {
-  return static_cast<int>(std::lround(1.5f * params.sigma_px));
-}
-
-/// Radius in pixels of what a pixel of a regression depends on.
-inline int RegressionWindow(const RegressionParams& params) { return 2 * WindowRadius(params); }
-
 /// Samples of pixels, any number of each, and local linear models fitted to them. Samples in a window are weighted by
-/// their distance in the picture and by their likeness. Models are fitted at every second pixel of every second row, and
+/// their distance in the picture and by their likeness. Models are fitted at every third pixel of every third row, and
 /// each sample takes the weighted mean of those around it.
 /// Threads: identical for any pool.
 /// Source:  the collaborative mean over fits of Bitterli et al. 2016.
@@ -45,7 +32,7 @@ class ModelGrid {
   struct Sample {
     FitSample<kTerms, kSignals> fit;
     std::array<float, kPaddedTraits> traits =
-        {};            // samples are as like as these are near: in units of their sigmas
+        {};            // over their sigmas; samples are alike where these are near
     float weight = 0;  // in fits; 0 where a half is missing or unusable
     int x = 0;
     int y = 0;
@@ -114,7 +101,7 @@ class ModelGrid {
 
   static constexpr int kModelStep = 3;
   static constexpr float kMinModelWeight =
-      1;  // samples with less weight of models around them are fitted themselves
+      1;                                    // samples with less weight of models around them are fitted alone
   static constexpr float kMaxExponent = 4;  // weights below exp(-4) are left out of a window
 
   size_t IndexOf(int x, int y) const {

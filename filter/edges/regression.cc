@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "filter/edges/model_grid.h"
 #include "filter/image/portable_math.h"
 #include "filter/layers/magnitude.h"
 #include "filter/layers/seen_surface.h"

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "filter/edges/model_grid.h"
+#include "filter/edges/regression_params.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/layers/features.h"

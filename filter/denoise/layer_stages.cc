@@ -307,7 +307,6 @@ bool HasMixedPixels(const LayerState& state) {
   return HasCandidates(state) && !state.halves.is_difference && state.halves.is_mixed.width() > 0;
 }
 
-constexpr char kNoisyChoice[] = "noisy-choice";
 constexpr char kChoiceSource[] = "Rousselle et al. 2012; Breiman 1996";
 constexpr char kManifoldSource[] = "Gastal & Oliveira 2012; Gruzdev et al. 2015";
 
@@ -405,7 +404,7 @@ const std::vector<LayerStage>& DefaultLayerStages() {
         .window_px = [](const Settings& s) { return RegressionWindow(s.layer.regression); }},
        HasMixedPixels,
        RunLightRegression},
-      {{.name = kNoisyChoice,
+      {{.name = "noisy-choice",
         .reads = "halves as they were, the filtered layer, removed energy, energy to return",
         .writes = "the filtered layer, half by half",
         .off_when = "one half alone",
@@ -434,7 +433,7 @@ FilteredLayer RunLayer(const std::vector<LayerStage>& stages, const LayerSetting
     stage.run(&state);
     if (watch) watch(stage.info.name);
   }
-  if (HasCandidates(state) && IsOff(off, kNoisyChoice)) AddSharedEnergy(&state);
+  if (HasCandidates(state) && IsOff(off, "noisy-choice")) AddSharedEnergy(&state);
   if (state.result.a.empty()) state.result = Noisy(state);  // its filtering is switched off
   RestoreUnits(product, scale, pool, &state.result);
   RestoreUnits(product, scale, pool, &state.returned);

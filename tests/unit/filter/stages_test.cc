@@ -121,8 +121,9 @@ TEST(Stages, AreListedInTheDocumentsAsTheyAre) {
 TEST(Stages, ChangeThePictureWhereTheyAreOff) {
   const LayeredImage film = Film();
   const Picture whole = Denoise(Frame(film), nullptr);
-  for (const char* name : {"patches", "normals", "depth", "first-order", "fireflies", "firefly-energy",
-                           "first-filtering", "second-filtering", "choice", "remainder", "frame-choice"}) {
+  for (const char* name :
+       {"patches", "normals", "depth", "first-order", "fireflies", "firefly-energy", "first-filtering",
+        "second-filtering", "choice", "noisy-choice", "remainder", "frame-choice"}) {
     const Picture without = Without(film, {name});
     EXPECT_TRUE(IsFinite(without)) << name;
     EXPECT_FALSE(AreEqual(whole, without)) << name;

@@ -181,6 +181,12 @@ void WorkerImpl::OnGrant(const v1::Grant& grant) {
     taken_[lease.attempt()] = in_hand;
     if (!in_hand->has_thread) waiting_.push_front(in_hand);  // it is rendered
   }
+  // At once, before a thread begins: only a unit that was received can end the worker.
+  if (outbox_ != nullptr) {
+    v1::WorkerMessage message;
+    *message.mutable_heartbeat() = HeartbeatOfHeld();
+    outbox_->Send(std::move(message));
+  }
   // The coordinator has not heard yet that this worker leaves.
   if (leaving_ || move_.has_value()) HandBackWaiting();
 }
@@ -273,6 +279,12 @@ void WorkerImpl::OnJobEnded(const std::string& job_id) {
 
 v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
   absl::MutexLock lock(&mutex_);
+  v1::Heartbeat heartbeat = HeartbeatOfHeld();
+  for (v1::LogEvent& line : tail_->Take()) *heartbeat.add_log() = std::move(line);
+  return heartbeat;
+}
+
+v1::Heartbeat WorkerImpl::HeartbeatOfHeld() const {
   v1::Heartbeat heartbeat;
   int64_t all = past_progress_;
   for (const auto& [attempt, taken] : taken_) all += taken->control.progress;
@@ -284,7 +296,6 @@ v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
         own == taken_.end() ? all : own->second->control.progress.load());
   }
   heartbeat.set_newest_attempt(newest_attempt_);
-  for (v1::LogEvent& line : tail_->Take()) *heartbeat.add_log() = std::move(line);
   return heartbeat;
 }
 

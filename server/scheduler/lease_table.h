@@ -31,6 +31,7 @@ struct Lease {
   job::WorkerId worker;
   absl::Time granted;
   absl::Time deadline;
+  bool received = false;  // the worker has said so
   int64_t progress = 0;   // as the worker reported it last
   absl::Time progressed;  // when it last changed
   /// When to check whether the unit is late, and then whether it is overdue; InfiniteFuture if that is not known, or

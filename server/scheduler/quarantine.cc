@@ -24,7 +24,7 @@ std::string Scheduler::CountLoss(const Lease& lease) {
   if (lease.audit) return "";  // a worker has rendered the unit
   History& history = jobs_.at(lease.unit.job).history[lease.unit.place];
   history.lost_workers.insert(workers_.Find(lease.worker)->traits.name);
-  if (!lease.alone) return "";
+  if (!lease.alone || !lease.received) return "";
   const std::set<std::string> distinct(history.lost_workers.begin(), history.lost_workers.end());
   std::vector<std::string> names(distinct.begin(), distinct.end());
   if (names.size() > kMaxNames) names.resize(kMaxNames);

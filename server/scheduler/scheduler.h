@@ -342,6 +342,7 @@ class Scheduler {
   std::optional<absl::Duration> MeanTime(const UnitIndex& index) const;
   /// When a lease granted at `granted` is overdue; InfiniteFuture if the mean is not known. LateTime is never later.
   absl::Time OverdueTime(const UnitIndex& index, absl::Time granted) const;
+  void NoteReceived(job::Attempt attempt);
   void Renew(job::Attempt attempt, int64_t progress, absl::Time now);
   LateLease Drop(job::Attempt attempt);
   /// Whether the unit, which is not accepted, may be leased: no lease of it is in time.
@@ -439,7 +440,8 @@ class Scheduler {
   void Readmit(absl::Time now);
 
   // Quarantine, in quarantine.cc.
-  /// Counts the loss of a worker with a unit. Returns the job's error if the unit was in quarantine.
+  /// Counts the loss of a worker with a unit. Returns the job's error if the unit was in quarantine and the worker has
+  /// said that it received the lease.
   std::string CountLoss(const Lease& lease);
   bool IsSuspect(const UnitIndex& index) const;
   /// The worker's process is here again: what it was lost with did not end it, and is no suspect because of it.

@@ -109,6 +109,7 @@ std::vector<LateLease> Scheduler::Heartbeat(WorkerId worker, absl::Span<const He
   std::vector<LateLease> dropped;
   for (const Attempt attempt : leases_.OfWorker(worker)) {
     const auto named = progress.find(attempt);
+    if (named != progress.end() || attempt <= newest) NoteReceived(attempt);
     if (named != progress.end()) {
       Renew(attempt, named->second, now);
     } else if (attempt <= newest) {
@@ -125,6 +126,12 @@ std::vector<LateLease> Scheduler::Heartbeat(WorkerId worker, absl::Span<const He
     it = stalled_.erase(it);
   }
   return dropped;
+}
+
+void Scheduler::NoteReceived(Attempt attempt) {
+  Lease lease = *leases_.Find(attempt);
+  if (std::exchange(lease.received, true)) return;
+  leases_.Update(attempt, lease);
 }
 
 LateLease Scheduler::Drop(Attempt attempt) {

@@ -131,17 +131,17 @@ TEST_F(SchedulerFailuresTest, AWorkerThatFailsWhatOthersRenderIsSetAsideForAWhil
 TEST_F(SchedulerFailuresTest, AUnitThatCrashesWorkersRunsAloneAndThenItsJobFails) {
   scheduler_.AddJob(kJob, Spec());
   scheduler_.AddWorker(WorkerId(1), {.name = "host:1", .numeric_class = "avx2", .slots = 1});
-  const UnitRef poison = scheduler_.GrantLeases(kStart).at(0).unit;
+  const UnitRef poison = GrantReceived().at(0).unit;
   for (int64_t i = 2; i <= 3; ++i) {
     EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i - 1)), IsEmpty());
     scheduler_.AddWorker(WorkerId(i),
                          {.name = absl::StrCat("host:", i), .numeric_class = "avx2", .slots = 1});
-    EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).unit, poison);
+    EXPECT_EQ(GrantReceived().at(0).unit, poison);
   }
   scheduler_.RemoveWorker(WorkerId(3));
   scheduler_.AddWorker(WorkerId(4), {.name = "host:4", .numeric_class = "avx2", .slots = 3});
   scheduler_.AddWorker(WorkerId(5), {.name = "host:5", .numeric_class = "avx2", .slots = 2});
-  const auto leases = scheduler_.GrantLeases(kStart);
+  const auto leases = GrantReceived();
   ASSERT_EQ(leases.size(), 3u);
   EXPECT_EQ(leases[0].unit, poison);
   EXPECT_EQ(leases[0].worker, WorkerId(4));
@@ -158,18 +158,18 @@ TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyO
   scheduler_.AddJob(kJob, Spec());
   for (int64_t i = 1; i <= 3; ++i) {
     scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 2});
-    scheduler_.GrantLeases(kStart);
+    GrantReceived();
     scheduler_.RemoveWorker(WorkerId(i));
   }
   scheduler_.AddWorker(kAnn, {.numeric_class = "avx2", .slots = 2});
   for (int i = 0; i < 2; ++i) {
-    const auto alone = scheduler_.GrantLeases(kStart);
+    const auto alone = GrantReceived();
     ASSERT_EQ(alone.size(), 1u);
     EXPECT_TRUE(alone[0].alone);
     EXPECT_EQ(alone[0].unit.key.kind, i == 0 ? v1::UNIT_KIND_GEOMETRY : v1::UNIT_KIND_PASS);
     EXPECT_FALSE(Commit(kAnn, alone[0]));
   }
-  const auto others = scheduler_.GrantLeases(kStart);
+  const auto others = GrantReceived();
   ASSERT_EQ(others.size(), 2u);
   EXPECT_FALSE(others[0].alone);
 }
@@ -177,35 +177,35 @@ TEST_F(SchedulerFailuresTest, AUnitInQuarantineThatIsRenderedIsCommittedLikeAnyO
 TEST_F(SchedulerFailuresTest, AUnitInQuarantineWaitsUntilItsWorkerIsIdle) {
   scheduler_.AddJob(kOther, Spec());
   scheduler_.AddWorker(WorkerId(9), {.numeric_class = "avx2", .slots = 2});
-  const GrantedLease busy = scheduler_.GrantLeases(kStart).at(0);
+  const GrantedLease busy = GrantReceived().at(0);
   for (int64_t i = 1; i <= 3; ++i) {
     scheduler_.AddWorker(WorkerId(i), {.numeric_class = "avx2", .slots = 1});
-    scheduler_.GrantLeases(kStart);
+    GrantReceived();
     scheduler_.RemoveWorker(WorkerId(i));
   }
   scheduler_.AddJob(kJob, Spec());
   Commit(WorkerId(9), busy);  // one slot is free, the other one is not
-  EXPECT_THAT(scheduler_.GrantLeases(kStart), IsEmpty());
+  EXPECT_THAT(GrantReceived(), IsEmpty());
   scheduler_.EndJob(kOther);
-  EXPECT_EQ(scheduler_.GrantLeases(kStart).size(), 2u) << "the unit in quarantine has ended with its job";
+  EXPECT_EQ(GrantReceived().size(), 2u) << "the unit in quarantine has ended with its job";
 }
 
 TEST_F(SchedulerFailuresTest, AWorkerThatIsLostWithItsUnitAgainAndAgainCountsAsSeveral) {
   scheduler_.AddJob(kJob, Spec());
   for (int64_t i = 1; i <= 6; ++i) {
     scheduler_.AddWorker(WorkerId(i), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
-    EXPECT_FALSE(scheduler_.GrantLeases(kStart).at(0).alone);
+    EXPECT_FALSE(GrantReceived().at(0).alone);
     scheduler_.RemoveWorker(WorkerId(i));
   }
   scheduler_.AddWorker(WorkerId(7), {.name = "restarted", .numeric_class = "avx2", .slots = 1});
-  EXPECT_TRUE(scheduler_.GrantLeases(kStart).at(0).alone);
+  EXPECT_TRUE(GrantReceived().at(0).alone);
 }
 
 TEST_F(SchedulerFailuresTest, AWorkerThatComesBackWasNotEndedByItsUnit) {
   scheduler_.AddJob(kJob, Spec());
   for (int64_t i = 1; i <= 20; ++i) {
     scheduler_.AddWorker(WorkerId(i), {.name = "one", .numeric_class = "avx2", .instance = 7, .slots = 1});
-    EXPECT_FALSE(scheduler_.GrantLeases(kStart).at(0).alone);
+    EXPECT_FALSE(GrantReceived().at(0).alone);
     scheduler_.RemoveWorker(WorkerId(i));
   }
 }
@@ -224,6 +224,18 @@ TEST_F(SchedulerFailuresTest, NorWasOneThatWasSilentForAWhile) {
   }
 }
 
+TEST_F(SchedulerFailuresTest, AWorkerThatIsGoneBeforeItHasTheLeaseProvesNothing) {
+  scheduler_.AddJob(kJob, Spec());
+  for (int64_t i = 1; i <= 20; ++i) {  // as when the coordinator stood still while they were killed
+    scheduler_.AddWorker(WorkerId(i), {.name = absl::StrCat(i), .numeric_class = "avx2", .slots = 1});
+    EXPECT_EQ(scheduler_.GrantLeases(kStart).at(0).alone, i > 3);
+    EXPECT_THAT(scheduler_.RemoveWorker(WorkerId(i)), IsEmpty());
+  }
+  scheduler_.AddWorker(WorkerId(21), {.name = "21", .numeric_class = "avx2", .slots = 1});
+  EXPECT_TRUE(GrantReceived().at(0).alone);
+  EXPECT_EQ(scheduler_.RemoveWorker(WorkerId(21)).size(), 1u);
+}
+
 TEST_F(SchedulerFailuresTest, AUnitLeavesTheQuarantineWhenWhatWasLostWithItComesBack) {
   scheduler_.AddJob(kJob, Spec());
   const auto traits = [](uint64_t instance) {
@@ -232,7 +244,7 @@ TEST_F(SchedulerFailuresTest, AUnitLeavesTheQuarantineWhenWhatWasLostWithItComes
   };
   for (uint64_t i = 1; i <= 3; ++i) {
     scheduler_.AddWorker(WorkerId(static_cast<int64_t>(i)), traits(i));
-    scheduler_.GrantLeases(kStart);
+    GrantReceived();
     scheduler_.RemoveWorker(WorkerId(static_cast<int64_t>(i)));
   }
   scheduler_.PauseJob(kJob);
@@ -240,7 +252,7 @@ TEST_F(SchedulerFailuresTest, AUnitLeavesTheQuarantineWhenWhatWasLostWithItComes
   scheduler_.ResumeJob(kJob);
   EXPECT_THAT(scheduler_.Explain(kJob, kStart), Contains(testing::Field(&Reason::code, "quarantine")));
   scheduler_.AddWorker(WorkerId(5), traits(2));
-  const std::vector<GrantedLease> leases = scheduler_.GrantLeases(kStart);
+  const std::vector<GrantedLease> leases = GrantReceived();
   ASSERT_EQ(leases.size(), 2u);
   EXPECT_FALSE(leases[0].alone);
   EXPECT_FALSE(leases[1].alone);

@@ -36,6 +36,20 @@ class SchedulerFixture : public ::testing::Test {
     return scheduler_.UnitCommitted(lease.unit);
   }
 
+  /// The workers say that they have received the leases.
+  void Receive(const std::vector<GrantedLease>& leases) {
+    for (const GrantedLease& lease : leases) {
+      const HeldLease held{.unit = lease.unit, .attempt = lease.attempt};
+      EXPECT_THAT(scheduler_.Heartbeat(lease.worker, {held}, job::Attempt(0), kStart), ::testing::IsEmpty());
+    }
+  }
+  /// Grants leases to all workers, which receive them.
+  std::vector<GrantedLease> GrantReceived() {
+    const std::vector<GrantedLease> granted = scheduler_.GrantLeases(kStart);
+    Receive(granted);
+    return granted;
+  }
+
   Scheduler scheduler_{{.lease = absl::Seconds(30), .max_failures = 3, .first_attempt = job::Attempt(100)}};
 };
 

@@ -9,6 +9,17 @@
 
 namespace lumifold::server {
 
+namespace {
+
+/// Says that the grant is received, and of earlier ones nothing.
+v1::WorkerMessage AnswerTo(const v1::Grant& grant) {
+  v1::WorkerMessage message;
+  *message.mutable_heartbeat()->mutable_held() = grant.leases();
+  return message;
+}
+
+}  // namespace
+
 FakeWorker::FakeWorker(std::shared_ptr<grpc::Channel> channel, FakeWorkerOptions options)
     : options_(std::move(options)), stub_(v1::WorkerService::NewStub(channel)), thread_([this] { Run(); }) {}
 
@@ -65,7 +76,12 @@ void FakeWorker::Run() {
   Send(hello, stream.get());
   v1::CoordinatorMessage message;
   while (stream->Read(&message)) {
-    if (!OnMessage(message, stream.get())) Vanish();
+    if (OnMessage(message, stream.get())) continue;
+    if (options_.answers_grants) {
+      stream->WritesDone();
+    } else {
+      Vanish();
+    }
   }
   result_ = stream->Finish();
 }
@@ -83,6 +99,7 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
     absl::MutexLock lock(&mutex_);
     refusals_.push_back(message.ack().refused());
   }
+  if (options_.answers_grants && message.has_grant() && !Send(AnswerTo(message.grant()), stream)) return false;
   for (const v1::Lease& lease : message.grant().leases()) {
     if (!Deliver(lease, stream)) return false;
   }

@@ -21,6 +21,8 @@ struct FakeWorkerOptions {
   int wire_version = rpc::kWireVersion;
   /// Breaks the connection within a unit, after this number of complete units.
   int vanish_after = 1'000'000'000;
+  /// Says that it has received each grant. So that this arrives, vanish_after then ends the stream in order.
+  bool answers_grants = false;
   /// Changes a message before it is sent.
   std::function<void(v1::WorkerMessage&)> spoil = [](v1::WorkerMessage&) {};
 };

@@ -311,7 +311,7 @@ TEST_F(ServerTest, AJobWhoseUnitCrashesItsWorkersFailsBeforeAllOfThemAreGone) {
     const auto rename = [i](v1::WorkerMessage& message) {
       if (message.has_hello()) message.mutable_hello()->set_name("node" + std::to_string(i));
     };
-    Worker({.slots = 1, .vanish_after = 0, .spoil = rename})->Wait();
+    Worker({.slots = 1, .vanish_after = 0, .answers_grants = true, .spoil = rename})->Wait();
     WaitUntil(job, [](const v1::JobStatus& status) {  // the coordinator has noticed
       return status.workers() == 0 || status.state() == v1::JOB_STATE_FAILED;
     });

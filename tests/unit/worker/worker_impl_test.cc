@@ -82,6 +82,18 @@ TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
   EXPECT_EQ(rig.worker->MakeHeartbeat().newest_attempt(), 2);
 }
 
+TEST(WorkerImpl, NamesTheLeasesOfAGrantBeforeItBegins) {
+  Rig rig;
+  rig.assets.SetOpen(false);
+  rig.worker->OnMessage(Grant(2));
+  const std::vector<v1::WorkerMessage> sent = rig.outbox->heartbeats();
+  ASSERT_THAT(sent, SizeIs(1));
+  EXPECT_THAT(sent[0].heartbeat().held(), SizeIs(2));
+  EXPECT_EQ(sent[0].heartbeat().newest_attempt(), 2);
+  EXPECT_EQ(rig.outbox->size(), 0u);
+  rig.assets.SetOpen(true);
+}
+
 TEST(WorkerImpl, CountsLeasesAndUnits) {
   Rig rig;
   rig.assets.SetOpen(false);

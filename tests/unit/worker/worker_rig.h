@@ -21,13 +21,13 @@ inline constexpr char kScene[] = R"({"asset":{"version":"2.0"},"scenes":[{"nodes
   "bufferViews":[{"buffer":0,"byteLength":36}],
   "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]})";
 
-/// Leaves out the fragments of passes, so that a pass of a small tile is one message.
+/// Leaves out the fragments of passes, so that a pass of a small tile is one message. Heartbeats are kept apart.
 class FakeOutbox final : public Outbox {
  public:
   void Send(v1::WorkerMessage message) override {
     if (message.chunk().has_edges() && message.chunk().unit().kind() == v1::UNIT_KIND_PASS) return;
     absl::MutexLock lock(&mutex_);
-    messages_.push_back(std::move(message));
+    (message.has_heartbeat() ? heartbeats_ : messages_).push_back(std::move(message));
   }
 
   /// Waits until `count` messages were sent, and returns them.
@@ -41,10 +41,15 @@ class FakeOutbox final : public Outbox {
     absl::MutexLock lock(&mutex_);
     return messages_.size();
   }
+  std::vector<v1::WorkerMessage> heartbeats() {
+    absl::MutexLock lock(&mutex_);
+    return heartbeats_;
+  }
 
  private:
   absl::Mutex mutex_;
   std::vector<v1::WorkerMessage> messages_;
+  std::vector<v1::WorkerMessage> heartbeats_;
 };
 
 inline std::shared_ptr<spdlog::logger> Silent() { return std::make_shared<spdlog::logger>("silent"); }

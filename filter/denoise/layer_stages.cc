@@ -122,10 +122,11 @@ void RunFirstFiltering(LayerState* state) {
   const LayerSettings& settings = state->settings;
   Guide guide = MakeGuide(state->halves, state->halves.a, state->halves.b, settings.knee, state->pool);
   state->guide_noise = NoiseOfHalf(state->halves, guide, state->pool);
-  const FeaturePair features =
+  FeaturePair features =
       MakeFeatures(std::move(guide), state->halves, settings.patches,
                    settings.range_factor * state->guide_noise, state->geometry, state->pool);
   Half a = FilterHalf(*state, 0, features.b, settings.first_manifolds, settings.reach_px, nullptr);
+  features.b.clear();  // first filterings need the most memory of all
   Half b = FilterHalf(*state, 1, features.a, settings.first_manifolds, settings.reach_px, nullptr);
   state->candidates.push_back(Pair(std::move(a), std::move(b)));
 }

@@ -52,7 +52,7 @@ constexpr float kRefinedRange = 8;
 /// pattern, however even, has lines that fall between its points, and edges of all slopes occur: such a pixel has a wrong
 /// share of a lamp with any number of samples. Scrambled anew in each pixel, the error has no sign in common.
 Vec2 FinePoint(int64_t pixel, uint32_t i) {
-  constexpr uint64_t kSeed = 0x66696e65;  // not that of any frame's samples
+  constexpr uint64_t kSeed = 0x66696e65;                      // not that of any frame's samples
   return Sampler(kSeed, 0, pixel, 2 * i).Get2D(kCameraPair);  // those of one half
 }
 
@@ -232,8 +232,9 @@ class PixelScan {
       for (; traced < count; traced += PathTracer::kPacket) TraceEmission(x, y, traced, &emission);
       if (emission.most - emission.least <= kRefinedRange) break;
     }
+    const float rays_of_cell = static_cast<float>(traced) / kSubSamples;
     for (size_t cell = 0; cell < kSubSamples; ++cell)
-      (*samples)[cell].emitted = emission.sum[cell] / static_cast<float>(traced / kSubSamples);
+      (*samples)[cell].emitted = emission.sum[cell] / rays_of_cell;
   }
 
  private:

@@ -45,7 +45,7 @@ class SchedulerFixture : public ::testing::Test {
   }
   /// Grants leases to all workers, which receive them.
   std::vector<GrantedLease> GrantReceived() {
-    const std::vector<GrantedLease> granted = scheduler_.GrantLeases(kStart);
+    std::vector<GrantedLease> granted = scheduler_.GrantLeases(kStart);
     Receive(granted);
     return granted;
   }

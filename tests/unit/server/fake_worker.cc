@@ -20,7 +20,7 @@ v1::WorkerMessage AnswerTo(const v1::Grant& grant) {
 
 }  // namespace
 
-FakeWorker::FakeWorker(std::shared_ptr<grpc::Channel> channel, FakeWorkerOptions options)
+FakeWorker::FakeWorker(const std::shared_ptr<grpc::Channel>& channel, FakeWorkerOptions options)
     : options_(std::move(options)), stub_(v1::WorkerService::NewStub(channel)), thread_([this] { Run(); }) {}
 
 FakeWorker::~FakeWorker() {
@@ -99,7 +99,8 @@ bool FakeWorker::OnMessage(const v1::CoordinatorMessage& message, Stream* stream
     absl::MutexLock lock(&mutex_);
     refusals_.push_back(message.ack().refused());
   }
-  if (options_.answers_grants && message.has_grant() && !Send(AnswerTo(message.grant()), stream)) return false;
+  if (options_.answers_grants && message.has_grant() && !Send(AnswerTo(message.grant()), stream))
+    return false;
   for (const v1::Lease& lease : message.grant().leases()) {
     if (!Deliver(lease, stream)) return false;
   }

@@ -31,7 +31,7 @@ struct FakeWorkerOptions {
 /// lease.
 class FakeWorker {
  public:
-  FakeWorker(std::shared_ptr<grpc::Channel> channel, FakeWorkerOptions options);
+  FakeWorker(const std::shared_ptr<grpc::Channel>& channel, FakeWorkerOptions options);
   ~FakeWorker();
 
   /// Waits until the coordinator, or vanish_after, has ended the stream; returns its status.

@@ -20,7 +20,7 @@ int MethodApron();
 /// How a large frame is divided into blocks, each filtered as a film of its own. This is part of the method:
 /// other numbers give another picture. All but the last are pixels along one axis.
 struct BlockParams {
-  int core = 1408;                       // largest core: the cores tile the frame
+  int core = 1344;                       // largest core: the cores tile the frame
   int margin = MethodApron();            // pixels beyond its core that a block reads
   int fade = 32;                         // half width of the cross-fade over a border between two cores
   int64_t whole = int64_t{1536} * 1536;  // a frame of up to this many pixels is one block,

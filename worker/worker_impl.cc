@@ -181,11 +181,11 @@ void WorkerImpl::OnGrant(const v1::Grant& grant) {
     taken_[lease.attempt()] = in_hand;
     if (!in_hand->has_thread) waiting_.push_front(in_hand);  // it is rendered
   }
-  // At once, before a thread begins: only a unit that was received can end the worker.
-  if (outbox_ != nullptr) {
-    v1::WorkerMessage message;
-    *message.mutable_heartbeat() = HeartbeatOfHeld();
-    outbox_->Send(std::move(message));
+  if (outbox_ !=
+      nullptr) {  // at once, before a thread begins: only a unit that was received can end the worker
+    v1::WorkerMessage answer;
+    *answer.mutable_heartbeat()->mutable_held() = grant.leases();
+    outbox_->Send(std::move(answer));
   }
   // The coordinator has not heard yet that this worker leaves.
   if (leaving_ || move_.has_value()) HandBackWaiting();
@@ -279,12 +279,6 @@ void WorkerImpl::OnJobEnded(const std::string& job_id) {
 
 v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
   absl::MutexLock lock(&mutex_);
-  v1::Heartbeat heartbeat = HeartbeatOfHeld();
-  for (v1::LogEvent& line : tail_->Take()) *heartbeat.add_log() = std::move(line);
-  return heartbeat;
-}
-
-v1::Heartbeat WorkerImpl::HeartbeatOfHeld() const {
   v1::Heartbeat heartbeat;
   int64_t all = past_progress_;
   for (const auto& [attempt, taken] : taken_) all += taken->control.progress;
@@ -296,6 +290,7 @@ v1::Heartbeat WorkerImpl::HeartbeatOfHeld() const {
         own == taken_.end() ? all : own->second->control.progress.load());
   }
   heartbeat.set_newest_attempt(newest_attempt_);
+  for (v1::LogEvent& line : tail_->Take()) *heartbeat.add_log() = std::move(line);
   return heartbeat;
 }
 

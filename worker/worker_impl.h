@@ -116,8 +116,6 @@ class WorkerImpl {
   void RunThread();
   void LogAccount(const std::string& job_id, absl::Duration spent) const;
   bool HasWorkOrStops() const ABSL_SHARED_LOCKS_REQUIRED(mutex_) { return stopping_ || !waiting_.empty(); }
-  /// Without log lines, which tell more beside a failure.
-  v1::Heartbeat HeartbeatOfHeld() const ABSL_SHARED_LOCKS_REQUIRED(mutex_);
   void OnGrant(const v1::Grant& grant) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnAck(const v1::UnitAck& ack) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void OnVoidLeases(const v1::VoidLeases& message) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);

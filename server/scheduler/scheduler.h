@@ -342,7 +342,6 @@ class Scheduler {
   std::optional<absl::Duration> MeanTime(const UnitIndex& index) const;
   /// When a lease granted at `granted` is overdue; InfiniteFuture if the mean is not known. LateTime is never later.
   absl::Time OverdueTime(const UnitIndex& index, absl::Time granted) const;
-  void NoteReceived(job::Attempt attempt);
   void Renew(job::Attempt attempt, int64_t progress, absl::Time now);
   LateLease Drop(job::Attempt attempt);
   /// Whether the unit, which is not accepted, may be leased: no lease of it is in time.

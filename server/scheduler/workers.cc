@@ -109,7 +109,6 @@ std::vector<LateLease> Scheduler::Heartbeat(WorkerId worker, absl::Span<const He
   std::vector<LateLease> dropped;
   for (const Attempt attempt : leases_.OfWorker(worker)) {
     const auto named = progress.find(attempt);
-    if (named != progress.end() || attempt <= newest) NoteReceived(attempt);
     if (named != progress.end()) {
       Renew(attempt, named->second, now);
     } else if (attempt <= newest) {
@@ -128,14 +127,9 @@ std::vector<LateLease> Scheduler::Heartbeat(WorkerId worker, absl::Span<const He
   return dropped;
 }
 
-void Scheduler::NoteReceived(Attempt attempt) {
-  Lease lease = *leases_.Find(attempt);
-  if (std::exchange(lease.received, true)) return;
-  leases_.Update(attempt, lease);
-}
-
 LateLease Scheduler::Drop(Attempt attempt) {
-  const Lease lease = *leases_.Find(attempt);
+  Lease lease = *leases_.Find(attempt);
+  lease.received = true;
   LateLease dropped{RefOf(lease.unit), lease.worker, Lateness::kDropped, CountLoss(lease)};
   if (lease.audit) {
     jobs_.at(lease.unit.job)
@@ -155,6 +149,7 @@ LateLease Scheduler::Drop(Attempt attempt) {
 void Scheduler::Renew(Attempt attempt, int64_t progress, absl::Time now) {
   Lease lease = *leases_.Find(attempt);
   if (progress != lease.progress) lease.progressed = now;
+  lease.received = true;
   lease.progress = progress;
   lease.deadline = std::min(now + options_.lease, lease.progressed + options_.stall);
   leases_.Update(attempt, lease);

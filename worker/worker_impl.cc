@@ -181,8 +181,8 @@ void WorkerImpl::OnGrant(const v1::Grant& grant) {
     taken_[lease.attempt()] = in_hand;
     if (!in_hand->has_thread) waiting_.push_front(in_hand);  // it is rendered
   }
-  if (outbox_ !=
-      nullptr) {  // at once, before a thread begins: only a unit that was received can end the worker
+  // At once, before a thread begins: only a unit that was received can end the worker.
+  if (outbox_ != nullptr) {
     v1::WorkerMessage answer;
     *answer.mutable_heartbeat()->mutable_held() = grant.leases();
     outbox_->Send(std::move(answer));

@@ -19,10 +19,11 @@ namespace {
 
 constexpr size_t kMinNeighbours = 4;
 
-/// The bound, from the valid pixels of the window; infinity where there are too few. Where most of them are black, as in
-/// rare light, the quantile tells nothing, and the mean of the neighbours takes its place. `luminance`: from
+/// The bound, from the valid pixels of the window: a quantile times `excess`; infinity where there are too few. Where most of
+/// them are black, as in rare light, the quantile tells nothing, and the mean of the neighbours takes its place. `luminance`: from
 /// PaddedLuminance().
-float BoundAt(const Plane& luminance, const FireflyParams& params, int x, int y, std::vector<float>* values) {
+float BoundAt(const Plane& luminance, const FireflyParams& params, float excess, int x, int y,
+              std::vector<float>* values) {
   values->clear();
   for (int j = 0; j <= 2 * params.radius; ++j) {
     for (int i = 0; i <= 2 * params.radius; ++i) {
@@ -34,16 +35,16 @@ float BoundAt(const Plane& luminance, const FireflyParams& params, int x, int y,
   const auto below = static_cast<std::ptrdiff_t>(params.quantile * static_cast<float>(values->size()));
   std::nth_element(values->begin(), values->begin() + below, values->end());
   const float quantile = (*values)[static_cast<size_t>(below)];
-  if (quantile > 0) return params.excess * quantile;
+  if (quantile > 0) return excess * quantile;
   const float others = std::accumulate(values->begin(), values->end(), 0.0f) -
                        luminance.At(x + params.radius, y + params.radius);
-  return params.excess * std::max(0.0f, others) / static_cast<float>(values->size() - 1);
+  return excess * std::max(0.0f, others) / static_cast<float>(values->size() - 1);
 }
 
 /// For each pixel of a row: whether `brighter[x]`, the luminance of the brighter half, is above BoundAt(): the part
-/// `quantile` of the valid neighbours times `excess` is below it. `luminance`: from PaddedLuminance().
+/// `quantile` of the valid neighbours times `excess[x]` is below it. `luminance`: from PaddedLuminance().
 void FindOutliers(const Plane& luminance, const FireflyParams& params, const std::vector<float>& brighter,
-                  int y, std::vector<uint8_t>* is_outlier) {
+                  const std::vector<float>& excess, int y, std::vector<uint8_t>* is_outlier) {
   const size_t width = brighter.size();
   std::vector<int32_t> below(width, 0);
   std::vector<int32_t> valid(width, 0);
@@ -51,7 +52,7 @@ void FindOutliers(const Plane& luminance, const FireflyParams& params, const std
     for (int i = 0; i <= 2 * params.radius; ++i) {
       const float* __restrict neighbour = luminance.Row(y + j) + i;
       for (size_t x = 0; x < width; ++x) {
-        below[x] += params.excess * neighbour[x] < brighter[x] ? 1 : 0;
+        below[x] += excess[x] * neighbour[x] < brighter[x] ? 1 : 0;
         valid[x] += neighbour[x] < INFINITY ? 1 : 0;
       }
     }
@@ -95,8 +96,8 @@ Plane RelativeNoise(const Halves& halves, int radius, TaskPool* pool) {
 
 /// Whether `excess` times the luminance of each valid neighbour is below that of the pixel. `luminance`: from
 /// PaddedLuminance().
-bool IsIsolated(const Plane& luminance, const FireflyParams& params, int x, int y) {
-  const float most = luminance.At(x + params.radius, y + params.radius) / params.excess;
+bool IsIsolated(const Plane& luminance, const FireflyParams& params, float excess, int x, int y) {
+  const float most = luminance.At(x + params.radius, y + params.radius) / excess;
   for (int j = 0; j <= 2 * params.radius; ++j) {
     for (int i = 0; i <= 2 * params.radius; ++i) {
       const float value = luminance.At(x + i, y + j);
@@ -146,20 +147,22 @@ std::array<Planes, 2> SuppressFireflies(const FireflyParams& params, int noise_r
   ForEachBand(pool, height, [&](int, int y0, int y1) {
     bool is_any_here = false;
     std::vector<float> brighter(static_cast<size_t>(width));
+    std::vector<float> excess(brighter.size());
     std::vector<uint8_t> is_outlier(brighter.size());
     std::vector<float> window;
     for (int y = y0; y < y1; ++y) {
-      for (int x = 0; x < width; ++x)
-        brighter[static_cast<size_t>(x)] =
-            std::max(LuminanceAt(halves->a, x, y), LuminanceAt(halves->b, x, y));
-      FindOutliers(luminance, params, brighter, y, &is_outlier);
       for (int x = 0; x < width; ++x) {
-        if (is_outlier[static_cast<size_t>(x)] == 0 ||
-            halves->weight_a.At(x, y) * halves->weight_b.At(x, y) == 0)
-          continue;
+        const auto i = static_cast<size_t>(x);
+        brighter[i] = std::max(LuminanceAt(halves->a, x, y), LuminanceAt(halves->b, x, y));
+        excess[i] = std::max(params.excess, 1.0f + params.excess * noise.At(x, y));
+      }
+      FindOutliers(luminance, params, brighter, excess, y, &is_outlier);
+      for (int x = 0; x < width; ++x) {
+        const auto i = static_cast<size_t>(x);
+        if (is_outlier[i] == 0 || halves->weight_a.At(x, y) * halves->weight_b.At(x, y) == 0) continue;
         // Where both halves have hit a firefly they hardly differ; the window around shows the noise.
-        const Outlier outlier = {BoundAt(luminance, params, x, y, &window),
-                                 IsIsolated(luminance, params, x, y) ? noise.At(x, y) : 0.0f};
+        const Outlier outlier = {BoundAt(luminance, params, excess[i], x, y, &window),
+                                 IsIsolated(luminance, params, excess[i], x, y) ? noise.At(x, y) : 0.0f};
         const float a = LuminanceAt(halves->a, x, y);
         const float b = LuminanceAt(halves->b, x, y);
         is_any_here |= Suppress(&halves->a, b, outlier, params.sigmas, x, y, &removed[0]);

@@ -11,18 +11,20 @@ namespace lumifold::filter {
 struct FireflyParams {
   int radius = 2;          // px: the neighbourhood that sets the bound
   float quantile = 0.75f;  // of the neighbourhood's luminance
-  float excess = 2;        // the bound over that quantile
-  float sigmas = 3;        // deviations by which noise explains what both halves show
+  float excess = 2;  // a pixel may be above that quantile by this factor, or by as many deviations of a half
+  float sigmas = 3;  // deviations by which noise explains what both halves show
   // Of what spreads the removed energy, where geometry and light vary little.
   float spread_light = 1.7f;  // range of a channel, stabilised
   int spread_height = 3;      // of the manifold tree
 };
 
-/// Clamps fireflies in both halves. A half's pixel is scaled down to a bound, `excess` times a quantile of the
-/// luminance of its neighbourhood in X, or the mean of its neighbours where that quantile is 0, if it is above it and noise
-/// explains why: the other half shows less than half of the excess over the bound. Where both show it, as both may have hit a firefly, the relative noise of a window
-/// around must explain it, and the pixel must be brighter than each neighbour by `excess`. Layers that are differences
-/// of light stay: they are mostly near 0, so that all detail would be an outlier.
+/// Clamps fireflies in both halves. A half's pixel is scaled down to a bound if it is above it and noise explains why: the
+/// other half shows less than half of the excess over the bound. The bound is a quantile of the luminance of its
+/// neighbourhood in X, or the mean of its neighbours where that quantile is 0, times max(excess, 1 + excess noise), with
+/// the relative noise of a half in a window around: where samples are few, noise alone exceeds a fixed factor. Where both
+/// halves show the excess, as both may have hit a firefly, that noise must explain it, and the pixel must be brighter than
+/// each neighbour by the same factor. Layers that are differences of light stay: they are mostly near 0, so that all detail
+/// would be an outlier.
 /// Shapes:  `noise_radius`: of that window, in pixels; result: what each half lost, 3 planes; empty where neither did.
 /// Threads: identical for any pool.
 /// Source:  the outlier test of Cycles' feature prefilter.

@@ -11,7 +11,6 @@
 #include "filter/edges/regression_params.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
-#include "filter/image/portable_math.h"
 #include "filter/image/rect.h"
 #include "filter/kernels/box_mean.h"
 
@@ -89,7 +88,7 @@ class ModelGrid {
       add(models_[static_cast<size_t>(model_of_[i])], samples_[i], weight);
     });
     if (model_of_[sample] < 0 && total < kMinModelWeight) {
-      if (const std::optional<Model> own = FitAt(at); own.has_value()) add(*own, at, 1);
+      if (const std::optional<Model> own = FitAt(at); own.has_value()) add(*own, at, kMinModelWeight - total);
     }
     if (!(total > 0)) return std::nullopt;
     for (float& value : sum) value /= total;
@@ -101,8 +100,8 @@ class ModelGrid {
 
   static constexpr int kModelStep = 3;
   static constexpr float kMinModelWeight =
-      1;                                    // samples with less weight of models around them are fitted alone
-  static constexpr float kMaxExponent = 4;  // weights below exp(-4) are left out of a window
+      1;  // samples with less weight of models around them have one of their own
+  static constexpr float kMaxSquare = 10;  // of a distance in sigmas, from which on weights are 0
 
   size_t IndexOf(int x, int y) const {
     return static_cast<size_t>(y) * static_cast<size_t>(bounds_.width()) + static_cast<size_t>(x);
@@ -137,7 +136,8 @@ class ModelGrid {
     return fit.Solve();
   }
 
-  /// Calls body(i, weight) for the samples of the window around one for which is_wanted(i) is true.
+  /// Calls body(i, weight) for the samples of the window around one for which is_wanted(i) is true. Weights are nearly those
+  /// of a normal curve, and fall to 0 without a step, so that rounding changes no sum by much.
   template <typename Wanted, typename Body>
   void ForEachSimilar(const Sample& centre, const Wanted& is_wanted, const Body& body) const {
     const float falloff = 1.0f / (params_.sigma_px * params_.sigma_px);
@@ -149,7 +149,8 @@ class ModelGrid {
         const int dy = samples_[i].y - centre.y;
         const float square =
             falloff * static_cast<float>(dx * dx + dy * dy) + SquaredDistance(samples_[i], centre);
-        if (square < 2 * kMaxExponent) body(i, Exp(-0.5f * square));
+        const float part = 1.0f - square / kMaxSquare;
+        if (part > 0) body(i, part * part * part);
       }
     }
   }

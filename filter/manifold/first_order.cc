@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -11,6 +12,7 @@ namespace lumifold::filter {
 namespace {
 
 constexpr size_t kColors = 3;
+constexpr float kFarthest = 3;  // standard deviations of its samples from their mean at which a plane is read
 
 /// Position along one axis relative to the centre, in units.
 float PositionOf(int pixel, int size, float unit_px) {
@@ -32,7 +34,8 @@ Moments ReadMoments(Read&& read) {
           {read(8), read(9), read(10)}, read(11), read(12), read(13)};
 }
 
-/// The plane's value at (x0, y0): the mean light plus slope times the offset from the mean position.
+/// The plane's value at (x0, y0): the mean light plus slope times the offset from the mean position. Samples tell nothing of
+/// places far beyond them, where rounding would decide: an offset of more than kFarthest deviations is cut to them.
 std::array<float, kColors> PlaneAt(const Moments& m, float ridge, float x0, float y0) {
   // Far from the centre of a very wide picture, rounding may make variances negative.
   const float xx = std::max(m.xx - m.x * m.x, 0.0f) + ridge;
@@ -42,8 +45,13 @@ std::array<float, kColors> PlaneAt(const Moments& m, float ridge, float x0, floa
   const float off_x = x0 - m.x;
   const float off_y = y0 - m.y;
   // Factors of the covariances with the light: the solution of a symmetric 2x2 system.
-  const float by_x = (off_x * yy - off_y * xy) / determinant;
-  const float by_y = (off_y * xx - off_x * xy) / determinant;
+  float by_x = (off_x * yy - off_y * xy) / determinant;
+  float by_y = (off_y * xx - off_x * xy) / determinant;
+  const float deviations = std::sqrt(off_x * by_x + off_y * by_y);
+  if (deviations > kFarthest) {
+    by_x *= kFarthest / deviations;
+    by_y *= kFarthest / deviations;
+  }
   std::array<float, kColors> value;
   for (size_t c = 0; c < kColors; ++c)
     value[c] = m.f[c] + by_x * (m.xf[c] - m.x * m.f[c]) + by_y * (m.yf[c] - m.y * m.f[c]);

@@ -193,5 +193,19 @@ TEST(FirstOrder, KeepsAPlaneInTheLongestBlock) {
   });
 }
 
+/// Means over samples around (5, 0) of light that is x: the pixel of a picture of one is at (0, 0).
+TEST(FirstOrder, ReadsNoPlaneFarBeyondItsSamples) {
+  constexpr float kRidge = 0.01f;
+  for (const auto& [variance, expected] :
+       {std::pair(9.0f, 0.0f), std::pair(0.09f, 5 - 3 * std::sqrt(0.1f) * 0.9f)}) {
+    Planes means = MakePlanes(kMoments, 1, 1);
+    for (const size_t k : {0u, 1u, 2u, 3u}) means[k].Fill(5);               // light, x
+    for (const size_t k : {5u, 6u, 7u, 11u}) means[k].Fill(25 + variance);  // x times light, x^2
+    const Planes light = FitLight(means, 1, kRidge, nullptr);
+    EXPECT_NEAR(light[0].At(0, 0), expected, 1e-2f) << variance;
+    EXPECT_EQ(light[2].At(0, 0), light[0].At(0, 0));
+  }
+}
+
 }  // namespace
 }  // namespace lumifold::filter

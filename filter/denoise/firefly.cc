@@ -19,9 +19,9 @@ namespace {
 
 constexpr size_t kMinNeighbours = 4;
 
-/// The bound, from the valid pixels of the window: a quantile times `excess`; infinity where there are too few. Where most of
-/// them are black, as in rare light, the quantile tells nothing, and the mean of the neighbours takes its place. `luminance`: from
-/// PaddedLuminance().
+/// The bound, from the valid pixels of the window: a quantile times `excess`; infinity where there are too few. Where most
+/// of them are black, as in rare light, the quantile tells nothing, and the mean of the neighbours takes its place.
+/// `luminance`: from PaddedLuminance().
 float BoundAt(const Plane& luminance, const FireflyParams& params, float excess, int x, int y,
               std::vector<float>* values) {
   values->clear();

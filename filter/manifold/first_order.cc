@@ -12,7 +12,7 @@ namespace lumifold::filter {
 namespace {
 
 constexpr size_t kColors = 3;
-constexpr float kFarthest = 3;  // standard deviations of its samples from their mean at which a plane is read
+constexpr float kMostDeviations = 3;  // standard deviations of its samples from their mean at which a plane is read
 
 /// Position along one axis relative to the centre, in units.
 float PositionOf(int pixel, int size, float unit_px) {
@@ -35,7 +35,7 @@ Moments ReadMoments(Read&& read) {
 }
 
 /// The plane's value at (x0, y0): the mean light plus slope times the offset from the mean position. Samples tell nothing of
-/// places far beyond them, where rounding would decide: an offset of more than kFarthest deviations is cut to them.
+/// places far beyond them, where rounding would decide: an offset of more than kMostDeviations deviations is cut to them.
 std::array<float, kColors> PlaneAt(const Moments& m, float ridge, float x0, float y0) {
   // Far from the centre of a very wide picture, rounding may make variances negative.
   const float xx = std::max(m.xx - m.x * m.x, 0.0f) + ridge;
@@ -48,9 +48,9 @@ std::array<float, kColors> PlaneAt(const Moments& m, float ridge, float x0, floa
   float by_x = (off_x * yy - off_y * xy) / determinant;
   float by_y = (off_y * xx - off_x * xy) / determinant;
   const float deviations = std::sqrt(off_x * by_x + off_y * by_y);
-  if (deviations > kFarthest) {
-    by_x *= kFarthest / deviations;
-    by_y *= kFarthest / deviations;
+  if (deviations > kMostDeviations) {
+    by_x *= kMostDeviations / deviations;
+    by_y *= kMostDeviations / deviations;
   }
   std::array<float, kColors> value;
   for (size_t c = 0; c < kColors; ++c)

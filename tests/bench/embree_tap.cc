@@ -1,23 +1,33 @@
 #include "tests/bench/embree_tap.h"
 
-#include <x86intrin.h>
-
 #include <atomic>
+#include <chrono>
 
 #include "filter/image/check.h"
+#include "worker/render/embree_api.h"
 
-// The linker sends every call of rtcX to __wrap_rtcX and every call of __real_rtcX to Embree.
+// The linker sends every call of rtcX to __wrap_rtcX and every call of __real_rtcX to Embree. Versions 3 and 4 differ in
+// the order of the arguments and in what a query's context is.
+#if LUMIFOLD_EMBREE_MAJOR == 3
+#define LUMIFOLD_INTERSECT(query) RTCIntersectContext *context, query
+#define LUMIFOLD_OCCLUDED(query) RTCIntersectContext *context, query
+#define LUMIFOLD_PASS context, query
+#else
+#define LUMIFOLD_INTERSECT(query) query, RTCIntersectArguments* context
+#define LUMIFOLD_OCCLUDED(query) query, RTCOccludedArguments* context
+#define LUMIFOLD_PASS query, context
+#endif
 // NOLINTBEGIN(bugprone-reserved-identifier): the linker chose these names.
 extern "C" {
-void __real_rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHit* query);
-void __real_rtcOccluded1(RTCScene scene, RTCIntersectContext* context, RTCRay* query);
-void __real_rtcIntersect8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRayHit8* query);
-void __real_rtcOccluded8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRay8* query);
+void __real_rtcIntersect1(RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit* query));
+void __real_rtcOccluded1(RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay* query));
+void __real_rtcIntersect8(const int* valid, RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit8* query));
+void __real_rtcOccluded8(const int* valid, RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay8* query));
 RTCDevice __real_rtcNewDevice(const char* config);
-void __wrap_rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHit* query);
-void __wrap_rtcOccluded1(RTCScene scene, RTCIntersectContext* context, RTCRay* query);
-void __wrap_rtcIntersect8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRayHit8* query);
-void __wrap_rtcOccluded8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRay8* query);
+void __wrap_rtcIntersect1(RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit* query));
+void __wrap_rtcOccluded1(RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay* query));
+void __wrap_rtcIntersect8(const int* valid, RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit8* query));
+void __wrap_rtcOccluded8(const int* valid, RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay8* query));
 RTCDevice __wrap_rtcNewDevice(const char* config);
 }
 
@@ -27,16 +37,14 @@ namespace {
 /// What the calls of one thread are put to.
 struct Tap {
   RayLog* log = nullptr;
-  bool counts_ticks = false;
-  int64_t ticks_inside = 0;
-
-  bool IsOpen() const { return log != nullptr || counts_ticks; }
+  bool is_timed = false;
+  int64_t ns_inside = 0;
 };
 
 thread_local Tap tap;
 std::atomic<int64_t> embree_bytes = 0;
 
-int64_t Ticks() { return static_cast<int64_t>(__rdtsc()); }
+int64_t NowNs() { return std::chrono::steady_clock::now().time_since_epoch() / std::chrono::nanoseconds(1); }
 
 bool CountBytes(void*, ssize_t bytes, bool) {
   embree_bytes += bytes;
@@ -87,6 +95,15 @@ void KeepPacket(const int* valid, RTCScene scene, const RTCRay8& packet, bool oc
   }
 }
 
+/// Calls Embree, and adds the time it takes where the thread's calls are timed.
+template <typename Call>
+void Timed(Call call) {
+  if (!tap.is_timed) return call();
+  const int64_t start_ns = NowNs();
+  call();
+  tap.ns_inside += NowNs() - start_ns;
+}
+
 bool HasHit(const RTCRayHit& query) { return query.hit.geomID != RTC_INVALID_GEOMETRY_ID; }
 bool IsOccluded(const RTCRay& query) { return query.tfar < 0; }
 
@@ -95,28 +112,27 @@ bool IsOccluded(const RTCRay& query) { return query.tfar < 0; }
 ScopedRayLog::ScopedRayLog(RayLog* log) { tap.log = log; }
 ScopedRayLog::~ScopedRayLog() { tap.log = nullptr; }
 
-ScopedTickCount::ScopedTickCount() : start_(Ticks()) {
-  tap.ticks_inside = 0;
-  tap.counts_ticks = true;
+ScopedEmbreeTime::ScopedEmbreeTime() : start_ns_(NowNs()) {
+  tap.ns_inside = 0;
+  tap.is_timed = true;
 }
-ScopedTickCount::~ScopedTickCount() { tap.counts_ticks = false; }
-int64_t ScopedTickCount::inside() const { return tap.ticks_inside; }
-int64_t ScopedTickCount::total() const { return Ticks() - start_; }
+ScopedEmbreeTime::~ScopedEmbreeTime() { tap.is_timed = false; }
+int64_t ScopedEmbreeTime::inside_ns() const { return tap.ns_inside; }
+int64_t ScopedEmbreeTime::total_ns() const { return NowNs() - start_ns_; }
 
 int64_t Replay(const RayLog& log) {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
+  render::embree::Context context(/*is_coherent=*/false);
   int64_t hits = 0;
   for (const TracedRay& traced : log.rays) {
     if (traced.occlusion) {
       RTCRay query = RayOf(traced);
-      __real_rtcOccluded1(log.scene, &context, &query);
+      render::embree::Occluded1(log.scene, &context, &query);
       hits += IsOccluded(query);
     } else {
       RTCRayHit query = {RayOf(traced), {}};
       query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
       query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-      __real_rtcIntersect1(log.scene, &context, &query);
+      render::embree::Intersect1(log.scene, &context, &query);
       hits += HasHit(query);
     }
   }
@@ -127,51 +143,33 @@ int64_t EmbreeBytes() { return embree_bytes; }
 
 }  // namespace lumifold::bench
 
-void __wrap_rtcIntersect1(RTCScene scene, RTCIntersectContext* context, RTCRayHit* query) {
-  using lumifold::bench::HasHit;
-  using lumifold::bench::Keep;
-  using lumifold::bench::tap;
-  using lumifold::bench::Ticks;
-  if (!tap.IsOpen()) return __real_rtcIntersect1(scene, context, query);
+void __wrap_rtcIntersect1(RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit* query)) {
+  using namespace lumifold::bench;
   if (tap.log != nullptr) Keep(scene, query->ray, false);
-  const int64_t start = Ticks();
-  __real_rtcIntersect1(scene, context, query);
-  tap.ticks_inside += Ticks() - start;
+  Timed([&] { __real_rtcIntersect1(scene, LUMIFOLD_PASS); });
   if (tap.log != nullptr) tap.log->hits += HasHit(*query);
 }
 
-void __wrap_rtcOccluded1(RTCScene scene, RTCIntersectContext* context, RTCRay* query) {
-  using lumifold::bench::IsOccluded;
-  using lumifold::bench::Keep;
-  using lumifold::bench::tap;
-  using lumifold::bench::Ticks;
-  if (!tap.IsOpen()) return __real_rtcOccluded1(scene, context, query);
+void __wrap_rtcOccluded1(RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay* query)) {
+  using namespace lumifold::bench;
   if (tap.log != nullptr) Keep(scene, *query, true);
-  const int64_t start = Ticks();
-  __real_rtcOccluded1(scene, context, query);
-  tap.ticks_inside += Ticks() - start;
+  Timed([&] { __real_rtcOccluded1(scene, LUMIFOLD_PASS); });
   if (tap.log != nullptr) tap.log->hits += IsOccluded(*query);
 }
 
-void __wrap_rtcIntersect8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRayHit8* query) {
+void __wrap_rtcIntersect8(const int* valid, RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit8* query)) {
   using namespace lumifold::bench;
-  if (!tap.IsOpen()) return __real_rtcIntersect8(valid, scene, context, query);
   if (tap.log != nullptr) KeepPacket(valid, scene, query->ray, false);
-  const int64_t start = Ticks();
-  __real_rtcIntersect8(valid, scene, context, query);
-  tap.ticks_inside += Ticks() - start;
+  Timed([&] { __real_rtcIntersect8(valid, scene, LUMIFOLD_PASS); });
   if (tap.log == nullptr) return;
   for (int i = 0; i < kPacket; ++i)
     tap.log->hits += valid[i] != 0 && query->hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
 }
 
-void __wrap_rtcOccluded8(const int* valid, RTCScene scene, RTCIntersectContext* context, RTCRay8* query) {
+void __wrap_rtcOccluded8(const int* valid, RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay8* query)) {
   using namespace lumifold::bench;
-  if (!tap.IsOpen()) return __real_rtcOccluded8(valid, scene, context, query);
   if (tap.log != nullptr) KeepPacket(valid, scene, *query, true);
-  const int64_t start = Ticks();
-  __real_rtcOccluded8(valid, scene, context, query);
-  tap.ticks_inside += Ticks() - start;
+  Timed([&] { __real_rtcOccluded8(valid, scene, LUMIFOLD_PASS); });
   if (tap.log == nullptr) return;
   for (int i = 0; i < kPacket; ++i) tap.log->hits += valid[i] != 0 && query->tfar[i] < 0;
 }

@@ -1,9 +1,9 @@
 #pragma once
 
-#include <embree3/rtcore.h>
-
 #include <cstdint>
 #include <vector>
+
+#include "worker/render/embree_api.h"
 
 /// Listens to what the renderer asks of Embree, for programs linked with --wrap for the functions named in
 /// embree_tap.cc. The renderer knows nothing of it; a thread that is not listened to pays one branch a ray.
@@ -33,18 +33,17 @@ class ScopedRayLog {
   ~ScopedRayLog();
 };
 
-/// Counts the processor's clock ticks this thread spends inside Embree until it goes out of scope.
-class ScopedTickCount {
+/// Measures how much of its time this thread spends inside Embree, until it goes out of scope.
+class ScopedEmbreeTime {
  public:
-  ScopedTickCount();
-  ~ScopedTickCount();
-  /// Ticks inside Embree so far.
-  int64_t inside() const;
-  /// Ticks since construction.
-  int64_t total() const;
+  ScopedEmbreeTime();
+  ~ScopedEmbreeTime();
+  int64_t inside_ns() const;
+  /// Time since construction.
+  int64_t total_ns() const;
 
  private:
-  int64_t start_;
+  int64_t start_ns_;
 };
 
 /// Asks Embree the rays of `log` once more, each by itself, and nothing else, and gives how many met

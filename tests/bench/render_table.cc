@@ -146,10 +146,10 @@ std::vector<RayLog> LogRays(const render::Renderer& renderer, TaskPool& pool) {
 double ShareInsideEmbree(const render::Renderer& renderer, TaskPool& pool) {
   std::vector<int64_t> inside(kTiles), total(kTiles);
   pool.Run(kTiles, [&](int64_t i) {
-    const ScopedTickCount ticks;
+    const ScopedEmbreeTime time;
     RenderTile(renderer, i);
-    inside[i] = ticks.inside();
-    total[i] = ticks.total();
+    inside[i] = time.inside_ns();
+    total[i] = time.total_ns();
   });
   double all_inside = 0;
   double all = 0;

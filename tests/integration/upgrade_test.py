@@ -34,7 +34,9 @@ INSERT INTO units SELECT films.job, films.frame, tile, kind, pass, file, positio
 INSERT INTO frames SELECT job, frame FROM now.films WHERE finished = 1;
 INSERT INTO warnings(job, line) SELECT job, line FROM now.warnings ORDER BY number;
 """
-THIS_VERSION, EARLIER_VERSION = b"0.1.0\0", b"0.0.9\0"
+# Names in the program, and what a worker of another numeric class has there: an earlier version, another Embree.
+OTHER_CLASSES = [({b"0.1.0\0": b"0.0.9\0"}, "lumifold-0.0.9/"),
+                 ({b"\0embree3\0": b"\0embree4\0", b"\0embree4\0": b"\0embree3\0"}, "lumifold-0.1.0/embree")]
 
 
 def take_ledger_back_to_schema_1(folder):
@@ -94,37 +96,44 @@ class UpgradeTest(unittest.TestCase):
                 self.assertGreater(db.execute("PRAGMA user_version").fetchone()[0], 1)
             db.close()
 
-    def earlier_worker(self):
-        """A worker of another version, and so of another numeric class, that speaks the same protocol."""
-        program = self.root / "lumifold-worker-0.0.9"
+    def other_worker(self, names):
+        """A worker that says it is of another numeric class. It speaks the same protocol."""
+        program = self.root / "other-worker"
         content = (BIN / "lumifold-worker").read_bytes()
-        self.assertGreater(content.count(THIS_VERSION), 0)
-        program.write_bytes(content.replace(THIS_VERSION, EARLIER_VERSION))
+        ours = [name for name in names if name in content]
+        self.assertEqual(len(ours), 1)
+        program.write_bytes(content.replace(ours[0], names[ours[0]]))
         program.chmod(0o755)
         return program
 
-    def test_workers_of_two_versions_render_jobs_of_their_own_class(self):
-        earlier = self.earlier_worker()
-        with tempfile.TemporaryDirectory() as data, Farm(data) as farm:
-            def start_earlier():
-                farm.workers.append(Process(str(earlier), "--server", farm.address, "--threads", 1, "--name", "earlier"))
+    def test_workers_of_two_classes_render_jobs_of_their_own_class(self):
+        for names, class_start in OTHER_CLASSES:
+            with self.subTest(class_start), tempfile.TemporaryDirectory() as data, Farm(data) as farm:
+                self.expect_jobs_of_their_own_class(farm, self.other_worker(names), class_start)
 
-            begun = self.submit(farm)
-            start_earlier()
-            wait_until(lambda: farm.status(begun)["units_done"] > 3, "some units of the earlier worker")
-            farm.start_worker("--name", "later")
-            new = self.submit(farm)
-            wait_until(lambda: farm.status(new)["units_done"] > 0, "a unit of the later worker")
-            # The earlier one is upgraded before the job it began is done: the job waits for it and says so.
-            farm.workers[0].kill()
-            explained = wait_until(lambda: "needs workers of class lumifold-0.0.9/" in (t := farm.client("explain", begun).stdout) and t,
-                                   "a job that waits for its class")
-            self.assertIn("no_worker", explained)
-            self.expect_same_pixels(farm, new)
-            start_earlier()
-            self.expect_same_pixels(farm, begun)
-            for job, version in ((begun, "0.0.9"), (new, "0.1.0")):
-                self.assertEqual((pathlib.Path(data) / "film" / job / "class").read_text()[:14], f"lumifold-{version}")
+    def expect_jobs_of_their_own_class(self, farm, other, class_start):
+        def start_other():
+            farm.workers.append(Process(str(other), "--server", farm.address, "--threads", 1, "--name", "other"))
+
+        def class_of(job):
+            return (pathlib.Path(farm.data) / "film" / job / "class").read_text()
+
+        begun = self.submit(farm)
+        start_other()
+        wait_until(lambda: farm.status(begun)["units_done"] > 3, "some units of the other worker")
+        farm.start_worker("--name", "ours")
+        new = self.submit(farm)
+        wait_until(lambda: farm.status(new)["units_done"] > 0, "a unit of our worker")
+        # The other one is gone before the job it began is done: the job waits for its class and says so.
+        farm.workers[0].kill()
+        waits = f"needs workers of class {class_start}"
+        explained = wait_until(lambda: waits in (t := farm.client("explain", begun).stdout) and t, "a job that waits for its class")
+        self.assertIn("no_worker", explained)
+        self.expect_same_pixels(farm, new)
+        start_other()
+        self.expect_same_pixels(farm, begun)
+        self.assertEqual(class_of(begun)[:len(class_start)], class_start)
+        self.assertNotEqual(class_of(begun), class_of(new))
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ RULES = [
     Rule("filter/manifold/", r"(filter|worker|server|client|proto|tests)/",
          "the published algorithm stands on kernels and image alone", r"filter/(manifold|kernels|image)/"),
     Rule("worker/render/", PROTO, "the renderer knows no wire formats"),
-    Rule("worker/plan/", PROTO + r"|embree3|filter/(?!image/)", "a plan knows the renderer and its scene alone"),
+    Rule("worker/plan/", PROTO + r"|embree[34]/|filter/(?!image/)", "a plan knows the renderer and its scene alone"),
     Rule("worker/scene/", PROTO, "scenes know no wire formats"),
     Rule("server/scheduler/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono)>|absl/synchronization/"
          r"|absl/time/clock\.h", "the scheduler is pure state: no threads, no clock; time is an argument"),

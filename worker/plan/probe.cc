@@ -8,8 +8,8 @@
 #include "filter/image/color.h"
 #include "worker/render/camera_packet.h"
 #include "worker/render/embree_scene.h"
-#include "worker/render/floating_point.h"
 #include "worker/render/path_tracer.h"
+#include "worker/render/processor.h"
 
 namespace lumifold::plan {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "filter/image/color.h"
 #include "worker/render/camera_packet.h"
-#include "worker/render/floating_point.h"
+#include "worker/render/processor.h"
 
 namespace lumifold::plan {
 namespace {

@@ -1,7 +1,5 @@
 #include "worker/render/embree_scene.h"
 
-#include <embree3/rtcore.h>
-
 #include <algorithm>
 #include <cstring>
 #include <string>
@@ -11,7 +9,9 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/mix_bits.h"
 #include "filter/image/parallel.h"
+#include "worker/render/embree_api.h"
 #include "worker/render/opacity.h"
+#include "worker/render/processor.h"
 
 namespace lumifold::render {
 namespace {
@@ -108,16 +108,14 @@ thread_local int64_t rays_of_thread = 0;
 
 /// What the filter functions of one query need. They receive the address of its first member.
 struct QueryContext {
-  RTCIntersectContext embree;
+  embree::Context embree;
   const HitContext* hit_context;
   std::span<const Ray> rays;        // indexed by Embree's ray id
   TransparentHits* hits = nullptr;  // if set, collects all hits, and no hit ends the ray
   const Hit* last = nullptr;        // if set, only hits after this one are collected
 
-  QueryContext(const HitContext* h, std::span<const Ray> r) : hit_context(h), rays(r) {
-    rtcInitIntersectContext(&embree);
+  QueryContext(const HitContext* h, std::span<const Ray> r) : embree(r.size() > 1), hit_context(h), rays(r) {
     rays_of_thread += static_cast<int64_t>(rays.size());
-    if (rays.size() > 1) embree.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
   }
 };
 
@@ -206,14 +204,14 @@ class EmbreeSceneImpl final : public EmbreeScene {
   bool IsOccluded(const Ray& ray) const override {
     QueryContext context(&hit_context_, {&ray, 1});
     RTCRay query = EmbreeRay(ray);
-    rtcOccluded1(world_.get(), &context.embree, &query);
+    embree::Occluded1(world_.get(), &context.embree, &query);
     return query.tfar < 0;
   }
 
   void IntersectTogether(std::span<const Ray> rays, std::span<Hit> hits) const override {
     QueryContext context(&hit_context_, rays);
     Packet packet(rays);
-    rtcIntersect8(packet.valid, world_.get(), &context.embree, &packet.query);
+    embree::Intersect8(packet.valid, world_.get(), &context.embree, &packet.query);
     for (unsigned i = 0; i < rays.size(); ++i) {
       hits[i] =
           packet.query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID
@@ -226,7 +224,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
   void AreOccludedTogether(std::span<const Ray> rays, std::span<bool> occluded) const override {
     QueryContext context(&hit_context_, rays);
     Packet packet(rays);
-    rtcOccluded8(packet.valid, world_.get(), &context.embree, &packet.query.ray);
+    embree::Occluded8(packet.valid, world_.get(), &context.embree, &packet.query.ray);
     for (size_t i = 0; i < rays.size(); ++i) occluded[i] = packet.query.ray.tfar[i] < 0;
   }
 
@@ -246,7 +244,11 @@ class EmbreeSceneImpl final : public EmbreeScene {
 
   absl::Status Build(const OpacitySource& opacity) {
     const scene::Scene& scene = *hit_context_.scene;
+#if defined(__x86_64__)
     const std::string config = absl::StrCat("set_affinity=0,isa=", TracingInstructionSet());
+#else
+    const std::string config = "set_affinity=0";  // there is one instruction set to choose from
+#endif
     device_.reset(rtcNewDevice(config.c_str()));
     if (device_ == nullptr) return absl::InternalError("Embree: no device");
     std::vector<int> uses(scene.meshes.size(), 0);
@@ -282,7 +284,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
   static void Trace(RTCScene scene, RTCRayHit* query, QueryContext* context) {
     query->hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query->hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    rtcIntersect1(scene, &context->embree, query);
+    embree::Intersect1(scene, &context->embree, query);
   }
 
   SceneHandle NewScene() const {
@@ -354,7 +356,7 @@ class EmbreeSceneImpl final : public EmbreeScene {
 
 }  // namespace
 
-const char* TracingInstructionSet() { return __builtin_cpu_supports("avx2") ? "avx2" : "sse4.2"; }
+const char* EmbreeName() { return RTC_VERSION_MAJOR == 3 ? "embree3" : "embree4"; }
 
 int64_t RaysOfThread() { return rays_of_thread; }
 

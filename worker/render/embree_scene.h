@@ -42,9 +42,8 @@ struct TransparentHits {
   int count = 0;
 };
 
-/// The instruction set that Embree uses, part of the numeric class: "avx2" if the processor has it, else
-/// "sse4.2".
-const char* TracingInstructionSet();
+/// "embree3" or "embree4": the major version that the renderer is built with, part of the numeric class.
+const char* EmbreeName();
 
 /// A scene in Embree. A mesh with one instance is transformed to world space; a mesh with several is an
 /// Embree instance. Threads: after Create() all calls are safe concurrently. The acceleration structure is

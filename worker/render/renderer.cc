@@ -6,11 +6,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "worker/render/approximations.h"
-#include "worker/render/floating_point.h"
 #include "worker/render/fragments.h"
 #include "worker/render/geometry_unit.h"
 #include "worker/render/pass_sums.h"
+#include "worker/render/processor.h"
 
 namespace lumifold::render {
 namespace {
@@ -48,7 +47,7 @@ absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const Render
 }
 
 std::string NumericClass() {
-  return absl::StrCat("lumifold-", LUMIFOLD_VERSION, "/", TracingInstructionSet(), "-",
+  return absl::StrCat("lumifold-", LUMIFOLD_VERSION, "/", EmbreeName(), "-", TracingInstructionSet(), "-",
                       absl::Hex(ApproximationsOfProcessor(), absl::kZeroPad4));
 }
 

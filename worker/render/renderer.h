@@ -58,8 +58,8 @@ struct RenderCounts {
 /// kInvalidArgument for lens values out of range or a lens with an orthographic camera.
 absl::StatusOr<PictureCamera> MakeCamera(const scene::Scene& scene, const RenderSettings& settings);
 
-/// The name of the class of machines and builds that give the same bits, e.g. "lumifold-0.1.0/avx2-3f2a": version,
-/// instruction set of Embree, and ApproximationsOfProcessor().
+/// The name of the class of machines and builds that give the same bits, e.g. "lumifold-0.1.0/embree4-avx2-3f2a":
+/// version, Embree's major version and instruction set, and ApproximationsOfProcessor().
 std::string NumericClass();
 
 /// Renders units of one scene. Threads: after Create() all calls are safe concurrently. One thread renders a

@@ -122,16 +122,20 @@ using FloatLanes [[gnu::vector_size(sizeof(uint32_t) * kLanes)]] = float;
   }
 }
 
+void DrawPairsNarrow(const std::array<uint64_t, 2>& keys, uint32_t first, DrawnPairs* out) {
+  DrawPairs(keys, first, out);
+}
+#if defined(__x86_64__)
 // Integer arithmetic only, so both have the same result.
 [[gnu::target("avx2")]] void DrawPairsWide(const std::array<uint64_t, 2>& keys, uint32_t first,
                                            DrawnPairs* out) {
   DrawPairs(keys, first, out);
 }
-void DrawPairsNarrow(const std::array<uint64_t, 2>& keys, uint32_t first, DrawnPairs* out) {
-  DrawPairs(keys, first, out);
-}
 
 const auto draw_pairs = __builtin_cpu_supports("avx2") ? DrawPairsWide : DrawPairsNarrow;
+#else
+const auto draw_pairs = DrawPairsNarrow;
+#endif
 
 }  // namespace
 

@@ -1,8 +1,11 @@
 #include "worker/scene/uri.h"
 
+#include <cstdint>
+
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/string_view.h"
 
 namespace lumifold::scene {
@@ -24,8 +27,10 @@ std::string PercentDecode(std::string_view text) {
   std::string decoded;
   decoded.reserve(text.size());
   for (size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '%' && IsHexPair(text.substr(i + 1))) {
-      decoded += absl::HexStringToBytes(std::string(text.substr(i + 1, 2)));
+    uint32_t byte = 0;
+    if (text[i] == '%' && IsHexPair(text.substr(i + 1)) &&
+        absl::SimpleHexAtoi(View(text.substr(i + 1, 2)), &byte)) {
+      decoded += static_cast<char>(byte);
       i += 2;
     } else {
       decoded += text[i];

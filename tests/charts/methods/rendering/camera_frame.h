@@ -10,7 +10,7 @@
 #include "filter/image/planes.h"
 #include "worker/render/camera_packet.h"
 #include "worker/render/charts_access.h"
-#include "worker/render/floating_point.h"
+#include "worker/render/processor.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::charts {

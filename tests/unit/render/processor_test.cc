@@ -1,4 +1,4 @@
-#include "worker/render/approximations.h"
+#include "worker/render/processor.h"
 
 #include <gtest/gtest.h>
 

@@ -5,6 +5,7 @@
     clang_checks.py headers BUILD_FOLDER [--all]     each header compiles by itself; without --all only those changed
                                                      since LUMIFOLD_TIDY_BASE (default: the last commit)
     clang_checks.py threads BUILD_FOLDER             -Wthread-safety finds nothing in files that hold a mutex
+    clang_checks.py warnings BUILD_FOLDER            everything compiles without warnings of clang
 
 Compiles on all cores. Ends with 0 where all is well, 1 where not, 77 where there is no clang++.
 """
@@ -116,6 +117,15 @@ def thread_jobs(root, build):
     return jobs.items()
 
 
+def warning_jobs(root, build):
+    """One compilation for each that the build has, with its warnings."""
+    jobs = {}
+    for entry in read_commands(build):
+        compiled = entry.get("merged", entry["file"])
+        jobs[os.path.relpath(compiled, root)] = ["-fsyntax-only", *clang_arguments(entry["command"]), "-Werror", compiled]
+    return jobs.items()
+
+
 def compile_all(jobs, directory):
     """Compiles each job, prints what fails, and gives the number of failures."""
     def compile_one(job):
@@ -142,7 +152,8 @@ def main():
     if not shutil.which("clang++"):
         print("skipped: no clang++")
         return 77
-    jobs = thread_jobs(root, build) if mode == "threads" else header_jobs(root, build, "--all" in sys.argv[3:])
+    jobs = {"threads": lambda: thread_jobs(root, build), "warnings": lambda: warning_jobs(root, build),
+            "headers": lambda: header_jobs(root, build, "--all" in sys.argv[3:])}[mode]()
     return 1 if compile_all(jobs, build) else 0
 
 

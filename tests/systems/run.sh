@@ -1,0 +1,78 @@
+#!/usr/bin/env bash
+# Builds and tests Lumifold on another Debian than this machine's, in a root that mmdebstrap makes:
+#   tests/systems/run.sh SYSTEM [STEP]
+# SYSTEM is debian-12 or debian-13. STEP is one of
+#   quickstart  deploy/quickstart.sh
+#   unit        the unit tests
+#   farm        a farm, the page in a browser, the Blender add-on, the packages; then one farm of this system and the other
+#   all         quickstart, unit and farm (default)
+#   tests       tests/run.sh
+#   gate        for tests/run.sh of this system: builds everything and renders a picture, where the root exists
+# Roots are kept, with what was built in them, below LUMIFOLD_SYSTEMS_DIR (default: ~/.cache/lumifold/systems). The sources are
+# those of the working tree. Exit code 77: it cannot run here, and says why.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+system=${1:?usage: tests/systems/run.sh SYSTEM [STEP]}
+step=${2:-all}
+declare -A suites=([debian-12]=bookworm [debian-13]=trixie)
+suite=${suites[$system]:?no such system}
+root=${LUMIFOLD_SYSTEMS_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/lumifold/systems}/$system/root
+
+skip() { echo "SKIPPED: $*"; exit 77; }
+[ "$(id -u)" = 0 ] || skip "$system needs root, for chroot"
+for tool in mmdebstrap rsync unshare; do command -v "$tool" >/dev/null || skip "no $tool (deploy/setup.sh --tests)"; done
+
+make_root() {
+  # Sources of software as the system has them when it is new, and services that do not start in a root.
+  mkdir -p "$(dirname "$root")"
+  mmdebstrap --quiet --variant=apt --include=ca-certificates \
+    --customize-hook='printf "#!/bin/sh\nexit 101\n" >"$1/usr/sbin/policy-rc.d"; chmod +x "$1/usr/sbin/policy-rc.d"' \
+    "$suite" "$root.new"
+  mv "$root.new" "$root"
+}
+
+# Runs a command in the root, in the folder of the sources. Mounts end with the command.
+enter() {
+  unshare --mount bash -euc 'root=$1; shift
+    mount -t proc proc "$root/proc"; mount --rbind /sys "$root/sys"; mount --rbind /dev "$root/dev"; mount -t tmpfs tmpfs "$root/run"
+    cp /etc/resolv.conf "$root/etc/resolv.conf"
+    exec chroot "$root" env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 \
+      LUMIFOLD_SCENES_DIR=/scenes bash -euc "cd /lumifold; $*"' bash "$root" "$@"
+}
+
+copy_sources() {
+  mkdir -p "$root/lumifold"
+  # Without times: what did not change is not built again. Files that are gone go, builds and Git's data stay.
+  git ls-files --cached --others --exclude-standard | while read -r file; do [ -e "$file" ] && echo "$file"; done |
+    rsync -rlp --checksum --files-from=- . "$root/lumifold.new/"
+  rsync -rlp --checksum --delete --exclude=/build "$root/lumifold.new/" "$root/lumifold/"
+  rm -rf "$root/lumifold.new"
+  if [ -n "${LUMIFOLD_SCENES_DIR:-}" ]; then rsync -rl "$LUMIFOLD_SCENES_DIR/" "$root/scenes/"; fi
+}
+
+build='deploy/setup.sh --tests; cmake --preset gate >/dev/null; cmake --build --preset gate;'
+run_step() {
+  echo "== $system: $1"
+  case $1 in
+    quickstart) enter deploy/quickstart.sh ;;
+    unit) enter "$build ctest --preset release --label-regex unit" ;;
+    farm)
+      enter "$build ctest --preset release --tests-regex '^(blender\\.|deploy\\.packages|slow\\.install|integration\\.(farm|page_browser)\$)'"
+      LUMIFOLD_OTHER_SYSTEM=$root LUMIFOLD_BIN=${LUMIFOLD_BIN:-$PWD/build/release/bin} PYTHONPATH=tests/support \
+        python3 tests/systems/two_systems_test.py
+      ;;
+    tests) enter tests/run.sh ;;
+    gate) enter "$build deploy/quickstart.sh" ;;
+    *) echo "systems: no step '$1'" >&2; exit 2 ;;
+  esac
+}
+
+if [ ! -d "$root" ]; then
+  [ "$step" != gate ] || skip "$root does not exist (tests/systems/run.sh $system makes it)"
+  make_root
+fi
+copy_sources
+steps=$step
+[ "$step" = all ] && steps="quickstart unit farm"
+for one in $steps; do run_step "$one"; done

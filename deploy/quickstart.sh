@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# From a fresh Debian 12 to a filtered picture: installs what is missing, builds, renders the Cornell box through coordinator,
+# From a fresh Debian 12 or 13 to a filtered picture: installs what is missing, builds, renders the Cornell box through coordinator,
 # worker and filter in one process, and says where the pictures are and what the filter gained. Needs root or sudo the first time.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -17,10 +17,13 @@ class DockerfileTest(unittest.TestCase):
         self.stages = programs.stages()
 
     def test_each_image_installs_what_its_program_is_linked_with(self):
+        # That the list of the script is right is a test of the packages.
         for name, image in programs.images().items():
-            stage = next(s for s in self.stages.values() if s.of("ENTRYPOINT") == [f'["{image["program"]}"]'])
-            self.assertEqual(stage.packages(), sorted(stage.packages()), name)
-            self.assertEqual(set(stage.packages()), programs.packages_needed(image["program"]), name)
+            program = image["program"]
+            stage = next(s for s in self.stages.values() if s.of("ENTRYPOINT") == [f'["{program}"]'])
+            self.assertIn(f"--from=build /src/build/release/{program}.packages /usr/local/share/", stage.of("COPY"), name)
+            self.assertIn(f"install -y --no-install-recommends </usr/local/share/{program}.packages ", stage.of("RUN")[0], name)
+            self.assertIn(f" {program} ", re.search(r"for program in .*? ?;", self.stages["build"].of("RUN")[2])[0].replace(";", " "))
 
     def test_images_are_of_the_three_programs(self):
         self.assertEqual({image["program"] for image in programs.images().values()},
@@ -37,7 +40,8 @@ class DockerfileTest(unittest.TestCase):
             for words in map(str.split, stage.of("COPY")):
                 if words[0].startswith("--from="):
                     self.assertEqual(words[0], "--from=build")
-                    copied.append(words[1].removeprefix("/src/build/release/bin/"))
+                    if not words[1].endswith(".packages"):
+                        copied.append(words[1].removeprefix("/src/build/release/bin/"))
                 else:
                     self.assertTrue((ROOT / words[0]).exists(), words)
         self.assertEqual(sorted(copied), sorted(targets.values()))
@@ -50,7 +54,7 @@ class DockerfileTest(unittest.TestCase):
         user = self.stages["runtime"].of("RUN")[0]
         self.assertIn("--uid 10001 ", user)
         default = re.search(r"^ARG DEBIAN=\S+:(\d+)-slim$", programs.DOCKERFILE.read_text(), re.M)[1]
-        self.assertEqual(default, re.search(r"Debian (\d+) packages", (ROOT / "deploy/setup.sh").read_text())[1])
+        self.assertIn(default, re.search(r"Debian ([\d or]+)", (ROOT / "deploy/setup.sh").read_text())[1].split(" or "))
 
 
 BROKEN = [

@@ -39,8 +39,8 @@ class InstallTest(unittest.TestCase):
         cls.old = packages.build(cls.folder / "old", OLDER)
         cls.root = cls.folder / "root"
         needed = {word.split()[0] for file in cls.new.values() for word in packages.field(file, "Depends").split(", ")}
-        subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={','.join(sorted(needed))}", "bookworm", cls.root],
-                       check=True)
+        subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={','.join(sorted(needed))}", programs.suite(),
+                        cls.root], check=True)
 
     def enter(self, *command, check=True):
         """What a command in the root prints, messages first."""

@@ -51,12 +51,14 @@ def make_image(name, folder):
     image, stages = programs.images()[name], programs.stages()
     stage = next(s for s in stages.values() if s.of("ENTRYPOINT") == [f'["{image["program"]}"]'])
     root = pathlib.Path(folder) / name
-    subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={','.join(stage.packages())}", "bookworm", root],
-                   check=True)
+    packages = ",".join(programs.runtime_packages(image["program"]))
+    subprocess.run(["mmdebstrap", "--quiet", "--variant=minbase", f"--include={packages}", programs.suite(), root], check=True)
     for command in [*stages[stage.base].of("RUN"), *stage.of("RUN")]:
         if "apt-get" not in command:
             subprocess.run(["chroot", root, "/bin/sh", "-euc", command], check=True)
     for words in map(str.split, stage.of("COPY")):
+        if words[1].endswith(".packages"):
+            continue
         shutil.copy(programs.BIN / pathlib.Path(words[1]).name, root / words[2].lstrip("/"))
     return root
 

@@ -2,6 +2,7 @@
 
 import functools
 import pathlib
+import platform
 import re
 import shlex
 import subprocess
@@ -12,6 +13,13 @@ import urllib.request
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests/support"))
 from farm import BIN, Farm, run, wait_until  # noqa: E402
+
+
+
+def suite():
+    """The Debian of this machine, whose packages fit the programs that the tests run."""
+    return platform.freedesktop_os_release()["VERSION_CODENAME"]
+
 
 DOCKERFILE = ROOT / "deploy/container/Dockerfile"
 
@@ -92,13 +100,6 @@ class Stage:
     def of(self, instruction):
         return [rest for word, rest in self.instructions if word == instruction]
 
-    def packages(self):
-        """What it installs for its program."""
-        for command in self.of("RUN"):
-            if found := re.search(r"apt-get install -y --no-install-recommends (.*?) && ", command):
-                return found[1].split()
-        return []
-
 
 def stages():
     """The stages of the Dockerfile, by name."""
@@ -125,13 +126,7 @@ def images():
     return found
 
 
-def packages_needed(program):
-    """Debian packages of the libraries that a program is linked with, but for those of every Debian."""
-    needed = re.findall(r"\(NEEDED\).*\[(.*)\]", subprocess.run(["readelf", "-d", BIN / program], text=True,
-                                                                capture_output=True, check=True).stdout)
-    paths = dict(re.findall(r"^\s*(\S+) => (/\S+)", subprocess.run(["ldd", BIN / program], text=True, capture_output=True,
-                                                                   check=True).stdout, re.M))
-    files = [str(pathlib.Path(paths[library]).resolve()) for library in needed if library in paths]
-    owners = subprocess.run(["dpkg-query", "-S", *files, *(file.removeprefix("/usr") for file in files)], text=True,
-                            capture_output=True).stdout
-    return {line.split(":")[0] for line in owners.splitlines()} - {"libc6", "libgcc-s1"}
+def runtime_packages(program):
+    """Debian packages of the libraries that a program is linked with: what its image installs."""
+    done = subprocess.run([ROOT / "deploy/container/runtime_packages.sh", BIN / program], text=True, capture_output=True, check=True)
+    return done.stdout.split()

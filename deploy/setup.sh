@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs the Debian 12 packages Lumifold needs, and nothing where all are there.
+# Installs the packages of Debian 12 or 13 that Lumifold needs, and nothing where all are there.
 #   deploy/setup.sh          what building and running needs
 #   deploy/setup.sh --tests  that, and what the tests need
 set -euo pipefail
@@ -9,10 +9,10 @@ packages=(
   libembree-dev libdraco-dev libopenexr-dev libpng-dev libjpeg-dev libtinygltf-dev nlohmann-json3-dev
   libgrpc++-dev protobuf-compiler protobuf-compiler-grpc libprotobuf-dev libabsl-dev
   libspdlog-dev libfmt-dev libcli11-dev libyaml-cpp-dev libopencolorio-dev libsqlite3-dev libpq-dev libssl-dev libxxhash-dev libzstd-dev
-  libcurl4-openssl-dev prometheus-cpp-dev libcpp-httplib-dev zlib1g-dev
+  libcurl4-openssl-dev prometheus-cpp-dev libcpp-httplib-dev libboost-dev zlib1g-dev
   libtbb-dev libeigen3-dev libhwy-dev
 )
-test_packages=(clang libclang-rt-14-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format clang-tidy
+test_packages=(clang libclang-rt-dev libgtest-dev libgmock-dev libbenchmark-dev python3 git clang-format-19 clang-tidy-19
                postgresql iproute2 nftables e2fsprogs openssl
                munge slurm-wlm slurmdbd mariadb-server sqlite3 rsync
                blender python3-numpy

@@ -5,14 +5,15 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "absl/strings/ascii.h"
-#include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/sha256.h"
 
@@ -185,10 +186,12 @@ absl::Status CheckSizes(const SceneFileRules& rules, SceneAssets* assets) {
 std::string PercentDecoded(const std::string& uri) {
   std::string text;
   for (size_t i = 0; i < uri.size(); ++i) {
+    uint32_t byte = 0;
     const bool escaped = uri[i] == '%' && i + 2 < uri.size() &&
                          absl::ascii_isxdigit(static_cast<unsigned char>(uri[i + 1])) &&
-                         absl::ascii_isxdigit(static_cast<unsigned char>(uri[i + 2]));
-    text += escaped ? absl::HexStringToBytes(uri.substr(i + 1, 2)) : std::string(1, uri[i]);
+                         absl::ascii_isxdigit(static_cast<unsigned char>(uri[i + 2])) &&
+                         absl::SimpleHexAtoi(uri.substr(i + 1, 2), &byte);
+    text += escaped ? static_cast<char>(byte) : uri[i];
     if (escaped) i += 2;
   }
   return text;

@@ -12,7 +12,8 @@ ExitCode RunLogin(const std::vector<std::string>& arguments, const Environment& 
   std::string profile = identity::kDefaultProfile;
   bool certificate = false;
   CommandLine command_line("login", SummaryOf("login"));
-  command_line.AddArgument("HOST:PORT", &server, "The coordinator, or those of one farm, as for --server");
+  command_line.AddArgument("SERVER", &server,
+                           "HOST:PORT of the coordinator, or those of one farm, as for --server");
   command_line.AddOptionalArgument(
       "CODE", &code, "From 'lumifold invite'; without it, or with '-', it is read from standard input");
   command_line.AddText("--profile", "NAME", &profile,

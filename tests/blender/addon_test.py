@@ -4,19 +4,22 @@ import array
 import json
 import os
 import pathlib
-import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import tomllib
 import unittest
+import zipfile
 
+import blender
 import exr  # of tests/cross_check
 import farm
+import lumifold
+from lumifold import versions
 
 HERE = pathlib.Path(__file__).parent
 ADDON = HERE.parents[1] / "deploy/blender"
-BLENDER = shutil.which("blender")
 SAMPLES = 256
 BLOCK = 8  # pixels: means over blocks have little noise
 WIDTH, HEIGHT = 128, 96
@@ -28,18 +31,19 @@ ALLOWED = {
     "sun_light": (0.1, 0.5),
     "world": (0.1, 0.5),
     "point_light": (1.2, 1.9),
+    "light_of_4_5": (1.2, 1.9),
     "room": (3, 3.5),
     "textures": (2.4, 7),
+    "surfaces": (3, 7),
     "animation": (1.3, 1.9),
     "pictures": (1.3, 9.5),
 }
 COMBINED = [f"ViewLayer.Combined.{channel}" for channel in "RGBA"]
 
 
-def setUpModule():
-    if BLENDER is None:
-        print("SKIPPED: there is no blender on this machine (Debian packages blender, python3-numpy)")
-        raise unittest.SkipTest("no blender")
+WITH_ADDON = ("--addons", "lumifold")
+setUpModule = blender.require
+versions.running = blender.version  # asks Blender itself, which does not run in this process
 
 
 class BlenderTest(unittest.TestCase):
@@ -50,14 +54,12 @@ class BlenderTest(unittest.TestCase):
         (self.folder / "scripts/addons").mkdir(parents=True)
         (self.folder / "scripts/addons/lumifold").symlink_to(ADDON / "lumifold")
         (self.folder / "tmp").mkdir()
-        # Blender's Python takes its library from beside the first python3 on the path, which must be the system's.
-        self.environment = {**os.environ, "PATH": f"{os.defpath}:{farm.BIN}", "BLENDER_USER_SCRIPTS": str(self.folder / "scripts"),
+        self.environment = {**blender.ENVIRONMENT, "PATH": f"{os.defpath}:{farm.BIN}", "BLENDER_USER_SCRIPTS": str(self.folder / "scripts"),
                             "TMPDIR": str(self.folder / "tmp")}
         self.environment.pop("LUMIFOLD_SERVER", None)
 
     def command(self, scene, **wanted):
-        return [BLENDER, "-b", "--factory-startup", "--addons", "lumifold", "--python-exit-code", "1", "--python",
-                str(HERE / "render_scene.py"), "--", scene, str(self.folder), json.dumps(wanted)]
+        return blender.command(HERE / "render_scene.py", scene, self.folder, json.dumps(wanted), options=WITH_ADDON)
 
     def render(self, scene, **wanted):
         """Renders a scene; returns the report."""
@@ -77,6 +79,8 @@ class Pictures(BlenderTest):
     """Each scene, on this machine, against Cycles with the same number of samples."""
 
     def check(self, scene):
+        if scene == "light_of_4_5" and blender.version() < (4, 5):
+            self.skipTest("a newer Blender's lights")
         report = self.render(scene, settings={"samples": SAMPLES}, cycles=SAMPLES)
         self.assertNotIn("error", report)
         ours, cycles = (block_means(self.picture(name)) for name in ("lumifold", "cycles"))
@@ -98,10 +102,11 @@ class Passes(BlenderTest):
         ours, cycles = self.picture(), self.picture("cycles")
         self.assertEqual((ours.width, ours.height), (WIDTH, HEIGHT))
         ours, cycles = ours.channels, cycles.channels
-        for name in ("Depth.Z", "Normal.X", "DiffDir.R", "DiffInd.R", "DiffCol.R", "Emit.R", "Env.R", "Noisy Image.R", "Reflection.R"):
-            self.assertEqual(len(ours[f"ViewLayer.{name}"]), WIDTH * HEIGHT, name)
-        for name, allowed in (("Depth.Z", 0.02), ("Normal.X", 0.02), ("Normal.Y", 0.02), ("Normal.Z", 0.02), ("Env.B", 0.01)):
-            pair = zip(ours[f"ViewLayer.{name}"], cycles[f"ViewLayer.{name}"])
+        for name in ("Depth.Z", "Normal.X", "Diffuse Direct.R", "Diffuse Indirect.R", "Diffuse Color.R", "Emission.R", "Environment.R",
+                     "Noisy Image.R", "Reflection.R"):
+            self.assertEqual(len(ours[channel(name)]), WIDTH * HEIGHT, name)
+        for name, allowed in (("Depth.Z", 0.02), ("Normal.X", 0.02), ("Normal.Y", 0.02), ("Normal.Z", 0.02), ("Environment.B", 0.01)):
+            pair = zip(ours[channel(name)], cycles[channel(name)])
             wrong = sum(abs(a - b) > allowed * max(1, abs(b)) for a, b in pair) / (WIDTH * HEIGHT)
             self.assertLess(wrong, 0.06, f"{name}: all but edges must agree")  # edges are means in ours, one sample in Cycles
         self.assertEqual(set(ours[COMBINED[3]]), {1.0})
@@ -171,9 +176,8 @@ class FramesAtAFarm(FarmTest):
     """Frames that are submitted while Blender is free, and downloaded later."""
 
     def submit(self, cancel=False, **settings):
-        command = [BLENDER, "-b", "--factory-startup", "--addons", "lumifold", "--python-exit-code", "1", "--python",
-                   str(HERE / "submit_frames.py"), "--", str(self.folder),
-                   json.dumps({"settings": {"samples": 4, **self.on_farm, **settings}, "cancel": cancel})]
+        wanted = json.dumps({"settings": {"samples": 4, **self.on_farm, **settings}, "cancel": cancel})
+        command = blender.command(HERE / "submit_frames.py", self.folder, wanted, options=WITH_ADDON)
         done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=900)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         self.assertEqual([path.name for path in (self.folder / "tmp").glob("lumifold*")], [], "left behind")
@@ -220,22 +224,59 @@ class InBlendersPython(BlenderTest):
         script = ("import sys, unittest; sys.path[:0] = sys.argv[-2:]; import logic_test; "
                   "done = unittest.TextTestRunner().run(unittest.defaultTestLoader.loadTestsFromTestCase(logic_test.Arrays)); "
                   "sys.exit(not done.wasSuccessful() or bool(done.skipped))")
-        command = [BLENDER, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", script, "--", str(HERE), str(ADDON)]
-        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=300)
+        done = subprocess.run(blender.expression(script, HERE, ADDON), env=self.environment, capture_output=True, text=True, timeout=300)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
 
 class Installation(BlenderTest):
-    def test_the_zip_installs(self):
-        done = subprocess.run([ADDON / "package.sh", self.folder], capture_output=True, text=True, check=True)
+    """Both packages, as a user installs them."""
+
+    def setUp(self):
+        super().setUp()
         (self.folder / "scripts/addons/lumifold").unlink()
+        done = subprocess.run([ADDON / "package.sh", self.folder], capture_output=True, text=True, check=True)
+        self.addon, self.extension = done.stdout.split()
+
+    def run_blender(self, command):
+        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=300)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        return done.stdout
+
+    def extension_command(self, *arguments):
+        return self.run_blender([blender.PROGRAM, "--factory-startup", "--command", "extension", *arguments])
+
+    def test_the_addon_installs(self):
         script = ("import bpy, sys; bpy.ops.preferences.addon_install(filepath=sys.argv[-1]); "
                   "bpy.ops.preferences.addon_enable(module='lumifold'); bpy.context.scene.render.engine = 'LUMIFOLD'; "
                   "bpy.ops.preferences.addon_disable(module='lumifold'); print('installed')")
-        command = [BLENDER, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", script, "--", done.stdout.strip()]
-        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=300)
-        self.assertIn("installed", done.stdout, done.stderr)
+        self.assertIn("installed", self.run_blender(blender.expression(script, self.addon)))
         self.assertTrue((self.folder / "scripts/addons/lumifold/engine.py").exists())
+
+    def test_the_extension_installs_and_finds_the_program_in_its_preferences(self):
+        if blender.version() < (4, 2):
+            self.skipTest("extensions came with Blender 4.2")
+        self.environment["BLENDER_USER_RESOURCES"] = str(self.folder / "user")
+        self.extension_command("validate", self.extension)
+        self.extension_command("build", "--source-dir", ADDON / "lumifold", "--output-filepath", self.folder / "built.zip")
+        names = [set(zipfile.ZipFile(path).namelist()) for path in (self.extension, self.folder / "built.zip")]
+        self.assertEqual(*names, "Blender's own package has the same files")
+        self.extension_command("install-file", "--repo", "user_default", "--enable", self.extension)
+        script = ("import bpy; addon = bpy.context.preferences.addons['bl_ext.user_default.lumifold']; "
+                  "addon.preferences.program = '/bin/true'; bpy.context.scene.render.engine = 'LUMIFOLD'; "
+                  "from bl_ext.user_default.lumifold import preferences; print('found', preferences.program_path())")
+        # Not with factory settings, which switch extensions off.
+        command = [blender.PROGRAM, "-b", "--python-exit-code", "1", "--python-expr", script]
+        self.assertIn("found /bin/true", self.run_blender(command))
+
+    def test_both_packages_say_the_same_version(self):
+        manifest = tomllib.loads((ADDON / "lumifold/blender_manifest.toml").read_text())
+        self.assertEqual(".".join(map(str, lumifold.bl_info["version"])), manifest["version"])
+
+
+def channel(name):
+    """The channel of a pass in Blender's file."""
+    of_pass, letter = name.split(".")
+    return f"ViewLayer.{versions.pass_name(of_pass)}.{letter}"
 
 
 def block_means(picture):

@@ -9,15 +9,21 @@ import bpy
 
 picture, layer, name, width, height, matte = sys.argv[sys.argv.index("--") + 1:]
 scene = bpy.context.scene
-scene.use_nodes = True
-nodes = scene.node_tree.nodes
-nodes.clear()
-node = nodes.new("CompositorNodeCryptomatteV2")
+if hasattr(scene, "compositing_node_group"):  # since Blender 5.0
+    tree = scene.compositing_node_group = bpy.data.node_groups.new("matte", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    output = tree.nodes.new("NodeGroupOutput")
+else:
+    scene.use_nodes = True
+    tree = scene.node_tree
+    tree.nodes.clear()
+    output = tree.nodes.new("CompositorNodeComposite")
+node = tree.nodes.new("CompositorNodeCryptomatteV2")
 node.source = "IMAGE"
 node.image = bpy.data.images.load(picture)
 node.layer_name = layer
 node.matte_id = name
-scene.node_tree.links.new(node.outputs["Matte"], nodes.new("CompositorNodeComposite").inputs["Image"])
+tree.links.new(node.outputs["Matte"], output.inputs["Image"])
 bpy.ops.object.camera_add()
 scene.camera = bpy.context.object
 scene.view_settings.view_transform = "Raw"

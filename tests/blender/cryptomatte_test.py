@@ -1,26 +1,19 @@
 """Blender's compositor makes mattes from our Cryptomatte layers."""
 
 import json
-import os
 import pathlib
-import shutil
 import struct
 import subprocess
 import tempfile
 import unittest
 
+import blender
 import exr  # of tests/cross_check
 import exr_header
 import farm
 
 HERE = pathlib.Path(__file__).parent
-BLENDER = shutil.which("blender")
-
-
-def setUpModule():
-    if BLENDER is None:
-        print("SKIPPED: there is no blender on this machine (Debian packages blender, python3-numpy)")
-        raise unittest.SkipTest("no blender")
+setUpModule = blender.require
 
 
 class CryptomatteTest(unittest.TestCase):
@@ -49,10 +42,8 @@ class CryptomatteTest(unittest.TestCase):
 
     def matte(self, layer, name):
         result = self.folder / "matte.exr"
-        # Blender's Python takes its library from beside the first python3 on the path, which must be the system's.
-        done = subprocess.run([BLENDER, "-b", "--factory-startup", "--python-exit-code", "1", "--python", HERE / "compositor.py", "--",
-                               self.path, layer, name, "96", "72", result], text=True, capture_output=True,
-                              env={**os.environ, "PATH": os.defpath})
+        done = subprocess.run(blender.command(HERE / "compositor.py", self.path, layer, name, "96", "72", result), text=True,
+                              capture_output=True, env=blender.ENVIRONMENT)
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         return list(exr.read(result).channels["R"])
 

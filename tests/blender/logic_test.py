@@ -1,4 +1,7 @@
-"""The parts of the Blender add-on that need no Blender: command lines, progress, cancelling, materials, the list of losses, files."""
+"""The parts of the Blender add-on that need no Blender: command lines, progress, cancelling, materials, the list of losses, files.
+
+Node trees are small imitations with the sockets of each version of Blender; the tests in a real Blender are in addon_test.py.
+"""
 
 import pathlib
 import signal
@@ -7,13 +10,14 @@ import tempfile
 import time
 import types
 import unittest
+import unittest.mock
 
 try:
     import numpy
 except ImportError:
     numpy = None
 
-from lumifold import frame_jobs, materials, program, unsupported
+from lumifold import frame_jobs, materials, program, unsupported, versions
 
 needs_numpy = unittest.skipIf(numpy is None, "numpy is not installed (Debian package python3-numpy)")
 
@@ -109,43 +113,53 @@ class Runs(unittest.TestCase):
             program.run(["none/lumifold"])
 
 
-class Socket:
-    """A socket of a node; `source` is a socket of another."""
+EACH_VERSION = ((3, 4), (3, 6), (4, 0), (4, 3), (5, 0), (5, 2))
 
-    def __init__(self, name, value=None, source=None):
-        self.name, self.default_value, self.node = name, value, None
+
+def in_version(version):
+    """Lets the add-on believe that it runs in this version of Blender."""
+    return unittest.mock.patch.object(versions, "running", lambda: version)
+
+
+class Socket:
+    """A socket of a node; `source` is a socket of another. The name is what Blender 5 shows."""
+
+    def __init__(self, identifier, value=None, source=None):
+        self.identifier, self.default_value, self.node = identifier, value, None
+        self.name = {"Fac": "Factor", "Shader_001": "Shader"}.get(identifier, identifier)
         self.links = [types.SimpleNamespace(from_socket=source)] if source else []
         self.is_linked = bool(source)
 
 
 def node(kind, outputs=(), inputs=(), **values):
     made = types.SimpleNamespace(type=kind, bl_label=values.pop("label", kind), **values)
-    made.inputs = Sockets(inputs)
-    made.outputs = Sockets(outputs)
+    made.inputs, made.outputs = list(inputs), list(outputs)
     for socket in (*made.inputs, *made.outputs):
         socket.node = made
     return made
 
 
-class Sockets(list):
-    def __getitem__(self, key):
-        return list.__getitem__(self, key) if isinstance(key, int) else next(one for one in self if one.name == key)
-
-    def get(self, key):
-        return next((one for one in self if one.name == key), None)
-
-    def __contains__(self, key):
-        return self.get(key) is not None
-
-
-PRINCIPLED = {"Base Color": (0.5, 0.5, 0.5, 1), "Subsurface": 0.0, "Metallic": 0.0, "Specular": 0.5, "Roughness": 0.5, "Anisotropic": 0.0,
-              "Sheen": 0.0, "Clearcoat": 0.0, "Clearcoat Roughness": 0.0, "IOR": 1.45, "Transmission": 0.0, "Emission": (0, 0, 0, 1),
-              "Emission Strength": 1.0, "Alpha": 1.0, "Normal": (0, 0, 0)}
+COMMON = {"Base Color": (0.5, 0.5, 0.5, 1), "Metallic": 0.0, "Roughness": 0.5, "Anisotropic": 0.0, "Emission Strength": 1.0, "Alpha": 1.0,
+          "Normal": (0, 0, 0), "Tangent": (0, 0, 0)}
+PRINCIPLED = {  # inputs and their values, as a new node of the version has them but for the strength of emission
+    (3, 4): {**COMMON, "Subsurface": 0.0, "Specular": 0.5, "Specular Tint": 0.0, "Sheen": 0.0, "Clearcoat": 0.0, "Clearcoat Roughness": 0.03,
+             "IOR": 1.45, "Transmission": 0.0, "Transmission Roughness": 0.0, "Emission": (0, 0, 0, 1), "Clearcoat Normal": (0, 0, 0)},
+    (4, 0): {**COMMON, "IOR": 1.5, "Subsurface Weight": 0.0, "Specular IOR Level": 0.5, "Specular Tint": (1, 1, 1, 1),
+             "Transmission Weight": 0.0, "Coat Weight": 0.0, "Coat Roughness": 0.03, "Coat IOR": 1.5, "Coat Tint": (1, 1, 1, 1),
+             "Coat Normal": (0, 0, 0), "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": (1, 1, 1, 1), "Emission Color": (1, 1, 1, 1)},
+}
+PRINCIPLED[4, 3] = {**PRINCIPLED[4, 0], "Diffuse Roughness": 0.0, "Thin Film Thickness": 0.0}
+PRINCIPLED[5, 2] = {**PRINCIPLED[4, 3], "Thin Wall": False}
 
 
 def principled(links=(), **values):
-    values = {**PRINCIPLED, **{key.replace("_", " "): value for key, value in values.items()}}
-    return node("BSDF_PRINCIPLED", [Socket("BSDF")], [Socket(name, value, dict(links).get(name)) for name, value in values.items()])
+    """Principled of the version that runs. Keys of versions.PRINCIPLED and identifiers have underscores for spaces."""
+    sockets = dict(versions.at(PRINCIPLED))
+    for key, value in values.items():
+        name = key.replace("_", " ")
+        sockets[versions.at(versions.PRINCIPLED).get(name, name)] = value
+    return node("BSDF_PRINCIPLED", [Socket("BSDF")], [Socket(name, value, dict(links).get(name)) for name, value in sockets.items()],
+                label="Principled BSDF")
 
 
 def material(shader, name="paint", **sources):
@@ -160,6 +174,11 @@ def picture(name="bricks"):
 
 
 class Materials(unittest.TestCase):
+    """Rules that hold in all versions, in the newest one."""
+
+    def setUp(self):
+        self.enterContext(in_version(EACH_VERSION[-1]))
+
     def test_constants(self):
         made = materials.translate(material(principled(Metallic=1.0, Roughness=0.2)))
         self.assertEqual((made.base_color, made.metallic, made.roughness, made.losses), ((0.5, 0.5, 0.5), 1, 0.2, []))
@@ -174,11 +193,8 @@ class Materials(unittest.TestCase):
 
     def test_what_cannot_be_carried_is_listed(self):
         noise = node("TEX_NOISE", [Socket("Color")], label="Noise Texture")
-        made = materials.translate(material(principled({"Base Color": noise.outputs[0]}, Metallic=1.0, Subsurface=0.3), Volume=noise.outputs[0]))
-        self.assertEqual(made.losses, ["'Noise Texture' at Base Color", "Principled's Subsurface", "volumes"])
-
-    def test_disney_diffuse_is_listed(self):
-        self.assertEqual(materials.translate(material(principled())).losses, [materials.DISNEY_DIFFUSE])
+        made = materials.translate(material(principled({"Base Color": noise.outputs[0]}, Subsurface_Weight=0.3), Volume=noise.outputs[0]))
+        self.assertEqual(made.losses, ["'Noise Texture' at Base Color", "Subsurface Weight of 'Principled BSDF'", "volumes"])
 
     def test_energy_that_cycles_loses_is_listed(self):
         shader = principled(Metallic=1.0, Roughness=0.8)
@@ -194,12 +210,78 @@ class Materials(unittest.TestCase):
         clear = node("BSDF_TRANSPARENT", [Socket("BSDF")], [Socket("Color", (1, 1, 1, 1))])
         opaque = principled(Metallic=1.0)
         mix = node("MIX_SHADER", [Socket("Shader")],
-                   [Socket("Fac", 0.25), Socket("Shader", source=clear.outputs[0]), Socket("Shader", source=opaque.outputs[0])])
+                   [Socket("Fac", 0.25), Socket("Shader", source=clear.outputs[0]), Socket("Shader_001", source=opaque.outputs[0])])
         made = materials.translate(material(mix))
         self.assertEqual((made.alpha, made.metallic, made.losses), (0.25, 1, []))
 
-    def test_specular_is_reflectance_at_normal_incidence(self):
-        self.assertAlmostEqual(materials.ior_of_specular(0.5), 1.5)
+    def test_ior_of_a_reflectance(self):
+        self.assertAlmostEqual(materials.ior_of_reflectance(0.04), 1.5)
+
+
+class Versions(unittest.TestCase):
+    """What differs between versions of Blender, by their tables."""
+
+    def each(self):
+        for version in EACH_VERSION:
+            with self.subTest(version=version), in_version(version):
+                yield version
+
+    def test_principled_is_read_in_each(self):
+        for version in self.each():
+            shader = principled(specular=0.25, transmission=0.5, coat=1.0, coat_roughness=0.2, emission=(3, 2, 1, 1), IOR=1.5)
+            made = materials.translate(material(shader))
+            read = (made.transmission, made.clearcoat_roughness, made.emission, made.emission_strength, made.ior)
+            self.assertEqual(read, (0.5, 0.2, (3, 2, 1), 1, 1.5))
+            self.assertAlmostEqual(made.reflectance, 0.02)
+            self.assertEqual(made.clearcoat, 0.25 if version < (4, 0) else 1)
+
+    def test_a_new_principled_loses_only_what_disneys_diffuse_lobe_has(self):
+        for version in self.each():
+            self.assertEqual(materials.translate(material(principled())).losses, [materials.DISNEY_DIFFUSE] if version < (4, 0) else [])
+
+    def test_highlights_follow_the_index_of_refraction_since_4_0(self):
+        for version in self.each():
+            made = materials.translate(material(principled(IOR=2.0)))
+            self.assertAlmostEqual(made.reflectance, 0.04 if version < (4, 0) else 1 / 9)
+
+    def test_sheen_is_carried_since_4_0(self):
+        for version in self.each():
+            made = materials.translate(material(principled(sheen=0.5) if version >= (4, 0) else principled(Sheen=0.5)))
+            color = (0, 0, 0) if version < (4, 0) else (0.5, 0.5, 0.5)
+            self.assertEqual((made.sheen_color, len(made.losses)), (color, 2 if version < (4, 0) else 1))
+
+    def test_thin_walls_of_5_2(self):
+        with in_version((5, 2)):
+            for thin in (False, True):
+                made = materials.translate(material(principled(transmission=1.0, Thin_Wall=thin)))
+                self.assertEqual((made.is_thin, made.losses), (thin, []))
+
+    def test_what_a_version_adds_is_listed(self):
+        for version in self.each():
+            tint = {"Specular_Tint": 0.5 if version < (4, 0) else (1, 0, 0, 1)}
+            film = {"Thin_Film_Thickness": 300} if version >= (4, 3) else {}
+            lost = materials.translate(material(principled(Metallic=1.0, **tint, **film))).losses
+            self.assertEqual(lost, [f"{name} of 'Principled BSDF'" for name in ("Specular Tint", "Thin Film Thickness")[: 1 + len(film)]])
+
+    def test_passes_have_the_names_of_the_version(self):
+        for version in self.each():
+            self.assertEqual(versions.pass_name("Diffuse Direct"), "DiffDir" if version < (5, 0) else "Diffuse Direct")
+            self.assertEqual(versions.pass_name("Depth"), "Depth")
+
+    def test_nodes_that_are_switched_off(self):
+        paint = material(node("BSDF_HAIR", [Socket("BSDF")]))
+        self.assertIsNotNone(versions.node_tree(paint))
+        paint.use_nodes = False
+        self.assertIsNone(versions.node_tree(paint))
+        del paint.use_nodes  # as in Blender 6
+        self.assertIsNotNone(versions.node_tree(paint))
+
+    def test_lights_of_3_4_and_of_4_5(self):
+        light = types.SimpleNamespace(color=(1, 0.5, 0), energy=100)
+        self.assertEqual((versions.light_color(light), versions.light_power(light, None)), ([1, 0.5, 0], 100))
+        light = types.SimpleNamespace(color=(1, 0.5, 0), energy=100, exposure=1, normalize=False, area=lambda matrix_world: 3,
+                                      use_temperature=True, temperature_color=(1, 0.5, 0.5))
+        self.assertEqual((versions.light_color(light), versions.light_power(light, None)), ([1, 0.25, 0], 600))
 
 
 def scene(*objects, **render):
@@ -221,9 +303,12 @@ class Losses(unittest.TestCase):
 
     def test_each_is_named(self):
         sun = types.SimpleNamespace(type="SUN", use_nodes=False, node_tree=None, angle=0.1)
-        lost = scene(thing("VOLUME", "smoke"), thing("LIGHT", "sun", sun), thing("GPENCIL", "notes", hide_render=True), use_motion_blur=True)
+        linking = types.SimpleNamespace(receiver_collection="some", blocker_collection=None)
+        lost = scene(thing("VOLUME", "smoke"), thing("LIGHT", "sun", sun, light_linking=linking),
+                     thing("GREASEPENCIL", "notes", hide_render=True), use_motion_blur=True)
         self.assertEqual(unsupported.losses_of(lost),
-                         ["Not rendered, volume object: smoke", "Angle of sun (sharp shadows): sun", "Motion blur"])
+                         ["Not rendered, volume object: smoke", "Light linking (lights reach all objects): sun",
+                          "Angle of sun (sharp shadows): sun", "Motion blur"])
 
     def test_long_lists_are_cut(self):
         many = scene(*(thing("VOLUME", f"smoke {i}") for i in range(5)))
@@ -244,12 +329,14 @@ class Arrays(unittest.TestCase):
     def test_power_and_size_of_lights(self):
         from lumifold import gltf, lights
 
-        for shape, area in (("SQUARE", 1.0), ("RECTANGLE", 0.5), ("ELLIPSE", 0.5 * numpy.pi / 4)):
-            builder = gltf.GltfBuilder()
-            light = types.SimpleNamespace(type="AREA", shape=shape, size=1.0, size_y=0.5, energy=100, color=(1, 0.5, 0))
-            lights.add_light(builder, "lamp", light, numpy.eye(4), True)
-            emission = builder.json["materials"][0]["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"]
-            self.assertAlmostEqual(emission * area / 25, 1, delta=0.01, msg=shape)  # P / (4 A)
+        for version, factor in (((3, 4), 4), ((4, 0), numpy.pi)):
+            for shape, area in (("SQUARE", 1.0), ("RECTANGLE", 0.5), ("ELLIPSE", 0.5 * numpy.pi / 4)):
+                builder = gltf.GltfBuilder()
+                light = types.SimpleNamespace(type="AREA", shape=shape, size=1.0, size_y=0.5, energy=100, color=(1, 0.5, 0))
+                with in_version(version):
+                    lights.add_light(builder, "lamp", light, numpy.eye(4), True)
+                emission = builder.json["materials"][0]["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"]
+                self.assertAlmostEqual(emission * area * factor / 100, 1, delta=0.01, msg=shape)
         points, triangles = lights.icosphere(2)
         a, b, c = (points[triangles[:, i]] for i in range(3))
         self.assertTrue((numpy.einsum("ij,ij->i", numpy.cross(b - a, c - a), a) > 0).all(), "faces look outwards")

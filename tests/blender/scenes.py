@@ -4,16 +4,30 @@ import math
 
 import bpy
 import numpy
+from lumifold import versions
 from mathutils import Vector
 
 
 def start():
-    """An empty file with a black world."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    """An empty file with a black world. Reading factory settings instead would switch the add-on off, since Blender 4."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("world")
-    scene.world.color = (0, 0, 0)
+    color_world(0, 0, 0)
     return scene
+
+
+def color_world(*rgb):
+    world = bpy.context.scene.world
+    world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = (*rgb, 1)
+
+
+def input_of(node, what):
+    """An input by what it is: a key of versions.PRINCIPLED, or an identifier in lower case with underscores."""
+    name = what.replace("_", " ")
+    name = name if name in versions.at(versions.PRINCIPLED) else name.title().replace("Ior", "IOR")
+    return versions.principled_input(node, name)
 
 
 def shader(name, kind, **inputs):
@@ -24,7 +38,7 @@ def shader(name, kind, **inputs):
     tree.nodes.clear()
     node, output = tree.nodes.new(kind), tree.nodes.new("ShaderNodeOutputMaterial")
     for key, value in inputs.items():
-        node.inputs[key.replace("_", " ").title()].default_value = value
+        input_of(node, key).default_value = value
     tree.links.new(node.outputs[0], output.inputs["Surface"])
     return made
 
@@ -109,6 +123,13 @@ def sun_light():
     floor(kind="SUN", energy=3, angle=0, place=(1, -1, 3))
 
 
+def light_of_4_5():
+    """What lights have since Blender 4.5: a temperature, an exposure, and a power for each square metre."""
+    floor(kind="AREA", energy=60, shape="ELLIPSE", size=1.2, size_y=0.6, exposure=1, normalize=False, use_temperature=True, temperature=3000)
+    bpy.data.objects["area"].scale = (2, 1, 1)
+    light("POINT", 40, (-1.5, -0.5, 2), shadow_soft_size=0.3, normalize=False)
+
+
 def world():
     """All light from a sky that differs in each direction, on a matt and on a mirror ball."""
     add("plane", matt("ground", 0.5, 0.4, 0.3), size=5)
@@ -116,9 +137,7 @@ def world():
     mirror = shader("mirror", "ShaderNodeBsdfGlossy", color=(1, 1, 1, 1), roughness=0)
     add("uv_sphere", mirror, True, radius=0.6, location=(0.8, 0, 0.6), segments=96, ring_count=48)
     camera((0, -4.5, 1.4), (0, 0, 0.6), 40)
-    sky = bpy.context.scene.world
-    sky.use_nodes = True
-    tree = sky.node_tree
+    tree = bpy.context.scene.world.node_tree
     coordinates, scale = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeVectorMath")
     scale.operation = "MULTIPLY_ADD"
     scale.inputs[1].default_value, scale.inputs[2].default_value = (0.4, 0.3, 0.5), (0.5, 0.4, 0.6)
@@ -127,7 +146,7 @@ def world():
 
 
 def textures():
-    """A textured floor, rough and smooth metal, glass that has depth, a clear coat; depth of field."""
+    """A textured floor, rough metal, plastic; depth of field."""
     ground = matt("ground", 1, 1, 1)
     tree = ground.node_tree
     picture = tree.nodes.new("ShaderNodeTexImage")
@@ -140,28 +159,45 @@ def textures():
     plastic = shader("plastic", "ShaderNodeBsdfPrincipled", base_color=(0.1, 0.3, 0.6, 1), roughness=0.4)
     add("uv_sphere", plastic, True, radius=0.6, location=(0.9, 0.6, 0.6), segments=64, ring_count=32)
     light("AREA", 150, (0, -1, 4), shape="DISK", size=2)
-    bpy.context.scene.world.color = (0.2, 0.25, 0.3)
+    color_world(0.2, 0.25, 0.3)
     data = camera((0, -4, 1.8), (0, 0, 0.4), 45)
     data.dof.use_dof, data.dof.focus_distance, data.dof.aperture_fstop = True, 3.5, 0.4
+
+
+def surfaces():
+    """Principled as glass, under a coat, and glowing."""
+    add("plane", matt("ground", 0.5, 0.5, 0.5), size=6)
+    kinds = {
+        "glass": {"base_color": (1, 1, 1, 1), "transmission": 1, "roughness": 0, "ior": 1.5},
+        "coat": {"base_color": (0.6, 0.1, 0.1, 1), "roughness": 0.6, "coat": 1, "coat_roughness": 0.05},
+        "glow": {"base_color": (0.2, 0.2, 0.2, 1), "emission": (1, 0.5, 0.2, 1), "emission_strength": 3},
+    }
+    for i, (name, values) in enumerate(kinds.items()):
+        made = shader(name, "ShaderNodeBsdfPrincipled", **values)
+        add("uv_sphere", made, True, radius=0.55, location=(1.25 * i - 1.25, 0, 0.56), segments=64, ring_count=32)
+    light("AREA", 100, (0, -1, 4), shape="SQUARE", size=2)
+    color_world(0.2, 0.25, 0.3)
+    camera((0, -4, 1.8), (0, 0, 0.4), 45)
 
 
 def pictures():
     """Each input that may be a picture, on panels before a grey wall."""
     add("plane", matt("wall", 0.5, 0.5, 0.5), size=8, location=(0, 1, 0)).rotation_euler = (math.pi / 2, 0, 0)
-    for i, (name, socket) in enumerate((("Base Color", "Color"), ("Roughness", "Color"), ("Alpha", "Color"), ("Emission", "Color"))):
-        made = shader(f"panel {name}", "ShaderNodeBsdfPrincipled", base_color=(0.7, 0.5, 0.3, 1), metallic=float(name == "Roughness"), roughness=0.6)
+    for i, what in enumerate(("base_color", "roughness", "alpha", "emission")):
+        made = shader(f"panel {what}", "ShaderNodeBsdfPrincipled", base_color=(0.7, 0.5, 0.3, 1), metallic=float(what == "roughness"),
+                      roughness=0.6, emission=(0, 0, 0, 1), emission_strength=1)
         tree = made.node_tree
         tree.nodes["Principled BSDF"].distribution = "MULTI_GGX"
         picture = tree.nodes.new("ShaderNodeTexImage")
-        is_data = name in ("Roughness", "Alpha")
+        is_data = what in ("roughness", "alpha")
         picture.image, picture.interpolation = checker("Non-Color" if is_data else "sRGB"), "Closest"
         if is_data:
             split = tree.nodes.new("ShaderNodeSeparateColor")
             tree.links.new(picture.outputs["Color"], split.inputs[0])
             source = split.outputs["Red"]
         else:
-            source = picture.outputs[socket]
-        tree.links.new(source, tree.nodes["Principled BSDF"].inputs[name])
+            source = picture.outputs["Color"]
+        tree.links.new(source, input_of(tree.nodes["Principled BSDF"], what))
         add("plane", made, size=1, location=(1.2 * i - 1.8, 0, 0)).rotation_euler = (math.pi / 2, 0, 0)
     light("AREA", 150, (0, -4, 3), shape="SQUARE", size=2)
     camera((0, -6, 0), (0, 0, 0), 45)
@@ -200,9 +236,10 @@ def animation():
         scene.collection.objects.link(instance)
     add("cube", matt("hidden", 1, 0, 0), size=1, location=(1, 0, 1)).hide_render = True
     light("AREA", 200, (-1, -1, 4), shape="SQUARE", size=1.5)
-    scene.world.color = (0.3, 0.3, 0.35)
+    color_world(0.3, 0.3, 0.35)
     camera((0, -6, 2.4), (0, 0, 0.6), 42)
     scene.frame_set(10)
 
 
-SCENES = {made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, world, textures, animation, pictures)}
+SCENES = {made.__name__: made for made in (room, square_light, ellipse_light, point_light, sun_light, light_of_4_5, world, textures, surfaces,
+                                          animation, pictures)}

@@ -4,9 +4,13 @@
 """
 
 import math
+import pathlib
 import sys
 
 import bpy
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+import versions
 
 SAMPLES = 16  # per pixel: a texture may have detail within one
 
@@ -25,7 +29,7 @@ def bake(library, name, path, width, frame):
     scene.cycles.sample_clamp_direct = 0
     data = bpy.data.cameras.new("camera")
     data.type = "PANO"
-    (data if "panorama_type" in data.bl_rna.properties else data.cycles).panorama_type = "EQUIRECTANGULAR"
+    versions.panorama_settings(data).panorama_type = "EQUIRECTANGULAR"
     camera = bpy.data.objects.new("camera", data)
     camera.rotation_euler = (math.pi / 2, 0, -math.pi / 2)  # towards +X, which is the centre of the picture
     scene.collection.objects.link(camera)

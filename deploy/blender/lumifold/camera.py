@@ -5,6 +5,11 @@ import math
 SENSOR_HALF_HEIGHT = 0.012  # metres; glTF has no sensor, the program takes one 24 mm high
 
 
+def is_supported(camera):
+    """Whether glTF has this kind of camera; it has no panoramic ones, and none that are shaders."""
+    return camera.type in ("PERSP", "ORTHO")
+
+
 def gltf_camera(projection):
     """The camera of glTF for a projection matrix of Blender; glTF has neither shift nor the aspect of pixels."""
     if projection[3][3] == 1:

@@ -32,7 +32,7 @@ class LumifoldEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene=None, renderlayer=None):
         for one in passes.wanted(renderlayer, scene.lumifold):
-            self.register_pass(scene, renderlayer, one.name, len(one.channels), one.channels, one.kind)
+            self.register_pass(scene, renderlayer, one.name_in_blender(), len(one.channels), one.channels, one.kind)
 
     def render(self, depsgraph):
         """Renders one view layer of one frame. Blender calls it in a thread of its own, or in background mode in the only one."""
@@ -129,10 +129,11 @@ class Frame:
         try:
             given = result.layers[0].passes
             for one in wanted:
-                if one.name not in given:
+                name = one.name_in_blender()
+                if name not in given:
                     continue
                 pixels = passes.pixels_of(one.name, film, self.background, self.scene.render.film_transparent)
-                given[one.name].rect = passes.from_the_bottom(pixels).reshape(-1, len(one.channels))
+                given[name].rect = passes.from_the_bottom(pixels).reshape(-1, len(one.channels))
         finally:
             self.engine.end_result(result)
 

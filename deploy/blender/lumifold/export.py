@@ -24,8 +24,8 @@ def export(depsgraph, folder, size, is_cancelled=lambda: False):
     scene = depsgraph.scene
     if scene.camera is None:
         raise ExportError("The scene has no camera")
-    if scene.camera.data.type == "PANO":
-        raise ExportError(f"The camera '{scene.camera.name}' is panoramic: glTF has perspective and orthographic cameras")
+    if not camera.is_supported(scene.camera.data):
+        raise ExportError(f"The camera '{scene.camera.name}' is neither perspective nor orthographic: glTF has no others")
     builder = GltfBuilder()
     writer = MaterialWriter(builder, TextureFiles(builder, folder))
     add_objects(depsgraph, builder, writer, is_cancelled)

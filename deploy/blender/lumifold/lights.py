@@ -4,25 +4,23 @@ import math
 
 import numpy
 
+from . import versions
 from .gltf import y_up
 
 LUMENS_PER_WATT = 683  # of KHR_lights_punctual, as Blender's own exporter uses it
 DISK_SIDES = 32
-# Radiance of a mesh of area A and power P is P / (factor A). A Lambertian emitter of power P has pi; Blender's area lights have 4, whatever
-# their shape: they are pi / 4 as bright as their power says.
-LAMBERT, BLENDER_AREA = math.pi, 4
 
 
 def add_light(builder, name, light, matrix, soft_points):
     """Adds one of Blender's lights at its world matrix."""
-    color, strength = list(light.color), light.energy
+    color, strength = versions.light_color(light), versions.light_power(light, matrix)
     if light.type == "AREA":
-        add_area(builder, name, light, matrix)
+        add_area(builder, name, light, matrix, color, strength)
     elif light.type == "POINT" and soft_points and light.shadow_soft_size > 0:
         positions, triangles = icosphere(light.shadow_soft_size)
         place = numpy.eye(4)
         place[:3, 3] = numpy.array(matrix, float)[:3, 3]
-        add_emitter(builder, name, place, positions, triangles, color, strength / LAMBERT)
+        add_emitter(builder, name, place, positions, triangles, color, strength / math.pi)
     elif light.type == "SUN":
         builder.light(name, rigid(matrix), punctual("directional", color, LUMENS_PER_WATT * strength))
     else:
@@ -45,7 +43,7 @@ def rigid(matrix):
     return made
 
 
-def add_area(builder, name, light, matrix):
+def add_area(builder, name, light, matrix, color, strength):
     """A rectangle or ellipse that emits along -Z. The light's power does not change with the object's scale, its size does."""
     width = light.size
     height = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
@@ -57,7 +55,7 @@ def add_area(builder, name, light, matrix):
     positions = numpy.column_stack([outline * (width, height), numpy.zeros(len(outline))])
     corners = numpy.arange(1, len(outline) - 1)
     triangles = numpy.column_stack([numpy.zeros_like(corners), corners + 1, corners])  # clockwise: the front is -Z
-    add_emitter(builder, name, matrix, positions, triangles, list(light.color), light.energy / BLENDER_AREA)
+    add_emitter(builder, name, matrix, positions, triangles, color, strength / versions.at(versions.AREA_LIGHT))
 
 
 def add_emitter(builder, name, matrix, positions, triangles, color, flux):

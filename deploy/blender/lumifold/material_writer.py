@@ -2,6 +2,7 @@
 
 from . import materials
 from .materials import Texture
+from .versions import WHITE
 
 THICKNESS = 1  # any value above 0 makes a mesh of glass a solid, as it is in Blender
 
@@ -38,7 +39,8 @@ class MaterialWriter:
         self.write_specular(made, extensions)
         if made.transmission != 0:
             extensions["KHR_materials_transmission"] = {"transmissionFactor": factor(made.transmission)}
-            extensions["KHR_materials_volume"] = {"thicknessFactor": THICKNESS}
+            if not made.is_thin:
+                extensions["KHR_materials_volume"] = {"thicknessFactor": THICKNESS}
             if isinstance(made.transmission, Texture):
                 image = self.files.data(made.transmission, 0.0, 0.0)
                 extensions["KHR_materials_transmission"]["transmissionTexture"] = info(made.transmission, image)
@@ -46,6 +48,11 @@ class MaterialWriter:
             extensions["KHR_materials_clearcoat"] = {
                 "clearcoatFactor": made.clearcoat,
                 "clearcoatRoughnessFactor": made.clearcoat_roughness,
+            }
+        if any(made.sheen_color):
+            extensions["KHR_materials_sheen"] = {
+                "sheenColorFactor": clamped(made.sheen_color),
+                "sheenRoughnessFactor": made.sheen_roughness,
             }
         for name in extensions:
             self.builder.use(name)
@@ -83,13 +90,10 @@ class MaterialWriter:
     def write_specular(made, extensions):
         if made.transmission != 0:
             extensions["KHR_materials_ior"] = {"ior": max(made.ior, 1.0)}
-        elif made.specular > 0:
-            extensions["KHR_materials_ior"] = {"ior": materials.ior_of_specular(made.specular)}
+        elif made.reflectance > 0:
+            extensions["KHR_materials_ior"] = {"ior": materials.ior_of_reflectance(made.reflectance)}
         else:
             extensions["KHR_materials_specular"] = {"specularFactor": 0.0}
-
-
-WHITE = (1.0, 1.0, 1.0)
 
 
 def factor(value):

@@ -3,22 +3,14 @@
 import dataclasses
 import math
 
-# Names of Principled's inputs in Blender 4, by those of Blender 3.
-NEW_NAMES = {
-    "Specular": "Specular IOR Level",
-    "Transmission": "Transmission Weight",
-    "Clearcoat": "Coat Weight",
-    "Clearcoat Roughness": "Coat Roughness",
-    "Emission": "Emission Color",
-    "Sheen": "Sheen Weight",
-    "Subsurface": "Subsurface Weight",
-}
+from . import versions
+from .versions import WHITE, find_input
+
 # Losses that concern every material of a kind are counted, not named one by one.
 DISNEY_DIFFUSE = "Principled's diffuse lobe is Lambert's: up to 3 % darker, closed rooms up to 20 %"
 SINGLE_SCATTERING = "Rough metal is as bright as with 'Multiscatter GGX': Cycles' 'GGX' loses light"
+SHEEN = "Principled's sheen is another model than glTF's"
 SMOOTH = 0.4  # roughness up to which that is less than some 5 % of the light
-DISNEY_COAT = 0.25  # Principled's coat until Blender 3.6 has a quarter of the weight that the input says
-WHITE = (1.0, 1.0, 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,14 +33,16 @@ class Material:
     metallic: object = 0.0
     roughness: object = 1.0
     alpha: object = 1.0
-    specular: float = 0.5  # Principled's; 0: no highlight
+    reflectance: float = 0.04  # at normal incidence; 0: no highlight
     emission: object = (0.0, 0.0, 0.0)
     emission_strength: float = 0.0
     transmission: object = 0.0
+    is_thin: bool = False  # a pane that does not bend light, not a solid
     ior: float = 1.5
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.0
-    sheen: float = 0.0
+    sheen_color: tuple = (0.0, 0.0, 0.0)
+    sheen_roughness: float = 0.0
     normal: object = None
     normal_strength: float = 1.0
     double_sided: bool = True
@@ -58,19 +52,20 @@ class Material:
 def translate(material):
     """The glTF material of one of Blender's, with its losses."""
     made = Material(name=material.name, double_sided=not material.use_backface_culling)
-    if not material.use_nodes or material.node_tree is None:
+    tree = versions.node_tree(material)
+    if tree is None:
         made.base_color = tuple(material.diffuse_color[:3])
         made.metallic, made.roughness = material.metallic, material.roughness
         return made
-    output = active_output(material.node_tree)
-    surface = output and node_behind(output.inputs["Surface"])
+    output = active_output(tree)
+    surface = output and node_behind(find_input(output, "Surface"))
     if surface is None:
-        made.base_color, made.specular = (0.0, 0.0, 0.0), 0.0
+        made.base_color, made.reflectance = (0.0, 0.0, 0.0), 0.0
         made.losses.append("no surface shader")
     else:
         read_shader(made, surface)
     for name, what in (("Volume", "volumes"), ("Displacement", "displacement")):
-        if output and output.inputs[name].is_linked:
+        if output and find_input(output, name).is_linked:
             made.losses.append(what)
     return made
 
@@ -102,44 +97,49 @@ def read_shader(made, node):
         made.losses.append(f"shader node '{node.bl_label}' (rendered as a matt surface)")
         color = find_input(node, "Color")
         made.base_color = tuple(color.default_value[:3]) if color else made.base_color
-        made.specular = 0.0
+        made.reflectance = 0.0
     else:
         reader(made, node)
+    for name, neutral in versions.at(versions.LOST_INPUTS).get(node.type, {}).items():
+        socket = find_input(node, name)
+        if socket is not None and not has_value(socket, neutral):
+            made.losses.append(f"{name} of '{node.bl_label}'")
 
 
 def read_principled(made, node):
-    value = Inputs(made, node)
+    value = Inputs(made, node, versions.principled_input)
     made.base_color = value.color("Base Color")
     made.metallic = value.number("Metallic", may_be_texture=True)
     made.roughness = value.number("Roughness", may_be_texture=True)
     made.alpha = value.number("Alpha", may_be_texture=True)
-    made.specular = value.number("Specular")
-    made.emission = value.color("Emission")
+    made.emission = value.color("emission")
     made.emission_strength = value.number("Emission Strength")
-    made.transmission = value.number("Transmission", may_be_texture=True)
+    made.transmission = value.number("transmission", may_be_texture=True)
+    thin_wall = find_input(node, "Thin Wall")  # since Blender 5.2
+    made.is_thin = thin_wall is not None and bool(thin_wall.default_value)
     made.ior = value.number("IOR")
-    old = "Clearcoat" in node.inputs
-    made.clearcoat = value.number("Clearcoat") * (DISNEY_COAT if old else 1)
-    made.clearcoat_roughness = value.number("Clearcoat Roughness")
+    made.reflectance = versions.reflectance(value.number("specular"), made.ior)
+    made.clearcoat = value.number("coat") * (versions.DISNEY_COAT if versions.is_disney() else 1)
+    made.clearcoat_roughness = value.number("coat roughness")
+    read_sheen(made, value)
     read_normal(made, find_input(node, "Normal"))
-    if made.metallic != 1 and made.transmission != 1 and old:
+    if made.metallic != 1 and made.transmission != 1 and versions.is_disney():
         made.losses.append(DISNEY_DIFFUSE)
     if made.metallic != 0 and getattr(node, "distribution", "") == "GGX" and not is_smooth(made.roughness):
         made.losses.append(SINGLE_SCATTERING)
-    for name in ("Subsurface", "Sheen", "Anisotropic", "Specular Tint", "Transmission Roughness", "Thin Film Thickness"):
-        socket = find_input(node, name)
-        if socket is not None and (socket.is_linked or (is_number(socket.default_value) and socket.default_value > 0)):
-            made.losses.append(f"Principled's {name}")
-    for name in ("Tangent", "Clearcoat Normal"):
-        if name in node.inputs and node.inputs[name].is_linked:
-            made.losses.append(f"Principled's {name}")
+
+
+def read_sheen(made, value):
+    weight = value.number("sheen")
+    if weight > 0:
+        made.sheen_color = tuple(weight * channel for channel in value.color("Sheen Tint", may_be_texture=False))
+        made.sheen_roughness = value.number("Sheen Roughness")
+        made.losses.append(SHEEN)
 
 
 def read_diffuse(made, node):
-    made.base_color, made.specular = Inputs(made, node).color("Color"), 0.0
-    if not is_zero(node.inputs["Roughness"]):
-        made.losses.append("roughness of 'Diffuse BSDF' (Oren-Nayar)")
-    read_normal(made, node.inputs["Normal"])
+    made.base_color, made.reflectance = Inputs(made, node).color("Color"), 0.0
+    read_normal(made, find_input(node, "Normal"))
 
 
 def read_glossy(made, node):
@@ -148,7 +148,7 @@ def read_glossy(made, node):
     made.roughness = 0.0 if node.distribution == "SHARP" else value.number("Roughness", may_be_texture=True)
     if made.base_color != WHITE:
         made.losses.append("'Glossy BSDF' has no Fresnel effect; here it is a metal, whose colour turns white at grazing angles")
-    read_normal(made, node.inputs["Normal"])
+    read_normal(made, find_input(node, "Normal"))
 
 
 def read_glass(made, node):
@@ -156,12 +156,12 @@ def read_glass(made, node):
     made.base_color, made.transmission = value.color("Color"), 1.0
     made.roughness = 0.0 if node.distribution == "SHARP" else value.number("Roughness")
     made.ior = value.number("IOR")
-    read_normal(made, node.inputs["Normal"])
+    read_normal(made, find_input(node, "Normal"))
 
 
 def read_emission(made, node):
     value = Inputs(made, node)
-    made.base_color, made.specular = (0.0, 0.0, 0.0), 0.0
+    made.base_color, made.reflectance = (0.0, 0.0, 0.0), 0.0
     made.emission, made.emission_strength = value.color("Color"), value.number("Strength")
 
 
@@ -173,7 +173,7 @@ def read_transparent(made, node):
 
 def read_mix(made, node):
     """A mixture with 'Transparent BSDF' is alpha; others are not carried."""
-    first, second = (node_behind(socket) for socket in (node.inputs[1], node.inputs[2]))
+    first, second = (node_behind(find_input(node, name)) for name in ("Shader", "Shader_001"))
     weight = Inputs(made, node).number("Fac", may_be_texture=True)
     if first is None or second is None:
         made.losses.append("'Mix Shader' without two shaders")
@@ -222,33 +222,31 @@ def read_normal(made, socket):
     node = node_behind(socket) if socket is not None else None
     if node is None:
         return
-    texture = texture_behind(made, node.inputs["Color"], "RGB") if node.type == "NORMAL_MAP" else None
+    texture = texture_behind(made, find_input(node, "Color"), "RGB") if node.type == "NORMAL_MAP" else None
     if texture is None or node.space != "TANGENT":
         made.losses.append(f"'{node.bl_label}' at Normal")
         return
     uv_map = node.uv_map
     if uv_map and uv_map != texture.uv_map:
         made.losses.append("'Normal Map' with tangents of another UV map")
-    made.normal, made.normal_strength = texture, node.inputs["Strength"].default_value
+    made.normal, made.normal_strength = texture, find_input(node, "Strength").default_value
 
 
 class Inputs:
     """Values of a node's inputs; what cannot be carried is listed, and the input's own value taken."""
 
-    def __init__(self, made, node):
-        self.made, self.node = made, node
+    def __init__(self, made, node, find=find_input):
+        self.made, self.node, self.find = made, node, find
 
-    def color(self, name):
-        socket = find_input(self.node, name)
-        return self.carried(socket, "RGB", lambda value: tuple(float(channel) for channel in value[:3]))
+    def color(self, name, may_be_texture=True):
+        socket = self.find(self.node, name)
+        return self.carried(socket, "RGB", lambda value: tuple(float(channel) for channel in value[:3]), may_be_texture)
 
     def number(self, name, may_be_texture=False):
-        socket = find_input(self.node, name)
-        if socket is None:
-            return 0.0
-        return self.carried(socket, "R", float, may_be_texture)
+        socket = self.find(self.node, name)
+        return self.carried(socket, "R", float, may_be_texture) if socket is not None else 0.0
 
-    def carried(self, socket, channels, convert, may_be_texture=True):
+    def carried(self, socket, channels, convert, may_be_texture):
         if not socket.is_linked:
             return convert(socket.default_value)
         constant = constant_behind(socket)
@@ -264,10 +262,6 @@ class Inputs:
         return convert(socket.default_value)
 
 
-def find_input(node, name):
-    return node.inputs.get(name) or node.inputs.get(NEW_NAMES.get(name, name))
-
-
 def is_number(value):
     return isinstance(value, (int, float))
 
@@ -276,8 +270,13 @@ def is_smooth(roughness):
     return is_number(roughness) and roughness <= SMOOTH
 
 
-def is_zero(socket):
-    return not socket.is_linked and socket.default_value == 0
+def has_value(socket, value):
+    """Whether nothing is linked to an input and it has this number or colour; None: any."""
+    if socket.is_linked:
+        return False
+    if value is None:
+        return True
+    return socket.default_value == value if is_number(value) else tuple(socket.default_value[: len(value)]) == value
 
 
 def constant_behind(socket):
@@ -304,7 +303,7 @@ def texture_behind(made, socket, channels):
         if channels == "RGB":
             return None
         channels = "A"
-    coordinates = coordinates_behind(node.inputs["Vector"])
+    coordinates = coordinates_behind(find_input(node, "Vector"))
     if coordinates is None or node.projection != "FLAT":
         made.losses.append(f"texture coordinates of '{node.image.name}' other than UV")
         coordinates = ("", ())
@@ -323,9 +322,10 @@ def coordinates_behind(socket):
         return node.uv_map, ()
     if node.type != "MAPPING" or node.vector_type != "POINT":
         return None
-    below = coordinates_behind(node.inputs["Vector"])
-    values = [node.inputs[name] for name in ("Location", "Rotation", "Scale")]
-    if below is None or below[1] or any(value.is_linked for value in values) or not node.inputs["Vector"].is_linked:
+    vector = find_input(node, "Vector")
+    below = coordinates_behind(vector)
+    values = [find_input(node, name) for name in ("Location", "Rotation", "Scale")]
+    if below is None or below[1] or any(value.is_linked for value in values) or not vector.is_linked:
         return None
     place, angle, scale = (value.default_value for value in values)
     if angle[0] or angle[1]:
@@ -333,7 +333,7 @@ def coordinates_behind(socket):
     return below[0], tuple(map(float, (place[0], place[1], angle[2], scale[0], scale[1])))
 
 
-def ior_of_specular(specular):
-    """The index of refraction whose reflectance at normal incidence is Principled's, 8 % of `specular`."""
-    root = math.sqrt(min(0.08 * specular, 0.99))
+def ior_of_reflectance(reflectance):
+    """The index of refraction with this reflectance at normal incidence."""
+    root = math.sqrt(min(reflectance, 0.99))
     return (1 + root) / (1 - root)

@@ -2,6 +2,7 @@
 
 import numpy
 
+from . import versions
 from .gltf import y_up
 
 TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
@@ -43,14 +44,10 @@ def read_mesh(mesh):
     mesh.calc_loop_triangles()
     count = len(mesh.loops)
     positions = get(mesh.vertices, "co", 3)[get(mesh.loops, "vertex_index", 1, numpy.int32)]
-    if hasattr(mesh, "calc_normals_split"):  # until Blender 4.0
-        mesh.calc_normals_split()
-        normals = get(mesh.loops, "normal", 3)
-    else:
-        normals = get(mesh.corner_normals, "vector", 3)
+    normals = get(*versions.corner_normals(mesh), 3)
     columns = [y_up(positions), y_up(normals)]
     for name in uv_order(mesh):
-        uv = get(mesh.uv_layers[name].data, "uv", 2)
+        uv = get(*versions.corner_uvs(mesh.uv_layers[name]), 2)
         columns.append(numpy.column_stack([uv[:, 0], 1 - uv[:, 1]]))
     corners = numpy.hstack(columns).astype(numpy.float32)
     assert len(corners) == count

@@ -5,18 +5,12 @@ import time
 
 import bpy
 
-from . import frame_jobs, preferences, unsupported
+from . import frame_jobs, preferences, unsupported, versions
 from .engine import LumifoldEngine
 
 ENGINE = LumifoldEngine.bl_idname
 PIXELS_OF_A_LETTER = 9  # of a label, a little more than the mean, at an interface scale of 1
 LIST_SECONDS = 1  # for which a list of losses is shown before the scene is looked at again
-# Panels of Blender that show what the engine reads; its own say which engines they are for.
-COMMON_PANELS = {
-    "DATA_PT_light", "DATA_PT_EEVEE_light", "DATA_PT_camera_dof", "DATA_PT_camera_dof_aperture", "EEVEE_MATERIAL_PT_context_material",
-    "EEVEE_MATERIAL_PT_surface", "EEVEE_WORLD_PT_surface", "WORLD_PT_context_world", "RENDER_PT_color_management",
-    "RENDER_PT_color_management_curves", "EEVEE_NEXT_MATERIAL_PT_surface", "MATERIAL_PT_preview",
-}
 
 
 class RenderPanel:
@@ -35,6 +29,13 @@ class RenderPanel:
         return self.layout
 
 
+def add_paragraph(column, context, text, icon):
+    """A text in lines of the panel's width; Blender cuts a label that is longer."""
+    letters = context.region.width / PIXELS_OF_A_LETTER / context.preferences.system.ui_scale
+    for index, line in enumerate(textwrap.wrap(text, max(int(letters), 20))):
+        column.label(text=line, icon="BLANK1" if index else icon)
+
+
 class LUMIFOLD_PT_place(RenderPanel, bpy.types.Panel):
     bl_label = "Lumifold"
 
@@ -47,7 +48,7 @@ class LUMIFOLD_PT_place(RenderPanel, bpy.types.Panel):
         else:
             layout.prop(settings, "threads")
         if not preferences.program_path():
-            layout.label(text=preferences.MISSING, icon="ERROR")
+            add_paragraph(layout.column(align=True), context, preferences.MISSING, "ERROR")
 
 
 class LUMIFOLD_PT_frames(RenderPanel, bpy.types.Panel):
@@ -100,9 +101,7 @@ class LUMIFOLD_PT_losses(RenderPanel, bpy.types.Panel):
         losses = recent_losses(context.scene)
         column = self.layout.column(align=True)
         for text in losses:
-            lines = textwrap.wrap(text, max(int(context.region.width / PIXELS_OF_A_LETTER / context.preferences.system.ui_scale), 20))
-            for index, line in enumerate(lines):
-                column.label(text=line, icon="BLANK1" if index else "DOT")
+            add_paragraph(column, context, text, "DOT")
         if not losses:
             column.label(text="Everything is carried over", icon="CHECKMARK")
 
@@ -138,7 +137,7 @@ def shared_panels():
     """Blender's own panels that also suit this engine."""
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", None)
-        if engines is not None and (panel.__name__ in COMMON_PANELS or "BLENDER_RENDER" in engines):
+        if engines is not None and (panel.__name__ in versions.COMMON_PANELS or "BLENDER_RENDER" in engines):
             yield engines
 
 

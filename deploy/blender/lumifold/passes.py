@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy
 
+from . import versions
 from .gltf import z_up
 
 BACKGROUND_DEPTH = 1e10  # as Cycles has it
@@ -19,20 +20,23 @@ class Pass:
     view_layer_property: str = ""  # of Blender's view layer; else `setting`, of ours
     setting: str = ""
 
+    def name_in_blender(self):
+        return versions.pass_name(self.name)
+
 
 PASSES = (
     Pass("Combined", "RGBA", "COLOR", "use_pass_combined"),
     Pass("Depth", "Z", "VALUE", "use_pass_z"),
     Pass("Normal", "XYZ", "VECTOR", "use_pass_normal"),
-    Pass("DiffDir", "RGB", "COLOR", "use_pass_diffuse_direct"),
-    Pass("DiffInd", "RGB", "COLOR", "use_pass_diffuse_indirect"),
-    Pass("DiffCol", "RGB", "COLOR", "use_pass_diffuse_color"),
-    Pass("Emit", "RGB", "COLOR", "use_pass_emit"),
-    Pass("Env", "RGB", "COLOR", "use_pass_environment"),
+    Pass("Diffuse Direct", "RGB", "COLOR", "use_pass_diffuse_direct"),
+    Pass("Diffuse Indirect", "RGB", "COLOR", "use_pass_diffuse_indirect"),
+    Pass("Diffuse Color", "RGB", "COLOR", "use_pass_diffuse_color"),
+    Pass("Emission", "RGB", "COLOR", "use_pass_emit"),
+    Pass("Environment", "RGB", "COLOR", "use_pass_environment"),
     Pass("Noisy Image", "RGBA", "COLOR", setting="pass_noisy"),
     Pass("Reflection", "RGB", "COLOR", setting="pass_reflection"),
 )
-LAYERS = {"DiffDir": "direct", "DiffInd": "indirect", "DiffCol": "albedo", "Noisy Image": "noisy", "Reflection": "reflection1"}
+LAYERS = {"Diffuse Direct": "direct", "Diffuse Indirect": "indirect", "Diffuse Color": "albedo", "Reflection": "reflection1"}
 
 
 def wanted(view_layer, settings):
@@ -56,9 +60,9 @@ def pixels_of(name, film, background=None, transparent=False):
         return numpy.where(alpha > 0, film["Z"], BACKGROUND_DEPTH)[..., None]
     if name == "Normal":
         return z_up(numpy.dstack([film[f"N.{axis}"] for axis in "XYZ"]))
-    if name == "Env":
+    if name == "Environment":
         return sky
-    if name == "Emit":
+    if name == "Emission":
         return numpy.maximum(layer(film, "emission") - sky, 0) * (alpha > 0)[..., None]
     return layer(film, LAYERS[name])
 

@@ -1,12 +1,14 @@
 """What of a scene the export does not carry: shown in the panel before the render. Needs no Blender."""
 
-from . import materials
+from . import materials, versions
+from .camera import is_supported
+from .versions import find_input
 
 LOST_TYPES = {
     "VOLUME": "volume object",
-    "GPENCIL": "grease pencil",
     "CURVES": "hair curves",
     "POINTCLOUD": "point cloud",
+    **dict.fromkeys(versions.GREASE_PENCIL, "grease pencil"),
 }
 MOST_NAMES = 3
 
@@ -56,6 +58,8 @@ def look_at_object(thing, lose, soft_points):
     for system in thing.particle_systems:
         if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
             lose("Not rendered, hair", thing.name)
+    if versions.has_light_linking(thing):
+        lose("Light linking (lights reach all objects)", thing.name)
     if thing.type == "LIGHT":
         look_at_light(thing, lose, soft_points)
     elif any(not getattr(thing, f"visible_{ray}", True) for ray in ("camera", "diffuse", "glossy", "transmission", "shadow")):
@@ -66,7 +70,8 @@ def look_at_object(thing, lose, soft_points):
 
 def look_at_light(thing, lose, soft_points):
     light = thing.data
-    if light.use_nodes and light.node_tree and not is_plain(light.node_tree):
+    tree = versions.node_tree(light)
+    if tree and not is_plain(tree):
         lose("Light with nodes (its own colour and power count)", thing.name)
     if light.type == "AREA":
         lose("Area light is a mesh: the camera sees it, and its back casts shadows", thing.name)
@@ -90,16 +95,16 @@ def is_plain(tree):
     emissions = [node for node in tree.nodes if node.type == "EMISSION"]
     return len(tree.nodes) <= 2 and all(
         not any(socket.is_linked for socket in node.inputs)
-        and node.inputs["Strength"].default_value == 1
-        and tuple(node.inputs["Color"].default_value)[:3] == (1, 1, 1)
+        and find_input(node, "Strength").default_value == 1
+        and tuple(find_input(node, "Color").default_value)[:3] == (1, 1, 1)
         for node in emissions
     )
 
 
 def look_at_camera(camera, lose):
     data = camera.data
-    if data.type == "PANO":
-        lose("Panoramic camera: nothing can be rendered", camera.name)
+    if not is_supported(data):
+        lose("Camera that is neither perspective nor orthographic: nothing can be rendered", camera.name)
     if data.shift_x or data.shift_y:
         lose("Shift of camera", camera.name)
     if data.dof.use_dof and (data.dof.aperture_blades or data.dof.aperture_ratio != 1):
@@ -116,9 +121,10 @@ def look_at_render(scene, lose):
         lose("Motion blur")
     if render.use_multiview:
         lose("Stereoscopy")
-    if scene.world and scene.world.use_nodes and scene.world.node_tree:
-        for node in scene.world.node_tree.nodes:
-            if node.type == "OUTPUT_WORLD" and node.is_active_output and node.inputs["Volume"].is_linked:
+    tree = versions.node_tree(scene.world) if scene.world else None
+    if tree:
+        for node in tree.nodes:
+            if node.type == "OUTPUT_WORLD" and node.is_active_output and find_input(node, "Volume").is_linked:
                 lose("Volume of world", scene.world.name)
             if node.type == "LIGHT_PATH":
                 lose("'Light Path' of world (all rays see the same)", scene.world.name)

@@ -7,7 +7,8 @@ import subprocess
 import bpy
 import numpy
 
-from . import exr
+from . import exr, versions
+from .versions import find_input
 
 CONSTANT_SIZE = (4, 8)  # rows, columns of the picture of a constant colour
 cache = {}  # bytes of a baked picture by what it was baked from; the last one only
@@ -34,17 +35,18 @@ def constant_color(world):
     """Radiance of a world that is the same in all directions; None for others."""
     if world is None:
         return (0.0, 0.0, 0.0)
-    if not world.use_nodes or world.node_tree is None:
+    tree = versions.node_tree(world)
+    if tree is None:
         return tuple(world.color)
-    outputs = [node for node in world.node_tree.nodes if node.type == "OUTPUT_WORLD" and node.is_active_output]
-    links = outputs[0].inputs["Surface"].links if outputs else ()
+    outputs = [node for node in tree.nodes if node.type == "OUTPUT_WORLD" and node.is_active_output]
+    links = find_input(outputs[0], "Surface").links if outputs else ()
     if not links:
         return (0.0, 0.0, 0.0)
     node = links[0].from_node
-    if node.type != "BACKGROUND" or any(socket.is_linked for socket in node.inputs[:2]):
+    if node.type != "BACKGROUND" or any(find_input(node, name).is_linked for name in ("Color", "Strength")):
         return None
-    strength = node.inputs["Strength"].default_value
-    return tuple(channel * strength for channel in node.inputs["Color"].default_value[:3])
+    strength = find_input(node, "Strength").default_value
+    return tuple(channel * strength for channel in find_input(node, "Color").default_value[:3])
 
 
 def bake(world, path, width, frame):

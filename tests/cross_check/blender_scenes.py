@@ -12,9 +12,14 @@ import sys
 
 import numpy
 
-numpy.bool = bool  # Blender 3.4's glTF add-on still uses the name that numpy dropped
+if not hasattr(numpy, "bool"):
+    numpy.bool = bool  # Blender 3.4's glTF add-on uses the name that numpy dropped in 1.24; numpy 2 has it again, for its own type
 
 import bpy
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "deploy/blender"))
+
+from lumifold import versions
 
 # Materials that Cycles and glTF model differently are replaced between export and render: Principled's diffuse lobe
 # is Disney's and glTF's Lambert's; Principled adds a Fresnel term of its own to metals.
@@ -27,12 +32,16 @@ FRAME = 10
 def material(name, color=(1, 1, 1), cycles=AS_EXPORTED, **inputs):
     made = bpy.data.materials.new(name)
     made.use_nodes = True
-    principled = made.node_tree.nodes["Principled BSDF"]
-    principled.inputs["Base Color"].default_value = (*color, 1)
-    for key, value in inputs.items():
-        principled.inputs[key.replace("_", " ").title().replace("Ior", "IOR")].default_value = value
+    for key, value in {"base_color": (*color, 1), **inputs}.items():
+        principled_input(made, key).default_value = value
     made["cycles"] = cycles
     return made
+
+
+def principled_input(made, what):
+    """An input of a material's Principled: a key of versions.PRINCIPLED, or an identifier in lower case with underscores."""
+    name = what if what in versions.at(versions.PRINCIPLED) else what.replace("_", " ").title().replace("Ior", "IOR")
+    return versions.principled_input(made.node_tree.nodes["Principled BSDF"], name)
 
 
 def matte(name, color):
@@ -59,7 +68,10 @@ def glass(name):
     group = bpy.data.node_groups.get("glTF Material Output")
     if group is None:
         group = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
-        group.inputs.new("NodeSocketFloat", "Thickness")
+        if versions.running() < (4, 0):
+            group.inputs.new("NodeSocketFloat", "Thickness")
+        else:
+            group.interface.new_socket("Thickness", in_out="INPUT", socket_type="NodeSocketFloat")
     node = made.node_tree.nodes.new("ShaderNodeGroup")
     node.node_tree = group
     node.inputs["Thickness"].default_value = 1
@@ -147,7 +159,7 @@ def sun_and_points():
     picture.image = checker_picture()
     picture.interpolation = "Closest"  # Cycles interpolates coded sRGB values, glTF asks for light
     picture.extension = "EXTEND"  # repeated, a pixel's footprint at the floor's border would hold texels of the other side
-    floor.node_tree.links.new(picture.outputs["Color"], nodes["Principled BSDF"].inputs["Base Color"])
+    floor.node_tree.links.new(picture.outputs["Color"], principled_input(floor, "base_color"))
     add("plane", floor, size=8)
     add("uv_sphere", matte("ball", (0.6, 0.5, 0.4)), radius=0.7, location=(-0.8, 0, 0.7), segments=48, ring_count=24)
     box(matte("block", (0.3, 0.4, 0.7)), (0.5, -0.4, 0), (1.3, 0.4, 1.2))
@@ -213,7 +225,6 @@ def environment():
     box(matte("block", (0.6, 0.3, 0.3)), (0.3, -0.4, 0), (1.1, 0.4, 0.9))
     camera("camera", (0, -4.5, 1.8), (0, 0, 0.5), 45)
     world = bpy.context.scene.world
-    world.use_nodes = True
     nodes = world.node_tree.nodes
     sky = nodes.new("ShaderNodeTexEnvironment")
     sky.image = bpy.data.images.load(str(sky_picture()))
@@ -306,23 +317,24 @@ def export(path, moves):
 def replace_for_cycles(made):
     """Puts the model glTF means in place of Principled."""
     tree = made.node_tree
-    principled = tree.nodes["Principled BSDF"]
     output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
     if made["cycles"] == AS_GLOSSY:
         closure = tree.nodes.new("ShaderNodeBsdfGlossy")
-        closure.distribution = "MULTI_GGX" if principled.inputs["Roughness"].default_value > 0 else "SHARP"
-        closure.inputs["Roughness"].default_value = principled.inputs["Roughness"].default_value
+        roughness = principled_input(made, "roughness").default_value
+        # A mirror has a distribution of its own until 3.6.
+        closure.distribution = "SHARP" if roughness == 0 and versions.running() < (4, 0) else "MULTI_GGX"
+        closure.inputs["Roughness"].default_value = roughness
     else:
         closure = tree.nodes.new("ShaderNodeBsdfDiffuse")
-    color = principled.inputs["Base Color"]
+    color = principled_input(made, "base_color")
     closure.inputs["Color"].default_value = color.default_value
     if color.is_linked:
         tree.links.new(color.links[0].from_socket, closure.inputs["Color"])
     surface = closure.outputs[0]
-    if max(principled.inputs["Emission"].default_value[:3]) > 0:
+    glow, strength = (principled_input(made, what).default_value for what in ("emission", "emission_strength"))
+    if strength * max(glow[:3]) > 0:
         emission = tree.nodes.new("ShaderNodeEmission")
-        emission.inputs["Color"].default_value = principled.inputs["Emission"].default_value
-        emission.inputs["Strength"].default_value = principled.inputs["Emission Strength"].default_value
+        emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = glow, strength
         both = tree.nodes.new("ShaderNodeAddShader")
         tree.links.new(surface, both.inputs[0])
         tree.links.new(emission.outputs[0], both.inputs[1])
@@ -355,8 +367,8 @@ def start_empty():
     """Nothing at all, and black all round: a file without a world would get Cycles' grey one."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     world = bpy.data.worlds.new("world")
-    world.use_nodes = False
-    world.color = (0, 0, 0)
+    world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = (0, 0, 0, 1)
     bpy.context.scene.world = world
 
 

@@ -3,14 +3,13 @@
     cross_check.py [--samples N] [--size WxH] [--bounces N] [--keep FOLDER] [SCENE ...]
 
 prints for each scene and camera the difference of every region in percent of Cycles' mean, with its standard deviation. Fails if a
-region differs by more than 1 % (8 % for rough metals, which the two model differently) and three standard deviations. Needs `blender` (without
-it the test reports that it is skipped) and the programs of LUMIFOLD_BIN.
+region differs by more than 1 % (8 % for rough metals, which the two model differently) and three standard deviations. Needs the Blender that
+LUMIFOLD_BLENDER names, else `blender` (without it the test reports that it is skipped), and the programs of LUMIFOLD_BIN.
 """
 
 import argparse
 import os
 import pathlib
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ import regions
 HERE = pathlib.Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "support"))
 
+import blender
 import gltf
 
 PROGRAMS = pathlib.Path(os.environ.get("LUMIFOLD_BIN", HERE.parents[1] / "build/release/bin"))
@@ -43,10 +43,7 @@ def run(command, **options):
 
 def run_blender(script, *arguments):
     """Runs a script of ours in Blender; gives what it prints."""
-    # Blender's Python takes its library from beside the first python3 on the path, which must be the system's.
-    environment = {**os.environ, "PATH": os.defpath}
-    options = ["-b", "--factory-startup", "--python-exit-code", 1, "--python", HERE / script]
-    return run([shutil.which("blender"), *options, "--", *arguments], env=environment)
+    return run(blender.command(HERE / script, *arguments), env=blender.ENVIRONMENT)
 
 
 def render_reference(scene, folder, samples, size, bounces):
@@ -99,8 +96,8 @@ def parse_arguments():
 
 def main():
     options = parse_arguments()
-    if shutil.which("blender") is None:
-        print("SKIPPED: there is no blender on this machine (Debian package blender)")
+    if blender.PROGRAM is None:
+        print(f"SKIPPED: {blender.MISSING}")
         return SKIPPED
     settings = (options.samples, options.size, options.bounces)
     bad = []

@@ -5,17 +5,17 @@
 Time is processor time of all threads for MANY samples minus that for FEW, so that loading is excluded. "error x time"
 is the mean relative squared error (squared error over the squared mean, with 1 % of the picture's own squared mean added) of a
 picture times the seconds it took: it does not depend on the number of samples. The ratio says how much larger Cycles' error
-is after equal time. Needs `blender` and the programs of LUMIFOLD_BIN.
+is after equal time. Needs the Blender that LUMIFOLD_BLENDER names, else `blender`, and the programs
+of LUMIFOLD_BIN.
 """
 
 import pathlib
 import resource
-import shutil
 import sys
 import tempfile
 
 import exr
-from cross_check import PROGRAMS, SKIPPED, run, run_blender
+from cross_check import PROGRAMS, SKIPPED, blender, run, run_blender
 
 WIDTH, HEIGHT = 256, 192
 FEW, MANY = 8, 64
@@ -65,8 +65,8 @@ def print_line(name, seconds, error, ours=None):
 
 
 def main():
-    if shutil.which("blender") is None:
-        print("SKIPPED: there is no blender on this machine (Debian package blender)")
+    if blender.PROGRAM is None:
+        print(f"SKIPPED: {blender.MISSING}")
         return SKIPPED
     print(f"{'':28} {'M samples/s':>12} {'relMSE':>12} {'error x time':>13} {'ratio':>7}")
     print(f"{'':28} {'2 threads':>12} {f'{MANY} spp':>12}")

@@ -355,7 +355,8 @@ absl::Status ServerImpl::ShowPage() {
                                               : identity::RandomBytes(kPageKeyBytes);
   if (!key.ok()) return key.status();
   absl::StatusOr<std::unique_ptr<page::StatusPage>> page = page::StatusPage::Start(
-      {.server = {.address = options_.page_address, .certificate_path = certificate},
+      {.address = options_.page_address,
+       .certificate_path = certificate,
        .host = is_private ? "127.0.0.1" : HostOf(Address()),
        .names = {HostOf(options_.page_address), HostOf(options_.listen), HostOf(Address())},
        .channel = InProcessChannel(),

@@ -1,23 +1,15 @@
 #include "proto/monitoring/endpoint.h"
 
-#include <poll.h>
 #include <prometheus/collectable.h>
 #include <prometheus/text_serializer.h>
-#include <sys/eventfd.h>
-#include <sys/socket.h>
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
-#include <list>
-#include <optional>
-#include <thread>
+#include <iterator>
 #include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "proto/monitoring/http_request.h"
-#include "proto/rpc/byte_stream.h"
+#include "proto/http/message.h"
 #include "proto/rpc/credentials.h"
 #include "proto/sockets/listening_sockets.h"
 
@@ -26,10 +18,8 @@ namespace {
 
 constexpr char kPath[] = "/metrics";
 constexpr char kDefaultHost[] = "127.0.0.1";
-/// How often connections are looked at whose other end does nothing.
-constexpr int kTickMs = 200;
-/// Pause while the process has no descriptor for another connection.
-constexpr absl::Duration kNoDescriptorPause = absl::Milliseconds(100);
+/// The content type of Prometheus' text format.
+constexpr char kContentType[] = "text/plain; version=0.0.4; charset=utf-8";
 
 absl::StatusOr<std::string> CompleteAddress(const std::string& address) {
   const bool has_host = absl::StrContains(address, ":") && !absl::StartsWith(address, ":");
@@ -40,116 +30,37 @@ absl::StatusOr<std::string> CompleteAddress(const std::string& address) {
   return complete;
 }
 
-struct Connection {
-  rpc::FileHandle socket;
-  absl::Time deadline;
-  std::string request = {};
-  std::string response = {};  // empty: the request is not complete
-  size_t sent = 0;
-};
-
 class EndpointImpl final : public Endpoint {
  public:
   explicit EndpointImpl(EndpointOptions options) : options_(std::move(options)) {}
-  ~EndpointImpl() override {
-    if (!thread_.joinable()) return;
-    eventfd_write(wake_.get(), 1);
-    thread_.join();
-  }
-  absl::Status Start();
+  absl::Status Open();
 
  private:
-  void Run();
-  void Accept(int listening);
-  /// Does what the socket is ready for. False: the connection is over.
-  bool Serve(Connection& connection, int16_t ready);
-  bool Receive(Connection& connection);
-  static bool Send(Connection& connection);
+  http::Response Answer(const http::Request& request);
   const std::string& Text();
 
   const EndpointOptions options_;
-  rpc::FileHandle wake_;
-  // Used by the thread only.
-  std::list<Connection> connections_;
-  absl::Time accepts_from_ = absl::InfinitePast();
+  // Used by the thread of the handler only.
   std::string text_;
   absl::Time text_time_ = absl::InfinitePast();
-  std::thread thread_;
+  std::unique_ptr<http::Server> server_;  // last: its threads use the members above
 };
 
-absl::Status EndpointImpl::Start() {
-  wake_ = rpc::FileHandle(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
-  if (wake_.get() < 0) return absl::UnavailableError("no descriptor is left");
-  thread_ = std::thread([this] { Run(); });
+absl::Status EndpointImpl::Open() {
+  absl::StatusOr<std::unique_ptr<http::Server>> server =
+      http::Server::Start({.listening = &options_.sockets->listening,
+                           .limits = options_.limits,
+                           .handler = [this](const http::Request& request) { return Answer(request); }});
+  if (!server.ok()) return server.status();
+  server_ = *std::move(server);
   return absl::OkStatus();
 }
 
-void EndpointImpl::Run() {
-  const std::vector<rpc::FileHandle>& listening = options_.sockets->listening;
-  std::vector<pollfd> polled;
-  while (true) {
-    polled = {{.fd = wake_.get(), .events = POLLIN, .revents = 0}};
-    const absl::Time now = options_.now();
-    const bool accepts = connections_.size() < options_.connections && now >= accepts_from_;
-    for (const rpc::FileHandle& socket : listening)
-      polled.push_back({.fd = accepts ? socket.get() : -1, .events = POLLIN, .revents = 0});
-    for (const Connection& connection : connections_) {
-      const bool sends = connection.sent < connection.response.size();
-      polled.push_back({.fd = connection.socket.get(),
-                        .events = static_cast<int16_t>(sends ? POLLOUT : POLLIN),
-                        .revents = 0});
-    }
-    poll(polled.data(), polled.size(), kTickMs);
-    if (polled[0].revents != 0) return;
-    size_t i = 1 + listening.size();
-    for (auto it = connections_.begin(); it != connections_.end(); ++i) {
-      const bool goes_on = options_.now() < it->deadline && Serve(*it, polled[i].revents);
-      it = goes_on ? std::next(it) : connections_.erase(it);
-    }
-    for (i = 1; i <= listening.size(); ++i) {
-      if (polled[i].revents != 0) Accept(polled[i].fd);
-    }
-  }
-}
-
-void EndpointImpl::Accept(int listening) {
-  rpc::FileHandle socket(accept4(listening, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-  const absl::Time now = options_.now();
-  if (socket.get() >= 0) {
-    connections_.push_back({.socket = std::move(socket), .deadline = now + options_.connection_time});
-  } else if (errno == EMFILE || errno == ENFILE) {
-    accepts_from_ = now + kNoDescriptorPause;
-  }
-}
-
-bool EndpointImpl::Serve(Connection& connection, int16_t ready) {
-  if (ready == 0) return true;
-  if ((ready & (POLLERR | POLLNVAL)) != 0) return false;
-  if (connection.sent < connection.response.size()) return Send(connection);
-  return Receive(connection);
-}
-
-bool EndpointImpl::Receive(Connection& connection) {
-  std::array<char, 2048> bytes;
-  const ssize_t count = recv(connection.socket.get(), bytes.data(), bytes.size(), 0);
-  if (count < 0) return errno == EAGAIN || errno == EINTR;
-  if (count == 0) return false;
-  // What comes after the answer is dropped: a socket that is closed with bytes in it would take the answer back.
-  if (!connection.response.empty()) return true;
-  connection.request.append(bytes.data(), static_cast<size_t>(count));
-  std::optional<std::string> response = Answer(connection.request, kPath, [this] { return Text(); });
-  if (!response.has_value()) return true;
-  connection.response = *std::move(response);
-  return Send(connection);
-}
-
-bool EndpointImpl::Send(Connection& connection) {
-  const ssize_t count = send(connection.socket.get(), connection.response.data() + connection.sent,
-                             connection.response.size() - connection.sent, MSG_NOSIGNAL);
-  if (count < 0) return errno == EAGAIN || errno == EINTR;
-  connection.sent += static_cast<size_t>(count);
-  if (connection.sent == connection.response.size()) shutdown(connection.socket.get(), SHUT_WR);
-  return true;
+http::Response EndpointImpl::Answer(const http::Request& request) {
+  if (request.path != kPath) return {404, kContentType, absl::StrCat("here is ", kPath, " only\n")};
+  if (request.method != "GET" && request.method != "HEAD")
+    return {405, kContentType, "GET and HEAD only\n", {{"Allow", "GET, HEAD"}}};
+  return {200, kContentType, Text()};
 }
 
 const std::string& EndpointImpl::Text() {
@@ -178,7 +89,7 @@ absl::StatusOr<EndpointSockets> ListenForMetrics(const std::string& address) {
 
 absl::StatusOr<std::unique_ptr<Endpoint>> Endpoint::Start(EndpointOptions options) {
   auto endpoint = std::make_unique<EndpointImpl>(std::move(options));
-  if (absl::Status status = endpoint->Start(); !status.ok()) return status;
+  if (absl::Status status = endpoint->Open(); !status.ok()) return status;
   return endpoint;
 }
 

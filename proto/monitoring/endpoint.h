@@ -7,6 +7,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "proto/http/server.h"
 #include "proto/rpc/byte_stream.h"
 
 namespace prometheus {
@@ -34,23 +35,17 @@ struct EndpointOptions {
   std::vector<std::shared_ptr<prometheus::Collectable>> sources;
   /// The sources are asked once in this time at most; in between, answers repeat the last figures.
   absl::Duration freshness = absl::Seconds(1);
-  /// From its first moment to its last; a connection that takes longer is closed.
-  absl::Duration connection_time = absl::Seconds(5);
-  /// At a time; further ones wait in the kernel.
-  size_t connections = 32;
+  /// The sources are asked by one thread.
+  http::Limits limits = {.connections = 32, .threads = 1};
   std::function<absl::Time()> now;
 };
 
 /// Shows metrics at http://ADDRESS/metrics in Prometheus' text format, in plain text and to anyone who reaches the
-/// address. Whatever callers send, memory and time are bounded, see EndpointOptions and kMaxRequestBytes.
-///
-/// Of prometheus-cpp only the library of metrics is used. Its HTTP server, civetweb, waits for the bodies of requests
-/// without a limit of time, so that as many slow callers as it has threads shut it; and it can do much that our
-/// programs should not, such as CGI.
-/// Threads: safe; it has one of its own.
+/// address. Of prometheus-cpp only the library of metrics is used, not its HTTP server.
+/// Threads: safe; it has its own.
 class Endpoint {
  public:
-  /// Errors: kUnavailable if no descriptor is left.
+  /// Errors: those of http::Server::Start.
   static absl::StatusOr<std::unique_ptr<Endpoint>> Start(EndpointOptions options);
   virtual ~Endpoint() = default;
 };

@@ -3,18 +3,19 @@
 #include <atomic>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <string_view>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
+#include "proto/http/server.h"
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/rect_codec.h"
 #include "proto/rpc/version.h"
+#include "proto/sockets/listening_sockets.h"
 #include "server/page/farm_calls.h"
 #include "server/page/farm_view.h"
 #include "server/page/page_session.h"
@@ -25,6 +26,10 @@
 namespace lumifold::page {
 namespace {
 
+using http::Request;
+using http::Response;
+
+constexpr absl::string_view kCallPath = "/api/call/";
 constexpr int kDefaultHours = 12;
 constexpr int kMostHours = 720;
 /// Between two looks of a viewer at what has changed.
@@ -64,28 +69,50 @@ int HttpCodeOf(const absl::Status& status) {
   }
 }
 
-void AnswerJson(const nlohmann::ordered_json& json, httplib::Response* answer) {
+Response JsonResponse(const nlohmann::ordered_json& json, int status = 200) {
   // Texts of others may be no UTF-8.
-  answer->set_content(json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace),
-                      "application/json");
+  return {.status = status,
+          .content_type = "application/json",
+          .body = json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace)};
 }
 
-void AnswerError(const absl::Status& status, httplib::Response* answer) {
-  answer->status = HttpCodeOf(status);
-  AnswerJson(
+Response ErrorResponse(const absl::Status& status) {
+  return JsonResponse(
       {{"error",
         {{"code", absl::StatusCodeToString(status.code())}, {"message", std::string(status.message())}}}},
-      answer);
+      HttpCodeOf(status));
 }
 
-std::string_view TypeOf(std::string_view name) {
+absl::string_view TypeOf(absl::string_view name) {
   static const auto& types =
-      *new std::map<std::string_view, std::string_view>{{"html", "text/html; charset=utf-8"},
-                                                        {"js", "text/javascript; charset=utf-8"},
-                                                        {"css", "text/css; charset=utf-8"},
-                                                        {"svg", "image/svg+xml"}};
+      *new std::map<absl::string_view, absl::string_view>{{"html", "text/html; charset=utf-8"},
+                                                          {"js", "text/javascript; charset=utf-8"},
+                                                          {"css", "text/css; charset=utf-8"},
+                                                          {"svg", "image/svg+xml"}};
   return types.at(name.substr(name.rfind('.') + 1));
 }
+
+/// The file of the page at a path; nullptr: there is none.
+const WebFile* FileAt(absl::string_view path) {
+  const absl::string_view name = path == "/" ? "index.html" : absl::StripPrefix(path, "/");
+  for (const WebFile& file : WebFiles()) {
+    if (file.name == name) return &file;
+  }
+  return nullptr;
+}
+
+/// A browser that watches events.
+struct Viewer {
+  /// Counted in `viewers` while it exists.
+  explicit Viewer(std::atomic<int>* viewers) : count(*viewers) { ++count; }
+  Viewer(const Viewer&) = delete;
+  Viewer& operator=(const Viewer&) = delete;
+  ~Viewer() { --count; }
+
+  std::atomic<int>& count;
+  uint64_t has = 0;  // number of the look
+  absl::Time last = absl::InfinitePast();
+};
 
 class StatusPageImpl final : public StatusPage {
  public:
@@ -94,19 +121,28 @@ class StatusPageImpl final : public StatusPage {
         seal_(options_.session_key),
         calls_(options_.channel),
         view_(&calls_, {}),
-        previews_(&calls_),
-        server_(options_.server) {}
-  ~StatusPageImpl() override { StatusPageImpl::Stop(); }
-  void Stop() override {
-    stop_.Notify();
-    server_.Stop();
-  }
+        previews_(&calls_) {}
+  void Stop() override { server_->Stop(); }
 
   absl::Status Open() {
-    SetHeaders();
-    AddFiles();
-    AddCalls();
-    return server_.Start();
+    rpc::HostAndPort where;
+    if (absl::Status status = rpc::ParseHostAndPort(options_.address, &where); !status.ok()) return status;
+    absl::StatusOr<sockets::ListeningSockets> listening = sockets::ListenAt(options_.address);
+    if (!listening.ok()) return listening.status();
+    listening_ = *std::move(listening);
+    absl::StatusOr<std::unique_ptr<http::Server>> server =
+        http::Server::Start({.listening = &listening_.sockets,
+                             .certificate_path = options_.certificate_path,
+                             .headers = {{"Content-Security-Policy", kContentSecurityPolicy},
+                                         {"X-Content-Type-Options", "nosniff"},
+                                         {"Referrer-Policy", "no-referrer"},
+                                         {"Cross-Origin-Opener-Policy", "same-origin"},
+                                         {"Cross-Origin-Resource-Policy", "same-origin"},
+                                         {"Cache-Control", "no-store"}},
+                             .handler = [this](const Request& request) { return Answer(request); }});
+    if (!server.ok()) return server.status();
+    server_ = *std::move(server);
+    return absl::OkStatus();
   }
 
   absl::StatusOr<v1::PageLink> MakeLink(const std::string& credential,
@@ -121,128 +157,88 @@ class StatusPageImpl final : public StatusPage {
     v1::PageLink link;
     link.set_scheme(Scheme());
     link.set_host(options_.host);
-    link.set_port(server_.port());
-    link.set_loopback(rpc::IsLoopback(options_.server.address));
+    link.set_port(listening_.port);
+    link.set_loopback(rpc::IsLoopback(options_.address));
     link.set_session(seal_.Seal(session));
     link.set_expires_unix_ms(session.expires_unix_ms());
     return link;
   }
   int viewers() const override { return viewers_; }
-  int port() const override { return server_.port(); }
+  int port() const override { return listening_.port; }
 
  private:
-  using Request = httplib::Request;
-  using Response = httplib::Response;
-  /// Handles a request of a valid session.
-  using Handler = std::function<absl::Status(const v1::PageSession&, const Request&, Response*)>;
+  /// Answers a request of a valid session.
+  using Handler = absl::StatusOr<Response> (StatusPageImpl::*)(const v1::PageSession&, const Request&);
 
-  std::string Scheme() const { return server_.uses_tls() ? "https" : "http"; }
+  std::string Scheme() const { return options_.certificate_path.empty() ? "http" : "https"; }
 
-  void SetHeaders() {
-    server_.set_default_headers({{"Content-Security-Policy", kContentSecurityPolicy},
-                                 {"X-Content-Type-Options", "nosniff"},
-                                 {"Referrer-Policy", "no-referrer"},
-                                 {"Cross-Origin-Opener-Policy", "same-origin"},
-                                 {"Cross-Origin-Resource-Policy", "same-origin"},
-                                 {"Cache-Control", "no-store"}});
-    server_.set_pre_routing_handler([this](const Request& request, Response& answer) {
-      const bool ours =
-          IsOurHost(request.get_header_value("Host"), options_.names) &&
-          IsOurOrigin(request.get_header_value("Origin"), Scheme(), request.get_header_value("Host"));
-      if (ours) return httplib::Server::HandlerResponse::Unhandled;
-      AnswerError(absl::PermissionDeniedError("the request is for another server, or from another page"),
-                  &answer);
-      return httplib::Server::HandlerResponse::Handled;
-    });
-    server_.set_exception_handler([](const Request&, Response& answer, const std::exception_ptr&) {
-      AnswerError(absl::InternalError("the page failed"), &answer);
-    });
+  Response Answer(const Request& request) {
+    const absl::string_view host = request.Header("Host");
+    if (!IsOurHost(host, options_.names) || !IsOurOrigin(request.Header("Origin"), Scheme(), host))
+      return ErrorResponse(
+          absl::PermissionDeniedError("the request is for another server, or from another page"));
+    const bool reads = request.method == "GET" || request.method == "HEAD";
+    if (const WebFile* const file = FileAt(request.path); file != nullptr && reads)
+      return {.content_type = std::string(TypeOf(file->name)), .body = std::string(file->content)};
+    const absl::StatusOr<Response> answer = AnswerCaller(request, HandlerOf(request.path, request.method));
+    return answer.ok() ? *answer : ErrorResponse(answer.status());
   }
 
-  void AddFiles() {
-    for (const WebFile& file : WebFiles()) {
-      const std::string name(file.name);
-      const auto handler = [&file](const Request&, Response& answer) {
-        answer.set_content(file.content.data(), file.content.size(),
-                           std::string(TypeOf({file.name.data(), file.name.size()})));
-      };
-      server_.Get(absl::StrCat("/", absl::StrReplaceAll(name, {{".", "\\."}})), handler);
-      if (name == "index.html") server_.Get("/", handler);
-    }
+  /// Null for what the page does not have.
+  static Handler HandlerOf(absl::string_view path, absl::string_view method) {
+    if (method == "POST") return absl::StartsWith(path, kCallPath) ? &StatusPageImpl::AnswerCall : nullptr;
+    if (method != "GET" && method != "HEAD") return nullptr;
+    if (path == "/api/session") return &StatusPageImpl::AnswerSession;
+    if (path == "/api/events") return &StatusPageImpl::AnswerEvents;
+    if (path == "/api/preview") return &StatusPageImpl::AnswerPreview;
+    return nullptr;
   }
 
-  void AddCalls() {
-    Get("/api/session", [this](const v1::PageSession& session, const Request&, Response* answer) {
-      return AnswerSession(session, answer);
-    });
-    Get("/api/events", [this](const v1::PageSession& session, const Request&, Response* answer) {
-      return AnswerEvents(session, answer);
-    });
-    Get("/api/preview", [this](const v1::PageSession& session, const Request& request, Response* answer) {
-      return AnswerPreview(session, request, answer);
-    });
-    server_.Post("/api/call/([A-Za-z]+)", [this](const Request& request, Response& answer) {
-      Handle(request, &answer, [this](const v1::PageSession& session, const Request& sent, Response* to) {
-        return AnswerCall(session, sent, to);
-      });
-    });
+  absl::StatusOr<Response> AnswerCaller(const Request& request, Handler handler) {
+    if (handler == nullptr) return absl::NotFoundError("the page does not have this");
+    absl::string_view token = request.Header("Authorization");
+    if (!absl::ConsumePrefix(&token, "Bearer "))
+      return absl::UnauthenticatedError("this page needs a link: 'lumifold page'");
+    const absl::StatusOr<v1::PageSession> session = seal_.Open(token, options_.wall_now());
+    if (!session.ok()) return session.status();
+    return (this->*handler)(*session, request);
   }
 
-  void Get(const std::string& path, const Handler& handler) {
-    server_.Get(path, [this, handler](const Request& request, Response& answer) {
-      Handle(request, &answer, handler);
-    });
-  }
-
-  void Handle(const Request& request, Response* answer, const Handler& handler) const {
-    absl::string_view token = request.headers.count("Authorization") == 0
-                                  ? absl::string_view()
-                                  : absl::string_view(request.headers.find("Authorization")->second);
-    absl::StatusOr<v1::PageSession> session =
-        absl::UnauthenticatedError("this page needs a link: 'lumifold page'");
-    if (absl::ConsumePrefix(&token, "Bearer ")) session = seal_.Open(token, options_.wall_now());
-    const absl::Status status = session.ok() ? handler(*session, request, answer) : session.status();
-    if (!status.ok()) AnswerError(status, answer);
-  }
-
-  absl::Status AnswerSession(const v1::PageSession& session, Response* answer) const {
+  absl::StatusOr<Response> AnswerSession(const v1::PageSession& session, const Request&) {
     const absl::StatusOr<access::Identity> caller = options_.identity_of(session.credential());
     if (!caller.ok()) return caller.status();
     const std::map<access::Scope, std::string> names = {
         {access::Scope::kRead, "read"}, {access::Scope::kSubmit, "submit"}, {access::Scope::kAdmin, "admin"}};
     std::vector<std::string> scopes;
     for (const access::Scope scope : caller->scopes) scopes.push_back(names.at(scope));
-    AnswerJson({{"user", caller->name},
-                {"scopes", scopes},
-                {"job", session.job_id()},
-                {"read_only", !session.job_id().empty()},
-                {"expires_unix_ms", session.expires_unix_ms()},
-                {"version", std::string(rpc::kVersion)}},
-               answer);
-    return absl::OkStatus();
+    return JsonResponse({{"user", caller->name},
+                         {"scopes", scopes},
+                         {"job", session.job_id()},
+                         {"read_only", !session.job_id().empty()},
+                         {"expires_unix_ms", session.expires_unix_ms()},
+                         {"version", std::string(rpc::kVersion)}});
   }
 
-  absl::Status AnswerCall(const v1::PageSession& session, const Request& request, Response* answer) const {
-    if (!absl::StartsWith(request.get_header_value("Content-Type"), "application/json"))
+  absl::StatusOr<Response> AnswerCall(const v1::PageSession& session, const Request& request) {
+    if (!absl::StartsWith(request.Header("Content-Type"), "application/json"))
       return absl::InvalidArgumentError("a call is sent as application/json");
-    const absl::StatusOr<std::string> json = calls_.CallInJson(session, request.matches[1], request.body);
+    absl::StatusOr<std::string> json =
+        calls_.CallInJson(session, request.path.substr(kCallPath.size()), request.body);
     if (!json.ok()) return json.status();
-    answer->set_content(*json, "application/json");
-    return absl::OkStatus();
+    return Response{.content_type = "application/json", .body = *std::move(json)};
   }
 
-  absl::Status AnswerPreview(const v1::PageSession& session, const Request& request, Response* answer) {
+  absl::StatusOr<Response> AnswerPreview(const v1::PageSession& session, const Request& request) {
     v1::GetPreviewRequest wanted;
-    wanted.set_job_id(request.get_param_value("job"));
-    wanted.set_layer(request.get_param_value("layer"));
+    wanted.set_job_id(request.Parameter("job").value_or(""));
+    wanted.set_layer(request.Parameter("layer").value_or(""));
     int32_t frame = 0;
     int64_t newer = 0;
-    const bool is_right =
-        (!request.has_param("frame") || absl::SimpleAtoi(request.get_param_value("frame"), &frame)) &&
-        (!request.has_param("newer") || absl::SimpleAtoi(request.get_param_value("newer"), &newer));
+    const bool is_right = absl::SimpleAtoi(request.Parameter("frame").value_or("0"), &frame) &&
+                          absl::SimpleAtoi(request.Parameter("newer").value_or("0"), &newer);
     if (!is_right) return absl::InvalidArgumentError("frame and newer are whole numbers");
-    if (request.has_param("region")) {
-      const std::optional<Rect> region = rpc::ParseRect(request.get_param_value("region"));
+    if (const std::optional<std::string> text = request.Parameter("region"); text.has_value()) {
+      const std::optional<Rect> region = rpc::ParseRect(*text);
       if (!region.has_value()) return absl::InvalidArgumentError("region is x0,y0,x1,y1");
       *wanted.mutable_region() = rpc::ProtoOf(*region);
     }
@@ -251,46 +247,32 @@ class StatusPageImpl final : public StatusPage {
     if (!session.job_id().empty() && session.job_id() != wanted.job_id())
       return absl::PermissionDeniedError("this link shows another job");
     const absl::StatusOr<SharedPreviews::Bytes> bytes = previews_.Get(session, wanted);
-    if (absl::IsOutOfRange(bytes.status())) {
-      answer->status = 204;
-      return absl::OkStatus();
-    }
+    if (absl::IsOutOfRange(bytes.status())) return Response{.status = 204};
     if (!bytes.ok()) return bytes.status();
-    answer->set_header("Content-Encoding", "gzip");
-    answer->set_content_provider((*bytes)->size(), "application/octet-stream",
-                                 [bytes = *bytes](size_t offset, size_t length, httplib::DataSink& sink) {
-                                   return sink.write(bytes->data() + offset, length);
-                                 });
-    return absl::OkStatus();
+    return Response{.content_type = "application/octet-stream",
+                    .body = **bytes,
+                    .headers = {{"Content-Encoding", "gzip"}}};
   }
 
-  absl::Status AnswerEvents(const v1::PageSession& session, Response* answer) {
-    if (viewers_ >= options_.viewers)
-      return absl::ResourceExhaustedError("too many browsers watch this page");
-    ++viewers_;
-    struct Viewer {
-      uint64_t has = 0;
-      absl::Time last = absl::InfinitePast();
-    };
-    const auto viewer = std::make_shared<Viewer>();
-    answer->set_chunked_content_provider(
-        "text/event-stream",
-        [this, viewer, session](size_t, httplib::DataSink& sink) {
-          const absl::Time now = rpc::MonotonicNow();
-          const bool is_first = viewer->has == 0;
-          if (!is_first && stop_.WaitFor(kRound)) return false;
-          if (!SessionSeal::IsOpen(session, options_.wall_now())) return false;
-          const std::shared_ptr<const FarmLook> look = view_.Look(session);
-          if (absl::IsUnauthenticated(look->status) || absl::IsNotFound(look->status)) return false;
-          std::string events = EventsSince(viewer->has, *look);
-          viewer->has = look->number;
-          if (events.empty() && now - viewer->last < kPing) return true;
-          if (events.empty()) events = ": ping\n\n";
-          viewer->last = now;
-          return sink.write(events.data(), events.size());
-        },
-        [this](bool) { --viewers_; });
-    return absl::OkStatus();
+  absl::StatusOr<Response> AnswerEvents(const v1::PageSession& session, const Request&) {
+    const auto viewer = std::make_shared<Viewer>(&viewers_);
+    if (viewers_ > options_.viewers) return absl::ResourceExhaustedError("too many browsers watch this page");
+    return Response{.content_type = "text/event-stream",
+                    .stream = [this, viewer, session] { return NextEvents(session, viewer.get()); },
+                    .pause = kRound};
+  }
+
+  /// What has changed since the viewer's last look; nullopt: its session has ended.
+  std::optional<std::string> NextEvents(const v1::PageSession& session, Viewer* viewer) {
+    const absl::Time now = rpc::MonotonicNow();
+    if (!SessionSeal::IsOpen(session, options_.wall_now())) return std::nullopt;
+    const std::shared_ptr<const FarmLook> look = view_.Look(session);
+    if (absl::IsUnauthenticated(look->status) || absl::IsNotFound(look->status)) return std::nullopt;
+    std::string events = EventsSince(viewer->has, *look);
+    viewer->has = look->number;
+    if (events.empty() && now - viewer->last >= kPing) events = ": ping\n\n";
+    if (!events.empty()) viewer->last = now;
+    return events;
   }
 
   const StatusPageOptions options_;
@@ -298,9 +280,9 @@ class StatusPageImpl final : public StatusPage {
   const FarmCalls calls_;
   FarmView view_;
   SharedPreviews previews_;
-  rpc::MonotonicEvent stop_;
   std::atomic<int> viewers_ = 0;
-  WebServer server_;  // last: its threads use the members above
+  sockets::ListeningSockets listening_;
+  std::unique_ptr<http::Server> server_;  // last: its threads use the members above
 };
 
 }  // namespace

@@ -11,12 +11,14 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/farm.pb.h"
 #include "server/access/identity.h"
-#include "server/page/web_server.h"
 
 namespace lumifold::page {
 
 struct StatusPageOptions {
-  WebServerOptions server;
+  /// HOST:PORT where it listens; port 0: a free port.
+  std::string address;
+  /// PEM file with key and certificates; empty: plain text.
+  std::string certificate_path;
   /// Of links.
   std::string host;
   /// Names of this machine, in lower case; addresses and localhost need not be named.
@@ -37,7 +39,7 @@ struct StatusPageOptions {
 /// Threads: safe; it has its own.
 class StatusPage {
  public:
-  /// Errors: those of WebServer::Start.
+  /// Errors: kInvalidArgument for the address; kUnavailable where it cannot listen there or use the certificate.
   static absl::StatusOr<std::unique_ptr<StatusPage>> Start(StatusPageOptions options);
   virtual ~StatusPage() = default;
   /// Ends all connections. Later calls have no effect.

@@ -49,7 +49,8 @@ class Fixture {
     builder.RegisterService(&farm_);
     server_ = builder.BuildAndStart();
     absl::StatusOr<std::unique_ptr<page::StatusPage>> started =
-        page::StatusPage::Start({.server = {.address = "127.0.0.1:0", .certificate_path = ""},
+        page::StatusPage::Start({.address = "127.0.0.1:0",
+                                 .certificate_path = "",
                                  .host = "127.0.0.1",
                                  .names = {},
                                  .channel = server_->InProcessChannel({}),

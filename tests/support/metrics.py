@@ -6,7 +6,7 @@ import socket
 
 from farm import wait_until
 
-GET = b"GET /metrics HTTP/1.1\r\nHost: farm\r\n\r\n"
+GET = b"GET /metrics HTTP/1.1\r\nHost: farm\r\nConnection: close\r\n\r\n"
 
 
 def address_of(process):

@@ -231,17 +231,19 @@ absl::StatusOr<FilmLayout> ParseFilmLayout(const std::string& name, const std::s
 }
 
 const FilmLayout* FindFilmLayout(std::string_view name) {
-  static const FilmLayout* const cycles = new FilmLayout{{{{"Combined"},
-                                                           {"DiffDir"},
-                                                           {"DiffInd"},
-                                                           {"DiffCol"},
-                                                           {"Emit", "Env"},
-                                                           {"Normal"},
-                                                           {"Depth"},
-                                                           {"GlossDir", "GlossInd"},
-                                                           {"GlossCol"},
-                                                           {"TransDir", "TransInd"},
-                                                           {"TransCol"}}}};
+  // Names of Blender until 4.5, and those since 5.0: a file has one or the other.
+  static const FilmLayout* const cycles =
+      new FilmLayout{{{{"Combined"},
+                       {"DiffDir", "Diffuse Direct"},
+                       {"DiffInd", "Diffuse Indirect"},
+                       {"DiffCol", "Diffuse Color"},
+                       {"Emit", "Env", "Emission", "Environment"},
+                       {"Normal"},
+                       {"Depth"},
+                       {"GlossDir", "GlossInd", "Glossy Direct", "Glossy Indirect"},
+                       {"GlossCol", "Glossy Color"},
+                       {"TransDir", "TransInd", "Transmission Direct", "Transmission Indirect"},
+                       {"TransCol", "Transmission Color"}}}};
   static const FilmLayout* const lumifold = new FilmLayout{{{{std::string(layers::kNoisy)},
                                                              {std::string(layers::kDirect)},
                                                              {std::string(layers::kIndirect)},

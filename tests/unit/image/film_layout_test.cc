@@ -1,9 +1,11 @@
 #include "filter/image/film_layout.h"
 
+#include <absl/strings/str_cat.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <string_view>
 #include <utility>
 
 #include "filter/image/layers.h"
@@ -68,6 +70,27 @@ TEST(FilmLayout, FindsThePassesOfCyclesBehindAnyViewLayer) {
     EXPECT_EQ(film.Get(layers::kMask).At(1, 0), 1);
     EXPECT_EQ(film.Get(layers::kAlpha).At(1, 0), 0.5f);
   }
+}
+
+TEST(FilmLayout, FindsThePassesByTheNamesOfBlender5) {
+  LayeredImage file(kWidth, kHeight);
+  float value = 1;
+  for (const char* layer : {"Combined", "Diffuse Direct", "Diffuse Indirect", "Diffuse Color", "Emission",
+                            "Environment", "Glossy Direct", "Glossy Indirect", "Glossy Color",
+                            "Transmission Direct", "Transmission Indirect", "Transmission Color"})
+    AddFilled(absl::StrCat("ViewLayer.", layer), value++, &file);
+  const ForeignFilm read = ReadCycles(file);
+  EXPECT_THAT(read.notes, SizeIs(2)) << "normal and depth";
+  const std::pair<std::string_view, float> all_expected[] = {{layers::kDirect, 2},
+                                                             {layers::kIndirect, 3},
+                                                             {layers::kAlbedo, 4},
+                                                             {layers::kEmission, 5 + 6},
+                                                             {layers::kGlossy, 7 + 8},
+                                                             {layers::kGlossyAlbedo, 9},
+                                                             {layers::kTransmitted, 10 + 11},
+                                                             {layers::kTransmittance, 12}};
+  for (const auto& [layer, expected] : all_expected)
+    EXPECT_EQ(read.film.GetColor(layer)[0].At(1, 1), expected) << layer;
 }
 
 TEST(FilmLayout, TakesAnInfiniteDepthForSkyAndNoAlbedoForNoDiffuseSurface) {

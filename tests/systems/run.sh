@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
 # Builds and tests Lumifold on another Debian than this machine's, in a root that mmdebstrap makes:
 #   tests/systems/run.sh SYSTEM [STEP]
-# SYSTEM is debian-12 or debian-13. STEP is one of
+# SYSTEM is debian-12, debian-13, or arm64: Debian 13's cross compiler. STEP is one of
 #   quickstart  deploy/quickstart.sh
 #   unit        the unit tests
 #   farm        a farm, the page in a browser, the Blender add-on, the packages; then one farm of this system and the other
 #   all         quickstart, unit and farm (default)
 #   tests       tests/run.sh
+#   cross       compiles the programs and the renderer's tests for arm64, and runs them in an emulator: the only step of arm64
 #   gate        for tests/run.sh of this system: builds everything and renders a picture, where the root exists
 # Roots are kept, with what was built in them, below LUMIFOLD_SYSTEMS_DIR (default: ~/.cache/lumifold/systems). The sources are
 # those of the working tree. Exit code 77: it cannot run here, and says why.
@@ -14,8 +15,8 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 
 system=${1:?usage: tests/systems/run.sh SYSTEM [STEP]}
-step=${2:-all}
-declare -A suites=([debian-12]=bookworm [debian-13]=trixie)
+step=${2:-$([ "$system" = arm64 ] && echo cross || echo all)}
+declare -A suites=([debian-12]=bookworm [debian-13]=trixie [arm64]=trixie)
 suite=${suites[$system]:?no such system}
 root=${LUMIFOLD_SYSTEMS_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/lumifold/systems}/$system/root
 
@@ -27,6 +28,7 @@ make_root() {
   # Sources of software as the system has them when it is new, and services that do not start in a root.
   mkdir -p "$(dirname "$root")"
   mmdebstrap --quiet --variant=apt --include=ca-certificates \
+    --architectures="$([ "$system" = arm64 ] && echo amd64,arm64 || dpkg --print-architecture)" \
     --customize-hook='printf "#!/bin/sh\nexit 101\n" >"$1/usr/sbin/policy-rc.d"; chmod +x "$1/usr/sbin/policy-rc.d"' \
     "$suite" "$root.new"
   mv "$root.new" "$root"
@@ -51,6 +53,17 @@ copy_sources() {
   if [ -n "${LUMIFOLD_SCENES_DIR:-}" ]; then rsync -rl "$LUMIFOLD_SCENES_DIR/" "$root/scenes/"; fi
 }
 
+# The tools of this processor, and the libraries of arm64. What is the same on all has no architecture in its name.
+install_cross='
+  tools=(crossbuild-essential-arm64 cmake ninja-build ccache pkg-config protobuf-compiler protobuf-compiler-grpc qemu-user python3
+         libgtest-dev libgmock-dev:arm64 libbenchmark-dev:arm64)
+  eval "$(sed -n "/^packages=(/,/^)/p" deploy/setup.sh)"
+  apt-get update -qq
+  for package in "${packages[@]}"; do
+    case $package in lib*|*-dev) ;; *) continue ;; esac
+    apt-cache show "$package" | grep -qx "Architecture: all" && tools+=("$package") || tools+=("$package:arm64")
+  done
+  DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${tools[@]}"'
 build='deploy/setup.sh --tests; cmake --preset gate >/dev/null; cmake --build --preset gate;'
 run_step() {
   echo "== $system: $1"
@@ -63,6 +76,13 @@ run_step() {
         python3 tests/systems/two_systems_test.py
       ;;
     tests) enter tests/run.sh ;;
+    cross)
+      enter "$install_cross"
+      enter "cmake --preset arm64 >/dev/null
+        cmake --build --preset arm64 --target lumifold_client lumifold_server lumifold_worker render_test
+        qemu-aarch64 build/arm64/bin/lumifold-worker --version
+        qemu-aarch64 build/arm64/bin/render_test --gtest_filter='Determinism*:EmbreeScene*:Approximations*'"
+      ;;
     gate) enter "$build deploy/quickstart.sh" ;;
     *) echo "systems: no step '$1'" >&2; exit 2 ;;
   esac

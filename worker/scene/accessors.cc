@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 #include <type_traits>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 
@@ -175,8 +176,9 @@ absl::StatusOr<std::vector<uint32_t>> DecodeUnsigned(const Elements& elements) {
 absl::StatusOr<std::vector<uint32_t>> SparseTargets(const Document& document,
                                                     const tinygltf::Accessor& accessor) {
   const auto& sparse = accessor.sparse;
-  if (sparse.count < 0 || static_cast<size_t>(sparse.count) > accessor.count ||
-      sparse.indices.byteOffset < 0 || sparse.values.byteOffset < 0) {
+  // Versions of tinygltf differ in which of these have a sign.
+  if (std::cmp_less(sparse.count, 0) || std::cmp_greater(sparse.count, accessor.count) ||
+      std::cmp_less(sparse.indices.byteOffset, 0) || std::cmp_less(sparse.values.byteOffset, 0)) {
     return absl::InvalidArgumentError("its sparse part has a count or an offset out of range");
   }
   Elements elements{nullptr, static_cast<size_t>(sparse.count), 0, sparse.indices.componentType, 1, false};

@@ -242,7 +242,6 @@ absl::Status ParseModel(const json& root, tinygltf::Model* model) {
     return absl::ResourceExhaustedError("more than 4 GiB of JSON");
   }
   tinygltf::TinyGLTF parser;
-  parser.SetFsCallbacks({nullptr, nullptr, nullptr, nullptr, nullptr});
   std::string error, warning;
   const bool parsed = parser.LoadASCIIFromString(model, &error, &warning, text.data(),
                                                  static_cast<unsigned int>(text.size()), "");

@@ -210,7 +210,7 @@ TEST_P(HostileTlsCallers, WhoSpeaksNoTlsIsLeft) {
     caller.Send(bytes);
     EXPECT_THAT(caller.ReadAll(), Not(HasSubstr("HTTP")));
   }
-  ExpectInTime(Drip(RawCaller(server_.listening.port), "\x16\x03\x01\x40"));
+  ExpectInTime(Drip(RawCaller(server_.listening.port), "\x16\x03\x01\x02\x01"));
   EXPECT_FALSE(RawCaller(server_.listening.port).StartTls(TLS1_1_VERSION));
   EXPECT_EQ(calls_, 0);
   ExpectHonestCallersAreServed();

@@ -395,7 +395,7 @@ int main(int argc, char** argv) {
   AddFlags(&app, &flags);
   CLI::App* enroll =
       app.add_subcommand("enroll", "Gets a certificate from a coordinator with a code, then ends");
-  enroll->add_option("HOST:PORT", flags.server, "The coordinator")->required();
+  enroll->add_option("SERVER", flags.server, "HOST:PORT of the coordinator")->required();
   enroll->add_option(
       "CODE", flags.code,
       "From 'lumifold invite --worker'; without it, or with '-', it is read from standard input");

@@ -1,5 +1,8 @@
 #include "proto/http/certificate_file.h"
 
+#include <tuple>
+#include <utility>
+
 namespace lumifold::http {
 namespace {
 
@@ -9,8 +12,8 @@ namespace ssl = boost::asio::ssl;
 std::shared_ptr<ssl::context> ContextOf(const std::string& path) {
   auto context = std::make_shared<ssl::context>(ssl::context::tls_server);
   boost::system::error_code error;
-  context->use_certificate_chain_file(path, error);
-  if (!error) context->use_private_key_file(path, ssl::context::pem, error);
+  std::ignore = context->use_certificate_chain_file(path, error);
+  if (!error) std::ignore = context->use_private_key_file(path, ssl::context::pem, error);
   const bool is_usable =
       !error && SSL_CTX_set_min_proto_version(context->native_handle(), TLS1_2_VERSION) == 1;
   return is_usable ? context : nullptr;

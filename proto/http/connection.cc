@@ -4,6 +4,7 @@
 #include <boost/asio/executor_work_guard.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/beast/http/status.hpp>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -94,7 +95,7 @@ void Connection::After(absl::Duration time, Step step) {
 
 void Connection::Close() {
   error_code ignored;
-  socket_.close(ignored);
+  std::ignore = socket_.close(ignored);
   CancelStep();
 }
 
@@ -294,7 +295,7 @@ void Connection::CloseGently() {
 
 void Connection::Discard() {
   error_code ignored;
-  socket_.shutdown(net::ip::tcp::socket::shutdown_send, ignored);
+  std::ignore = socket_.shutdown(net::ip::tcp::socket::shutdown_send, ignored);
   buffer_.clear();
   socket_.async_read_some(buffer_.prepare(kReadBytes), [self = shared_from_this()](error_code error, size_t) {
     if (error) return self->Close();

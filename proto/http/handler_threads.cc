@@ -27,7 +27,7 @@ void HandlerThreads::Run(std::function<void()> work) {
   try {
     threads_.emplace_back([this] { Loop(); });
   } catch (const std::system_error&) {
-    // The work waits for a thread that there is.
+    return;  // the work waits for a thread that there is
   }
 }
 

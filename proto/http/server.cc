@@ -11,6 +11,7 @@
 #include <exception>
 #include <list>
 #include <thread>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -87,7 +88,7 @@ void ServerImpl::Run() {
       shared_.io.run();
       return;
     } catch (const std::exception&) {
-      // Memory for one connection: it is over, as what it waited for has ended.
+      continue;  // no memory for one connection: it is over, as what it waited for has ended
     }
   }
 }
@@ -128,12 +129,12 @@ void ServerImpl::Serve(int socket) {
     close(socket);
     return;
   }
-  accepted.set_option(net::ip::tcp::no_delay(true), error);
+  std::ignore = accepted.set_option(net::ip::tcp::no_delay(true), error);
   try {
     std::make_shared<Connection>(&shared_, std::move(accepted), UsesTls() ? certificate_.Read() : nullptr)
         ->Start();
   } catch (const std::exception&) {
-    // Memory for this connection, which is closed.
+    return;  // no memory for this connection, which is closed
   }
 }
 
@@ -142,7 +143,7 @@ void ServerImpl::StopAll() {
   work_.reset();
   error_code ignored;
   for (Listener& listener : listeners_) {
-    listener.socket.close(ignored);
+    std::ignore = listener.socket.close(ignored);
     listener.pause.cancel();
   }
   for (Connection* connection : shared_.connections) connection->Stop();

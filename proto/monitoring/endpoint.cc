@@ -23,7 +23,7 @@ constexpr char kContentType[] = "text/plain; version=0.0.4; charset=utf-8";
 
 absl::StatusOr<std::string> CompleteAddress(const std::string& address) {
   const bool has_host = absl::StrContains(address, ":") && !absl::StartsWith(address, ":");
-  const std::string complete =
+  std::string complete =
       has_host ? address : absl::StrCat(kDefaultHost, absl::StartsWith(address, ":") ? "" : ":", address);
   rpc::HostAndPort parsed;
   if (absl::Status status = rpc::ParseHostAndPort(complete, &parsed); !status.ok()) return status;

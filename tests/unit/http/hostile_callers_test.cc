@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <memory>
+#include <ostream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -27,6 +28,9 @@ struct Config {
   const char* name;
   bool uses_tls;
   Limits limits;
+
+  /// For the names of tests, which would else have its bytes.
+  friend void PrintTo(const Config& config, std::ostream* out) { *out << config.name; }
 };
 
 /// More than any answer that the kernel takes for a caller who does not read.

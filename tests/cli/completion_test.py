@@ -51,7 +51,8 @@ class Completion(harness.CliTest):
         (self.folder / "completion.fish").write_text(self.succeed("completion", "fish"))
         done = subprocess.run(["fish", "--no-config", "-c", "source completion.fish; complete -C 'lumifold watch --pre'"],
                               cwd=self.folder, text=True, capture_output=True)
-        self.assertEqual([line.split("\t")[0] for line in done.stdout.splitlines()], ["--preview"], done.stderr)
+        offered = [line.split("\t")[0] for line in done.stdout.splitlines()]  # fish 4 adds some that have the letters elsewhere
+        self.assertEqual([option for option in offered if option.startswith("--pre")], ["--preview"], done.stderr)
 
     def test_another_shell_is_refused(self):
         self.check_golden("completion_shell", "completion", "csh")

@@ -25,7 +25,8 @@ class Autoscale(harness.CliTest):
     def test_help(self):
         # Versions of CLI11 write defaults in two ways, and break lines elsewhere.
         self.check_golden("autoscale_help", "--help", replace=[
-            (r"((?:TEXT|INT|FLOAT)(?::\S+(?: in \[.*?\])?)?)=(\S+)", r"\1 [\2]"), (r" *\n {20,}", "  "), (r"(?<=\S) {2,}", "  ")])
+            (r"((?:TEXT|INT|FLOAT)(?::\S+(?: in \[.*?\])?)?)=(\S+)", r"\1 [\2]"), (r" *\n {20,}", "  "), (r"(?<=\S) {2,}", "  "),
+            (r"\] (?=[A-Z])", "]  ")])
 
     def test_what_is_missing_or_wrong_is_named(self):
         needed = ("--state", "state")

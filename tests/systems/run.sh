@@ -31,6 +31,9 @@ make_root() {
     --architectures="$([ "$system" = arm64 ] && echo amd64,arm64 || dpkg --print-architecture)" \
     --customize-hook='printf "#!/bin/sh\nexit 101\n" >"$1/usr/sbin/policy-rc.d"; chmod +x "$1/usr/sbin/policy-rc.d"' \
     "$suite" "$root.new"
+  # Authorities of this network, as the machine trusts them.
+  cp -r /usr/local/share/ca-certificates/. "$root.new/usr/local/share/ca-certificates/"
+  chroot "$root.new" update-ca-certificates >/dev/null
   mv "$root.new" "$root"
 }
 
@@ -40,7 +43,7 @@ enter() {
     mount -t proc proc "$root/proc"; mount --rbind /sys "$root/sys"; mount --rbind /dev "$root/dev"; mount -t tmpfs tmpfs "$root/run"
     cp /etc/resolv.conf "$root/etc/resolv.conf"
     exec chroot "$root" env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LANG=C.UTF-8 \
-      LUMIFOLD_SCENES_DIR=/scenes bash -euc "cd /lumifold; $*"' bash "$root" "$@"
+      NODE_EXTRA_CA_CERTS=/etc/ssl/certs/ca-certificates.crt LUMIFOLD_SCENES_DIR=/scenes bash -euc "cd /lumifold; $*"' bash "$root" "$@"
 }
 
 copy_sources() {

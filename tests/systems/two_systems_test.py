@@ -32,6 +32,10 @@ class TwoSystemsTest(unittest.TestCase):
     def mse(self, one, other):
         return json.loads(run("lumifold", "compare", one, other, "--json").stdout)["mse255"]
 
+    def classes(self, farm):
+        lines = farm.client("workers", "--json").stdout.splitlines()
+        return {worker["name"]: worker["class"] for worker in map(json.loads, lines)}
+
     def picture(self, farm, job):
         result = self.root / f"{job}.exr"
         farm.client("wait", job)
@@ -45,9 +49,9 @@ class TwoSystemsTest(unittest.TestCase):
             begun = farm.client("submit", self.scene, *SETTINGS).stdout.strip()
             wait_until(lambda: farm.status(begun)["units_done"] > 0, "a unit of the other system")
             farm.start_worker("--name", "ours")
-            ours = {worker["name"]: worker["class"] for worker in json.loads(farm.client("workers", "--json").stdout)["workers"]}
-            self.assertNotEqual(ours["other"], ours["ours"])
-            new = farm.client("submit", self.scene, *SETTINGS, "--class", ours["ours"]).stdout.strip()
+            classes = wait_until(lambda: len(found := self.classes(farm)) == 2 and found, "both workers")
+            self.assertNotEqual(classes["other"], classes["ours"])
+            new = farm.client("submit", self.scene, *SETTINGS, "--class", classes["ours"]).stdout.strip()
             for job, reference in ((begun, self.other_folder / "other.exr"), (new, self.root / "ours.exr")):
                 self.assertEqual(self.mse(self.picture(farm, job), reference), 0, job)
         print(f"the systems' pictures of one seed differ by {self.mse(self.root / 'ours.exr', self.other_folder / 'other.exr'):.4g} MSE255")

@@ -22,7 +22,8 @@ class PlaneView {
 
   /// A view of writable values converts to a view of constant values.
   operator PlaneView<const T>() const  // NOLINT(google-explicit-constructor): the safe direction
-      requires(!std::is_const_v<T>) {
+    requires(!std::is_const_v<T>)
+  {
     return {data_, width_, height_, stride_};
   }
 

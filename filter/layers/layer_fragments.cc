@@ -10,7 +10,7 @@ namespace {
 /// The fragments' light of one layer, and its factor.
 struct LayerLight {
   const std::array<ConstColorView, 2>* halves = nullptr;  // null where the film has none
-  std::array<float, 3> Fragment::*factor = nullptr;
+  std::array<float, 3> Fragment::* factor = nullptr;
 };
 
 LayerLight LightOf(const FragmentViews& views, const Product& product) {

@@ -150,8 +150,8 @@ void Points::WeighRun(size_t run, const Packed& eta, size_t lanes, float* scratc
 
 PointWeights Points::Weigh(const std::vector<Manifold>& manifolds, TaskPool* pool) const {
   const size_t lanes = Padded(manifolds.size());
-  const Packed eta = Pack(
-      manifolds.size(), [&](size_t i) -> const Planes& { return manifolds[i].eta; }, lanes, 1, pool);
+  const Packed eta =
+      Pack(manifolds.size(), [&](size_t i) -> const Planes& { return manifolds[i].eta; }, lanes, 1, pool);
   PointWeights weights{lanes, std::vector<float>(points_.pixels.size() * points_.samples * lanes)};
   ForEachRun(runs_.size(), eta.stride + lanes, pool,
              [&](size_t run, float* scratch) { WeighRun(run, eta, lanes, scratch, weights.values.data()); });
@@ -179,8 +179,8 @@ void Points::SplatRun(const Run& run, const std::vector<float>& signals, const s
 
 void Points::Splat(const std::vector<float>& signals, const std::vector<float>& masses,
                    const PointWeights& weights, TaskPool* pool, std::vector<Planes>* splats) const {
-  Packed packed = Pack(
-      splats->size(), [&](size_t i) -> const Planes& { return (*splats)[i]; }, weights.stride, 1, pool);
+  Packed packed =
+      Pack(splats->size(), [&](size_t i) -> const Planes& { return (*splats)[i]; }, weights.stride, 1, pool);
   ParallelFor(pool, static_cast<int64_t>(by_row_.size()), [&](int64_t row) {
     for (const size_t run : by_row_[static_cast<size_t>(row)])
       SplatRun(runs_[run], signals, masses, weights, &packed);
@@ -221,8 +221,7 @@ void Points::Slice(const std::vector<Planes>& psi, const PointWeights& weights, 
   std::vector<Packed> packed(psi.size());
   ParallelFor(pool, static_cast<int64_t>(psi.size()), [&](int64_t task) {
     const auto i = static_cast<size_t>(task);
-    packed[i] = Pack(
-        1, [&](size_t) -> const Planes& { return psi[i]; }, 1, 0, nullptr);
+    packed[i] = Pack(1, [&](size_t) -> const Planes& { return psi[i]; }, 1, 0, nullptr);
   });
   ForEachRun(runs_.size(), packed[0].stride, pool, [&](size_t run, float* scratch) {
     for (size_t i = 0; i < packed.size(); ++i)

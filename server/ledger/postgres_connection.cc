@@ -198,8 +198,7 @@ absl::Status PostgresConnection::Connect() {
                                              conninfo_.c_str(), "UTF8", nullptr};
   connection_.reset(PQconnectdbParams(keywords.data(), values.data(), /*expand_dbname=*/1));
   if (IsLost()) return ConnectionError();
-  PQsetNoticeProcessor(
-      connection_.get(), [](void*, const char*) {}, nullptr);
+  PQsetNoticeProcessor(connection_.get(), [](void*, const char*) {}, nullptr);
   const Result result(PQexec(connection_.get(), kSettings));
   return StatusOf(result.get());
 }

@@ -483,8 +483,9 @@ void Scheduler::ReleaseSlot(WorkerId worker) {
 bool Scheduler::MayReturn(const UnitIndex& index) const {
   const std::vector<Attempt> attempts = leases_.OfUnit(index);
   return attempts.size() < kMaxLeasesOfUnit &&
-         std::all_of(attempts.begin(), attempts.end(),
-                     [this](Attempt attempt) { return leases_.Find(attempt)->is_overdue; });
+         std::all_of(
+             attempts.begin(), attempts.end(),
+             [this](Attempt attempt) { return leases_.Find(attempt)->is_overdue; });
 }
 
 void Scheduler::Return(const UnitIndex& index) {

@@ -98,7 +98,7 @@ std::string Csv(const std::vector<FrameChange>& changes) {
 using SceneChanges = absl::Span<const FrameChange>;
 using Part = double metrics::Flicker::*;
 
-double MeanOf(SceneChanges changes, metrics::Flicker FrameChange::*of, Part part) {
+double MeanOf(SceneChanges changes, metrics::Flicker FrameChange::* of, Part part) {
   double sum = 0;
   for (const FrameChange& change : changes) sum += change.*of.*part;
   return sum / static_cast<double>(changes.size());

@@ -47,7 +47,7 @@ Ratios RatiosOf(const std::vector<KneePoint>& points, const KneePoint& point) {
 }
 
 Figure KneeFigure(const std::vector<KneePoint>& points, const std::string& title, const std::string& label,
-                  double Ratios::*value) {
+                  double Ratios::* value) {
   Figure figure{title, label, "", {}, {}};
   for (const std::string& name : PartNames()) {
     if (name != kNothing) figure.rows.push_back(name);

@@ -6,7 +6,7 @@
 namespace lumifold::charts {
 namespace {
 
-std::vector<std::string> NamesOf(absl::Span<const Row> rows, std::string Row::*name) {
+std::vector<std::string> NamesOf(absl::Span<const Row> rows, std::string Row::* name) {
   std::vector<std::string> names;
   for (const Row& row : rows) {
     if (std::find(names.begin(), names.end(), row.*name) == names.end()) names.push_back(row.*name);
@@ -15,7 +15,7 @@ std::vector<std::string> NamesOf(absl::Span<const Row> rows, std::string Row::*n
 }
 
 std::vector<Row> Chosen(absl::Span<const Row> rows, const std::string& scene, const std::string& method,
-                        bool Row::*mark) {
+                        bool Row::* mark) {
   std::vector<Row> chosen;
   for (const Row& row : rows) {
     if (row.*mark && row.not_run.empty() && row.scene == scene && row.method == method &&

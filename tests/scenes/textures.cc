@@ -88,9 +88,8 @@ Texture WoodBoards(const WoodColors& colors) {
 }
 
 Texture WoodGrain(const WoodColors& colors) {
-  return Paint("wood grain", 512, 256, [&](double u, double v) {
-    return Grain(colors, {u * 3, v * 6}, {3, 6}, 77);
-  });
+  return Paint("wood grain", 512, 256,
+               [&](double u, double v) { return Grain(colors, {u * 3, v * 6}, {3, 6}, 77); });
 }
 
 Texture Wallpaper(Vec3 ground, Vec3 stripe, Vec3 ornament) {

@@ -128,9 +128,8 @@ absl::StatusOr<Finding> Projector(const Trial& trial) {
 }
 
 absl::StatusOr<Finding> ColoredLight(const Trial& trial) {
-  const DrawnFilm drawn = Draw([](float x, float y) {
-    return BesideLine(x, y) < 0 ? Lit({0.6f, 0, 0}) : Lit({0, 0, 0.6f});
-  });
+  const DrawnFilm drawn =
+      Draw([](float x, float y) { return BesideLine(x, y) < 0 ? Lit({0.6f, 0, 0}) : Lit({0, 0, 0.6f}); });
   return Judge(trial, drawn, [](const Views& v) {
     const auto left = [](int x, int y) { return PixelBesideLine(x, y) < -1; };
     const auto right = [](int x, int y) { return PixelBesideLine(x, y) > 1; };

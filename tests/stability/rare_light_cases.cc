@@ -63,8 +63,8 @@ absl::StatusOr<Finding> Fireflies(const Trial& trial) {
   Sampling sampling;
   sampling.spike_probability = 1e-4;
   sampling.spike_factor = 1000;
-  const DrawnFilm drawn = DrawFilm(
-      256, 256, [](float x, float) { return Surface{.direct = Gray(0.2f + x / 512)}; }, sampling);
+  const DrawnFilm drawn =
+      DrawFilm(256, 256, [](float x, float) { return Surface{.direct = Gray(0.2f + x / 512)}; }, sampling);
   const absl::StatusOr<InRoom> room = FirefliesInRoom(trial);
   if (!room.ok()) return room.status();
   return Judge(trial, drawn, [&](const Views& v) {

@@ -277,7 +277,7 @@ void Switch(int value, Plan* plan) {
   (plan->*Part).*Field = value != 0;
 }
 
-template <bool render::TracingPlan::Layers::*Field>
+template <bool render::TracingPlan::Layers::* Field>
 void SwitchLayer(int value, Plan* plan) {
   plan->tracing.layers.*Field = value != 0;
 }

@@ -31,8 +31,7 @@ std::vector<std::string> Diagnostics::Lines() const {
 
 std::string OneLine(const std::string& text) {
   std::string line = text;
-  std::replace_if(
-      line.begin(), line.end(), [](char c) { return (c >= 0 && c < 0x20) || c == 0x7f; }, ' ');
+  std::replace_if(line.begin(), line.end(), [](char c) { return (c >= 0 && c < 0x20) || c == 0x7f; }, ' ');
   return line;
 }
 

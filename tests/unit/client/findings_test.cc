@@ -26,7 +26,7 @@ TEST(Findings, AboutTheMachine) {
   facts.temporary_error = "Read-only file system";
   EXPECT_EQ(AboutMachine(facts)[0].level, Level::kWrong);
   EXPECT_THAT(AboutMachine(facts)[0].text, HasSubstr("/tmp: Read-only"));
-  for (uint64_t MachineFacts::*const member :
+  for (uint64_t MachineFacts::* const member :
        {&MachineFacts::free_bytes, &MachineFacts::available_memory_bytes, &MachineFacts::open_files}) {
     facts = good;
     facts.*member = 10;

@@ -143,8 +143,7 @@ class FenceTest : public testing::Test {
 };
 
 TEST_F(FenceTest, RefusesProgramsProcessesAndTracing) {
-  ExpectRefused(
-      "execve", [] { return ErrorOf(execl("/bin/true", "true", nullptr)); }, EPERM);
+  ExpectRefused("execve", [] { return ErrorOf(execl("/bin/true", "true", nullptr)); }, EPERM);
   ExpectRefused(
       "fork",
       [] {
@@ -153,12 +152,9 @@ TEST_F(FenceTest, RefusesProgramsProcessesAndTracing) {
         return ErrorOf(child);
       },
       EPERM);
-  ExpectRefused(
-      "system", [] { return std::system("true") == 0 ? 0 : 1; }, 1);
-  ExpectRefused(
-      "ptrace", [] { return ErrorOf(ptrace(PTRACE_TRACEME, 0, nullptr, nullptr)); }, EPERM);
-  ExpectRefused(
-      "a signal to another process", [] { return ErrorOf(kill(getppid(), 0)); }, EPERM);
+  ExpectRefused("system", [] { return std::system("true") == 0 ? 0 : 1; }, 1);
+  ExpectRefused("ptrace", [] { return ErrorOf(ptrace(PTRACE_TRACEME, 0, nullptr, nullptr)); }, EPERM);
+  ExpectRefused("a signal to another process", [] { return ErrorOf(kill(getppid(), 0)); }, EPERM);
   // A call that the C library replaces by clone; 0 is no valid size of its arguments.
   const FenceOptions options = Options();
   EXPECT_EQ(Try(&options, [] { return ErrorOf(syscall(SYS_clone3, nullptr, 0)); }), ENOSYS);
@@ -181,16 +177,11 @@ TEST_F(FenceTest, AllowsThreadsAndSignalsToItself) {
 
 TEST_F(FenceTest, RefusesWhatOnlyRootMayDo) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to be refused something";
-  ExpectRefused(
-      "mount", [] { return ErrorOf(mount("none", "/proc", "proc", MS_REMOUNT, nullptr)); }, EPERM);
-  ExpectRefused(
-      "a new namespace", [] { return ErrorOf(unshare(CLONE_NEWUTS)); }, EPERM);
-  ExpectRefused(
-      "a raw socket", [] { return ErrorOf(socket(AF_PACKET, SOCK_RAW, 0)); }, EAFNOSUPPORT);
-  ExpectRefused(
-      "another user", [] { return ErrorOf(setuid(65534)); }, EPERM);
-  ExpectRefused(
-      "another owner", [this] { return ErrorOf(chown(Own("file").c_str(), 1, 1)); }, EPERM);
+  ExpectRefused("mount", [] { return ErrorOf(mount("none", "/proc", "proc", MS_REMOUNT, nullptr)); }, EPERM);
+  ExpectRefused("a new namespace", [] { return ErrorOf(unshare(CLONE_NEWUTS)); }, EPERM);
+  ExpectRefused("a raw socket", [] { return ErrorOf(socket(AF_PACKET, SOCK_RAW, 0)); }, EAFNOSUPPORT);
+  ExpectRefused("another user", [] { return ErrorOf(setuid(65534)); }, EPERM);
+  ExpectRefused("another owner", [this] { return ErrorOf(chown(Own("file").c_str(), 1, 1)); }, EPERM);
   ExpectRefused(
       "a device", [this] { return ErrorOf(mknod(Own("null").c_str(), S_IFCHR | 0600, 0x103)); }, EPERM);
 }
@@ -202,12 +193,9 @@ TEST_F(FenceTest, FilesAreThoseOfTheSystemAndItsOwn) {
   ExpectAllowed("names of machines", [] { return OpenAndClose("/etc/hosts", O_RDONLY); });
   ExpectAllowed("random numbers", [] { return OpenAndClose("/dev/urandom", O_RDONLY); });
   if (Landlock::KernelVersion() == 0) GTEST_SKIP() << "this kernel has no Landlock";
-  ExpectRefused(
-      "reading another file", [this] { return OpenAndClose(Other("file"), O_RDONLY); }, EACCES);
-  ExpectRefused(
-      "writing it", [this] { return OpenAndClose(Other("file"), O_WRONLY); }, EACCES);
-  ExpectRefused(
-      "making one", [this] { return OpenAndClose(Other("new"), O_WRONLY | O_CREAT); }, EACCES);
+  ExpectRefused("reading another file", [this] { return OpenAndClose(Other("file"), O_RDONLY); }, EACCES);
+  ExpectRefused("writing it", [this] { return OpenAndClose(Other("file"), O_WRONLY); }, EACCES);
+  ExpectRefused("making one", [this] { return OpenAndClose(Other("new"), O_WRONLY | O_CREAT); }, EACCES);
   ExpectRefused(
       "moving one out", [this] { return ErrorOf(link(Own("renamed").c_str(), Other("l").c_str())); }, EACCES);
   ExpectRefused(
@@ -217,8 +205,7 @@ TEST_F(FenceTest, FilesAreThoseOfTheSystemAndItsOwn) {
       "programs of the temporary folder", [] { return OpenAndClose("/tmp", O_RDONLY | O_DIRECTORY); },
       EACCES);
   // Last, for it succeeds outside.
-  ExpectRefused(
-      "removing one", [this] { return ErrorOf(unlink(Other("file").c_str())); }, EACCES);
+  ExpectRefused("removing one", [this] { return ErrorOf(unlink(Other("file").c_str())); }, EACCES);
 }
 
 TEST_F(FenceTest, RootBecomesAnotherUserAndCannotReturn) {
@@ -232,8 +219,7 @@ TEST_F(FenceTest, RootBecomesAnotherUserAndCannotReturn) {
       Try(&options, [id] { return getuid() == id && geteuid() == id && getgroups(0, nullptr) == 0 ? 0 : 1; }),
       0);
   EXPECT_EQ(Try(&options, [] { return setuid(0) == 0 ? 0 : errno; }), EPERM);
-  ExpectRefused(
-      "passwords", [] { return OpenAndClose("/etc/shadow", O_RDONLY); }, EACCES, options);
+  ExpectRefused("passwords", [] { return OpenAndClose("/etc/shadow", O_RDONLY); }, EACCES, options);
 }
 
 TEST_F(FenceTest, RootThatStaysHasNoSecretsAndNoCapabilities) {
@@ -267,8 +253,7 @@ TEST_F(FenceTest, NetworkIsForClients) {
   ExpectRefused("listening", Listen, EPERM);
   FenceOptions options = Options();
   options.network = false;
-  ExpectRefused(
-      "sockets", [&] { return Connect(listener.port()); }, EPERM, options);
+  ExpectRefused("sockets", [&] { return Connect(listener.port()); }, EPERM, options);
 }
 
 TEST_F(FenceTest, AcceptsOnSocketsThatListenAlready) {
@@ -288,8 +273,7 @@ TEST_F(FenceTest, ConnectsToTheGivenPortsOnly) {
   FenceOptions options = Options();
   options.connect_ports = {coordinator.port()};
   EXPECT_EQ(Try(&options, [&] { return Connect(coordinator.port()); }), 0);
-  ExpectRefused(
-      "another port", [&] { return Connect(other.port()); }, EACCES, options);
+  ExpectRefused("another port", [&] { return Connect(other.port()); }, EACCES, options);
 }
 
 TEST_F(FenceTest, LimitsOpenFilesTheirSizeAndCoreDumps) {

@@ -219,10 +219,7 @@ std::vector<Step> ShortHistory() {
       {"revoke",
        [](JobStore& s) { return Outcome(s.RevokeUnits(Owned("j-b"), {Unit("j-b", 1, 1, 0).unit.key})); }},
       {"end", [](JobStore& s) { return Outcome(s.EndJob(Owned("j-a"), v1::JOB_STATE_DONE, "")); }},
-      {"claim",
-       [](JobStore& s) {
-         return Outcome(s.ClaimUnfinishedJobs({"second", Epoch(2)}).status());
-       }},
+      {"claim", [](JobStore& s) { return Outcome(s.ClaimUnfinishedJobs({"second", Epoch(2)}).status()); }},
       {"reopen",
        [](JobStore& s) {
          return Outcome(s.ReopenFrames(JobId("j-a"), {"second", Epoch(2)}, Job("", "").spec, {0}));

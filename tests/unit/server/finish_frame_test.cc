@@ -46,8 +46,8 @@ EdgedImage ExpectedResult(const v1::JobSpec& spec, const filter::BlockParams& bl
 class FinishFrameTest : public CommittedFrameFixture {
  protected:
   v1::StageTimes Finish(const JobId& job, TaskPool* pool, const filter::BlockParams& blocks) {
-    const absl::StatusOr<v1::FrameReport> report = FinishFrame(
-        folder_, *store_, {job, {}}, 0, pool, [] { return absl::Now(); }, blocks);
+    const absl::StatusOr<v1::FrameReport> report =
+        FinishFrame(folder_, *store_, {job, {}}, 0, pool, [] { return absl::Now(); }, blocks);
     EXPECT_TRUE(report.ok()) << report.status();
     return report->times();
   }

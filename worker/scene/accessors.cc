@@ -54,7 +54,7 @@ absl::Status Locate(const Document& document, int view, size_t offset, Elements*
   const auto bytes = ViewBytes(document, view);
   if (!bytes.ok()) return bytes.status();
   const size_t element_bytes =
-      static_cast<size_t>(ComponentBytes(elements->component_type) * elements->width);
+      static_cast<size_t>(ComponentBytes(elements->component_type)) * static_cast<size_t>(elements->width);
   elements->stride = document.model.bufferViews[view].byteStride;
   if (elements->stride == 0) elements->stride = element_bytes;
   if (elements->stride < element_bytes) {

@@ -34,7 +34,7 @@ struct Config {
 };
 
 /// More than any answer that the kernel takes for a caller who does not read.
-constexpr size_t kLargeBytes = 64 << 20;
+constexpr size_t kLargeBytes = 16 << 20;
 
 class HostileCallers : public ::testing::TestWithParam<Config> {
  protected:

@@ -17,7 +17,7 @@
 #define LUMIFOLD_OCCLUDED(query) query, RTCOccludedArguments* context
 #define LUMIFOLD_PASS query, context
 #endif
-// NOLINTBEGIN(bugprone-reserved-identifier): the linker chose these names.
+// NOLINTBEGIN(bugprone-reserved-identifier,clang-diagnostic-reserved-identifier): the linker chose these names.
 extern "C" {
 void __real_rtcIntersect1(RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit* query));
 void __real_rtcOccluded1(RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay* query));
@@ -179,4 +179,4 @@ RTCDevice __wrap_rtcNewDevice(const char* config) {
   if (device != nullptr) rtcSetDeviceMemoryMonitorFunction(device, lumifold::bench::CountBytes, nullptr);
   return device;
 }
-// NOLINTEND(bugprone-reserved-identifier)
+// NOLINTEND(bugprone-reserved-identifier,clang-diagnostic-reserved-identifier)

@@ -144,34 +144,34 @@ int64_t EmbreeBytes() { return embree_bytes; }
 }  // namespace lumifold::bench
 
 void __wrap_rtcIntersect1(RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit* query)) {
-  using namespace lumifold::bench;
-  if (tap.log != nullptr) Keep(scene, query->ray, false);
-  Timed([&] { __real_rtcIntersect1(scene, LUMIFOLD_PASS); });
-  if (tap.log != nullptr) tap.log->hits += HasHit(*query);
+  namespace bench = lumifold::bench;
+  if (bench::tap.log != nullptr) bench::Keep(scene, query->ray, false);
+  bench::Timed([&] { __real_rtcIntersect1(scene, LUMIFOLD_PASS); });
+  if (bench::tap.log != nullptr) bench::tap.log->hits += bench::HasHit(*query);
 }
 
 void __wrap_rtcOccluded1(RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay* query)) {
-  using namespace lumifold::bench;
-  if (tap.log != nullptr) Keep(scene, *query, true);
-  Timed([&] { __real_rtcOccluded1(scene, LUMIFOLD_PASS); });
-  if (tap.log != nullptr) tap.log->hits += IsOccluded(*query);
+  namespace bench = lumifold::bench;
+  if (bench::tap.log != nullptr) bench::Keep(scene, *query, true);
+  bench::Timed([&] { __real_rtcOccluded1(scene, LUMIFOLD_PASS); });
+  if (bench::tap.log != nullptr) bench::tap.log->hits += bench::IsOccluded(*query);
 }
 
 void __wrap_rtcIntersect8(const int* valid, RTCScene scene, LUMIFOLD_INTERSECT(RTCRayHit8* query)) {
-  using namespace lumifold::bench;
-  if (tap.log != nullptr) KeepPacket(valid, scene, query->ray, false);
-  Timed([&] { __real_rtcIntersect8(valid, scene, LUMIFOLD_PASS); });
-  if (tap.log == nullptr) return;
-  for (int i = 0; i < kPacket; ++i)
-    tap.log->hits += valid[i] != 0 && query->hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+  namespace bench = lumifold::bench;
+  if (bench::tap.log != nullptr) bench::KeepPacket(valid, scene, query->ray, false);
+  bench::Timed([&] { __real_rtcIntersect8(valid, scene, LUMIFOLD_PASS); });
+  if (bench::tap.log == nullptr) return;
+  for (int i = 0; i < bench::kPacket; ++i)
+    bench::tap.log->hits += valid[i] != 0 && query->hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
 }
 
 void __wrap_rtcOccluded8(const int* valid, RTCScene scene, LUMIFOLD_OCCLUDED(RTCRay8* query)) {
-  using namespace lumifold::bench;
-  if (tap.log != nullptr) KeepPacket(valid, scene, *query, true);
-  Timed([&] { __real_rtcOccluded8(valid, scene, LUMIFOLD_PASS); });
-  if (tap.log == nullptr) return;
-  for (int i = 0; i < kPacket; ++i) tap.log->hits += valid[i] != 0 && query->tfar[i] < 0;
+  namespace bench = lumifold::bench;
+  if (bench::tap.log != nullptr) bench::KeepPacket(valid, scene, *query, true);
+  bench::Timed([&] { __real_rtcOccluded8(valid, scene, LUMIFOLD_PASS); });
+  if (bench::tap.log == nullptr) return;
+  for (int i = 0; i < bench::kPacket; ++i) bench::tap.log->hits += valid[i] != 0 && query->tfar[i] < 0;
 }
 
 RTCDevice __wrap_rtcNewDevice(const char* config) {

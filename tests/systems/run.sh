@@ -49,7 +49,7 @@ enter() {
 copy_sources() {
   mkdir -p "$root/lumifold"
   # Without times: what did not change is not built again. Files that are gone go, builds and Git's data stay.
-  git ls-files --cached --others --exclude-standard | while read -r file; do [ -e "$file" ] && echo "$file"; done |
+  git ls-files --cached --others --exclude-standard | while read -r file; do if [ -e "$file" ]; then echo "$file"; fi; done |
     rsync -rlp --checksum --files-from=- . "$root/lumifold.new/"
   rsync -rlp --checksum --delete --exclude=/build "$root/lumifold.new/" "$root/lumifold/"
   rm -rf "$root/lumifold.new"

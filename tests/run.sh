@@ -28,5 +28,5 @@ if $full; then
 fi
 step 'test'
 # At the priority of workers, who would starve beside tests that run at the same time.
-nice -n 10 ctest --preset release $($full || echo --label-exclude slow)
+nice -n 10 ctest --preset gate $($full || echo --label-exclude slow)
 step 'done'

@@ -16,7 +16,7 @@ max_bytes=65536
 mkdir -p "$build/corpus" "$build/found" "$build/seeds"
 if ! echo 'extern "C" int LLVMFuzzerTestOneInput(const char*, unsigned long) { return 0; }' |
   clang++ -fsanitize=fuzzer -x c++ - -o "$build/probe" 2>/dev/null; then
-  echo "fuzz: skipped: no clang++ with libFuzzer (packages clang, libclang-rt-14-dev)" >&2
+  echo "fuzz: skipped: no clang++ with libFuzzer (packages clang, libclang-rt-dev)" >&2
   exit 77
 fi
 

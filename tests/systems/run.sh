@@ -72,9 +72,9 @@ run_step() {
   echo "== $system: $1"
   case $1 in
     quickstart) enter deploy/quickstart.sh ;;
-    unit) enter "$build ctest --preset release --label-regex unit" ;;
+    unit) enter "$build ctest --preset gate --label-regex unit" ;;
     farm)
-      enter "$build ctest --preset release --tests-regex '^(blender\\.|deploy\\.packages|slow\\.install|integration\\.(farm|page_browser)\$)'"
+      enter "$build ctest --preset gate --tests-regex '^(blender\\.|deploy\\.packages|slow\\.install|integration\\.(farm|page_browser)\$)'"
       LUMIFOLD_OTHER_SYSTEM=$root LUMIFOLD_BIN=${LUMIFOLD_BIN:-$PWD/build/release/bin} PYTHONPATH=tests/support \
         python3 tests/systems/two_systems_test.py
       ;;

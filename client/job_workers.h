@@ -9,7 +9,7 @@
 #include "absl/synchronization/mutex.h"
 #include "client/farm_client.h"
 #include "client/progress.h"
-#include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 
 namespace lumifold::client {
 
@@ -34,7 +34,7 @@ class JobWorkers {
   const std::string job_id_;
   mutable absl::Mutex mutex_;
   std::vector<std::string> lines_ ABSL_GUARDED_BY(mutex_);
-  rpc::MonotonicEvent stop_;
+  threads::Event stop_;
   std::thread thread_;  // last: it uses the members above
 };
 

@@ -9,7 +9,7 @@
 #include "absl/synchronization/mutex.h"
 #include "client/farm_client.h"
 #include "client/pictures/display_file.h"
-#include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 
 namespace lumifold::client {
 
@@ -37,7 +37,7 @@ class PreviewFile {
 
   const std::unique_ptr<FarmClient> farm_;
   const PreviewFileOptions options_;
-  rpc::MonotonicEvent stop_;
+  threads::Event stop_;
   absl::Status result_;  // of the thread, once it has ended
   std::thread thread_;   // last: it uses the members above
 };

@@ -93,7 +93,7 @@ void Committer::Write(std::function<absl::Status()> write, std::function<void(co
     if (!stopping_) orders_.push_back({std::move(write), std::move(done)});
     has_new_order_ = true;
   }
-  wake_up_.Wake();
+  wake_up_.Notify();
 }
 
 void Committer::Check(const FrameKey& frame, const absl::Status& cause) {
@@ -169,7 +169,7 @@ void Committer::Stop() {
     absl::MutexLock lock(&mutex_);
     stopping_ = true;
   }
-  wake_up_.Wake();
+  wake_up_.Notify();
   if (thread_.joinable()) thread_.join();
 }
 
@@ -219,7 +219,7 @@ bool Committer::Pause() {
   ++failures_;
   const absl::Time end = options_.now() + std::min(options_.longest_pause, options_.first_pause * growth);
   for (absl::Time now = options_.now(); now < end && !EndsPause(); now = options_.now())
-    wake_up_.Wait(std::min(end - now, kIdleInterval));
+    wake_up_.Consume(std::min(end - now, kIdleInterval));
   absl::MutexLock lock(&mutex_);
   return !stopping_;
 }

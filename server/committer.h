@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
+#include "proto/threads/event.h"
 #include "server/data_folder.h"
 #include "server/film/unit_log.h"
 #include "server/ledger/job_store.h"
@@ -22,7 +23,6 @@
 #include "server/open_logs.h"
 #include "server/reserve_file.h"
 #include "server/storage_state.h"
-#include "server/wake_up.h"
 
 namespace lumifold::server {
 
@@ -191,7 +191,7 @@ class Committer {
   bool has_new_order_ ABSL_GUARDED_BY(mutex_) = false;
   bool storage_failed_ ABSL_GUARDED_BY(mutex_) = false;
 
-  WakeUp wake_up_;
+  threads::Event wake_up_;
   std::thread thread_;
 };
 

@@ -58,7 +58,7 @@ void Coordinator::OnUnitsDiscarded(const FrameKey& frame, const std::vector<job:
   if (finished_frame_ == frame) finished_in_vain_ = true;
   options_.log->warn("event=units_discarded job={} frame={} units={}", job.value(), number, lost->size());
   changed_jobs_.insert(job);
-  housekeeping_.Wake();
+  housekeeping_.Notify();
   GrantLeases();
 }
 

@@ -104,7 +104,7 @@ absl::StatusOr<v1::JobStatus> Coordinator::ChangeScheduling(const std::string& j
       Reschedule(job, scheduling);
       active->second.scheduling = scheduling;
       changed_jobs_.insert(job);
-      housekeeping_.Wake();
+      housekeeping_.Notify();
       GrantLeases();
       return StatusOfActiveJob(active->second, scheduler_.Progress(job));
     }

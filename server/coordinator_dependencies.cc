@@ -83,7 +83,7 @@ void Coordinator::Settle(const job_life::Settled& settled) {
   for (const job_life::HopelessJob& job : settled.hopeless) EndJob(job.job, v1::JOB_STATE_FAILED, job.reason);
   if (settled.released.empty() && settled.hopeless.empty()) return;
   janitor_.SetNeeded(dependencies_.Named());
-  housekeeping_.Wake();
+  housekeeping_.Notify();
   GrantLeases();
 }
 

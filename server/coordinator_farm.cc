@@ -66,7 +66,7 @@ void Coordinator::AdoptJob(const JobId& job) {
   absl::Status status = TryToAdopt(job);
   while (IsStorageError(status)) {
     storage_.Fail(status);
-    adopting_.Wait(kAdoptionPause);
+    adopting_.Consume(kAdoptionPause);
     {
       absl::MutexLock lock(&mutex_);
       if (stopping_) return;  // others adopt it
@@ -96,8 +96,8 @@ absl::Status Coordinator::TryToAdopt(const JobId& job) {
     if (IsInMemory(job)) return absl::OkStatus();
     EnterJob(*loaded);
     changed_jobs_.insert(job);
-    housekeeping_.Wake();
-    finishing_.Wake();
+    housekeeping_.Notify();
+    finishing_.Notify();
     GrantLeases();
   }
   CheckPrerequisites(after);

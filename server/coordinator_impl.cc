@@ -115,10 +115,10 @@ void Coordinator::Shutdown() {
     absl::MutexLock lock(&mutex_);
     stopping_ = true;
   }
-  housekeeping_.Wake();
-  finishing_.Wake();
-  changing_.Wake();
-  adopting_.Wake();
+  housekeeping_.Notify();
+  finishing_.Notify();
+  changing_.Notify();
+  adopting_.Notify();
   finisher_->Cancel();
   if (finisher_thread_.joinable()) finisher_thread_.join();
   committer_->Stop();
@@ -150,7 +150,7 @@ void Coordinator::OnCommitted(const std::vector<AcceptedUnit>& units, const absl
 
 void Coordinator::OnStorageAvailable() {
   absl::MutexLock lock(&mutex_);
-  finishing_.Wake();
+  finishing_.Notify();
   GrantLeases();
 }
 
@@ -180,7 +180,7 @@ void Coordinator::OnUnitsLost(const JobId& job, int32_t frame, const absl::Statu
   options_.log->error("event=units_lost job={} frame={} units={} error={}", job.value(), frame, lost->size(),
                       Quoted(error));
   changed_jobs_.insert(job);
-  housekeeping_.Wake();
+  housekeeping_.Notify();
   GrantLeases();
 }
 
@@ -210,7 +210,7 @@ void Coordinator::CountCommitted(const AcceptedUnit& unit) {
   }
   QueueDue({ref.job, ref.key.frame});
   changed_jobs_.insert(ref.job);
-  housekeeping_.Wake();
+  housekeeping_.Notify();
 }
 
 std::string Coordinator::NameOf(WorkerId worker) const {

@@ -21,6 +21,8 @@
 #include "absl/time/time.h"
 #include "lumifold/v1/farm.pb.h"
 #include "lumifold/v1/worker.pb.h"
+#include "proto/threads/event.h"
+#include "proto/threads/task_thread.h"
 #include "server/asset_store.h"
 #include "server/cluster/membership.h"
 #include "server/committer.h"
@@ -36,9 +38,7 @@
 #include "server/metrics/farm_timings.h"
 #include "server/scheduler/scheduler.h"
 #include "server/storage_state.h"
-#include "server/task_thread.h"
 #include "server/traffic.h"
-#include "server/wake_up.h"
 
 namespace lumifold::access {
 struct Identity;
@@ -537,16 +537,16 @@ class Coordinator final : private Committer::Listener, public cluster::MemberHos
   std::string address_ ABSL_GUARDED_BY(mutex_);
   std::atomic<bool> purging_{false};
   std::atomic<bool> looking_{false};
-  WakeUp housekeeping_;
-  WakeUp finishing_;
-  WakeUp changing_;
-  WakeUp adopting_;
+  threads::Event housekeeping_;
+  threads::Event finishing_;
+  threads::Event changing_;
+  threads::Event adopting_;
 
-  TaskThread deleter_{TaskThread::Priority::kLowest};  // of files
-  TaskThread purger_{TaskThread::Priority::kNormal};   // of rows
+  threads::TaskThread deleter_{threads::TaskThread::Priority::kLowest};  // of files
+  threads::TaskThread purger_{threads::TaskThread::Priority::kNormal};   // of rows
   Janitor janitor_;
-  TaskThread changer_{TaskThread::Priority::kNormal};
-  TaskThread farm_thread_{TaskThread::Priority::kNormal};
+  threads::TaskThread changer_{threads::TaskThread::Priority::kNormal};
+  threads::TaskThread farm_thread_{threads::TaskThread::Priority::kNormal};
   std::unique_ptr<Committer> committer_;
   std::thread finisher_thread_;
   std::thread housekeeping_thread_;

@@ -67,7 +67,7 @@ void Coordinator::OnPlanRecorded(WorkerId worker, const UnitRef& unit, Attempt a
                      planned.plan().probe_rays(), Quoted(rpc::PlanLine(planned.plan())));
   Acknowledge(worker, unit, attempt);
   changed_jobs_.insert(unit.job);
-  housekeeping_.Wake();
+  housekeeping_.Notify();
   GrantLeases();
 }
 

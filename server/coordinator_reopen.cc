@@ -173,7 +173,7 @@ void Coordinator::Resume(const JobId& job) {
   absl::StatusOr<std::optional<LoadedJob>> loaded = LoadSuspended(job);
   while (IsStorageError(loaded.status())) {
     storage_.Fail(loaded.status());
-    changing_.Wait(kReopenPause);
+    changing_.Consume(kReopenPause);
     {
       absl::MutexLock lock(&mutex_);
       if (stopping_) return;  // the next start restores it
@@ -196,7 +196,7 @@ void Coordinator::Resume(const JobId& job) {
                       EnterJob(*shared);
                       dependencies_.Reopened(job);
                       changed_jobs_.insert(job);
-                      housekeeping_.Wake();
+                      housekeeping_.Notify();
                       GrantLeases();
                     });
   {

@@ -29,12 +29,12 @@ void Coordinator::QueueDue(const FrameKey& key) {
   const bool is_queued = std::any_of(
       committed_frames_.begin(), committed_frames_.end(),
       [&](const CommittedFrame& queued) { return queued.key() == key && queued.round == frame.round; });
-  if (is_queued) return finishing_.Wake();
+  if (is_queued) return finishing_.Notify();
   if (const auto active = active_jobs_.find(frame.job); active != active_jobs_.end())
     frame.rendered = absl::Seconds(active->second.times.render_seconds());
   frame.samples = scheduler_.Progress(frame.job).samples_done;
   committed_frames_.push_back(std::move(frame));
-  finishing_.Wake();
+  finishing_.Notify();
 }
 
 void Coordinator::OnRoundEstimated(const CommittedFrame& frame, const v1::FrameReport& report) {
@@ -57,7 +57,7 @@ void Coordinator::OnRoundEstimated(const CommittedFrame& frame, const v1::FrameR
   scheduler_.SetRounds(frame.job, frame.number, std::make_shared<const job::FrameRounds>(*std::move(rounds)));
   QueueDue(frame.key());
   changed_jobs_.insert(frame.job);
-  housekeeping_.Wake();
+  housekeeping_.Notify();
   GrantLeases();
 }
 

@@ -82,7 +82,7 @@ std::optional<Coordinator::CommittedFrame> Coordinator::NextCommittedFrame() {
         if (frame.not_before > now) pause = std::min(pause, frame.not_before - now);
       }
     }
-    finishing_.Wait(pause);
+    finishing_.Consume(pause);
   }
 }
 
@@ -168,7 +168,7 @@ void Coordinator::OnFrameRecorded(const CommittedFrame& frame, const v1::FrameRe
   options_.log->info("event=frame_finished job={} frame={} filter_seconds={:.3f}{}", job.value(),
                      frame.number, times.filter_seconds(), error);
   changed_jobs_.insert(job);
-  housekeeping_.Wake();
+  housekeeping_.Notify();
   if (scheduler_.FrameFinished(job, frame.number)) {
     EndJob(job, v1::JOB_STATE_DONE, "");
   } else {
@@ -189,7 +189,7 @@ void Coordinator::RunHousekeeping() {
       NotifyWatchers();
       pause = UntilNextHousekeeping();
     }
-    if (pause > absl::ZeroDuration()) housekeeping_.Wait(pause);
+    if (pause > absl::ZeroDuration()) housekeeping_.Consume(pause);
   }
 }
 

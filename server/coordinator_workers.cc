@@ -260,7 +260,7 @@ void Coordinator::SendGrants(const std::vector<scheduler::GrantedLease>& leases)
     if (record.started == absl::InfinitePast()) record.started = options_.wall_now();
     render_starts_.try_emplace(job, options_.now() - absl::Seconds(record.times.render_seconds()));
     changed_jobs_.insert(job);
-    housekeeping_.Wake();
+    housekeeping_.Notify();
   }
   send();
 }

@@ -64,7 +64,7 @@ absl::Status CreateDurably(const std::string& path, FileSystem* files) {
 }  // namespace
 
 Janitor::Janitor(JanitorOptions options, const DataFolder& folder, ledger::JobStore* store,
-                 AssetStore* assets, TaskThread* thread, TaskThread* deleter)
+                 AssetStore* assets, threads::TaskThread* thread, threads::TaskThread* deleter)
     : options_(std::move(options)),
       folder_(folder),
       store_(store),

@@ -15,12 +15,12 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
+#include "proto/threads/task_thread.h"
 #include "server/asset_store.h"
 #include "server/data_folder.h"
 #include "server/disk_space.h"
 #include "server/job_life/retention.h"
 #include "server/ledger/job_store.h"
-#include "server/task_thread.h"
 
 namespace spdlog {
 class logger;
@@ -49,7 +49,7 @@ class Janitor {
  public:
   /// `store`, `assets` and the threads must outlive it; the threads are stopped first.
   Janitor(JanitorOptions options, const DataFolder& folder, ledger::JobStore* store, AssetStore* assets,
-          TaskThread* thread, TaskThread* deleter);
+          threads::TaskThread* thread, threads::TaskThread* deleter);
 
   /// Looks for what an earlier run has left. Call it once, when the unfinished jobs are known.
   void Start();
@@ -116,8 +116,8 @@ class Janitor {
   const DataFolder folder_;
   ledger::JobStore* const store_;
   AssetStore* const assets_;
-  TaskThread* const thread_;
-  TaskThread* const deleter_;
+  threads::TaskThread* const thread_;
+  threads::TaskThread* const deleter_;
 
   mutable absl::Mutex mutex_;
   absl::CondVar step_done_;

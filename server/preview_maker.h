@@ -15,7 +15,7 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/farm.pb.h"
-#include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 #include "server/job/ids.h"
 #include "server/make_preview.h"
 
@@ -111,7 +111,7 @@ class PreviewMaker {
 
   const PreviewOptions options_;
   absl::Mutex mutex_;
-  rpc::MonotonicEvent stop_;  // with stopping_
+  threads::Event stop_;  // with stopping_
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   size_t waiting_ ABSL_GUARDED_BY(mutex_) = 0;
   std::map<Key, Frame> frames_ ABSL_GUARDED_BY(mutex_);

@@ -32,6 +32,7 @@
 #include "proto/monitoring/process.h"
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 #include "server/access/access_control.h"
 #include "server/access/audit_log.h"
 #include "server/access/authorisation.h"
@@ -174,7 +175,7 @@ class ServerImpl final : public Server {
   monitoring::EndpointSockets metrics_sockets_;
   std::unique_ptr<monitoring::Endpoint> metrics_;
   std::unique_ptr<page::StatusPage> page_;
-  rpc::MonotonicEvent stop_;
+  threads::Event stop_;
   std::thread stall_thread_;  // ends streams that have stalled
 };
 

@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/time/time.h"
 #include "proto/identity/profile.h"
-#include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 
 namespace spdlog {
 class logger;
@@ -39,7 +39,7 @@ class CertificateRenewal {
   absl::Duration Look() const;
 
   const CertificateRenewalOptions options_;
-  rpc::MonotonicEvent stop_;
+  threads::Event stop_;
   std::thread thread_;  // last: it uses the members above
 };
 

@@ -21,6 +21,7 @@
 #include "proto/rpc/retry.h"
 #include "proto/rpc/status_codec.h"
 #include "proto/rpc/version.h"
+#include "proto/threads/event.h"
 #include "spdlog/spdlog.h"
 #include "worker/asset_cache.h"
 #include "worker/asset_folder.h"
@@ -162,7 +163,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   grpc::ClientContext context_;
   v1::CoordinatorMessage incoming_;
   absl::Status result_;
-  rpc::MonotonicEvent done_;
+  threads::Event done_;
 
   mutable absl::Mutex mutex_;
   absl::Duration heartbeat_ ABSL_GUARDED_BY(mutex_) = kFirstHeartbeat;
@@ -221,7 +222,7 @@ class Connection {
 
   /// Blocks until the stream has ended: by itself, by `stop`, or because the worker has left or moves. `is_only`: there is
   /// no other coordinator to go to.
-  absl::Status Run(const LeaveTrigger& trigger, bool is_only, const rpc::MonotonicEvent& stop) {
+  absl::Status Run(const LeaveTrigger& trigger, bool is_only, const threads::Event& stop) {
     worker_.OnConnected(stream_);
     // Where there is no other, the stream begins as soon as gRPC has connected: our pauses and gRPC's do not add up.
     stream_->Start(MakeHello(options_, worker_), is_only);
@@ -341,7 +342,7 @@ class Refusals {
 class Journey {
  public:
   Journey(const Coordinators* coordinators, const WorkerOptions& options, WorkerImpl& worker,
-          CurrentCoordinator& current, const rpc::MonotonicEvent& stop)
+          CurrentCoordinator& current, const threads::Event& stop)
       : options_(options),
         worker_(worker),
         current_(current),
@@ -400,7 +401,7 @@ class Journey {
   const WorkerOptions& options_;
   WorkerImpl& worker_;
   CurrentCoordinator& current_;
-  const rpc::MonotonicEvent& stop_;
+  const threads::Event& stop_;
   const LeaveTrigger trigger_;
   Channels channels_;
   Route route_;
@@ -420,7 +421,7 @@ class Worker {
         spec_source_(MakeRemoteSpecSource(&current_, options.log.labels)),
         impl_(options.threads, &specs_, &renderer_, options.log) {}
 
-  absl::Status Run(const Coordinators& coordinators, const rpc::MonotonicEvent& stop) {
+  absl::Status Run(const Coordinators& coordinators, const threads::Event& stop) {
     std::unique_ptr<monitoring::Endpoint> endpoint;
     if (options_.metrics != nullptr) {
       absl::StatusOr<std::unique_ptr<monitoring::Endpoint>> started = monitoring::Endpoint::Start(
@@ -465,7 +466,7 @@ class Worker {
 }  // namespace
 
 absl::Status RunWorker(const Coordinators& coordinators, const WorkerOptions& options,
-                       const rpc::MonotonicEvent& stop) {
+                       const threads::Event& stop) {
   return Worker(options).Run(coordinators, stop);
 }
 

@@ -9,7 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
-#include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 #include "worker/worker_log.h"
 
 namespace grpc {
@@ -36,7 +36,7 @@ struct WorkerOptions {
   /// Once it is notified the worker leaves: it takes no more leases, hands back those that wait, finishes the units
   /// being rendered within `drain`, hands back the others, and ends. So it does when an operator drains it. Null:
   /// never.
-  const rpc::MonotonicEvent* leave = nullptr;
+  const threads::Event* leave = nullptr;
   absl::Duration drain = absl::Seconds(30);
   /// Why the worker can no longer be admitted, as its certificate has expired; asked before each connection. Null: it
   /// has none.
@@ -67,6 +67,6 @@ struct Coordinators {
 /// kPermissionDenied when they do not admit the worker's identity: the certificate was revoked, is not known, has expired
 /// or is not a worker's; kDeadlineExceeded when it leaves because of `exit_when_idle` and no coordinator has admitted it.
 absl::Status RunWorker(const Coordinators& coordinators, const WorkerOptions& options,
-                       const rpc::MonotonicEvent& stop);
+                       const threads::Event& stop);
 
 }  // namespace lumifold::worker

@@ -32,6 +32,7 @@
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
 #include "proto/service/service_manager.h"
+#include "proto/threads/event.h"
 #include "spdlog/spdlog.h"
 #include "worker/asset_folder.h"
 #include "worker/certificate_renewal.h"
@@ -60,7 +61,7 @@ std::string DefaultName() {
 /// Notifies `leave` on the first SIGINT or SIGTERM. A SIGINT after that, of somebody who does not want to wait, ends the
 /// process; further SIGTERMs do not, because cluster engines send several. The signals are blocked in all threads and
 /// received by sigwait, so that no code runs in a signal handler.
-std::thread WatchSignals(lumifold::rpc::MonotonicEvent* leave) {
+std::thread WatchSignals(lumifold::threads::Event* leave) {
   sigset_t set;
   sigemptyset(&set);
   sigaddset(&set, SIGINT);
@@ -329,8 +330,8 @@ int RunWorkerProcess(const Flags& flags) {
   lumifold::service::ServiceManager manager;  // before the fence, which lets no program open its socket
   const absl::StatusOr<fence::FenceReport> fenced = EnterFence(flags, *target);
   if (!fenced.ok()) return Fail(fenced.status());
-  lumifold::rpc::MonotonicEvent leave;
-  const lumifold::rpc::MonotonicEvent never;
+  lumifold::threads::Event leave;
+  const lumifold::threads::Event never;
   WatchSignals(&leave).detach();  // before any other thread, which would take the signals
   const std::string name = lumifold::logging::OneWord(flags.name);
   const lumifold::worker::WorkerLog worker_log = MakeLog(flags, name);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "proto/threads/event.h"
 #include "server/server.h"
 #include "worker/connection.h"
 
@@ -67,7 +68,7 @@ class InProcessFarm final : public client::LocalFarm {
   std::unique_ptr<TemporaryFolder> folder_;  // null if the user named a folder
   std::unique_ptr<server::Server> server_;
   std::shared_ptr<grpc::Channel> channel_;
-  rpc::MonotonicEvent stop_;
+  threads::Event stop_;
   std::thread worker_;
 };
 

@@ -2,16 +2,9 @@
 
 #include <grpc/support/time.h>
 
-#include <algorithm>
 #include <chrono>
 
 namespace lumifold::rpc {
-namespace {
-
-// Longer waits would overflow the clock's type.
-constexpr absl::Duration kLongestWait = absl::Hours(1);
-
-}  // namespace
 
 absl::Time MonotonicNow() {
   return absl::UnixEpoch() + absl::FromChrono(std::chrono::steady_clock::now().time_since_epoch());
@@ -26,18 +19,6 @@ absl::Duration TimeUntil(gpr_timespec deadline) {
   if (gpr_time_cmp(deadline, gpr_inf_future(deadline.clock_type)) == 0) return absl::InfiniteDuration();
   const gpr_timespec left = gpr_time_sub(deadline, gpr_now(deadline.clock_type));
   return absl::Seconds(left.tv_sec) + absl::Nanoseconds(left.tv_nsec);
-}
-
-void MonotonicEvent::Notify() {
-  const std::lock_guard lock(mutex_);
-  notified_ = true;
-  changed_.notify_all();
-}
-
-bool MonotonicEvent::WaitFor(absl::Duration timeout) const {
-  std::unique_lock lock(mutex_);
-  const auto wait = absl::ToChronoNanoseconds(std::min(timeout, kLongestWait));
-  return changed_.wait_until(lock, std::chrono::steady_clock::now() + wait, [this] { return notified_; });
 }
 
 }  // namespace lumifold::rpc

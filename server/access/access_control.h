@@ -14,7 +14,7 @@
 #include "lumifold/v1/access.pb.h"
 #include "proto/identity/certificate.h"
 #include "proto/rpc/credentials.h"
-#include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 #include "server/access/access_store.h"
 #include "server/access/certificate_authority.h"
 #include "server/access/identity.h"
@@ -112,7 +112,7 @@ class AccessControl {
   bool is_store_lost_ ABSL_GUARDED_BY(mutex_) = false;
   KnownCredentials known_;
   OpenCalls open_calls_;
-  rpc::MonotonicEvent stop_;
+  threads::Event stop_;
   std::thread thread_;
 };
 

@@ -15,8 +15,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
 #include "proto/rpc/bounded_text.h"
-#include "proto/rpc/monotonic.h"
 #include "proto/rpc/trace_context.h"
+#include "proto/threads/event.h"
 #include "server/access/authorisation.h"
 
 namespace lumifold::access {
@@ -51,7 +51,7 @@ struct Queue {
   uint64_t dropped ABSL_GUARDED_BY(mutex) = 0;                   // since the last batch
   absl::Time latest ABSL_GUARDED_BY(mutex) = absl::UnixEpoch();  // of the events
   bool stopping ABSL_GUARDED_BY(mutex) = false;
-  rpc::MonotonicEvent finished;  // everything is written, and nothing more will come
+  threads::Event finished;  // everything is written, and nothing more will come
 
   bool HasWork() const ABSL_SHARED_LOCKS_REQUIRED(mutex) { return stopping || !lines.empty() || dropped > 0; }
 };

@@ -9,7 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
-#include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 #include "server/cluster/balance.h"
 #include "server/cluster/lease_watch.h"
 #include "server/ledger/roster.h"
@@ -92,7 +92,7 @@ class Membership {
   mutable absl::Mutex mutex_;
   absl::Time renewed_ ABSL_GUARDED_BY(mutex_);
   std::vector<ledger::Member> members_ ABSL_GUARDED_BY(mutex_);
-  rpc::MonotonicEvent stop_;
+  threads::Event stop_;
   std::thread thread_;
   std::thread database_watch_;
 };

@@ -20,6 +20,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 #include "tests/bench/farm_load_access.h"
 #include "tests/bench/farm_load_server.h"
 #include "tests/bench/farm_load_worker.h"
@@ -209,7 +210,7 @@ class Load {
     return true;
   }
 
-  rpc::MonotonicEvent stop_;
+  threads::Event stop_;
   std::vector<std::unique_ptr<LoadWorker>> workers_;
   std::thread pulse_;
 };

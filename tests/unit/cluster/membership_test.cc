@@ -1,5 +1,7 @@
 #include "server/cluster/membership.h"
 
+#include "proto/threads/event.h"
+
 #include <gtest/gtest.h>
 #include <spdlog/logger.h>
 
@@ -43,8 +45,8 @@ class FakeRoster final : public ledger::Roster {
  private:
   const bool knows_another_;
   int64_t renewals_ = 0;
-  rpc::MonotonicEvent silent_;
-  rpc::MonotonicEvent released_;
+  threads::Event silent_;
+  threads::Event released_;
 };
 
 class FakeHost final : public MemberHost {

@@ -16,6 +16,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/monotonic.h"
+#include "proto/threads/event.h"
 #include "tests/unit/http/raw_caller.h"
 
 namespace lumifold::http {
@@ -121,8 +122,8 @@ TEST(HttpServer, StopEndsWhatWaitsAndIsPrompt) {
 }
 
 TEST(HttpServer, StopWaitsForHandlersAndSendsTheirAnswers) {
-  rpc::MonotonicEvent runs;
-  rpc::MonotonicEvent goes_on;
+  threads::Event runs;
+  threads::Event goes_on;
   const TestServer test({.handler = [&](const Request& request) {
     runs.Notify();
     goes_on.WaitFor(absl::Minutes(1));
@@ -145,7 +146,7 @@ TEST(HttpServer, StopWaitsForHandlersAndSendsTheirAnswers) {
 
 TEST(HttpServer, CallersPastTheLimitWaitAndNoHandlerIsCutOff) {
   std::atomic<int> running = 0;
-  rpc::MonotonicEvent goes_on;
+  threads::Event goes_on;
   const TestServer test({.limits = {.connections = 2, .patience = absl::ZeroDuration()},
                          .handler = [&](const Request& request) {
                            ++running;

@@ -3,8 +3,6 @@
 #include <grpc/support/time.h>
 #include <gtest/gtest.h>
 
-#include <thread>
-
 namespace lumifold::rpc {
 namespace {
 
@@ -29,23 +27,6 @@ TEST(Monotonic, TimeUntilADeadlineOfEitherClock) {
   EXPECT_LE(TimeUntil(wall), absl::Seconds(100));
   EXPECT_EQ(TimeUntil(gpr_inf_future(GPR_CLOCK_REALTIME)), absl::InfiniteDuration());
   EXPECT_LT(TimeUntil(gpr_time_0(GPR_CLOCK_MONOTONIC)), absl::ZeroDuration());
-}
-
-TEST(MonotonicEvent, EndsAWait) {
-  MonotonicEvent event;
-  EXPECT_FALSE(event.HasBeenNotified());
-  EXPECT_FALSE(event.WaitFor(absl::Milliseconds(1)));
-  std::thread other([&] { event.Notify(); });
-  EXPECT_TRUE(event.WaitFor(absl::InfiniteDuration()));
-  EXPECT_TRUE(event.HasBeenNotified());
-  other.join();
-}
-
-TEST(MonotonicEvent, MayHappenTwice) {
-  MonotonicEvent event;
-  event.Notify();
-  event.Notify();
-  EXPECT_TRUE(event.WaitFor(absl::ZeroDuration()));
 }
 
 }  // namespace

@@ -1,8 +1,8 @@
 // Units that workers have in hand from connections that broke, and workers that are sent elsewhere.
 #include <gmock/gmock.h>
 
-#include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
+#include "proto/threads/event.h"
 #include "tests/unit/server/coordinator_fixture.h"
 
 namespace lumifold::server {
@@ -97,7 +97,7 @@ TEST_F(InHandTest, ThoseOfAJobThatBecomesActiveLaterAreLeasedThen) {
   EXPECT_THAT(worker->voided(), IsEmpty());
   v1::RetryJobRequest retry;
   retry.set_job_id(job.value());
-  rpc::MonotonicEvent answered;
+  threads::Event answered;
   coordinator_->RetryJob(retry, [&answered](const absl::StatusOr<v1::JobStatus>& status) {
     EXPECT_TRUE(status.ok()) << status.status();
     answered.Notify();

@@ -1,4 +1,4 @@
-#include "server/task_thread.h"
+#include "proto/threads/task_thread.h"
 
 #include <sys/resource.h>
 #include <sys/syscall.h>
@@ -6,7 +6,7 @@
 
 #include <utility>
 
-namespace lumifold::server {
+namespace lumifold::threads {
 namespace {
 
 constexpr int kLowestNiceness = 19;
@@ -60,4 +60,4 @@ void TaskThread::RunTasks(Priority priority) {
   }
 }
 
-}  // namespace lumifold::server
+}  // namespace lumifold::threads

@@ -7,7 +7,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
 
-namespace lumifold::server {
+namespace lumifold::threads {
 
 /// Runs tasks for which nobody waits one after the other on a thread of its own.
 /// Threads: safe. A task may add tasks.
@@ -42,4 +42,4 @@ class TaskThread {
   std::thread thread_;  // last member: it uses the members above
 };
 
-}  // namespace lumifold::server
+}  // namespace lumifold::threads

@@ -1,48 +1,18 @@
 #pragma once
 
-#include <cstdint>
-
-#include "absl/time/time.h"
-#include "proto/rpc/limits.h"
-#include "server/job_life/upload_budget.h"
+#include "server/assets/asset_store.h"
+#include "server/coordinator/options.h"
+#include "server/net/connection_limits.h"
+#include "server/services/call_limits.h"
 
 namespace lumifold::server {
 
-/// What callers may take of a coordinator. Those of one message are in proto/rpc/limits.h, those of one job in
-/// server/job/limits.h. docs/operations.md lists all.
+/// What callers may take of a coordinator. docs/operations.md lists all.
 struct Limits {
-  /// Calls at a time over one connection; further ones wait at the client.
-  int streams_per_connection = 256;
-  /// Streams that a caller may have open: uploads, downloads and watches, and those of WorkerService. A worker's name may
-  /// stand for a room of machines, and without access control everyone at an address is one caller.
-  int streams_per_person = 256;
-  int streams_per_worker = 4096;
-  /// A stream whose other end does not do the next step for this long, that is to send a message or to take one, is ended:
-  /// its place is for those that make progress. Half as long would end those over the slowest lines, twice as long keeps
-  /// places for the dead.
-  absl::Duration stalled_stream = absl::Minutes(2);
-  /// Of a file that is uploaded or downloaded, progress is this much: a message of full size, at 70 kbit/s. Less in each
-  /// message would keep a place for ever.
-  uint64_t stalled_file_bytes = rpc::kMaxChunkBytes;
-  /// Calls a second of one caller, and calls at once after a pause. A worker that loads a scene fetches up to 16,384 files
-  /// in a row.
-  double requests_per_second = 250;
-  double request_burst = 1250;
-  double worker_requests_per_second = 4000;
-  double worker_request_burst = 40'000;
-  /// Connections of one address. A farm behind a translated address has one for each worker.
-  int connections_per_address = 4096;
-  int connections = 16'384;
-  /// From the connection to the end of the handshake, of TLS and HTTP/2.
-  absl::Duration handshake = absl::Seconds(10);
-  /// A connection without a call is closed after this time; clients connect again by themselves.
-  absl::Duration idle_connection = absl::Minutes(10);
-  /// Active jobs of one user.
-  int jobs_per_user = 2000;
-  /// One file of a scene, and all files of a job.
-  uint64_t asset_bytes = 64'000'000'000;
-  uint64_t job_asset_bytes = 256'000'000'000;
-  job_life::UploadLimits uploads = {};
+  CallLimits calls;
+  ConnectionLimits connections;
+  JobLimits jobs;
+  AssetLimits assets = {.asset_bytes = 64'000'000'000};
 };
 
 }  // namespace lumifold::server

@@ -25,14 +25,14 @@
 #include "proto/service/service_manager.h"
 #include "server/access/access_control.h"
 #include "server/access/setup.h"
-#include "server/data_folder.h"
-#include "server/frame_finisher.h"
-#include "server/health_check.h"
+#include "server/commit/recover.h"
+#include "server/finish/frame_finisher.h"
 #include "server/ledger/open_job_store.h"
 #include "server/limits.h"
-#include "server/make_preview.h"
-#include "server/recover.h"
+#include "server/net/health_check.h"
+#include "server/preview/make_preview.h"
 #include "server/server.h"
+#include "server/storage/data_folder.h"
 
 namespace {
 
@@ -69,9 +69,9 @@ struct Flags {
   double keep_results_days = 0;
   double quota_gb = 0;
   lumifold::server::Limits limits;
-  double max_asset_gb = static_cast<double>(limits.asset_bytes) / kBytesPerGb;
-  double max_job_gb = static_cast<double>(limits.job_asset_bytes) / kBytesPerGb;
-  double max_upload_gb = static_cast<double>(limits.uploads.bytes_of_caller) / kBytesPerGb;
+  double max_asset_gb = static_cast<double>(limits.assets.asset_bytes) / kBytesPerGb;
+  double max_job_gb = static_cast<double>(limits.jobs.job_asset_bytes) / kBytesPerGb;
+  double max_upload_gb = static_cast<double>(limits.assets.uploads.bytes_of_caller) / kBytesPerGb;
   std::vector<std::string> names;                // of init
   std::string admin = "admin";                   // of invite-admin
   std::string health_server = "localhost:7700";  // of health, as the next two
@@ -157,7 +157,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
 
 /// What callers may take.
 void AddLimits(CLI::App* app, Flags* flags) {
-  app->add_option("--max-user-jobs", flags->limits.jobs_per_user, "Active jobs of one user")
+  app->add_option("--max-user-jobs", flags->limits.jobs.jobs_per_user, "Active jobs of one user")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
   app->add_option("--max-asset-gb", flags->max_asset_gb, "One file of a scene, in GB")
@@ -171,11 +171,11 @@ void AddLimits(CLI::App* app, Flags* flags) {
       ->check(CLI::Range(1e-6, 1e6))
       ->capture_default_str();
   app->add_option(
-         "--max-requests-per-second", flags->limits.requests_per_second,
+         "--max-requests-per-second", flags->limits.calls.requests_per_second,
          "Calls of one person or, without access control, of one address; five times as many at once")
       ->check(CLI::Range(1.0, 1e6))
       ->capture_default_str();
-  app->add_option("--max-connections-per-address", flags->limits.connections_per_address,
+  app->add_option("--max-connections-per-address", flags->limits.connections.connections_per_address,
                   "Connections of one address")
       ->check(CLI::Range(1, 1'000'000))
       ->capture_default_str();
@@ -184,10 +184,10 @@ void AddLimits(CLI::App* app, Flags* flags) {
 lumifold::server::Limits LimitsOf(const Flags& flags) {
   constexpr double kBurst = 5;
   lumifold::server::Limits limits = flags.limits;
-  limits.asset_bytes = static_cast<uint64_t>(flags.max_asset_gb * kBytesPerGb);
-  limits.job_asset_bytes = static_cast<uint64_t>(flags.max_job_gb * kBytesPerGb);
-  limits.uploads.bytes_of_caller = static_cast<uint64_t>(flags.max_upload_gb * kBytesPerGb);
-  limits.request_burst = kBurst * limits.requests_per_second;
+  limits.assets.asset_bytes = static_cast<uint64_t>(flags.max_asset_gb * kBytesPerGb);
+  limits.jobs.job_asset_bytes = static_cast<uint64_t>(flags.max_job_gb * kBytesPerGb);
+  limits.assets.uploads.bytes_of_caller = static_cast<uint64_t>(flags.max_upload_gb * kBytesPerGb);
+  limits.calls.request_burst = kBurst * limits.calls.requests_per_second;
   return limits;
 }
 

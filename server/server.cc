@@ -39,26 +39,26 @@
 #include "server/access/caller_check.h"
 #include "server/access/identity.h"
 #include "server/access/open_calls.h"
-#include "server/access_adapter.h"
-#include "server/asset_checks.h"
-#include "server/call_gate.h"
+#include "server/assets/asset_checks.h"
+#include "server/cluster/farm_peers.h"
 #include "server/cluster/membership.h"
-#include "server/connection_limits.h"
-#include "server/coordinator_impl.h"
-#include "server/event_log.h"
-#include "server/farm_peers.h"
-#include "server/farm_service.h"
-#include "server/frame_limit.h"
-#include "server/grpc_adapter.h"
+#include "server/commit/recover.h"
+#include "server/coordinator/coordinator.h"
+#include "server/coordinator/event_log.h"
+#include "server/coordinator/frame_limit.h"
 #include "server/ledger/open_job_store.h"
 #include "server/ledger/roster.h"
-#include "server/listener.h"
-#include "server/make_preview.h"
 #include "server/metrics/farm_figures.h"
+#include "server/net/connection_limits.h"
+#include "server/net/listener.h"
 #include "server/page/status_page.h"
-#include "server/preview_maker.h"
-#include "server/recover.h"
-#include "server/reserve_file.h"
+#include "server/preview/make_preview.h"
+#include "server/preview/preview_maker.h"
+#include "server/services/access_service.h"
+#include "server/services/call_gate.h"
+#include "server/services/farm_service.h"
+#include "server/services/worker_service.h"
+#include "server/storage/reserve_file.h"
 
 namespace lumifold::server {
 namespace {
@@ -162,7 +162,7 @@ class ServerImpl final : public Server {
   std::unique_ptr<PreviewMaker> previews_;
   std::unique_ptr<ledger::Roster> roster_;           // of a member
   std::unique_ptr<cluster::Membership> membership_;  // of a member
-  FarmPeers peers_;
+  cluster::FarmPeers peers_;
   access::OpenCalls local_calls_;
   std::unique_ptr<access::AuditLog> audit_;
   std::unique_ptr<CallGate> gate_;
@@ -234,11 +234,11 @@ absl::Status ServerImpl::OpenStore() {
 
 absl::Status ServerImpl::OpenCoordinator() {
   const std::string uploader = IsMember() ? absl::StrCat(absl::Hex(options_.random()), "-") : "";
+  AssetLimits limits = options_.limits.assets;
+  limits.uploader = uploader;
   assets_ =
       std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log, options_.files,
-                                   AssetLimits{.asset_bytes = options_.limits.asset_bytes,
-                                               .uploads = options_.limits.uploads,
-                                               .uploader = uploader});
+                                   limits);
   asset_checks_ = std::make_unique<AssetChecks>(assets_.get());
   finisher_ = options_.filter_in_child_process
                   ? MakeChildProcessFinisher(folder_, ChildOptions())
@@ -255,7 +255,7 @@ absl::Status ServerImpl::OpenCoordinator() {
        .max_open_logs = MaxOpenLogs(),
        .first_storage_pause = options_.first_storage_pause,
        .longest_storage_pause = options_.longest_storage_pause,
-       .limits = options_.limits,
+       .limits = options_.limits.jobs,
        .retention = options_.retention,
        .on_storage_change =
            [this](bool ok) { ChangeHealth([ok](Health* health) { health->has_storage = ok; }); },
@@ -310,7 +310,12 @@ absl::Status ServerImpl::JoinFarm() {
                                                                        .log = options_.log},
                                             roster_.get(), coordinator_.get());
   if (absl::Status status = membership_->Start(); !status.ok()) return status;
-  FarmPeers::Options options{.security = {}, .seal = nullptr, .wall_now = options_.wall_now};
+  cluster::FarmPeers::Options options{
+      .security = {},
+      .seal = nullptr,
+      .wall_now = options_.wall_now,
+      .self = coordinator_->owner().epoch,
+      .owner_of = [this](const job::JobId& job) { return coordinator_->OwnerOf(job); }};
   options.security.insecure = true;
   if (access_ != nullptr) {
     options.security.ca_path = security_.ca_path;
@@ -435,9 +440,9 @@ absl::Status ServerImpl::OpenListener(grpc::ServerBuilder* builder) {
   absl::StatusOr<std::unique_ptr<Listener>> listener =
       Listener::Open({.address = options_.listen,
                       .expects_tls = security_.uses_tls(),
-                      .connections_per_address = options_.limits.connections_per_address,
-                      .connections = options_.limits.connections,
-                      .first_bytes = options_.limits.handshake,
+                      .connections_per_address = options_.limits.connections.connections_per_address,
+                      .connections = options_.limits.connections.connections,
+                      .first_bytes = options_.limits.connections.handshake,
                       .now = rpc::MonotonicNow,
                       .log = options_.log});
   if (!listener.ok()) return listener.status();
@@ -453,7 +458,7 @@ absl::Status ServerImpl::StartServices() {
       CallGate::Options{.callers = callers_.get(),
                         .open_calls = access_ != nullptr ? &access_->open_calls() : &local_calls_,
                         .audit = audit_.get(),
-                        .limits = options_.limits,
+                        .limits = options_.limits.calls,
                         .lease = options_.lease,
                         .now = options_.now,
                         .wall_now = options_.wall_now,
@@ -478,7 +483,7 @@ absl::Status ServerImpl::StartServices() {
   grpc::EnableDefaultHealthCheckService(true);
   grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   grpc::ServerBuilder builder;
-  SetConnectionLimits(options_.limits, &builder);
+  SetConnectionLimits(options_.limits.connections, &builder);
   if (access_ != nullptr) SetConnectionAge(options_.certificate_lifetime, &builder);
   if (!options_.listen.empty()) {
     if (absl::Status status = OpenListener(&builder); !status.ok()) return status;

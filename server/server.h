@@ -11,8 +11,8 @@
 #include "filter/image/file_system.h"
 #include "proto/rpc/monotonic.h"
 #include "server/access/access_control.h"
-#include "server/job_life/retention.h"
 #include "server/limits.h"
+#include "server/storage/retention.h"
 
 namespace spdlog {
 class logger;
@@ -64,7 +64,7 @@ struct ServerOptions {
   /// Space that is kept so that the ledger can be written when the disk is full; 0 for none.
   uint64_t reserve_bytes = uint64_t{16} << 20;
   /// What is kept of jobs that have ended; the free bytes are set by the disk.
-  job_life::RetentionLimits retention;
+  RetentionLimits retention;
   /// Pauses between tries while the storage cannot be written.
   absl::Duration first_storage_pause = absl::Milliseconds(250);
   absl::Duration longest_storage_pause = absl::Seconds(5);

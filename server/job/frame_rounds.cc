@@ -10,7 +10,7 @@
 namespace lumifold::job {
 namespace {
 
-sampling::SamplingSettings SettingsOf(const v1::JobSpec& spec) {
+job::SamplingSettings SettingsOf(const v1::JobSpec& spec) {
   return {.width = spec.width(),
           .height = spec.height(),
           .budget = static_cast<double>(spec.samples_per_pixel()),

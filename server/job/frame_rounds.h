@@ -10,9 +10,9 @@
 #include "filter/image/tile_samples.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/rounds.pb.h"
+#include "server/job/frame_sampling.h"
 #include "server/job/tile_grid.h"
 #include "server/job/unit.h"
-#include "server/sampling/frame_sampling.h"
 
 namespace lumifold::job {
 
@@ -34,13 +34,13 @@ class FrameRounds {
   bool is_final() const { return sampling_.is_final(); }
   /// Rounds whose estimates have been added, round 0 included, which needs none.
   int estimated() const { return estimated_; }
-  /// See sampling::FrameSampling::PredictedError.
+  /// See job::FrameSampling::PredictedError.
   double predicted_error() const { return sampling_.PredictedError(); }
-  /// See sampling::FrameSampling::MeasuredError.
+  /// See job::FrameSampling::MeasuredError.
   double MeasuredError(absl::Span<const double> errors) const { return sampling_.MeasuredError(errors); }
-  /// See sampling::FrameSampling::NeedsPicture.
+  /// See job::FrameSampling::NeedsPicture.
   bool NeedsPicture(absl::Span<const double> costs) const { return sampling_.NeedsPicture(costs); }
-  /// See sampling::FrameSampling::MeanCostOf.
+  /// See job::FrameSampling::MeanCostOf.
   double MeanCostOf(int round, absl::Span<const double> costs) const {
     return sampling_.MeanCostOf(round, costs);
   }
@@ -58,7 +58,7 @@ class FrameRounds {
 
  private:
   TileGrid tiles_;
-  sampling::FrameSampling sampling_;
+  job::FrameSampling sampling_;
   int estimated_ = 1;
   double rendered_seconds_ = 0;
   std::vector<double> schedule_;

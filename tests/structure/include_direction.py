@@ -39,8 +39,8 @@ RULES = [
          r"|absl/time/clock\.h", "the scheduler is pure state: no threads, no clock; time is an argument"),
     Rule("client/autoscale/policy/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
          r"|absl/synchronization/|absl/time/clock\.h", "the autoscaler's policy is pure: no threads, no clock, no files"),
-    Rule("server/job_life/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
-         r"|absl/synchronization/|absl/time/clock\.h", "job life is pure state: no threads, no clock, no files"),
+    Rule("server/job/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
+         r"|absl/synchronization/|absl/time/clock\.h", "jobs are pure state: no threads, no clock, no files"),
     Rule("server/access/", r"server/(?!access/|ledger/)", "access control knows no jobs"),
     Rule("proto/identity/", r"(server|worker|client|tests)/", "identity is below all programs"),
     Rule("", r"tests/", "programs do not depend on their tests"),

@@ -21,15 +21,15 @@ CLEAN = {
     "filter/manifold/tree.cc": '#include "filter/manifold/tree.h"\n',
     "proto/identity/CMakeLists.txt": "",
     "server/access/CMakeLists.txt": "",
-    "server/job_life/CMakeLists.txt": "",
-    "server/job_life/retention.cc": "",
+    "server/job/CMakeLists.txt": "",
+    "server/job/reopen_plan.cc": "",
     "server/scheduler/CMakeLists.txt": "",
     "server/scheduler/scheduler.cc": '#include <map>\n#include "filter/image/plane.h"\n#include "filter/manifold/tree.h"\n',
 }
 GRAPH = """\
 lumifold_image\tSTATIC_LIBRARY\tfilter/image\tplane.cc\tabsl::status\tabsl::status
 lumifold_manifold\tSTATIC_LIBRARY\tfilter/manifold\ttree.cc\tlumifold::image\tlumifold::image
-lumifold_job_life\tSTATIC_LIBRARY\tserver/job_life\tretention.cc\tabsl::status\tabsl::status
+lumifold_job\tSTATIC_LIBRARY\tserver/job\treopen_plan.cc\tabsl::status\tabsl::status
 lumifold_scheduler\tSTATIC_LIBRARY\tserver/scheduler\tscheduler.cc\tlumifold::manifold\t$<LINK_ONLY:lumifold::manifold>
 """
 
@@ -77,7 +77,7 @@ class IncludeDirectionTest(unittest.TestCase):
                 ("filter/image/plane.h", "<embree3/rtcore.h>", "ray tracer"),
                 ("filter/manifold/tree.cc", '"filter/layers/halves.h"', "stands on kernels and image alone"),
                 ("filter/image/plane.cc", '"tests/support/temp_folder.h"', "depend on their tests"),
-                ("server/job_life/retention.cc", "<filesystem>", "no files"),
+                ("server/storage/retention.cc", "<filesystem>", "no files"),
                 ("client/autoscale/policy/policy.cc", '"absl/time/clock.h"', "no clock"),
                 ("server/access/identity.h", '"server/job/ids.h"', "knows no jobs"),
                 ("proto/identity/profile.h", '"server/access/identity.h"', "below all programs"),

@@ -15,12 +15,12 @@ namespace {
 
 constexpr int kTileSize = 32;
 
-using sampling::FrameSampling;
+using job::FrameSampling;
 
 /// The samples of a frame so far, in tiles as a farm has them.
 class Tiles {
  public:
-  Tiles(const render::Renderer& renderer, const sampling::SamplingSettings& settings, TaskPool* pool)
+  Tiles(const render::Renderer& renderer, const job::SamplingSettings& settings, TaskPool* pool)
       : renderer_(renderer), width_(settings.width), height_(settings.height), pool_(pool) {
     const job::TileGrid grid(width_, height_, kTileSize);
     for (int i = 0; i < grid.count(); ++i) tiles_.push_back({grid.RectOf(i)});
@@ -82,7 +82,7 @@ class Tiles {
   std::vector<Tile> tiles_;
 };
 
-double MeanOf(const sampling::Allocation& samples) {
+double MeanOf(const job::Allocation& samples) {
   double sum = 0;
   for (const uint32_t count : samples) sum += count;
   return sum / static_cast<double>(samples.size());
@@ -90,7 +90,7 @@ double MeanOf(const sampling::Allocation& samples) {
 
 }  // namespace
 
-AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::SamplingSettings& settings,
+AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const job::SamplingSettings& settings,
                               metrics::ErrorMetric metric, TaskPool* pool) {
   AdaptiveFilm result;
   double last = CpuSeconds();

@@ -6,7 +6,7 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "filter/metrics/error_estimate.h"
-#include "server/sampling/frame_sampling.h"
+#include "server/job/frame_sampling.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::charts {
@@ -23,8 +23,8 @@ struct AdaptiveFilm {
   double filter_seconds = 0;  // of all filterings
 };
 
-/// Renders a frame round by round as sampling::FrameSampling decides, and filters it, in this process.
-AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const sampling::SamplingSettings& settings,
+/// Renders a frame round by round as job::FrameSampling decides, and filters it, in this process.
+AdaptiveFilm RenderAdaptively(const render::Renderer& renderer, const job::SamplingSettings& settings,
                               metrics::ErrorMetric metric, TaskPool* pool);
 
 }  // namespace lumifold::charts

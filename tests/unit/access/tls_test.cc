@@ -19,8 +19,8 @@
 #include "proto/rpc/status_codec.h"
 #include "server/access/authorisation.h"
 #include "server/access/caller_check.h"
-#include "server/access_adapter.h"
-#include "server/call_gate.h"
+#include "server/services/access_service.h"
+#include "server/services/call_gate.h"
 #include "tests/unit/access/access_fixture.h"
 
 namespace lumifold::access {

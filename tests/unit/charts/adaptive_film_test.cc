@@ -196,7 +196,7 @@ TEST(AdaptiveFilm, TheScaleOfASceneMovesNoSamples) {
     const std::vector<double> scaled_samples = SamplesByBlock(scaled);
     // Positions are rounded otherwise; that may move a block over the border of a step.
     for (size_t i = 0; i < samples.size(); ++i)
-      EXPECT_NEAR(scaled_samples[i], samples[i], sampling::kSampleStep) << "block " << i << " at " << factor;
+      EXPECT_NEAR(scaled_samples[i], samples[i], job::kSampleStep) << "block " << i << " at " << factor;
     // A step more or less in some blocks moves pixels by a part of their noise.
     EXPECT_LT(MostDifference(film.picture, scaled.picture), 0.02f) << "at " << factor;
   }

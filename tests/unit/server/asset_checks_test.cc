@@ -1,4 +1,4 @@
-#include "server/asset_checks.h"
+#include "server/assets/asset_checks.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "server/asset_store.h"
+#include "server/assets/asset_store.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -14,9 +14,9 @@
 
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/sha256.h"
-#include "server/data_folder.h"
+#include "server/assets/upload_budget.h"
 #include "server/job/limits.h"
-#include "server/job_life/upload_budget.h"
+#include "server/storage/data_folder.h"
 #include "tests/support/temp_folder.h"
 
 namespace lumifold::server {
@@ -241,7 +241,7 @@ TEST_F(AssetStoreTest, AResumedUploadNeedsRoomForItsRestOnly) {
 
 TEST_F(AssetStoreTest, TheNumberAndSizeOfUploadsIsLimited) {
   std::vector<std::unique_ptr<AssetUpload>> uploads;
-  const job_life::UploadLimits limits;
+  const UploadLimits limits;
   for (int i = 0; i < limits.uploads_of_caller; ++i)
     uploads.push_back(*store_.Receive(Announce("oak"), "ann"));
   EXPECT_EQ(store_.Receive(Announce("oak"), "ann").status().code(), absl::StatusCode::kResourceExhausted);

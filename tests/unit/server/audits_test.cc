@@ -1,7 +1,7 @@
 // Workers that deliver wrong pixels: a share of the units is rendered twice, and what they delivered is rendered again.
 #include <gmock/gmock.h>
 
-#include "server/job_status.h"
+#include "server/job/job_state.h"
 #include "tests/unit/server/coordinator_fixture.h"
 #include "tests/unit/server/store_wrapper.h"
 
@@ -44,7 +44,7 @@ class AuditsTest : public CoordinatorFixture {
   v1::JobStatus FinishBy(const job::JobId& job, std::vector<PumpedWorker*> workers) {
     Await([&] {
       for (PumpedWorker* worker : workers) worker->Deliver();
-      return HasEnded(coordinator_->GetJob(job.value())->state());
+      return job::HasEnded(coordinator_->GetJob(job.value())->state());
     });
     return *coordinator_->GetJob(job.value());
   }

@@ -9,8 +9,8 @@
 #include <fstream>
 #include <thread>
 
-#include "server/child_task.h"
-#include "server/frame_finisher.h"
+#include "server/child/child_task.h"
+#include "server/finish/frame_finisher.h"
 #include "tests/unit/server/committed_frame_fixture.h"
 
 namespace lumifold::server {

@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "absl/time/clock.h"
-#include "server/data_folder.h"
 #include "server/film/unit_log.h"
 #include "server/job/tile_grid.h"
 #include "server/ledger/sqlite_job_store.h"
+#include "server/storage/data_folder.h"
 #include "tests/support/encoded_unit.h"
 #include "tests/support/random_unit.h"
 #include "tests/support/temp_folder.h"

@@ -1,4 +1,4 @@
-#include "server/connection_table.h"
+#include "server/net/connection_table.h"
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>

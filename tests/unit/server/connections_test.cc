@@ -47,7 +47,7 @@ TEST_F(ConnectionsTest, ASlowWatcherSkipsStatesButGetsTheLast) {
   StopServer();
   ServerOptions options = Options();
   options.lease = absl::Hours(10'000);
-  options.limits.stalled_stream = absl::InfiniteDuration();
+  options.limits.calls.stalled_stream = absl::InfiniteDuration();
   // Every change is due at once, however fast they come; the clock does not get as far as to void a lease.
   const auto ticks = std::make_shared<std::atomic<int64_t>>(0);
   options.now = [ticks] { return absl::UnixEpoch() + absl::Milliseconds(100) * ticks->fetch_add(1); };
@@ -116,7 +116,7 @@ TEST_F(ConnectionsTest, OffLoopbackIsClosedByDefault) {
 TEST_F(ConnectionsTest, AConnectionWithoutACallIsClosed) {
   StopServer();
   ServerOptions options = Options();
-  options.limits.idle_connection = absl::Milliseconds(100);
+  options.limits.connections.idle_connection = absl::Milliseconds(100);
   StartServer(options);
   const rpc::FileHandle connected(socket(AF_INET, SOCK_STREAM, 0));
   sockaddr_in address = {};

@@ -15,9 +15,9 @@
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/version.h"
-#include "server/job_status.h"
+#include "server/commit/recover.h"
+#include "server/job/job_state.h"
 #include "server/ledger/sqlite_job_store.h"
-#include "server/recover.h"
 #include "tests/support/made_up_plan.h"
 #include "tests/support/random_unit.h"
 
@@ -255,7 +255,7 @@ v1::JobStatus CoordinatorFixture::Finish(const job::JobId& job, PumpedWorker* wo
   while (true) {
     const absl::StatusOr<v1::JobStatus> status = coordinator_->GetJob(job.value());
     EXPECT_TRUE(status.ok()) << status.status();
-    if (!status.ok() || HasEnded(status->state()) || files_.has_stopped())
+    if (!status.ok() || job::HasEnded(status->state()) || files_.has_stopped())
       return status.value_or(v1::JobStatus());
     if (worker->Deliver() == 0) absl::SleepFor(absl::Milliseconds(1));
   }

@@ -13,9 +13,9 @@
 
 #include "absl/synchronization/mutex.h"
 #include "server/access/identity.h"
-#include "server/asset_store.h"
-#include "server/coordinator_impl.h"
-#include "server/worker_session.h"
+#include "server/assets/asset_store.h"
+#include "server/coordinator/coordinator.h"
+#include "server/services/worker_session.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/server/faulty_files.h"
 

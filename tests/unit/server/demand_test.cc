@@ -1,4 +1,4 @@
-#include "server/demand.h"
+#include "server/coordinator/demand.h"
 
 #include <gtest/gtest.h>
 

@@ -8,7 +8,7 @@
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/status_codec.h"
-#include "server/job_status.h"
+#include "server/job/job_state.h"
 
 namespace lumifold::server {
 namespace {
@@ -137,7 +137,7 @@ v1::JobStatus FarmFixture::WaitUntil(const std::string& job_id,
 }
 
 v1::JobStatus FarmFixture::WaitForEnd(const std::string& job_id) {
-  return WaitUntil(job_id, [](const v1::JobStatus& status) { return HasEnded(status.state()); });
+  return WaitUntil(job_id, [](const v1::JobStatus& status) { return job::HasEnded(status.state()); });
 }
 
 void FarmFixture::WaitFor(const std::function<bool()>& condition) {

@@ -1,4 +1,4 @@
-#include "server/finish_frame.h"
+#include "server/finish/finish_frame.h"
 
 #include <gtest/gtest.h>
 

@@ -11,8 +11,8 @@
 
 #include "absl/synchronization/mutex.h"
 #include "proto/rpc/monotonic.h"
-#include "server/asset_store.h"
-#include "server/coordinator_impl.h"
+#include "server/assets/asset_store.h"
+#include "server/coordinator/coordinator.h"
 #include "tests/unit/server/committed_frame_fixture.h"
 
 namespace lumifold::server {

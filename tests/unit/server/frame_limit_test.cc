@@ -1,4 +1,4 @@
-#include "server/frame_limit.h"
+#include "server/coordinator/frame_limit.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "absl/synchronization/mutex.h"
-#include "server/open_logs.h"
+#include "server/commit/open_logs.h"
 #include "tests/unit/server/coordinator_fixture.h"
 
 namespace lumifold::server {

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_split.h"
 #include "filter/image/file_io.h"
-#include "server/farm_service.h"
-#include "server/grpc_adapter.h"
+#include "server/services/farm_service.h"
+#include "server/services/worker_service.h"
 
 namespace lumifold::server {
 
@@ -30,8 +30,8 @@ absl::StatusOr<access::Identity> BelievedCallers::Of(const grpc::CallbackServerC
   return caller;
 }
 
-void GateFixture::StartGate(const Limits& limits) {
-  options_.limits = limits;
+void GateFixture::StartGate(const CallLimits& calls, const JobLimits& jobs) {
+  options_.limits = jobs;
   options_.events = &events_;
   if (coordinator_ == nullptr) {
     ASSERT_TRUE(Start().ok());
@@ -42,7 +42,7 @@ void GateFixture::StartGate(const Limits& limits) {
       std::make_unique<CallGate>(CallGate::Options{.callers = &callers_,
                                                    .open_calls = &open_calls_,
                                                    .audit = audit_.get(),
-                                                   .limits = limits,
+                                                   .limits = calls,
                                                    .now = [this] { return Now(); },
                                                    .wall_now = [] { return absl::UnixEpoch(); },
                                                    .shut_out = [this](absl::string_view) { ++shut_out_; }});

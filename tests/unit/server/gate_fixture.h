@@ -10,11 +10,11 @@
 #include "lumifold/v1/farm.grpc.pb.h"
 #include "lumifold/v1/worker.grpc.pb.h"
 #include "server/access/open_calls.h"
-#include "server/asset_checks.h"
-#include "server/call_gate.h"
-#include "server/event_log.h"
-#include "server/farm_peers.h"
-#include "server/preview_maker.h"
+#include "server/assets/asset_checks.h"
+#include "server/cluster/farm_peers.h"
+#include "server/coordinator/event_log.h"
+#include "server/preview/preview_maker.h"
+#include "server/services/call_gate.h"
 #include "tests/unit/server/coordinator_fixture.h"
 
 namespace lumifold::server {
@@ -31,7 +31,7 @@ class GateFixture : public CoordinatorFixture {
   ~GateFixture() override { StopGate(); }
 
   /// Starts a coordinator, if there is none, and its services.
-  void StartGate(const Limits& limits = {});
+  void StartGate(const CallLimits& calls = {}, const JobLimits& jobs = {});
   void StopGate();
 
   /// A call's context in the name of a caller; empty: nobody.
@@ -77,7 +77,7 @@ class GateFixture : public CoordinatorFixture {
   std::unique_ptr<access::AuditLog> audit_;
   std::unique_ptr<AssetChecks> checks_;
   std::unique_ptr<CallGate> gate_;
-  FarmPeers peers_;  // none
+  cluster::FarmPeers peers_;  // none
   std::unique_ptr<PreviewMaker> previews_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
   std::unique_ptr<grpc::Server> server_;

@@ -7,7 +7,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "server/health_check.h"
+#include "server/net/health_check.h"
 #include "tests/unit/server/farm_fixture.h"
 #include "tests/unit/server/faulty_files.h"
 

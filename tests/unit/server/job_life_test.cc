@@ -13,8 +13,8 @@
 #include "proto/rpc/checksum.h"
 #include "proto/rpc/sha256.h"
 #include "proto/rpc/status_codec.h"
+#include "server/coordinator/job_status.h"
 #include "server/job/limits.h"
-#include "server/job_status.h"
 #include "server/limits.h"
 #include "tests/unit/server/farm_fixture.h"
 

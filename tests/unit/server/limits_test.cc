@@ -1,4 +1,4 @@
-// Each limit of server/limits.h, and a step past it.
+// Each limit of server/services/call_limits.h and of jobs, and a step past it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -207,7 +207,7 @@ TEST_F(LimitsTest, OpenStreams) {
 }
 
 TEST_F(LimitsTest, ActiveJobsOfAUser) {
-  StartGate({.jobs_per_user = 2});
+  StartGate({}, {.jobs_per_user = 2});
   StoreScene();
   std::string first;
   EXPECT_TRUE(SubmitAs(kAnn, "1", "", &first).ok());
@@ -221,7 +221,7 @@ TEST_F(LimitsTest, ActiveJobsOfAUser) {
 }
 
 TEST_F(LimitsTest, ARepeatedSubmissionGetsItsJobWhateverIsFull) {
-  StartGate({.jobs_per_user = 1});
+  StartGate({}, {.jobs_per_user = 1});
   StoreScene();
   std::string first;
   ASSERT_TRUE(SubmitAs(kAnn, "1", "", &first).ok());
@@ -237,7 +237,7 @@ TEST_F(LimitsTest, ARepeatedSubmissionGetsItsJobWhateverIsFull) {
 }
 
 TEST_F(LimitsTest, BytesOfAJobsFiles) {
-  StartGate({.job_asset_bytes = 30});
+  StartGate({}, {.job_asset_bytes = 30});
   StoreScene();  // of 20 bytes
   v1::SubmitJobRequest request;
   *request.mutable_spec() = Spec();
@@ -275,7 +275,7 @@ TEST_F(LimitsTest, TwentyAnnouncementsOfATebibyteAreRefusedAtOnce) {
 
 TEST_F(LimitsTest, UploadsThatAreAnnouncedAndNotComplete) {
   StartGate();
-  const job_life::UploadLimits limits;
+  const UploadLimits limits;
   for (int i = 0; i < limits.uploads_of_caller; ++i) Announce(kAnn, i, 1000);
   // The announcements come one after the other, but each on its own stream.
   Await([&] {
@@ -294,7 +294,7 @@ TEST_F(LimitsTest, UploadsThatAreAnnouncedAndNotComplete) {
 TEST_F(LimitsTest, AnUploadThatStallsLosesItsPlace) {
   StartGate({.stalled_stream = absl::Seconds(10)});
   std::vector<HalfUpload*> stalled;
-  const job_life::UploadLimits limits;
+  const UploadLimits limits;
   stalled.reserve(static_cast<size_t>(limits.uploads_of_caller));
   for (int i = 0; i < limits.uploads_of_caller; ++i) stalled.push_back(Announce(kAnn, i, 1000));
   size_t ended = 0;

@@ -1,4 +1,4 @@
-#include "server/make_preview.h"
+#include "server/preview/make_preview.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -8,7 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/rpc/version.h"
 #include "server/access/authorisation.h"
-#include "server/job_status.h"
+#include "server/coordinator/job_status.h"
 #include "tests/unit/server/gate_fixture.h"
 
 namespace lumifold::server {

@@ -1,8 +1,8 @@
 // The coordinator commits the plan of a job before it divides it. Faults at every write: fault_enumeration_test.cc.
 #include <gmock/gmock.h>
 
-#include "server/manifest.h"
-#include "server/recover.h"
+#include "server/commit/recover.h"
+#include "server/storage/manifest.h"
 #include "tests/support/made_up_plan.h"
 #include "tests/unit/server/coordinator_fixture.h"
 #include "tests/unit/server/store_wrapper.h"

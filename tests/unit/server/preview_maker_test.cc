@@ -1,4 +1,4 @@
-#include "server/preview_maker.h"
+#include "server/preview/preview_maker.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/remote_watch.h"
+#include "server/cluster/remote_watch.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/synchronization/notification.h"
 #include "absl/time/clock.h"
-#include "server/farm_peers.h"
+#include "server/cluster/farm_peers.h"
 
 namespace lumifold::server {
 namespace {
@@ -18,14 +18,14 @@ using ::testing::HasSubstr;
 
 TEST(RemoteWatch, NamesTheCoordinatorThatDoesNotAnswer) {
   const std::string nobody = "127.0.0.1:1";
-  FarmPeers peers;
+  cluster::FarmPeers peers;
   peers.Join({.security = {}, .wall_now = absl::Now}, nullptr);
   absl::Status end;
   absl::Notification ended;
   v1::WatchJobRequest request;
   request.set_job_id("job-1");
-  const std::shared_ptr<RemoteWatch> watch =
-      RemoteWatch::Start({nobody, rpc::MakeChannel(nobody, {}, rpc::kQuickKeepAlive)}, peers,
+  const std::shared_ptr<cluster::RemoteWatch> watch =
+      cluster::RemoteWatch::Start({nobody, rpc::MakeChannel(nobody, {}, rpc::kQuickKeepAlive)}, peers,
                          access::LocalIdentity(), "", request,
                          {.on_status = [](const v1::JobStatus&) { ADD_FAILURE() << "nobody is there"; },
                           .on_end =

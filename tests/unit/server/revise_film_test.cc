@@ -1,4 +1,4 @@
-#include "server/revise_film.h"
+#include "server/commit/revise_film.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,8 +16,8 @@
 namespace lumifold::server {
 namespace {
 
-using job_life::ReopenPlan;
-using job_life::ReopenRequest;
+using job::ReopenPlan;
+using job::ReopenRequest;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -70,7 +70,7 @@ class ReviseFilmTest : public ::testing::Test {
   TempFolder folder_;
   const DataFolder data_{folder_.path()};
   const std::string log_ = data_.PathOf(data_.UnitLogName(kRevisedJob, 0));
-  job_life::ReopenedJob job_;
+  job::ReopenedJob job_;
 };
 
 using Pair = std::pair<int32_t, int32_t>;

@@ -1,4 +1,4 @@
-#include "server/stall_clock.h"
+#include "server/services/stall_clock.h"
 
 #include <gtest/gtest.h>
 

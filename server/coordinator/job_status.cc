@@ -1,0 +1,105 @@
+#include "server/coordinator/job_status.h"
+#include "server/job/job_state.h"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "server/job/frame_list.h"
+#include "server/job/limits.h"
+#include "server/job/plan.h"
+#include "server/job/tile_grid.h"
+
+namespace lumifold::server {
+
+v1::JobStatus StatusOfEndedJob(const ledger::JobRecord& record) {
+  const v1::JobSpec& spec = record.spec;
+  v1::JobStatus status;
+  status.set_job_id(record.id.value());
+  status.set_state(record.state);
+  status.set_error(record.error);
+  status.set_units_done(record.units_done);
+  const bool is_divisible = spec.tile_size() > 0 && spec.pass_samples() > 0;  // a damaged spec may not be
+  const int frames = job::FrameList(spec).count();
+  if (job::NeedsPlan(spec)) {
+    status.set_units_total(1);
+  } else {
+    status.set_units_total(is_divisible ? job::FrameUnits(spec).count() * frames : 0);
+  }
+  status.set_frames_done(record.frames_done);
+  status.set_frames_total(frames);
+  status.set_samples_done(record.samples_done);
+  status.set_samples_total(int64_t{spec.width()} * spec.height() * spec.samples_per_pixel() * frames);
+  if (spec.has_adaptive()) {  // how many it needs is known at its end
+    status.set_units_total(record.units_done);
+    if (record.state == v1::JOB_STATE_DONE) status.set_samples_total(record.samples_done);
+  } else if (record.state == v1::JOB_STATE_DONE) {  // a ledger that was rebuilt has not counted them
+    status.set_units_done(status.units_total());
+    status.set_samples_done(status.samples_total());
+  }
+  status.set_bad_samples(record.bad_samples);
+  for (const std::string& line : record.warnings) status.add_warnings(line);
+  if (record.warnings_left_out > 0) {
+    status.add_warnings(absl::StrCat(record.warnings_left_out,
+                                     " further warnings of units are left out: a job keeps ",
+                                     job::kMaxJobWarnings));
+  }
+  status.set_submitted_unix_ms(absl::ToUnixMillis(record.submitted));
+  *status.mutable_times() = record.times;
+  *status.mutable_scheduling() = record.scheduling;
+  if (record.estimated_error.has_value()) status.set_estimated_error(*record.estimated_error);
+  if (spec.has_adaptive()) *status.mutable_adaptive() = spec.adaptive();
+  status.set_display_name(record.scheduling.name().empty() ? spec.scene().display_name()
+                                                           : record.scheduling.name());
+  status.set_width(spec.width());
+  status.set_height(spec.height());
+  status.set_samples_per_pixel(spec.samples_per_pixel());
+  status.set_first_frame(spec.first_frame());
+  status.set_frame_count(spec.frame_count());
+  *status.mutable_more_frames() = spec.more_frames();
+  return status;
+}
+
+v1::JobStatus StatusOfRecord(const ledger::JobRecord& record) {
+  v1::JobStatus status = StatusOfEndedJob(record);
+  if (job::HasEnded(record.state)) return status;
+  if (record.scheduling.paused()) {
+    status.set_state(v1::JOB_STATE_PAUSED);
+  } else if (record.units_done > 0) {
+    status.set_state(v1::JOB_STATE_RUNNING);
+  } else if (!job::NeedsPlan(record.spec)) {
+    status.set_state(v1::JOB_STATE_PLANNED);
+  }
+  return status;
+}
+
+v1::JobState StateOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress) {
+  // The scheduler also pauses jobs that wait for an asset.
+  if (progress.state != v1::JOB_STATE_PAUSED || record.scheduling.paused()) return progress.state;
+  if (progress.units_done > 0) return v1::JOB_STATE_RUNNING;
+  return job::NeedsPlan(record.spec) ? v1::JOB_STATE_SUBMITTED : v1::JOB_STATE_PLANNED;
+}
+
+v1::JobStatus StatusOfActiveJob(const ledger::JobRecord& record, const scheduler::JobProgress& progress) {
+  v1::JobStatus status = StatusOfEndedJob(record);
+  status.set_state(StateOfActiveJob(record, progress));
+  status.set_units_done(progress.units_done);
+  status.set_units_total(progress.units_total);
+  status.set_frames_done(progress.frames_done);
+  status.set_samples_done(progress.samples_done);
+  status.set_workers(progress.workers);
+  return status;
+}
+
+void AddWarning(const std::string& line, ledger::JobRecord* record) {
+  std::vector<std::string>& lines = record->warnings;
+  if (std::find(lines.begin(), lines.end(), line) != lines.end()) return;
+  if (lines.size() < size_t{job::kMaxJobWarnings}) {
+    lines.push_back(line);
+  } else {
+    ++record->warnings_left_out;
+  }
+}
+
+}  // namespace lumifold::server

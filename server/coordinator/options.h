@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+#include "absl/time/time.h"
+#include "server/storage/retention.h"
+
+namespace spdlog {
+class logger;
+}  // namespace spdlog
+
+namespace lumifold::logging {
+class JobLabels;
+}  // namespace lumifold::logging
+
+namespace lumifold::server {
+
+class AssetChecks;
+class EventLog;
+
+/// What users may take of a coordinator. Those of one job are in server/job/limits.h.
+struct JobLimits {
+  /// Active jobs of one user.
+  int jobs_per_user = 2000;
+  /// All files of a job's scene.
+  uint64_t job_asset_bytes = 256'000'000'000;
+};
+
+/// What a Coordinator is made with.
+struct CoordinatorOptions {
+  absl::Duration lease = absl::Seconds(30);
+  /// Interval of the workers' heartbeats.
+  absl::Duration heartbeat = absl::Seconds(5);
+  /// Pause before a frame whose filter process was killed is tried again; the next pause is four times as long.
+  absl::Duration finish_pause = absl::Seconds(5);
+  /// Monotonic clock: orders everything.
+  std::function<absl::Time()> now;
+  /// Wall clock: stamps submissions, for display and for the ids of jobs.
+  std::function<absl::Time()> wall_now;
+  std::function<uint64_t()> random;
+  std::shared_ptr<spdlog::logger> log;
+  /// Bytes of the reserve file, see Committer; 0 for none.
+  uint64_t reserve_bytes = 0;
+  /// Number of unit logs that may be open.
+  size_t max_open_logs = 256;
+  /// Pauses while the storage cannot be written.
+  absl::Duration first_storage_pause = absl::Milliseconds(250);
+  absl::Duration longest_storage_pause = absl::Seconds(5);
+  JobLimits limits;
+  /// What is kept of jobs that have ended. The free bytes of the disk are set by the coordinator.
+  RetentionLimits retention;
+  /// Called with false when the storage can no longer be written, and with true when it can again; from any thread.
+  std::function<void(bool)> on_storage_change = [](bool) {};
+  /// What lines about jobs say of them, for `log`. Null: nothing.
+  std::shared_ptr<logging::JobLabels> labels = nullptr;
+  /// What GetLog reads; must outlive the coordinator.
+  EventLog* events = nullptr;
+  /// Reads assets again that workers could not get; must be stopped before the coordinator ends.
+  AssetChecks* asset_checks = nullptr;
+  /// Whether connections are in plain text, for display.
+  bool insecure = false;
+  /// Whether others may have the same ledger and data folder: then the unfinished jobs are not claimed, but adopted as
+  /// cluster::Membership says.
+  bool is_member = false;
+  /// Called once, from any thread, when its jobs belong to others: nothing that it does counts any more.
+  std::function<void()> on_expelled = [] {};
+};
+
+}  // namespace lumifold::server

@@ -1,0 +1,90 @@
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "proto/rpc/monotonic.h"
+#include "server/child/child_process.h"
+#include "server/child/child_task.h"
+#include "server/finish/estimate_round.h"
+#include "server/finish/finish_frame.h"
+#include "server/finish/frame_finisher.h"
+
+namespace lumifold::server {
+namespace {
+
+/// In place of a round: the frame's result.
+constexpr int kResult = -1;
+
+class ChildProcessFinisher final : public FrameFinisher {
+ public:
+  ChildProcessFinisher(const DataFolder& folder, const ChildProcessOptions& options)
+      : folder_(folder), child_(options) {}
+
+  absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) override {
+    return Run(
+        {.job = job.job, .epoch = job.epoch, .frame = frame, .round = kResult, .rendered = {}, .samples = 0});
+  }
+  absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) override { return Run(round); }
+  void CancelJob(const job::JobId& job) override { child_.CancelJob(job); }
+  void Cancel() override { child_.Cancel(); }
+
+ private:
+  /// Starts a child for the estimate of a round, or for the result.
+  absl::StatusOr<v1::FrameReport> Run(const RoundToEstimate& what);
+
+  const DataFolder folder_;
+  ChildProcess child_;
+};
+
+absl::StatusOr<v1::FrameReport> ChildProcessFinisher::Run(const RoundToEstimate& what) {
+  const std::string task = absl::StrCat("frame ", what.frame);
+  const absl::StatusOr<std::string> answer = child_.Run(
+      kFinishFrameCommand, folder_.root(),
+      {what.job.value(), absl::StrCat(what.frame), absl::StrCat(what.round),
+       absl::StrCat(absl::ToInt64Milliseconds(what.rendered)), absl::StrCat(what.samples),
+       absl::StrCat(what.epoch.value()), what.round == kResult ? "" : kUrgent},  // workers wait for rounds
+      what.job, task);
+  if (!answer.ok()) return answer.status();
+  v1::FrameReport report;
+  if (!report.ParseFromString(*answer))
+    return absl::InternalError(absl::StrCat("the filter process of ", task, " ended without an answer"));
+  return report;
+}
+
+absl::StatusOr<std::string> FinishAsChild(const ChildTask& task) {
+  RoundToEstimate what;
+  int64_t rendered_ms = 0;
+  int64_t epoch = 0;
+  const std::vector<std::string>& arguments = task.arguments;
+  if (arguments.size() != 7 || !absl::SimpleAtoi(arguments[1], &what.frame) ||
+      !absl::SimpleAtoi(arguments[2], &what.round) || !absl::SimpleAtoi(arguments[3], &rendered_ms) ||
+      !absl::SimpleAtoi(arguments[4], &what.samples) || !absl::SimpleAtoi(arguments[5], &epoch)) {
+    return absl::InvalidArgumentError("finish-frame: only the coordinator starts this command");
+  }
+  what.job = job::JobId(arguments[0]);
+  what.rendered = absl::Milliseconds(rendered_ms);
+  what.epoch = ledger::Epoch(epoch);
+  const absl::StatusOr<v1::FrameReport> report =
+      what.round == kResult ? FinishFrame(task.folder, task.store, {what.job, what.epoch}, what.frame,
+                                          task.pool, rpc::MonotonicNow)
+                            : EstimateRound(task.folder, task.store, what, task.pool, rpc::MonotonicNow);
+  if (!report.ok()) return report.status();
+  return report->SerializeAsString();
+}
+
+}  // namespace
+
+bool IsWorthRetrying(const absl::Status& status) {
+  return absl::IsInternal(status) || absl::IsResourceExhausted(status);
+}
+
+std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder,
+                                                        const ChildProcessOptions& options) {
+  return std::make_unique<ChildProcessFinisher>(folder, options);
+}
+
+int RunFinishFrameProcess(const std::vector<std::string>& arguments) {
+  return RunChildTask(arguments, kChildNiceness, FinishAsChild);
+}
+
+}  // namespace lumifold::server

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "lumifold/v1/job.pb.h"
+#include "server/child/child_process.h"
+#include "server/finish/estimate_round.h"
+#include "server/ledger/job_store.h"
+#include "server/storage/data_folder.h"
+
+namespace lumifold::server {
+
+/// Runs FinishFrame and EstimateRound.
+/// Threads: Finish and Estimate from one thread at a time, so that at most one child process runs; the others from any.
+class FrameFinisher {
+ public:
+  virtual ~FrameFinisher() = default;
+
+  /// Writes the frame's result; blocks.
+  /// Errors: as FinishFrame; kCancelled after Cancel, and after CancelJob of this job while it runs.
+  virtual absl::StatusOr<v1::FrameReport> Finish(const ledger::OwnedJob& job, int32_t frame) = 0;
+
+  /// Adds the estimate of a round to the frame's record; blocks.
+  /// Errors: as EstimateRound; otherwise as Finish.
+  virtual absl::StatusOr<v1::FrameReport> Estimate(const RoundToEstimate& round) = 0;
+
+  /// Makes a running Finish or Estimate of this job return as soon as possible. No effect on later calls.
+  virtual void CancelJob(const job::JobId& job) = 0;
+
+  /// Makes a running Finish or Estimate return as soon as possible, and every later call at once.
+  virtual void Cancel() = 0;
+};
+
+/// Finishes frames in this process, on the calling thread and a pool of `threads`, at the priority of the
+/// process. Neither Cancel nor CancelJob interrupts a running Finish. `store` must outlive it.
+std::unique_ptr<FrameFinisher> MakeInProcessFinisher(const DataFolder& folder, ledger::JobStore* store,
+                                                     int threads, std::function<absl::Time()> now);
+
+/// Whether finishing a frame failed for a cause that may go away: the process was killed, or there was no memory.
+/// kUnavailable, a disk or machine without space, descriptors or processes, is no failure of the frame at all: it is
+/// waited for. Other errors would come again.
+bool IsWorthRetrying(const absl::Status& status);
+
+/// Finishes each frame in a child process. Errors of Finish: also those of ChildProcess::Run.
+std::unique_ptr<FrameFinisher> MakeChildProcessFinisher(const DataFolder& folder,
+                                                        const ChildProcessOptions& options);
+
+/// First argument of a child process.
+inline constexpr char kFinishFrameCommand[] = "finish-frame";
+
+/// The main function of a child process: `arguments` are those after kFinishFrameCommand. Returns the exit
+/// code.
+int RunFinishFrameProcess(const std::vector<std::string>& arguments);
+
+}  // namespace lumifold::server

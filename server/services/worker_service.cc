@@ -1,0 +1,183 @@
+#include "server/services/worker_service.h"
+
+#include <deque>
+#include <optional>
+#include <utility>
+
+#include "absl/base/thread_annotations.h"
+#include "absl/synchronization/mutex.h"
+#include "lumifold/v1/worker.grpc.pb.h"
+#include "proto/rpc/status_codec.h"
+#include "server/access/identity.h"
+#include "server/assets/asset_checks.h"
+#include "server/coordinator/coordinator.h"
+#include "server/services/call_gate.h"
+#include "server/services/farm_service.h"
+#include "server/services/file_writer.h"
+#include "server/services/unary_calls.h"
+#include "server/services/worker_session.h"
+
+// A reactor exists from the start of its call to OnDone, where it deletes itself.
+
+namespace lumifold::server {
+namespace {
+
+/// A worker that lets more than this wait is disconnected. A worker that reads has at most some grants of 256 leases
+/// (25 KiB each) and an acknowledgement for each of its up to 1024 slots before it.
+constexpr size_t kMaxOutgoingMessages = 8192;
+constexpr size_t kMaxOutgoingBytes = size_t{4} << 20;
+
+/// The stream of a worker. The coordinator calls Send while it holds its own lock, so mutex_ is never held
+/// during a call to the coordinator.
+class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
+                         public WorkerSink {
+ public:
+  WorkStream(grpc::CallbackServerContext* context, AdmittedCall call, Coordinator* coordinator)
+      : context_(context), call_(std::move(call)), coordinator_(coordinator) {
+    call_->SetEnd([this](const absl::Status& why) { EndEarly(why); });
+    absl::MutexLock lock(&mutex_);
+    ReadNext();
+  }
+
+  void OnReadDone(bool ok) override {
+    call_->PeerMoved();
+    const absl::Status status = ok ? Take() : absl::CancelledError("the worker disconnected");
+    if (!status.ok()) session_.reset();  // voids the leases
+    absl::MutexLock lock(&mutex_);
+    if (end_.has_value()) return;  // EndEarly was first
+    if (status.ok()) return ReadNext();
+    end_ = ok ? rpc::GrpcFromStatus(status) : grpc::Status::OK;
+    Continue();
+  }
+
+  void Send(const v1::CoordinatorMessage& message) override {
+    absl::MutexLock lock(&mutex_);
+    if (end_.has_value() || broken_) return;
+    outgoing_bytes_ += message.ByteSizeLong();
+    outgoing_.push_back(message);
+    if (outgoing_.size() > kMaxOutgoingMessages || outgoing_bytes_ > kMaxOutgoingBytes) {
+      // It sends, but does not read. Without a connection its leases go to others.
+      broken_ = true;
+      context_->TryCancel();
+    }
+    Continue();
+  }
+
+  void OnWriteDone(bool ok) override {
+    absl::MutexLock lock(&mutex_);
+    writing_ = false;
+    outgoing_bytes_ -= outgoing_.front().ByteSizeLong();
+    outgoing_.pop_front();
+    if (!ok) {
+      broken_ = true;  // the read fails too and ends the stream
+      outgoing_.clear();
+    }
+    Continue();
+  }
+
+  void OnDone() override {
+    session_.reset();  // it may send until then
+    delete this;
+  }
+
+ private:
+  void ReadNext() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    call_->AwaitPeer();
+    StartRead(&incoming_);
+  }
+
+  // A read that is under way then fails, which voids the leases.
+  void EndEarly(const absl::Status& why) {
+    absl::MutexLock lock(&mutex_);
+    if (end_.has_value()) return;
+    if (writing_)
+      return context_->TryCancel();  // the status would have to wait for a worker that may not read
+    end_ = rpc::GrpcFromStatus(why);
+    Continue();
+  }
+
+  absl::Status Take() {
+    if (session_ != nullptr) return session_->Handle(&incoming_);
+    if (!incoming_.has_hello())
+      return absl::FailedPreconditionError("worker stream: the first message is not Hello");
+    call_->SetSubject(incoming_.hello().name());
+    absl::StatusOr<std::unique_ptr<WorkerSession>> session =
+        WorkerSession::Open(coordinator_, incoming_.hello(), call_->caller(), this);
+    absl::Status status = session.status();
+    call_->End(status);
+    if (session.ok()) session_ = *std::move(session);
+    return status;
+  }
+
+  void Continue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    if (writing_) return;
+    if (end_.has_value()) return Finish(*end_);
+    if (outgoing_.empty()) return;
+    writing_ = true;
+    StartWrite(&outgoing_.front());
+  }
+
+  grpc::CallbackServerContext* const context_;
+  const AdmittedCall call_;
+  Coordinator* const coordinator_;
+  v1::WorkerMessage incoming_;
+  std::unique_ptr<WorkerSession> session_;  // used by OnReadDone only, which runs on one thread at a time
+  absl::Mutex mutex_;
+  std::deque<v1::CoordinatorMessage> outgoing_ ABSL_GUARDED_BY(mutex_);
+  size_t outgoing_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::optional<grpc::Status> end_ ABSL_GUARDED_BY(mutex_);
+  bool writing_ ABSL_GUARDED_BY(mutex_) = false;
+  bool broken_ ABSL_GUARDED_BY(mutex_) = false;
+};
+
+class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
+ public:
+  WorkerServiceAdapter(Coordinator* coordinator, AssetChecks* checks, CallGate* gate)
+      : coordinator_(coordinator), checks_(checks), gate_(gate, v1::WorkerService::service_full_name()) {}
+
+  grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>* Work(
+      grpc::CallbackServerContext* context) override {
+    absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "Work", "");
+    if (!call.ok())
+      return new Refused<grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>>(call.status());
+    return new WorkStream(context, *std::move(call), coordinator_);
+  }
+  grpc::ServerUnaryReactor* FetchSpec(grpc::CallbackServerContext* context,
+                                      const v1::FetchSpecRequest* request, v1::JobSpec* response) override {
+    return Answer(context, gate_.Admit(context, "FetchSpec", request->job_id()), response,
+                  [&](const CallGate::Call& call) {
+                    return coordinator_->FetchSpec(*request, access::KeyOf(call.caller()));
+                  });
+  }
+  grpc::ServerWriteReactor<v1::ByteChunk>* FetchAsset(grpc::CallbackServerContext* context,
+                                                      const v1::FetchAssetRequest* request) override {
+    absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "FetchAsset", request->job_id());
+    if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
+    absl::Status allowed = coordinator_->CheckFetch(*request, access::KeyOf((*call)->caller()));
+    auto* writer = new FileWriter(*std::move(call), &coordinator_->traffic().assets_sent);
+    if (!allowed.ok()) {
+      writer->Start(std::move(allowed));
+      return writer;
+    }
+    checks_->Check({request->sha256()}, [this, request, writer](const absl::Status& checked) {
+      writer->Start(checked.ok() ? coordinator_->OpenAsset(*request) : checked);
+    });
+    return writer;
+  }
+
+ private:
+  Coordinator* const coordinator_;
+  AssetChecks* const checks_;
+  const ServiceGate gate_;
+};
+
+}  // namespace
+
+std::vector<std::unique_ptr<grpc::Service>> MakeServices(const ServiceParts& parts) {
+  std::vector<std::unique_ptr<grpc::Service>> services;
+  services.push_back(MakeFarmService(parts));
+  services.push_back(std::make_unique<WorkerServiceAdapter>(parts.coordinator, parts.checks, parts.gate));
+  return services;
+}
+
+}  // namespace lumifold::server

@@ -1,0 +1,150 @@
+#include "server/services/worker_session.h"
+
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/limits.h"
+
+namespace lumifold::server {
+namespace {
+
+/// The statistics that are stored: the text of a worker is bounded, and fields that are not known are dropped.
+v1::UnitStats StoredStats(const v1::UnitStats& delivered) {
+  v1::UnitStats stats;
+  stats.set_samples(delivered.samples());
+  stats.set_bad_samples(delivered.bad_samples());
+  stats.set_rays(delivered.rays());
+  stats.set_seconds(delivered.seconds());
+  for (std::string& line :
+       rpc::BoundedLines(delivered.warnings(), rpc::kMaxUnitWarnings, rpc::kMaxWarningBytes))
+    stats.add_warnings(std::move(line));
+  for (const float value : delivered.camera().world_to_camera())
+    stats.mutable_camera()->add_world_to_camera(value);
+  for (const float value : delivered.camera().world_to_ndc()) stats.mutable_camera()->add_world_to_ndc(value);
+  for (const v1::SceneObject& object : delivered.objects()) {
+    v1::SceneObject* const stored = stats.add_objects();
+    stored->set_name(rpc::BoundedLine(object.name(), rpc::kMaxObjectNameBytes));
+    stored->set_material(rpc::BoundedLine(object.material(), rpc::kMaxObjectNameBytes));
+  }
+  return stats;
+}
+
+/// The plan that is stored: its texts are bounded, and fields that are not known are dropped.
+v1::Plan StoredPlan(const v1::Plan& delivered) {
+  v1::Plan plan;
+  for (const v1::PlanDecision& decision : delivered.decisions()) {
+    v1::PlanDecision* stored = plan.add_decisions();
+    stored->set_name(decision.name());
+    stored->set_value(decision.value());
+    stored->set_source(decision.source());
+    stored->set_reason(rpc::BoundedLine(decision.reason(), rpc::kMaxReasonBytes));
+    stored->set_saving(rpc::BoundedLine(decision.saving(), rpc::kMaxReasonBytes));
+  }
+  plan.set_probe_rays(delivered.probe_rays());
+  plan.set_probe_seconds(delivered.probe_seconds());
+  plan.set_seconds_per_sample(delivered.seconds_per_sample());
+  plan.set_noise(delivered.noise());
+  *plan.mutable_tile_order() = delivered.tile_order();
+  return plan;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* coordinator,
+                                                                   const v1::Hello& hello,
+                                                                   const access::Identity& caller,
+                                                                   WorkerSink* sink) {
+  const absl::StatusOr<job::WorkerId> worker = coordinator->AddWorker(hello, caller, sink);
+  if (!worker.ok()) return worker.status();
+  return std::unique_ptr<WorkerSession>(new WorkerSession(coordinator, *worker));
+}
+
+WorkerSession::~WorkerSession() { coordinator_->RemoveWorker(worker_); }
+
+absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
+  switch (message->message_case()) {
+    case v1::WorkerMessage::kHeartbeat:
+      OnHeartbeat(message->heartbeat());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kChunk:
+      OnChunk(message->mutable_chunk());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kPlan:
+      OnPlan(message->mutable_plan());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kFailure:
+      OnFailure(message->failure());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kHandBack:
+      coordinator_->HandBack(worker_, message->hand_back());
+      return absl::OkStatus();
+    case v1::WorkerMessage::kLeaving:
+      coordinator_->OnLeaving(worker_, rpc::BoundedLine(message->leaving().reason(), rpc::kMaxReasonBytes));
+      return absl::OkStatus();
+    default:
+      return absl::InvalidArgumentError("worker stream: a second Hello, or an unknown message");
+  }
+}
+
+void WorkerSession::OnHeartbeat(const v1::Heartbeat& heartbeat) {
+  coordinator_->KeepLog(worker_, heartbeat.log());
+  coordinator_->OnHeartbeat(worker_, heartbeat);
+  std::erase_if(arriving_, [this](const auto& entry) {
+    const auto& [unit, attempt] = entry.first;
+    return !coordinator_->FindLease(worker_, unit, attempt).has_value();
+  });
+}
+
+void WorkerSession::OnFailure(const v1::UnitFailure& failure) {
+  const job::UnitRef unit = job::UnitFromProto(failure.unit());
+  const job::Attempt attempt(failure.attempt());
+  const std::string error = rpc::BoundedLine(failure.error(), rpc::kMaxErrorBytes);
+  coordinator_->KeepLog(worker_, failure.log());
+  if (failure.has_missing_asset()) {
+    coordinator_->OnAssetMissing(worker_, unit, attempt, failure.missing_asset().sha256(), error);
+  } else {
+    coordinator_->FailUnit(worker_, unit, attempt, error, failure.permanent());
+  }
+}
+
+void WorkerSession::OnChunk(v1::UnitChunk* chunk) {
+  const LeaseName lease(job::UnitFromProto(chunk->unit()), job::Attempt(chunk->attempt()));
+  const std::optional<LeasedUnit> leased = coordinator_->FindLease(worker_, lease.first, lease.second);
+  if (leased.has_value()) {
+    const absl::Status status = Take(chunk, lease, *leased);
+    if (status.ok()) return;
+    arriving_.erase(lease);
+    return coordinator_->RefuseUnit(worker_, lease.first, lease.second, std::string(status.message()));
+  }
+  arriving_.erase(lease);
+  // The worker waits for an acknowledgement of the last piece, even if the unit is not wanted.
+  if (chunk->pixels().last()) coordinator_->Dismiss(worker_, lease.first, lease.second);
+}
+
+void WorkerSession::OnPlan(v1::DeliveredPlan* delivered) {
+  const job::UnitRef unit = job::UnitFromProto(delivered->unit());
+  const job::Attempt attempt(delivered->attempt());
+  const absl::Status status =
+      unit.key.kind == v1::UNIT_KIND_PLAN
+          ? coordinator_->DeliverPlan(worker_, unit, attempt, StoredPlan(delivered->plan()))
+          : absl::InvalidArgumentError("unit: a plan was delivered for it");
+  if (!status.ok()) coordinator_->RefuseUnit(worker_, unit, attempt, std::string(status.message()));
+}
+
+absl::Status WorkerSession::Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased) {
+  if (lease.first.key.kind == v1::UNIT_KIND_PLAN)
+    return absl::InvalidArgumentError("unit: a plan unit has no pixels");
+  const auto entry =
+      arriving_.try_emplace(lease, lease.first.key.kind, leased.rect, leased.samples, leased.model).first;
+  const v1::UnitStats stats = StoredStats(chunk->stats());
+  if (absl::Status status = entry->second.Add(std::move(*chunk)); !status.ok()) return status;
+  if (!entry->second.IsComplete()) return absl::OkStatus();
+  film::EncodedUnit unit = film::EncodeUnit(lease.first, lease.second, stats, entry->second.Take());
+  arriving_.erase(entry);
+  coordinator_->Deliver(worker_, std::move(unit));
+  return absl::OkStatus();
+}
+
+}  // namespace lumifold::server

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "lumifold/v1/worker.pb.h"
+#include "server/coordinator/coordinator.h"
+#include "server/film/unit_assembler.h"
+
+namespace lumifold::server {
+
+/// The connection of one worker: joins the chunks of units and passes complete units to the coordinator. It
+/// holds chunks of leased units only and drops all others, which bounds its memory. Its destruction voids the
+/// worker's leases.
+/// Threads: one at a time.
+class WorkerSession {
+ public:
+  /// `coordinator` and `sink` must outlive it. `caller`: whose connection it is.
+  /// Errors: kFailedPrecondition for a different wire version; kInvalidArgument for an invalid Hello.
+  static absl::StatusOr<std::unique_ptr<WorkerSession>> Open(Coordinator* coordinator, const v1::Hello& hello,
+                                                             const access::Identity& caller,
+                                                             WorkerSink* sink);
+  ~WorkerSession();
+  WorkerSession(const WorkerSession&) = delete;
+  WorkerSession& operator=(const WorkerSession&) = delete;
+
+  /// Handles a message after Hello. Takes the pixels of a chunk.
+  /// Errors: kInvalidArgument for a second Hello or an unknown message; the stream must then be closed.
+  absl::Status Handle(v1::WorkerMessage* message);
+
+ private:
+  using LeaseName = std::pair<job::UnitRef, job::Attempt>;
+
+  WorkerSession(Coordinator* coordinator, job::WorkerId worker)
+      : coordinator_(coordinator), worker_(worker) {}
+  void OnHeartbeat(const v1::Heartbeat& heartbeat);
+  void OnFailure(const v1::UnitFailure& failure);
+  void OnChunk(v1::UnitChunk* chunk);
+  void OnPlan(v1::DeliveredPlan* delivered);
+  absl::Status Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased);
+
+  Coordinator* const coordinator_;
+  const job::WorkerId worker_;
+  std::map<LeaseName, film::UnitAssembler> arriving_;
+};
+
+}  // namespace lumifold::server

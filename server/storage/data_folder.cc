@@ -1,0 +1,208 @@
+#include "server/storage/data_folder.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <vector>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "filter/image/file_io.h"
+
+namespace lumifold::server {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kFramePrefix[] = "frame-";
+constexpr char kLogSuffix[] = ".units";
+constexpr char kResultSuffix[] = ".exr";
+
+absl::Status FileError(const std::string& path, int error) {
+  return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(-error)));
+}
+
+/// Everything in a folder and the folder itself, contents first.
+absl::StatusOr<std::vector<std::string>> ContentsFirst(const std::string& path) {
+  std::vector<std::string> all;
+  std::error_code error;
+  if (!fs::exists(fs::symlink_status(path, error))) return all;
+  all.push_back(path);
+  if (fs::is_directory(fs::symlink_status(path, error))) {
+    for (fs::recursive_directory_iterator entry(path, error), end; !error && entry != end;
+         entry.increment(error)) {
+      all.push_back(entry->path().string());
+    }
+  }
+  if (error) return absl::UnavailableError(absl::StrCat(path, ": ", error.message()));
+  std::reverse(all.begin(), all.end());
+  return all;
+}
+
+struct FrameFile {
+  int32_t frame = 0;
+  fs::path path;
+};
+
+/// The files of frames in a folder, frame-NNNN, perhaps a writer, and the suffix; by name.
+std::vector<FrameFile> FrameFilesIn(const std::string& folder, const char* suffix) {
+  std::vector<FrameFile> files;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    const std::string name = entry->path().stem().string();
+    if (entry->path().extension() != suffix || !name.starts_with(kFramePrefix)) continue;
+    const size_t first = std::strlen(kFramePrefix);
+    int32_t frame = 0;
+    if (absl::SimpleAtoi(name.substr(first, name.find('.', first) - first), &frame))
+      files.push_back({frame, entry->path()});
+  }
+  std::sort(files.begin(), files.end(),
+            [](const FrameFile& a, const FrameFile& b) { return a.path < b.path; });
+  return files;
+}
+
+}  // namespace
+
+absl::Status MakeFolder(const std::string& path, FileSystem* files) {
+  std::error_code error;
+  if (fs::is_directory(path, error)) return absl::OkStatus();
+  const std::string parent = FolderOf(path);
+  if (parent != path) {
+    if (absl::Status status = MakeFolder(parent, files); !status.ok()) return status;
+  }
+  int failed = files->MakeFolder(path);
+  if (failed == 0) failed = files->SyncFolder(parent);
+  return failed == 0 ? absl::OkStatus() : FileError(path, failed);
+}
+
+absl::Status RemoveAll(const std::string& path, FileSystem* files) {
+  const absl::StatusOr<std::vector<std::string>> contents = ContentsFirst(path);
+  if (!contents.ok()) return contents.status();
+  for (const std::string& name : *contents) {
+    const int error = files->Remove(name);
+    if (error != 0 && error != -ENOENT) return FileError(name, error);
+  }
+  return absl::OkStatus();
+}
+
+DataFolder DataFolder::WithLogsOf(const std::string& writer) const {
+  DataFolder folder = *this;
+  folder.writer_ = writer;
+  return folder;
+}
+
+absl::Status DataFolder::MakeFolders() const {
+  for (const char* folder : {"", "/assets", "/incoming", "/film", "/results", "/deleted"}) {
+    if (absl::Status status = MakeFolder(root_ + folder, files_); !status.ok()) return status;
+  }
+  // A folder that someone made before may be open to others. Where it belongs to another user it stays so: the files in
+  // it are private anyway.
+  (void)chmod(root_.c_str(), 0700);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<rpc::FileHandle> DataFolder::Claim() const {
+  if (absl::Status status = MakeFolders(); !status.ok()) return status;
+  const std::string path = root_ + "/lock";
+  rpc::FileHandle lock(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+  if (lock.get() < 0) return absl::UnavailableError(absl::StrCat(path, ": ", std::strerror(errno)));
+  if (flock(lock.get(), LOCK_EX | LOCK_NB) != 0) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(root_, ": another coordinator is using this data folder"));
+  }
+  return lock;
+}
+
+absl::Status DataFolder::RemoveLeftovers() const {
+  return RemovePartialFiles({root_ + "/results", root_ + "/film"});
+}
+
+absl::Status DataFolder::RemoveLeftoversOf(const job::JobId& job) const {
+  return RemovePartialFiles({ResultsPath(job), FilmPath(job)});
+}
+
+absl::Status DataFolder::RemovePartialFiles(const std::vector<std::string>& folders) const {
+  // Results and manifests that still have their temporary name are incomplete.
+  std::vector<std::string> partial;
+  for (const std::string& folder : folders) {
+    std::error_code error;
+    for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
+         entry.increment(error)) {
+      if (entry->path().extension() == kPartialSuffix) partial.push_back(entry->path().string());
+    }
+    if (error && error != std::errc::no_such_file_or_directory)
+      return absl::UnavailableError(absl::StrCat(folder, ": ", error.message()));
+  }
+  for (const std::string& path : partial) {
+    if (absl::Status status = RemoveAll(path, files_); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+bool DataFolder::IsBeingDeleted(const job::JobId& job) const {
+  std::error_code error;
+  return fs::exists(DeletionPath(job), error);
+}
+
+absl::StatusOr<uint64_t> DataFolder::FreeBytes() const {
+  struct statvfs info = {};
+  if (statvfs(root_.c_str(), &info) != 0) return FileError(root_, -errno);
+  return uint64_t{info.f_bavail} * info.f_frsize;
+}
+
+std::vector<job::JobId> DataFolder::NamesIn(const std::string& path) {
+  std::vector<job::JobId> names;
+  std::error_code error;
+  for (fs::directory_iterator entry(path, error), end; !error && entry != end; entry.increment(error))
+    names.emplace_back(entry->path().filename().string());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+std::vector<DataFolder::UnitLogFile> DataFolder::UnitLogsOf(const job::JobId& job) const {
+  std::vector<UnitLogFile> logs;
+  for (const FrameFile& file : FrameFilesIn(FilmPath(job), kLogSuffix)) {
+    std::error_code gone;
+    const auto bytes = fs::file_size(file.path, gone);
+    if (!gone)
+      logs.push_back(
+          {file.frame, absl::StrCat("film/", job.value(), "/", file.path.filename().string()), bytes});
+  }
+  return logs;
+}
+
+std::vector<DataFolder::UnitLogFile> DataFolder::UnitLogsOf(const job::JobId& job, int32_t frame) const {
+  std::vector<UnitLogFile> logs = UnitLogsOf(job);
+  std::erase_if(logs, [frame](const UnitLogFile& log) { return log.frame != frame; });
+  return logs;
+}
+
+std::vector<int32_t> DataFolder::ResultsOf(const job::JobId& job) const {
+  std::vector<int32_t> frames;
+  for (const FrameFile& file : FrameFilesIn(ResultsPath(job), kResultSuffix)) frames.push_back(file.frame);
+  std::sort(frames.begin(), frames.end());
+  return frames;
+}
+
+std::string DataFolder::UnitLogName(const job::JobId& job, int32_t frame) const {
+  return absl::StrFormat("film/%s/%s%04d%s%s%s", job.value(), kFramePrefix, frame, writer_.empty() ? "" : ".",
+                         writer_, kLogSuffix);
+}
+
+std::string DataFolder::RoundsPath(const job::JobId& job, int32_t frame) const {
+  return absl::StrFormat("%s/%s%04d.rounds", FilmPath(job), kFramePrefix, frame);
+}
+
+std::string DataFolder::ResultPath(const job::JobId& job, int32_t frame) const {
+  return absl::StrFormat("%s/%s%04d%s", ResultsPath(job), kFramePrefix, frame, kResultSuffix);
+}
+
+}  // namespace lumifold::server

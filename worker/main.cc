@@ -31,19 +31,19 @@
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/version.h"
+#include "proto/sandbox/sandbox.h"
 #include "proto/service/service_manager.h"
 #include "proto/threads/event.h"
 #include "spdlog/spdlog.h"
 #include "worker/asset_folder.h"
 #include "worker/certificate_renewal.h"
 #include "worker/connection.h"
-#include "worker/fence/fence.h"
 #include "worker/render/renderer.h"
 #include "worker/worker_log.h"
 
 namespace {
 
-namespace fence = lumifold::fence;
+namespace sandbox = lumifold::sandbox;
 
 constexpr int kExitFailure = 1;
 constexpr int kExitUsage = 2;
@@ -103,9 +103,9 @@ struct Flags {
   std::vector<std::string> tags;
   double drain_seconds = 30;
   double exit_when_idle_seconds = std::numeric_limits<double>::infinity();
-  std::string user = fence::DefaultUser();
+  std::string user = sandbox::DefaultUser();
   std::optional<uint64_t> memory_mb;  // default: by the machine
-  bool no_fence = false;
+  bool no_sandbox = false;
   std::string asset_cache;
   uint64_t asset_cache_gb = 20;
   std::string metrics_address;
@@ -152,7 +152,7 @@ void AddFlags(CLI::App* app, Flags* flags) {
   app->add_option("--user", flags->user,
                   "User to become when started as root; root: stay. With a profile: always its owner")
       ->capture_default_str();
-  app->add_flag("--no-fence", flags->no_fence,
+  app->add_flag("--no-sandbox", flags->no_sandbox,
                 "For debugging: no limits, all files, all system calls, and root stays root");
   app->add_option("--log-level", flags->log_level, "Minimum level of the log on standard error")
       ->check(CLI::IsMember({"debug", "info", "warn", "error", "off"}))
@@ -189,17 +189,18 @@ std::vector<uint16_t> PortsOf(const std::vector<std::string>& servers) {
   return ports;
 }
 
-void LogFence(const Flags& flags, const fence::FenceReport& report, spdlog::logger& log) {
-  if (flags.no_fence) {
+void LogSandbox(const Flags& flags, const sandbox::SandboxReport& report, spdlog::logger& log) {
+  if (flags.no_sandbox) {
     log.warn(
-        "event=no_fence meaning=\"--no-fence was given: a malformed scene that takes over this worker can do "
+        "event=no_sandbox meaning=\"--no-sandbox was given: a malformed scene that takes over this worker "
+        "can do "
         "whatever user {} can\"",
         getuid());
     return;
   }
-  log.info("event=fence up={}", lumifold::logging::Quoted(absl::StrJoin(report.up, ", ")));
+  log.info("event=sandbox up={}", lumifold::logging::Quoted(absl::StrJoin(report.up, ", ")));
   if (!report.lacking.empty())
-    log.warn("event=fence_lacks what={}", lumifold::logging::Quoted(absl::StrJoin(report.lacking, ", ")));
+    log.warn("event=sandbox_lacks what={}", lumifold::logging::Quoted(absl::StrJoin(report.lacking, ", ")));
 }
 
 int Fail(const absl::Status& status) {
@@ -266,17 +267,17 @@ absl::StatusOr<std::string> UserFor(const Flags& flags, const Target& target) {
   return owner->pw_name;
 }
 
-/// Makes the folder of --asset-cache, before the fence, which opens what is there.
+/// Makes the folder of --asset-cache, before the sandbox, which opens what is there.
 absl::Status PrepareAssetCache(const Flags& flags, const Target& target) {
   if (flags.asset_cache.empty()) return absl::OkStatus();
   const absl::StatusOr<std::string> user = UserFor(flags, target);
   if (!user.ok()) return user.status();
-  const passwd* const becomes = geteuid() == 0 && !flags.no_fence ? getpwnam(user->c_str()) : nullptr;
+  const passwd* const becomes = geteuid() == 0 && !flags.no_sandbox ? getpwnam(user->c_str()) : nullptr;
   return lumifold::worker::MakeAssetFolder(flags.asset_cache,
                                            becomes == nullptr ? geteuid() : becomes->pw_uid);
 }
 
-/// Listens where metrics are to be shown; nullopt: nowhere. Before the fence, in which nothing may listen any more.
+/// Listens where metrics are to be shown; nullopt: nowhere. Before the sandbox, in which nothing may listen any more.
 absl::StatusOr<std::optional<lumifold::monitoring::EndpointSockets>> ListenForMetrics(const Flags& flags) {
   if (flags.metrics_address.empty()) return std::nullopt;
   absl::StatusOr<lumifold::monitoring::EndpointSockets> sockets =
@@ -285,15 +286,15 @@ absl::StatusOr<std::optional<lumifold::monitoring::EndpointSockets>> ListenForMe
   return *std::move(sockets);
 }
 
-/// Enters the fence, before any thread starts: it holds only for threads that start later.
-absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& target) {
-  if (flags.no_fence) return fence::FenceReport();
+/// Enters the sandbox, before any thread starts: it holds only for threads that start later.
+absl::StatusOr<sandbox::SandboxReport> EnterSandbox(const Flags& flags, const Target& target) {
+  if (flags.no_sandbox) return sandbox::SandboxReport();
   const absl::StatusOr<std::string> user = UserFor(flags, target);
   if (!user.ok()) return user.status();
-  fence::FenceOptions options;
+  sandbox::SandboxOptions options;
   options.user = *user;
   options.memory_bytes =
-      flags.memory_mb.has_value() ? *flags.memory_mb << 20 : fence::DefaultMemoryBytes(flags.threads);
+      flags.memory_mb.has_value() ? *flags.memory_mb << 20 : sandbox::DefaultMemoryBytes(flags.threads);
   options.open_files = kMaxOpenFiles;
   options.file_bytes = kMaxFileBytes;
   if (!target.folder.empty()) options.writable = {target.folder};  // its certificate is renewed there
@@ -301,7 +302,7 @@ absl::StatusOr<fence::FenceReport> EnterFence(const Flags& flags, const Target& 
   options.network = true;
   options.accepts = !flags.metrics_address.empty();
   options.connect_ports = PortsOf(target.servers);
-  return fence::EnterFence(options);
+  return sandbox::EnterSandbox(options);
 }
 
 absl::StatusOr<std::shared_ptr<grpc::Channel>> Connect(const std::string& address,
@@ -320,23 +321,23 @@ lumifold::worker::WorkerLog MakeLog(const Flags& flags, const std::string& name)
 int RunWorkerProcess(const Flags& flags) {
   if (flags.log_format == "json") setenv("GRPC_VERBOSITY", "NONE", /*overwrite=*/0);  // its lines are no JSON
   const absl::Time start = lumifold::rpc::MonotonicNow();
-  if (absl::Status status = fence::YieldToOthers(flags.niceness); !status.ok()) return Fail(status);
+  if (absl::Status status = sandbox::YieldToOthers(flags.niceness); !status.ok()) return Fail(status);
   const lumifold::identity::Profiles profiles(lumifold::identity::ProfilesFolder());
   const absl::StatusOr<Target> target = FindTarget(flags, profiles);
   if (!target.ok()) return Fail(target.status());
   const absl::Status has_cache = PrepareAssetCache(flags, *target);
   const auto metrics = ListenForMetrics(flags);
   if (!metrics.ok()) return Fail(metrics.status());
-  lumifold::service::ServiceManager manager;  // before the fence, which lets no program open its socket
-  const absl::StatusOr<fence::FenceReport> fenced = EnterFence(flags, *target);
-  if (!fenced.ok()) return Fail(fenced.status());
+  lumifold::service::ServiceManager manager;  // before the sandbox, which lets no program open its socket
+  const absl::StatusOr<sandbox::SandboxReport> sandboxed = EnterSandbox(flags, *target);
+  if (!sandboxed.ok()) return Fail(sandboxed.status());
   lumifold::threads::Event leave;
   const lumifold::threads::Event never;
   WatchSignals(&leave).detach();  // before any other thread, which would take the signals
   const std::string name = lumifold::logging::OneWord(flags.name);
   const lumifold::worker::WorkerLog worker_log = MakeLog(flags, name);
   const std::shared_ptr<spdlog::logger>& log = worker_log.log;
-  LogFence(flags, *fenced, *log);
+  LogSandbox(flags, *sandboxed, *log);
   log->info("event=start name={} server={} threads={} class={}", name, absl::StrJoin(target->servers, ","),
             flags.threads, lumifold::render::NumericClass());
   if (!has_cache.ok())  // what is cached is a convenience: it works without

@@ -52,7 +52,7 @@ struct ServerOptions {
 ///
 /// It refuses what two readers could understand differently: several lengths or hosts, and bodies without a Content-Length
 /// (chunked requests get 411).
-/// Threads: safe; it has its own. Inside a worker's fence it needs epoll, eventfd, timerfd and accept4.
+/// Threads: safe; it has its own. Inside a worker's sandbox it needs epoll, eventfd, timerfd and accept4.
 class Server {
  public:
   /// Errors: kUnavailable where the certificate cannot be read, or no descriptor or thread is left.

@@ -23,7 +23,7 @@ struct EndpointSockets {
 };
 
 /// Listens at HOST:PORT; PORT or :PORT alone means 127.0.0.1. Port 0: a free port. Needs no thread: a worker does it
-/// before it enters its fence, inside which nothing may listen any more.
+/// before it enters its sandbox, inside which nothing may listen any more.
 /// Errors: kInvalidArgument for a malformed address; kUnavailable if it cannot listen there.
 absl::StatusOr<EndpointSockets> ListenForMetrics(const std::string& address);
 

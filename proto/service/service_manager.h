@@ -9,7 +9,7 @@ namespace lumifold::service {
 
 /// What a program tells the service manager that has started it, by systemd's protocol sd_notify(3). Where none has, as
 /// the environment variable NOTIFY_SOCKET says, nothing is told.
-/// The socket is opened once: a program that closes a fence around itself afterwards (decision 19) can open no other. That
+/// The socket is opened once: a program that enters a sandbox afterwards (decision 19) can open no other. That
 /// is why it is not libsystemd's sd_notify, which opens one for each message.
 /// Threads: one at a time.
 class ServiceManager {

@@ -11,8 +11,8 @@
 #include "absl/strings/str_cat.h"
 #include "filter/image/exr_io.h"
 #include "filter/image/memory.h"
+#include "proto/sandbox/sandbox.h"
 #include "server/ledger/open_job_store.h"
-#include "worker/fence/fence.h"
 
 // The child writes its answer to standard output; in place of it the number of the status code, a space and the message,
 // with exit code 1.
@@ -26,9 +26,9 @@ constexpr size_t kCommonArguments = 3;
 
 /// The filter reads units, writes results and reads the ledger; the rest of the data folder has secrets. Only a ledger
 /// elsewhere needs the network.
-absl::Status FenceThisProcess(const DataFolder& folder, const std::string& store,
-                              uint64_t memory_limit_bytes) {
-  fence::FenceOptions options = {
+absl::Status SandboxThisProcess(const DataFolder& folder, const std::string& store,
+                                uint64_t memory_limit_bytes) {
+  sandbox::SandboxOptions options = {
       .keep_file_access = true,
       .memory_bytes = memory_limit_bytes,
       // The coordinator has the ledger open, so that its files are there and stay.
@@ -44,7 +44,7 @@ absl::Status FenceThisProcess(const DataFolder& folder, const std::string& store
     if (const char* const file = std::getenv("PGPASSFILE"); file != nullptr)
       options.readable.emplace_back(file);
   }
-  return fence::EnterFence(options).status();
+  return sandbox::EnterSandbox(options).status();
 }
 
 absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments, int niceness,
@@ -57,17 +57,17 @@ absl::StatusOr<std::string> RunInChild(const std::vector<std::string>& arguments
   // If the coordinator is killed, this frame is finished again after its restart.
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   const bool is_urgent = arguments.back() == kUrgent;
-  if (absl::Status status = fence::YieldToOthers(is_urgent ? 0 : niceness); !status.ok()) return status;
+  if (absl::Status status = sandbox::YieldToOthers(is_urgent ? 0 : niceness); !status.ok()) return status;
   const DataFolder folder(arguments[0]);
   setenv("SQLITE_TMPDIR", (folder.root() + "/film").c_str(),
-         /*overwrite=*/1);  // the fence leaves no other folder
+         /*overwrite=*/1);  // the sandbox leaves no other folder
   const char* const variable = std::getenv(ledger::kStoreVariable);
   const std::string store_name = variable == nullptr ? "" : variable;
   const absl::StatusOr<std::unique_ptr<ledger::JobStore>> store =
       ledger::OpenJobStore(store_name, folder.LedgerPath());
   if (!store.ok()) return store.status();
   // After the store: its address may name certificates anywhere.
-  if (absl::Status status = FenceThisProcess(folder, store_name, memory_limit_bytes); !status.ok())
+  if (absl::Status status = SandboxThisProcess(folder, store_name, memory_limit_bytes); !status.ok())
     return status;
   KeepFreedMemory();
   SetExrThreads(threads);

@@ -33,7 +33,7 @@ struct ChildTask {
 using ChildBody = std::function<absl::StatusOr<std::string>(const ChildTask&)>;
 
 /// The main function of a child process that ChildProcess has started; `arguments` are those after the command. Lowers its
-/// priority to `niceness` (or the coordinator's, if that is higher) unless the task is kUrgent, fences it in and runs `body`.
+/// priority to `niceness` (or the coordinator's, if that is higher) unless the task is kUrgent, enters the sandbox and runs `body`.
 /// Returns the exit code.
 int RunChildTask(const std::vector<std::string>& arguments, int niceness, const ChildBody& body);
 

@@ -91,7 +91,7 @@ class PodsTest(unittest.TestCase):
 
     def test_the_picture_is_that_of_one_process(self):
         worker = self.start_worker("lumifold-worker-1")
-        self.assertRegex(worker.log.read_text(), r'event=fence up="[^"]*no new privileges[^"]*system calls"')
+        self.assertRegex(worker.log.read_text(), r'event=sandbox up="[^"]*no new privileges[^"]*system calls"')
         scene = make_scene("cornell-box", self.root)
         job = self.command("lumifold", "submit", scene, *SETTINGS, "--server", "localhost:7700")
         self.assertEqual(self.pod.stop(), 0)  # a pod that is replaced has its volumes again
@@ -118,7 +118,7 @@ class PodsTest(unittest.TestCase):
     def test_a_profile_without_landlock_costs_a_warning(self):
         refused = pods.runtime_default(("landlock_create_ruleset", "landlock_add_rule", "landlock_restrict_self"))
         worker = self.start_worker("lumifold-worker-2", seccomp=refused)
-        self.assertRegex(worker.log.read_text(), r'event=fence_lacks what="landlock')
+        self.assertRegex(worker.log.read_text(), r'event=sandbox_lacks what="landlock')
         self.assertEqual(worker.stop(), 0)
 
 

@@ -335,8 +335,8 @@ class WorkerMetricsTest(Conventions, unittest.TestCase):
                             and found["lumifold_worker_units_in_hand"] == 0)
         self.assertEqual(back["lumifold_worker_connections_total"], 2)
 
-    def test_the_fence_is_up(self):
-        self.assertRegex(self.worker.log_text(), r'event=fence up="[^"]*system calls')
+    def test_the_sandbox_is_up(self):
+        self.assertRegex(self.worker.log_text(), r'event=sandbox up="[^"]*system calls')
         self.assertRegex(ask(self.address, b"GET / HTTP/1.1\r\n\r\n"), rb"^HTTP/1\.1 404 ")
 
 

@@ -29,10 +29,10 @@ TEST(ParseLine, TakesEventFieldsAndFreeText) {
 }
 
 TEST(ParseLine, TakesWhatIsNoFieldAsText) {
-  const Line line = ParseLine("--no-fence: =x a-b=c  1 = 2 ");
+  const Line line = ParseLine("--no-sandbox: =x a-b=c  1 = 2 ");
   EXPECT_EQ(line.event, "");
   EXPECT_THAT(line.fields, IsEmpty());
-  EXPECT_EQ(line.text, "--no-fence: =x a-b=c 1 = 2");
+  EXPECT_EQ(line.text, "--no-sandbox: =x a-b=c 1 = 2");
 }
 
 TEST(ParseLine, EndsAQuoteThatIsMissingWithTheLine) {

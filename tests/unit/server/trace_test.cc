@@ -124,7 +124,7 @@ TEST_F(TraceTest, ARepeatedSubmissionMayComeUnderAnotherTrace) {
 TEST_F(TraceTest, TheLinesOfAFailingWorkerAreInTheLogOfTheJob) {
   const std::string job = SubmitUnder(kParent);
   const auto worker =
-      FailingWorker({"event=unit_failed job=JOB tile=1 error=\"no memory\"", "event=fence up=\"all\""});
+      FailingWorker({"event=unit_failed job=JOB tile=1 error=\"no memory\"", "event=sandbox up=\"all\""});
   WaitForEnd(job);
   const std::vector<v1::LogEvent> log = Log(job);
   EXPECT_THAT(Texts(log, true), testing::ElementsAre(HasSubstr("tile=1 error=\"no memory\"")));

@@ -2,7 +2,7 @@
 
 #include "absl/status/status.h"
 
-namespace lumifold::fence {
+namespace lumifold::sandbox {
 
 /// What a process may do with sockets. No process may make one listen.
 struct SocketRules {
@@ -18,4 +18,4 @@ struct SocketRules {
 /// Errors: kUnimplemented where kernel or processor lack it; those of the system.
 absl::Status FilterSystemCalls(const SocketRules& sockets);
 
-}  // namespace lumifold::fence
+}  // namespace lumifold::sandbox

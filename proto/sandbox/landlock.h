@@ -6,7 +6,7 @@
 
 #include "absl/status/statusor.h"
 
-namespace lumifold::fence {
+namespace lumifold::sandbox {
 
 /// Rules of Landlock (landlock(7)). Paths that do not exist are left out.
 struct LandlockRules {
@@ -42,4 +42,4 @@ class Landlock {
   bool has_ports_;
 };
 
-}  // namespace lumifold::fence
+}  // namespace lumifold::sandbox

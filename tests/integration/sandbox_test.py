@@ -1,4 +1,4 @@
-"""A worker inside its fence renders what one without a fence renders, and the kernel says that the fence is up."""
+"""A worker inside its sandbox renders what one without a sandbox renders, and the kernel says that the sandbox is up."""
 
 import os
 import pathlib
@@ -16,7 +16,7 @@ def status_of(process):
     return dict(line.split(":\t", 1) for line in lines if ":\t" in line)
 
 
-class FenceTest(unittest.TestCase):
+class SandboxTest(unittest.TestCase):
     def render(self, farm, scene, name):
         job = farm.client("submit", scene, *SETTINGS).stdout.strip()
         farm.client("wait", job)
@@ -24,24 +24,24 @@ class FenceTest(unittest.TestCase):
         farm.client("download", job, "-o", result)
         return result.read_bytes()
 
-    def test_the_same_bits_with_and_without_a_fence(self):
+    def test_the_same_bits_with_and_without_a_sandbox(self):
         with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             scene = make_scene("cornell-box", pathlib.Path(folder))
-            fenced = farm.start_worker(threads=2)
+            sandboxed = farm.start_worker(threads=2)
             inside = self.render(farm, scene, "inside")
-            status = status_of(fenced)
-            self.assertIn("event=fence up=", fenced.log_text())
+            status = status_of(sandboxed)
+            self.assertIn("event=sandbox up=", sandboxed.log_text())
             self.assertEqual(status["NoNewPrivs"], "1")
             self.assertEqual(status["Seccomp"], "2")
             self.assertEqual(int(status["CapEff"], 16), 0)
             if os.geteuid() == 0:
                 self.assertNotIn("0", status["Uid"].split())
                 self.assertEqual(status["Groups"].strip(), "")
-            self.assertEqual(fenced.stop(), 0)
+            self.assertEqual(sandboxed.stop(), 0)
 
-            free = farm.start_worker("--no-fence", threads=2)
+            free = farm.start_worker("--no-sandbox", threads=2)
             outside = self.render(farm, scene, "outside")
-            self.assertIn("[warning] event=no_fence", free.log_text())
+            self.assertIn("[warning] event=no_sandbox", free.log_text())
             self.assertEqual(status_of(free)["NoNewPrivs"], "0")
             self.assertEqual(inside, outside)
 
@@ -49,7 +49,7 @@ class FenceTest(unittest.TestCase):
             run("lumifold", "render", scene, *SETTINGS, "-o", one_process)
             self.assertEqual(inside, one_process.read_bytes())
 
-    def test_a_fenced_worker_finds_its_coordinator_by_name_and_again_after_a_restart(self):
+    def test_a_sandboxed_worker_finds_its_coordinator_by_name_and_again_after_a_restart(self):
         with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as data, Farm(data) as farm:
             scene = make_scene("cornell-box", pathlib.Path(folder))
             address = farm.address
@@ -77,7 +77,7 @@ class FenceTest(unittest.TestCase):
         if os.geteuid() != 0:
             self.skipTest("only root can become another user")
         done = run("lumifold-worker", "--user", "no-such-user", check=False)
-        self.assertEqual((done.returncode, done.stderr), (1, "lumifold-worker: fence: no user 'no-such-user'\n"))
+        self.assertEqual((done.returncode, done.stderr), (1, "lumifold-worker: sandbox: no user 'no-such-user'\n"))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-#include "worker/fence/fence.h"
+#include "proto/sandbox/sandbox.h"
 
 #include <grp.h>
 #include <linux/capability.h>
@@ -20,8 +20,8 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "worker/fence/landlock.h"
-#include "worker/fence/system_call_filter.h"
+#include "proto/sandbox/landlock.h"
+#include "proto/sandbox/system_call_filter.h"
 
 #if defined(__SANITIZE_ADDRESS__)
 #define LUMIFOLD_ADDRESS_SANITIZER 1
@@ -31,17 +31,17 @@
 #endif
 #endif
 
-namespace lumifold::fence {
+namespace lumifold::sandbox {
 namespace {
 
 #ifdef LUMIFOLD_ADDRESS_SANITIZER
 constexpr bool kReservesAddresses = true;
-bool is_fenced = false;  // LeakSanitizer asks for it
+bool is_sandboxed = false;  // LeakSanitizer asks for it
 #else
 constexpr bool kReservesAddresses = false;
 #endif
 
-/// Folders of the system that a fenced process reads: libraries that are loaded late, certificates, name resolution
+/// Folders of the system that a sandboxed process reads: libraries that are loaded late, certificates, name resolution
 /// (/etc/resolv.conf is often a link into /run), what TBB asks about processors and limits of memory.
 constexpr const char* kSystemFolders[] = {
     "/usr",
@@ -76,17 +76,17 @@ constexpr const char* kFilesOfEtc[] = {
 
 absl::Status SystemError(absl::string_view what) {
   const int error = errno;
-  return {absl::ErrnoToStatusCode(error), absl::StrCat("fence: ", what, ": ", std::strerror(error))};
+  return {absl::ErrnoToStatusCode(error), absl::StrCat("sandbox: ", what, ": ", std::strerror(error))};
 }
 
 absl::Status CheckIsSingleThread() {
   std::error_code error;
   std::filesystem::directory_iterator entry("/proc/self/task", error), end;
-  if (error) return absl::FailedPreconditionError("fence: /proc is not mounted");
+  if (error) return absl::FailedPreconditionError("sandbox: /proc is not mounted");
   const auto threads = std::distance(entry, end);
   if (threads == 1) return absl::OkStatus();
-  return absl::FailedPreconditionError(absl::StrCat("fence: the process has ", threads,
-                                                    " threads; only those that start later would be fenced"));
+  return absl::FailedPreconditionError(absl::StrCat(
+      "sandbox: the process has ", threads, " threads; only those that start later would be sandboxed"));
 }
 
 absl::Status Limit(__rlimit_resource resource, const char* name, uint64_t value) {
@@ -98,7 +98,7 @@ absl::Status Limit(__rlimit_resource resource, const char* name, uint64_t value)
   return absl::OkStatus();
 }
 
-absl::Status LimitResources(const FenceOptions& options, FenceReport* report) {
+absl::Status LimitResources(const SandboxOptions& options, SandboxReport* report) {
   if (absl::Status status = Limit(RLIMIT_CORE, "core dumps", 0); !status.ok()) return status;
   if (prctl(PR_SET_DUMPABLE, 0) != 0) return SystemError("core dumps");
   report->up.emplace_back("no core dumps");
@@ -130,11 +130,12 @@ struct User {
 absl::StatusOr<User> FindUser(const std::string& name) {
   errno = 0;
   const passwd* entry = getpwnam(name.c_str());  // one thread runs
-  if (entry == nullptr) return absl::NotFoundError(absl::StrCat("fence: no user '", name, "'"));
+  if (entry == nullptr) return absl::NotFoundError(absl::StrCat("sandbox: no user '", name, "'"));
   return User{entry->pw_uid, entry->pw_gid};
 }
 
-absl::Status BecomeUser(const FenceOptions& options, const std::optional<User>& user, FenceReport* report) {
+absl::Status BecomeUser(const SandboxOptions& options, const std::optional<User>& user,
+                        SandboxReport* report) {
   if (!user.has_value()) {
     report->up.push_back(absl::StrCat("user ", getuid()));
     return absl::OkStatus();
@@ -147,7 +148,7 @@ absl::Status BecomeUser(const FenceOptions& options, const std::optional<User>& 
   return absl::OkStatus();
 }
 
-absl::Status DropCapabilities(bool keep_file_access, FenceReport* report) {
+absl::Status DropCapabilities(bool keep_file_access, SandboxReport* report) {
   __user_cap_header_struct header = {.version = _LINUX_CAPABILITY_VERSION_3, .pid = 0};
   std::array<__user_cap_data_struct, _LINUX_CAPABILITY_U32S_3> sets = {};
   if (syscall(SYS_capget, &header, sets.data()) != 0) return SystemError("capabilities");
@@ -161,7 +162,7 @@ absl::Status DropCapabilities(bool keep_file_access, FenceReport* report) {
   return absl::OkStatus();
 }
 
-LandlockRules RulesOf(const FenceOptions& options, bool stays_root) {
+LandlockRules RulesOf(const SandboxOptions& options, bool stays_root) {
   LandlockRules rules = {options.readable, options.writable, options.connect_ports};
   for (const char* folder : kSystemFolders) rules.readable.emplace_back(folder);
   if (stays_root) {
@@ -173,7 +174,7 @@ LandlockRules RulesOf(const FenceOptions& options, bool stays_root) {
   return rules;
 }
 
-absl::Status FilterCalls(const FenceOptions& options, FenceReport* report) {
+absl::Status FilterCalls(const SandboxOptions& options, SandboxReport* report) {
   absl::Status status = FilterSystemCalls({.network = options.network, .accepts = options.accepts});
   if (status.ok()) report->up.emplace_back(options.network ? "system calls" : "system calls, no network");
   if (!absl::IsUnimplemented(status)) return status;
@@ -193,8 +194,8 @@ std::optional<uint64_t> MemoryOfControlGroup() {
 
 }  // namespace
 
-absl::StatusOr<FenceReport> EnterFence(const FenceOptions& options) {
-  FenceReport report;
+absl::StatusOr<SandboxReport> EnterSandbox(const SandboxOptions& options) {
+  SandboxReport report;
   if (absl::Status status = CheckIsSingleThread(); !status.ok()) return status;
   std::optional<User> user;
   if (geteuid() == 0 && !options.user.empty()) {
@@ -221,7 +222,7 @@ absl::StatusOr<FenceReport> EnterFence(const FenceOptions& options) {
   }
   if (absl::Status status = FilterCalls(options, &report); !status.ok()) return status;
 #ifdef LUMIFOLD_ADDRESS_SANITIZER
-  is_fenced = true;
+  is_sandboxed = true;
 #endif
   return report;
 }
@@ -245,9 +246,9 @@ absl::Status YieldToOthers(int niceness) {
 
 std::string DefaultUser() { return getpwnam("lumifold") != nullptr ? "lumifold" : "nobody"; }
 
-}  // namespace lumifold::fence
+}  // namespace lumifold::sandbox
 
 #ifdef LUMIFOLD_ADDRESS_SANITIZER
-/// LeakSanitizer stops all threads from a process that it starts, which the fence refuses.
-extern "C" int __lsan_is_turned_off() { return lumifold::fence::is_fenced ? 1 : 0; }
+/// LeakSanitizer stops all threads from a process that it starts, which the sandbox refuses.
+extern "C" int __lsan_is_turned_off() { return lumifold::sandbox::is_sandboxed ? 1 : 0; }
 #endif

@@ -1,4 +1,4 @@
-#include "worker/fence/fence.h"
+#include "proto/sandbox/sandbox.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>
@@ -29,9 +29,9 @@
 #include <thread>
 #include <vector>
 
-#include "worker/fence/landlock.h"
+#include "proto/sandbox/landlock.h"
 
-namespace lumifold::fence {
+namespace lumifold::sandbox {
 namespace {
 
 namespace fs = std::filesystem;
@@ -43,13 +43,13 @@ using Attempt = std::function<int()>;
 
 int ErrorOf(long result) { return result >= 0 ? 0 : errno; }
 
-constexpr int kNoFence = 200;
+constexpr int kNoSandbox = 200;
 
-/// The result of an attempt in a process of its own, inside the fence or, without options, outside.
-int Try(const FenceOptions* options, const Attempt& attempt) {
+/// The result of an attempt in a process of its own, inside the sandbox or, without options, outside.
+int Try(const SandboxOptions* options, const Attempt& attempt) {
   const pid_t child = fork();
   if (child == 0) {
-    if (options != nullptr && !EnterFence(*options).ok()) _exit(kNoFence);
+    if (options != nullptr && !EnterSandbox(*options).ok()) _exit(kNoSandbox);
     _exit(attempt());
   }
   int status = 0;
@@ -105,44 +105,44 @@ class Listener {
   uint16_t port_ = 0;
 };
 
-class FenceTest : public testing::Test {
+class SandboxTest : public testing::Test {
  protected:
-  FenceTest() {
-    std::string name = (fs::temp_directory_path() / "lumifold-fence-XXXXXX").string();
+  SandboxTest() {
+    std::string name = (fs::temp_directory_path() / "lumifold-sandbox-XXXXXX").string();
     EXPECT_NE(mkdtemp(name.data()), nullptr);
     root_ = name;
     for (const char* folder : {"own", "other"}) {
       fs::create_directory(root_ / folder);
       std::ofstream(root_ / folder / "file") << "content";
     }
-    // So that the user that the fence makes us may do there what the fence does not refuse.
+    // So that the user that the sandbox makes us may do there what the sandbox does not refuse.
     fs::permissions(root_, fs::perms::all);
     for (const auto& entry : fs::recursive_directory_iterator(root_)) fs::permissions(entry, fs::perms::all);
   }
-  ~FenceTest() override { fs::remove_all(root_); }
+  ~SandboxTest() override { fs::remove_all(root_); }
 
   std::string Own(const std::string& name) const { return (root_ / "own" / name).string(); }
   std::string Other(const std::string& name) const { return (root_ / "other" / name).string(); }
-  FenceOptions Options() const { return {.writable = {Own("")}, .network = true}; }
+  SandboxOptions Options() const { return {.writable = {Own("")}, .network = true}; }
 
-  /// Succeeds outside the fence, and fails inside it with `error`.
+  /// Succeeds outside the sandbox, and fails inside it with `error`.
   void ExpectRefused(const char* name, const Attempt& attempt, int error) const {
     ExpectRefused(name, attempt, error, Options());
   }
   static void ExpectRefused(const char* name, const Attempt& attempt, int error,
-                            const FenceOptions& options) {
+                            const SandboxOptions& options) {
     EXPECT_EQ(Try(&options, attempt), error) << name << " inside";
     EXPECT_EQ(Try(nullptr, attempt), 0) << name << " outside";
   }
   void ExpectAllowed(const char* name, const Attempt& attempt) const {
-    const FenceOptions options = Options();
+    const SandboxOptions options = Options();
     EXPECT_EQ(Try(&options, attempt), 0) << name;
   }
 
   fs::path root_;
 };
 
-TEST_F(FenceTest, RefusesProgramsProcessesAndTracing) {
+TEST_F(SandboxTest, RefusesProgramsProcessesAndTracing) {
   ExpectRefused("execve", [] { return ErrorOf(execl("/bin/true", "true", nullptr)); }, EPERM);
   ExpectRefused(
       "fork",
@@ -156,12 +156,12 @@ TEST_F(FenceTest, RefusesProgramsProcessesAndTracing) {
   ExpectRefused("ptrace", [] { return ErrorOf(ptrace(PTRACE_TRACEME, 0, nullptr, nullptr)); }, EPERM);
   ExpectRefused("a signal to another process", [] { return ErrorOf(kill(getppid(), 0)); }, EPERM);
   // A call that the C library replaces by clone; 0 is no valid size of its arguments.
-  const FenceOptions options = Options();
+  const SandboxOptions options = Options();
   EXPECT_EQ(Try(&options, [] { return ErrorOf(syscall(SYS_clone3, nullptr, 0)); }), ENOSYS);
   EXPECT_EQ(Try(nullptr, [] { return ErrorOf(syscall(SYS_clone3, nullptr, 0)); }), EINVAL);
 }
 
-TEST_F(FenceTest, AllowsThreadsAndSignalsToItself) {
+TEST_F(SandboxTest, AllowsThreadsAndSignalsToItself) {
   ExpectAllowed("threads", [] {
     std::atomic<int> runs{0};
     std::thread first([&] { ++runs; });
@@ -171,11 +171,11 @@ TEST_F(FenceTest, AllowsThreadsAndSignalsToItself) {
     return runs == 2 ? 0 : 1;
   });
   ExpectAllowed("a signal to itself", [] { return ErrorOf(kill(getpid(), 0)); });
-  const FenceOptions options = Options();
+  const SandboxOptions options = Options();
   EXPECT_EQ(Try(&options, []() -> int { std::abort(); }), 128 + SIGABRT);
 }
 
-TEST_F(FenceTest, RefusesWhatOnlyRootMayDo) {
+TEST_F(SandboxTest, RefusesWhatOnlyRootMayDo) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root, to be refused something";
   ExpectRefused("mount", [] { return ErrorOf(mount("none", "/proc", "proc", MS_REMOUNT, nullptr)); }, EPERM);
   ExpectRefused("a new namespace", [] { return ErrorOf(unshare(CLONE_NEWUTS)); }, EPERM);
@@ -186,7 +186,7 @@ TEST_F(FenceTest, RefusesWhatOnlyRootMayDo) {
       "a device", [this] { return ErrorOf(mknod(Own("null").c_str(), S_IFCHR | 0600, 0x103)); }, EPERM);
 }
 
-TEST_F(FenceTest, FilesAreThoseOfTheSystemAndItsOwn) {
+TEST_F(SandboxTest, FilesAreThoseOfTheSystemAndItsOwn) {
   ExpectAllowed("its own file", [this] { return OpenAndClose(Own("new"), O_WRONLY | O_CREAT); });
   ExpectAllowed("renaming it",
                 [this] { return ErrorOf(rename(Own("file").c_str(), Own("renamed").c_str())); });
@@ -208,9 +208,9 @@ TEST_F(FenceTest, FilesAreThoseOfTheSystemAndItsOwn) {
   ExpectRefused("removing one", [this] { return ErrorOf(unlink(Other("file").c_str())); }, EACCES);
 }
 
-TEST_F(FenceTest, RootBecomesAnotherUserAndCannotReturn) {
+TEST_F(SandboxTest, RootBecomesAnotherUserAndCannotReturn) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root";
-  FenceOptions options = Options();
+  SandboxOptions options = Options();
   options.user = "nobody";
   const passwd* nobody = getpwnam("nobody");
   ASSERT_NE(nobody, nullptr);
@@ -222,7 +222,7 @@ TEST_F(FenceTest, RootBecomesAnotherUserAndCannotReturn) {
   ExpectRefused("passwords", [] { return OpenAndClose("/etc/shadow", O_RDONLY); }, EACCES, options);
 }
 
-TEST_F(FenceTest, RootThatStaysHasNoSecretsAndNoCapabilities) {
+TEST_F(SandboxTest, RootThatStaysHasNoSecretsAndNoCapabilities) {
   if (geteuid() != 0) GTEST_SKIP() << "needs root";
   ExpectRefused(
       "the file of another user",
@@ -236,12 +236,12 @@ TEST_F(FenceTest, RootThatStaysHasNoSecretsAndNoCapabilities) {
   ExpectRefused(
       "the private file of another user in its folder",
       [this] { return OpenAndClose(Own("file"), O_RDONLY); }, EACCES);
-  FenceOptions options = Options();
+  SandboxOptions options = Options();
   options.keep_file_access = true;
   EXPECT_EQ(Try(&options, [this] { return OpenAndClose(Own("file"), O_RDONLY); }), 0);
 }
 
-TEST_F(FenceTest, NetworkIsForClients) {
+TEST_F(SandboxTest, NetworkIsForClients) {
   const Listener listener;
   ExpectAllowed("connecting", [&] { return Connect(listener.port()); });
   ExpectAllowed("names", [] {
@@ -251,33 +251,33 @@ TEST_F(FenceTest, NetworkIsForClients) {
     return error == 0 ? 0 : 1;
   });
   ExpectRefused("listening", Listen, EPERM);
-  FenceOptions options = Options();
+  SandboxOptions options = Options();
   options.network = false;
   ExpectRefused("sockets", [&] { return Connect(listener.port()); }, EPERM, options);
 }
 
-TEST_F(FenceTest, AcceptsOnSocketsThatListenAlready) {
+TEST_F(SandboxTest, AcceptsOnSocketsThatListenAlready) {
   const Listener listener;
   const Attempt accepting = [&] { return listener.Accept(); };
   ExpectRefused("accepting", accepting, EPERM);
-  FenceOptions options = Options();
+  SandboxOptions options = Options();
   options.accepts = true;
   EXPECT_EQ(Try(&options, accepting), 0);
   ExpectRefused("listening", Listen, EPERM, options);
 }
 
-TEST_F(FenceTest, ConnectsToTheGivenPortsOnly) {
+TEST_F(SandboxTest, ConnectsToTheGivenPortsOnly) {
   if (Landlock::KernelVersion() < 4) GTEST_SKIP() << "this kernel's Landlock has no ports";
   const Listener coordinator;
   const Listener other;
-  FenceOptions options = Options();
+  SandboxOptions options = Options();
   options.connect_ports = {coordinator.port()};
   EXPECT_EQ(Try(&options, [&] { return Connect(coordinator.port()); }), 0);
   ExpectRefused("another port", [&] { return Connect(other.port()); }, EACCES, options);
 }
 
-TEST_F(FenceTest, LimitsOpenFilesTheirSizeAndCoreDumps) {
-  FenceOptions options = Options();
+TEST_F(SandboxTest, LimitsOpenFilesTheirSizeAndCoreDumps) {
+  SandboxOptions options = Options();
   options.open_files = 20;
   options.file_bytes = 1000;
   ExpectRefused(
@@ -305,11 +305,11 @@ TEST_F(FenceTest, LimitsOpenFilesTheirSizeAndCoreDumps) {
             0);
 }
 
-TEST_F(FenceTest, LimitsMemory) {
+TEST_F(SandboxTest, LimitsMemory) {
 #if defined(__SANITIZE_ADDRESS__)
   GTEST_SKIP() << "not under AddressSanitizer";
 #endif
-  FenceOptions options = Options();
+  SandboxOptions options = Options();
   options.memory_bytes = uint64_t{1} << 30;
   ExpectRefused(
       "memory",
@@ -321,12 +321,12 @@ TEST_F(FenceTest, LimitsMemory) {
       ENOMEM, options);
 }
 
-TEST_F(FenceTest, ReportsWhatIsUp) {
-  const FenceOptions options = Options();
+TEST_F(SandboxTest, ReportsWhatIsUp) {
+  const SandboxOptions options = Options();
   EXPECT_EQ(
       Try(nullptr,
           [&] {
-            const absl::StatusOr<FenceReport> report = EnterFence(options);
+            const absl::StatusOr<SandboxReport> report = EnterSandbox(options);
             if (!report.ok()) return 1;
             const bool has_landlock = testing::Matches(Contains(HasSubstr("landlock (files")))(report->up);
             const bool lacks_landlock = testing::Matches(Contains(HasSubstr("landlock")))(report->lacking);
@@ -336,22 +336,22 @@ TEST_F(FenceTest, ReportsWhatIsUp) {
       0);
 }
 
-TEST_F(FenceTest, IsNoFenceForThreadsThatRunAlready) {
+TEST_F(SandboxTest, IsNoSandboxForThreadsThatRunAlready) {
   EXPECT_EQ(Try(nullptr,
                 [] {
                   std::atomic<bool> ended{false};
                   std::thread other([&] {
                     while (!ended) std::this_thread::yield();
                   });
-                  const absl::Status status = EnterFence({}).status();
+                  const absl::Status status = EnterSandbox({}).status();
                   ended = true;
                   other.join();
                   return absl::IsFailedPrecondition(status) ? 0 : 1;
                 }),
             0);
   if (geteuid() == 0) {
-    EXPECT_EQ(EnterFence({.user = "no such user"}).status(),
-              absl::NotFoundError("fence: no user 'no such user'"));
+    EXPECT_EQ(EnterSandbox({.user = "no such user"}).status(),
+              absl::NotFoundError("sandbox: no user 'no such user'"));
   }
 }
 
@@ -361,4 +361,4 @@ TEST(DefaultMemory, IsMoreForMoreThreads) {
 }
 
 }  // namespace
-}  // namespace lumifold::fence
+}  // namespace lumifold::sandbox

@@ -7,10 +7,10 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 
-namespace lumifold::fence {
+namespace lumifold::sandbox {
 
-/// What a process may still do inside the fence. Limits of 0 mean none.
-struct FenceOptions {
+/// What a process may still do inside the sandbox. Limits of 0 mean none.
+struct SandboxOptions {
   /// User to become if the process is root; empty: stay. Capabilities are dropped in any case.
   std::string user = {};
   /// Keep the capability to open files of other users; for a process that stays root and works in their folder.
@@ -25,26 +25,26 @@ struct FenceOptions {
   std::vector<std::string> writable = {};
   /// False: no sockets at all. True: as a client only, never listening.
   bool network = false;
-  /// It may accept connections to sockets that listen already when it enters the fence.
+  /// It may accept connections to sockets that listen already when it enters the sandbox.
   bool accepts = false;
   /// TCP ports to which it may connect; empty: all.
   std::vector<uint16_t> connect_ports = {};
 };
 
-/// What the fence consists of, for the log: each entry a few words.
-struct FenceReport {
+/// What the sandbox consists of, for the log: each entry a few words.
+struct SandboxReport {
   std::vector<std::string> up;
   std::vector<std::string> lacking;  // with the reason, mostly an old kernel
 };
 
-/// Puts this process into a fence that it cannot leave: limits of resources, no core dumps, another user, no
+/// Puts this process into a sandbox that it cannot leave: limits of resources, no core dumps, another user, no
 /// capabilities, no new privileges, files and ports by Landlock, and a seccomp filter against system calls that a
 /// renderer never needs: new programs and processes, tracing, mounts, namespaces, kernel modules, listening sockets,
-/// signals to others. A fence that the kernel lacks is reported, not an error.
-/// Errors: kFailedPrecondition if the process has more than one thread, since a fence holds only for threads that start
+/// signals to others. A sandbox that the kernel lacks is reported, not an error.
+/// Errors: kFailedPrecondition if the process has more than one thread, since a sandbox holds only for threads that start
 /// later; kNotFound for an unknown user; kPermissionDenied and others of the system, naming the step. After an error
-/// the process may be partly fenced: end it.
-absl::StatusOr<FenceReport> EnterFence(const FenceOptions& options);
+/// the process may be partly sandboxed: end it.
+absl::StatusOr<SandboxReport> EnterSandbox(const SandboxOptions& options);
 
 /// Address space for a renderer with so many threads: the memory of this machine or of its control group, whichever is
 /// less, and what threads reserve without using it. A scene that needs more fails to load, instead of making the
@@ -58,4 +58,4 @@ absl::Status YieldToOthers(int niceness);
 /// "lumifold" if this machine has that user, else "nobody".
 std::string DefaultUser();
 
-}  // namespace lumifold::fence
+}  // namespace lumifold::sandbox

@@ -1,4 +1,4 @@
-#include "worker/fence/landlock.h"
+#include "proto/sandbox/landlock.h"
 
 #include <fcntl.h>
 #include <linux/landlock.h>
@@ -12,7 +12,7 @@
 
 #include "absl/strings/str_cat.h"
 
-namespace lumifold::fence {
+namespace lumifold::sandbox {
 namespace {
 
 // Debian's headers are older than the kernels on which this may run, so what came after version 2 is defined here, as
@@ -132,4 +132,4 @@ std::string Landlock::Scope() const {
   return absl::StrCat("files", has_ports_ ? ", ports" : "", version_ >= 6 ? ", signals" : "");
 }
 
-}  // namespace lumifold::fence
+}  // namespace lumifold::sandbox

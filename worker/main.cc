@@ -35,11 +35,11 @@
 #include "proto/service/service_manager.h"
 #include "proto/threads/event.h"
 #include "spdlog/spdlog.h"
-#include "worker/asset_folder.h"
-#include "worker/certificate_renewal.h"
-#include "worker/connection.h"
+#include "worker/cache/asset_folder.h"
+#include "worker/connection/certificate_renewal.h"
+#include "worker/connection/connection.h"
+#include "worker/leases/worker_log.h"
 #include "worker/render/renderer.h"
-#include "worker/worker_log.h"
 
 namespace {
 

@@ -10,7 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/threads/event.h"
 #include "server/server.h"
-#include "worker/connection.h"
+#include "worker/connection/connection.h"
 
 namespace lumifold::local {
 namespace {

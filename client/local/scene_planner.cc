@@ -5,8 +5,8 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "worker/job_plan.h"
-#include "worker/job_scene.h"
+#include "worker/units/job_plan.h"
+#include "worker/units/job_scene.h"
 
 namespace lumifold::local {
 

@@ -16,9 +16,9 @@
 #include "server/job/plan.h"
 #include "server/job/tile_grid.h"
 #include "tests/support/cpu_seconds.h"
-#include "worker/decoded_cache.h"
-#include "worker/job_plan.h"
-#include "worker/unit_messages.h"
+#include "worker/units/decoded_cache.h"
+#include "worker/units/job_plan.h"
+#include "worker/units/unit_messages.h"
 
 namespace lumifold::charts {
 namespace {

@@ -7,7 +7,7 @@
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
 #include "lumifold/v1/job.pb.h"
-#include "worker/job_scene.h"
+#include "worker/units/job_scene.h"
 
 namespace lumifold::charts {
 

@@ -7,8 +7,8 @@
 #include "spdlog/spdlog.h"
 #include "tests/fuzz/fuzz_target.h"
 #include "tests/unit/worker/fake_assets.h"
-#include "worker/unit_renderer.h"
-#include "worker/worker_impl.h"
+#include "worker/leases/lease_runner.h"
+#include "worker/units/unit_renderer.h"
 
 namespace lumifold::fuzz {
 namespace {
@@ -117,7 +117,7 @@ void TryWorker(std::string_view bytes) {
   worker::SpecCache specs(&one_spec);
   worker::FakeAssets assets{absl::NotFoundError("no such asset")};
   worker::UnitRenderer renderer(&assets);
-  worker::WorkerImpl worker(1, &specs, &renderer, worker::SilentLog());
+  worker::LeaseRunner worker(1, &specs, &renderer, worker::SilentLog());
   for (const bool is_first : {true, false}) {  // the second connection finds what the first has left
     worker.OnConnected(std::make_shared<Deaf>());
     for (size_t i = 1; i < pieces.size(); ++i) {

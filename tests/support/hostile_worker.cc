@@ -30,11 +30,11 @@
 #include "proto/rpc/credentials.h"
 #include "proto/rpc/image_codec.h"
 #include "proto/rpc/version.h"
-#include "worker/asset_cache.h"
-#include "worker/remote_sources.h"
+#include "worker/cache/asset_cache.h"
+#include "worker/cache/spec_cache.h"
+#include "worker/connection/remote_sources.h"
 #include "worker/render/renderer.h"
-#include "worker/spec_cache.h"
-#include "worker/unit_renderer.h"
+#include "worker/units/unit_renderer.h"
 
 namespace lumifold {
 namespace {

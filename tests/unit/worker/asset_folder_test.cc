@@ -1,4 +1,4 @@
-#include "worker/asset_folder.h"
+#include "worker/cache/asset_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "worker/content_cache.h"
+#include "worker/cache/content_cache.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "worker/decoded_cache.h"
+#include "worker/units/decoded_cache.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -5,7 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
-#include "worker/asset_source.h"
+#include "worker/cache/asset_source.h"
 
 namespace lumifold::worker {
 

@@ -7,7 +7,7 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
-#include "worker/spec_cache.h"
+#include "worker/cache/spec_cache.h"
 
 namespace lumifold::worker {
 

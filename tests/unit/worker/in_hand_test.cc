@@ -136,9 +136,9 @@ TEST_F(InHandTest, WhatNobodyWantsIsDropped) {
   v1::CoordinatorMessage voided;
   *voided.mutable_void_leases()->add_leases() = Grant(1).grant().leases(0);
   for (const auto& drop :
-       std::vector<std::function<void(WorkerImpl*)>>{[&](WorkerImpl* worker) { worker->OnMessage(ended); },
-                                                     [&](WorkerImpl* worker) { worker->OnMessage(voided); },
-                                                     [&](WorkerImpl* worker) { worker->DropInHand(); }}) {
+       std::vector<std::function<void(LeaseRunner*)>>{[&](LeaseRunner* worker) { worker->OnMessage(ended); },
+                                                      [&](LeaseRunner* worker) { worker->OnMessage(voided); },
+                                                      [&](LeaseRunner* worker) { worker->DropInHand(); }}) {
     Rig rig;
     rig.assets.SetOpen(false);
     rig.worker->OnMessage(Grant(1));

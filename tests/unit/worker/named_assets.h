@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "worker/asset_source.h"
+#include "worker/cache/asset_source.h"
 
 namespace lumifold::worker {
 

@@ -1,4 +1,4 @@
-#include "worker/route.h"
+#include "worker/connection/route.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "worker/thread_account.h"
+#include "worker/leases/thread_account.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

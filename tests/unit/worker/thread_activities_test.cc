@@ -1,4 +1,4 @@
-#include "worker/thread_activities.h"
+#include "worker/leases/thread_activities.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "worker/unit_renderer.h"
+#include "worker/units/unit_renderer.h"
 
 #include <gtest/gtest.h>
 

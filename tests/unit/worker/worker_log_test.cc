@@ -1,4 +1,4 @@
-#include "worker/worker_log.h"
+#include "worker/leases/worker_log.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -63,7 +63,7 @@ TEST(LogTail, KeepsTheLastLinesAndCutsLongOnes) {
   EXPECT_THAT(lines.back().text(), testing::EndsWith("bytes left out)"));
 }
 
-TEST(WorkerImpl, SendsItsLogWithAFailureAndNamesTheTraceOfTheJob) {
+TEST(LeaseRunner, SendsItsLogWithAFailureAndNamesTheTraceOfTheJob) {
   const WorkerLog log = Log(spdlog::level::info);
   Rig rig(std::string("this is no scene"), Spec(), 1, log);
   log.log->info("event=before");
@@ -78,7 +78,7 @@ TEST(WorkerImpl, SendsItsLogWithAFailureAndNamesTheTraceOfTheJob) {
   EXPECT_THAT(Texts(rig.worker->MakeHeartbeat().log()), ElementsAre("info event=after"));
 }
 
-TEST(WorkerImpl, TakesNoTraceThatIsNone) {
+TEST(LeaseRunner, TakesNoTraceThatIsNone) {
   const WorkerLog log = Log(spdlog::level::info);
   Rig rig(std::string("this is no scene"), Spec(), 1, log);
   v1::CoordinatorMessage grant = Grant(1);

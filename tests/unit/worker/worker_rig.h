@@ -10,7 +10,7 @@
 #include "spdlog/spdlog.h"
 #include "tests/unit/worker/fake_assets.h"
 #include "tests/unit/worker/fake_specs.h"
-#include "worker/worker_impl.h"
+#include "worker/leases/lease_runner.h"
 
 namespace lumifold::worker {
 
@@ -92,7 +92,7 @@ struct Rig {
                const absl::StatusOr<v1::JobSpec>& spec = Spec(), int threads = 1,
                WorkerLog log = {.log = Silent()})
       : assets(scene), source(spec) {
-    worker = std::make_unique<WorkerImpl>(threads, &specs, &renderer, std::move(log));
+    worker = std::make_unique<LeaseRunner>(threads, &specs, &renderer, std::move(log));
     worker->OnConnected(outbox);
   }
 
@@ -101,7 +101,7 @@ struct Rig {
   FakeSpecs source;
   SpecCache specs{&source};
   const std::shared_ptr<FakeOutbox> outbox = std::make_shared<FakeOutbox>();
-  std::unique_ptr<WorkerImpl> worker;
+  std::unique_ptr<LeaseRunner> worker;
 };
 
 }  // namespace lumifold::worker

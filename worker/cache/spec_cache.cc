@@ -1,4 +1,4 @@
-#include "worker/spec_cache.h"
+#include "worker/cache/spec_cache.h"
 
 #include <utility>
 

@@ -1,4 +1,4 @@
-#include "worker/unit_messages.h"
+#include "worker/units/unit_messages.h"
 
 #include <utility>
 

@@ -1,4 +1,4 @@
-#include "worker/unit_renderer.h"
+#include "worker/units/unit_renderer.h"
 
 #include <algorithm>
 #include <optional>
@@ -12,7 +12,7 @@
 #include "proto/rpc/limits.h"
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/rect_codec.h"
-#include "worker/job_plan.h"
+#include "worker/units/job_plan.h"
 
 namespace lumifold::worker {
 namespace {

@@ -14,12 +14,12 @@
 #include "absl/synchronization/mutex.h"
 #include "absl/time/time.h"
 #include "lumifold/v1/worker.pb.h"
+#include "worker/cache/spec_cache.h"
+#include "worker/leases/thread_account.h"
+#include "worker/leases/thread_activities.h"
+#include "worker/leases/worker_log.h"
 #include "worker/metrics/worker_figures.h"
-#include "worker/spec_cache.h"
-#include "worker/thread_account.h"
-#include "worker/thread_activities.h"
-#include "worker/unit_renderer.h"
-#include "worker/worker_log.h"
+#include "worker/units/unit_renderer.h"
 
 namespace spdlog {
 class logger;
@@ -50,12 +50,12 @@ class Outbox {
 /// lost by it. It moves to another coordinator in the same steps, but the coordinator grants nothing after v1::Move, and
 /// units in hand stay. One that moves at once does not wait: what its threads have taken becomes units in hand.
 /// Threads: all calls are safe concurrently.
-class WorkerImpl {
+class LeaseRunner {
  public:
   /// `specs` and `renderer` must outlive it. threads >= 1.
-  WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log);
+  LeaseRunner(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log);
   /// Waits for its threads, which end at the next row of pixels or file of a scene.
-  ~WorkerImpl();
+  ~LeaseRunner();
 
   /// Number of leases to hold: for each thread one that is being rendered and one that waits, so that no
   /// thread is idle during a round trip.

@@ -1,4 +1,4 @@
-#include "worker/worker_log.h"
+#include "worker/leases/worker_log.h"
 
 #include <spdlog/logger.h>
 

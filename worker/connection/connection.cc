@@ -1,4 +1,4 @@
-#include "worker/connection.h"
+#include "worker/connection/connection.h"
 
 #include <grpcpp/grpcpp.h>
 
@@ -23,16 +23,16 @@
 #include "proto/rpc/version.h"
 #include "proto/threads/event.h"
 #include "spdlog/spdlog.h"
-#include "worker/asset_cache.h"
-#include "worker/asset_folder.h"
-#include "worker/counted_assets.h"
+#include "worker/cache/asset_cache.h"
+#include "worker/cache/asset_folder.h"
+#include "worker/cache/counted_assets.h"
+#include "worker/cache/spec_cache.h"
+#include "worker/connection/remote_sources.h"
+#include "worker/connection/route.h"
+#include "worker/leases/lease_runner.h"
 #include "worker/metrics/worker_figures.h"
-#include "worker/remote_sources.h"
 #include "worker/render/renderer.h"
-#include "worker/route.h"
-#include "worker/spec_cache.h"
-#include "worker/unit_renderer.h"
-#include "worker/worker_impl.h"
+#include "worker/units/unit_renderer.h"
 
 namespace lumifold::worker {
 namespace {
@@ -61,7 +61,7 @@ constexpr size_t kMaxInHandBytes = size_t{2} << 20;
 class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
                      public Outbox {
  public:
-  Stream(std::shared_ptr<grpc::Channel> channel, WorkerImpl* worker, CurrentCoordinator* current,
+  Stream(std::shared_ptr<grpc::Channel> channel, LeaseRunner* worker, CurrentCoordinator* current,
          const WorkerOptions* options)
       : worker_(worker),
         current_(current),
@@ -155,7 +155,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
     StartWritesDone();
   }
 
-  WorkerImpl* worker_;
+  LeaseRunner* worker_;
   CurrentCoordinator* current_;
   const WorkerOptions& options_;
   const std::shared_ptr<grpc::Channel> channel_;
@@ -173,7 +173,7 @@ class Stream final : public grpc::ClientBidiReactor<v1::WorkerMessage, v1::Coord
   std::deque<v1::WorkerMessage> outgoing_ ABSL_GUARDED_BY(mutex_);  // the front is being written
 };
 
-v1::WorkerMessage MakeHello(const WorkerOptions& options, const WorkerImpl& worker) {
+v1::WorkerMessage MakeHello(const WorkerOptions& options, const LeaseRunner& worker) {
   v1::WorkerMessage message;
   v1::Hello* hello = message.mutable_hello();
   hello->set_name(options.name);
@@ -196,7 +196,8 @@ constexpr char kIdle[] = "idle";
 /// Whether and why the worker shall leave.
 class LeaveTrigger {
  public:
-  LeaveTrigger(const WorkerOptions& options, const WorkerImpl& worker) : options_(options), worker_(worker) {}
+  LeaveTrigger(const WorkerOptions& options, const LeaseRunner& worker)
+      : options_(options), worker_(worker) {}
 
   /// Of v1::Leaving; empty while the worker shall stay.
   std::string Reason() const {
@@ -206,13 +207,13 @@ class LeaveTrigger {
 
  private:
   const WorkerOptions& options_;
-  const WorkerImpl& worker_;
+  const LeaseRunner& worker_;
 };
 
 /// One stream, from Hello to its end.
 class Connection {
  public:
-  Connection(std::shared_ptr<grpc::Channel> channel, const WorkerOptions& options, WorkerImpl& worker,
+  Connection(std::shared_ptr<grpc::Channel> channel, const WorkerOptions& options, LeaseRunner& worker,
              CurrentCoordinator& current)
       : options_(options),
         worker_(worker),
@@ -281,7 +282,7 @@ class Connection {
   }
 
   const WorkerOptions& options_;
-  WorkerImpl& worker_;
+  LeaseRunner& worker_;
   CurrentCoordinator& current_;
   const std::shared_ptr<Stream> stream_;
   const absl::Time start_ = rpc::MonotonicNow();
@@ -341,7 +342,7 @@ class Refusals {
 /// Connects a worker to one coordinator after the other.
 class Journey {
  public:
-  Journey(const Coordinators* coordinators, const WorkerOptions& options, WorkerImpl& worker,
+  Journey(const Coordinators* coordinators, const WorkerOptions& options, LeaseRunner& worker,
           CurrentCoordinator& current, const threads::Event& stop)
       : options_(options),
         worker_(worker),
@@ -399,7 +400,7 @@ class Journey {
   }
 
   const WorkerOptions& options_;
-  WorkerImpl& worker_;
+  LeaseRunner& worker_;
   CurrentCoordinator& current_;
   const threads::Event& stop_;
   const LeaveTrigger trigger_;
@@ -460,7 +461,7 @@ class Worker {
   UnitRenderer renderer_{&cache_};
   const std::unique_ptr<SpecSource> spec_source_;
   SpecCache specs_{spec_source_.get()};
-  WorkerImpl impl_;
+  LeaseRunner impl_;
 };
 
 }  // namespace

@@ -10,9 +10,9 @@
 #include "absl/status/statusor.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/scene.pb.h"
-#include "worker/decoded_cache.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/scene.h"
+#include "worker/units/decoded_cache.h"
 
 namespace lumifold::worker {
 

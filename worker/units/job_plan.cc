@@ -1,4 +1,4 @@
-#include "worker/job_plan.h"
+#include "worker/units/job_plan.h"
 
 #include <string>
 

@@ -1,4 +1,4 @@
-#include "worker/asset_cache.h"
+#include "worker/cache/asset_cache.h"
 
 #include <memory>
 #include <utility>

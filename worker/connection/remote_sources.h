@@ -8,8 +8,8 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/synchronization/mutex.h"
 #include "proto/logging/job_labels.h"
-#include "worker/asset_source.h"
-#include "worker/spec_cache.h"
+#include "worker/cache/asset_source.h"
+#include "worker/cache/spec_cache.h"
 
 namespace grpc {
 class Channel;

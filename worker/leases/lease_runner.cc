@@ -1,4 +1,4 @@
-#include "worker/worker_impl.h"
+#include "worker/leases/lease_runner.h"
 
 #include <algorithm>
 #include <limits>
@@ -14,7 +14,7 @@
 #include "proto/rpc/monotonic.h"
 #include "proto/rpc/trace_context.h"
 #include "spdlog/spdlog.h"
-#include "worker/unit_messages.h"
+#include "worker/units/unit_messages.h"
 
 namespace lumifold::worker {
 namespace {
@@ -76,7 +76,7 @@ uint64_t RandomInstance() {
 
 }  // namespace
 
-WorkerImpl::WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log)
+LeaseRunner::LeaseRunner(int threads, SpecCache* specs, UnitRenderer* renderer, WorkerLog log)
     : specs_(specs),
       renderer_(renderer),
       log_(std::move(log.log)),
@@ -89,7 +89,7 @@ WorkerImpl::WorkerImpl(int threads, SpecCache* specs, UnitRenderer* renderer, Wo
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this] { RunThread(); });
 }
 
-WorkerImpl::~WorkerImpl() {
+LeaseRunner::~LeaseRunner() {
   {
     absl::MutexLock lock(&mutex_);
     stopping_ = true;
@@ -101,17 +101,17 @@ WorkerImpl::~WorkerImpl() {
   for (const auto& [job_id, spent] : account_.CloseAll()) LogAccount(job_id, spent);
 }
 
-void WorkerImpl::LogAccount(const std::string& job_id, absl::Duration spent) const {
+void LeaseRunner::LogAccount(const std::string& job_id, absl::Duration spent) const {
   if (spent == absl::ZeroDuration()) return;
   log_->info("event=job_account job={} core_seconds={:.3f}", job_id, absl::ToDoubleSeconds(spent));
 }
 
-void WorkerImpl::OnConnected(std::shared_ptr<Outbox> outbox) {
+void LeaseRunner::OnConnected(std::shared_ptr<Outbox> outbox) {
   absl::MutexLock lock(&mutex_);
   outbox_ = std::move(outbox);
 }
 
-void WorkerImpl::OnDisconnected() {
+void LeaseRunner::OnDisconnected() {
   absl::MutexLock lock(&mutex_);
   outbox_ = nullptr;
   newest_attempt_ = 0;
@@ -131,20 +131,20 @@ void WorkerImpl::OnDisconnected() {
   specs_->Clear();
 }
 
-std::vector<v1::Lease> WorkerImpl::InHand() const {
+std::vector<v1::Lease> LeaseRunner::InHand() const {
   absl::MutexLock lock(&mutex_);
   std::vector<v1::Lease> leases;
   for (const TakenPtr& taken : in_hand_) leases.push_back(taken->lease);
   return leases;
 }
 
-void WorkerImpl::DropInHand() {
+void LeaseRunner::DropInHand() {
   absl::MutexLock lock(&mutex_);
   if (!in_hand_.empty()) log_->info("event=units_dropped units={}", in_hand_.size());
   RemoveInHand([](const v1::Lease&) { return true; });
 }
 
-void WorkerImpl::OnMessage(const v1::CoordinatorMessage& message) {
+void LeaseRunner::OnMessage(const v1::CoordinatorMessage& message) {
   absl::MutexLock lock(&mutex_);
   switch (message.message_case()) {
     case v1::CoordinatorMessage::kGrant:
@@ -167,7 +167,7 @@ void WorkerImpl::OnMessage(const v1::CoordinatorMessage& message) {
   }
 }
 
-void WorkerImpl::OnGrant(const v1::Grant& grant) {
+void LeaseRunner::OnGrant(const v1::Grant& grant) {
   for (const v1::Lease& lease : grant.leases()) {
     if (rpc::IsTraceId(grant.trace_id())) labels_->Set(lease.unit().job_id(), {.trace = grant.trace_id()});
     newest_attempt_ = std::max(newest_attempt_, lease.attempt());
@@ -191,7 +191,7 @@ void WorkerImpl::OnGrant(const v1::Grant& grant) {
   if (leaving_ || move_.has_value()) HandBackWaiting();
 }
 
-WorkerImpl::TakenPtr WorkerImpl::TakeInHand(const v1::Lease& lease) {
+LeaseRunner::TakenPtr LeaseRunner::TakeInHand(const v1::Lease& lease) {
   const auto found = std::find_if(in_hand_.begin(), in_hand_.end(), [&](const TakenPtr& taken) {
     return IsSameUnit(taken->lease.unit(), lease.unit());
   });
@@ -203,13 +203,13 @@ WorkerImpl::TakenPtr WorkerImpl::TakeInHand(const v1::Lease& lease) {
   return nullptr;
 }
 
-void WorkerImpl::Stop(const TakenPtr& taken) {
+void LeaseRunner::Stop(const TakenPtr& taken) {
   past_progress_ += taken->control.progress;
   taken->control.stop = true;
 }
 
 template <typename Condition>
-void WorkerImpl::RemoveInHand(Condition condition) {
+void LeaseRunner::RemoveInHand(Condition condition) {
   std::erase_if(in_hand_, [&](const TakenPtr& taken) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (!condition(taken->lease)) return false;
     Stop(taken);
@@ -218,7 +218,7 @@ void WorkerImpl::RemoveInHand(Condition condition) {
 }
 
 template <typename Condition>
-void WorkerImpl::RemoveHeld(Condition condition) {
+void LeaseRunner::RemoveHeld(Condition condition) {
   const auto is_removed = [&](const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     if (!condition(lease)) return false;
     const auto taken = taken_.find(lease.attempt());
@@ -233,7 +233,7 @@ void WorkerImpl::RemoveHeld(Condition condition) {
 }
 
 template <typename Condition>
-void WorkerImpl::HandBack(Condition condition) {
+void LeaseRunner::HandBack(Condition condition) {
   v1::WorkerMessage message;
   for (const v1::Lease& lease : held_) {
     if (condition(lease)) *message.mutable_hand_back()->add_leases() = lease;
@@ -246,12 +246,12 @@ void WorkerImpl::HandBack(Condition condition) {
   if (outbox_ != nullptr) outbox_->Send(std::move(message));
 }
 
-void WorkerImpl::HandBackWaiting() {
+void LeaseRunner::HandBackWaiting() {
   HandBack([this](const v1::Lease& lease)
                ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return !taken_.contains(lease.attempt()); });
 }
 
-void WorkerImpl::OnAck(const v1::UnitAck& ack) {
+void LeaseRunner::OnAck(const v1::UnitAck& ack) {
   if (!ack.refused().empty()) {
     ++totals_.failures[kRefused];
     log_->error("event=unit_refused {} reason={}", Describe(ack.unit()), logging::Quoted(ack.refused()));
@@ -259,7 +259,7 @@ void WorkerImpl::OnAck(const v1::UnitAck& ack) {
   RemoveHeld([&](const v1::Lease& held) { return IsLease(held, ack.unit(), ack.attempt()); });
 }
 
-void WorkerImpl::OnVoidLeases(const v1::VoidLeases& message) {
+void LeaseRunner::OnVoidLeases(const v1::VoidLeases& message) {
   for (const v1::Lease& lease : message.leases()) {
     log_->info("event=lease_void {}", Describe(lease.unit()));
     const auto is_void = [&](const v1::Lease& own) { return IsLease(own, lease.unit(), lease.attempt()); };
@@ -268,7 +268,7 @@ void WorkerImpl::OnVoidLeases(const v1::VoidLeases& message) {
   }
 }
 
-void WorkerImpl::OnJobEnded(const std::string& job_id) {
+void LeaseRunner::OnJobEnded(const std::string& job_id) {
   const auto has_ended = [&](const v1::Lease& lease) { return lease.unit().job_id() == job_id; };
   RemoveHeld(has_ended);
   RemoveInHand(has_ended);
@@ -277,7 +277,7 @@ void WorkerImpl::OnJobEnded(const std::string& job_id) {
   LogAccount(job_id, account_.Close(job_id));
 }
 
-v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
+v1::Heartbeat LeaseRunner::MakeHeartbeat() const {
   absl::MutexLock lock(&mutex_);
   v1::Heartbeat heartbeat;
   int64_t all = past_progress_;
@@ -294,12 +294,12 @@ v1::Heartbeat WorkerImpl::MakeHeartbeat() const {
   return heartbeat;
 }
 
-void WorkerImpl::Leave(const std::string& reason) {
+void LeaseRunner::Leave(const std::string& reason) {
   absl::MutexLock lock(&mutex_);
   BeginToLeave(reason);
 }
 
-void WorkerImpl::BeginToLeave(const std::string& reason) {
+void LeaseRunner::BeginToLeave(const std::string& reason) {
   if (leaving_) return;
   leaving_ = true;
   log_->info("event=leaving reason={} leases={}", reason, held_.size());
@@ -309,12 +309,12 @@ void WorkerImpl::BeginToLeave(const std::string& reason) {
   HandBackWaiting();
 }
 
-bool WorkerImpl::IsLeaving() const {
+bool LeaseRunner::IsLeaving() const {
   absl::MutexLock lock(&mutex_);
   return leaving_;
 }
 
-void WorkerImpl::OnMove(const v1::Move& move) {
+void LeaseRunner::OnMove(const v1::Move& move) {
   const bool is_new = !move_.has_value() || (move.at_once() && !move_->at_once());
   if (leaving_ || !is_new) return;
   log_->info("event=moving address={} at_once={} leases={}", logging::Quoted(move.address()), move.at_once(),
@@ -323,18 +323,18 @@ void WorkerImpl::OnMove(const v1::Move& move) {
   HandBackWaiting();
 }
 
-bool WorkerImpl::IsMoving() const {
+bool LeaseRunner::IsMoving() const {
   absl::MutexLock lock(&mutex_);
   return move_.has_value();
 }
 
-std::optional<std::string> WorkerImpl::TakeMove() {
+std::optional<std::string> LeaseRunner::TakeMove() {
   absl::MutexLock lock(&mutex_);
   if (!move_.has_value()) return std::nullopt;
   return std::exchange(move_, std::nullopt)->address();
 }
 
-void WorkerImpl::HandBackUnfinished() {
+void LeaseRunner::HandBackUnfinished() {
   absl::MutexLock lock(&mutex_);
   HandBack([this](const v1::Lease& lease) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     const auto taken = taken_.find(lease.attempt());
@@ -342,24 +342,24 @@ void WorkerImpl::HandBackUnfinished() {
   });
 }
 
-bool WorkerImpl::HasLeft() const {
+bool LeaseRunner::HasLeft() const {
   absl::MutexLock lock(&mutex_);
   if (leaving_) return released_ && held_.empty();
   return move_.has_value() && (move_->at_once() || held_.empty());
 }
 
-absl::Time WorkerImpl::IdleSince() const {
+absl::Time LeaseRunner::IdleSince() const {
   absl::MutexLock lock(&mutex_);
   return held_.empty() ? idle_since_ : absl::InfiniteFuture();
 }
 
-void WorkerImpl::RunThread() {
+void LeaseRunner::RunThread() {
   while (true) {
     TakenPtr taken;
     std::string job_id;
     {
       absl::MutexLock lock(&mutex_);
-      mutex_.Await(absl::Condition(this, &WorkerImpl::HasWorkOrStops));
+      mutex_.Await(absl::Condition(this, &LeaseRunner::HasWorkOrStops));
       if (stopping_) return;
       taken = std::move(waiting_.front());
       waiting_.pop_front();
@@ -376,7 +376,7 @@ void WorkerImpl::RunThread() {
   }
 }
 
-void WorkerImpl::Work(const TakenPtr& taken) {
+void LeaseRunner::Work(const TakenPtr& taken) {
   // One turn, unless the connection is lost and the unit gets another lease meanwhile.
   while (const std::optional<v1::Lease> lease = BeginTurn(taken)) {
     const absl::StatusOr<std::shared_ptr<const v1::JobSpec>> spec =
@@ -397,20 +397,20 @@ void WorkerImpl::Work(const TakenPtr& taken) {
   }
 }
 
-std::optional<v1::Lease> WorkerImpl::BeginTurn(const TakenPtr& taken) {
+std::optional<v1::Lease> LeaseRunner::BeginTurn(const TakenPtr& taken) {
   absl::MutexLock lock(&mutex_);
   if (IsCurrent(taken->lease, taken) && !taken->is_delivered) return taken->lease;
   taken->has_thread = false;
   return std::nullopt;
 }
 
-bool WorkerImpl::IsCurrent(const v1::Lease& lease, const TakenPtr& taken) const {
+bool LeaseRunner::IsCurrent(const v1::Lease& lease, const TakenPtr& taken) const {
   const auto found = taken_.find(lease.attempt());
   return found != taken_.end() && found->second == taken;
 }
 
-bool WorkerImpl::MustRender(const v1::Lease& lease, const TakenPtr& taken,
-                            const std::shared_ptr<const v1::JobSpec>& spec) {
+bool LeaseRunner::MustRender(const v1::Lease& lease, const TakenPtr& taken,
+                             const std::shared_ptr<const v1::JobSpec>& spec) {
   absl::MutexLock lock(&mutex_);
   if (!IsCurrent(lease, taken)) return false;
   if (taken->spec != nullptr && taken->spec->SerializeAsString() != spec->SerializeAsString()) {
@@ -422,7 +422,7 @@ bool WorkerImpl::MustRender(const v1::Lease& lease, const TakenPtr& taken,
   return taken->unit == nullptr;
 }
 
-void WorkerImpl::Keep(const TakenPtr& taken, RenderedUnit unit) {
+void LeaseRunner::Keep(const TakenPtr& taken, RenderedUnit unit) {
   absl::MutexLock lock(&mutex_);
   log_->debug("event=unit_rendered {} seconds={:.3f}", Describe(taken->lease.unit()), unit.stats.seconds());
   ++totals_.units_rendered;
@@ -431,7 +431,7 @@ void WorkerImpl::Keep(const TakenPtr& taken, RenderedUnit unit) {
   taken->unit = std::make_shared<const RenderedUnit>(std::move(unit));
 }
 
-void WorkerImpl::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl::Status& failure) {
+void LeaseRunner::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl::Status& failure) {
   absl::MutexLock lock(&mutex_);
   if (!IsCurrent(lease, taken)) {
     if (taken->unit != nullptr) return;  // in hand all the same
@@ -447,12 +447,12 @@ void WorkerImpl::Fail(const v1::Lease& lease, const TakenPtr& taken, const absl:
   RemoveHeld([&](const v1::Lease& held) { return IsLease(held, lease.unit(), lease.attempt()); });
 }
 
-void WorkerImpl::EndJobOf(const v1::Lease& lease, const TakenPtr& taken) {
+void LeaseRunner::EndJobOf(const v1::Lease& lease, const TakenPtr& taken) {
   absl::MutexLock lock(&mutex_);
   if (IsCurrent(lease, taken)) OnJobEnded(lease.unit().job_id());
 }
 
-void WorkerImpl::Deliver(const v1::Lease& lease, const TakenPtr& taken) {
+void LeaseRunner::Deliver(const v1::Lease& lease, const TakenPtr& taken) {
   std::shared_ptr<Outbox> outbox;
   std::shared_ptr<const RenderedUnit> unit;
   {
@@ -474,7 +474,7 @@ void WorkerImpl::Deliver(const v1::Lease& lease, const TakenPtr& taken) {
   totals_.unit_bytes_sent += bytes;
 }
 
-monitoring::WorkerFigures WorkerImpl::Figures() const {
+monitoring::WorkerFigures LeaseRunner::Figures() const {
   const ThreadActivities::Times spent = activities_.Spent(rpc::MonotonicNow());
   absl::MutexLock lock(&mutex_);
   monitoring::WorkerFigures figures = totals_;

@@ -1,4 +1,4 @@
-#include "worker/remote_sources.h"
+#include "worker/connection/remote_sources.h"
 
 #include <grpcpp/grpcpp.h>
 

@@ -14,10 +14,10 @@
 #include "filter/image/edged_image.h"
 #include "lumifold/v1/job.pb.h"
 #include "lumifold/v1/worker.pb.h"
-#include "worker/asset_source.h"
-#include "worker/decoded_cache.h"
-#include "worker/job_scene.h"
+#include "worker/cache/asset_source.h"
 #include "worker/render/renderer.h"
+#include "worker/units/decoded_cache.h"
+#include "worker/units/job_scene.h"
 
 namespace lumifold::worker {
 

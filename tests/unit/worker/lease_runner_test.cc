@@ -1,4 +1,4 @@
-#include "worker/worker_impl.h"
+#include "worker/leases/lease_runner.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@
 #include "proto/rpc/image_codec.h"
 #include "proto/rpc/monotonic.h"
 #include "tests/unit/worker/worker_rig.h"
-#include "worker/unit_messages.h"
+#include "worker/units/unit_messages.h"
 
 namespace lumifold::worker {
 namespace {
@@ -22,7 +22,7 @@ using ::testing::HasSubstr;
 using ::testing::Pair;
 using ::testing::SizeIs;
 
-TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
+TEST(LeaseRunner, DeliversEachLeasedUnitWhole) {
   Rig rig(std::string(kScene), Spec(), 2);
   rig.worker->OnMessage(Grant(3));
   for (const v1::WorkerMessage& message : rig.outbox->Await(3)) {
@@ -37,7 +37,7 @@ TEST(WorkerImpl, DeliversEachLeasedUnitWhole) {
   EXPECT_EQ(rig.source.fetches, 1);
 }
 
-TEST(WorkerImpl, SendsTheEdgesOfATileBeforeItsGeometry) {
+TEST(LeaseRunner, SendsTheEdgesOfATileBeforeItsGeometry) {
   Rig rig;
   v1::CoordinatorMessage grant = Grant(1);
   grant.mutable_grant()->mutable_leases(0)->mutable_unit()->set_kind(v1::UNIT_KIND_GEOMETRY);
@@ -70,7 +70,7 @@ TEST(UnitMessages, TheFragmentsOfAPassComeBeforeItsPixels) {
   EXPECT_TRUE(messages[1].chunk().has_stats());
 }
 
-TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
+TEST(LeaseRunner, HoldsLeasesUntilTheyAreAcknowledged) {
   Rig rig;
   const v1::CoordinatorMessage grant = Grant(2);
   rig.worker->OnMessage(grant);
@@ -82,7 +82,7 @@ TEST(WorkerImpl, HoldsLeasesUntilTheyAreAcknowledged) {
   EXPECT_EQ(rig.worker->MakeHeartbeat().newest_attempt(), 2);
 }
 
-TEST(WorkerImpl, NamesTheLeasesOfAGrantBeforeItBegins) {
+TEST(LeaseRunner, NamesTheLeasesOfAGrantBeforeItBegins) {
   Rig rig;
   rig.assets.SetOpen(false);
   rig.worker->OnMessage(Grant(2));
@@ -94,7 +94,7 @@ TEST(WorkerImpl, NamesTheLeasesOfAGrantBeforeItBegins) {
   rig.assets.SetOpen(true);
 }
 
-TEST(WorkerImpl, CountsLeasesAndUnits) {
+TEST(LeaseRunner, CountsLeasesAndUnits) {
   Rig rig;
   rig.assets.SetOpen(false);
   const v1::CoordinatorMessage grant = Grant(3);
@@ -118,7 +118,7 @@ TEST(WorkerImpl, CountsLeasesAndUnits) {
   EXPECT_EQ(rig.worker->Figures().units_in_hand, 2);
 }
 
-TEST(WorkerImpl, ReportsTheProgressOfItsLeases) {
+TEST(LeaseRunner, ReportsTheProgressOfItsLeases) {
   Rig rig;
   rig.assets.SetOpen(false);
   const v1::CoordinatorMessage grant = Grant(3);
@@ -135,7 +135,7 @@ TEST(WorkerImpl, ReportsTheProgressOfItsLeases) {
   for (const v1::Lease& lease : after.held()) EXPECT_GE(lease.progress(), 16) << "rows of the tile";
 }
 
-TEST(WorkerImpl, ALeaseThatWaitsAdvancesWithTheWorker) {
+TEST(LeaseRunner, ALeaseThatWaitsAdvancesWithTheWorker) {
   Rig rig;
   const v1::CoordinatorMessage first = Grant(1, "j");
   rig.worker->OnMessage(first);
@@ -148,7 +148,7 @@ TEST(WorkerImpl, ALeaseThatWaitsAdvancesWithTheWorker) {
   rig.assets.SetOpen(true);
 }
 
-TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
+TEST(LeaseRunner, DropsWhatALostConnectionLeased) {
   FakeAssets assets{std::string(kScene)};
   assets.SetOpen(false);
   UnitRenderer renderer(&assets);
@@ -157,7 +157,7 @@ TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
   const auto lost = std::make_shared<FakeOutbox>();
   const auto next = std::make_shared<FakeOutbox>();
   {
-    WorkerImpl worker(1, &specs, &renderer, SilentLog());
+    LeaseRunner worker(1, &specs, &renderer, SilentLog());
     worker.OnConnected(lost);
     worker.OnMessage(Grant(2));
     assets.AwaitFetches(1);  // the first unit is being rendered
@@ -172,7 +172,7 @@ TEST(WorkerImpl, DropsWhatALostConnectionLeased) {
   EXPECT_EQ(next->size(), 1u);
 }
 
-TEST(WorkerImpl, ForgetsAnEndedJob) {
+TEST(LeaseRunner, ForgetsAnEndedJob) {
   FakeAssets assets{std::string(kScene)};
   assets.SetOpen(false);
   UnitRenderer renderer(&assets);
@@ -180,7 +180,7 @@ TEST(WorkerImpl, ForgetsAnEndedJob) {
   SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
   {
-    WorkerImpl worker(1, &specs, &renderer, SilentLog());
+    LeaseRunner worker(1, &specs, &renderer, SilentLog());
     worker.OnConnected(outbox);
     worker.OnMessage(Grant(4));
     assets.AwaitFetches(1);
@@ -193,14 +193,14 @@ TEST(WorkerImpl, ForgetsAnEndedJob) {
   EXPECT_EQ(outbox->size(), 0u);
 }
 
-TEST(WorkerImpl, DropsTheLeasesOfAJobThatEndedBeforeItsSpecWasFetched) {
+TEST(LeaseRunner, DropsTheLeasesOfAJobThatEndedBeforeItsSpecWasFetched) {
   Rig rig(std::string(kScene), absl::NotFoundError("no active job 'j'"));
   rig.worker->OnMessage(Grant(3));
   while (rig.worker->MakeHeartbeat().held_size() > 0) std::this_thread::yield();
   EXPECT_EQ(rig.outbox->size(), 0u) << "neither a unit nor a failure";
 }
 
-TEST(WorkerImpl, ASpecThatCannotBeFetchedIsNoFaultOfTheJob) {
+TEST(LeaseRunner, ASpecThatCannotBeFetchedIsNoFaultOfTheJob) {
   Rig rig(std::string(kScene), absl::UnavailableError("gone"));
   rig.worker->OnMessage(Grant(1));
   const v1::WorkerMessage message = rig.outbox->Await(1).front();
@@ -214,7 +214,7 @@ v1::CoordinatorMessage Released() {
   return message;
 }
 
-TEST(WorkerImpl, LeavesAfterItsUnitsAreAcknowledgedAndHandsBackThoseThatWait) {
+TEST(LeaseRunner, LeavesAfterItsUnitsAreAcknowledgedAndHandsBackThoseThatWait) {
   Rig rig;
   rig.assets.SetOpen(false);
   const v1::CoordinatorMessage grant = Grant(3);
@@ -242,7 +242,7 @@ TEST(WorkerImpl, LeavesAfterItsUnitsAreAcknowledgedAndHandsBackThoseThatWait) {
   EXPECT_EQ(rig.outbox->size(), 4u);
 }
 
-TEST(WorkerImpl, HandsBackWhatItCannotFinishInTime) {
+TEST(LeaseRunner, HandsBackWhatItCannotFinishInTime) {
   Rig rig;
   v1::CoordinatorMessage grant = Grant(1);
   grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);  // hours of work
@@ -260,7 +260,7 @@ TEST(WorkerImpl, HandsBackWhatItCannotFinishInTime) {
   EXPECT_TRUE(rig.worker->HasLeft());
 }  // the destructor waits for the unit that is no longer wanted
 
-TEST(WorkerImpl, StopsRenderingAUnitWhoseLeaseIsVoid) {
+TEST(LeaseRunner, StopsRenderingAUnitWhoseLeaseIsVoid) {
   Rig rig;
   v1::CoordinatorMessage grant = Grant(2);
   grant.mutable_grant()->mutable_leases(0)->set_last_sample(1 << 30);
@@ -273,13 +273,13 @@ TEST(WorkerImpl, StopsRenderingAUnitWhoseLeaseIsVoid) {
   EXPECT_THAT(rig.worker->MakeHeartbeat().held(), SizeIs(1));
 }
 
-TEST(WorkerImpl, KnowsSinceWhenItIsIdle) {
+TEST(LeaseRunner, KnowsSinceWhenItIsIdle) {
   FakeAssets assets{std::string(kScene)};
   UnitRenderer renderer(&assets);
   FakeSpecs source{Spec()};
   SpecCache specs(&source);
   const auto outbox = std::make_shared<FakeOutbox>();
-  WorkerImpl worker(1, &specs, &renderer, SilentLog());
+  LeaseRunner worker(1, &specs, &renderer, SilentLog());
   const absl::Time start = worker.IdleSince();
   EXPECT_LE(start, rpc::MonotonicNow());
   worker.OnConnected(outbox);
@@ -292,7 +292,7 @@ TEST(WorkerImpl, KnowsSinceWhenItIsIdle) {
   EXPECT_LE(worker.IdleSince(), rpc::MonotonicNow());
 }
 
-TEST(WorkerImpl, NamesTheAssetThatTheCoordinatorLost) {
+TEST(LeaseRunner, NamesTheAssetThatTheCoordinatorLost) {
   for (const absl::Status& lost : {absl::NotFoundError("no asset"), absl::DataLossError("SHA-256")}) {
     v1::JobSpec spec = Spec();
     spec.mutable_scene()->mutable_file()->set_sha256("5ca1ab1e");
@@ -305,7 +305,7 @@ TEST(WorkerImpl, NamesTheAssetThatTheCoordinatorLost) {
   }
 }
 
-TEST(WorkerImpl, SaysThatABrokenSceneIsBrokenForEveryone) {
+TEST(LeaseRunner, SaysThatABrokenSceneIsBrokenForEveryone) {
   Rig rig(std::string("this is no scene"));
   rig.worker->OnMessage(Grant(1));
   const v1::WorkerMessage message = rig.outbox->Await(1).front();
@@ -316,7 +316,7 @@ TEST(WorkerImpl, SaysThatABrokenSceneIsBrokenForEveryone) {
   EXPECT_THAT(message.failure().error(), HasSubstr("triangle.gltf"));
 }
 
-TEST(WorkerImpl, SaysThatALostCoordinatorIsNoFaultOfTheJob) {
+TEST(LeaseRunner, SaysThatALostCoordinatorIsNoFaultOfTheJob) {
   Rig rig(absl::UnavailableError("gone"));
   rig.worker->OnMessage(Grant(1));
   EXPECT_FALSE(rig.outbox->Await(1).front().failure().permanent());

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <string>
 
-#include "worker/asset_source.h"
-#include "worker/content_cache.h"
+#include "worker/cache/asset_source.h"
+#include "worker/cache/content_cache.h"
 
 namespace lumifold::worker {
 

@@ -1,4 +1,4 @@
-#include "worker/certificate_renewal.h"
+#include "worker/connection/certificate_renewal.h"
 
 #include <spdlog/spdlog.h>
 

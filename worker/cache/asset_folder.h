@@ -12,7 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/synchronization/mutex.h"
 #include "filter/image/file_system.h"
-#include "worker/asset_source.h"
+#include "worker/cache/asset_source.h"
 
 namespace spdlog {
 class logger;

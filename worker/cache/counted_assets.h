@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "worker/asset_source.h"
+#include "worker/cache/asset_source.h"
 
 namespace lumifold::worker {
 

@@ -2,7 +2,7 @@
 
 #include "absl/functional/function_ref.h"
 #include "lumifold/v1/worker.pb.h"
-#include "worker/unit_renderer.h"
+#include "worker/units/unit_renderer.h"
 
 namespace lumifold::worker {
 

@@ -1,4 +1,4 @@
-#include "worker/job_scene.h"
+#include "worker/units/job_scene.h"
 
 #include <map>
 #include <string_view>

@@ -8,7 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "lumifold/v1/job.pb.h"
-#include "worker/content_cache.h"
+#include "worker/cache/content_cache.h"
 #include "worker/render/environment.h"
 #include "worker/render/mip_chain.h"
 #include "worker/scene/scene.h"

@@ -10,7 +10,7 @@
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "proto/threads/event.h"
-#include "worker/worker_log.h"
+#include "worker/leases/worker_log.h"
 
 namespace grpc {
 class Channel;
@@ -62,7 +62,7 @@ struct Coordinators {
 
 /// Renders units for one of the coordinators at a time until the worker has left or `stop` is notified; `stop` breaks the
 /// connection at once. Blocks. After a broken connection it goes on as Route says, without limit, unless it was leaving;
-/// what it has rendered and is rendering it keeps, see WorkerImpl.
+/// what it has rendered and is rendering it keeps, see LeaseRunner.
 /// Errors: kFailedPrecondition or kInvalidArgument when each coordinator refuses this worker; kUnauthenticated or
 /// kPermissionDenied when they do not admit the worker's identity: the certificate was revoked, is not known, has expired
 /// or is not a worker's; kDeadlineExceeded when it leaves because of `exit_when_idle` and no coordinator has admitted it.

@@ -2,7 +2,7 @@
 
 #include "absl/status/statusor.h"
 #include "lumifold/v1/job.pb.h"
-#include "worker/job_scene.h"
+#include "worker/units/job_scene.h"
 
 namespace lumifold::worker {
 

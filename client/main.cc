@@ -6,13 +6,13 @@
 #include <iostream>
 #include <thread>
 
-#include "client/colour.h"
+#include "client/cli/colour.h"
+#include "client/cli/interrupt.h"
+#include "client/cli/option_file.h"
 #include "client/commands/run_client.h"
-#include "client/interrupt.h"
 #include "client/local/film_filter.h"
 #include "client/local/in_process_farm.h"
 #include "client/local/scene_planner.h"
-#include "client/option_file.h"
 #include "proto/identity/profile.h"
 #include "proto/rpc/trace_context.h"
 

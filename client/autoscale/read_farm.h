@@ -5,7 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "client/autoscale/policy/types.h"
-#include "client/farm_client.h"
+#include "client/farm/farm_client.h"
 
 namespace lumifold::autoscale {
 

@@ -1,6 +1,6 @@
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/job_options.h"
+#include "client/options/job_options.h"
 
 namespace lumifold::client {
 

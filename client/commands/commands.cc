@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "client/command_line.h"
+#include "client/cli/command_line.h"
 #include "filter/image/check.h"
 
 namespace lumifold::client {

@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "client/command_help.h"
-#include "client/environment.h"
-#include "client/option_file.h"
+#include "client/cli/command_help.h"
+#include "client/cli/environment.h"
+#include "client/cli/option_file.h"
 
 namespace lumifold::client {
 

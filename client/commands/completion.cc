@@ -1,7 +1,7 @@
 #include "absl/strings/str_cat.h"
-#include "client/command_line.h"
+#include "client/cli/command_line.h"
+#include "client/cli/completion_script.h"
 #include "client/commands/commands.h"
-#include "client/completion_script.h"
 
 namespace lumifold::client {
 

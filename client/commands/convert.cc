@@ -1,11 +1,11 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "client/cli/json_line.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/display_options.h"
-#include "client/json_line.h"
-#include "client/output_file.h"
+#include "client/options/display_options.h"
+#include "client/pictures/output_file.h"
 
 namespace lumifold::client {
 

@@ -1,9 +1,9 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_cat.h"
+#include "client/cli/json_line.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/json_line.h"
 
 namespace lumifold::client {
 

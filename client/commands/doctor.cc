@@ -14,10 +14,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "client/cli/option_file.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/findings.h"
-#include "client/option_file.h"
+#include "client/reports/findings.h"
 
 namespace lumifold::client {
 namespace {

@@ -1,6 +1,6 @@
-#include "client/access_report.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "client/reports/access_report.h"
 
 namespace lumifold::client {
 

@@ -1,9 +1,9 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
-#include "client/access_report.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
+#include "client/reports/access_report.h"
 
 namespace lumifold::client {
 namespace {

@@ -2,7 +2,7 @@
 
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/job_report.h"
+#include "client/reports/job_report.h"
 
 namespace lumifold::client {
 namespace {

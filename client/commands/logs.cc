@@ -1,6 +1,6 @@
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/farm_report.h"
+#include "client/reports/farm_report.h"
 
 namespace lumifold::client {
 namespace {

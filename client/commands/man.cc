@@ -1,9 +1,9 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
-#include "client/command_line.h"
+#include "client/cli/command_line.h"
+#include "client/cli/man_page.h"
 #include "client/commands/commands.h"
-#include "client/man_page.h"
 
 namespace lumifold::client {
 

@@ -4,13 +4,13 @@
 #include <string>
 
 #include "absl/status/status.h"
-#include "client/backoff.h"
-#include "client/command_line.h"
-#include "client/environment.h"
-#include "client/farm_client.h"
-#include "client/frame_range.h"
+#include "client/cli/command_line.h"
+#include "client/cli/environment.h"
+#include "client/cli/frame_range.h"
+#include "client/cli/progress.h"
+#include "client/farm/backoff.h"
+#include "client/farm/farm_client.h"
 #include "client/pictures/display_file.h"
-#include "client/progress.h"
 
 namespace lumifold::client {
 
@@ -29,14 +29,14 @@ struct PictureOptions {
   std::string OutputOf(const v1::JobStatus& job, int frame) const;
 
   /// Downloads a frame to PartPath() of the output and writes the requested files.
-  /// Errors: those of DownloadFrame() and client/output_file.h; the partial download then stays.
+  /// Errors: those of DownloadFrame() and client/pictures/output_file.h; the partial download then stays.
   absl::Status Fetch(FarmClient& farm, const v1::JobStatus& job, int frame, Progress& progress,
                      Backoff backoff) const;
   /// The same for several frames.
   absl::Status FetchAll(FarmClient& farm, const v1::JobStatus& job, const Frames& frames, Progress& progress,
                         const Backoff& backoff) const;
 
-  std::string output;  // see client/output_template.h; empty: none is written
+  std::string output;  // see client/pictures/output_template.h; empty: none is written
   std::string noisy;   // the same
   pictures::DisplayOptions display;
   std::string compression;       // of an .exr, see ExrCopyOptions; empty: as the coordinator wrote it

@@ -1,8 +1,8 @@
 #include "absl/strings/str_cat.h"
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/job_options.h"
-#include "client/plan_report.h"
+#include "client/options/job_options.h"
+#include "client/reports/plan_report.h"
 
 namespace lumifold::client {
 namespace {

@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "client/output_file.h"
+#include "client/pictures/output_file.h"
 
 namespace lumifold::client {
 

@@ -4,10 +4,10 @@
 #include <optional>
 #include <string>
 
-#include "client/command_line.h"
-#include "client/environment.h"
-#include "client/farm_client.h"
-#include "client/preview_file.h"
+#include "client/cli/command_line.h"
+#include "client/cli/environment.h"
+#include "client/farm/farm_client.h"
+#include "client/pictures/preview_file.h"
 
 namespace lumifold::client {
 

@@ -4,18 +4,18 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
-#include "client/assets.h"
 #include "client/commands/commands.h"
 #include "client/commands/picture_options.h"
 #include "client/commands/preview_options.h"
 #include "client/commands/shared_options.h"
-#include "client/download.h"
-#include "client/follow_job.h"
-#include "client/job_options.h"
-#include "client/job_report.h"
-#include "client/output_template.h"
-#include "client/scheduling_options.h"
-#include "client/submit_scene.h"
+#include "client/farm/download.h"
+#include "client/farm/follow_job.h"
+#include "client/farm/submit_scene.h"
+#include "client/options/job_options.h"
+#include "client/options/scheduling_options.h"
+#include "client/pictures/output_template.h"
+#include "client/reports/job_report.h"
+#include "client/scene/assets.h"
 
 namespace lumifold::client {
 namespace {

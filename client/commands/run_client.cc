@@ -11,10 +11,10 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "client/command_line.h"
+#include "client/cli/command_line.h"
+#include "client/cli/option_file.h"
+#include "client/cli/suggestion.h"
 #include "client/commands/commands.h"
-#include "client/option_file.h"
-#include "client/suggestion.h"
 #include "proto/rpc/version.h"
 
 namespace lumifold::client {

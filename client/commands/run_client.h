@@ -1,6 +1,6 @@
 #pragma once
 
-#include "client/environment.h"
+#include "client/cli/environment.h"
 
 namespace lumifold::client {
 

@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <array>
 
-#include "client/command_line.h"
+#include "client/cli/command_line.h"
 #include "client/commands/commands.h"
-#include "client/job_schema.h"
+#include "client/options/job_schema.h"
 
 namespace lumifold::client {
 

@@ -1,6 +1,6 @@
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/scheduling_options.h"
+#include "client/options/scheduling_options.h"
 
 namespace lumifold::client {
 

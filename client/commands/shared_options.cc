@@ -4,10 +4,10 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "client/colour.h"
+#include "client/cli/colour.h"
 #include "client/commands/commands.h"
-#include "client/farm_report.h"
-#include "client/job_report.h"
+#include "client/reports/farm_report.h"
+#include "client/reports/job_report.h"
 #include "proto/identity/certificate.h"
 #include "proto/identity/join.h"
 #include "proto/identity/secrets.h"

@@ -6,13 +6,13 @@
 
 #include "absl/functional/function_ref.h"
 #include "absl/status/statusor.h"
-#include "client/access_client.h"
-#include "client/backoff.h"
-#include "client/command_line.h"
-#include "client/environment.h"
-#include "client/farm_client.h"
-#include "client/hook.h"
-#include "client/progress.h"
+#include "client/cli/command_line.h"
+#include "client/cli/environment.h"
+#include "client/cli/progress.h"
+#include "client/farm/access_client.h"
+#include "client/farm/backoff.h"
+#include "client/farm/farm_client.h"
+#include "client/options/hook.h"
 #include "proto/identity/profile.h"
 
 namespace lumifold::client {

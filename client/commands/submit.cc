@@ -2,18 +2,18 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "client/assets.h"
+#include "client/cli/json_line.h"
 #include "client/commands/commands.h"
 #include "client/commands/picture_options.h"
 #include "client/commands/preview_options.h"
 #include "client/commands/shared_options.h"
-#include "client/follow_job.h"
-#include "client/hook.h"
-#include "client/job_options.h"
-#include "client/job_report.h"
-#include "client/json_line.h"
-#include "client/scheduling_options.h"
-#include "client/submit_scene.h"
+#include "client/farm/follow_job.h"
+#include "client/farm/submit_scene.h"
+#include "client/options/hook.h"
+#include "client/options/job_options.h"
+#include "client/options/scheduling_options.h"
+#include "client/reports/job_report.h"
+#include "client/scene/assets.h"
 #include "proto/rpc/trace_context.h"
 
 namespace lumifold::client {

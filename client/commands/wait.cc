@@ -1,8 +1,8 @@
 #include "client/commands/commands.h"
 #include "client/commands/shared_options.h"
-#include "client/follow_job.h"
-#include "client/hook.h"
-#include "client/job_report.h"
+#include "client/farm/follow_job.h"
+#include "client/options/hook.h"
+#include "client/reports/job_report.h"
 
 namespace lumifold::client {
 

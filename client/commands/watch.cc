@@ -6,11 +6,11 @@
 #include "client/commands/picture_options.h"
 #include "client/commands/preview_options.h"
 #include "client/commands/shared_options.h"
-#include "client/display_options.h"
-#include "client/follow_job.h"
-#include "client/hook.h"
-#include "client/job_report.h"
-#include "client/job_workers.h"
+#include "client/farm/follow_job.h"
+#include "client/farm/job_workers.h"
+#include "client/options/display_options.h"
+#include "client/options/hook.h"
+#include "client/reports/job_report.h"
 
 namespace lumifold::client {
 namespace {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "client/film_filter.h"
+#include "client/cli/local_work.h"
 #include "filter/image/film_source.h"
 
 namespace lumifold::local {

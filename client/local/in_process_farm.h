@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "absl/status/statusor.h"
-#include "client/local_farm.h"
+#include "client/cli/local_work.h"
 
 namespace lumifold::local {
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "absl/status/statusor.h"
-#include "client/scene_planner.h"
+#include "client/cli/local_work.h"
 
 namespace lumifold::local {
 

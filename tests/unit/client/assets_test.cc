@@ -1,4 +1,4 @@
-#include "client/assets.h"
+#include "client/scene/assets.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

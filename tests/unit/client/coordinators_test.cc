@@ -1,4 +1,4 @@
-#include "client/coordinators.h"
+#include "client/farm/coordinators.h"
 
 #include <gmock/gmock.h>
 #include <grpcpp/grpcpp.h>

@@ -1,4 +1,4 @@
-#include "client/download.h"
+#include "client/farm/download.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

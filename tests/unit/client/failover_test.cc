@@ -1,9 +1,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "client/download.h"
-#include "client/follow_job.h"
-#include "client/upload.h"
+#include "client/farm/download.h"
+#include "client/farm/follow_job.h"
+#include "client/farm/upload.h"
 #include "tests/unit/client/fake_farm.h"
 #include "tests/unit/client/test_environment.h"
 

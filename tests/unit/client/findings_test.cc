@@ -1,4 +1,4 @@
-#include "client/findings.h"
+#include "client/reports/findings.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

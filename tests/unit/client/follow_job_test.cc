@@ -1,4 +1,4 @@
-#include "client/follow_job.h"
+#include "client/farm/follow_job.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

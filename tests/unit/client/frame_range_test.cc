@@ -1,4 +1,4 @@
-#include "client/frame_range.h"
+#include "client/cli/frame_range.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "client/hook.h"
+#include "client/options/hook.h"
 
 #include <gtest/gtest.h>
 

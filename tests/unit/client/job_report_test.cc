@@ -1,4 +1,4 @@
-#include "client/job_report.h"
+#include "client/reports/job_report.h"
 
 #include <gtest/gtest.h>
 

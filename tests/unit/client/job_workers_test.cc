@@ -1,4 +1,4 @@
-#include "client/job_workers.h"
+#include "client/farm/job_workers.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "client/option_file.h"
+#include "client/cli/option_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "client/output_file.h"
+#include "client/pictures/output_file.h"
 
 #include <gtest/gtest.h>
 

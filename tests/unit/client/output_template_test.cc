@@ -1,4 +1,4 @@
-#include "client/output_template.h"
+#include "client/pictures/output_template.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "client/picture_size.h"
+#include "client/cli/picture_size.h"
 
 #include <gtest/gtest.h>
 

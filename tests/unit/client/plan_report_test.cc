@@ -1,4 +1,4 @@
-#include "client/plan_report.h"
+#include "client/reports/plan_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "client/preview_file.h"
+#include "client/pictures/preview_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "client/scene_folder.h"
+#include "client/scene/scene_folder.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -13,7 +13,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "client/assets.h"
+#include "client/scene/assets.h"
 #include "tests/unit/client/test_environment.h"
 
 namespace lumifold::client {

@@ -1,4 +1,4 @@
-#include "client/suggestion.h"
+#include "client/cli/suggestion.h"
 
 #include <gtest/gtest.h>
 

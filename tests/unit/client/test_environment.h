@@ -9,7 +9,7 @@
 #include <string>
 
 #include "absl/time/time.h"
-#include "client/environment.h"
+#include "client/cli/environment.h"
 #include "filter/image/check.h"
 
 namespace lumifold::client {

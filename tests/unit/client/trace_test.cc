@@ -6,8 +6,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "client/commands/run_client.h"
-#include "client/farm_report.h"
-#include "client/job_report.h"
+#include "client/reports/farm_report.h"
+#include "client/reports/job_report.h"
 #include "tests/unit/client/fake_farm.h"
 #include "tests/unit/client/test_environment.h"
 

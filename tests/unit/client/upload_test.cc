@@ -1,9 +1,9 @@
-#include "client/upload.h"
+#include "client/farm/upload.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "client/submit_scene.h"
+#include "client/farm/submit_scene.h"
 #include "tests/unit/client/fake_farm.h"
 #include "tests/unit/client/test_environment.h"
 

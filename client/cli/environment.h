@@ -1,0 +1,77 @@
+#pragma once
+
+#include <functional>
+#include <istream>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/strings/string_view.h"
+#include "client/cli/exit_code.h"
+#include "client/cli/local_work.h"
+#include "proto/rpc/retry.h"
+
+namespace lumifold::client {
+
+/// The coordinator where neither a server nor a profile is named.
+inline constexpr char kDefaultServer[] = "127.0.0.1:7700";
+
+struct CommandHelp;
+struct OptionFile;
+
+/// The outside world of a command, besides its arguments and the files they name. Tests replace it.
+struct Environment {
+  /// Output for programs.
+  std::ostream& out;
+  /// Messages for the user.
+  std::ostream& err;
+  /// Whether `err` is a terminal whose last line can be rewritten, and its width.
+  bool err_is_terminal = false;
+  int terminal_columns = 80;
+  /// Whether `out` and `err` are terminals that show colours.
+  bool out_has_colours = false;
+  bool err_has_colours = false;
+  /// HOST:PORT, or a list of them, if --server is not given; empty: that of the default profile, else kDefaultServer.
+  std::string default_server = {};
+  /// The user's configuration; null: there is none.
+  const OptionFile* configuration = nullptr;
+  /// Names of all options and arguments of all commands, as in files; empty: those of files are not checked.
+  std::vector<std::string> known_options = {};
+  /// The profile if --profile is not given; empty: none.
+  std::string default_profile = {};
+  /// Path of the configuration; empty, or a file that is not there: there is none.
+  std::string configuration_path = {};
+  /// Folder of the user's profiles (identity::ProfilesFolder); empty: there are none.
+  std::string profiles_folder = {};
+  /// What the user types or pipes in, for secrets; null: nothing.
+  std::istream* in = nullptr;
+  /// Whose jobs `submit` submits if --user is not given; empty: anonymous.
+  std::string default_user = {};
+  /// Sent with every call of the command, see rpc::ContinueTrace; empty: none.
+  std::string trace_parent = {};
+  /// Threads of a local farm if --threads is not given.
+  int default_threads = 1;
+  /// Null in a build without coordinator and worker; `render` then fails.
+  LocalFarmFactory local_farm = nullptr;
+  /// Null in a build without a worker; `plan` then fails.
+  ScenePlanner scene_planner = nullptr;
+  /// Null in a build without the filter; `filter` then fails.
+  FilmFilter film_filter = nullptr;
+  /// Empty in a build without the filter.
+  MethodTexts methods = {};
+  /// True after the user interrupted the program (Ctrl-C); called several times a second.
+  std::function<bool()> interrupted = [] { return false; };
+  /// Where a command describes itself instead of running; null: it runs.
+  CommandHelp* description = nullptr;
+  /// Clock, sleep and jitter.
+  rpc::RetryEnvironment time = rpc::RetryEnvironment::Real();
+};
+
+/// Prints "lumifold: TEXT" as one line to `err`.
+void ReportLine(const Environment& environment, absl::string_view text);
+
+/// Prints "lumifold: MESSAGE" as one line to `err` and returns the exit code of the error.
+ExitCode ReportError(const Environment& environment, const absl::Status& status);
+
+}  // namespace lumifold::client

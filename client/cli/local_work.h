@@ -1,0 +1,62 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "client/scene/assets.h"
+#include "filter/image/film_source.h"
+#include "lumifold/v1/job.pb.h"
+
+namespace grpc {
+class Channel;
+}  // namespace grpc
+
+/// What commands do in their own process and not at a farm. The program passes these functions in (client/local), so
+/// that the client links neither coordinator nor renderer nor filter.
+namespace lumifold::client {
+
+/// A coordinator and a worker inside this process. Its destruction stops both and removes temporary files.
+class LocalFarm {
+ public:
+  virtual ~LocalFarm() = default;
+
+  /// A channel to its coordinator; valid until the farm is destroyed.
+  virtual std::shared_ptr<grpc::Channel> channel() = 0;
+};
+
+struct LocalFarmOptions {
+  /// Render threads, at least 1.
+  int threads = 1;
+  /// Data folder of the coordinator; empty for a temporary folder that is removed with the farm.
+  std::string state_dir;
+};
+
+/// Starts a local farm.
+using LocalFarmFactory =
+    std::function<absl::StatusOr<std::unique_ptr<LocalFarm>>(const LocalFarmOptions& options)>;
+
+/// Plans a job by its first frame: `spec` names the scene, `assets` are its files.
+/// Errors: those of worker::LoadJobScene and worker::PlanJob.
+using ScenePlanner =
+    std::function<absl::StatusOr<v1::Plan>(const v1::JobSpec& spec, const SceneAssets& assets)>;
+
+/// Filters a film (channels of filter/image/layers.h) with `method` on `threads` threads. Passes R G B and
+/// the channels named in `passed_on` to `sink`, in bands of rows from the top down. For a film without
+/// halves, halves are made from its one picture.
+/// Errors: those of filter::FilterFilmInRows.
+using FilmFilter =
+    std::function<absl::Status(FilmSource* film, const std::string& method, int threads,
+                               const std::vector<std::string>& passed_on, const RowSink& sink)>;
+
+/// What the commands print about the filter's methods, made from filter::Methods().
+struct MethodTexts {
+  std::string names;  // "a, b and c"
+  std::string table;  // summary, source and parameters of each, for people
+  std::string json;   // the same, one JSON object a line
+};
+
+}  // namespace lumifold::client

@@ -1,0 +1,91 @@
+#include "client/farm/coordinators.h"
+
+#include <grpcpp/channel.h>
+#include <grpcpp/client_context.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "proto/rpc/monotonic.h"
+#include "proto/rpc/status_codec.h"
+#include "proto/rpc/trace_context.h"
+
+namespace lumifold::client {
+namespace {
+
+/// Without an interruption, kCancelled means that the other side closed the connection.
+bool IsLost(const absl::Status& status) { return rpc::IsTransient(status) || absl::IsCancelled(status); }
+
+/// Where there is another coordinator to go to, a silent one is left soon, also by streams without a deadline of seconds.
+Coordinators::Connect OverTheNetwork(const FarmClientOptions& options) {
+  const rpc::KeepAlive keep_alive = options.coordinators.size() > 1 ? rpc::kQuickKeepAlive : rpc::KeepAlive{};
+  return [security = options.security, keep_alive](const std::string& address) {
+    return rpc::MakeChannel(address, security, keep_alive);
+  };
+}
+
+}  // namespace
+
+absl::Status CannotReach(const std::vector<std::string>& coordinators, absl::string_view message) {
+  // gRPC lists all addresses it tried; the last error is enough for the user.
+  constexpr absl::string_view kLead = "Failed to connect to remote host: ";
+  const size_t at = message.rfind(kLead);
+  const absl::string_view reason =
+      at == absl::string_view::npos ? message : message.substr(at + kLead.size());
+  const absl::string_view which =
+      coordinators.size() > 1 ? "any of the coordinators " : "the coordinator at ";
+  return absl::UnavailableError(
+      absl::StrCat("cannot reach ", which, absl::StrJoin(coordinators, ", "), ": ", reason));
+}
+
+Coordinators::Coordinators(FarmClientOptions options, Connect connect)
+    : options_(std::move(options)),
+      connect_(std::move(connect)),
+      channels_(size()),
+      current_(
+          std::min(static_cast<size_t>(options_.time.jitter() * static_cast<double>(size())), size() - 1)) {}
+
+Coordinators::Coordinators(const FarmClientOptions& options)
+    : Coordinators(options, OverTheNetwork(options)) {}
+
+absl::Status Coordinators::Call(const CallPolicy& policy, Try call) {
+  const bool answered = false;
+  absl::Duration timeout = policy.retry.try_timeout;
+  if (size() > 1) timeout = std::min(timeout, policy.first_timeout);
+  return rpc::Retry(policy.retry, options_.time, [&] {
+    absl::Status status = Stream(timeout, &answered, call);
+    timeout = policy.retry.try_timeout;
+    return status;
+  });
+}
+
+absl::Status Coordinators::CallOnce(absl::Duration timeout, Try call) {
+  const bool answered = true;
+  return Stream(timeout, &answered, call);
+}
+
+absl::Status Coordinators::Stream(absl::Duration timeout, const bool* answered, Try call) {
+  for (size_t tried = 1;; ++tried) {
+    grpc::ClientContext context;
+    context.set_deadline(rpc::MonotonicDeadline(timeout));
+    if (!options_.trace_parent.empty()) context.AddMetadata(rpc::kTraceParentKey, options_.trace_parent);
+    absl::Status status = rpc::StatusFromGrpc(call(context, CurrentChannel()));
+    if (status.ok()) return status;
+    if (interrupted()) return absl::CancelledError("interrupted");
+    if (!IsLost(status)) return status;
+    const std::string& lost = options_.coordinators[current_];
+    current_ = (current_ + 1) % size();
+    if (*answered) return CannotReach({lost}, status.message());
+    if (tried == size()) return CannotReach(options_.coordinators, status.message());
+  }
+}
+
+const std::shared_ptr<grpc::Channel>& Coordinators::CurrentChannel() {
+  std::shared_ptr<grpc::Channel>& channel = channels_[current_];
+  if (channel == nullptr) channel = connect_(options_.coordinators[current_]);
+  return channel;
+}
+
+}  // namespace lumifold::client

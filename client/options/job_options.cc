@@ -1,0 +1,261 @@
+#include "client/options/job_options.h"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/time/time.h"
+#include "filter/image/decisions.h"
+
+namespace lumifold::client {
+namespace {
+
+constexpr int kMaxBounces = 1024;
+/// Values of --target-metric.
+constexpr char kMse255[] = "mse255";
+constexpr char kRelMse[] = "relmse";
+constexpr int kMaxMb = 1 << 20;  // a coordinator takes no larger asset
+
+/// URI of the environment map in the job; no file of a scene can have this scheme.
+std::string EnvironmentUri(const std::string& path) {
+  return kEnvironmentScheme + std::filesystem::path(path).filename().string();
+}
+
+constexpr int kDefaultSamples = 64;
+
+/// A value of --pixel-filter, and its width where none is given.
+struct PixelFilterChoice {
+  const char* name;
+  v1::PixelFilterKind kind;
+  float width;
+};
+constexpr std::array<PixelFilterChoice, 3> kPixelFilters = {{
+    {"box", v1::PIXEL_FILTER_KIND_BOX, 1},
+    {"gaussian", v1::PIXEL_FILTER_KIND_GAUSSIAN, 2},
+    {"blackman-harris", v1::PIXEL_FILTER_KIND_BLACKMAN_HARRIS, 1.5},
+}};
+constexpr float kMaxPixelFilterWidth = 8;
+
+std::vector<std::string> FilterNames() {
+  std::vector<std::string> names;
+  names.reserve(kPixelFilters.size());
+  for (const PixelFilterChoice& choice : kPixelFilters) names.emplace_back(choice.name);
+  return names;
+}
+
+v1::PixelFilter PixelFilterOf(const JobOptions& options) {
+  const auto* const choice =
+      std::find_if(kPixelFilters.begin(), kPixelFilters.end(),
+                   [&](const PixelFilterChoice& c) { return options.pixel_filter == c.name; });
+  v1::PixelFilter filter;
+  filter.set_kind(choice->kind);
+  filter.set_width(options.pixel_filter_width > 0 ? options.pixel_filter_width : choice->width);
+  return filter;
+}
+
+/// Whether samples are placed in the pixel alone: what a spec without a filter says.
+bool IsPixel(const v1::PixelFilter& filter) {
+  return filter.kind() == v1::PIXEL_FILTER_KIND_BOX && filter.width() == 1;
+}
+
+/// The picture is the region.
+void SetRegion(const JobOptions& options, v1::JobSpec* spec) {
+  if (!options.region.has_value()) return;
+  spec->set_width(options.region->width());
+  spec->set_height(options.region->height());
+  v1::Crop* const crop = spec->mutable_crop();
+  crop->set_frame_width(options.size.width);
+  crop->set_frame_height(options.size.height);
+  crop->set_x(options.region->x0);
+  crop->set_y(options.region->y0);
+}
+
+/// What --target-error, --time and --schedule ask for; nothing without them.
+absl::StatusOr<v1::AdaptiveSampling> AdaptiveOf(const JobOptions& options) {
+  v1::AdaptiveSampling adaptive;
+  adaptive.set_target_error(options.target_error);
+  adaptive.set_metric(options.target_metric == kRelMse ? v1::ERROR_METRIC_REL_MSE : v1::ERROR_METRIC_MSE255);
+  if (!options.time.empty()) {
+    absl::Duration time;
+    if (!absl::ParseDuration(options.time, &time) || time <= absl::ZeroDuration() ||
+        time == absl::InfiniteDuration())
+      return absl::InvalidArgumentError(
+          absl::StrCat("--time: expected a duration such as 90s, 10m or 1h30m; got '", options.time, "'"));
+    adaptive.set_time_seconds(absl::ToDoubleSeconds(time));
+  }
+  for (const absl::string_view text : absl::StrSplit(options.schedule, ',', absl::SkipEmpty())) {
+    double budget = 0;
+    if (!absl::SimpleAtod(text, &budget) || !(budget >= 1 && budget <= kMaxSamples))
+      return absl::InvalidArgumentError(
+          absl::StrCat("--schedule: expected samples per pixel of 1 to ", kMaxSamples, "; got '", text, "'"));
+    adaptive.add_schedule(budget);
+  }
+  if (!options.time.empty() && !options.schedule.empty())
+    return absl::InvalidArgumentError("--time and --schedule take each other's place");
+  if (!options.schedule.empty() && !options.frames.IsOne())
+    return absl::InvalidArgumentError("--schedule is of one frame: submit each frame as a job of its own");
+  return adaptive;
+}
+
+}  // namespace
+
+void AddJobOptions(CommandLine& command_line, JobOptions* options) {
+  command_line.AddArgument("SCENE", &options->scene, "The scene: a glTF 2.0 file, .gltf or .glb");
+  command_line.AddText("--job", "FILE", &options->job_file,
+                       "Options from a file of YAML or JSON, such as 'spp: 64'; those given here count more");
+  command_line.AddSize("--size", &options->size, "Picture size in pixels (default 1024x768)");
+  command_line.AddRect("--region", &options->region,
+                       "Render only these pixels of the frame, from X0,Y0 to before X1,Y1");
+  command_line.AddChoice("--pixel-filter", "FILTER", FilterNames(), &options->pixel_filter,
+                         "What a pixel is a mean of: box (default), gaussian or blackman-harris");
+  command_line.AddPositiveNumber(
+      "--pixel-filter-width", &options->pixel_filter_width,
+      "In pixels, at most 8 (default: 1 of a box, 2 of a Gaussian, 1.5 of blackman-harris)");
+  command_line.AddWholeNumber("--spp", &options->samples_per_pixel, 1, kMaxSamples,
+                              "Samples per pixel (default 64); with --adaptive their mean, at most "
+                              "(default 4096 with --target-error or --time)");
+  command_line.AddFlag("--adaptive", &options->adaptive,
+                       "Put the samples where the filtered picture still errs");
+  command_line.AddPositiveNumber("--target-error", &options->target_error,
+                                 "Implies --adaptive; ends when the estimated error is at most this");
+  command_line.AddText("--target-metric", "METRIC", &options->target_metric,
+                       "Of --target-error: mse255 (default) or relmse");
+  command_line.AddText("--time", "DURATION", &options->time,
+                       "Implies --adaptive; render time of all frames to aim at, such as 90s, 10m or 1h30m");
+  command_line.AddText("--schedule", "N,N,...", &options->schedule,
+                       "In place of --time: lumifold.schedule of its picture gives the same picture");
+  command_line.AddSeed("--seed", &options->seed, "Seed of the random numbers (default 0)");
+  command_line.AddWholeNumber("--max-bounces", &options->max_bounces, 0, kMaxBounces,
+                              "Scattering events after the first surface, at most (default 8)");
+  command_line.AddText("--method", "METHOD", &options->method,
+                       "Filter: a method of 'lumifold filter --list-methods' (default 'default')");
+  command_line.AddText("--camera", "NAME", &options->camera, "Camera by name (default: the scene's first)");
+  command_line.AddFrames("--frame,--frames", &options->frames,
+                         "Frames, such as 7, 1-48 or 1-48,60 (default 0)");
+  command_line.AddPositiveNumber("--fps", &options->frames_per_second,
+                                 "Frames per second: frame N shows the scene at N/X seconds (default 24)");
+  command_line.AddText("--env", "FILE", &options->environment,
+                       "Environment light: a latitude-longitude picture, .exr or .hdr");
+  command_line.AddNumber(
+      "--env-rotate", &options->environment_rotate_degrees,
+      "Rotation of it about the vertical in degrees, counter-clockwise from above (default 0)");
+  command_line.AddPositiveNumber("--env-scale", &options->environment_scale,
+                                 "Factor on its radiance (default 1)");
+  command_line.AddPositiveNumber(
+      "--f-stop", &options->f_stop,
+      "Depth of field: focal length / aperture diameter (default: pinhole camera)");
+  command_line.AddPositiveNumber("--focus", &options->focus_metres,
+                                 "Distance of the plane of focus in metres; with --f-stop");
+  command_line.AddTexts("--allow-dir", "DIR", &options->allowed_folders,
+                        "Folder besides the scene's own whose files the scene may name; repeatable");
+  command_line.AddWholeNumber("--max-file-mb", &options->max_file_mb, 1, kMaxMb,
+                              "Limit of a file of the scene in MiB (default 4096)");
+  command_line.AddWholeNumber("--max-job-mb", &options->max_job_mb, 1, kMaxMb,
+                              "Limit of all files of the job in MiB (default 65536)");
+  command_line.AddFlag("--save-film", &options->save_film,
+                       "Write every layer that the filter reads into the result");
+  command_line.AddFlag("--cryptomatte", &options->cryptomatte,
+                       "Write Cryptomatte layers of objects and materials into the result");
+  command_line.AddText(
+      "--plan", "WHICH", &options->plan,
+      "'auto': leave out what the scene does not need; 'full': model everything (default auto)");
+  command_line.AddTexts("--force", "NAME=VALUE", &options->forced,
+                        "Override a decision of the plan; repeatable");
+}
+
+std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
+                                        const Environment& environment) {
+  const auto report = [&](const char* message) { return ReportUsage(environment, command, message); };
+  if (options.target_metric != kMse255 && options.target_metric != kRelMse)
+    return report("--target-metric must be mse255 or relmse");
+  if (options.target_metric != kMse255 && options.target_error == 0)
+    return report("--target-metric requires --target-error");
+  if (const absl::Status limits = AdaptiveOf(options).status(); !limits.ok())
+    return ReportUsage(environment, command, std::string(limits.message()));
+  if (options.pixel_filter_width > kMaxPixelFilterWidth)
+    return ReportUsage(environment, command,
+                       absl::StrCat("--pixel-filter-width: at most ", kMaxPixelFilterWidth));
+  if (options.region.has_value() &&
+      (options.region->x1 > options.size.width || options.region->y1 > options.size.height))
+    return ReportUsage(
+        environment, command,
+        absl::StrCat("--region: not within the frame of ", options.size.width, "x", options.size.height));
+  if ((options.f_stop > 0) != (options.focus_metres > 0))
+    return report("--f-stop and --focus must be given together");
+  if (options.environment.empty() &&
+      (options.environment_rotate_degrees != 0 || options.environment_scale != 1))
+    return report("--env-rotate and --env-scale require --env");
+  if (options.plan != "auto" && options.plan != "full") {
+    return ReportUsage(environment, command,
+                       absl::StrCat("--plan: expected 'auto' or 'full'; got '", options.plan, "'"));
+  }
+  if (const absl::Status forced = decisions::ParseForced(options.forced).status(); !forced.ok())
+    return ReportUsage(environment, command, absl::StrCat("--force: ", std::string(forced.message())));
+  return std::nullopt;
+}
+
+absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options) {
+  const SceneFileRules rules = {
+      .allowed_folders = options.allowed_folders,
+      .max_file_bytes = static_cast<uint64_t>(options.max_file_mb) << 20,
+      .max_job_bytes = static_cast<uint64_t>(options.max_job_mb) << 20,
+  };
+  absl::StatusOr<SceneAssets> assets = FindSceneAssets(options.scene, rules);
+  if (!assets.ok()) return assets;
+  if (!options.environment.empty()) {
+    LocalAsset asset;
+    asset.path = options.environment;
+    asset.ref.set_uri(EnvironmentUri(options.environment));
+    assets->push_back(std::move(asset));
+  }
+  if (absl::Status status = HashAssets(rules, &*assets); !status.ok()) return status;
+  return assets;
+}
+
+v1::JobSpec MakeJobSpec(const JobOptions& options) {
+  v1::JobSpec spec;
+  spec.set_camera(options.camera);
+  spec.set_width(options.size.width);
+  spec.set_height(options.size.height);
+  SetRegion(options, &spec);
+  if (const v1::PixelFilter filter = PixelFilterOf(options); !IsPixel(filter))
+    *spec.mutable_pixel_filter() = filter;
+  spec.set_first_frame(options.frames.first());
+  spec.set_frame_count(options.frames.ranges.front().count());
+  for (size_t i = 1; i < options.frames.ranges.size(); ++i) {
+    v1::FrameRange* range = spec.add_more_frames();
+    range->set_first(options.frames.ranges[i].first);
+    range->set_count(options.frames.ranges[i].count());
+  }
+  spec.set_frames_per_second(options.frames_per_second);
+  const v1::AdaptiveSampling adaptive = AdaptiveOf(options).value();
+  const bool has_limit =
+      adaptive.target_error() > 0 || adaptive.time_seconds() > 0 || !adaptive.schedule().empty();
+  if (options.adaptive || has_limit) *spec.mutable_adaptive() = adaptive;
+  spec.set_samples_per_pixel(options.samples_per_pixel > 0 ? options.samples_per_pixel
+                             : has_limit                   ? kMostSamplesByDefault
+                                                           : kDefaultSamples);
+  spec.set_seed(options.seed);
+  spec.set_max_bounces(options.max_bounces);
+  spec.mutable_filter()->set_method(options.method);
+  spec.set_save_film(options.save_film);
+  spec.set_cryptomatte(options.cryptomatte);
+  spec.mutable_planning()->set_mode(options.plan == "full" ? v1::PLAN_MODE_FULL : v1::PLAN_MODE_AUTO);
+  for (const std::string& forced : options.forced) spec.mutable_planning()->add_forced(forced);
+  if (!options.environment.empty()) {
+    spec.mutable_environment()->set_uri(EnvironmentUri(options.environment));
+    spec.mutable_environment()->set_rotate_degrees(options.environment_rotate_degrees);
+    spec.mutable_environment()->set_scale(options.environment_scale);
+  }
+  if (options.f_stop > 0) {
+    spec.mutable_lens()->set_f_stop(options.f_stop);
+    spec.mutable_lens()->set_focus_metres(options.focus_metres);
+  }
+  return spec;
+}
+
+}  // namespace lumifold::client

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "client/cli/command_line.h"
+#include "client/cli/environment.h"
+#include "client/cli/exit_code.h"
+#include "client/cli/frame_range.h"
+#include "client/cli/picture_size.h"
+#include "client/scene/assets.h"
+#include "filter/image/rect.h"
+#include "lumifold/v1/job.pb.h"
+
+namespace lumifold::client {
+
+/// Maximum number of samples per pixel.
+inline constexpr int kMaxSamples = 1 << 20;
+
+/// With --target-error or --time, but without --spp.
+inline constexpr int kMostSamplesByDefault = 4096;
+
+/// Options of `render`, `submit` and `plan`: all parameters that determine the picture.
+struct JobOptions {
+  std::string scene;
+  std::string job_file;  // read by CommandLine::Parse
+  PictureSize size;
+  std::optional<Rect> region;        // nothing: the whole frame
+  std::string pixel_filter = "box";  // kPixelFilters
+  float pixel_filter_width = 0;      // 0: the filter's own
+  int samples_per_pixel = 0;         // 0: 64, or with an error or a time kMostSamplesByDefault
+  bool adaptive = false;
+  float target_error = 0;  // 0: none
+  std::string target_metric = "mse255";
+  std::string time;      // "10m"; empty: none
+  std::string schedule;  // "32,64.5"; empty: none
+  uint64_t seed = 0;
+  int max_bounces = 8;
+  std::string method = "default";
+  std::string camera;
+  Frames frames;
+  float frames_per_second = 24;
+  bool save_film = false;
+  bool cryptomatte = false;
+  std::vector<std::string> allowed_folders;
+  int max_file_mb = 4096;
+  int max_job_mb = 65536;
+  std::string environment;  // path of the environment map; empty: none
+  float environment_rotate_degrees = 0;
+  float environment_scale = 1;
+  float f_stop = 0;  // 0: pinhole camera
+  float focus_metres = 0;
+  std::string plan = "auto";        // or "full"
+  std::vector<std::string> forced;  // "NAME=VALUE": decisions of the plan to override
+};
+
+/// Adds SCENE and the options above to a command.
+void AddJobOptions(CommandLine& command_line, JobOptions* options);
+
+/// Checks combinations of options. For an invalid one it prints an error to `err` and returns the exit code.
+std::optional<ExitCode> CheckJobOptions(const JobOptions& options, const std::string& command,
+                                        const Environment& environment);
+
+/// The files of the job: those of its scene and its environment map, with size and SHA-256.
+/// Errors: those of FindSceneAssets() and HashAssets().
+absl::StatusOr<SceneAssets> FindJobAssets(const JobOptions& options);
+
+/// The job's spec, without the scene.
+v1::JobSpec MakeJobSpec(const JobOptions& options);
+
+}  // namespace lumifold::client

@@ -1,0 +1,71 @@
+#include "client/pictures/output_file.h"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "client/cli/exit_code.h"
+#include "filter/image/exr_io.h"
+
+namespace lumifold::client {
+
+absl::StatusOr<PictureFormat> PictureFormatOf(const std::string& path) {
+  if (absl::EndsWithIgnoreCase(path, ".exr")) return PictureFormat::kExr;
+  if (absl::EndsWithIgnoreCase(path, ".png")) return PictureFormat::kPng;
+  if (absl::EndsWithIgnoreCase(path, ".jpg") || absl::EndsWithIgnoreCase(path, ".jpeg"))
+    return PictureFormat::kJpeg;
+  return absl::InvalidArgumentError(
+      absl::StrCat("expected a name that ends in .exr, .png or .jpg; got '", path, "'"));
+}
+
+absl::Status CheckFolder(const std::string& path, const std::string& folder_of_path) {
+  std::error_code ignored;
+  const std::filesystem::path folder = folder_of_path.empty() ? "." : folder_of_path;
+  if (!std::filesystem::exists(folder, ignored)) {
+    return absl::NotFoundError(
+        absl::StrCat("cannot write ", path, ": folder ", folder.string(), " does not exist"));
+  }
+  if (!std::filesystem::is_directory(folder, ignored)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("cannot write ", path, ": ", folder.string(), " is not a folder"));
+  }
+  if (access(folder.c_str(), W_OK | X_OK) != 0) {
+    return absl::PermissionDeniedError(
+        absl::StrCat("cannot write ", path, ": folder ", folder.string(), ": ", std::strerror(errno)));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckOutput(const std::string& path) {
+  if (absl::Status status = CheckFolder(path, std::filesystem::path(path).parent_path().string());
+      !status.ok())
+    return status;
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored))
+    return absl::InvalidArgumentError(absl::StrCat("cannot write ", path, ": it is a folder"));
+  return absl::OkStatus();
+}
+
+absl::Status WriteLayer(const std::string& exr_path, const std::string& layer,
+                        const pictures::DisplayOptions& display, const std::string& path) {
+  const absl::StatusOr<LayeredImage> image = ReadExr(exr_path);
+  if (!image.ok()) return OfThisMachine(image.status());
+  if (!image->HasColor(layer)) {
+    return absl::NotFoundError(absl::StrCat(exr_path, ": has no colour layer '", layer, "'"));
+  }
+  return OfThisMachine(pictures::WriteDisplayed(path, image->GetColor(layer), display));
+}
+
+absl::Status MoveIntoPlace(const std::string& from, const std::string& to) {
+  std::error_code error;
+  std::filesystem::rename(from, to, error);
+  if (!error) return absl::OkStatus();
+  return absl::InternalError(absl::StrCat("cannot write ", to, ": ", error.message()));
+}
+
+}  // namespace lumifold::client

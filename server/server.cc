@@ -94,7 +94,7 @@ class ServerImpl final : public Server {
   absl::Status Open();
   int port() const override { return port_; }
   std::shared_ptr<grpc::Channel> InProcessChannel() override;
-  absl::Status Check() override { return coordinator_->GetServerStatus().status(); }
+  absl::Status Check() override { return coordinator_->jobs().GetServerStatus().status(); }
   void Shutdown() override;
 
  private:
@@ -236,9 +236,8 @@ absl::Status ServerImpl::OpenCoordinator() {
   const std::string uploader = IsMember() ? absl::StrCat(absl::Hex(options_.random()), "-") : "";
   AssetLimits limits = options_.limits.assets;
   limits.uploader = uploader;
-  assets_ =
-      std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log, options_.files,
-                                   limits);
+  assets_ = std::make_unique<AssetStore>(folder_.AssetsPath(), folder_.IncomingPath(), options_.log,
+                                         options_.files, limits);
   asset_checks_ = std::make_unique<AssetChecks>(assets_.get());
   finisher_ = options_.filter_in_child_process
                   ? MakeChildProcessFinisher(folder_, ChildOptions())
@@ -303,18 +302,18 @@ absl::Status ServerImpl::JoinFarm() {
   roster_ = *std::move(roster);
   const std::string address = Address();
   coordinator_->SetAddress(address);
-  membership_ =
-      std::make_unique<cluster::Membership>(cluster::MembershipOptions{.owner = coordinator_->owner(),
-                                                                       .address = address,
-                                                                       .lease = options_.failover,
-                                                                       .log = options_.log},
-                                            roster_.get(), coordinator_.get());
+  membership_ = std::make_unique<cluster::Membership>(
+      cluster::MembershipOptions{.owner = coordinator_->resources().owner,
+                                 .address = address,
+                                 .lease = options_.failover,
+                                 .log = options_.log},
+      roster_.get(), &coordinator_->member());
   if (absl::Status status = membership_->Start(); !status.ok()) return status;
   cluster::FarmPeers::Options options{
       .security = {},
       .seal = nullptr,
       .wall_now = options_.wall_now,
-      .self = coordinator_->owner().epoch,
+      .self = coordinator_->resources().owner.epoch,
       .owner_of = [this](const job::JobId& job) { return coordinator_->OwnerOf(job); }};
   options.security.insecure = true;
   if (access_ != nullptr) {
@@ -338,7 +337,7 @@ absl::Status ServerImpl::ShowMetrics() {
                      figures.page_viewers = page_ == nullptr ? 0 : page_->viewers();
                      return figures;
                    }),
-                   coordinator_->timings().source(), monitoring::MakeProcessMetrics()},
+                   coordinator_->resources().timings.source(), monitoring::MakeProcessMetrics()},
        .now = rpc::MonotonicNow});
   if (!metrics.ok()) return metrics.status();
   metrics_ = *std::move(metrics);
@@ -471,7 +470,13 @@ absl::Status ServerImpl::StartServices() {
                               if (listener_ != nullptr) listener_->NoteCall(peer);
                             }});
   services_ = MakeServices(
-      {.coordinator = coordinator_.get(),
+      {.submissions = &coordinator_->submissions(),
+       .jobs = &coordinator_->jobs(),
+       .changes = &coordinator_->changes(),
+       .operators = &coordinator_->operators(),
+       .workers = &coordinator_->workers(),
+       .traffic = &coordinator_->resources().traffic,
+       .epoch = coordinator_->resources().owner.epoch,
        .checks = asset_checks_.get(),
        .gate = gate_.get(),
        .peers = &peers_,

@@ -3,37 +3,36 @@
 #include <spdlog/logger.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "proto/logging/fields.h"
-#include "proto/rpc/bounded_text.h"
-#include "server/coordinator/job_status.h"
+#include "server/assets/asset_store.h"
+#include "server/commit/committer.h"
+#include "server/coordinator/cleanup.h"
+#include "server/coordinator/commit_results.h"
+#include "server/coordinator/farm_records.h"
+#include "server/coordinator/farm_state.h"
+#include "server/coordinator/figures.h"
+#include "server/coordinator/frame_finishing.h"
+#include "server/coordinator/housekeeping.h"
+#include "server/coordinator/job_changes.h"
+#include "server/coordinator/job_loader.h"
+#include "server/coordinator/job_queries.h"
+#include "server/coordinator/operator_calls.h"
+#include "server/coordinator/submission.h"
+#include "server/coordinator/takeover.h"
+#include "server/coordinator/worker_calls.h"
+#include "server/finish/frame_finisher.h"
 
 namespace lumifold::server {
 
-using job::Attempt;
 using job::JobId;
-using job::UnitRef;
-using job::WorkerId;
 
 namespace {
-
-/// Units of a frame may be lost this often before its job fails: a disk that loses them each time is broken.
-constexpr int kMaxLosses = 3;
-
-JanitorOptions JanitorOptionsOf(const CoordinatorOptions& options, const DataFolder& folder) {
-  JanitorOptions janitor{.limits = options.retention,
-                         .now = options.now,
-                         .wall_now = options.wall_now,
-                         .disk = [root = folder.root()] { return DiskSpaceOf(root); },
-                         .log = options.log};
-  janitor.limits.free_bytes = janitor.disk().kept_bytes;
-  return janitor;
-}
 
 /// Host, process and a random number.
 std::string OwnerName(uint64_t random) {
@@ -53,170 +52,136 @@ absl::StatusOr<std::unique_ptr<Coordinator>> Coordinator::Create(const Coordinat
   std::unique_ptr<Coordinator> coordinator(new Coordinator(
       options, options.is_member ? folder.WithLogsOf(absl::StrCat("e", epoch->value())) : folder, store,
       assets, finisher, {OwnerName(options.random()), *epoch}));
-  if (absl::Status status = coordinator->RestoreBlockedWorkers(); !status.ok()) return status;
+  if (absl::Status status = coordinator->operators_->ReadBlockedWorkers(); !status.ok()) return status;
   if (!options.is_member) {
-    if (absl::Status status = coordinator->Restore(); !status.ok()) return status;
+    if (absl::Status status = coordinator->RestoreJobs(); !status.ok()) return status;
   }
-  Coordinator* self = coordinator.get();
-  assets->SetRoom([self] { return self->janitor_.Room(); });
-  self->committer_->Start();
-  self->janitor_.Start();
-  self->finisher_thread_ = std::thread([self] { self->RunFinisher(); });
-  self->housekeeping_thread_ = std::thread([self] { self->RunHousekeeping(); });
+  assets->SetRoom([self = coordinator.get()] { return self->cleanup_->janitor().Room(); });
+  coordinator->committer_->Start();
+  coordinator->cleanup_->janitor().Start();
+  coordinator->finishing_->Start();
+  coordinator->housekeeping_->Start();
   return coordinator;
 }
 
 Coordinator::Coordinator(const CoordinatorOptions& options, const DataFolder& folder, ledger::JobStore* store,
                          AssetStore* assets, FrameFinisher* finisher, ledger::Owner owner)
-    : options_(options),
-      folder_(folder),
-      store_(store),
-      assets_(assets),
-      finisher_(finisher),
-      owner_(std::move(owner)),
-      storage_(options.wall_now, options.log),
-      scheduler_({.lease = options.lease, .first_attempt = ledger::FirstAttempt(owner_.epoch)}),
-      janitor_(JanitorOptionsOf(options, folder), folder_, store_, assets_, &purger_, &deleter_),
-      committer_(std::make_unique<Committer>(CommitterOptions{.epoch = owner_.epoch,
+    : resources_(options, folder, store, assets, finisher, std::move(owner)),
+      cleanup_(std::make_unique<Cleanup>(&resources_)),
+      records_(std::make_unique<FarmRecords>(&resources_, cleanup_.get())),
+      state_(std::make_unique<FarmState>(&resources_, records_.get())),
+      commit_results_(std::make_unique<CommitResults>(&resources_, state_.get())),
+      committer_(std::make_unique<Committer>(CommitterOptions{.epoch = resources_.owner.epoch,
                                                               .now = options.now,
                                                               .first_pause = options.first_storage_pause,
                                                               .longest_pause = options.longest_storage_pause,
                                                               .max_open_logs = options.max_open_logs,
                                                               .reserve_bytes = options.reserve_bytes},
-                                             folder_, store_, &storage_, &timings_,
-                                             static_cast<Committer::Listener*>(this))) {
-  storage_.OnChange(options.on_storage_change);
-  absl::MutexLock lock(&mutex_);
-  frame_resources_ = {.open_logs = options.max_open_logs,
-                      .free_disk_bytes = folder.FreeBytes().value_or(0),
-                      .memory_bytes = MemoryBytes()};
+                                             resources_.folder, store, &resources_.storage,
+                                             &resources_.timings, commit_results_.get())),
+      loader_(std::make_unique<JobLoader>(&resources_, state_.get(), cleanup_.get())),
+      queries_(std::make_unique<JobQueries>(&resources_, state_.get())),
+      submission_(
+          std::make_unique<Submission>(&resources_, state_.get(), cleanup_.get(), &loader_->prerequisites())),
+      operators_(
+          std::make_unique<OperatorCalls>(&resources_, state_.get(), committer_.get(), queries_.get())),
+      workers_(std::make_unique<WorkerCalls>(&resources_, state_.get(), committer_.get())),
+      changes_(std::make_unique<JobChanges>(&resources_, state_.get(),
+                                            JobChanges::Parts{.committer = committer_.get(),
+                                                              .cleanup = cleanup_.get(),
+                                                              .loader = loader_.get(),
+                                                              .queries = queries_.get()})),
+      takeover_(std::make_unique<Takeover>(&resources_, state_.get(),
+                                           Takeover::Parts{.loader = loader_.get(),
+                                                           .queries = queries_.get(),
+                                                           .submission = submission_.get(),
+                                                           .operators = operators_.get(),
+                                                           .stop_leasing = [this] { StopLeasing(); }})),
+      finishing_(std::make_unique<FrameFinishing>(&resources_, state_.get(), committer_.get(), cleanup_.get(),
+                                                  &records_->finishing())),
+      housekeeping_(std::make_unique<Housekeeping>(&resources_, state_.get(), cleanup_.get(),
+                                                   &records_->housekeeping())) {
+  records_->Connect(state_.get(), committer_.get());
 }
 
 Coordinator::~Coordinator() { Shutdown(); }
 
+SubmissionApi& Coordinator::submissions() { return *submission_; }
+JobApi& Coordinator::jobs() { return *queries_; }
+JobChangeApi& Coordinator::changes() { return *changes_; }
+OperatorApi& Coordinator::operators() { return *operators_; }
+WorkerApi& Coordinator::workers() { return *workers_; }
+cluster::MemberHost& Coordinator::member() { return *takeover_; }
+
+absl::Status Coordinator::RestoreJobs() {
+  const absl::StatusOr<ledger::ClaimedJobs> claimed = resources_.store->ClaimUnfinishedJobs(resources_.owner);
+  if (!claimed.ok()) return claimed.status();
+  for (const ledger::DamagedJob& job : claimed->damaged) {
+    // Its film stays, so that `lumifold-server recover` can save it.
+    resources_.log().error("event=job_damaged job={} error={}", job.id.value(),
+                           logging::Quoted(job.error.message()));
+  }
+  for (const ledger::JobRecord& record : claimed->jobs) {
+    if (absl::Status status = RestoreJob(record); !status.ok()) return status;
+  }
+  const absl::StatusOr<std::vector<ledger::JobRecord>> forgotten = loader_->FindForgottenJobs();
+  if (!forgotten.ok()) return forgotten.status();
+  for (const ledger::JobRecord& record : *forgotten) {
+    resources_.log().warn(
+        "event=job_adopted job={} reason=\"its manifest is here, but not its row in the ledger\"",
+        record.id.value());
+    if (absl::Status status = RestoreJob(record); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status Coordinator::RestoreJob(const ledger::JobRecord& record) {
+  const absl::StatusOr<LoadedJob> loaded = loader_->Load(record);
+  if (!loaded.ok()) return loaded.status();
+  for (const auto& [frame, bytes] : loaded->committed_bytes)
+    committer_->RestoreLog({record.id, frame}, bytes);
+  FarmState::Change(state_.get())->EnterJob(*loaded);
+  return absl::OkStatus();
+}
+
 void Coordinator::StopLeasing() {
   std::vector<JobId> ending;
-  std::map<int64_t, StatusAnswer> changes;
   {
-    absl::MutexLock lock(&mutex_);
-    leasing_ = false;
-    changes = std::exchange(changes_, {});
-    for (const auto& [job, entry] : ending_jobs_) ending.push_back(job);
+    FarmState::Change farm(state_.get());
+    if (farm->is_leasing()) farm->phase = Farm::Phase::kDraining;
+    ending = farm->jobs.Ending();
   }
-  for (const JobId& job : ending)
-    AnswerCancels(job, absl::UnavailableError("the coordinator is stopping; the job is not yet cancelled"));
-  for (const auto& [number, done] : changes)
-    done(absl::UnavailableError("the coordinator is stopping; the job may not be changed yet"));
+  for (const JobId& job : ending) {
+    records_->AnswerCancels(
+        job, absl::UnavailableError("the coordinator is stopping; the job is not yet cancelled"));
+  }
+  changes_->StopAnswering();
 }
 
 void Coordinator::Shutdown() {
   StopLeasing();
-  {
-    absl::MutexLock lock(&mutex_);
-    stopping_ = true;
-  }
-  housekeeping_.Notify();
-  finishing_.Notify();
-  changing_.Notify();
-  adopting_.Notify();
-  finisher_->Cancel();
-  if (finisher_thread_.joinable()) finisher_thread_.join();
+  FarmState::Change(state_.get())->phase = Farm::Phase::kStopping;
+  records_->WakeHousekeeping();
+  records_->WakeFinisher();
+  resources_.finisher->Cancel();
+  finishing_->Join();
   committer_->Stop();
-  if (housekeeping_thread_.joinable()) housekeeping_thread_.join();
-  changer_.Stop();
-  farm_thread_.Stop();
-  deleter_.Stop();
-  purger_.Stop();
+  housekeeping_->Join();
+  changes_->Stop();
+  takeover_->Stop();
+  cleanup_->Stop();
 }
 
-bool Coordinator::IsWanted(const JobId& job) {
-  absl::MutexLock lock(&mutex_);
-  return active_jobs_.contains(job);
+void Coordinator::SetAddress(const std::string& address) {
+  FarmState::Change(state_.get())->address = address;
 }
 
-void Coordinator::OnCommitted(const std::vector<AcceptedUnit>& units, const absl::Status& status) {
-  absl::MutexLock lock(&mutex_);
-  if (!status.ok()) {
-    const std::string error = absl::StrCat("units cannot be committed: ", std::string(status.message()));
-    EndJob(units.front().stored.unit.job, v1::JOB_STATE_FAILED, error);
-    return;
-  }
-  for (const AcceptedUnit& unit : units) {
-    CountCommitted(unit);
-    Acknowledge(unit.worker, unit.stored.unit, unit.stored.attempt);
-  }
-  GrantLeases();
+absl::StatusOr<ledger::Epoch> Coordinator::OwnerOf(const JobId& job) { return queries_->OwnerOf(job); }
+
+absl::StatusOr<int64_t> Coordinator::CountUnits(const JobId& job, int32_t frame) {
+  return queries_->CountUnits(job, frame);
 }
 
-void Coordinator::OnStorageAvailable() {
-  absl::MutexLock lock(&mutex_);
-  finishing_.Notify();
-  GrantLeases();
-}
-
-absl::Status Coordinator::NoteError(const absl::Status& status) {
-  if (!absl::IsUnavailable(status)) return status;
-  storage_.Fail(status);
-  return absl::ResourceExhaustedError(
-      absl::StrCat("the coordinator cannot write to its storage: ", std::string(status.message())));
-}
-
-void Coordinator::OnUnitsLost(const JobId& job, int32_t frame, const absl::Status& cause,
-                              const absl::StatusOr<std::vector<ledger::UnitRecord>>& lost) {
-  absl::MutexLock lock(&mutex_);
-  const auto active = active_jobs_.find(job);
-  if (active == active_jobs_.end()) return;
-  const std::string error(cause.message());
-  if (!lost.ok()) return EndJob(job, v1::JOB_STATE_FAILED, std::string(lost.status().message()));
-  if (lost->empty()) return EndJob(job, v1::JOB_STATE_FAILED, error);
-  if (++losses_[{job, frame}] > kMaxLosses) {
-    return EndJob(job, v1::JOB_STATE_FAILED,
-                  absl::StrCat("units of frame ", frame, " were lost ", kMaxLosses + 1, " times: ", error));
-  }
-  for (const ledger::UnitRecord& record : *lost) {
-    scheduler_.RevokeUnit(record.unit);
-    active->second.bad_samples -= record.bad_samples;
-  }
-  options_.log->error("event=units_lost job={} frame={} units={} error={}", job.value(), frame, lost->size(),
-                      logging::Quoted(error));
-  changed_jobs_.insert(job);
-  housekeeping_.Notify();
-  GrantLeases();
-}
-
-void Coordinator::CountCommitted(const AcceptedUnit& unit) {
-  ++units_committed_;
-  samples_committed_ += unit.samples;
-  const UnitRef& ref = unit.stored.unit;
-  const auto active = active_jobs_.find(ref.job);
-  if (active == active_jobs_.end()) {  // the job ended while the unit was being committed
-    const auto ending = ending_jobs_.find(ref.job);
-    if (ending == ending_jobs_.end()) return;
-    ++ending->second.record.units_done;
-    ending->second.record.samples_done += unit.samples;
-    return;
-  }
-  ledger::JobRecord& record = active->second;
-  record.bad_samples += unit.stored.stats.bad_samples();
-  UnitBytes& bytes = unit_bytes_[ref.job];
-  bytes.bytes += unit.record_bytes;
-  ++bytes.units;
-  record.times.set_render_seconds(absl::ToDoubleSeconds(options_.now() - render_starts_.at(ref.job)));
-  for (const std::string& line : unit.stored.stats.warnings()) AddWarning(line, &record);
-  options_.log->debug("event=unit_committed unit={} worker={} seconds={:.3f}", logging::Quoted(Describe(ref)),
-                      NameOf(unit.worker), unit.stored.stats.seconds());
-  if (scheduler_.UnitCommitted(ref)) {
-    options_.log->info("event=frame_committed job={} frame={}", ref.job.value(), ref.key.frame);
-  }
-  QueueDue({ref.job, ref.key.frame});
-  changed_jobs_.insert(ref.job);
-  housekeeping_.Notify();
-}
-
-std::string Coordinator::NameOf(WorkerId worker) const {
-  const auto found = workers_.find(worker);
-  const std::string id = job::TextOf(worker);
-  return found == workers_.end() ? id : absl::StrCat(id, "/", found->second.name);
-}
+monitoring::FarmFigures Coordinator::Figures() { return FiguresOf(resources_, state_.get()); }
 
 }  // namespace lumifold::server

@@ -1,206 +1,260 @@
-// What a coordinator does as one of several over the same ledger and data folder; see cluster::Membership.
+#include "server/coordinator/farm.h"
+
 #include <spdlog/logger.h>
 
 #include <algorithm>
-#include <limits>
-#include <set>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
-#include "server/coordinator/coordinator.h"
+#include "proto/rpc/bounded_text.h"
+#include "proto/rpc/limits.h"
+#include "server/coordinator/job_status.h"
+#include "server/job/frame_list.h"
 #include "server/job/job_state.h"
 
 namespace lumifold::server {
 
 using job::JobId;
+using job::Prerequisite;
 
-namespace {
+Farm::Farm(const Resources* resources, FarmEffects* effects)
+    : scheduler(
+          {.lease = resources->options.lease, .first_attempt = ledger::FirstAttempt(resources->owner.epoch)}),
+      frames(resources->options.finish_pause),
+      frame_limit({.open_logs = resources->options.max_open_logs,
+                   .free_disk_bytes = resources->folder.FreeBytes().value_or(0),
+                   .memory_bytes = MemoryBytes()}),
+      resources_(resources),
+      effects_(effects) {}
 
-/// Before a read of the storage that failed is repeated.
-constexpr absl::Duration kAdoptionPause = absl::Milliseconds(250);
-
-}  // namespace
-
-void Coordinator::SetAddress(const std::string& address) {
-  absl::MutexLock lock(&mutex_);
-  address_ = address;
+void Farm::StartJob(ledger::JobRecord record, const std::vector<Prerequisite>& after) {
+  const JobId id = record.id;
+  scheduler.AddJob(id, record.spec, scheduler::OptionsOf(record.scheduling));
+  resources_->log().info("event=job_submitted job={} scene={} size={}x{} spp={} frames={}", id.value(),
+                         logging::Quoted(record.spec.scene().display_name()), record.spec.width(),
+                         record.spec.height(), record.spec.samples_per_pixel(),
+                         job::FrameList(record.spec).count());
+  jobs.Activate(std::move(record));
+  LimitFramesFor(id);
+  AwaitPrerequisites(id, after);
 }
 
-void Coordinator::SetFigures(ledger::Member* member) {
-  absl::MutexLock lock(&mutex_);
-  member->active_jobs = static_cast<int64_t>(active_jobs_.size());
-  for (const auto& [id, worker] : workers_) {
-    const v1::WorkerState state = scheduler_.DescribeWorker(id)->state;
-    if (state != v1::WORKER_STATE_IDLE && state != v1::WORKER_STATE_BUSY)
-      continue;  // it leaves, or gets no leases
-    ++member->workers;
-    member->slots += worker.slots;
+void Farm::EnterJob(const LoadedJob& loaded) {
+  const JobId id = loaded.record.id;
+  ActiveJob* const active = jobs.Activate(loaded.record);
+  if (!loaded.error.empty()) return FailJob(id, loaded.error);
+  scheduler::JobOptions options = scheduler::OptionsOf(loaded.record.scheduling);
+  // The plan binds the job to its class before any unit does.
+  const std::string& planned_class = loaded.record.spec.plan().numeric_class();
+  if (!planned_class.empty()) options.numeric_class = planned_class;
+  if (!loaded.record.numeric_class.empty()) options.numeric_class = loaded.record.numeric_class;
+  scheduler.AddJob(id, loaded.record.spec, options);
+  LimitFramesFor(id);
+  for (const int32_t frame : loaded.finished) scheduler.RestoreFinishedFrame(id, frame);
+  for (const auto& [frame, rounds] : loaded.rounds) {
+    v1::StageTimes& times = active->record.times;  // the ledger has those of finished frames
+    times.set_render_seconds(std::max(times.render_seconds(), rounds->rendered_seconds()));
+    scheduler.SetRounds(id, frame, rounds);
   }
-  for (const auto& [job, record] : active_jobs_) member->demand += LeasesWanted(job, record);
+  for (const scheduler::RestoredUnit& unit : loaded.units)
+    scheduler.RestoreCommittedUnit(id, unit, resources_->options.now());
+  for (const int32_t frame : scheduler.CommittedFrames(id)) QueueDue({id, frame});
+  for (const auto& [frame, rounds] : loaded.rounds) QueueDue({id, frame});
+  const scheduler::JobProgress progress = scheduler.Progress(id);
+  resources_->log().info("event=job_restored job={} units={}/{} frames={}/{}", id.value(),
+                         progress.units_done, progress.units_total, progress.frames_done,
+                         progress.frames_total);
+  if (progress.frames_done == progress.frames_total) return EndJob(id, v1::JOB_STATE_DONE, "");
+  // A job that has begun waited long enough, even if a job that it waited for runs again.
+  const bool has_begun = progress.units_done > 0 || loaded.record.started != absl::InfinitePast();
+  if (!has_begun) AwaitPrerequisites(id, loaded.after);
+  watchers.MarkChanged(id);
+  RegrantInHand();
 }
 
-int64_t Coordinator::LeasesWanted(const JobId& job, const ledger::JobRecord& record) {
-  const bool may_run = scheduler_.HasJob(job) && !record.scheduling.paused() &&
-                       !dependencies_.IsWaiting(job) && !wanted_assets_.contains(job);
+void Farm::EndJob(const JobId& job, v1::JobState state, const std::string& cause) {
+  std::optional<ActiveJob> active = jobs.TakeActive(job);
+  if (!active.has_value()) return;
+  const std::string error = rpc::BoundedLine(cause, rpc::kMaxErrorBytes);
+  EndingJob ending{.record = std::move(active->record), .shown = {}, .cancels = {}};
+  if (scheduler.HasJob(job)) {
+    const scheduler::JobProgress progress = scheduler.Progress(job);
+    ending.shown = StatusOfActiveJob(ending.record, progress);
+    // All frames may be finished, but the job is done when that is recorded.
+    if (job::HasEnded(ending.shown.state())) ending.shown.set_state(v1::JOB_STATE_FILTERING);
+    ending.record.units_done = progress.units_done;
+    ending.record.samples_done = progress.samples_done;
+    ending.record.frames_done = progress.frames_done;
+  } else {  // its spec is not valid
+    ending.shown = StatusOfEndedJob(ending.record);
+  }
+  ending.shown.set_workers(0);
+  ending.record.state = state;
+  ending.record.error = error;
+  jobs.AddEnding(job, std::move(ending));
+  StopRendering(job);
+  effects_->RecordEnd(job, state, error);
+  resources_->log().info("event=job_ended job={} state={} error={}", job.value(), v1::JobState_Name(state),
+                         logging::Quoted(error));
+}
+
+void Farm::SuspendJob(const JobId& job, v1::JobStatus shown) {
+  if (jobs.FindActive(job) != nullptr) {
+    shown = *StatusOf(job);
+    shown.set_workers(0);
+    jobs.TakeActive(job);
+    dependencies.Remove(job);
+    StopRendering(job);
+  }
+  jobs.Suspend(job, std::move(shown));
+}
+
+void Farm::StopRendering(const JobId& job) {
+  scheduler.EndJob(job);
+  frames.ForgetJob(job);
+  effects_->CancelFinishing(job);
+  workers.SendJobEnded(job);
+}
+
+void Farm::AwaitPrerequisites(const JobId& job, std::vector<Prerequisite> after) {
+  if (after.empty()) return;
+  for (Prerequisite& prerequisite : after) {
+    // What is in memory is newer than what was read.
+    if (jobs.IsInMemory(prerequisite.job)) prerequisite.state = v1::JOB_STATE_RUNNING;
+  }
+  const job::Settled settled = dependencies.Add(job, after);
+  if (dependencies.IsWaiting(job)) {
+    UpdatePause(job);
+    effects_->KeepPrerequisites(dependencies.Named());
+    return;
+  }
+  for (const job::HopelessJob& hopeless : settled.hopeless) FailJob(hopeless.job, hopeless.reason);
+}
+
+void Farm::Settle(const job::Settled& settled) {
+  for (const JobId& job : settled.released) {
+    if (jobs.FindActive(job) == nullptr) continue;
+    UpdatePause(job);
+    resources_->log().info("event=job_released job={}", job.value());
+    watchers.MarkChanged(job);
+  }
+  for (const job::HopelessJob& job : settled.hopeless) FailJob(job.job, job.reason);
+  if (settled.released.empty() && settled.hopeless.empty()) return;
+  effects_->KeepPrerequisites(dependencies.Named());
+}
+
+void Farm::UpdatePause(const JobId& job) {
+  const ActiveJob* const active = jobs.FindActive(job);
+  if (active == nullptr) return;
+  if (active->record.scheduling.paused() || dependencies.IsWaiting(job) || active->wanted_asset.has_value()) {
+    scheduler.PauseJob(job);
+  } else {
+    scheduler.ResumeJob(job);
+  }
+}
+
+void Farm::OnAssetFound(const std::string& sha256) {
+  for (const JobId& job : jobs.WaitingForAsset(sha256)) {
+    jobs.FindActive(job)->wanted_asset.reset();
+    resources_->log().info("event=asset_found job={} sha256={}", job.value(), sha256);
+    UpdatePause(job);
+    watchers.MarkChanged(job);
+  }
+}
+
+std::optional<v1::JobStatus> Farm::StatusOf(const JobId& job) const {
+  if (const ActiveJob* const active = jobs.FindActive(job); active != nullptr) {
+    v1::JobStatus status = StatusOfActiveJob(active->record, scheduler.Progress(job));
+    if (dependencies.IsWaiting(job)) status.set_state(v1::JOB_STATE_SUBMITTED);
+    status.set_coordinator(address);
+    if (active->predicted_error.has_value() && !status.has_estimated_error())
+      status.set_estimated_error(*active->predicted_error);
+    return status;
+  }
+  if (const SuspendedJob* const suspended = jobs.FindSuspended(job); suspended != nullptr)
+    return suspended->shown;
+  if (const EndingJob* const ending = jobs.FindEnding(job); ending != nullptr) return ending->shown;
+  return std::nullopt;
+}
+
+int64_t Farm::LeasesWanted(const JobId& job) const {
+  const ActiveJob* const active = jobs.FindActive(job);
+  const bool may_run = active != nullptr && scheduler.HasJob(job) && !active->record.scheduling.paused() &&
+                       !dependencies.IsWaiting(job) && !active->wanted_asset.has_value();
   if (!may_run) return 0;
-  const scheduler::JobProgress progress = scheduler_.Progress(job);
+  const scheduler::JobProgress progress = scheduler.Progress(job);
   const int64_t left = progress.units_total - progress.units_done;
-  const int64_t limit = record.scheduling.max_leases();
+  const int64_t limit = active->record.scheduling.max_leases();
   return limit > 0 ? std::min(left, limit) : left;
 }
 
-void Coordinator::Adopt(const std::vector<ledger::AdoptedJob>& jobs) {
-  options_.log->info("event=jobs_adopted jobs={}", jobs.size());
-  farm_thread_.Run([this, jobs] {
-    // Those that are waited for come first.
-    for (const bool ended : {false, true}) {
-      for (const ledger::AdoptedJob& job : jobs) {
-        if (job.has_ended == ended) AdoptJob(job.id);
-      }
-    }
-  });
+bool Farm::IsDue(const DueFrame& frame) const {
+  if (frame.round == DueFrame::kResult) return scheduler.IsFrameCommitted(frame.job, frame.number);
+  const std::shared_ptr<const job::FrameRounds> rounds = scheduler.RoundsOf(frame.job, frame.number);
+  return rounds != nullptr && !rounds->is_final() && rounds->estimated() == frame.round &&
+         scheduler.CommittedRounds(frame.job, frame.number) > frame.round;
 }
 
-void Coordinator::AdoptJob(const JobId& job) {
-  absl::Status status = TryToAdopt(job);
-  while (IsStorageError(status)) {
-    storage_.Fail(status);
-    adopting_.Consume(kAdoptionPause);
-    {
-      absl::MutexLock lock(&mutex_);
-      if (stopping_) return;  // others adopt it
-    }
-    status = TryToAdopt(job);
+void Farm::QueueDue(const FrameKey& key) {
+  DueFrame frame = {.job = key.first, .number = key.second};
+  if (!IsDue(frame)) {
+    const std::shared_ptr<const job::FrameRounds> rounds = scheduler.RoundsOf(frame.job, frame.number);
+    if (rounds == nullptr) return;
+    frame.round = rounds->estimated();
+    if (!IsDue(frame)) return;
   }
-  if (status.ok() || absl::IsNotFound(status)) return;
-  options_.log->error("event=job_not_adopted job={} error={}", job.value(),
-                      logging::Quoted(std::string(status.message())));
+  if (const ActiveJob* const active = jobs.FindActive(frame.job); active != nullptr)
+    frame.rendered = absl::Seconds(active->record.times.render_seconds());
+  frame.samples = scheduler.Progress(frame.job).samples_done;
+  frames.Push(std::move(frame));
 }
 
-absl::Status Coordinator::TryToAdopt(const JobId& job) {
-  const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
-  if (!record.ok()) return record.status();
-  if (job::HasEnded(record->state)) {
-    janitor_.JobEnded(job, record->state, record->error);
-    return absl::OkStatus();
-  }
-  // If its last owner goes on writing a result, it can no longer put it in the place of this coordinator's.
-  if (absl::Status status = folder_.RemoveLeftoversOf(job); !status.ok()) return status;
-  absl::StatusOr<LoadedJob> loaded = LoadJob(*record);
-  if (!loaded.ok()) return loaded.status();
-  const std::vector<job::Prerequisite> after = loaded->after;
-  {
-    absl::MutexLock lock(&mutex_);
-    uncertain_jobs_.erase(job);
-    if (IsInMemory(job)) return absl::OkStatus();
-    EnterJob(*loaded);
-    changed_jobs_.insert(job);
-    housekeeping_.Notify();
-    finishing_.Notify();
-    GrantLeases();
-  }
-  CheckPrerequisites(after);
-  return absl::OkStatus();
-}
-
-void Coordinator::MoveWorkers(const cluster::WorkerMove& move) {
-  MoveWorkers(static_cast<int>(std::min<int64_t>(move.workers, std::numeric_limits<int>::max())),
-              move.address);
-}
-
-void Coordinator::OnExpelled() {
-  StopLeasing();
-  options_.on_expelled();
-}
-
-void Coordinator::LookAtOthers(const std::vector<ledger::Member>& members) {
-  if (looking_.exchange(true)) return;
-  farm_thread_.Run([this, members] {
-    looking_ = false;
-    StartUncertainJobs();
-    FindStoredAssets();
-    LookAtPrerequisites();
-    FollowBlockedWorkers();
-    RouteInHand(members);
-  });
-}
-
-void Coordinator::StartUncertainJobs() {
-  std::set<JobId> jobs;
-  {
-    absl::MutexLock lock(&mutex_);
-    jobs = uncertain_jobs_;
-  }
-  for (const JobId& job : jobs) {
-    const absl::StatusOr<JobId> started = StartIfUncertain(job);
-    if (!absl::IsNotFound(started.status())) continue;
-    // It was not recorded; the client submits it again, perhaps elsewhere.
-    absl::MutexLock lock(&mutex_);
-    uncertain_jobs_.erase(job);
+void Farm::LimitFrames(uint64_t free_disk_bytes) {
+  frame_limit.Reset(free_disk_bytes);
+  for (const auto& [job, active] : jobs.active()) {
+    if (scheduler.HasJob(job)) LimitFramesFor(job);
   }
 }
 
-void Coordinator::FindStoredAssets() {
-  std::set<std::string> wanted;
-  {
-    absl::MutexLock lock(&mutex_);
-    for (const auto& [job, asset] : wanted_assets_) wanted.insert(asset.sha256());
-  }
-  for (const std::string& sha256 : wanted) {
-    if (assets_->Has(sha256)) OnAssetStored(sha256);
-  }
+void Farm::LimitFramesFor(const JobId& job) {
+  frame_limit.Add(DemandOf(scheduler.SpecOf(job), scheduler.UnitsOf(job), jobs.FindActive(job)->unit_bytes));
+  scheduler.SetMaxActiveFrames(frame_limit.MaxActiveFrames());
 }
 
-void Coordinator::LookAtPrerequisites() {
-  std::vector<job::Prerequisite> after;
-  {
-    absl::MutexLock lock(&mutex_);
-    for (const JobId& job : dependencies_.Named()) {
-      if (!IsInMemory(job)) after.push_back({job, v1::JOB_STATE_RUNNING});
-    }
+void Farm::CountCommitted(const job::WorkerId& worker, const AcceptedUnit& unit) {
+  ++totals.units_committed;
+  totals.samples_committed += unit.samples;
+  const job::UnitRef& ref = unit.stored.unit;
+  ActiveJob* const active = jobs.FindActive(ref.job);
+  if (active == nullptr) {  // the job ended while the unit was being committed
+    EndingJob* const ending = jobs.FindEnding(ref.job);
+    if (ending == nullptr) return;
+    ++ending->record.units_done;
+    ending->record.samples_done += unit.samples;
+    return;
   }
-  CheckPrerequisites(after);
+  ledger::JobRecord& record = active->record;
+  record.bad_samples += unit.stored.stats.bad_samples();
+  active->unit_bytes.bytes += unit.record_bytes;
+  ++active->unit_bytes.units;
+  if (active->render_start.has_value())
+    record.times.set_render_seconds(absl::ToDoubleSeconds(resources_->options.now() - *active->render_start));
+  for (const std::string& line : unit.stored.stats.warnings()) AddWarning(line, &record);
+  resources_->log().debug("event=unit_committed unit={} worker={} seconds={:.3f}",
+                          logging::Quoted(Describe(ref)), workers.NameOf(worker),
+                          unit.stored.stats.seconds());
+  if (scheduler.UnitCommitted(ref))
+    resources_->log().info("event=frame_committed job={} frame={}", ref.job.value(), ref.key.frame);
+  QueueDue({ref.job, ref.key.frame});
+  watchers.MarkChanged(ref.job);
 }
 
-void Coordinator::RouteInHand(const std::vector<ledger::Member>& members) {
-  std::vector<JobId> jobs;
-  {
-    absl::MutexLock lock(&mutex_);
-    for (const auto& [job, units] : in_hand_) jobs.push_back(job);
+void Farm::RevokeUnits(const JobId& job, const std::vector<ledger::UnitRecord>& units) {
+  for (const ledger::UnitRecord& record : units) {
+    scheduler.RevokeUnit(record.unit);
+    jobs.FindActive(job)->record.bad_samples -= record.bad_samples;
   }
-  for (const JobId& job : jobs) {
-    const absl::StatusOr<ledger::Epoch> owner = OwnerOf(job);
-    if (!owner.ok() || *owner == owner_.epoch) continue;
-    for (const ledger::Member& member : members) {
-      if (member.owner.epoch == *owner) MoveWorkersWith(job, member.address);
-    }
-  }
-}
-
-void Coordinator::FollowBlockedWorkers() {
-  absl::MutexLock control(&control_mutex_);
-  const absl::StatusOr<std::vector<ledger::BlockedWorker>> recorded = store_->BlockedWorkers();
-  if (!recorded.ok()) return;
-  absl::MutexLock lock(&mutex_);
-  std::set<std::string> lifted;
-  for (const scheduler::BlockedWorker& worker : scheduler_.Blocked()) lifted.insert(worker.name);
-  for (const ledger::BlockedWorker& worker : *recorded) {
-    if (lifted.erase(worker.name) == 0) scheduler_.BlockWorker(worker.name, worker.reason);
-  }
-  for (const std::string& name : lifted) scheduler_.ReadmitWorker(name);
-  SendVoided();
-  GrantLeases();
-}
-
-absl::StatusOr<ledger::Epoch> Coordinator::OwnerOf(const JobId& job) {
-  {
-    absl::MutexLock lock(&mutex_);
-    if (IsInMemory(job)) return owner_.epoch;
-  }
-  const absl::StatusOr<ledger::JobRecord> record = store_->GetJob(job);
-  if (!record.ok()) return record.status();
-  return record->owner.epoch;
+  watchers.MarkChanged(job);
 }
 
 }  // namespace lumifold::server

@@ -1,8 +1,8 @@
-// What the metrics endpoint shows.
+#include "server/coordinator/figures.h"
+
 #include <array>
 #include <utility>
 
-#include "server/coordinator/coordinator.h"
 #include "server/coordinator/job_status.h"
 #include "server/storage/disk_space.h"
 
@@ -26,22 +26,22 @@ constexpr std::array<std::pair<RetryReason, const char*>, 10> kReasons = {{
 
 }  // namespace
 
-monitoring::FarmFigures Coordinator::Figures() {
+monitoring::FarmFigures FiguresOf(const Resources& resources, FarmState* state) {
   monitoring::FarmFigures figures;
-  const DiskSpace disk = DiskSpaceOf(folder_.root());
+  const DiskSpace disk = DiskSpaceOf(resources.folder.root());
   figures.disk_free_bytes = disk.free_bytes;
   figures.disk_room_bytes = disk.room();
-  figures.storage_writable = storage_.ok();
-  figures.unit_bytes_received = traffic_.units_received;
-  figures.asset_bytes_received = traffic_.assets_received;
-  figures.result_bytes_sent = traffic_.results_sent;
-  figures.asset_bytes_sent = traffic_.assets_sent;
-  absl::MutexLock lock(&mutex_);
-  const scheduler::Figures counts = scheduler_.CountAll();
+  figures.storage_writable = resources.storage.ok();
+  figures.unit_bytes_received = resources.traffic.units_received;
+  figures.asset_bytes_received = resources.traffic.assets_received;
+  figures.result_bytes_sent = resources.traffic.results_sent;
+  figures.asset_bytes_sent = resources.traffic.assets_sent;
+  FarmState::View farm(state);
+  const scheduler::Figures counts = farm->scheduler.CountAll();
   figures.units_queued = counts.units_queued;
   figures.units_leased = counts.units_leased;
-  figures.units_committed = units_committed_;
-  figures.samples_committed = samples_committed_;
+  figures.units_committed = farm->totals.units_committed;
+  figures.samples_committed = farm->totals.samples_committed;
   figures.leases_expired = counts.leases_expired;
   for (const auto& [reason, name] : kReasons) {
     const auto count = counts.retries.find(reason);
@@ -49,9 +49,9 @@ monitoring::FarmFigures Coordinator::Figures() {
   }
   figures.worker_slots = counts.slots;
   figures.workers = counts.workers;
-  figures.blocked_names = static_cast<int64_t>(scheduler_.Blocked().size());
-  for (const auto& [job, record] : active_jobs_)
-    ++figures.jobs[StateOfActiveJob(record, scheduler_.Progress(job))];
+  figures.blocked_names = static_cast<int64_t>(farm->scheduler.Blocked().size());
+  for (const auto& [job, active] : farm->jobs.active())
+    ++figures.jobs[StateOfActiveJob(active.record, farm->scheduler.Progress(job))];
   return figures;
 }
 

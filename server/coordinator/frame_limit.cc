@@ -49,4 +49,14 @@ uint64_t MemoryBytes() {
   return static_cast<uint64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
 }
 
+void FrameLimit::Reset(uint64_t free_disk_bytes) {
+  resources_.free_disk_bytes = free_disk_bytes;
+  largest_ = {};
+}
+
+void FrameLimit::Add(const FrameDemand& demand) {
+  largest_.log_bytes = std::max(largest_.log_bytes, demand.log_bytes);
+  largest_.units = std::max(largest_.units, demand.units);
+}
+
 }  // namespace lumifold::server

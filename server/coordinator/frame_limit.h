@@ -38,6 +38,23 @@ FrameDemand DemandOf(const v1::JobSpec& spec, const job::FrameUnits& units, cons
 /// frames whose units turn out larger; with more than one open log for each frame logs would be opened again and again.
 int MaxActiveFrames(const FrameResources& resources, const FrameDemand& demand);
 
+/// The frames that may be in flight, by what the machine has and what the largest frame of any job demands. Pure state.
+/// Threads: one at a time.
+class FrameLimit {
+ public:
+  explicit FrameLimit(const FrameResources& resources) : resources_(resources) {}
+
+  /// Forgets all demands: those of the jobs that are active now follow.
+  void Reset(uint64_t free_disk_bytes);
+  /// Adds the demand of a job's frames.
+  void Add(const FrameDemand& demand);
+  int MaxActiveFrames() const { return server::MaxActiveFrames(resources_, largest_); }
+
+ private:
+  FrameResources resources_;
+  FrameDemand largest_;
+};
+
 /// Number of unit logs that this process may keep open: a quarter of its descriptors, at most 256. The others are for
 /// connections, uploads, downloads and the ledger.
 size_t MaxOpenLogs();

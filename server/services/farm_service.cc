@@ -14,7 +14,7 @@
 #include "server/access/identity.h"
 #include "server/assets/asset_checks.h"
 #include "server/cluster/farm_peers.h"
-#include "server/coordinator/coordinator.h"
+#include "server/coordinator/roles.h"
 #include "server/preview/preview_maker.h"
 #include "server/services/call_gate.h"
 #include "server/services/farm_streams.h"
@@ -64,13 +64,7 @@ std::string NextToken(const std::vector<ledger::Member>& members, ledger::Epoch 
 class FarmServiceAdapter final : public v1::FarmService::CallbackService {
  public:
   explicit FarmServiceAdapter(const ServiceParts& parts)
-      : coordinator_(parts.coordinator),
-        checks_(parts.checks),
-        peers_(parts.peers),
-        previews_(parts.previews),
-        make_link_(parts.make_link),
-        gate_(parts.gate, v1::FarmService::service_full_name()),
-        jobs_(parts.coordinator) {}
+      : parts_(parts), gate_(parts.gate, v1::FarmService::service_full_name()), job_access_(parts.jobs) {}
 
   grpc::ServerUnaryReactor* FindMissingAssets(grpc::CallbackServerContext* context,
                                               const v1::FindMissingAssetsRequest* request,
@@ -79,9 +73,9 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                        [&](const CallGate::Call&, const Done<v1::FindMissingAssetsResponse>& done) {
                          std::set<std::string> assets;
                          for (const v1::AssetRef& asset : request->assets()) assets.insert(asset.sha256());
-                         checks_->Check(assets, [this, request, done](const absl::Status& checked) {
+                         parts_.checks->Check(assets, [this, request, done](const absl::Status& checked) {
                            if (!checked.ok()) return done(checked);
-                           done(coordinator_->FindMissingAssets(*request));
+                           done(parts_.submissions->FindMissingAssets(*request));
                          });
                        });
   }
@@ -89,13 +83,13 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                        const v1::FindUploadRequest* request,
                                        v1::FindUploadResponse* response) override {
     return Answer(context, gate_.Admit(context, "FindUpload", request->asset().sha256()), response,
-                  [&](const CallGate::Call&) { return coordinator_->FindUpload(*request); });
+                  [&](const CallGate::Call&) { return parts_.submissions->FindUpload(*request); });
   }
   grpc::ServerReadReactor<v1::UploadAssetRequest>* UploadAsset(grpc::CallbackServerContext* context,
                                                                v1::UploadAssetResponse*) override {
     absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "UploadAsset", "");
     if (!call.ok()) return new Refused<grpc::ServerReadReactor<v1::UploadAssetRequest>>(call.status());
-    return new AssetReader(*std::move(call), coordinator_);
+    return new AssetReader(*std::move(call), parts_.submissions, parts_.traffic);
   }
   grpc::ServerUnaryReactor* SubmitJob(grpc::CallbackServerContext* context,
                                       const v1::SubmitJobRequest* request,
@@ -109,9 +103,9 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     return AnswerLater(
         context, gate_.Admit(context, "GetJob", request->job_id()), response,
         [&](const CallGate::Call& call, const Done<v1::JobStatus>& done) {
-          const absl::Status own = jobs_.Check(call.caller(), request->job_id());
+          const absl::Status own = job_access_.Check(call.caller(), request->job_id());
           if (!own.ok()) return done(own);
-          const auto recorded = [this, job = request->job_id(), done] { done(coordinator_->GetJob(job)); };
+          const auto recorded = [this, job = request->job_id(), done] { done(parts_.jobs->GetJob(job)); };
           const Done<v1::JobStatus> of_owner = [done, recorded](absl::StatusOr<v1::JobStatus> status) {
             if (absl::IsUnavailable(status.status())) return recorded();
             done(std::move(status));
@@ -125,50 +119,50 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                      v1::ListJobsResponse* response) override {
     return Answer(context, gate_.Admit(context, "ListJobs", ""), response,
                   [&](const CallGate::Call& call) -> absl::StatusOr<v1::ListJobsResponse> {
-                    const std::optional<v1::ListJobsRequest> own = jobs_.Restrict(call.caller(), *request);
+                    const std::optional<v1::ListJobsRequest> own =
+                        job_access_.Restrict(call.caller(), *request);
                     if (!own.has_value()) return v1::ListJobsResponse();
-                    return coordinator_->ListJobs(*own);
+                    return parts_.jobs->ListJobs(*own);
                   });
   }
   grpc::ServerWriteReactor<v1::JobStatus>* WatchJob(grpc::CallbackServerContext* context,
                                                     const v1::WatchJobRequest* request) override {
     absl::StatusOr<AdmittedCall> call = AdmitStreamOfJob(context, "WatchJob", request->job_id());
     if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::JobStatus>>(call.status());
-    const absl::StatusOr<cluster::FarmPeers::Peer> owner = peers_->OwnerOf(*context, request->job_id());
-    auto* writer = new StatusWriter(*std::move(call), coordinator_);
+    const absl::StatusOr<cluster::FarmPeers::Peer> owner = parts_.peers->OwnerOf(*context, request->job_id());
+    auto* writer = new StatusWriter(*std::move(call), parts_.jobs);
     if (owner.ok() && owner->channel == nullptr) {
       writer->Watch(request->job_id());
     } else {
-      writer->WatchAt(owner, *peers_, *request);
+      writer->WatchAt(owner, *parts_.peers, *request);
     }
     return writer;
   }
   grpc::ServerUnaryReactor* CancelJob(grpc::CallbackServerContext* context,
                                       const v1::CancelJobRequest* request, v1::JobStatus* response) override {
-    return AnswerOfJobLater(context, "CancelJob", *request, response,
-                            [this, request](const Coordinator::StatusAnswer& done) {
-                              coordinator_->CancelJob(request->job_id(), done);
-                            });
+    return AnswerOfJobLater(
+        context, "CancelJob", *request, response,
+        [this, request](const StatusAnswer& done) { parts_.changes->CancelJob(request->job_id(), done); });
   }
   grpc::ServerUnaryReactor* RetryJob(grpc::CallbackServerContext* context, const v1::RetryJobRequest* request,
                                      v1::JobStatus* response) override {
     return AnswerOfJobLater(
         context, "RetryJob", *request, response,
-        [this, request](const Coordinator::StatusAnswer& done) { coordinator_->RetryJob(*request, done); });
+        [this, request](const StatusAnswer& done) { parts_.changes->RetryJob(*request, done); });
   }
   grpc::ServerUnaryReactor* AddSamples(grpc::CallbackServerContext* context,
                                        const v1::AddSamplesRequest* request,
                                        v1::JobStatus* response) override {
     return AnswerOfJobLater(
         context, "AddSamples", *request, response,
-        [this, request](const Coordinator::StatusAnswer& done) { coordinator_->AddSamples(*request, done); });
+        [this, request](const StatusAnswer& done) { parts_.changes->AddSamples(*request, done); });
   }
   grpc::ServerUnaryReactor* DeleteJob(grpc::CallbackServerContext* context,
                                       const v1::DeleteJobRequest* request,
                                       v1::DeleteJobResponse* response) override {
     return AnswerOfJobLater(
         context, "DeleteJob", *request, response, [this, request](const Done<v1::DeleteJobResponse>& done) {
-          coordinator_->DeleteJob(*request, [done](const absl::StatusOr<v1::JobStatus>& last) {
+          parts_.changes->DeleteJob(*request, [done](const absl::StatusOr<v1::JobStatus>& last) {
             if (!last.ok()) return done(last.status());
             done(v1::DeleteJobResponse());
           });
@@ -179,32 +173,32 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                             v1::ServerStatus* response) override {
     return Answer(context, gate_.Admit(context, "GetServerStatus", ""), response,
                   [&](const CallGate::Call&) -> absl::StatusOr<v1::ServerStatus> {
-                    absl::StatusOr<v1::ServerStatus> status = coordinator_->GetServerStatus();
-                    if (status.ok()) AddMembers(peers_->Members(), &*status);
+                    absl::StatusOr<v1::ServerStatus> status = parts_.jobs->GetServerStatus();
+                    if (status.ok()) AddMembers(parts_.peers->Members(), &*status);
                     return status;
                   });
   }
   grpc::ServerUnaryReactor* PauseJob(grpc::CallbackServerContext* context, const v1::PauseJobRequest* request,
                                      v1::JobStatus* response) override {
     return AnswerOfJob(context, "PauseJob", *request, response,
-                       [this, request] { return coordinator_->PauseJob(request->job_id()); });
+                       [this, request] { return parts_.operators->PauseJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* ResumeJob(grpc::CallbackServerContext* context,
                                       const v1::ResumeJobRequest* request, v1::JobStatus* response) override {
     return AnswerOfJob(context, "ResumeJob", *request, response,
-                       [this, request] { return coordinator_->ResumeJob(request->job_id()); });
+                       [this, request] { return parts_.operators->ResumeJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* SetJobPriority(grpc::CallbackServerContext* context,
                                            const v1::SetJobPriorityRequest* request,
                                            v1::JobStatus* response) override {
     return AnswerOfJob(context, "SetJobPriority", *request, response,
-                       [this, request] { return coordinator_->SetJobPriority(*request); });
+                       [this, request] { return parts_.operators->SetJobPriority(*request); });
   }
   grpc::ServerUnaryReactor* ExplainJob(grpc::CallbackServerContext* context,
                                        const v1::ExplainJobRequest* request,
                                        v1::ExplainJobResponse* response) override {
     return AnswerOfJob(context, "ExplainJob", *request, response,
-                       [this, request] { return coordinator_->ExplainJob(request->job_id()); });
+                       [this, request] { return parts_.jobs->ExplainJob(request->job_id()); });
   }
   grpc::ServerUnaryReactor* ListWorkers(grpc::CallbackServerContext* context,
                                         const v1::ListWorkersRequest* request,
@@ -218,43 +212,44 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                         const v1::WorkerRequest* request,
                                         v1::WorkerStatus* response) override {
     return AnswerOfWorker(context, "DrainWorker", *request, response,
-                          [&] { return coordinator_->DrainWorker(*request); });
+                          [&] { return parts_.operators->DrainWorker(*request); });
   }
   grpc::ServerUnaryReactor* BlockWorker(grpc::CallbackServerContext* context,
                                         const v1::WorkerRequest* request,
                                         v1::WorkerStatus* response) override {
     return AnswerOfWorker(context, "BlockWorker", *request, response,
-                          [&] { return coordinator_->BlockWorker(*request); });
+                          [&] { return parts_.operators->BlockWorker(*request); });
   }
   grpc::ServerUnaryReactor* ReadmitWorker(grpc::CallbackServerContext* context,
                                           const v1::WorkerRequest* request,
                                           v1::WorkerStatus* response) override {
     return AnswerOfWorker(context, "ReadmitWorker", *request, response,
-                          [&] { return coordinator_->ReadmitWorker(*request); });
+                          [&] { return parts_.operators->ReadmitWorker(*request); });
   }
   grpc::ServerUnaryReactor* GetLog(grpc::CallbackServerContext* context, const v1::GetLogRequest* request,
                                    v1::GetLogResponse* response) override {
-    return AnswerLater(
-        context, gate_.Admit(context, "GetLog", absl::StrCat(request->job_id(), request->worker())), response,
-        [&](const CallGate::Call& call, const Done<v1::GetLogResponse>& done) {
-          const absl::Status own = jobs_.CheckLog(call.caller(), *request);
-          if (!own.ok()) return done(own);
-          if (request->job_id().empty()) {
-            return AtWorker<v1::GetLogRequest, v1::GetLogResponse>(*context, gate_.PathOf("GetLog"),
-                                                                   call.caller(), *request,
-                                                                   coordinator_->GetLog(*request), done);
-          }
-          AtOwner<v1::GetLogRequest, v1::GetLogResponse>(
-              {context, gate_.PathOf("GetLog"), call.caller(), request, done,
-               [this, request, done] { done(coordinator_->GetLog(*request)); }, peers_->Patience(*context)});
-        });
+    return AnswerLater(context,
+                       gate_.Admit(context, "GetLog", absl::StrCat(request->job_id(), request->worker())),
+                       response, [&](const CallGate::Call& call, const Done<v1::GetLogResponse>& done) {
+                         const absl::Status own = job_access_.CheckLog(call.caller(), *request);
+                         if (!own.ok()) return done(own);
+                         if (request->job_id().empty()) {
+                           return AtWorker<v1::GetLogRequest, v1::GetLogResponse>(
+                               *context, gate_.PathOf("GetLog"), call.caller(), *request,
+                               parts_.jobs->GetLog(*request), done);
+                         }
+                         AtOwner<v1::GetLogRequest, v1::GetLogResponse>(
+                             {context, gate_.PathOf("GetLog"), call.caller(), request, done,
+                              [this, request, done] { done(parts_.jobs->GetLog(*request)); },
+                              parts_.peers->Patience(*context)});
+                       });
   }
   grpc::ServerWriteReactor<v1::ByteChunk>* DownloadResult(grpc::CallbackServerContext* context,
                                                           const v1::DownloadResultRequest* request) override {
     absl::StatusOr<AdmittedCall> call = AdmitStreamOfJob(context, "DownloadResult", request->job_id());
     if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
-    auto* writer = new FileWriter(*std::move(call), &coordinator_->traffic().results_sent);
-    writer->Start(coordinator_->OpenResult(*request));
+    auto* writer = new FileWriter(*std::move(call), &parts_.traffic->results_sent);
+    writer->Start(parts_.jobs->OpenResult(*request));
     return writer;
   }
 
@@ -262,7 +257,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
                                        const v1::GetPreviewRequest* request, v1::Preview* response) override {
     return AnswerOfJobLater(
         context, "GetPreview", *request, response,
-        [this, request](const Done<v1::Preview>& done) { previews_->Get(*request, done); });
+        [this, request](const Done<v1::Preview>& done) { parts_.previews->Get(*request, done); });
   }
 
   grpc::ServerUnaryReactor* CreatePageLink(grpc::CallbackServerContext* context,
@@ -271,10 +266,11 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     return Answer(context, gate_.Admit(context, "CreatePageLink", request->job_id()), response,
                   [&](const CallGate::Call& call) -> absl::StatusOr<v1::PageLink> {
                     if (!request->job_id().empty()) {
-                      if (absl::Status status = jobs_.Check(call.caller(), request->job_id()); !status.ok())
+                      if (absl::Status status = job_access_.Check(call.caller(), request->job_id());
+                          !status.ok())
                         return status;
                     }
-                    return make_link_(call.caller().id, *request);
+                    return parts_.make_link(call.caller().id, *request);
                   });
   }
 
@@ -294,10 +290,10 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
     return AnswerLater(
         context, gate_.Admit(context, method, request.job_id()), response,
         [&](const CallGate::Call& call, const Done<Response>& done) {
-          const absl::Status own = jobs_.Check(call.caller(), request.job_id());
+          const absl::Status own = job_access_.Check(call.caller(), request.job_id());
           if (!own.ok()) return done(own);
           AtOwner<Request, Response>({context, gate_.PathOf(method), call.caller(), &request, done,
-                                      [start, done] { start(done); }, peers_->Patience(*context)});
+                                      [start, done] { start(done); }, parts_.peers->Patience(*context)});
         });
   }
 
@@ -317,7 +313,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   template <typename Request, typename Response>
   void AtOwner(const JobCall<Request, Response>& call) {
     const absl::StatusOr<cluster::FarmPeers::Peer> owner =
-        peers_->OwnerOf(*call.context, call.request->job_id());
+        parts_.peers->OwnerOf(*call.context, call.request->job_id());
     if (owner.ok() && owner->channel == nullptr) return call.here();
     const auto answer = [this, call](absl::StatusOr<Response> response) {
       const bool waits = absl::IsUnavailable(response.status()) && rpc::MonotonicNow() < call.end;
@@ -325,7 +321,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
       cluster::FarmPeers::AfterPause([this, call] { AtOwner(call); });
     };
     if (!owner.ok()) return answer(owner.status());
-    peers_->Forward<Response>(*owner, call.path, *call.context, call.caller, *call.request, answer);
+    parts_.peers->Forward<Response>(*owner, call.path, *call.context, call.caller, *call.request, answer);
   }
 
   template <typename Make>
@@ -345,7 +341,7 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   void AtWorker(const grpc::CallbackServerContext& context, const std::string& path,
                 const access::Identity& caller, const Request& request, absl::StatusOr<Response> here,
                 const Done<Response>& done) {
-    const bool asks_others = absl::IsNotFound(here.status()) && peers_->MayForward(context);
+    const bool asks_others = absl::IsNotFound(here.status()) && parts_.peers->MayForward(context);
     if (!asks_others) return done(std::move(here));
     AskOthers<Request, Response>({&context, path, caller, request, here.status()}, ledger::Epoch(), done);
   }
@@ -362,11 +358,11 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   /// Asks the members with epochs above `asked`.
   template <typename Request, typename Response>
   void AskOthers(const WorkerCall<Request>& call, ledger::Epoch asked, const Done<Response>& done) {
-    for (const ledger::Member& member : peers_->Members()) {
-      if (member.owner.epoch <= asked || member.owner.epoch == coordinator_->owner().epoch) continue;
-      const absl::StatusOr<cluster::FarmPeers::Peer> peer = peers_->PeerOf(member.owner.epoch);
+    for (const ledger::Member& member : parts_.peers->Members()) {
+      if (member.owner.epoch <= asked || member.owner.epoch == parts_.epoch) continue;
+      const absl::StatusOr<cluster::FarmPeers::Peer> peer = parts_.peers->PeerOf(member.owner.epoch);
       if (!peer.ok()) continue;
-      return peers_->Forward<Response>(
+      return parts_.peers->Forward<Response>(
           *peer, call.path, *call.context, call.caller, call.request,
           [this, call, epoch = member.owner.epoch, done](absl::StatusOr<Response> answer) {
             if (!absl::IsNotFound(answer.status())) return done(std::move(answer));
@@ -380,8 +376,8 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
   /// that coordinator's token.
   void ListWorkersOfFarm(const grpc::CallbackServerContext& context, const access::Identity& caller,
                          const v1::ListWorkersRequest& request, const Done<v1::ListWorkersResponse>& done) {
-    if (!peers_->MayForward(context)) return done(ListWorkersHere(caller, request));
-    const std::vector<ledger::Member> members = peers_->Members();
+    if (!parts_.peers->MayForward(context)) return done(ListWorkersHere(caller, request));
+    const std::vector<ledger::Member> members = parts_.peers->Members();
     v1::ListWorkersRequest page = request;
     const absl::StatusOr<ledger::Epoch> epoch = TakeEpoch(members, &page);
     if (!epoch.ok()) return done(epoch.status());
@@ -389,11 +385,11 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
       if (workers.ok()) workers->set_next_page_token(NextToken(members, epoch, workers->next_page_token()));
       done(std::move(workers));
     };
-    if (*epoch == coordinator_->owner().epoch) return add_epoch(ListWorkersHere(caller, page));
-    const absl::StatusOr<cluster::FarmPeers::Peer> peer = peers_->PeerOf(*epoch);
+    if (*epoch == parts_.epoch) return add_epoch(ListWorkersHere(caller, page));
+    const absl::StatusOr<cluster::FarmPeers::Peer> peer = parts_.peers->PeerOf(*epoch);
     if (!peer.ok())
       return add_epoch(v1::ListWorkersResponse());  // it has just gone, and its workers go elsewhere
-    peers_->Forward<v1::ListWorkersResponse>(
+    parts_.peers->Forward<v1::ListWorkersResponse>(
         *peer, gate_.PathOf("ListWorkers"), context, caller, page,
         [add_epoch](absl::StatusOr<v1::ListWorkersResponse> workers) {
           add_epoch(absl::IsUnavailable(workers.status()) ? v1::ListWorkersResponse() : std::move(workers));
@@ -402,16 +398,16 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
 
   absl::StatusOr<v1::ListWorkersResponse> ListWorkersHere(const access::Identity& caller,
                                                           const v1::ListWorkersRequest& request) {
-    absl::StatusOr<v1::ListWorkersResponse> workers = coordinator_->ListWorkers(request);
+    absl::StatusOr<v1::ListWorkersResponse> workers = parts_.operators->ListWorkers(request);
     if (!workers.ok()) return workers;
-    return jobs_.Shown(caller, *std::move(workers));
+    return job_access_.Shown(caller, *std::move(workers));
   }
 
   absl::StatusOr<AdmittedCall> AdmitStreamOfJob(grpc::CallbackServerContext* context, const char* method,
                                                 const std::string& job_id) {
     absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, method, job_id);
     if (!call.ok()) return call;
-    absl::Status own = jobs_.Check((*call)->caller(), job_id);
+    absl::Status own = job_access_.Check((*call)->caller(), job_id);
     if (own.ok()) return call;
     (*call)->End(own);
     return own;
@@ -419,27 +415,23 @@ class FarmServiceAdapter final : public v1::FarmService::CallbackService {
 
   void Submit(CallGate::Call& call, const v1::SubmitJobRequest& request,
               const Done<v1::SubmitJobResponse>& done) {
-    absl::StatusOr<v1::SubmitJobRequest> claimed = jobs_.Claim(call.caller(), request);
+    absl::StatusOr<v1::SubmitJobRequest> claimed = job_access_.Claim(call.caller(), request);
     if (!claimed.ok()) return done(claimed.status());
     const auto own = std::make_shared<v1::SubmitJobRequest>(*std::move(claimed));
     own->mutable_scheduling()->set_trace_id(rpc::TraceIdOf(call.trace_parent()));
     std::set<std::string> assets = {own->spec().scene().file().sha256()};
     for (const v1::AssetRef& asset : own->spec().scene().dependencies()) assets.insert(asset.sha256());
-    checks_->Check(assets, [this, own, &call, done](const absl::Status& checked) {
+    parts_.checks->Check(assets, [this, own, &call, done](const absl::Status& checked) {
       if (!checked.ok()) return done(checked);
-      absl::StatusOr<v1::SubmitJobResponse> submitted = coordinator_->SubmitJob(*own);
+      absl::StatusOr<v1::SubmitJobResponse> submitted = parts_.submissions->SubmitJob(*own);
       if (submitted.ok()) call.SetSubject(submitted->job_id());  // `done` keeps the call
       done(std::move(submitted));
     });
   }
 
-  Coordinator* const coordinator_;
-  AssetChecks* const checks_;
-  cluster::FarmPeers* const peers_;
-  PreviewMaker* const previews_;
-  const decltype(ServiceParts::make_link) make_link_;
+  const ServiceParts parts_;
   const ServiceGate gate_;
-  const JobAccess jobs_;
+  const JobAccess job_access_;
 };
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "absl/status/statusor.h"
 #include "lumifold/v1/farm.pb.h"
+#include "server/ledger/owner.h"
 
 namespace grpc {
 class Service;
@@ -19,12 +20,25 @@ namespace lumifold::server {
 
 class AssetChecks;
 class CallGate;
-class Coordinator;
+class JobApi;
+class JobChangeApi;
+class OperatorApi;
 class PreviewMaker;
+class SubmissionApi;
+class WorkerApi;
+struct Traffic;
 
 /// What the services are made of; all must outlive them.
 struct ServiceParts {
-  Coordinator* coordinator = nullptr;
+  // Of a coordinator.
+  SubmissionApi* submissions = nullptr;
+  JobApi* jobs = nullptr;
+  JobChangeApi* changes = nullptr;
+  OperatorApi* operators = nullptr;
+  WorkerApi* workers = nullptr;
+  Traffic* traffic = nullptr;
+  ledger::Epoch epoch = {};
+
   AssetChecks* checks = nullptr;
   CallGate* gate = nullptr;
   cluster::FarmPeers* peers = nullptr;

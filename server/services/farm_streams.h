@@ -12,9 +12,10 @@
 #include "absl/synchronization/mutex.h"
 #include "lumifold/v1/farm.pb.h"
 #include "proto/rpc/status_codec.h"
+#include "server/assets/asset_store.h"
 #include "server/cluster/farm_peers.h"
 #include "server/cluster/remote_watch.h"
-#include "server/coordinator/coordinator.h"
+#include "server/coordinator/roles.h"
 #include "server/job/job_state.h"
 #include "server/services/unary_calls.h"
 
@@ -24,8 +25,8 @@ namespace lumifold::server {
 /// Receives an asset.
 class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest> {
  public:
-  AssetReader(AdmittedCall call, Coordinator* coordinator)
-      : call_(std::move(call)), coordinator_(coordinator) {
+  AssetReader(AdmittedCall call, SubmissionApi* submissions, Traffic* traffic)
+      : call_(std::move(call)), submissions_(submissions), traffic_(traffic) {
     call_->SetEnd([this](const absl::Status& why) {
       absl::MutexLock lock(&mutex_);
       EndWith(why);
@@ -75,8 +76,8 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
           "UploadAsset: the first message, and no other, must announce the asset");
     }
     if (upload_ != nullptr) {
-      coordinator_->traffic().assets_received += static_cast<int64_t>(request_.chunk().data().size());
-      return coordinator_->NoteError(upload_->Add(request_.chunk()));
+      traffic_->assets_received += static_cast<int64_t>(request_.chunk().data().size());
+      return submissions_->NoteError(upload_->Add(request_.chunk()));
     }
     sha256_ = request_.announce().sha256();
     {
@@ -84,7 +85,7 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
       call_->SetSubject(sha256_);
     }
     absl::StatusOr<std::unique_ptr<AssetUpload>> upload =
-        coordinator_->ReceiveAsset(request_.announce(), call_->limit_key());
+        submissions_->ReceiveAsset(request_.announce(), call_->limit_key());
     absl::Status status = upload.status();
     if (upload.ok()) upload_ = *std::move(upload);
     return status;
@@ -92,13 +93,14 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
 
   absl::Status End() {
     if (upload_ == nullptr) return absl::InvalidArgumentError("UploadAsset: no asset was announced");
-    absl::Status stored = coordinator_->NoteError(upload_->Finish());
-    if (stored.ok()) coordinator_->OnAssetStored(sha256_);
+    absl::Status stored = submissions_->NoteError(upload_->Finish());
+    if (stored.ok()) submissions_->OnAssetStored(sha256_);
     return stored;
   }
 
   const AdmittedCall call_;
-  Coordinator* const coordinator_;
+  SubmissionApi* const submissions_;
+  Traffic* const traffic_;
   v1::UploadAssetRequest request_;
   std::string sha256_;
   std::unique_ptr<AssetUpload> upload_;  // used by OnReadDone only, which runs on one thread at a time
@@ -109,19 +111,18 @@ class AssetReader final : public grpc::ServerReadReactor<v1::UploadAssetRequest>
 /// Streams the status of a job. A slow caller may miss intermediate states, but gets the last one.
 class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, public JobWatcher {
  public:
-  StatusWriter(AdmittedCall call, Coordinator* coordinator)
-      : call_(std::move(call)), coordinator_(coordinator) {}
+  StatusWriter(AdmittedCall call, JobApi* jobs) : call_(std::move(call)), jobs_(jobs) {}
 
   /// Begins with a job of this coordinator, or of another one.
   void Watch(const std::string& job_id) {
-    const absl::Status status = coordinator_->Watch(job_id, this);
+    const absl::Status status = jobs_->Watch(job_id, this);
     if (!status.ok()) End(rpc::GrpcFromStatus(status));
   }
   /// The caller gets what is recorded of the job first, so that it knows the job and watches again where its owner is gone;
   /// then it finds who owns the job.
   void WatchAt(const absl::StatusOr<cluster::FarmPeers::Peer>& owner, const cluster::FarmPeers& peers,
                const v1::WatchJobRequest& request) {
-    const absl::StatusOr<v1::JobStatus> recorded = coordinator_->GetJob(request.job_id());
+    const absl::StatusOr<v1::JobStatus> recorded = jobs_->GetJob(request.job_id());
     if (recorded.ok()) OnStatus(*recorded);
     if (!recorded.ok() || !owner.ok())
       return End(rpc::GrpcFromStatus(recorded.ok() ? owner.status() : recorded.status()));
@@ -148,7 +149,7 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
   }
   void OnCancel() override { End(grpc::Status::CANCELLED); }
   void OnDone() override {
-    coordinator_->Unwatch(this);
+    jobs_->Unwatch(this);
     if (remote_ != nullptr) remote_->Stop();
     delete this;
   }
@@ -176,7 +177,7 @@ class StatusWriter final : public grpc::ServerWriteReactor<v1::JobStatus>, publi
   }
 
   const AdmittedCall call_;
-  Coordinator* const coordinator_;
+  JobApi* const jobs_;
   std::shared_ptr<cluster::RemoteWatch> remote_;  // of a job of another coordinator
   absl::Mutex mutex_;
   v1::JobStatus current_;  // used by gRPC while writing_

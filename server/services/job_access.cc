@@ -6,13 +6,13 @@
 #include "absl/strings/str_cat.h"
 #include "proto/logging/fields.h"
 #include "server/access/authorisation.h"
-#include "server/coordinator/coordinator.h"
+#include "server/coordinator/roles.h"
 
 namespace lumifold::server {
 
 absl::Status JobAccess::Check(const access::Identity& caller, const std::string& job_id) const {
   if (access::ReachesAllJobs(caller)) return absl::OkStatus();
-  const absl::StatusOr<std::string> user = coordinator_->UserOf(job_id);
+  const absl::StatusOr<std::string> user = jobs_->UserOf(job_id);
   if (!user.ok()) return user.status();
   if (*user == caller.name) return absl::OkStatus();
   return absl::NotFoundError(

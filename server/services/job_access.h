@@ -10,14 +10,14 @@
 
 namespace lumifold::server {
 
-class Coordinator;
+class JobApi;
 
 /// What of the farm's jobs a caller reaches: a person without the scope admin, only its own. A job's owner is its user.
 /// Threads: safe.
 class JobAccess {
  public:
-  /// `coordinator` must outlive it.
-  explicit JobAccess(Coordinator* coordinator) : coordinator_(coordinator) {}
+  /// `jobs` must outlive it.
+  explicit JobAccess(JobApi* jobs) : jobs_(jobs) {}
 
   /// Errors: kNotFound for a job of somebody else, as if there were none.
   absl::Status Check(const access::Identity& caller, const std::string& job_id) const;
@@ -35,7 +35,7 @@ class JobAccess {
   v1::ListWorkersResponse Shown(const access::Identity& caller, v1::ListWorkersResponse workers) const;
 
  private:
-  Coordinator* const coordinator_;
+  JobApi* const jobs_;
 };
 
 }  // namespace lumifold::server

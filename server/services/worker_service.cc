@@ -10,7 +10,8 @@
 #include "proto/rpc/status_codec.h"
 #include "server/access/identity.h"
 #include "server/assets/asset_checks.h"
-#include "server/coordinator/coordinator.h"
+#include "server/coordinator/roles.h"
+#include "server/metrics/traffic.h"
 #include "server/services/call_gate.h"
 #include "server/services/farm_service.h"
 #include "server/services/file_writer.h"
@@ -32,8 +33,8 @@ constexpr size_t kMaxOutgoingBytes = size_t{4} << 20;
 class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>,
                          public WorkerSink {
  public:
-  WorkStream(grpc::CallbackServerContext* context, AdmittedCall call, Coordinator* coordinator)
-      : context_(context), call_(std::move(call)), coordinator_(coordinator) {
+  WorkStream(grpc::CallbackServerContext* context, AdmittedCall call, WorkerApi* workers)
+      : context_(context), call_(std::move(call)), workers_(workers) {
     call_->SetEnd([this](const absl::Status& why) { EndEarly(why); });
     absl::MutexLock lock(&mutex_);
     ReadNext();
@@ -102,7 +103,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
       return absl::FailedPreconditionError("worker stream: the first message is not Hello");
     call_->SetSubject(incoming_.hello().name());
     absl::StatusOr<std::unique_ptr<WorkerSession>> session =
-        WorkerSession::Open(coordinator_, incoming_.hello(), call_->caller(), this);
+        WorkerSession::Open(workers_, incoming_.hello(), call_->caller(), this);
     absl::Status status = session.status();
     call_->End(status);
     if (session.ok()) session_ = *std::move(session);
@@ -119,7 +120,7 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
 
   grpc::CallbackServerContext* const context_;
   const AdmittedCall call_;
-  Coordinator* const coordinator_;
+  WorkerApi* const workers_;
   v1::WorkerMessage incoming_;
   std::unique_ptr<WorkerSession> session_;  // used by OnReadDone only, which runs on one thread at a time
   absl::Mutex mutex_;
@@ -132,41 +133,45 @@ class WorkStream final : public grpc::ServerBidiReactor<v1::WorkerMessage, v1::C
 
 class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
  public:
-  WorkerServiceAdapter(Coordinator* coordinator, AssetChecks* checks, CallGate* gate)
-      : coordinator_(coordinator), checks_(checks), gate_(gate, v1::WorkerService::service_full_name()) {}
+  WorkerServiceAdapter(WorkerApi* workers, Traffic* traffic, AssetChecks* checks, CallGate* gate)
+      : workers_(workers),
+        traffic_(traffic),
+        checks_(checks),
+        gate_(gate, v1::WorkerService::service_full_name()) {}
 
   grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>* Work(
       grpc::CallbackServerContext* context) override {
     absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "Work", "");
     if (!call.ok())
       return new Refused<grpc::ServerBidiReactor<v1::WorkerMessage, v1::CoordinatorMessage>>(call.status());
-    return new WorkStream(context, *std::move(call), coordinator_);
+    return new WorkStream(context, *std::move(call), workers_);
   }
   grpc::ServerUnaryReactor* FetchSpec(grpc::CallbackServerContext* context,
                                       const v1::FetchSpecRequest* request, v1::JobSpec* response) override {
     return Answer(context, gate_.Admit(context, "FetchSpec", request->job_id()), response,
                   [&](const CallGate::Call& call) {
-                    return coordinator_->FetchSpec(*request, access::KeyOf(call.caller()));
+                    return workers_->FetchSpec(*request, access::KeyOf(call.caller()));
                   });
   }
   grpc::ServerWriteReactor<v1::ByteChunk>* FetchAsset(grpc::CallbackServerContext* context,
                                                       const v1::FetchAssetRequest* request) override {
     absl::StatusOr<AdmittedCall> call = gate_.AdmitStream(context, "FetchAsset", request->job_id());
     if (!call.ok()) return new Refused<grpc::ServerWriteReactor<v1::ByteChunk>>(call.status());
-    absl::Status allowed = coordinator_->CheckFetch(*request, access::KeyOf((*call)->caller()));
-    auto* writer = new FileWriter(*std::move(call), &coordinator_->traffic().assets_sent);
+    absl::Status allowed = workers_->CheckFetch(*request, access::KeyOf((*call)->caller()));
+    auto* writer = new FileWriter(*std::move(call), &traffic_->assets_sent);
     if (!allowed.ok()) {
       writer->Start(std::move(allowed));
       return writer;
     }
     checks_->Check({request->sha256()}, [this, request, writer](const absl::Status& checked) {
-      writer->Start(checked.ok() ? coordinator_->OpenAsset(*request) : checked);
+      writer->Start(checked.ok() ? workers_->OpenAsset(*request) : checked);
     });
     return writer;
   }
 
  private:
-  Coordinator* const coordinator_;
+  WorkerApi* const workers_;
+  Traffic* const traffic_;
   AssetChecks* const checks_;
   const ServiceGate gate_;
 };
@@ -176,7 +181,8 @@ class WorkerServiceAdapter final : public v1::WorkerService::CallbackService {
 std::vector<std::unique_ptr<grpc::Service>> MakeServices(const ServiceParts& parts) {
   std::vector<std::unique_ptr<grpc::Service>> services;
   services.push_back(MakeFarmService(parts));
-  services.push_back(std::make_unique<WorkerServiceAdapter>(parts.coordinator, parts.checks, parts.gate));
+  services.push_back(
+      std::make_unique<WorkerServiceAdapter>(parts.workers, parts.traffic, parts.checks, parts.gate));
   return services;
 }
 

@@ -52,16 +52,15 @@ v1::Plan StoredPlan(const v1::Plan& delivered) {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(Coordinator* coordinator,
-                                                                   const v1::Hello& hello,
+absl::StatusOr<std::unique_ptr<WorkerSession>> WorkerSession::Open(WorkerApi* workers, const v1::Hello& hello,
                                                                    const access::Identity& caller,
                                                                    WorkerSink* sink) {
-  const absl::StatusOr<job::WorkerId> worker = coordinator->AddWorker(hello, caller, sink);
+  const absl::StatusOr<job::WorkerId> worker = workers->AddWorker(hello, caller, sink);
   if (!worker.ok()) return worker.status();
-  return std::unique_ptr<WorkerSession>(new WorkerSession(coordinator, *worker));
+  return std::unique_ptr<WorkerSession>(new WorkerSession(workers, *worker));
 }
 
-WorkerSession::~WorkerSession() { coordinator_->RemoveWorker(worker_); }
+WorkerSession::~WorkerSession() { workers_->RemoveWorker(worker_); }
 
 absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
   switch (message->message_case()) {
@@ -78,10 +77,10 @@ absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
       OnFailure(message->failure());
       return absl::OkStatus();
     case v1::WorkerMessage::kHandBack:
-      coordinator_->HandBack(worker_, message->hand_back());
+      workers_->HandBack(worker_, message->hand_back());
       return absl::OkStatus();
     case v1::WorkerMessage::kLeaving:
-      coordinator_->OnLeaving(worker_, rpc::BoundedLine(message->leaving().reason(), rpc::kMaxReasonBytes));
+      workers_->OnLeaving(worker_, rpc::BoundedLine(message->leaving().reason(), rpc::kMaxReasonBytes));
       return absl::OkStatus();
     default:
       return absl::InvalidArgumentError("worker stream: a second Hello, or an unknown message");
@@ -89,11 +88,11 @@ absl::Status WorkerSession::Handle(v1::WorkerMessage* message) {
 }
 
 void WorkerSession::OnHeartbeat(const v1::Heartbeat& heartbeat) {
-  coordinator_->KeepLog(worker_, heartbeat.log());
-  coordinator_->OnHeartbeat(worker_, heartbeat);
+  workers_->KeepLog(worker_, heartbeat.log());
+  workers_->OnHeartbeat(worker_, heartbeat);
   std::erase_if(arriving_, [this](const auto& entry) {
     const auto& [unit, attempt] = entry.first;
-    return !coordinator_->FindLease(worker_, unit, attempt).has_value();
+    return !workers_->FindLease(worker_, unit, attempt).has_value();
   });
 }
 
@@ -101,26 +100,26 @@ void WorkerSession::OnFailure(const v1::UnitFailure& failure) {
   const job::UnitRef unit = job::UnitFromProto(failure.unit());
   const job::Attempt attempt(failure.attempt());
   const std::string error = rpc::BoundedLine(failure.error(), rpc::kMaxErrorBytes);
-  coordinator_->KeepLog(worker_, failure.log());
+  workers_->KeepLog(worker_, failure.log());
   if (failure.has_missing_asset()) {
-    coordinator_->OnAssetMissing(worker_, unit, attempt, failure.missing_asset().sha256(), error);
+    workers_->OnAssetMissing(worker_, unit, attempt, failure.missing_asset().sha256(), error);
   } else {
-    coordinator_->FailUnit(worker_, unit, attempt, error, failure.permanent());
+    workers_->FailUnit(worker_, unit, attempt, error, failure.permanent());
   }
 }
 
 void WorkerSession::OnChunk(v1::UnitChunk* chunk) {
   const LeaseName lease(job::UnitFromProto(chunk->unit()), job::Attempt(chunk->attempt()));
-  const std::optional<LeasedUnit> leased = coordinator_->FindLease(worker_, lease.first, lease.second);
+  const std::optional<LeasedUnit> leased = workers_->FindLease(worker_, lease.first, lease.second);
   if (leased.has_value()) {
     const absl::Status status = Take(chunk, lease, *leased);
     if (status.ok()) return;
     arriving_.erase(lease);
-    return coordinator_->RefuseUnit(worker_, lease.first, lease.second, std::string(status.message()));
+    return workers_->RefuseUnit(worker_, lease.first, lease.second, std::string(status.message()));
   }
   arriving_.erase(lease);
   // The worker waits for an acknowledgement of the last piece, even if the unit is not wanted.
-  if (chunk->pixels().last()) coordinator_->Dismiss(worker_, lease.first, lease.second);
+  if (chunk->pixels().last()) workers_->Dismiss(worker_, lease.first, lease.second);
 }
 
 void WorkerSession::OnPlan(v1::DeliveredPlan* delivered) {
@@ -128,9 +127,9 @@ void WorkerSession::OnPlan(v1::DeliveredPlan* delivered) {
   const job::Attempt attempt(delivered->attempt());
   const absl::Status status =
       unit.key.kind == v1::UNIT_KIND_PLAN
-          ? coordinator_->DeliverPlan(worker_, unit, attempt, StoredPlan(delivered->plan()))
+          ? workers_->DeliverPlan(worker_, unit, attempt, StoredPlan(delivered->plan()))
           : absl::InvalidArgumentError("unit: a plan was delivered for it");
-  if (!status.ok()) coordinator_->RefuseUnit(worker_, unit, attempt, std::string(status.message()));
+  if (!status.ok()) workers_->RefuseUnit(worker_, unit, attempt, std::string(status.message()));
 }
 
 absl::Status WorkerSession::Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased) {
@@ -143,7 +142,7 @@ absl::Status WorkerSession::Take(v1::UnitChunk* chunk, const LeaseName& lease, c
   if (!entry->second.IsComplete()) return absl::OkStatus();
   film::EncodedUnit unit = film::EncodeUnit(lease.first, lease.second, stats, entry->second.Take());
   arriving_.erase(entry);
-  coordinator_->Deliver(worker_, std::move(unit));
+  workers_->Deliver(worker_, std::move(unit));
   return absl::OkStatus();
 }
 

@@ -8,7 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "lumifold/v1/worker.pb.h"
-#include "server/coordinator/coordinator.h"
+#include "server/coordinator/roles.h"
 #include "server/film/unit_assembler.h"
 
 namespace lumifold::server {
@@ -19,9 +19,9 @@ namespace lumifold::server {
 /// Threads: one at a time.
 class WorkerSession {
  public:
-  /// `coordinator` and `sink` must outlive it. `caller`: whose connection it is.
+  /// `workers` and `sink` must outlive it. `caller`: whose connection it is.
   /// Errors: kFailedPrecondition for a different wire version; kInvalidArgument for an invalid Hello.
-  static absl::StatusOr<std::unique_ptr<WorkerSession>> Open(Coordinator* coordinator, const v1::Hello& hello,
+  static absl::StatusOr<std::unique_ptr<WorkerSession>> Open(WorkerApi* workers, const v1::Hello& hello,
                                                              const access::Identity& caller,
                                                              WorkerSink* sink);
   ~WorkerSession();
@@ -35,15 +35,14 @@ class WorkerSession {
  private:
   using LeaseName = std::pair<job::UnitRef, job::Attempt>;
 
-  WorkerSession(Coordinator* coordinator, job::WorkerId worker)
-      : coordinator_(coordinator), worker_(worker) {}
+  WorkerSession(WorkerApi* workers, job::WorkerId worker) : workers_(workers), worker_(worker) {}
   void OnHeartbeat(const v1::Heartbeat& heartbeat);
   void OnFailure(const v1::UnitFailure& failure);
   void OnChunk(v1::UnitChunk* chunk);
   void OnPlan(v1::DeliveredPlan* delivered);
   absl::Status Take(v1::UnitChunk* chunk, const LeaseName& lease, const LeasedUnit& leased);
 
-  Coordinator* const coordinator_;
+  WorkerApi* const workers_;
   const job::WorkerId worker_;
   std::map<LeaseName, film::UnitAssembler> arriving_;
 };

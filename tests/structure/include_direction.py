@@ -41,6 +41,8 @@ RULES = [
          r"|absl/synchronization/|absl/time/clock\.h", "the autoscaler's policy is pure: no threads, no clock, no files"),
     Rule("server/job/", r"grpc|<(thread|mutex|atomic|condition_variable|future|chrono|fstream|filesystem)>"
          r"|absl/synchronization/|absl/time/clock\.h", "jobs are pure state: no threads, no clock, no files"),
+    Rule("server/services/", r"server/coordinator/", "services see a coordinator as its roles",
+         r"server/coordinator/roles\.h"),
     Rule("server/access/", r"server/(?!access/|ledger/)", "access control knows no jobs"),
     Rule("proto/identity/", r"(server|worker|client|tests)/", "identity is below all programs"),
     Rule("", r"tests/", "programs do not depend on their tests"),

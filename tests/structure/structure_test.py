@@ -23,6 +23,7 @@ CLEAN = {
     "server/access/CMakeLists.txt": "",
     "server/job/CMakeLists.txt": "",
     "server/job/reopen_plan.cc": "",
+    "server/services/CMakeLists.txt": "",
     "server/scheduler/CMakeLists.txt": "",
     "server/scheduler/scheduler.cc": '#include <map>\n#include "filter/image/plane.h"\n#include "filter/manifold/tree.h"\n',
 }
@@ -77,8 +78,9 @@ class IncludeDirectionTest(unittest.TestCase):
                 ("filter/image/plane.h", "<embree3/rtcore.h>", "ray tracer"),
                 ("filter/manifold/tree.cc", '"filter/layers/halves.h"', "stands on kernels and image alone"),
                 ("filter/image/plane.cc", '"tests/support/temp_folder.h"', "depend on their tests"),
-                ("server/storage/retention.cc", "<filesystem>", "no files"),
+                ("server/job/reopen_plan.cc", "<filesystem>", "no files"),
                 ("client/autoscale/policy/policy.cc", '"absl/time/clock.h"', "no clock"),
+                ("server/services/call.cc", '"server/coordinator/farm.h"', "as its roles"),
                 ("server/access/identity.h", '"server/job/ids.h"', "knows no jobs"),
                 ("proto/identity/profile.h", '"server/access/identity.h"', "below all programs"),
                 ("server/scheduler/scheduler.cc", "<thread>", "no threads"),

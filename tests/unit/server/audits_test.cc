@@ -44,9 +44,9 @@ class AuditsTest : public CoordinatorFixture {
   v1::JobStatus FinishBy(const job::JobId& job, std::vector<PumpedWorker*> workers) {
     Await([&] {
       for (PumpedWorker* worker : workers) worker->Deliver();
-      return job::HasEnded(coordinator_->GetJob(job.value())->state());
+      return job::HasEnded(coordinator_->jobs().GetJob(job.value())->state());
     });
-    return *coordinator_->GetJob(job.value());
+    return *coordinator_->jobs().GetJob(job.value());
   }
 
   std::vector<std::string> Blocked() {
@@ -62,7 +62,7 @@ TEST_F(AuditsTest, TheFaultyWorkerIsBlockedAndAllItsUnitsAreRenderedAgain) {
   const std::string expected = UndisturbedResult();
   const job::JobId job = SubmitAudited(0.5);
   const auto faulty = RenderWrong();
-  const v1::ExplainJobResponse why = *coordinator_->ExplainJob(job.value());
+  const v1::ExplainJobResponse why = *coordinator_->jobs().ExplainJob(job.value());
   ASSERT_EQ(why.reasons_size(), 1);
   EXPECT_EQ(why.reasons(0).code(), "audit");
   PumpedWorker ann(coordinator_.get(), 2, "ann");
@@ -84,7 +84,7 @@ TEST_F(AuditsTest, AuditsBeginAgainAfterARestart) {
   RenderWrong();
   Stop();
   ASSERT_TRUE(Start().ok());
-  EXPECT_EQ(coordinator_->GetJob(job.value())->units_done(), static_cast<int64_t>(kUnits));
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->units_done(), static_cast<int64_t>(kUnits));
   PumpedWorker ann(coordinator_.get(), 2, "ann");
   PumpedWorker ben(coordinator_.get(), 2, "ben");
   EXPECT_EQ(FinishBy(job, {&ann, &ben}).state(), v1::JOB_STATE_DONE);
@@ -101,7 +101,7 @@ TEST_F(AuditsTest, ARestartDoesNotFindDiscardedUnitsInTheLog) {
     PumpedWorker ann(coordinator_.get(), static_cast<int>(kUnits), "ann");
     PumpedWorker ben(coordinator_.get(), static_cast<int>(kUnits), "ben");
     Await([&] {  // the units are discarded, and none is delivered again
-      if (coordinator_->GetJob(job.value())->units_done() == 0) return true;
+      if (coordinator_->jobs().GetJob(job.value())->units_done() == 0) return true;
       ann.Deliver(1);
       ben.Deliver(1);
       return false;
@@ -109,7 +109,7 @@ TEST_F(AuditsTest, ARestartDoesNotFindDiscardedUnitsInTheLog) {
   }
   Stop();
   ASSERT_TRUE(Start().ok());
-  EXPECT_LT(coordinator_->GetJob(job.value())->units_done(), static_cast<int64_t>(kUnits));
+  EXPECT_LT(coordinator_->jobs().GetJob(job.value())->units_done(), static_cast<int64_t>(kUnits));
   scheduling_.clear_audit_share();
   PumpedWorker ann(coordinator_.get(), 2, "ann");
   PumpedWorker ben(coordinator_.get(), 2, "ben");
@@ -132,7 +132,7 @@ TEST_F(AuditsTest, ProcessesWithOneCertificateAreOneParty) {
     return first.acknowledged().size() + second.acknowledged().size() == kUnits;
   });
   EXPECT_EQ(first.leases() + second.leases(), 0) << "it would audit itself";
-  EXPECT_EQ(coordinator_->ExplainJob(job.value())->reasons(0).code(), "audit");
+  EXPECT_EQ(coordinator_->jobs().ExplainJob(job.value())->reasons(0).code(), "audit");
   PumpedWorker other(coordinator_.get(), 1, "host:1", 1, Certificate("node-2"));
   EXPECT_EQ(FinishBy(job, {&other}).state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(other.leased().size(), kUnits);
@@ -142,9 +142,9 @@ TEST_F(AuditsTest, ABlockHoldsForAllProcessesWithTheCertificate) {
   ASSERT_TRUE(Start().ok());
   v1::WorkerRequest request;
   request.set_worker("node-1");
-  ASSERT_TRUE(coordinator_->BlockWorker(request).ok());
+  ASSERT_TRUE(coordinator_->operators().BlockWorker(request).ok());
   PumpedWorker renamed(coordinator_.get(), 1, "another name", 1, Certificate("node-1"));
-  const v1::ListWorkersResponse listed = *coordinator_->ListWorkers({});
+  const v1::ListWorkersResponse listed = *coordinator_->operators().ListWorkers({});
   ASSERT_EQ(listed.workers_size(), 1);
   EXPECT_EQ(listed.workers(0).name(), "node-1");
   EXPECT_EQ(listed.workers(0).process(), "another\\x20name");
@@ -163,7 +163,7 @@ TEST_F(AuditsTest, AFrameIsFinishedOnceItsAuditsAreSettled) {
     ann.Deliver();
     return ann.acknowledged().size() == kUnits;
   });
-  EXPECT_EQ(coordinator_->GetJob(job.value())->state(), v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->state(), v1::JOB_STATE_RUNNING);
   PumpedWorker ben(coordinator_.get(), 1, "ben");
   EXPECT_EQ(FinishBy(job, {&ben}).state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(ben.leased().size(), kUnits);

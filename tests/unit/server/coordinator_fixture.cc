@@ -52,7 +52,7 @@ void PumpedWorker::Open(Coordinator* coordinator, v1::Hello hello, const access:
   hello.set_numeric_class("test");
   hello.set_wire_version(rpc::kWireVersion);
   absl::StatusOr<std::unique_ptr<WorkerSession>> session =
-      WorkerSession::Open(coordinator, hello, caller, this);
+      WorkerSession::Open(&coordinator->workers(), hello, caller, this);
   EXPECT_TRUE(session.ok()) << session.status();
   session_ = *std::move(session);
 }
@@ -223,20 +223,23 @@ absl::StatusOr<job::JobId> CoordinatorFixture::TrySubmit(const v1::JobSpec& spec
                                                          const std::string& request_id) {
   const v1::AssetRef& file = spec.scene().file();
   if (!assets_->Has(file.sha256())) {
-    const absl::StatusOr<std::unique_ptr<AssetUpload>> upload = coordinator_->ReceiveAsset(file, "ann");
+    const absl::StatusOr<std::unique_ptr<AssetUpload>> upload =
+        coordinator_->submissions().ReceiveAsset(file, "ann");
     if (!upload.ok()) return upload.status();
     v1::ByteChunk chunk;
     chunk.set_data(kScene);
     chunk.set_total_size(file.size());
     chunk.set_checksum(rpc::Checksum(chunk.data()));
-    if (absl::Status status = coordinator_->NoteError((*upload)->Add(chunk)); !status.ok()) return status;
-    if (absl::Status status = coordinator_->NoteError((*upload)->Finish()); !status.ok()) return status;
+    if (absl::Status status = coordinator_->submissions().NoteError((*upload)->Add(chunk)); !status.ok())
+      return status;
+    if (absl::Status status = coordinator_->submissions().NoteError((*upload)->Finish()); !status.ok())
+      return status;
   }
   v1::SubmitJobRequest request;
   *request.mutable_spec() = spec;
   *request.mutable_scheduling() = scheduling_;
   request.set_request_id(request_id);
-  const absl::StatusOr<v1::SubmitJobResponse> response = coordinator_->SubmitJob(request);
+  const absl::StatusOr<v1::SubmitJobResponse> response = coordinator_->submissions().SubmitJob(request);
   if (!response.ok()) return response.status();
   return job::JobId(response->job_id());
 }
@@ -253,7 +256,7 @@ job::JobId CoordinatorFixture::Submit(const v1::JobSpec& spec, const std::string
 
 v1::JobStatus CoordinatorFixture::Finish(const job::JobId& job, PumpedWorker* worker) {
   while (true) {
-    const absl::StatusOr<v1::JobStatus> status = coordinator_->GetJob(job.value());
+    const absl::StatusOr<v1::JobStatus> status = coordinator_->jobs().GetJob(job.value());
     EXPECT_TRUE(status.ok()) << status.status();
     if (!status.ok() || job::HasEnded(status->state()) || files_.has_stopped())
       return status.value_or(v1::JobStatus());
@@ -264,7 +267,7 @@ v1::JobStatus CoordinatorFixture::Finish(const job::JobId& job, PumpedWorker* wo
 absl::Status CoordinatorFixture::Cancel(const job::JobId& job) {
   absl::Notification answered;
   absl::Status answer;
-  coordinator_->CancelJob(job.value(), [&](const absl::StatusOr<v1::JobStatus>& status) {
+  coordinator_->changes().CancelJob(job.value(), [&](const absl::StatusOr<v1::JobStatus>& status) {
     answer = status.status();
     answered.Notify();
   });

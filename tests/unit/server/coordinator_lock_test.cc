@@ -55,7 +55,7 @@ class LockProbe {
       Coordinator* const coordinator = coordinator_;
       lock.unlock();
       if (coordinator != nullptr)
-        coordinator->FindLease(job::WorkerId(0), {}, job::Attempt(0));  // takes the lock
+        coordinator->workers().FindLease(job::WorkerId(0), {}, job::Attempt(0));  // takes the lock
       lock.lock();
       answered_ = std::max(answered_, number);
       changed_.notify_all();
@@ -110,23 +110,23 @@ TEST_F(CoordinatorLockTest, IsFreeDuringEveryCallOfTheLedgerAndOfAFile) {
   const job::JobId job = Submit(Spec(2), "done");
   const job::JobId cancelled = Submit(Spec(2), "cancelled");
   NullWatcher watcher;
-  ASSERT_TRUE(coordinator_->Watch(job.value(), &watcher).ok());
+  ASSERT_TRUE(coordinator_->jobs().Watch(job.value(), &watcher).ok());
   {
     PumpedWorker worker(coordinator_.get(), 2);
     worker.Deliver(1);
-    coordinator_->CancelJob(cancelled.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
+    coordinator_->changes().CancelJob(cancelled.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
     EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
     EXPECT_EQ(Finish(cancelled, &worker).state(), v1::JOB_STATE_CANCELLED);
   }
-  coordinator_->Unwatch(&watcher);
-  EXPECT_TRUE(coordinator_->Watch(job.value(), &watcher).ok());
-  coordinator_->Unwatch(&watcher);
-  EXPECT_TRUE(coordinator_->GetJob(cancelled.value()).ok());
-  EXPECT_EQ(coordinator_->ListJobs({})->jobs_size(), 2);
-  EXPECT_TRUE(coordinator_->GetServerStatus().ok());
+  coordinator_->jobs().Unwatch(&watcher);
+  EXPECT_TRUE(coordinator_->jobs().Watch(job.value(), &watcher).ok());
+  coordinator_->jobs().Unwatch(&watcher);
+  EXPECT_TRUE(coordinator_->jobs().GetJob(cancelled.value()).ok());
+  EXPECT_EQ(coordinator_->jobs().ListJobs({})->jobs_size(), 2);
+  EXPECT_TRUE(coordinator_->jobs().GetServerStatus().ok());
   v1::DownloadResultRequest download;
   download.set_job_id(job.value());
-  EXPECT_TRUE(coordinator_->OpenResult(download).ok());
+  EXPECT_TRUE(coordinator_->jobs().OpenResult(download).ok());
   coordinator_->Shutdown();
   for (const char* call : {"CreateJob", "CommitUnits", "RecordFrame", "EndJob", "GetJob", "ListJobs",
                            "FinishedFrames", "ForEachUnit", "a file"}) {

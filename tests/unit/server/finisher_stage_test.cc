@@ -86,7 +86,7 @@ class FinisherStageTest : public CommittedFrameFixture {
 
   v1::JobStatus WaitForEnd(const JobId& job) {
     while (true) {
-      v1::JobStatus status = *coordinator_->GetJob(job.value());
+      v1::JobStatus status = *coordinator_->jobs().GetJob(job.value());
       if (status.state() != v1::JOB_STATE_FILTERING) return status;
       absl::SleepFor(absl::Milliseconds(5));
     }
@@ -130,7 +130,7 @@ TEST_F(FinisherStageTest, ACancelledJobFreesTheFinisher) {
   finisher_.Hang();
   Start();
   while (finisher_.tried().empty()) absl::SleepFor(absl::Milliseconds(5));
-  coordinator_->CancelJob(kJob.value(), [](const absl::StatusOr<v1::JobStatus>& status) {
+  coordinator_->changes().CancelJob(kJob.value(), [](const absl::StatusOr<v1::JobStatus>& status) {
     ASSERT_TRUE(status.ok()) << status.status();
     EXPECT_EQ(status->state(), v1::JOB_STATE_CANCELLED);
   });

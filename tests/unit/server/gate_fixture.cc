@@ -130,7 +130,7 @@ grpc::Status GateFixture::SubmitAs(const std::string& caller, const std::string&
 
 void GateFixture::StoreScene() {
   const job::JobId job = Submit(Spec(), "for its scene");
-  coordinator_->CancelJob(job.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
+  coordinator_->changes().CancelJob(job.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
 }
 
 std::string GateFixture::AuditText() {

@@ -90,15 +90,15 @@ TEST_F(InHandTest, ThoseOfAJobThatBecomesActiveLaterAreLeasedThen) {
   const job::JobId job = Submit(Spec(kTiles));
   std::vector<v1::Lease> in_hand = Connect(kUnits)->held();
   in_hand.erase(in_hand.begin(), in_hand.end() - 2);
-  coordinator_->CancelJob(job.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
-  Await([&] { return coordinator_->GetJob(job.value())->state() == v1::JOB_STATE_CANCELLED; });
+  coordinator_->changes().CancelJob(job.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
+  Await([&] { return coordinator_->jobs().GetJob(job.value())->state() == v1::JOB_STATE_CANCELLED; });
   const auto worker = Connect(2, in_hand);
   EXPECT_THAT(worker->leased(), IsEmpty());
   EXPECT_THAT(worker->voided(), IsEmpty());
   v1::RetryJobRequest retry;
   retry.set_job_id(job.value());
   threads::Event answered;
-  coordinator_->RetryJob(retry, [&answered](const absl::StatusOr<v1::JobStatus>& status) {
+  coordinator_->changes().RetryJob(retry, [&answered](const absl::StatusOr<v1::JobStatus>& status) {
     EXPECT_TRUE(status.ok()) << status.status();
     answered.Notify();
   });
@@ -131,15 +131,15 @@ TEST_F(InHandTest, AHelloWithMoreThanItsSlotsOrWithoutAJobIsRefused) {
   hello.set_slots(1);
   hello.set_wire_version(rpc::kWireVersion);
   hello.add_in_hand()->mutable_unit()->set_job_id("j-1");
-  EXPECT_TRUE(coordinator_->AddWorker(hello, access::LocalIdentity(), &sink).ok());
+  EXPECT_TRUE(coordinator_->workers().AddWorker(hello, access::LocalIdentity(), &sink).ok());
   hello.add_in_hand()->mutable_unit()->set_job_id("j-1");
-  EXPECT_TRUE(
-      absl::IsInvalidArgument(coordinator_->AddWorker(hello, access::LocalIdentity(), &sink).status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(
+      coordinator_->workers().AddWorker(hello, access::LocalIdentity(), &sink).status()));
   hello.set_slots(2);
   for (const std::string& id : {std::string(), std::string(65, 'j')}) {
     hello.mutable_in_hand(1)->mutable_unit()->set_job_id(id);
-    EXPECT_TRUE(
-        absl::IsInvalidArgument(coordinator_->AddWorker(hello, access::LocalIdentity(), &sink).status()));
+    EXPECT_TRUE(absl::IsInvalidArgument(
+        coordinator_->workers().AddWorker(hello, access::LocalIdentity(), &sink).status()));
   }
 }
 
@@ -150,11 +150,11 @@ TEST_F(InHandTest, MovesThoseThatAreBestSpared) {
   const auto busy = Connect(3, {}, 2);
   const auto idle = Connect(2, {}, 3);
   ASSERT_EQ(idle->leases(), 0);
-  coordinator_->MoveWorkers(2, "b:7700");
+  coordinator_->member().MoveWorkers({.workers = 2, .address = "b:7700"});
   EXPECT_EQ(idle->move_address(), "b:7700");
   EXPECT_EQ(busy->move_address(), "b:7700");
   EXPECT_EQ(busiest->move_address(), "");
-  coordinator_->MoveWorkers(0, "c:7700");
+  coordinator_->member().MoveWorkers({.workers = 0, .address = "c:7700"});
   EXPECT_EQ(idle->move_address(), "b:7700");
   Submit(Spec(kTiles), "another");
   EXPECT_EQ(idle->leases(), 0) << "it gets no more";

@@ -216,7 +216,7 @@ TEST_F(LimitsTest, ActiveJobsOfAUser) {
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_EQ(refused.error_message(), "user \"ann\" has 2 active jobs; the limit is 2");
   EXPECT_TRUE(SubmitAs(kBob, "4", "", nullptr).ok());
-  coordinator_->CancelJob(first, [](const absl::StatusOr<v1::JobStatus>&) {});
+  coordinator_->changes().CancelJob(first, [](const absl::StatusOr<v1::JobStatus>&) {});
   EXPECT_TRUE(SubmitAs(kAnn, "5", "", nullptr).ok());
 }
 
@@ -423,7 +423,7 @@ TEST_F(LimitsTest, AWorkerThatSaysNothingIsDisconnected) {
   // Cancelled where the coordinator has not yet learnt that Welcome was read.
   EXPECT_THAT(stream->Finish().error_code(),
               AnyOf(grpc::StatusCode::DEADLINE_EXCEEDED, grpc::StatusCode::CANCELLED));
-  Await([&] { return coordinator_->ListWorkers({})->workers_size() == 0; });
+  Await([&] { return coordinator_->operators().ListWorkers({})->workers_size() == 0; });
 }
 
 TEST_F(LimitsTest, BytesOfAMessage) {

@@ -184,14 +184,14 @@ TEST_F(OwnershipTest, AReadTokenChangesNothing) {
 TEST_F(OwnershipTest, AJobBelongsToItsSubmitter) {
   std::string job;
   ASSERT_TRUE(SubmitAs(kAnn, "own", "ann", &job).ok());
-  EXPECT_EQ(*coordinator_->UserOf(job), "ann");
-  EXPECT_EQ(*coordinator_->UserOf(Submitted(kAnn)), "ann");
+  EXPECT_EQ(*coordinator_->jobs().UserOf(job), "ann");
+  EXPECT_EQ(*coordinator_->jobs().UserOf(Submitted(kAnn)), "ann");
   const grpc::Status refused = SubmitAs(kAnn, "for bob", "bob", nullptr);
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::PERMISSION_DENIED);
   EXPECT_THAT(refused.error_message(), HasSubstr("scheduling.user is \"bob\""));
   ASSERT_TRUE(SubmitAs(kAdmin, "for bob", "bob", &job).ok());
-  EXPECT_EQ(*coordinator_->UserOf(job), "bob");
-  EXPECT_EQ(*coordinator_->UserOf(Submitted("local")), "anonymous");
+  EXPECT_EQ(*coordinator_->jobs().UserOf(job), "bob");
+  EXPECT_EQ(*coordinator_->jobs().UserOf(Submitted("local")), "anonymous");
 }
 
 TEST_F(OwnershipTest, ARequestIdOfSomebodyElseGivesNoJob) {

@@ -22,7 +22,7 @@ class PlanUnitTest : public CoordinatorFixture {
     };
   }
 
-  v1::Plan PlanOf(const job::JobId& job) { return coordinator_->ExplainJob(job.value())->plan(); }
+  v1::Plan PlanOf(const job::JobId& job) { return coordinator_->jobs().ExplainJob(job.value())->plan(); }
   bool IsPlanned(const job::JobId& job) { return PlanOf(job).decisions_size() > 0; }
   static job::UnitRef PlanUnit(const job::JobId& job) { return {job, {0, 0, 0, v1::UNIT_KIND_PLAN}}; }
 
@@ -32,14 +32,14 @@ class PlanUnitTest : public CoordinatorFixture {
 TEST_F(PlanUnitTest, TheJobIsDividedByItsPlan) {
   ASSERT_TRUE(Start().ok());
   const job::JobId job = Submit(UnplannedSpec(4));
-  EXPECT_EQ(coordinator_->GetJob(job.value())->state(), v1::JOB_STATE_SUBMITTED);
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->state(), v1::JOB_STATE_SUBMITTED);
   PumpedWorker worker(coordinator_.get(), 3);
   EXPECT_FALSE(IsPlanned(job));
   EXPECT_EQ(worker.leases(), 1);
   worker.DeliverPlan(MadeUpPlan(16, 2));
   Await([&] { return IsPlanned(job); });
   EXPECT_EQ(PlanOf(job).numeric_class(), "test");
-  EXPECT_EQ(coordinator_->GetJob(job.value())->units_total(), 2 * (1 + 2));
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->units_total(), 2 * (1 + 2));
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(PlanOf(job).decisions_size(), MadeUpPlan().decisions_size()) << "also of a job that has ended";
   EXPECT_THAT(Result(job), HasSubstr("tile-size=16:probe"));
@@ -135,10 +135,10 @@ TEST_F(PlanUnitTest, ARestartAfterThePlanIsCommittedKeepsIt) {
   }
   Stop();
   ASSERT_TRUE(Start().ok());
-  EXPECT_EQ(coordinator_->GetJob(job.value())->state(), v1::JOB_STATE_PLANNED);
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->state(), v1::JOB_STATE_PLANNED);
   PumpedWorker worker(coordinator_.get(), 2);
   EXPECT_THAT(worker.leased(), Not(Contains(PlanUnit(job))));
-  EXPECT_EQ(coordinator_->GetJob(job.value())->units_total(), 1 + 2);
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->units_total(), 1 + 2);
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
 }
 
@@ -167,12 +167,12 @@ TEST_F(PlanUnitTest, AJobWithoutAPlanCanBeCancelledAndRetried) {
   ASSERT_TRUE(Start().ok());
   const job::JobId job = Submit(UnplannedSpec());
   PumpedWorker worker(coordinator_.get(), 1);
-  coordinator_->CancelJob(job.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
-  Await([&] { return coordinator_->GetJob(job.value())->state() == v1::JOB_STATE_CANCELLED; });
+  coordinator_->changes().CancelJob(job.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
+  Await([&] { return coordinator_->jobs().GetJob(job.value())->state() == v1::JOB_STATE_CANCELLED; });
   worker.DeliverPlan(MadeUpPlan());  // in vain
   v1::RetryJobRequest request;
   request.set_job_id(job.value());
-  coordinator_->RetryJob(request, [](const absl::StatusOr<v1::JobStatus>& status) {
+  coordinator_->changes().RetryJob(request, [](const absl::StatusOr<v1::JobStatus>& status) {
     EXPECT_TRUE(status.ok()) << status.status();
   });
   Await([&] { return worker.leases() == 1; });

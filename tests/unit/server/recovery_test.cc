@@ -84,7 +84,7 @@ TEST_F(RecoveryTest, RecordsThatTheLedgerDoesNotKnowAreCommittedAtTheStart) {
   // A torn tail behind the records.
   std::ofstream(LogOf(job), std::ios::app) << "LFU8 and then nothing";
   ASSERT_TRUE(Start().ok());
-  const int64_t restored = coordinator_->GetJob(job.value())->units_done();
+  const int64_t restored = coordinator_->jobs().GetJob(job.value())->units_done();
   EXPECT_GT(restored, 0);
   PumpedWorker worker(coordinator_.get(), 2);
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
@@ -109,7 +109,7 @@ TEST_F(RecoveryTest, AFolderWithJobsButWithoutALedgerIsRefusedAndRecovered) {
     EXPECT_THAT(*report, HasSubstr("jobs: 1 active, 1 ended\nunits read from logs: 4\nresults: 1\n"));
   }
   ASSERT_TRUE(Start().ok());
-  EXPECT_EQ(coordinator_->GetJob(done_.value())->state(), v1::JOB_STATE_DONE);
+  EXPECT_EQ(coordinator_->jobs().GetJob(done_.value())->state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(*TrySubmit(Spec(3), "undisturbed"), done_) << "its request id is known";
   FinishWithout(committed, job);
 }
@@ -119,14 +119,14 @@ TEST_F(RecoveryTest, ARecoveredJobIsScheduledAsItWasLast) {
   v1::SetJobPriorityRequest request;
   request.set_job_id(job.value());
   request.set_priority(7);
-  ASSERT_TRUE(coordinator_->SetJobPriority(request).ok());
-  ASSERT_TRUE(coordinator_->PauseJob(job.value()).ok());
+  ASSERT_TRUE(coordinator_->operators().SetJobPriority(request).ok());
+  ASSERT_TRUE(coordinator_->operators().PauseJob(job.value()).ok());
   coordinator_->Shutdown();
   Stop();
   DeleteLedger();
   ASSERT_TRUE(RecoverLedger(data_).ok());
   ASSERT_TRUE(Start().ok());
-  const v1::JobStatus status = *coordinator_->GetJob(job.value());
+  const v1::JobStatus status = *coordinator_->jobs().GetJob(job.value());
   EXPECT_EQ(status.state(), v1::JOB_STATE_PAUSED);
   EXPECT_EQ(status.scheduling().priority(), 7);
 }
@@ -169,7 +169,7 @@ TEST_F(RecoveryTest, AMalformedLedgerIsRefusedWithTheCommandAndKept) {
 
 TEST_F(RecoveryTest, ACancelledJobStaysCancelledAndDamagedManifestsAreNamed) {
   const job::JobId cancelled = Submit(Spec(3), "cancelled");
-  coordinator_->CancelJob(cancelled.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
+  coordinator_->changes().CancelJob(cancelled.value(), [](const absl::StatusOr<v1::JobStatus>&) {});
   const job::JobId damaged = Submit(Spec(3), "damaged");
   PumpedWorker worker(coordinator_.get(), 1);
   EXPECT_EQ(Finish(cancelled, &worker).state(), v1::JOB_STATE_CANCELLED);
@@ -199,7 +199,7 @@ TEST_F(RecoveryTest, AJobWhoseManifestAloneIsKnownIsStarted) {
   const job::JobId job = *TrySubmit(Spec(3), "forgotten");
   PumpedWorker worker(coordinator_.get(), 2);
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
-  EXPECT_EQ(coordinator_->ListJobs({})->jobs_size(), 2);
+  EXPECT_EQ(coordinator_->jobs().ListJobs({})->jobs_size(), 2);
 }
 
 /// Keeps what it is told.
@@ -252,28 +252,29 @@ TEST_F(RecoveryTest, AJobThatIsBeingTakenOverIsUnavailableToThoseWhoFollowOrChan
                                .spec = known.spec,
                                .scheduling = known.scheduling,
                                .submitted = known.submitted,
-                               .owner = coordinator_->owner()})
+                               .owner = coordinator_->resources().owner})
                   .ok());
   LastStatus watcher;
-  EXPECT_TRUE(absl::IsUnavailable(coordinator_->Watch(job.value(), &watcher)));
-  EXPECT_EQ(watcher.state(), coordinator_->GetJob(job.value())->state()) << "who follows it gets to know it";
-  EXPECT_TRUE(absl::IsUnavailable(coordinator_->PauseJob(job.value()).status()));
+  EXPECT_TRUE(absl::IsUnavailable(coordinator_->jobs().Watch(job.value(), &watcher)));
+  EXPECT_EQ(watcher.state(), coordinator_->jobs().GetJob(job.value())->state())
+      << "who follows it gets to know it";
+  EXPECT_TRUE(absl::IsUnavailable(coordinator_->operators().PauseJob(job.value()).status()));
   absl::Status cancelled;
-  coordinator_->CancelJob(job.value(),
-                          [&](const absl::StatusOr<v1::JobStatus>& status) { cancelled = status.status(); });
+  coordinator_->changes().CancelJob(
+      job.value(), [&](const absl::StatusOr<v1::JobStatus>& status) { cancelled = status.status(); });
   EXPECT_TRUE(absl::IsUnavailable(cancelled));
-  coordinator_->Adopt({{.id = job, .has_ended = false}});
-  Await([&] { return coordinator_->Watch(job.value(), &watcher).ok(); });
+  coordinator_->member().Adopt({{.id = job, .has_ended = false}});
+  Await([&] { return coordinator_->jobs().Watch(job.value(), &watcher).ok(); });
   PumpedWorker worker(coordinator_.get(), 2);
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
   Await([&] { return watcher.state() == v1::JOB_STATE_DONE; });
-  coordinator_->Unwatch(&watcher);
+  coordinator_->jobs().Unwatch(&watcher);
 }
 
 TEST_F(RecoveryTest, WhoFollowsOrCancelsAJobThatWasLostIsToldToAskAgain) {
   const job::JobId job = Submit(Spec(3), "lost");
   LastStatus watcher;
-  ASSERT_TRUE(coordinator_->Watch(job.value(), &watcher).ok());
+  ASSERT_TRUE(coordinator_->jobs().Watch(job.value(), &watcher).ok());
   const v1::JobState known = watcher.state();
   const ledger::Epoch later = *store_->NewEpoch({});
   ASSERT_TRUE(store_->ClaimUnfinishedJobs({.name = "another", .epoch = later}).ok());
@@ -281,7 +282,7 @@ TEST_F(RecoveryTest, WhoFollowsOrCancelsAJobThatWasLostIsToldToAskAgain) {
   EXPECT_TRUE(absl::IsUnavailable(answer)) << answer;
   EXPECT_EQ(watcher.lost(), answer);
   EXPECT_EQ(watcher.state(), known) << "nobody hears of an end that the job does not have";
-  coordinator_->Unwatch(&watcher);
+  coordinator_->jobs().Unwatch(&watcher);
 }
 
 }  // namespace

@@ -31,7 +31,7 @@ class StorageOutageTest : public CoordinatorFixture {
   }
 
   void AwaitOutage() {
-    Await([this] { return !coordinator_->storage().ok(); });
+    Await([this] { return !coordinator_->resources().storage.ok(); });
   }
 
   int CountInLog(const std::string& event) const {
@@ -57,13 +57,13 @@ TEST_F(StorageOutageTest, UnitsThatFindTheDiskFullAreKeptAndCommittedWhenThereIs
   AwaitOutage();
   EXPECT_EQ(worker->leases(), 0) << "nothing is leased";
   EXPECT_EQ(worker->acknowledged().size(), 2u);
-  EXPECT_EQ(coordinator_->GetJob(job.value())->state(), v1::JOB_STATE_RUNNING);
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->state(), v1::JOB_STATE_RUNNING);
   const absl::Status refused = TrySubmit(Spec(5), "refused").status();
   EXPECT_EQ(refused.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_THAT(std::string(refused.message()), HasSubstr("No space left on device"));
-  EXPECT_EQ(coordinator_->ReceiveAsset(Spec().scene().file(), "ann").status(),
-            coordinator_->storage().status());
-  const v1::ServerStatus status = *coordinator_->GetServerStatus();
+  EXPECT_EQ(coordinator_->submissions().ReceiveAsset(Spec().scene().file(), "ann").status(),
+            coordinator_->resources().storage.status());
+  const v1::ServerStatus status = *coordinator_->jobs().GetServerStatus();
   EXPECT_THAT(status.storage_error(), HasSubstr("No space left on device"));
   EXPECT_GT(status.storage_error_since_unix_ms(), 0);
   EXPECT_GT(status.free_bytes(), 0u);
@@ -71,7 +71,7 @@ TEST_F(StorageOutageTest, UnitsThatFindTheDiskFullAreKeptAndCommittedWhenThereIs
   EXPECT_EQ(Finish(job, worker.get()).state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(worker->leased().size(), 8u);
   EXPECT_EQ(Result(job), expected);
-  EXPECT_EQ(coordinator_->GetServerStatus()->storage_error(), "");
+  EXPECT_EQ(coordinator_->jobs().GetServerStatus()->storage_error(), "");
   worker.reset();
   Stop();
   EXPECT_EQ(CountInLog("event=storage_unavailable"), 1);
@@ -85,7 +85,7 @@ TEST_F(StorageOutageTest, AJobEndsWhenItsEndCanBeRecorded) {
   fault_.Set("EndJob");
   while (worker.Deliver() > 0 || fault_.count() == 0) absl::SleepFor(absl::Milliseconds(1));
   AwaitOutage();
-  EXPECT_NE(coordinator_->GetJob(job.value())->state(), v1::JOB_STATE_DONE);
+  EXPECT_NE(coordinator_->jobs().GetJob(job.value())->state(), v1::JOB_STATE_DONE);
   fault_.Set("");
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
 }
@@ -105,7 +105,7 @@ TEST_F(StorageOutageTest, ACancellationThatCannotBeRecordedSaysSoAndIsRecordedLa
   }
   Stop();
   ASSERT_TRUE(Start().ok());
-  EXPECT_EQ(coordinator_->GetJob(job.value())->state(), v1::JOB_STATE_CANCELLED);
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->state(), v1::JOB_STATE_CANCELLED);
 }
 
 TEST_F(StorageOutageTest, AFrameWhoseResultFindsTheDiskFullWaitsHoweverOften) {
@@ -117,7 +117,7 @@ TEST_F(StorageOutageTest, AFrameWhoseResultFindsTheDiskFullWaitsHoweverOften) {
   while (worker.Deliver() > 0 || worker.acknowledged().size() < 4) absl::SleepFor(absl::Milliseconds(1));
   // More tries than failures that a frame may have.
   Await([&] { return files_.calls() > calls + 30; });
-  EXPECT_EQ(coordinator_->GetJob(job.value())->state(), v1::JOB_STATE_FILTERING);
+  EXPECT_EQ(coordinator_->jobs().GetJob(job.value())->state(), v1::JOB_STATE_FILTERING);
   files_.Heal();
   EXPECT_EQ(Finish(job, &worker).state(), v1::JOB_STATE_DONE);
   EXPECT_EQ(Result(job), expected);
@@ -153,7 +153,7 @@ TEST_F(StorageOutageTest, ALogThatAloneCannotBeWrittenIsSetAsideAndItsUnitsAreRe
   const std::string log = data_.PathOf(data_.UnitLogName(job, 0));
   Await([&] {
     worker->Deliver();
-    return std::filesystem::exists(log) && coordinator_->GetJob(job.value())->units_done() > 0;
+    return std::filesystem::exists(log) && coordinator_->jobs().GetJob(job.value())->units_done() > 0;
   });
   files_.Break(log);
   EXPECT_EQ(Finish(job, worker.get()).state(), v1::JOB_STATE_DONE);

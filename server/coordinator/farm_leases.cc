@@ -1,0 +1,188 @@
+// What the farm tells its workers: grants, revocations, moves; and what follows from audits.
+#include <spdlog/logger.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string_view>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "proto/logging/fields.h"
+#include "server/coordinator/farm.h"
+
+namespace lumifold::server {
+namespace {
+
+using job::JobId;
+using job::WorkerId;
+
+constexpr int kMaxLeasesPerGrant = 256;
+
+v1::Lease ProtoFromLease(const scheduler::GrantedLease& lease) {
+  v1::Lease proto;
+  *proto.mutable_unit() = ProtoFromUnit(lease.unit);
+  proto.set_attempt(lease.attempt.value());
+  proto.mutable_rect()->set_x0(lease.rect.x0);
+  proto.mutable_rect()->set_y0(lease.rect.y0);
+  proto.mutable_rect()->set_x1(lease.rect.x1);
+  proto.mutable_rect()->set_y1(lease.rect.y1);
+  if (lease.samples.IsUniform()) {
+    proto.set_first_sample(static_cast<int32_t>(lease.samples.blocks()[0].first));
+    proto.set_last_sample(static_cast<int32_t>(lease.samples.blocks()[0].last));
+    return proto;
+  }
+  for (const SampleRange& block : lease.samples.blocks()) {
+    proto.add_block_samples(block.first);
+    proto.add_block_samples(block.last);
+  }
+  return proto;
+}
+
+void AddVoid(const job::UnitRef& unit, job::Attempt attempt, v1::CoordinatorMessage* message) {
+  v1::Lease* const lease = message->mutable_void_leases()->add_leases();
+  *lease->mutable_unit() = ProtoFromUnit(unit);
+  lease->set_attempt(attempt.value());
+}
+
+std::string_view EventOf(scheduler::Lateness lateness) {
+  switch (lateness) {
+    case scheduler::Lateness::kStalled:
+      return "lease_stalled";
+    case scheduler::Lateness::kOverdue:
+      return "unit_overdue";
+    case scheduler::Lateness::kDropped:
+      return "lease_dropped";
+    default:
+      return "lease_expired";
+  }
+}
+
+}  // namespace
+
+void Farm::Complete() {
+  if (is_leasing()) {
+    FollowAudits();
+    for (const scheduler::SetAsideWorker& aside : scheduler.TakeSetAside()) {
+      resources_->log().warn(
+          "event=worker_set_aside worker={} seconds={:.0f} reason={}", workers.NameOf(aside.worker),
+          absl::ToDoubleSeconds(aside.until - resources_->options.now()), logging::Quoted(aside.reason));
+    }
+    SendRevoked();
+    if (resources_->storage.ok()) SendGrants(scheduler.GrantLeases(resources_->options.now()));
+  }
+  if (watchers.TakeNews()) effects_->WakeHousekeeping();
+  if (frames.TakeNews()) effects_->WakeFinisher();
+}
+
+void Farm::FollowAudits() {
+  for (const scheduler::FaultyWorker& faulty : scheduler.TakeFaulty()) {
+    std::map<FrameKey, std::vector<job::UnitKey>> units;
+    for (const job::UnitRef& unit : faulty.units) units[{unit.job, unit.key.frame}].push_back(unit.key);
+    for (const auto& [frame, keys] : units) effects_->DiscardUnits(frame, keys);
+    if (faulty.reason.empty()) continue;
+    resources_->log().error("event=worker_faulty worker={} units={} reason={}",
+                            absl::StrCat("-/", faulty.name), faulty.units.size(),
+                            logging::Quoted(faulty.reason));
+    // Last: after a crash in between, the audits that a restart begins again find the rest of its units.
+    effects_->RecordBlock(faulty.name, faulty.reason);
+  }
+  for (const auto& [job, frame] : scheduler.TakeSettledFrames()) {
+    if (!scheduler.IsFrameCommitted(job, frame)) continue;
+    resources_->log().info("event=frame_committed job={} frame={}", job.value(), frame);
+    QueueDue({job, frame});
+  }
+}
+
+void Farm::SendRevoked() {
+  std::map<WorkerId, v1::CoordinatorMessage> messages;
+  for (const scheduler::VoidedLease& lease : scheduler.TakeVoided()) {
+    if (jobs.FindActive(lease.unit.job) == nullptr) continue;  // JobEnded says so
+    AddVoid(lease.unit, lease.attempt, &messages[lease.worker]);
+  }
+  for (const auto& [worker, message] : messages) {
+    if (workers.Find(worker) == nullptr) continue;
+    resources_->log().info("event=leases_void worker={} leases={}", workers.NameOf(worker),
+                           message.void_leases().leases_size());
+    workers.Send(worker, message);
+  }
+}
+
+void Farm::SendGrants(const std::vector<scheduler::GrantedLease>& leases) {
+  v1::CoordinatorMessage message;
+  WorkerId to;
+  JobId granting;
+  const auto send = [&] {
+    if (message.grant().leases_size() > 0) workers.Send(to, message);
+    message.Clear();
+  };
+  const absl::Time now = resources_->options.now();
+  for (const scheduler::GrantedLease& lease : leases) {
+    const JobId& job = lease.unit.job;
+    if (lease.worker != to || job != granting || message.grant().leases_size() >= kMaxLeasesPerGrant) send();
+    to = lease.worker;
+    granting = job;
+    if (lease.alone) {
+      resources_->log().warn("event=unit_in_quarantine unit={} worker={}",
+                             logging::Quoted(Describe(lease.unit)), workers.NameOf(lease.worker));
+    }
+    workers.Find(to)->known_jobs.insert(job);
+    *message.mutable_grant()->add_leases() = ProtoFromLease(lease);
+    ActiveJob* const active = jobs.FindActive(job);
+    message.mutable_grant()->set_trace_id(active->record.scheduling.trace_id());
+    resources_->log().debug("event=lease_granted unit={} worker={} attempt={}",
+                            logging::Quoted(Describe(lease.unit)), workers.NameOf(lease.worker),
+                            lease.attempt.value());
+    if (active->record.started == absl::InfinitePast())
+      active->record.started = resources_->options.wall_now();
+    if (!active->render_start.has_value())
+      active->render_start = now - absl::Seconds(active->record.times.render_seconds());
+    watchers.MarkChanged(job);
+  }
+  send();
+}
+
+void Farm::RegrantInHand() {
+  if (!is_leasing()) return;
+  in_hand.ForgetExpired(resources_->options.now());
+  for (const auto& [worker, units] : in_hand.Take([this](const JobId& job) { return scheduler.HasJob(job); }))
+    RegrantTo(worker, units);
+}
+
+void Farm::RegrantTo(WorkerId worker, const std::vector<UnitInHand>& units) {
+  std::vector<job::UnitRef> wanted;
+  wanted.reserve(units.size());
+  for (const UnitInHand& unit : units) wanted.push_back(unit.unit);
+  const std::vector<scheduler::GrantedLease> granted =
+      scheduler.Regrant(worker, wanted, resources_->options.now());
+  resources_->log().info("event=leases_regranted worker={} leases={}/{}", workers.NameOf(worker),
+                         granted.size(), units.size());
+  SendGrants(granted);
+  std::set<job::UnitRef> leased;
+  for (const scheduler::GrantedLease& lease : granted) leased.insert(lease.unit);
+  v1::CoordinatorMessage message;
+  for (const UnitInHand& unit : units) {
+    if (!leased.contains(unit.unit)) AddVoid(unit.unit, unit.attempt, &message);
+  }
+  if (message.has_void_leases()) workers.Send(worker, message);
+}
+
+void Farm::MoveWorker(WorkerId worker, const std::string& address, bool at_once) {
+  resources_->log().info("event=worker_moved worker={} address={} at_once={}", workers.NameOf(worker),
+                         logging::Quoted(address), at_once);
+  scheduler.DrainWorker(worker);
+  v1::CoordinatorMessage message;
+  message.mutable_move()->set_address(address);
+  message.mutable_move()->set_at_once(at_once);
+  workers.Send(worker, message);
+}
+
+void Farm::ReportLate(const std::vector<scheduler::LateLease>& late) {
+  for (const scheduler::LateLease& lease : late) {
+    resources_->log().warn("event={} unit={} worker={}", EventOf(lease.lateness),
+                           logging::Quoted(Describe(lease.unit)), workers.NameOf(lease.worker));
+    if (is_leasing() && !lease.job_error.empty()) FailJob(lease.unit.job, lease.job_error);
+  }
+}
+
+}  // namespace lumifold::server

@@ -1,0 +1,174 @@
+#include "server/coordinator/frame_finishing.h"
+
+#include <spdlog/logger.h>
+
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "proto/logging/fields.h"
+#include "proto/threads/event.h"
+#include "server/finish/estimate_round.h"
+#include "server/finish/frame_finisher.h"
+
+namespace lumifold::server {
+namespace {
+
+using job::JobId;
+
+/// Maximum time between two looks at the queue: options.now may not be the clock that waits use.
+constexpr absl::Duration kIdleInterval = absl::Seconds(1);
+
+}  // namespace
+
+FrameFinishing::FrameFinishing(Resources* resources, FarmState* state, Committer* committer, Cleanup* cleanup,
+                               threads::Event* wake_up)
+    : resources_(resources), state_(state), committer_(committer), cleanup_(cleanup), wake_up_(wake_up) {}
+
+void FrameFinishing::Start() {
+  thread_ = std::thread([this] { Run(); });
+}
+
+void FrameFinishing::Join() {
+  if (thread_.joinable()) thread_.join();
+}
+
+void FrameFinishing::Run() {
+  while (const std::optional<DueFrame> frame = Next()) {
+    FrameFinisher* const finisher = resources_->finisher;
+    const absl::StatusOr<v1::FrameReport> report =
+        frame->round == DueFrame::kResult
+            ? finisher->Finish(resources_->Owned(frame->job), frame->number)
+            : finisher->Estimate({frame->job, resources_->owner.epoch, frame->number, frame->round,
+                                  frame->rendered, frame->samples});
+    // Aborted: another coordinator has taken the job over, and finishes the frame.
+    const bool is_dropped = absl::IsCancelled(report.status()) || absl::IsAborted(report.status());
+    if (!is_dropped) OnFinished(*frame, report);
+    FarmState::Change(state_)->frames.End();
+  }
+}
+
+std::optional<DueFrame> FrameFinishing::Next() {
+  while (true) {
+    absl::Duration pause = kIdleInterval;
+    std::optional<DueFrame> frame = TakeDue(&pause);
+    if (frame.has_value()) return frame;
+    if (FarmState::View(state_)->is_stopping()) return std::nullopt;
+    wake_up_->Consume(pause);
+  }
+}
+
+std::optional<DueFrame> FrameFinishing::TakeDue(absl::Duration* pause) {
+  const absl::Time now = resources_->options.now();
+  FarmState::Change farm(state_);
+  if (farm->is_stopping()) return std::nullopt;
+  if (resources_->storage.ok()) {
+    while (std::optional<DueFrame> frame = farm->frames.TakeDue(now)) {
+      if (farm->jobs.FindActive(frame->job) == nullptr || !farm->IsDue(*frame)) continue;
+      farm->frames.Begin(frame->key());
+      return frame;
+    }
+  }
+  // Of frames that are due already, only the storage is waited for: its return wakes this thread.
+  *pause = std::min(*pause, farm->frames.NextDue(now) - now);
+  return std::nullopt;
+}
+
+void FrameFinishing::RetryFrame(Farm* farm, DueFrame frame, const absl::Status& error) {
+  const absl::Time now = resources_->options.now();
+  if (!farm->frames.Retry(&frame, now)) {
+    return farm->FailJob(frame.job, absl::StrCat("frame ", frame.number, " failed ", frame.failures,
+                                                 " times: ", std::string(error.message())));
+  }
+  resources_->log().warn("event=frame_retried job={} frame={} failures={} pause_seconds={:.1f} error={}",
+                         frame.job.value(), frame.number, frame.failures,
+                         absl::ToDoubleSeconds(frame.not_before - now), logging::Quoted(error.message()));
+}
+
+void FrameFinishing::AwaitStorage(Farm* farm, DueFrame frame, const absl::Status& error) {
+  const absl::Time now = resources_->options.now();
+  farm->frames.AwaitStorage(&frame, now);
+  resources_->log().warn("event=frame_waits job={} frame={} pause_seconds={:.1f} error={}", frame.job.value(),
+                         frame.number, absl::ToDoubleSeconds(frame.not_before - now),
+                         logging::Quoted(error.message()));
+}
+
+void FrameFinishing::OnFinished(DueFrame frame, const absl::StatusOr<v1::FrameReport>& report) {
+  if (absl::IsUnavailable(report.status())) resources_->storage.Fail(report.status());
+  if (report.ok() && frame.round != DueFrame::kResult) return OnRoundEstimated(frame, *report);
+  FarmState::Change farm(state_);
+  const ActiveJob* const active = farm->jobs.FindActive(frame.job);
+  if (active == nullptr) return;
+  // A stale one is queued again when its units are committed again.
+  if (farm->frames.result_is_stale() || !farm->IsDue(frame)) return;
+  if (absl::IsDataLoss(report.status()) || absl::IsNotFound(report.status()))
+    return committer_->Check(frame.key(), report.status());
+  if (absl::IsUnavailable(report.status())) return AwaitStorage(&*farm, std::move(frame), report.status());
+  if (IsWorthRetrying(report.status())) return RetryFrame(&*farm, std::move(frame), report.status());
+  if (!report.ok()) return farm->FailJob(frame.job, std::string(report.status().message()));
+  v1::FrameReport recorded = *report;
+  recorded.mutable_times()->set_render_seconds(active->record.times.render_seconds());
+  committer_->Write(
+      [this, key = frame.key(), recorded] {
+        return resources_->store->RecordFrame(resources_->Owned(key.first), key.second, recorded);
+      },
+      [this, frame, recorded](const absl::Status& status) { OnFrameRecorded(frame, recorded, status); });
+}
+
+void FrameFinishing::OnRoundEstimated(const DueFrame& frame, const v1::FrameReport& report) {
+  v1::JobSpec spec;
+  {
+    FarmState::View farm(state_);
+    const ActiveJob* const active = farm->jobs.FindActive(frame.job);
+    if (active == nullptr) return;
+    spec = active->record.spec;
+  }
+  absl::StatusOr<job::FrameRounds> rounds = ReadRounds(resources_->folder, frame.job, spec, frame.number);
+  FarmState::Change farm(state_);
+  ActiveJob* const active = farm->jobs.FindActive(frame.job);
+  if (active == nullptr) return;
+  if (!rounds.ok()) return farm->FailJob(frame.job, std::string(rounds.status().message()));
+  resources_->log().info(
+      "event=round_estimated job={} frame={} round={} rounds={} final={} error={:.4g} seconds={:.3f}",
+      frame.job.value(), frame.number, frame.round, rounds->count(), rounds->is_final(),
+      rounds->predicted_error(), report.times().filter_seconds());
+  if (rounds->predicted_error() >= 0) active->predicted_error = rounds->predicted_error();
+  farm->scheduler.SetRounds(frame.job, frame.number,
+                            std::make_shared<const job::FrameRounds>(*std::move(rounds)));
+  farm->QueueDue(frame.key());
+  farm->watchers.MarkChanged(frame.job);
+}
+
+void FrameFinishing::OnFrameRecorded(const DueFrame& frame, const v1::FrameReport& report,
+                                     const absl::Status& status) {
+  const JobId& job = frame.job;
+  if (status.ok()) {
+    committer_->ForgetLog(frame.key());
+    cleanup_->janitor().FrameFinished(job, frame.number);
+    cleanup_->PurgeUnits();
+  }
+  FarmState::Change farm(state_);
+  ActiveJob* const active = farm->jobs.FindActive(job);
+  if (active == nullptr) return;
+  if (!status.ok()) return farm->FailJob(job, std::string(status.message()));
+  const v1::StageTimes& times = report.times();
+  v1::StageTimes& sum = active->record.times;
+  sum.set_assemble_seconds(sum.assemble_seconds() + times.assemble_seconds());
+  sum.set_filter_seconds(sum.filter_seconds() + times.filter_seconds());
+  sum.set_write_seconds(sum.write_seconds() + times.write_seconds());
+  resources_->timings.ObserveFrame(times);
+  std::string error;
+  if (report.has_estimated_error()) {
+    active->record.NoteError(report.estimated_error());
+    error = absl::StrFormat(" estimated_error=%.4g", report.estimated_error());
+  }
+  resources_->log().info("event=frame_finished job={} frame={} filter_seconds={:.3f}{}", job.value(),
+                         frame.number, times.filter_seconds(), error);
+  farm->watchers.MarkChanged(job);
+  if (farm->scheduler.FrameFinished(job, frame.number)) farm->EndJob(job, v1::JOB_STATE_DONE, "");
+}
+
+}  // namespace lumifold::server

@@ -1,0 +1,228 @@
+#include "server/coordinator/worker_calls.h"
+
+#include <spdlog/logger.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "proto/logging/fields.h"
+#include "proto/rpc/limits.h"
+#include "proto/rpc/version.h"
+#include "server/access/identity.h"
+#include "server/coordinator/event_log.h"
+
+namespace lumifold::server {
+
+using job::Attempt;
+using job::JobId;
+using job::UnitRef;
+using job::WorkerId;
+
+namespace {
+
+constexpr int kMaxSlots = 1024;
+/// Ids of jobs are shorter, see job::MakeJobId; those in a worker's Hello are kept.
+constexpr size_t kMaxJobIdBytes = 64;
+
+absl::Status CheckHello(const v1::Hello& hello) {
+  if (hello.name().size() > rpc::kMaxWorkerNameBytes ||
+      hello.numeric_class().size() > rpc::kMaxWorkerNameBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("worker: its name has ", hello.name().size(), " bytes and its numeric_class ",
+                     hello.numeric_class().size(), ", allowed are ", rpc::kMaxWorkerNameBytes));
+  }
+  if (hello.wire_version() != rpc::kWireVersion) {
+    return absl::FailedPreconditionError(absl::StrCat("worker '", hello.name(), "' has wire version ",
+                                                      hello.wire_version(), ", this coordinator ",
+                                                      rpc::kWireVersion));
+  }
+  if (hello.numeric_class().empty() || hello.slots() < 1 || hello.slots() > kMaxSlots) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "worker '", hello.name(), "': numeric_class must not be empty and slots must be 1 to ", kMaxSlots));
+  }
+  const auto is_tag = [](const std::string& tag) { return !tag.empty() && tag.size() <= rpc::kMaxTagBytes; };
+  if (hello.tags_size() > static_cast<int>(rpc::kMaxTags) ||
+      !std::all_of(hello.tags().begin(), hello.tags().end(), is_tag)) {
+    return absl::InvalidArgumentError(absl::StrCat("worker '", hello.name(), "': more than ", rpc::kMaxTags,
+                                                   " tags, or one that has not 1 to ", rpc::kMaxTagBytes,
+                                                   " bytes"));
+  }
+  const auto is_unit = [](const v1::Lease& lease) {
+    return !lease.unit().job_id().empty() && lease.unit().job_id().size() <= kMaxJobIdBytes;
+  };
+  if (hello.in_hand_size() > hello.slots() ||
+      !std::all_of(hello.in_hand().begin(), hello.in_hand().end(), is_unit)) {
+    return absl::InvalidArgumentError(absl::StrCat("worker '", hello.name(),
+                                                   "': more units in hand than its ", hello.slots(),
+                                                   " slots, or one without the id of a job"));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<WorkerId> WorkerCalls::AddWorker(const v1::Hello& hello, const access::Identity& caller,
+                                                WorkerSink* sink) {
+  if (absl::Status status = CheckHello(hello); !status.ok()) {
+    resources_->log().warn("event=worker_refused worker={} error={}", logging::Quoted(hello.name()),
+                           logging::Quoted(status.message()));
+    return status;
+  }
+  FarmState::Change farm(state_);
+  if (farm->is_stopping()) return absl::UnavailableError("the coordinator is stopping");
+  const std::string process = logging::OneWord(hello.name());
+  // What a worker says of itself must not free it from a block.
+  const std::string name =
+      caller.kind == access::IdentityKind::kLocal ? process : logging::OneWord(caller.name);
+  const WorkerId worker = farm->workers.Add({.name = name,
+                                             .process = process,
+                                             .caller = access::KeyOf(caller),
+                                             .slots = hello.slots(),
+                                             .sink = sink,
+                                             .connected = resources_->options.wall_now(),
+                                             .known_jobs = {}});
+  farm->scheduler.AddWorker(worker, {.name = name,
+                                     .numeric_class = hello.numeric_class(),
+                                     .instance = hello.instance(),
+                                     .slots = hello.slots(),
+                                     .tags = {hello.tags().begin(), hello.tags().end()}});
+  v1::CoordinatorMessage welcome;
+  welcome.mutable_welcome()->set_worker_id(job::TextOf(worker));
+  welcome.mutable_welcome()->set_heartbeat_ms(absl::ToInt64Milliseconds(resources_->options.heartbeat));
+  sink->Send(welcome);
+  resources_->log().info("event=worker_connected worker={} process={} class={} slots={}",
+                         farm->workers.NameOf(worker), process, logging::Quoted(hello.numeric_class()),
+                         hello.slots());
+  if (hello.in_hand_size() > 0) {
+    resources_->log().info("event=units_in_hand worker={} units={}", farm->workers.NameOf(worker),
+                           hello.in_hand_size());
+  }
+  farm->in_hand.Add(worker, hello, resources_->options.now());
+  farm->RegrantInHand();
+  return worker;
+}
+
+void WorkerCalls::RemoveWorker(WorkerId worker) {
+  FarmState::Change farm(state_);
+  resources_->log().info("event=worker_gone worker={}", farm->workers.NameOf(worker));
+  farm->workers.Remove(worker);
+  farm->in_hand.ForgetWorker(worker);
+  const std::vector<scheduler::FailedJob> failed = farm->scheduler.RemoveWorker(worker);
+  if (!farm->is_leasing()) return;
+  for (const scheduler::FailedJob& job : failed) farm->FailJob(job.job, job.error);
+  for (const auto& [job, active] : farm->jobs.active()) farm->watchers.MarkChanged(job);
+}
+
+void WorkerCalls::OnHeartbeat(WorkerId worker, const v1::Heartbeat& heartbeat) {
+  std::vector<scheduler::HeldLease> held;
+  for (const v1::Lease& lease : heartbeat.held()) {
+    held.push_back({job::UnitFromProto(lease.unit()), Attempt(lease.attempt()), lease.progress()});
+  }
+  FarmState::Change farm(state_);
+  farm->ReportLate(farm->scheduler.Heartbeat(worker, held, Attempt(heartbeat.newest_attempt()),
+                                             resources_->options.now()));
+}
+
+void WorkerCalls::KeepLog(WorkerId worker, const google::protobuf::RepeatedPtrField<v1::LogEvent>& lines) {
+  if (lines.empty() || resources_->options.events == nullptr) return;
+  FarmState::View farm(state_);
+  const ConnectedWorker* const found = farm->workers.Find(worker);
+  if (found == nullptr) return;
+  resources_->options.events->AddOfWorker(
+      farm->workers.NameOf(worker), lines, resources_->options.wall_now(),
+      [&](const std::string& job) { return found->known_jobs.contains(JobId(job)); });
+}
+
+std::optional<LeasedUnit> WorkerCalls::FindLease(WorkerId worker, const UnitRef& unit, Attempt attempt) {
+  FarmState::View farm(state_);
+  const scheduler::Scheduler& scheduler = farm->scheduler;
+  if (!scheduler.HoldsLease(worker, unit, attempt)) return std::nullopt;
+  return LeasedUnit{scheduler.UnitsOf(unit.job).tiles().RectOf(unit.key.tile), scheduler.SamplesOf(unit),
+                    film::ModelOf(scheduler.SpecOf(unit.job))};
+}
+
+void WorkerCalls::Deliver(WorkerId worker, film::EncodedUnit unit) {
+  resources_->traffic.units_received += static_cast<int64_t>(unit.size_bytes());
+  FarmState::Change farm(state_);
+  const scheduler::Completion completion =
+      farm->scheduler.CompleteUnit(worker, unit.unit, unit.attempt, resources_->options.now(), unit.digest);
+  if (completion == scheduler::Completion::kAudited) {
+    resources_->log().debug("event=unit_audited unit={} worker={}", logging::Quoted(Describe(unit.unit)),
+                            farm->workers.NameOf(worker));
+    return farm->workers.Acknowledge(worker, unit.unit, unit.attempt);
+  }
+  if (completion != scheduler::Completion::kAccepted) {
+    resources_->log().info("event=unit_not_wanted unit={} worker={}", logging::Quoted(Describe(unit.unit)),
+                           farm->workers.NameOf(worker));
+    return farm->workers.Acknowledge(worker, unit.unit, unit.attempt);
+  }
+  const JobId job = unit.unit.job;
+  const Rect rect = farm->scheduler.UnitsOf(job).tiles().RectOf(unit.unit.key.tile);
+  const int64_t samples = farm->scheduler.SamplesOf(unit.unit).CountIn(rect.width(), rect.height());
+  committer_->Enqueue({.stored = std::move(unit),
+                       .worker = worker,
+                       .worker_name = farm->workers.Find(worker)->name,
+                       .samples = samples,
+                       .numeric_class = farm->scheduler.NumericClassOf(job),
+                       .started = farm->jobs.FindActive(job)->record.started});
+}
+
+void WorkerCalls::Dismiss(WorkerId worker, const UnitRef& unit, Attempt attempt) {
+  FarmState::View farm(state_);
+  resources_->log().info("event=unit_not_wanted unit={} worker={}", logging::Quoted(Describe(unit)),
+                         farm->workers.NameOf(worker));
+  farm->workers.Acknowledge(worker, unit, attempt);
+}
+
+void WorkerCalls::RefuseUnit(WorkerId worker, const UnitRef& unit, Attempt attempt,
+                             const std::string& reason) {
+  std::string error;
+  {
+    FarmState::View farm(state_);
+    error = absl::StrCat("worker ", farm->workers.NameOf(worker), " delivered ", Describe(unit),
+                         ", which is not valid: ", reason);
+    farm->workers.Acknowledge(worker, unit, attempt, reason);
+  }
+  FailUnit(worker, unit, attempt, error, /*permanent=*/false);
+}
+
+void WorkerCalls::FailUnit(WorkerId worker, const UnitRef& unit, Attempt attempt, const std::string& error,
+                           bool permanent) {
+  FarmState::Change farm(state_);
+  const scheduler::FailureOutcome outcome =
+      farm->scheduler.FailUnit(worker, unit, attempt, permanent, resources_->options.now());
+  resources_->log().warn("event=unit_failed unit={} worker={} permanent={} error={}",
+                         logging::Quoted(Describe(unit)), farm->workers.NameOf(worker), permanent,
+                         logging::Quoted(error));
+  if (outcome == scheduler::FailureOutcome::kJobFails) farm->FailJob(unit.job, error);
+}
+
+void WorkerCalls::HandBack(WorkerId worker, const v1::HandBack& message) {
+  FarmState::Change farm(state_);
+  int returned = 0;
+  for (const v1::Lease& lease : message.leases())
+    returned += farm->scheduler.HandBack(worker, job::UnitFromProto(lease.unit()), Attempt(lease.attempt()));
+  resources_->log().info("event=leases_handed_back worker={} leases={}", farm->workers.NameOf(worker),
+                         returned);
+}
+
+void WorkerCalls::OnLeaving(WorkerId worker, const std::string& reason) {
+  FarmState::Change farm(state_);
+  resources_->log().info("event=worker_leaving worker={} reason={}", farm->workers.NameOf(worker),
+                         logging::Quoted(reason));
+  farm->scheduler.DrainWorker(worker);
+  v1::CoordinatorMessage message;
+  message.mutable_released();
+  farm->workers.Send(worker, message);  // after all grants, which are sent under the same lock
+}
+
+void WorkerCalls::OnAssetMissing(WorkerId worker, const UnitRef& unit, Attempt attempt,
+                                 const std::string& sha256, const std::string& error) {
+  scene_files_.OnMissing(worker, unit, attempt, sha256, [this, worker, unit, attempt, error] {
+    FailUnit(worker, unit, attempt, error, /*permanent=*/false);
+  });
+}
+
+}  // namespace lumifold::server

@@ -46,6 +46,7 @@
 #include "server/coordinator/coordinator.h"
 #include "server/coordinator/event_log.h"
 #include "server/coordinator/frame_limit.h"
+#include "server/finish/frame_finisher.h"
 #include "server/ledger/open_job_store.h"
 #include "server/ledger/roster.h"
 #include "server/metrics/farm_figures.h"

@@ -75,7 +75,7 @@ std::string StateName(v1::CredentialState state) {
   }
 }
 
-std::string TimeText(int64_t unix_ms) {
+std::string LocalTimeText(int64_t unix_ms) {
   return absl::FormatTime("%Y-%m-%d %H:%M:%S", absl::FromUnixMillis(unix_ms), absl::LocalTimeZone());
 }
 
@@ -94,7 +94,7 @@ std::string WhoAmIText(const v1::WhoAmIResponse& caller) {
                                   "\nscopes: ", absl::StrJoin(ScopeNames(caller), ", "), "\n");
   if (!caller.id().empty()) absl::StrAppend(&text, "id: ", caller.id(), "\n");
   if (caller.expires_unix_ms() > 0)
-    absl::StrAppend(&text, "expires: ", TimeText(caller.expires_unix_ms()), "\n");
+    absl::StrAppend(&text, "expires: ", LocalTimeText(caller.expires_unix_ms()), "\n");
   return text;
 }
 
@@ -125,7 +125,7 @@ std::string IdentityTableLine(const v1::Credential& credential) {
   const std::string scopes = absl::StrJoin(ScopeNames(credential), ",");
   return absl::StrFormat("%-32s %-11s %-6s %-7s %-19s %-17s %s\n", credential.id(),
                          FormName(credential.form()), KindName(credential.kind()),
-                         StateName(credential.state()), TimeText(credential.expires_unix_ms()),
+                         StateName(credential.state()), LocalTimeText(credential.expires_unix_ms()),
                          scopes.empty() ? "-" : scopes, credential.name());
 }
 

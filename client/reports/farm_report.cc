@@ -13,7 +13,7 @@
 namespace lumifold::client {
 namespace {
 
-std::string TimeText(int64_t unix_ms) {
+std::string UtcTimeText(int64_t unix_ms) {
   return absl::FormatTime("%Y-%m-%dT%H:%M:%E3SZ", absl::FromUnixMillis(unix_ms), absl::UTCTimeZone());
 }
 
@@ -103,7 +103,7 @@ std::string ExplanationJson(const v1::ExplainJobResponse& explanation) {
 }
 
 std::string LogEventLine(const v1::LogEvent& event) {
-  return absl::StrCat(absl::StrFormat("%s %-5s ", TimeText(event.unix_ms()), event.level()),
+  return absl::StrCat(absl::StrFormat("%s %-5s ", UtcTimeText(event.unix_ms()), event.level()),
                       event.worker().empty() ? "" : absl::StrCat(event.worker(), ": "), event.text(), "\n");
 }
 
@@ -122,7 +122,7 @@ std::string ServerStatusText(const v1::ServerStatus& status) {
   line("version", status.version());
   line("storage", status.storage_error().empty() ? "ok" : status.storage_error());
   if (status.storage_error_since_unix_ms() > 0)
-    line("storage failed at", TimeText(status.storage_error_since_unix_ms()));
+    line("storage failed at", UtcTimeText(status.storage_error_since_unix_ms()));
   line("free", absl::StrFormat("%.1f GB", static_cast<double>(status.free_bytes()) * 1e-9));
   line("workers", status.workers());
   line("leases", status.leases(), " of ", status.slots());

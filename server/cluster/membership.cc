@@ -9,6 +9,7 @@
 
 #include "absl/strings/escaping.h"
 #include "proto/logging/fields.h"
+#include "proto/rpc/monotonic.h"
 
 namespace lumifold::cluster {
 namespace {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/time/time.h"
+#include "server/commit/committer.h"
 #include "server/coordinator/frame_limit.h"
 #include "server/coordinator/frame_queue.h"
 #include "server/coordinator/in_hand.h"
@@ -92,7 +93,7 @@ class Farm {
   /// Grants leases of the units that workers have in hand, as far as their jobs are active.
   void RegrantInHand();
   /// Asks a worker to go to another coordinator. It gets no more leases here.
-  void MoveWorker(job::WorkerId worker, const std::string& address, bool at_once = false);
+  void MoveWorker(job::WorkerId worker, const std::string& to, bool at_once = false);
   /// Logs leases that are late, and fails the jobs that cannot go on because of them.
   void ReportLate(const std::vector<scheduler::LateLease>& late);
   /// Does what follows from every change: audits, revocations, grants, wake-ups. FarmState::Change calls it.

@@ -167,12 +167,12 @@ void Farm::RegrantTo(WorkerId worker, const std::vector<UnitInHand>& units) {
   if (message.has_void_leases()) workers.Send(worker, message);
 }
 
-void Farm::MoveWorker(WorkerId worker, const std::string& address, bool at_once) {
+void Farm::MoveWorker(WorkerId worker, const std::string& to, bool at_once) {
   resources_->log().info("event=worker_moved worker={} address={} at_once={}", workers.NameOf(worker),
-                         logging::Quoted(address), at_once);
+                         logging::Quoted(to), at_once);
   scheduler.DrainWorker(worker);
   v1::CoordinatorMessage message;
-  message.mutable_move()->set_address(address);
+  message.mutable_move()->set_address(to);
   message.mutable_move()->set_at_once(at_once);
   workers.Send(worker, message);
 }

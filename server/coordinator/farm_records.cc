@@ -35,11 +35,11 @@ void FarmRecords::OnEndRecorded(const JobId& job, const absl::Status& status) {
   // The job belongs to another coordinator: a client that asks again reaches that one.
   const absl::Status lost = absl::IsAborted(status) ? absl::UnavailableError(status.message()) : status;
   EndingJob ended;
-  absl::StatusOr<v1::JobStatus> last = lost;
+  absl::StatusOr<v1::JobStatus> last;
   {
     FarmState::Change farm(state_);
     ended = farm->jobs.TakeEnding(job);
-    if (status.ok()) last = StatusOfEndedJob(ended.record);
+    last = status.ok() ? absl::StatusOr<v1::JobStatus>(StatusOfEndedJob(ended.record)) : lost;
     farm->watchers.NotifyEnd(job, last);
     if (status.ok()) farm->Settle(farm->dependencies.Ended(job, ended.record.state));
   }

@@ -6,7 +6,7 @@ namespace lumifold::server {
 namespace {
 
 /// Maximum time between two checks of the leases: options.now may not be the clock that waits use.
-constexpr absl::Duration kIdleInterval = absl::Seconds(1);
+constexpr absl::Duration kCheckInterval = absl::Seconds(1);
 
 }  // namespace
 
@@ -38,7 +38,7 @@ void Housekeeping::Run() {
 absl::Duration Housekeeping::UntilNext() const {
   FarmState::View farm(state_);
   const absl::Time next = std::min(farm->scheduler.NextExpiry(), farm->watchers.due());
-  return std::min(kIdleInterval, next - resources_->options.now());
+  return std::min(kCheckInterval, next - resources_->options.now());
 }
 
 }  // namespace lumifold::server

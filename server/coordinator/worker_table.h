@@ -15,14 +15,14 @@ namespace lumifold::server {
 
 struct ConnectedWorker {
   /// Of its certificate, so that a block holds for all processes that have it; without access control as `process`.
-  std::string name;
+  std::string name = {};
   /// What the worker calls itself.
-  std::string process;
-  std::string caller;  // access::KeyOf
+  std::string process = {};
+  std::string caller = {};  // access::KeyOf
   int slots = 0;
   WorkerSink* sink = nullptr;
-  absl::Time connected;             // by the wall clock, for display
-  std::set<job::JobId> known_jobs;  // jobs of which the worker got leases
+  absl::Time connected = {};             // by the wall clock, for display
+  std::set<job::JobId> known_jobs = {};  // jobs of which the worker got leases
 };
 
 /// The connected workers, and the way to them. Pure state, apart from the queues of the sinks.

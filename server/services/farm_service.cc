@@ -15,6 +15,7 @@
 #include "server/assets/asset_checks.h"
 #include "server/cluster/farm_peers.h"
 #include "server/coordinator/roles.h"
+#include "server/metrics/traffic.h"
 #include "server/preview/preview_maker.h"
 #include "server/services/call_gate.h"
 #include "server/services/farm_streams.h"

@@ -16,6 +16,7 @@
 #include "server/cluster/farm_peers.h"
 #include "server/cluster/remote_watch.h"
 #include "server/coordinator/roles.h"
+#include "server/metrics/traffic.h"
 #include "server/job/job_state.h"
 #include "server/services/unary_calls.h"
 

@@ -20,7 +20,6 @@ namespace lumifold::server {
 namespace {
 
 namespace fs = std::filesystem;
-using Removal;
 using job::JobId;
 
 /// Time between two sweeps: how much the rest of the folder uses, uploads and assets that nobody needs.

@@ -8,7 +8,6 @@
 namespace lumifold::job {
 namespace {
 
-using UnitKey;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;

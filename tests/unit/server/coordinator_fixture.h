@@ -15,6 +15,7 @@
 #include "server/access/identity.h"
 #include "server/assets/asset_store.h"
 #include "server/coordinator/coordinator.h"
+#include "server/finish/frame_finisher.h"
 #include "server/services/worker_session.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/server/faulty_files.h"

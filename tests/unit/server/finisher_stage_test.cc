@@ -13,6 +13,7 @@
 #include "proto/rpc/monotonic.h"
 #include "server/assets/asset_store.h"
 #include "server/coordinator/coordinator.h"
+#include "server/finish/frame_finisher.h"
 #include "tests/unit/server/committed_frame_fixture.h"
 
 namespace lumifold::server {

@@ -383,7 +383,7 @@ TEST_F(JobLifeTest, AnUploadThatExceedsTheQuotaIsRefused) {
   RestartWith([](ServerOptions& options) { options.retention.quota_bytes = 1'000'000; });
   v1::AssetRef asset;
   asset.set_sha256(std::string(64, 'a'));
-  asset.set_size(Limits().asset_bytes);
+  asset.set_size(Limits().assets.asset_bytes);
   const auto stub = v1::FarmService::NewStub(Channel());
   for (int i = 0; i < 20; ++i) {
     grpc::ClientContext context;

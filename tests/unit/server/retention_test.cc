@@ -15,7 +15,7 @@ using What = Removal::What;
 const JobId kOld("j-old"), kNew("j-new"), kRunning("j-running");
 constexpr uint64_t kPlenty = uint64_t{1} << 50;
 
-absl::Time At(int hours) { return absl::UnixEpoch() + absl::Hours(hours); }
+absl::Time AtHour(int hours) { return absl::UnixEpoch() + absl::Hours(hours); }
 
 /// No limit but those that a test sets.
 RetentionLimits NoLimits() {
@@ -35,12 +35,12 @@ TEST(Retention, FilmOfTheJobThatEndedFirstGoesFirst) {
   RetentionLimits limits = NoLimits();
   limits.film_bytes = 100;
   Retention retention(limits);
-  retention.JobEnded(kNew, At(2), 60, 5);
-  EXPECT_FALSE(retention.Next(At(3), kPlenty).has_value());
-  retention.JobEnded(kOld, At(1), 60, 5);
-  ExpectNext(retention, At(3), kPlenty, What::kFilm, kOld);
+  retention.JobEnded(kNew, AtHour(2), 60, 5);
+  EXPECT_FALSE(retention.Next(AtHour(3), kPlenty).has_value());
+  retention.JobEnded(kOld, AtHour(1), 60, 5);
+  ExpectNext(retention, AtHour(3), kPlenty, What::kFilm, kOld);
   retention.FilmRemoved(kOld);
-  EXPECT_FALSE(retention.Next(At(3), kPlenty).has_value());
+  EXPECT_FALSE(retention.Next(AtHour(3), kPlenty).has_value());
   EXPECT_EQ(retention.film_bytes(), 60u);
   EXPECT_EQ(retention.used_bytes(), 70u);
 }
@@ -49,33 +49,33 @@ TEST(Retention, NoFilmIsKeptUnderALimitOfZero) {
   RetentionLimits limits = NoLimits();
   limits.film_bytes = 0;
   Retention retention(limits);
-  retention.FrameFinished(kRunning, 3, At(1), 10);
-  const std::optional<Removal> removal = retention.Next(At(1), kPlenty);
+  retention.FrameFinished(kRunning, 3, AtHour(1), 10);
+  const std::optional<Removal> removal = retention.Next(AtHour(1), kPlenty);
   ASSERT_TRUE(removal.has_value());
   EXPECT_EQ(removal->what, What::kFrame);
   EXPECT_EQ(removal->frame, 3);
   retention.FrameRemoved(kRunning, 3);
-  EXPECT_FALSE(retention.Next(At(1), kPlenty).has_value());
+  EXPECT_FALSE(retention.Next(AtHour(1), kPlenty).has_value());
 }
 
 TEST(Retention, EndedJobsComeBeforeFinishedFramesOfActiveOnes) {
   RetentionLimits limits = NoLimits();
   limits.film_bytes = 10;
   Retention retention(limits);
-  retention.FrameFinished(kRunning, 1, At(1), 10);
-  retention.JobEnded(kNew, At(5), 10, 0);
-  ExpectNext(retention, At(6), kPlenty, What::kFilm, kNew);
+  retention.FrameFinished(kRunning, 1, AtHour(1), 10);
+  retention.JobEnded(kNew, AtHour(5), 10, 0);
+  ExpectNext(retention, AtHour(6), kPlenty, What::kFilm, kNew);
 }
 
 TEST(Retention, FilmGoesWhileTheDiskIsNearlyFullButResultsStay) {
   RetentionLimits limits = NoLimits();
   limits.free_bytes = 1000;
   Retention retention(limits);
-  retention.JobEnded(kOld, At(1), 10, 10);
-  EXPECT_FALSE(retention.Next(At(2), 1000).has_value());
-  ExpectNext(retention, At(2), 999, What::kFilm, kOld);
+  retention.JobEnded(kOld, AtHour(1), 10, 10);
+  EXPECT_FALSE(retention.Next(AtHour(2), 1000).has_value());
+  ExpectNext(retention, AtHour(2), 999, What::kFilm, kOld);
   retention.FilmRemoved(kOld);
-  EXPECT_FALSE(retention.Next(At(2), 0).has_value());
+  EXPECT_FALSE(retention.Next(AtHour(2), 0).has_value());
 }
 
 TEST(Retention, TheQuotaTakesFilmsAndThenResults) {
@@ -83,16 +83,16 @@ TEST(Retention, TheQuotaTakesFilmsAndThenResults) {
   limits.quota_bytes = 100;
   Retention retention(limits);
   retention.SetOtherBytes(50);
-  retention.JobEnded(kOld, At(1), 20, 40);
-  retention.JobEnded(kNew, At(2), 20, 40);
-  ExpectNext(retention, At(3), kPlenty, What::kFilm, kOld);
+  retention.JobEnded(kOld, AtHour(1), 20, 40);
+  retention.JobEnded(kNew, AtHour(2), 20, 40);
+  ExpectNext(retention, AtHour(3), kPlenty, What::kFilm, kOld);
   retention.FilmRemoved(kOld);
-  ExpectNext(retention, At(3), kPlenty, What::kFilm, kNew);
+  ExpectNext(retention, AtHour(3), kPlenty, What::kFilm, kNew);
   retention.FilmRemoved(kNew);
-  ExpectNext(retention, At(3), kPlenty, What::kJob, kOld);
+  ExpectNext(retention, AtHour(3), kPlenty, What::kJob, kOld);
   retention.Forget(kOld);
   EXPECT_EQ(retention.used_bytes(), 90u);
-  EXPECT_FALSE(retention.Next(At(3), kPlenty).has_value());
+  EXPECT_FALSE(retention.Next(AtHour(3), kPlenty).has_value());
 }
 
 TEST(Retention, ActiveJobsStayWhateverTheQuota) {
@@ -100,7 +100,7 @@ TEST(Retention, ActiveJobsStayWhateverTheQuota) {
   limits.quota_bytes = 10;
   Retention retention(limits);
   retention.SetOtherBytes(1000);
-  EXPECT_FALSE(retention.Next(At(1), kPlenty).has_value());
+  EXPECT_FALSE(retention.Next(AtHour(1), kPlenty).has_value());
   EXPECT_GT(retention.used_bytes(), *limits.quota_bytes);  // new submissions are refused
 }
 
@@ -109,26 +109,26 @@ TEST(Retention, JobsAreDeletedAtTheirAge) {
   limits.keep_results = absl::Hours(24);
   Retention retention(limits);
   EXPECT_EQ(retention.NextExpiry(), absl::InfiniteFuture());
-  retention.JobEnded(kOld, At(1), 10, 10);
-  retention.JobEnded(kNew, At(2), 10, 10);
-  EXPECT_EQ(retention.NextExpiry(), At(25));
-  EXPECT_FALSE(retention.Next(At(24), kPlenty).has_value());
-  ExpectNext(retention, At(25), kPlenty, What::kJob, kOld);
+  retention.JobEnded(kOld, AtHour(1), 10, 10);
+  retention.JobEnded(kNew, AtHour(2), 10, 10);
+  EXPECT_EQ(retention.NextExpiry(), AtHour(25));
+  EXPECT_FALSE(retention.Next(AtHour(24), kPlenty).has_value());
+  ExpectNext(retention, AtHour(25), kPlenty, What::kJob, kOld);
   retention.SetNeeded({kOld});
-  EXPECT_FALSE(retention.Next(At(25), kPlenty).has_value());
-  ExpectNext(retention, At(26), kPlenty, What::kJob, kNew);
+  EXPECT_FALSE(retention.Next(AtHour(25), kPlenty).has_value());
+  ExpectNext(retention, AtHour(26), kPlenty, What::kJob, kNew);
 }
 
 TEST(Retention, AJobThatRunsAgainIsForgotten) {
   RetentionLimits limits = NoLimits();
   limits.film_bytes = 0;
   Retention retention(limits);
-  retention.JobEnded(kOld, At(1), 10, 10);
+  retention.JobEnded(kOld, AtHour(1), 10, 10);
   retention.Forget(kOld);
-  EXPECT_FALSE(retention.Next(At(9), kPlenty).has_value());
+  EXPECT_FALSE(retention.Next(AtHour(9), kPlenty).has_value());
   EXPECT_EQ(retention.used_bytes(), 0u);
-  retention.FrameFinished(kOld, 0, At(2), 10);
-  retention.JobEnded(kOld, At(3), 30, 10);  // the whole film, its frames included
+  retention.FrameFinished(kOld, 0, AtHour(2), 10);
+  retention.JobEnded(kOld, AtHour(3), 30, 10);  // the whole film, its frames included
   EXPECT_EQ(retention.film_bytes(), 30u);
 }
 
@@ -146,18 +146,18 @@ TEST(Retention, SumsHoldAndRemovalEnds) {
       const JobId job(absl::StrCat("j-", random() % 20));
       switch (random() % 4) {
         case 0:
-          retention.JobEnded(job, At(static_cast<int>(random() % 100)), random() % 100, random() % 100);
+          retention.JobEnded(job, AtHour(static_cast<int>(random() % 100)), random() % 100, random() % 100);
           break;
         case 1:
           retention.FrameFinished(JobId(absl::StrCat("active-", random() % 5)),
-                                  static_cast<int32_t>(random() % 5), At(static_cast<int>(random() % 100)),
-                                  random() % 100);
+                                  static_cast<int32_t>(random() % 5),
+                                  AtHour(static_cast<int>(random() % 100)), random() % 100);
           break;
         case 2:
           retention.Forget(job);
           break;
         default:
-          while (const std::optional<Removal> removal = retention.Next(At(200), kPlenty)) {
+          while (const std::optional<Removal> removal = retention.Next(AtHour(200), kPlenty)) {
             const uint64_t before = retention.used_bytes();
             if (removal->what == What::kJob) retention.Forget(removal->job);
             if (removal->what == What::kFilm) retention.FilmRemoved(removal->job);

@@ -1,0 +1,307 @@
+// The farm's state without a disk, a network or a thread.
+#include "server/coordinator/farm.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spdlog/logger.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "server/coordinator/explain.h"
+#include "server/job/job_spec.h"
+#include "tests/support/temp_folder.h"
+
+namespace lumifold::server {
+namespace {
+
+using job::JobId;
+using testing::ElementsAre;
+using testing::IsEmpty;
+using testing::Pair;
+using testing::SizeIs;
+
+/// Notes what the farm asks for.
+class NotedEffects final : public FarmEffects {
+ public:
+  void RecordEnd(const JobId& job, v1::JobState state, const std::string& error) override {
+    ends.emplace_back(job, state);
+    errors.push_back(error);
+  }
+  void CancelFinishing(const JobId& job) override { cancelled.push_back(job); }
+  void DiscardUnits(const FrameKey& frame, const std::vector<job::UnitKey>& units) override {
+    discarded[frame] += units.size();
+  }
+  void RecordBlock(const std::string& name, const std::string& /*reason*/) override { blocked.insert(name); }
+  void KeepPrerequisites(const std::set<JobId>& jobs) override { kept = jobs; }
+  void WakeHousekeeping() override { ++housekeeping; }
+  void WakeFinisher() override { ++finisher; }
+
+  std::vector<std::pair<JobId, v1::JobState>> ends;
+  std::vector<std::string> errors;
+  std::vector<JobId> cancelled;
+  std::map<FrameKey, size_t> discarded;
+  std::set<std::string> blocked;
+  std::set<JobId> kept;
+  int housekeeping = 0;
+  int finisher = 0;
+};
+
+class NotingSink final : public WorkerSink {
+ public:
+  void Send(const v1::CoordinatorMessage& message) override {
+    for (const v1::Lease& lease : message.grant().leases()) leases.push_back(lease);
+    for (const v1::Lease& lease : message.void_leases().leases()) revoked.push_back(lease);
+    if (message.has_job_ended()) ended.push_back(message.job_ended().job_id());
+  }
+  /// Leases of a job that it has got.
+  int Count(const JobId& job) const {
+    return static_cast<int>(std::count_if(leases.begin(), leases.end(), [&](const v1::Lease& lease) {
+      return lease.unit().job_id() == job.value();
+    }));
+  }
+
+  std::vector<v1::Lease> leases;
+  std::vector<v1::Lease> revoked;
+  std::vector<std::string> ended;
+};
+
+CoordinatorOptions Options(const absl::Time* now) {
+  CoordinatorOptions options;
+  options.now = [now] { return *now; };
+  options.wall_now = [now] { return *now; };
+  options.log = std::make_shared<spdlog::logger>("none");
+  return options;
+}
+
+class FarmTest : public testing::Test {
+ protected:
+  FarmTest()
+      : resources_(Options(&now_), DataFolder(folder_.PathOf("data")), nullptr, nullptr, nullptr,
+                   {"owner", ledger::Epoch(1)}),
+        farm_(&resources_, &effects_) {
+    farm_.LimitFrames(uint64_t{1} << 40);
+  }
+
+  /// A job of one frame without a plan unit.
+  static ledger::JobRecord Record(const std::string& id) {
+    v1::JobSpec spec;
+    spec.mutable_scene()->mutable_file()->set_sha256(std::string(64, 'a'));
+    spec.set_frame_count(1);
+    spec.set_width(16);
+    spec.set_height(8);
+    spec.set_tile_size(8);
+    spec.set_samples_per_pixel(4);
+    spec.set_pass_samples(4);
+    spec.mutable_planning()->set_mode(v1::PLAN_MODE_FULL);
+    ledger::JobRecord record;
+    record.id = JobId(id);
+    const absl::StatusOr<v1::JobSpec> normal = job::NormaliseJobSpec(spec);
+    EXPECT_TRUE(normal.ok()) << normal.status();
+    if (normal.ok()) record.spec = *normal;
+    return record;
+  }
+  JobId Start(const std::string& id, const std::vector<job::Prerequisite>& after = {}) {
+    farm_.StartJob(Record(id), after);
+    farm_.Complete();
+    return JobId(id);
+  }
+  job::WorkerId Connect(const std::string& name, int slots) {
+    const job::WorkerId worker = farm_.workers.Add({.name = name, .slots = slots, .sink = &sinks_[name]});
+    farm_.scheduler.AddWorker(worker, {.name = name, .numeric_class = "c", .slots = slots});
+    farm_.Complete();
+    return worker;
+  }
+  void Pause(const JobId& job, bool paused) {
+    farm_.jobs.FindActive(job)->record.scheduling.set_paused(paused);
+    farm_.UpdatePause(job);
+    farm_.Complete();
+  }
+  void EndWell(const JobId& job) {
+    farm_.Settle(farm_.dependencies.Ended(job, v1::JOB_STATE_DONE));
+    farm_.Complete();
+  }
+  void Want(const JobId& job, const std::string& sha256) {
+    farm_.jobs.FindActive(job)->wanted_asset.emplace().set_sha256(sha256);
+    farm_.UpdatePause(job);
+  }
+  int Leases(const JobId& job) { return sinks_["worker"].Count(job); }
+
+  absl::Time now_ = absl::FromUnixSeconds(1000);
+  TempFolder folder_;
+  Resources resources_;
+  NotedEffects effects_;
+  std::map<std::string, NotingSink> sinks_;
+  Farm farm_;
+};
+
+TEST_F(FarmTest, AChangeGrantsWhatItFreed) {
+  const JobId job = Start("j-1");
+  EXPECT_EQ(effects_.housekeeping, 0);
+  Connect("worker", 2);
+  EXPECT_EQ(Leases(job), 2);
+  EXPECT_EQ(effects_.housekeeping, 1) << "watchers are told";
+  farm_.Complete();
+  EXPECT_EQ(effects_.housekeeping, 1) << "nothing has changed";
+  EXPECT_EQ(farm_.jobs.FindActive(job)->record.started, now_);
+}
+
+TEST_F(FarmTest, GrantsNothingWhileItDrains) {
+  farm_.phase = Farm::Phase::kDraining;
+  const JobId job = Start("j-1");
+  Connect("worker", 2);
+  EXPECT_EQ(Leases(job), 0);
+}
+
+TEST_F(FarmTest, GrantsNothingWhileTheStorageFails) {
+  resources_.storage.Fail(absl::UnavailableError("full"));
+  const JobId job = Start("j-1");
+  Connect("worker", 2);
+  EXPECT_EQ(Leases(job), 0);
+  resources_.storage.Recover();
+  farm_.Complete();
+  EXPECT_EQ(Leases(job), 2);
+}
+
+// A job gets leases where none of three causes holds it up: each pair, ended in either order.
+
+TEST_F(FarmTest, AJobThatWaitsIsNotStartedByItsUser) {
+  const JobId job = Start("j-2", {{JobId("j-1"), v1::JOB_STATE_RUNNING}});
+  EXPECT_THAT(effects_.kept, ElementsAre(JobId("j-1")));
+  Connect("worker", 2);
+  Pause(job, true);
+  Pause(job, false);
+  EXPECT_EQ(Leases(job), 0);
+  EndWell(JobId("j-1"));
+  EXPECT_EQ(Leases(job), 2);
+  EXPECT_THAT(effects_.kept, IsEmpty());
+}
+
+TEST_F(FarmTest, AJobThatItsUserPausedIsNotStartedByAnotherJob) {
+  const JobId job = Start("j-2", {{JobId("j-1"), v1::JOB_STATE_RUNNING}});
+  Connect("worker", 2);
+  Pause(job, true);
+  EndWell(JobId("j-1"));
+  EXPECT_EQ(Leases(job), 0);
+  Pause(job, false);
+  EXPECT_EQ(Leases(job), 2);
+}
+
+TEST_F(FarmTest, AJobThatWaitsForAFileIsNotStartedByItsUser) {
+  const JobId job = Start("j-1");
+  Want(job, "f");
+  Connect("worker", 2);
+  Pause(job, true);
+  Pause(job, false);
+  EXPECT_EQ(Leases(job), 0);
+  farm_.OnAssetFound("another");
+  farm_.Complete();
+  EXPECT_EQ(Leases(job), 0);
+  farm_.OnAssetFound("f");
+  farm_.Complete();
+  EXPECT_EQ(Leases(job), 2);
+}
+
+TEST_F(FarmTest, AJobThatItsUserPausedIsNotStartedByAFile) {
+  const JobId job = Start("j-1");
+  Want(job, "f");
+  Connect("worker", 2);
+  Pause(job, true);
+  farm_.OnAssetFound("f");
+  farm_.Complete();
+  EXPECT_EQ(Leases(job), 0);
+  Pause(job, false);
+  EXPECT_EQ(Leases(job), 2);
+}
+
+TEST_F(FarmTest, AJobThatWaitsForAnotherAndAFileNeedsBoth) {
+  for (const bool file_first : {true, false}) {
+    const std::string name = file_first ? "j-2" : "j-3";
+    const JobId job = Start(name, {{JobId("j-1"), v1::JOB_STATE_RUNNING}});
+    Want(job, "f");
+    if (file_first) Connect("worker", 8);
+    const auto come = [&](bool file) {
+      if (file) {
+        farm_.OnAssetFound("f");
+        farm_.Complete();
+      } else {
+        EndWell(JobId("j-1"));
+      }
+    };
+    come(file_first);
+    EXPECT_EQ(Leases(job), 0) << name;
+    come(!file_first);
+    EXPECT_EQ(Leases(job), 4) << name;
+  }
+}
+
+TEST_F(FarmTest, SaysEachCauseThatHoldsAJobUp) {
+  const JobId job = Start("j-2", {{JobId("j-1"), v1::JOB_STATE_RUNNING}});
+  Want(job, "f");
+  Pause(job, true);
+  const auto codes = [&] {
+    v1::ExplainJobResponse response;
+    ExplainWaiting(farm_, job, now_, &response);
+    std::set<std::string> found;
+    for (const v1::Reason& reason : response.reasons()) found.insert(reason.code());
+    return found;
+  };
+  EXPECT_THAT(codes(), testing::IsSupersetOf({"after", "asset", "paused"}));
+  Pause(job, false);
+  EXPECT_THAT(codes(), testing::Not(testing::Contains("paused")));
+  EXPECT_EQ(farm_.StatusOf(job)->state(), v1::JOB_STATE_SUBMITTED);
+  EXPECT_EQ(farm_.LeasesWanted(job), 0);
+  farm_.OnAssetFound("f");
+  EXPECT_EQ(farm_.LeasesWanted(job), 0);
+  EndWell(JobId("j-1"));
+  EXPECT_GT(farm_.LeasesWanted(job), 0);
+}
+
+TEST_F(FarmTest, TheEndOfAJobLeavesNothingOfItBehind) {
+  const JobId job = Start("j-1");
+  Connect("worker", 2);
+  farm_.frames.Push({.job = job, .number = 1});
+  farm_.EndJob(job, v1::JOB_STATE_CANCELLED, "two\nlines");
+  farm_.Complete();
+  EXPECT_THAT(effects_.ends, ElementsAre(Pair(job, v1::JOB_STATE_CANCELLED)));
+  EXPECT_THAT(effects_.errors, ElementsAre("two lines"));
+  EXPECT_THAT(effects_.cancelled, ElementsAre(job));
+  EXPECT_THAT(sinks_["worker"].ended, ElementsAre("j-1"));
+  EXPECT_THAT(sinks_["worker"].revoked, IsEmpty()) << "the end says so";
+  EXPECT_THAT(farm_.frames.waiting(), IsEmpty());
+  EXPECT_FALSE(farm_.scheduler.HasJob(job));
+  EXPECT_TRUE(farm_.jobs.IsInMemory(job)) << "until the end is recorded";
+  EXPECT_EQ(farm_.StatusOf(job)->workers(), 0);
+  farm_.EndJob(job, v1::JOB_STATE_FAILED, "again");
+  EXPECT_THAT(effects_.ends, SizeIs(1));
+}
+
+TEST_F(FarmTest, AJobOfHopelessPrerequisitesFails) {
+  Start("j-2", {{JobId("j-1"), v1::JOB_STATE_FAILED}});
+  EXPECT_THAT(effects_.ends, ElementsAre(Pair(JobId("j-2"), v1::JOB_STATE_FAILED)));
+  Start("j-4", {{JobId("j-3"), v1::JOB_STATE_RUNNING}});
+  farm_.Settle(farm_.dependencies.Ended(JobId("j-3"), v1::JOB_STATE_CANCELLED));
+  EXPECT_THAT(effects_.ends, SizeIs(2));
+}
+
+TEST_F(FarmTest, ASuspendedJobShowsWhatItShowedLast) {
+  const JobId job = Start("j-1");
+  Connect("worker", 2);
+  ASSERT_EQ(farm_.StatusOf(job)->workers(), 1);
+  farm_.SuspendJob(job, {});
+  EXPECT_EQ(farm_.StatusOf(job)->job_id(), "j-1");
+  EXPECT_EQ(farm_.StatusOf(job)->workers(), 0);
+  EXPECT_FALSE(farm_.scheduler.HasJob(job));
+  EXPECT_THAT(effects_.ends, IsEmpty());
+  v1::JobStatus shown;
+  shown.set_job_id("j-2");
+  farm_.SuspendJob(JobId("j-2"), shown);
+  EXPECT_EQ(farm_.StatusOf(JobId("j-2"))->job_id(), "j-2");
+}
+
+}  // namespace
+}  // namespace lumifold::server

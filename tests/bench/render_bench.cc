@@ -13,10 +13,10 @@
 #include <vector>
 
 #include "filter/image/parallel.h"
+#include "tests/charts/access/charts_access.h"
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
 #include "worker/plan/plan.h"
-#include "worker/render/charts_access.h"
 #include "worker/render/renderer.h"
 #include "worker/scene/gltf_loader.h"
 

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "filter/metrics/flicker.h"
 #include "tests/charts/films/film_source.h"
+#include "tests/charts/metrics/flicker.h"
 #include "tests/charts/page.h"
 
 namespace lumifold::charts {

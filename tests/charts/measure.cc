@@ -10,8 +10,8 @@
 #include "filter/image/layers.h"
 #include "filter/metrics/flip.h"
 #include "filter/metrics/metrics.h"
-#include "filter/metrics/reference_noise.h"
 #include "filter/metrics/ssim.h"
+#include "tests/charts/metrics/reference_noise.h"
 
 namespace lumifold::charts {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "filter/image/planes.h"
-#include "filter/metrics/seeds.h"
+#include "tests/charts/metrics/seeds.h"
 #include "tests/stability/case.h"
 
 namespace lumifold::stability {

@@ -7,7 +7,7 @@
 
 #include "filter/image/layers.h"
 #include "filter/image/planes.h"
-#include "filter/metrics/seam.h"
+#include "tests/charts/metrics/seam.h"
 #include "tests/stability/case.h"
 #include "tests/stability/drawings.h"
 #include "tests/stability/test_scenes.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <utility>
 
-#include "filter/metrics/blotch.h"
+#include "tests/charts/metrics/blotch.h"
 #include "tests/stability/case.h"
 
 namespace lumifold::stability {

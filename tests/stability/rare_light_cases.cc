@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "filter/image/layers.h"
-#include "filter/metrics/blotch.h"
+#include "tests/charts/metrics/blotch.h"
 #include "tests/scenes/scenes.h"
 #include "tests/stability/case.h"
 #include "tests/stability/drawings.h"

@@ -10,10 +10,10 @@
 #include <utility>
 
 #include "filter/image/layers.h"
-#include "filter/metrics/blotch.h"
-#include "filter/metrics/flicker.h"
 #include "filter/metrics/metrics.h"
-#include "filter/metrics/seeds.h"
+#include "tests/charts/metrics/blotch.h"
+#include "tests/charts/metrics/flicker.h"
+#include "tests/charts/metrics/seeds.h"
 #include "tests/stability/case.h"
 #include "tests/stability/drawings.h"
 #include "tests/stability/test_scenes.h"

@@ -20,10 +20,10 @@
 #include "filter/image/picture_io.h"
 #include "proto/rpc/checksum.h"
 #include "server/film/film_builder.h"
+#include "tests/charts/access/charts_access.h"
 #include "tests/scenes/glb_writer.h"
 #include "tests/scenes/scenes.h"
 #include "tests/support/cpu_seconds.h"
-#include "worker/render/charts_access.h"
 #include "worker/scene/gltf_loader.h"
 
 namespace lumifold::charts {

@@ -7,12 +7,12 @@
 #include "filter/image/color.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/planes.h"
-#include "filter/metrics/blotch.h"
-#include "filter/metrics/flicker.h"
 #include "filter/metrics/metrics.h"
-#include "filter/metrics/reference_noise.h"
-#include "filter/metrics/seam.h"
-#include "filter/metrics/seeds.h"
+#include "tests/charts/metrics/blotch.h"
+#include "tests/charts/metrics/flicker.h"
+#include "tests/charts/metrics/reference_noise.h"
+#include "tests/charts/metrics/seam.h"
+#include "tests/charts/metrics/seeds.h"
 
 namespace lumifold::metrics {
 namespace {

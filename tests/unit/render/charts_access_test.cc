@@ -7,10 +7,10 @@
 #include <optional>
 
 #include "filter/image/portable_math.h"
+#include "tests/charts/access/charts_access.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
 #include "worker/render/camera_packet.h"
-#include "worker/render/charts_access.h"
 #include "worker/render/frame.h"
 
 namespace lumifold::render {

@@ -7,9 +7,9 @@
 
 #include "absl/functional/function_ref.h"
 #include "filter/image/layers.h"
+#include "tests/charts/access/charts_access.h"
 #include "tests/support/analytic_scenes.h"
 #include "tests/unit/render/pictures.h"
-#include "worker/render/charts_access.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::render {

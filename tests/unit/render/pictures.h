@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "filter/image/layered_image.h"
-#include "worker/render/charts_access.h"
+#include "tests/charts/access/charts_access.h"
 #include "worker/render/renderer.h"
 
 /// Helpers that render small scenes and inspect the result.

@@ -8,8 +8,8 @@
 #include "absl/status/statusor.h"
 #include "filter/image/parallel.h"
 #include "filter/image/planes.h"
+#include "tests/charts/access/charts_access.h"
 #include "worker/render/camera_packet.h"
-#include "worker/render/charts_access.h"
 #include "worker/render/processor.h"
 #include "worker/render/renderer.h"
 

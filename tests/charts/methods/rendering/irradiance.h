@@ -5,7 +5,7 @@
 #include <limits>
 #include <span>
 
-#include "worker/render/charts_access.h"
+#include "tests/charts/access/charts_access.h"
 #include "worker/render/surface.h"
 
 namespace lumifold::charts {

@@ -7,8 +7,8 @@
 #include "absl/status/statusor.h"
 #include "filter/image/layered_image.h"
 #include "filter/image/parallel.h"
+#include "tests/charts/access/charts_access.h"
 #include "tests/charts/films/film_source.h"
-#include "worker/render/charts_access.h"
 #include "worker/render/renderer.h"
 
 namespace lumifold::charts {

@@ -1,4 +1,4 @@
-#include "worker/render/charts_access.h"
+#include "tests/charts/access/charts_access.h"
 
 #include <algorithm>
 #include <vector>

@@ -1,4 +1,4 @@
-#include "filter/metrics/seeds.h"
+#include "tests/charts/metrics/seeds.h"
 
 #include "filter/image/check.h"
 #include "filter/image/color.h"

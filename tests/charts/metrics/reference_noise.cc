@@ -1,4 +1,4 @@
-#include "filter/metrics/reference_noise.h"
+#include "tests/charts/metrics/reference_noise.h"
 
 #include "filter/image/check.h"
 #include "filter/metrics/metrics.h"

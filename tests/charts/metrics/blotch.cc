@@ -1,4 +1,4 @@
-#include "filter/metrics/blotch.h"
+#include "tests/charts/metrics/blotch.h"
 
 #include <array>
 #include <limits>

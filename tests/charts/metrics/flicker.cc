@@ -1,4 +1,4 @@
-#include "filter/metrics/flicker.h"
+#include "tests/charts/metrics/flicker.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "filter/metrics/seam.h"
+#include "tests/charts/metrics/seam.h"
 
 #include <cmath>
 #include <limits>
